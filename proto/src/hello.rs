@@ -16,6 +16,8 @@ pub enum Role {
     Worker = 1,
     /// Shows pictures: `holoview`.
     Display = 2,
+    /// Asks how the server fares: `holodeck status`.
+    Admin = 3,
 }
 
 /// The first message from whoever connects.
@@ -109,6 +111,7 @@ impl Hello {
         let role = match role {
             1 => Role::Worker,
             2 => Role::Display,
+            3 => Role::Admin,
             other => return Err(ProtoError::Role(other)),
         };
         Ok(Hello { version, role, name: take_text(text)? })

@@ -43,6 +43,10 @@ pub enum Kind {
     LiveResults = 14,
     /// [`crate::bulk::LiveSamples`], server to display.
     LiveSamples = 15,
+    /// [`crate::proof::Challenge`], server to whoever connects from elsewhere.
+    Challenge = 16,
+    /// [`crate::proof::Proof`], the answer to a challenge.
+    Proof = 17,
 }
 
 impl Kind {
@@ -64,6 +68,8 @@ impl Kind {
             Kind::LiveWork,
             Kind::LiveResults,
             Kind::LiveSamples,
+            Kind::Challenge,
+            Kind::Proof,
         ]
         .into_iter()
         .find(|&kind| kind as u8 == byte)
@@ -72,7 +78,7 @@ impl Kind {
     /// Returns the longest payload of this kind, bytes.
     pub fn max_bytes(self) -> u64 {
         match self {
-            Kind::Hello | Kind::Answer => MAX_HELLO_BYTES,
+            Kind::Hello | Kind::Answer | Kind::Challenge | Kind::Proof => MAX_HELLO_BYTES,
             Kind::Control => MAX_CONTROL_BYTES,
             Kind::Work
             | Kind::Results

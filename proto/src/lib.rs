@@ -21,6 +21,7 @@ mod error;
 pub mod frame;
 pub mod hello;
 mod kind;
+pub mod proof;
 pub mod stand_ins;
 
 pub use error::ProtoError;

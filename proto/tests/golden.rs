@@ -10,6 +10,7 @@ use holo_proto::{
     control::*,
     frame::{self, HEADER_BYTES, Header, Kind},
     hello::{Answer, Hello, Role},
+    proof::{Challenge, Proof},
 };
 use holo_section::{
     BeamId, BeamKey, RayCoords, Run, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint,
@@ -44,6 +45,8 @@ enum Any {
     LiveWork(LiveWork),
     LiveResults(LiveResults),
     LiveSamples(LiveSamples),
+    Challenge(Challenge),
+    Proof(Proof),
 }
 
 impl Any {
@@ -64,6 +67,8 @@ impl Any {
             Any::LiveWork(message) => (Kind::LiveWork, message.encode()),
             Any::LiveResults(message) => (Kind::LiveResults, message.encode()),
             Any::LiveSamples(message) => (Kind::LiveSamples, message.encode()),
+            Any::Challenge(message) => (Kind::Challenge, message.encode()),
+            Any::Proof(message) => (Kind::Proof, message.encode()),
         };
         frame::encode(kind, &payload).unwrap()
     }
@@ -88,6 +93,8 @@ impl Any {
             Kind::LiveWork => Any::LiveWork(LiveWork::decode(payload)?),
             Kind::LiveResults => Any::LiveResults(LiveResults::decode(payload)?),
             Kind::LiveSamples => Any::LiveSamples(LiveSamples::decode(payload)?),
+            Kind::Challenge => Any::Challenge(Challenge::decode(payload)?),
+            Kind::Proof => Any::Proof(Proof::decode(payload)?),
         })
     }
 }
@@ -314,6 +321,9 @@ fn cases() -> Vec<(&'static str, Any)> {
     let number = 0x1122_3344_5566_7788;
     let mut cases = vec![
         ("hello-worker", hello(Role::Worker, "rtworker 42")),
+        ("hello-admin", hello(Role::Admin, "holodeck status")),
+        ("challenge", Any::Challenge(Challenge(std::array::from_fn(|i| i as u8)))),
+        ("proof", Any::Proof(Proof { token: *b"a token!", mac: [0xab; 32] })),
         ("hello-display", hello(Role::Display, "holoview – 7")),
         ("answer-accepted", Any::Answer(Answer::Accepted)),
         ("answer-refused", Any::Answer(Answer::Refused("full".into()))),

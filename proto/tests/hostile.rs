@@ -278,7 +278,7 @@ fn bytes_that_are_no_hello_and_hellos_of_unknown_roles_give_different_errors() {
     };
     assert_eq!(with(0, b'X'), Err(ProtoError::NotHolodeck));
     assert_eq!(with(11, 1), Err(ProtoError::NotHolodeck));
-    assert_eq!(with(10, 3), Err(ProtoError::Role(3)));
+    assert_eq!(with(10, 4), Err(ProtoError::Role(4)));
     assert_eq!(Hello::decode(&MAGIC), Err(ProtoError::NotHolodeck));
     let huge =
         ProtoError::TooMany { what: "text bytes", found: 0xff01, limit: MAX_TEXT_BYTES as u64 };

@@ -14,6 +14,7 @@ use holo_view::{DriverArgs, LookArgs, PointArgs, ViewArgs};
 
 use crate::{
     config::{Config, View},
+    joining::ListenArgs,
     prepare,
     view::{FrontEnd, LiveSession},
 };
@@ -65,7 +66,9 @@ pub async fn walk(front_end: FrontEnd) -> Result<()> {
     let file = out.join("interior.holo");
     let unit = prepare::make(&file, &config, true)?.about.unit;
     eprintln!("everything is kept in {}", file.display());
-    let session = LiveSession { file, threads: None, cache: None, quiet: true, front_end, unit };
+    let listen = ListenArgs::default();
+    let session =
+        LiveSession { file, threads: None, cache: None, quiet: true, listen, front_end, unit };
     session.run(|address| viewer(address, None, None)).await
 }
 
@@ -120,6 +123,7 @@ pub async fn run(args: Args) -> Result<()> {
         threads: args.threads,
         cache: None,
         quiet: false,
+        listen: ListenArgs::default(),
         front_end: FrontEnd::Script,
         unit: 1.0,
     };

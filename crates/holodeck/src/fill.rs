@@ -13,6 +13,7 @@ use holo_server::Summary;
 
 use crate::{
     config::Config,
+    joining::ListenArgs,
     prepare,
     processes::Server,
     scene_args::{SceneArgs, Usage, scene_path},
@@ -54,6 +55,8 @@ pub struct Args {
     /// Memory for beams that are kept at hand, MiB [default: 256]
     #[arg(long, value_name = "MIB")]
     cache: Option<u64>,
+    #[command(flatten)]
+    listen: ListenArgs,
     /// Also trace beams whose rays cannot hit anything, for comparison
     #[arg(long)]
     no_skip_unseen: bool,
@@ -123,6 +126,7 @@ fn server_arguments(args: &Args, config: &Config, output: &Path) -> Result<Vec<O
     for (name, number) in numbers {
         arguments.extend(number.into_iter().flat_map(|number| [name.into(), number.into()]));
     }
+    arguments.extend(args.listen.arguments());
     if args.no_skip_unseen {
         arguments.push("--no-skip-unseen".into());
     }

@@ -12,6 +12,7 @@ mod demo;
 mod differences;
 mod fill;
 mod info;
+mod joining;
 mod loading;
 mod opening;
 mod passes;
@@ -61,7 +62,7 @@ struct Program {
 #[derive(Subcommand)]
 enum Command {
     Demo(demo::Args),
-    View(view::ViewCommand),
+    View(Box<view::ViewCommand>),
     Fill(fill::Args),
     Replay(view::ReplayCommand),
     Picture(view::PictureCommand),
@@ -71,6 +72,7 @@ enum Command {
     Compare(compare::Args),
     Info(info::InfoArgs),
     Verify(info::VerifyArgs),
+    Tokens(joining::TokensArgs),
     /// Serve one holodeck to workers and displays (also the program `holoserver`)
     Holoserver(holo_server::Config),
     /// Trace for a holoserver (also the program `rtworker`)
@@ -144,7 +146,7 @@ async fn run(program: Program, screen: Screen) -> anyhow::Result<()> {
     };
     match command {
         Command::Demo(args) => demo::run(args).await,
-        Command::View(args) => view::view(args, screen).await,
+        Command::View(args) => view::view(*args, screen).await,
         Command::Fill(args) => fill::run(args).await,
         Command::Replay(args) => view::replay(args, screen).await,
         Command::Picture(args) => view::picture(args).await,
@@ -154,6 +156,7 @@ async fn run(program: Program, screen: Screen) -> anyhow::Result<()> {
         Command::Compare(args) => compare::run(&args),
         Command::Info(args) => info::info(&args),
         Command::Verify(args) => info::verify(&args),
+        Command::Tokens(args) => joining::tokens(&args),
         Command::Holoserver(config) => holo_server::run_until_signal(config).await,
         Command::Rtworker(config) => holo_rtworker::run_until_signal(config).await,
         Command::Holoview(config) => holo_view::run_until_signal(config).await,

@@ -128,16 +128,20 @@ pub struct Server {
 }
 
 impl Server {
-    /// Starts a server on any free port and waits until it takes connections.
+    /// Starts a server and waits until it takes connections. The arguments say where it listens. It
+    /// prints the string by which others join, if they may.
     ///
     /// # Errors
     /// If it cannot be started or ends at once; it then says why on standard error.
-    pub async fn start(mut arguments: Vec<OsString>) -> Result<Server> {
-        arguments.extend(["--listen".into(), "127.0.0.1:0".into()]);
+    pub async fn start(arguments: Vec<OsString>) -> Result<Server> {
         let mut process = Process::start("holoserver", &arguments, Stdio::inherit())?;
         let mut output = process.output()?;
-        let first = output.next_line().await?;
-        let address = first.as_deref().and_then(|line| line.strip_prefix("listening on "));
+        let mut line = output.next_line().await?;
+        if let Some(join) = line.as_ref().filter(|line| line.starts_with("join with ")) {
+            println!("{join}");
+            line = output.next_line().await?;
+        }
+        let address = line.as_deref().and_then(|line| line.strip_prefix("listening on "));
         let Some(Ok(address)) = address.map(str::parse) else {
             process.wait().await?;
             bail!("the server did not say where it listens");

@@ -15,6 +15,7 @@ use tokio::sync::oneshot;
 use crate::{
     arguments::picture_path,
     crew::{Crew, WorkerArgs},
+    joining::ListenArgs,
     prepare::{self, SMALL_CACHE},
     scene_args::{SceneArgs, Usage},
     worker::NICE_BESIDE_DISPLAY,
@@ -58,9 +59,10 @@ pub struct SessionArgs {
 }
 
 impl SessionArgs {
-    fn viewer(&self, address: SocketAddr) -> holo_view::Config {
+    /// Returns the viewer's options, for a server's address or the string to join it.
+    fn viewer(&self, server: impl ToString) -> holo_view::Config {
         holo_view::Config {
-            connect: address.to_string(),
+            connect: server.to_string(),
             view: self.view.clone(),
             driver: self.driver.clone(),
             points: self.points.clone(),
@@ -179,6 +181,8 @@ impl FrontEnd {
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck view room.obj\n  \
     holodeck view room.obj --window\n  \
+    holodeck view room.obj --listen 0.0.0.0:7070\n  \
+    holodeck view --join holodeck://192.0.2.7:7070/FINGERPRINT/TOKEN\n  \
     holodeck view room.obj --headless --time 20s -o view.png\n  holodeck view room.holo --headless --script walk.txt --size 640x480")]
 pub struct ViewCommand {
     /// The scene, or a holodeck to go on with
@@ -187,6 +191,11 @@ pub struct ViewCommand {
     /// Keep the samples in this file [default for a scene: forget them at the end]
     #[arg(long, value_name = "FILE.holo")]
     keep: Option<PathBuf>,
+    /// Walk through what another machine serves: the string that its server prints
+    #[arg(long, value_name = "STRING", conflicts_with_all = ["what", "keep", "listen", "threads", "cache"])]
+    join: Option<String>,
+    #[command(flatten)]
+    listen: ListenArgs,
     #[command(flatten)]
     session: SessionArgs,
     #[command(flatten)]
@@ -204,15 +213,23 @@ pub async fn view(args: ViewCommand, screen: Screen) -> Result<()> {
     let is_holodeck =
         args.what.as_ref().is_some_and(|path| path.extension().is_some_and(|end| end == "holo"));
     args.session.check(
-        is_holodeck || args.keep.is_some(),
+        is_holodeck || args.keep.is_some() || args.join.is_some(),
         "holodeck view room.obj --headless --time 20s -o view.png",
     )?;
     let front_end = args.session.front_end(screen)?;
+    if let Some(server) = &args.join {
+        let shutdown = Shutdown::new();
+        shutdown.on_signals(false)?;
+        let config = args.session.viewer(server);
+        return front_end.show(config, 1.0, shutdown, holo_view::at_once()).await;
+    }
     let quiet = args.session.quiet || args.session.json;
+    let listen = args.listen;
     if let Some(file) = args.what.as_ref().filter(|_| is_holodeck) {
         let (threads, cache) = (args.threads, args.cache);
         let unit = unit_of(file, &front_end)?;
-        let session = LiveSession { file: file.clone(), threads, cache, quiet, front_end, unit };
+        let file = file.clone();
+        let session = LiveSession { file, threads, cache, quiet, listen, front_end, unit };
         return session.run(|address| args.session.viewer(address)).await;
     }
     let config = args.scene_args.resolve(args.what.as_ref())?;
@@ -221,7 +238,7 @@ pub async fn view(args: ViewCommand, screen: Screen) -> Result<()> {
     let file = args.keep.clone().unwrap_or_else(|| temporary.path().join("session.holo"));
     let unit = prepare::make(&file, &config, quiet)?.about.unit;
     let (threads, cache) = (args.threads.or(config.threads), args.cache.or(config.cache));
-    let session = LiveSession { file, threads, cache, quiet, front_end, unit };
+    let session = LiveSession { file, threads, cache, quiet, listen, front_end, unit };
     session.run(|address| args.session.viewer(address)).await
 }
 
@@ -235,6 +252,8 @@ pub struct LiveSession {
     pub cache: Option<u64>,
     /// Hides how far the worker has loaded.
     pub quiet: bool,
+    /// Whom the server takes from other machines.
+    pub listen: ListenArgs,
     /// What shows the session.
     pub front_end: FrontEnd,
     /// Length of a scene unit, metres.
@@ -260,6 +279,7 @@ impl LiveSession {
     /// Whatever failed first.
     pub async fn run(self, viewer: impl FnOnce(SocketAddr) -> holo_view::Config) -> Result<()> {
         let mut arguments: Vec<OsString> = vec!["--quiet".into()];
+        arguments.extend(self.listen.arguments());
         if let Some(cache) = self.cache {
             arguments.extend(["--cache".into(), cache.to_string().into()]);
         }
@@ -367,9 +387,9 @@ async fn show_stored(
     shutdown.on_signals(false)?;
     let ending = Shutdown::new();
     let (sender, address) = oneshot::channel();
-    let server = tokio::spawn(holo_server::run(config, ending.clone(), |address| {
+    let server = tokio::spawn(holo_server::run(config, ending.clone(), |ready| {
         // The receiver waits right below.
-        let _ = sender.send(address);
+        let _ = sender.send(ready.address);
     }));
     let Ok(address) = address.await else {
         return server.await?.map(|_| ());

@@ -4,13 +4,16 @@
 //! It never waits for anyone. Connections are tasks that send it events; threads that read or write
 //! the disk report back; frames to others are queued. What always holds:
 //! - Every packet given out is with exactly one connected worker, or waits to be given out again.
+//!   An overdue packet waits again. If its worker returns it late, the samples count only while it
+//!   still waits.
 //! - A packet's samples are stored once, whoever traces it and however often.
 //! - A display gets every sample of its view's beams, stored or traced, whatever it was traced for.
 //!   It also learns which of these beams see nothing.
-//! - No worker gets a packet of a beam that is known to see nothing.
+//! - No worker gets a packet of a beam that is known to see nothing, except to check that.
 //! - Live samples go to the display that asked for them, and nowhere else.
 //! - No better sample replaces one in a beam that a display looks at.
 
+mod checks;
 mod dealing;
 mod display;
 mod fill;
@@ -22,7 +25,7 @@ mod sharing;
 mod views;
 
 use std::{
-    collections::{BTreeMap, VecDeque},
+    collections::BTreeMap,
     sync::{
         Arc,
         mpsc::{Receiver, RecvTimeoutError, Sender},
@@ -38,9 +41,11 @@ use holo_proto::control::{Control, Status};
 use crate::{
     allotment::Allotment,
     batch::BatchOrder,
+    claims::Claims,
     damage::DamageReport,
     events::{ConnectionId, Event},
     holodeck::Holodeck,
+    mailbox::{Mail, Mailbox},
     progress::{Progress, Totals},
     recall::{send_scene, send_stand_ins},
     schedule::{Goal, Schedule},
@@ -56,8 +61,11 @@ const STATUS_EVERY: Duration = Duration::from_millis(500);
 /// The longest that the coordinator sleeps: timers are this exact.
 const TICK: Duration = Duration::from_millis(20);
 
-/// Events handled before work is dealt out again.
+/// Events handled before work is dealt out again, at most.
 const EVENTS_PER_TURN: usize = 256;
+
+/// How long events are handled before work is dealt out again: a view may take as long as this.
+const TURN: Duration = Duration::from_millis(20);
 
 /// Bytes of samples that may wait for a failing disk. Above, nothing more is traced. What is under
 /// way then still fits in the memory that the beam file allows itself.
@@ -76,18 +84,25 @@ pub struct Coordinator {
     events: Sender<Event>,
     workers: BTreeMap<ConnectionId, Worker>,
     displays: BTreeMap<ConnectionId, Display>,
+    /// What each of them has sent.
+    mailboxes: BTreeMap<ConnectionId, Arc<Mailbox>>,
     /// Who wants records of indirect light, and how many it has been given.
     listeners: BTreeMap<ConnectionId, usize>,
     /// The display for which a packet was last dealt.
     last_served: Option<ConnectionId>,
-    /// Packets of lost workers.
-    lost: VecDeque<Assignment>,
+    /// Packets of lost workers, and overdue ones, by name.
+    lost: BTreeMap<u64, Assignment>,
+    claims: Claims,
+    /// Packets that check claims and that nobody has yet, by name.
+    checks: BTreeMap<u64, Assignment>,
     allotment: Allotment,
     fill: Option<Fill>,
     last_packet: u64,
     schedule: Schedule,
     progress: Progress,
     last_status: Instant,
+    /// When overdue packets were last looked for.
+    last_overdue: Instant,
     saver: Saver,
     damage: DamageReport,
     /// Whether the disk fails and many samples wait for it.
@@ -116,15 +131,19 @@ impl Coordinator {
             events,
             workers: BTreeMap::new(),
             displays: BTreeMap::new(),
+            mailboxes: BTreeMap::new(),
             listeners: BTreeMap::new(),
             last_served: None,
-            lost: VecDeque::new(),
+            lost: BTreeMap::new(),
+            claims: Claims::default(),
+            checks: BTreeMap::new(),
             allotment: Allotment::default(),
             fill,
             last_packet: 0,
             schedule: Schedule::new(goal),
             progress,
             last_status: Instant::now(),
+            last_overdue: Instant::now(),
             saver: Saver::new(),
             damage,
             stalled: false,
@@ -139,15 +158,20 @@ impl Coordinator {
         loop {
             match events.recv_timeout(TICK) {
                 Ok(event) => {
+                    let end = Instant::now() + TURN;
                     self.handle(event)?;
                     for event in events.try_iter().take(EVENTS_PER_TURN) {
                         self.handle(event)?;
+                        if Instant::now() > end {
+                            break;
+                        }
                     }
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             self.check_goal();
+            self.take_overdue();
             // Before work, so that what others know is used for it.
             self.hand_light();
             self.deal();
@@ -245,17 +269,18 @@ impl Coordinator {
     /// Handles an event. Only a failing disk is an error: the rest ends with the one who caused it.
     fn handle(&mut self, event: Event) -> Result<()> {
         match event {
-            Event::Joined { id, role, name, outbox } => self.join(id, role, name, outbox),
-            Event::Message { id, message } => {
-                if let Err(error) = self.message(id, message) {
-                    if error.downcast_ref::<holo_beamfile::Error>().is_some() {
-                        return Err(error);
-                    }
-                    self.expel(id, said_once(error.as_ref()));
-                }
+            Event::Joined { id, hello, rights, outbox, mailbox } => {
+                self.mailboxes.insert(id, mailbox);
+                self.join(id, hello, rights, outbox);
             }
-            Event::Left { id, reason } => self.leave(id, reason),
-            Event::Broke { id, reason } => self.expel(id, reason),
+            Event::Mail { id, mailbox } => {
+                let (mail, is_more) = mailbox.take();
+                if is_more {
+                    // After everybody else's: this fails only if nobody listens, not even here.
+                    let _ = self.events.send(Event::Mail { id, mailbox });
+                }
+                return mail.map_or(Ok(()), |mail| self.mail(id, mail));
+            }
             Event::Recalled { id, view, result } => self.recalled(id, view, result),
             Event::Flushed { id, view } => {
                 if let Some(display) = self.displays.get(&id) {
@@ -264,6 +289,23 @@ impl Coordinator {
             }
             Event::ViewKept { id, result } => self.view_kept(id, result),
             Event::Shutdown => self.schedule.end(),
+        }
+        Ok(())
+    }
+
+    /// Handles what a peer did. Only a failing disk is an error.
+    fn mail(&mut self, id: ConnectionId, mail: Mail) -> Result<()> {
+        match mail {
+            Mail::Message(message) => {
+                if let Err(error) = self.message(id, message) {
+                    if error.downcast_ref::<holo_beamfile::Error>().is_some() {
+                        return Err(error);
+                    }
+                    self.expel(id, said_once(error.as_ref()));
+                }
+            }
+            Mail::Left(reason) => self.leave(id, reason),
+            Mail::Broke(reason) => self.expel(id, reason),
         }
         Ok(())
     }

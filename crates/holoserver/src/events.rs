@@ -1,9 +1,14 @@
 //! What happens to a server: events, and the connections that they come from.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{
+    Arc,
+    atomic::{AtomicU64, Ordering},
+};
 
-use holo_net::{Message, Outbox};
-use holo_proto::hello::Role;
+use holo_net::{Outbox, Rights};
+use holo_proto::hello::Hello;
+
+use crate::mailbox::Mailbox;
 
 /// The number of a connection. None is used twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -21,13 +26,9 @@ impl ConnectionId {
 #[derive(Debug)]
 pub enum Event {
     /// The server has taken somebody.
-    Joined { id: ConnectionId, role: Role, name: String, outbox: Outbox },
-    /// It has sent a message.
-    Message { id: ConnectionId, message: Message },
-    /// It is gone; with a reason unless it closed its connection.
-    Left { id: ConnectionId, reason: Option<String> },
-    /// It broke the protocol.
-    Broke { id: ConnectionId, reason: String },
+    Joined { id: ConnectionId, hello: Hello, rights: Rights, outbox: Outbox, mailbox: Arc<Mailbox> },
+    /// It has sent something.
+    Mail { id: ConnectionId, mailbox: Arc<Mailbox> },
     /// All stored samples of a view are sent.
     Recalled { id: ConnectionId, view: u32, result: Result<(), String> },
     /// For a display that settles: everything that was stored before is on disk.

@@ -118,7 +118,7 @@ pub struct Holodeck {
     /// The named views. Locked while they are written.
     views: Mutex<Vec<(String, String)>>,
     unseen: RwLock<UnseenBeams>,
-    /// The number of unseen beams in the file. Locked while they are written.
+    /// What [`UnseenBeams::changes`] says of those in the file. Locked while they are written.
     unseen_saved: Mutex<u64>,
     light: RwLock<LightRecords>,
     /// Locked while records are written.
@@ -256,7 +256,7 @@ impl Holodeck {
     fn load_unseen(&self) -> Result<()> {
         if let Some(bytes) = self.file.blob(UNSEEN)?.filter(|_| self.skip_unseen) {
             let unseen = UnseenBeams::decode(&bytes, &self.sections)?;
-            *self.unseen_saved.lock().unwrap_or_else(PoisonError::into_inner) = unseen.count();
+            *self.unseen_saved.lock().unwrap_or_else(PoisonError::into_inner) = unseen.changes();
             *self.unseen_mut() = unseen;
         }
         Ok(())
@@ -283,21 +283,21 @@ impl Holodeck {
         self.unseen.write().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Writes the beams that see nothing, if there are more than the file has. Waits for the disk.
+    /// Writes the beams that see nothing, if the file has others. Waits for the disk.
     ///
     /// # Errors
     /// If they cannot be written.
     pub fn save_unseen(&self) -> Result<()> {
         let mut saved = self.unseen_saved.lock().unwrap_or_else(PoisonError::into_inner);
-        let (count, bytes) = {
+        let (changes, bytes) = {
             let unseen = self.unseen();
-            if !self.writable || unseen.count() <= *saved {
+            if !self.writable || unseen.changes() == *saved {
                 return Ok(());
             }
-            (unseen.count(), unseen.encode())
+            (unseen.changes(), unseen.encode())
         };
         self.file.put_blob_once(UNSEEN, &bytes)?;
-        *saved = count;
+        *saved = changes;
         Ok(())
     }
 

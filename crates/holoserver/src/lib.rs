@@ -8,14 +8,19 @@
 mod allotment;
 mod batch;
 mod better;
+mod claims;
 mod coordinator;
 mod damage;
+mod doors;
 mod events;
 mod file_size;
+mod handshakes;
 mod holodeck;
 mod light;
 mod listen;
 mod live;
+mod mailbox;
+mod pace;
 mod progress;
 mod recall;
 mod schedule;
@@ -25,16 +30,16 @@ mod workers;
 
 use std::{net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Args;
 pub use file_size::outlive_file_size_limit;
-use holo_net::Shutdown;
+use holo_net::{Invitation, Shutdown};
 pub use holodeck::{About, Holodeck};
 pub use light::LightRecords;
 use serde::{Deserialize, Serialize};
-use tokio::net::TcpListener;
 
 use coordinator::{Coordinator, FillOptions};
+use doors::Doors;
 use events::Event;
 use progress::Progress;
 pub use progress::superseded_bytes;
@@ -50,9 +55,20 @@ pub struct Config {
     /// The holodeck to serve
     #[arg(value_name = "FILE.holo")]
     pub file: PathBuf,
-    /// Where to listen; port 0 takes any free port. The address is printed
+    /// Where to listen; port 0 takes any free port. The address is printed. Off this machine,
+    /// connections are encrypted, and only those may connect who have the string that is printed
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7070")]
     pub listen: String,
+    /// Encrypt connections and ask for a token even on this machine, as for a tunnel
+    #[arg(long)]
+    pub secure: bool,
+    /// The address in the printed string, if others see this machine under another one
+    #[arg(long, value_name = "HOST:PORT")]
+    pub public: Option<String>,
+    /// Folder of the certificate and the tokens [default: holodeck/server in the user's
+    /// configuration folder]
+    #[arg(long, value_name = "DIR")]
+    pub identity: Option<PathBuf>,
     /// Memory for beams that are kept at hand, MiB
     #[arg(long, value_name = "MIB", default_value_t = 256)]
     pub cache: u64,
@@ -93,6 +109,9 @@ impl Config {
         Config {
             file,
             listen: "127.0.0.1:0".into(),
+            secure: false,
+            public: None,
+            identity: None,
             cache: 256,
             fill: false,
             enough: None,
@@ -160,17 +179,22 @@ pub struct Summary {
     pub seconds: f64,
 }
 
-/// Serves a holodeck until its goal is reached or `shutdown` is triggered. It calls `ready` with
-/// its address once it takes connections.
+/// Where a server takes connections.
+#[derive(Clone, Debug)]
+pub struct Ready {
+    /// On this machine, without encryption.
+    pub address: SocketAddr,
+    /// From elsewhere, if it does.
+    pub invitation: Option<Invitation>,
+}
+
+/// Serves a holodeck until its goal is reached or `shutdown` is triggered. It calls `ready` once it
+/// takes connections.
 ///
 /// # Errors
 /// If the file cannot be opened or written, or the address is not free.
-pub async fn run(
-    config: Config,
-    shutdown: Shutdown,
-    ready: impl FnOnce(SocketAddr),
-) -> Result<Summary> {
-    let address = holo_net::loopback(&config.listen)?;
+pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) -> Result<Summary> {
+    let doors = Doors::open(&config).await?;
     let cache = config.cache << 20;
     let path = config.file.clone();
     let open = move || {
@@ -184,16 +208,14 @@ pub async fn run(
     for warning in &holodeck.warnings {
         eprintln!("{}: {warning}", config.file.display());
     }
-    let listener =
-        TcpListener::bind(address).await.with_context(|| format!("listening at {address}"))?;
-    ready(listener.local_addr()?);
+    ready(doors.ready.clone());
 
     let (events, receiver) = std::sync::mpsc::channel();
     let goal = Goal { time: config.time, samples: config.samples };
     let progress = Progress::new(&holodeck.file.stats(), config.quiet);
     let fill = config.fill.then_some(FillOptions { enough: config.enough });
     let coordinator = Coordinator::new(Arc::clone(&holodeck), events.clone(), fill, goal, progress);
-    let listening = tokio::spawn(listen::listen(listener, Arc::clone(&holodeck), events.clone()));
+    let mut listening = doors.listen(&holodeck, &events);
     let watching = tokio::spawn(async move {
         shutdown.wait().await;
         // If the coordinator is gone there is nothing to end.
@@ -201,7 +223,7 @@ pub async fn run(
     });
     // Not one of the runtime's threads: it may wait for the disk when memory for samples runs out.
     let totals = tokio::task::spawn_blocking(move || coordinator.run(&receiver)).await?;
-    listening.abort();
+    listening.abort_all();
     watching.abort();
     // Time for the farewells to leave.
     tokio::time::sleep(Duration::from_millis(50)).await;
@@ -218,6 +240,13 @@ pub async fn run(
     })
 }
 
+fn say_ready(ready: Ready) {
+    if let Some(invitation) = ready.invitation {
+        println!("join with {invitation}");
+    }
+    println!("listening on {}", ready.address);
+}
+
 /// Runs the whole program: [`run`] until a signal. It prints the address on standard output.
 ///
 /// # Errors
@@ -227,9 +256,9 @@ pub async fn run_until_signal(config: Config) -> Result<()> {
     let shutdown = Shutdown::new();
     shutdown.on_signals(config.with_parent)?;
     let json = config.json;
-    // The first line on standard output is for people, and for programs that start this one on any
-    // free port.
-    let summary = run(config, shutdown, |address| println!("listening on {address}")).await?;
+    // The first lines on standard output are for people, and for programs that start this one on
+    // any free port.
+    let summary = run(config, shutdown, say_ready).await?;
     if json {
         println!("{}", serde_json::to_string(&summary)?);
     }

@@ -1,45 +1,92 @@
-//! Connections: taken or refused, and then a source of events for the coordinator.
+//! Connections: taken or refused, and then a source of mail for the coordinator.
 
-use std::sync::{
-    Arc,
-    atomic::{AtomicUsize, Ordering},
-    mpsc::Sender,
+use std::{
+    sync::{Arc, mpsc::Sender},
+    time::Duration,
 };
 
-use holo_net::NetError;
-use holo_proto::hello::Role;
-use tokio::net::{TcpListener, TcpStream};
+use holo_net::{Identity, Inbox, NetError, Outbox, Rights};
+use holo_proto::hello::{Hello, Role};
+use tokio::{
+    net::{TcpListener, TcpStream},
+    sync::Semaphore,
+    time::timeout,
+};
 
 use crate::{
     events::{ConnectionId, Event},
+    handshakes::Handshakes,
     holodeck::Holodeck,
+    mailbox::{Mail, Mailbox, Put},
 };
 
-/// Connections at a time: a render farm's workers and a few displays. Each costs at most the memory
-/// of one bulk message.
+/// Connections at a time that have said who they are: a render farm's workers and a few displays.
+/// Each costs at most the memory of a few bulk messages.
 const MAX_CONNECTIONS: usize = 256;
 
-/// Takes connections until the task is dropped.
-pub async fn listen(listener: TcpListener, holodeck: Arc<Holodeck>, events: Sender<Event>) {
-    let open = Arc::new(AtomicUsize::new(0));
+/// How long a peer whose connection was ended may take to read why.
+const LAST_WORDS: Duration = Duration::from_secs(1);
+
+/// What every connection needs.
+#[derive(Clone)]
+pub struct Shared {
+    holodeck: Arc<Holodeck>,
+    events: Sender<Event>,
+    room: Arc<Semaphore>,
+}
+
+impl Shared {
+    /// Returns what connections to this holodeck need.
+    pub fn new(holodeck: Arc<Holodeck>, events: Sender<Event>) -> Shared {
+        Shared { holodeck, events, room: Arc::new(Semaphore::new(MAX_CONNECTIONS)) }
+    }
+}
+
+/// Takes connections until the task is dropped. With an identity, they are encrypted, and whoever
+/// connects must prove that it holds a token.
+pub async fn listen(listener: TcpListener, identity: Option<Identity>, shared: Shared) {
+    let identity = identity.map(Arc::new);
+    let handshakes = Handshakes::default();
     loop {
-        let Ok((stream, _)) = listener.accept().await else {
+        let Ok((stream, from)) = listener.accept().await else {
             // For example, no file descriptor is left: that passes when somebody leaves.
-            tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+            tokio::time::sleep(Duration::from_millis(50)).await;
             continue;
         };
-        let (holodeck, events, open) = (Arc::clone(&holodeck), events.clone(), Arc::clone(&open));
-        tokio::spawn(async move {
-            let others = open.fetch_add(1, Ordering::Relaxed);
-            serve(stream, &holodeck, &events, others).await;
-            open.fetch_sub(1, Ordering::Relaxed);
+        handshakes.begin(from.ip(), |number| {
+            let (shared, handshakes) = (shared.clone(), handshakes.clone());
+            let identity = identity.clone();
+            let task = async move {
+                let accepted = accept(stream, identity.as_deref()).await;
+                handshakes.finish(number);
+                if let Ok((inbox, outbox, hello, rights)) = accepted {
+                    serve(inbox, outbox, hello, rights, &shared).await;
+                }
+            };
+            tokio::spawn(task).abort_handle()
         });
     }
 }
 
-async fn serve(stream: TcpStream, holodeck: &Holodeck, events: &Sender<Event>, others: usize) {
-    let Ok((mut inbox, outbox, hello)) = holo_net::accept(stream).await else { return };
-    if let Some(reason) = refusal(holodeck, hello.role, others) {
+/// Finds out who has connected, and what it may do.
+async fn accept(
+    stream: TcpStream,
+    identity: Option<&Identity>,
+) -> Result<(Inbox, Outbox, Hello, Rights), NetError> {
+    match identity {
+        Some(identity) => holo_net::accept_secure(stream, identity).await,
+        None => {
+            let (inbox, outbox, hello) = holo_net::accept(stream).await?;
+            Ok((inbox, outbox, hello, Rights::Admin))
+        }
+    }
+}
+
+/// Serves one connection.
+async fn serve(inbox: Inbox, outbox: Outbox, hello: Hello, rights: Rights, shared: &Shared) {
+    let Shared { holodeck, events, room } = shared;
+    let place = room.try_acquire();
+    if let Some(reason) = refusal(holodeck, hello.role, place.is_err()) {
         holo_net::refuse(&outbox, &reason);
         outbox.drained().await;
         return;
@@ -48,33 +95,46 @@ async fn serve(stream: TcpStream, holodeck: &Holodeck, events: &Sender<Event>, o
         return;
     }
     let id = ConnectionId::next();
-    let joined = Event::Joined { id, role: hello.role, name: hello.name, outbox };
-    if events.send(joined).is_err() {
-        return;
+    let mailbox = Arc::new(Mailbox::new(hello.role));
+    let joined = Event::Joined { id, hello, rights, outbox, mailbox: Arc::clone(&mailbox) };
+    if events.send(joined).is_ok() {
+        deliver(id, inbox, &mailbox, events).await;
     }
-    let reason = loop {
-        match inbox.next().await {
-            Ok(message) => {
-                if events.send(Event::Message { id, message }).is_err() {
-                    return;
-                }
-            }
-            Err(NetError::Closed) => break None,
-            Err(NetError::Proto(error)) => {
-                // If the coordinator is gone, so is the process.
-                let _ = events.send(Event::Broke { id, reason: error.to_string() });
-                return;
-            }
-            Err(error) => break Some(error.to_string()),
+}
+
+/// Puts what a peer sends into its mailbox, until the connection ends.
+async fn deliver(
+    id: ConnectionId,
+    mut inbox: Inbox,
+    mailbox: &Arc<Mailbox>,
+    events: &Sender<Event>,
+) {
+    loop {
+        let (put, is_over) = match inbox.next().await {
+            Ok(message) => (mailbox.put(message).await, false),
+            Err(NetError::Closed) => (mailbox.end(Mail::Left(None)), true),
+            Err(NetError::Proto(error)) => (mailbox.end(Mail::Broke(error.to_string())), true),
+            Err(error) => (mailbox.end(Mail::Left(Some(error.to_string()))), true),
+        };
+        if put == Put::Announce
+            && events.send(Event::Mail { id, mailbox: Arc::clone(mailbox) }).is_err()
+        {
+            return;
         }
-    };
-    // If the coordinator is gone, so is the process.
-    let _ = events.send(Event::Left { id, reason });
+        if put == Put::Closed && !is_over {
+            // If what it still sends were left unread, the system would drop the reason that is on
+            // its way to it.
+            let _ = timeout(LAST_WORDS, async { while inbox.next().await.is_ok() {} }).await;
+        }
+        if put == Put::Closed || is_over {
+            return;
+        }
+    }
 }
 
 /// Returns why somebody is not taken.
-fn refusal(holodeck: &Holodeck, role: Role, others: usize) -> Option<String> {
-    if others >= MAX_CONNECTIONS {
+fn refusal(holodeck: &Holodeck, role: Role, is_full: bool) -> Option<String> {
+    if is_full {
         return Some(format!("{MAX_CONNECTIONS} processes are connected already"));
     }
     (role == Role::Worker && !holodeck.writable)

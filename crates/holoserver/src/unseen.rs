@@ -2,7 +2,7 @@
 //! neither traced nor stored.
 //!
 //! What always holds:
-//! - A set only grows, because the scene and the sections of a file never change.
+//! - A beam leaves a set only if the worker that added it is found to be wrong.
 //! - It takes a bit for each beam, in at most [`MAX_PAGES`] pages. A beam beyond these is not
 //!   remembered, which costs a worker another look and nothing else.
 
@@ -25,6 +25,8 @@ const MAX_PAGES: usize = 8192;
 pub struct UnseenBeams {
     pages: FxHashMap<(u16, u32), Box<[u8]>>,
     counts: Vec<u64>,
+    /// How often it has changed.
+    changes: u64,
 }
 
 /// Returns the page and the bit of a beam; `None` for a number that no section has.
@@ -57,8 +59,28 @@ impl UnseenBeams {
             let section = usize::from(key.section);
             self.counts.resize(self.counts.len().max(section + 1), 0);
             self.counts[section] += 1;
+            self.changes += 1;
         }
         new
+    }
+
+    /// Removes a beam. Returns false if it is not there.
+    pub fn remove(&mut self, key: BeamKey) -> bool {
+        let Some((page, bit)) = page_and_bit(key) else { return false };
+        let Some(bits) = self.pages.get_mut(&page) else { return false };
+        let mask = 1 << (bit % 8);
+        let had = bits[bit / 8] & mask != 0;
+        bits[bit / 8] &= !mask;
+        if had {
+            self.counts[usize::from(key.section)] -= 1;
+            self.changes += 1;
+        }
+        had
+    }
+
+    /// Returns how often the set has changed.
+    pub fn changes(&self) -> u64 {
+        self.changes
     }
 
     /// Returns the number of beams in all sections.
@@ -117,7 +139,7 @@ impl UnseenBeams {
             "{pages} pages do not take {} bytes",
             bytes.len()
         );
-        let mut set = UnseenBeams { pages: FxHashMap::default(), counts: vec![0; sections.len()] };
+        let mut set = UnseenBeams { counts: vec![0; sections.len()], ..UnseenBeams::default() };
         let mut last = None;
         for record in rest.chunks_exact(RECORD_BYTES) {
             let (section, page) = (u16::from_le_bytes([record[0], record[1]]), word(&record[4..8]));
@@ -178,7 +200,13 @@ mod tests {
                 if state >> 63 == 0 { 700 } else { sections[usize::from(number)].beam_count() };
             let key = key(number, (state >> 8) % range);
             assert_eq!(set.insert(key), model.insert(key));
+            if (state >> 20).is_multiple_of(7) {
+                assert_eq!(set.remove(key), model.remove(&key));
+                assert!(!set.remove(key) && !set.contains(key));
+            }
         }
+        let changes = set.changes();
+        assert!(!set.remove(key(2, u64::MAX)) && set.changes() == changes);
         let decoded = UnseenBeams::decode(&set.encode(), &sections).unwrap();
         assert_eq!(set.encode().len() as u64, set.encoded_bytes());
         for set in [&set, &decoded] {

@@ -1,14 +1,19 @@
 //! What a display wants traced (Larson & Simmons 1999, §2.2): first the single rays that it names,
 //! then its view's beams. The beam with the fewest rays for its weight comes first.
 //!
-//! Invariant: no view gets more than [`MAX_RAYS_PER_PIXEL`] rays for each pixel, of either sort.
+//! What always holds:
+//! - No view gets more than [`MAX_RAYS_PER_PIXEL`] rays for each pixel, of either sort.
+//! - A view's beams are in the order of their names. A beam takes 32 bytes.
 
 use std::{
     cmp::Reverse,
     collections::{BinaryHeap, VecDeque},
 };
 
-use holo_proto::{LEAST_TRACED_WEIGHT, MAX_RAYS_PER_PACKET, bulk::WantedRay};
+use holo_proto::{
+    LEAST_TRACED_WEIGHT, MAX_RAYS_PER_PACKET,
+    bulk::{WantedBeam, WantedRay},
+};
 use holo_section::{BeamKey, RayCoords, Viewpoint};
 use rustc_hash::FxHashMap;
 
@@ -16,14 +21,32 @@ use rustc_hash::FxHashMap;
 /// pixels reaches it at 3 GB.
 const MAX_RAYS_PER_PIXEL: f64 = 1024.0;
 
+/// Beams of the views of all displays together, about: 128 MiB. With up to four displays, each may
+/// want as many as a message holds.
+const MAX_BEAMS: usize = 1 << 22;
+
+/// Returns the most beams of one display's view, if there are so many displays.
+pub fn most_beams(displays: usize) -> usize {
+    MAX_BEAMS / displays.max(4)
+}
+
+/// Drops the beams of least weight above `most`. The others stay in the order of their names.
+pub fn keep_heaviest(beams: &mut Vec<WantedBeam>, most: usize) {
+    if beams.len() > most {
+        beams.select_nth_unstable_by(most, |one, other| other.weight.total_cmp(&one.weight));
+        beams.truncate(most);
+        beams.shrink_to_fit();
+        beams.sort_unstable_by_key(|wanted| wanted.key);
+    }
+}
+
 /// A display's present view.
 pub struct Wishes {
     /// The display's number for the view.
     pub view: u32,
     /// The point that rays must pass, and how near.
     pub viewpoint: Viewpoint,
-    beams: Vec<Wish>,
-    index: FxHashMap<BeamKey, u32>,
+    beams: Box<[Wish]>,
     queue: BinaryHeap<Reverse<(Ratio, u32)>>,
     /// Single rays by beam, the most wanted first.
     rays: VecDeque<RayPacket>,
@@ -48,12 +71,13 @@ struct Wish {
     /// The number of pixels that the beam serves.
     weight: f32,
     /// Rays stored or under way.
-    computed: u64,
+    computed: u32,
 }
+const _: () = assert!(size_of::<Wish>() == 24);
 
 /// Computed rays over wanted rays, in total order.
 #[derive(Clone, Copy, PartialEq)]
-struct Ratio(f64);
+struct Ratio(f32);
 
 impl Eq for Ratio {}
 
@@ -70,22 +94,25 @@ impl Ord for Ratio {
 }
 
 impl Wishes {
-    /// Returns the wishes for a view: its beams, with their weights and the rays that each has.
+    /// Returns the wishes for a view: its beams in the order of their names, with their weights and
+    /// the rays that each has.
     pub fn new(
         view: u32,
         viewpoint: Viewpoint,
         beams: impl IntoIterator<Item = (BeamKey, f32, u64)>,
     ) -> Wishes {
-        let beams: Vec<Wish> = beams
+        let beams: Box<[Wish]> = beams
             .into_iter()
-            .map(|(key, weight, computed)| Wish { key, weight, computed })
+            .map(|(key, weight, computed)| Wish {
+                key,
+                weight,
+                computed: u32::try_from(computed).unwrap_or(u32::MAX),
+            })
             .collect();
-        let index = beams.iter().zip(0..).map(|(wish, index)| (wish.key, index)).collect();
-        let traced = beams.iter().zip(0..).filter(|(wish, _)| wish.weight >= LEAST_TRACED_WEIGHT);
-        let queue = traced.map(|(wish, index)| Reverse((wish.ratio(), index))).collect();
+        let queue = queue(&beams);
         let pixels: f64 = beams.iter().map(|wish| f64::from(wish.weight)).sum();
         let rays_left = (pixels * MAX_RAYS_PER_PIXEL) as u64;
-        Wishes { view, viewpoint, beams, index, queue, rays: VecDeque::new(), rays_left, pixels }
+        Wishes { view, viewpoint, beams, queue, rays: VecDeque::new(), rays_left, pixels }
     }
 
     /// Takes the rays that are wanted most. They replace what is left of the last such list.
@@ -137,9 +164,14 @@ impl Wishes {
         }
     }
 
+    /// Wants all beams again, because some that were thought unseen are not.
+    pub fn want_again(&mut self) {
+        self.queue = queue(&self.beams);
+    }
+
     /// Returns whether the view wants this beam.
     pub fn contains(&self, key: BeamKey) -> bool {
-        self.index.contains_key(&key)
+        self.beams.binary_search_by_key(&key, |wish| wish.key).is_ok()
     }
 
     /// Returns the number of pixels that its beams serve.
@@ -158,19 +190,28 @@ impl Wishes {
         };
         let wish = &mut self.beams[index as usize];
         // At first a ray for every second pixel, so that every beam gets its turn soon; then more.
-        let count = (f64::from(wish.weight) / 2.0).max(wish.computed as f64 / 4.0);
+        let count = (f64::from(wish.weight) / 2.0).max(f64::from(wish.computed) / 4.0);
         let count = count.clamp(1.0, MAX_RAYS_PER_PACKET as f64) as u8;
-        wish.computed += u64::from(count);
-        if wish.ratio().0 < MAX_RAYS_PER_PIXEL {
+        wish.computed = wish.computed.saturating_add(u32::from(count));
+        if f64::from(wish.ratio().0) < MAX_RAYS_PER_PIXEL {
             self.queue.push(Reverse((wish.ratio(), index)));
         }
         Some((wish.key, count))
     }
 }
 
+/// Returns the beams that may get rays, the least filled first.
+fn queue(beams: &[Wish]) -> BinaryHeap<Reverse<(Ratio, u32)>> {
+    let may_get = |wish: &Wish| {
+        wish.weight >= LEAST_TRACED_WEIGHT && f64::from(wish.ratio().0) < MAX_RAYS_PER_PIXEL
+    };
+    let traced = beams.iter().zip(0..).filter(|(wish, _)| may_get(wish));
+    traced.map(|(wish, index)| Reverse((wish.ratio(), index))).collect()
+}
+
 impl Wish {
     fn ratio(&self) -> Ratio {
-        Ratio(self.computed as f64 / f64::from(self.weight))
+        Ratio(self.computed as f32 / self.weight)
     }
 }
 
@@ -209,6 +250,20 @@ mod tests {
         let (low, high) = ratios.iter().fold((f64::MAX, 0.0f64), |(l, h), &x| (l.min(x), h.max(x)));
         // The beam of weight 1 moves in steps of 21.
         assert!(high - low <= 21.0 + 1e-9, "{ratios:?}");
+    }
+
+    #[test]
+    fn of_more_beams_than_fit_the_heaviest_stay_and_in_order() {
+        let wanted = |i: u64| WantedBeam { key: key(i), weight: ((i * 37) % 101) as f32 + 1.0 };
+        let mut beams: Vec<_> = (0..101).map(wanted).collect();
+        let all = beams.clone();
+        keep_heaviest(&mut beams, 101);
+        assert_eq!(beams, all);
+        keep_heaviest(&mut beams, 30);
+        let heavy: Vec<_> = all.into_iter().filter(|wanted| wanted.weight > 71.0).collect();
+        assert_eq!(beams, heavy);
+        assert!((1..300).all(|displays| displays * most_beams(displays) <= MAX_BEAMS));
+        assert_eq!(most_beams(1), 1 << 20, "as many as a message holds");
     }
 
     #[test]

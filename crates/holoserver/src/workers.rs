@@ -1,23 +1,41 @@
 //! Workers, and the packets that each has been given.
+//!
+//! What always holds:
+//! - A worker holds at most [`MAX_PACKETS_HELD`] packets, those among them that are overdue. Beyond
+//!   a first lot, it holds no more rays than it has returned so far.
+//! - An overdue packet is taken away, for others to trace. Until the worker returns something, it
+//!   gets no more work.
 
-use std::{collections::HashMap, time::Duration};
+use std::{
+    collections::HashMap,
+    time::{Duration, Instant},
+};
 
 use holo_net::Outbox;
 use holo_proto::bulk::{LivePacket, LiveWork, Packet, Traced, Work};
 use holo_section::{BeamKey, Run, SampleKind, Viewpoint};
 use thiserror::Error;
 
-use crate::{events::ConnectionId, live::LiveAssignment};
+use crate::{claims::Check, events::ConnectionId, live::LiveAssignment, pace::Pace};
 
 /// Work that a worker gets ahead. It is long enough that the worker never waits for the server, and
 /// short enough that a new view is traced at once (the paper allowed five seconds, §2.2).
 const AHEAD: Duration = Duration::from_millis(150);
 
-/// Rays ahead for each thread of a worker whose speed is not known yet.
-const FIRST_RAYS_PER_THREAD: f64 = 400.0;
+/// How many times more than [`AHEAD`] a worker may get by what it says of its speed. What has come
+/// back so far may understate it, because the server had less to give.
+const BELIEVED: f64 = 4.0;
 
-/// Most rays ahead, however fast a worker says it is: what is lost with it.
-const MAX_RAYS_AHEAD: f64 = 1e6;
+/// Rays ahead for each thread at least, and while a worker's speed is not known: four packets, so
+/// that threads seldom wait for the server, and the slowest scene's are not overdue.
+const LEAST_RAYS_PER_THREAD: f64 = 84.0;
+
+/// Most packets that a worker holds before it has returned anything, however many threads it says
+/// it has.
+const MAX_FIRST_PACKETS: usize = 1024;
+
+/// Most packets that a worker holds, however fast it is: what is late if it hangs.
+pub const MAX_PACKETS_HELD: usize = 16_384;
 
 /// A packet that a worker has, with all that another worker would need.
 #[derive(Clone, Copy, Debug)]
@@ -28,9 +46,19 @@ pub struct Assignment {
     pub viewpoint: Option<Viewpoint>,
     /// The display whose view it serves, if any.
     pub display: Option<ConnectionId>,
+    /// What it checks, if its samples are for nothing else.
+    pub check: Option<Check>,
+    /// A worker that does not get it, unless there is no other.
+    pub not_for: Option<ConnectionId>,
 }
 
 impl Assignment {
+    /// Returns whether a worker may have it. `is_alone` says that there is no other worker.
+    pub fn is_for(&self, worker: ConnectionId, is_alone: bool) -> bool {
+        let is_party = |check: Check| check.claimer == worker || check.hitter == Some(worker);
+        !self.check.is_some_and(is_party) && (is_alone || self.not_for != Some(worker))
+    }
+
     /// Returns its beam.
     pub fn key(&self) -> BeamKey {
         self.packet.key
@@ -76,12 +104,45 @@ pub struct Worker {
     /// Work is counted in rays of so many paths.
     usual_paths: u16,
     seconds_per_ray: Option<f64>,
+    pace: Pace,
     rays_ahead: f64,
     work_ahead: f64,
-    assigned: HashMap<u64, Assignment>,
+    /// Work that it has returned.
+    work_returned: f64,
+    assigned: HashMap<u64, Held<Assignment>>,
     /// Live rays: they are not stored.
-    live: HashMap<u64, LiveAssignment>,
+    live: HashMap<u64, Held<LiveAssignment>>,
+    /// Packets that were taken away because they are overdue.
+    late: HashMap<u64, Late>,
+    /// Whether something became overdue since it last returned anything.
+    is_stuck: bool,
     waits_for_light: bool,
+}
+
+/// Something that a worker has.
+struct Held<T> {
+    what: T,
+    given: Instant,
+    /// The work that the worker had then, this included.
+    ahead: f64,
+}
+
+/// A packet that is overdue.
+#[derive(Clone, Copy)]
+struct Late {
+    work: f64,
+    /// The packet's new name; `None` for live rays.
+    renamed: Option<u64>,
+}
+
+/// What the results of a packet are good for.
+#[derive(Debug)]
+pub enum Finished<T> {
+    /// They came in time.
+    InTime(T),
+    /// The packet was overdue and taken away. It may still wait under another name, unless it was
+    /// one of live rays.
+    Late(Option<u64>),
 }
 
 impl Worker {
@@ -93,10 +154,14 @@ impl Worker {
             threads: 0.0,
             usual_paths,
             seconds_per_ray: None,
+            pace: Pace::default(),
             rays_ahead: 0.0,
             work_ahead: 0.0,
+            work_returned: 0.0,
             assigned: HashMap::new(),
             live: HashMap::new(),
+            late: HashMap::new(),
+            is_stuck: false,
             waits_for_light: false,
         }
     }
@@ -115,18 +180,31 @@ impl Worker {
     /// Returns the work that it should get now, in rays of the usual paths. That is 0 while it has
     /// nearly enough, so that work goes out in messages of good size.
     pub fn hunger(&self) -> f64 {
-        let ahead = match self.seconds_per_ray {
-            Some(seconds) => {
-                (AHEAD.as_secs_f64() * self.threads / seconds).max(self.threads * 84.0)
-            }
-            None => self.threads * FIRST_RAYS_PER_THREAD,
-        };
-        let ahead = ahead.min(MAX_RAYS_AHEAD);
-        if self.threads == 0.0 || self.waits_for_light || self.work_ahead > 0.7 * ahead {
-            0.0
-        } else {
-            ahead - self.work_ahead
+        if self.threads == 0.0 || self.waits_for_light || self.is_stuck || self.room() == 0 {
+            return 0.0;
         }
+        let ahead = self.enough_ahead();
+        if self.work_ahead > 0.7 * ahead { 0.0 } else { ahead - self.work_ahead }
+    }
+
+    /// Returns the work that it should have, in rays of the usual paths.
+    fn enough_ahead(&self) -> f64 {
+        let first = self.threads * LEAST_RAYS_PER_THREAD;
+        let (Some(seconds), Some(rate)) = (self.seconds_per_ray, self.pace.rate()) else {
+            return first;
+        };
+        let ahead = AHEAD.as_secs_f64();
+        let said = ahead * self.threads / seconds;
+        let measured = BELIEVED * ahead * rate;
+        said.min(measured)
+            .max(self.threads * LEAST_RAYS_PER_THREAD)
+            .min(first.max(self.work_returned))
+    }
+
+    /// Returns how many more packets it may hold.
+    pub fn room(&self) -> usize {
+        let most = if self.work_returned > 0.0 { MAX_PACKETS_HELD } else { MAX_FIRST_PACKETS };
+        most.saturating_sub(self.assigned.len() + self.live.len() + self.late.len())
     }
 
     /// Returns the rays that it has and that are to be stored.
@@ -135,7 +213,8 @@ impl Worker {
     }
 
     /// Sends it packets.
-    pub fn assign(&mut self, assignments: Vec<Assignment>) {
+    pub fn assign(&mut self, assignments: Vec<Assignment>, now: Instant) {
+        self.pace.begin(now);
         let mut work = Work::default();
         for mut assignment in assignments {
             assignment.packet.viewpoint = assignment.viewpoint.map(|viewpoint| {
@@ -148,56 +227,132 @@ impl Worker {
             work.packets.push(assignment.packet);
             self.rays_ahead += f64::from(assignment.packet.count);
             self.work_ahead += assignment.work(self.usual_paths);
-            self.assigned.insert(assignment.packet.id, assignment);
+            let held = Held { what: assignment, given: now, ahead: self.work_ahead };
+            self.assigned.insert(assignment.packet.id, held);
         }
         // A message holds what a worker's hunger allows, which is far below a frame's limit.
         let _ = self.outbox.send(holo_proto::frame::Kind::Work, &work.encode());
     }
 
     /// Sends it live rays.
-    pub fn assign_live(&mut self, assignments: Vec<LiveAssignment>) {
+    pub fn assign_live(&mut self, assignments: Vec<LiveAssignment>, now: Instant) {
+        self.pace.begin(now);
         let mut work = LiveWork::default();
         for assignment in assignments {
             let LiveAssignment { id, paths, ref rays, .. } = assignment;
             work.packets.push(LivePacket { id, paths, rays: rays.clone() });
             self.work_ahead += rays.len() as f64;
-            self.live.insert(id, assignment);
+            self.live.insert(id, Held { what: assignment, given: now, ahead: self.work_ahead });
         }
         // As with packets of beams.
         let _ = self.outbox.send(holo_proto::frame::Kind::LiveWork, &work.encode());
     }
 
     /// Takes the results of live rays: the worker no longer has them.
-    pub fn finish_live(&mut self, traced: &Traced) -> Result<LiveAssignment, ResultsError> {
-        let asked = self.live.get(&traced.id).ok_or(ResultsError::Unknown)?.rays.len();
+    pub fn finish_live(
+        &mut self,
+        traced: &Traced,
+        now: Instant,
+    ) -> Result<Finished<LiveAssignment>, ResultsError> {
+        let Some(held) = self.live.get(&traced.id) else { return self.finish_late(traced.id, now) };
+        let asked = held.what.rays.len();
         if asked != traced.count as usize {
             return Err(ResultsError::Count { found: traced.count, asked: asked as u8 });
         }
-        let assignment = self.live.remove(&traced.id).ok_or(ResultsError::Unknown)?;
+        let held = self.live.remove(&traced.id).ok_or(ResultsError::Unknown)?;
         self.work_ahead -= asked as f64;
         self.took(traced, asked as f64, asked as f64);
-        Ok(assignment)
+        self.returned(asked as f64, now);
+        Ok(Finished::InTime(held.what))
     }
 
     /// Takes away all live rays.
     pub fn take_live(&mut self) -> impl Iterator<Item = LiveAssignment> + use<> {
-        std::mem::take(&mut self.live).into_values()
+        std::mem::take(&mut self.live).into_values().map(|held| held.what)
     }
 
     /// Takes the results of a packet: the worker no longer has it.
-    pub fn finish(&mut self, traced: &Traced) -> Result<Assignment, ResultsError> {
-        let assignment = *self.assigned.get(&traced.id).ok_or(ResultsError::Unknown)?;
-        let asked = assignment.packet.count;
+    pub fn finish(
+        &mut self,
+        traced: &Traced,
+        now: Instant,
+    ) -> Result<Finished<Assignment>, ResultsError> {
+        let Some(held) = self.assigned.get(&traced.id) else {
+            return self.finish_late(traced.id, now);
+        };
+        let (assignment, asked) = (held.what, held.what.packet.count);
         if u32::from(asked) != traced.count {
             // It stays in the list, and another worker gets it.
             return Err(ResultsError::Count { found: traced.count, asked });
         }
         self.assigned.remove(&traced.id);
-        let work = assignment.work(self.usual_paths);
-        self.rays_ahead -= f64::from(asked);
-        self.work_ahead -= work;
+        let work = self.put_down(&assignment);
         self.took(traced, work, f64::from(asked));
-        Ok(assignment)
+        self.returned(work, now);
+        Ok(Finished::InTime(assignment))
+    }
+
+    /// Ends a packet that it did not trace, because its beam sees nothing.
+    pub fn finish_unseen(
+        &mut self,
+        id: u64,
+        now: Instant,
+    ) -> Result<Finished<Assignment>, ResultsError> {
+        let Some(held) = self.assigned.remove(&id) else { return self.finish_late(id, now) };
+        let work = self.put_down(&held.what);
+        self.returned(work, now);
+        Ok(Finished::InTime(held.what))
+    }
+
+    /// Takes note that it has returned a packet which was taken away before.
+    fn finish_late<T>(&mut self, id: u64, now: Instant) -> Result<Finished<T>, ResultsError> {
+        let late = self.late.remove(&id).ok_or(ResultsError::Unknown)?;
+        self.returned(late.work, now);
+        Ok(Finished::Late(late.renamed))
+    }
+
+    /// Takes a packet off what it has, and returns the packet's work.
+    fn put_down(&mut self, assignment: &Assignment) -> f64 {
+        let work = assignment.work(self.usual_paths);
+        self.rays_ahead -= f64::from(assignment.packet.count);
+        self.work_ahead -= work;
+        work
+    }
+
+    fn returned(&mut self, work: f64, now: Instant) {
+        self.is_stuck = false;
+        self.work_returned += work;
+        let is_idle = self.assigned.is_empty() && self.live.is_empty() && self.late.is_empty();
+        self.pace.returned(work, is_idle, now);
+    }
+
+    /// Takes away what is overdue. `rename` returns a new name for a packet: under it, others get
+    /// the packet.
+    pub fn take_overdue(
+        &mut self,
+        now: Instant,
+        mut rename: impl FnMut() -> u64,
+    ) -> (Vec<Assignment>, Vec<LiveAssignment>) {
+        let pace = &self.pace;
+        let is_overdue = |given: Instant, ahead| now - given > pace.deadline(ahead);
+        let packets: Vec<_> =
+            self.assigned.extract_if(|_, held| is_overdue(held.given, held.ahead)).collect();
+        let live: Vec<_> =
+            self.live.extract_if(|_, held| is_overdue(held.given, held.ahead)).collect();
+        self.is_stuck |= !packets.is_empty() || !live.is_empty();
+        let mut packets: Vec<_> = packets.into_iter().map(|(_, held)| held.what).collect();
+        for assignment in &mut packets {
+            let (work, renamed) = (self.put_down(assignment), rename());
+            self.late.insert(assignment.packet.id, Late { work, renamed: Some(renamed) });
+            assignment.packet.id = renamed;
+        }
+        let live: Vec<_> = live.into_iter().map(|(_, held)| held.what).collect();
+        for assignment in &live {
+            let work = assignment.rays.len() as f64;
+            self.work_ahead -= work;
+            self.late.insert(assignment.id, Late { work, renamed: None });
+        }
+        (packets, live)
     }
 
     /// Learns its speed from a packet of so much work and so many rays.
@@ -209,26 +364,158 @@ impl Worker {
             Some(self.seconds_per_ray.map_or(seconds, |mean| mean + share * (seconds - mean)));
     }
 
-    /// Ends a packet that it did not trace, because its beam sees nothing.
-    pub fn finish_unseen(&mut self, id: u64) -> Result<Assignment, ResultsError> {
-        let assignment = self.assigned.remove(&id).ok_or(ResultsError::Unknown)?;
-        self.rays_ahead -= f64::from(assignment.packet.count);
-        self.work_ahead -= assignment.work(self.usual_paths);
-        Ok(assignment)
-    }
-
     /// Returns the packets that it has not done.
     pub fn into_assignments(self) -> impl Iterator<Item = Assignment> {
-        self.assigned.into_values()
+        self.assigned.into_values().map(|held| held.what)
     }
 
     /// Iterates over the packets that it has not done.
     pub fn assignments(&self) -> impl Iterator<Item = &Assignment> {
-        self.assigned.values()
+        self.assigned.values().map(|held| &held.what)
     }
 
     /// Returns whether it has no packet whose samples are stored.
     pub fn is_idle(&self) -> bool {
         self.assigned.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use holo_net::{accept, connect};
+    use holo_proto::hello::Role;
+    use holo_section::BeamId;
+    use tokio::net::TcpListener;
+
+    use super::*;
+
+    /// Returns a worker of so many threads that is ready, and the other end of its connection.
+    async fn worker(threads: u16) -> (Worker, impl Sized) {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let client = tokio::spawn(connect_on(address));
+        let (inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
+        let mut worker = Worker::new(outbox, "a test".into(), 1);
+        worker.ready(threads);
+        (worker, (client, inbox))
+    }
+
+    async fn connect_on(address: std::net::SocketAddr) {
+        // It is never welcomed: nobody reads what it is sent.
+        let _ = connect(address, Role::Worker, "a test").await;
+    }
+
+    /// Gives a worker packets of 21 rays, as many as it wants. Returns their names.
+    fn feed(worker: &mut Worker, last: &mut u64, now: Instant) -> Vec<u64> {
+        let packets = ((worker.hunger() / 21.0).ceil() as usize).min(worker.room());
+        let names: Vec<u64> = (0..packets).map(|_| next(last)).collect();
+        let key = BeamKey { section: 0, beam: BeamId(0) };
+        let packet =
+            |id| Packet { id, key, first: 0, count: 21, paths: 1, viewpoint: None, rays: None };
+        let assignment = |&id| Assignment {
+            packet: packet(id),
+            viewpoint: None,
+            display: None,
+            check: None,
+            not_for: None,
+        };
+        worker.assign(names.iter().map(assignment).collect(), now);
+        names
+    }
+
+    fn next(last: &mut u64) -> u64 {
+        *last += 1;
+        *last
+    }
+
+    /// Results that a worker says took so long.
+    fn traced(id: u64, nanoseconds: u32) -> Traced {
+        Traced { id, count: 21, nanoseconds }
+    }
+
+    fn seconds(seconds: f64) -> Duration {
+        Duration::from_secs_f64(seconds)
+    }
+
+    #[tokio::test]
+    async fn a_worker_that_returns_nothing_loses_its_packets_and_gets_no_more() {
+        let (mut worker, _client) = worker(u16::MAX).await;
+        let (start, mut last) = (Instant::now(), 0);
+        let given = feed(&mut worker, &mut last, start);
+        assert!(given.len() == 1024, "a first lot: {}", given.len());
+        assert_eq!(worker.hunger(), 0.0);
+        let (early, _) = worker.take_overdue(start + seconds(9.9), || next(&mut last));
+        assert!(early.is_empty());
+        let (lost, live) = worker.take_overdue(start + seconds(10.1), || next(&mut last));
+        assert_eq!((lost.len(), live.len(), worker.is_idle()), (given.len(), 0, true));
+        assert!(worker.rays_ahead() == 0.0 && worker.work_ahead == 0.0);
+        assert!(lost.iter().all(|lost| !given.contains(&lost.packet.id)), "under new names");
+        assert_eq!(worker.hunger(), 0.0, "nothing more until something comes back");
+        // It comes back after all, under its old name, once.
+        let late = start + seconds(60.0);
+        let finished = worker.finish(&traced(given[5], 1), late).unwrap();
+        assert!(matches!(finished, Finished::Late(Some(renamed)) if renamed > given.len() as u64));
+        assert!(worker.finish(&traced(given[5], 1), late).is_err(), "twice");
+        assert!(worker.hunger() > 0.0);
+    }
+
+    #[tokio::test]
+    async fn whatever_a_worker_says_of_its_speed_it_holds_no_more_than_it_has_returned() {
+        let (mut worker, _client) = worker(64).await;
+        let (mut now, mut last, mut returned) = (Instant::now(), 0, 0);
+        let mut held = Vec::new();
+        for _ in 0..40 {
+            held.extend(feed(&mut worker, &mut last, now));
+            assert!(held.len() <= returned.max(256), "{} of {returned}", held.len());
+            assert!(held.len() <= MAX_PACKETS_HELD);
+            now += seconds(0.01);
+            // It says that a packet takes a nanosecond.
+            for id in held.drain(..) {
+                worker.finish(&traced(id, 1), now).unwrap();
+                returned += 1;
+            }
+        }
+        // It was as fast as that, so it gets as much as anybody. Then it hangs.
+        let given = feed(&mut worker, &mut last, now);
+        assert!(given.len() > 10_000, "{}", given.len());
+        let (lost, _) = worker.take_overdue(now + seconds(4.0), || next(&mut last));
+        assert_eq!(lost.len(), given.len(), "a fast worker's packets are overdue soon");
+    }
+
+    #[tokio::test]
+    async fn a_worker_that_answers_ever_less_never_holds_more_than_its_cap() {
+        let (mut worker, _client) = worker(1000).await;
+        let (mut now, mut last) = (Instant::now(), 0);
+        for _ in 0..200 {
+            let given = feed(&mut worker, &mut last, now);
+            let late = worker.late.len();
+            assert!(given.len() + late <= MAX_PACKETS_HELD, "{} and {late}", given.len());
+            // One packet of each lot comes back, so that it is not stuck; the others never.
+            now += seconds(0.1);
+            if let Some(&id) = given.first() {
+                worker.finish(&traced(id, 1), now).unwrap();
+            }
+            now += seconds(100.0);
+            worker.take_overdue(now, || next(&mut last));
+            worker.is_stuck = false;
+        }
+    }
+
+    #[tokio::test]
+    async fn a_slow_scene_is_waited_for() {
+        let (mut worker, _client) = worker(1).await;
+        let (mut now, mut last) = (Instant::now(), 0);
+        // A packet takes 5 seconds. The first lot is late; then the worker's pace is known.
+        let mut held: std::collections::VecDeque<u64> = Default::default();
+        for step in 0..60 {
+            held.extend(feed(&mut worker, &mut last, now));
+            now += seconds(5.0);
+            if let Some(id) = held.pop_front() {
+                let finished = worker.finish(&traced(id, u32::MAX), now).unwrap();
+                assert!(matches!(finished, Finished::InTime(_)), "step {step}");
+            }
+            let (lost, _) = worker.take_overdue(now, || next(&mut last));
+            assert!(lost.is_empty(), "step {step}: {} overdue", lost.len());
+        }
     }
 }

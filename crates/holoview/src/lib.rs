@@ -25,11 +25,11 @@ mod session;
 mod stage;
 mod window;
 
-use std::{net::SocketAddr, path::PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
-use holo_net::Shutdown;
+use holo_net::{Destination, Shutdown};
 use tokio::sync::oneshot;
 
 pub use args::{
@@ -47,8 +47,13 @@ pub use window::{Desk, Screen, check_desktop, desk, run as run_in_window};
 /// Options of `holoview`.
 #[derive(Args, Clone, Debug)]
 pub struct Config {
-    /// The holoserver's address
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7070")]
+    /// The holoserver: its address on this machine, or the string to join with that it prints
+    #[arg(
+        long,
+        visible_alias = "join",
+        value_name = "HOST:PORT|STRING",
+        default_value = "127.0.0.1:7070"
+    )]
     pub connect: String,
     /// Which view is shown
     #[command(flatten)]
@@ -98,13 +103,13 @@ pub struct Config {
 pub async fn run(config: Config, shutdown: Shutdown, ready: oneshot::Receiver<()>) -> Result<()> {
     config.driver.check().map_err(anyhow::Error::msg)?;
     config.look.look().map_err(anyhow::Error::msg)?;
-    let address: SocketAddr = holo_net::loopback(&config.connect)?;
+    let server = Destination::parse(&config.connect)?;
     let steps = match &config.script {
         Some(path) => Script::open(path)?,
         None => Script::wait(config.time),
     };
     let (driver, points) = (config.driver.clone(), config.points.clone());
-    let connected = session::Connected::new(address, driver, points, shutdown).await?;
+    let connected = session::Connected::new(server, driver, points, shutdown).await?;
     // Drawing takes the processor for a while; sockets must not wait for it.
     tokio::task::spawn_blocking(move || script::play(connected, config, steps, ready)).await?
 }

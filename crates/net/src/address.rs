@@ -1,8 +1,12 @@
-//! Addresses: loopback only, until connections are encrypted.
+//! Addresses: of this machine, and others, which are for encrypted connections only.
 
-use std::net::{SocketAddr, ToSocketAddrs};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
 
 use crate::NetError;
+
+/// Addresses that are nobody's, and to which every machine with a network has a way.
+const DOCUMENTATION_V4: Ipv4Addr = Ipv4Addr::new(192, 0, 2, 1);
+const DOCUMENTATION_V6: Ipv6Addr = Ipv6Addr::new(0x2001, 0xdb8, 0, 0, 0, 0, 0, 1);
 
 /// Resolves `HOST:PORT` to a loopback address.
 ///
@@ -10,18 +14,51 @@ use crate::NetError;
 /// [`NetError::Address`] if it does not parse or resolve; [`NetError::NotLoopback`] for an address
 /// of another machine.
 pub fn loopback(text: &str) -> Result<SocketAddr, NetError> {
+    let address = any_address(text)?;
+    if address.ip().is_loopback() { Ok(address) } else { Err(NetError::NotLoopback(address)) }
+}
+
+/// Resolves `HOST:PORT`: to a loopback address if there is one, otherwise to the first.
+///
+/// # Errors
+/// [`NetError::Address`] if it does not parse or resolve.
+pub fn any_address(text: &str) -> Result<SocketAddr, NetError> {
     let bad = || NetError::Address(text.to_owned());
     let addresses: Vec<SocketAddr> = text.to_socket_addrs().map_err(|_| bad())?.collect();
     let first = *addresses.first().ok_or_else(bad)?;
-    addresses
-        .into_iter()
-        .find(|address| address.ip().is_loopback())
-        .ok_or(NetError::NotLoopback(first))
+    Ok(addresses.into_iter().find(|address| address.ip().is_loopback()).unwrap_or(first))
+}
+
+/// Returns the address at which other machines reach a server that listens at `address`. If that is
+/// every address, it is the one from which this machine reaches the outside.
+pub fn seen_from_outside(address: SocketAddr) -> SocketAddr {
+    if !address.ip().is_unspecified() {
+        return address;
+    }
+    let (any, outside): (SocketAddr, SocketAddr) = match address {
+        SocketAddr::V4(_) => ((Ipv4Addr::UNSPECIFIED, 0).into(), (DOCUMENTATION_V4, 9).into()),
+        SocketAddr::V6(_) => ((Ipv6Addr::UNSPECIFIED, 0).into(), (DOCUMENTATION_V6, 9).into()),
+    };
+    // Connecting a UDP socket sends nothing: the system only chooses a way.
+    let own = UdpSocket::bind(any).and_then(|socket| {
+        socket.connect(outside)?;
+        socket.local_addr()
+    });
+    let ip = own.map_or(Ipv4Addr::LOCALHOST.into(), |own| own.ip());
+    SocketAddr::new(ip, address.port())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_invitation_names_an_address_that_can_be_reached() {
+        let given: SocketAddr = "198.51.100.7:7070".parse().unwrap();
+        assert_eq!(seen_from_outside(given), given);
+        let own = seen_from_outside("0.0.0.0:7070".parse().unwrap());
+        assert!(!own.ip().is_unspecified() && own.port() == 7070, "{own}");
+    }
 
     #[test]
     fn only_this_machine_is_served() {

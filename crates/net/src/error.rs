@@ -1,6 +1,6 @@
 //! What can go wrong on a connection.
 
-use std::{io, net::SocketAddr};
+use std::{io, net::SocketAddr, path::PathBuf};
 
 use holo_proto::ProtoError;
 use thiserror::Error;
@@ -12,12 +12,27 @@ pub enum NetError {
     /// The address does not parse or resolve.
     #[error("`{0}` is not an address; write HOST:PORT, such as 127.0.0.1:7070")]
     Address(String),
-    /// Only loopback may be used so far.
+    /// Another machine is reached by invitation only.
     #[error(
-        "{0} is not a loopback address: connections are not encrypted yet, so only this machine \
-         may be served (use 127.0.0.1:PORT, and a secure tunnel between machines)"
+        "{0} is not a loopback address: servers on other machines are joined by the string that \
+         they print (holodeck://…)"
     )]
     NotLoopback(SocketAddr),
+    /// A joining string is damaged.
+    #[error(
+        "this is no joining string, or not all of it: its {0} is wrong; copy what the server \
+         prints (holodeck://HOST:PORT/FINGERPRINT/TOKEN)"
+    )]
+    Invitation(&'static str),
+    /// The server is another one, or has another certificate.
+    #[error(
+        "the server's certificate is not the one that the joining string names: it is another \
+         server, or somebody is in between; ask for its present string"
+    )]
+    Fingerprint,
+    /// A server's certificate or tokens cannot be used.
+    #[error("{0}: {1}")]
+    Identity(PathBuf, String),
     /// An error of the operating system.
     #[error(transparent)]
     Io(#[from] io::Error),

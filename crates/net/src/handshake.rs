@@ -1,36 +1,47 @@
 //! Who connects, and whether the server takes it.
 
-use std::net::SocketAddr;
-
 use holo_proto::{
     ProtoError,
     control::{Control, Welcome},
     frame::Kind,
     hello::{Answer, Hello, Role},
+    proof::{Challenge, Proof},
 };
-use tokio::{net::TcpStream, time::timeout};
+use ring::hmac;
+use tokio::{
+    net::{TcpStream, ToSocketAddrs},
+    time::timeout,
+};
 
-use crate::{HANDSHAKE_TIME, Inbox, NetError, Outbox, inbox::FrameReader};
+use crate::{
+    Destination, HANDSHAKE_TIME, Identity, Inbox, NetError, Outbox, Rights, Token,
+    identity::{key, random},
+    inbox::{FROM_A_PEER, FROM_THE_SERVER, FrameReader},
+    tls::{self, ReadHalf, WriteHalf},
+};
 
 /// Connects to a server and is taken by it in `role`.
 ///
 /// # Errors
 /// Any [`NetError`]; [`NetError::Refused`] carries the server's reason.
 pub async fn connect(
-    address: SocketAddr,
+    server: impl Into<Destination>,
     role: Role,
     name: &str,
 ) -> Result<(Inbox, Outbox, Welcome), NetError> {
+    let server = server.into();
+    let hello = Hello::new(role, name).encode();
     let shake = async {
-        let (mut reader, outbox) = split(TcpStream::connect(address).await?);
-        outbox.send(Kind::Hello, &Hello::new(role, name).encode())?;
-        match Answer::decode(&reader.frame_of(Kind::Answer).await?)? {
-            Answer::Accepted => {}
-            Answer::Refused(reason) => return Err(NetError::Refused(reason)),
+        let (mut reader, outbox) = reach(&server).await?;
+        outbox.send(Kind::Hello, &hello)?;
+        if let Destination::Invited(invitation) = &server {
+            prove(&mut reader, &outbox, &invitation.token, &hello).await?;
         }
+        accepted(&reader.frame_of(Kind::Answer).await?)?;
         match Control::decode(&reader.frame_of(Kind::Control).await?)? {
             Control::Welcome(welcome) => {
-                Ok((Inbox::start(reader, outbox.downgrade()), outbox, *welcome))
+                let inbox = Inbox::start(reader, outbox.downgrade(), FROM_THE_SERVER);
+                Ok((inbox, outbox, *welcome))
             }
             _ => Err(ProtoError::NotHolodeck.into()),
         }
@@ -38,26 +49,128 @@ pub async fn connect(
     timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)?
 }
 
-/// Reads the hello of whoever has connected. A side of another version is refused with a reason.
+/// Opens a connection, encrypted if the server is on another machine.
+async fn reach(server: &Destination) -> Result<(FrameReader, Outbox), NetError> {
+    Ok(match server {
+        Destination::Loopback(address) => start(tls::plain(open(address).await?)),
+        Destination::Invited(invitation) => {
+            let stream = open(&invitation.address).await?;
+            start(tls::connect(stream, invitation.fingerprint).await?)
+        }
+    })
+}
+
+async fn open(address: impl ToSocketAddrs) -> Result<TcpStream, NetError> {
+    let stream = TcpStream::connect(address).await?;
+    at_once(&stream);
+    Ok(stream)
+}
+
+/// Proves to a server that we hold a token.
+async fn prove(
+    reader: &mut FrameReader,
+    outbox: &Outbox,
+    token: &Token,
+    hello: &[u8],
+) -> Result<(), NetError> {
+    let (kind, payload) = reader.frame_of_either(Kind::Challenge, Kind::Answer).await?;
+    if kind == Kind::Answer {
+        accepted(&payload)?;
+        // Whoever asks for no proof is not the server that the token is of.
+        return Err(ProtoError::NotHolodeck.into());
+    }
+    let challenge = Challenge::decode(&payload)?;
+    let mut mac = [0; 32];
+    mac.copy_from_slice(hmac::sign(&key(token), &[&challenge.0, hello].concat()).as_ref());
+    Ok(outbox.send(Kind::Proof, &Proof { token: token.id, mac }.encode())?)
+}
+
+fn accepted(answer: &[u8]) -> Result<(), NetError> {
+    match Answer::decode(answer)? {
+        Answer::Accepted => Ok(()),
+        Answer::Refused(reason) => Err(NetError::Refused(reason)),
+    }
+}
+
+/// Reads the hello of whoever has connected on this machine. A side of another version is refused
+/// with a reason.
 ///
 /// The caller then decides, and calls [`welcome`] or [`refuse`].
 ///
 /// # Errors
 /// Any [`NetError`].
 pub async fn accept(stream: TcpStream) -> Result<(Inbox, Outbox, Hello), NetError> {
-    let (mut reader, outbox) = split(stream);
     let shake = async {
-        let hello = Hello::decode(&reader.frame_of(Kind::Hello).await?);
-        match hello.and_then(|hello| hello.check_version().map(|()| hello)) {
-            Ok(hello) => Ok::<_, NetError>(hello),
-            Err(error) => {
-                refuse(&outbox, &error.to_string());
-                Err(error.into())
-            }
-        }
+        at_once(&stream);
+        let (mut reader, outbox) = start(tls::plain(stream));
+        let (_, hello) = read_hello(&mut reader, &outbox).await?;
+        Ok::<_, NetError>((reader, outbox, hello))
     };
-    let hello = timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
-    Ok((Inbox::start(reader, outbox.downgrade()), outbox, hello))
+    let (reader, outbox, hello) =
+        timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
+    Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello))
+}
+
+/// Reads the hello of whoever has connected from anywhere, over an encrypted connection, and has it
+/// prove that it holds a token. Whoever does not, or may not have its role, is refused.
+///
+/// # Errors
+/// Any [`NetError`].
+pub async fn accept_secure(
+    stream: TcpStream,
+    identity: &Identity,
+) -> Result<(Inbox, Outbox, Hello, Rights), NetError> {
+    let shake = async {
+        at_once(&stream);
+        let (mut reader, outbox) = start(tls::serve(stream, identity).await?);
+        let (bytes, hello) = read_hello(&mut reader, &outbox).await?;
+        let rights = check_proof(&mut reader, &outbox, identity, &bytes).await?;
+        let reason = match rights {
+            None => "its token is not one of this server's, or was revoked",
+            Some(rights) if !rights.permits(hello.role) => "its token does not permit that role",
+            Some(rights) => return Ok((reader, outbox, hello, rights)),
+        };
+        refuse(&outbox, reason);
+        outbox.drained().await;
+        Err(NetError::Refused(reason.to_owned()))
+    };
+    let (reader, outbox, hello, rights) =
+        timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
+    Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello, rights))
+}
+
+/// Reads a hello: its bytes, and what they say.
+async fn read_hello(
+    reader: &mut FrameReader,
+    outbox: &Outbox,
+) -> Result<(Vec<u8>, Hello), NetError> {
+    let bytes = reader.frame_of(Kind::Hello).await?;
+    let hello = Hello::decode(&bytes);
+    match hello.and_then(|hello| hello.check_version().map(|()| hello)) {
+        Ok(hello) => Ok((bytes, hello)),
+        Err(error) => {
+            refuse(outbox, &error.to_string());
+            Err(error.into())
+        }
+    }
+}
+
+/// Has the other side prove that it holds a token. Returns what the token permits; `None` if it
+/// proves nothing.
+async fn check_proof(
+    reader: &mut FrameReader,
+    outbox: &Outbox,
+    identity: &Identity,
+    hello: &[u8],
+) -> Result<Option<Rights>, NetError> {
+    let challenge = Challenge(random()?);
+    outbox.send(Kind::Challenge, &challenge.encode())?;
+    let proof = Proof::decode(&reader.frame_of(Kind::Proof).await?)?;
+    let known = identity.tokens()?.into_iter().find(|(token, _)| token.id == proof.token);
+    Ok(known.and_then(|(token, rights)| {
+        let said = [&challenge.0, hello].concat();
+        hmac::verify(&key(&token), &said, &proof.mac).is_ok().then_some(rights)
+    }))
 }
 
 /// Takes whoever has connected, says what the holodeck is, and pings it from now on.
@@ -79,11 +192,13 @@ pub fn refuse(outbox: &Outbox, reason: &str) {
     let _ = outbox.send(Kind::Answer, &Answer::Refused(reason.to_owned()).encode());
 }
 
-/// Splits a stream into a reader and an outbox.
-fn split(stream: TcpStream) -> (FrameReader, Outbox) {
+/// Sends small messages at once.
+fn at_once(stream: &TcpStream) {
     // Packets are small and somebody waits for each: Nagle's delay would show. If it cannot be
     // switched off, everything still works.
     let _ = stream.set_nodelay(true);
-    let (read, write) = stream.into_split();
+}
+
+fn start((read, write): (ReadHalf, WriteHalf)) -> (FrameReader, Outbox) {
     (FrameReader::new(read), Outbox::start(write))
 }

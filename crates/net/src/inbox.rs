@@ -1,5 +1,7 @@
 //! The receiving half of a connection: a task reads the socket, whatever its owner is busy with.
 
+use std::io::ErrorKind;
+
 use holo_proto::{
     ProtoError,
     control::Control,
@@ -7,13 +9,19 @@ use holo_proto::{
 };
 use tokio::{
     io::{AsyncReadExt, BufReader},
-    net::tcp::OwnedReadHalf,
     sync::mpsc,
     task::AbortHandle,
     time::timeout,
 };
 
-use crate::{KEEP_ALIVE, Message, NetError, SILENCE, outbox::WeakOutbox};
+use crate::{KEEP_ALIVE, Message, NetError, SILENCE, outbox::WeakOutbox, tls::ReadHalf};
+
+/// Messages that a server reads before they are taken. A peer that sends more waits.
+pub(crate) const FROM_A_PEER: usize = 1;
+
+/// Messages that others read before they are taken: as many as come. A display that prepares a
+/// scene for a minute must go on answering pings, and its server sends no more than it reads.
+pub(crate) const FROM_THE_SERVER: usize = usize::MAX >> 4;
 
 /// The receiving half: messages that a task has read from the socket.
 ///
@@ -21,14 +29,15 @@ use crate::{KEEP_ALIVE, Message, NetError, SILENCE, outbox::WeakOutbox};
 /// for a minute still shows that it lives. Dropping the inbox ends the task.
 #[derive(Debug)]
 pub struct Inbox {
-    messages: mpsc::UnboundedReceiver<Result<Message, NetError>>,
+    messages: mpsc::Receiver<Result<Message, NetError>>,
     task: AbortHandle,
 }
 
 impl Inbox {
-    /// Starts the task. It answers pings through `outbox`, which it does not keep open.
-    pub(crate) fn start(reader: FrameReader, outbox: WeakOutbox) -> Inbox {
-        let (sender, messages) = mpsc::unbounded_channel();
+    /// Starts the task. It answers pings through `outbox`, which it does not keep open. It reads at
+    /// most `ahead` messages before they are taken.
+    pub(crate) fn start(reader: FrameReader, outbox: WeakOutbox, ahead: usize) -> Inbox {
+        let (sender, messages) = mpsc::channel(ahead);
         let task = tokio::spawn(read(reader, outbox, sender)).abort_handle();
         Inbox { messages, task }
     }
@@ -53,7 +62,7 @@ impl Drop for Inbox {
 async fn read(
     mut reader: FrameReader,
     outbox: WeakOutbox,
-    messages: mpsc::UnboundedSender<Result<Message, NetError>>,
+    messages: mpsc::Sender<Result<Message, NetError>>,
 ) {
     loop {
         let message = reader.message().await;
@@ -70,20 +79,19 @@ async fn read(
             _ => {}
         }
         let over = message.is_err();
-        if messages.send(message).is_err() || over {
+        if messages.send(message).await.is_err() || over {
             return;
         }
     }
 }
 
 /// Reads frames from a socket.
-#[derive(Debug)]
 pub(crate) struct FrameReader {
-    reader: BufReader<OwnedReadHalf>,
+    reader: BufReader<ReadHalf>,
 }
 
 impl FrameReader {
-    pub(crate) fn new(socket: OwnedReadHalf) -> FrameReader {
+    pub(crate) fn new(socket: ReadHalf) -> FrameReader {
         FrameReader { reader: BufReader::with_capacity(1 << 16, socket) }
     }
 
@@ -97,6 +105,19 @@ impl FrameReader {
             }
             Err(error) => Err(error),
         }
+    }
+
+    /// Reads a frame that must be of one of two kinds.
+    pub(crate) async fn frame_of_either(
+        &mut self,
+        one: Kind,
+        other: Kind,
+    ) -> Result<(Kind, Vec<u8>), NetError> {
+        let header = self.header().await?;
+        if header.kind != one && header.kind != other {
+            return Err(ProtoError::NotHolodeck.into());
+        }
+        Ok((header.kind, self.payload(header).await?))
     }
 
     async fn message(&mut self) -> Result<Message, NetError> {
@@ -121,8 +142,12 @@ impl FrameReader {
     /// sign of life.
     async fn fill(&mut self, mut room: &mut [u8]) -> Result<(), NetError> {
         while !room.is_empty() {
-            let read =
-                timeout(SILENCE, self.reader.read(room)).await.map_err(|_| NetError::Silent)??;
+            let read = timeout(SILENCE, self.reader.read(room)).await;
+            let read = match read.map_err(|_| NetError::Silent)? {
+                // An encrypted connection that ends without a farewell.
+                Err(error) if error.kind() == ErrorKind::UnexpectedEof => 0,
+                read => read?,
+            };
             if read == 0 {
                 return Err(NetError::Closed);
             }

@@ -9,21 +9,27 @@
 //!   as long. The other side then hangs or has vanished.
 //! - Sending never blocks. Frames queue in an [`Outbox`], whose owner watches
 //!   [`Outbox::queued_bytes`].
-//! - Only loopback addresses are used, until connections are encrypted and authenticated.
+//! - Without encryption, only loopback addresses are used. Other connections are TLS 1.3. The
+//!   client knows the server's certificate by its fingerprint, and proves that it holds a token.
 
 mod address;
 mod error;
 mod handshake;
+mod identity;
 mod inbox;
+mod join;
 mod message;
 mod outbox;
 mod scene;
 mod shutdown;
+mod tls;
 
-pub use address::loopback;
+pub use address::{any_address, loopback, seen_from_outside};
 pub use error::NetError;
-pub use handshake::{accept, connect, refuse, welcome};
+pub use handshake::{accept, accept_secure, connect, refuse, welcome};
+pub use identity::Identity;
 pub use inbox::Inbox;
+pub use join::{Destination, Invitation, Rights, Token};
 pub use message::Message;
 pub use outbox::Outbox;
 pub use scene::{SCENE_CHUNK_BYTES, SceneReceiver, absent};

@@ -44,7 +44,9 @@ pub enum Message {
 impl Message {
     pub(crate) fn decode(kind: Kind, payload: &[u8]) -> Result<Message, ProtoError> {
         Ok(match kind {
-            Kind::Hello | Kind::Answer => return Err(ProtoError::Kind(kind as u8)),
+            Kind::Hello | Kind::Answer | Kind::Challenge | Kind::Proof => {
+                return Err(ProtoError::Kind(kind as u8));
+            }
             Kind::Control => Message::Control(Control::decode(payload)?),
             Kind::Work => Message::Work(Work::decode(payload)?),
             Kind::Results => Message::Results(Results::decode(payload)?),

@@ -16,12 +16,11 @@ use holo_proto::{
 };
 use tokio::{
     io::{AsyncWriteExt, BufWriter},
-    net::tcp::OwnedWriteHalf,
     sync::mpsc,
     time::{sleep, timeout},
 };
 
-use crate::{KEEP_ALIVE, PING_EVERY, SILENCE};
+use crate::{KEEP_ALIVE, PING_EVERY, SILENCE, tls::WriteHalf};
 
 /// The sending half: a queue that a task writes to the socket. Clones share the queue.
 ///
@@ -35,7 +34,7 @@ pub struct Outbox {
 
 impl Outbox {
     /// Starts the task that writes.
-    pub(crate) fn start(socket: OwnedWriteHalf) -> Outbox {
+    pub(crate) fn start(socket: WriteHalf) -> Outbox {
         let (queue, frames) = mpsc::unbounded_channel();
         let queued = Arc::new(AtomicUsize::new(0));
         let writer = Writer {
@@ -127,7 +126,7 @@ impl WeakOutbox {
 /// It ends with the last [`Outbox`], when the other side is gone, or when the other side has taken
 /// nothing for [`SILENCE`]. A process that hangs must not hold its connection's memory for ever.
 struct Writer {
-    stream: BufWriter<OwnedWriteHalf>,
+    stream: BufWriter<WriteHalf>,
     /// Bytes taken off the queue, counted in `queued` and not yet with the operating system.
     in_hand: usize,
     queued: Arc<AtomicUsize>,

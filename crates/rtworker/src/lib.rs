@@ -15,19 +15,25 @@ mod session;
 mod unexpected;
 mod unseen;
 
-use std::{net::SocketAddr, path::PathBuf, time::Duration};
+use std::{path::PathBuf, time::Duration};
 
 use anyhow::{Context, Result};
 use clap::Args;
-use holo_net::{NetError, Shutdown};
+use holo_net::{Destination, NetError, Shutdown};
 pub use report::Report;
 
 /// Options of `rtworker`.
 #[derive(Args, Clone, Debug)]
-#[command(after_help = "Example:\n  rtworker --connect 127.0.0.1:7070 --threads 4")]
+#[command(after_help = "Examples:\n  rtworker --connect 127.0.0.1:7070 --threads 4\n  \
+    rtworker --join holodeck://192.0.2.7:7070/FINGERPRINT/TOKEN")]
 pub struct Config {
-    /// The holoserver's address
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7070")]
+    /// The holoserver: its address on this machine, or the string to join with that it prints
+    #[arg(
+        long,
+        visible_alias = "join",
+        value_name = "HOST:PORT|STRING",
+        default_value = "127.0.0.1:7070"
+    )]
     pub connect: String,
     /// Threads that trace [default: one per core]
     #[arg(long, value_name = "N")]
@@ -59,7 +65,7 @@ const RETRY_EVERY: Duration = Duration::from_millis(250);
 /// If the server cannot be reached for `config.retry` seconds, refuses, breaks the protocol, or its
 /// scene cannot be traced.
 pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
-    let address = holo_net::loopback(&config.connect)?;
+    let server = Destination::parse(&config.connect)?;
     if config.nice > 0 {
         // Only politeness: where it is not allowed, tracing goes on all the same.
         let _ = rustix::process::nice(config.nice);
@@ -67,7 +73,7 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
     let mut worker = session::Worker::new(&config);
     loop {
         let lost = tokio::select! {
-            ended = serve(&mut worker, &config, address) => match ended {
+            ended = serve(&mut worker, &config, &server) => match ended {
                 Ok(reason) => {
                     chat(&config, &format!("leaving: {reason}"));
                     return Ok(());
@@ -80,7 +86,7 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
             Some(NetError::Closed | NetError::Silent | NetError::Io(_)) => {
                 say(&config, &format!("lost the server ({lost}); trying to reach it again"));
             }
-            _ => return Err(lost.context(format!("working for {address}"))),
+            _ => return Err(lost.context(format!("working for {server}"))),
         }
     }
 }
@@ -88,12 +94,12 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
 async fn serve(
     worker: &mut session::Worker,
     config: &Config,
-    address: SocketAddr,
+    server: &Destination,
 ) -> Result<String> {
     let deadline =
         tokio::time::Instant::now() + Duration::try_from_secs_f64(config.retry).unwrap_or_default();
     let connection = loop {
-        match session::connect(address).await {
+        match session::connect(server.clone()).await {
             Ok(connection) => break connection,
             Err(NetError::Io(_) | NetError::Closed) if tokio::time::Instant::now() < deadline => {
                 tokio::time::sleep(RETRY_EVERY).await;
@@ -101,13 +107,13 @@ async fn serve(
             // Not a lost connection, but one never made: the caller must not try for ever.
             Err(NetError::Io(error)) => {
                 return Err(anyhow::Error::msg(error.to_string())).with_context(|| {
-                    format!("no holoserver answers at {address} (is it running?)")
+                    format!("no holoserver answers at {server} (is it running?)")
                 });
             }
             Err(error) => return Err(error.into()),
         }
     };
-    chat(config, &format!("connected to {address}"));
+    chat(config, &format!("connected to {server}"));
     worker.session(connection).await
 }
 

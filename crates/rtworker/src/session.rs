@@ -1,10 +1,10 @@
 //! One connection to a server: load the scene, then trace what comes.
 
-use std::{net::SocketAddr, sync::Arc};
+use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 use holo_light::Store;
-use holo_net::{Inbox, Message, NetError, Outbox};
+use holo_net::{Destination, Inbox, Message, NetError, Outbox};
 use holo_progress::said_once;
 use holo_proto::{
     bulk::Work,
@@ -29,9 +29,9 @@ use crate::{
 pub type Connection = (Inbox, Outbox, Welcome);
 
 /// Connects as a worker.
-pub async fn connect(address: SocketAddr) -> Result<Connection, NetError> {
+pub async fn connect(server: Destination) -> Result<Connection, NetError> {
     let name = format!("rtworker {}", std::process::id());
-    holo_net::connect(address, Role::Worker, &name).await
+    holo_net::connect(server, Role::Worker, &name).await
 }
 
 /// What stays from one connection to the next.

@@ -120,7 +120,9 @@ fn failures_end_with_status_1_and_name_the_file() {
     let file = place.text("a.holo");
     place
         .run(&["holoserver", &file, "--listen", "192.0.2.1:0", "--with-parent"])
-        .failed(1, &["192.0.2.1", "loopback"]);
+        .failed(1, &["listening at 192.0.2.1"]);
+    place.run(&["rtworker", "--connect", "192.0.2.1:7070"]).failed(1, &["192.0.2.1", "join"]);
+    place.run(&["rtworker", "--join", "holodeck://192.0.2.1:7070/abc"]).failed(1, &["string"]);
 }
 
 #[test]

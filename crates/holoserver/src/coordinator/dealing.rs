@@ -2,6 +2,8 @@
 //!
 //! Displays take turns. A display's live rays and its beams share what is traced for it.
 
+use std::time::{Duration, Instant};
+
 use holo_proto::bulk::Packet;
 use holo_section::{BeamKey, RayCoords, SampleKind, Viewpoint};
 
@@ -19,6 +21,16 @@ const DISPLAY_QUEUE_BYTES: usize = 32 << 20;
 /// Packets in one message to a worker: half a megabyte, far below a frame's limit.
 const PACKETS_PER_MESSAGE: usize = 16_384;
 
+/// How often overdue packets are looked for.
+const OVERDUE_EVERY: Duration = Duration::from_millis(250);
+
+/// Most checks that a worker gets at a time: the rest is work of which something remains.
+const CHECKS_AT_A_TIME: usize = 16;
+
+/// Packets of lost workers that are looked at for one that a worker may have. Others wait for
+/// another worker.
+const LOST_LOOKED_AT: usize = 256;
+
 /// One piece of work for a worker.
 enum Work {
     /// A packet whose samples are stored.
@@ -34,17 +46,59 @@ impl Coordinator {
             return;
         }
         let mut left = self.samples_left();
-        let hungry: Vec<_> =
-            self.workers.iter().map(|(&id, worker)| (id, worker.hunger())).collect();
-        for (id, hunger) in hungry {
-            let (packets, live) = self.pick(hunger, &mut left);
+        let now = Instant::now();
+        let hungry: Vec<_> = self
+            .workers
+            .iter()
+            .map(|(&id, worker)| (id, worker.hunger(), worker.room().min(PACKETS_PER_MESSAGE)))
+            .collect();
+        for (id, hunger, room) in hungry {
+            let (packets, live) = self.pick(id, hunger, room, &mut left);
             let Some(worker) = self.workers.get_mut(&id) else { continue };
             if !live.is_empty() {
-                worker.assign_live(live);
+                worker.assign_live(live, now);
             }
             if !packets.is_empty() {
-                worker.assign(packets);
+                worker.assign(packets, now);
             }
+        }
+    }
+
+    /// Takes overdue packets away from workers, so that others get them.
+    pub(super) fn take_overdue(&mut self) {
+        let now = Instant::now();
+        if now - self.last_overdue < OVERDUE_EVERY {
+            return;
+        }
+        self.last_overdue = now;
+        let (mut overdue, mut lives) = (Vec::new(), Vec::new());
+        for worker in self.workers.values_mut() {
+            let (packets, live) = worker.take_overdue(now, || {
+                self.last_packet += 1;
+                self.last_packet
+            });
+            let count = packets.len() + live.len();
+            if count > 0 {
+                let name = &worker.name;
+                self.progress.say(&format!(
+                    "{name} has not returned {count} packets in time: others may trace them"
+                ));
+            }
+            overdue.extend(packets);
+            lives.extend(live);
+        }
+        self.lose(overdue);
+        self.live_again(lives);
+        self.forget_stale();
+        self.try_settle();
+    }
+
+    /// Takes packets back that a worker has not traced, for others.
+    pub(super) fn lose(&mut self, packets: impl IntoIterator<Item = Assignment>) {
+        for assignment in packets {
+            let waiting =
+                if assignment.check.is_some() { &mut self.checks } else { &mut self.lost };
+            waiting.insert(assignment.packet.id, assignment);
         }
     }
 
@@ -56,13 +110,23 @@ impl Coordinator {
         goal.map_or(f64::INFINITY, |goal| goal as f64 - self.progress.traced() as f64 - under_way)
     }
 
-    /// Takes work worth `hunger` rays, and takes its samples off `left`.
-    fn pick(&mut self, hunger: f64, left: &mut f64) -> (Vec<Assignment>, Vec<LiveAssignment>) {
+    /// Takes work worth `hunger` rays for a worker, at most `room` packets, and takes its samples
+    /// off `left`.
+    fn pick(
+        &mut self,
+        worker: ConnectionId,
+        hunger: f64,
+        room: usize,
+        left: &mut f64,
+    ) -> (Vec<Assignment>, Vec<LiveAssignment>) {
         let usual = self.holodeck.about.settings.paths_per_sample;
         let (mut packets, mut live) = (Vec::new(), Vec::new());
         let mut work = 0.0;
-        while work < hunger && *left > 0.0 && packets.len().max(live.len()) < PACKETS_PER_MESSAGE {
-            match self.next_work() {
+        if hunger > 0.0 && room >= CHECKS_AT_A_TIME && !self.schedule.is_ending() {
+            packets = self.pick_checks(worker);
+        }
+        while work < hunger && *left > 0.0 && packets.len() + live.len() < room {
+            match self.next_work(worker) {
                 Some(Work::Packet(assignment)) => {
                     work += assignment.work(usual);
                     *left -= f64::from(assignment.packet.count);
@@ -78,15 +142,31 @@ impl Coordinator {
         (packets, live)
     }
 
-    /// Returns the most urgent piece of work. At the end, that is only what lost workers had.
-    fn next_work(&mut self) -> Option<Work> {
-        if let Some(assignment) = self.lost.pop_front() {
+    /// Returns checks that a worker may make.
+    fn pick_checks(&mut self, worker: ConnectionId) -> Vec<Assignment> {
+        let for_it = self.checks.iter().filter(|(_, packet)| packet.is_for(worker, false));
+        let ids: Vec<u64> = for_it.map(|(&id, _)| id).take(CHECKS_AT_A_TIME).collect();
+        ids.iter().filter_map(|id| self.checks.remove(id)).collect()
+    }
+
+    /// Returns the most urgent piece of work for a worker. At the end, that is only what lost
+    /// workers had.
+    fn next_work(&mut self, worker: ConnectionId) -> Option<Work> {
+        if let Some(assignment) = self.next_lost(worker) {
             return Some(Work::Packet(assignment));
         }
         if self.schedule.is_ending() {
             return None;
         }
         self.next_for_displays().or_else(|| self.next_in_batch().map(Work::Packet))
+    }
+
+    /// Returns the oldest packet of a lost worker that this one may have.
+    fn next_lost(&mut self, worker: ConnectionId) -> Option<Assignment> {
+        let is_alone = self.workers.len() == 1;
+        let mut oldest = self.lost.iter().take(LOST_LOOKED_AT);
+        let (&id, _) = oldest.find(|(_, packet)| packet.is_for(worker, is_alone))?;
+        self.lost.remove(&id)
     }
 
     /// Returns work for the display whose turn it is, or for the next one that wants any.
@@ -97,7 +177,8 @@ impl Coordinator {
             later.chain(self.displays.keys().filter(|id| !after(id))).copied().collect();
         for id in ids {
             let Some(display) = self.displays.get(&id) else { continue };
-            if display.settling.is_some() || display.outbox.queued_bytes() > DISPLAY_QUEUE_BYTES {
+            let is_behind = display.outbox.queued_bytes() > DISPLAY_QUEUE_BYTES;
+            if display.is_read_only || display.settling.is_some() || is_behind {
                 continue;
             }
             let work = if display.live.is_next() {
@@ -188,6 +269,6 @@ impl Coordinator {
         let paths = self.holodeck.about.settings.paths_per_sample;
         let id = self.last_packet;
         let packet = Packet { id, key, first, count, paths, viewpoint: None, rays: None };
-        Assignment { packet, viewpoint, display }
+        Assignment { packet, viewpoint, display, check: None, not_for: None }
     }
 }

@@ -15,6 +15,8 @@ pub struct Display {
     pub outbox: Outbox,
     /// Its name, for people.
     pub name: String,
+    /// Whether nothing is traced for it, and it changes nothing.
+    pub is_read_only: bool,
     /// What it wants for its present view; `None` before the first view and once it has settled.
     pub wishes: Option<Wishes>,
     /// Live rays of its view.
@@ -31,10 +33,11 @@ pub struct Display {
 
 impl Display {
     /// Returns a display without a view.
-    pub fn new(outbox: Outbox, name: String) -> Display {
+    pub fn new(outbox: Outbox, name: String, is_read_only: bool) -> Display {
         Display {
             outbox,
             name,
+            is_read_only,
             wishes: None,
             live: LiveQueue::default(),
             newest: Arc::default(),

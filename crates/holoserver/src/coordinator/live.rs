@@ -1,6 +1,6 @@
 //! Live rays: traced for one display and not stored.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, time::Instant};
 
 use anyhow::{Result, ensure};
 use holo_proto::{
@@ -12,7 +12,7 @@ use super::{Coordinator, display::Display};
 use crate::{
     events::ConnectionId,
     live::LiveAssignment,
-    workers::{ResultsError, Worker},
+    workers::{Finished, ResultsError},
 };
 
 impl Display {
@@ -65,12 +65,16 @@ impl Coordinator {
         results: &LiveResults,
         outgoing: &mut BTreeMap<ConnectionId, LiveSamples>,
     ) -> Result<(), ResultsError> {
+        let now = Instant::now();
         let mut rest = results.hits.as_slice();
         for traced in &results.packets {
             let Some(worker) = self.workers.get_mut(&id) else { return Ok(()) };
-            let LiveAssignment { display, view, rays, .. } = worker.finish_live(traced)?;
-            let (hits, after) = rest.split_at(rays.len());
+            let (hits, after) = rest.split_at(traced.count as usize);
             rest = after;
+            let finished = worker.finish_live(traced, now)?;
+            // Others have got those that come too late.
+            let Finished::InTime(assignment) = finished else { continue };
+            let LiveAssignment { display, view, rays, .. } = assignment;
             if self.displays.get(&display).is_some_and(|display| display.wants_live(view)) {
                 let message = outgoing
                     .entry(display)
@@ -84,9 +88,9 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Queues a lost worker's live rays again, if they are still of use.
-    pub(super) fn live_again(&mut self, worker: &mut Worker) {
-        for LiveAssignment { display, view, rays, .. } in worker.take_live() {
+    /// Queues live rays again that a worker has not traced, if they are still of use.
+    pub(super) fn live_again(&mut self, lost: impl IntoIterator<Item = LiveAssignment>) {
+        for LiveAssignment { display, view, rays, .. } in lost {
             let display = self.displays.get_mut(&display);
             if let Some(display) = display.filter(|display| display.wants_live(view)) {
                 display.live.put_back(&rays);

@@ -2,24 +2,31 @@
 
 use std::sync::atomic::Ordering;
 
-use holo_net::Outbox;
-use holo_proto::{control::Control, hello::Role};
+use holo_net::{Outbox, Rights};
+use holo_proto::{
+    control::Control,
+    hello::{Hello, Role},
+};
 
 use super::{Coordinator, display::Display};
 use crate::{events::ConnectionId, workers::Worker};
 
 impl Coordinator {
     /// Takes somebody in.
-    pub(super) fn join(&mut self, id: ConnectionId, role: Role, name: String, outbox: Outbox) {
-        self.progress.say(&format!("{name} joined"));
+    pub(super) fn join(&mut self, id: ConnectionId, hello: Hello, rights: Rights, outbox: Outbox) {
+        let Hello { role, name, .. } = hello;
         match role {
             Role::Worker => {
+                self.progress.say(&format!("{name} joined"));
                 let paths = self.holodeck.about.settings.paths_per_sample;
                 self.workers.insert(id, Worker::new(outbox, name, paths));
             }
             Role::Display => {
-                self.displays.insert(id, Display::new(outbox, name));
+                self.progress.say(&format!("{name} joined"));
+                let is_read_only = rights == Rights::ReadOnly;
+                self.displays.insert(id, Display::new(outbox, name, is_read_only));
             }
+            Role::Admin => {}
         }
     }
 
@@ -42,10 +49,14 @@ impl Coordinator {
     pub(super) fn leave(&mut self, id: ConnectionId, reason: Option<String>) {
         let reason = reason.unwrap_or_else(|| "it closed its connection".into());
         self.listeners.remove(&id);
+        if let Some(mailbox) = self.mailboxes.remove(&id) {
+            mailbox.close();
+        }
         if let Some(mut worker) = self.workers.remove(&id) {
             self.progress.say(&format!("{} left: {reason}", worker.name));
-            self.live_again(&mut worker);
-            self.lost.extend(worker.into_assignments());
+            self.live_again(worker.take_live());
+            self.lose(worker.into_assignments());
+            self.claims.left(id);
         }
         if let Some(display) = self.displays.remove(&id) {
             self.progress.say(&format!("{} left: {reason}", display.name));

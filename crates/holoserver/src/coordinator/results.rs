@@ -1,21 +1,20 @@
 //! What workers send back: stored once, and passed on to whoever looks at it.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{collections::BTreeMap, time::Instant};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::Result;
 use holo_beamfile::Error as FileError;
 use holo_proto::{
     bulk::{Results, Samples, Source},
     frame::Kind,
 };
-use holo_section::{BeamKey, Run, Sample};
+use holo_section::{Run, Sample};
 
 use super::{Coordinator, display::is_looked_at};
 use crate::{
     better,
     events::ConnectionId,
-    recall::send_unseen,
-    workers::{Assignment, ResultsError},
+    workers::{Assignment, Finished, ResultsError},
 };
 
 impl Coordinator {
@@ -42,12 +41,23 @@ impl Coordinator {
         outgoing: &mut BTreeMap<ConnectionId, Samples>,
     ) -> Result<()> {
         let usual = self.holodeck.about.settings.paths_per_sample;
+        let now = Instant::now();
         let mut rest = results.samples.as_slice();
         for traced in &results.packets {
             let Some(worker) = self.workers.get_mut(&id) else { return Ok(()) };
-            let assignment = worker.finish(traced)?;
             let (samples, after) = rest.split_at(traced.count as usize);
             rest = after;
+            let finished = worker.finish(traced, now)?;
+            let Some(assignment) = self.still_open(finished) else { continue };
+            if assignment.packet.count as usize != samples.len() {
+                let asked = assignment.packet.count;
+                self.lose([assignment]);
+                return Err(ResultsError::Count { found: traced.count, asked }.into());
+            }
+            if let Some(check) = assignment.check {
+                self.check_traced(id, assignment.key(), check, samples)?;
+                continue;
+            }
             let is_better = assignment.packet.paths > usual;
             let stored = match is_better {
                 true => self.store_better(&assignment, samples),
@@ -57,7 +67,7 @@ impl Coordinator {
                 Ok(()) => {}
                 Err(FileError::NotWritten { .. }) => {
                     // A full disk, and no memory left. It is traced again when there is room.
-                    self.lost.push_back(assignment);
+                    self.lose([assignment]);
                     continue;
                 }
                 Err(error) => return Err(error.into()),
@@ -71,38 +81,20 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Remembers beams that a worker found to see nothing, and tells displays that look at them.
-    fn take_unseen(&mut self, id: ConnectionId, packets: &[u64]) -> Result<()> {
-        let mut outgoing: BTreeMap<ConnectionId, BTreeSet<_>> = BTreeMap::new();
-        let taken = packets.iter().try_for_each(|&packet| {
-            let key = self.finish_unseen(id, packet)?;
-            self.holodeck.unseen_mut().insert(key);
-            for (&display, _) in self.displays.iter().filter(|(_, display)| display.looks_at(key)) {
-                // Several packets of one beam may have been under way.
-                outgoing.entry(display).or_default().insert(key);
-            }
-            Ok(())
-        });
-        // Even if a packet was refused, as with samples.
-        for (id, beams) in outgoing {
-            let display = self.displays.get(&id);
-            if let Some((display, wishes)) = display.and_then(|d| Some((d, d.wishes.as_ref()?))) {
-                send_unseen(&display.outbox, wishes.view, &Vec::from_iter(beams))?;
+    /// Returns the packet whose results have come; `None` if they are too late, because another
+    /// worker has the packet or has traced it, or nobody wants it any more.
+    pub(super) fn still_open(&mut self, finished: Finished<Assignment>) -> Option<Assignment> {
+        match finished {
+            Finished::InTime(assignment) => Some(assignment),
+            Finished::Late(renamed) => {
+                let renamed = renamed?;
+                self.lost.remove(&renamed).or_else(|| self.checks.remove(&renamed))
             }
         }
-        taken
-    }
-
-    fn finish_unseen(&mut self, id: ConnectionId, packet: u64) -> Result<BeamKey> {
-        ensure!(self.holodeck.skip_unseen, ResultsError::NotAsked);
-        let worker = self.workers.get_mut(&id).context("it has left")?;
-        let assignment = worker.finish_unseen(packet)?;
-        self.finish_packet(&assignment);
-        Ok(assignment.key())
     }
 
     /// Takes note that a packet's results have come, whatever they are.
-    fn finish_packet(&mut self, assignment: &Assignment) {
+    pub(super) fn finish_packet(&mut self, assignment: &Assignment) {
         if let Some(fill) = self.fill.as_mut().filter(|_| assignment.display.is_none()) {
             fill.finish_packet();
         }

@@ -1,6 +1,9 @@
 //! Views of displays: from the request, through recall and tracing, until they settle.
 
-use std::sync::{Arc, atomic::Ordering};
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, atomic::Ordering},
+};
 
 use anyhow::{Result, ensure};
 use holo_progress::said_once;
@@ -13,15 +16,16 @@ use super::Coordinator;
 use crate::{
     events::{ConnectionId, Event},
     recall::Recall,
-    wishes::Wishes,
+    wishes::{Wishes, keep_heaviest, most_beams},
     workers::Assignment,
 };
 
 impl Coordinator {
     /// Takes a display's view: sends what is stored, and from now on traces for it. The same view
     /// again only moves the viewpoint's radius.
-    pub(super) fn view(&mut self, id: ConnectionId, request: ViewRequest) -> Result<()> {
+    pub(super) fn view(&mut self, id: ConnectionId, mut request: ViewRequest) -> Result<()> {
         self.check_beams(&request)?;
+        keep_heaviest(&mut request.beams, most_beams(self.displays.len()));
         let Some(display) = self.displays.get_mut(&id) else { return Ok(()) };
         if let Some(wishes) = display.wishes.as_mut().filter(|wishes| wishes.view == request.view) {
             wishes.viewpoint = request.viewpoint;
@@ -119,7 +123,8 @@ impl Coordinator {
             };
             let under_way = self.workers.values().any(|worker| {
                 worker.assignments().any(|assignment| {
-                    assignment.packet.id <= last && wishes.contains(assignment.key())
+                    let is_wanted = assignment.check.is_none() && wishes.contains(assignment.key());
+                    is_wanted && assignment.packet.id <= last
                 })
             });
             if under_way {
@@ -141,6 +146,10 @@ impl Coordinator {
 
     /// Keeps a named view in the file. Writing waits for the disk, so a thread of its own does.
     pub(super) fn keep_view(&mut self, id: ConnectionId, name: String, options: String) {
+        if self.displays.get(&id).is_some_and(|display| display.is_read_only) {
+            let reason = "this display may only look: it keeps no views".to_owned();
+            return self.view_kept(id, Err(reason));
+        }
         let (holodeck, events) = (Arc::clone(&self.holodeck), self.events.clone());
         std::thread::spawn(move || {
             let kept = holodeck.keep_view(&name, &options);
@@ -184,10 +193,10 @@ impl Coordinator {
 
     /// Forgets some lost packets. Later packets get their sample numbers.
     fn forget(&mut self, is_stale: impl Fn(&Assignment) -> bool) {
-        let lost = std::mem::take(&mut self.lost);
-        let (stale, kept): (Vec<_>, Vec<_>) = lost.into_iter().partition(is_stale);
-        self.lost = kept.into();
-        for assignment in stale {
+        let (stale, kept): (BTreeMap<_, _>, _) =
+            std::mem::take(&mut self.lost).into_iter().partition(|(_, packet)| is_stale(packet));
+        self.lost = kept;
+        for assignment in stale.into_values() {
             let Assignment { packet, .. } = assignment;
             self.allotment.give_back(
                 assignment.key(),

@@ -19,12 +19,12 @@ mod screen;
 #[cfg(test)]
 mod tests;
 
-use std::{net::SocketAddr, path::PathBuf, process::Stdio, sync::Arc};
+use std::{path::PathBuf, process::Stdio, sync::Arc};
 
 use anyhow::{Context, Result};
 use axum::{Router, middleware, routing::get};
 use clap::Args;
-use holo_net::{NetError, Shutdown};
+use holo_net::{Destination, NetError, Shutdown};
 use tokio::net::TcpListener;
 
 use crate::{
@@ -63,7 +63,7 @@ pub async fn run(config: Config, args: BrowserArgs, unit: f64, shutdown: Shutdow
     config.driver.check().map_err(anyhow::Error::msg)?;
     let listener = listen(&args.http).await?;
     let address = listener.local_addr().context("the page's address")?;
-    let server: SocketAddr = holo_net::loopback(&config.connect)?;
+    let server = Destination::parse(&config.connect)?;
     let driver = DriverArgs { walks: true, ..config.driver };
     let connected =
         session::Connected::new(server, driver, config.points.clone(), shutdown.clone()).await?;

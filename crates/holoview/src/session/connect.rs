@@ -7,7 +7,7 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
-use holo_net::{Message, Outbox, Shutdown};
+use holo_net::{Destination, Message, Outbox, Shutdown};
 use holo_progress::HumanBytes;
 use holo_proto::{
     control::{Control, Welcome},
@@ -82,20 +82,21 @@ impl Waker {
 }
 
 impl Connected {
-    /// Connects to the server at `address`. The session ends when `shutdown` is triggered.
+    /// Connects to a server. The session ends when `shutdown` is triggered.
     ///
     /// # Errors
     /// If the server cannot be reached or refuses.
     pub async fn new(
-        address: SocketAddr,
+        server: impl Into<Destination>,
         args: DriverArgs,
         points: PointArgs,
         shutdown: Shutdown,
     ) -> Result<Connected> {
         let name = format!("holoview {}", std::process::id());
-        let connection = holo_net::connect(address, Role::Display, &name).await;
+        let server = server.into();
+        let connection = holo_net::connect(server.clone(), Role::Display, &name).await;
         let (inbox, outbox, welcome) =
-            connection.with_context(|| format!("connecting to the holoserver at {address}"))?;
+            connection.with_context(|| format!("connecting to the holoserver at {server}"))?;
         let sections = welcome.sections.iter().cloned().map(Section::new);
         let sections: Arc<[Section]> =
             sections.collect::<Result<_, _>>().context("the server's sections")?;

@@ -19,10 +19,10 @@ mod saved;
 mod seen;
 mod text;
 
-use std::{net::SocketAddr, path::PathBuf, sync::mpsc};
+use std::{path::PathBuf, sync::mpsc};
 
 use anyhow::{Context, Result};
-use holo_net::Shutdown;
+use holo_net::{Destination, Shutdown};
 use tokio::sync::{oneshot, watch};
 use winit::event_loop::EventLoopProxy;
 
@@ -109,7 +109,7 @@ pub async fn run(
     check_desktop()?;
     config.driver.check().map_err(anyhow::Error::msg)?;
     let look = config.look.look().map_err(anyhow::Error::msg)?;
-    let server: SocketAddr = holo_net::loopback(&config.connect)?;
+    let server = Destination::parse(&config.connect)?;
     let driver = DriverArgs { walks: true, ..config.driver };
     let connected =
         session::Connected::new(server, driver, config.points.clone(), shutdown.clone()).await?;

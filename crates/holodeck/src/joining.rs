@@ -1,0 +1,78 @@
+//! Several machines: whom a session takes from elsewhere, and how one joins.
+
+use std::{ffi::OsString, path::PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use holo_net::{Identity, Invitation, Rights};
+
+/// Whom a server takes from other machines.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub struct ListenArgs {
+    /// Take workers and displays from other machines at this address, such as 0.0.0.0:7070. The
+    /// string to join with is printed
+    #[arg(long, value_name = "HOST:PORT")]
+    listen: Option<String>,
+    /// The address in the printed string, if others see this machine under another one
+    #[arg(long, value_name = "HOST:PORT", requires = "listen")]
+    public: Option<String>,
+    /// Folder of the server's certificate and tokens [default: holodeck/server in the user's
+    /// configuration folder]
+    #[arg(long, value_name = "DIR", requires = "listen")]
+    identity: Option<PathBuf>,
+}
+
+impl ListenArgs {
+    /// Returns the server's arguments. Without any, it takes only processes of this machine, at any
+    /// free port.
+    pub fn arguments(&self) -> Vec<OsString> {
+        let listen = self.listen.clone().unwrap_or_else(|| "127.0.0.1:0".to_owned());
+        let mut arguments: Vec<OsString> = vec!["--listen".into(), listen.into()];
+        if let Some(public) = &self.public {
+            arguments.extend(["--public".into(), public.into()]);
+        }
+        if let Some(identity) = &self.identity {
+            arguments.extend(["--identity".into(), identity.into()]);
+        }
+        arguments
+    }
+}
+
+/// List the tokens of this user's servers, and make or revoke one
+#[derive(clap::Args)]
+#[command(after_help = "Examples:\n  holodeck tokens\n  \
+    holodeck tokens --add worker --public 192.0.2.7:7070\n  holodeck tokens --revoke GkdS3h6pXzU")]
+pub struct TokensArgs {
+    /// Make a token for this role (admin, worker, display, read-only), and print the string to join
+    /// with
+    #[arg(long, value_name = "ROLE", requires = "public")]
+    add: Option<Rights>,
+    /// The server's address in that string
+    #[arg(long, value_name = "HOST:PORT", requires = "add")]
+    public: Option<String>,
+    /// Revoke the token of this name: nobody joins with it any more
+    #[arg(long, value_name = "NAME", conflicts_with = "add")]
+    revoke: Option<String>,
+    /// Folder of the certificate and the tokens [default: holodeck/server in the user's
+    /// configuration folder]
+    #[arg(long, value_name = "DIR")]
+    identity: Option<PathBuf>,
+}
+
+/// See [`TokensArgs`].
+pub fn tokens(args: &TokensArgs) -> Result<()> {
+    let folder = args.identity.clone().or_else(Identity::users_folder);
+    let folder = folder.context("say --identity DIR: the user has no home folder")?;
+    let identity = Identity::open(&folder)?;
+    if let (Some(rights), Some(address)) = (args.add, &args.public) {
+        let token = identity.add_token(rights)?;
+        let (address, fingerprint) = (address.clone(), identity.fingerprint());
+        println!("join with {}", Invitation { address, fingerprint, token });
+    } else if let Some(name) = &args.revoke {
+        ensure!(identity.revoke_token(name)?, "no token has the name `{name}`");
+    } else {
+        for (token, rights) in identity.tokens()? {
+            println!("{} {rights}", token.name());
+        }
+    }
+    Ok(())
+}

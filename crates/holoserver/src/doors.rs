@@ -1,0 +1,72 @@
+//! Where a server takes connections: on this machine without encryption, and from elsewhere by
+//! invitation.
+
+use std::{
+    net::{Ipv4Addr, SocketAddr},
+    sync::{Arc, mpsc::Sender},
+};
+
+use anyhow::{Context, Result};
+use holo_net::{Identity, Invitation, Rights};
+use tokio::{net::TcpListener, task::JoinSet};
+
+use crate::{Config, Ready, events::Event, holodeck::Holodeck, listen};
+
+/// Listening sockets.
+pub struct Doors {
+    /// Where they are.
+    pub ready: Ready,
+    local: TcpListener,
+    outside: Option<(TcpListener, Identity)>,
+}
+
+impl Doors {
+    /// Listens where the options say. A server for other machines also listens at any free port of
+    /// this one: for the worker and the viewer that are started with it.
+    ///
+    /// # Errors
+    /// If an address is not free, or the certificate and tokens cannot be made or read.
+    pub async fn open(config: &Config) -> Result<Doors> {
+        let address = holo_net::any_address(&config.listen)?;
+        if address.ip().is_loopback() && !config.secure {
+            let local = bind(address).await?;
+            let ready = Ready { address: local.local_addr()?, invitation: None };
+            return Ok(Doors { ready, local, outside: None });
+        }
+        let outside = bind(address).await?;
+        let folder = config.identity.clone().or_else(Identity::users_folder);
+        let folder = folder.context("say --identity DIR: the user has no home folder")?;
+        let identity = tokio::task::spawn_blocking(move || Identity::open(&folder)).await??;
+        let local = bind((Ipv4Addr::LOCALHOST, 0).into()).await?;
+        let seen = holo_net::seen_from_outside(outside.local_addr()?).to_string();
+        let invitation = invitation(&identity, config.public.clone().unwrap_or(seen))?;
+        let ready = Ready { address: local.local_addr()?, invitation: Some(invitation) };
+        Ok(Doors { ready, local, outside: Some((outside, identity)) })
+    }
+
+    /// Takes connections until the tasks are ended.
+    pub fn listen(self, holodeck: &Arc<Holodeck>, events: &Sender<Event>) -> JoinSet<()> {
+        let mut tasks = JoinSet::new();
+        let shared = listen::Shared::new(Arc::clone(holodeck), events.clone());
+        tasks.spawn(listen::listen(self.local, None, shared.clone()));
+        if let Some((outside, identity)) = self.outside {
+            tasks.spawn(listen::listen(outside, Some(identity), shared));
+        }
+        tasks
+    }
+}
+
+async fn bind(address: SocketAddr) -> Result<TcpListener> {
+    TcpListener::bind(address).await.with_context(|| format!("listening at {address}"))
+}
+
+/// Returns the invitation with the oldest token that permits everything.
+fn invitation(identity: &Identity, address: String) -> Result<Invitation> {
+    let tokens = identity.tokens()?;
+    let admin = tokens.iter().find(|(_, rights)| *rights == Rights::Admin);
+    let token = match admin {
+        Some((token, _)) => *token,
+        None => identity.add_token(Rights::Admin)?,
+    };
+    Ok(Invitation { address, fingerprint: identity.fingerprint(), token })
+}

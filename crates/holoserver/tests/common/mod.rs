@@ -1,0 +1,208 @@
+//! A server in this process, and peers for it.
+// Helpers are tests, too, and each test file uses some of them.
+#![allow(dead_code, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::{future::Future, net::SocketAddr, path::PathBuf, time::Duration};
+
+use holo_net::{Destination, Inbox, Invitation, Message, NetError, Outbox, Shutdown};
+use holo_proto::{
+    bulk::{Packet, Results, Traced, Work},
+    control::{Control, Engine, RenderSettings, Welcome},
+    frame::Kind,
+    hello::Role,
+};
+use holo_section::{BeamId, BeamKey, RayCoords, Sample, SectionSpec, ViewClass};
+use holo_server::{About, Config, Holodeck, Ready, Summary};
+use tokio::{sync::oneshot, task::JoinHandle, time::timeout};
+
+/// The limit of waits in real time. Only a hang reaches it.
+pub const LIMIT: Duration = Duration::from_secs(120);
+
+/// Runs a test. If it fails, its server is left behind, because nobody would end it.
+pub fn run(test: impl Future<Output = ()> + Send + 'static) {
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let result = runtime.block_on(runtime.spawn(test));
+    runtime.shutdown_background();
+    result.unwrap();
+}
+
+/// Waits for something that must happen.
+pub async fn in_time<T>(what: impl Future<Output = T>) -> T {
+    timeout(LIMIT, what).await.expect("in time")
+}
+
+/// A beam of the only section.
+pub fn beam(beam: u64) -> BeamKey {
+    BeamKey { section: 0, beam: BeamId(beam) }
+}
+
+/// A folder with a holodeck of one section.
+pub struct Place {
+    folder: tempfile::TempDir,
+}
+
+impl Place {
+    pub fn new() -> Place {
+        let folder = tempfile::tempdir().unwrap();
+        let spec = SectionSpec {
+            origin: [0.0; 3],
+            axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            grid: [8, 8, 8],
+            class: ViewClass::Interior,
+            obstructions: true,
+        };
+        let settings = RenderSettings {
+            engine: Engine::Path,
+            bounces: None,
+            paths_per_sample: 1,
+            accuracy: 1.0,
+            seed: 1,
+            virtual_distance: false,
+        };
+        let place = Place { folder };
+        let about = About::new(vec![spec], settings, b"a scene", "a test".into());
+        Holodeck::create(&place.file(), about, b"a scene", 1 << 20).unwrap();
+        place
+    }
+
+    pub fn file(&self) -> PathBuf {
+        self.folder.path().join("a.holo")
+    }
+
+    /// Starts a server, after `change` of its options.
+    pub async fn serve(&self, change: impl FnOnce(&mut Config)) -> Server {
+        let mut config = Config::new(self.file());
+        change(&mut config);
+        let shutdown = Shutdown::new();
+        let (sender, ready) = oneshot::channel();
+        let run = holo_server::run(config, shutdown.clone(), move |ready| {
+            sender.send(ready).unwrap();
+        });
+        let task = tokio::spawn(run);
+        let Ready { address, invitation } = in_time(ready).await.unwrap();
+        Server { address, invitation, shutdown, task }
+    }
+}
+
+/// A running server.
+pub struct Server {
+    pub address: SocketAddr,
+    pub invitation: Option<Invitation>,
+    pub shutdown: Shutdown,
+    task: JoinHandle<anyhow::Result<Summary>>,
+}
+
+impl Server {
+    /// Ends it.
+    pub async fn end(self) -> Summary {
+        self.shutdown.trigger();
+        self.ended().await
+    }
+
+    /// Waits until it has ended by itself.
+    pub async fn ended(self) -> Summary {
+        in_time(self.task).await.unwrap().unwrap()
+    }
+}
+
+/// One connected peer.
+pub struct Peer {
+    pub inbox: Inbox,
+    pub outbox: Outbox,
+    pub welcome: Welcome,
+}
+
+impl Peer {
+    pub async fn join(server: impl Into<Destination>, role: Role) -> Peer {
+        let joined = in_time(holo_net::connect(server, role, "a test")).await;
+        let (inbox, outbox, welcome) = joined.expect("the server takes us");
+        Peer { inbox, outbox, welcome }
+    }
+
+    pub fn send(&self, kind: Kind, payload: &[u8]) {
+        self.outbox.send(kind, payload).unwrap();
+    }
+
+    /// Waits for a message.
+    pub async fn wait_for(&mut self, wanted: impl Fn(&Message) -> bool) -> Message {
+        loop {
+            let message = in_time(self.inbox.next()).await.expect("the server lives");
+            if wanted(&message) {
+                return message;
+            }
+        }
+    }
+
+    /// Waits for packets.
+    pub async fn work(&mut self) -> Vec<Packet> {
+        match self.wait_for(|message| matches!(message, Message::Work(_))).await {
+            Message::Work(work) => work.packets,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Waits until so many samples have come.
+    pub async fn samples(&mut self, count: usize) {
+        let mut have = 0;
+        while have < count {
+            let message = self.wait_for(|message| matches!(message, Message::Samples(_))).await;
+            if let Message::Samples(samples) = message {
+                have += samples.samples.len();
+            }
+        }
+    }
+
+    /// Waits for the end, and returns the reason that was given.
+    pub async fn expelled(&mut self) -> Option<String> {
+        let mut said = None;
+        loop {
+            match in_time(self.inbox.next()).await {
+                Ok(Message::Control(Control::Bye { reason })) => said = Some(reason),
+                Ok(_) => {}
+                Err(_) => return said,
+            }
+        }
+    }
+}
+
+/// What a ray of a beam hits here: something, or nothing.
+pub fn sample(hits: bool) -> Sample {
+    let (colour, distance) = if hits { ([128, 64, 32, 128], 77) } else { ([0; 4], u16::MAX) };
+    Sample::from_codes(RayCoords::default(), colour, distance)
+}
+
+/// Returns the results of packets whose rays hit something or nothing.
+pub fn results<'a>(packets: impl IntoIterator<Item = &'a Packet>, hits: bool) -> Results {
+    let mut results = Results::default();
+    for packet in packets {
+        let count = u32::from(packet.count);
+        results.packets.push(Traced { id: packet.id, count, nanoseconds: 1000 });
+        results.samples.extend(std::iter::repeat_n(sample(hits), count as usize));
+    }
+    results
+}
+
+/// Joins as a worker whose rays all hit something, until the server says goodbye or goes.
+pub async fn work(server: impl Into<Destination>) {
+    work_as(server, |work| results(&work.packets, true)).await;
+}
+
+/// Joins as a worker that answers as `answer` says. Returns why the server ended the session.
+pub async fn work_as(
+    server: impl Into<Destination>,
+    answer: impl Fn(&Work) -> Results,
+) -> Option<String> {
+    let Peer { mut inbox, outbox, .. } = Peer::join(server, Role::Worker).await;
+    outbox.control(&Control::Ready { threads: 1 }).unwrap();
+    loop {
+        match inbox.next().await {
+            Ok(Message::Work(work)) => {
+                outbox.send(Kind::Results, &answer(&work).encode()).unwrap();
+            }
+            Ok(Message::Control(Control::Bye { reason })) => return Some(reason),
+            Ok(_) => {}
+            Err(NetError::Closed | NetError::Io(_)) => return None,
+            Err(error) => panic!("{error}"),
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! Peers that know the protocol and mean harm: over real sockets, to a server in this process.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod common;
+
+use common::{Peer, Place, Server, in_time, run};
+use holo_net::Message;
+use holo_proto::{
+    bulk::{Results, ViewRequest, WantedBeam, Work},
+    control::Control,
+    frame::Kind,
+    hello::Role,
+};
+use holo_section::Viewpoint;
+use holo_server::Holodeck;
+use tokio::{net::TcpStream, task::JoinHandle};
+
+/// A view of the place's first beams.
+fn view(view: u32, beams: u64) -> ViewRequest {
+    let wanted = |beam| WantedBeam { key: common::beam(beam), weight: 1.0 };
+    let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
+    ViewRequest { view, viewpoint, beams: (0..beams).map(wanted).collect() }
+}
+
+#[test]
+fn a_worker_that_answers_pings_and_returns_nothing_hangs_nobody() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|_| {}).await;
+        // It says that it has more threads than any machine.
+        let mut silent = Peer::join(server.address, Role::Worker).await;
+        silent.outbox.control(&Control::Ready { threads: u16::MAX }).unwrap();
+        let mut display = Peer::join(server.address, Role::Display).await;
+        display.send(Kind::View, &view(1, 500).encode());
+        let held = silent.work().await;
+        assert!(!held.is_empty());
+        // An honest worker joins. All that the other holds is traced by it, or no longer waited for.
+        let honest = tokio::spawn(common::work(server.address));
+        display.samples(200).await;
+        display.outbox.control(&Control::Settle { view: 1 }).unwrap();
+        display
+            .wait_for(|message| *message == Message::Control(Control::Settled { view: 1 }))
+            .await;
+        assert!(held.len() <= 1024, "{} packets", held.len());
+        server.end().await;
+        honest.await.unwrap();
+    });
+}
+
+#[test]
+fn a_display_that_floods_delays_no_other_and_leaves_nothing_behind() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|_| {}).await;
+        let honest = tokio::spawn(common::work(server.address));
+        let flood = Peer::join(server.address, Role::Display).await;
+        let frame = |number: u32| view(number, 2000).encode();
+        // More than any server would handle in the time of this test, one by one and in order.
+        for number in 1..=20_000 {
+            flood.send(Kind::View, &frame(number));
+        }
+        let mut display = Peer::join(server.address, Role::Display).await;
+        let before = flood.outbox.queued_bytes();
+        display.send(Kind::View, &view(1, 10).encode());
+        display.samples(1).await;
+        assert!(before > 0, "the flood was over before anybody else came");
+        assert!(flood.outbox.queued_bytes() > 0, "it was served before the other's flood was over");
+        drop(flood);
+        display.send(Kind::View, &view(2, 10).encode());
+        display
+            .wait_for(|message| *message == Message::Control(Control::StoredSent { view: 2 }))
+            .await;
+        server.end().await;
+        honest.await.unwrap();
+    });
+}
+
+#[test]
+fn strangers_that_say_nothing_lock_nobody_out() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|_| {}).await;
+        let mut silent = Vec::new();
+        for _ in 0..400 {
+            silent.push(in_time(TcpStream::connect(server.address)).await.unwrap());
+        }
+        // Both are taken, though nobody has left.
+        let display = Peer::join(server.address, Role::Display).await;
+        let worker = Peer::join(server.address, Role::Worker).await;
+        drop((silent, display, worker));
+        server.end().await;
+    });
+}
+
+/// A worker that calls everything unseen.
+fn nothing_there(work: &Work) -> Results {
+    Results { unseen: work.packets.iter().map(|packet| packet.id).collect(), ..Default::default() }
+}
+
+/// Serves, and waits until a worker that calls everything unseen has done so with many beams.
+async fn deceived(place: &Place) -> (Server, JoinHandle<Option<String>>) {
+    let server = place.serve(|config| config.fill = true).await;
+    let (sender, mut claims) = tokio::sync::mpsc::unbounded_channel();
+    let liar = tokio::spawn(common::work_as(server.address, move |work| {
+        // A test that has seen enough does not listen.
+        let _ = sender.send(work.packets.len());
+        nothing_there(work)
+    }));
+    let mut claimed = 0;
+    while claimed < 20_000 {
+        claimed += in_time(claims.recv()).await.unwrap();
+    }
+    (server, liar)
+}
+
+/// Returns how many unseen beams the file has.
+fn unseen(place: &Place) -> u64 {
+    Holodeck::open_read_only(&place.file(), 0).unwrap().unseen().count()
+}
+
+#[test]
+fn what_a_worker_calls_unseen_is_checked_by_the_next_and_undone() {
+    run(async {
+        let place = Place::new();
+        let (server, _liar) = deceived(&place).await;
+        let honest = tokio::spawn(common::work(server.address));
+        // It traces in the beams that nobody was to trace any more.
+        in_time(async {
+            while stored_beams(&place) < 1000 {
+                tokio::task::yield_now().await;
+            }
+        })
+        .await;
+        server.end().await;
+        assert_eq!(unseen(&place), 0, "the claims are undone in the file, too");
+        honest.await.unwrap();
+    });
+}
+
+#[test]
+fn of_three_workers_the_one_that_lies_is_named_and_dropped() {
+    run(async {
+        let place = Place::new();
+        let (server, liar) = deceived(&place).await;
+        let honest = [(); 2].map(|()| tokio::spawn(common::work(server.address)));
+        let reason = in_time(liar).await.unwrap().expect("it is told why");
+        assert!(reason.contains("sees nothing, and two others hit there"), "{reason}");
+        server.end().await;
+        for worker in honest {
+            worker.await.unwrap();
+        }
+    });
+}
+
+#[test]
+fn a_worker_that_hits_something_where_two_others_hit_nothing_is_dropped() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|config| config.fill = true).await;
+        let liar = tokio::spawn(common::work_as(server.address, |work| {
+            common::results(&work.packets, true)
+        }));
+        let honest = [(); 2].map(|()| tokio::spawn(common::work_as(server.address, nothing_there)));
+        let reason = in_time(liar).await.unwrap().expect("it is told why");
+        assert!(reason.contains("it hit something in beam"), "{reason}");
+        server.end().await;
+        for worker in honest {
+            worker.await.unwrap();
+        }
+    });
+}
+
+/// Returns how many beams have samples in the file.
+fn stored_beams(place: &Place) -> usize {
+    let holodeck = Holodeck::open_read_only(&place.file(), 0).unwrap();
+    (0..5000).filter(|&number| holodeck.file.count(common::beam(number)) > 0).count()
+}

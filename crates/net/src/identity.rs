@@ -1,0 +1,223 @@
+//! What a server shows and asks for between machines: its certificate, and the tokens that it
+//! knows. Both are files in a folder that only their owner can read.
+
+use std::{
+    fs::{self, File, OpenOptions},
+    io::{self, Write},
+    os::unix::fs::OpenOptionsExt,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use ring::{
+    digest, hmac,
+    rand::{SecureRandom, SystemRandom},
+};
+use tokio_rustls::{
+    TlsAcceptor,
+    rustls::{
+        ServerConfig,
+        crypto::ring::default_provider,
+        pki_types::{CertificateDer, PrivateKeyDer, PrivatePkcs8KeyDer},
+        version::TLS13,
+    },
+};
+
+use crate::{NetError, Rights, Token};
+
+/// A server's certificate and tokens.
+#[derive(Clone)]
+pub struct Identity {
+    folder: PathBuf,
+    certificate: CertificateDer<'static>,
+    acceptor: TlsAcceptor,
+}
+
+impl Identity {
+    /// Opens the identity in a folder. Makes one there if there is none: a certificate, and a token
+    /// with all rights.
+    ///
+    /// # Errors
+    /// [`NetError::Identity`] if it cannot be read, written or used.
+    pub fn open(folder: &Path) -> Result<Identity, NetError> {
+        let fail = |error: io::Error| NetError::Identity(folder.to_owned(), error.to_string());
+        let (certificate, key) = (folder.join("certificate.der"), folder.join("key.der"));
+        if !certificate.exists() {
+            make(folder).map_err(fail)?;
+        }
+        let certificate = CertificateDer::from(fs::read(certificate).map_err(fail)?);
+        let key = PrivatePkcs8KeyDer::from(fs::read(key).map_err(fail)?);
+        let config = ServerConfig::builder_with_provider(Arc::new(default_provider()))
+            .with_protocol_versions(&[&TLS13])
+            .map(|builder| builder.with_no_client_auth())
+            .and_then(|builder| {
+                builder.with_single_cert(vec![certificate.clone()], PrivateKeyDer::Pkcs8(key))
+            })
+            .map_err(|error| NetError::Identity(folder.to_owned(), error.to_string()))?;
+        let acceptor = TlsAcceptor::from(Arc::new(config));
+        Ok(Identity { folder: folder.to_owned(), certificate, acceptor })
+    }
+
+    /// Returns the folder of the user's own identity, if the user has a home.
+    pub fn users_folder() -> Option<PathBuf> {
+        let absolute = |name: &str| {
+            std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute())
+        };
+        let config =
+            absolute("XDG_CONFIG_HOME").or_else(|| Some(absolute("HOME")?.join(".config")));
+        Some(config?.join("holodeck/server"))
+    }
+
+    /// Returns the SHA-256 of the certificate.
+    pub fn fingerprint(&self) -> [u8; 32] {
+        sha256(&self.certificate)
+    }
+
+    pub(crate) fn acceptor(&self) -> &TlsAcceptor {
+        &self.acceptor
+    }
+
+    /// Returns the tokens, with what each permits, the oldest first. They are read anew each time,
+    /// so that one that was revoked opens nothing from then on.
+    ///
+    /// # Errors
+    /// [`NetError::Identity`] if they cannot be read.
+    pub fn tokens(&self) -> Result<Vec<(Token, Rights)>, NetError> {
+        let path = self.tokens_path();
+        let fail = |error: String| NetError::Identity(path.clone(), error);
+        let text = fs::read_to_string(&path).map_err(|error| fail(error.to_string()))?;
+        text.lines()
+            .map(|line| {
+                let (rights, token) =
+                    line.split_once(' ').ok_or_else(|| fail("a line is damaged".into()))?;
+                Ok((token.parse()?, rights.parse().map_err(fail)?))
+            })
+            .collect()
+    }
+
+    /// Makes a token.
+    ///
+    /// # Errors
+    /// [`NetError::Identity`] if it cannot be written.
+    pub fn add_token(&self, rights: Rights) -> Result<Token, NetError> {
+        let mut tokens = self.tokens()?;
+        let token = new_token().map_err(|error| self.failed(&error))?;
+        tokens.push((token, rights));
+        write_tokens(&self.tokens_path(), &tokens).map_err(|error| self.failed(&error))?;
+        Ok(token)
+    }
+
+    /// Revokes the token of this name. Returns whether there was one.
+    ///
+    /// # Errors
+    /// [`NetError::Identity`] if the others cannot be written.
+    pub fn revoke_token(&self, name: &str) -> Result<bool, NetError> {
+        let mut tokens = self.tokens()?;
+        let before = tokens.len();
+        tokens.retain(|(token, _)| token.name() != name);
+        if tokens.len() < before {
+            write_tokens(&self.tokens_path(), &tokens).map_err(|error| self.failed(&error))?;
+        }
+        Ok(tokens.len() < before)
+    }
+
+    fn failed(&self, error: &io::Error) -> NetError {
+        NetError::Identity(self.folder.clone(), error.to_string())
+    }
+
+    fn tokens_path(&self) -> PathBuf {
+        self.folder.join("tokens")
+    }
+}
+
+/// Makes a certificate and a token. The certificate comes last: it says that all is there.
+fn make(folder: &Path) -> io::Result<()> {
+    fs::create_dir_all(folder)?;
+    let made = rcgen::generate_simple_self_signed(vec!["holodeck".to_owned()]);
+    let made = made.map_err(io::Error::other)?;
+    write_tokens(&folder.join("tokens"), &[(new_token()?, Rights::Admin)])?;
+    write(&folder.join("key.der"), made.signing_key.serialized_der())?;
+    write(&folder.join("certificate.der"), made.cert.der())
+}
+
+fn new_token() -> io::Result<Token> {
+    Ok(Token { id: random()?, secret: random()? })
+}
+
+/// Returns random bytes that nobody can guess.
+pub(crate) fn random<const N: usize>() -> io::Result<[u8; N]> {
+    let mut bytes = [0; N];
+    let filled = SystemRandom::new().fill(&mut bytes);
+    filled.map_err(|_| io::Error::other("the system gives no random numbers"))?;
+    Ok(bytes)
+}
+
+pub(crate) fn sha256(bytes: &[u8]) -> [u8; 32] {
+    let mut hash = [0; 32];
+    hash.copy_from_slice(digest::digest(&digest::SHA256, bytes).as_ref());
+    hash
+}
+
+/// Returns the key with which a token's holder proves it.
+pub(crate) fn key(token: &Token) -> hmac::Key {
+    hmac::Key::new(hmac::HMAC_SHA256, &token.secret)
+}
+
+fn write_tokens(path: &Path, tokens: &[(Token, Rights)]) -> io::Result<()> {
+    let lines: String =
+        tokens.iter().map(|(token, rights)| format!("{rights} {token}\n")).collect();
+    write(path, lines.as_bytes())
+}
+
+/// Writes a file that only its owner can read, whole or not at all.
+fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let temporary = path.with_extension(format!("{}.part", std::process::id()));
+    let open =
+        OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&temporary);
+    let written = open.and_then(|mut file: File| {
+        file.write_all(bytes)?;
+        file.sync_all()
+    });
+    if let Err(error) = written.and_then(|()| fs::rename(&temporary, path)) {
+        let _ = fs::remove_file(&temporary);
+        return Err(error);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    #[test]
+    fn an_identity_is_made_once_and_read_by_its_owner_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("new/server");
+        let first = Identity::open(&place).unwrap();
+        let again = Identity::open(&place).unwrap();
+        assert_eq!(first.fingerprint(), again.fingerprint());
+        assert_eq!(first.tokens().unwrap(), again.tokens().unwrap());
+        assert!(matches!(first.tokens().unwrap()[..], [(_, Rights::Admin)]));
+        for entry in fs::read_dir(&place).unwrap() {
+            let mode = entry.unwrap().metadata().unwrap().permissions().mode();
+            assert_eq!(mode & 0o077, 0, "nobody else may read it");
+        }
+        let other = Identity::open(&folder.path().join("other")).unwrap();
+        assert_ne!(first.fingerprint(), other.fingerprint());
+    }
+
+    #[test]
+    fn tokens_come_and_go() {
+        let folder = tempfile::tempdir().unwrap();
+        let identity = Identity::open(folder.path()).unwrap();
+        let worker = identity.add_token(Rights::Worker).unwrap();
+        assert_eq!(identity.tokens().unwrap()[1], (worker, Rights::Worker));
+        assert!(identity.revoke_token(&worker.name()).unwrap());
+        assert!(!identity.revoke_token(&worker.name()).unwrap());
+        assert_eq!(identity.tokens().unwrap().len(), 1);
+        fs::write(folder.path().join("tokens"), "admin nonsense\n").unwrap();
+        assert!(identity.tokens().is_err());
+    }
+}

@@ -1,0 +1,62 @@
+//! The proof that whoever connects from elsewhere holds a token. The layouts never change, as those
+//! of the handshake.
+
+use crate::ProtoError;
+
+/// Bytes of a token's name.
+pub const TOKEN_ID_BYTES: usize = 8;
+
+/// Server to whoever connects: random bytes that it has never sent before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Challenge(pub [u8; 32]);
+
+/// The answer to a challenge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Proof {
+    /// The token's name.
+    pub token: [u8; TOKEN_ID_BYTES],
+    /// HMAC-SHA256 with the token's secret of the challenge and of the hello's payload.
+    pub mac: [u8; 32],
+}
+
+impl Challenge {
+    /// Returns the payload.
+    pub fn encode(&self) -> Vec<u8> {
+        self.0.to_vec()
+    }
+
+    /// Parses a payload.
+    ///
+    /// # Errors
+    /// If it does not have its length.
+    pub fn decode(bytes: &[u8]) -> Result<Challenge, ProtoError> {
+        exactly::<32>("challenge", bytes).map(Challenge)
+    }
+}
+
+impl Proof {
+    /// Returns the payload: the token's name, then the code.
+    pub fn encode(&self) -> Vec<u8> {
+        [&self.token[..], &self.mac].concat()
+    }
+
+    /// Parses a payload.
+    ///
+    /// # Errors
+    /// If it does not have its length.
+    pub fn decode(bytes: &[u8]) -> Result<Proof, ProtoError> {
+        let (token, mac) = bytes.split_at(bytes.len().min(TOKEN_ID_BYTES));
+        Ok(Proof { token: exactly("token", token)?, mac: exactly("proof", mac)? })
+    }
+}
+
+fn exactly<const N: usize>(what: &'static str, bytes: &[u8]) -> Result<[u8; N], ProtoError> {
+    match bytes.len().checked_sub(N) {
+        Some(0) | None => bytes.try_into().map_err(|_| ProtoError::Truncated {
+            what,
+            needed: N as u64,
+            found: bytes.len() as u64,
+        }),
+        Some(more) => Err(ProtoError::Trailing(more)),
+    }
+}
