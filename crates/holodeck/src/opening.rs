@@ -52,7 +52,16 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
     let Loaded { mut scene, about, .. } = loading::load(config, quiet)?;
     let mut choices = Vec::new();
     let features = scene.features();
-    let is_dark = features.emitters == 0 && !features.sky && config.sky.is_none();
+    let has_no_sky = !features.sky && config.sky.is_none();
+    let is_dark = features.emitters == 0 && features.suns == 0 && has_no_sky;
+    if has_no_sky && features.suns > 0 {
+        scene.sky = preview::sky_beside(&scene.suns);
+        let [r, g, b] = scene.sky.map(|c| rounded(f64::from(c), f64::from(c)));
+        choices.push(format!(
+            "light: a sky of radiance {r},{g},{b}, a fifth of the suns' irradiance, because the file \
+             has suns and no sky (--sky R,G,B)"
+        ));
+    }
     if is_dark {
         scene.sky = preview::SKY;
         choices.push(

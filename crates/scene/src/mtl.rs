@@ -21,8 +21,10 @@
 //!   value is not a finite number, or if their number is wrong.
 //! - **`Ke`** is radiance, on the counter-clockwise side. `Ka` and `sharpness` have no effect.
 //!   `map_Kd`, `map_Ke` and `map_d` are textures: factors to `Kd` and `Ke`, and what is cut out. `Kd`
-//!   or `Ke` of zero beside its texture is 1. Other textures and unknown statements are ignored with
-//!   a warning. Keywords may be in upper or lower case.
+//!   or `Ke` of zero beside its texture is 1. `map_Pr` and `map_Pm` are factors to `Pr` and `Pm`, 1
+//!   if these are zero or absent: the rows with `Pr` and `Pm` hold at each point. `norm` and
+//!   `map_Bump` bend normals. Other textures and unknown statements are ignored with a warning.
+//!   Keywords may be in upper or lower case.
 
 use crate::limits::{MAX_IOR, MAX_RADIANCE, MIN_IOR};
 use crate::mtl_maps::{MapStatement, Slot};
@@ -67,11 +69,24 @@ const METAL: f32 = 0.5;
 /// `Pr` below which metal is a mirror, and from which a plastic is diffuse.
 const SMOOTH: f32 = 0.03;
 const MATT: f32 = 0.75;
+/// Roughness of a metal that states none.
+pub(crate) const DEFAULT_ROUGHNESS: f32 = 0.5;
 const GREY: f64 = 0.5;
 
 impl MtlMaterial {
-    /// Returns the material of the scene, by the table of this module.
-    pub(crate) fn resolve(&self, two_sided_lights: bool, warnings: &mut Warnings) -> Material {
+    /// Returns the stated roughness and metalness.
+    pub(crate) fn finish(&self) -> [Option<f32>; 2] {
+        [self.pr, self.pm].map(|stated| stated.map(|n| n.value.clamp(0.0, 1.0) as f32))
+    }
+
+    /// Returns the material of the scene, by the table of this module. `mean` are roughness and
+    /// metalness if textures give them.
+    pub(crate) fn resolve(
+        &self,
+        mean: Option<[f32; 2]>,
+        two_sided_lights: bool,
+        warnings: &mut Warnings,
+    ) -> Material {
         let mut warn = |line: usize, text: String| warnings.push(&self.path, Some(line), text);
         let has_map = self.has_map(Slot::Emission);
         let is_dark = |ke: &Stated<[f64; 3]>| ke.value.iter().all(|&c| c <= 0.0);
@@ -80,7 +95,8 @@ impl MtlMaterial {
         let plain = if has_map { [1.0; 3] } else { [0.0; 3] };
         let emission = ke.map_or(plain, |ke| clamped("Ke", ke, f64::from(MAX_RADIANCE), &mut warn));
         let emits = emission.iter().any(|&e| e > 0.0);
-        let bsdf = self.bsdf(emits, &mut warn);
+        let finish = mean.map_or_else(|| self.finish(), |mean| mean.map(Some));
+        let bsdf = self.bsdf(finish, emits, &mut warn);
         Material {
             name: self.name.clone(),
             bsdf,
@@ -89,10 +105,15 @@ impl MtlMaterial {
         }
     }
 
-    fn bsdf(&self, emits: bool, warn: &mut impl FnMut(usize, String)) -> Bsdf {
+    fn bsdf(
+        &self,
+        finish: [Option<f32>; 2],
+        emits: bool,
+        warn: &mut impl FnMut(usize, String),
+    ) -> Bsdf {
         let illum = self.illum.map(|illum| illum.value);
         let illum_line = self.illum.map_or(self.line, |illum| illum.line);
-        if let Some(pbr) = self.metal_or_plastic(illum, emits, warn) {
+        if let Some(pbr) = self.metal_or_plastic(finish, illum, emits, warn) {
             return pbr;
         }
         let shines = self.ks.is_some_and(|ks| ks.value.iter().any(|&c| c > 0.0));
@@ -168,16 +189,15 @@ impl MtlMaterial {
         format!("material `{}`", excerpt(&self.name))
     }
 
-    /// Returns the scattering by `Pm` and `Pr`, if these are stated.
+    /// Returns the scattering by roughness and metalness, if these are stated.
     fn metal_or_plastic(
         &self,
+        [rough, metal]: [Option<f32>; 2],
         illum: Option<u8>,
         emits: bool,
         warn: &mut impl FnMut(usize, String),
     ) -> Option<Bsdf> {
-        let stated = |number: Option<Stated<f64>>| number.map(|n| n.value.clamp(0.0, 1.0) as f32);
-        let (rough, metal) = (stated(self.pr), stated(self.pm).unwrap_or(0.0));
-        let roughness = rough.unwrap_or(0.5);
+        let (roughness, metal) = (rough.unwrap_or(DEFAULT_ROUGHNESS), metal.unwrap_or(0.0));
         let alpha = (roughness * roughness).max(1e-4);
         if metal >= METAL {
             let ks = self.kd(emits, warn);

@@ -201,7 +201,10 @@ fn unsupported_statements_give_warnings_with_their_line() {
             "Kd 1 1 1\nmap_Kd -s 1 1 1 my wood.png",
             "s.mtl:3: `my wood.png`: texture `my wood.png` is not in the model's folder; it is left out",
         ),
-        ("Kd 1 1 1\nbump b.png", "s.mtl:3: `bump b.png` is ignored: this texture is not supported"),
+        (
+            "Kd 1 1 1\nmap_Ks b.png",
+            "s.mtl:3: `map_Ks b.png` is ignored: this texture is not supported",
+        ),
         ("Kd 1 1 1\nPs 0.5\nPs 0.6", "s.mtl:3: `Ps` is unknown and ignored (reported once)"),
         ("Kd .5\nillum 300", "s.mtl:3: material `m`: `illum` of this kind is taken as diffuse"),
         ("Kd .5\nillum -4", "s.mtl:3: material `m`: `illum` of this kind is taken as diffuse"),
