@@ -15,7 +15,7 @@ const LIGHT: f32 = 0.8;
 /// says of what the texture is a factor.
 fn floor(map: &str) -> Arc<Raycaster> {
     let folder = tempfile::tempdir().unwrap();
-    let square = |x: u32, y: u32| if (x / 4 + y / 4) % 2 == 0 { 60 } else { 250 };
+    let square = |x: u32, y: u32| if (x / 4 + y / 4).is_multiple_of(2) { 60 } else { 250 };
     let picture = image::GrayImage::from_fn(64, 64, |x, y| image::Luma([square(x, y)]));
     picture.save(folder.path().join("squares.png")).unwrap();
     std::fs::write(folder.path().join("floor.mtl"), format!("newmtl floor\n{map}\n")).unwrap();
