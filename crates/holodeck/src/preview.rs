@@ -74,10 +74,12 @@ pub fn with_lamps(raycaster: &Raycaster, rooms: &[Room]) -> Result<Option<(Scene
     Ok(Some((lit, dark.len())))
 }
 
-/// Returns whether enough of the sky is seen from where a room is looked at. Panes hide nothing.
+/// Returns whether enough of the sky is seen from the middle of a room. Panes hide nothing.
 fn sees_sky(raycaster: &Raycaster, room: &Room) -> bool {
     let scene = raycaster.scene();
-    let origin = (room.sight.eye - scene.origin).as_vec3();
+    let [across, along, up] = room.axes;
+    let middle = room.origin + (across + along + up) * 0.5;
+    let origin = (middle - scene.origin).as_vec3();
     let golden = std::f32::consts::PI * (3.0 - 5f32.sqrt());
     let is_sky = |&i: &usize| {
         let z = -1.0 + 2.0 * (i as f32 + 0.5) / DIRECTIONS as f32;
