@@ -1,10 +1,11 @@
-//! Light for scenes that have none: a sky, and lamps in rooms that no sky reaches.
+//! Light for scenes that have none: a sky, lamps in rooms that no sky reaches, and a sun for objects
+//! without rooms.
 
 use anyhow::Result;
 use glam::{DVec3, Vec3};
 use holo_raycast::{Ray, Raycaster};
 use holo_scene::{Bsdf, Material, Scene, Sun};
-use holo_survey::Room;
+use holo_survey::{Room, Sight};
 
 /// Radiance of the sky that lights a scene without lamps, W·sr⁻¹·m⁻².
 pub const SKY: [f32; 3] = [1.0; 3];
@@ -24,6 +25,15 @@ const HEIGHT: f64 = 0.9;
 /// Directions that look for the sky, and the share of them that must find it.
 const DIRECTIONS: usize = 256;
 const ENOUGH: f64 = 0.01;
+
+/// Returns a sun that shows the shape of an object that is looked at so: from above, the left and
+/// behind the viewer. Together with the sky it is as strong as a clear day's is over its sky.
+pub fn sun(sight: &Sight) -> Sun {
+    let right = sight.direction.cross(sight.up).normalize_or_zero();
+    let towards = sight.up * 0.8 - right * 0.7 - sight.direction * 0.6;
+    let irradiance = SKY.map(|c| c * std::f32::consts::PI * 2.0);
+    Sun { towards: towards.normalize_or(sight.up).as_vec3().to_array(), irradiance }
+}
 
 /// Returns the radiance of a sky that goes with these suns, for scenes that have no other.
 pub fn sky_beside(suns: &[Sun]) -> [f32; 3] {
