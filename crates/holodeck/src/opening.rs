@@ -105,12 +105,16 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
             opened.choices.push(format!("unit: {} (--unit mm|cm|m|in|ft)", survey.unit.reason));
         }
         if is_dark && survey.rooms.is_empty() {
-            let lit = Scene::clone(&opened.scene).with_suns(vec![preview::sun(&survey.outside)])?;
             let words = "light: a preview sun over the viewer's shoulder, because it has no rooms";
             opened.choices.push(format!("{words} (--sky R,G,B)"));
-            (opened.scene, opened.raycaster) = (Arc::new(lit), None);
-        }
-        if is_dark && let Some((lit, count)) = preview::with_lamps(&raycaster, &survey.rooms)? {
+            opened.raycaster = None;
+            // Building the hierarchy again would take seconds for millions of triangles.
+            let only = Arc::into_inner(raycaster).context("the scene is still being surveyed")?;
+            let lit = Arc::new(only.with_suns(vec![preview::sun(&survey.outside)])?);
+            (opened.scene, opened.raycaster) = (lit.scene().clone(), Some(lit));
+        } else if is_dark
+            && let Some((lit, count)) = preview::with_lamps(&raycaster, &survey.rooms)?
+        {
             opened
                 .choices
                 .push(format!("light: preview lamps in {count} rooms that no sky reaches"));
