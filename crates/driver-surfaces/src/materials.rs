@@ -54,9 +54,14 @@ pub struct Materials {
 }
 
 impl Finish {
-    fn new(material: &Material) -> Finish {
+    /// `is_even`: whether what the material reflects looks the same everywhere. Otherwise it is no
+    /// mirror to follow rays through.
+    fn new(material: &Material, is_even: bool) -> Finish {
         let at_least = |colour: Rgb| colour.map(|c| c.max(LEAST_REFLECTANCE));
         let (kind, reflectance) = match material.bsdf {
+            Bsdf::Mirror { ks } | Bsdf::Conductor { ks, .. } if !is_even => {
+                (Kind::Glossy, at_least(ks))
+            }
             Bsdf::Diffuse { kd } => (Kind::Diffuse, at_least(kd)),
             Bsdf::Mirror { ks } => (Kind::Mirror(ks), [1.0; 3]),
             Bsdf::Conductor { ks, alpha } if alpha <= SMOOTH_METAL => (Kind::Mirror(ks), [1.0; 3]),
@@ -88,12 +93,14 @@ impl Materials {
     /// Returns the materials of a scene.
     #[must_use]
     pub fn new(scene: &Scene) -> Materials {
-        let lights = scene.materials.iter().flat_map(|m| m.emission).chain(scene.sky);
+        let suns = scene.suns.iter().flat_map(|sun| sun.irradiance);
+        let lights = scene.materials.iter().flat_map(|m| m.emission).chain(scene.sky).chain(suns);
         let brightest = lights.fold(0.0, f32::max);
         // A power of two scales without rounding.
         let unit =
             if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { 1.0 / STEPS };
-        let finishes = scene.materials.iter().map(Finish::new).collect();
+        let finish = |(id, material)| Finish::new(material, scene.has_even_finish(id));
+        let finishes = scene.materials.iter().enumerate().map(finish).collect();
         Materials { finishes, sky: scene.sky, unit }
     }
 }
@@ -106,4 +113,20 @@ pub(crate) fn pane_reflectance(cosine: f32, ior: f32) -> f32 {
     let across = (cosine - ior * inside) / (cosine + ior * inside);
     let once = 0.5 * (parallel * parallel + across * across);
     2.0 * once / (1.0 + once)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mirror_with_bumps_is_no_mirror_to_follow_rays_through() {
+        let ks = [0.9, 0.5, 0.01];
+        for bsdf in [Bsdf::Mirror { ks }, Bsdf::Conductor { ks, alpha: 0.01 }] {
+            let mirror = Material { bsdf, ..Material::grey("mirror") };
+            assert_eq!(Finish::new(&mirror, true).kind, Kind::Mirror(ks));
+            let bumpy = Finish::new(&mirror, false);
+            assert_eq!((bumpy.kind, bumpy.reflectance), (Kind::Glossy, [0.9, 0.5, 0.02]));
+        }
+    }
 }

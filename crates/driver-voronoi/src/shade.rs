@@ -100,13 +100,23 @@ impl Shadings {
             .iter()
             .flat_map(|material| material.emission)
             .chain(scene.sky)
+            .chain(scene.suns.iter().flat_map(|sun| sun.irradiance))
             .fold(0.0, f32::max);
         // A power of two: it scales without rounding.
         let unit =
             if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { STEPS.recip() };
         let nothing = if clips_sky { [0.0; 3] } else { scene.sky };
         Shadings {
-            materials: scene.materials.iter().map(Shading::new).collect(),
+            materials: scene
+                .materials
+                .iter()
+                .enumerate()
+                .map(|(id, material)| {
+                    let shading = Shading::new(material);
+                    let reflects = shading.reflects && scene.has_even_finish(id);
+                    Shading { reflects, ..shading }
+                })
+                .collect(),
             sky: scene.sky,
             nothing,
             unit,

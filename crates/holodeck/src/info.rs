@@ -67,6 +67,8 @@ struct Info {
     /// Rays traced for these records.
     light_rays: u64,
     views: Vec<(String, String)>,
+    /// Factor from radiance to display light that pictures share.
+    exposure: Option<f32>,
     /// What was chosen because nobody said, and why.
     choices: Vec<String>,
     /// Simpler scenes for displays: section, `geometry` or `portals`, and where it came from.
@@ -139,6 +141,7 @@ fn collect(file: &Path) -> Result<Info> {
         light_records: holodeck.light().len(),
         light_rays: holodeck.light().rays(),
         views: about.views.clone(),
+        exposure: about.exposure,
         choices: about.choices.clone(),
         stand_ins: about
             .stand_ins

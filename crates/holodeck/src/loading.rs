@@ -8,8 +8,9 @@ use holo_scene::{Bsdf, LoadOptions, LoadProgress, Loaded, Material, Scene, load_
 
 use crate::{config::Config, scene_args::scene_path};
 
-/// Greatest albedo that gives no warning. Above, the tracer does not promise a finite variance.
-const MOST_ALBEDO: f32 = 0.99;
+/// Albedo from which a material is named. Paints stay below, and light in a closed room takes as many
+/// reflections as 1 / (1 - albedo).
+const WHITE_ALBEDO: f32 = 0.95;
 
 /// Loads the configuration's scene. Warnings go to standard error, and unless `quiet`, how far it
 /// is.
@@ -19,11 +20,12 @@ const MOST_ALBEDO: f32 = 0.99;
 pub fn load(config: &Config, quiet: bool) -> Result<Loaded> {
     let path = scene_path(config)?;
     let loaded = load_file(path, config, quiet)?;
-    for name in white_materials(&loaded.scene) {
+    for (name, albedo) in white_materials(&loaded.scene) {
         eprintln!(
-            "{}: material `{name}` reflects all light, which no paint does: rooms closed by it stay \
-             noisy for long; use a `Kd` of at most 0.95",
-            path.display()
+            "{}: material `{name}` reflects {:.0} % of the light, more than any paint: rooms closed by \
+             it are too bright, and stay noisy for long; use a `Kd` below {WHITE_ALBEDO}",
+            path.display(),
+            100.0 * albedo
         );
     }
     Ok(loaded)
@@ -41,20 +43,22 @@ fn options(config: &Config) -> LoadOptions {
     }
 }
 
-/// Returns the names of diffuse materials whose faces absorb less than 1 % of some channel.
-fn white_materials(scene: &Scene) -> Vec<&str> {
+/// Returns the names and albedos of diffuse materials on faces that absorb hardly any light.
+fn white_materials(scene: &Scene) -> Vec<(&str, f32)> {
     let is_used = |index: usize| scene.material_ids.iter().any(|&id| id as usize == index);
-    let is_white = |material: &Material| match material.bsdf {
-        Bsdf::Diffuse { kd } | Bsdf::Coated { kd, .. } => kd.iter().any(|&kd| kd > MOST_ALBEDO),
-        _ => false,
+    let albedo = |material: &Material| match material.bsdf {
+        Bsdf::Diffuse { kd } | Bsdf::Coated { kd, .. } => kd.into_iter().fold(0.0, f32::max),
+        _ => 0.0,
     };
     let materials = scene.materials.iter().enumerate();
     // Under a texture, white is a factor.
     let maps = |index: usize| scene.shading.as_ref()?.maps.get(index)?.base;
+    let has_colours = scene.shading.as_ref().is_some_and(|shading| !shading.colours.is_empty());
     let white = materials.filter(|(index, material)| {
-        is_white(material) && is_used(*index) && maps(*index).is_none()
+        let is_factor = has_colours || maps(*index).is_some();
+        albedo(material) >= WHITE_ALBEDO && !is_factor && is_used(*index)
     });
-    white.map(|(_, material)| material.name.as_str()).collect()
+    white.map(|(_, material)| (material.name.as_str(), albedo(material))).collect()
 }
 
 /// Loads any OBJ file with the configuration's options.
@@ -94,13 +98,13 @@ mod tests {
     fn materials_that_absorb_nothing_are_named_if_they_are_used() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("room.obj");
-        let mtl = "newmtl snow\nKd 1 1 1\nnewmtl paint\nKd 0.9 0.9 0.9\nnewmtl spare\nKd 1 1 1\n";
+        let mtl = "newmtl snow\nKd 0.9 0.96 0.9\nnewmtl paint\nKd 0.94 0.94 0.94\nnewmtl spare\nKd 1 1 1\n";
         std::fs::write(folder.path().join("room.mtl"), mtl).unwrap();
         let obj = "mtllib room.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n\
                    usemtl snow\nf 1 2 3\nusemtl paint\nf 1 2 4\n";
         std::fs::write(&path, obj).unwrap();
         let scene = load_file(&path, &Config::default(), true).unwrap().scene;
-        assert_eq!(white_materials(&scene), ["snow"]);
+        assert_eq!(white_materials(&scene), [("snow", 0.96)]);
     }
 
     #[test]

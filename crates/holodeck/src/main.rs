@@ -4,6 +4,7 @@
 //! one program is enough.
 
 mod arguments;
+mod brightness;
 mod check;
 mod compare;
 mod config;

@@ -52,7 +52,16 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
     let Loaded { mut scene, about, .. } = loading::load(config, quiet)?;
     let mut choices = Vec::new();
     let features = scene.features();
-    let is_dark = features.emitters == 0 && !features.sky && config.sky.is_none();
+    let has_no_sky = !features.sky && config.sky.is_none();
+    let is_dark = features.emitters == 0 && features.suns == 0 && has_no_sky;
+    if has_no_sky && features.suns > 0 {
+        scene.sky = preview::sky_beside(&scene.suns);
+        let [r, g, b] = scene.sky.map(|c| rounded(f64::from(c), f64::from(c)));
+        choices.push(format!(
+            "light: a sky of radiance {r},{g},{b}, a fifth of the suns' irradiance, because the file \
+             has suns and no sky (--sky R,G,B)"
+        ));
+    }
     if is_dark {
         scene.sky = preview::SKY;
         choices.push(
@@ -95,7 +104,17 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
         if unit.is_none() {
             opened.choices.push(format!("unit: {} (--unit mm|cm|m|in|ft)", survey.unit.reason));
         }
-        if is_dark && let Some((lit, count)) = preview::with_lamps(&raycaster, &survey.rooms)? {
+        if is_dark && survey.rooms.is_empty() {
+            let words = "light: a preview sun over the viewer's shoulder, because it has no rooms";
+            opened.choices.push(format!("{words} (--sky R,G,B)"));
+            opened.raycaster = None;
+            // Building the hierarchy again would take seconds for millions of triangles.
+            let only = Arc::into_inner(raycaster).context("the scene is still being surveyed")?;
+            let lit = Arc::new(only.with_suns(vec![preview::sun(&survey.outside)])?);
+            (opened.scene, opened.raycaster) = (lit.scene().clone(), Some(lit));
+        } else if is_dark
+            && let Some((lit, count)) = preview::with_lamps(&raycaster, &survey.rooms)?
+        {
             opened
                 .choices
                 .push(format!("light: preview lamps in {count} rooms that no sky reaches"));

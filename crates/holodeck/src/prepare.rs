@@ -16,6 +16,7 @@ use holo_section::{Section, SectionSpec, ViewClass};
 use holo_server::{About, Holodeck};
 
 use crate::{
+    brightness,
     config::{self, Config, Obstructions},
     differences,
     loading::load_file,
@@ -36,7 +37,7 @@ const DIFFUSE: f64 = 0.1;
 pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
     check_units(config)?;
     let existing = path.exists().then(|| Holodeck::open(path, SMALL_CACHE)).transpose()?;
-    let opened = match &existing {
+    let mut opened = match &existing {
         None => open(config, Wanted::Sections, quiet)?,
         // What was chosen for the file stays chosen.
         Some(file) => open(&chosen_before(config, &file.about), Wanted::Sections, true)?,
@@ -50,9 +51,19 @@ pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
     about.sky = opened.scene.sky;
     about.unit = opened.unit;
     about.views.clone_from(&opened.views);
-    about.choices.clone_from(&opened.choices);
     match &existing {
-        None => opened.say(config)?,
+        None => {
+            about.exposure = brightness::of_first_view(&mut opened, about.settings.bounces)?;
+            if let Some(factor) = about.exposure {
+                let words = format!(
+                    "brightness: radiance times {factor:.4} in pictures, as suits the first view \
+                     (picture --exposure)"
+                );
+                opened.choices.push(words);
+            }
+            about.choices.clone_from(&opened.choices);
+            opened.say(config)?;
+        }
         Some(file) => {
             about.settings.engine = config.engine.unwrap_or(file.about.settings.engine);
             check_same(path, file, &about, &opened.scene)?;

@@ -1,13 +1,17 @@
-//! Light for scenes that have none: a sky, and lamps in rooms that no sky reaches.
+//! Light for scenes that have none: a sky, lamps in rooms that no sky reaches, and a sun for objects
+//! without rooms.
 
 use anyhow::Result;
 use glam::{DVec3, Vec3};
 use holo_raycast::{Ray, Raycaster};
-use holo_scene::{Bsdf, Material, Scene};
-use holo_survey::Room;
+use holo_scene::{Bsdf, Material, Scene, Sun};
+use holo_survey::{Room, Sight};
 
 /// Radiance of the sky that lights a scene without lamps, W·sr⁻¹·m⁻².
 pub const SKY: [f32; 3] = [1.0; 3];
+
+/// Irradiance of a clear sky over that of the sun beside it.
+const SKY_OVER_SUN: f32 = 0.2;
 
 /// Radiance of the lamps: a panel of a twentieth of the ceiling is as bright as a window.
 const LAMP: [f32; 3] = [10.0; 3];
@@ -21,6 +25,21 @@ const HEIGHT: f64 = 0.9;
 /// Directions that look for the sky, and the share of them that must find it.
 const DIRECTIONS: usize = 256;
 const ENOUGH: f64 = 0.01;
+
+/// Returns a sun that shows the shape of an object that is looked at so: from above, the left and
+/// behind the viewer. Together with the sky it is as strong as a clear day's is over its sky.
+pub fn sun(sight: &Sight) -> Sun {
+    let right = sight.direction.cross(sight.up).normalize_or_zero();
+    let towards = sight.up * 0.8 - right * 0.7 - sight.direction * 0.6;
+    let irradiance = SKY.map(|c| c * std::f32::consts::PI * 2.0);
+    Sun { towards: towards.normalize_or(sight.up).as_vec3().to_array(), irradiance }
+}
+
+/// Returns the radiance of a sky that goes with these suns, for scenes that have no other.
+pub fn sky_beside(suns: &[Sun]) -> [f32; 3] {
+    let share = SKY_OVER_SUN / std::f32::consts::PI;
+    std::array::from_fn(|k| share * suns.iter().map(|sun| sun.irradiance[k]).sum::<f32>())
+}
 
 /// Returns the scene with a lamp in each room from which no sky is seen, and how many there are.
 /// `None` if every room sees it.
@@ -46,13 +65,15 @@ pub fn with_lamps(raycaster: &Raycaster, rooms: &[Room]) -> Result<Option<(Scene
         triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
         ids.extend([lamp; 2]);
     }
-    let lit = Scene::new(scene.origin, positions, triangles, ids, materials, scene.sky)?;
+    let lit = Scene::new(scene.origin, positions, triangles, ids, materials, scene.sky)?
+        .with_suns(scene.suns.clone())?;
     let shading = scene.shading.as_deref().cloned().map(|mut shading| {
         let (triangles, materials) = (lit.triangles.len(), lit.materials.len());
         // Equal normals are those of facets.
         let resize = |length: usize, count: usize| if length == 0 { 0 } else { count };
         shading.uvs.resize(resize(shading.uvs.len(), triangles), [[0.0; 2]; 3]);
         shading.normals.resize(resize(shading.normals.len(), triangles), [[0; 2]; 3]);
+        shading.colours.resize(resize(shading.colours.len(), triangles), [holo_scene::WHITE; 3]);
         shading.maps.resize(resize(shading.maps.len(), materials), Default::default());
         shading
     });
@@ -63,10 +84,12 @@ pub fn with_lamps(raycaster: &Raycaster, rooms: &[Room]) -> Result<Option<(Scene
     Ok(Some((lit, dark.len())))
 }
 
-/// Returns whether enough of the sky is seen from where a room is looked at. Panes hide nothing.
+/// Returns whether enough of the sky is seen from the middle of a room. Panes hide nothing.
 fn sees_sky(raycaster: &Raycaster, room: &Room) -> bool {
     let scene = raycaster.scene();
-    let origin = (room.sight.eye - scene.origin).as_vec3();
+    let [across, along, up] = room.axes;
+    let middle = room.origin + (across + along + up) * 0.5;
+    let origin = (middle - scene.origin).as_vec3();
     let golden = std::f32::consts::PI * (3.0 - 5f32.sqrt());
     let is_sky = |&i: &usize| {
         let z = -1.0 + 2.0 * (i as f32 + 0.5) / DIRECTIONS as f32;

@@ -358,12 +358,14 @@ pub struct PictureCommand {
 pub async fn picture(args: PictureCommand) -> Result<()> {
     args.driver.check().map_err(Usage)?;
     args.look.check(&args.output).map_err(Usage)?;
+    let kept = Holodeck::open_read_only(&args.file, SMALL_CACHE)?.about.exposure;
+    let look = args.look.with_kept_exposure(kept);
     show_stored(args.file, FrontEnd::Script, 1.0, |address| holo_view::Config {
         connect: address.to_string(),
         view: args.view,
         driver: args.driver,
         points: args.points,
-        look: args.look,
+        look,
         script: None,
         time: 0.0,
         output: Some(args.output),

@@ -55,6 +55,9 @@ pub struct About {
     pub unit: f64,
     /// Named views, as Radiance view options; the first is where a display begins.
     pub views: Vec<(String, String)>,
+    /// Factor from radiance to display light that pictures share, so that they can be compared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure: Option<f32>,
     /// What was chosen because nobody said, and why, for people.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<String>,
@@ -93,6 +96,7 @@ impl About {
             sky: [0.0; 3],
             unit: 1.0,
             views: Vec::new(),
+            exposure: None,
             choices: Vec::new(),
             stand_ins: None,
         }

@@ -84,6 +84,9 @@ impl std::fmt::Display for PictureReport {
             let milliseconds: f64 = self.stages.iter().map(|stage| stage.milliseconds).sum();
             write!(f, ", made in {milliseconds:.1} ms")?;
         }
+        if let Some(factor) = self.exposure {
+            write!(f, ", radiance times {factor:.4}")?;
+        }
         Ok(())
     }
 }

@@ -239,6 +239,19 @@ impl Store {
         point: Vec3,
         normal: Vec3,
         enough: f32,
+        hidden: impl FnMut(&Record) -> bool,
+    ) -> Option<Found> {
+        self.irradiance_around(point, [normal; 2], enough, hidden)
+    }
+
+    /// Returns the same for a bumpy surface: records are those of its mean normal, and their light is
+    /// predicted around the second normal (Ward and Heckbert 1992, §4).
+    #[must_use]
+    pub fn irradiance_around(
+        &self,
+        point: Vec3,
+        [normal, lit]: [Vec3; 2],
+        enough: f32,
         mut hidden: impl FnMut(&Record) -> bool,
     ) -> Option<Found> {
         let mut found = Found::default();
@@ -261,7 +274,7 @@ impl Store {
             if weight <= 0.0 || distance > CERTAINLY_SEEN * record.nearest && hidden(record) {
                 return true;
             }
-            found.irradiance += record.extrapolate(point, normal) * weight;
+            found.irradiance += record.extrapolate(point, lit) * weight;
             found.weight += weight;
             found.records += 1;
             found.weight < enough

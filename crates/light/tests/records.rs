@@ -255,6 +255,24 @@ fn no_light_comes_through_a_wall_without_thickness() {
 }
 
 #[test]
+fn light_on_bumps_is_predicted_by_the_records_of_their_mean_normal() {
+    let store = Store::new(0.01);
+    // Light grows towards +x: by 2 for each unit of sine.
+    let turn = [[0.0, 2.0, 0.0]; 3];
+    assert!(store.insert(Record { turn, ..record(Vec3::ZERO, 3.0, 2.0, 1) }, |_| false));
+    let around = |normal: Vec3, lit: Vec3| {
+        store.irradiance_around(Vec3::ZERO, [normal, lit], f32::INFINITY, |_| false)
+    };
+    for sine in [-0.6f32, 0.0, 0.5] {
+        let lit = Vec3::new(sine, 0.0, (1.0 - sine * sine).sqrt());
+        let found = around(Vec3::Z, lit).map(|found| found.irradiance);
+        assert_eq!(found, Some(Vec3::splat(3.0 + 2.0 * sine)), "{sine}");
+    }
+    // Another surface has other records.
+    assert_eq!(around(Vec3::X, Vec3::Z), None);
+}
+
+#[test]
 fn a_record_serves_its_own_surface_and_none_a_step_before_or_behind_it() {
     let store = Store::new(0.01);
     assert!(store.insert(record(Vec3::ZERO, 3.0, 2.0, 1), |_| false));

@@ -29,6 +29,11 @@ const PAD: f32 = 1.0 / (1 << 19) as f32;
 /// padding must exceed the least step of a [`Node`].
 const LEAST_PAD: f32 = 1e-25;
 
+/// Number of boxes up to which all reinsertions of the preset are made. Beyond, their share falls as
+/// their number grows: the seconds that they take would be waited for, and what they gain is small
+/// (docs/notes/ray-casting.md).
+const MOST_REINSERTED: f32 = 200_000.0;
+
 /// Builds the hierarchy over facets whose coordinates are at most `reach`.
 pub(crate) fn hierarchy(facets: &[Facet], reach: f32) -> Hierarchy {
     if facets.is_empty() {
@@ -79,7 +84,8 @@ fn binary(facets: &[Facet]) -> Bvh2 {
         params.search_depth_threshold,
     );
     bvh.uses_spatial_splits = params.pre_split;
-    ReinsertionOptimizer::default().run(&mut bvh, params.reinsertion_batch_ratio, None);
+    let share = (MOST_REINSERTED / boxes.len() as f32).min(1.0);
+    ReinsertionOptimizer::default().run(&mut bvh, params.reinsertion_batch_ratio * share, None);
     bvh
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use holo_scene::Scene;
+use holo_scene::{Scene, SceneError, Sun};
 
 use crate::build;
 use crate::dispatch::Isa;
@@ -46,6 +46,15 @@ impl Raycaster {
         let hierarchy = build::hierarchy(&facets, reach);
         let has_cut_outs = scene.has_cut_outs();
         Ok(Self { scene, facets, hierarchy, isa: Isa::detect(), reach, has_cut_outs })
+    }
+
+    /// Gives the scene these suns instead of its own. The hierarchy stays: suns have no place.
+    ///
+    /// # Errors
+    /// As [`Scene::with_suns`].
+    pub fn with_suns(self, suns: Vec<Sun>) -> Result<Self, SceneError> {
+        let scene = Arc::unwrap_or_clone(self.scene).with_suns(suns)?;
+        Ok(Self { scene: Arc::new(scene), ..self })
     }
 
     /// Returns the scene.

@@ -124,6 +124,9 @@ pub enum SceneError {
     /// The sky's radiance is negative, not finite or too large.
     #[error("the sky's radiance must be finite numbers from 0 to {}", crate::limits::MAX_RADIANCE)]
     Sky,
+    /// A sun has no unit direction, or no plausible irradiance.
+    #[error("sun {0} has no direction, or its irradiance is none, not finite or too large")]
+    Sun(usize),
     /// The bytes are not a packed scene.
     #[error("not a packed scene: {0}")]
     Packed(#[from] PackedError),

@@ -32,14 +32,17 @@ mod mtl_maps;
 mod mtl_text;
 mod named_file;
 mod obj;
+mod obj_ignored;
 mod obj_model;
 mod obj_text;
 pub mod pack;
+mod pack_shading;
 mod polygon;
 mod scene;
 mod shaded;
 mod shading;
 mod smooth;
+mod sun;
 mod text;
 mod texture;
 mod texture_files;
@@ -53,7 +56,9 @@ pub use obj_text::LoadProgress;
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
 pub use scene::{Features, Scene};
 pub use shading::{
-    CUT_OUT, MAX_TEXTURES, Maps, Octahedral, Shading, from_octahedral, to_octahedral,
+    CUT_OUT, Channel, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral, Shading, WHITE,
+    from_octahedral, to_octahedral,
 };
+pub use sun::{MAX_SUNS, SUN_RADIUS, Sun};
 pub use texture::{MAX_SIDE, MAX_TEXTURE_BYTES, Texture, Wrap};
 pub use warnings::Warning;

@@ -2,14 +2,14 @@
 
 use crate::limits::{MAX_MATERIALS, MAX_MTL_BYTES};
 use crate::mtl::MtlMaterial;
-use crate::mtl_maps::{Placement, textures};
+use crate::mtl_maps::{Placement, mean_finish, textures};
 use crate::mtl_text::parse_mtl;
 use crate::named_file::beside;
 use crate::obj::ObjFile;
 use crate::text::{excerpt, name_without_comment, read_text};
 use crate::texture_files::TextureFiles;
 use crate::warnings::Warnings;
-use crate::{LoadOptions, Maps, Material, SceneError, Texture};
+use crate::{Bsdf, LoadOptions, Maps, Material, SceneError, Texture};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
@@ -32,7 +32,7 @@ pub(crate) fn materials(
 ) -> Result<(Vec<Material>, Looks), SceneError> {
     let (library, any_file) = read_libraries(path, obj, warnings)?;
     let by_name = index(&library, warnings);
-    let mut undefined = Vec::new();
+    let (mut undefined, mut has_colours) = (Vec::new(), false);
     let (mut files, mut looks) = (TextureFiles::default(), Looks::default());
     let mut materials = Vec::with_capacity(obj.uses.len());
     for wanted in &obj.uses {
@@ -43,8 +43,20 @@ pub(crate) fn materials(
         materials.push(match (found, name) {
             (Some(&id), _) => {
                 let material = &library[id];
-                (maps, placement) = textures(&material.path, &material.maps, &mut files, warnings);
-                material.resolve(options.two_sided_lights, warnings)
+                let MtlMaterial { path, maps: statements, .. } = material;
+                let finish = material.finish();
+                (maps, placement) = textures(path, statements, finish, &mut files, warnings);
+                let mean = maps.finish.map(|finish| mean_finish(&finish, &files));
+                let made = material.resolve(mean, options.two_sided_lights, warnings);
+                if matches!(made.bsdf, Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. }) {
+                    maps.finish = None;
+                }
+                made
+            }
+            (None, _) if !obj.colours.is_empty() => {
+                has_colours = true;
+                let bsdf = Bsdf::Diffuse { kd: [1.0; 3] };
+                Material { bsdf, ..Material::grey(name.unwrap_or("vertex colours")) }
             }
             (None, Some(name)) => {
                 undefined.push(wanted);
@@ -58,6 +70,10 @@ pub(crate) fn materials(
         });
         looks.maps.push(maps);
         looks.placements.push(placement);
+    }
+    if has_colours {
+        let text = "the colours of vertices are taken for materials that are not defined";
+        warnings.push(path, None, text.to_owned());
     }
     if any_file {
         for wanted in undefined {

@@ -78,7 +78,7 @@ pub fn load_watched(
         let instead = format!("none of its triangles ({}) has an area", left_out.len());
         return Err(SceneError::Empty { path: path.to_owned(), instead });
     }
-    let scene = scene.with_shading(without(model.shading, &left_out))?;
+    let scene = scene.with_shading(without(model.shading, &left_out))?.with_suns(model.suns)?;
     Ok(Loaded { scene, warnings: warnings.finish(path), about: model.about })
 }
 
@@ -112,5 +112,6 @@ fn without(mut shading: Shading, left_out: &[usize]) -> Shading {
     }
     keep(&mut shading.uvs, left_out);
     keep(&mut shading.normals, left_out);
+    keep(&mut shading.colours, left_out);
     shading
 }

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use crate::obj_text::LoadProgress;
 use crate::warnings::Warnings;
-use crate::{About, LoadOptions, Material, SceneError, Shading};
+use crate::{About, LoadOptions, Material, SceneError, Shading, Sun};
 
 /// What a reader finds in a file, in world coordinates.
 #[derive(Default)]
@@ -20,6 +20,7 @@ pub(crate) struct Model {
     pub materials: Vec<Material>,
     /// Attributes of `triangles` and `materials`.
     pub shading: Shading,
+    pub suns: Vec<Sun>,
     pub about: About,
     /// The line of each triangle, for messages. Empty if the format has no lines.
     pub lines: crate::faces::Faces,

@@ -3,6 +3,7 @@
 //! | `illum` | surface |
 //! | --- | --- |
 //! | 3 | mirror of colour `Ks` if `Ns` ≥ 999 or absent; else a GGX conductor, alpha = √(2/(`Ns`+2)), no Fresnel. Without `Ks`: diffuse, with a warning |
+//! | 3, in a file of Blender | a metal of colour `Kd`, as with `Pm` 1 |
 //! | 4 | thin pane of index `Ni` (1.5 if absent) and transmission `Tf` (1 if absent); `Kd`, `Ks`, `d` do not count |
 //! | 7 | solid dielectric of `Ni`, `Tf`; smooth if `Ns` ≥ 999 or absent, else rough with alpha as above |
 //! | any, with `Pm` ≥ 0.5 | GGX conductor of colour `Kd`, alpha = `Pr`² (a mirror below 0.03) |
@@ -14,6 +15,12 @@
 //!   transmission `Tf`, or else (1 - `d`)·`Kd` (white if `Kd` is zero or absent). From 0.5 on the
 //!   surface is opaque, because no surface can be half of each. Both give a warning. `Tr` of 1 without
 //!   `d` is opaque: programs that mean `d` write it so. With `illum` 3, 4 and 7, `d` does not count.
+//! - **Blender** states roughness r as `Ns` = 1000 (1 - r)², and reflection at right angles in units of
+//!   0.08 as `Ks`, 0.5 by default: alpha is r², and the coat's colour twice `Ks`. The first comment of
+//!   the file tells.
+//! - **`illum 4` with `Ni` 1 and `Tf` 1** would be invisible. Maya writes so for all opaque surfaces,
+//!   and `Kd` is diffuse, with a warning.
+//! - **`Tf 0`** beside `d` below 0.5 is a program's default, and does not count.
 //! - **One number** stands for three equal ones. `spectral` and `xyz` colours are ignored with a
 //!   warning.
 //! - **`Kd` absent** is 0.5, with a warning if it matters, but 0 for a lamp (`Ke` above zero).
@@ -21,8 +28,10 @@
 //!   value is not a finite number, or if their number is wrong.
 //! - **`Ke`** is radiance, on the counter-clockwise side. `Ka` and `sharpness` have no effect.
 //!   `map_Kd`, `map_Ke` and `map_d` are textures: factors to `Kd` and `Ke`, and what is cut out. `Kd`
-//!   or `Ke` of zero beside its texture is 1. Other textures and unknown statements are ignored with
-//!   a warning. Keywords may be in upper or lower case.
+//!   or `Ke` of zero beside its texture is 1. `map_Pr` and `map_Pm` are factors to `Pr` and `Pm`, 1
+//!   if these are zero or absent: the rows with `Pr` and `Pm` hold at each point. `norm` and
+//!   `map_Bump` bend normals. Other textures and unknown statements are ignored with a warning.
+//!   Keywords may be in upper or lower case.
 
 use crate::limits::{MAX_IOR, MAX_RADIANCE, MIN_IOR};
 use crate::mtl_maps::{MapStatement, Slot};
@@ -42,6 +51,8 @@ pub(crate) struct Stated<T> {
 #[derive(Debug)]
 pub(crate) struct MtlMaterial {
     pub name: String,
+    /// Whether Blender wrote the file.
+    pub is_blender: bool,
     pub path: PathBuf,
     pub line: usize,
     pub kd: Option<Stated<[f64; 3]>>,
@@ -67,11 +78,24 @@ const METAL: f32 = 0.5;
 /// `Pr` below which metal is a mirror, and from which a plastic is diffuse.
 const SMOOTH: f32 = 0.03;
 const MATT: f32 = 0.75;
+/// Roughness of a metal that states none.
+pub(crate) const DEFAULT_ROUGHNESS: f32 = 0.5;
 const GREY: f64 = 0.5;
 
 impl MtlMaterial {
-    /// Returns the material of the scene, by the table of this module.
-    pub(crate) fn resolve(&self, two_sided_lights: bool, warnings: &mut Warnings) -> Material {
+    /// Returns the stated roughness and metalness.
+    pub(crate) fn finish(&self) -> [Option<f32>; 2] {
+        [self.pr, self.pm].map(|stated| stated.map(|n| n.value.clamp(0.0, 1.0) as f32))
+    }
+
+    /// Returns the material of the scene, by the table of this module. `mean` are roughness and
+    /// metalness if textures give them.
+    pub(crate) fn resolve(
+        &self,
+        mean: Option<[f32; 2]>,
+        two_sided_lights: bool,
+        warnings: &mut Warnings,
+    ) -> Material {
         let mut warn = |line: usize, text: String| warnings.push(&self.path, Some(line), text);
         let has_map = self.has_map(Slot::Emission);
         let is_dark = |ke: &Stated<[f64; 3]>| ke.value.iter().all(|&c| c <= 0.0);
@@ -80,7 +104,8 @@ impl MtlMaterial {
         let plain = if has_map { [1.0; 3] } else { [0.0; 3] };
         let emission = ke.map_or(plain, |ke| clamped("Ke", ke, f64::from(MAX_RADIANCE), &mut warn));
         let emits = emission.iter().any(|&e| e > 0.0);
-        let bsdf = self.bsdf(emits, &mut warn);
+        let finish = mean.map_or_else(|| self.finish(), |mean| mean.map(Some));
+        let bsdf = self.bsdf(finish, emits, &mut warn);
         Material {
             name: self.name.clone(),
             bsdf,
@@ -89,12 +114,25 @@ impl MtlMaterial {
         }
     }
 
-    fn bsdf(&self, emits: bool, warn: &mut impl FnMut(usize, String)) -> Bsdf {
+    fn bsdf(
+        &self,
+        finish: [Option<f32>; 2],
+        emits: bool,
+        warn: &mut impl FnMut(usize, String),
+    ) -> Bsdf {
         let illum = self.illum.map(|illum| illum.value);
         let illum_line = self.illum.map_or(self.line, |illum| illum.line);
-        if let Some(pbr) = self.metal_or_plastic(illum, emits, warn) {
+        let finish = self.of_blender(finish, illum);
+        if let Some(pbr) = self.metal_or_plastic(finish, illum, emits, warn) {
             return pbr;
         }
+        let illum = if self.is_invisible(illum) {
+            let text = "`illum 4` with `Ni` 1 and `Tf` 1 is taken as opaque: nobody would see it";
+            warn(illum_line, format!("{}: {text}", self.called()));
+            Some(1)
+        } else {
+            illum
+        };
         let shines = self.ks.is_some_and(|ks| ks.value.iter().any(|&c| c > 0.0));
         match (illum, self.ks) {
             (Some(3), Some(ks)) => {
@@ -122,12 +160,15 @@ impl MtlMaterial {
                     return pane;
                 }
                 let ns = self.ns.unwrap_or(Stated { value: 0.0, line: self.line });
-                Bsdf::Coated {
-                    kd: self.kd(emits, warn),
-                    ks: clamped("Ks", ks, 1.0, warn),
-                    ior: self.coat_ior(warn),
-                    alpha: alpha(ns, warn),
+                let mut ks = clamped("Ks", ks, 1.0, warn);
+                if self.is_blender {
+                    ks = ks.map(|c| (2.0 * c).min(1.0));
                 }
+                let alpha = match self.blender_roughness().filter(|_| self.is_blender) {
+                    Some(roughness) => (roughness * roughness).max(1e-4),
+                    None => alpha(ns, warn),
+                };
+                Bsdf::Coated { kd: self.kd(emits, warn), ks, ior: self.coat_ior(warn), alpha }
             }
             (None | Some(6) | Some(9), _) => self.see_through(warn).unwrap_or_else(|| {
                 if illum.is_some() {
@@ -160,6 +201,25 @@ impl MtlMaterial {
         }
     }
 
+    /// Returns roughness and metalness with what Blender states of metals in other words.
+    fn of_blender(&self, finish: [Option<f32>; 2], illum: Option<u8>) -> [Option<f32>; 2] {
+        let [rough, metal] = finish;
+        let is_metal = self.is_blender && illum == Some(3) && metal.is_none();
+        if is_metal { [rough.or(self.blender_roughness()), Some(1.0)] } else { finish }
+    }
+
+    /// Returns the roughness that Blender means by `Ns`.
+    fn blender_roughness(&self) -> Option<f32> {
+        self.ns.map(|ns| (1.0 - (ns.value.clamp(0.0, 1000.0) / 1000.0).sqrt()) as f32)
+    }
+
+    /// Returns whether it is a pane that neither bends nor reflects nor colours light.
+    fn is_invisible(&self, illum: Option<u8>) -> bool {
+        let is_air = self.ni.is_some_and(|ni| (ni.value - 1.0).abs() < 1e-6);
+        let is_white = self.tf.is_some_and(|tf| tf.value.iter().all(|&c| c >= 1.0));
+        illum == Some(4) && is_air && is_white && self.opacity().is_none()
+    }
+
     fn has_map(&self, slot: Slot) -> bool {
         self.maps.iter().any(|map| map.slot == slot)
     }
@@ -168,16 +228,15 @@ impl MtlMaterial {
         format!("material `{}`", excerpt(&self.name))
     }
 
-    /// Returns the scattering by `Pm` and `Pr`, if these are stated.
+    /// Returns the scattering by roughness and metalness, if these are stated.
     fn metal_or_plastic(
         &self,
+        [rough, metal]: [Option<f32>; 2],
         illum: Option<u8>,
         emits: bool,
         warn: &mut impl FnMut(usize, String),
     ) -> Option<Bsdf> {
-        let stated = |number: Option<Stated<f64>>| number.map(|n| n.value.clamp(0.0, 1.0) as f32);
-        let (rough, metal) = (stated(self.pr), stated(self.pm).unwrap_or(0.0));
-        let roughness = rough.unwrap_or(0.5);
+        let (roughness, metal) = (rough.unwrap_or(DEFAULT_ROUGHNESS), metal.unwrap_or(0.0));
         let alpha = (roughness * roughness).max(1e-4);
         if metal >= METAL {
             let ks = self.kd(emits, warn);
@@ -235,7 +294,8 @@ impl MtlMaterial {
         let white = Stated { value: [1.0; 3], line: d.line };
         let tint = self.kd.filter(|kd| kd.value.iter().any(|&c| c > 0.0)).unwrap_or(white);
         let clear = (1.0 - d.value).min(1.0) as f32;
-        let transmittance = match self.tf {
+        let tf = self.tf.filter(|tf| tf.value.iter().any(|&c| c > 0.0));
+        let transmittance = match tf {
             Some(_) => self.transmittance(warn),
             None => clamped("Kd", tint, 1.0, warn).map(|c| c * clear),
         };

@@ -1,15 +1,23 @@
-//! Textures in MTL files: `map_Kd` (colour), `map_Ke` (emission), `map_d` (opacity).
+//! Textures in MTL files: `map_Kd` (colour), `map_Ke` (emission), `map_d` (opacity), `map_Pr`
+//! (roughness), `map_Pm` (metalness), `norm` and `map_Bump` (normals).
 //!
-//! Options before a file's name that count are `-s` and `-o` (how the texture lies) and `-clamp`.
-//! Others are skipped. The file is found beside the model as any file that it names.
+//! Options before a file's name that count are `-s` and `-o` (how the texture lies), `-clamp`, `-bm`
+//! (strength of normals) and `-imfchan` (the channel of a number). Others are skipped. The file is
+//! found beside the model as any file that it names.
+//!
+//! Exporters name pictures of normals and of heights alike with `map_Bump`. Only a picture whose mean
+//! is a unit vector off the surface has normals. Heights have no stated unit, and are left out with a warning.
 
 use std::path::Path;
 
-use crate::Maps;
+use glam::Vec3;
+
+use crate::shading::{Channel, FinishMap, NormalMap};
 use crate::text::{excerpt, number};
-use crate::texture::Wrap;
+use crate::texture::{Texture, Wrap};
 use crate::texture_files::{TextureFiles, Use};
 use crate::warnings::Warnings;
+use crate::{Maps, mtl::DEFAULT_ROUGHNESS};
 
 /// What a texture changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,6 +25,9 @@ pub(crate) enum Slot {
     Base,
     Emission,
     Opacity,
+    Normal,
+    Roughness,
+    Metalness,
 }
 
 impl Slot {
@@ -26,6 +37,9 @@ impl Slot {
             "map_kd" => Some(Slot::Base),
             "map_ke" => Some(Slot::Emission),
             "map_d" | "map_opacity" => Some(Slot::Opacity),
+            "norm" | "map_bump" | "bump" | "map_kn" => Some(Slot::Normal),
+            "map_pr" => Some(Slot::Roughness),
+            "map_pm" => Some(Slot::Metalness),
             _ => None,
         }
     }
@@ -61,12 +75,15 @@ pub(crate) struct MapStatement {
     file: String,
     placement: Placement,
     wrap: Wrap,
+    strength: f32,
+    channel: u8,
 }
 
 impl MapStatement {
     /// Reads what follows the keyword; `None` if it names no file.
     pub(crate) fn read(slot: Slot, line: usize, text: &str) -> Option<MapStatement> {
         let (mut placement, mut wrap, mut rest) = (Placement::default(), Wrap::Repeat, text.trim());
+        let (mut strength, mut channel) = (1.0, 0);
         while let Some((option, after)) =
             rest.split_once(char::is_whitespace).filter(|(option, _)| option.starts_with('-'))
         {
@@ -79,6 +96,10 @@ impl MapStatement {
                     word(&mut rest);
                     word(&mut rest);
                 }
+                "-bm" => {
+                    strength = number(word(&mut rest)).map_or(1.0, |n| n as f32);
+                }
+                "-imfchan" => channel = if word(&mut rest) == "g" { 1 } else { 0 },
                 "-clamp" if word(&mut rest) == "on" => wrap = Wrap::Clamp,
                 "-clamp" => {}
                 _ => {
@@ -87,7 +108,15 @@ impl MapStatement {
             }
         }
         let file = rest.trim_matches('"').to_owned();
-        (!file.is_empty()).then_some(MapStatement { slot, line, file, placement, wrap })
+        (!file.is_empty()).then_some(MapStatement {
+            slot,
+            line,
+            file,
+            placement,
+            wrap,
+            strength,
+            channel,
+        })
     }
 }
 
@@ -112,34 +141,84 @@ fn numbers(text: &mut &str, kept: &mut [f32]) {
 }
 
 /// Returns the textures of a material of the MTL file `path`, and how they lie. One that cannot
-/// be read is a warning.
+/// be read is a warning. `finish` are its roughness and metalness, factors to their textures.
 pub(crate) fn textures(
     path: &Path,
     statements: &[MapStatement],
+    finish: [Option<f32>; 2],
     files: &mut TextureFiles,
     warnings: &mut Warnings,
 ) -> (Maps, Placement) {
     let mut maps = Maps::default();
+    // Exporters write a roughness of zero beside its texture, and mean the texture.
+    let [roughness, metalness] = finish.map(|factor| factor.filter(|&factor| factor > 0.0));
+    let mut numbers = [None; 2];
     for statement in statements {
+        let is_colour = matches!(statement.slot, Slot::Base | Slot::Emission);
         let how = Use {
             wrap: [statement.wrap; 2],
-            is_linear: statement.slot == Slot::Opacity,
+            is_linear: !is_colour,
             is_mask: statement.slot == Slot::Opacity,
         };
-        let found = files.file(path, &statement.file, how).unwrap_or_else(|problem| {
+        let mut warn = |problem: String| {
             let text = format!("`{}`: {problem}; it is left out", excerpt(&statement.file));
             warnings.push(path, Some(statement.line), text);
+        };
+        let found = files.file(path, &statement.file, how).unwrap_or_else(|problem| {
+            warn(problem);
             None
         });
+        let number = |factor: Option<f32>| {
+            let (channel, factor) = (statement.channel, factor.unwrap_or(1.0));
+            found.map(|texture| Channel { texture: Some(texture), channel, factor })
+        };
         match statement.slot {
             Slot::Base => maps.base = found,
             Slot::Emission => maps.emission = found,
             Slot::Opacity => maps.cut_out = found,
+            Slot::Roughness => numbers[0] = number(roughness),
+            Slot::Metalness => numbers[1] = number(metalness),
+            Slot::Normal => {
+                let has_normals = |&texture: &u32| is_of_normals(&files.textures[texture as usize]);
+                if found.is_some_and(|texture| !has_normals(&texture)) {
+                    warn("it has heights, not normals".to_owned());
+                }
+                let strength = statement.strength;
+                let normals = found.filter(has_normals);
+                maps.normal = normals.map(|texture| NormalMap { texture, strength });
+            }
         }
+    }
+    if numbers.iter().any(Option::is_some) {
+        let constant = |factor| Channel { texture: None, channel: 0, factor };
+        let [rough, metal] = numbers;
+        maps.finish = Some(FinishMap {
+            roughness: rough.unwrap_or(constant(finish[0].unwrap_or(DEFAULT_ROUGHNESS))),
+            metalness: metal.unwrap_or(constant(finish[1].unwrap_or(0.0))),
+        });
     }
     // One placement for all: a triangle has one set of coordinates.
     let first = statements.iter().min_by_key(|statement| statement.slot as u8);
     (maps, first.map_or(Placement::default(), |statement| statement.placement))
+}
+
+/// Returns whether a picture has normals: on average they are nearly of unit length, point off the
+/// surface, and are not grey.
+fn is_of_normals(picture: &Texture) -> bool {
+    let [x, y, z, _] = picture.at([0.5; 2], f32::MAX).map(|c| 2.0 * c - 1.0);
+    let length = Vec3::new(x, y, z).length();
+    let colour = (x - z).abs().max((y - z).abs());
+    z > 0.5 && (0.6..1.15).contains(&length) && colour > 0.3
+}
+
+/// Returns the mean roughness and metalness of a finish.
+pub(crate) fn mean_finish(finish: &FinishMap, files: &TextureFiles) -> [f32; 2] {
+    [finish.roughness, finish.metalness].map(|Channel { texture, channel, factor }| {
+        let mean = texture.map_or(1.0, |texture| {
+            files.textures[texture as usize].at([0.5; 2], f32::MAX)[usize::from(channel)]
+        });
+        factor * mean
+    })
 }
 
 #[cfg(test)]

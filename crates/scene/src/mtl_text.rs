@@ -35,12 +35,16 @@ pub(crate) fn parse_mtl(
     let parsed = tobj::load_mtl_buf(&mut clean.clean.as_bytes());
     let (materials, _) =
         parsed.map_err(|source| SceneError::Parser { path: path.to_owned(), source })?;
-    Ok(clean
-        .headers
-        .into_iter()
-        .zip(materials)
-        .map(|(header, material)| header.with(path, material))
-        .collect())
+    let is_blender = is_of_blender(text);
+    let whole =
+        |(header, material): (Header, _)| MtlMaterial { is_blender, ..header.with(path, material) };
+    Ok(clean.headers.into_iter().zip(materials).map(whole).collect())
+}
+
+/// Returns whether Blender wrote the file, as its first comments say.
+fn is_of_blender(text: &str) -> bool {
+    let comments = text.trim_start_matches('\u{feff}').lines().take(4);
+    comments.take_while(|line| line.starts_with('#')).any(|line| line.contains("Blender"))
 }
 
 /// What `tobj` does not report about a material.
@@ -221,6 +225,7 @@ impl Header {
             illum: self.stated("illum", parsed.illumination_model),
             maps: self.maps,
             name: self.name,
+            is_blender: false,
             path: path.to_owned(),
             line: self.line,
         }

@@ -6,7 +6,8 @@
 
 use crate::SceneError;
 use crate::faces::Faces;
-use crate::obj_text::{CROSSED, Checked, CleanObj, LoadProgress, MaterialUse};
+use crate::obj_ignored::CROSSED;
+use crate::obj_text::{Checked, CleanObj, LoadProgress, MaterialUse};
 use crate::polygon::triangulate;
 use crate::warnings::Warnings;
 use glam::{DVec3, Vec3};
@@ -24,7 +25,8 @@ pub(crate) struct ObjFile {
     pub uses: Vec<MaterialUse>,
     /// The text after each `mtllib`, with its line.
     pub libraries: Vec<(usize, String)>,
-    /// For each triangle, which corners of the file's faces it has. Empty without `attributes`.
+    /// For each triangle, which corners of the file's faces it has. Empty without `attributes` and
+    /// `colours`.
     pub corners: Vec<[u32; 3]>,
     /// Texture coordinate and normal of each corner of the file's faces.
     pub attributes: Vec<[u32; 2]>,
@@ -32,6 +34,10 @@ pub(crate) struct ObjFile {
     pub normals: Vec<Vec3>,
     /// The smoothing group of each triangle. Empty if there is none.
     pub groups: Vec<u32>,
+    /// The colour of each vertex of the file. Empty if none has one.
+    pub colours: Vec<[f32; 3]>,
+    /// The vertex of each corner of the file's faces. Empty without `colours`.
+    pub coloured: Vec<u32>,
     /// What the file is, for people, if it has no triangle.
     pub instead: Option<String>,
 }
@@ -57,7 +63,7 @@ pub(crate) fn parse_obj(
     let (mut corners, mut cut) = (Vec::new(), Vec::new());
     // Corners of faces so far, and those of each triangle.
     let (mut passed, mut corners_of) = (0u32, Vec::new());
-    let has_attributes = !checked.corners.is_empty();
+    let has_attributes = !(checked.corners.is_empty() && checked.colours.is_empty());
     for tobj::Model { mesh, .. } in models {
         let first = positions.len() as u32;
         positions.extend(mesh.positions.chunks_exact(3).map(DVec3::from_slice));
@@ -103,6 +109,8 @@ pub(crate) fn parse_obj(
         texcoords: checked.texcoords,
         normals: checked.normals,
         groups: checked.groups,
+        colours: checked.colours,
+        coloured: checked.coloured,
         instead,
     })
 }

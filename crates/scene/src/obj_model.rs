@@ -11,7 +11,7 @@ use crate::obj::{ObjFile, parse_obj};
 use crate::obj_text::{LoadProgress, NONE};
 use crate::text::read_text;
 use crate::warnings::Warnings;
-use crate::{LoadOptions, Octahedral, SceneError, Shading, smooth};
+use crate::{LoadOptions, Octahedral, SceneError, Shading, WHITE, smooth};
 
 pub(crate) const READER: Reader = Reader { recognises: |_, _| true, read };
 
@@ -35,9 +35,11 @@ fn read(
         normals: normals(&obj),
         textures: looks.textures,
         maps: looks.maps,
+        colours: colours(&obj),
     };
     Ok(Model {
         shading,
+        suns: Vec::new(),
         positions: obj.positions,
         triangles: obj.triangles,
         material_ids,
@@ -64,6 +66,23 @@ fn texture_coordinates(obj: &ObjFile, looks: &Looks, material_ids: &[u32]) -> Ve
         corners.map(|corner| placement.of(of(corner).unwrap_or([0.0; 2])))
     };
     material_ids.iter().enumerate().map(place).collect()
+}
+
+/// Returns the colours of each triangle's corners. Programs write them as sRGB, from 0 to 1 or to 255.
+/// Empty if the file has none.
+fn colours(obj: &ObjFile) -> Vec<[[u8; 3]; 3]> {
+    if obj.colours.is_empty() {
+        return Vec::new();
+    }
+    let greatest = obj.colours.as_flattened().iter().copied().fold(0.0, f32::max);
+    let scale = if greatest > 1.0 { 1.0 } else { 255.0 };
+    let byte = |share: f32| (share * scale + 0.5).clamp(0.0, 255.0) as u8;
+    let of = |corner: u32| {
+        let vertex = obj.coloured.get(corner as usize).copied().unwrap_or(u32::MAX);
+        let colour = obj.colours.get(vertex as usize).filter(|colour| !colour[0].is_nan());
+        colour.map_or(WHITE, |colour| colour.map(byte))
+    };
+    obj.corners.iter().map(|corners| corners.map(of)).collect()
 }
 
 /// Returns the normals of each triangle's corners: those of the file, or else those of its smoothing

@@ -21,10 +21,13 @@ use crate::faces::Faces;
 use crate::limits::{
     MAX_COORDINATE, MAX_MATERIALS, MAX_MTL_FILES, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES,
 };
+use crate::obj_ignored::{
+    BAD_ATTRIBUTE, BAD_CORNER, BAD_VERTEX, FEW_CORNERS, Ignored, NO_LIBRARY, NO_VERTEX,
+    SPOILT_VERTEX, WEIGHT,
+};
 use crate::text::{
     LogicalLines, excerpt, keyword, logical_lines, loose_number, number, without_comment,
 };
-use crate::warnings::Warnings;
 use glam::Vec3;
 use std::collections::{HashMap, HashSet};
 use std::io::{BufRead, Read, Write};
@@ -56,6 +59,10 @@ pub(crate) struct Checked {
     pub corners: Vec<[u32; 2]>,
     /// The smoothing group of each triangle. Empty if there is none but 0.
     pub groups: Vec<u32>,
+    /// The colour after the coordinates of each `v`, or [`NO_COLOUR`]. Empty if none has a colour.
+    pub colours: Vec<[f32; 3]>,
+    /// The vertex, from 0, of each corner of each face that was passed on. Empty without `colours`.
+    pub coloured: Vec<u32>,
     /// Number of `v` lines.
     pub vertices: usize,
     /// Number of faces that were left out.
@@ -72,6 +79,9 @@ const LINES_BETWEEN_REPORTS: usize = 1 << 16;
 /// No texture coordinate, or no normal.
 pub(crate) const NONE: u32 = u32::MAX;
 
+/// The colour of a vertex that has none.
+pub(crate) const NO_COLOUR: [f32; 3] = [f32::NAN; 3];
+
 /// A corner of a face.
 #[derive(Clone, Copy)]
 struct Corner {
@@ -80,20 +90,6 @@ struct Corner {
     /// Texture coordinate and normal; from 0, or [`NONE`]. They may be on later lines.
     attributes: [u32; 2],
 }
-
-/// Kinds of statements that are left out; no keyword contains a space.
-const BAD_VERTEX: &str = "v bad";
-const BAD_ATTRIBUTE: &str = "vt or vn bad";
-const BAD_CORNER: &str = "f corner";
-const FEW_CORNERS: &str = "f few";
-const NO_VERTEX: &str = "f vertex";
-const SPOILT_VERTEX: &str = "f spoilt";
-const NO_LIBRARY: &str = "mtllib none";
-/// Ignored details other than whole statements.
-const WEIGHT: &str = "v weight";
-const COLOUR: &str = "v colour";
-/// A polygon that cannot be divided properly.
-pub(crate) const CROSSED: &str = "f crossed";
 
 /// How much of an OBJ file has been read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -188,6 +184,10 @@ impl<'a> CleanObj<'a> {
                 if !checked.groups.is_empty() {
                     checked.groups.resize(checked.faces.triangles(), 0);
                 }
+                if !checked.colours.is_empty() {
+                    checked.colours.resize(checked.vertices, NO_COLOUR);
+                    checked.coloured.resize(self.corner_count, 0);
+                }
                 Ok(checked)
             }
         }
@@ -237,7 +237,8 @@ impl<'a> CleanObj<'a> {
         self.checked.vertices += 1;
         self.clean.push(b'v');
         let mut found = 0;
-        let mut fourth = "1";
+        // What follows the coordinates: a weight, or a colour with or without opacity.
+        let mut more = ["1"; 3];
         for token in rest.split_ascii_whitespace() {
             match found {
                 0..=2 if is_plainly_small(token.as_bytes()) => self.pass_on(token),
@@ -245,7 +246,7 @@ impl<'a> CleanObj<'a> {
                     Some(number) => self.pass_on(&number.to_string()),
                     None => break,
                 },
-                3 => fourth = token,
+                3..=5 => more[found - 3] = token,
                 _ => {}
             }
             found += 1;
@@ -257,10 +258,12 @@ impl<'a> CleanObj<'a> {
             self.checked.ignored.example(BAD_VERTEX, self.line, || {
                 format!("`v` takes three numbers of at most 1e12, found `{}`", excerpt(rest))
             });
-        } else if found == 4 && number(fourth) != Some(1.0) {
+        } else if found == 4 && number(more[0]) != Some(1.0) {
             self.checked.ignored.count(WEIGHT, self.line);
-        } else if found > 4 {
-            self.checked.ignored.count(COLOUR, self.line);
+        } else if found > 5 {
+            let Checked { colours, vertices, .. } = &mut self.checked;
+            colours.resize(*vertices - 1, NO_COLOUR);
+            colours.push(more.map(|token| single(token).unwrap_or(1.0)));
         }
         self.clean.push(b'\n');
         Ok(())
@@ -367,10 +370,15 @@ impl<'a> CleanObj<'a> {
 
     /// Remembers what else the corners of a face have. Files without anything pay nothing.
     fn remember_attributes(&mut self, corners: &[Corner], group: u32) {
-        let Checked { corners: known, groups, faces, .. } = &mut self.checked;
+        let Checked { corners: known, groups, faces, colours, coloured, .. } = &mut self.checked;
         if corners.iter().any(|corner| corner.attributes != [NONE; 2]) {
             known.resize(self.corner_count, [NONE; 2]);
             known.extend(corners.iter().map(|corner| corner.attributes));
+        }
+        if !colours.is_empty() {
+            // Corners of faces before the first colour are of vertex 0: no file has any.
+            coloured.resize(self.corner_count, 0);
+            coloured.extend(corners.iter().map(|corner| corner.vertex as u32 - 1));
         }
         self.corner_count += corners.len();
         if group != 0 {
@@ -548,78 +556,4 @@ fn is_plainly_small(token: &[u8]) -> bool {
     let fraction = &unsigned[whole..];
     let fraction = fraction.strip_prefix(b".").unwrap_or(fraction);
     (1..=12).contains(&whole) && fraction.iter().all(u8::is_ascii_digit)
-}
-
-/// Statements that are ignored or left out: how many of each kind, and where the first is.
-#[derive(Default)]
-pub(crate) struct Ignored {
-    kinds: HashMap<String, Kind>,
-}
-
-struct Kind {
-    line: usize,
-    count: usize,
-    /// What is wrong with the first one, for people.
-    example: Option<String>,
-}
-
-impl Ignored {
-    /// Most kinds that are named. A file that is no OBJ file may have any number of keywords.
-    const MAX_KINDS: usize = 32;
-
-    /// Counts a statement of a kind that is ignored.
-    pub(crate) fn count(&mut self, kind: &str, line: usize) {
-        // No allocation for known kinds: there are as many normals as vertices.
-        if let Some(known) = self.kinds.get_mut(kind) {
-            known.count += 1;
-        } else if self.kinds.len() < Self::MAX_KINDS || kind == CROSSED {
-            self.kinds.insert(kind.to_owned(), Kind { line, count: 1, example: None });
-        }
-    }
-
-    /// Counts a statement that is left out. `example` says what is wrong with the first one.
-    pub(crate) fn example(
-        &mut self,
-        kind: &'static str,
-        line: usize,
-        example: impl FnOnce() -> String,
-    ) {
-        match self.kinds.get_mut(kind) {
-            Some(known) => known.count += 1,
-            None => {
-                let kind_of_first = Kind { line, count: 1, example: Some(example()) };
-                self.kinds.insert(kind.to_owned(), kind_of_first);
-            }
-        }
-    }
-
-    /// Returns what is wrong with the first of the statements that were left out, and its line.
-    pub(crate) fn first_left_out(&self) -> Option<(usize, &str)> {
-        let examples = self.kinds.values().filter_map(|k| Some((k.line, k.example.as_deref()?)));
-        examples.min()
-    }
-
-    /// Returns whether there were lines or points.
-    pub(crate) fn has_lines(&self) -> bool {
-        self.kinds.contains_key("l")
-    }
-
-    pub(crate) fn warn(self, path: &Path, warnings: &mut Warnings) {
-        let mut kinds: Vec<_> = self.kinds.into_iter().collect();
-        kinds.sort_by(|a, b| (a.1.line, &a.0).cmp(&(b.1.line, &b.0)));
-        for (kind, Kind { line, count, example }) in kinds {
-            let why = match (kind.as_str(), example) {
-                (_, Some(example)) => example + "; it is left out",
-                ("l", _) => "lines and points (`l`, `p`) are ignored".to_owned(),
-                (WEIGHT, _) => "the weight of `v` is ignored".to_owned(),
-                (COLOUR, _) => "colours of vertices are ignored".to_owned(),
-                (CROSSED, _) => {
-                    "a polygon crosses itself or is very long: its triangles may overlap".to_owned()
-                }
-                _ => format!("`{}` is unknown and ignored", excerpt(&kind)),
-            };
-            let lines = if count == 1 { String::new() } else { format!(" ({count} lines)") };
-            warnings.push(path, Some(line), format!("{why}{lines}"));
-        }
-    }
 }

@@ -37,15 +37,26 @@
 //! 5 coated        8      kd, ks, ior, alpha
 //! ```
 //!
-//! Version 2 follows the materials with normals and textures. Scenes without them have version 1.
+//! Version 2 follows the materials with normals, textures, colours and suns. Scenes without them have
+//! version 1.
 //!
 //! ```text
-//! 0               4      flags, u32: bit 0 texture coordinates, bit 1 normals
+//! 0               4      flags, u32: bit 0 texture coordinates, bit 1 normals, bit 2 normal maps
+//!                        or finishes, bit 3 colours of corners, bit 4 suns
 //! 4               4      N, number of textures, u32
 //! 8               24·T   if bit 0: coordinates, 3 corners × 2 × f32 for each triangle
 //!                 12·T   if bit 1: normals, 3 corners × 2 × i16 for each triangle (octahedral)
 //!                 12·M   if bit 0: base, emission and cut-out texture of each material, u32 each;
 //!                        2³²-1 for none
+//!                 28·M   if bit 2: for each material
+//!                          normal map, u32, and its strength, f32
+//!                          texture of roughness, u32, and its factor, f32
+//!                          texture of metalness, u32, and its factor, f32
+//!                          channels of roughness and metalness, u8 each: 0 to 2
+//!                          1 if it has a finish, else 0, u8; zero, u8
+//!                 9·T    if bit 3: colours, 3 corners × 3 × u8 of sRGB for each triangle
+//!                 4      if bit 4: S, number of suns, u32
+//!                 24·S   if bit 4: direction towards it, 3 × f32, and irradiance, 3 × f32
 //!                 N ×    textures, one after another; then the end
 //!
 //! a texture:
@@ -60,9 +71,8 @@
 //! promises of any bytes is a valid scene or an error.
 
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
-use crate::shading::MAX_TEXTURES;
-use crate::texture::MAX_TEXTURE_BYTES;
-use crate::{Bsdf, Maps, Material, PackedError, Rgb, Scene, SceneError, Shading, Texture, Wrap};
+use crate::pack_shading::{pack_shading, unpack_shading};
+use crate::{Bsdf, Material, PackedError, Rgb, Scene, SceneError, Shading};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
@@ -122,7 +132,8 @@ impl Scene {
         for material in &self.materials {
             pack_material(material, &mut materials);
         }
-        let version = if self.shading.is_some() { SHADED_VERSION } else { VERSION };
+        let is_plain = self.shading.is_none() && self.suns.is_empty();
+        let version = if is_plain { VERSION } else { SHADED_VERSION };
         let header = Header {
             magic: MAGIC,
             version: version.to_le_bytes(),
@@ -146,8 +157,12 @@ impl Scene {
             .for_each(|t| packed.extend_from_slice(bytemuck::bytes_of(&t.map(u32::to_le_bytes))));
         self.material_ids.iter().for_each(|id| packed.extend_from_slice(&id.to_le_bytes()));
         packed.extend_from_slice(&materials);
-        if let Some(shading) = &self.shading {
-            pack_shading(shading, &mut packed);
+        if !is_plain {
+            pack_shading(
+                self.shading.as_deref().unwrap_or(&Shading::default()),
+                &self.suns,
+                &mut packed,
+            );
         }
         packed
     }
@@ -210,9 +225,13 @@ impl Scene {
         if !has_shading {
             return Ok(scene);
         }
-        let scene = scene.with_shading(unpack_shading(shading_bytes, triangles, materials)?)?;
-        // A shading with nothing in it has no packing.
-        if scene.shading.is_none() { Err(PackedError::Shading.into()) } else { Ok(scene) }
+        let (shading, suns) = unpack_shading(shading_bytes, triangles, materials)?;
+        let scene = scene.with_shading(shading)?.with_suns(suns)?;
+        // A plain scene has another packing.
+        match scene.shading.is_none() && scene.suns.is_empty() {
+            true => Err(PackedError::Shading.into()),
+            false => Ok(scene),
+        }
     }
 
     /// Returns the BLAKE3 hash of a packed scene, by which processes identify it.
@@ -325,102 +344,6 @@ fn unpack_material(bytes: &[u8]) -> Option<(Material, &[u8])> {
         two_sided_emission: header.flags & TWO_SIDED != 0,
     };
     Some((material, rest))
-}
-
-const HAS_UVS: u32 = 1;
-const HAS_NORMALS: u32 = 2;
-const NO_TEXTURE: u32 = u32::MAX;
-
-fn pack_shading(shading: &Shading, out: &mut Vec<u8>) {
-    let has_uvs = !shading.maps.is_empty();
-    let mut flags = if has_uvs { HAS_UVS } else { 0 };
-    flags |= if shading.normals.is_empty() { 0 } else { HAS_NORMALS };
-    let textures = if has_uvs { &shading.textures[..] } else { &[] };
-    out.extend(flags.to_le_bytes());
-    out.extend((textures.len() as u32).to_le_bytes());
-    if has_uvs {
-        let numbers = shading.uvs.as_flattened().as_flattened();
-        numbers.iter().for_each(|c| out.extend(c.to_le_bytes()));
-    }
-    let numbers = shading.normals.as_flattened().as_flattened();
-    numbers.iter().for_each(|c| out.extend(c.to_le_bytes()));
-    for map in shading.maps.iter().flat_map(Maps::all) {
-        out.extend(map.unwrap_or(NO_TEXTURE).to_le_bytes());
-    }
-    for texture in textures {
-        out.extend((texture.encoded.len() as u32).to_le_bytes());
-        out.extend(texture.wrap.map(|wrap| match wrap {
-            Wrap::Repeat => 0,
-            Wrap::Clamp => 1,
-            Wrap::Mirror => 2,
-        }));
-        out.extend([u8::from(texture.is_linear), u8::from(texture.is_mask)]);
-        out.extend_from_slice(&texture.encoded);
-    }
-}
-
-/// Takes `count` values off the front of `bytes`.
-fn take<'a, T: Pod>(bytes: &mut &'a [u8], count: usize) -> Result<&'a [T], PackedError> {
-    let length = count.checked_mul(size_of::<T>()).ok_or(PackedError::Shading)?;
-    let (head, rest) = bytes.split_at_checked(length).ok_or(PackedError::Shading)?;
-    *bytes = rest;
-    bytemuck::try_cast_slice(head).map_err(|_| PackedError::Shading)
-}
-
-fn unpack_shading(
-    mut bytes: &[u8],
-    triangles: usize,
-    materials: usize,
-) -> Result<Shading, SceneError> {
-    let [flags, count] =
-        *take::<[[u8; 4]; 2]>(&mut bytes, 1)?.first().ok_or(PackedError::Shading)?;
-    let (flags, count) = (u32::from_le_bytes(flags), u32::from_le_bytes(count) as usize);
-    let has_uvs = flags & HAS_UVS != 0;
-    if flags & !(HAS_UVS | HAS_NORMALS) != 0 || count > MAX_TEXTURES || (!has_uvs && count > 0) {
-        return Err(PackedError::Shading.into());
-    }
-    let mut shading = Shading::default();
-    if has_uvs {
-        let corners = take::<[[[u8; 4]; 2]; 3]>(&mut bytes, triangles)?;
-        shading.uvs = corners.iter().map(|c| c.map(|uv| uv.map(f32::from_le_bytes))).collect();
-    }
-    if flags & HAS_NORMALS != 0 {
-        let corners = take::<[[[u8; 2]; 2]; 3]>(&mut bytes, triangles)?;
-        shading.normals = corners.iter().map(|c| c.map(|n| n.map(i16::from_le_bytes))).collect();
-    }
-    if has_uvs {
-        let map = |map: [u8; 4]| Some(u32::from_le_bytes(map)).filter(|&map| map != NO_TEXTURE);
-        let all = take::<[[u8; 4]; 3]>(&mut bytes, materials)?;
-        shading.maps = all
-            .iter()
-            .map(|m| Maps { base: map(m[0]), emission: map(m[1]), cut_out: map(m[2]) })
-            .collect();
-    }
-    let mut encoded = Vec::new();
-    for _ in 0..count {
-        let header = *take::<[u8; 8]>(&mut bytes, 1)?.first().ok_or(PackedError::Shading)?;
-        let [a, b, c, d, across, down, linear, mask] = header;
-        let wrap = |code: u8| match code {
-            0 => Ok(Wrap::Repeat),
-            1 => Ok(Wrap::Clamp),
-            2 => Ok(Wrap::Mirror),
-            _ => Err(PackedError::Shading),
-        };
-        let length = u32::from_le_bytes([a, b, c, d]) as usize;
-        if mask > 1 || linear > 1 || length > MAX_TEXTURE_BYTES {
-            return Err(PackedError::Shading.into());
-        }
-        let file = take::<u8>(&mut bytes, length)?;
-        encoded.push((file, [wrap(across)?, wrap(down)?], linear == 1, mask == 1));
-    }
-    if !bytes.is_empty() {
-        return Err(PackedError::Shading.into());
-    }
-    for (id, (file, wrap, linear, mask)) in encoded.into_iter().enumerate() {
-        let texture = Texture::decode(file.into(), wrap, linear, mask);
-        shading.textures.push(texture.map_err(|_| PackedError::Texture(id))?);
-    }
-    Ok(shading)
 }
 
 fn number(bytes: &mut &[u8]) -> Option<f32> {

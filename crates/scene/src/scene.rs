@@ -5,7 +5,7 @@
 use crate::inside::OpenBox;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::material::is_radiance;
-use crate::{Bsdf, Material, Rgb, SceneError, Shading};
+use crate::{Bsdf, Material, Rgb, SceneError, Shading, Sun};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
@@ -29,7 +29,9 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Radiance of the sky, the same in every direction, W·sr⁻¹·m⁻².
     pub sky: Rgb,
-    /// Normals and textures, if there are any.
+    /// Suns, if there are any.
+    pub suns: Vec<Sun>,
+    /// Normals, textures and colours of corners, if there are any.
     pub shading: Option<Box<Shading>>,
 }
 
@@ -57,9 +59,11 @@ pub struct Features {
     pub two_sided_emission: bool,
     /// The sky is not black.
     pub sky: bool,
+    /// Number of suns.
+    pub suns: usize,
     /// Some surface is smoothly curved.
     pub smooth: bool,
-    /// Some surface has a texture.
+    /// Some surface has a texture, or colours of its corners.
     pub textures: bool,
 }
 
@@ -77,8 +81,9 @@ impl Scene {
         materials: Vec<Material>,
         sky: Rgb,
     ) -> Result<Scene, SceneError> {
+        let (suns, shading) = (Vec::new(), None);
         let scene =
-            Scene { origin, positions, triangles, material_ids, materials, sky, shading: None };
+            Scene { origin, positions, triangles, material_ids, materials, sky, suns, shading };
         scene.validate()?;
         Ok(scene)
     }
@@ -250,11 +255,14 @@ impl Scene {
         for &material in &self.material_ids {
             triangles_of[material as usize] += 1;
         }
-        let mut features =
-            Features { sky: self.sky.iter().any(|&c| c > 0.0), ..Features::default() };
+        let mut features = Features {
+            sky: self.sky.iter().any(|&c| c > 0.0),
+            suns: self.suns.len(),
+            ..Features::default()
+        };
         if let Some(shading) = &self.shading {
             features.smooth = !shading.normals.is_empty();
-            features.textures = !shading.textures.is_empty();
+            features.textures = !(shading.textures.is_empty() && shading.colours.is_empty());
         }
         for (material, &count) in
             self.materials.iter().zip(&triangles_of).filter(|(_, count)| **count > 0)

@@ -2,7 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
-use crate::shading::{CUT_OUT, Maps, Shading, from_octahedral};
+use crate::shading::{CUT_OUT, Channel, Maps, Shading, WHITE, from_octahedral};
+use crate::texture::linear_table;
 use crate::{Bsdf, Rgb, Scene, SceneError};
 
 impl Scene {
@@ -13,8 +14,12 @@ impl Scene {
     pub fn with_shading(mut self, shading: Shading) -> Result<Scene, SceneError> {
         shading.validate(self.triangles.len(), self.materials.len())?;
         let mut shading = shading;
-        if shading.maps.iter().all(|maps| *maps == Maps::default()) {
-            shading = Shading { normals: shading.normals, ..Shading::default() };
+        if shading.colours.as_flattened().iter().all(|colour| *colour == WHITE) {
+            shading.colours.clear();
+        }
+        if !shading.has_maps() {
+            let Shading { normals, colours, .. } = shading;
+            shading = Shading { normals, colours, ..Shading::default() };
         }
         self.shading = (!shading.is_empty()).then(|| Box::new(shading));
         Ok(self)
@@ -52,18 +57,90 @@ impl Scene {
     #[inline]
     pub fn has_texture(&self, triangle: u32) -> bool {
         self.maps(triangle).is_some_and(|(_, maps)| maps.base.is_some())
+            || self.colours(triangle).is_some()
     }
 
-    /// Returns the factor of the base texture at a point, as [`reflectance`](Self::reflectance) takes
-    /// it; `None` without a texture.
+    /// Returns whether a triangle is a facet that looks the same at all points.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[must_use]
+    pub fn is_plain(&self, triangle: u32) -> bool {
+        self.shading.is_none()
+            || !self.has_texture(triangle)
+                && self.maps(triangle).is_none_or(|(_, maps)| *maps == Maps::default())
+                && self.smooth_normal(triangle, 0.3, 0.3).is_none()
+    }
+
+    /// Returns whether a material has neither a texture of normals nor one of roughness or metalness:
+    /// what it reflects looks the same everywhere.
+    #[must_use]
+    pub fn has_even_finish(&self, material: usize) -> bool {
+        let maps = self.shading.as_ref().and_then(|shading| shading.maps.get(material));
+        maps.is_none_or(|maps| maps.normal.is_none() && maps.finish.is_none())
+    }
+
+    /// Returns the factor of the base texture and of the corners' colours at a point, as
+    /// [`reflectance`](Self::reflectance) takes it; `None` without either.
     ///
     /// # Panics
     /// If there is no such triangle.
     #[must_use]
     #[inline]
     pub fn base_texture(&self, triangle: u32, u: f32, v: f32, footprint: f32) -> Option<Rgb> {
+        let map = self.maps(triangle).and_then(|(shading, maps)| Some((shading, maps.base?)));
+        let texture = map.map(|(shading, map)| {
+            let [r, g, b, _] = self.look_up(shading, map, triangle, [u, v], footprint);
+            [r, g, b]
+        });
+        let Some([a, b, c]) = self.colours(triangle) else { return texture };
+        let table = linear_table();
+        let linear = |colour: [u8; 3], k: usize| table[usize::from(colour[k])];
+        let between =
+            |k| linear(a, k) * (1.0 - u - v).max(0.0) + linear(b, k) * u + linear(c, k) * v;
+        let texture = texture.unwrap_or([1.0; 3]);
+        Some(std::array::from_fn(|k| texture[k] * between(k)))
+    }
+
+    /// Returns roughness and metalness at a point, if textures give them.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[must_use]
+    #[inline]
+    pub fn finish(&self, triangle: u32, u: f32, v: f32, footprint: f32) -> Option<[f32; 2]> {
         let (shading, maps) = self.maps(triangle)?;
-        Some(self.look_up(shading, maps.base?, triangle, [u, v], footprint))
+        let finish = maps.finish?;
+        let number = |from: Channel| {
+            from.factor
+                * from.texture.map_or(1.0, |texture| {
+                    let texel = self.look_up(shading, texture, triangle, [u, v], footprint);
+                    texel[usize::from(from.channel)].clamp(0.0, 1.0)
+                })
+        };
+        Some([number(finish.roughness), number(finish.metalness)])
+    }
+
+    /// Returns the normal that a texture of normals gives at a point whose normal is `normal`, on the
+    /// side from which the corners run counter-clockwise. `None` without such a texture.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[must_use]
+    #[inline]
+    pub fn mapped_normal(
+        &self,
+        triangle: u32,
+        [u, v]: [f32; 2],
+        footprint: f32,
+        normal: Vec3,
+    ) -> Option<Vec3> {
+        let (shading, maps) = self.maps(triangle)?;
+        let map = maps.normal?;
+        let [x, y, z, _] = self.look_up(shading, map.texture, triangle, [u, v], footprint);
+        let [x, y] = [x, y].map(|c| (2.0 * c - 1.0) * map.strength);
+        let [right, up] = self.picture_axes(triangle, &shading.uvs[triangle as usize], normal)?;
+        (right * x + up * y + normal * (2.0 * z - 1.0).max(0.05)).try_normalize()
     }
 
     /// Returns the factor of the emission's texture at a point; `None` without a texture.
@@ -74,7 +151,8 @@ impl Scene {
     #[inline]
     pub fn emission_texture(&self, triangle: u32, u: f32, v: f32, footprint: f32) -> Option<Rgb> {
         let (shading, maps) = self.maps(triangle)?;
-        Some(self.look_up(shading, maps.emission?, triangle, [u, v], footprint))
+        let [r, g, b, _] = self.look_up(shading, maps.emission?, triangle, [u, v], footprint);
+        Some([r, g, b])
     }
 
     /// Returns whether a cut-out surface is not there at a point.
@@ -129,13 +207,35 @@ impl Scene {
         triangle: u32,
         at: [f32; 2],
         footprint: f32,
-    ) -> Rgb {
+    ) -> [f32; 4] {
         let uvs = &shading.uvs[triangle as usize];
         let share =
             if footprint > 0.0 { footprint * self.texture_density(triangle, uvs) } else { 0.0 };
         let uv = coordinates(uvs, at).to_array();
-        let [r, g, b, _] = shading.textures[texture as usize].at(uv, share);
-        [r, g, b]
+        shading.textures[texture as usize].at(uv, share)
+    }
+
+    /// Returns the directions in which the picture on a triangle runs to the right and up: of unit
+    /// length, and at right angles to `normal`. `None` if the picture has no width there.
+    #[inline]
+    fn picture_axes(&self, triangle: u32, uvs: &[[f32; 2]; 3], normal: Vec3) -> Option<[Vec3; 2]> {
+        let [a, b, c] = self.corners(triangle);
+        let [p, q, r] = uvs.map(Vec2::from);
+        let (ab, ac, pq, pr) = (b - a, c - a, q - p, r - p);
+        // Only signs and directions count, so nothing is divided by the determinant.
+        let side = pq.perp_dot(pr).signum();
+        let right = (ab * pr.y - ac * pq.y) * side;
+        let down = (ac * pq.x - ab * pr.x) * side;
+        let right = (right - normal * right.dot(normal)).try_normalize()?;
+        let across = normal.cross(right);
+        Some([right, if across.dot(down) > 0.0 { -across } else { across }])
+    }
+
+    /// Returns the colours of a triangle's corners, unless all are white.
+    #[inline]
+    fn colours(&self, triangle: u32) -> Option<[[u8; 3]; 3]> {
+        let colours = self.shading.as_ref()?.colours.get(triangle as usize)?;
+        Some(*colours).filter(|colours| *colours != [WHITE; 3])
     }
 
     /// Returns sides of the texture per scene unit, the mean over directions on a triangle.

@@ -29,10 +29,16 @@ pub struct Shading {
     pub textures: Vec<Texture>,
     /// Textures of each material. Empty if there is no texture.
     pub maps: Vec<Maps>,
+    /// Colours of each triangle's corners, as bytes of sRGB: factors to the material's colour. Empty
+    /// if all are white.
+    pub colours: Vec<[[u8; 3]; 3]>,
 }
 
+/// The colour of a corner that changes nothing.
+pub const WHITE: [u8; 3] = [u8::MAX; 3];
+
 /// The textures of a material, as indices into [`Shading::textures`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Maps {
     /// Factor to the colour: `kd` of diffuse and coated surfaces, `ks` of metals.
     pub base: Option<u32>,
@@ -40,12 +46,56 @@ pub struct Maps {
     pub emission: Option<u32>,
     /// The surface is not there if the opacity of this texture is below [`CUT_OUT`].
     pub cut_out: Option<u32>,
+    /// Small changes of the normal.
+    pub normal: Option<NormalMap>,
+    /// Roughness and metalness of diffuse, coated and metal surfaces, instead of the material's.
+    pub finish: Option<FinishMap>,
+}
+
+/// A texture of normals: red points to the right in the picture, green up, and blue off the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NormalMap {
+    /// Its index.
+    pub texture: u32,
+    /// Factor to red and green.
+    pub strength: f32,
+}
+
+/// Roughness and metalness that change from point to point, both in [0, 1].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FinishMap {
+    /// Roughness; GGX's alpha is its square.
+    pub roughness: Channel,
+    /// Metalness.
+    pub metalness: Channel,
+}
+
+/// A number that one channel of a texture gives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Channel {
+    /// The texture; `None` is white.
+    pub texture: Option<u32>,
+    /// Its channel: 0 red, 1 green, 2 blue.
+    pub channel: u8,
+    /// Factor to the texture, in [0, 1].
+    pub factor: f32,
 }
 
 impl Maps {
     /// Returns all textures.
-    pub(crate) fn all(&self) -> [Option<u32>; 3] {
-        [self.base, self.emission, self.cut_out]
+    pub(crate) fn all(&self) -> [Option<u32>; 6] {
+        let [roughness, metalness] = self
+            .finish
+            .map_or([None; 2], |finish| [finish.roughness.texture, finish.metalness.texture]);
+        let normal = self.normal.map(|normal| normal.texture);
+        [self.base, self.emission, self.cut_out, normal, roughness, metalness]
+    }
+
+    /// Returns whether all its numbers are plausible.
+    fn is_plausible(&self) -> bool {
+        let fits = |c: Channel| c.channel < 3 && (0.0..=1.0).contains(&c.factor);
+        self.normal.is_none_or(|normal| normal.strength.is_finite())
+            && self.finish.is_none_or(|finish| fits(finish.roughness) && fits(finish.metalness))
     }
 }
 
@@ -53,7 +103,12 @@ impl Shading {
     /// Returns whether there is nothing in it.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.normals.is_empty() && self.maps.iter().all(|maps| *maps == Maps::default())
+        self.normals.is_empty() && self.colours.is_empty() && !self.has_maps()
+    }
+
+    /// Returns whether any material has a texture.
+    pub(crate) fn has_maps(&self) -> bool {
+        self.maps.iter().any(|maps| *maps != Maps::default())
     }
 
     /// Checks that it fits a scene.
@@ -62,7 +117,8 @@ impl Shading {
         let has_maps = !self.maps.is_empty();
         let exists = |map: Option<u32>| map.is_none_or(|map| (map as usize) < self.textures.len());
         let finite = |uv: &[f32; 2]| uv.iter().all(|c| c.is_finite());
-        let problem = if !fits(self.uvs.len(), triangles) || !fits(self.normals.len(), triangles) {
+        let counts = [self.uvs.len(), self.normals.len(), self.colours.len()];
+        let problem = if !counts.iter().all(|&count| fits(count, triangles)) {
             "their number differs from the triangles'"
         } else if !fits(self.maps.len(), materials) || materials > MAX_MATERIALS {
             "their number differs from the materials'"
@@ -70,6 +126,8 @@ impl Shading {
             "textures have no coordinates"
         } else if !self.maps.iter().flat_map(Maps::all).all(exists) {
             "a material names a texture that does not exist"
+        } else if !self.maps.iter().all(Maps::is_plausible) {
+            "a material's texture has an impossible strength"
         } else if self.textures.len() > MAX_TEXTURES {
             "there are too many textures"
         } else if !self.uvs.iter().flatten().all(finite) {

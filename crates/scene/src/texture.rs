@@ -252,7 +252,7 @@ impl Level {
 }
 
 /// Returns the linear values of all bytes of sRGB (IEC 61966-2-1).
-fn linear_table() -> &'static [f32; 256] {
+pub(crate) fn linear_table() -> &'static [f32; 256] {
     static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
     TABLE.get_or_init(|| {
         std::array::from_fn(|byte| {
@@ -260,6 +260,11 @@ fn linear_table() -> &'static [f32; 256] {
             if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
         })
     })
+}
+
+/// Returns the byte of sRGB that is nearest to a linear share; 0 for NaN.
+pub(crate) fn srgb_byte(linear: f32) -> u8 {
+    (to_srgb(linear.clamp(0.0, 1.0)) * 255.0 + 0.5) as u8
 }
 
 fn to_srgb(c: f32) -> f32 {

@@ -236,7 +236,7 @@ fn a_missing_file_and_a_folder_are_errors_with_their_path() {
 fn ignored_statements_give_one_warning_with_the_first_line() {
     let obj = format!(
         "{SQUARE}vn 0 0 1\nvn 0 0 1\nvt 0 0\nusemtl a\nf 1 2 3\nf 1 1 2\nf 2 2 2\nl 1 2\np 1\ncurv 1 2\ncurv 3\nv 9 9 9 2\n\
-         v 1 2 3 0.5 0.5 0.5\ng a\no b\ns off\n"
+         g a\no b\ns off\n"
     );
     let loaded = load(obj).unwrap();
     assert_eq!(loaded.scene.triangles.len(), 1);
@@ -244,7 +244,6 @@ fn ignored_statements_give_one_warning_with_the_first_line() {
         "s.obj:12: lines and points (`l`, `p`) are ignored (2 lines)",
         "s.obj:14: `curv` is unknown and ignored (2 lines)",
         "s.obj:16: the weight of `v` is ignored",
-        "s.obj:17: colours of vertices are ignored",
         "s.obj:8: no MTL file was read; grey diffuse 0.5 is taken for all materials (1)",
         "s.obj:10: triangles without area are left out (2 in the file)",
     ];

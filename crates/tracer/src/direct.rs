@@ -183,6 +183,23 @@ impl LitVertex<'_> {
         value * self.engine.sky * (direct.light_weight(density * count as f32, pdf) / density)
     }
 
+    /// Returns value over density of one sample of the suns, weighed against the material's.
+    #[inline]
+    pub(crate) fn sunlight(&self, direct: Direct, sampler: &mut Sampler) -> Vec3 {
+        let Some(sun) = self.engine.suns.choose(sampler.one(), sampler.two()) else {
+            return Vec3::ZERO;
+        };
+        let wi = self.frame.to_local(sun.direction);
+        let (value, pdf) = self.scatter.evaluate(self.wo, wi, self.front);
+        let value = value * self.terminator(sun.direction, wi.z);
+        if value == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let passed = self.engine.panes.to_sky(self.raycaster, self.point, sun.direction);
+        let weight = direct.light_weight(sun.density, pdf) / sun.density;
+        value * passed * sun.radiance * weight
+    }
+
     /// Returns value over density of one sample of an emitter, weighed against the material's.
     #[inline]
     fn emitter(

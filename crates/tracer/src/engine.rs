@@ -10,6 +10,7 @@ use crate::lights::Lights;
 use crate::medium::{Inside, Nesting};
 use crate::panes::Panes;
 use crate::secondary::SecondarySources;
+use crate::suns::Suns;
 use crate::surface::{Surface, surfaces};
 use crate::weighting::Direct;
 
@@ -25,6 +26,7 @@ pub(crate) struct PathEngine {
     pub nesting: Option<Nesting>,
     /// Radiance of the sky.
     pub sky: Vec3,
+    pub suns: Suns,
     /// Most scatterings after the first.
     pub bounces: u32,
     /// How direct light is found.
@@ -55,6 +57,7 @@ impl PathEngine {
             panes,
             nesting: Nesting::new(scene),
             sky: scene.sky.into(),
+            suns: Suns::new(scene),
             bounces: bounces.unwrap_or(u32::MAX),
             direct,
             light_samples,

@@ -24,6 +24,8 @@ mod bsdf_tests;
 mod cached;
 mod coat;
 mod conductor;
+#[cfg(test)]
+mod details_tests;
 mod deviations;
 mod direct;
 #[cfg(test)]
@@ -46,6 +48,7 @@ mod mirrors;
 mod panes;
 mod path;
 mod policy;
+mod roughness;
 mod sampled;
 mod sampler;
 mod secondary;
@@ -54,6 +57,7 @@ mod secondary_tests;
 mod shading;
 #[cfg(test)]
 mod shading_tests;
+mod suns;
 mod surface;
 mod virtual_distance;
 mod weighting;

@@ -157,7 +157,7 @@ impl Mirrors {
         let (low, high) = scene.bounds();
         let size = (high - low).max_element();
         // A curved mirror has no plane, and a textured one no single reflectance.
-        let is_plain = |t: u32| !scene.has_texture(t) && scene.smooth_normal(t, 0.3, 0.3).is_none();
+        let is_plain = |t: u32| scene.is_plain(t);
         let face = |t: u32| {
             let scatter = &surfaces[scene.material_ids[t as usize] as usize].scatter;
             Face::of(scatter).filter(|_| is_plain(t))

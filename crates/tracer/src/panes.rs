@@ -73,6 +73,31 @@ impl Panes {
         }
     }
 
+    /// Returns the share of light, by channel, that travels straight from the sky in a direction to a
+    /// surface point.
+    #[inline]
+    pub(crate) fn to_sky(
+        &self,
+        raycaster: &Raycaster,
+        from: &SurfacePoint,
+        direction: Vec3,
+    ) -> Vec3 {
+        if self.materials.is_empty() {
+            let ray = Ray::new(spawn(from.point, from.error, from.normal, direction), direction);
+            let is_hidden = raycaster.occluded_from(&ray, from.triangle);
+            return if is_hidden { Vec3::ZERO } else { Vec3::ONE };
+        }
+        let (mut share, mut from) = (Vec3::ONE, *from);
+        for _ in 0..MAX_DEPTH {
+            let ray = Ray::new(spawn(from.point, from.error, from.normal, direction), direction);
+            let Some(hit) = raycaster.nearest_from(&ray, from.triangle) else { return share };
+            let Some(pane) = self.at(raycaster, hit.triangle) else { break };
+            from = raycaster.surface(hit.triangle, hit.u, hit.v);
+            share *= pane.passes(direction.dot(from.normal));
+        }
+        Vec3::ZERO
+    }
+
     /// Follows a ray through panes to the first surface that is not a pane or for which `ends` is
     /// true. Returns that surface and the share of light that arrives from there.
     pub(crate) fn to_face(

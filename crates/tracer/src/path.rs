@@ -31,7 +31,7 @@ use crate::policy::{PathPolicy, ShadingPoint, Unbiased};
 use crate::sampled::Sampled;
 use crate::sampler::{Purpose, Sampler};
 use crate::secondary::{AimedVertex, Choice};
-use crate::shading;
+use crate::shading::{self, Look};
 use crate::surface::Surface;
 use crate::weighting::Direct;
 
@@ -144,6 +144,14 @@ impl EmissionWeight {
     }
 }
 
+impl Path<'_> {
+    /// Returns how the path looks at a surface.
+    #[inline]
+    fn looking(&self) -> Look {
+        Look { towards_eye: -self.direction, width: self.width }
+    }
+}
+
 impl PathEngine {
     /// Returns one estimate of the radiance that arrives against `start.direction`.
     #[inline]
@@ -196,7 +204,7 @@ impl PathEngine {
         let mut radiance = Vec3::ZERO;
         while path.depth < MAX_DEPTH {
             let Some(hit) = path.hit else {
-                radiance += self.sky_along(&path);
+                radiance += self.sky_along(&path, policy);
                 break;
             };
             let point = raycaster.surface(hit.triangle, hit.u, hit.v);
@@ -227,10 +235,11 @@ impl PathEngine {
                 radiance += self.emission(raycaster, &path, &hit, cosine.abs(), surface, policy);
             }
             let facing = if front { point.normal } else { -point.normal };
-            let frame = Frame::new(match self.is_shaded {
-                true => shading::normal(raycaster, &hit, scatter, facing, -path.direction),
-                false => facing,
-            });
+            let (smooth, normal) = match self.is_shaded {
+                true => shading::normals(raycaster, &hit, scatter, facing, &path.looking()),
+                false => (facing, facing),
+            };
+            let frame = Frame::new(normal);
             let wo = frame.to_local(-path.direction);
             if wo.z <= 0.0 {
                 break;
@@ -243,11 +252,12 @@ impl PathEngine {
                 }
                 path.scatterings += 1;
                 let Path { depth, scatterings, throughput, .. } = path;
-                let (normal, inside) = (frame.n, &path.inside);
+                let inside = &path.inside;
                 let shading = ShadingPoint {
                     raycaster,
                     point: &point,
-                    normal,
+                    normal: smooth,
+                    lit: normal,
                     scatter,
                     inside,
                     scatterings,
@@ -256,7 +266,7 @@ impl PathEngine {
                 let indirect = policy.indirect(&shading, sampler);
                 // Known indirect light includes what a sample of the material would find.
                 let direct = if indirect.is_some() { Direct::Lights } else { self.direct };
-                if direct != Direct::Materials && self.lights.any() {
+                if direct != Direct::Materials && (self.lights.any() || self.suns.any()) {
                     let count = policy.light_samples(self, scatterings, indirect.is_some());
                     let vertex = LitVertex {
                         raycaster,
@@ -270,6 +280,10 @@ impl PathEngine {
                     let lights = direct::lights_at(&self.lights, scatter, &point, frame.n);
                     sampler.turn(depth, Purpose::Light);
                     radiance += throughput * vertex.direct_light(&lights, count, direct, sampler);
+                    if self.suns.any() {
+                        sampler.turn(depth, Purpose::Sun);
+                        radiance += throughput * vertex.sunlight(direct, sampler);
+                    }
                     light_sampling =
                         Some(LightSampling::new(&lights, scatter, &point, frame.n, count));
                 }
@@ -331,15 +345,25 @@ impl PathEngine {
         radiance
     }
 
-    /// Returns the light of the sky that a path brings whose ray meets nothing.
+    /// Returns the light of sky and suns that a path brings whose ray meets nothing.
     #[inline]
-    fn sky_along(&self, path: &Path) -> Vec3 {
+    fn sky_along(&self, path: &Path, policy: &impl PathPolicy) -> Vec3 {
         let weight = if path.passed_specular {
             1.0
         } else {
             path.emission_weight.factor(self.direct, MaterialSample::sky_density)
         };
-        path.throughput * self.sky * weight
+        let sky = path.throughput * self.sky * weight;
+        if path.scatterings == 0 || !self.suns.any() {
+            return sky;
+        }
+        // Light samples look for suns behind panes, too.
+        let met = self
+            .suns
+            .along(path.direction, |density| path.emission_weight.factor(self.direct, |_| density));
+        let found = path.throughput * met;
+        let only_this_path = matches!(path.emission_weight, EmissionWeight::Full);
+        sky + if only_this_path { policy.clamped(found) } else { found }
     }
 
     /// Returns the light that a path brings from an emitter that its ray meets at `cosine`.

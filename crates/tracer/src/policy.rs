@@ -12,8 +12,10 @@ use crate::sampler::Sampler;
 pub(crate) struct ShadingPoint<'a> {
     pub raycaster: &'a Raycaster,
     pub point: &'a SurfacePoint,
-    /// Normal on the side from which the path arrived.
+    /// Normal on the side from which the path arrived, without what a texture changes.
     pub normal: Vec3,
+    /// The same with it: light arrives around this one.
+    pub lit: Vec3,
     pub scatter: &'a Scatter,
     /// The solids on that side.
     pub inside: &'a Inside,

@@ -13,6 +13,7 @@
 //! | [`Purpose::Record`] | whether a coarse record of indirect light is made |
 //! | [`Purpose::Aim`] | one pair: whether to aim at a secondary source, which one, and where on it |
 //! | [`Purpose::Image`] | one pair: which image of a lamp, and where on it |
+//! | [`Purpose::Sun`] | which sun, and one pair: where on it |
 //!
 //! If a path branches, branch j of n uses the numbers of path n·path + j.
 //!
@@ -36,6 +37,7 @@ pub(crate) enum Purpose {
     /// The remaining purposes have numbers beyond those of all vertices.
     Record = 1 << 20,
     Image = 1 << 21,
+    Sun = 1 << 22,
 }
 
 /// The random numbers of one path.

@@ -1,4 +1,4 @@
-//! Textures and smooth normals where a path meets a surface.
+//! Textures, smooth normals and textures of normals where a path meets a surface.
 //!
 //! Always true:
 //! - A scene without them takes none of these functions ([`PathEngine::is_shaded`]).
@@ -19,7 +19,7 @@ use crate::surface::Surface;
 const LEAST_COSINE: f32 = 0.02;
 
 impl PathEngine {
-    /// Returns how a surface scatters light at a hit, if it has a texture there. `width` is what the
+    /// Returns how a surface scatters light at a hit, if textures or colours decide there. `width` is what the
     /// path looks at, in scene units.
     pub(crate) fn textured(
         &self,
@@ -28,8 +28,14 @@ impl PathEngine {
         surface: &Surface,
         width: f32,
     ) -> Option<Scatter> {
-        let texture = raycaster.scene().base_texture(hit.triangle, hit.u, hit.v, width)?;
-        let texture = Vec3::from(texture).clamp(Vec3::ZERO, Vec3::ONE);
+        let texture = raycaster.scene().base_texture(hit.triangle, hit.u, hit.v, width);
+        let texture = texture.map(|t| Vec3::from(t).clamp(Vec3::ZERO, Vec3::ONE));
+        if let Some(varied) = &surface.varied
+            && let Some(finish) = raycaster.scene().finish(hit.triangle, hit.u, hit.v, width)
+        {
+            return Some(varied.at(finish, texture.unwrap_or(Vec3::ONE)));
+        }
+        let texture = texture?;
         match &surface.scatter {
             Scatter::Diffuse(kd) => Some(Scatter::Diffuse(*kd * texture)),
             Scatter::Mirror(ks) => Some(Scatter::Mirror(*ks * texture)),
@@ -56,27 +62,47 @@ impl PathEngine {
     }
 }
 
-/// Returns the normal with which light is scattered at a hit: the smooth one, turned to the side that
-/// is seen, or `facing` if the surface is a facet or a pane. `wo` points to the eye.
-pub(crate) fn normal(
+/// How a path looks at a surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Look {
+    /// The unit direction from the surface to where the path came from.
+    pub towards_eye: Vec3,
+    /// The width that it looks at, in scene units.
+    pub width: f32,
+}
+
+/// Returns the normals with which light is scattered at a hit, on the side that is seen: of the
+/// smooth surface, and the same with what a texture of normals changes. Both are `facing` if the
+/// surface is a plain facet or a pane.
+#[inline]
+pub(crate) fn normals(
     raycaster: &Raycaster,
     hit: &Hit,
     scatter: &Scatter,
     facing: Vec3,
-    wo: Vec3,
-) -> Vec3 {
+    look: &Look,
+) -> (Vec3, Vec3) {
     if matches!(scatter, Scatter::Pane { .. } | Scatter::Clear { .. }) {
-        return facing;
+        return (facing, facing);
     }
-    let Some(smooth) = raycaster.scene().smooth_normal(hit.triangle, hit.u, hit.v) else {
-        return facing;
+    let (scene, at) = (raycaster.scene(), [hit.u, hit.v]);
+    let seen = |normal: Vec3| {
+        // A surface that is seen faces the eye.
+        let cosine = normal.dot(look.towards_eye);
+        if cosine >= LEAST_COSINE {
+            return normal;
+        }
+        let bent = normal + look.towards_eye * (LEAST_COSINE - cosine);
+        bent.try_normalize().unwrap_or(facing)
     };
-    let smooth = if smooth.dot(facing) < 0.0 { -smooth } else { smooth };
-    let cosine = smooth.dot(wo);
-    if cosine >= LEAST_COSINE {
-        return smooth;
-    }
-    (smooth + wo * (LEAST_COSINE - cosine)).try_normalize().unwrap_or(facing)
+    let smooth = scene.smooth_normal(hit.triangle, hit.u, hit.v);
+    let smooth = smooth.map(|smooth| if smooth.dot(facing) < 0.0 { -smooth } else { smooth });
+    let base = smooth.unwrap_or(facing);
+    // Pictures are seen from the front; a bump there is a dent from behind.
+    let side = if facing.dot(scene.normal(hit.triangle)) < 0.0 { -1.0 } else { 1.0 };
+    let mapped = scene.mapped_normal(hit.triangle, at, look.width, base * side);
+    let smooth = smooth.map_or(facing, seen);
+    (smooth, mapped.map_or(smooth, |mapped| seen(mapped * side)))
 }
 
 /// Returns the factor to light from `direction`, whose cosine to the smooth normal is `z`.

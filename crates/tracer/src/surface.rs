@@ -4,11 +4,14 @@ use glam::Vec3;
 use holo_scene::{Bsdf, Scene};
 
 use crate::bsdf::{Scatter, Tables};
+use crate::roughness::{Varied, VariedTables};
 
 /// A material, prepared for tracing.
 #[derive(Clone, Debug)]
 pub(crate) struct Surface {
     pub scatter: Scatter,
+    /// Set if textures decide at each point; `scatter` is the mean then.
+    pub varied: Option<Box<Varied>>,
     pub emission: Vec3,
     pub emits: bool,
     /// Whether the back emits too.
@@ -19,12 +22,15 @@ pub(crate) struct Surface {
 pub(crate) fn surfaces(scene: &Scene) -> Vec<Surface> {
     let mut used = vec![false; scene.materials.len()];
     scene.material_ids.iter().for_each(|&m| used[m as usize] = true);
-    let mut tables = Tables::default();
+    let (mut tables, mut varied) = (Tables::default(), VariedTables::default());
+    let finish = |id: usize| scene.shading.as_ref()?.maps.get(id)?.finish;
     scene
         .materials
         .iter()
         .zip(used)
-        .map(|(m, used)| Surface {
+        .enumerate()
+        .map(|(id, (m, used))| Surface {
+            varied: Varied::new(&m.bsdf, finish(id), &mut varied).map(Box::new),
             scatter: match m.bsdf {
                 // What a solid does depends on the media on both sides (`nesting`).
                 Bsdf::Dielectric { .. } => Scatter::Black,

@@ -54,7 +54,9 @@ impl VirtualDistance {
                 Bsdf::Diffuse { .. } | Bsdf::Conductor { .. } | Bsdf::Coated { .. } => false,
             })
             .collect();
-        let mut flat: Vec<bool> = scene.material_ids.iter().map(|&m| smooth[m as usize]).collect();
+        let is_even = |m: u32| scene.has_even_finish(m as usize);
+        let mut flat: Vec<bool> =
+            scene.material_ids.iter().map(|&m| smooth[m as usize] && is_even(m)).collect();
         // Triangles by edge and material. Edges are compared by position, because files repeat
         // vertices.
         let mut sides: HashMap<(u32, [[u32; 3]; 2]), Vec<u32>> = HashMap::new();

@@ -1,4 +1,5 @@
-//! A binary glTF file as Blender exports it: +y up, a camera, a point light, metallic-roughness.
+//! A binary glTF file as Blender exports it: +y up, a camera, a point light, a sun, metallic-roughness
+//! and normals by textures.
 
 use std::fmt::Write;
 
@@ -15,7 +16,7 @@ const MATERIALS: [(&str, &str); 5] = [
     ),
     (
         "Floor",
-        r#""pbrMetallicRoughness":{"baseColorTexture":{"index":0},"metallicFactor":0,"roughnessFactor":0.4}"#,
+        r#""normalTexture":{"index":1},"pbrMetallicRoughness":{"baseColorTexture":{"index":0},"metallicRoughnessTexture":{"index":2}}"#,
     ),
     (
         "Table",
@@ -75,28 +76,36 @@ pub(super) fn glb(faces: &[Face]) -> Vec<u8> {
             r#"{{"attributes":{{"POSITION":{p},"NORMAL":{n},"TEXCOORD_0":{t}}},"material":{number}}},"#
         );
     }
-    let picture = png::tiles();
-    let (offset, length) = (binary.len(), picture.len());
-    let _ = write!(views, r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}}}"#);
-    binary.extend(picture);
-    binary.resize(binary.len().next_multiple_of(4), 0);
+    for picture in [png::tiles(), png::tile_normals(), png::tile_finish()] {
+        let (offset, length) = (binary.len(), picture.len());
+        let _ = write!(views, r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}}},"#);
+        binary.extend(picture);
+        binary.resize(binary.len().next_multiple_of(4), 0);
+    }
+    let picture = |number: usize, name: &str| {
+        let view = count + number;
+        format!(r#"{{"bufferView":{view},"mimeType":"image/png","name":"{name}"}}"#)
+    };
+    let images = [picture(0, "tiles"), picture(1, "bevels"), picture(2, "gloss")].join(",");
     let materials =
         MATERIALS.map(|(name, members)| format!(r#"{{"name":"{name}",{members}}}"#)).join(",");
     let trimmed = |list: &str| list.trim_end_matches(',').to_owned();
     let json = format!(
         r#"{{"asset":{{"generator":"Khronos glTF Blender I/O v4.1.62","version":"2.0"}},
 "extensionsUsed":["KHR_lights_punctual","KHR_materials_transmission"],
-"extensions":{{"KHR_lights_punctual":{{"lights":[{{"name":"Lamp","type":"point","color":[1,0.9,0.75],"intensity":120}}]}}}},
-"scene":0,"scenes":[{{"name":"Scene","nodes":[0,1,2]}}],
+"extensions":{{"KHR_lights_punctual":{{"lights":[{{"name":"Lamp","type":"point","color":[1,0.9,0.75],"intensity":120}},{{"name":"Sun","type":"directional","color":[1,0.95,0.85],"intensity":2049}}]}}}},
+"scene":0,"scenes":[{{"name":"Scene","nodes":[0,1,2,3]}}],
 "nodes":[{{"mesh":0,"name":"Kitchen"}},{{"camera":0,"name":"Camera","translation":[0.5,1.5,-0.5],"rotation":[-0.0825,-0.4287,-0.0393,0.8988]}},
-{{"extensions":{{"KHR_lights_punctual":{{"light":0}}}},"name":"Lamp","translation":[2.6,2.2,-1.8]}}],
+{{"extensions":{{"KHR_lights_punctual":{{"light":0}}}},"name":"Lamp","translation":[2.6,2.2,-1.8]}},
+{{"extensions":{{"KHR_lights_punctual":{{"light":1}}}},"name":"Sun","rotation":[-0.8345,0.4172,0.0,0.3599]}}],
 "cameras":[{{"name":"Camera","type":"perspective","perspective":{{"yfov":0.9,"znear":0.1}}}}],
-"materials":[{materials}],"textures":[{{"sampler":0,"source":0}}],"samplers":[{{}}],
-"images":[{{"bufferView":{count},"mimeType":"image/png","name":"tiles"}}],
+"materials":[{materials}],"textures":[{{"sampler":0,"source":0}},{{"sampler":0,"source":1}},{{"sampler":0,"source":2}}],"samplers":[{{}}],
+"images":[{images}],
 "meshes":[{{"name":"Kitchen","primitives":[{}]}}],
-"accessors":[{}],"bufferViews":[{views}],"buffers":[{{"byteLength":{}}}]}}"#,
+"accessors":[{}],"bufferViews":[{}],"buffers":[{{"byteLength":{}}}]}}"#,
         trimmed(&primitives),
         trimmed(&accessors),
+        trimmed(&views),
         binary.len()
     );
     let mut text = json.into_bytes();

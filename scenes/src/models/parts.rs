@@ -92,7 +92,7 @@ fn table(at: DVec3) -> Vec<Face> {
 /// A room of 5 by 4 by 2.6 m with a window in its wall at y = 4, a table, and a lamp if wanted.
 pub(super) fn room(lamp: bool) -> Vec<Face> {
     let (low, high) = (DVec3::ZERO, DVec3::new(5.0, 4.0, 2.6));
-    let mut faces = shell(low, high);
+    let mut faces = shell(low, high, &[1.5, 3.5]);
     faces.extend(table(DVec3::new(2.6, 1.8, 0.0)));
     if lamp {
         let corners = [[2.0, 1.5], [2.0, 2.5], [3.0, 2.5], [3.0, 1.5]];
@@ -101,17 +101,19 @@ pub(super) fn room(lamp: bool) -> Vec<Face> {
     faces
 }
 
-/// The floor, ceiling and walls of a room, with a glazed window at its far wall.
-fn shell(low: DVec3, high: DVec3) -> Vec<Face> {
+/// The floor, ceiling and walls of a room. Its far wall has glazed windows, each from one of `windows`
+/// to the next.
+fn shell(low: DVec3, high: DVec3, windows: &[f64]) -> Vec<Face> {
     let mut faces = cuboid(low, high, true, "Wall");
     // In the order of `cuboid`: the far wall is the fourth, floor and ceiling are the last two.
     faces[4].material = "Floor";
     faces.remove(3);
-    let (x, z) = ([low.x, low.x + 1.5, low.x + 3.5, high.x], [low.z, 0.9, 2.1, high.z]);
-    for (i, j) in (0..3).flat_map(|i| (0..3).map(move |j| (i, j))) {
+    let x = [&[low.x], windows, &[high.x]].concat();
+    let z = [low.z, 0.9, 2.1, high.z];
+    for (i, j) in (0..x.len() - 1).flat_map(|i| (0..3).map(move |j| (i, j))) {
         let at = |i: usize, j: usize| DVec3::new(x[i], high.y, z[j]);
         let corners = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
-        faces.push(flat(corners, if (i, j) == (1, 1) { "Glass" } else { "Wall" }));
+        faces.push(flat(corners, if (i % 2, j) == (1, 1) { "Glass" } else { "Wall" }));
     }
     faces
 }
@@ -119,7 +121,7 @@ fn shell(low: DVec3, high: DVec3) -> Vec<Face> {
 /// Two rooms with a door between them, each with a window.
 pub(super) fn two_rooms() -> Vec<Face> {
     let high = DVec3::new(8.5, 4.0, 2.6);
-    let mut faces = shell(DVec3::ZERO, high);
+    let mut faces = shell(DVec3::ZERO, high, &[1.5, 3.5, 5.8, 7.4]);
     for (from, to, up) in [(0.0, 1.4, 2.6), (2.3, 4.0, 2.6)] {
         faces.extend(cuboid(DVec3::new(4.9, from, 0.0), DVec3::new(5.0, to, up), false, "Wall"));
     }

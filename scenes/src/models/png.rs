@@ -15,6 +15,36 @@ pub(super) fn tiles() -> Vec<u8> {
     png(SIDE as u32, SIDE as u32, &rows)
 }
 
+/// The slope of tiles towards their joints, over some texels.
+const BEVEL: usize = 3;
+
+/// Returns the normals of the tiles: flat, and sloping into the joints.
+pub(super) fn tile_normals() -> Vec<u8> {
+    let slope = |at: usize| match at % 32 {
+        at if at < BEVEL => 180,
+        at if at >= 32 - BEVEL => 76,
+        _ => 128,
+    };
+    // The picture's rows run down, and green up.
+    of_tiles(|x, y| [255 - slope(x), slope(y), 230])
+}
+
+/// Returns the roughness (green) and metalness (blue) of the tiles: dull joints, glossy tiles.
+pub(super) fn tile_finish() -> Vec<u8> {
+    let is_joint = |at: usize| at % 32 < 1;
+    of_tiles(|x, y| [0, if is_joint(x) || is_joint(y) { 230 } else { 60 }, 0])
+}
+
+/// Returns a picture as large as that of the tiles.
+fn of_tiles(texel: impl Fn(usize, usize) -> [u8; 3]) -> Vec<u8> {
+    let mut rows = Vec::new();
+    for y in 0..64 {
+        rows.push(0); // no filter
+        (0..64).for_each(|x| rows.extend(texel(x, y)));
+    }
+    png(64, 64, &rows)
+}
+
 fn png(width: u32, height: u32, rows: &[u8]) -> Vec<u8> {
     let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
     let mut header = [width.to_be_bytes(), height.to_be_bytes()].concat();

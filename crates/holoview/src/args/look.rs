@@ -9,8 +9,8 @@ use holo_picture::{Exposure, Format, Look, Picture, Scale, Scaling, Tone};
 /// The look of pictures for people. Pictures of radiance (.exr .hdr .pfm) never change with it.
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
 pub struct LookArgs {
-    /// Brightness: `auto`, stops over automatic such as +1 or -0.5, or =FACTOR, such as =0.03, which
-    /// multiplies radiance [default: auto]
+    /// Brightness: `auto`, stops such as +1 or -0.5 over what it would be, or =FACTOR, such as =0.03,
+    /// which multiplies radiance [default: `picture` takes the holodeck's, all others auto]
     #[arg(long, value_name = "auto|STOPS|=FACTOR", value_parser = parse_exposure, allow_hyphen_values = true)]
     pub exposure: Option<Exposure>,
     /// How light becomes tones [default: soft]
@@ -92,6 +92,22 @@ impl LookArgs {
         };
         let exposure = self.exposure.unwrap_or_default();
         Ok(Look { exposure, tone, false_color, contours, scaling })
+    }
+
+    /// Returns the same with the exposure that a holodeck keeps, if nobody asks for another. Stops
+    /// count from it. Tones without an exposure, and false colours, stay as they are.
+    #[must_use]
+    pub fn with_kept_exposure(self, kept: Option<f32>) -> LookArgs {
+        let has_factor = matches!(self.tone, None | Some(ToneArg::Soft | ToneArg::Linear));
+        let Some(kept) = kept.filter(|_| has_factor && self.falsecolor.is_none()) else {
+            return self;
+        };
+        let exposure = match self.exposure {
+            None => Exposure::Factor(kept),
+            Some(Exposure::Stops(stops)) => Exposure::Factor(kept * stops.exp2()),
+            Some(other) => other,
+        };
+        LookArgs { exposure: Some(exposure), ..self }
     }
 
     /// Writes a picture: as these options show it if the file is a `.png`, as radiance otherwise.
@@ -188,6 +204,23 @@ mod tests {
         assert_eq!(look("--falsecolor=10:1000 --log --no-legend").unwrap(), expected);
         let both = Look { contours: true, ..expected };
         assert_eq!(look("--falsecolor --contours=10:1000 --log").unwrap(), both);
+    }
+
+    #[test]
+    fn a_kept_exposure_is_that_of_pictures_unless_somebody_asks_for_another() {
+        let kept = |line: &str| {
+            let words = std::iter::once("p").chain(line.split_whitespace());
+            let look = Program::try_parse_from(words).unwrap().look;
+            look.with_kept_exposure(Some(0.25)).look().unwrap().exposure
+        };
+        assert_eq!(kept(""), Exposure::Factor(0.25));
+        assert_eq!(kept("--tone linear --exposure +1"), Exposure::Factor(0.5));
+        assert_eq!(kept("--exposure auto"), Exposure::Auto);
+        assert_eq!(kept("--exposure =3"), Exposure::Factor(3.0));
+        assert_eq!(kept("--tone human --exposure +1"), Exposure::Stops(1.0));
+        assert_eq!(kept("--falsecolor"), Exposure::Auto);
+        let plain = LookArgs::default();
+        assert_eq!(plain.with_kept_exposure(None), plain);
     }
 
     #[test]

@@ -1,7 +1,8 @@
-//! Punctual lights, as small lamps: the tracer knows only surfaces that shine.
+//! Punctual lights, as small lamps and suns: the tracer knows only surfaces that shine, and discs in
+//! the sky.
 //!
 //! A point light becomes an octahedron, and a spot light a square in a dark funnel that bounds its
-//! cone. Intensities along the axis are kept. Directional lights have no place.
+//! cone. Intensities along the axis are kept. A directional light becomes a sun.
 
 use std::f64::consts::TAU;
 
@@ -11,7 +12,7 @@ use gltf::khr_lights_punctual::{Kind, Light};
 use super::reading::Reading;
 use crate::limits::MAX_RADIANCE;
 use crate::text::excerpt;
-use crate::{Bsdf, Material, Rgb};
+use crate::{Bsdf, MAX_SUNS, Material, Rgb, Sun};
 
 /// Luminous efficacy by which the project converts radiance to luminance, lm/W (Ward 1994).
 pub(super) const EFFICACY: f64 = 179.0;
@@ -39,9 +40,7 @@ pub(super) fn add(reading: &mut Reading, light: &Light, matrix: DMat4) {
     let emission =
         |area: f64| -> Rgb { candela.map(|c| ((c / EFFICACY / area) as f32).min(MAX_RADIANCE)) };
     match light.kind() {
-        Kind::Directional => reading.count(
-            "directional lights are ignored: there is no sun, only a sky of one radiance (--sky)",
-        ),
+        Kind::Directional => sun(reading, axis, candela),
         Kind::Point => {
             reading.count("point lights are shown as small lamps");
             // The mean projected area of a convex solid is a quarter of its surface (Cauchy).
@@ -54,6 +53,23 @@ pub(super) fn add(reading: &mut Reading, light: &Light, matrix: DMat4) {
             spot(reading, place, axis, f64::from(outer_cone_angle), lamp(name, emission));
         }
     }
+}
+
+/// Adds a sun that shines along `axis` with these illuminances, lux.
+fn sun(reading: &mut Reading, axis: DVec3, lux: [f64; 3]) {
+    if !lux.iter().any(|&c| c > 0.0) {
+        return;
+    }
+    if reading.model.suns.len() == MAX_SUNS {
+        reading.count("directional lights beyond the sixteenth are ignored");
+        return;
+    }
+    let most = f64::from(MAX_RADIANCE) * Sun::projected_solid_angle() * 0.99;
+    reading.count("directional lights are suns of half a degree");
+    reading.model.suns.push(Sun {
+        towards: (-axis).as_vec3().to_array(),
+        irradiance: lux.map(|c| (c / EFFICACY).min(most) as f32),
+    });
 }
 
 fn lamp(name: String, emission: Rgb) -> Material {

@@ -10,6 +10,9 @@
 //! | else | diffuse |
 //! | `alphaMode` `BLEND`, alpha < 0.5 | thin pane; a greater alpha is opaque |
 //!
+//! Metalness and roughness are the means of their texture here. Tracers take the same decisions at
+//! each point, with the texture's own values, for all materials but glass and clearcoats.
+//!
 //! Emission is in cd/m², which 179 lm/W converts to radiance. It is on both sides if the material is
 //! double sided.
 
@@ -64,6 +67,19 @@ pub(super) fn make(
     Material { name, bsdf: bsdf(material, finish, &mut count), emission, two_sided_emission }
 }
 
+/// Returns whether a texture of metalness and roughness changes how a material looks.
+pub(super) fn has_finish(material: &gltf::Material, made: &Material) -> bool {
+    let is_clear = matches!(made.bsdf, Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. });
+    let has_coat = clearcoat(material, "clearcoatFactor") >= 0.5;
+    !is_clear && !has_coat && material.pbr_specular_glossiness().is_none()
+}
+
+/// Returns a number of `KHR_materials_clearcoat`; 0 if there is none.
+fn clearcoat(material: &gltf::Material, name: &str) -> f32 {
+    let coat = material.extension_value("KHR_materials_clearcoat");
+    coat.and_then(|coat| coat.get(name)?.as_f64()).map_or(0.0, |number| number as f32)
+}
+
 /// Returns a number clamped to 0 and `most`; 0 for NaN.
 fn share(value: f32, most: f32) -> f32 {
     if value > 0.0 { value.min(most) } else { 0.0 }
@@ -90,7 +106,7 @@ fn bsdf(material: &gltf::Material, finish: Option<[f32; 2]>, count: &mut impl Fn
     let roughness = share(roughness, 1.0);
     let ior = share(material.ior().unwrap_or(1.5), MAX_IOR).max(MIN_IOR);
     let alpha = (roughness * roughness).max(1e-4);
-    if (0.05..0.95).contains(&metallic) {
+    if (0.05..0.95).contains(&metallic) && finish.is_none() {
         count("materials that are partly metal are taken as metal from a half on");
     }
     let transmission = material.transmission().map_or(0.0, |t| t.transmission_factor());
@@ -108,10 +124,8 @@ fn bsdf(material: &gltf::Material, finish: Option<[f32; 2]>, count: &mut impl Fn
             false => Bsdf::Conductor { ks: base, alpha },
         };
     }
-    let coat = material.extension_value("KHR_materials_clearcoat");
-    let number = |name: &str| coat.and_then(|c| c.get(name)?.as_f64()).map_or(0.0, |n| n as f32);
-    if number("clearcoatFactor") >= 0.5 {
-        let alpha = share(number("clearcoatRoughnessFactor"), 1.0).powi(2).max(1e-4);
+    if clearcoat(material, "clearcoatFactor") >= 0.5 {
+        let alpha = share(clearcoat(material, "clearcoatRoughnessFactor"), 1.0).powi(2).max(1e-4);
         return Bsdf::Coated { kd: base, ks: [1.0; 3], ior: 1.5, alpha };
     }
     let specular = material.specular();

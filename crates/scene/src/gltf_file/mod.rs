@@ -30,7 +30,7 @@ use crate::obj_text::LoadProgress;
 use crate::text::excerpt;
 use crate::texture_files::TextureFiles;
 use crate::warnings::Warnings;
-use crate::{About, LoadOptions, SceneError, smooth};
+use crate::{About, LoadOptions, SceneError, WHITE, smooth};
 use buffers::Buffers;
 use reading::Reading;
 
@@ -234,6 +234,10 @@ impl Reading<'_> {
         let problem = |problem: String| SceneError::Gltf { path: self.path.to_owned(), problem };
         let normals = self.normals(primitive, matrix).map_err(problem)?;
         let uvs = self.coordinates(primitive, material).map_err(|text| self.problem(text))?;
+        let colours = self.colours(primitive).map_err(|text| self.problem(text))?;
+        if colours.is_some() {
+            self.model.shading.colours.resize(self.model.triangles.len(), [WHITE; 3]);
+        }
         if uvs.is_some() {
             self.model.shading.uvs.resize(self.model.triangles.len(), [[0.0; 2]; 3]);
         }
@@ -262,6 +266,10 @@ impl Reading<'_> {
                 let of = |corner: u32| uvs.get(corner as usize).copied().unwrap_or([0.0; 2]);
                 shading.uvs.push(corners.map(of));
             }
+            if let Some(colours) = &colours {
+                let of = |corner: u32| colours.get(corner as usize).copied().unwrap_or(WHITE);
+                shading.colours.push(corners.map(of));
+            }
             if let Some(normals) = &normals {
                 let of = |corner: u32| normals.get(corner as usize).copied().unwrap_or(Vec3::ZERO);
                 let facet = smooth::facet(&self.model.positions, triangle);
@@ -282,7 +290,8 @@ impl Reading<'_> {
         }
         let finish = self.mean_finish(material);
         let made = materials::make(material, finish, self.options, &mut self.counts);
-        let look = self.look(material);
+        let is_finished = materials::has_finish(material, &made);
+        let look = self.look(material, is_finished);
         let id = self.add_material(material.index(), made)?;
         self.looks[id as usize] = look;
         Ok(id)
@@ -294,6 +303,9 @@ impl Reading<'_> {
             self.fill_normals();
         }
         let shading = &mut self.model.shading;
+        if !shading.colours.is_empty() {
+            shading.colours.resize(self.model.triangles.len(), [WHITE; 3]);
+        }
         if !shading.normals.iter().any(smooth::is_curved) {
             shading.normals.clear();
         }

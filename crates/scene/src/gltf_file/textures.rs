@@ -7,34 +7,57 @@ use gltf::texture::{TextureTransform, WrappingMode};
 use super::look::{Look, Placement};
 use super::reading::Reading;
 use super::{accessor, buffers};
-use crate::Maps;
-use crate::shading::CUT_OUT;
-use crate::texture::{MAX_TEXTURE_BYTES, Texture, Wrap};
+use crate::shading::{CUT_OUT, Channel, FinishMap, NormalMap};
+use crate::texture::{MAX_TEXTURE_BYTES, Wrap, srgb_byte};
 use crate::texture_files::Use;
 
 impl Reading<'_> {
-    /// Reads the textures of a material.
-    pub(super) fn look(&mut self, material: &gltf::Material) -> Look {
+    /// Reads the textures of a material. `is_finished` tells whether roughness and metalness matter.
+    pub(super) fn look(&mut self, material: &gltf::Material, is_finished: bool) -> Look {
         let pbr = material.pbr_metallic_roughness();
         let base = match material.pbr_specular_glossiness() {
             Some(specular) => specular.diffuse_texture(),
             None => pbr.base_color_texture(),
         };
         let emission = material.emissive_texture();
+        let finish = pbr.metallic_roughness_texture().filter(|_| is_finished);
+        let normal = material.normal_texture();
         let mut look = Look::default();
-        for (first, info) in [&base, &emission].into_iter().flatten().enumerate() {
-            let transform = info.texture_transform();
-            let set = transform.as_ref().and_then(TextureTransform::tex_coord);
-            let set = set.unwrap_or(info.tex_coord());
+        // The crate knows no transform of a texture of normals: it is that of the colours.
+        let colour = base.as_ref().map(lies).map(|(_, transform)| transform);
+        let own = normal.as_ref().map(|n| (n.tex_coord(), colour.unwrap_or(None)));
+        let [base_lies, glow_lies, finish_lies] =
+            [&base, &emission, &finish].map(|info| info.as_ref().map(lies));
+        for (first, (set, transform)) in
+            [base_lies, glow_lies, finish_lies, own].into_iter().flatten().enumerate()
+        {
+            let set = transform.as_ref().and_then(TextureTransform::tex_coord).unwrap_or(set);
             let placement = Placement::new(transform);
             if first == 0 {
                 (look.set, look.placement) = (set, placement);
             } else if (look.set, look.placement) != (set, placement) {
-                self.count("emission textures with coordinates of their own lie as the colour's");
+                self.count(
+                    "textures with coordinates of their own lie as the material's first one",
+                );
             }
         }
-        look.maps.base = base.as_ref().and_then(|info| self.texture(&info.texture()));
-        look.maps.emission = emission.as_ref().and_then(|info| self.texture(&info.texture()));
+        let colour = base.map(|info| info.texture());
+        look.maps.base = colour.and_then(|texture| self.texture(&texture, false));
+        let glow = emission.map(|info| info.texture());
+        look.maps.emission = glow.and_then(|texture| self.texture(&texture, false));
+        look.maps.normal = normal.and_then(|normal| {
+            let strength = Some(normal.scale()).filter(|scale| scale.is_finite()).unwrap_or(1.0);
+            Some(NormalMap { texture: self.texture(&normal.texture(), true)?, strength })
+        });
+        look.maps.finish = finish.and_then(|info| {
+            let texture = Some(self.texture(&info.texture(), true)?);
+            let channel = |channel: u8, factor: f32| {
+                let factor = if factor > 0.0 { factor.min(1.0) } else { 0.0 };
+                Channel { texture, channel, factor }
+            };
+            let roughness = channel(1, pbr.roughness_factor());
+            Some(FinishMap { roughness, metalness: channel(2, pbr.metallic_factor()) })
+        });
         if look.maps.base.is_some() {
             let is_uncommon = |cutoff: f32| (cutoff - CUT_OUT).abs() > 0.1;
             match material.alpha_mode() {
@@ -51,16 +74,8 @@ impl Reading<'_> {
                 }
             }
         }
-        for (what, is_there) in [
-            ("normal textures are not used", material.normal_texture().is_some()),
-            (
-                "occlusion textures are not used: light is traced",
-                material.occlusion_texture().is_some(),
-            ),
-        ] {
-            if is_there {
-                self.count(what);
-            }
+        if material.occlusion_texture().is_some() {
+            self.count("occlusion textures are not used: light is traced");
         }
         look
     }
@@ -68,21 +83,30 @@ impl Reading<'_> {
     /// Returns the mean metalness and roughness that a material's texture has, as factors.
     pub(super) fn mean_finish(&mut self, material: &gltf::Material) -> Option<[f32; 2]> {
         let info = material.pbr_metallic_roughness().metallic_roughness_texture()?;
-        self.count("textures of metalness and roughness count with their mean");
-        let bytes = self.picture(&info.texture()).ok()?;
-        let texture = Texture::decode(bytes.into(), [Wrap::Repeat; 2], true, false).ok()?;
-        let [_, roughness, metalness, _] = texture.at([0.5; 2], f32::MAX);
+        let id = self.texture(&info.texture(), true)?;
+        let [_, roughness, metalness, _] = self.files.textures[id as usize].at([0.5; 2], f32::MAX);
         Some([metalness, roughness])
     }
 
-    fn texture(&mut self, texture: &gltf::Texture) -> Option<u32> {
+    /// Returns the colours of a primitive's vertices, as bytes of sRGB, if it has any.
+    pub(super) fn colours(
+        &mut self,
+        primitive: &gltf::Primitive,
+    ) -> Result<Option<Vec<[u8; 3]>>, String> {
+        let Some(accessor) = primitive.get(&gltf::Semantic::Colors(0)) else { return Ok(None) };
+        let linear = accessor::floats::<3>(&accessor, &self.buffers)?;
+        Ok(Some(linear.into_iter().map(|colour| colour.map(srgb_byte)).collect()))
+    }
+
+    /// Returns the index of a texture, whose bytes are linear numbers or colours of sRGB.
+    fn texture(&mut self, texture: &gltf::Texture, is_linear: bool) -> Option<u32> {
         let sampler = texture.sampler();
         let wrap = [sampler.wrap_s(), sampler.wrap_t()].map(|mode| match mode {
             WrappingMode::Repeat => Wrap::Repeat,
             WrappingMode::ClampToEdge => Wrap::Clamp,
             WrappingMode::MirroredRepeat => Wrap::Mirror,
         });
-        let how = Use { wrap, is_linear: false, is_mask: false };
+        let how = Use { wrap, is_linear, is_mask: false };
         let number = texture.source().index();
         let bytes = self.picture(texture);
         self.files.embedded(number, || bytes, how).unwrap_or_else(|problem| {
@@ -109,7 +133,7 @@ impl Reading<'_> {
         material: u32,
     ) -> Result<Option<Vec<[f32; 2]>>, String> {
         let look = self.looks[material as usize];
-        if look.maps == Maps::default() {
+        if look.maps == Default::default() {
             return Ok(None);
         }
         let Some(accessor) = primitive.get(&gltf::Semantic::TexCoords(look.set)) else {
@@ -132,4 +156,9 @@ impl Reading<'_> {
         let placed = normals.iter().map(|n| turn.transform_vector3(Vec3::from(*n).as_dvec3()));
         Ok(Some(placed.map(|n| n.normalize_or_zero().as_vec3()).collect()))
     }
+}
+
+/// Returns the set of coordinates that a texture uses, and how it lies.
+fn lies<'a>(info: &gltf::texture::Info<'a>) -> (u32, Option<TextureTransform<'a>>) {
+    (info.tex_coord(), info.texture_transform())
 }

@@ -156,8 +156,9 @@ impl Cached {
     /// Interpolates the irradiance by indirect light between records that reach the point and see
     /// it. An exact look-up ignores coarse records.
     fn look_up(&self, at: &ShadingPoint, kind: Kind) -> Option<Found> {
-        let &ShadingPoint { raycaster, point, normal, .. } = at;
-        self.store.irradiance(point.point, normal, ENOUGH_WEIGHT[kind as usize], |record| {
+        let &ShadingPoint { raycaster, point, normal, lit, .. } = at;
+        let normals = [normal, lit];
+        self.store.irradiance_around(point.point, normals, ENOUGH_WEIGHT[kind as usize], |record| {
             record.flags > kind as u32
                 || raycaster.parted(point, normal, record.point.into(), record.normal.into())
         })
@@ -191,7 +192,12 @@ impl Cached {
                 record.radius.min(gradient_limit(&pilot)) * (error / reached).clamp(0.25, 1.0);
         }
         self.insert(record, at);
-        record.irradiance.into()
+        // Without a texture of normals, this is the record's own irradiance.
+        if at.lit == at.normal {
+            record.irradiance.into()
+        } else {
+            record.extrapolate(at.point.point, at.lit)
+        }
     }
 }
 

@@ -1,0 +1,214 @@
+//! The part of a packed scene that says how triangles look other than flat and plain.
+//!
+//! The format is in [`crate::pack`].
+
+use bytemuck::Pod;
+
+use crate::shading::{Channel, FinishMap, MAX_TEXTURES, NormalMap, WHITE};
+use crate::sun::MAX_SUNS;
+use crate::texture::MAX_TEXTURE_BYTES;
+use crate::{Maps, PackedError, SceneError, Shading, Sun, Texture, Wrap};
+
+const HAS_UVS: u32 = 1;
+const HAS_NORMALS: u32 = 2;
+const HAS_DETAILS: u32 = 4;
+const HAS_COLOURS: u32 = 8;
+const HAS_SUNS: u32 = 16;
+const ALL: u32 = HAS_UVS | HAS_NORMALS | HAS_DETAILS | HAS_COLOURS | HAS_SUNS;
+const NO_TEXTURE: u32 = u32::MAX;
+
+/// Four bytes of a number.
+type Word = [u8; 4];
+
+/// A normal map and a finish of a material, as seven words.
+type Details = [Word; 7];
+
+pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
+    let has_uvs = !shading.maps.is_empty();
+    let has_details =
+        shading.maps.iter().any(|maps| maps.normal.is_some() || maps.finish.is_some());
+    let flags = [
+        (has_uvs, HAS_UVS),
+        (!shading.normals.is_empty(), HAS_NORMALS),
+        (has_details, HAS_DETAILS),
+        (!shading.colours.is_empty(), HAS_COLOURS),
+        (!suns.is_empty(), HAS_SUNS),
+    ];
+    let flags: u32 = flags.iter().filter(|(has, _)| *has).map(|(_, flag)| flag).sum();
+    let textures = if has_uvs { &shading.textures[..] } else { &[] };
+    out.extend(flags.to_le_bytes());
+    out.extend((textures.len() as u32).to_le_bytes());
+    if has_uvs {
+        let numbers = shading.uvs.as_flattened().as_flattened();
+        numbers.iter().for_each(|c| out.extend(c.to_le_bytes()));
+    }
+    let numbers = shading.normals.as_flattened().as_flattened();
+    numbers.iter().for_each(|c| out.extend(c.to_le_bytes()));
+    for maps in &shading.maps {
+        let three = [maps.base, maps.emission, maps.cut_out];
+        three.iter().for_each(|map| out.extend(map.unwrap_or(NO_TEXTURE).to_le_bytes()));
+    }
+    if has_details {
+        shading.maps.iter().for_each(|maps| out.extend(details(maps).as_flattened()));
+    }
+    out.extend(shading.colours.as_flattened().as_flattened());
+    if !suns.is_empty() {
+        out.extend((suns.len() as u32).to_le_bytes());
+        let numbers = suns.iter().flat_map(|sun| sun.towards.into_iter().chain(sun.irradiance));
+        numbers.for_each(|c| out.extend(c.to_le_bytes()));
+    }
+    for texture in textures {
+        out.extend((texture.encoded.len() as u32).to_le_bytes());
+        out.extend(texture.wrap.map(|wrap| match wrap {
+            Wrap::Repeat => 0,
+            Wrap::Clamp => 1,
+            Wrap::Mirror => 2,
+        }));
+        out.extend([u8::from(texture.is_linear), u8::from(texture.is_mask)]);
+        out.extend_from_slice(&texture.encoded);
+    }
+}
+
+fn details(maps: &Maps) -> Details {
+    let none = Channel { texture: None, channel: 0, factor: 0.0 };
+    let finish = maps.finish.unwrap_or(FinishMap { roughness: none, metalness: none });
+    let word = |texture: Option<u32>| texture.unwrap_or(NO_TEXTURE).to_le_bytes();
+    let [rough, metal] = [finish.roughness, finish.metalness];
+    [
+        word(maps.normal.map(|normal| normal.texture)),
+        maps.normal.map_or(0.0, |normal| normal.strength).to_le_bytes(),
+        word(rough.texture),
+        rough.factor.to_le_bytes(),
+        word(metal.texture),
+        metal.factor.to_le_bytes(),
+        [rough.channel, metal.channel, u8::from(maps.finish.is_some()), 0],
+    ]
+}
+
+/// Returns a texture's index of its packed form.
+fn map(word: Word) -> Option<u32> {
+    Some(u32::from_le_bytes(word)).filter(|&map| map != NO_TEXTURE)
+}
+
+/// Adds a normal map and a finish of their packed form. What has no other packing is refused.
+fn add_details(maps: &mut Maps, packed: &Details) -> Result<(), PackedError> {
+    let [normal, strength, rough, rough_factor, metal, metal_factor, last] = *packed;
+    let strength = f32::from_le_bytes(strength);
+    maps.normal = map(normal).map(|texture| NormalMap { texture, strength });
+    let channel = |texture, factor, channel| Channel {
+        texture: map(texture),
+        channel,
+        factor: f32::from_le_bytes(factor),
+    };
+    let roughness = channel(rough, rough_factor, last[0]);
+    let metalness = channel(metal, metal_factor, last[1]);
+    maps.finish = (last[2] == 1).then_some(FinishMap { roughness, metalness });
+    if details(maps) == *packed { Ok(()) } else { Err(PackedError::Shading) }
+}
+
+/// Takes `count` values off the front of `bytes`.
+fn take<'a, T: Pod>(bytes: &mut &'a [u8], count: usize) -> Result<&'a [T], PackedError> {
+    let length = count.checked_mul(size_of::<T>()).ok_or(PackedError::Shading)?;
+    let (head, rest) = bytes.split_at_checked(length).ok_or(PackedError::Shading)?;
+    *bytes = rest;
+    bytemuck::try_cast_slice(head).map_err(|_| PackedError::Shading)
+}
+
+/// Takes one value off the front of `bytes`.
+fn one<T: Pod>(bytes: &mut &[u8]) -> Result<T, PackedError> {
+    take::<T>(bytes, 1)?.first().copied().ok_or(PackedError::Shading)
+}
+
+pub(crate) fn unpack_shading(
+    mut bytes: &[u8],
+    triangles: usize,
+    materials: usize,
+) -> Result<(Shading, Vec<Sun>), SceneError> {
+    let [flags, count] = one::<[Word; 2]>(&mut bytes)?.map(u32::from_le_bytes);
+    let has = |flag: u32| flags & flag != 0;
+    let needs_uvs = count > 0 || has(HAS_DETAILS);
+    if flags & !ALL != 0 || count as usize > MAX_TEXTURES || (needs_uvs && !has(HAS_UVS)) {
+        return Err(PackedError::Shading.into());
+    }
+    let mut shading = Shading::default();
+    if has(HAS_UVS) {
+        let corners = take::<[[Word; 2]; 3]>(&mut bytes, triangles)?;
+        shading.uvs = corners.iter().map(|c| c.map(|uv| uv.map(f32::from_le_bytes))).collect();
+    }
+    if has(HAS_NORMALS) {
+        let corners = take::<[[[u8; 2]; 2]; 3]>(&mut bytes, triangles)?;
+        shading.normals = corners.iter().map(|c| c.map(|n| n.map(i16::from_le_bytes))).collect();
+    }
+    if has(HAS_UVS) {
+        let all = take::<[Word; 3]>(&mut bytes, materials)?;
+        let three = all.iter().map(|m| m.map(map));
+        let maps = three.map(|[base, emission, cut_out]| Maps {
+            base,
+            emission,
+            cut_out,
+            ..Maps::default()
+        });
+        shading.maps = maps.collect();
+    }
+    if has(HAS_DETAILS) {
+        let all = take::<Details>(&mut bytes, materials)?;
+        shading
+            .maps
+            .iter_mut()
+            .zip(all)
+            .try_for_each(|(maps, packed)| add_details(maps, packed))?;
+        if shading.maps.iter().all(|maps| maps.normal.is_none() && maps.finish.is_none()) {
+            return Err(PackedError::Shading.into());
+        }
+    }
+    if has(HAS_COLOURS) {
+        shading.colours = take::<[[u8; 3]; 3]>(&mut bytes, triangles)?.to_vec();
+    }
+    // What changes nothing has no packing.
+    let is_white = shading.colours.as_flattened().iter().all(|colour| *colour == WHITE);
+    if has(HAS_COLOURS) && is_white || has(HAS_UVS) && !shading.has_maps() {
+        return Err(PackedError::Shading.into());
+    }
+    let suns = if has(HAS_SUNS) { unpack_suns(&mut bytes)? } else { Vec::new() };
+    shading.textures = unpack_textures(bytes, count as usize)?;
+    Ok((shading, suns))
+}
+
+fn unpack_suns(bytes: &mut &[u8]) -> Result<Vec<Sun>, PackedError> {
+    let count = u32::from_le_bytes(one::<Word>(bytes)?) as usize;
+    if !(1..=MAX_SUNS).contains(&count) {
+        return Err(PackedError::Shading);
+    }
+    let suns = take::<[[Word; 3]; 2]>(bytes, count)?;
+    let vectors = suns.iter().map(|sun| sun.map(|vector| vector.map(f32::from_le_bytes)));
+    Ok(vectors.map(|[towards, irradiance]| Sun { towards, irradiance }).collect())
+}
+
+/// Reads all textures to the end of `bytes`. None is decoded before all lengths are known to fit.
+fn unpack_textures(mut bytes: &[u8], count: usize) -> Result<Vec<Texture>, PackedError> {
+    let mut encoded = Vec::new();
+    for _ in 0..count {
+        let [a, b, c, d, across, down, linear, mask] = one::<[u8; 8]>(&mut bytes)?;
+        let wrap = |code: u8| match code {
+            0 => Ok(Wrap::Repeat),
+            1 => Ok(Wrap::Clamp),
+            2 => Ok(Wrap::Mirror),
+            _ => Err(PackedError::Shading),
+        };
+        let length = u32::from_le_bytes([a, b, c, d]) as usize;
+        if mask > 1 || linear > 1 || length > MAX_TEXTURE_BYTES {
+            return Err(PackedError::Shading);
+        }
+        let file = take::<u8>(&mut bytes, length)?;
+        encoded.push((file, [wrap(across)?, wrap(down)?], linear == 1, mask == 1));
+    }
+    if !bytes.is_empty() {
+        return Err(PackedError::Shading);
+    }
+    let mut textures = Vec::with_capacity(encoded.len());
+    for (id, (file, wrap, linear, mask)) in encoded.into_iter().enumerate() {
+        let texture = Texture::decode(file.into(), wrap, linear, mask);
+        textures.push(texture.map_err(|_| PackedError::Texture(id))?);
+    }
+    Ok(textures)
+}

@@ -1,0 +1,58 @@
+//! Suns: lights so far away that their rays are nearly parallel.
+
+use glam::Vec3;
+use serde::Serialize;
+
+use crate::limits::MAX_RADIANCE;
+use crate::{Rgb, Scene, SceneError};
+
+/// Most suns of a scene. Each costs a shadow ray wherever light is looked for.
+pub const MAX_SUNS: usize = 16;
+
+/// Half of the angle that a sun's disc has, in radians: that of the sun above us.
+pub const SUN_RADIUS: f64 = 0.004_65;
+
+/// A disc in the sky that gives light and shadows, but is not seen itself: pictures show the sky
+/// there, straight and in mirrors.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Sun {
+    /// The unit direction from the scene to the middle of the disc.
+    pub towards: [f32; 3],
+    /// Irradiance of a surface that faces it, W·m⁻².
+    pub irradiance: Rgb,
+}
+
+impl Sun {
+    /// Returns the solid angle of its disc, projected onto a surface that faces it.
+    #[must_use]
+    pub fn projected_solid_angle() -> f64 {
+        std::f64::consts::PI * SUN_RADIUS.sin().powi(2)
+    }
+
+    /// Returns whether it has a direction and a plausible irradiance.
+    fn is_valid(&self) -> bool {
+        let most = MAX_RADIANCE * Sun::projected_solid_angle() as f32;
+        (Vec3::from(self.towards).length() - 1.0).abs() < 1e-3
+            && self.irradiance.iter().all(|c| (0.0..=most).contains(c))
+            && self.irradiance.iter().any(|&c| c > 0.0)
+    }
+}
+
+impl Scene {
+    /// Gives the scene these suns instead of its own.
+    ///
+    /// # Errors
+    /// [`SceneError::Sun`] if one has no unit direction or no plausible irradiance.
+    /// [`SceneError::Limit`] if there are more than [`MAX_SUNS`].
+    pub fn with_suns(mut self, suns: Vec<Sun>) -> Result<Scene, SceneError> {
+        if suns.len() > MAX_SUNS {
+            let (count, limit) = (suns.len() as u64, MAX_SUNS as u64);
+            return Err(SceneError::Limit { what: "suns", count, limit });
+        }
+        if let Some(bad) = suns.iter().position(|sun| !sun.is_valid()) {
+            return Err(SceneError::Sun(bad));
+        }
+        self.suns = suns;
+        Ok(self)
+    }
+}
