@@ -17,7 +17,7 @@ use tokio::{net::TcpStream, task::JoinHandle};
 
 /// A view of the place's first beams.
 fn view(view: u32, beams: u64) -> ViewRequest {
-    let wanted = |beam| WantedBeam { key: common::beam(beam), weight: 1.0 };
+    let wanted = |beam| WantedBeam { key: common::beam(beam), weight: 1.0, held: 0 };
     let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
     ViewRequest { view, viewpoint, beams: (0..beams).map(wanted).collect() }
 }

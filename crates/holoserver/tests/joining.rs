@@ -34,7 +34,8 @@ fn with_token(server: &Server, identity: &Identity, rights: Rights) -> Destinati
 }
 
 fn view(number: u32) -> Vec<u8> {
-    let beams = (0..50).map(|beam| WantedBeam { key: common::beam(beam), weight: 1.0 }).collect();
+    let beams =
+        (0..50).map(|beam| WantedBeam { key: common::beam(beam), weight: 1.0, held: 0 }).collect();
     let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
     ViewRequest { view: number, viewpoint, beams }.encode()
 }
