@@ -14,6 +14,7 @@ from typing import Callable
 
 from ablations import ablations
 from cached import cached
+from curved import curved
 from document import Bar, Figure, Part, Table
 from edges import edges
 from embree import embree
@@ -304,6 +305,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "interactive": interactive,
     "whole": whole,
     "rooms": rooms,
+    "curved": curved,
     "edges": edges,
     "cached": cached,
     "radiance": radiance,

@@ -13,7 +13,7 @@ use holo_progress::Meter;
 use holo_proto::control::Engine;
 use holo_raycast::Raycaster;
 use holo_tracer::{Settings, Tracer};
-use holo_view::{DenoiseArg, LookArgs, ViewArgs, denoise};
+use holo_view::{DenoiseArg, Denoiser, LookArgs, ViewArgs, denoise};
 
 use crate::{
     arguments::picture_path,
@@ -84,6 +84,8 @@ pub async fn run(args: Args) -> Result<()> {
         None => scene_path(&config)?.with_extension("png").file_name().unwrap_or_default().into(),
     };
     args.look.check(&output).map_err(Usage)?;
+    // Before anything is traced, which may take hours.
+    let denoiser = args.denoise.load()?;
     let (mut opened, view, size) = open_view(&args, &config)?;
     let settings = settings(&config, Engine::Path);
     let raycaster = opened.raycaster()?;
@@ -101,7 +103,7 @@ pub async fn run(args: Args) -> Result<()> {
     let job = Job { tracer, view, size, seed: settings.seed, threads, limit };
     let quiet = args.quiet;
     let rendered = tokio::task::spawn_blocking(move || render(&job, quiet, &shutdown)).await?;
-    rendered.write(&args, raycaster, &output)
+    rendered.write(&args, denoiser, raycaster, &output)
 }
 
 /// Opens the scene, and returns it with the view and the size of the picture. A view that people
@@ -165,13 +167,21 @@ fn render(job: &Job, quiet: bool, shutdown: &Shutdown) -> Rendered {
 }
 
 impl Rendered {
-    fn write(&self, args: &Args, raycaster: Arc<Raycaster>, path: &Path) -> Result<()> {
+    fn write(
+        &self,
+        args: &Args,
+        denoiser: Option<Denoiser>,
+        raycaster: Arc<Raycaster>,
+        path: &Path,
+    ) -> Result<()> {
         let mut picture = Picture::new(self.size.0, self.size.1);
         picture.view = Some(self.view);
         for (pixel, sums) in picture.pixels.iter_mut().zip(&self.sums) {
             *pixel = sums.mean();
         }
-        denoise(&args.denoise, raycaster, &mut picture)?;
+        if let Some(mut denoiser) = denoiser {
+            denoise(&mut denoiser, raycaster, &mut picture)?;
+        }
         let exposure = args.look.write(&picture, path)?;
         if let Some(path) = &args.se {
             let mut errors = Picture::new(self.size.0, self.size.1);

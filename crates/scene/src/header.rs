@@ -131,8 +131,9 @@ fn read_comment(comment: &str, about: &mut About) {
     let unit = words.iter().find_map(|word| UNITS.iter().find(|(name, _)| name == word));
     // Single letters and "in" are words of other sentences, too.
     let is_sure = |name: &str| name.len() > 2 || names_units;
-    if let Some((_, value)) = unit.filter(|(name, _)| speaks_of_units && is_sure(name)) {
-        about.unit.get_or_insert_with(|| Said { value: *value, words: shown() });
+    if let Some((name, metres)) = unit.filter(|(name, _)| speaks_of_units && is_sure(name)) {
+        let value = metres * number_before(&lower, name);
+        about.unit.get_or_insert_with(|| Said { value, words: shown() });
     }
     if let Some((_, up, unit)) = PROGRAMS.iter().find(|(name, ..)| lower.contains(name)) {
         about.usual_up.get_or_insert_with(|| Said { value: *up, words: shown() });
@@ -140,6 +141,17 @@ fn read_comment(comment: &str, about: &mut About) {
             about.usual_unit.get_or_insert_with(|| Said { value, words: shown() });
         }
     }
+}
+
+/// Returns the number in front of a word, such as 100 in "units of 100 mm"; 1 if there is none.
+fn number_before(text: &str, word: &str) -> f64 {
+    let is_word = |part: &str| part.trim_matches(|c: char| !c.is_alphanumeric()) == word;
+    let parts: Vec<&str> = text.split_whitespace().collect();
+    let before = parts.windows(2).find(|pair| is_word(pair[1])).map(|pair| pair[0].parse());
+    before
+        .and_then(Result::ok)
+        .filter(|number: &f64| number.is_normal() && *number > 0.0)
+        .unwrap_or(1.0)
 }
 
 #[cfg(test)]
@@ -157,6 +169,9 @@ mod tests {
             ("# Metres, +Z up.\nv 0 0 0", (Some(Z), Some(1.0))),
             ("# File units = inches\r\n", (None, Some(0.0254))),
             ("\u{feff}# Units: mm", (None, Some(0.001))),
+            ("# The Cornell box, units of 100 mm, +Y up.", (Some(Y), Some(0.1))),
+            ("# 1 unit = 2.5 cm", (None, Some(0.025))),
+            ("# units: nan m", (None, Some(1.0))),
             ("# This file uses centimeters as units for coordinates.", (None, Some(0.01))),
             ("# Y-up\n# unit ft", (Some(Y), Some(0.3048))),
             ("# exported in 2012 by m. maker for unitless use", (None, None)),

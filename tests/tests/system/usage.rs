@@ -109,6 +109,10 @@ fn failures_end_with_status_1_and_name_the_file() {
     place
         .run(&["fill", "--config", "{}/wrong.toml", "-o", "{}/new.holo", "--samples", "1k"])
         .failed(1, &["wrong.toml", "bouncs"]);
+    let render = ["render", "{}/cornell.obj", "--time", "1000h", "-o", "{}/a.pfm"];
+    place
+        .run(&[&render[..], &["--denoise", "{}/none.so"]].concat())
+        .failed(1, &["none.so", "name"]);
     assert!(!place.path("new.holo").exists(), "a fill that failed has made a file");
     place.fill_small("a.holo", "1k");
     let picture =
