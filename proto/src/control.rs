@@ -9,6 +9,7 @@ use crate::{
     ProtoError,
     frame::{Kind, MAX_CONTROL_BYTES},
     printable,
+    report::Report,
 };
 
 /// Most sections in one holodeck: enough for the rooms of a large building.
@@ -202,6 +203,10 @@ pub enum Control {
         /// Why, for people.
         reason: String,
     },
+    /// Administrator: say how the server fares.
+    ReportWanted,
+    /// Server to administrator: how it fares.
+    Report(Box<Report>),
 }
 
 type Wire = Configuration<LittleEndian, Fixint, Limit<{ MAX_CONTROL_BYTES as usize }>>;
@@ -246,6 +251,7 @@ impl Control {
         }
         match &mut message {
             Control::Welcome(welcome) => welcome.check()?,
+            Control::Report(report) => report.clean(),
             Control::Bye { reason } | Control::Failed { reason } | Control::Refused { reason } => {
                 *reason = printable(reason)
             }

@@ -22,6 +22,7 @@ mod processes;
 mod render;
 mod scene_args;
 mod sections;
+mod status;
 mod view;
 mod worker;
 
@@ -72,6 +73,7 @@ enum Command {
     Compare(compare::Args),
     Info(info::InfoArgs),
     Verify(info::VerifyArgs),
+    Status(status::Args),
     Tokens(joining::TokensArgs),
     /// Serve one holodeck to workers and displays (also the program `holoserver`)
     Holoserver(holo_server::Config),
@@ -156,6 +158,7 @@ async fn run(program: Program, screen: Screen) -> anyhow::Result<()> {
         Command::Compare(args) => compare::run(&args),
         Command::Info(args) => info::info(&args),
         Command::Verify(args) => info::verify(&args),
+        Command::Status(args) => status::run(args).await,
         Command::Tokens(args) => joining::tokens(&args),
         Command::Holoserver(config) => holo_server::run_until_signal(config).await,
         Command::Rtworker(config) => holo_rtworker::run_until_signal(config).await,

@@ -346,6 +346,11 @@ impl Holodeck {
         saved.write(&self.file, missing)
     }
 
+    /// Returns where the file is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Returns the packed scene. It is read once.
     ///
     /// # Errors
