@@ -181,11 +181,11 @@ impl Hand {
     }
 
     /// Shows views of a painter until somebody ends it or the painter ends. `facts` is what never
-    /// changes meanwhile.
+    /// changes meanwhile. Returns how somebody has ended it.
     ///
     /// # Errors
     /// If the walk cannot be recorded.
-    pub fn play(&mut self, desk: Desk, facts: State) -> Result<Ending> {
+    pub fn play(&mut self, desk: Desk, facts: State) -> Result<Option<Ending>> {
         (self.desk, self.facts, self.ending) = (Some(desk), facts, None);
         (self.sources, self.held_back, self.has_news) = (VecDeque::new(), None, false);
         self.walker.stay();
@@ -216,7 +216,7 @@ impl Hand {
             self.bell.wait(self.next_due());
         }
         self.publish_state();
-        Ok(self.ending.unwrap_or(Ending::Quit))
+        Ok(self.ending)
     }
 
     /// Ends the record of the walk.
