@@ -50,6 +50,7 @@ use crate::{
     progress::{Progress, Totals},
     recall::{send_scene, send_stand_ins},
     schedule::{Goal, Schedule},
+    shard::Shard,
     workers::{Assignment, Worker},
 };
 use display::Display;
@@ -77,6 +78,8 @@ const STALLED_BYTES: u64 = 64 << 20;
 pub struct FillOptions {
     /// Samples that are enough for the file; `None`: as many as its sections suggest.
     pub enough: Option<u64>,
+    /// The share of the beams that is filled.
+    pub shard: Shard,
 }
 
 /// A server's whole state.
@@ -125,9 +128,11 @@ impl Coordinator {
         let stored = holodeck.file.stats().samples;
         let damage = DamageReport::of_opening(&holodeck.file);
         let paths = holodeck.about.settings.paths_per_sample;
-        let fill = fill.filter(|_| holodeck.writable).map(|FillOptions { enough }| {
+        let fill = fill.filter(|_| holodeck.writable).map(|FillOptions { enough, shard }| {
             let unseen = holodeck.unseen();
-            Fill::new(BatchOrder::new(&holodeck.sections, stored, &unseen, enough, paths))
+            // As many as all shards have, if the others fare as this one does.
+            let stored = stored * u64::from(shard.count());
+            Fill::new(BatchOrder::new(&holodeck.sections, stored, &unseen, enough, paths), shard)
         });
         Coordinator {
             holodeck,

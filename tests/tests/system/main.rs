@@ -20,6 +20,7 @@ mod processes;
 mod render_cache;
 mod samples;
 mod session;
+mod shards;
 mod stand_ins;
 mod tracing_time;
 mod unseen;
