@@ -96,6 +96,8 @@ pub struct Welcome {
     pub sky: [f32; 3],
     /// Whether workers look for beams that see nothing, and leave them untraced.
     pub skip_unseen: bool,
+    /// Metres per scene unit, positive: how fast somebody walks.
+    pub unit: f64,
 }
 
 /// Figures of the server, sent about twice a second.
@@ -307,6 +309,9 @@ impl Welcome {
         }
         if !self.sky.iter().all(|radiance| radiance.is_finite() && *radiance >= 0.0) {
             return Err(ProtoError::Number("the sky's radiance"));
+        }
+        if !(self.unit.is_finite() && self.unit > 0.0) {
+            return Err(ProtoError::Number("the length of a scene unit"));
         }
         let texts = self.views.iter_mut().flat_map(|(name, options)| [name, options]);
         for text in texts.chain([&mut self.software]) {

@@ -199,6 +199,7 @@ fn welcome() -> Any {
         tracing: true,
         sky: [0.25, 0.5, 1.0],
         skip_unseen: true,
+        unit: 0.001,
     })))
 }
 
@@ -221,6 +222,7 @@ fn welcome_shown() -> Any {
         tracing: false,
         sky: [0.0; 3],
         skip_unseen: false,
+        unit: 1.0,
     })))
 }
 

@@ -442,6 +442,7 @@ impl Holodeck {
             tracing: self.writable,
             sky: self.about.sky,
             skip_unseen: self.skip_unseen,
+            unit: self.about.unit,
         }
     }
 }

@@ -48,8 +48,6 @@ use shown::{Publisher, Watched};
 pub struct Wishes {
     /// The first view and the size, as on the command line.
     pub view: crate::ViewArgs,
-    /// Metres per scene unit.
-    pub unit: f64,
     /// The file that the walk is recorded in, as a script.
     pub record: Option<std::path::PathBuf>,
     /// Whoever has started server and workers, if it takes orders.
@@ -113,7 +111,8 @@ impl Stage {
         let Some(session) = connected.begin(loading)? else { return Ok(()) };
         let stated = wishes.view.spec(session.named_views())?;
         let first = session.first_view()?.overridden_by(&stated);
-        let mut hand = Hand::new(first, &wishes, inputs, Arc::clone(&bell), publisher)?;
+        let (unit, ringing) = (session.unit(), Arc::clone(&bell));
+        let mut hand = Hand::new(first, unit, &wishes, inputs, ringing, publisher)?;
         let mut next = Some((session, waker));
         while let Some((session, waker)) = next.take() {
             let facts = facts(&session);

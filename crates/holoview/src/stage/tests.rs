@@ -51,8 +51,7 @@ async fn a_lost_server_is_reached_again_and_asked_for_the_view() {
     let playing = tokio::spawn(async move {
         let connected = connecting.await.unwrap();
         let view = ViewArgs { size: Some((32, 24)), ..ViewArgs::default() };
-        let (stage, _front) =
-            stage(connected, Wishes { view, unit: 1.0, record: None, crew: None });
+        let (stage, _front) = stage(connected, Wishes { view, record: None, crew: None });
         tokio::task::spawn_blocking(move || stage.run()).await.unwrap()
     });
     for _ in 0..2 {

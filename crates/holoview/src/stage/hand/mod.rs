@@ -127,12 +127,14 @@ struct Times {
 }
 
 impl Hand {
-    /// Returns a hand that begins with the view `first`.
+    /// Returns a hand that begins with the view `first`, in a scene whose unit is `unit` metres
+    /// long.
     ///
     /// # Errors
     /// If `first` is no view.
     pub fn new(
         first: ViewSpec,
+        unit: f64,
         wishes: &super::Wishes,
         inputs: mpsc::Receiver<Numbered>,
         bell: Arc<Bell>,
@@ -140,7 +142,7 @@ impl Hand {
     ) -> Result<Hand> {
         let size = wishes.view.size();
         first.resolve(size).context("the first view")?;
-        let walker = Walker::new(first, wishes.unit).context("the first view has no direction")?;
+        let walker = Walker::new(first, unit).context("the first view has no direction")?;
         let now = Instant::now();
         let times = Times {
             advanced: now,
