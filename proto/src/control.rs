@@ -9,6 +9,7 @@ use crate::{
     ProtoError,
     frame::{Kind, MAX_CONTROL_BYTES},
     printable,
+    report::Report,
 };
 
 /// Most sections in one holodeck: enough for the rooms of a large building.
@@ -95,6 +96,8 @@ pub struct Welcome {
     pub sky: [f32; 3],
     /// Whether workers look for beams that see nothing, and leave them untraced.
     pub skip_unseen: bool,
+    /// Metres per scene unit, positive: how fast somebody walks.
+    pub unit: f64,
 }
 
 /// Figures of the server, sent about twice a second.
@@ -202,6 +205,10 @@ pub enum Control {
         /// Why, for people.
         reason: String,
     },
+    /// Administrator: say how the server fares.
+    ReportWanted,
+    /// Server to administrator: how it fares.
+    Report(Box<Report>),
 }
 
 type Wire = Configuration<LittleEndian, Fixint, Limit<{ MAX_CONTROL_BYTES as usize }>>;
@@ -246,6 +253,7 @@ impl Control {
         }
         match &mut message {
             Control::Welcome(welcome) => welcome.check()?,
+            Control::Report(report) => report.clean(),
             Control::Bye { reason } | Control::Failed { reason } | Control::Refused { reason } => {
                 *reason = printable(reason)
             }
@@ -301,6 +309,9 @@ impl Welcome {
         }
         if !self.sky.iter().all(|radiance| radiance.is_finite() && *radiance >= 0.0) {
             return Err(ProtoError::Number("the sky's radiance"));
+        }
+        if !(self.unit.is_finite() && self.unit > 0.0) {
+            return Err(ProtoError::Number("the length of a scene unit"));
         }
         let texts = self.views.iter_mut().flat_map(|(name, options)| [name, options]);
         for text in texts.chain([&mut self.software]) {

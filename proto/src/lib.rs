@@ -22,6 +22,7 @@ pub mod frame;
 pub mod hello;
 mod kind;
 pub mod proof;
+pub mod report;
 pub mod stand_ins;
 
 pub use error::ProtoError;

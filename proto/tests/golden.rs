@@ -11,6 +11,7 @@ use holo_proto::{
     frame::{self, HEADER_BYTES, Header, Kind},
     hello::{Answer, Hello, Role},
     proof::{Challenge, Proof},
+    report::{DisplayReport, Report, WorkerReport},
 };
 use holo_section::{
     BeamId, BeamKey, RayCoords, Run, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint,
@@ -198,6 +199,7 @@ fn welcome() -> Any {
         tracing: true,
         sky: [0.25, 0.5, 1.0],
         skip_unseen: true,
+        unit: 0.001,
     })))
 }
 
@@ -220,6 +222,36 @@ fn welcome_shown() -> Any {
         tracing: false,
         sky: [0.0; 3],
         skip_unseen: false,
+        unit: 1.0,
+    })))
+}
+
+fn report() -> Any {
+    Any::Control(Control::Report(Box::new(Report {
+        software: "holoserver 9".into(),
+        file: "a.holo".into(),
+        file_bytes: 4096,
+        samples: 400,
+        traced: 300,
+        samples_per_second: 1.5,
+        unseen_beams: 7,
+        disk_error: "full".into(),
+        workers: vec![WorkerReport {
+            name: "w".into(),
+            threads: 2,
+            rays_per_second: 0.5,
+            rays: 300,
+            packets: 5,
+            late_packets: 1,
+            latency: 0.25,
+            queued_bytes: 32,
+        }],
+        displays: vec![DisplayReport {
+            name: "d".into(),
+            beams: 9,
+            is_read_only: true,
+            queued_bytes: 16,
+        }],
     })))
 }
 
@@ -322,6 +354,8 @@ fn cases() -> Vec<(&'static str, Any)> {
     let mut cases = vec![
         ("hello-worker", hello(Role::Worker, "rtworker 42")),
         ("hello-admin", hello(Role::Admin, "holodeck status")),
+        ("control-report-wanted", Any::Control(Control::ReportWanted)),
+        ("control-report", report()),
         ("challenge", Any::Challenge(Challenge(std::array::from_fn(|i| i as u8)))),
         ("proof", Any::Proof(Proof { token: *b"a token!", mac: [0xab; 32] })),
         ("hello-display", hello(Role::Display, "holoview – 7")),
@@ -442,11 +476,11 @@ fn every_kind_and_every_control_message_has_a_file() {
         .filter(|f| f[4] == 3)
         .map(|f| f[8])
         .collect();
-    assert_eq!(controls, (0..=16).collect());
+    assert_eq!(controls, (0..=18).collect());
     let mut next = vec![0; 64];
-    next[0] = 17;
+    next[0] = 19;
     let error = Control::decode(&next).unwrap_err().to_string();
-    assert!(error.contains("17"), "{error}");
+    assert!(error.contains("19"), "{error}");
 }
 
 #[test]

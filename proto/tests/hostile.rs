@@ -496,6 +496,9 @@ fn a_welcome_with_impossible_numbers_is_refused() {
     assert!(matches!(with(&|w| w.sections.clear()), Err(ProtoError::Number(_))));
     assert!(matches!(with(&|w| w.up = [0.0; 3]), Err(ProtoError::Number(_))));
     assert!(matches!(with(&|w| w.up[1] = f64::NAN), Err(ProtoError::Number(_))));
+    for bad in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+        assert!(matches!(with(&|w| w.unit = bad), Err(ProtoError::Number(_))), "{bad}");
+    }
     assert!(matches!(with(&|w| w.settings.paths_per_sample = 0), Err(ProtoError::Number(_))));
     for bad in [-1.0, 0.0, 1.5, f32::NAN] {
         assert!(matches!(with(&|w| w.settings.accuracy = bad), Err(ProtoError::Number(_))));

@@ -64,11 +64,10 @@ pub async fn walk(front_end: FrontEnd) -> Result<()> {
     let out = Args::default().out;
     let config = house(&out)?;
     let file = out.join("interior.holo");
-    let unit = prepare::make(&file, &config, true)?.about.unit;
+    drop(prepare::make(&file, &config, true)?);
     eprintln!("everything is kept in {}", file.display());
     let listen = ListenArgs::default();
-    let session =
-        LiveSession { file, threads: None, cache: None, quiet: true, listen, front_end, unit };
+    let session = LiveSession { file, threads: None, cache: None, quiet: true, listen, front_end };
     session.run(|address| viewer(address, None, None)).await
 }
 
@@ -125,7 +124,6 @@ pub async fn run(args: Args) -> Result<()> {
         quiet: false,
         listen: ListenArgs::default(),
         front_end: FrontEnd::Script,
-        unit: 1.0,
     };
     session.run(|address| viewer(address, Some(args.size), Some(path))).await?;
     let names: Vec<&str> = config.view.iter().map(|view| view.name.as_str()).collect();

@@ -9,7 +9,7 @@ use std::{
 use anyhow::Result;
 use holo_net::Shutdown;
 use holo_progress::{HumanBytes, HumanCount};
-use holo_server::Summary;
+use holo_server::{Shard, Summary};
 
 use crate::{
     config::Config,
@@ -27,6 +27,7 @@ use crate::{
 /// time.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck fill room.obj -o room.holo --time 30m\n  \
+    holodeck fill room.obj -o part-0.holo --time 8h --shard 0/8\n  \
     holodeck fill statue.obj -o statue.holo --exterior --sky 1,1,1 --samples 20M")]
 pub struct Args {
     /// The scene
@@ -47,6 +48,10 @@ pub struct Args {
     /// 50M]
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     enough: Option<u64>,
+    /// Fill only the beams of this share, such as 0/8: the first of eight. `holodeck merge` puts the
+    /// files of all shares together
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
     #[command(flatten)]
     scene_args: SceneArgs,
     /// Threads that trace [default: one per core]
@@ -120,6 +125,7 @@ fn server_arguments(args: &Args, config: &Config, output: &Path) -> Result<Vec<O
         ("--time", time.map(|time| time.as_secs_f64().to_string())),
         ("--samples", args.samples.map(|samples| samples.to_string())),
         ("--enough", args.enough.or(configured).map(|enough| enough.to_string())),
+        ("--shard", args.shard.map(|shard| shard.to_string())),
         ("--cache", args.cache.or(config.cache).map(|cache| cache.to_string())),
     ];
     let mut arguments: Vec<OsString> = vec![output.into(), "--fill".into(), "--json".into()];

@@ -15,6 +15,7 @@ mod fill;
 mod info;
 mod joining;
 mod loading;
+mod merge;
 mod opening;
 mod passes;
 mod prepare;
@@ -23,6 +24,7 @@ mod processes;
 mod render;
 mod scene_args;
 mod sections;
+mod status;
 mod view;
 mod worker;
 
@@ -73,6 +75,8 @@ enum Command {
     Compare(compare::Args),
     Info(info::InfoArgs),
     Verify(info::VerifyArgs),
+    Merge(merge::Args),
+    Status(status::Args),
     Tokens(joining::TokensArgs),
     /// Serve one holodeck to workers and displays (also the program `holoserver`)
     Holoserver(holo_server::Config),
@@ -157,6 +161,8 @@ async fn run(program: Program, screen: Screen) -> anyhow::Result<()> {
         Command::Compare(args) => compare::run(&args),
         Command::Info(args) => info::info(&args),
         Command::Verify(args) => info::verify(&args),
+        Command::Merge(args) => merge::run(&args),
+        Command::Status(args) => status::run(args).await,
         Command::Tokens(args) => joining::tokens(&args),
         Command::Holoserver(config) => holo_server::run_until_signal(config).await,
         Command::Rtworker(config) => holo_rtworker::run_until_signal(config).await,

@@ -1,10 +1,6 @@
 //! `holodeck view`, `replay` and `picture`: a viewer, with a server and workers as far as needed.
 
-use std::{
-    ffi::OsString,
-    net::SocketAddr,
-    path::{Path, PathBuf},
-};
+use std::{ffi::OsString, net::SocketAddr, path::PathBuf};
 
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
@@ -156,21 +152,19 @@ impl FrontEnd {
         if let FrontEnd::Window { .. } = self { holo_view::check_desktop() } else { Ok(()) }
     }
 
-    /// Shows a session until it ends. `unit` is the length of a scene unit in metres; a script's
-    /// seconds begin when `ready` says so.
+    /// Shows a session until it ends. A script's seconds begin when `ready` says so.
     async fn show(
         self,
         config: holo_view::Config,
-        unit: f64,
         shutdown: Shutdown,
         ready: oneshot::Receiver<()>,
     ) -> Result<()> {
         match self {
             FrontEnd::Browser(browser) => {
-                holo_view::run_in_browser(config, browser, unit, shutdown).await
+                holo_view::run_in_browser(config, browser, shutdown).await
             }
             FrontEnd::Window { record, screen } => {
-                holo_view::run_in_window(config, record, unit, shutdown, screen).await
+                holo_view::run_in_window(config, record, shutdown, screen).await
             }
             FrontEnd::Script => holo_view::run(config, shutdown, ready).await,
         }
@@ -221,24 +215,23 @@ pub async fn view(args: ViewCommand, screen: Screen) -> Result<()> {
         let shutdown = Shutdown::new();
         shutdown.on_signals(false)?;
         let config = args.session.viewer(server);
-        return front_end.show(config, 1.0, shutdown, holo_view::at_once()).await;
+        return front_end.show(config, shutdown, holo_view::at_once()).await;
     }
     let quiet = args.session.quiet || args.session.json;
     let listen = args.listen;
     if let Some(file) = args.what.as_ref().filter(|_| is_holodeck) {
         let (threads, cache) = (args.threads, args.cache);
-        let unit = unit_of(file, &front_end)?;
         let file = file.clone();
-        let session = LiveSession { file, threads, cache, quiet, listen, front_end, unit };
+        let session = LiveSession { file, threads, cache, quiet, listen, front_end };
         return session.run(|address| args.session.viewer(address)).await;
     }
     let config = args.scene_args.resolve(args.what.as_ref())?;
     // Without a name, samples live only as long as the session.
     let temporary = tempfile::tempdir().context("making a temporary folder")?;
     let file = args.keep.clone().unwrap_or_else(|| temporary.path().join("session.holo"));
-    let unit = prepare::make(&file, &config, quiet)?.about.unit;
+    drop(prepare::make(&file, &config, quiet)?);
     let (threads, cache) = (args.threads.or(config.threads), args.cache.or(config.cache));
-    let session = LiveSession { file, threads, cache, quiet, listen, front_end, unit };
+    let session = LiveSession { file, threads, cache, quiet, listen, front_end };
     session.run(|address| args.session.viewer(address)).await
 }
 
@@ -256,16 +249,6 @@ pub struct LiveSession {
     pub listen: ListenArgs,
     /// What shows the session.
     pub front_end: FrontEnd,
-    /// Length of a scene unit, metres.
-    pub unit: f64,
-}
-
-/// Returns the length of a holodeck's scene unit, metres, if somebody walks.
-fn unit_of(file: &Path, front_end: &FrontEnd) -> Result<f64> {
-    if !front_end.walks() {
-        return Ok(1.0);
-    }
-    Ok(Holodeck::open_read_only(file, SMALL_CACHE)?.about.unit)
 }
 
 impl LiveSession {
@@ -300,7 +283,7 @@ impl LiveSession {
             }
         });
         let config = holo_view::Config { crew: Some(crew.orders()), ..viewer(crew.address()) };
-        let viewing = self.front_end.show(config, self.unit, shutdown.clone(), ready);
+        let viewing = self.front_end.show(config, shutdown.clone(), ready);
         let result = crew.keep(viewing).await;
         result.and(crew.end().await)
     }
@@ -322,8 +305,7 @@ pub struct ReplayCommand {
 pub async fn replay(args: ReplayCommand, screen: Screen) -> Result<()> {
     args.session.check(false, "holodeck replay room.holo --headless -o view.png")?;
     let front_end = args.session.front_end(screen)?;
-    let unit = unit_of(&args.file, &front_end)?;
-    show_stored(args.file, front_end, unit, |address| args.session.viewer(address)).await
+    show_stored(args.file, front_end, |address| args.session.viewer(address)).await
 }
 
 /// Make a picture from what a holodeck holds, without tracing anything
@@ -360,7 +342,7 @@ pub async fn picture(args: PictureCommand) -> Result<()> {
     args.look.check(&args.output).map_err(Usage)?;
     let kept = Holodeck::open_read_only(&args.file, SMALL_CACHE)?.about.exposure;
     let look = args.look.with_kept_exposure(kept);
-    show_stored(args.file, FrontEnd::Script, 1.0, |address| holo_view::Config {
+    show_stored(args.file, FrontEnd::Script, |address| holo_view::Config {
         connect: address.to_string(),
         view: args.view,
         driver: args.driver,
@@ -381,7 +363,6 @@ pub async fn picture(args: PictureCommand) -> Result<()> {
 async fn show_stored(
     file: PathBuf,
     front_end: FrontEnd,
-    unit: f64,
     viewer: impl FnOnce(SocketAddr) -> holo_view::Config,
 ) -> Result<()> {
     let config = holo_server::Config { display_only: true, ..holo_server::Config::new(file) };
@@ -397,7 +378,7 @@ async fn show_stored(
         return server.await?.map(|_| ());
     };
     let config = viewer(address);
-    let result = front_end.show(config, unit, shutdown, holo_view::at_once()).await;
+    let result = front_end.show(config, shutdown, holo_view::at_once()).await;
     ending.trigger();
     server.await??;
     result

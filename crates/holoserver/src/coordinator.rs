@@ -22,6 +22,7 @@ mod peers;
 mod results;
 mod saver;
 mod sharing;
+mod status;
 mod views;
 
 use std::{
@@ -34,9 +35,9 @@ use std::{
 };
 
 use anyhow::{Result, bail};
-use holo_net::Message;
+use holo_net::{Message, Outbox};
 use holo_progress::said_once;
-use holo_proto::control::{Control, Status};
+use holo_proto::control::Control;
 
 use crate::{
     allotment::Allotment,
@@ -49,6 +50,7 @@ use crate::{
     progress::{Progress, Totals},
     recall::{send_scene, send_stand_ins},
     schedule::{Goal, Schedule},
+    shard::Shard,
     workers::{Assignment, Worker},
 };
 use display::Display;
@@ -76,6 +78,8 @@ const STALLED_BYTES: u64 = 64 << 20;
 pub struct FillOptions {
     /// Samples that are enough for the file; `None`: as many as its sections suggest.
     pub enough: Option<u64>,
+    /// The share of the beams that is filled.
+    pub shard: Shard,
 }
 
 /// A server's whole state.
@@ -84,6 +88,8 @@ pub struct Coordinator {
     events: Sender<Event>,
     workers: BTreeMap<ConnectionId, Worker>,
     displays: BTreeMap<ConnectionId, Display>,
+    /// Who asks how the server fares.
+    admins: BTreeMap<ConnectionId, Outbox>,
     /// What each of them has sent.
     mailboxes: BTreeMap<ConnectionId, Arc<Mailbox>>,
     /// Who wants records of indirect light, and how many it has been given.
@@ -122,15 +128,18 @@ impl Coordinator {
         let stored = holodeck.file.stats().samples;
         let damage = DamageReport::of_opening(&holodeck.file);
         let paths = holodeck.about.settings.paths_per_sample;
-        let fill = fill.filter(|_| holodeck.writable).map(|FillOptions { enough }| {
+        let fill = fill.filter(|_| holodeck.writable).map(|FillOptions { enough, shard }| {
             let unseen = holodeck.unseen();
-            Fill::new(BatchOrder::new(&holodeck.sections, stored, &unseen, enough, paths))
+            // As many as all shards have, if the others fare as this one does.
+            let stored = stored * u64::from(shard.count());
+            Fill::new(BatchOrder::new(&holodeck.sections, stored, &unseen, enough, paths), shard)
         });
         Coordinator {
             holodeck,
             events,
             workers: BTreeMap::new(),
             displays: BTreeMap::new(),
+            admins: BTreeMap::new(),
             mailboxes: BTreeMap::new(),
             listeners: BTreeMap::new(),
             last_served: None,
@@ -197,7 +206,7 @@ impl Coordinator {
         let bye = Control::Bye { reason: "the session is over".into() };
         let workers = self.workers.values().map(|worker| &worker.outbox);
         let displays = self.displays.values().map(|display| &display.outbox);
-        for outbox in workers.chain(displays) {
+        for outbox in workers.chain(displays).chain(self.admins.values()) {
             let _ = outbox.control(&bye);
         }
         self.progress.finish();
@@ -236,34 +245,6 @@ impl Coordinator {
         let unseen = self.holodeck.unseen();
         let sections = self.holodeck.sections.iter().enumerate();
         sections.into_iter().all(|(at, section)| unseen.count_in(at) == section.beam_count())
-    }
-
-    /// Tells displays and people how the server fares, every [`STATUS_EVERY`].
-    fn report(&mut self) {
-        let now = Instant::now();
-        if now - self.last_status < STATUS_EVERY {
-            return;
-        }
-        self.last_status = now;
-        let status = Status {
-            samples: self.progress.total(),
-            samples_per_second: self.progress.rate(),
-            workers: self.workers.len() as u32,
-            displays: self.displays.len() as u32,
-        };
-        for display in self.displays.values() {
-            let _ = display.outbox.control(&Control::Status(status));
-        }
-        let stats = self.holodeck.file.stats();
-        self.damage.print_new(&self.holodeck.file);
-        self.stalled = stats.last_error.is_some() && stats.pending_bytes > STALLED_BYTES;
-        if let Some(paths) = self.fill.as_mut().and_then(Fill::new_level) {
-            self.progress.say(&format!(
-                "the file has enough samples: they are now traced again, with {paths} paths each"
-            ));
-        }
-        self.progress.show(&status, &self.schedule, &stats);
-        self.saver.save(&self.holodeck, self.progress.traced());
     }
 
     /// Handles an event. Only a failing disk is an error: the rest ends with the one who caused it.
@@ -317,7 +298,7 @@ impl Coordinator {
         } else if self.displays.contains_key(&id) {
             self.displays_message(id, message)
         } else {
-            Ok(())
+            self.admins_message(id, message)
         }
     }
 

@@ -162,13 +162,22 @@ impl Holodeck {
             std::fs::remove_file(&fresh)
                 .with_context(|| format!("removing {}", fresh.display()))?;
         }
-        let new = Self::create(&fresh, old.about.clone(), &old.packed_scene()?, 0)?;
-        if let Some(stand_ins) = old.stand_ins()? {
+        drop(old.without_samples(&fresh)?);
+        drop(old);
+        std::fs::rename(&fresh, path).with_context(|| format!("replacing {}", path.display()))
+    }
+
+    /// Makes a new file with the same description and scene, and without samples.
+    ///
+    /// # Errors
+    /// If it exists or cannot be written, or this one cannot be read.
+    pub fn without_samples(&self, path: &Path) -> Result<Holodeck> {
+        let new = Self::create(path, self.about.clone(), &self.packed_scene()?, 0)?;
+        if let Some(stand_ins) = self.stand_ins()? {
             new.file.put_blob(STAND_INS, &stand_ins)?;
         }
         new.file.flush()?;
-        drop((old, new));
-        std::fs::rename(&fresh, path).with_context(|| format!("replacing {}", path.display()))
+        Ok(new)
     }
 
     fn new(
@@ -350,6 +359,11 @@ impl Holodeck {
         saved.write(&self.file, missing)
     }
 
+    /// Returns where the file is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Returns the packed scene. It is read once.
     ///
     /// # Errors
@@ -432,6 +446,7 @@ impl Holodeck {
             tracing: self.writable,
             sky: self.about.sky,
             skip_unseen: self.skip_unseen,
+            unit: self.about.unit,
         }
     }
 }

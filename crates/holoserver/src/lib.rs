@@ -20,10 +20,12 @@ mod light;
 mod listen;
 mod live;
 mod mailbox;
+mod merge;
 mod pace;
 mod progress;
 mod recall;
 mod schedule;
+mod shard;
 mod unseen;
 mod wishes;
 mod workers;
@@ -41,9 +43,11 @@ use serde::{Deserialize, Serialize};
 use coordinator::{Coordinator, FillOptions};
 use doors::Doors;
 use events::Event;
+pub use merge::Merged;
 use progress::Progress;
 pub use progress::superseded_bytes;
 pub use schedule::Goal;
+pub use shard::Shard;
 pub use unseen::UnseenBeams;
 
 /// Options of `holoserver`.
@@ -86,6 +90,9 @@ pub struct Config {
     /// End after so many samples, such as 20M; those traced again count
     #[arg(long, value_name = "N", value_parser = parse_count)]
     pub samples: Option<u64>,
+    /// Fill only the beams of this share, such as 0/8: the first of eight
+    #[arg(long, value_name = "I/N", requires = "fill")]
+    pub shard: Option<Shard>,
     /// Only show the file: do not write to it, and take no workers
     #[arg(long, conflicts_with_all = ["fill", "time", "samples"])]
     pub display_only: bool,
@@ -117,6 +124,7 @@ impl Config {
             enough: None,
             time: None,
             samples: None,
+            shard: None,
             display_only: false,
             no_skip_unseen: false,
             json: false,
@@ -213,7 +221,9 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) 
     let (events, receiver) = std::sync::mpsc::channel();
     let goal = Goal { time: config.time, samples: config.samples };
     let progress = Progress::new(&holodeck.file.stats(), config.quiet);
-    let fill = config.fill.then_some(FillOptions { enough: config.enough });
+    let fill = config
+        .fill
+        .then_some(FillOptions { enough: config.enough, shard: config.shard.unwrap_or_default() });
     let coordinator = Coordinator::new(Arc::clone(&holodeck), events.clone(), fill, goal, progress);
     let mut listening = doors.listen(&holodeck, &events);
     let watching = tokio::spawn(async move {

@@ -41,6 +41,11 @@ impl LightRecords {
         self.records.is_empty()
     }
 
+    /// Returns all of them.
+    pub fn records(&self) -> &[Record] {
+        &self.records
+    }
+
     /// Returns the number of rays that were traced for all of them.
     pub fn rays(&self) -> u64 {
         self.records.iter().map(|record| u64::from(record.rays)).sum()

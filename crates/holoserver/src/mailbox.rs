@@ -1,11 +1,12 @@
 //! What a peer has sent and the coordinator has not handled yet: bounded for each peer.
 //!
 //! What always holds:
-//! - A mailbox holds at most [`MAX_MESSAGES`] messages of [`MAX_BYTES`] together, or a single
-//!   longer one. Whoever fills it waits, and then the peer waits.
+//! - A mailbox holds at most [`MAX_MESSAGES`] messages of [`MAX_BYTES`] together, besides one that
+//!   is longer and one view. Whoever fills it waits, and then the peer waits.
 //! - The coordinator is told once that there is mail, and takes one message at a time. So peers
 //!   take turns, however much one of them sends.
-//! - A display's newer view takes the place of one that was not handled.
+//! - A display's newer view takes the place of one that was not handled, so what was sent after
+//!   that one still finds a view.
 //! - What a display sent is dropped when it goes. What a worker sent is handled: it is work done.
 
 use std::{
@@ -70,7 +71,7 @@ impl Mailbox {
     }
 
     /// Adds a message. Waits while there is no room.
-    pub async fn put(&self, message: Message) -> Put {
+    pub async fn put(&self, mut message: Message) -> Put {
         let bytes = bytes(&message);
         loop {
             {
@@ -78,7 +79,9 @@ impl Mailbox {
                 if state.is_closed {
                     return Put::Closed;
                 }
-                state.forget_older_view(&message);
+                if state.replace_older_views(&mut message) {
+                    return state.announce();
+                }
                 let fits = state.mail.len() < MAX_MESSAGES
                     && state.bytes.saturating_add(bytes) <= MAX_BYTES;
                 if fits || state.mail.is_empty() {
@@ -133,18 +136,22 @@ impl Mailbox {
 }
 
 impl State {
-    /// Drops a view that `message` replaces. Rays of the dropped view that follow it are ignored
-    /// when they are handled, because they name another view than the display's.
-    fn forget_older_view(&mut self, message: &Message) {
-        let Message::View(newer) = message else { return };
-        let is_older = |mail: &Mail| matches!(mail, Mail::Message(Message::View(_)));
-        let Some(at) = self.mail.iter().position(is_older) else { return };
-        if let Some(Mail::Message(older)) = self.mail.get(at)
-            && !matches!(older, Message::View(older) if older.view == newer.view)
-        {
+    /// Puts a newer view in the place of older ones. Returns whether there were any.
+    fn replace_older_views(&mut self, message: &mut Message) -> bool {
+        let Message::View(newer) = &*message else { return false };
+        let number = newer.view;
+        let is_older = |mail: &Mail| {
+            matches!(mail, Mail::Message(Message::View(older)) if older.view != number)
+        };
+        let Some(at) = self.mail.iter().position(is_older) else { return false };
+        let dropped = self.mail.extract_if(at + 1.., |mail| is_older(mail));
+        let dropped: usize = dropped.map(|mail| mail_bytes(&mail)).sum();
+        self.bytes = self.bytes + bytes(message) - dropped;
+        if let Some(Mail::Message(older)) = self.mail.get_mut(at) {
             self.bytes -= bytes(older);
-            self.mail.remove(at);
+            std::mem::swap(older, message);
         }
+        true
     }
 
     fn announce(&mut self) -> Put {
@@ -153,6 +160,11 @@ impl State {
             false => Put::Announce,
         }
     }
+}
+
+/// Returns about as many bytes as mail takes in memory.
+fn mail_bytes(mail: &Mail) -> usize {
+    if let Mail::Message(message) = mail { bytes(message) } else { 0 }
 }
 
 /// Returns about as many bytes as a message takes in memory.
@@ -232,7 +244,7 @@ mod tests {
         let rays = Message::Rays(RaysWanted { view: 100_000, rays: Vec::new() });
         put(&mailbox, rays.clone()).await;
         let kept = messages(&mailbox);
-        assert_eq!(kept, [ping(1), settle(99_999), view(100_000, 3), rays]);
+        assert_eq!(kept, [ping(1), view(100_000, 3), settle(99_999), rays]);
         assert_eq!(put(&mailbox, ping(2)).await, Put::Announce, "told again");
     }
 
@@ -245,7 +257,11 @@ mod tests {
         }
         put(&mailbox, view(7, 10)).await;
         put(&mailbox, again.clone()).await;
-        assert_eq!(messages(&mailbox), [view(7, 10), again]);
+        assert_eq!(messages(&mailbox), [view(7, 10), again.clone()]);
+        put(&mailbox, view(7, 10)).await;
+        put(&mailbox, again).await;
+        put(&mailbox, view(8, 2)).await;
+        assert_eq!(messages(&mailbox), [view(8, 2)]);
     }
 
     #[tokio::test]

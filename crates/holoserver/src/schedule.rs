@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 /// Packets under way are finished: dealing stops this long before the time is up.
 const LAST_DEAL: Duration = Duration::from_millis(100);
 
-/// How long the end waits for packets under way; whoever takes longer hangs.
-const LAST_PACKETS: Duration = Duration::from_secs(3);
+/// How long the end waits for packets under way. Whoever ends a server waits no longer than two
+/// seconds; others trace the packets next time.
+const LAST_PACKETS: Duration = Duration::from_millis(1500);
 
 /// When a server ends by itself.
 #[derive(Clone, Copy, Debug, Default)]

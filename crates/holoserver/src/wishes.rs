@@ -174,6 +174,11 @@ impl Wishes {
         self.beams.binary_search_by_key(&key, |wish| wish.key).is_ok()
     }
 
+    /// Returns the number of the view's beams.
+    pub fn len(&self) -> usize {
+        self.beams.len()
+    }
+
     /// Returns the number of pixels that its beams serve.
     pub fn pixels(&self) -> f64 {
         self.pixels

@@ -12,7 +12,10 @@ use std::{
 };
 
 use holo_net::Outbox;
-use holo_proto::bulk::{LivePacket, LiveWork, Packet, Traced, Work};
+use holo_proto::{
+    bulk::{LivePacket, LiveWork, Packet, Traced, Work},
+    report::WorkerReport,
+};
 use holo_section::{BeamKey, Run, SampleKind, Viewpoint};
 use thiserror::Error;
 
@@ -36,6 +39,9 @@ const MAX_FIRST_PACKETS: usize = 1024;
 
 /// Most packets that a worker holds, however fast it is: what is late if it hangs.
 pub const MAX_PACKETS_HELD: usize = 16_384;
+
+/// The share of the newest packet in the mean latency.
+const LATENCY_SHARE: f64 = 0.05;
 
 /// A packet that a worker has, with all that another worker would need.
 #[derive(Clone, Copy, Debug)]
@@ -114,6 +120,8 @@ pub struct Worker {
     live: HashMap<u64, Held<LiveAssignment>>,
     /// Packets that were taken away because they are overdue.
     late: HashMap<u64, Late>,
+    /// Seconds from a packet to its results, lately.
+    latency: f64,
     /// Whether something became overdue since it last returned anything.
     is_stuck: bool,
     waits_for_light: bool,
@@ -161,6 +169,7 @@ impl Worker {
             assigned: HashMap::new(),
             live: HashMap::new(),
             late: HashMap::new(),
+            latency: 0.0,
             is_stuck: false,
             waits_for_light: false,
         }
@@ -262,6 +271,7 @@ impl Worker {
         let held = self.live.remove(&traced.id).ok_or(ResultsError::Unknown)?;
         self.work_ahead -= asked as f64;
         self.took(traced, asked as f64, asked as f64);
+        self.waited(held.given, now);
         self.returned(asked as f64, now);
         Ok(Finished::InTime(held.what))
     }
@@ -280,7 +290,7 @@ impl Worker {
         let Some(held) = self.assigned.get(&traced.id) else {
             return self.finish_late(traced.id, now);
         };
-        let (assignment, asked) = (held.what, held.what.packet.count);
+        let (assignment, given, asked) = (held.what, held.given, held.what.packet.count);
         if u32::from(asked) != traced.count {
             // It stays in the list, and another worker gets it.
             return Err(ResultsError::Count { found: traced.count, asked });
@@ -288,6 +298,7 @@ impl Worker {
         self.assigned.remove(&traced.id);
         let work = self.put_down(&assignment);
         self.took(traced, work, f64::from(asked));
+        self.waited(given, now);
         self.returned(work, now);
         Ok(Finished::InTime(assignment))
     }
@@ -317,6 +328,10 @@ impl Worker {
         self.rays_ahead -= f64::from(assignment.packet.count);
         self.work_ahead -= work;
         work
+    }
+
+    fn waited(&mut self, given: Instant, now: Instant) {
+        self.latency += LATENCY_SHARE * ((now - given).as_secs_f64() - self.latency);
     }
 
     fn returned(&mut self, work: f64, now: Instant) {
@@ -372,6 +387,20 @@ impl Worker {
     /// Iterates over the packets that it has not done.
     pub fn assignments(&self) -> impl Iterator<Item = &Assignment> {
         self.assigned.values().map(|held| &held.what)
+    }
+
+    /// Returns how it fares.
+    pub fn report(&self) -> WorkerReport {
+        WorkerReport {
+            name: self.name.clone(),
+            threads: self.threads as u32,
+            rays_per_second: self.pace.rate().unwrap_or(0.0),
+            rays: self.work_returned as u64,
+            packets: (self.assigned.len() + self.live.len()) as u32,
+            late_packets: self.late.len() as u32,
+            latency: self.latency,
+            queued_bytes: self.outbox.queued_bytes() as u64,
+        }
     }
 
     /// Returns whether it has no packet whose samples are stored.

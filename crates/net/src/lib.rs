@@ -20,6 +20,7 @@ mod inbox;
 mod join;
 mod message;
 mod outbox;
+mod reach;
 mod scene;
 mod shutdown;
 mod tls;
@@ -32,6 +33,7 @@ pub use inbox::Inbox;
 pub use join::{Destination, Invitation, Rights, Token};
 pub use message::Message;
 pub use outbox::Outbox;
+pub use reach::reach;
 pub use scene::{SCENE_CHUNK_BYTES, SceneReceiver, absent};
 pub use shutdown::Shutdown;
 

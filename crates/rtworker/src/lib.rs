@@ -56,9 +56,6 @@ pub struct Config {
     pub with_parent: bool,
 }
 
-/// The time between two attempts to reach the server.
-const RETRY_EVERY: Duration = Duration::from_millis(250);
-
 /// Traces for a server until the server says goodbye, or `shutdown` is triggered.
 ///
 /// # Errors
@@ -96,22 +93,18 @@ async fn serve(
     config: &Config,
     server: &Destination,
 ) -> Result<String> {
-    let deadline =
-        tokio::time::Instant::now() + Duration::try_from_secs_f64(config.retry).unwrap_or_default();
-    let connection = loop {
-        match session::connect(server.clone()).await {
-            Ok(connection) => break connection,
-            Err(NetError::Io(_) | NetError::Closed) if tokio::time::Instant::now() < deadline => {
-                tokio::time::sleep(RETRY_EVERY).await;
-            }
-            // Not a lost connection, but one never made: the caller must not try for ever.
-            Err(NetError::Io(error)) => {
-                return Err(anyhow::Error::msg(error.to_string())).with_context(|| {
-                    format!("no holoserver answers at {server} (is it running?)")
-                });
-            }
-            Err(error) => return Err(error.into()),
+    let patience = Duration::try_from_secs_f64(config.retry).unwrap_or_default();
+    let connection = match session::reach(server, patience).await {
+        // Not a lost connection, but one never made: the caller must not try for ever.
+        Err(NetError::Io(error)) => {
+            return Err(anyhow::Error::msg(error.to_string()))
+                .with_context(|| format!("no holoserver answers at {server} (is it running?)"));
         }
+        Err(error @ NetError::Closed) => {
+            return Err(anyhow::Error::msg(error.to_string()))
+                .with_context(|| format!("no holoserver answers at {server} (is it one?)"));
+        }
+        connection => connection?,
     };
     chat(config, &format!("connected to {server}"));
     worker.session(connection).await

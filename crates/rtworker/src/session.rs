@@ -1,6 +1,6 @@
 //! One connection to a server: load the scene, then trace what comes.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, ensure};
 use holo_light::Store;
@@ -28,10 +28,11 @@ use crate::{
 /// A connection that the server has taken.
 pub type Connection = (Inbox, Outbox, Welcome);
 
-/// Connects as a worker.
-pub async fn connect(server: Destination) -> Result<Connection, NetError> {
+/// Connects as a worker. While nobody answers, it tries again for `patience`.
+pub async fn reach(server: &Destination, patience: Duration) -> Result<Connection, NetError> {
     let name = format!("rtworker {}", std::process::id());
-    holo_net::connect(server, Role::Worker, &name).await
+    // The caller has said that it tries.
+    holo_net::reach(server, Role::Worker, &name, patience, |_, _| {}).await
 }
 
 /// What stays from one connection to the next.

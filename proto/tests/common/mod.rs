@@ -219,7 +219,8 @@ fn welcome() -> impl Strategy<Value = Control> {
         (any::<[u8; 32]>(), any::<u64>()).prop_map(|(hash, bytes)| SceneInfo { hash, bytes });
     let up = [finite(), finite(), finite()].prop_filter("an axis", |up| *up != [0.0; 3]);
     let radiance = || any::<u32>().prop_map(|bits| bits as f32 * 1e-6);
-    let sky = ([radiance(), radiance(), radiance()], any::<bool>());
+    let unit = (1..=u32::MAX).prop_map(|bits| f64::from(bits) * 1e-6);
+    let sky = ([radiance(), radiance(), radiance()], any::<bool>(), unit);
     let views = vec((text(), text()), 0..5);
     (text(), vec(section(), 1..6), settings, scene, up, views, any::<u64>(), any::<bool>(), sky)
         .prop_map(
@@ -232,7 +233,7 @@ fn welcome() -> impl Strategy<Value = Control> {
                 views,
                 samples,
                 tracing,
-                (sky, skip_unseen),
+                (sky, skip_unseen, unit),
             )| {
                 Control::Welcome(Box::new(Welcome {
                     software,
@@ -245,6 +246,7 @@ fn welcome() -> impl Strategy<Value = Control> {
                     tracing,
                     sky,
                     skip_unseen,
+                    unit,
                 }))
             },
         )

@@ -20,6 +20,8 @@ mod processes;
 mod render_cache;
 mod samples;
 mod session;
+mod several_machines;
+mod shards;
 mod stand_ins;
 mod tracing_time;
 mod unseen;

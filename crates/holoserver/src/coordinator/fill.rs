@@ -10,6 +10,7 @@ use crate::{
     allotment::Allotment,
     batch::{BatchOrder, Target},
     better,
+    shard::Shard,
     unseen::UnseenBeams,
 };
 
@@ -19,6 +20,7 @@ const MAX_LOOKS: usize = 20_000;
 /// Filling in batch order, and where it is.
 pub struct Fill {
     order: BatchOrder,
+    shard: Shard,
     /// A beam in turn, and the samples that it is to have.
     in_turn: Option<(BeamKey, u64)>,
     /// Sample numbers to trace again with more paths.
@@ -63,10 +65,11 @@ pub struct Known<'a> {
 }
 
 impl Fill {
-    /// Returns filling that begins at the order's beginning.
-    pub fn new(order: BatchOrder) -> Fill {
+    /// Returns filling of a shard that begins at the order's beginning.
+    pub fn new(order: BatchOrder, shard: Shard) -> Fill {
         Fill {
             order,
+            shard,
             in_turn: None,
             better: VecDeque::new(),
             under_way: 0,
@@ -96,7 +99,7 @@ impl Fill {
     fn turn(&mut self, known: &Known) {
         match self.order.next(known.unseen) {
             None => self.exhausted = true,
-            Some((key, _)) if known.unseen.contains(key) => {}
+            Some((key, _)) if known.unseen.contains(key) || !self.shard.has(key) => {}
             Some((key, Target::Samples(wanted))) => self.in_turn = Some((key, wanted)),
             // It keeps what somebody looks at as it is, until the next level.
             Some((key, Target::Paths(_))) if (known.is_looked_at)(key) => {}

@@ -26,14 +26,15 @@ impl Coordinator {
                 let is_read_only = rights == Rights::ReadOnly;
                 self.displays.insert(id, Display::new(outbox, name, is_read_only));
             }
-            Role::Admin => {}
+            Role::Admin => _ = self.admins.insert(id, outbox),
         }
     }
 
     /// Returns the sending half of a connection.
     pub(super) fn outbox(&self, id: ConnectionId) -> Option<&Outbox> {
         let worker = self.workers.get(&id).map(|worker| &worker.outbox);
-        worker.or_else(|| self.displays.get(&id).map(|display| &display.outbox))
+        let display = self.displays.get(&id).map(|display| &display.outbox);
+        worker.or(display).or_else(|| self.admins.get(&id))
     }
 
     /// Ends the connection of whoever broke the rules, and tells it why.
@@ -49,6 +50,7 @@ impl Coordinator {
     pub(super) fn leave(&mut self, id: ConnectionId, reason: Option<String>) {
         let reason = reason.unwrap_or_else(|| "it closed its connection".into());
         self.listeners.remove(&id);
+        self.admins.remove(&id);
         if let Some(mailbox) = self.mailboxes.remove(&id) {
             mailbox.close();
         }

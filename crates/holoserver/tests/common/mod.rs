@@ -43,6 +43,10 @@ pub struct Place {
 
 impl Place {
     pub fn new() -> Place {
+        Place::of_scene(b"a scene")
+    }
+
+    pub fn of_scene(scene: &[u8]) -> Place {
         let folder = tempfile::tempdir().unwrap();
         let spec = SectionSpec {
             origin: [0.0; 3],
@@ -60,8 +64,8 @@ impl Place {
             virtual_distance: false,
         };
         let place = Place { folder };
-        let about = About::new(vec![spec], settings, b"a scene", "a test".into());
-        Holodeck::create(&place.file(), about, b"a scene", 1 << 20).unwrap();
+        let about = About::new(vec![spec], settings, scene, "a test".into());
+        Holodeck::create(&place.file(), about, scene, 1 << 20).unwrap();
         place
     }
 

@@ -59,7 +59,7 @@ impl Default for BrowserArgs {
 ///
 /// # Errors
 /// If the page cannot be served, or the server cannot be reached or is lost.
-pub async fn run(config: Config, args: BrowserArgs, unit: f64, shutdown: Shutdown) -> Result<()> {
+pub async fn run(config: Config, args: BrowserArgs, shutdown: Shutdown) -> Result<()> {
     config.driver.check().map_err(anyhow::Error::msg)?;
     let listener = listen(&args.http).await?;
     let address = listener.local_addr().context("the page's address")?;
@@ -67,7 +67,7 @@ pub async fn run(config: Config, args: BrowserArgs, unit: f64, shutdown: Shutdow
     let driver = DriverArgs { walks: true, ..config.driver };
     let connected =
         session::Connected::new(server, driver, config.points.clone(), shutdown.clone()).await?;
-    let wishes = Wishes { view: config.view, unit, record: args.record, crew: config.crew };
+    let wishes = Wishes { view: config.view, record: args.record, crew: config.crew };
     let (stage, front) = stage(connected, wishes);
     println!("http://{address}/");
     if !args.no_open {

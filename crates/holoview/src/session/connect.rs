@@ -7,7 +7,7 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
-use holo_net::{Destination, Message, Outbox, Shutdown};
+use holo_net::{Destination, Inbox, Message, NetError, Outbox, Shutdown};
 use holo_progress::HumanBytes;
 use holo_proto::{
     control::{Control, Welcome},
@@ -49,9 +49,10 @@ pub struct Connected {
     stopper: tokio::task::JoinHandle<()>,
 }
 
-/// Connects as before, to a server at another address.
+/// Connects as before: to the same server, or to another one.
 #[derive(Clone)]
 pub struct Again {
+    server: Destination,
     args: DriverArgs,
     points: PointArgs,
     shutdown: Shutdown,
@@ -64,9 +65,36 @@ impl Again {
     /// # Errors
     /// As [`Connected::new`].
     pub fn connect(&self, address: SocketAddr) -> Result<Connected> {
-        let Again { args, points, shutdown, runtime } = self.clone();
+        let Again { args, points, shutdown, runtime, .. } = self.clone();
         runtime.block_on(Connected::new(address, args, points, shutdown))
     }
+
+    /// Connects to the same server, which was lost. Tries with growing pauses until somebody ends
+    /// the session, and then returns `None`. Blocks as [`connect`](Self::connect) does.
+    ///
+    /// # Errors
+    /// As [`Connected::new`], if the server answers and refuses.
+    pub fn reach(&self, mut waiting: impl FnMut(&str)) -> Result<Option<Connected>> {
+        let Again { server, args, points, shutdown, runtime } = self.clone();
+        runtime.block_on(async {
+            let name = name();
+            let reached =
+                holo_net::reach(&server, Role::Display, &name, Duration::MAX, |_, pause| {
+                    let seconds = pause.as_secs_f64();
+                    waiting(&format!("lost the server; trying to reach it again in {seconds} s"));
+                });
+            let connection = tokio::select! {
+                reached = reached => reached,
+                () = shutdown.wait() => return Ok(None),
+            };
+            Connected::from_connection(server, connection, args, points, shutdown.clone()).map(Some)
+        })
+    }
+}
+
+/// Returns the name by which servers know this process.
+fn name() -> String {
+    format!("holoview {}", std::process::id())
 }
 
 /// Ends a session's wait, from any thread.
@@ -92,15 +120,26 @@ impl Connected {
         points: PointArgs,
         shutdown: Shutdown,
     ) -> Result<Connected> {
-        let name = format!("holoview {}", std::process::id());
         let server = server.into();
-        let connection = holo_net::connect(server.clone(), Role::Display, &name).await;
+        let connection = holo_net::connect(server.clone(), Role::Display, &name()).await;
+        Connected::from_connection(server, connection, args, points, shutdown)
+    }
+
+    /// Goes on with a connection that was made. Must be called within a tokio runtime.
+    fn from_connection(
+        server: Destination,
+        connection: Result<(Inbox, Outbox, Welcome), NetError>,
+        args: DriverArgs,
+        points: PointArgs,
+        shutdown: Shutdown,
+    ) -> Result<Connected> {
         let (inbox, outbox, welcome) =
             connection.with_context(|| format!("connecting to the holoserver at {server}"))?;
         let sections = welcome.sections.iter().cloned().map(Section::new);
         let sections: Arc<[Section]> =
             sections.collect::<Result<_, _>>().context("the server's sections")?;
         let again = Again {
+            server,
             args: args.clone(),
             points: points.clone(),
             shutdown: shutdown.clone(),

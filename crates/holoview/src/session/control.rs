@@ -26,6 +26,11 @@ impl Session {
         DVec3::from_array(self.welcome.up)
     }
 
+    /// Returns the length of a scene unit, metres.
+    pub fn unit(&self) -> f64 {
+        self.welcome.unit
+    }
+
     /// Returns whether the server traces, or only shows what is stored.
     pub fn traces(&self) -> bool {
         self.welcome.tracing

@@ -20,12 +20,16 @@ mod record;
 mod shown;
 mod warp;
 
+#[cfg(test)]
+mod tests;
+
 use std::{
     sync::{Arc, mpsc},
     thread,
 };
 
 use anyhow::{Context, Result, anyhow};
+use holo_net::NetError;
 use tokio::sync::watch;
 
 pub use input::{Input, Inputs, Named, Numbered, Reply};
@@ -44,8 +48,6 @@ use shown::{Publisher, Watched};
 pub struct Wishes {
     /// The first view and the size, as on the command line.
     pub view: crate::ViewArgs,
-    /// Metres per scene unit.
-    pub unit: f64,
     /// The file that the walk is recorded in, as a script.
     pub record: Option<std::path::PathBuf>,
     /// Whoever has started server and workers, if it takes orders.
@@ -109,7 +111,8 @@ impl Stage {
         let Some(session) = connected.begin(loading)? else { return Ok(()) };
         let stated = wishes.view.spec(session.named_views())?;
         let first = session.first_view()?.overridden_by(&stated);
-        let mut hand = Hand::new(first, &wishes, inputs, Arc::clone(&bell), publisher)?;
+        let (unit, ringing) = (session.unit(), Arc::clone(&bell));
+        let mut hand = Hand::new(first, unit, &wishes, inputs, ringing, publisher)?;
         let mut next = Some((session, waker));
         while let Some((session, waker)) = next.take() {
             let facts = facts(&session);
@@ -118,18 +121,36 @@ impl Stage {
             let painter = thread::Builder::new().name("painter".into()).spawn(|| painter.run());
             let painter = painter.context("starting a thread")?;
             let played = hand.play(desk, facts);
-            painter.join().map_err(|_| anyhow!("drawing failed: see above"))??;
-            if played? == Ending::StartOver
-                && let Some(crew) = &wishes.crew
-            {
-                loading("starting over");
-                let connected = again.connect(crew.start_over()?)?;
+            let painted = painter.join().map_err(|_| anyhow!("drawing failed: see above"))?;
+            let connected = match (painted, played?, &wishes.crew) {
+                (Ok(()), Some(Ending::StartOver), Some(crew)) => {
+                    loading("starting over");
+                    Some(again.connect(crew.start_over()?)?)
+                }
+                // A server that this program has started ends with it; others may come back.
+                (Err(error), None, None) if is_lost(&error) => {
+                    loading("lost the server; trying to reach it again");
+                    again.reach(loading)?
+                }
+                (painted, ..) => {
+                    painted?;
+                    None
+                }
+            };
+            if let Some(connected) = connected {
                 let waker = connected.waker();
                 next = connected.begin(loading)?.map(|session| (session, waker));
             }
         }
         hand.end()
     }
+}
+
+/// Returns whether a session has ended because its server is gone without a word.
+fn is_lost(error: &anyhow::Error) -> bool {
+    let error = error.downcast_ref::<NetError>();
+    error
+        .is_some_and(|error| matches!(error, NetError::Closed | NetError::Silent | NetError::Io(_)))
 }
 
 /// Returns what does not change while a session lasts.

@@ -102,7 +102,6 @@ fn find_desktop() -> Result<(), &'static str> {
 pub async fn run(
     config: Config,
     record: Option<PathBuf>,
-    unit: f64,
     shutdown: Shutdown,
     screen: Screen,
 ) -> Result<()> {
@@ -115,7 +114,7 @@ pub async fn run(
         session::Connected::new(server, driver, config.points.clone(), shutdown.clone()).await?;
     let size = config.view.size.unwrap_or(SIZE);
     let view = ViewArgs { size: Some(size), ..config.view };
-    let (stage, front) = stage(connected, Wishes { view, unit, record, crew: config.crew });
+    let (stage, front) = stage(connected, Wishes { view, record, crew: config.crew });
     let (looks, wanted) = watch::channel(look);
     let (sender, seen) = watch::channel(None);
     let (opened, opening) = oneshot::channel();

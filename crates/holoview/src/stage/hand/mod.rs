@@ -127,12 +127,14 @@ struct Times {
 }
 
 impl Hand {
-    /// Returns a hand that begins with the view `first`.
+    /// Returns a hand that begins with the view `first`, in a scene whose unit is `unit` metres
+    /// long.
     ///
     /// # Errors
     /// If `first` is no view.
     pub fn new(
         first: ViewSpec,
+        unit: f64,
         wishes: &super::Wishes,
         inputs: mpsc::Receiver<Numbered>,
         bell: Arc<Bell>,
@@ -140,7 +142,7 @@ impl Hand {
     ) -> Result<Hand> {
         let size = wishes.view.size();
         first.resolve(size).context("the first view")?;
-        let walker = Walker::new(first, wishes.unit).context("the first view has no direction")?;
+        let walker = Walker::new(first, unit).context("the first view has no direction")?;
         let now = Instant::now();
         let times = Times {
             advanced: now,
@@ -181,11 +183,11 @@ impl Hand {
     }
 
     /// Shows views of a painter until somebody ends it or the painter ends. `facts` is what never
-    /// changes meanwhile.
+    /// changes meanwhile. Returns how somebody has ended it.
     ///
     /// # Errors
     /// If the walk cannot be recorded.
-    pub fn play(&mut self, desk: Desk, facts: State) -> Result<Ending> {
+    pub fn play(&mut self, desk: Desk, facts: State) -> Result<Option<Ending>> {
         (self.desk, self.facts, self.ending) = (Some(desk), facts, None);
         (self.sources, self.held_back, self.has_news) = (VecDeque::new(), None, false);
         self.walker.stay();
@@ -216,7 +218,7 @@ impl Hand {
             self.bell.wait(self.next_due());
         }
         self.publish_state();
-        Ok(self.ending.unwrap_or(Ending::Quit))
+        Ok(self.ending)
     }
 
     /// Ends the record of the walk.

@@ -1,0 +1,61 @@
+//! `holodeck merge`: several files of one scene become one.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use holo_progress::HumanCount;
+use holo_server::{Holodeck, Merged};
+
+use crate::prepare::SMALL_CACHE;
+
+/// Put the samples of several holodecks of one scene into one
+///
+/// A sample that several files have is stored once: with the most paths. So a merge may be repeated.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  holodeck merge room.holo part-0.holo part-1.holo part-2.holo")]
+pub struct Args {
+    /// The file that gets all samples; made if it does not exist
+    #[arg(value_name = "FILE.holo")]
+    into: PathBuf,
+    /// The files whose samples it gets; they stay as they are
+    #[arg(value_name = "PART.holo", required = true)]
+    parts: Vec<PathBuf>,
+    /// Report as JSON
+    #[arg(long)]
+    json: bool,
+    /// Print less
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// See [`Args`].
+pub fn run(args: &Args) -> Result<()> {
+    let mut total = Merged::default();
+    let mut into = None;
+    for path in &args.parts {
+        let part = Holodeck::open_read_only(path, SMALL_CACHE)?;
+        let into = match &into {
+            Some(into) => into,
+            None if args.into.exists() => into.insert(Holodeck::open(&args.into, SMALL_CACHE)?),
+            None => into.insert(part.without_samples(&args.into)?),
+        };
+        let doing = || format!("merging {} into {}", path.display(), args.into.display());
+        let merged = into.merge(&part).with_context(doing)?;
+        if !args.quiet && !args.json {
+            println!("{}: {}", path.display(), words(&merged));
+        }
+        total.added += merged.added;
+        total.better += merged.better;
+        total.known += merged.known;
+    }
+    if args.json {
+        println!("{}", serde_json::to_string(&total)?);
+    }
+    Ok(())
+}
+
+fn words(merged: &Merged) -> String {
+    let Merged { added, better, known } = *merged;
+    let [added, better, known] = [added, better, known].map(HumanCount);
+    format!("{added} samples added, {better} made better, {known} were there already")
+}

@@ -1,0 +1,141 @@
+//! Putting one holodeck's samples into another.
+//!
+//! What always holds:
+//! - A sample is known by its beam, kind and number. One that both files have is stored once, with
+//!   the larger number of paths.
+//! - So merging a file again changes nothing.
+
+use std::ops::{ControlFlow, Range};
+
+use anyhow::{Result, ensure};
+use holo_beamfile::Error;
+use holo_section::{Run, Sample};
+use serde::Serialize;
+
+use crate::{better, holodeck::Holodeck};
+
+/// What a merge did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Merged {
+    /// Samples that were new.
+    pub added: u64,
+    /// Samples that replaced some of fewer paths.
+    pub better: u64,
+    /// Samples that were there already.
+    pub known: u64,
+}
+
+impl Holodeck {
+    /// Adds what another holodeck of the same scene, sections and settings has: samples, unseen
+    /// beams, records of light and named views. All is on the disk afterwards.
+    ///
+    /// # Errors
+    /// If the two are not of one kind, or one cannot be read or the other not be written.
+    pub fn merge(&self, other: &Holodeck) -> Result<Merged> {
+        let (ours, theirs) = (&self.about, &other.about);
+        ensure!(ours.scene == theirs.scene, "they are of different scenes");
+        ensure!(ours.sections == theirs.sections, "they have different sections");
+        ensure!(ours.settings == theirs.settings, "they were traced with different settings");
+        let mut merged = Merged::default();
+        let mut keys = Vec::new();
+        other.file.for_each_beam(&mut |key, _| keys.push(key));
+        let mut written = Ok(());
+        other.file.read_many(&keys, &mut |_, beam| {
+            for (run, samples) in beam.iter() {
+                if written.is_ok() {
+                    written = self.merge_run(run, samples, &mut merged);
+                }
+            }
+            if written.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        })?;
+        written?;
+        other.unseen().iter().for_each(|key| _ = self.unseen_mut().insert(key));
+        self.light_mut().merge(None, other.light().records());
+        self.save_unseen()?;
+        self.save_light()?;
+        for (name, options) in &theirs.views {
+            if !self.about.views.iter().any(|(known, _)| known == name) {
+                self.keep_view(name, options)?;
+            }
+        }
+        self.file.flush()?;
+        Ok(merged)
+    }
+
+    fn merge_run(&self, run: &Run, samples: &[Sample], merged: &mut Merged) -> Result<(), Error> {
+        let have = self.file.runs(run.key);
+        let numbers = run.first..run.first + samples.len() as u32;
+        let part = |range: &Range<u32>| {
+            let run = Run { first: range.start, count: range.len() as u32, ..*run };
+            (run, &samples[(range.start - numbers.start) as usize..][..range.len()])
+        };
+        let missing = missing(&have, run, &numbers);
+        let worse = better::worse(&have, run.paths, &numbers);
+        let is_uniform = run.kind == holo_section::SampleKind::Uniform;
+        merged.known += samples.len() as u64;
+        for range in &missing {
+            let (run, samples) = part(range);
+            self.file.append(run, samples)?;
+            merged.added += samples.len() as u64;
+            merged.known -= samples.len() as u64;
+        }
+        for range in worse.iter().filter(|_| is_uniform) {
+            let (run, samples) = part(range);
+            self.file.supersede(run, samples)?;
+            merged.better += samples.len() as u64;
+            merged.known -= samples.len() as u64;
+        }
+        Ok(())
+    }
+}
+
+/// Returns the numbers that a beam with the runs `have` lacks of `run`'s kind.
+fn missing(have: &[Run], run: &Run, numbers: &Range<u32>) -> Vec<Range<u32>> {
+    let mut known: Vec<Range<u32>> = have
+        .iter()
+        .filter(|have| have.kind == run.kind)
+        .map(|have| have.first..have.first + have.count)
+        .collect();
+    known.sort_unstable_by_key(|range| range.start);
+    let (mut missing, mut next) = (Vec::new(), numbers.start);
+    for range in known {
+        if range.start > next {
+            missing.push(next..range.start.min(numbers.end));
+        }
+        next = next.max(range.end);
+        if next >= numbers.end {
+            break;
+        }
+    }
+    if next < numbers.end {
+        missing.push(next..numbers.end);
+    }
+    missing.retain(|range| !range.is_empty());
+    missing
+}
+
+#[cfg(test)]
+mod tests {
+    use holo_section::{BeamId, BeamKey, SampleKind};
+
+    use super::*;
+
+    #[test]
+    fn what_is_missing_is_all_that_no_run_of_the_kind_has() {
+        let key = BeamKey { section: 0, beam: BeamId(1) };
+        let uniform = SampleKind::Uniform;
+        let run = |kind, first, count| Run { key, first, count, kind, paths: 1 };
+        let have =
+            [run(uniform, 20, 5), run(uniform, 3, 4), run(SampleKind::ViewpointLimited, 0, 99)];
+        let of = |numbers: Range<u32>| {
+            let missing = missing(&have, &run(uniform, 0, 1), &numbers);
+            missing.into_iter().map(|range| (range.start, range.end)).collect::<Vec<_>>()
+        };
+        assert_eq!(of(0..30), [(0, 3), (7, 20), (25, 30)]);
+        assert_eq!(of(4..6), []);
+        assert_eq!(of(5..10), [(7, 10)]);
+        assert_eq!(of(0..2), [(0, 2)]);
+        assert_eq!(of(25..26), [(25, 26)]);
+        assert_eq!(missing(&[], &run(uniform, 0, 1), &(4..9)).len(), 1);
+    }
+}

@@ -1,0 +1,64 @@
+//! A stage whose server goes and comes back.
+
+use std::time::Duration;
+
+use holo_net::{Inbox, Message, Outbox, Shutdown, accept};
+use holo_proto::{
+    control::{Control, Welcome},
+    hello::Role,
+};
+use tokio::{net::TcpListener, time::timeout};
+
+use super::{Wishes, stage};
+use crate::{DriverArg, DriverArgs, PointArgs, ViewArgs, session::Connected};
+
+/// The limit of waits in real time. Only a hang reaches it.
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// A welcome with two sections, from its bytes in the protocol's golden files.
+fn welcome() -> Welcome {
+    let text = include_str!("../../../../proto/golden/control-welcome.hex");
+    let digits = text.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
+    let frame: Vec<u8> = digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect();
+    match Control::decode(&frame[8..]) {
+        Ok(Control::Welcome(mut welcome)) => {
+            let view = "-vtv -vp 0 0 0 -vd 1 0.1 0.1 -vu 0 0 1 -vh 60";
+            welcome.views = vec![("first".into(), view.into())];
+            *welcome
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Takes a display, and waits until it asks for a view.
+async fn serve(listener: &TcpListener) -> (Inbox, Outbox) {
+    let stream = timeout(LIMIT, listener.accept()).await.unwrap().unwrap().0;
+    let (mut inbox, outbox, hello) = accept(stream).await.unwrap();
+    assert_eq!(hello.role, Role::Display);
+    holo_net::welcome(&outbox, welcome()).unwrap();
+    while !matches!(timeout(LIMIT, inbox.next()).await.unwrap().unwrap(), Message::View(_)) {}
+    (inbox, outbox)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_lost_server_is_reached_again_and_asked_for_the_view() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let shutdown = Shutdown::new();
+    let driver = DriverArgs { driver: DriverArg::Quadtree, walks: true, ..DriverArgs::default() };
+    let points = PointArgs::default();
+    let connecting = Connected::new(address, driver, points, shutdown.clone());
+    let playing = tokio::spawn(async move {
+        let connected = connecting.await.unwrap();
+        let view = ViewArgs { size: Some((32, 24)), ..ViewArgs::default() };
+        let (stage, _front) = stage(connected, Wishes { view, record: None, crew: None });
+        tokio::task::spawn_blocking(move || stage.run()).await.unwrap()
+    });
+    for _ in 0..2 {
+        // It goes without a word, as one that was killed.
+        drop(serve(&listener).await);
+    }
+    shutdown.trigger();
+    drop(listener);
+    timeout(LIMIT, playing).await.unwrap().unwrap().unwrap();
+}

@@ -1,0 +1,75 @@
+//! How a server fares: for administrators, who ask for it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::printable;
+
+/// What a server does at the moment.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// The server's name and version.
+    pub software: String,
+    /// The file that it serves.
+    pub file: String,
+    /// The file's length, bytes.
+    pub file_bytes: u64,
+    /// Samples in the file and in memory.
+    pub samples: u64,
+    /// Samples that were traced since the server began.
+    pub traced: u64,
+    /// Samples per second from all workers, over the last few seconds.
+    pub samples_per_second: f64,
+    /// Beams that are known to see nothing.
+    pub unseen_beams: u64,
+    /// Why samples wait in memory; empty if they do not.
+    pub disk_error: String,
+    /// The workers.
+    pub workers: Vec<WorkerReport>,
+    /// The displays.
+    pub displays: Vec<DisplayReport>,
+}
+
+/// One worker.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct WorkerReport {
+    /// Its name, for people.
+    pub name: String,
+    /// Threads that trace; 0 while it loads.
+    pub threads: u32,
+    /// Rays per second that it returns while it has work, by the server's clock.
+    pub rays_per_second: f64,
+    /// Rays that it has returned.
+    pub rays: u64,
+    /// Packets that it has.
+    pub packets: u32,
+    /// Packets that it has not returned in time.
+    pub late_packets: u32,
+    /// Seconds from giving a packet to its results, lately.
+    pub latency: f64,
+    /// Bytes that wait to be sent to it.
+    pub queued_bytes: u64,
+}
+
+/// One display.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct DisplayReport {
+    /// Its name, for people.
+    pub name: String,
+    /// Beams of its view; 0 without a view.
+    pub beams: u32,
+    /// Whether nothing is traced for it.
+    pub is_read_only: bool,
+    /// Bytes that wait to be sent to it.
+    pub queued_bytes: u64,
+}
+
+impl Report {
+    /// Replaces control characters in texts.
+    pub(crate) fn clean(&mut self) {
+        let names = self.workers.iter_mut().map(|worker| &mut worker.name);
+        let names = names.chain(self.displays.iter_mut().map(|display| &mut display.name));
+        for text in names.chain([&mut self.software, &mut self.file, &mut self.disk_error]) {
+            *text = printable(text);
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! A worker and a viewer that join by the server's printed string, as from other machines.
+
+use holo_tests::{Place, listen_address, patiently};
+use rustix::process::Signal;
+
+#[test]
+fn one_string_is_all_that_a_worker_and_a_viewer_need() {
+    let place = Place::new();
+    place.fill_small("a.holo", "1k");
+    let file = place.text("a.holo");
+    let mut server = place.start(&[
+        "holoserver",
+        &file,
+        "--listen",
+        "127.0.0.1:0",
+        "--secure",
+        "--identity",
+        "{}/identity",
+        "--with-parent",
+        "--json",
+    ]);
+    let join = server.wait_for_line("join with ");
+    let local = listen_address(&mut server).to_string();
+    // The worker has no file of the scene: it comes over the encrypted connection.
+    let worker = place.start(&["rtworker", "--join", &join, "--threads", "1", "--with-parent"]);
+    server.wait_for_error("joined");
+    let output = place.text("a.pfm");
+    let traced = |seconds: u32| {
+        let time = seconds.to_string();
+        let words = ["view", "--join", &join, "--headless", "--time", &time, "--size", "32x32"];
+        let report = place.run(&[&words[..], &["-o", &output, "--json"]].concat()).ok().json();
+        report["traced"].as_u64().unwrap()
+    };
+    assert!(patiently(traced, |traced| *traced > 0) > 0, "no sample is traced");
+    for connect in [&join, &local] {
+        let status = place.run(&["status", "--connect", connect, "--json"]).ok().json();
+        assert_eq!(status["workers"].as_array().unwrap().len(), 1, "{status}");
+        assert!(status["traced"].as_u64().unwrap() > 0, "{status}");
+    }
+    // A token of another role, and none at all.
+    let identity = ["--identity", "{}/identity"];
+    let add = ["tokens", "--add", "worker", "--public", "127.0.0.1:1"];
+    let added = place.run(&[&add[..], &identity].concat()).ok().stdout;
+    let address = join.split('/').nth(2).unwrap();
+    let token = added.trim().rsplit('/').next().unwrap();
+    let fingerprint = join.split('/').nth(3).unwrap();
+    let workers = format!("holodeck://{address}/{fingerprint}/{token}");
+    place.run(&["status", "--join", &workers]).failed(1, &["does not permit that role"]);
+    let listed = place.run(&[&["tokens"][..], &identity].concat()).ok().stdout;
+    let name = listed.lines().find_map(|line| line.strip_suffix(" worker")).unwrap();
+    place.run(&[&["tokens", "--revoke", name][..], &identity].concat()).ok();
+    place.run(&["status", "--join", &workers]).failed(1, &["revoked"]);
+    place.run(&["status", "--connect", address]).failed(1, &["connecting to the holoserver"]);
+    server.end(Signal::TERM).ok();
+    worker.wait().ok();
+}
