@@ -320,6 +320,9 @@ mod tests {
             // Without its MTL file, the panes of this one are walls.
             let is_closed = name == "revit-flat";
             assert_eq!(said.contains("preview lamps"), is_closed, "{name}: {said}");
+            assert_eq!(said.contains("preview sun"), rooms == 0, "{name}: {said}");
+            let has_suns = rooms == 0 || name == "blender-kitchen";
+            assert_eq!(opened.scene.suns.len(), usize::from(has_suns), "{name}: {said}");
             let emitters = opened.scene.features().emitters;
             assert!(!is_closed || emitters == 2 * interior, "{name}: {said}");
             // Whoever begins there sees something, and stands in the open.
@@ -327,6 +330,7 @@ mod tests {
             view.apply_line(&opened.views[0].1).unwrap();
             let mut opened = opened;
             let raycaster = opened.raycaster().unwrap();
+            assert!(Arc::ptr_eq(raycaster.scene(), &opened.scene), "{name}");
             let (ray, _) =
                 raycaster.localize(view.vp.unwrap(), view.vd.unwrap().normalize()).unwrap();
             let ahead = f64::from(raycaster.nearest(&ray).unwrap().t) * unit;
