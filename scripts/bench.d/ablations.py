@@ -7,6 +7,8 @@ nobody sees.
 from __future__ import annotations
 
 import math
+import struct
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Callable
@@ -29,6 +31,24 @@ f -3 -2 -1
 f -4 -1 -2
 """
 GLASS_MATERIAL = "\nnewmtl unseen_glass\nillum 7\nNi 1.5\nTf 1 1 1\n"
+
+# The same place: a square with a texture, normals of its own, and a texture of them and of roughness.
+SHADED = """
+usemtl unseen_shaded
+v 1.75 0.5 1.6
+v 1.85 0.5 1.6
+v 1.75 0.6 1.6
+vt 0 0
+vt 1 0
+vt 0 1
+vn 0 0 1
+vn 0.1 0 1
+vn 0 0.1 1
+f -3/-3/-3 -2/-2/-2 -1/-1/-1
+"""
+SHADED_MATERIAL = "\nnewmtl unseen_shaded\nKd 1 1 1\nmap_Kd unseen.png\nnorm unseen.png\nmap_Pr unseen.png\n"
+# A normal that points off the surface.
+SHADED_TEXEL = (128, 128, 255)
 
 # Above the blocks and below the lamp, where nothing stands.
 EMPTY_SECTION = "--section=0.5,3.5,0.5 4.5,0,0 0,1.7,0 0,0,4.6 3,2,3"
@@ -110,7 +130,7 @@ def spp(bench: Bench) -> int:
 
 def skips_to_measure(bench: Bench) -> list[Skip]:
     """Returns all skips except that of beams that hit nothing."""
-    plain, glass, dark, faint = scenes(bench)
+    plain, glass, dark, faint, shaded = scenes(bench)
 
     def render(name: str, obj: Path, *options: str, seed: int = 3, times: int = 1) -> Variant:
         picture, error = bench.work / f"ablation-{name}.pfm", bench.work / f"ablation-{name}-se.pfm"
@@ -138,26 +158,39 @@ def skips_to_measure(bench: Bench) -> list[Skip]:
     faint_sky = render("sky", plain, "--sky", "1e-6,1e-6,1e-6", seed=4)
     return [
         Skip("glass: what paths are inside of", render("no-glass", plain), render("glass", glass), None),
+        Skip("textures, bumps and smooth normals", render("plain", plain), render("shaded", shaded), None),
         Skip("sky: samples of it", render("no-sky", plain), faint_sky, truth("box", plain)),
         Skip("lamps: the light tree", render("dark", dark, *sky), render("faint", faint, *sky, seed=4), truth("dark-box", dark, *sky)),
         Skip("obstructions: from entry to exit wall", fill("off"), fill("on"), None),
     ]
 
 
-def scenes(bench: Bench) -> tuple[Path, Path, Path, Path]:
-    """Returns the bundled Cornell box, and variants with unseen glass, without its lamp, and with
-    almost no lamp.
+def scenes(bench: Bench) -> tuple[Path, Path, Path, Path, Path]:
+    """Returns the bundled Cornell box, and variants with unseen glass, without its lamp, with almost
+    no lamp, and with an unseen textured and smooth surface.
     """
     plain = bench.scenes.bundle() / "cornell.obj"
     text, materials = plain.read_text(encoding="utf-8"), plain.with_suffix(".mtl").read_text(encoding="utf-8")
     found = [plain]
+    (bench.work / "unseen.png").write_bytes(png(SHADED_TEXEL))
     for name, faces, library in (
         ("glass", GLASS, materials + GLASS_MATERIAL),
         ("dark", "", materials.replace("Ke 17 12 4", "Ke 0 0 0")),
         ("faint", "", materials.replace("Ke 17 12 4", "Ke 1e-6 1e-6 1e-6")),
+        ("shaded", SHADED, materials + SHADED_MATERIAL),
     ):
         obj = bench.work / f"ablation-{name}.obj"
         obj.write_text(text.replace("mtllib cornell.mtl", f"mtllib {obj.stem}.mtl") + faces, encoding="utf-8")
         obj.with_suffix(".mtl").write_text(library, encoding="utf-8")
         found.append(obj)
-    return found[0], found[1], found[2], found[3]
+    return found[0], found[1], found[2], found[3], found[4]
+
+
+def png(texel: tuple[int, int, int]) -> bytes:
+    """Returns a picture of one texel."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", 1, 1, 8, 2, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(bytes([0, *texel]))) + chunk(b"IEND", b"")

@@ -21,6 +21,7 @@ from embree import embree
 from errors import errors
 from harness import Bench
 from interactive import interactive
+from large import large
 from program import Failed, available_memory, compare, median_of, run
 from quadtree import quadtree
 from radiance import radiance
@@ -317,6 +318,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "viewpoint-share": viewpoint_share,
     "beamfile": beamfile,
     "throughput": throughput,
+    "large": large,
     "embree": embree,
     "rendercache": rendercache,
     "quadtree": quadtree,

@@ -4,13 +4,10 @@ use std::{path::Path, time::Instant};
 
 use anyhow::Result;
 use holo_progress::{HumanBytes, HumanCount, Meter};
-use holo_scene::{Bsdf, LoadOptions, LoadProgress, Loaded, Material, Scene, load_watched};
+use holo_scene::{LoadOptions, LoadProgress, Loaded, load_watched};
+use holo_survey::white_materials;
 
 use crate::{config::Config, scene_args::scene_path};
-
-/// Albedo from which a material is named. Paints stay below, and light in a closed room takes as many
-/// reflections as 1 / (1 - albedo).
-const WHITE_ALBEDO: f32 = 0.95;
 
 /// Loads the configuration's scene. Warnings go to standard error, and unless `quiet`, how far it
 /// is.
@@ -23,7 +20,7 @@ pub fn load(config: &Config, quiet: bool) -> Result<Loaded> {
     for (name, albedo) in white_materials(&loaded.scene) {
         eprintln!(
             "{}: material `{name}` reflects {:.0} % of the light, more than any paint: rooms closed by \
-             it are too bright, and stay noisy for long; use a `Kd` below {WHITE_ALBEDO}",
+             it are too bright, and stay noisy for long; use a `Kd` below 0.95",
             path.display(),
             100.0 * albedo
         );
@@ -41,24 +38,6 @@ fn options(config: &Config) -> LoadOptions {
         sky: config.sky.unwrap_or([0.0; 3]),
         two_sided_lights: config.two_sided_lights.unwrap_or(false),
     }
-}
-
-/// Returns the names and albedos of diffuse materials on faces that absorb hardly any light.
-fn white_materials(scene: &Scene) -> Vec<(&str, f32)> {
-    let is_used = |index: usize| scene.material_ids.iter().any(|&id| id as usize == index);
-    let albedo = |material: &Material| match material.bsdf {
-        Bsdf::Diffuse { kd } | Bsdf::Coated { kd, .. } => kd.into_iter().fold(0.0, f32::max),
-        _ => 0.0,
-    };
-    let materials = scene.materials.iter().enumerate();
-    // Under a texture, white is a factor.
-    let maps = |index: usize| scene.shading.as_ref()?.maps.get(index)?.base;
-    let has_colours = scene.shading.as_ref().is_some_and(|shading| !shading.colours.is_empty());
-    let white = materials.filter(|(index, material)| {
-        let is_factor = has_colours || maps(*index).is_some();
-        albedo(material) >= WHITE_ALBEDO && !is_factor && is_used(*index)
-    });
-    white.map(|(_, material)| (material.name.as_str(), albedo(material))).collect()
 }
 
 /// Loads any OBJ file with the configuration's options.

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
+use holo_progress::{HumanCount, Meter};
 use holo_raycast::Raycaster;
 use holo_scene::{Camera, Loaded, Scene};
 use holo_survey::{Frame, Room, Sight, Survey, unit_words};
@@ -16,6 +17,9 @@ use crate::{loading, preview, scene_args::scene_path};
 
 /// Share of the scene's size between its bounds and the section around it, on each side.
 const MARGIN: f64 = 0.05;
+
+/// Number of triangles from which preparing them takes seconds, and is said.
+const MANY: usize = 500_000;
 
 /// A scene with all that it needs to be shown.
 pub struct Opened {
@@ -32,6 +36,7 @@ pub struct Opened {
     /// What was chosen and why, for people.
     pub choices: Vec<String>,
     raycaster: Option<Arc<Raycaster>>,
+    is_quiet: bool,
     survey: Option<Survey>,
 }
 
@@ -92,6 +97,7 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
         sections: config.section.clone(),
         choices,
         raycaster: None,
+        is_quiet: quiet,
         survey: None,
     };
     let needs_sections = wanted == Wanted::Sections && opened.sections.is_empty();
@@ -143,6 +149,11 @@ impl Opened {
     pub fn raycaster(&mut self) -> Result<Arc<Raycaster>> {
         if let Some(raycaster) = &self.raycaster {
             return Ok(raycaster.clone());
+        }
+        let triangles = self.scene.triangles.len();
+        if triangles >= MANY {
+            let text = format!("preparing {} triangles for tracing", HumanCount(triangles as u64));
+            Meter::new(self.is_quiet).say(&text);
         }
         let built = Raycaster::build(self.scene.clone()).context("the scene cannot be traced")?;
         Ok(self.raycaster.insert(Arc::new(built)).clone())
@@ -309,6 +320,9 @@ mod tests {
             // Without its MTL file, the panes of this one are walls.
             let is_closed = name == "revit-flat";
             assert_eq!(said.contains("preview lamps"), is_closed, "{name}: {said}");
+            assert_eq!(said.contains("preview sun"), rooms == 0, "{name}: {said}");
+            let has_suns = rooms == 0 || name == "blender-kitchen";
+            assert_eq!(opened.scene.suns.len(), usize::from(has_suns), "{name}: {said}");
             let emitters = opened.scene.features().emitters;
             assert!(!is_closed || emitters == 2 * interior, "{name}: {said}");
             // Whoever begins there sees something, and stands in the open.
@@ -316,6 +330,7 @@ mod tests {
             view.apply_line(&opened.views[0].1).unwrap();
             let mut opened = opened;
             let raycaster = opened.raycaster().unwrap();
+            assert!(Arc::ptr_eq(raycaster.scene(), &opened.scene), "{name}");
             let (ray, _) =
                 raycaster.localize(view.vp.unwrap(), view.vd.unwrap().normalize()).unwrap();
             let ahead = f64::from(raycaster.nearest(&ray).unwrap().t) * unit;

@@ -9,7 +9,7 @@ use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, node::Bvh2Node, reinsertion::ReinsertionOptimizer};
-use obvhs::ploc::PlocBuilder;
+use obvhs::ploc::{PlocBuilder, PlocSearchDistance};
 use obvhs::splits::split_aabbs_preset;
 use obvhs::triangle::Triangle;
 
@@ -29,10 +29,10 @@ const PAD: f32 = 1.0 / (1 << 19) as f32;
 /// padding must exceed the least step of a [`Node`].
 const LEAST_PAD: f32 = 1e-25;
 
-/// Number of boxes up to which all reinsertions of the preset are made. Beyond, their share falls as
-/// their number grows: the seconds that they take would be waited for, and what they gain is small
-/// (docs/notes/ray-casting.md).
-const MOST_REINSERTED: f32 = 200_000.0;
+/// Number of boxes up to which the preset is followed. Beyond, pairs are looked for less far, and the
+/// share of reinsertions falls as the number grows: the seconds that both take would be waited for,
+/// and what they gain is small (docs/notes/ray-casting.md).
+const LARGE: usize = 200_000;
 
 /// Builds the hierarchy over facets whose coordinates are at most `reach`.
 pub(crate) fn hierarchy(facets: &[Facet], reach: f32) -> Hierarchy {
@@ -76,15 +76,17 @@ fn binary(facets: &[Facet]) -> Bvh2 {
         let mean = (sum / boxes.len() as f64) as f32;
         split_aabbs_preset(&mut boxes, &mut indices, &triangles, mean, largest);
     }
+    let is_large = boxes.len() > LARGE;
+    let distance = if is_large { PlocSearchDistance::Low } else { params.ploc_search_distance };
     let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(
-        params.ploc_search_distance,
+        distance,
         &boxes,
         indices,
         params.sort_precision,
         params.search_depth_threshold,
     );
     bvh.uses_spatial_splits = params.pre_split;
-    let share = (MOST_REINSERTED / boxes.len() as f32).min(1.0);
+    let share = (LARGE as f32 / boxes.len() as f32).min(1.0);
     ReinsertionOptimizer::default().run(&mut bvh, params.reinsertion_batch_ratio * share, None);
     bvh
 }
@@ -178,10 +180,11 @@ impl Tree {
         Self { nodes }
     }
 
-    /// Returns the triangles of a subtree, each once: a split triangle may be there twice.
-    fn triangles(&self, root: u32) -> Vec<u32> {
-        let mut pending = vec![root];
-        let mut found = Vec::with_capacity(LANES);
+    /// Collects the triangles of a subtree, each once: a split triangle may be there twice. Both lists
+    /// are reused, because allocating them takes longer than a leaf.
+    fn triangles(&self, root: u32, pending: &mut Vec<u32>, found: &mut Vec<u32>) {
+        pending.push(root);
+        found.clear();
         while let Some(node) = pending.pop() {
             match self.nodes[node as usize].content {
                 Ok(first) => pending.extend([first + 1, first]),
@@ -189,13 +192,13 @@ impl Tree {
                 Err(triangle) => found.push(triangle),
             }
         }
-        found
     }
 
-    /// Returns up to eight subtrees that make up this one. The child of the greatest area is opened
+    /// Collects up to eight subtrees that make up this one. The child of the greatest area is opened
     /// first.
-    fn children(&self, root: u32) -> Vec<u32> {
-        let mut children = vec![root];
+    fn children(&self, root: u32, children: &mut Vec<u32>) {
+        children.clear();
+        children.push(root);
         while children.len() < WIDTH {
             let widest = (0..children.len())
                 .filter(|&i| self.nodes[children[i] as usize].references as usize > LANES)
@@ -208,7 +211,6 @@ impl Tree {
             children[widest] = first;
             children.push(first + 1);
         }
-        children
     }
 }
 
@@ -216,13 +218,18 @@ fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
     let mut hierarchy = Hierarchy { nodes: vec![Node::EMPTY], ..Hierarchy::default() };
     // Depth first, so that a subtree is contiguous in memory.
     let mut pending = vec![(0_u32, 0_usize, 1_usize)];
+    let (mut children, mut boxes) = (Vec::with_capacity(WIDTH), Vec::with_capacity(WIDTH));
+    let (mut below, mut triangles) = (Vec::new(), Vec::with_capacity(LANES));
+    hierarchy.blocks.reserve(facets.len() / 3);
     while let Some((root, index, depth)) = pending.pop() {
         hierarchy.stack_need = hierarchy.stack_need.max(depth * (WIDTH - 1) + WIDTH);
-        let mut boxes = Vec::with_capacity(WIDTH);
-        for (slot, child) in tree.children(root).into_iter().enumerate() {
+        boxes.clear();
+        tree.children(root, &mut children);
+        for (slot, &child) in children.iter().enumerate() {
             let source = &tree.nodes[child as usize];
             let reference = if source.references as usize <= LANES {
-                hierarchy.blocks.push(block(&tree.triangles(child), facets));
+                tree.triangles(child, &mut below, &mut triangles);
+                hierarchy.blocks.push(block(&triangles, facets));
                 LEAF | (hierarchy.blocks.len() - 1) as u32
             } else {
                 hierarchy.nodes.push(Node::EMPTY);

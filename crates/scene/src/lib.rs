@@ -32,6 +32,7 @@ mod mtl_maps;
 mod mtl_text;
 mod named_file;
 mod obj;
+mod obj_checked;
 mod obj_ignored;
 mod obj_model;
 mod obj_text;
@@ -52,7 +53,7 @@ pub use error::{PackedError, SceneError};
 pub use header::{About, Camera, Said};
 pub use load::{LoadOptions, Loaded, load, load_watched};
 pub use material::{Bsdf, Material, Rgb};
-pub use obj_text::LoadProgress;
+pub use model::LoadProgress;
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
 pub use scene::{Features, Scene};
 pub use shading::{

@@ -3,8 +3,7 @@
 //! What cannot be interpreted is left out. What is left out or replaced is a warning with its line,
 //! if the format has lines, and a count. A missing material is grey diffuse 0.5.
 
-use crate::model::Reader;
-use crate::obj_text::LoadProgress;
+use crate::model::{LoadProgress, Reader, Source};
 use crate::warnings::{Warning, Warnings};
 use crate::{About, Rgb, Scene, SceneError, Shading, gltf_file, obj_model};
 use serde::{Deserialize, Serialize};
@@ -59,7 +58,8 @@ pub fn load_watched(
     watch: &mut dyn FnMut(LoadProgress),
 ) -> Result<Loaded, SceneError> {
     let mut warnings = Warnings::default();
-    let model = (reader_for(path)?.read)(path, options, watch, &mut warnings)?;
+    let source = Source { path, options, watch, warnings: &mut warnings };
+    let model = (reader_for(path)?.read)(source)?;
     if let Some(instead) = model.instead {
         return Err(SceneError::Empty { path: path.to_owned(), instead });
     }

@@ -6,7 +6,6 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use crate::obj_text::LoadProgress;
 use crate::warnings::Warnings;
 use crate::{About, LoadOptions, Material, SceneError, Shading, Sun};
 
@@ -28,18 +27,30 @@ pub(crate) struct Model {
     pub instead: Option<String>,
 }
 
-/// Reads a file, and reports how far it is.
-pub(crate) type Read = fn(
-    &Path,
-    &LoadOptions,
-    &mut dyn FnMut(LoadProgress),
-    &mut Warnings,
-) -> Result<Model, SceneError>;
+/// How much of a file has been read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadProgress {
+    /// Bytes read.
+    pub bytes: u64,
+    /// Bytes in the file.
+    pub total_bytes: u64,
+    /// Triangles read.
+    pub triangles: u64,
+}
+
+/// A file to be read.
+pub(crate) struct Source<'a> {
+    pub path: &'a Path,
+    pub options: &'a LoadOptions,
+    /// Is told how much has been read.
+    pub watch: &'a mut dyn FnMut(LoadProgress),
+    pub warnings: &'a mut Warnings,
+}
 
 /// Reads one format.
 pub(crate) struct Reader {
     /// Returns whether a file is of this format, by its first bytes and its name.
     pub recognises: fn(&[u8], &Path) -> bool,
     /// Reads a file.
-    pub read: Read,
+    pub read: fn(Source) -> Result<Model, SceneError>,
 }

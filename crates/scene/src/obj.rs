@@ -6,8 +6,10 @@
 
 use crate::SceneError;
 use crate::faces::Faces;
+use crate::model::LoadProgress;
+use crate::obj_checked::{Checked, MaterialUse};
 use crate::obj_ignored::CROSSED;
-use crate::obj_text::{Checked, CleanObj, LoadProgress, MaterialUse};
+use crate::obj_text::CleanObj;
 use crate::polygon::triangulate;
 use crate::warnings::Warnings;
 use glam::{DVec3, Vec3};

@@ -1,26 +1,19 @@
 //! A model from an OBJ file and its MTL files.
 
-use std::path::Path;
-
 use glam::Vec3;
 
 use crate::libraries::{self, Looks};
 use crate::limits::MAX_OBJ_BYTES;
-use crate::model::{Model, Reader};
+use crate::model::{Model, Reader, Source};
 use crate::obj::{ObjFile, parse_obj};
-use crate::obj_text::{LoadProgress, NONE};
+use crate::obj_checked::NONE;
 use crate::text::read_text;
-use crate::warnings::Warnings;
-use crate::{LoadOptions, Octahedral, SceneError, Shading, WHITE, smooth};
+use crate::{Octahedral, SceneError, Shading, WHITE, smooth};
 
 pub(crate) const READER: Reader = Reader { recognises: |_, _| true, read };
 
-fn read(
-    path: &Path,
-    options: &LoadOptions,
-    watch: &mut dyn FnMut(LoadProgress),
-    warnings: &mut Warnings,
-) -> Result<Model, SceneError> {
+fn read(source: Source) -> Result<Model, SceneError> {
+    let Source { path, options, watch, warnings } = source;
     let text = read_text(path, MAX_OBJ_BYTES)?;
     let about = crate::header::read(&text);
     let obj = parse_obj(path, &text, watch, warnings)?;

@@ -17,13 +17,14 @@
 //!   it.
 
 use crate::SceneError;
-use crate::faces::Faces;
 use crate::limits::{
     MAX_COORDINATE, MAX_MATERIALS, MAX_MTL_FILES, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES,
 };
+use crate::model::LoadProgress;
+use crate::obj_checked::{Checked, MaterialUse, NO_COLOUR, NONE};
 use crate::obj_ignored::{
-    BAD_ATTRIBUTE, BAD_CORNER, BAD_VERTEX, FEW_CORNERS, Ignored, NO_LIBRARY, NO_VERTEX,
-    SPOILT_VERTEX, WEIGHT,
+    BAD_ATTRIBUTE, BAD_CORNER, BAD_VERTEX, FEW_CORNERS, NO_LIBRARY, NO_VERTEX, SPOILT_VERTEX,
+    WEIGHT,
 };
 use crate::text::{
     LogicalLines, excerpt, keyword, logical_lines, loose_number, number, without_comment,
@@ -33,54 +34,12 @@ use std::collections::{HashMap, HashSet};
 use std::io::{BufRead, Read, Write};
 use std::path::Path;
 
-/// A material as an OBJ file names it.
-pub(crate) struct MaterialUse {
-    /// `None` for faces before any `usemtl`.
-    pub name: Option<String>,
-    /// The line of the first `usemtl`, or of the first face without one.
-    pub line: usize,
-}
-
-/// What a text contains besides numbers and faces.
-#[derive(Default)]
-pub(crate) struct Checked {
-    /// The line of each face, and its material as an index into `uses`.
-    pub faces: Faces,
-    /// The materials that faces use, in order of first use.
-    pub uses: Vec<MaterialUse>,
-    /// The text after each `mtllib`, with its line.
-    pub libraries: Vec<(usize, String)>,
-    pub ignored: Ignored,
-    /// `vt` and `vn`; a normal that cannot be read is 0.
-    pub texcoords: Vec<[f32; 2]>,
-    pub normals: Vec<Vec3>,
-    /// Texture coordinate and normal of each corner of each face that was passed on; [`NONE`] if it
-    /// has none. Empty if no corner has any.
-    pub corners: Vec<[u32; 2]>,
-    /// The smoothing group of each triangle. Empty if there is none but 0.
-    pub groups: Vec<u32>,
-    /// The colour after the coordinates of each `v`, or [`NO_COLOUR`]. Empty if none has a colour.
-    pub colours: Vec<[f32; 3]>,
-    /// The vertex, from 0, of each corner of each face that was passed on. Empty without `colours`.
-    pub coloured: Vec<u32>,
-    /// Number of `v` lines.
-    pub vertices: usize,
-    /// Number of faces that were left out.
-    pub faces_left_out: usize,
-}
-
 /// Number of faces that `tobj` gets as one object. It takes over 100 bytes for a face until an
 /// object ends. Vertices are shared only within an object, so the number is not smaller.
 pub(crate) const FACES_AT_ONCE: usize = 1 << 20;
 
 /// Lines between two reports of progress: some hundredths of a second.
 const LINES_BETWEEN_REPORTS: usize = 1 << 16;
-
-/// No texture coordinate, or no normal.
-pub(crate) const NONE: u32 = u32::MAX;
-
-/// The colour of a vertex that has none.
-pub(crate) const NO_COLOUR: [f32; 3] = [f32::NAN; 3];
 
 /// A corner of a face.
 #[derive(Clone, Copy)]
@@ -89,17 +48,6 @@ struct Corner {
     vertex: usize,
     /// Texture coordinate and normal; from 0, or [`NONE`]. They may be on later lines.
     attributes: [u32; 2],
-}
-
-/// How much of an OBJ file has been read.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LoadProgress {
-    /// Bytes read.
-    pub bytes: u64,
-    /// Bytes in the file.
-    pub total_bytes: u64,
-    /// Triangles read.
-    pub triangles: u64,
 }
 
 /// A face that names vertices of later lines.

@@ -50,7 +50,9 @@ pub fn findings(scene: &Scene) -> Vec<Finding> {
 pub fn memory(scene: &Scene) -> usize {
     let shading = scene.shading.as_ref().map_or(0, |shading| {
         let textures: usize = shading.textures.iter().map(holo_scene::Texture::bytes).sum();
-        24 * shading.uvs.len() + 12 * shading.normals.len() + textures
+        let corners =
+            [24 * shading.uvs.len(), 12 * shading.normals.len(), 9 * shading.colours.len()];
+        corners.iter().sum::<usize>() + textures
     });
     12 * scene.positions.len() + 16 * scene.triangles.len() + shading
 }
@@ -206,26 +208,40 @@ fn parts(scene: &Scene) -> Vec<Vec<u32>> {
     parts
 }
 
-fn materials(scene: &Scene, found: &mut Vec<Finding>) {
+/// Returns the names and albedos of diffuse materials on faces that absorb hardly any light: their
+/// albedo is at least 0.95, and no paint's is.
+#[must_use]
+pub fn white_materials(scene: &Scene) -> Vec<(&str, f32)> {
     let albedo = |material: &Material| match material.bsdf {
         Bsdf::Diffuse { kd } | Bsdf::Coated { kd, .. } => kd.into_iter().fold(0.0, f32::max),
         _ => 0.0,
     };
     let mut used = vec![false; scene.materials.len()];
     scene.material_ids.iter().for_each(|&id| used[id as usize] = true);
+    // Under a texture, and under colours of corners, white is a factor.
+    let is_factor = |id: usize| {
+        scene.shading.as_ref().is_some_and(|shading| {
+            let has_texture = shading.maps.get(id).is_some_and(|maps| maps.base.is_some());
+            has_texture || !shading.colours.is_empty()
+        })
+    };
+    let materials = scene.materials.iter().zip(used).enumerate();
+    let white = materials
+        .filter(|(id, (material, used))| *used && albedo(material) >= WHITE && !is_factor(*id));
+    white.map(|(_, (material, _))| (material.name.as_str(), albedo(material))).collect()
+}
+
+fn materials(scene: &Scene, found: &mut Vec<Finding>) {
+    let mut used = vec![false; scene.materials.len()];
+    scene.material_ids.iter().for_each(|&id| used[id as usize] = true);
     let count = |is_odd: &dyn Fn(usize) -> bool| {
         let odd: Vec<usize> = (0..scene.materials.len()).filter(|&id| is_odd(id)).collect();
         (odd.len(), odd.first().map(|&id| scene.materials[id].name.clone()))
     };
-    // Under a texture, white is a factor.
-    let is_textured = |id: usize| {
-        let maps = scene.shading.as_ref().and_then(|shading| shading.maps.get(id));
-        maps.is_some_and(|maps| maps.base.is_some())
-    };
-    let is_white = |id: usize| albedo(&scene.materials[id]) >= WHITE && !is_textured(id);
-    let (number, first) = count(&|id| used[id] && is_white(id));
+    let white = white_materials(scene);
+    let first = white.first().map(|(name, _)| (*name).to_owned());
     let means = "they reflect 95 % or more, which no paint does: rooms closed by them stay noisy";
-    push(found, "materials that absorb hardly any light", number, None, first, means);
+    push(found, "materials that absorb hardly any light", white.len(), None, first, means);
     let (number, first) = count(&|id| !used[id]);
     push(found, "unused materials", number, None, first, "they do no harm");
     let shading = scene.shading.as_ref();

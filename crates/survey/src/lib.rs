@@ -24,7 +24,7 @@ mod sight;
 mod unit;
 mod up;
 
-pub use findings::{Finding, findings, memory};
+pub use findings::{Finding, findings, memory, white_materials};
 pub use frame::Frame;
 pub use plan::Plan;
 pub use rooms::{Room, Survey};

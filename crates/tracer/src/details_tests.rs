@@ -156,23 +156,27 @@ fn light_samples_and_reflections_agree_about_a_sun() {
 }
 
 #[test]
-fn a_texture_of_normals_tilts_the_surface() {
+fn a_texture_of_normals_tilts_both_sides_of_a_surface() {
     // Red points to the right, along x, and green up, along y. Sine 0.6 and cosine 0.8.
     for (texel, normal) in
         [([204, 128, 230], Vec3::new(0.6, 0.0, 0.8)), ([128, 51, 230], Vec3::new(0.0, -0.6, 0.8))]
     {
-        let (maps, texture) = normals(texel);
-        let tilted = square(WHITE_PAINT, maps, texture);
-        let towards = Vec3::new(0.3, 0.2, 0.9).normalize();
-        let tracer = tracer(tilted.with_suns(vec![sun(towards)]).unwrap());
-        let [found, _] = mean(&tracer, 0.2, 0.1, DVec3::NEG_Z, 256);
-        let cosine = towards.dot(normal);
-        // Chiang et al. 2019, eq. 4: fading near the facet's own shadow.
-        let g = (towards.z / (cosine * normal.z)).min(1.0);
-        let fade = g + g * g - g * g * g;
-        let expected = 0.8 / PI * f64::from(IRRADIANCE * cosine * fade);
-        // Texels are bytes: cosines of normals are off by up to 0.01.
-        assert!((found / expected - 1.0).abs() < 0.02, "{texel:?}: {found} {expected}");
+        // A bump of the front is a dent of the back.
+        for side in [1.0, -1.0] {
+            let (maps, texture) = normals(texel);
+            let tilted = square(WHITE_PAINT, maps, texture);
+            let towards = Vec3::new(0.3, 0.2, 0.9 * side).normalize();
+            let tracer = tracer(tilted.with_suns(vec![sun(towards)]).unwrap());
+            let down = DVec3::NEG_Z * f64::from(side);
+            let [found, _] = mean(&tracer, 0.2, 0.1, down, 256);
+            let cosine = towards.dot(normal * side);
+            // Chiang et al. 2019, eq. 4: fading near the facet's own shadow.
+            let g = (towards.z.abs() / (cosine * normal.z)).min(1.0);
+            let fade = g + g * g - g * g * g;
+            let expected = 0.8 / PI * f64::from(IRRADIANCE * cosine * fade);
+            // Texels are bytes: cosines of normals are off by up to 0.01.
+            assert!((found / expected - 1.0).abs() < 0.02, "{texel:?} {side}: {found} {expected}");
+        }
     }
 }
 

@@ -24,13 +24,11 @@ use gltf::mesh::Mode;
 
 use crate::header::{Camera, Said};
 use crate::limits::{MAX_COORDINATE, MAX_OBJ_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
-use crate::model::{Model, Reader};
+use crate::model::{LoadProgress, Model, Reader, Source};
 use crate::named_file::read_file;
-use crate::obj_text::LoadProgress;
 use crate::text::excerpt;
 use crate::texture_files::TextureFiles;
-use crate::warnings::Warnings;
-use crate::{About, LoadOptions, SceneError, WHITE, smooth};
+use crate::{About, SceneError, WHITE, smooth};
 use buffers::Buffers;
 use reading::Reading;
 
@@ -45,12 +43,8 @@ fn recognises(first: &[u8], path: &Path) -> bool {
     first.starts_with(b"glTF") || text.trim_ascii_start().starts_with(b"{") || named
 }
 
-fn read(
-    path: &Path,
-    options: &LoadOptions,
-    watch: &mut dyn FnMut(LoadProgress),
-    warnings: &mut Warnings,
-) -> Result<Model, SceneError> {
+fn read(source: Source) -> Result<Model, SceneError> {
+    let Source { path, options, watch, warnings } = source;
     let bytes = read_file(path, MAX_OBJ_BYTES)?;
     let (document, blob) = parse(path, &bytes)?;
     let buffers = Buffers::load(path, &document, blob)?;

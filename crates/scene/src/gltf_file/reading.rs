@@ -8,8 +8,7 @@ use glam::Vec3;
 use super::buffers::Buffers;
 use super::look::Look;
 use crate::limits::MAX_MATERIALS;
-use crate::model::Model;
-use crate::obj_text::LoadProgress;
+use crate::model::{LoadProgress, Model};
 use crate::texture_files::TextureFiles;
 use crate::{LoadOptions, Material, SceneError, smooth};
 
