@@ -139,11 +139,6 @@ pub enum FrontEnd {
 }
 
 impl FrontEnd {
-    /// Returns whether somebody walks.
-    fn walks(&self) -> bool {
-        !matches!(self, FrontEnd::Script)
-    }
-
     /// Checks early that a session can be shown so, before anything else is done for it.
     ///
     /// # Errors

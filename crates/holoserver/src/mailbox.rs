@@ -140,18 +140,26 @@ impl State {
     fn replace_older_views(&mut self, message: &mut Message) -> bool {
         let Message::View(newer) = &*message else { return false };
         let number = newer.view;
-        let is_older = |mail: &Mail| {
-            matches!(mail, Mail::Message(Message::View(older)) if older.view != number)
-        };
-        let Some(at) = self.mail.iter().position(is_older) else { return false };
-        let dropped = self.mail.extract_if(at + 1.., |mail| is_older(mail));
-        let dropped: usize = dropped.map(|mail| mail_bytes(&mail)).sum();
-        self.bytes = self.bytes + bytes(message) - dropped;
-        if let Some(Mail::Message(older)) = self.mail.get_mut(at) {
-            self.bytes -= bytes(older);
-            std::mem::swap(older, message);
+        let is_older = |mail: &Mail| matches!(mail, Mail::Message(Message::View(older)) if older.view != number);
+        let (mut is_placed, mut dropped, added) = (false, 0, bytes(message));
+        self.mail.retain_mut(|mail| {
+            if !is_older(mail) {
+                return true;
+            }
+            dropped += mail_bytes(mail);
+            if let Mail::Message(older) = mail
+                && !is_placed
+            {
+                std::mem::swap(older, message);
+                is_placed = true;
+                return true;
+            }
+            false
+        });
+        if is_placed {
+            self.bytes = self.bytes + added - dropped;
         }
-        true
+        is_placed
     }
 
     fn announce(&mut self) -> Put {

@@ -36,7 +36,8 @@ fn an_administrator_hears_of_every_worker_and_display() {
         let mut silent = Peer::join(server.address, Role::Worker).await;
         silent.outbox.control(&Control::Ready { threads: 3 }).unwrap();
         let mut display = Peer::join(server.address, Role::Display).await;
-        let beams = (0..70).map(|beam| WantedBeam { key: common::beam(beam), weight: 1.0, held: 0 });
+        let beams =
+            (0..70).map(|beam| WantedBeam { key: common::beam(beam), weight: 1.0, held: 0 });
         let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
         let view = ViewRequest { view: 1, viewpoint, beams: beams.collect() };
         display.send(Kind::View, &view.encode());
