@@ -18,24 +18,19 @@ pub fn cargo() -> Command {
     command
 }
 
-/// The `holodeck` program of the tests' own profile: beside the folder of the test's executable. Under cargo it is built
-/// first, which takes no time if it is up to date: the tests share its libraries, and must not meet an older protocol.
+/// Returns the `holodeck` program under test: the one that `HOLODECK_PROGRAM` names, or else that of
+/// the tests' own profile, beside the folder of the test's executable.
+///
+/// Under cargo, the latter is built first, which takes no time if it is up to date. The tests share
+/// its libraries, and must not meet an older protocol.
 ///
 /// # Panics
 /// If it is not there and cannot be built.
 pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
-        // target/PROFILE/deps/TEST
-        let test = std::env::current_exe().expect("the test's executable has a path");
-        let folder = test
-            .parent()
-            .and_then(Path::parent)
-            .expect("the test's executable lies in target/PROFILE/deps");
-        if std::env::var_os("CARGO").is_some() {
-            build(folder);
-        }
-        let program = folder.join(format!("holodeck{}", std::env::consts::EXE_SUFFIX));
+        let program =
+            std::env::var_os("HOLODECK_PROGRAM").map_or_else(program_of_profile, PathBuf::from);
         assert!(
             program.exists(),
             "there is no {}; run `cargo build -p holodeck`",
@@ -43,6 +38,19 @@ pub fn program() -> &'static Path {
         );
         program
     })
+}
+
+fn program_of_profile() -> PathBuf {
+    // target/PROFILE/deps/TEST
+    let test = std::env::current_exe().expect("the test's executable has a path");
+    let folder = test
+        .parent()
+        .and_then(Path::parent)
+        .expect("the test's executable lies in target/PROFILE/deps");
+    if std::env::var_os("CARGO").is_some() {
+        build(folder);
+    }
+    folder.join(format!("holodeck{}", std::env::consts::EXE_SUFFIX))
 }
 
 fn build(folder: &Path) {
