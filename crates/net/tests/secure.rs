@@ -99,7 +99,8 @@ async fn a_token_that_was_revoked_or_guessed_opens_nothing() {
     assert!(server.identity.revoke_token(&revoked.name()).unwrap());
     // The right name with another secret, and a token of another server.
     let mut guessed = server.admin().to_string();
-    let last = if guessed.ends_with('A') { "E" } else { "A" };
+    // Of the last letter, only the first two bits count.
+    let last = if guessed.ends_with('A') { "Q" } else { "A" };
     guessed.replace_range(guessed.len() - 1.., last);
     let guessed: Token = guessed.parse().unwrap();
     assert_eq!(guessed.name(), server.admin().name());
