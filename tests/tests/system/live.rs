@@ -336,9 +336,10 @@ fn live_rays_survive_their_worker_go_to_who_asked_alone_and_end_with_the_view() 
         assert!(beams || matches!(first.next().await, Message::Work(_)), "beams are traced, too");
         drop(first);
 
-        // Another gets them again; what they saw is told to who asked.
+        // Another gets them again; what they saw is told to who asked. It has threads enough to be
+        // given more before it has answered.
         let mut worker = Peer::join(server.address, Role::Worker).await;
-        worker.outbox.control(&Control::Ready { threads: 1 }).unwrap();
+        worker.outbox.control(&Control::Ready { threads: 8 }).unwrap();
         let (packets, _) = worker.live_work(50).await;
         assert_eq!(numbers(&packets), (0..50).collect::<Vec<u64>>());
         worker.answer(&packets[..1]);
