@@ -25,7 +25,7 @@ from scenes import Case, View
 SIZE = "1280x720"
 TRUTH_SIZE = "320x180"
 # Paths of a pixel of each half of the truth.
-TRUTH_PATHS = 256
+TRUTH_PATHS = 128
 FILL = 60
 # Seconds after a move, the decibels wanted of the worst view, and of the path tracer by then.
 WANTED = {0.3: 23.0, 1.0: 26.0, 3.0: 28.5, 8.0: 30.5}
