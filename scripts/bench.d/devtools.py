@@ -85,7 +85,8 @@ class Chromium:
         program = next((found for name in PROGRAMS if (found := shutil.which(name))), None)
         if program is None:
             raise Failed("Chromium is not installed")
-        self._profile = tempfile.TemporaryDirectory(prefix="bench-chromium-")
+        # Children of Chromium may still write when it has ended.
+        self._profile = tempfile.TemporaryDirectory(prefix="bench-chromium-", ignore_cleanup_errors=True)
         command = [program, *FLAGS, f"--user-data-dir={self._profile.name}", address]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self._number = 0
