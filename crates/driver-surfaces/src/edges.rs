@@ -208,8 +208,8 @@ impl Looked {
     }
 }
 
-/// Columns and rows of the points in their pixel, one in each. A random search found them. They tell
-/// the shares of half planes with an error of 2.7 %; Sobol's points have 4 %. The first 8 miss few.
+/// Columns and rows of the points in their pixel, one in each. A random search found them. The shares
+/// of half planes that they report err by 3.7 % (rms); Sobol's points err by 4.5 %.
 const PLACES: [(u8, u8); POINTS] = [
     (0, 1),
     (15, 11),
@@ -239,6 +239,28 @@ fn place_of(point: usize) -> (f32, f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn shares_of_half_planes_have_the_stated_error() {
+        // Lines through a square of side 1, by their angle and their distance from its middle.
+        let (mut squares, mut count) = (0.0, 0.0);
+        for number in 0..4000_u64 {
+            let random = |salt: u64| (holo_display::split_mix(number ^ salt << 32) >> 40) as f32;
+            let [angle, away] = [random(1), random(2)].map(|random| random / (1 << 24) as f32);
+            let (sin, cos) = (angle * std::f32::consts::TAU).sin_cos();
+            let is_inside = |x: f32, y: f32| (x - 0.5) * cos + (y - 0.5) * sin < away - 0.5;
+            let points = (0..POINTS).map(place_of).filter(|&(x, y)| is_inside(x, y)).count();
+            let at = |n: usize| (n as f32 + 0.5) / 64.0;
+            let area =
+                (0..4096).filter(|n| is_inside(at(n % 64), at(n / 64))).count() as f32 / 4096.0;
+            if (1e-3..1.0 - 1e-3).contains(&area) {
+                squares += (points as f32 / POINTS as f32 - area).powi(2);
+                count += 1.0;
+            }
+        }
+        let error: f32 = (squares / count as f32).sqrt();
+        assert!(error < 0.038, "{error}");
+    }
 
     #[test]
     fn each_point_has_a_row_and_a_column_of_its_own() {

@@ -6,7 +6,7 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use holo_driver_surfaces::{Gathered, InPane, Materials, RaySample, View};
+use holo_driver_surfaces::{Gathered, InPane, Materials, Placer, RaySample, Store, View};
 use holo_picture::View as Eye;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
@@ -54,6 +54,9 @@ fn pixels_on_edges_show_the_mean_of_what_they_see() {
     assert!(jagged.iter().all(|p| (p[1] - 0.25).abs() < 1e-3 || (p[1] - 1.0).abs() < 1e-3));
     view.look_into_edges();
     let smooth = draw(&view);
+    // Sixteen rays decide: of eight, no share is an odd number of sixteenths.
+    let is_odd = |share: f32| (share * 16.0).round() as u32 % 2 == 1;
+    assert!(view.pieces.iter().any(|piece| is_odd(piece.share)));
     let between = smooth.iter().filter(|p| p[1] > 0.3 && p[1] < 0.95).count();
     assert!(between > 40, "{between} pixels lie between floor and sky");
     for edge in &view.edges {
@@ -107,7 +110,12 @@ fn a_strip_thinner_than_a_pixel_shows_its_own_light() {
         ..floor_rays(1, |_, _| 0.0)[0]
     });
     let rays: Vec<RaySample> = floor_rays(200, |_, _| 0.1).into_iter().chain(on_strip).collect();
-    let (store, materials) = kept(&raycaster, &rays);
+    let materials = Arc::new(Materials::new(raycaster.scene()));
+    let mut placed = Vec::new();
+    Placer::new(&raycaster, &materials).place_rays(&rays, &mut placed);
+    // The store's cubes are two pixels wide. Pieces see the strip in some where no middle does.
+    let mut store = Store::new(1e-4, 64 << 20);
+    store.add(&placed);
     // Turned a little: middles of some pixels see the strip, so that the others are looked into.
     let (at, down, up) = (DVec3::Z * 3.0, DVec3::NEG_Z, DVec3::new(0.05, 1.0, 0.0));
     let eye = Eye::new(at, down, up, Some(60.0), None, (64, 64)).unwrap();
@@ -126,6 +134,46 @@ fn a_strip_thinner_than_a_pixel_shows_its_own_light() {
         }
     }
     assert!(strips > 15, "{strips}");
+}
+
+#[test]
+fn when_edges_are_looked_into_and_when_samples_come_changes_no_bit() {
+    let raycaster = walled_room(Bsdf::Mirror { ks: [0.8; 3] });
+    let sheet = room_with_sheet(0.5);
+    let up = DVec3::new(0.1, 1.0, 0.0);
+    let turned = Eye::new(DVec3::Z * 3.0, DVec3::NEG_Z, up, Some(60.0), None, (64, 64)).unwrap();
+    for (raycaster, eye, rays) in [
+        (&raycaster, to_wall(), noisy(floor_rays(150, halves))),
+        // Rays to the sheet's height, and past its edges to the floor.
+        (&sheet, turned, noisy(rays(150, halves)).into_iter().map(past_sheet).collect()),
+    ] {
+        let materials = Arc::new(Materials::new(raycaster.scene()));
+        let placer = Placer::new(raycaster, &materials);
+        let mut placed = Vec::new();
+        placer.place_rays(&rays, &mut placed);
+        let new_view = || View::new(Arc::clone(raycaster), Arc::clone(&materials), &eye, (64, 64));
+        let mut all = Store::new(0.001, 64 << 20);
+        all.add(&placed);
+        let mut expected = new_view();
+        expected.look_into_edges();
+        let expected = Gathered::new(&expected, &all).draw(&expected, &all, None);
+        for parts in [[0.0, 1.0], [0.3, 0.6], [1.0, 1.0]] {
+            let [before, between] = parts.map(|part: f64| (part * placed.len() as f64) as usize);
+            let mut view = new_view();
+            let mut store = Store::new(0.001, 64 << 20);
+            store.add(&placed[..before]);
+            let mut gathered = Gathered::new(&view, &store);
+            store.add(&placed[before..between]);
+            gathered.add(&view, &placed[before..between]);
+            view.look_into_edges();
+            gathered.look_into_edges(&view, &store);
+            store.add(&placed[between..]);
+            gathered.add(&view, &placed[between..]);
+            let drawn = gathered.draw(&view, &store, None);
+            assert!(!view.edges.is_empty());
+            assert_eq!(drawn.pixels, expected.pixels, "{parts:?}");
+        }
+    }
 }
 
 #[test]
@@ -156,6 +204,28 @@ fn a_pane_mirrors_into_the_share_of_a_pixel_that_it_takes() {
     }
     let small = shares.iter().filter(|share| **share < 0.5).count();
     assert!(small > 15 && shares.len() - small > 15, "{small} of {}", shares.len());
+}
+
+#[test]
+fn a_pane_mirrors_the_light_of_what_it_mirrors() {
+    let pane = Bsdf::ThinGlass { ior: 1.5, transmittance: [1.0; 3] };
+    let of = |light: f32| {
+        let light = |x: f64, y: f64| light * halves(x, y);
+        seen_by(&walled_room(pane), &floor_rays(200, light), &to_wall())
+    };
+    let ((view, lit), (_, unlit)) = (of(100.0), of(0.0));
+    let mirrored = |pixel: usize| lit.pixels[pixel][1] - unlit.pixels[pixel][1];
+    let mut found = 0;
+    for pane in view.in_panes.iter().filter(|pane| pane.seen.is_surface()) {
+        // The same angle on the darker side. A mean over a wide place would not tell them apart.
+        let (x, row) = (pane.pixel % 64, pane.pixel / 64);
+        if (0.15..0.6).contains(&pane.seen.point.x) {
+            let ratio = mirrored(pane.pixel) / mirrored(row * 64 + 63 - x);
+            assert!((ratio / 4.0 - 1.0).abs() < 0.05, "{ratio} at {:?}", pane.seen.point);
+            found += 1;
+        }
+    }
+    assert!(found > 50, "{found}");
 }
 
 #[test]

@@ -5,7 +5,7 @@
 mod common;
 
 use common::*;
-use holo_driver_surfaces::{Gathered, Materials, Placer, RaySample, Store, View};
+use holo_driver_surfaces::{Gathered, Materials, Placer, Store, View};
 use holo_scene::Bsdf;
 use std::sync::Arc;
 
@@ -28,11 +28,7 @@ fn no_light_crosses_a_crease() {
 fn no_light_crosses_from_a_table_to_the_floor_below() {
     let raycaster = room_with_sheet(0.5);
     let rays = noisy(rays(150, |x, y| if on_sheet(x, y) { 0.8 } else { 0.02 }));
-    let at_height = |ray: RaySample| {
-        let distance = if on_sheet(ray.origin.x, ray.origin.y) { 1.5 } else { 2.0 };
-        RaySample { distance, ..ray }
-    };
-    let rays: Vec<_> = rays.into_iter().map(at_height).collect();
+    let rays: Vec<_> = rays.into_iter().map(past_sheet).collect();
     let (view, drawn) = seen_by(&raycaster, &rays, &eye());
     // The sheet hides the floor up to 0.6 from its middle.
     let beside: Vec<f32> = (view.seen.iter().zip(drawn.pixels))

@@ -69,7 +69,7 @@ struct Info {
     views: Vec<(String, String)>,
     /// Factor from radiance to display light that pictures share.
     exposure: Option<f32>,
-    /// What was chosen because nobody said, and why.
+    /// The choices that were made in place of missing options, and why.
     choices: Vec<String>,
     /// Simpler scenes for displays: section, `geometry` or `portals`, and where it came from.
     stand_ins: Vec<(u16, String, String)>,

@@ -41,6 +41,7 @@ use holo_proto::control::Control;
 
 use crate::{
     allotment::Allotment,
+    assignment::Assignment,
     batch::BatchOrder,
     claims::Claims,
     damage::DamageReport,
@@ -51,7 +52,7 @@ use crate::{
     recall::{send_scene, send_stand_ins},
     schedule::{Goal, Schedule},
     shard::Shard,
-    workers::{Assignment, Worker},
+    workers::Worker,
 };
 use display::Display;
 use fill::Fill;

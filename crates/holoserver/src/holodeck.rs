@@ -58,7 +58,7 @@ pub struct About {
     /// Factor from radiance to display light that pictures share, so that they can be compared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure: Option<f32>,
-    /// What was chosen because nobody said, and why, for people.
+    /// The choices that were made in place of missing options, and why, for people.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<String>,
     /// Simpler scenes that displays use in place of the scene, if there are any.

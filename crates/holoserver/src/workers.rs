@@ -11,15 +11,16 @@ use std::{
     time::{Duration, Instant},
 };
 
+use crate::{
+    assignment::{Assignment, Finished, ResultsError},
+    live::LiveAssignment,
+    pace::Pace,
+};
 use holo_net::Outbox;
 use holo_proto::{
-    bulk::{LivePacket, LiveWork, Packet, Traced, Work},
+    bulk::{LivePacket, LiveWork, Traced, Work},
     report::WorkerReport,
 };
-use holo_section::{BeamKey, Run, SampleKind, Viewpoint};
-use thiserror::Error;
-
-use crate::{claims::Check, events::ConnectionId, live::LiveAssignment, pace::Pace};
 
 /// Work that a worker gets ahead. It is long enough that the worker never waits for the server, and
 /// short enough that a new view is traced at once (the paper allowed five seconds, §2.2).
@@ -42,64 +43,6 @@ pub const MAX_PACKETS_HELD: usize = 16_384;
 
 /// The share of the newest packet in the mean latency.
 const LATENCY_SHARE: f64 = 0.05;
-
-/// A packet that a worker has, with all that another worker would need.
-#[derive(Clone, Copy, Debug)]
-pub struct Assignment {
-    /// The packet. Its `viewpoint` field is set when it is sent.
-    pub packet: Packet,
-    /// The viewpoint that its rays pass, if any.
-    pub viewpoint: Option<Viewpoint>,
-    /// The display whose view it serves, if any.
-    pub display: Option<ConnectionId>,
-    /// What it checks, if its samples are for nothing else.
-    pub check: Option<Check>,
-    /// A worker that does not get it, unless there is no other.
-    pub not_for: Option<ConnectionId>,
-}
-
-impl Assignment {
-    /// Returns whether a worker may have it. `is_alone` says that there is no other worker.
-    pub fn is_for(&self, worker: ConnectionId, is_alone: bool) -> bool {
-        let is_party = |check: Check| check.claimer == worker || check.hitter == Some(worker);
-        !self.check.is_some_and(is_party) && (is_alone || self.not_for != Some(worker))
-    }
-
-    /// Returns its beam.
-    pub fn key(&self) -> BeamKey {
-        self.packet.key
-    }
-
-    /// Returns how its rays are chosen.
-    pub fn kind(&self) -> SampleKind {
-        match (self.packet.rays, self.viewpoint) {
-            (Some(_), _) => SampleKind::SingleRay,
-            (None, Some(_)) => SampleKind::ViewpointLimited,
-            (None, None) => SampleKind::Uniform,
-        }
-    }
-
-    /// Returns the samples that it asks for.
-    pub fn run(&self) -> Run {
-        Run { kind: self.kind(), ..self.packet.run() }
-    }
-
-    /// Returns what it costs, in rays of `usual_paths` paths.
-    pub fn work(&self, usual_paths: u16) -> f64 {
-        f64::from(self.packet.count) * f64::from(self.packet.paths) / f64::from(usual_paths.max(1))
-    }
-}
-
-/// Why the server refused a worker's results.
-#[derive(Debug, Error)]
-pub enum ResultsError {
-    #[error("it sent results for a packet that it was not given")]
-    Unknown,
-    #[error("it sent {found} samples for a packet of {asked} rays")]
-    Count { found: u32, asked: u8 },
-    #[error("it says that a beam sees nothing, but it was not asked to look")]
-    NotAsked,
-}
 
 /// One connected worker.
 pub struct Worker {
@@ -141,16 +84,6 @@ struct Late {
     work: f64,
     /// The packet's new name; `None` for live rays.
     renamed: Option<u64>,
-}
-
-/// What the results of a packet are good for.
-#[derive(Debug)]
-pub enum Finished<T> {
-    /// They came in time.
-    InTime(T),
-    /// The packet was overdue and taken away. It may still wait under another name, unless it was
-    /// one of live rays.
-    Late(Option<u64>),
 }
 
 impl Worker {
@@ -412,8 +345,8 @@ impl Worker {
 #[cfg(test)]
 mod tests {
     use holo_net::{accept, connect};
-    use holo_proto::hello::Role;
-    use holo_section::BeamId;
+    use holo_proto::{bulk::Packet, hello::Role};
+    use holo_section::{BeamId, BeamKey};
     use tokio::net::TcpListener;
 
     use super::*;

@@ -3,24 +3,16 @@
 
 mod common;
 
-use common::{Peer, Place, Server, in_time, run};
+use common::{Peer, Place, Server, in_time, run, view};
 use holo_net::Message;
 use holo_proto::{
-    bulk::{Results, ViewRequest, WantedBeam, Work},
+    bulk::{Results, Work},
     control::Control,
     frame::Kind,
     hello::Role,
 };
-use holo_section::Viewpoint;
 use holo_server::Holodeck;
 use tokio::{net::TcpStream, task::JoinHandle};
-
-/// A view of the place's first beams.
-fn view(view: u32, beams: u64) -> ViewRequest {
-    let wanted = |beam| WantedBeam { key: common::beam(beam), weight: 1.0, held: 0 };
-    let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
-    ViewRequest { view, viewpoint, beams: (0..beams).map(wanted).collect() }
-}
 
 #[test]
 fn a_worker_that_answers_pings_and_returns_nothing_hangs_nobody() {
@@ -31,7 +23,7 @@ fn a_worker_that_answers_pings_and_returns_nothing_hangs_nobody() {
         let mut silent = Peer::join(server.address, Role::Worker).await;
         silent.outbox.control(&Control::Ready { threads: u16::MAX }).unwrap();
         let mut display = Peer::join(server.address, Role::Display).await;
-        display.send(Kind::View, &view(1, 500).encode());
+        display.send(Kind::View, &view(1, 500));
         let held = silent.work().await;
         assert!(!held.is_empty());
         // An honest worker joins. All that the other holds is traced by it, or no longer waited for.
@@ -54,19 +46,19 @@ fn a_display_that_floods_delays_no_other_and_leaves_nothing_behind() {
         let server = place.serve(|_| {}).await;
         let honest = tokio::spawn(common::work(server.address));
         let flood = Peer::join(server.address, Role::Display).await;
-        let frame = |number: u32| view(number, 2000).encode();
+        let frame = |number: u32| view(number, 2000);
         // More than any server would handle in the time of this test, one by one and in order.
         for number in 1..=20_000 {
             flood.send(Kind::View, &frame(number));
         }
         let mut display = Peer::join(server.address, Role::Display).await;
         let before = flood.outbox.queued_bytes();
-        display.send(Kind::View, &view(1, 10).encode());
+        display.send(Kind::View, &view(1, 10));
         display.samples(1).await;
         assert!(before > 0, "the flood was over before anybody else came");
         assert!(flood.outbox.queued_bytes() > 0, "it was served before the other's flood was over");
         drop(flood);
-        display.send(Kind::View, &view(2, 10).encode());
+        display.send(Kind::View, &view(2, 10));
         display
             .wait_for(|message| *message == Message::Control(Control::StoredSent { view: 2 }))
             .await;

@@ -3,15 +3,14 @@
 
 mod common;
 
-use common::{Peer, Place, Server, in_time, run};
+use common::{Peer, Place, Server, in_time, run, view};
 use holo_net::{Destination, Identity, Invitation, Message, NetError, Rights};
 use holo_proto::{
-    bulk::{Samples, Source, ViewRequest, WantedBeam},
+    bulk::{Samples, Source},
     control::Control,
     frame::Kind,
     hello::Role,
 };
-use holo_section::Viewpoint;
 
 /// A server that takes invited peers, and its identity.
 async fn secure(place: &Place) -> (Server, Identity) {
@@ -33,13 +32,6 @@ fn with_token(server: &Server, identity: &Identity, rights: Rights) -> Destinati
     Destination::Invited(Box::new(Invitation { token, ..invitation }))
 }
 
-fn view(number: u32) -> Vec<u8> {
-    let beams =
-        (0..50).map(|beam| WantedBeam { key: common::beam(beam), weight: 1.0, held: 0 }).collect();
-    let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
-    ViewRequest { view: number, viewpoint, beams }.encode()
-}
-
 #[test]
 fn by_the_printed_string_a_worker_traces_and_a_display_looks() {
     run(async {
@@ -49,7 +41,7 @@ fn by_the_printed_string_a_worker_traces_and_a_display_looks() {
         let invited = || Destination::parse(&printed).unwrap();
         let worker = tokio::spawn(common::work(invited()));
         let mut display = Peer::join(invited(), Role::Display).await;
-        display.send(Kind::View, &view(1));
+        display.send(Kind::View, &view(1, 50));
         display.samples(100).await;
         // Whoever was started with the server needs no string.
         let local = Peer::join(server.address, Role::Display).await;
@@ -85,7 +77,7 @@ fn for_a_read_only_display_nothing_is_traced_and_it_changes_nothing() {
         let worker = tokio::spawn(common::work(with_token(&server, &identity, Rights::Worker)));
         let reader = with_token(&server, &identity, Rights::ReadOnly);
         let mut reader = Peer::join(reader, Role::Display).await;
-        reader.send(Kind::View, &view(1));
+        reader.send(Kind::View, &view(1, 50));
         let keep = Control::KeepView { name: "mine".into(), options: "-vp 0 0 0".into() };
         reader.outbox.control(&keep).unwrap();
         let refused =
@@ -104,7 +96,7 @@ fn for_a_read_only_display_nothing_is_traced_and_it_changes_nothing() {
         // Somebody with more rights looks: what is traced for that one is shown to both.
         let other = with_token(&server, &identity, Rights::Display);
         let other = Peer::join(other, Role::Display).await;
-        other.send(Kind::View, &view(1));
+        other.send(Kind::View, &view(1, 50));
         let traced = reader.wait_for(|message| matches!(message, Message::Samples(_))).await;
         assert!(matches!(traced, Message::Samples(Samples { source: Source::Traced, .. })));
         drop(other);

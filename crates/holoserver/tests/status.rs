@@ -3,16 +3,9 @@
 
 mod common;
 
-use common::{Peer, Place, run};
+use common::{Peer, Place, run, view};
 use holo_net::Message;
-use holo_proto::{
-    bulk::{ViewRequest, WantedBeam},
-    control::Control,
-    frame::Kind,
-    hello::Role,
-    report::Report,
-};
-use holo_section::Viewpoint;
+use holo_proto::{control::Control, frame::Kind, hello::Role, report::Report};
 
 async fn ask(admin: &mut Peer) -> Report {
     admin.outbox.control(&Control::ReportWanted).unwrap();
@@ -36,11 +29,7 @@ fn an_administrator_hears_of_every_worker_and_display() {
         let mut silent = Peer::join(server.address, Role::Worker).await;
         silent.outbox.control(&Control::Ready { threads: 3 }).unwrap();
         let mut display = Peer::join(server.address, Role::Display).await;
-        let beams =
-            (0..70).map(|beam| WantedBeam { key: common::beam(beam), weight: 1.0, held: 0 });
-        let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
-        let view = ViewRequest { view: 1, viewpoint, beams: beams.collect() };
-        display.send(Kind::View, &view.encode());
+        display.send(Kind::View, &view(1, 70));
         let held = silent.work().await.len() as u32;
         let _worker = tokio::spawn(common::work(server.address));
         display.samples(50).await;

@@ -62,6 +62,12 @@ pub fn rays(count: u32, radiance: impl Fn(f64, f64) -> f32) -> Vec<RaySample> {
     .collect()
 }
 
+/// The same ray to a sheet at height 0.5, or past it to the floor.
+pub fn past_sheet(ray: RaySample) -> RaySample {
+    let distance = if on_sheet(ray.origin.x, ray.origin.y) { 1.5 } else { 2.0 };
+    RaySample { distance, ..ray }
+}
+
 /// A floor in front of a wall of 4 × 4 at y = 2. Floor and wall have materials 0 and 1.
 pub fn walled_room(wall: Bsdf) -> Arc<Raycaster> {
     let floor = [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)];

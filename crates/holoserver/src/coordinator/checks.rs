@@ -8,11 +8,11 @@ use holo_section::{BeamKey, Sample};
 
 use super::Coordinator;
 use crate::{
+    assignment::{Assignment, ResultsError},
     claims::Check,
     events::ConnectionId,
     recall::send_unseen,
     unseen::UnseenBeams,
-    workers::{Assignment, ResultsError},
 };
 
 impl Coordinator {

@@ -9,10 +9,8 @@ use holo_section::{BeamKey, RayCoords, SampleKind, Viewpoint};
 
 use super::{Coordinator, display::is_looked_at, fill::Known};
 use crate::{
-    events::ConnectionId,
-    live::LiveAssignment,
-    wishes::RayPacket,
-    workers::{Assignment, Worker},
+    assignment::Assignment, events::ConnectionId, live::LiveAssignment, wishes::RayPacket,
+    workers::Worker,
 };
 
 /// Bytes that may wait for a display. Above, nothing more is traced for it until it reads.

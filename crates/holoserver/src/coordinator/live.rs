@@ -10,9 +10,9 @@ use holo_proto::{
 
 use super::{Coordinator, display::Display};
 use crate::{
+    assignment::{Finished, ResultsError},
     events::ConnectionId,
     live::LiveAssignment,
-    workers::{Finished, ResultsError},
 };
 
 impl Display {

@@ -12,9 +12,9 @@ use holo_section::{Run, Sample};
 
 use super::{Coordinator, display::is_looked_at};
 use crate::{
+    assignment::{Assignment, Finished, ResultsError},
     better,
     events::ConnectionId,
-    workers::{Assignment, Finished, ResultsError},
 };
 
 impl Coordinator {
@@ -81,8 +81,8 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Returns the packet whose results have come; `None` if they are too late, because another
-    /// worker has the packet or has traced it, or nobody wants it any more.
+    /// Returns the packet whose results have come. `None` if they are too late: another worker has
+    /// or had the packet, or no display wants it any more.
     pub(super) fn still_open(&mut self, finished: Finished<Assignment>) -> Option<Assignment> {
         match finished {
             Finished::InTime(assignment) => Some(assignment),

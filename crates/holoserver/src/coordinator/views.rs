@@ -14,10 +14,10 @@ use holo_proto::{
 
 use super::Coordinator;
 use crate::{
+    assignment::Assignment,
     events::{ConnectionId, Event},
     recall::Recall,
     wishes::{Wishes, keep_heaviest, most_beams},
-    workers::Assignment,
 };
 
 impl Coordinator {

@@ -6,12 +6,12 @@ use std::{future::Future, net::SocketAddr, path::PathBuf, time::Duration};
 
 use holo_net::{Destination, Inbox, Invitation, Message, NetError, Outbox, Shutdown};
 use holo_proto::{
-    bulk::{Packet, Results, Traced, Work},
+    bulk::{Packet, Results, Traced, ViewRequest, WantedBeam, Work},
     control::{Control, Engine, RenderSettings, Welcome},
     frame::Kind,
     hello::Role,
 };
-use holo_section::{BeamId, BeamKey, RayCoords, Sample, SectionSpec, ViewClass};
+use holo_section::{BeamId, BeamKey, RayCoords, Sample, SectionSpec, ViewClass, Viewpoint};
 use holo_server::{About, Config, Holodeck, Ready, Summary};
 use tokio::{sync::oneshot, task::JoinHandle, time::timeout};
 
@@ -29,6 +29,13 @@ pub fn run(test: impl Future<Output = ()> + Send + 'static) {
 /// Waits for something that must happen.
 pub async fn in_time<T>(what: impl Future<Output = T>) -> T {
     timeout(LIMIT, what).await.expect("in time")
+}
+
+/// A request for a view of the first beams.
+pub fn view(view: u32, beams: u64) -> Vec<u8> {
+    let wanted = |number| WantedBeam { key: beam(number), weight: 1.0, held: 0 };
+    let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
+    ViewRequest { view, viewpoint, beams: (0..beams).map(wanted).collect() }.encode()
 }
 
 /// A beam of the only section.

@@ -147,8 +147,10 @@ impl Session {
         self.ask_rays()?;
         if self.driver.knows_depth() {
             self.see_nearest()?;
-            // What is seen is known already, so the search needs no sample.
-            self.stored_sent(false)?;
+            if self.driver.keeps_samples() {
+                // Such a driver chooses beams without knowing how many samples they have.
+                self.ask_on(false)?;
+            }
         }
         Ok(())
     }
@@ -185,7 +187,7 @@ impl Session {
         }
         if searches && now >= search {
             self.current.iter_mut().for_each(|current| current.asks_later = false);
-            self.stored_sent(ending)?;
+            self.ask_on(ending)?;
         }
         let asks_rays = !ending && self.driver.wants_rays();
         if asks_rays && now >= rays {
@@ -200,12 +202,11 @@ impl Session {
         Ok(due.into_iter().flatten().filter(|at| *at > now).min())
     }
 
-    /// Asks on, once all stored samples of what was asked for have been sent.
+    /// Asks for further stored samples: those of the beams that hold most of what is seen, then of
+    /// all whose rays may end on it.
     ///
-    /// The view's own beams come first, then those that hold most of what is seen, then all whose
-    /// rays may end on it. Those are for what is stored: when it has been sent, workers turn back
-    /// to the view's own, unless the session ends.
-    pub(super) fn stored_sent(&mut self, ending: bool) -> Result<()> {
+    /// When they have been sent, workers turn back to the view's own beams, unless the session ends.
+    pub(super) fn ask_on(&mut self, ending: bool) -> Result<()> {
         let Some(current) = &mut self.current else { return Ok(()) };
         let is_fresh = current.since.elapsed() < SEARCH_AFTER;
         if (self.is_moving || (self.is_walked && is_fresh)) && !ending {
@@ -222,7 +223,7 @@ impl Session {
                 current.also = self.driver.best_surface_beams(&per_beam);
                 current.asked = Asked::Best;
                 if current.also.is_empty() {
-                    return self.stored_sent(ending);
+                    return self.ask_on(ending);
                 }
                 self.ask_for_all()?;
             }

@@ -324,7 +324,7 @@ impl Session {
             Control::Views(views) => self.welcome.views = views,
             Control::Refused { reason } => self.refusal = Some(reason),
             Control::StoredSent { view } if view == self.request_number => {
-                self.stored_sent(for_settled)?;
+                self.ask_on(for_settled)?;
             }
             _ => {}
         }
