@@ -293,9 +293,9 @@ impl Owners {
         let panes = view.in_panes[..view.panes_of_middles].iter().map(|pane| pane.seen);
         let panes: Vec<Seen> = panes.collect();
         let mut in_mirrors: FxHashMap<Cube, Vec<InMirror>> = FxHashMap::default();
-        for (first, seen, is_pane) in [(0, &view.seen, false), (view.seen.len(), &panes, true)] {
+        for (first, seen) in [(0, &view.seen), (view.seen.len(), &panes)] {
             let found = |(part, seen): (usize, &[Seen])| {
-                Found::new(view, grid, first + part * PIXELS, seen, is_pane)
+                Found::new(view, grid, first + part * PIXELS, seen)
             };
             let found: Vec<Found> = seen.par_chunks(PIXELS).enumerate().map(found).collect();
             for found in found {
@@ -355,7 +355,7 @@ impl Owners {
 
 impl Found {
     /// Returns what these pixels see, the sums of the first of which have the number `first`.
-    fn new(view: &View, grid: Grid, first: usize, seen: &[Seen], are_panes: bool) -> Found {
+    fn new(view: &View, grid: Grid, first: usize, seen: &[Seen]) -> Found {
         let mut found = Found::default();
         let mut last = None;
         for (owner, seen) in (first..).zip(seen).filter(|(_, seen)| seen.is_surface()) {
@@ -364,7 +364,7 @@ impl Found {
                 found.cubes.insert(cube);
                 last = Some(cube);
             }
-            if are_panes || view.way(seen).is_mirrored {
+            if view.way(seen).is_mirrored {
                 found.in_mirrors.push((cube, (owner, *seen)));
             }
         }

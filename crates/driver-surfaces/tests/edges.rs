@@ -152,7 +152,7 @@ fn when_edges_are_looked_into_and_when_samples_come_changes_no_bit() {
         let mut placed = Vec::new();
         placer.place_rays(&rays, &mut placed);
         let new_view = || View::new(Arc::clone(raycaster), Arc::clone(&materials), &eye, (64, 64));
-        let mut all = Store::new(0.001, 64 << 20);
+        let mut all = Store::new(1e-4, 64 << 20);
         all.add(&placed);
         let mut expected = new_view();
         expected.look_into_edges();
@@ -160,7 +160,7 @@ fn when_edges_are_looked_into_and_when_samples_come_changes_no_bit() {
         for parts in [[0.0, 1.0], [0.3, 0.6], [1.0, 1.0]] {
             let [before, between] = parts.map(|part: f64| (part * placed.len() as f64) as usize);
             let mut view = new_view();
-            let mut store = Store::new(0.001, 64 << 20);
+            let mut store = Store::new(1e-4, 64 << 20);
             store.add(&placed[..before]);
             let mut gathered = Gathered::new(&view, &store);
             store.add(&placed[before..between]);
