@@ -218,14 +218,19 @@ struct Detail {
 }
 
 impl Detail {
-    /// Returns a square's own detail. The wider sums contain the narrow ones.
+    /// Returns a square's own detail. It is 0 where the neighbourhood is too dark to judge noise. The
+    /// wider sums contain the narrow ones.
     fn new(narrow: &Lit, wider: &Lit, wide: &Lit) -> Detail {
         if narrow.count <= 0.0 || wider.count <= narrow.count {
             return Detail::default();
         }
         let differs = luminance((narrow.mean() - wider.mean()).to_array());
-        let noise = narrow.variance(wide.variance_around());
-        Detail { difference: differs * differs, noise: noise * (1.0 - narrow.count / wider.count) }
+        let noise = narrow.variance(wide.variance_around()) * (1.0 - narrow.count / wider.count);
+        if noise > 0.0 {
+            Detail { difference: differs * differs, noise }
+        } else {
+            Detail::default()
+        }
     }
 
     /// Returns the part of the squared difference that noise does not explain.
@@ -286,4 +291,29 @@ fn choose(
     }
     estimate.error = (estimate.error * estimate.error + blur).sqrt();
     estimate
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_beside_darkness_has_a_finite_share() {
+        let lit = |light: f32, count: f32| Lit {
+            light: Vec3::splat(light * count),
+            count,
+            square: light * light * count,
+        };
+        for (narrow, wider) in [(1e6, 0.0), (1e6, 1e6), (0.0, 0.0), (0.0, 1e6), (1e-30, 0.0)] {
+            for wide in [0.0, 1e-30, 1e6] {
+                for count in [1e-9, 1.0, 1e6] {
+                    let own = lit(narrow, count);
+                    let around = lit(narrow + wider, 2.0 * count);
+                    let detail = Detail::new(&own, &around, &lit(wide, 1.0));
+                    assert!((0.0..=1.0).contains(&detail.share()), "{detail:?}");
+                    assert!(detail.noise > 0.0 || detail.difference == 0.0, "{detail:?}");
+                }
+            }
+        }
+    }
 }
