@@ -3,7 +3,7 @@
 use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample};
 
-use crate::{Frame, LiveSample, WantedBeam, viewpoint_radius};
+use crate::{BeamSearch, Frame, LiveSample, WantedBeam, viewpoint_radius};
 
 /// How many pixels a driver computes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -147,17 +147,10 @@ pub trait Driver: Send {
         Vec::new()
     }
 
-    /// Returns the most useful of [`surface_beams`](Self::surface_beams), found in less time. The
-    /// list is empty if the driver does not rank beams. A beam of a section has about
-    /// `samples_per_beam(section)` stored samples.
-    fn best_surface_beams(&self, _samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<BeamKey> {
-        Vec::new()
-    }
-
-    /// Returns beams that the view does not cross but whose stored samples are of use, ordered by
-    /// section and beam, each once.
-    fn surface_beams(&self) -> Vec<BeamKey> {
-        Vec::new()
+    /// Returns a search for beams that the view does not cross but whose stored samples are of use.
+    /// `None` if there are none.
+    fn surface_beams(&self) -> Option<BeamSearch> {
+        None
     }
 
     /// Returns the distance from the eye within which traced rays should pass, scene units. The

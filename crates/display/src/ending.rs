@@ -16,9 +16,6 @@ use holo_section::{BeamId, BeamKey, Section, ViewClass};
 /// about 20 ms.
 const LINES: usize = 200_000;
 
-/// Lines tried for each section by [`beams_mostly_ending_on`], which must be quick.
-const FEW_LINES: usize = 40_000;
-
 /// Most sections that get all these lines. More sections share the lines of this many, so that the
 /// time does not grow with their number.
 const SECTIONS_IN_FULL: usize = 4;
@@ -48,39 +45,23 @@ pub struct End {
     pub normal: Option<DVec3>,
 }
 
+/// A beam, and how useful its samples are: in (0, 1].
+pub type UsefulBeam = (BeamKey, f32);
+
+/// A search for useful beams, which may run on any thread. It returns them in the order of their
+/// keys, each once.
+pub type BeamSearch = Box<dyn FnOnce() -> Vec<UsefulBeam> + Send>;
+
 /// Returns beams with rays that end on one of these points, ordered by section and beam, each once.
+/// Beams whose rays are likelier to end there are more useful.
 ///
 /// A point on a section's wall may seem to lie behind the wall because of rounding. `slack` is the
 /// largest such error, relative to the ray's length.
-pub fn beams_ending_on(sections: &[Section], points: &[End], slack: f64) -> Vec<BeamKey> {
-    let mut found: Vec<_> =
-        by_lines(sections, points, slack, LINES).into_iter().map(|(at, _)| at).collect();
+pub fn beams_ending_on(sections: &[Section], points: &[End], slack: f64) -> Vec<UsefulBeam> {
+    let mut found = by_lines(sections, points, slack, LINES);
     found.truncate(MOST_BEAMS);
-    found
-}
-
-/// Returns the beams that are likeliest to end on these points, in the order of
-/// [`beams_ending_on`], found with fewer lines.
-///
-/// A beam of a section has `of_one(section)` samples. The returned beams together have at most
-/// `most` samples.
-pub fn beams_mostly_ending_on(
-    sections: &[Section],
-    points: &[End],
-    slack: f64,
-    most: f64,
-    of_one: impl Fn(u16) -> f64,
-) -> Vec<BeamKey> {
-    let mut found = by_lines(sections, points, slack, FEW_LINES);
-    found.sort_by_key(|&(_, weight)| std::cmp::Reverse(weight));
-    let mut sum = 0.0;
-    let enough = found.iter().position(|(key, _)| {
-        sum += of_one(key.section);
-        sum > most
-    });
-    found.truncate(enough.unwrap_or(MOST_BEAMS).min(MOST_BEAMS));
-    found.sort_unstable();
-    found.into_iter().map(|(at, _)| at).collect()
+    let useful = |weight: u32| (f64::from(weight.max(1)) / FULL_WEIGHT) as f32;
+    found.into_iter().map(|(key, weight)| (key, useful(weight))).collect()
 }
 
 /// Tries `count` lines for each section. Returns the beams of these lines, each with a weight that
@@ -158,6 +139,6 @@ mod tests {
         for sections in 5..=1024 {
             assert!(all(sections) <= all(4), "{sections}: {}", all(sections));
         }
-        assert_eq!(lines_per_section(FEW_LINES, 100_000), LEAST_LINES);
+        assert_eq!(lines_per_section(LINES, 10_000_000), LEAST_LINES);
     }
 }

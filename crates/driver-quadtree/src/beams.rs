@@ -6,29 +6,19 @@
 //! Invariant: the choice is a function of the view, the sections and the set of samples so far.
 
 use crate::Quadtree;
-use holo_display::{End, beams_ending_on, beams_mostly_ending_on};
-use holo_section::BeamKey;
+use holo_display::{BeamSearch, End, beams_ending_on};
+use std::sync::Arc;
 
 /// Depths are known to 1.6 %, and walls of the scene may coincide with the section's.
 const SLACK: f64 = 0.04;
 
-/// Samples for each pixel of the picture that are asked for first. Many of them end elsewhere. How
-/// this was chosen: docs/notes/quadtree.md.
-const FIRST_SAMPLES: f64 = 2.0;
-
 impl Quadtree {
-    /// Returns the beams whose rays may end on what the picture shows, ordered by section and beam,
-    /// each once. None while nothing is shown. Takes some 20 ms for each section.
-    pub fn surface_beams(&self) -> Vec<BeamKey> {
-        beams_ending_on(&self.sections, &self.points(), SLACK)
-    }
-
-    /// Returns the most useful of [`surface_beams`](Self::surface_beams), found in less time. A
-    /// beam of a section has about `samples_per_beam(section)` stored samples; in all, the beams
-    /// have two for each pixel.
-    pub fn best_surface_beams(&self, samples_per_beam: impl Fn(u16) -> f64) -> Vec<BeamKey> {
-        let most = FIRST_SAMPLES * self.covered.len() as f64;
-        beams_mostly_ending_on(&self.sections, &self.points(), SLACK, most, samples_per_beam)
+    /// Returns a search for the beams whose rays may end on what the picture shows. `None` while
+    /// nothing is shown. It takes some 20 ms for each section.
+    pub fn surface_beams(&self) -> Option<BeamSearch> {
+        let (sections, points) = (Arc::clone(&self.sections), self.points());
+        (!points.is_empty())
+            .then(|| -> BeamSearch { Box::new(move || beams_ending_on(&sections, &points, SLACK)) })
     }
 
     /// Returns distances from the eye of what is shown, scene units: one for each square of 4 × 4

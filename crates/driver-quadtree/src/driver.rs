@@ -10,7 +10,8 @@ use crate::live::Overlay;
 use crate::log::Log;
 use crate::{Cells, Filling, Quadtree, QuadtreeParams};
 use holo_display::{
-    Driver, DriverError, Frame, LiveSample, Look, Resolution, SurfaceAt, uncovered_pixels,
+    BeamSearch, Driver, DriverError, Frame, LiveSample, Look, Resolution, SurfaceAt,
+    uncovered_pixels,
 };
 use holo_section::{BeamKey, Sample, Section};
 use std::collections::HashSet;
@@ -219,12 +220,7 @@ impl Driver for QuadtreeDriver {
         }
     }
 
-    fn best_surface_beams(&self, samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<BeamKey> {
-        let Some(shown) = &self.shown else { return Vec::new() };
-        shown.own.tree().best_surface_beams(samples_per_beam)
-    }
-
-    fn surface_beams(&self) -> Vec<BeamKey> {
-        self.shown.as_ref().map_or_else(Vec::new, |shown| shown.own.tree().surface_beams())
+    fn surface_beams(&self) -> Option<BeamSearch> {
+        self.shown.as_ref()?.own.tree().surface_beams()
     }
 }

@@ -7,9 +7,10 @@ mod common;
 
 use common::*;
 use glam::DVec3;
+use holo_display::UsefulBeam;
 use holo_driver_quadtree::{Quadtree, QuadtreeParams};
 use holo_picture::View;
-use holo_section::{BeamId, BeamKey, ViewClass};
+use holo_section::{BeamId, ViewClass};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -54,8 +55,12 @@ fn errors(scene: Scene, noise: Noise, own_a_pixel: f64) -> (f64, f64) {
     (alone, relative_error(&tree.draw(), &reference))
 }
 
+fn all_beams(tree: &Quadtree) -> Vec<UsefulBeam> {
+    tree.surface_beams().map_or_else(Vec::new, |search| search())
+}
+
 fn surface_beams(tree: &Quadtree) -> Vec<BeamId> {
-    tree.surface_beams().into_iter().map(|key| key.beam).collect()
+    all_beams(tree).into_iter().map(|(key, _)| key.beam).collect()
 }
 
 #[test]
@@ -114,30 +119,20 @@ fn surface_beams_hold_most_samples_that_end_on_what_is_seen() {
 }
 
 #[test]
-fn the_best_surface_beams_are_better_and_hold_two_samples_for_each_pixel() {
+fn the_more_useful_half_of_the_surface_beams_holds_most_samples_that_end_on_what_is_seen() {
     let (section, view) = (room_section(8), room_view(SIZE));
-    let tree = quadtree(
-        &section,
-        &view,
-        SIZE,
-        QuadtreeParams::default(),
-        &near_samples(room, &section, &view, 400, 3, clean),
-    );
-    let all: BTreeSet<BeamId> = surface_beams(&tree).into_iter().collect();
-    let (_, of_all) = rays_that_end_in(&view, &all);
-    let mut last = usize::MAX;
-    for held in [20.0, 80.0, 320.0] {
-        let best = tree.best_surface_beams(|_| held);
-        assert!(best.is_sorted() && best.windows(2).all(|pair| pair[0] != pair[1]));
-        let expected = 2.0 * f64::from(SIZE.0 * SIZE.1) / held;
-        assert!((best.len() as f64 - expected).abs() <= 1.0, "{} for {expected}", best.len());
-        let best: BTreeSet<BeamId> = best.into_iter().map(|key| key.beam).collect();
-        let (_, found) = rays_that_end_in(&view, &best);
-        let each = |found: u32, beams: &BTreeSet<BeamId>| f64::from(found) / beams.len() as f64;
-        println!("{found} rays of {} beams, {of_all} of {} in all", best.len(), all.len());
-        assert!(best.len() < last && each(found, &best) > 1.5 * each(of_all, &all));
-        last = best.len();
-    }
+    let own = near_samples(room, &section, &view, 400, 3, clean);
+    let tree = quadtree(&section, &view, SIZE, QuadtreeParams::default(), &own);
+    let mut beams = all_beams(&tree);
+    assert!(beams.is_sorted_by(|one, next| one.0 < next.0));
+    assert!(beams.iter().all(|(_, useful)| (0.0..=1.0).contains(useful)));
+    beams.sort_by(|one, other| other.1.total_cmp(&one.1));
+    let found = |beams: &[UsefulBeam]| {
+        let beams = beams.iter().map(|(key, _)| key.beam).collect();
+        rays_that_end_in(&view, &beams).1
+    };
+    let (first, last) = beams.split_at(beams.len() / 2);
+    assert!(found(first) > 2 * found(last), "{} {}", found(first), found(last));
 }
 
 /// The far section is on the other side of a wall, but a display knows of no walls.
@@ -150,16 +145,13 @@ fn beams_of_sections_that_are_further_from_what_is_seen_come_last() {
     for (beam, sample) in near_samples(room, &near, &view, 4000, 3, clean) {
         tree.insert(key(1, beam), 1, &[sample]);
     }
-    let count =
-        |beams: &[BeamKey], section| beams.iter().filter(|key| key.section == section).count();
-    let (all, best) = (tree.surface_beams(), tree.best_surface_beams(|_| 20.0));
-    assert!(
-        count(&all, 0) > 1000 && count(&best, 1) > 1000,
-        "{} {}",
-        count(&all, 0),
-        count(&best, 1)
-    );
-    assert!(count(&best, 0) * 20 < count(&best, 1), "{} {}", count(&best, 0), count(&best, 1));
+    let mean = |section: u16| {
+        let beams = all_beams(&tree).into_iter().filter(|(key, _)| key.section == section);
+        let useful: Vec<f64> = beams.map(|(_, useful)| f64::from(useful)).collect();
+        assert!(useful.len() > 1000, "{}", useful.len());
+        useful.iter().sum::<f64>() / useful.len() as f64
+    };
+    assert!(20.0 * mean(0) < mean(1), "{} {}", mean(0), mean(1));
 }
 
 #[test]
@@ -190,9 +182,5 @@ fn nothing_is_asked_for_while_nothing_is_shown() {
         SIZE,
         QuadtreeParams::default(),
     );
-    assert!(
-        tree.surface_beams().is_empty()
-            && tree.best_surface_beams(|_| 1.0).is_empty()
-            && tree.depth().is_empty()
-    );
+    assert!(tree.surface_beams().is_none() && tree.depth().is_empty());
 }

@@ -10,8 +10,8 @@ use crate::{Gathered, Materials, Placer, RaySample, Seen, Store, View};
 use glam::DVec3;
 use holo_denoise::Denoiser;
 use holo_display::{
-    Certainty, Driver, DriverError, End, Frame, LiveSample, Look, Resolution, SurfaceAt,
-    beams_ending_on, beams_mostly_ending_on, covered, uncovered_pixels,
+    BeamSearch, Certainty, Driver, DriverError, End, Frame, LiveSample, Look, Resolution,
+    SurfaceAt, beams_ending_on, covered, uncovered_pixels,
 };
 use holo_raycast::Raycaster;
 use holo_section::{BeamKey, Sample, Section};
@@ -30,9 +30,6 @@ const FINEST: f64 = 1e-5;
 
 /// Samples that wait before they are placed together.
 const BATCH: usize = 1 << 16;
-
-/// Beams that are asked for first.
-const FIRST_BEAMS: f64 = 8_000.0;
 
 /// Pixels between points whose beams are looked for. Beams are many pixels wide, and finding them
 /// must not hold up the first picture.
@@ -298,14 +295,10 @@ impl Driver for SurfacesDriver {
         }
     }
 
-    fn best_surface_beams(&self, _samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<BeamKey> {
-        let Some(shown) = &self.shown else { return Vec::new() };
-        let ends = shown.ends(self.raycaster.scene().origin);
-        beams_mostly_ending_on(&self.sections, &ends, SLACK, FIRST_BEAMS, |_| 1.0)
-    }
-
-    fn surface_beams(&self) -> Vec<BeamKey> {
-        let Some(shown) = &self.shown else { return Vec::new() };
-        beams_ending_on(&self.sections, &shown.ends(self.raycaster.scene().origin), SLACK)
+    fn surface_beams(&self) -> Option<BeamSearch> {
+        let ends = self.shown.as_ref()?.ends(self.raycaster.scene().origin);
+        let sections = Arc::clone(&self.sections);
+        (!ends.is_empty())
+            .then(|| -> BeamSearch { Box::new(move || beams_ending_on(&sections, &ends, SLACK)) })
     }
 }

@@ -66,11 +66,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let mut half = timed("surfaces, half of 1280x720", 20, || canvas(Resolution::Half));
     let mut canvas = timed("surfaces, 1280x720", 20, || canvas(Resolution::Full));
-    let beams = timed("beams of what is seen", 3, || canvas.surface_beams());
+    let beams = timed("beams of what is seen", 3, || {
+        canvas.surface_beams().map_or_else(Vec::new, |search| search())
+    });
     // Rays that see what is there, all equally bright: where they land is what takes time.
     let packets: Vec<(BeamId, Vec<Sample>)> = beams
         .iter()
-        .map(|&BeamKey { beam, .. }| (beam, rays(&section, beam, &raycaster)))
+        .map(|&(BeamKey { beam, .. }, _)| (beam, rays(&section, beam, &raycaster)))
         .collect();
     let count: usize = packets.iter().map(|(_, samples)| samples.len()).sum();
     timed(&format!("insert {count} samples"), 3, || {

@@ -7,25 +7,18 @@
 
 use super::Voronoi;
 use super::surfaces::{Seen, Surfaces};
-use holo_display::{End, beams_ending_on, beams_mostly_ending_on};
-use holo_section::BeamKey;
-
-/// Beams that are asked for first: of a holodeck filled for a minute they hold some samples for each pixel of a small picture, and are
-/// read in some hundredths of a second.
-const FIRST_BEAMS: f64 = 8_000.0;
+use holo_display::{BeamSearch, End, beams_ending_on};
+use std::sync::Arc;
 
 /// For walls that coincide with the section's.
 const SLACK: f64 = 0.01;
 
 impl Voronoi {
-    /// Beams whose rays may end on what the view sees, ordered by section and beam, each once.
-    pub fn surface_beams(&self) -> Vec<BeamKey> {
-        beams_ending_on(&self.sections, &self.points(), SLACK)
-    }
-
-    /// Some of them, found in less time: those that hold most of what is of use. Ordered by section and beam, each once.
-    pub fn best_surface_beams(&self) -> Vec<BeamKey> {
-        beams_mostly_ending_on(&self.sections, &self.points(), SLACK, FIRST_BEAMS, |_| 1.0)
+    /// Returns a search for the beams whose rays may end on what the view sees. `None` if it sees nothing.
+    pub fn surface_beams(&self) -> Option<BeamSearch> {
+        let (sections, points) = (Arc::clone(&self.sections), self.points());
+        (!points.is_empty())
+            .then(|| -> BeamSearch { Box::new(move || beams_ending_on(&sections, &points, SLACK)) })
     }
 
     /// Surface points of the picture and their normals, in the scene.

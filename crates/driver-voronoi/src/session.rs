@@ -2,7 +2,9 @@
 //! portals, and a copy for pixels that no section covers.
 
 use super::{StandIns, Voronoi};
-use holo_display::{Driver, DriverError, Frame, LiveSample, Look, Resolution, SurfaceAt};
+use holo_display::{
+    BeamSearch, Driver, DriverError, Frame, LiveSample, Look, Resolution, SurfaceAt,
+};
 use holo_light::Store;
 use holo_raycast::Raycaster;
 use holo_section::{BeamKey, Sample, Section};
@@ -170,12 +172,8 @@ impl Driver for VoronoiDriver {
         }
     }
 
-    fn best_surface_beams(&self, _samples_per_beam: &dyn Fn(u16) -> f64) -> Vec<BeamKey> {
-        self.shown.as_ref().map_or_else(Vec::new, |shown| shown.covered.best_surface_beams())
-    }
-
-    fn surface_beams(&self) -> Vec<BeamKey> {
-        self.shown.as_ref().map_or_else(Vec::new, |shown| shown.covered.surface_beams())
+    fn surface_beams(&self) -> Option<BeamSearch> {
+        self.shown.as_ref()?.covered.surface_beams()
     }
 }
 

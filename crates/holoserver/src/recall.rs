@@ -1,7 +1,8 @@
-//! Sending a view's stored samples to its display: in file order, as fast as the display takes
-//! them.
+//! Sending a view's stored samples to its display, as fast as the display takes them: those of beams
+//! with greater weight first.
 
 use std::{
+    collections::BTreeMap,
     ops::ControlFlow,
     sync::{
         Arc,
@@ -12,6 +13,7 @@ use std::{
 };
 
 use anyhow::{Context, Result};
+use holo_beamfile::BeamSamples;
 use holo_net::{Outbox, SCENE_CHUNK_BYTES};
 use holo_progress::said_once;
 use holo_proto::{
@@ -40,12 +42,16 @@ const BLOB_QUEUE_BYTES: usize = 2 * SCENE_CHUNK_BYTES;
 /// How long to wait before a full queue is looked at again.
 const PAUSE: Duration = Duration::from_millis(1);
 
+/// Beams whose weights differ by a smaller factor are read together, in file order.
+const WEIGHT_CLASS: f32 = 4.0;
+
 /// A view's stored samples, except those that its display has.
 pub struct Recall {
     pub holodeck: Arc<Holodeck>,
     pub outbox: Outbox,
     pub view: u32,
-    pub keys: Vec<BeamKey>,
+    /// The beams, and their weights.
+    pub keys: Vec<(BeamKey, f32)>,
     /// The display's newest view: reading for an older one ends.
     pub newest: Arc<AtomicU32>,
 }
@@ -78,7 +84,7 @@ impl Recall {
         // number is sent for all samples: docs/notes/weights.md.
         let usual = self.holodeck.about.settings.paths_per_sample;
         let mut sent = Ok(());
-        self.holodeck.file.read_many(&self.keys, &mut |_, beam| {
+        let mut sink = |_, beam: Arc<BeamSamples>| {
             for (run, samples) in beam.iter() {
                 let mut first = run.first;
                 for part in samples.chunks(MAX_RUN as usize) {
@@ -97,7 +103,13 @@ impl Recall {
             } else {
                 ControlFlow::Continue(())
             }
-        })?;
+        };
+        for keys in by_weight(&self.keys) {
+            self.holodeck.file.read_many(&keys, &mut sink)?;
+            if !self.is_wanted() {
+                break;
+            }
+        }
         sent?;
         self.send(&message)
     }
@@ -106,7 +118,8 @@ impl Recall {
     fn send_unseen(&self) -> Result<()> {
         let beams: Vec<_> = {
             let unseen = self.holodeck.unseen();
-            self.keys.iter().copied().filter(|&key| unseen.contains(key)).collect()
+            let keys = self.keys.iter().map(|&(key, _)| key);
+            keys.filter(|&key| unseen.contains(key)).collect()
         };
         Ok(send_unseen(&self.outbox, self.view, &beams)?)
     }
@@ -124,6 +137,17 @@ impl Recall {
         }
         Ok(self.outbox.send(Kind::Samples, &message.encode())?)
     }
+}
+
+/// Returns beams in classes of about equal weight, the heaviest first. Each class keeps their order.
+fn by_weight(beams: &[(BeamKey, f32)]) -> impl Iterator<Item = Vec<BeamKey>> {
+    let mut classes = BTreeMap::<i32, Vec<BeamKey>>::new();
+    for &(key, weight) in beams {
+        // Conversions of floats saturate: a weight of 0 belongs to the last class.
+        let class = weight.log(WEIGHT_CLASS).floor() as i32;
+        classes.entry(class).or_default().push(key);
+    }
+    classes.into_values().rev()
 }
 
 /// Tells a display which of its view's beams see nothing.
@@ -175,4 +199,23 @@ fn send_blob(
         }
     })?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use holo_section::BeamId;
+
+    use super::*;
+
+    #[test]
+    fn heavier_beams_come_first_and_like_ones_together() {
+        let weights = [1e-6, 300.0, 0.0, 1e-6, 270.0, 1.0, 2.0, 1e-6, f32::MAX, f32::MIN_POSITIVE];
+        let key = |number| BeamKey { section: 0, beam: BeamId(number) };
+        let beams: Vec<_> = (0..).map(key).zip(weights).collect();
+        let classes: Vec<Vec<u64>> = by_weight(&beams)
+            .map(|class| class.into_iter().map(|key| key.beam.0).collect())
+            .collect();
+        let expected: [&[u64]; 6] = [&[8], &[1, 4], &[5, 6], &[0, 3, 7], &[9], &[2]];
+        assert_eq!(classes, expected);
+    }
 }

@@ -13,7 +13,8 @@ use std::sync::Arc;
 fn beams_of_what_is_seen_are_in_order_and_hold_the_samples_that_serve() {
     let stage = plate();
     let canvas = stage.empty();
-    let beams = canvas.surface_beams();
+    let found = canvas.surface_beams().unwrap()();
+    let beams: Vec<BeamKey> = found.iter().map(|(key, _)| *key).collect();
     assert!(beams.is_sorted() && beams.windows(2).all(|pair| pair[0] != pair[1]));
     let all = stage.samples(even, 60_000, common::clean);
     let (chosen, others): (Vec<_>, Vec<_>) =
@@ -21,13 +22,12 @@ fn beams_of_what_is_seen_are_in_order_and_hold_the_samples_that_serve() {
     let used = |samples: &[(BeamId, Sample)]| stage.draw(samples).samples_used;
     let (inside, outside) = (used(&chosen), used(&others));
     assert!(inside > 2000 && outside * 20 < inside, "{inside} {outside}");
-    // Of those, the best hold more for each beam.
-    let best = canvas.best_surface_beams();
-    assert!(
-        best.is_sorted()
-            && best.len() < beams.len()
-            && best.iter().all(|beam| beams.contains(beam))
-    );
+    // Of those, the more useful ones hold more for each beam.
+    let mut useful: Vec<f32> = found.iter().map(|(_, useful)| *useful).collect();
+    useful.sort_by(f32::total_cmp);
+    let least = useful[useful.len() / 4 * 3];
+    let best: Vec<BeamKey> =
+        found.iter().filter(|(_, u)| *u >= least).map(|(key, _)| *key).collect();
     let held: Vec<_> = chosen
         .iter()
         .filter(|(beam, _)| best.contains(&BeamKey { section: 0, beam: *beam }))

@@ -36,7 +36,7 @@ impl Coordinator {
         let beams = request.beams.iter().map(|&WantedBeam { key, weight, held }| {
             let stored = file.count(key);
             if held == 0 || held == u16::MAX || stored > u64::from(held) {
-                keys.push(key);
+                keys.push((key, weight));
             }
             (key, weight, stored)
         });

@@ -99,7 +99,7 @@ fn name() -> String {
 
 /// Ends a session's wait, from any thread.
 #[derive(Clone)]
-pub struct Waker(mpsc::Sender<Incoming>);
+pub struct Waker(pub(super) mpsc::Sender<Incoming>);
 
 impl Waker {
     /// Ends the wait, or the next one if the session does not wait.
@@ -220,9 +220,11 @@ impl Connected {
             lights: self.lights,
             outbox: self.outbox,
             messages: self.messages,
+            waker: self.waker,
             current: None,
             request_number: 0,
             pace: Pace::default(),
+            drawing: Duration::ZERO,
             is_walked: false,
             is_moving: false,
             is_paused: false,
@@ -274,7 +276,7 @@ fn await_scene(
                 bail!("the server ended the session: {reason}")
             }
             // Nothing was asked for yet but the scene, and nothing is shown yet.
-            Ok(Incoming::Message(_) | Incoming::Wake) => {}
+            Ok(Incoming::Message(_) | Incoming::Found { .. } | Incoming::Wake) => {}
             Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
             Ok(Incoming::Stop) => return Ok(Arrived::Stop),
             Err(mpsc::RecvTimeoutError::Timeout) => {

@@ -6,10 +6,7 @@ use glam::DVec3;
 use holo_proto::control::Control;
 use holo_section::Section;
 
-use super::{
-    Session,
-    current_view::{Asked, CurrentView},
-};
+use super::{Session, current_view::Asked};
 use crate::{
     args::{DriverArg, DriverArgs},
     drivers::SceneUse,
@@ -43,10 +40,9 @@ impl Session {
         self.is_moving = is_moving;
     }
 
-    /// Returns whether everything has come that is stored for the current view's own beams.
+    /// Returns whether everything has come that is stored for the current view.
     pub fn has_stored(&self) -> bool {
-        let waits = |current: &CurrentView| current.asked == Asked::Crossed && !current.asks_later;
-        self.current.as_ref().is_some_and(|current| !waits(current))
+        self.current.as_ref().is_some_and(|current| current.asked == Asked::All)
     }
 
     /// Pauses tracing for this display, or resumes it. Stored samples are asked for all the same.

@@ -2,9 +2,8 @@
 
 use std::time::Instant;
 
-use holo_display::{Driver, Look};
+use holo_display::{Driver, Look, UsefulBeam};
 use holo_proto::bulk::{LiveSamples, Samples, Source, WantedBeam};
-use holo_section::BeamKey;
 
 use super::{live::LiveRays, received::Received};
 
@@ -24,7 +23,7 @@ pub struct CurrentView {
     /// Whether it would have asked on, if the eye had not moved.
     pub asks_later: bool,
     /// Beams that it does not cross but whose rays may end on what it sees, once asked for.
-    pub also: Vec<BeamKey>,
+    pub also: Vec<UsefulBeam>,
     /// Number of its first request: samples of earlier requests are dropped.
     pub first_request: u32,
     pub received: Received,
@@ -39,8 +38,6 @@ pub struct CurrentView {
 pub struct Counts {
     /// From the file.
     pub stored: u64,
-    /// Of these, by section.
-    pub stored_of_section: Vec<u64>,
     /// From workers.
     pub traced: u64,
     /// Seconds until the first ones were here.
@@ -52,8 +49,8 @@ pub struct Counts {
 pub enum Asked {
     /// Those of the beams that it crosses.
     Crossed,
-    /// And of some beams that end on what it sees, which hold the most.
-    Best,
+    /// The same, while a thread searches for beams that end on what it sees.
+    Searching,
     /// And of all beams that end on what it sees.
     Surfaces,
     /// All that there are.
@@ -71,12 +68,7 @@ impl CurrentView {
                 driver.insert(run.key, run.paths, &samples[fresh]);
                 match message.source {
                     Source::Traced => self.counts.traced += count,
-                    Source::Stored => {
-                        self.counts.stored += count;
-                        let of =
-                            self.counts.stored_of_section.get_mut(usize::from(run.key.section));
-                        of.into_iter().for_each(|of| *of += count);
-                    }
+                    Source::Stored => self.counts.stored += count,
                 }
             }
         }
@@ -92,20 +84,5 @@ impl CurrentView {
                 driver.insert_live(live.paths(), &fresh);
             }
         }
-    }
-
-    /// Returns, by section, how many stored samples one of its beams has: at least 1. Sections that
-    /// the view does not cross get the mean over all.
-    pub fn samples_per_beam(&self) -> Vec<f64> {
-        let mut beams = vec![0_u64; self.counts.stored_of_section.len()];
-        for wanted in &self.wanted {
-            if let Some(beams) = beams.get_mut(usize::from(wanted.key.section)) {
-                *beams += 1;
-            }
-        }
-        let share = |stored: u64, beams: u64| (stored as f64 / beams.max(1) as f64).max(1.0);
-        let all = share(self.counts.stored, self.wanted.len() as u64);
-        let of = |(&stored, &beams)| if beams == 0 { all } else { share(stored, beams) };
-        self.counts.stored_of_section.iter().zip(&beams).map(of).collect()
     }
 }

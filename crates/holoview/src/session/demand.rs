@@ -1,10 +1,15 @@
 //! What a session asks the server for: a view's own beams, then others that hold samples of what it
 //! sees, single rays, and rays that no section covers.
 
-use std::time::{Duration, Instant};
+use std::{
+    thread,
+    time::{Duration, Instant},
+};
 
-use anyhow::{Result, bail};
-use holo_display::{Look, Resolution, SelectOptions, Selection, select_beams, viewpoint};
+use anyhow::{Context, Result, bail};
+use holo_display::{
+    Look, Resolution, SelectOptions, Selection, UsefulBeam, select_beams, viewpoint,
+};
 use holo_picture::ViewSpec;
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
@@ -12,12 +17,13 @@ use holo_proto::{
     control::Control,
     frame::Kind,
 };
-use holo_section::{BeamKey, Section};
+use holo_section::Section;
 
 use super::{
-    Session,
+    Session, Waker,
     current_view::{Asked, Counts, CurrentView},
     focus::concentrate,
+    incoming::Incoming,
     live::LiveRays,
     pace::AT_REST,
     received::Received,
@@ -34,7 +40,7 @@ const NEAREST_AFTER: Duration = Duration::from_millis(300);
 /// for the room.
 const NEARER_PIXELS: f64 = 0.01;
 
-/// Weight of beams that are wanted for what is stored of them, not to be traced.
+/// Greatest weight of beams that are wanted for what is stored of them, not to be traced.
 const STORED_ONLY: f32 = 0.5 * LEAST_TRACED_WEIGHT;
 
 /// How often a moving eye asks for samples, of drivers that keep them: those of a view serve the
@@ -138,17 +144,14 @@ impl Session {
             first_request: self.request_number,
             received,
             since,
-            counts: Counts {
-                stored_of_section: vec![0; self.choice.sections.len()],
-                ..Counts::default()
-            },
+            counts: Counts::default(),
             rays_asked: since,
         });
         self.ask_rays()?;
         if self.driver.knows_depth() {
             self.see_nearest()?;
             if self.driver.keeps_samples() {
-                // Such a driver chooses beams without knowing how many samples they have.
+                // Such a driver's choice does not wait for samples.
                 self.ask_on(false)?;
             }
         }
@@ -202,52 +205,74 @@ impl Session {
         Ok(due.into_iter().flatten().filter(|at| *at > now).min())
     }
 
-    /// Asks for further stored samples: those of the beams that hold most of what is seen, then of
-    /// all whose rays may end on it.
+    /// Asks for further stored samples, of beams whose rays may end on what is seen. A thread
+    /// searches for these beams.
     ///
-    /// When they have been sent, workers turn back to the view's own beams, unless the session ends.
+    /// When the samples have been sent, workers turn back to the view's own beams, unless the
+    /// session ends.
     pub(super) fn ask_on(&mut self, ending: bool) -> Result<()> {
         let Some(current) = &mut self.current else { return Ok(()) };
         let is_fresh = current.since.elapsed() < SEARCH_AFTER;
         if (self.is_moving || (self.is_walked && is_fresh)) && !ending {
-            // Searching takes longer than a frame may: whoever only pauses must not wait for it.
+            // The search takes threads from drawing: whoever only pauses must not wait for it.
             current.asks_later = true;
             return Ok(());
         }
-        let before = current.asked;
-        match before {
+        match current.asked {
             Asked::Crossed => {
-                let counts = current.samples_per_beam();
-                let per_beam =
-                    |section: u16| counts.get(usize::from(section)).copied().unwrap_or(1.0);
-                current.also = self.driver.best_surface_beams(&per_beam);
-                current.asked = Asked::Best;
-                if current.also.is_empty() {
-                    return self.ask_on(ending);
-                }
-                self.ask_for_all()?;
-            }
-            Asked::Best => {
-                current.also = self.driver.surface_beams();
-                if current.also.is_empty() {
-                    current.asked = Asked::All;
-                    self.driver.settle();
-                } else {
-                    current.asked = Asked::Surfaces;
-                    self.ask_for_all()?;
-                }
+                let first_request = current.first_request;
+                let Some(search) = self.driver.surface_beams() else {
+                    return self.has_all(ending);
+                };
+                current.asked = Asked::Searching;
+                let Waker(messages) = self.waker.clone();
+                let search = move || {
+                    // A session that is over needs no beams.
+                    let _ = messages.send(Incoming::Found { first_request, beams: search() });
+                };
+                thread::Builder::new().name("beams".into()).spawn(search).context("a search")?;
+                Ok(())
             }
             Asked::Surfaces => {
-                current.asked = Asked::All;
-                self.driver.settle();
                 let wanted = current.wanted.clone();
                 if self.welcome.tracing && !ending {
                     self.ask_anew(wanted)?;
                 }
+                self.has_all(ending)
             }
-            Asked::All => {}
+            Asked::Searching | Asked::All => Ok(()),
         }
-        if ending && before != Asked::All { self.ask_to_settle() } else { Ok(()) }
+    }
+
+    /// Asks for what is stored of the beams that a search found for the view whose first request
+    /// this was.
+    pub(super) fn ask_for_found(
+        &mut self,
+        first_request: u32,
+        beams: Vec<UsefulBeam>,
+        ending: bool,
+    ) -> Result<()> {
+        let is_of = |current: &&mut CurrentView| {
+            current.first_request == first_request && current.asked == Asked::Searching
+        };
+        let Some(current) = self.current.as_mut().filter(is_of) else { return Ok(()) };
+        if self.is_moving && !ending {
+            // They were found for what was seen then.
+            (current.asked, current.asks_later) = (Asked::Crossed, true);
+            return Ok(());
+        }
+        if beams.is_empty() {
+            return self.has_all(ending);
+        }
+        (current.asked, current.also) = (Asked::Surfaces, beams);
+        self.ask_for_all()
+    }
+
+    /// Notes that everything stored for the view has come.
+    fn has_all(&mut self, ending: bool) -> Result<()> {
+        self.current.iter_mut().for_each(|current| current.asked = Asked::All);
+        self.driver.settle();
+        if ending { self.ask_to_settle() } else { Ok(()) }
     }
 
     /// Asks the server to settle, unless something is still to be asked for: then once that is.
@@ -261,7 +286,8 @@ impl Session {
     /// Asks for everything stored that is of use to the view.
     pub(super) fn ask_for_all(&mut self) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
-        let also = |&key: &BeamKey| WantedBeam { key, weight: STORED_ONLY, held: 0 };
+        let also =
+            |&(key, useful): &UsefulBeam| WantedBeam { key, weight: STORED_ONLY * useful, held: 0 };
         let mut wanted = current.wanted.clone();
         wanted.extend(current.also.iter().map(also));
         // A stable sort: the view's own weight stands before the other's, which goes.

@@ -6,6 +6,7 @@
 use std::sync::{Arc, OnceLock, mpsc};
 
 use anyhow::Result;
+use holo_display::UsefulBeam;
 use holo_net::{Inbox, Message, NetError, Outbox};
 use holo_proto::control::Control;
 
@@ -30,6 +31,13 @@ pub enum Incoming {
     ScenePreparing,
     /// The scene is ready, or cannot be used.
     Scene(Result<Box<LoadedScene>>),
+    /// A search for useful beams has ended.
+    Found {
+        /// The first request of the view that they are for.
+        first_request: u32,
+        /// The beams, in the order of their keys.
+        beams: Vec<UsefulBeam>,
+    },
     /// The connection is gone.
     Lost(NetError),
     /// A front end has something to do.

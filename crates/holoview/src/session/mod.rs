@@ -48,7 +48,8 @@ use lights::Lights;
 use pace::Pace;
 use received::Received;
 
-/// How long messages that have arrived are taken after the time for a picture has come.
+/// How long messages that have arrived are taken after the time for a picture has come. If drawing
+/// the one before took until then, it may be half as long as that took.
 const LATE: Duration = Duration::from_millis(20);
 
 /// How long the server may take to settle: it gives hanging workers up after some seconds.
@@ -64,10 +65,14 @@ pub struct Session {
     lights: Arc<OnceLock<Lights>>,
     outbox: Outbox,
     messages: mpsc::Receiver<Incoming>,
+    /// Where searches send what they find.
+    waker: Waker,
     current: Option<CurrentView>,
     /// Number of the last request.
     request_number: u32,
     pace: Pace,
+    /// How long drawing took the last time.
+    drawing: Duration,
     /// Whether somebody walks, who waits for the session.
     is_walked: bool,
     /// Whether the eye moves, so that the current view is soon another.
@@ -191,7 +196,8 @@ impl Session {
     /// Draws the current view as it is known, and measures the driver's stages.
     pub fn draw(&mut self) -> (Frame, Vec<StageTime>) {
         let mut stages: Vec<StageTime> = Vec::new();
-        let mut last = Instant::now();
+        let begin = Instant::now();
+        let mut last = begin;
         let frame = self.driver.draw(&mut |stage| {
             let now = Instant::now();
             let milliseconds = 1e3 * now.saturating_duration_since(last).as_secs_f64();
@@ -201,6 +207,7 @@ impl Session {
                 None => stages.push(StageTime { stage, milliseconds }),
             }
         });
+        self.drawing = begin.elapsed();
         (frame, stages)
     }
 
@@ -248,8 +255,9 @@ impl Session {
     }
 
     fn wait_for(&mut self, deadline: Instant, for_settled: bool) -> Result<Waited> {
-        // Drawing the picture before may have taken until after the deadline.
-        let last = deadline.max(Instant::now()) + LATE;
+        let now = Instant::now();
+        let late = if now > deadline { LATE.max(self.drawing / 2) } else { LATE };
+        let last = deadline.max(now) + late;
         loop {
             let now = Instant::now();
             if now >= last {
@@ -280,6 +288,9 @@ impl Session {
             Incoming::Message(message) => self.samples(message).map(|()| None),
             Incoming::SceneFetched { .. } | Incoming::ScenePreparing => Ok(None),
             Incoming::Scene(scene) => self.change_scene(scene).map(|()| None),
+            Incoming::Found { first_request, beams } => {
+                self.ask_for_found(first_request, beams, for_settled).map(|()| None)
+            }
             Incoming::Lost(error) => Err(error).context("lost the server"),
             Incoming::Wake => Ok((!for_settled).then_some(Waited::Woken)),
             Incoming::Stop => Ok(Some(Waited::Stop)),
