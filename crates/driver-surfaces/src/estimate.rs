@@ -74,7 +74,19 @@ impl Estimate {
     }
 }
 
+impl From<[f32; 5]> for Lit {
+    fn from([r, g, b, count, square]: [f32; 5]) -> Lit {
+        Lit { light: Vec3::new(r, g, b), count, square }
+    }
+}
+
 impl Lit {
+    /// Returns the light's channels, the count and the square.
+    pub fn to_array(self) -> [f32; 5] {
+        let [r, g, b] = self.light.to_array();
+        [r, g, b, self.count, self.square]
+    }
+
     pub fn new(sums: &Sums) -> Lit {
         let count = sums.paths as f32;
         Lit { light: count * sums.mean(), count, square: count * sums.mean_square() }

@@ -13,7 +13,9 @@
 
 use crate::cell::{Sums, luminance};
 use crate::estimate::{Estimate, Lit};
-use crate::squares::{AROUND, Squares, alike};
+use crate::planes::{Geometry, Layout, Planes, Square, Weights};
+use crate::squares::Squares;
+use crate::view::Seen;
 use glam::Vec3;
 use holo_denoise::Denoiser;
 use rayon::prelude::*;
@@ -38,8 +40,8 @@ const KEPT: f32 = 0.25;
 /// Fixed-point steps that the denoiser sees as 1.
 const SCALE: f32 = 1024.0;
 
-/// For each square, the weights of the 8 squares around it at one distance.
-type Weights = Vec<[f32; AROUND]>;
+/// The sums of each square: light (3), count, square.
+type Sum = Planes<5>;
 
 impl Squares {
     /// Returns the number of scales that judge brightest samples: as many pixels at any step.
@@ -49,33 +51,50 @@ impl Squares {
 
     /// Returns the light of every square.
     pub fn filter(&self, sums: &[Sums]) -> Vec<Estimate> {
-        let raw: Vec<Lit> = sums.par_iter().map(Lit::new).collect();
-        let weights: Vec<Weights> = (0..SCALES).map(|scale| self.weights(1 << scale)).collect();
+        let layout = self.layout();
+        let geometry = self.geometry(&layout);
+        let weights: Vec<Weights> =
+            (0..SCALES).map(|scale| layout.weights(&geometry, self.step, 1 << scale)).collect();
+        let raw = layout.planes(|at| Lit::new(&sums[at.number]).to_array());
         let usual = (0..self.wide())
-            .fold(raw.clone(), |lit, scale| self.widen(&lit, 1 << scale, &weights[scale]));
-        let held: Vec<Lit> = raw
-            .par_iter()
-            .zip(&usual)
-            .zip(sums)
-            .map(|((raw, usual), sums)| hold_back(raw, usual, sums))
-            .collect();
-        let mut scales = self.scales(held, &weights);
-        let first = choose_all(&scales, &scales[self.wide()], NOISE[0], &[]);
-        let bright: Vec<f32> =
-            first.par_iter().map(|e| luminance(e.light.to_array()).max(1.0).ln()).collect();
-        let weights: Vec<Weights> = weights
-            .iter()
-            .enumerate()
-            .map(|(scale, weights)| self.weights_of_light(weights, 1 << scale, &bright))
-            .collect();
+            .fold(raw.clone(), |lit, scale| layout.widened(&lit, 1 << scale, &weights[scale]));
+        let held = layout.planes(|at| {
+            hold_back(&raw.at(at).into(), &usual.at(at).into(), &sums[at.number]).to_array()
+        });
+        let mut scales = scales(&layout, held, &weights);
+        let first = choose_all(&layout, &scales, &scales[self.wide()], NOISE[0], &[]);
+        let bright =
+            layout.planes(|at| [luminance(first[at.number].light.to_array()).max(1.0).ln()]);
+        let by_light = |(scale, weights): (usize, &Weights)| {
+            layout.weights_by(weights, 1 << scale, &bright, DIFFERENT)
+        };
+        let weights: Vec<Weights> = weights.iter().enumerate().map(by_light).collect();
         let wide = scales.swap_remove(self.wide());
-        let scales = self.scales(scales.swap_remove(0), &weights);
-        let details = self.details(&scales, &weights, &wide);
-        let mut lights = choose_all(&scales, &wide, NOISE[1], &details);
+        let scales = self::scales(&layout, scales.swap_remove(0), &weights);
+        let details = details(&layout, &scales, &weights, &wide);
+        let mut lights = choose_all(&layout, &scales, &wide, NOISE[1], &details);
         for (light, first) in lights.iter_mut().zip(&first) {
             light.error = light.error.hypot(KEPT * first.error);
         }
         lights
+    }
+
+    fn layout(&self) -> Layout {
+        let occupied = |row: &[Seen]| {
+            let begin = row.iter().position(Seen::is_surface).unwrap_or(0);
+            begin..row.iter().rposition(Seen::is_surface).map_or(begin, |last| last + 1)
+        };
+        Layout {
+            size: self.size,
+            occupied: self.seen.par_chunks(self.size.0).map(occupied).collect(),
+        }
+    }
+
+    fn geometry(&self, layout: &Layout) -> Geometry {
+        layout.planes(|at| {
+            let Seen { point, normal, width, .. } = self.seen[at.number];
+            [point.x, point.y, point.z, normal.x, normal.y, normal.z, width]
+        })
     }
 
     /// Replaces filtered light by the denoised means of all samples. Where a square has none, its
@@ -93,101 +112,36 @@ impl Squares {
             }
         }
     }
+}
 
-    /// Returns the sums of all scales: first the narrowest, which are those of the squares.
-    fn scales(&self, of_squares: Vec<Lit>, weights: &[Weights]) -> Vec<Vec<Lit>> {
-        let mut scales = vec![of_squares];
-        for (scale, weights) in weights.iter().enumerate() {
-            scales.push(self.widen(&scales[scale], 1 << scale, weights));
-        }
-        scales
+/// Returns the sums of all scales: first the narrowest, which are those of the squares.
+fn scales(layout: &Layout, of_squares: Sum, weights: &[Weights]) -> Vec<Sum> {
+    let mut scales = vec![of_squares];
+    for (scale, weights) in weights.iter().enumerate() {
+        scales.push(layout.widened(&scales[scale], 1 << scale, weights));
     }
+    scales
+}
 
-    /// Returns, for each scale but the widest, the detail of every square: a mean over the square and
-    /// the 8 around it, by weight.
-    fn details(&self, scales: &[Vec<Lit>], weights: &[Weights], wide: &[Lit]) -> Vec<Vec<Detail>> {
-        let of_scale = |scale: usize| {
-            let pairs = scales[scale].par_iter().zip(&scales[scale + 1]).zip(wide);
-            let own: Vec<Detail> =
-                pairs.map(|((narrow, wider), wide)| Detail::new(narrow, wider, wide)).collect();
-            let at = |number: usize| {
-                if !self.seen[number].is_surface() {
-                    return Detail::default();
-                }
-                let around =
-                    self.around(number, 1 << scale).into_iter().zip(weights[scale][number]);
-                let mut mean = own[number];
-                let mut total = f32::from(u8::from(mean.noise > 0.0));
-                for (other, weight) in around.filter(|(other, _)| own[*other].noise > 0.0) {
-                    mean.difference += weight * own[other].difference;
-                    mean.noise += weight * own[other].noise;
-                    total += weight;
-                }
-                let total = total.max(f32::MIN_POSITIVE);
-                Detail { difference: mean.difference / total, noise: mean.noise / total }
-            };
-            (0..own.len()).into_par_iter().map(at).collect()
-        };
-        (0..weights.len()).map(of_scale).collect()
-    }
-
-    /// Adds to each square the 8 squares at this distance.
-    fn widen(&self, lit: &[Lit], distance: usize, weights: &[[f32; AROUND]]) -> Vec<Lit> {
-        let at = |number: usize| {
-            let mut wider = lit[number];
-            if !self.seen[number].is_surface() {
-                return wider;
-            }
-            for (other, weight) in self.around(number, distance).into_iter().zip(weights[number]) {
-                if weight > 0.0 {
-                    let more = &lit[other];
-                    wider.light += weight * more.light;
-                    wider.count += weight * more.count;
-                    wider.square += weight * more.square;
-                }
-            }
-            wider
-        };
-        (0..lit.len()).into_par_iter().map(at).collect()
-    }
-
-    /// Returns weights by geometry alone.
-    fn weights(&self, distance: usize) -> Weights {
-        const KERNEL: [f32; AROUND] = [0.25, 0.5, 0.25, 0.5, 0.5, 0.25, 0.5, 0.25];
-        let at = |number: usize| {
-            let here = &self.seen[number];
-            if !here.is_surface() {
-                return [0.0; AROUND];
-            }
-            let width = here.width * self.step as f32;
-            let mut weights = KERNEL;
-            for (weight, other) in weights.iter_mut().zip(self.around(number, distance)) {
-                let is_outside = other == number;
-                let reach = 8.0 * width * distance as f32;
-                *weight *=
-                    if is_outside { 0.0 } else { alike(here, &self.seen[other], width, reach) };
-            }
-            weights
-        };
-        (0..self.seen.len()).into_par_iter().map(at).collect()
-    }
-
-    /// Returns weights by geometry and by the logarithms of luminance.
-    fn weights_of_light(&self, weights: &Weights, distance: usize, bright: &[f32]) -> Weights {
-        let at = |number: usize| {
-            let mut weights = weights[number];
-            if !self.seen[number].is_surface() {
-                return weights;
-            }
-            for (weight, other) in weights.iter_mut().zip(self.around(number, distance)) {
-                let differ = (bright[number] - bright[other]) / DIFFERENT;
-                let same = (1.0 - differ * differ).max(0.0);
-                *weight *= same * same;
-            }
-            weights
-        };
-        (0..weights.len()).into_par_iter().map(at).collect()
-    }
+/// Returns, for each scale but the widest, the detail of every square: a mean over the square and
+/// the 8 around it, by weight.
+fn details(layout: &Layout, scales: &[Sum], weights: &[Weights], wide: &Sum) -> Vec<Planes<2>> {
+    let variances = layout.planes(|at| [Lit::from(wide.at(at)).variance_around()]);
+    let of_scale = |scale: usize| {
+        let own = layout.planes(|at| {
+            let [narrow, wider] = [0, 1].map(|more| scales[scale + more].at(at).into());
+            let [variance] = variances.at(at);
+            let Detail { difference, noise } = Detail::new(&narrow, &wider, variance);
+            [difference, noise, f32::from(u8::from(noise > 0.0))]
+        });
+        let sums = layout.widened(&own, 1 << scale, &weights[scale]);
+        layout.planes(|at| {
+            let [difference, noise, total] = sums.at(at);
+            let total = total.max(f32::MIN_POSITIVE);
+            [difference / total, noise / total]
+        })
+    };
+    (0..weights.len()).map(of_scale).collect()
 }
 
 /// Returns the sums of a square with its brightest sample cut to a share of the light around. That
@@ -218,14 +172,14 @@ struct Detail {
 }
 
 impl Detail {
-    /// Returns a square's own detail. It is 0 where the neighbourhood is too dark to judge noise. The
-    /// wider sums contain the narrow ones.
-    fn new(narrow: &Lit, wider: &Lit, wide: &Lit) -> Detail {
+    /// Returns a square's own detail, by the variance of one sample around. It is 0 where the
+    /// neighbourhood is too dark to judge noise. The wider sums contain the narrow ones.
+    fn new(narrow: &Lit, wider: &Lit, around: f32) -> Detail {
         if narrow.count <= 0.0 || wider.count <= narrow.count {
             return Detail::default();
         }
         let differs = luminance((narrow.mean() - wider.mean()).to_array());
-        let noise = narrow.variance(wide.variance_around()) * (1.0 - narrow.count / wider.count);
+        let noise = narrow.variance(around) * (1.0 - narrow.count / wider.count);
         if noise > 0.0 {
             Detail { difference: differs * differs, noise }
         } else {
@@ -246,28 +200,37 @@ impl Detail {
 
 /// Returns the light of all squares from their sums on all scales.
 fn choose_all(
-    scales: &[Vec<Lit>],
-    wide: &[Lit],
+    layout: &Layout,
+    scales: &[Sum],
+    wide: &Sum,
     noise: [f32; 2],
-    details: &[Vec<Detail>],
+    details: &[Planes<2>],
 ) -> Vec<Estimate> {
-    let at = |at: usize| choose(scales, at, &wide[at], noise, details);
-    (0..wide.len()).into_par_iter().map(at).collect()
+    let (width, height) = layout.size;
+    let mut lights = vec![Estimate::UNKNOWN; width * height];
+    lights.par_chunks_mut(width).enumerate().for_each(|(row, lights)| {
+        for at in layout.squares(row) {
+            lights[at.number - row * width] =
+                choose(scales, at, &wide.at(at).into(), noise, details);
+        }
+    });
+    lights
 }
 
 /// Returns the light of a square from its sums on all scales: of the narrowest one with little enough
 /// noise, and no more of it than its detail says. Without `details`, noise alone decides.
 fn choose(
-    scales: &[Vec<Lit>],
-    at: usize,
+    scales: &[Sum],
+    at: Square,
     wide: &Lit,
     [high, low]: [f32; 2],
-    details: &[Vec<Detail>],
+    details: &[Planes<2>],
 ) -> Estimate {
-    let Some(last) = scales.last().map(|scale| &scale[at]).filter(|lit| lit.count > 0.0) else {
+    let lit = |scale: &Sum| Lit::from(scale.at(at));
+    let Some(last) = scales.last().map(lit).filter(|lit| lit.count > 0.0) else {
         return Estimate::UNKNOWN;
     };
-    let wide = if wide.count > 0.0 { wide } else { last };
+    let wide = if wide.count > 0.0 { wide } else { &last };
     let bright = luminance(wide.mean().to_array());
     let variance = wide.variance_around();
     let mut estimate =
@@ -275,12 +238,13 @@ fn choose(
     // The square of what is lost by not taking the narrowest scale.
     let mut blur = 0.0;
     for (number, scale) in scales[..scales.len() - 1].iter().enumerate().rev() {
-        let lit = &scale[at];
+        let lit = lit(scale);
         let own = lit.variance(variance).sqrt();
         // Where all is black, so is every scale.
         let range = (high - low) * bright.max(f32::MIN_POSITIVE);
         let mut share = ((high * bright - own) / range).clamp(0.0, 1.0);
-        if let Some(detail) = details.get(number).map(|details| &details[at]) {
+        if let Some([difference, noise]) = details.get(number).map(|details| details.at(at)) {
+            let detail = Detail { difference, noise };
             share *= detail.share();
             blur = (1.0 - share) * (1.0 - share) * (blur + detail.real());
         }
@@ -309,7 +273,7 @@ mod tests {
                 for count in [1e-9, 1.0, 1e6] {
                     let own = lit(narrow, count);
                     let around = lit(narrow + wider, 2.0 * count);
-                    let detail = Detail::new(&own, &around, &lit(wide, 1.0));
+                    let detail = Detail::new(&own, &around, lit(wide, 1.0).variance_around());
                     assert!((0.0..=1.0).contains(&detail.share()), "{detail:?}");
                     assert!(detail.noise > 0.0 || detail.difference == 0.0, "{detail:?}");
                 }

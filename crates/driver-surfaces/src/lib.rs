@@ -28,6 +28,7 @@ mod gather;
 mod known;
 mod materials;
 mod place;
+mod planes;
 mod squares;
 mod store;
 mod trail;

@@ -5,9 +5,6 @@ use crate::estimate::Estimate;
 use crate::view::Seen;
 use rayon::prelude::*;
 
-/// The number of squares around one.
-pub(crate) const AROUND: usize = 8;
-
 /// The squares of a picture, and what each sees.
 pub(crate) struct Squares {
     pub size: (usize, usize),
@@ -58,27 +55,6 @@ impl Squares {
         };
         (0..self.seen.len()).into_par_iter().map(square).collect()
     }
-
-    /// Returns the numbers of the 8 squares around one. Its own number stands for those outside the
-    /// picture.
-    #[inline]
-    pub fn around(&self, number: usize, distance: usize) -> [usize; AROUND] {
-        let (width, height) = self.size;
-        let (x, y) = (number % width, number / width);
-        let (left, up) = (x.wrapping_sub(distance), y.wrapping_sub(distance));
-        let (right, down) = (x + distance, y + distance);
-        let places = [
-            (left, up),
-            (x, up),
-            (right, up),
-            (left, y),
-            (right, y),
-            (left, down),
-            (x, down),
-            (right, down),
-        ];
-        places.map(|(x, y)| if x < width && y < height { y * width + x } else { number })
-    }
 }
 
 impl Layer {
@@ -120,14 +96,25 @@ impl Layer {
 /// and where normals differ by a right angle.
 #[inline]
 pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
-    if here.normal.dot(other.normal) <= 0.0 || !other.is_surface() {
-        return 0.0;
-    }
-    let between = other.point - here.point;
-    let away = between.length_squared();
-    let off = between.dot(here.normal).abs().max(between.dot(other.normal).abs());
+    let plane = |seen: &Seen| (seen.point.to_array(), seen.normal.to_array());
+    if other.is_surface() { alike_at(plane(here), plane(other), width, reach) } else { 0.0 }
+}
+
+/// Returns [`alike`] of two points with their unit normals. A normal of length 0 stands for no
+/// surface.
+#[inline(always)]
+pub(crate) fn alike_at(
+    (point, normal): ([f32; 3], [f32; 3]),
+    (other, other_normal): ([f32; 3], [f32; 3]),
+    width: f32,
+    reach: f32,
+) -> f32 {
+    let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let between = [other[0] - point[0], other[1] - point[1], other[2] - point[2]];
+    let away = dot(between, between);
+    let off = dot(between, normal).abs().max(dot(between, other_normal).abs());
     let tolerance = width + 0.05 * away.sqrt();
     let flat = (1.0 - off * off / (tolerance * tolerance)).max(0.0);
     let near = (1.0 - away / (reach * reach)).max(0.0);
-    flat * flat * near
+    if dot(normal, other_normal) > 0.0 { flat * flat * near } else { 0.0 }
 }
