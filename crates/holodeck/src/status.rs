@@ -5,7 +5,11 @@ use std::fmt::Write;
 use anyhow::{Context, Result, bail};
 use holo_net::{Destination, Message};
 use holo_progress::{HumanBytes, HumanCount};
-use holo_proto::{control::Control, hello::Role, report::Report};
+use holo_proto::{
+    control::Control,
+    hello::Role,
+    report::{FaultReport, Report},
+};
 use prometheus_client::{
     encoding::text,
     metrics::{family::Family, gauge::Gauge},
@@ -77,8 +81,7 @@ fn table(report: &Report) -> String {
         text += &format!("samples wait in memory: {}\n", report.disk_error);
     }
     if !report.workers.is_empty() {
-        text +=
-            "\nworker                     threads     rays/s  packets   late  latency     rays\n";
+        text += "\nworker                        no. threads     rays/s  packets   late  latency     rays\n";
     }
     for worker in &report.workers {
         let threads = match worker.threads {
@@ -89,17 +92,32 @@ fn table(report: &Report) -> String {
         // Writing to a text cannot fail.
         let _ = writeln!(
             text,
-            "{:<26} {threads:>7} {rate:>10} {:>8} {:>6} {latency:>5.0} ms {:>8}",
-            worker.name, worker.packets, worker.late_packets, worker.rays
+            "{:<28} {:>4} {threads:>7} {rate:>10} {:>8} {:>6} {latency:>5.0} ms {:>8}",
+            worker.name, worker.maker, worker.packets, worker.late_packets, worker.rays
         );
     }
     if !report.displays.is_empty() {
-        text += "\ndisplay                      beams     waiting\n";
+        text += "\ndisplay                         beams     waiting\n";
     }
     for display in &report.displays {
         let waiting = HumanBytes(display.queued_bytes).to_string();
         let note = if display.is_read_only { "  read-only" } else { "" };
-        let _ = writeln!(text, "{:<26} {:>7} {waiting:>11}{note}", display.name, display.beams);
+        let _ = writeln!(text, "{:<28} {:>8} {waiting:>11}{note}", display.name, display.beams);
+    }
+    if !report.faults.is_empty() {
+        text += "\n";
+    }
+    for fault in &report.faults {
+        let FaultReport { name, maker, token, reason, is_dropped } = fault;
+        let dropped = if *is_dropped { "dropped" } else { "in doubt" };
+        let _ = writeln!(text, "{dropped}: {name} (no. {maker}): {reason}");
+        if *is_dropped {
+            let file = &report.file;
+            let _ = writeln!(text, "  remove its samples: holodeck forget {file} --worker {maker}");
+        }
+        if *is_dropped && !token.is_empty() {
+            let _ = writeln!(text, "  keep it out: holodeck tokens --revoke {token}");
+        }
     }
     text
 }
@@ -121,6 +139,8 @@ fn metrics(report: &Report) -> Result<String> {
     add("file_bytes", "Length of the file", report.file_bytes as f64);
     add("unseen_beams", "Beams that see nothing", report.unseen_beams as f64);
     add("disk_failing", "Whether samples wait in memory", f64::from(!report.disk_error.is_empty()));
+    let dropped = report.faults.iter().filter(|fault| fault.is_dropped).count();
+    add("workers_broken", "Workers dropped because their samples were wrong", dropped as f64);
     add("workers", "Workers connected", report.workers.len() as f64);
     add("displays", "Displays connected", report.displays.len() as f64);
     let mut families = |name: &str, help: &str, values: Vec<(&str, f64)>| {
@@ -158,6 +178,7 @@ mod tests {
     fn report() -> Report {
         let worker = |name: &str, threads| WorkerReport {
             name: name.into(),
+            maker: 7,
             threads,
             rays_per_second: 1234.5,
             rays: 99,
@@ -176,6 +197,13 @@ mod tests {
                 is_read_only: true,
                 queued_bytes: 2048,
             }],
+            faults: vec![FaultReport {
+                name: "rtworker 3".into(),
+                maker: 9,
+                token: "GkdS3h6pXzU".into(),
+                reason: "its red light is 0.50 times that of others".into(),
+                is_dropped: true,
+            }],
             ..Report::default()
         }
     }
@@ -186,9 +214,12 @@ mod tests {
         assert!(text.starts_with("a.holo: 1,000,000 samples"), "{text}");
         let worker = text.lines().find(|line| line.starts_with("rtworker 1")).unwrap();
         let words: Vec<_> = worker.split_whitespace().collect();
-        assert_eq!(words[2..], ["4", "1234", "3", "2", "250", "ms", "99"], "{text}");
+        assert_eq!(words[2..], ["7", "4", "1234", "3", "2", "250", "ms", "99"], "{text}");
         assert!(text.contains("loads") && text.contains("read-only"), "{text}");
         assert!(!text.contains("samples wait in memory"), "{text}");
+        assert!(text.contains("dropped: rtworker 3 (no. 9): its red light"), "{text}");
+        assert!(text.contains("holodeck forget a.holo --worker 9"), "{text}");
+        assert!(text.contains("holodeck tokens --revoke GkdS3h6pXzU"), "{text}");
     }
 
     #[test]
@@ -200,6 +231,7 @@ mod tests {
             "holodeck_worker_late_packets{name=\"an \\\"odd\\\" one\"} 2.0",
             "holodeck_display_queued_bytes{name=\"holoview 2\"} 2048.0",
             "holodeck_disk_failing 0.0",
+            "holodeck_workers_broken 1.0",
         ] {
             assert!(text.lines().any(|found| found == line), "{line}: {text}");
         }

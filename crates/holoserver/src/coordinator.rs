@@ -13,6 +13,7 @@
 //! - Live samples go to the display that asked for them, and nowhere else.
 //! - No better sample replaces one in a beam that a display looks at.
 
+mod audits;
 mod checks;
 mod dealing;
 mod display;
@@ -37,11 +38,12 @@ use std::{
 use anyhow::{Result, bail};
 use holo_net::{Message, Outbox};
 use holo_progress::said_once;
-use holo_proto::control::Control;
+use holo_proto::{control::Control, report::FaultReport};
 
 use crate::{
     allotment::Allotment,
     assignment::Assignment,
+    audits::Audits,
     batch::BatchOrder,
     claims::Claims,
     damage::DamageReport,
@@ -100,7 +102,10 @@ pub struct Coordinator {
     /// Packets of lost workers, and overdue ones, by name.
     lost: BTreeMap<u64, Assignment>,
     claims: Claims,
-    /// Packets that check claims and that nobody has yet, by name.
+    audits: Audits,
+    /// Workers that were found broken.
+    faults: Vec<FaultReport>,
+    /// Packets that check claims and samples, and that nobody has yet, by name.
     checks: BTreeMap<u64, Assignment>,
     allotment: Allotment,
     fill: Option<Fill>,
@@ -146,6 +151,8 @@ impl Coordinator {
             last_served: None,
             lost: BTreeMap::new(),
             claims: Claims::default(),
+            audits: Audits::default(),
+            faults: Vec::new(),
             checks: BTreeMap::new(),
             allotment: Allotment::default(),
             fill,
@@ -251,9 +258,9 @@ impl Coordinator {
     /// Handles an event. Only a failing disk is an error: the rest ends with the one who caused it.
     fn handle(&mut self, event: Event) -> Result<()> {
         match event {
-            Event::Joined { id, hello, rights, outbox, mailbox } => {
+            Event::Joined { id, hello, access, outbox, mailbox } => {
                 self.mailboxes.insert(id, mailbox);
-                self.join(id, hello, rights, outbox);
+                self.join(id, hello, access, outbox);
             }
             Event::Mail { id, mailbox } => {
                 let (mail, is_more) = mailbox.take();

@@ -67,6 +67,15 @@ impl FromStr for Rights {
     }
 }
 
+/// What a peer may do, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Access {
+    /// What it may do.
+    pub rights: Rights,
+    /// The name of its token; none on this machine.
+    pub token: Option<String>,
+}
+
 /// A name and a secret.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Token {
