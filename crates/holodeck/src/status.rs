@@ -21,7 +21,8 @@ use prometheus_client::{
 #[command(after_help = "Examples:\n  holodeck status --connect 127.0.0.1:7070\n  \
     holodeck status --connect 127.0.0.1:7070 --prometheus")]
 pub struct Args {
-    /// The holoserver: its address on this machine, or the string to join with that it prints
+    /// The holoserver: its address on this machine, or an administrator's string to join with (see
+    /// `holodeck tokens --add admin`)
     #[arg(
         long,
         visible_alias = "join",

@@ -74,7 +74,7 @@ async fn who_holds_a_token_is_taken_in_the_roles_that_it_permits() {
     let server = Server::new();
     let fingerprint = server.identity.fingerprint();
     let mut tokens = vec![(server.admin(), Rights::Admin)];
-    for rights in [Rights::Worker, Rights::Display, Rights::ReadOnly] {
+    for rights in [Rights::Member, Rights::Worker, Rights::Display, Rights::ReadOnly] {
         tokens.push((server.identity.add_token(rights).unwrap(), rights));
     }
     for (token, rights) in tokens {
