@@ -20,9 +20,9 @@ use crate::{
     mailbox::{Mail, Mailbox, Put},
 };
 
-/// Connections at a time that have said who they are: a render farm's workers and a few displays.
-/// Each costs at most the memory of a few bulk messages.
-const MAX_CONNECTIONS: usize = 256;
+/// Connections at a time that have said who they are: a render farm's workers and a room of
+/// displays. Each costs at most the memory of a few bulk messages.
+const MAX_CONNECTIONS: usize = 512;
 
 /// How long a peer whose connection was ended may take to read why.
 const LAST_WORDS: Duration = Duration::from_secs(1);
