@@ -97,7 +97,8 @@ fn hundreds_of_workers_half_of_which_vanish_serve_tens_of_displays() {
         let place = Place::new();
         let server = place.serve(|config| config.fill = true).await;
         // Every second one goes after some packets, with others in its hands.
-        let packets = |number: usize| if number % 2 == 0 { usize::MAX } else { 10 + number };
+        let packets =
+            |number: usize| if number.is_multiple_of(2) { usize::MAX } else { 10 + number };
         let workers: Vec<_> =
             (0..WORKERS).map(|number| worker(server.address, packets(number))).collect();
         let displays: Vec<_> =
