@@ -17,6 +17,7 @@ mod info;
 mod joining;
 mod loading;
 mod merge;
+mod metrics;
 mod opening;
 mod passes;
 mod prepare;

@@ -23,9 +23,12 @@ use holo_proto::{
     report::WorkerReport,
 };
 
-/// Work that a worker gets ahead. It is long enough that the worker never waits for the server, and
-/// short enough that a new view is traced at once (the paper allowed five seconds, §2.2).
-const AHEAD: Duration = Duration::from_millis(150);
+/// Work that a worker gets ahead (the paper allowed five seconds, §2.2).
+///
+/// It is long enough that a worker 50 ms away never waits for the server. It is short enough that
+/// the first samples of a new view come within 100 ms: a worker has at least 0.7 of it, which it
+/// traces first.
+const AHEAD: Duration = Duration::from_millis(120);
 
 /// How many times more than [`AHEAD`] a worker may get by what it says of its speed. What has come
 /// back so far may understate it, because the server had less to give.

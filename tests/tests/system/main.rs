@@ -17,6 +17,7 @@ mod hostile;
 mod interrupted;
 mod light;
 mod live;
+mod metrics;
 mod network;
 mod processes;
 mod render_cache;
