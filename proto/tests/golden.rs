@@ -458,6 +458,24 @@ fn every_message_has_exactly_the_bytes_of_its_file() {
 }
 
 #[test]
+fn a_compressed_piece_is_a_block_of_lz4_of_the_first_bytes_of_all_words_then_the_second() {
+    // Of each of the first three: a literal, and a match of 7 bytes at distance 1. Then 10 literals.
+    let block = [
+        [0x13, 1, 1, 0, 0x13, 2, 1, 0, 0x13, 3, 1, 0].as_slice(),
+        &[0xa0, 4, 4, 4, 4, 4, 4, 4, 4, 9, 8],
+    ];
+    let head = [7, 0, 0, 0, 0, 0, 0, 0, 34, 0, 0, 0];
+    let payload = [&head, block[0], block[1]].concat();
+    let bytes = [[1, 2, 3, 4].repeat(8), vec![9, 8]].concat();
+    let piece = BlobChunk { offset: 7, bytes };
+    assert_eq!(BlobChunk::decode(&payload), Ok(piece.clone()));
+    assert!(piece.encode_compressed().len() <= payload.len());
+    for length in 12..payload.len() {
+        assert_eq!(BlobChunk::decode(&payload[..length]), Err(ProtoError::Compressed), "{length}");
+    }
+}
+
+#[test]
 fn every_file_is_of_a_message_and_begins_with_a_comment() {
     let names: BTreeSet<_> = cases().into_iter().map(|(name, _)| format!("{name}.hex")).collect();
     let files: BTreeSet<_> = fs::read_dir(folder())

@@ -13,6 +13,7 @@ mod disk;
 mod display_only;
 mod fault_loop;
 mod fill;
+mod forget;
 mod hostile;
 mod interrupted;
 mod light;
