@@ -38,7 +38,10 @@ use std::{
 use anyhow::{Result, bail};
 use holo_net::{Message, Outbox};
 use holo_progress::said_once;
-use holo_proto::{control::Control, report::FaultReport};
+use holo_proto::{
+    control::{Control, SESSION_OVER},
+    report::FaultReport,
+};
 
 use crate::{
     allotment::Allotment,
@@ -211,7 +214,7 @@ impl Coordinator {
     fn finish(mut self) -> Result<Totals> {
         self.saver.finish(&self.holodeck);
         let flushed = self.holodeck.writable.then(|| self.holodeck.file.flush()).transpose();
-        let bye = Control::Bye { reason: "the session is over".into() };
+        let bye = Control::Bye { reason: SESSION_OVER.into() };
         let workers = self.workers.values().map(|worker| &worker.outbox);
         let displays = self.displays.values().map(|display| &display.outbox);
         for outbox in workers.chain(displays).chain(self.admins.values()) {

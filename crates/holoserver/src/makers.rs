@@ -4,9 +4,9 @@
 //! - A number means one machine for ever, also after what the machine made was forgotten.
 //! - There are at most [`MAX_MAKERS`]. What others make counts as nobody's.
 
-use std::sync::PoisonError;
+use std::{collections::BTreeSet, sync::PoisonError};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use holo_beamfile::{BeamFile, Maker};
 use serde::{Deserialize, Serialize};
 
@@ -53,17 +53,29 @@ impl Makers {
     pub(crate) fn load(file: &BeamFile) -> (Makers, Result<()>) {
         let read = || -> Result<Makers> {
             let Some(bytes) = file.blob(BLOB)? else { return Ok(Makers::default()) };
-            serde_json::from_slice(&bytes).context("the list of those who made samples is lost")
+            Makers::parse(&bytes).context("the list of those who made samples is lost")
         };
         let (mut makers, result) = match read() {
             Ok(makers) => (makers, Ok(())),
             Err(error) => (Makers::default(), Err(error)),
         };
-        makers.makers.truncate(MAX_MAKERS);
-        let listed = makers.makers.iter().map(|maker| maker.id).max().unwrap_or(0);
         // After a crash, the file may hold samples of a machine that was not written down.
-        makers.last = makers.last.max(listed).max(file.last_maker().0);
+        makers.last = makers.last.max(file.last_maker().0);
         (makers, result)
+    }
+
+    /// Parses the blob.
+    ///
+    /// # Errors
+    /// If it is not a list of makers of different numbers, from 1 to the last one given.
+    fn parse(bytes: &[u8]) -> Result<Makers> {
+        let makers: Makers = serde_json::from_slice(bytes)?;
+        let count = makers.makers.len();
+        ensure!(count <= MAX_MAKERS, "{count} makers are more than {MAX_MAKERS}");
+        let ids: BTreeSet<u16> = makers.makers.iter().map(|maker| maker.id).collect();
+        let is_known = ids.iter().all(|id| (1..=makers.last).contains(id));
+        ensure!(ids.len() == count && is_known, "a number is wrong, or there twice");
+        Ok(makers)
     }
 
     /// Returns all of them, by number.
@@ -149,6 +161,35 @@ mod tests {
         assert_eq!(makers.get(Maker(2)).unwrap().token, token);
         makers.remove(&[Maker(3)]);
         assert_eq!(makers.of("rtworker on b", None), Maker(4), "no number is used twice");
+    }
+
+    #[test]
+    fn a_list_comes_back_from_its_bytes_and_a_damaged_one_is_refused_or_sound() {
+        let mut makers = Makers::default();
+        makers.of("rtworker on a", None);
+        makers.of("rtworker on b", Some("GkdS3h6pXzU".into()));
+        makers.remove(&[Maker(1)]);
+        let good = serde_json::to_vec(&makers).unwrap();
+        assert_eq!(Makers::parse(&good).unwrap(), makers);
+        let text = String::from_utf8(good.clone()).unwrap();
+        for (found, wrong) in [("\"id\":2", "\"id\":3"), ("\"id\":2", "\"id\":0"), ("[", "[1,")] {
+            assert!(Makers::parse(text.replace(found, wrong).as_bytes()).is_err(), "{wrong}");
+        }
+        let twice =
+            text.replace("[", &format!("[{},", &text[text.find("[").unwrap() + 1..text.len() - 2]));
+        assert!(Makers::parse(twice.as_bytes()).is_err(), "{twice}");
+        let mut state = 1u64;
+        for _ in 0..20_000 {
+            let mut bytes = good.clone();
+            for _ in 0..1 + state % 3 {
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                let at = (state >> 33) as usize % bytes.len();
+                bytes[at] = (state >> 20) as u8;
+            }
+            if let Ok(parsed) = Makers::parse(&bytes) {
+                assert!(parsed.iter().all(|maker| (1..=parsed.last).contains(&maker.id)));
+            }
+        }
     }
 
     #[test]

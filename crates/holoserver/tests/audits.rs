@@ -10,7 +10,7 @@ use holo_beamfile::Maker;
 use holo_net::Message;
 use holo_proto::{
     bulk::{Results, Work},
-    control::Control,
+    control::{Control, SESSION_OVER},
     hello::Role,
     report::Report,
 };
@@ -138,7 +138,7 @@ fn of_two_workers_that_differ_both_stay_and_the_report_says_so() {
         assert!(!faults[0].is_dropped && faults[0].reason.contains("a third worker"), "{faults:?}");
         server.end().await;
         for worker in workers {
-            assert_eq!(in_time(worker).await.unwrap().as_deref(), Some("the session is over"));
+            assert_eq!(in_time(worker).await.unwrap().as_deref(), Some(SESSION_OVER));
         }
     });
 }

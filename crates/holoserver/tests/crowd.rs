@@ -9,7 +9,7 @@ use common::{Peer, Place, beam, in_time, results, run};
 use holo_net::{Destination, Message, NetError};
 use holo_proto::{
     bulk::{ViewRequest, WantedBeam},
-    control::Control,
+    control::{Control, SESSION_OVER},
     frame::Kind,
     hello::Role,
 };
@@ -52,7 +52,7 @@ fn worker(server: SocketAddr, packets: usize) -> JoinHandle<()> {
                     outbox.send(Kind::Results, &results.encode()).unwrap();
                 }
                 Ok(Message::Control(Control::Bye { reason })) => {
-                    assert_eq!(reason, "the session is over");
+                    assert_eq!(reason, SESSION_OVER);
                     return;
                 }
                 Ok(_) => {}
