@@ -1,7 +1,7 @@
 //! A packet in a worker's hands, and what becomes of it.
 
 use holo_proto::bulk::Packet;
-use holo_section::{BeamKey, Run, SampleKind, Viewpoint};
+use holo_section::{BeamKey, Run, Sample, SampleKind, Viewpoint};
 use thiserror::Error;
 
 use crate::{audits::Audit, claims::Check, events::ConnectionId};
@@ -61,6 +61,12 @@ impl Assignment {
         Run { kind: self.kind(), ..self.packet.run() }
     }
 
+    /// Returns whether samples are of the rays that it names, if it names any.
+    pub fn is_answered_by(&self, samples: &[Sample]) -> bool {
+        let named = self.packet.rays.iter().flatten();
+        named.zip(samples).all(|(ray, sample)| *ray == sample.coords)
+    }
+
     /// Returns what it costs, in rays of `usual_paths` paths.
     pub fn work(&self, usual_paths: u16) -> f64 {
         f64::from(self.packet.count) * f64::from(self.packet.paths) / f64::from(usual_paths.max(1))
@@ -84,6 +90,8 @@ pub enum ResultsError {
     Unknown,
     #[error("it sent {found} samples for a packet of {asked} rays")]
     Count { found: u32, asked: u8 },
+    #[error("it sent samples of other rays than those that it was given")]
+    OtherRays,
     #[error("it says that a beam sees nothing, but it was not asked to look")]
     NotAsked,
 }

@@ -55,6 +55,10 @@ impl Coordinator {
                 self.lose([assignment]);
                 return Err(ResultsError::Count { found: traced.count, asked }.into());
             }
+            if !assignment.is_answered_by(samples) {
+                self.lose([assignment]);
+                return Err(ResultsError::OtherRays.into());
+            }
             match assignment.purpose {
                 Purpose::Store => {}
                 Purpose::Claim(check) => {
