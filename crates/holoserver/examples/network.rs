@@ -7,6 +7,8 @@
 //!   stores, without encryption and with it.
 //! - `recall_ms`: milliseconds from a view to the last of its 250,000 stored samples in a display's
 //!   memory, and `recall_secure_ms`. Each is the median of nine, after one that is not counted.
+//! - `efficiency`: of 1, 8 and 64 workers of 20 µs a ray, the samples that are stored as a share of
+//!   those that they could trace.
 //! - `first_ms`: milliseconds from a new view to its first newly traced samples, with 64 workers of
 //!   0.5 ms a ray: the median, and that of 99 in 100.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
@@ -23,7 +25,7 @@ use common::{Peer, Place, Server, beam, results, work};
 use holo_beamfile::Maker;
 use holo_net::{Destination, Message};
 use holo_proto::{
-    bulk::{Source, ViewRequest, WantedBeam},
+    bulk::{Packet, Source, ViewRequest, WantedBeam},
     control::Control,
     frame::Kind,
     hello::Role,
@@ -37,7 +39,14 @@ const BEAMS: u64 = 2500;
 const SAMPLES_PER_BEAM: u32 = 100;
 
 const WORKERS: usize = 64;
-const RAY: Duration = Duration::from_micros(500);
+const SLOW_RAY: Duration = Duration::from_micros(500);
+
+/// How many workers of [`RAY`] share a fill.
+const CREWS: [usize; 3] = [1, 8, 64];
+const RAY: Duration = Duration::from_micros(20);
+
+/// How long a worker gathers results before it sends them: as `rtworker` does.
+const GATHER: Duration = Duration::from_millis(2);
 
 fn main() {
     let mut words = std::env::args().skip(1);
@@ -48,12 +57,17 @@ fn main() {
     let figures = runtime.block_on(runtime.spawn(async move {
         let ingests = [ingest(seconds, false).await, ingest(seconds, true).await];
         let recalls = [recall(false).await, recall(true).await];
+        let mut efficiency = Vec::new();
+        for crew in CREWS {
+            efficiency.push(json!([crew, share_of(crew, seconds).await]));
+        }
         let first = first_samples(changes).await;
         json!({
             "ingest": ingests[0],
             "ingest_secure": ingests[1],
             "recall_ms": recalls[0],
             "recall_secure_ms": recalls[1],
+            "efficiency": efficiency,
             "first_ms": { "half": first[0], "of_100_99": first[1] },
         })
     }));
@@ -81,15 +95,33 @@ async fn ingest(seconds: f64, is_secure: bool) -> f64 {
     let place = Place::new();
     let (server, there) = serve(&place, is_secure, true).await;
     let worker = tokio::spawn(work(there));
-    // The worker's pace is learnt first.
+    let rate = rate(&server, seconds).await;
+    server.end().await;
+    worker.await.unwrap();
+    rate
+}
+
+/// Returns the share of what a crew of simulated workers could trace that is stored.
+async fn share_of(crew: usize, seconds: f64) -> f64 {
+    let place = Place::new();
+    let (server, there) = serve(&place, false, true).await;
+    let workers: Vec<_> =
+        (0..crew).map(|_| tokio::spawn(simulated_worker(there.clone(), RAY))).collect();
+    let rate = rate(&server, seconds).await;
+    server.end().await;
+    for worker in workers {
+        worker.await.unwrap();
+    }
+    rate * RAY.as_secs_f64() / crew as f64
+}
+
+/// Returns the samples per second of a server, once its workers' pace is learnt.
+async fn rate(server: &Server, seconds: f64) -> f64 {
     tokio::time::sleep(Duration::from_secs_f64(0.2 * seconds)).await;
     let mut admin = Peer::join(server.address, Role::Admin).await;
     let (before, start) = (traced(&mut admin).await, Instant::now());
     tokio::time::sleep(Duration::from_secs_f64(seconds)).await;
-    let rate = (traced(&mut admin).await - before) as f64 / start.elapsed().as_secs_f64();
-    server.end().await;
-    worker.await.unwrap();
-    rate
+    (traced(&mut admin).await - before) as f64 / start.elapsed().as_secs_f64()
 }
 
 async fn traced(admin: &mut Peer) -> u64 {
@@ -153,7 +185,8 @@ async fn first_samples(changes: u32) -> [f64; 2] {
     let place = Place::new();
     // No beam of a view is in the one before, so nothing that is under way serves it.
     let (server, there) = serve(&place, false, false).await;
-    let workers: Vec<_> = (0..WORKERS).map(|_| tokio::spawn(slow_worker(there.clone()))).collect();
+    let workers: Vec<_> =
+        (0..WORKERS).map(|_| tokio::spawn(simulated_worker(there.clone(), SLOW_RAY))).collect();
     let mut display = Peer::join(there, Role::Display).await;
     let mut times = Vec::new();
     for number in 1..=changes {
@@ -177,36 +210,44 @@ async fn first_samples(changes: u32) -> [f64; 2] {
     [times[times.len() / 2], times[times.len() * 99 / 100]]
 }
 
-/// A worker of one thread that takes [`RAY`] for a ray, as far as the clock of timers goes. As a real
-/// one, it takes packets in the order in which they come and returns each when it is done.
-async fn slow_worker(server: Destination) {
+/// A worker of one thread that takes `ray` for a ray. As a real one, it takes packets in the order in
+/// which they come, and gathers what is done for a moment.
+async fn simulated_worker(server: Destination, ray: Duration) {
     let Peer { mut inbox, outbox, .. } = Peer::join(server, Role::Worker).await;
     outbox.control(&Control::Ready { threads: 1 }).unwrap();
-    let mut queue = VecDeque::new();
-    let mut free_at = tokio::time::Instant::now();
+    let took = |packet: &Packet| ray * u32::from(packet.count);
+    let mut queue: VecDeque<Packet> = VecDeque::new();
+    // When the packets before the queue's first one are done.
+    let mut free_at = Instant::now();
     loop {
+        let wakes_at = queue.front().map(|packet| free_at + took(packet).max(GATHER));
         tokio::select! {
             message = inbox.next() => match message {
                 Ok(Message::Work(work)) => {
                     if queue.is_empty() {
-                        free_at = tokio::time::Instant::now();
+                        free_at = Instant::now();
                     }
                     queue.extend(work.packets);
                 }
                 Ok(Message::Control(Control::Bye { .. })) | Err(_) => return,
                 Ok(_) => {}
             },
-            () = tokio::time::sleep_until(free_at + took(queue.front())), if !queue.is_empty() => {
-                let Some(packet) = queue.pop_front() else { continue };
-                free_at += took(Some(&packet));
-                let mut done = results([&packet], true);
-                done.packets[0].nanoseconds = took(Some(&packet)).as_nanos() as u32;
-                outbox.send(Kind::Results, &done.encode()).unwrap();
+            () = tokio::time::sleep_until(wakes_at.unwrap_or(free_at).into()), if wakes_at.is_some() => {
+                let now = Instant::now();
+                let mut done = Vec::new();
+                while let Some(packet) = queue.front().copied()
+                    && free_at + took(&packet) <= now
+                {
+                    queue.pop_front();
+                    free_at += took(&packet);
+                    done.push(packet);
+                }
+                let mut message = results(&done, true);
+                for (traced, packet) in message.packets.iter_mut().zip(&done) {
+                    traced.nanoseconds = took(packet).as_nanos() as u32;
+                }
+                outbox.send(Kind::Results, &message.encode()).unwrap();
             }
         }
     }
-}
-
-fn took(packet: Option<&holo_proto::bulk::Packet>) -> Duration {
-    RAY * packet.map_or(0, |packet| u32::from(packet.count))
 }
