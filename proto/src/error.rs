@@ -76,6 +76,9 @@ pub enum ProtoError {
     /// A sample kind that does not exist.
     #[error("unknown sample kind {0}")]
     SampleKind(u8),
+    /// Compressed bytes that do not give as many as the message says.
+    #[error("a compressed piece is damaged")]
+    Compressed,
     /// A control message that bincode cannot decode.
     #[error("malformed control message: {0}")]
     Control(String),

@@ -27,6 +27,8 @@ pub struct Report {
     pub workers: Vec<WorkerReport>,
     /// The displays.
     pub displays: Vec<DisplayReport>,
+    /// Workers whose samples differed from those of others.
+    pub faults: Vec<FaultReport>,
 }
 
 /// One worker.
@@ -34,6 +36,8 @@ pub struct Report {
 pub struct WorkerReport {
     /// Its name, for people.
     pub name: String,
+    /// The number by which the file knows its machine; 0 if it does not.
+    pub maker: u16,
     /// Threads that trace; 0 while it loads.
     pub threads: u32,
     /// Rays per second that it returns while it has work, by the server's clock.
@@ -63,11 +67,29 @@ pub struct DisplayReport {
     pub queued_bytes: u64,
 }
 
+/// A worker whose samples differed from those of others.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FaultReport {
+    /// Its name, for people.
+    pub name: String,
+    /// The number by which the file knows its machine; 0 if it does not.
+    pub maker: u16,
+    /// The name of the token by which it joined; empty on the server's machine.
+    pub token: String,
+    /// What differed.
+    pub reason: String,
+    /// Whether it was dropped. It stays if nobody can say which of two workers is wrong.
+    pub is_dropped: bool,
+}
+
 impl Report {
     /// Replaces control characters in texts.
     pub(crate) fn clean(&mut self) {
         let names = self.workers.iter_mut().map(|worker| &mut worker.name);
         let names = names.chain(self.displays.iter_mut().map(|display| &mut display.name));
+        let faults = self.faults.iter_mut();
+        let faults = faults.flat_map(|f| [&mut f.name, &mut f.token, &mut f.reason]);
+        let names = names.chain(faults);
         for text in names.chain([&mut self.software, &mut self.file, &mut self.disk_error]) {
             *text = printable(text);
         }

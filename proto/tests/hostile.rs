@@ -89,7 +89,7 @@ fn decode_all(bytes: &[u8]) {
         assert_eq!(message.encode(), bytes);
     }
     if let Ok(message) = BlobChunk::decode(bytes) {
-        assert_eq!(message.encode(), bytes);
+        assert_eq!(BlobChunk::decode(&message.encode_compressed()), Ok(message));
     }
     if let Ok(message) = Hello::decode(bytes) {
         assert_eq!(Hello::decode(&message.encode()), Ok(message));
@@ -123,6 +123,7 @@ fn any_payload() -> impl Strategy<Value = Vec<u8>> {
         common::live_work().prop_map(|message| message.encode()),
         common::live_results().prop_map(|message| message.encode()),
         common::live_samples().prop_map(|message| message.encode()),
+        common::chunk().prop_map(|message| message.encode_compressed()),
         hello,
     ]
 }
@@ -155,7 +156,8 @@ proptest! {
         prop_assert_eq!(Samples::decode(&samples.encode()), Ok(samples));
         prop_assert_eq!(Unseen::decode(&unseen.encode()), Ok(unseen));
         prop_assert_eq!(Light::decode(&light.encode()), Ok(light));
-        prop_assert_eq!(BlobChunk::decode(&chunk.encode()), Ok(chunk));
+        prop_assert_eq!(BlobChunk::decode(&chunk.encode()), Ok(chunk.clone()));
+        prop_assert_eq!(BlobChunk::decode(&chunk.encode_compressed()), Ok(chunk));
     }
 
     #[test]

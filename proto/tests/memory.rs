@@ -6,6 +6,7 @@ use std::{
 };
 
 use holo_proto::{
+    ProtoError,
     bulk::{
         BlobChunk, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, Results, Samples, Unseen,
         ViewRequest, Work,
@@ -100,6 +101,17 @@ fn bulk_messages_that_claim_more_than_they_bring_take_no_memory() {
     );
     let chunk = vec![7; 1 << 20];
     assert!(peak(|| drop(BlobChunk::decode(&chunk))) <= chunk.len());
+    // Few bytes that stand for many: as many as a frame may have, and no more.
+    let most = BlobChunk { offset: 0, bytes: vec![0; 16 << 20] };
+    let short = most.encode_compressed();
+    assert!(short.len() < 1 << 17);
+    assert!(peak(|| assert_eq!(BlobChunk::decode(&short), Ok(most.clone()))) <= 33 << 20);
+    for length in [(16 << 20) + 1, u32::MAX] {
+        let mut longer = short.clone();
+        longer[8..12].copy_from_slice(&length.to_le_bytes());
+        let refused = || assert_eq!(BlobChunk::decode(&longer), Err(ProtoError::Compressed));
+        assert!(peak(refused) < 1 << 10, "{length} bytes");
+    }
 }
 
 #[test]

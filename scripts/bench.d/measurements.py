@@ -22,6 +22,7 @@ from errors import errors
 from harness import Bench
 from interactive import interactive
 from large import large
+from network import network
 from program import Failed, available_memory, compare, median_of, run
 from quadtree import quadtree
 from radiance import radiance
@@ -319,6 +320,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "beamfile": beamfile,
     "throughput": throughput,
     "large": large,
+    "network": network,
     "embree": embree,
     "rendercache": rendercache,
     "quadtree": quadtree,

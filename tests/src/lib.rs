@@ -12,6 +12,7 @@
 pub mod analytic;
 mod chromium;
 mod files;
+mod network;
 mod place;
 mod process;
 mod program;
@@ -19,6 +20,7 @@ mod xvfb;
 
 pub use chromium::Chromium;
 pub use files::{Stored, beam, stored};
+pub use network::Network;
 pub use place::{CORNELL_SMALL_SECTION, Place, Server, listen_address};
 pub use process::{Ended, Process};
 pub use program::{cargo, program, workspace};

@@ -70,10 +70,25 @@ impl Place {
         )
     }
 
-    fn start_with(&self, words: &[&str], environment: &[(&str, &str)]) -> Process {
+    /// Starts the program in a network namespace.
+    pub fn start_in(&self, namespace: &str, words: &[&str]) -> Process {
+        let program = program().to_str().expect("the program's path is plain");
+        let all = [&["netns", "exec", namespace, program][..], words].concat();
+        Process::start(
+            "ip".into(),
+            &self.arguments(&all),
+            &[("XDG_CACHE_HOME", self.path("cache"))],
+        )
+    }
+
+    /// Returns words with this folder in the place of `{}`.
+    fn arguments(&self, words: &[&str]) -> Vec<OsString> {
         let folder = self.folder.path().to_str().expect("temporary folders have plain names");
-        let words: Vec<OsString> =
-            words.iter().map(|word| word.replace("{}", folder).into()).collect();
+        words.iter().map(|word| word.replace("{}", folder).into()).collect()
+    }
+
+    fn start_with(&self, words: &[&str], environment: &[(&str, &str)]) -> Process {
+        let words = self.arguments(words);
         let mut all = vec![("XDG_CACHE_HOME", self.path("cache"))];
         all.extend(environment.iter().map(|(name, value)| (*name, PathBuf::from(value))));
         Process::start(program().to_owned(), &words, &all)

@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
-use holo_beamfile::{BeamFile, Options};
+use holo_beamfile::{BeamFile, Maker, Options};
 use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
 
 const BEAMS: u64 = 100_000;
@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             kind: SampleKind::Uniform,
             paths: 1,
         };
-        file.append(run, &packet)?;
+        file.append(run, Maker::UNKNOWN, &packet)?;
     }
     let total = packets * u64::from(PACKET);
     report("append", start.elapsed(), total);

@@ -8,7 +8,7 @@ use holo_section::{BeamKey, Run, Sample};
 use crate::file::BeamFile;
 use crate::format::Class;
 use crate::state::State;
-use crate::{Error, Result};
+use crate::{Error, Maker, Result};
 
 /// Memory for samples that wait for the disk, in bytes. Appends wait while more than this is used.
 const MAX_PENDING_BYTES: u64 = 256 << 20;
@@ -32,19 +32,25 @@ impl BeamFile {
     /// - [`Error::NotWritten`]: the disk takes nothing, and the memory for waiting samples is used
     ///   up. The samples were not taken; of more than a million, the last ones.
     /// - [`Error::Lost`]: another program deleted, moved, replaced or cut off the file.
-    pub fn append(&self, run: Run, samples: &[Sample]) -> Result<()> {
-        self.put(run, samples, false)
+    pub fn append(&self, run: Run, maker: Maker, samples: &[Sample]) -> Result<()> {
+        self.put(run, maker, samples, false)
     }
 
     /// As [`BeamFile::append`], but these samples replace older ones of the same kind and number.
     ///
     /// # Errors
     /// As [`BeamFile::append`].
-    pub fn supersede(&self, run: Run, samples: &[Sample]) -> Result<()> {
-        self.put(run, samples, true)
+    pub fn supersede(&self, run: Run, maker: Maker, samples: &[Sample]) -> Result<()> {
+        self.put(run, maker, samples, true)
     }
 
-    fn put(&self, run: Run, samples: &[Sample], supersedes: bool) -> Result<()> {
+    pub(crate) fn put(
+        &self,
+        run: Run,
+        maker: Maker,
+        samples: &[Sample],
+        supersedes: bool,
+    ) -> Result<()> {
         self.writable()?;
         self.check(run.key)?;
         let count = u32::try_from(samples.len()).ok();
@@ -52,7 +58,7 @@ impl BeamFile {
             return Err(Error::SampleNumbers { first: run.first, count: samples.len() });
         }
         let Run { key, kind, mut first, paths, .. } = run;
-        let class = Class { kind: kind as u8, supersedes, paths };
+        let class = Class { kind: kind as u8, supersedes, paths, maker };
         for part in samples.chunks(APPEND_SAMPLES) {
             let mut state = self.room()?;
             if state.directory.extents() > MAX_EXTENTS {

@@ -7,6 +7,8 @@
 use bytemuck::{Pod, Zeroable};
 use holo_section::{BeamId, BeamKey, Sample, SampleKind};
 
+use crate::types::Maker;
+
 /// Bytes of one copy of the file's header. There are two.
 pub const HEADER_COPY_BYTES: usize = 16384;
 /// Where the first block begins.
@@ -227,8 +229,10 @@ pub(crate) struct Class {
     pub supersedes: bool,
     /// Paths averaged into each sample.
     pub paths: u16,
+    /// Who made the samples.
+    pub maker: Maker,
 }
-const _: () = assert!(size_of::<Class>() == 4);
+const _: () = assert!(size_of::<Class>() == 6);
 
 impl Class {
     pub fn sample_kind(&self) -> SampleKind {
@@ -259,7 +263,8 @@ struct RawEntry {
     first: [u8; 4],
     count: [u8; 4],
     paths: [u8; 2],
-    zero: [u8; 10],
+    maker: [u8; 2],
+    zero: [u8; 8],
 }
 
 impl Entry {
@@ -272,7 +277,8 @@ impl Entry {
             first: self.first.to_le_bytes(),
             count: self.count.to_le_bytes(),
             paths: self.class.paths.to_le_bytes(),
-            zero: [0; 10],
+            maker: self.class.maker.0.to_le_bytes(),
+            zero: [0; 8],
         };
         table.extend_from_slice(bytemuck::bytes_of(&raw));
     }
@@ -287,6 +293,7 @@ impl Entry {
                 kind: raw.kind,
                 supersedes: raw.supersedes == 1,
                 paths: u16::from_le_bytes(raw.paths),
+                maker: Maker(u16::from_le_bytes(raw.maker)),
             },
             first: u32::from_le_bytes(raw.first),
             count: u32::from_le_bytes(raw.count),

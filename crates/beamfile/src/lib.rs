@@ -25,6 +25,7 @@ mod blob_list;
 mod blobs;
 mod cache;
 mod checksums;
+mod copy;
 mod directory;
 mod error;
 mod file;
@@ -44,11 +45,12 @@ mod verify;
 mod visible;
 mod writer;
 
+pub use copy::Copied;
 pub use error::{Error, FileLoss};
 pub use file::BeamFile;
 pub use storage::{DiskStorage, Storage};
 pub use types::{
-    BeamSamples, Counts, Damage, DamageKind, OpenReport, Options, SectionStats, Stats,
+    BeamSamples, Counts, Damage, DamageKind, Maker, OpenReport, Options, SectionStats, Stats,
 };
 
 /// What this crate's functions return.

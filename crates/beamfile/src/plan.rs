@@ -10,7 +10,8 @@ use crate::batch::Batch;
 use crate::directory::Block;
 use crate::format::{CHUNK_SAMPLES, Class, SAMPLE_BYTES};
 use crate::state::State;
-use crate::visible::{Offer, Visible, visible};
+use crate::types::Maker;
+use crate::visible::{Offer, visible};
 
 /// Where the samples of a planned run are.
 pub(crate) enum Location {
@@ -93,11 +94,13 @@ impl State {
         (offers, places)
     }
 
-    /// Returns the runs that [`State::plan`] would read, in its order.
-    pub fn runs(&self, key: BeamKey) -> Vec<Run> {
+    /// Returns the runs that [`State::plan`] would read, in its order, and who made them.
+    pub fn runs(&self, key: BeamKey) -> impl Iterator<Item = (Run, Maker)> {
         let (offers, places) = self.offers(key);
-        let run = |seen: Visible| run(key, places[seen.offer].0, seen.first, seen.count);
-        visible(&offers).into_iter().map(run).collect()
+        visible(&offers).into_iter().map(move |seen| {
+            let class = places[seen.offer].0;
+            (run(key, class, seen.first, seen.count), class.maker)
+        })
     }
 
     /// Returns how to read a beam as it is now; `None` if nothing was ever appended to it.

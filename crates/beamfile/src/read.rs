@@ -11,7 +11,7 @@ use crate::file::BeamFile;
 use crate::load::load;
 use crate::plan::Plan;
 use crate::state::State;
-use crate::types::{BeamSamples, Counts};
+use crate::types::{BeamSamples, Counts, Maker};
 
 /// Samples read together by [`BeamFile::read_many`], at most; and beams.
 const GROUP_SAMPLES: u64 = 400_000;
@@ -124,7 +124,17 @@ impl BeamFile {
     /// They are in the same order, but runs that continue each other are not joined. Empty if the
     /// beam has none.
     pub fn runs(&self, key: BeamKey) -> Vec<Run> {
-        self.shared.state().runs(key)
+        self.shared.state().runs(key).map(|(run, _)| run).collect()
+    }
+
+    /// Returns the same runs as [`BeamFile::runs`], each with its samples' maker.
+    pub fn makers(&self, key: BeamKey) -> Vec<(Run, Maker)> {
+        self.shared.state().runs(key).collect()
+    }
+
+    /// Returns the maker with the greatest number that the file has on disk.
+    pub fn last_maker(&self) -> Maker {
+        self.shared.state().directory.last_maker
     }
 
     /// Returns the next free sample numbers of a beam.

@@ -17,6 +17,15 @@ pub struct Counts {
     pub single: u32,
 }
 
+/// Who made samples: a number whose meaning the file's owner keeps. 0 if nobody knows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Maker(pub u16);
+
+impl Maker {
+    /// The maker of samples of which nobody knows who made them.
+    pub const UNKNOWN: Maker = Maker(0);
+}
+
 /// How to open or create a file.
 #[derive(Clone, Debug)]
 pub struct Options {

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use common::{key, kind, options, run, sample, samples};
-use holo_beamfile::{BeamFile, BeamSamples, Counts, Error, Options};
+use holo_beamfile::{BeamFile, BeamSamples, Copied, Counts, Error, Maker, Options};
 use holo_section::{BeamKey, Run, SampleKind};
 
 fn fresh() -> (tempfile::TempDir, std::path::PathBuf, BeamFile) {
@@ -30,7 +30,7 @@ fn samples_reach_the_disk_without_a_flush() {
     let (_folder, path, file) = fresh();
     let reader = BeamFile::open_read_only(&path, 0).unwrap();
     let run = run(key(0, 4), 0);
-    file.append(run, &samples(&run, 21, 0)).unwrap();
+    file.append(run, Maker::UNKNOWN, &samples(&run, 21, 0)).unwrap();
     // How soon is a constant of the writer's. A busy machine only makes the test longer.
     while reader.count(run.key) == 0 {
         std::thread::sleep(Duration::from_millis(10));
@@ -45,7 +45,7 @@ fn packets_that_continue_each_other_become_one_extent() {
     for packet in 0..50 {
         for beam in 0..4 {
             let run = run(key(0, beam), packet * 21);
-            file.append(run, &samples(&run, 21, 0)).unwrap();
+            file.append(run, Maker::UNKNOWN, &samples(&run, 21, 0)).unwrap();
         }
     }
     file.flush().unwrap();
@@ -59,11 +59,11 @@ fn superseding_samples_replace_only_their_numbers_and_a_late_copy_changes_nothin
     let rough = run(key(0, 7), 0);
     let better = Run { first: 10, paths: 16, ..rough };
     let other_kind = Run { first: 0, kind: SampleKind::SingleRay, ..rough };
-    file.append(rough, &samples(&rough, 40, 1)).unwrap();
-    file.append(other_kind, &samples(&other_kind, 3, 1)).unwrap();
-    file.supersede(better, &samples(&better, 20, 2)).unwrap();
+    file.append(rough, Maker::UNKNOWN, &samples(&rough, 40, 1)).unwrap();
+    file.append(other_kind, Maker::UNKNOWN, &samples(&other_kind, 3, 1)).unwrap();
+    file.supersede(better, Maker::UNKNOWN, &samples(&better, 20, 2)).unwrap();
     // The same packet traced a second time, as after a worker's death.
-    file.append(rough, &samples(&rough, 40, 3)).unwrap();
+    file.append(rough, Maker::UNKNOWN, &samples(&rough, 40, 3)).unwrap();
     let check = |file: &BeamFile| {
         let read = file.read(rough.key).unwrap();
         let runs: Vec<_> = read
@@ -97,7 +97,7 @@ fn the_cache_stays_within_its_budget_and_keeps_what_was_used_last() {
         BeamFile::create(&path, Options { cache_bytes: budget, layout: vec![1000] }).unwrap();
     for beam in 0..200 {
         let run = run(key(0, beam), 0);
-        file.append(run, &samples(&run, 100 + beam as u32, 0)).unwrap();
+        file.append(run, Maker::UNKNOWN, &samples(&run, 100 + beam as u32, 0)).unwrap();
     }
     file.flush().unwrap();
     for i in 0..2000u64 {
@@ -110,11 +110,11 @@ fn the_cache_stays_within_its_budget_and_keeps_what_was_used_last() {
     assert_eq!(stats.cache_hits + stats.cache_misses, 4000);
     assert!(stats.cache_hits >= 1999, "a beam read all the time stays: {} hits", stats.cache_hits);
     let run = run(key(0, 3), 5000);
-    file.append(run, &samples(&run, 5, 9)).unwrap();
+    file.append(run, Maker::UNKNOWN, &samples(&run, 5, 9)).unwrap();
     assert_eq!(file.read(key(0, 3)).unwrap().samples.len(), 108, "new samples are seen at once");
 
     let huge = self::run(key(0, 999), 0);
-    file.append(huge, &samples(&huge, 6000, 0)).unwrap();
+    file.append(huge, Maker::UNKNOWN, &samples(&huge, 6000, 0)).unwrap();
     assert_eq!(
         file.read(huge.key).unwrap().samples.len(),
         6000,
@@ -130,7 +130,7 @@ fn read_many_gives_cached_beams_first_then_file_order_and_stops_when_told() {
     let order = [9, 2, 30, 4, 11, 0];
     for beam in order {
         let run = run(key(0, beam), 0);
-        file.append(run, &samples(&run, 21, 0)).unwrap();
+        file.append(run, Maker::UNKNOWN, &samples(&run, 21, 0)).unwrap();
         file.flush().unwrap();
     }
     file.read(key(0, 11)).unwrap();
@@ -180,7 +180,7 @@ fn readers_beside_the_writer_see_whole_blocks_and_never_a_wrong_sample() {
         for packet in 0..3000 {
             for beam in 0..6 {
                 let run = Run { kind: kind(1), ..run(key(0, beam), packet * 21) };
-                file.append(run, &samples(&run, 21, 0)).unwrap();
+                file.append(run, Maker::UNKNOWN, &samples(&run, 21, 0)).unwrap();
             }
             if packet % 150 == 0 {
                 file.flush().unwrap();
@@ -213,14 +213,20 @@ fn wrong_use_is_refused_and_changes_nothing() {
     let (_folder, path, file) = fresh();
     let good = run(key(0, 0), 0);
     let one = samples(&good, 1, 0);
-    assert!(matches!(file.append(run(key(0, 40), 0), &one), Err(Error::NoSuchBeam { .. })));
-    assert!(matches!(file.append(run(key(2, 0), 0), &one), Err(Error::NoSuchBeam { .. })));
+    assert!(matches!(
+        file.append(run(key(0, 40), 0), Maker::UNKNOWN, &one),
+        Err(Error::NoSuchBeam { .. })
+    ));
+    assert!(matches!(
+        file.append(run(key(2, 0), 0), Maker::UNKNOWN, &one),
+        Err(Error::NoSuchBeam { .. })
+    ));
     assert!(matches!(file.read(key(1, 12)), Err(Error::NoSuchBeam { .. })));
     assert!(matches!(
-        file.append(run(key(0, 0), u32::MAX), &one),
+        file.append(run(key(0, 0), u32::MAX), Maker::UNKNOWN, &one),
         Err(Error::SampleNumbers { .. })
     ));
-    file.append(good, &[]).unwrap();
+    file.append(good, Maker::UNKNOWN, &[]).unwrap();
     assert!(matches!(file.put_blob("", &[]), Err(Error::BlobName(0))));
     assert!(matches!(file.put_blob(&"x".repeat(256), &[]), Err(Error::BlobName(256))));
     assert_eq!(file.blob("none").unwrap(), None);
@@ -231,7 +237,7 @@ fn wrong_use_is_refused_and_changes_nothing() {
     let other = Options { cache_bytes: 0, layout: vec![40, 13] };
     assert!(matches!(BeamFile::open(&path, other), Err(Error::Layout { .. })));
     let reader = BeamFile::open_read_only(&path, 0).unwrap();
-    assert!(matches!(reader.append(good, &one), Err(Error::ReadOnly { .. })));
+    assert!(matches!(reader.append(good, Maker::UNKNOWN, &one), Err(Error::ReadOnly { .. })));
     assert!(matches!(reader.put_blob("scene", &[]), Err(Error::ReadOnly { .. })));
     let folder = tempfile::tempdir().unwrap();
     let none = Options { cache_bytes: 0, layout: vec![] };
@@ -246,12 +252,82 @@ fn a_long_append_and_the_last_sample_number_are_kept() {
     let (_folder, path, file) = fresh();
     let long = run(key(0, 1), 0);
     let many = samples(&long, (1 << 20) + 12_345, 0);
-    file.append(long, &many).unwrap();
+    file.append(long, Maker::UNKNOWN, &many).unwrap();
     let last = run(key(0, 2), u32::MAX - 1);
-    file.append(last, &many[..1]).unwrap();
+    file.append(last, Maker::UNKNOWN, &many[..1]).unwrap();
     file.close().unwrap();
     let file = BeamFile::open(&path, options()).unwrap();
     assert_eq!(file.read(long.key).unwrap().samples, many);
     assert_eq!(file.read(last.key).unwrap().runs[0].first, u32::MAX - 1);
     assert_eq!(file.counts(last.key).uniform, u32::MAX);
+}
+
+/// A file in which maker 1 made samples 0 to 20 of a beam, maker 2 better ones of 5 to 9, and maker
+/// 1 all of another beam.
+fn by_two_makers(file: &BeamFile) -> [Run; 3] {
+    let rough = Run { count: 21, ..run(key(0, 3), 0) };
+    let better = Run { first: 5, count: 5, paths: 16, ..rough };
+    let other = Run { count: 500, ..run(key(1, 2), 0) };
+    file.append(rough, Maker(1), &samples(&rough, rough.count, 0)).unwrap();
+    file.supersede(better, Maker(2), &samples(&better, better.count, 1)).unwrap();
+    file.append(other, Maker(1), &samples(&other, other.count, 0)).unwrap();
+    file.flush().unwrap();
+    [rough, better, other]
+}
+
+#[test]
+fn a_sample_keeps_its_maker_through_memory_disk_and_opening() {
+    let (_folder, path, file) = fresh();
+    let [rough, better, other] = by_two_makers(&file);
+    let expected = [
+        (Run { count: 5, ..rough }, Maker(1)),
+        (better, Maker(2)),
+        (Run { first: 10, count: 11, ..rough }, Maker(1)),
+    ];
+    let waiting = Run { count: 21, ..run(key(0, 4), 0) };
+    file.append(waiting, Maker(3), &samples(&waiting, 21, 0)).unwrap();
+    assert_eq!(file.makers(waiting.key), [(waiting, Maker(3))]);
+    assert_eq!(file.makers(rough.key), expected);
+    file.close().unwrap();
+    let again = BeamFile::open(&path, options()).unwrap();
+    assert_eq!(again.makers(rough.key), expected);
+    assert_eq!(again.makers(other.key), [(other, Maker(1))]);
+    assert_eq!((again.last_maker(), again.makers(key(0, 9))), (Maker(3), Vec::new()));
+}
+
+#[test]
+fn packets_of_two_makers_are_two_extents_and_one_run() {
+    let (_folder, _, file) = fresh();
+    for (packet, maker) in [(0, 1), (1, 1), (2, 2)] {
+        let run = run(key(0, 1), packet * 21);
+        file.append(run, Maker(maker), &samples(&run, 21, 0)).unwrap();
+    }
+    file.flush().unwrap();
+    assert_eq!(file.stats().extents, 2);
+    assert_eq!(file.read(key(0, 1)).unwrap().runs.len(), 1);
+}
+
+#[test]
+fn a_copy_without_a_maker_has_what_the_others_made_and_what_that_one_had_superseded() {
+    let (folder, _, file) = fresh();
+    let [rough, better, other] = by_two_makers(&file);
+    let copy = |name: &str, without: u16| {
+        let to = BeamFile::create(folder.path().join(name), options()).unwrap();
+        let copied = file.copy_samples(&to, &|maker| maker != Maker(without)).unwrap();
+        to.flush().unwrap();
+        (to, copied)
+    };
+    let (all, copied) = copy("all", 9);
+    assert_eq!(copied, Copied { samples: 526, left_out: 0 });
+    for key in [rough.key, other.key] {
+        assert_eq!(*all.read(key).unwrap(), *file.read(key).unwrap());
+        assert_eq!(all.makers(key), file.makers(key));
+    }
+    let (first, copied) = copy("first", 2);
+    assert_eq!(copied, Copied { samples: 521, left_out: 5 });
+    assert_eq!(first.read(rough.key).unwrap().samples, samples(&rough, 21, 0));
+    let (second, copied) = copy("second", 1);
+    assert_eq!(copied, Copied { samples: 5, left_out: 521 });
+    assert_eq!(second.read(rough.key).unwrap().samples, samples(&better, 5, 1));
+    assert_eq!(second.count(other.key), 0);
 }

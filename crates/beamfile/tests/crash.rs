@@ -11,7 +11,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use common::{key, options, run, sample, samples};
-use holo_beamfile::{BeamFile, Error};
+use holo_beamfile::{BeamFile, Error, Maker};
 use holo_section::SampleKind;
 
 const CHILD: &str = "HOLO_BEAMFILE_TEST_CHILD";
@@ -40,7 +40,7 @@ fn child_that_is_killed() {
         for _ in 0..4 {
             for beam in 0..=LAST_BEAM {
                 let run = run(key(0, beam), next);
-                file.append(run, &samples(&run, PACKET, 0)).unwrap();
+                file.append(run, Maker::UNKNOWN, &samples(&run, PACKET, 0)).unwrap();
             }
             next += PACKET;
         }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use common::{LAYOUT, Model, assert_same, key, kind, missing, options, run, samples};
 use holo_beamfile::format::{BLOCK_HEADER_BYTES, BLOCK_MAGIC, FIRST_BLOCK, HEADER_COPY_BYTES};
-use holo_beamfile::{BeamFile, DamageKind, Error};
+use holo_beamfile::{BeamFile, DamageKind, Error, Maker};
 use holo_section::Run;
 
 /// A file of a few blocks, each flushed, its model after each block, and where each block ends.
@@ -32,7 +32,7 @@ fn build(blocks: u32, extents: u32) -> Built {
             let key = key(section, u64::from(i * 7 % 12).min(LAYOUT[usize::from(section)] - 1));
             let run = Run { kind: kind((i % 3) as u8), ..run(key, block * 10_000 + i * 21) };
             let new = samples(&run, 21, block);
-            file.append(run, &new).unwrap();
+            file.append(run, Maker::UNKNOWN, &new).unwrap();
             model.put(&run, &new, false);
         }
         file.flush().unwrap();
@@ -72,7 +72,7 @@ fn a_tail_torn_at_any_byte_is_named_and_left_out_and_the_file_goes_on_after_it()
         let mut model = built.models[2].clone();
         let run = run(key(0, 1), 5000);
         let new = samples(&run, 30, 99);
-        writer.append(run, &new).unwrap();
+        writer.append(run, Maker::UNKNOWN, &new).unwrap();
         model.put(&run, &new, false);
         // Closing writes, too. A flush for every cut would make the test as slow as the disk.
         writer.close().unwrap();
@@ -160,7 +160,7 @@ fn after_damage_in_every_block_header_the_writer_goes_on_and_destroys_nothing() 
     assert_same(&file, &built.models[1]);
     let run = run(key(1, 2), 9000);
     let new = samples(&run, 50, 5);
-    file.append(run, &new).unwrap();
+    file.append(run, Maker::UNKNOWN, &new).unwrap();
     file.close().unwrap();
     let mut model = built.models[1].clone();
     model.put(&run, &new, false);
@@ -203,9 +203,9 @@ fn damage_in_a_better_sample_uncovers_the_one_that_it_superseded() {
     let file = BeamFile::create(&path, options()).unwrap();
     let rough = run(key(0, 0), 0);
     let better = Run { paths: 64, ..rough };
-    file.append(rough, &samples(&rough, 30, 1)).unwrap();
+    file.append(rough, Maker::UNKNOWN, &samples(&rough, 30, 1)).unwrap();
     file.flush().unwrap();
-    file.supersede(better, &samples(&better, 30, 2)).unwrap();
+    file.supersede(better, Maker::UNKNOWN, &samples(&better, 30, 2)).unwrap();
     file.close().unwrap();
     let mut bytes = fs::read(&path).unwrap();
     let last = samples(&better, 30, 2);

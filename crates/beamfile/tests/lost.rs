@@ -7,7 +7,7 @@ use std::fs::{self, File};
 use std::path::Path;
 
 use common::{key, options, run, samples};
-use holo_beamfile::{BeamFile, Error, FileLoss};
+use holo_beamfile::{BeamFile, Error, FileLoss, Maker};
 
 type Harm = fn(&Path);
 
@@ -34,7 +34,7 @@ fn harmed(folder: &Path, harm: Harm) -> BeamFile {
     let path = folder.join("test.holo");
     let file = BeamFile::create(&path, options()).unwrap();
     let run = run(key(0, 0), 0);
-    file.append(run, &samples(&run, 21, 0)).unwrap();
+    file.append(run, Maker::UNKNOWN, &samples(&run, 21, 0)).unwrap();
     file.flush().unwrap();
     assert!(file.lost().is_none());
     harm(&path);
@@ -55,11 +55,14 @@ fn samples_added_after_the_loss_are_an_error_and_not_silently_gone() {
         let folder = tempfile::tempdir().unwrap();
         let file = harmed(folder.path(), harm);
         let later = run(key(0, 1), 0);
-        file.append(later, &samples(&later, 21, 0)).unwrap();
+        file.append(later, Maker::UNKNOWN, &samples(&later, 21, 0)).unwrap();
         assert!(is_lost(&file.flush().unwrap_err(), harm));
         assert!(is_lost(&file.lost().unwrap(), harm));
         // The writer has stopped: nothing is taken that could not be written.
-        assert!(is_lost(&file.append(later, &samples(&later, 21, 0)).unwrap_err(), harm));
+        assert!(is_lost(
+            &file.append(later, Maker::UNKNOWN, &samples(&later, 21, 0)).unwrap_err(),
+            harm
+        ));
         assert!(is_lost(&file.close().unwrap_err(), harm));
     }
 }

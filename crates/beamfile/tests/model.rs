@@ -6,7 +6,7 @@ mod common;
 use std::ops::ControlFlow;
 
 use common::{LAYOUT, Model, assert_same, contents, key, kind, options, run, samples};
-use holo_beamfile::BeamFile;
+use holo_beamfile::{BeamFile, Maker};
 use holo_section::Run;
 use proptest::prelude::*;
 
@@ -100,9 +100,9 @@ proptest! {
                     let run = Run { kind: kind(code), paths, ..run(key(section, beam), first) };
                     let new = samples(&run, count, tag);
                     if supersedes {
-                        file.supersede(run, &new).unwrap();
+                        file.supersede(run, Maker::UNKNOWN, &new).unwrap();
                     } else {
-                        file.append(run, &new).unwrap();
+                        file.append(run, Maker::UNKNOWN, &new).unwrap();
                     }
                     model.put(&run, &new, supersedes);
                     put += u64::from(count);

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use common::{Model, assert_same, key, options, run, samples};
-use holo_beamfile::{BeamFile, DiskStorage, Error, Storage};
+use holo_beamfile::{BeamFile, DiskStorage, Error, Maker, Storage};
 use holo_section::Sample;
 
 /// A disk with room for so many bytes, which fails to sync when told to.
@@ -72,7 +72,7 @@ fn a_full_disk_keeps_samples_in_memory_says_so_and_goes_on_when_there_is_room() 
         let put = |model: &mut Model, first| {
             let run = run(key(1, 3), first);
             let new = samples(&run, 120, first);
-            file.append(run, &new).unwrap();
+            file.append(run, Maker::UNKNOWN, &new).unwrap();
             model.put(&run, &new, false);
         };
         bench.room.store(room, Ordering::SeqCst);
@@ -111,7 +111,7 @@ fn a_failed_sync_is_a_failed_write() {
     let (file, bench) = small_disk(u64::MAX);
     let run = run(key(0, 0), 0);
     bench.no_sync.store(true, Ordering::SeqCst);
-    file.append(run, &samples(&run, 21, 0)).unwrap();
+    file.append(run, Maker::UNKNOWN, &samples(&run, 21, 0)).unwrap();
     assert!(matches!(file.flush(), Err(Error::NotWritten { pending, .. }) if pending > 0));
     bench.no_sync.store(false, Ordering::SeqCst);
     file.flush().unwrap();
@@ -143,7 +143,7 @@ fn what_waits_for_a_full_disk_is_bounded_and_an_append_beyond_it_is_refused() {
     let many = vec![<Sample as bytemuck::Zeroable>::zeroed(); 1 << 20];
     let mut taken = 0u32;
     let refused = loop {
-        match file.append(run(key(0, 0), taken), &many) {
+        match file.append(run(key(0, 0), taken), Maker::UNKNOWN, &many) {
             Ok(()) => taken += many.len() as u32,
             Err(error) => break error,
         }

@@ -7,11 +7,11 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
-use holo_beamfile::BeamFile;
+use holo_beamfile::{BeamFile, Maker};
 use holo_progress::{HumanBytes, HumanCount, said_once};
 use holo_proto::control::{Engine, RenderSettings};
 use holo_section::{ImportanceTable, Section, ViewClass};
-use holo_server::{Holodeck, UnseenBeams, superseded_bytes};
+use holo_server::{Holodeck, MadeBy, UnseenBeams, superseded_bytes};
 use serde::Serialize;
 
 use crate::prepare::SMALL_CACHE;
@@ -58,6 +58,8 @@ struct Info {
     samples: u64,
     /// Number of samples by their paths.
     paths: BTreeMap<u16, u64>,
+    /// Who made the samples.
+    workers: Vec<WorkerInfo>,
     extents: u64,
     sections: Vec<SectionInfo>,
     settings: RenderSettings,
@@ -94,6 +96,15 @@ struct SectionInfo {
     obstructions: bool,
 }
 
+/// A machine that has worked for the file; number 0 stands for all that are not known.
+#[derive(Serialize)]
+struct WorkerInfo {
+    #[serde(flatten)]
+    made_by: MadeBy,
+    /// Its samples. Those that better ones have replaced do not count.
+    samples: u64,
+}
+
 #[derive(Serialize)]
 struct SceneInfo {
     source: String,
@@ -108,6 +119,7 @@ fn collect(file: &Path) -> Result<Info> {
     let stats = holodeck.file.stats();
     let about = &holodeck.about;
     let unseen = holodeck.unseen();
+    let numbers = numbers(&holodeck.file);
     let shares = unseen_shares(&holodeck.sections, &unseen);
     let sections = holodeck.sections.iter().zip(&stats.sections).enumerate().map(
         |(index, (section, stats))| SectionInfo {
@@ -128,7 +140,8 @@ fn collect(file: &Path) -> Result<Info> {
         bytes: stats.file_bytes,
         superseded_bytes: superseded_bytes(&stats),
         bytes_per_hour,
-        paths: paths(&holodeck.file),
+        paths: numbers.paths,
+        workers: workers(&holodeck, &numbers.makers),
         samples: stats.samples,
         extents: stats.extents,
         sections: sections.collect(),
@@ -166,14 +179,36 @@ fn bytes_per_hour(file: &Path) -> std::io::Result<f64> {
     Ok(grown as f64 / start.elapsed().as_secs_f64() * 3600.0)
 }
 
-fn paths(file: &BeamFile) -> BTreeMap<u16, u64> {
+/// Numbers of samples.
+#[derive(Default)]
+struct Numbers {
+    /// By their paths.
+    paths: BTreeMap<u16, u64>,
+    /// By who made them.
+    makers: BTreeMap<Maker, u64>,
+}
+
+fn numbers(file: &BeamFile) -> Numbers {
     let mut beams = Vec::new();
     file.for_each_beam(&mut |key, _| beams.push(key));
-    let mut samples = BTreeMap::new();
-    for run in beams.into_iter().flat_map(|key| file.runs(key)) {
-        *samples.entry(run.paths).or_default() += u64::from(run.count);
+    let mut numbers = Numbers::default();
+    for (run, maker) in beams.into_iter().flat_map(|key| file.makers(key)) {
+        *numbers.paths.entry(run.paths).or_default() += u64::from(run.count);
+        *numbers.makers.entry(maker).or_default() += u64::from(run.count);
     }
-    samples
+    numbers
+}
+
+/// Returns everybody who has worked for the file, by number.
+fn workers(holodeck: &Holodeck, samples: &BTreeMap<Maker, u64>) -> Vec<WorkerInfo> {
+    let makers = holodeck.makers();
+    let samples_of = |maker| samples.get(&maker).copied().unwrap_or(0);
+    let nobody =
+        MadeBy { id: 0, name: "nobody knows who".into(), token: None, claims: 0, light_records: 0 };
+    let nobodys = samples_of(Maker::UNKNOWN);
+    let known = makers.iter().cloned().map(|made_by| (samples_of(Maker(made_by.id)), made_by));
+    let all = known.chain((nobodys > 0).then_some((nobodys, nobody)));
+    all.map(|(samples, made_by)| WorkerInfo { made_by, samples }).collect()
 }
 
 /// Returns the unseen beams' share of each section's importance.
@@ -220,6 +255,16 @@ pub fn info(args: &InfoArgs) -> Result<()> {
     let paths =
         info.paths.iter().map(|(paths, samples)| format!("{} have {paths}", HumanCount(*samples)));
     println!("paths per sample: {}", paths.collect::<Vec<_>>().join(", "));
+    for WorkerInfo { made_by, samples } in &info.workers {
+        let token = made_by.token.as_ref().map_or_else(String::new, |t| format!(", token {t}"));
+        println!(
+            "worker {} ({}{token}): {} samples, {} beams that see nothing",
+            made_by.id,
+            made_by.name,
+            HumanCount(*samples),
+            HumanCount(made_by.claims)
+        );
+    }
     println!("scene: {}", info.scene.source);
     let bounces =
         info.settings.bounces.map_or("unlimited bounces".to_owned(), |n| format!("{n} bounces"));

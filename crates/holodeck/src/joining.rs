@@ -19,6 +19,12 @@ pub struct ListenArgs {
     /// configuration folder]
     #[arg(long, value_name = "DIR", requires = "listen")]
     identity: Option<PathBuf>,
+    /// A certificate to use in place of the one that is made: a PEM file
+    #[arg(long, value_name = "FILE.pem", requires = "listen", requires = "key")]
+    cert: Option<PathBuf>,
+    /// The certificate's key, a PEM file
+    #[arg(long, value_name = "FILE.pem", requires = "cert")]
+    key: Option<PathBuf>,
 }
 
 impl ListenArgs {
@@ -30,8 +36,11 @@ impl ListenArgs {
         if let Some(public) = &self.public {
             arguments.extend(["--public".into(), public.into()]);
         }
-        if let Some(identity) = &self.identity {
-            arguments.extend(["--identity".into(), identity.into()]);
+        let files = [("--identity", &self.identity), ("--cert", &self.cert), ("--key", &self.key)];
+        for (option, file) in files {
+            if let Some(file) = file {
+                arguments.extend([option.into(), file.into()]);
+            }
         }
         arguments
     }
@@ -42,7 +51,7 @@ impl ListenArgs {
 #[command(after_help = "Examples:\n  holodeck tokens\n  \
     holodeck tokens --add worker --public 192.0.2.7:7070\n  holodeck tokens --revoke GkdS3h6pXzU")]
 pub struct TokensArgs {
-    /// Make a token for this role (admin, worker, display, read-only), and print the string to join
+    /// Make a token for this role (admin, member, worker, display, read-only), and print the string to join
     /// with
     #[arg(long, value_name = "ROLE", requires = "public")]
     add: Option<Rights>,
@@ -56,13 +65,22 @@ pub struct TokensArgs {
     /// configuration folder]
     #[arg(long, value_name = "DIR")]
     identity: Option<PathBuf>,
+    /// The certificate of the server, if it is not the one in that folder: a PEM file
+    #[arg(long, value_name = "FILE.pem", requires = "key")]
+    cert: Option<PathBuf>,
+    /// The certificate's key, a PEM file
+    #[arg(long, value_name = "FILE.pem", requires = "cert")]
+    key: Option<PathBuf>,
 }
 
 /// See [`TokensArgs`].
 pub fn tokens(args: &TokensArgs) -> Result<()> {
     let folder = args.identity.clone().or_else(Identity::users_folder);
     let folder = folder.context("say --identity DIR: the user has no home folder")?;
-    let identity = Identity::open(&folder)?;
+    let identity = match (&args.cert, &args.key) {
+        (Some(certificate), Some(key)) => Identity::with_certificate(&folder, certificate, key)?,
+        _ => Identity::open(&folder)?,
+    };
     if let (Some(rights), Some(address)) = (args.add, &args.public) {
         let token = identity.add_token(rights)?;
         let (address, fingerprint) = (address.clone(), identity.fingerprint());

@@ -12,10 +12,12 @@ mod crew;
 mod demo;
 mod differences;
 mod fill;
+mod forget;
 mod info;
 mod joining;
 mod loading;
 mod merge;
+mod metrics;
 mod opening;
 mod passes;
 mod prepare;
@@ -76,6 +78,7 @@ enum Command {
     Info(info::InfoArgs),
     Verify(info::VerifyArgs),
     Merge(merge::Args),
+    Forget(forget::Args),
     Status(status::Args),
     Tokens(joining::TokensArgs),
     /// Serve one holodeck to workers and displays (also the program `holoserver`)
@@ -162,6 +165,7 @@ async fn run(program: Program, screen: Screen) -> anyhow::Result<()> {
         Command::Info(args) => info::info(&args),
         Command::Verify(args) => info::verify(&args),
         Command::Merge(args) => merge::run(&args),
+        Command::Forget(args) => forget::run(&args),
         Command::Status(args) => status::run(args).await,
         Command::Tokens(args) => joining::tokens(&args),
         Command::Holoserver(config) => holo_server::run_until_signal(config).await,

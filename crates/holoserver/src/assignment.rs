@@ -1,10 +1,21 @@
 //! A packet in a worker's hands, and what becomes of it.
 
 use holo_proto::bulk::Packet;
-use holo_section::{BeamKey, Run, SampleKind, Viewpoint};
+use holo_section::{BeamKey, Run, Sample, SampleKind, Viewpoint};
 use thiserror::Error;
 
-use crate::{claims::Check, events::ConnectionId};
+use crate::{audits::Audit, claims::Check, events::ConnectionId};
+
+/// What the samples of a packet are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// They are stored.
+    Store,
+    /// They check whether a beam sees nothing.
+    Claim(Check),
+    /// They are compared with those of another worker.
+    Again(Audit),
+}
 
 /// A packet that a worker has, with all that another worker would need.
 #[derive(Clone, Copy, Debug)]
@@ -15,8 +26,8 @@ pub struct Assignment {
     pub viewpoint: Option<Viewpoint>,
     /// The display whose view it serves, if any.
     pub display: Option<ConnectionId>,
-    /// What it checks, if its samples are for nothing else.
-    pub check: Option<Check>,
+    /// What its samples are for.
+    pub purpose: Purpose,
     /// A worker that does not get it, unless there is no other.
     pub not_for: Option<ConnectionId>,
 }
@@ -24,8 +35,11 @@ pub struct Assignment {
 impl Assignment {
     /// Returns whether a worker may have it. `is_alone` says that there is no other worker.
     pub fn is_for(&self, worker: ConnectionId, is_alone: bool) -> bool {
-        let is_party = |check: Check| check.claimer == worker || check.hitter == Some(worker);
-        !self.check.is_some_and(is_party) && (is_alone || self.not_for != Some(worker))
+        match self.purpose {
+            Purpose::Store => is_alone || self.not_for != Some(worker),
+            Purpose::Claim(check) => check.claimer != worker && check.hitter != Some(worker),
+            Purpose::Again(audit) => audit.checker == worker,
+        }
     }
 
     /// Returns its beam.
@@ -45,6 +59,12 @@ impl Assignment {
     /// Returns the samples that it asks for.
     pub fn run(&self) -> Run {
         Run { kind: self.kind(), ..self.packet.run() }
+    }
+
+    /// Returns whether samples are of the rays that it names, if it names any.
+    pub fn is_answered_by(&self, samples: &[Sample]) -> bool {
+        let named = self.packet.rays.iter().flatten();
+        named.zip(samples).all(|(ray, sample)| *ray == sample.coords)
     }
 
     /// Returns what it costs, in rays of `usual_paths` paths.
@@ -70,6 +90,8 @@ pub enum ResultsError {
     Unknown,
     #[error("it sent {found} samples for a packet of {asked} rays")]
     Count { found: u32, asked: u8 },
+    #[error("it sent samples of other rays than those that it was given")]
+    OtherRays,
     #[error("it says that a beam sees nothing, but it was not asked to look")]
     NotAsked,
 }

@@ -13,6 +13,7 @@
 //! - Live samples go to the display that asked for them, and nowhere else.
 //! - No better sample replaces one in a beam that a display looks at.
 
+mod audits;
 mod checks;
 mod dealing;
 mod display;
@@ -37,11 +38,15 @@ use std::{
 use anyhow::{Result, bail};
 use holo_net::{Message, Outbox};
 use holo_progress::said_once;
-use holo_proto::control::Control;
+use holo_proto::{
+    control::{Control, SESSION_OVER},
+    report::FaultReport,
+};
 
 use crate::{
     allotment::Allotment,
     assignment::Assignment,
+    audits::Audits,
     batch::BatchOrder,
     claims::Claims,
     damage::DamageReport,
@@ -100,7 +105,10 @@ pub struct Coordinator {
     /// Packets of lost workers, and overdue ones, by name.
     lost: BTreeMap<u64, Assignment>,
     claims: Claims,
-    /// Packets that check claims and that nobody has yet, by name.
+    audits: Audits,
+    /// Workers that were found broken.
+    faults: Vec<FaultReport>,
+    /// Packets that check claims and samples, and that nobody has yet, by name.
     checks: BTreeMap<u64, Assignment>,
     allotment: Allotment,
     fill: Option<Fill>,
@@ -146,6 +154,8 @@ impl Coordinator {
             last_served: None,
             lost: BTreeMap::new(),
             claims: Claims::default(),
+            audits: Audits::default(),
+            faults: Vec::new(),
             checks: BTreeMap::new(),
             allotment: Allotment::default(),
             fill,
@@ -204,7 +214,7 @@ impl Coordinator {
     fn finish(mut self) -> Result<Totals> {
         self.saver.finish(&self.holodeck);
         let flushed = self.holodeck.writable.then(|| self.holodeck.file.flush()).transpose();
-        let bye = Control::Bye { reason: "the session is over".into() };
+        let bye = Control::Bye { reason: SESSION_OVER.into() };
         let workers = self.workers.values().map(|worker| &worker.outbox);
         let displays = self.displays.values().map(|display| &display.outbox);
         for outbox in workers.chain(displays).chain(self.admins.values()) {
@@ -251,9 +261,9 @@ impl Coordinator {
     /// Handles an event. Only a failing disk is an error: the rest ends with the one who caused it.
     fn handle(&mut self, event: Event) -> Result<()> {
         match event {
-            Event::Joined { id, hello, rights, outbox, mailbox } => {
+            Event::Joined { id, hello, access, outbox, mailbox } => {
                 self.mailboxes.insert(id, mailbox);
-                self.join(id, hello, rights, outbox);
+                self.join(id, hello, access, outbox);
             }
             Event::Mail { id, mailbox } => {
                 let (mail, is_more) = mailbox.take();

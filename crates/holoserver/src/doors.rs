@@ -36,7 +36,12 @@ impl Doors {
         let outside = bind(address).await?;
         let folder = config.identity.clone().or_else(Identity::users_folder);
         let folder = folder.context("say --identity DIR: the user has no home folder")?;
-        let identity = tokio::task::spawn_blocking(move || Identity::open(&folder)).await??;
+        let own = config.cert.clone().zip(config.key.clone());
+        let open = move || match own {
+            Some((certificate, key)) => Identity::with_certificate(&folder, &certificate, &key),
+            None => Identity::open(&folder),
+        };
+        let identity = tokio::task::spawn_blocking(open).await??;
         let local = bind((Ipv4Addr::LOCALHOST, 0).into()).await?;
         let seen = holo_net::seen_from_outside(outside.local_addr()?).to_string();
         let invitation = invitation(&identity, config.public.clone().unwrap_or(seen))?;
@@ -60,13 +65,14 @@ async fn bind(address: SocketAddr) -> Result<TcpListener> {
     TcpListener::bind(address).await.with_context(|| format!("listening at {address}"))
 }
 
-/// Returns the invitation with the oldest token that permits everything.
+/// Returns the invitation with the oldest token that permits to trace and to look, and nothing else.
+/// One is made if there is none.
 fn invitation(identity: &Identity, address: String) -> Result<Invitation> {
     let tokens = identity.tokens()?;
-    let admin = tokens.iter().find(|(_, rights)| *rights == Rights::Admin);
-    let token = match admin {
+    let members = tokens.iter().find(|(_, rights)| *rights == Rights::Member);
+    let token = match members {
         Some((token, _)) => *token,
-        None => identity.add_token(Rights::Admin)?,
+        None => identity.add_token(Rights::Member)?,
     };
     Ok(Invitation { address, fingerprint: identity.fingerprint(), token })
 }

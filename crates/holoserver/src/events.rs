@@ -5,7 +5,7 @@ use std::sync::{
     atomic::{AtomicU64, Ordering},
 };
 
-use holo_net::{Outbox, Rights};
+use holo_net::{Access, Outbox};
 use holo_proto::hello::Hello;
 
 use crate::mailbox::Mailbox;
@@ -26,7 +26,7 @@ impl ConnectionId {
 #[derive(Debug)]
 pub enum Event {
     /// The server has taken somebody.
-    Joined { id: ConnectionId, hello: Hello, rights: Rights, outbox: Outbox, mailbox: Arc<Mailbox> },
+    Joined { id: ConnectionId, hello: Hello, access: Access, outbox: Outbox, mailbox: Arc<Mailbox> },
     /// It has sent something.
     Mail { id: ConnectionId, mailbox: Arc<Mailbox> },
     /// All stored samples of a view are sent.

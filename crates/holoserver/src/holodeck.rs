@@ -17,7 +17,9 @@ use holo_section::{Section, SectionSpec};
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    forget::beside,
     light::{LightRecords, Saved},
+    makers::Makers,
     unseen::UnseenBeams,
 };
 
@@ -127,6 +129,9 @@ pub struct Holodeck {
     light: RwLock<LightRecords>,
     /// Locked while records are written.
     light_saved: Mutex<Saved>,
+    makers: RwLock<Makers>,
+    /// The list in the file. Locked while it is written.
+    pub(crate) makers_saved: Mutex<Makers>,
 }
 
 impl Holodeck {
@@ -155,9 +160,7 @@ impl Holodeck {
     /// If it is no holodeck, or the new one cannot be written. The file is then as before.
     pub fn start_over(path: &Path) -> Result<()> {
         let old = Self::open_read_only(path, 0)?;
-        let mut name = path.as_os_str().to_owned();
-        name.push(".new");
-        let fresh = PathBuf::from(name);
+        let fresh = beside(path);
         if fresh.exists() {
             std::fs::remove_file(&fresh)
                 .with_context(|| format!("removing {}", fresh.display()))?;
@@ -201,6 +204,8 @@ impl Holodeck {
             unseen_saved: Mutex::default(),
             light: RwLock::default(),
             light_saved: Mutex::default(),
+            makers: RwLock::default(),
+            makers_saved: Mutex::default(),
         }
     }
 
@@ -249,6 +254,10 @@ impl Holodeck {
                 .push(format!("the list of beams that see nothing is lost: {error:#}"));
         }
         holodeck.load_light();
+        let (makers, result) = Makers::load(&holodeck.file);
+        holodeck.warnings.extend(result.err().map(|error| format!("{error:#}")));
+        holodeck.makers_saved = Mutex::new(makers.clone());
+        holodeck.makers = RwLock::new(makers);
         Ok(holodeck)
     }
 
@@ -344,6 +353,15 @@ impl Holodeck {
 
     pub(crate) fn light_mut(&self) -> RwLockWriteGuard<'_, LightRecords> {
         self.light.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns who made samples.
+    pub fn makers(&self) -> RwLockReadGuard<'_, Makers> {
+        self.makers.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn makers_mut(&self) -> RwLockWriteGuard<'_, Makers> {
+        self.makers.write().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Writes the records of indirect light that the file does not have. Waits for the disk.

@@ -7,6 +7,7 @@
 
 mod allotment;
 mod assignment;
+mod audits;
 mod batch;
 mod better;
 mod claims;
@@ -15,12 +16,14 @@ mod damage;
 mod doors;
 mod events;
 mod file_size;
+mod forget;
 mod handshakes;
 mod holodeck;
 mod light;
 mod listen;
 mod live;
 mod mailbox;
+mod makers;
 mod merge;
 mod pace;
 mod progress;
@@ -36,6 +39,7 @@ use std::{net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
 use anyhow::Result;
 use clap::Args;
 pub use file_size::outlive_file_size_limit;
+pub use forget::Forgotten;
 use holo_net::{Invitation, Shutdown};
 pub use holodeck::{About, Holodeck};
 pub use light::LightRecords;
@@ -44,6 +48,7 @@ use serde::{Deserialize, Serialize};
 use coordinator::{Coordinator, FillOptions};
 use doors::Doors;
 use events::Event;
+pub use makers::{MadeBy, Makers};
 pub use merge::Merged;
 use progress::Progress;
 pub use progress::superseded_bytes;
@@ -61,7 +66,8 @@ pub struct Config {
     #[arg(value_name = "FILE.holo")]
     pub file: PathBuf,
     /// Where to listen; port 0 takes any free port. The address is printed. Off this machine,
-    /// connections are encrypted, and only those may connect who have the string that is printed
+    /// connections are encrypted, and only those may connect who have the string that is printed:
+    /// workers and displays
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7070")]
     pub listen: String,
     /// Encrypt connections and ask for a token even on this machine, as for a tunnel
@@ -74,6 +80,12 @@ pub struct Config {
     /// configuration folder]
     #[arg(long, value_name = "DIR")]
     pub identity: Option<PathBuf>,
+    /// A certificate to use in place of the one that is made: a PEM file
+    #[arg(long, value_name = "FILE.pem", requires = "key")]
+    pub cert: Option<PathBuf>,
+    /// The certificate's key, a PEM file
+    #[arg(long, value_name = "FILE.pem", requires = "cert")]
+    pub key: Option<PathBuf>,
     /// Memory for beams that are kept at hand, MiB
     #[arg(long, value_name = "MIB", default_value_t = 256)]
     pub cache: u64,
@@ -119,6 +131,8 @@ impl Config {
             secure: false,
             public: None,
             identity: None,
+            cert: None,
+            key: None,
             cache: 256,
             fill: false,
             enough: None,

@@ -52,13 +52,16 @@ impl LightRecords {
     }
 
     /// Adds the records that are new, as far as there is room.
-    pub(crate) fn merge(&mut self, maker: Option<ConnectionId>, records: &[Record]) {
+    /// Returns how many that were.
+    pub(crate) fn merge(&mut self, maker: Option<ConnectionId>, records: &[Record]) -> u64 {
+        let before = self.len();
         for record in records {
             if self.len() < MAX_RECORDS && self.ids.insert(record.id) {
                 self.records.push(*record);
                 self.makers.push(maker);
             }
         }
+        (self.len() - before) as u64
     }
 
     /// Returns records from number `from` on, at most `most` and none that `to` has made, and the
@@ -107,7 +110,7 @@ impl Saved {
         let (mut records, mut warnings) = (LightRecords::default(), Vec::new());
         for blob in &blobs {
             match read(file, *blob) {
-                Ok(light) => records.merge(None, &light.records),
+                Ok(light) => _ = records.merge(None, &light.records),
                 Err(error) => warnings
                     .push(format!("records of indirect light are lost, and made again: {error:#}")),
             }
@@ -198,7 +201,7 @@ mod tests {
     fn no_more_is_kept_than_there_is_room_for() {
         let mut light = LightRecords::default();
         let many: Vec<_> = (0..MAX_RECORDS as u64 + 5).map(record).collect();
-        many.chunks(100_000).for_each(|records| light.merge(None, records));
+        many.chunks(100_000).for_each(|records| _ = light.merge(None, records));
         assert_eq!(light.len(), MAX_RECORDS);
     }
 }

@@ -5,7 +5,7 @@ use std::{
     time::Duration,
 };
 
-use holo_net::{Identity, Inbox, NetError, Outbox, Rights};
+use holo_net::{Access, Identity, Inbox, NetError, Outbox, Rights};
 use holo_proto::hello::{Hello, Role};
 use tokio::{
     net::{TcpListener, TcpStream},
@@ -20,9 +20,9 @@ use crate::{
     mailbox::{Mail, Mailbox, Put},
 };
 
-/// Connections at a time that have said who they are: a render farm's workers and a few displays.
-/// Each costs at most the memory of a few bulk messages.
-const MAX_CONNECTIONS: usize = 256;
+/// Connections at a time that have said who they are: a render farm's workers and a room of
+/// displays. Each costs at most the memory of a few bulk messages.
+const MAX_CONNECTIONS: usize = 512;
 
 /// How long a peer whose connection was ended may take to read why.
 const LAST_WORDS: Duration = Duration::from_secs(1);
@@ -59,8 +59,8 @@ pub async fn listen(listener: TcpListener, identity: Option<Identity>, shared: S
             let task = async move {
                 let accepted = accept(stream, identity.as_deref()).await;
                 handshakes.finish(number);
-                if let Ok((inbox, outbox, hello, rights)) = accepted {
-                    serve(inbox, outbox, hello, rights, &shared).await;
+                if let Ok((inbox, outbox, hello, access)) = accepted {
+                    serve(inbox, outbox, hello, access, &shared).await;
                 }
             };
             tokio::spawn(task).abort_handle()
@@ -72,18 +72,18 @@ pub async fn listen(listener: TcpListener, identity: Option<Identity>, shared: S
 async fn accept(
     stream: TcpStream,
     identity: Option<&Identity>,
-) -> Result<(Inbox, Outbox, Hello, Rights), NetError> {
+) -> Result<(Inbox, Outbox, Hello, Access), NetError> {
     match identity {
         Some(identity) => holo_net::accept_secure(stream, identity).await,
         None => {
             let (inbox, outbox, hello) = holo_net::accept(stream).await?;
-            Ok((inbox, outbox, hello, Rights::Admin))
+            Ok((inbox, outbox, hello, Access { rights: Rights::Admin, token: None }))
         }
     }
 }
 
 /// Serves one connection.
-async fn serve(inbox: Inbox, outbox: Outbox, hello: Hello, rights: Rights, shared: &Shared) {
+async fn serve(inbox: Inbox, outbox: Outbox, hello: Hello, access: Access, shared: &Shared) {
     let Shared { holodeck, events, room } = shared;
     let place = room.try_acquire();
     if let Some(reason) = refusal(holodeck, hello.role, place.is_err()) {
@@ -96,7 +96,7 @@ async fn serve(inbox: Inbox, outbox: Outbox, hello: Hello, rights: Rights, share
     }
     let id = ConnectionId::next();
     let mailbox = Arc::new(Mailbox::new(hello.role));
-    let joined = Event::Joined { id, hello, rights, outbox, mailbox: Arc::clone(&mailbox) };
+    let joined = Event::Joined { id, hello, access, outbox, mailbox: Arc::clone(&mailbox) };
     if events.send(joined).is_ok() {
         deliver(id, inbox, &mailbox, events).await;
     }

@@ -5,10 +5,13 @@
 //!   the larger number of paths.
 //! - So merging a file again changes nothing.
 
-use std::ops::{ControlFlow, Range};
+use std::{
+    collections::HashMap,
+    ops::{ControlFlow, Range},
+};
 
 use anyhow::{Result, ensure};
-use holo_beamfile::Error;
+use holo_beamfile::{Error, Maker};
 use holo_section::{Run, Sample};
 use serde::Serialize;
 
@@ -37,13 +40,20 @@ impl Holodeck {
         ensure!(ours.sections == theirs.sections, "they have different sections");
         ensure!(ours.settings == theirs.settings, "they were traced with different settings");
         let mut merged = Merged::default();
+        let makers: HashMap<Maker, Maker> =
+            self.makers_mut().merge(&other.makers()).into_iter().collect();
         let mut keys = Vec::new();
         other.file.for_each_beam(&mut |key, _| keys.push(key));
         let mut written = Ok(());
-        other.file.read_many(&keys, &mut |_, beam| {
-            for (run, samples) in beam.iter() {
+        other.file.read_many(&keys, &mut |key, beam| {
+            let mut rest = beam.samples.as_slice();
+            // The beam's own runs, split where the maker changes.
+            for (run, maker) in other.file.makers(key) {
+                let (samples, after) = rest.split_at((run.count as usize).min(rest.len()));
+                rest = after;
+                let maker = makers.get(&maker).copied().unwrap_or_default();
                 if written.is_ok() {
-                    written = self.merge_run(run, samples, &mut merged);
+                    written = self.merge_run(&run, maker, samples, &mut merged);
                 }
             }
             if written.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
@@ -51,6 +61,7 @@ impl Holodeck {
         written?;
         other.unseen().iter().for_each(|key| _ = self.unseen_mut().insert(key));
         self.light_mut().merge(None, other.light().records());
+        self.save_makers()?;
         self.save_unseen()?;
         self.save_light()?;
         for (name, options) in &theirs.views {
@@ -62,7 +73,13 @@ impl Holodeck {
         Ok(merged)
     }
 
-    fn merge_run(&self, run: &Run, samples: &[Sample], merged: &mut Merged) -> Result<(), Error> {
+    fn merge_run(
+        &self,
+        run: &Run,
+        maker: Maker,
+        samples: &[Sample],
+        merged: &mut Merged,
+    ) -> Result<(), Error> {
         let have = self.file.runs(run.key);
         let numbers = run.first..run.first + samples.len() as u32;
         let part = |range: &Range<u32>| {
@@ -75,13 +92,13 @@ impl Holodeck {
         merged.known += samples.len() as u64;
         for range in &missing {
             let (run, samples) = part(range);
-            self.file.append(run, samples)?;
+            self.file.append(run, maker, samples)?;
             merged.added += samples.len() as u64;
             merged.known -= samples.len() as u64;
         }
         for range in worse.iter().filter(|_| is_uniform) {
             let (run, samples) = part(range);
-            self.file.supersede(run, samples)?;
+            self.file.supersede(run, maker, samples)?;
             merged.better += samples.len() as u64;
             merged.known -= samples.len() as u64;
         }

@@ -192,7 +192,7 @@ fn send_blob(
                 thread::sleep(PAUSE);
             }
             let chunk = BlobChunk { offset, bytes: piece.to_vec() };
-            if outbox.send(Kind::BlobChunk, &chunk.encode()).is_err() {
+            if outbox.send(Kind::BlobChunk, &chunk.encode_compressed()).is_err() {
                 return;
             }
             offset += piece.len() as u64;

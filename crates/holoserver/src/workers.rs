@@ -16,15 +16,19 @@ use crate::{
     live::LiveAssignment,
     pace::Pace,
 };
+use holo_beamfile::Maker;
 use holo_net::Outbox;
 use holo_proto::{
     bulk::{LivePacket, LiveWork, Traced, Work},
     report::WorkerReport,
 };
 
-/// Work that a worker gets ahead. It is long enough that the worker never waits for the server, and
-/// short enough that a new view is traced at once (the paper allowed five seconds, §2.2).
-const AHEAD: Duration = Duration::from_millis(150);
+/// Work that a worker gets ahead (the paper allowed five seconds, §2.2).
+///
+/// It is long enough that a worker 50 ms away never waits for the server. It is short enough that
+/// the first samples of a new view come within 100 ms: a worker has at least 0.7 of it, which it
+/// traces first.
+const AHEAD: Duration = Duration::from_millis(120);
 
 /// How many times more than [`AHEAD`] a worker may get by what it says of its speed. What has come
 /// back so far may understate it, because the server had less to give.
@@ -49,6 +53,8 @@ pub struct Worker {
     pub outbox: Outbox,
     /// Its name, for people.
     pub name: String,
+    /// What the file calls its machine.
+    pub maker: Maker,
     threads: f64,
     /// Work is counted in rays of so many paths.
     usual_paths: u16,
@@ -88,10 +94,11 @@ struct Late {
 
 impl Worker {
     /// Returns a worker that is not ready yet. Its work is counted in rays of `usual_paths` paths.
-    pub fn new(outbox: Outbox, name: String, usual_paths: u16) -> Worker {
+    pub fn new(outbox: Outbox, name: String, maker: Maker, usual_paths: u16) -> Worker {
         Worker {
             outbox,
             name,
+            maker,
             threads: 0.0,
             usual_paths,
             seconds_per_ray: None,
@@ -111,6 +118,11 @@ impl Worker {
     /// Takes note that it has loaded the scene.
     pub fn ready(&mut self, threads: u16) {
         self.threads = f64::from(threads.max(1));
+    }
+
+    /// Returns whether it has loaded the scene.
+    pub fn is_ready(&self) -> bool {
+        self.threads > 0.0
     }
 
     /// Sets whether it must first get the known records of light. Until then it gets no work,
@@ -326,6 +338,7 @@ impl Worker {
     pub fn report(&self) -> WorkerReport {
         WorkerReport {
             name: self.name.clone(),
+            maker: self.maker.0,
             threads: self.threads as u32,
             rays_per_second: self.pace.rate().unwrap_or(0.0),
             rays: self.work_returned as u64,
@@ -357,7 +370,7 @@ mod tests {
         let address = listener.local_addr().unwrap();
         let client = tokio::spawn(connect_on(address));
         let (inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
-        let mut worker = Worker::new(outbox, "a test".into(), 1);
+        let mut worker = Worker::new(outbox, "a test".into(), Maker(1), 1);
         worker.ready(threads);
         (worker, (client, inbox))
     }
@@ -378,7 +391,7 @@ mod tests {
             packet: packet(id),
             viewpoint: None,
             display: None,
-            check: None,
+            purpose: crate::assignment::Purpose::Store,
             not_for: None,
         };
         worker.assign(names.iter().map(assignment).collect(), now);

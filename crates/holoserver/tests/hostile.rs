@@ -3,14 +3,17 @@
 
 mod common;
 
+use std::collections::BTreeSet;
+
 use common::{Peer, Place, Server, in_time, run, view};
 use holo_net::Message;
 use holo_proto::{
-    bulk::{Results, Work},
+    bulk::{RaysWanted, Results, WantedRay, Work},
     control::Control,
     frame::Kind,
     hello::Role,
 };
+use holo_section::{RayCoords, SampleKind};
 use holo_server::Holodeck;
 use tokio::{net::TcpStream, task::JoinHandle};
 
@@ -62,6 +65,58 @@ fn a_display_that_floods_delays_no_other_and_leaves_nothing_behind() {
         display
             .wait_for(|message| *message == Message::Control(Control::StoredSent { view: 2 }))
             .await;
+        server.end().await;
+        honest.await.unwrap();
+    });
+}
+
+#[test]
+fn a_worker_that_traces_other_rays_than_it_is_given_is_dropped_and_others_trace_them() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|_| {}).await;
+        let mut liar = Peer::join(server.address, Role::Worker).await;
+        liar.outbox.control(&Control::Ready { threads: 1 }).unwrap();
+        let mut display = Peer::join(server.address, Role::Display).await;
+        display.send(Kind::View, &view(1, 1));
+        let rays = (0..40).map(|at| WantedRay { key: common::beam(0), coords: RayCoords([at; 4]) });
+        display.send(Kind::Rays, &RaysWanted { view: 1, rays: rays.collect() }.encode());
+        loop {
+            let packets = liar.work().await;
+            let named: Vec<_> = packets.iter().filter(|packet| packet.rays.is_some()).collect();
+            liar.send(Kind::Results, &common::results(named.iter().copied(), true).encode());
+            if !named.is_empty() {
+                break;
+            }
+        }
+        let reason = liar.expelled().await.expect("it is told why");
+        assert!(reason.contains("other rays"), "{reason}");
+        // An honest one gets them, and returns what they name.
+        let honest = tokio::spawn(common::work_as(server.address, |work| {
+            let mut results = common::results(&work.packets, true);
+            let mut samples = results.samples.iter_mut();
+            for packet in &work.packets {
+                for at in 0..usize::from(packet.count) {
+                    let sample = samples.next().unwrap();
+                    sample.coords = packet.rays.map_or(sample.coords, |rays| rays[at]);
+                }
+            }
+            results
+        }));
+        let mut seen = BTreeSet::new();
+        while seen.len() < 40 {
+            let is_samples = |message: &Message| matches!(message, Message::Samples(_));
+            let Message::Samples(samples) = display.wait_for(is_samples).await else { continue };
+            let mut rest = samples.samples.as_slice();
+            for run in &samples.runs {
+                let (these, after) = rest.split_at(run.count as usize);
+                rest = after;
+                if run.kind == SampleKind::SingleRay {
+                    seen.extend(these.iter().map(|sample| sample.coords.0));
+                }
+            }
+        }
+        assert_eq!(seen, (0..40).map(|at| [at; 4]).collect());
         server.end().await;
         honest.await.unwrap();
     });

@@ -43,6 +43,8 @@ fn by_the_printed_string_a_worker_traces_and_a_display_looks() {
         let mut display = Peer::join(invited(), Role::Display).await;
         display.send(Kind::View, &view(1, 50));
         display.samples(100).await;
+        let admin = in_time(holo_net::connect(invited(), Role::Admin, "a test")).await;
+        assert!(matches!(admin, Err(NetError::Refused(_))), "it permits no more than that");
         // Whoever was started with the server needs no string.
         let local = Peer::join(server.address, Role::Display).await;
         drop((display, local));

@@ -14,7 +14,7 @@ use tokio::{
 };
 
 use crate::{
-    Destination, HANDSHAKE_TIME, Identity, Inbox, NetError, Outbox, Rights, Token,
+    Access, Destination, HANDSHAKE_TIME, Identity, Inbox, NetError, Outbox, Token,
     identity::{key, random},
     inbox::{FROM_A_PEER, FROM_THE_SERVER, FrameReader},
     tls::{self, ReadHalf, WriteHalf},
@@ -119,24 +119,26 @@ pub async fn accept(stream: TcpStream) -> Result<(Inbox, Outbox, Hello), NetErro
 pub async fn accept_secure(
     stream: TcpStream,
     identity: &Identity,
-) -> Result<(Inbox, Outbox, Hello, Rights), NetError> {
+) -> Result<(Inbox, Outbox, Hello, Access), NetError> {
     let shake = async {
         at_once(&stream);
         let (mut reader, outbox) = start(tls::serve(stream, identity).await?);
         let (bytes, hello) = read_hello(&mut reader, &outbox).await?;
-        let rights = check_proof(&mut reader, &outbox, identity, &bytes).await?;
-        let reason = match rights {
+        let access = check_proof(&mut reader, &outbox, identity, &bytes).await?;
+        let reason = match access {
             None => "its token is not one of this server's, or was revoked",
-            Some(rights) if !rights.permits(hello.role) => "its token does not permit that role",
-            Some(rights) => return Ok((reader, outbox, hello, rights)),
+            Some(access) if !access.rights.permits(hello.role) => {
+                "its token does not permit that role"
+            }
+            Some(access) => return Ok((reader, outbox, hello, access)),
         };
         refuse(&outbox, reason);
         outbox.drained().await;
         Err(NetError::Refused(reason.to_owned()))
     };
-    let (reader, outbox, hello, rights) =
+    let (reader, outbox, hello, access) =
         timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
-    Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello, rights))
+    Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello, access))
 }
 
 /// Reads a hello: its bytes, and what they say.
@@ -162,14 +164,15 @@ async fn check_proof(
     outbox: &Outbox,
     identity: &Identity,
     hello: &[u8],
-) -> Result<Option<Rights>, NetError> {
+) -> Result<Option<Access>, NetError> {
     let challenge = Challenge(random()?);
     outbox.send(Kind::Challenge, &challenge.encode())?;
     let proof = Proof::decode(&reader.frame_of(Kind::Proof).await?)?;
     let known = identity.tokens()?.into_iter().find(|(token, _)| token.id == proof.token);
     Ok(known.and_then(|(token, rights)| {
         let said = [&challenge.0, hello].concat();
-        hmac::verify(&key(&token), &said, &proof.mac).is_ok().then_some(rights)
+        hmac::verify(&key(&token), &said, &proof.mac).ok()?;
+        Some(Access { rights, token: Some(token.name()) })
     }))
 }
 

@@ -18,7 +18,7 @@ use tokio_rustls::{
     rustls::{
         ServerConfig,
         crypto::ring::default_provider,
-        pki_types::{CertificateDer, PrivateKeyDer, PrivatePkcs8KeyDer},
+        pki_types::{CertificateDer, PrivateKeyDer, PrivatePkcs8KeyDer, pem::PemObject},
         version::TLS13,
     },
 };
@@ -43,17 +43,49 @@ impl Identity {
         let fail = |error: io::Error| NetError::Identity(folder.to_owned(), error.to_string());
         let (certificate, key) = (folder.join("certificate.der"), folder.join("key.der"));
         if !certificate.exists() {
-            make(folder).map_err(fail)?;
+            make_tokens(folder).and_then(|()| make_certificate(folder)).map_err(fail)?;
         }
         let certificate = CertificateDer::from(fs::read(certificate).map_err(fail)?);
         let key = PrivatePkcs8KeyDer::from(fs::read(key).map_err(fail)?);
+        Identity::new(folder, vec![certificate], key.into())
+            .map_err(|error| NetError::Identity(folder.to_owned(), error))
+    }
+
+    /// Opens an identity with a certificate of its owner's: PEM files of a certificate, which others
+    /// may follow that sign it, and of its key. The tokens are in `folder`; if there are none, one
+    /// with all rights is made.
+    ///
+    /// # Errors
+    /// [`NetError::Identity`] if a file cannot be read, written or used, or the key is not the
+    /// certificate's.
+    pub fn with_certificate(
+        folder: &Path,
+        certificate: &Path,
+        key: &Path,
+    ) -> Result<Identity, NetError> {
+        let fail = |path: &Path, error: String| NetError::Identity(path.to_owned(), error);
+        let chain = CertificateDer::pem_file_iter(certificate).and_then(Iterator::collect);
+        let chain: Vec<_> = chain.map_err(|error| fail(certificate, error.to_string()))?;
+        let secret = PrivateKeyDer::from_pem_file(key);
+        let secret = secret.map_err(|error| fail(key, error.to_string()))?;
+        if !folder.join("tokens").exists() {
+            make_tokens(folder).map_err(|error| fail(folder, error.to_string()))?;
+        }
+        Identity::new(folder, chain, secret).map_err(|error| fail(certificate, error))
+    }
+
+    /// Returns an identity of a certificate, those that sign it, and its key; or why there is none.
+    fn new(
+        folder: &Path,
+        chain: Vec<CertificateDer<'static>>,
+        key: PrivateKeyDer<'static>,
+    ) -> Result<Identity, String> {
+        let certificate = chain.first().ok_or("it holds no certificate")?.clone();
         let config = ServerConfig::builder_with_provider(Arc::new(default_provider()))
             .with_protocol_versions(&[&TLS13])
             .map(|builder| builder.with_no_client_auth())
-            .and_then(|builder| {
-                builder.with_single_cert(vec![certificate.clone()], PrivateKeyDer::Pkcs8(key))
-            })
-            .map_err(|error| NetError::Identity(folder.to_owned(), error.to_string()))?;
+            .and_then(|builder| builder.with_single_cert(chain, key))
+            .map_err(|error| error.to_string())?;
         let acceptor = TlsAcceptor::from(Arc::new(config));
         Ok(Identity { folder: folder.to_owned(), certificate, acceptor })
     }
@@ -130,12 +162,15 @@ impl Identity {
     }
 }
 
-/// Makes a certificate and a token. The certificate comes last: it says that all is there.
-fn make(folder: &Path) -> io::Result<()> {
+fn make_tokens(folder: &Path) -> io::Result<()> {
     fs::create_dir_all(folder)?;
+    write_tokens(&folder.join("tokens"), &[(new_token()?, Rights::Admin)])
+}
+
+/// Makes a certificate, last: it says that all is there.
+fn make_certificate(folder: &Path) -> io::Result<()> {
     let made = rcgen::generate_simple_self_signed(vec!["holodeck".to_owned()]);
     let made = made.map_err(io::Error::other)?;
-    write_tokens(&folder.join("tokens"), &[(new_token()?, Rights::Admin)])?;
     write(&folder.join("key.der"), made.signing_key.serialized_der())?;
     write(&folder.join("certificate.der"), made.cert.der())
 }
@@ -189,6 +224,8 @@ fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 mod tests {
     use std::os::unix::fs::PermissionsExt;
 
+    use base64::Engine;
+
     use super::*;
 
     #[test]
@@ -206,6 +243,45 @@ mod tests {
         }
         let other = Identity::open(&folder.path().join("other")).unwrap();
         assert_ne!(first.fingerprint(), other.fingerprint());
+    }
+
+    fn pem(label: &str, der: &[u8]) -> String {
+        let text = base64::engine::general_purpose::STANDARD.encode(der);
+        let lines: Vec<_> = text.as_bytes().chunks(64).map(String::from_utf8_lossy).collect();
+        format!("-----BEGIN {label}-----\n{}\n-----END {label}-----\n", lines.join("\n"))
+    }
+
+    #[test]
+    fn an_owners_certificate_is_used_with_its_key_and_with_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let made = |name: &str| {
+            let made = rcgen::generate_simple_self_signed(vec!["a.example".to_owned()]).unwrap();
+            let key = made.signing_key.serialized_der();
+            fs::write(path(name), pem("CERTIFICATE", made.cert.der())).unwrap();
+            fs::write(path(&format!("{name}.key")), pem("PRIVATE KEY", key)).unwrap();
+            sha256(made.cert.der())
+        };
+        let (first, _) = (made("first"), made("second"));
+        let open = |certificate: &str, key: &str| {
+            Identity::with_certificate(&path("tokens of it"), &path(certificate), &path(key))
+        };
+        let identity = open("first", "first.key").unwrap();
+        assert_eq!(identity.fingerprint(), first);
+        let tokens = identity.tokens().unwrap();
+        assert_eq!(open("first", "first.key").unwrap().tokens().unwrap(), tokens, "they stay");
+        for (certificate, key, named) in [
+            ("first", "second.key", "first"),
+            ("first", "none", "none"),
+            ("none", "first.key", "none"),
+            ("first.key", "first.key", "first.key"),
+            ("first", "first", "first"),
+        ] {
+            let Err(NetError::Identity(at, reason)) = open(certificate, key) else {
+                panic!("{certificate} with {key}");
+            };
+            assert!(at == path(named) && !reason.is_empty(), "{at:?}: {reason}");
+        }
     }
 
     #[test]

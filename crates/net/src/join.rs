@@ -22,6 +22,8 @@ pub(crate) const SECRET_BYTES: usize = 32;
 pub enum Rights {
     /// Everything: trace, look, and ask how the server fares.
     Admin,
+    /// Trace and look; the server traces for them. The string that a server prints permits this.
+    Member,
     /// Trace.
     Worker,
     /// Look; the server traces for them.
@@ -32,8 +34,9 @@ pub enum Rights {
 
 impl Rights {
     /// All rights, by name.
-    const ALL: [(&'static str, Rights); 4] = [
+    const ALL: [(&'static str, Rights); 5] = [
         ("admin", Rights::Admin),
+        ("member", Rights::Member),
         ("worker", Rights::Worker),
         ("display", Rights::Display),
         ("read-only", Rights::ReadOnly),
@@ -42,7 +45,7 @@ impl Rights {
     /// Returns whether a peer with these rights may have this role.
     pub fn permits(self, role: Role) -> bool {
         match role {
-            Role::Worker => matches!(self, Rights::Admin | Rights::Worker),
+            Role::Worker => matches!(self, Rights::Admin | Rights::Member | Rights::Worker),
             Role::Display => self != Rights::Worker,
             Role::Admin => self == Rights::Admin,
         }
@@ -62,9 +65,18 @@ impl FromStr for Rights {
     fn from_str(text: &str) -> Result<Rights, String> {
         let found = Rights::ALL.iter().find(|(name, _)| *name == text);
         found.map(|(_, rights)| *rights).ok_or_else(|| {
-            format!("`{text}` is no role; write admin, worker, display or read-only")
+            format!("`{text}` is no role; write admin, member, worker, display or read-only")
         })
     }
+}
+
+/// What a peer may do, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Access {
+    /// What it may do.
+    pub rights: Rights,
+    /// The name of its token; none on this machine.
+    pub token: Option<String>,
 }
 
 /// A name and a secret.
@@ -219,6 +231,7 @@ mod tests {
             [Role::Worker, Role::Display, Role::Admin].map(|role| rights.permits(role))
         };
         assert_eq!(allowed(Rights::Admin), [true, true, true]);
+        assert_eq!(allowed(Rights::Member), [true, true, false]);
         assert_eq!(allowed(Rights::Worker), [true, false, false]);
         assert_eq!(allowed(Rights::Display), [false, true, false]);
         assert_eq!(allowed(Rights::ReadOnly), [false, true, false]);

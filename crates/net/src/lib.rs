@@ -30,7 +30,7 @@ pub use error::NetError;
 pub use handshake::{accept, accept_secure, connect, refuse, welcome};
 pub use identity::Identity;
 pub use inbox::Inbox;
-pub use join::{Destination, Invitation, Rights, Token};
+pub use join::{Access, Destination, Invitation, Rights, Token};
 pub use message::Message;
 pub use outbox::Outbox;
 pub use reach::reach;

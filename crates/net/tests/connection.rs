@@ -65,7 +65,7 @@ async fn a_frame_that_comes_byte_by_byte_arrives() {
 #[tokio::test]
 async fn the_longest_frame_arrives_and_one_byte_more_is_not_sent() {
     let ((mut inbox, _outbox), (_theirs_in, theirs_out)) = pair().await;
-    let bytes = (frame::MAX_BULK_BYTES - 8) as usize;
+    let bytes = (frame::MAX_BULK_BYTES - 12) as usize;
     let chunk = BlobChunk { offset: 1 << 40, bytes: (0..bytes).map(|i| (i % 251) as u8).collect() };
     theirs_out.send(Kind::BlobChunk, &chunk.encode()).unwrap();
     let longer = BlobChunk { offset: 0, bytes: vec![0; bytes + 1] };

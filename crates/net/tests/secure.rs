@@ -44,15 +44,16 @@ impl Server {
         role: Role,
     ) -> (Result<Rights, NetError>, Result<(), NetError>) {
         let (listener, address) = listener().await;
-        let address = address.to_string();
+        let (address, token_name) = (address.to_string(), token.name());
         let invitation = Invitation { address, fingerprint, token };
         let server = async {
             let stream = listener.accept().await.unwrap().0;
-            let (_inbox, outbox, hello, rights) = accept_secure(stream, &self.identity).await?;
+            let (_inbox, outbox, hello, access) = accept_secure(stream, &self.identity).await?;
             assert_eq!(hello, Hello::new(role, "tester"));
             holo_net::welcome(&outbox, welcome())?;
             outbox.drained().await;
-            Ok(rights)
+            assert_eq!(access.token, Some(token_name));
+            Ok(access.rights)
         };
         // Through its text, as people carry it.
         let destination = Destination::parse(&invitation.to_string()).unwrap();
@@ -73,7 +74,7 @@ async fn who_holds_a_token_is_taken_in_the_roles_that_it_permits() {
     let server = Server::new();
     let fingerprint = server.identity.fingerprint();
     let mut tokens = vec![(server.admin(), Rights::Admin)];
-    for rights in [Rights::Worker, Rights::Display, Rights::ReadOnly] {
+    for rights in [Rights::Member, Rights::Worker, Rights::Display, Rights::ReadOnly] {
         tokens.push((server.identity.add_token(rights).unwrap(), rights));
     }
     for (token, rights) in tokens {

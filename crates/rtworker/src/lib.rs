@@ -17,9 +17,10 @@ mod unseen;
 
 use std::{path::PathBuf, time::Duration};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::Args;
 use holo_net::{Destination, NetError, Shutdown};
+use holo_proto::control::SESSION_OVER;
 pub use report::Report;
 
 /// Options of `rtworker`.
@@ -59,8 +60,8 @@ pub struct Config {
 /// Traces for a server until the server says goodbye, or `shutdown` is triggered.
 ///
 /// # Errors
-/// If the server cannot be reached for `config.retry` seconds, refuses, breaks the protocol, or its
-/// scene cannot be traced.
+/// If the server cannot be reached for `config.retry` seconds, refuses, drops this worker, breaks the
+/// protocol, or its scene cannot be traced.
 pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
     let server = Destination::parse(&config.connect)?;
     if config.nice > 0 {
@@ -71,10 +72,11 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
     loop {
         let lost = tokio::select! {
             ended = serve(&mut worker, &config, &server) => match ended {
-                Ok(reason) => {
+                Ok(reason) if reason == SESSION_OVER => {
                     chat(&config, &format!("leaving: {reason}"));
                     return Ok(());
                 }
+                Ok(reason) => bail!("the server has dropped this worker: {reason}"),
                 Err(error) => error,
             },
             () = shutdown.wait() => return Ok(()),

@@ -30,7 +30,10 @@ pub type Connection = (Inbox, Outbox, Welcome);
 
 /// Connects as a worker. While nobody answers, it tries again for `patience`.
 pub async fn reach(server: &Destination, patience: Duration) -> Result<Connection, NetError> {
-    let name = format!("rtworker {}", std::process::id());
+    let system = rustix::system::uname();
+    let (host, process) = (system.nodename().to_string_lossy(), std::process::id());
+    // The server tells machines apart by what comes before the process.
+    let name = format!("rtworker on {host} #{process}");
     // The caller has said that it tries.
     holo_net::reach(server, Role::Worker, &name, patience, |_, _| {}).await
 }

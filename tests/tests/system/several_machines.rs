@@ -32,16 +32,21 @@ fn one_string_is_all_that_a_worker_and_a_viewer_need() {
         report["traced"].as_u64().unwrap()
     };
     assert!(patiently(traced, |traced| *traced > 0) > 0, "no sample is traced");
-    for connect in [&join, &local] {
+    // The printed string permits to trace and to look. An administrator has a token of its own.
+    place.run(&["status", "--join", &join]).failed(1, &["does not permit that role"]);
+    let identity = ["--identity", "{}/identity"];
+    let address = join.split('/').nth(2).unwrap();
+    let add = ["tokens", "--add", "admin", "--public", address];
+    let admin = place.run(&[&add[..], &identity].concat()).ok().stdout;
+    let admin = admin.trim().strip_prefix("join with ").unwrap().to_owned();
+    for connect in [&admin, &local] {
         let status = place.run(&["status", "--connect", connect, "--json"]).ok().json();
         assert_eq!(status["workers"].as_array().unwrap().len(), 1, "{status}");
         assert!(status["traced"].as_u64().unwrap() > 0, "{status}");
     }
     // A token of another role, and none at all.
-    let identity = ["--identity", "{}/identity"];
     let add = ["tokens", "--add", "worker", "--public", "127.0.0.1:1"];
     let added = place.run(&[&add[..], &identity].concat()).ok().stdout;
-    let address = join.split('/').nth(2).unwrap();
     let token = added.trim().rsplit('/').next().unwrap();
     let fingerprint = join.split('/').nth(3).unwrap();
     let workers = format!("holodeck://{address}/{fingerprint}/{token}");

@@ -8,7 +8,7 @@ use holo_section::{BeamKey, Sample};
 
 use super::Coordinator;
 use crate::{
-    assignment::{Assignment, ResultsError},
+    assignment::{Assignment, Purpose, ResultsError},
     claims::Check,
     events::ConnectionId,
     recall::send_unseen,
@@ -37,9 +37,16 @@ impl Coordinator {
         let worker = self.workers.get_mut(&id).context("it has left")?;
         let finished = worker.finish_unseen(packet, std::time::Instant::now())?;
         let Some(mut assignment) = self.still_open(finished) else { return Ok(None) };
-        if let Some(check) = assignment.check {
-            self.checked(id, assignment.key(), check, false)?;
-            return Ok(None);
+        match assignment.purpose {
+            Purpose::Store => {}
+            Purpose::Claim(check) => {
+                self.checked(id, assignment.key(), check, false)?;
+                return Ok(None);
+            }
+            Purpose::Again(audit) => {
+                self.audited(audit, None)?;
+                return Ok(None);
+            }
         }
         if self.claims.is_doubted(id) && self.workers.len() > 1 {
             assignment.not_for = Some(id);
@@ -48,7 +55,10 @@ impl Coordinator {
         }
         self.finish_packet(&assignment);
         let key = assignment.key();
-        self.holodeck.unseen_mut().insert(key);
+        if self.holodeck.unseen_mut().insert(key) {
+            let maker = self.maker(id);
+            self.holodeck.makers_mut().change(maker, |made| made.claims += 1);
+        }
         if self.claims.add(id, key) {
             self.check(key, Check { claimer: id, hitter: None });
         }
@@ -65,7 +75,7 @@ impl Coordinator {
             packet,
             viewpoint: None,
             display: None,
-            check: Some(check),
+            purpose: Purpose::Claim(check),
             not_for: None,
         };
         self.lose([assignment]);
@@ -112,17 +122,20 @@ impl Coordinator {
     }
 
     /// Believes no claim of a worker any more: the beams are traced.
-    fn undo(&mut self, claimer: ConnectionId) {
+    pub(super) fn undo(&mut self, claimer: ConnectionId) {
         let claims = self.claims.doubt(claimer);
         if claims.count() == 0 {
             return;
         }
         let name = self.workers.get(&claimer).map_or("a worker that has left", |w| &w.name);
         self.progress.say(&format!(
-            "{name} says that {} beams see nothing, and another worker hit something in one of \
-             them: all are traced",
+            "{name} says that {} beams see nothing, and is wrong somewhere: all are traced",
             claims.count()
         ));
+        let (maker, count) = (self.maker(claimer), claims.count());
+        self.holodeck.makers_mut().change(maker, |made| {
+            made.claims = made.claims.saturating_sub(count);
+        });
         let mut unseen = self.holodeck.unseen_mut();
         claims.iter().for_each(|key| _ = unseen.remove(key));
         drop(unseen);

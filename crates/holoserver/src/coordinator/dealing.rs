@@ -9,7 +9,10 @@ use holo_section::{BeamKey, RayCoords, SampleKind, Viewpoint};
 
 use super::{Coordinator, display::is_looked_at, fill::Known};
 use crate::{
-    assignment::Assignment, events::ConnectionId, live::LiveAssignment, wishes::RayPacket,
+    assignment::{Assignment, Purpose},
+    events::ConnectionId,
+    live::LiveAssignment,
+    wishes::RayPacket,
     workers::Worker,
 };
 
@@ -94,8 +97,10 @@ impl Coordinator {
     /// Takes packets back that a worker has not traced, for others.
     pub(super) fn lose(&mut self, packets: impl IntoIterator<Item = Assignment>) {
         for assignment in packets {
-            let waiting =
-                if assignment.check.is_some() { &mut self.checks } else { &mut self.lost };
+            let waiting = match assignment.purpose {
+                Purpose::Store => &mut self.lost,
+                Purpose::Claim(_) | Purpose::Again(_) => &mut self.checks,
+            };
             waiting.insert(assignment.packet.id, assignment);
         }
     }
@@ -267,6 +272,6 @@ impl Coordinator {
         let paths = self.holodeck.about.settings.paths_per_sample;
         let id = self.last_packet;
         let packet = Packet { id, key, first, count, paths, viewpoint: None, rays: None };
-        Assignment { packet, viewpoint, display, check: None, not_for: None }
+        Assignment { packet, viewpoint, display, purpose: Purpose::Store, not_for: None }
     }
 }

@@ -2,32 +2,42 @@
 
 use std::sync::atomic::Ordering;
 
-use holo_net::{Outbox, Rights};
+use holo_beamfile::Maker;
+use holo_net::{Access, Outbox, Rights};
 use holo_proto::{
     control::Control,
     hello::{Hello, Role},
 };
 
 use super::{Coordinator, display::Display};
-use crate::{events::ConnectionId, workers::Worker};
+use crate::{assignment::Purpose, events::ConnectionId, workers::Worker};
 
 impl Coordinator {
     /// Takes somebody in.
-    pub(super) fn join(&mut self, id: ConnectionId, hello: Hello, rights: Rights, outbox: Outbox) {
+    pub(super) fn join(&mut self, id: ConnectionId, hello: Hello, access: Access, outbox: Outbox) {
         let Hello { role, name, .. } = hello;
         match role {
             Role::Worker => {
                 self.progress.say(&format!("{name} joined"));
                 let paths = self.holodeck.about.settings.paths_per_sample;
-                self.workers.insert(id, Worker::new(outbox, name, paths));
+                let maker = self.holodeck.makers_mut().of(&name, access.token);
+                self.workers.insert(id, Worker::new(outbox, name, maker, paths));
+                if let Some(reason) = self.fault_of(maker) {
+                    self.expel(id, reason);
+                }
             }
             Role::Display => {
                 self.progress.say(&format!("{name} joined"));
-                let is_read_only = rights == Rights::ReadOnly;
+                let is_read_only = access.rights == Rights::ReadOnly;
                 self.displays.insert(id, Display::new(outbox, name, is_read_only));
             }
             Role::Admin => _ = self.admins.insert(id, outbox),
         }
+    }
+
+    /// Returns what the file calls a worker's machine.
+    pub(super) fn maker(&self, id: ConnectionId) -> Maker {
+        self.workers.get(&id).map_or(Maker::UNKNOWN, |worker| worker.maker)
     }
 
     /// Returns the sending half of a connection.
@@ -59,6 +69,11 @@ impl Coordinator {
             self.live_again(worker.take_live());
             self.lose(worker.into_assignments());
             self.claims.left(id);
+            self.audits.left(id);
+            self.checks.retain(|_, assignment| match assignment.purpose {
+                Purpose::Again(audit) => audit.first != id && audit.checker != id,
+                _ => true,
+            });
         }
         if let Some(display) = self.displays.remove(&id) {
             self.progress.say(&format!("{} left: {reason}", display.name));

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, time::Instant};
 
 use anyhow::Result;
-use holo_beamfile::Error as FileError;
+use holo_beamfile::{Error as FileError, Maker};
 use holo_proto::{
     bulk::{Results, Samples, Source},
     frame::Kind,
@@ -12,7 +12,7 @@ use holo_section::{Run, Sample};
 
 use super::{Coordinator, display::is_looked_at};
 use crate::{
-    assignment::{Assignment, Finished, ResultsError},
+    assignment::{Assignment, Finished, Purpose, ResultsError},
     better,
     events::ConnectionId,
 };
@@ -45,6 +45,7 @@ impl Coordinator {
         let mut rest = results.samples.as_slice();
         for traced in &results.packets {
             let Some(worker) = self.workers.get_mut(&id) else { return Ok(()) };
+            let maker = worker.maker;
             let (samples, after) = rest.split_at(traced.count as usize);
             rest = after;
             let finished = worker.finish(traced, now)?;
@@ -54,14 +55,25 @@ impl Coordinator {
                 self.lose([assignment]);
                 return Err(ResultsError::Count { found: traced.count, asked }.into());
             }
-            if let Some(check) = assignment.check {
-                self.check_traced(id, assignment.key(), check, samples)?;
-                continue;
+            if !assignment.is_answered_by(samples) {
+                self.lose([assignment]);
+                return Err(ResultsError::OtherRays.into());
+            }
+            match assignment.purpose {
+                Purpose::Store => {}
+                Purpose::Claim(check) => {
+                    self.check_traced(id, assignment.key(), check, samples)?;
+                    continue;
+                }
+                Purpose::Again(audit) => {
+                    self.audited(audit, Some(samples))?;
+                    continue;
+                }
             }
             let is_better = assignment.packet.paths > usual;
             let stored = match is_better {
-                true => self.store_better(&assignment, samples),
-                false => self.store(&assignment, samples),
+                true => self.store_better(&assignment, maker, samples),
+                false => self.store(&assignment, maker, samples),
             };
             match stored {
                 Ok(()) => {}
@@ -73,6 +85,7 @@ impl Coordinator {
                 Err(error) => return Err(error.into()),
             }
             self.finish_packet(&assignment);
+            self.audit(id, &assignment, samples);
             // Nobody looks at better ones.
             if !is_better {
                 self.forward(&assignment, samples, outgoing);
@@ -100,8 +113,13 @@ impl Coordinator {
         }
     }
 
-    fn store(&mut self, assignment: &Assignment, samples: &[Sample]) -> Result<(), FileError> {
-        self.holodeck.file.append(assignment.run(), samples)?;
+    fn store(
+        &mut self,
+        assignment: &Assignment,
+        maker: Maker,
+        samples: &[Sample],
+    ) -> Result<(), FileError> {
+        self.holodeck.file.append(assignment.run(), maker, samples)?;
         self.progress.add(samples.len() as u64);
         Ok(())
     }
@@ -114,6 +132,7 @@ impl Coordinator {
     fn store_better(
         &mut self,
         assignment: &Assignment,
+        maker: Maker,
         samples: &[Sample],
     ) -> Result<(), FileError> {
         let (packet, key) = (&assignment.packet, assignment.key());
@@ -126,7 +145,7 @@ impl Coordinator {
             let part = &samples
                 [(range.start - packet.first) as usize..(range.end - packet.first) as usize];
             let run = Run { first: range.start, count: range.len() as u32, ..assignment.run() };
-            file.supersede(run, part)?;
+            file.supersede(run, maker, part)?;
             self.progress.add_better(part.len() as u64);
         }
         Ok(())

@@ -25,6 +25,8 @@ pub struct Saver {
     unseen_traced: u64,
     /// When records of light were last written.
     light_at: Instant,
+    /// Makers that were known when they were last written.
+    makers: usize,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -32,7 +34,7 @@ impl Saver {
     /// Returns a saver for findings from now on.
     pub fn new() -> Saver {
         let now = Instant::now();
-        Saver { unseen_at: now, unseen_traced: 0, light_at: now, thread: None }
+        Saver { unseen_at: now, unseen_traced: 0, light_at: now, makers: 0, thread: None }
     }
 
     /// Starts to write what is due, after `traced` samples.
@@ -45,16 +47,20 @@ impl Saver {
         let unseen = now - self.unseen_at >= SAVE_EVERY
             && bytes >= SAMPLES_PER_UNSEEN_BYTE * holodeck.unseen().encoded_bytes();
         let light = now - self.light_at >= SAVE_EVERY;
+        let known = holodeck.makers().iter().count();
+        let makers = known != std::mem::replace(&mut self.makers, known);
         if unseen {
             (self.unseen_at, self.unseen_traced) = (now, traced);
         }
         if light {
             self.light_at = now;
         }
-        if unseen || light {
+        if makers || unseen || light {
             let holodeck = Arc::clone(holodeck);
             // The file's statistics report a disk that fails; what it does not take is found again.
             self.thread = Some(std::thread::spawn(move || {
+                // First: what was found must not outlive the knowledge of who found it.
+                let _ = holodeck.save_makers();
                 if unseen {
                     let _ = holodeck.save_unseen();
                 }
@@ -72,6 +78,7 @@ impl Saver {
             let _ = thread.join();
         }
         // What a failing disk does not take is found again.
+        let _ = holodeck.save_makers();
         let _ = holodeck.save_unseen();
         let _ = holodeck.save_light();
     }

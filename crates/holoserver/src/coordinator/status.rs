@@ -73,6 +73,7 @@ impl Coordinator {
             disk_error: stats.last_error.unwrap_or_default(),
             workers: self.workers.values().map(Worker::report).collect(),
             displays: displays.collect(),
+            faults: self.faults.clone(),
         }
     }
 }

@@ -14,7 +14,7 @@ use holo_proto::{
 
 use super::Coordinator;
 use crate::{
-    assignment::Assignment,
+    assignment::{Assignment, Purpose},
     events::{ConnectionId, Event},
     recall::Recall,
     wishes::{Wishes, keep_heaviest, most_beams},
@@ -123,7 +123,8 @@ impl Coordinator {
             };
             let under_way = self.workers.values().any(|worker| {
                 worker.assignments().any(|assignment| {
-                    let is_wanted = assignment.check.is_none() && wishes.contains(assignment.key());
+                    let is_wanted =
+                        assignment.purpose == Purpose::Store && wishes.contains(assignment.key());
                     is_wanted && assignment.packet.id <= last
                 })
             });

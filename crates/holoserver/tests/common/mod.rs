@@ -125,7 +125,11 @@ pub struct Peer {
 
 impl Peer {
     pub async fn join(server: impl Into<Destination>, role: Role) -> Peer {
-        let joined = in_time(holo_net::connect(server, role, "a test")).await;
+        Peer::named(server, role, "a test").await
+    }
+
+    pub async fn named(server: impl Into<Destination>, role: Role, name: &str) -> Peer {
+        let joined = in_time(holo_net::connect(server, role, name)).await;
         let (inbox, outbox, welcome) = joined.expect("the server takes us");
         Peer { inbox, outbox, welcome }
     }
@@ -195,7 +199,12 @@ pub fn results<'a>(packets: impl IntoIterator<Item = &'a Packet>, hits: bool) ->
 
 /// Joins as a worker whose rays all hit something, until the server says goodbye or goes.
 pub async fn work(server: impl Into<Destination>) {
-    work_as(server, |work| results(&work.packets, true)).await;
+    work_named(server, "a test").await;
+}
+
+/// As [`work`], under a name.
+pub async fn work_named(server: impl Into<Destination>, name: &str) {
+    work_as_named(server, name, |work| results(&work.packets, true)).await;
 }
 
 /// Joins as a worker that answers as `answer` says. Returns why the server ended the session.
@@ -203,7 +212,16 @@ pub async fn work_as(
     server: impl Into<Destination>,
     answer: impl Fn(&Work) -> Results,
 ) -> Option<String> {
-    let Peer { mut inbox, outbox, .. } = Peer::join(server, Role::Worker).await;
+    work_as_named(server, "a test", answer).await
+}
+
+/// As [`work_as`], under a name.
+pub async fn work_as_named(
+    server: impl Into<Destination>,
+    name: &str,
+    answer: impl Fn(&Work) -> Results,
+) -> Option<String> {
+    let Peer { mut inbox, outbox, .. } = Peer::named(server, Role::Worker, name).await;
     outbox.control(&Control::Ready { threads: 1 }).unwrap();
     loop {
         match inbox.next().await {

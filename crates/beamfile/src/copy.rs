@@ -1,0 +1,92 @@
+//! Copying a file's samples into another one, except those of some makers.
+
+use holo_section::{Run, Sample};
+
+use crate::directory::Block;
+use crate::file::BeamFile;
+use crate::format::{CHUNK_BYTES, CHUNK_SAMPLES, Entry, FIRST_BLOCK, Table};
+use crate::scan::scan;
+use crate::{Maker, Result};
+
+/// What a copy took and left.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Copied {
+    /// Samples copied, superseded ones included.
+    pub samples: u64,
+    /// Samples left out because of their maker, superseded ones included.
+    pub left_out: u64,
+}
+
+impl BeamFile {
+    /// Appends all samples on this file's disk to another file, in their order, except those whose
+    /// maker `keep` refuses.
+    ///
+    /// Samples that a refused one had superseded count again. Damaged samples are left out. Blobs
+    /// are not copied.
+    ///
+    /// # Errors
+    /// If this file cannot be read, or the other one cannot be written or lacks a beam.
+    pub fn copy_samples(&self, to: &BeamFile, keep: &dyn Fn(Maker) -> bool) -> Result<Copied> {
+        let mut copied = Copied::default();
+        let (storage, path) = (&*self.shared.storage, &self.shared.path);
+        // Opening the file has reported this damage already.
+        let mut damage = Vec::new();
+        scan(
+            storage,
+            path,
+            &self.shared.header,
+            FIRST_BLOCK,
+            0,
+            &mut damage,
+            &mut |block, table| match table {
+                Table::Samples(entries) => self.copy_block(to, &block, &entries, keep, &mut copied),
+                Table::Blob(_) => Ok(()),
+            },
+        )?;
+        Ok(copied)
+    }
+
+    fn copy_block(
+        &self,
+        to: &BeamFile,
+        block: &Block,
+        entries: &[Entry],
+        keep: &dyn Fn(Maker) -> bool,
+        copied: &mut Copied,
+    ) -> Result<()> {
+        let mut payload = vec![0; block.header.payload_bytes as usize];
+        let read = self.shared.storage.read_exact_at(&mut payload, block.chunk_range(0).0);
+        read.map_err(|error| self.shared.io("reading samples", error))?;
+        let chunks = (0..).zip(payload.chunks(CHUNK_BYTES as usize));
+        let intact: Vec<bool> = chunks.map(|(chunk, bytes)| block.matches(chunk, bytes)).collect();
+        let samples: &[Sample] = bytemuck::cast_slice(&payload);
+        let mut at = 0;
+        for entry in entries {
+            let (begin, end) = (at, at + entry.count);
+            at = end;
+            if !keep(entry.class.maker) {
+                copied.left_out += u64::from(entry.count);
+                continue;
+            }
+            let mut from = begin;
+            while from < end {
+                let chunk = from / CHUNK_SAMPLES;
+                let to_sample = ((chunk + 1) * CHUNK_SAMPLES).min(end);
+                if intact.get(chunk as usize) == Some(&true) {
+                    let run = Run {
+                        key: entry.key,
+                        kind: entry.class.sample_kind(),
+                        first: entry.first + (from - begin),
+                        count: to_sample - from,
+                        paths: entry.class.paths,
+                    };
+                    let part = &samples[from as usize..to_sample as usize];
+                    to.put(run, entry.class.maker, part, entry.class.supersedes)?;
+                    copied.samples += part.len() as u64;
+                }
+                from = to_sample;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,45 @@
+//! `holodeck forget`: what a worker has made is removed from a file.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use holo_beamfile::Maker;
+use holo_progress::HumanCount;
+use holo_server::{Forgotten, Holodeck};
+
+/// Remove from a holodeck what some workers have made
+///
+/// `holodeck info` lists the workers of a file and their numbers; `holodeck status` names those that
+/// were dropped. A later fill traces the removed samples again.
+#[derive(clap::Args)]
+#[command(after_help = "Example:\n  holodeck forget room.holo --worker 3")]
+pub struct Args {
+    /// The holodeck; nothing else may write to it meanwhile
+    #[arg(value_name = "FILE.holo")]
+    file: PathBuf,
+    /// The number of a worker; may be repeated. 0 stands for all that are not known
+    #[arg(long, value_name = "N", required = true)]
+    worker: Vec<u16>,
+    /// Report as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// See [`Args`].
+pub fn run(args: &Args) -> Result<()> {
+    let makers: Vec<Maker> = args.worker.iter().map(|&number| Maker(number)).collect();
+    let forgotten = Holodeck::forget(&args.file, &makers)?;
+    if args.json {
+        println!("{}", serde_json::to_string(&forgotten)?);
+        return Ok(());
+    }
+    let Forgotten { samples, unseen, light_records, left } = forgotten;
+    println!("{} samples removed, {} are left", HumanCount(samples), HumanCount(left));
+    if unseen > 0 {
+        println!("{} beams that see nothing must be found again", HumanCount(unseen));
+    }
+    if light_records > 0 {
+        println!("{} records of indirect light must be made again", HumanCount(light_records));
+    }
+    Ok(())
+}

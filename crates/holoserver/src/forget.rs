@@ -1,0 +1,94 @@
+//! Removing what some machines have made from a file.
+//!
+//! The file is written anew without it, and takes the old one's place at the end. So an error or a
+//! crash leaves the old file as it was.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use holo_beamfile::Maker;
+use serde::Serialize;
+
+use crate::holodeck::Holodeck;
+
+/// What was removed from a file, and what stayed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Forgotten {
+    /// Samples removed, also those that others had superseded.
+    pub samples: u64,
+    /// Unseen beams that are no longer known.
+    pub unseen: u64,
+    /// Records of indirect light removed.
+    pub light_records: u64,
+    /// Samples that stay.
+    pub left: u64,
+}
+
+impl Holodeck {
+    /// Removes from a file what these makers have made. 0 stands for whoever is not known.
+    ///
+    /// The file does not say who found which unseen beam. If one of these makers has found any, all
+    /// are removed, and workers find the true ones again. The same holds for records of indirect
+    /// light, because workers make records from those of others.
+    ///
+    /// # Errors
+    /// If the file has no such maker, another process writes to it, or the disk fails. The file is
+    /// then as before.
+    pub fn forget(path: &Path, makers: &[Maker]) -> Result<Forgotten> {
+        let old = Self::open(path, 0)?;
+        for maker in makers.iter().filter(|maker| **maker != Maker::UNKNOWN) {
+            if old.makers().get(*maker).is_none() {
+                bail!("{} knows no worker {}", path.display(), maker.0);
+            }
+        }
+        let fresh = beside(path);
+        if fresh.exists() {
+            std::fs::remove_file(&fresh)
+                .with_context(|| format!("removing {}", fresh.display()))?;
+        }
+        let forgotten = old.copy_without(&fresh, makers);
+        if forgotten.is_err() {
+            // Nothing of value is in it.
+            let _ = std::fs::remove_file(&fresh);
+        }
+        let forgotten = forgotten?;
+        std::fs::rename(&fresh, path).with_context(|| format!("replacing {}", path.display()))?;
+        Ok(forgotten)
+    }
+
+    fn copy_without(&self, fresh: &Path, makers: &[Maker]) -> Result<Forgotten> {
+        let new = self.without_samples(fresh)?;
+        let copied = self.file.copy_samples(&new.file, &|maker| !makers.contains(&maker))?;
+        let known = self.makers();
+        let made = || known.iter().filter(|made| makers.contains(&Maker(made.id)));
+        // Nobody counts what unknown workers have found.
+        let is_unknown = makers.contains(&Maker::UNKNOWN);
+        let has_claims = is_unknown || made().any(|made| made.claims > 0);
+        let has_light = is_unknown || made().any(|made| made.light_records > 0);
+        *new.makers_mut() = known.clone();
+        new.makers_mut().remove(makers);
+        if !has_claims {
+            self.unseen().iter().for_each(|key| _ = new.unseen_mut().insert(key));
+        }
+        if !has_light {
+            new.light_mut().merge(None, self.light().records());
+        }
+        new.save_makers()?;
+        new.save_unseen()?;
+        new.save_light()?;
+        new.file.flush()?;
+        Ok(Forgotten {
+            samples: copied.left_out,
+            unseen: self.unseen().count() - new.unseen().count(),
+            light_records: (self.light().len() - new.light().len()) as u64,
+            left: new.file.stats().samples,
+        })
+    }
+}
+
+/// Returns the path of the file that is to take the place of another.
+pub fn beside(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".new");
+    name.into()
+}

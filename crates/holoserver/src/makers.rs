@@ -1,0 +1,204 @@
+//! Who made samples, claims and records of light: machines, which a file knows by numbers.
+//!
+//! What always holds:
+//! - A number means one machine for ever, also after what the machine made was forgotten.
+//! - There are at most [`MAX_MAKERS`]. What others make counts as nobody's.
+
+use std::{collections::BTreeSet, sync::PoisonError};
+
+use anyhow::{Context, Result, ensure};
+use holo_beamfile::{BeamFile, Maker};
+use serde::{Deserialize, Serialize};
+
+use crate::holodeck::Holodeck;
+
+/// Name of the blob that holds the list, as JSON.
+const BLOB: &str = "makers";
+
+/// Most machines in a file: a render farm's, with a few replaced every day of a year.
+const MAX_MAKERS: usize = 4096;
+
+/// What ends the part of a worker's name that is its machine's. The process follows.
+const PROCESS: &str = " #";
+
+/// One machine.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MadeBy {
+    /// Its number, as in the file's extents.
+    pub id: u16,
+    /// Its name, as it says.
+    pub name: String,
+    /// The name of the token by which it joined; none on the server's machine.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub token: Option<String>,
+    /// Beams that it found to see nothing.
+    #[serde(default)]
+    pub claims: u64,
+    /// Records of indirect light that it made.
+    #[serde(default)]
+    pub light_records: u64,
+}
+
+/// All machines of a file.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Makers {
+    /// The greatest number that was ever given.
+    last: u16,
+    makers: Vec<MadeBy>,
+}
+
+impl Makers {
+    /// Reads the list of a file. Returns an error beside an empty list if it is damaged: the numbers
+    /// in the file's extents stay taken even then.
+    pub(crate) fn load(file: &BeamFile) -> (Makers, Result<()>) {
+        let read = || -> Result<Makers> {
+            let Some(bytes) = file.blob(BLOB)? else { return Ok(Makers::default()) };
+            Makers::parse(&bytes).context("the list of those who made samples is lost")
+        };
+        let (mut makers, result) = match read() {
+            Ok(makers) => (makers, Ok(())),
+            Err(error) => (Makers::default(), Err(error)),
+        };
+        // After a crash, the file may hold samples of a machine that was not written down.
+        makers.last = makers.last.max(file.last_maker().0);
+        (makers, result)
+    }
+
+    /// Parses the blob.
+    ///
+    /// # Errors
+    /// If it is not a list of makers of different numbers, from 1 to the last one given.
+    fn parse(bytes: &[u8]) -> Result<Makers> {
+        let makers: Makers = serde_json::from_slice(bytes)?;
+        let count = makers.makers.len();
+        ensure!(count <= MAX_MAKERS, "{count} makers are more than {MAX_MAKERS}");
+        let ids: BTreeSet<u16> = makers.makers.iter().map(|maker| maker.id).collect();
+        let is_known = ids.iter().all(|id| (1..=makers.last).contains(id));
+        ensure!(ids.len() == count && is_known, "a number is wrong, or there twice");
+        Ok(makers)
+    }
+
+    /// Returns all of them, by number.
+    pub fn iter(&self) -> impl Iterator<Item = &MadeBy> {
+        self.makers.iter()
+    }
+
+    /// Returns the maker of this number.
+    pub fn get(&self, maker: Maker) -> Option<&MadeBy> {
+        self.makers.iter().find(|made| made.id == maker.0)
+    }
+
+    /// Returns the number of a worker's machine. A machine is known by its name and its token.
+    pub(crate) fn of(&mut self, worker: &str, token: Option<String>) -> Maker {
+        let name = worker.split(PROCESS).next().unwrap_or(worker).to_owned();
+        let known = self.makers.iter().find(|maker| maker.name == name && maker.token == token);
+        if let Some(known) = known {
+            return Maker(known.id);
+        }
+        let Some(id) = self.last.checked_add(1).filter(|_| self.makers.len() < MAX_MAKERS) else {
+            return Maker::UNKNOWN;
+        };
+        self.last = id;
+        self.makers.push(MadeBy { id, name, token, claims: 0, light_records: 0 });
+        Maker(id)
+    }
+
+    /// Returns the numbers that the makers of another file have here.
+    pub(crate) fn merge(&mut self, others: &Makers) -> Vec<(Maker, Maker)> {
+        let mut numbers = Vec::new();
+        for other in &others.makers {
+            let id = self.of(&other.name, other.token.clone());
+            self.change(id, |maker| {
+                maker.claims = maker.claims.max(other.claims);
+                maker.light_records = maker.light_records.max(other.light_records);
+            });
+            numbers.push((Maker(other.id), id));
+        }
+        numbers
+    }
+
+    /// Changes what is known of a maker.
+    pub(crate) fn change(&mut self, maker: Maker, change: impl FnOnce(&mut MadeBy)) {
+        if let Some(made) = self.makers.iter_mut().find(|made| made.id == maker.0) {
+            change(made);
+        }
+    }
+
+    /// Removes makers. Their numbers stay taken.
+    pub(crate) fn remove(&mut self, makers: &[Maker]) {
+        self.makers.retain(|made| !makers.contains(&Maker(made.id)));
+    }
+}
+
+impl Holodeck {
+    /// Writes who made samples, if the file says otherwise. Waits for the disk.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn save_makers(&self) -> Result<()> {
+        let mut saved = self.makers_saved.lock().unwrap_or_else(PoisonError::into_inner);
+        let makers = self.makers().clone();
+        if self.writable && makers != *saved {
+            self.file.put_blob(BLOB, serde_json::to_string_pretty(&makers)?.as_bytes())?;
+            *saved = makers;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_machine_keeps_its_number_whatever_process_comes_from_it() {
+        let mut makers = Makers::default();
+        let first = makers.of("rtworker on a #1", None);
+        assert_eq!((first, makers.of("rtworker on a #2", None)), (Maker(1), Maker(1)));
+        let token = Some("GkdS3h6pXzU".to_owned());
+        assert_eq!(makers.of("rtworker on a #1", token.clone()), Maker(2), "by another token");
+        assert_eq!(makers.of("rtworker on b", None), Maker(3));
+        assert_eq!(makers.get(Maker(2)).unwrap().token, token);
+        makers.remove(&[Maker(3)]);
+        assert_eq!(makers.of("rtworker on b", None), Maker(4), "no number is used twice");
+    }
+
+    #[test]
+    fn a_list_comes_back_from_its_bytes_and_a_damaged_one_is_refused_or_sound() {
+        let mut makers = Makers::default();
+        makers.of("rtworker on a", None);
+        makers.of("rtworker on b", Some("GkdS3h6pXzU".into()));
+        makers.remove(&[Maker(1)]);
+        let good = serde_json::to_vec(&makers).unwrap();
+        assert_eq!(Makers::parse(&good).unwrap(), makers);
+        let text = String::from_utf8(good.clone()).unwrap();
+        for (found, wrong) in [("\"id\":2", "\"id\":3"), ("\"id\":2", "\"id\":0"), ("[", "[1,")] {
+            assert!(Makers::parse(text.replace(found, wrong).as_bytes()).is_err(), "{wrong}");
+        }
+        let twice =
+            text.replace("[", &format!("[{},", &text[text.find("[").unwrap() + 1..text.len() - 2]));
+        assert!(Makers::parse(twice.as_bytes()).is_err(), "{twice}");
+        let mut state = 1u64;
+        for _ in 0..20_000 {
+            let mut bytes = good.clone();
+            for _ in 0..1 + state % 3 {
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                let at = (state >> 33) as usize % bytes.len();
+                bytes[at] = (state >> 20) as u8;
+            }
+            if let Ok(parsed) = Makers::parse(&bytes) {
+                assert!(parsed.iter().all(|maker| (1..=parsed.last).contains(&maker.id)));
+            }
+        }
+    }
+
+    #[test]
+    fn makers_beyond_the_most_are_nobody() {
+        let mut makers = Makers::default();
+        for machine in 0..MAX_MAKERS {
+            assert_ne!(makers.of(&format!("machine {machine}"), None), Maker::UNKNOWN);
+        }
+        assert_eq!(makers.of("one more", None), Maker::UNKNOWN);
+        assert_eq!(makers.of("machine 7", None), Maker(8));
+    }
+}

@@ -1,0 +1,79 @@
+//! Machines of a network, whose wires are slow, lose packets, are cut and mended.
+
+use holo_tests::{Network, Place, Process, listen_address, stored, wait_until};
+use rustix::process::Signal;
+
+/// Machine 0 serves, the next ones trace, and the last ones look.
+const WORKERS: usize = 8;
+const DISPLAYS: usize = 3;
+
+/// How the server fares, as one on its machine asks.
+fn status(place: &Place, network: &Network, local: &str) -> serde_json::Value {
+    place.start_in(&network.host(0), &["status", "--connect", local, "--json"]).wait().ok().json()
+}
+
+#[test]
+fn a_fill_and_its_viewers_outlive_slow_lossy_and_cut_wires() {
+    let Some(network) = Network::new(1 + WORKERS + DISPLAYS) else {
+        eprintln!("not tested: this system lets the test make no network namespaces");
+        return;
+    };
+    let is_slow = (0..=WORKERS + DISPLAYS).all(|host| network.set_quality(host, 25, 1));
+    if !is_slow {
+        eprintln!("tested on fast wires: this system has no netem");
+    }
+    let place = Place::new();
+    place.fill_small("a.holo", "1k");
+    let (file, listen) = (place.text("a.holo"), format!("{}:7070", network.address(0)));
+    let server = ["holoserver", &file, "--listen", &listen, "--identity", "{}/identity", "--fill"];
+    let mut server =
+        place.start_in(&network.host(0), &[&server[..], &["--with-parent", "--json"]].concat());
+    let join = server.wait_for_line("join with ");
+    assert!(join.starts_with(&format!("holodeck://{listen}/")), "{join}");
+    let local = listen_address(&mut server).to_string();
+    let worker = |host: usize| {
+        let words = ["rtworker", "--join", &join, "--threads", "1", "--retry", "120"];
+        place.start_in(&network.host(host), &[&words[..], &["--with-parent"]].concat())
+    };
+    let mut workers: Vec<Process> = (1..=WORKERS).map(worker).collect();
+    let wait_for_workers = |count: usize| {
+        wait_until("workers that trace", || {
+            let report = status(&place, &network, &local);
+            let workers = report["workers"].as_array().unwrap();
+            let busy = |worker: &&serde_json::Value| worker["rays"].as_u64() > Some(0);
+            (workers.len() == count && workers.iter().filter(busy).count() == count)
+                .then(|| report["traced"].as_u64().unwrap())
+        })
+    };
+    wait_for_workers(WORKERS);
+
+    // Three wires are cut until both sides have given each other up. A worker dies meanwhile.
+    (1..=3).for_each(|host| network.set_wire(host, false));
+    workers.remove(3).end(Signal::KILL);
+    let looking: Vec<Process> =
+        (0..DISPLAYS).map(|display| viewer(&place, &network, &join, display)).collect();
+    let before = wait_for_workers(WORKERS - 4);
+    for worker in &workers[..3] {
+        worker.wait_for_error("trying to reach it again");
+    }
+    (1..=3).for_each(|host| network.set_wire(host, true));
+    let after = wait_for_workers(WORKERS - 1);
+    assert!(after > before, "the others went on");
+
+    for viewer in looking {
+        let report = viewer.wait().ok().json();
+        let seen = report["stored"].as_u64().unwrap() + report["traced"].as_u64().unwrap();
+        assert!(seen > 0, "{report}");
+    }
+    let summary = server.end(Signal::TERM).ok().json();
+    let stored = stored(&place.path("a.holo"));
+    assert_eq!(summary["samples"], stored.count());
+    workers.into_iter().for_each(|worker| _ = worker.wait().ok());
+    place.run(&["verify", "{}/a.holo"]).ok();
+}
+
+fn viewer(place: &Place, network: &Network, join: &str, display: usize) -> Process {
+    let words = ["view", "--join", join, "--headless", "--time", "5", "--size", "64x64", "--json"];
+    let output = format!("{{}}/{display}.pfm");
+    place.start_in(&network.host(1 + WORKERS + display), &[&words[..], &["-o", &output]].concat())
+}
