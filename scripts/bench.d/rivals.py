@@ -18,11 +18,12 @@ from harness import Bench
 from plot import error_over_seconds
 from program import Failed, compare, run
 from scenes import INTERIOR_LIVING, Case, Reference
+from small_scenes import small_scenes
 
 MITSUBA = "3.9.1"
 PATHS = (16, 64, 256)
-# The first is for scenes with few lights, the second for one with a thousand emitters.
-COST_BAR, MANY_LIGHTS_BAR = 1.0, 0.5
+# For small scenes, for a room with few lights, and for one with a thousand emitters.
+SMALL_BAR, ROOM_BAR, MANY_LIGHTS_BAR = 0.8, 1.0, 0.5
 INTERIOR_SKY = [0.28, 0.42, 0.72]
 # Small, because its converged picture must be rendered first.
 INTERIOR_SIZE = "192x108"
@@ -54,7 +55,10 @@ def rivals(bench: Bench) -> Part:
     table = Table("Error over seconds", columns)
     costs = Table("Cost: relMSE × seconds", [["scene", ""], ["ours", ".4f"], ["Mitsuba", ".4f"], ["ratio", ".2f"]])
     counts = PATHS[:2] if bench.quick else PATHS
-    for case, bar in ((bench.scenes.cornell(), COST_BAR), (bench.scenes.room(), COST_BAR), (interior(bench), MANY_LIGHTS_BAR)):
+    small = [bench.scenes.cornell(), *small_scenes(bench.work / "small", bench.scenes.bundle())]
+    cases = [(case, SMALL_BAR) for case in small]
+    cases += [(bench.scenes.room(), ROOM_BAR), (interior(bench), MANY_LIGHTS_BAR)]
+    for case, bar in cases:
         lines: dict[str, list[tuple[float, float]]] = {"holodeck": [], "Mitsuba": []}
         reference = bench.reference(case)
         truth, noise = reference.picture, noise_of(bench, reference)
@@ -187,8 +191,9 @@ def numbers(triple: str) -> list[float]:
 
 
 def newest_llvm() -> None:
-    """Tells Mitsuba which LLVM is the newest: older ones lack instructions that it needs."""
-    found = sorted(Path("/usr/lib").glob("*-linux-gnu/libLLVM.so.*"))
+    """Tells Mitsuba which LLVM is the newest: older ones lack instructions that it needs. Rust brings one."""
+    rust = Path(run(["rustc", "--print", "sysroot"]).stdout.strip()) / "lib"
+    found = sorted(Path("/usr/lib").glob("*-linux-gnu/libLLVM.so.*")) + sorted(rust.glob("libLLVM.so.*"))
     if found and "DRJIT_LIBLLVM_PATH" not in os.environ:
         os.environ["DRJIT_LIBLLVM_PATH"] = str(found[-1])
 

@@ -38,6 +38,19 @@ impl Prepared {
     /// usable length.
     #[inline(always)]
     pub(crate) fn new(origin: Vec3, direction: Vec3) -> Option<Self> {
+        let mut prepared = Self::for_triangles(origin, direction)?;
+        let d = prepared.direction;
+        // For boxes only. Over the whole scene, a slope of 1e-12 moves the ray by far less than the
+        // padding of boxes. Directions are longer than 1e-12, so inverses stay below 2e24.
+        let least = d[prepared.axes[2]].abs() * 1e-12;
+        prepared.inverse = d.map(|c| 1.0 / c.abs().max(least).copysign(c));
+        prepared.reversed = prepared.inverse.map(|i| usize::from(i < 0.0));
+        Some(prepared)
+    }
+
+    /// Prepares a ray that meets no boxes: `inverse` and `reversed` mean nothing.
+    #[inline(always)]
+    pub(crate) fn for_triangles(origin: Vec3, direction: Vec3) -> Option<Self> {
         // The range test rejects a direction with NaN or infinity.
         if !origin.is_finite() || !LENGTH_SQUARED.contains(&direction.length_squared()) {
             return None;
@@ -52,17 +65,12 @@ impl Prepared {
             [0, 1, 2]
         };
         let z = d[axes[2]];
-        // For boxes only. Over the whole scene, a slope of 1e-12 moves the ray by far less than the
-        // padding of boxes. Directions are longer than 1e-12, so inverses stay below 2e24.
-        let least = z.abs() * 1e-12;
-        let inverse = d.map(|c| 1.0 / c.abs().max(least).copysign(c));
-        let reversed = inverse.map(|i| usize::from(i < 0.0));
         let shear = [d[axes[0]] / z, d[axes[1]] / z];
         let origin = origin.to_array();
         Some(Self {
             origin,
-            inverse,
-            reversed,
+            inverse: [0.0; 3],
+            reversed: [0; 3],
             axes,
             sheared_origin: axes.map(|k| origin[k]),
             shear,

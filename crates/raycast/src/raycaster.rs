@@ -110,7 +110,9 @@ impl Raycaster {
             *hit = None;
             if self.is_far(ray) {
                 *hit = self.nearest_from(ray, from);
-            } else if let Some(query) = prepare(ray, [from, NO_TRIANGLE]) {
+            } else if let Some(query) =
+                query(Prepared::new(ray.origin, ray.direction), ray, [from, NO_TRIANGLE])
+            {
                 (queries[count], best[count], slots[count]) = (query, query.nothing(), slot);
                 count += 1;
             }
@@ -315,10 +317,10 @@ impl Raycaster {
     fn query_whole(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
         if self.is_far(ray) {
             let (near, skipped) = self.brought_near(ray)?;
-            let hit = self.isa.trace(&self.hierarchy, &prepare(&near, skip)?)?;
+            let hit = self.isa.trace(&self.hierarchy, &self.prepare(&near, skip)?)?;
             return Some(Hit { t: (f64::from(hit.t) + skipped) as f32, ..hit });
         }
-        self.isa.trace(&self.hierarchy, &prepare(ray, skip)?)
+        self.isa.trace(&self.hierarchy, &self.prepare(ray, skip)?)
     }
 
     #[inline]
@@ -326,13 +328,25 @@ impl Raycaster {
         if self.has_cut_outs {
             return self.query(ray, skip).map(|hit| hit.triangle);
         }
-        let any =
-            |ray: &Ray| prepare(ray, skip).and_then(|query| self.isa.any(&self.hierarchy, &query));
+        let any = |ray: &Ray| {
+            self.prepare(ray, skip).and_then(|query| self.isa.any(&self.hierarchy, &query))
+        };
         if self.is_far(ray) {
             self.brought_near(ray).and_then(|(near, _)| any(&near))
         } else {
             any(ray)
         }
+    }
+
+    /// Prepares a query of one ray; `None` if the ray cannot hit anything. Small scenes have no
+    /// boxes.
+    #[inline(always)]
+    fn prepare(&self, ray: &Ray, skip: [u32; 2]) -> Option<Query> {
+        let prepared = match self.hierarchy.few {
+            None => Prepared::new(ray.origin, ray.direction),
+            Some(_) => Prepared::for_triangles(ray.origin, ray.direction),
+        };
+        query(prepared, ray, skip)
     }
 
     #[inline]
@@ -378,10 +392,10 @@ fn between(from: &SurfacePoint, to: &SurfacePoint) -> Ray {
     Ray { origin: start, direction: end - start, t_min: 0.0, t_max: 1.0 }
 }
 
-/// Prepares a query; `None` if the ray cannot hit anything.
+/// Returns the query of a ray; `None` if the ray cannot hit anything.
 #[inline(always)]
-fn prepare(ray: &Ray, skip: [u32; 2]) -> Option<Query> {
-    let prepared = Prepared::new(ray.origin, ray.direction)?;
+fn query(prepared: Option<Prepared>, ray: &Ray, skip: [u32; 2]) -> Option<Query> {
+    let prepared = prepared?;
     // Adding 0 turns -0 into 0: stack entries are sorted by their bits.
     let t_min = ray.t_min.max(0.0) + 0.0;
     if ray.t_min.is_nan() || ray.t_max.is_nan() || t_min >= ray.t_max {

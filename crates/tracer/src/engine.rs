@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
 use holo_scene::Scene;
 
+use crate::glints::Glints;
 use crate::lights::Lights;
 use crate::medium::{Inside, Nesting};
 use crate::panes::Panes;
@@ -22,6 +23,7 @@ pub(crate) struct PathEngine {
     pub lights: Lights,
     pub panes: Arc<Panes>,
     pub secondary: Option<SecondarySources>,
+    pub glints: Option<Glints>,
     /// `None` if the scene has no solid glass.
     pub nesting: Option<Nesting>,
     /// Radiance of the sky.
@@ -52,6 +54,7 @@ impl PathEngine {
         let lights = Lights::new(scene).with_cells(raycaster, &panes);
         Self {
             secondary: SecondarySources::find(raycaster, &surfaces, &lights),
+            glints: Glints::find(scene, &lights),
             surfaces,
             lights,
             panes,

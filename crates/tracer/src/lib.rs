@@ -17,6 +17,7 @@
 //!   f64.
 //! - Any number of threads may share a [`Tracer`].
 
+mod aim;
 mod albedo;
 mod bsdf;
 #[cfg(test)]
@@ -35,6 +36,9 @@ mod energy_tests;
 mod engine;
 mod fresnel;
 mod geometry;
+mod glints;
+#[cfg(test)]
+mod glints_tests;
 mod images;
 #[cfg(test)]
 mod images_tests;

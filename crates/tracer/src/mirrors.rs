@@ -153,15 +153,19 @@ pub(crate) struct Mirrors {
 }
 
 impl Mirrors {
+    /// Finds the planes of mirrors and panes.
     pub(crate) fn find(scene: &Scene, surfaces: &[Surface]) -> Self {
+        Self::find_with(scene, |t| {
+            Face::of(&surfaces[scene.material_ids[t as usize] as usize].scatter)
+        })
+    }
+
+    /// Finds the planes of the triangles for which `face` returns how they reflect.
+    pub(crate) fn find_with(scene: &Scene, face: impl Fn(u32) -> Option<Face>) -> Self {
         let (low, high) = scene.bounds();
         let size = (high - low).max_element();
         // A curved mirror has no plane, and a textured one no single reflectance.
-        let is_plain = |t: u32| scene.is_plain(t);
-        let face = |t: u32| {
-            let scatter = &surfaces[scene.material_ids[t as usize] as usize].scatter;
-            Face::of(scatter).filter(|_| is_plain(t))
-        };
+        let face = |t: u32| face(t).filter(|_| scene.is_plain(t));
         // The largest first, so that the many small triangles of a curved mirror do not displace a
         // flat mirror.
         let mut shining: Vec<(f64, u32, Face)> = (0..scene.triangles.len() as u32)

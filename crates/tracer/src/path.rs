@@ -12,14 +12,18 @@
 //!   Panes block shadow rays towards the sky too, because a material's samples find windows better
 //!   than samples of the whole sky do.
 //! - Russian roulette ends paths from the second scattering or the sixth surface on, by their
-//!   throughput. A path survives with at most probability 0.99, so chains of perfect mirrors end
-//!   too. The variance is finite if surfaces absorb more than 1 % of the light on average.
+//!   throughput alone: a path that has lost no light goes on. So paths have no large weights where
+//!   surfaces absorb little, and a closed room of albedo 1 comes out right at few paths.
+//! - From surface [`LONG`] on, a path survives with at most probability 0.99, so that light between
+//!   perfect mirrors ends too. The variance is finite if surfaces absorb more than 1 % of the light
+//!   on average.
 //! - Light that meets more than [`MAX_DEPTH`] surfaces is lost. A path gets so far with a
-//!   probability below 0.99^1000, about 4e-5.
+//!   probability below 0.99^700, about 9e-4.
 
 use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, NO_TRIANGLE, Ray, Raycaster, SurfacePoint, spawn};
 
+use crate::aim::{Aims, Choice};
 use crate::bsdf::Scatter;
 use crate::direct::{self, LightSampling, LitVertex, MaterialSample};
 use crate::engine::PathEngine;
@@ -30,7 +34,6 @@ use crate::panes::MAX_DEPTH;
 use crate::policy::{PathPolicy, ShadingPoint, Unbiased};
 use crate::sampled::Sampled;
 use crate::sampler::{Purpose, Sampler};
-use crate::secondary::{AimedVertex, Choice};
 use crate::shading::{self, Look};
 use crate::surface::Surface;
 use crate::weighting::Direct;
@@ -41,9 +44,10 @@ const ROULETTE_SCATTERINGS: u32 = 2;
 const ROULETTE_FACTOR: f32 = 2.0;
 /// Number of surfaces from which roulette applies to all paths: mirrors and glass absorb little.
 const ROULETTE_DEPTH: u32 = 5;
-/// Greatest probability of survival. With 0.95, a closed room of albedo 1 came out a quarter too
-/// dark at 256 paths: few paths survived to meet what absorbs light, with unbounded weights.
-const ROULETTE_CEILING: f32 = 0.99;
+/// Number of surfaces from which the greatest probability of survival is [`CEILING_OF_LONG`]: more
+/// than light meets in a white room before its lamp absorbs it.
+const LONG: u32 = 300;
+const CEILING_OF_LONG: f32 = 0.99;
 
 /// Growth of the width that a path looks at with distance, from an eye: a pixel of a common picture.
 const EYE_SPREAD: f32 = 1e-3;
@@ -97,7 +101,7 @@ struct Path<'a> {
     throughput: Vec3,
     /// Product of [`Sampled::eta2`] along the path.
     eta2: f32,
-    /// Factor by which aiming at secondary sources has lowered the throughput.
+    /// Factor by which aiming at secondary sources and glints has lowered the throughput.
     aimed_by: f32,
     /// The width that the path looks at where its ray began, and its growth with distance.
     width: f32,
@@ -115,8 +119,8 @@ struct OutgoingVertex<'a> {
     scatter: &'a Scatter,
     /// The solids beyond the surface, if the surface bounds a solid.
     beyond: Option<&'a Inside>,
-    /// Set if the vertex may see secondary sources.
-    aimed: Option<AimedVertex<'a>>,
+    /// Set if the vertex may see secondary sources or glints.
+    aims: Option<Aims<'a>>,
     /// How the lights were sampled here, if they were.
     light_sampling: Option<LightSampling>,
 }
@@ -293,8 +297,7 @@ impl PathEngine {
                 }
                 branches = if scatterings == 1 { self.branches } else { 1 };
             }
-            let sources = self.secondary.as_ref().filter(|_| scatter.is_wide());
-            let aimed = sources.and_then(|sources| sources.aimed(&point, frame.n));
+            let aims = if scatter.is_wide() { self.aims(&point, frame.n) } else { None };
             let error = if crossing.is_some() { point.error * TOUCH } else { point.error };
             let vertex = OutgoingVertex {
                 point: &point,
@@ -304,7 +307,7 @@ impl PathEngine {
                 front,
                 scatter,
                 beyond,
-                aimed,
+                aims,
                 light_sampling,
             };
             // Smooth glass: follow both reflection and transmission.
@@ -400,11 +403,11 @@ impl PathEngine {
         vertex: &OutgoingVertex,
         sampler: &mut Sampler,
     ) -> bool {
-        let OutgoingVertex { point, ref frame, wo, front, scatter, aimed, .. } = *vertex;
+        let OutgoingVertex { point, ref frame, wo, front, scatter, aims, .. } = *vertex;
         let depth = path.depth;
-        let choice = aimed.as_ref().map_or(Choice::Material, |aimed| {
+        let choice = aims.as_ref().map_or(Choice::Material, |aims| {
             sampler.turn(depth, Purpose::Aim);
-            aimed.choose(raycaster, sampler)
+            aims.choose(raycaster, sampler)
         });
         let sampled = match &choice {
             Choice::Material => {
@@ -415,6 +418,7 @@ impl PathEngine {
                 let direction = (target.point - point.point).normalize_or_zero();
                 scatter.towards(wo, frame.to_local(direction), front)
             }
+            Choice::Glint(direction) => scatter.towards(wo, frame.to_local(*direction), front),
             Choice::Source(_) | Choice::Nothing => None,
         };
         let Some(sampled) = sampled else { return false };
@@ -422,12 +426,11 @@ impl PathEngine {
         path.eta2 *= sampled.eta2;
         if path.scatterings >= ROULETTE_SCATTERINGS || depth >= ROULETTE_DEPTH {
             // Radiance inside glass is greater by eta2: without that factor, roulette would end
-            // paths because they entered glass. Secondary sources are brighter than `aimed_by`
+            // paths because they entered glass. Secondary sources and glints are brighter than `aimed_by`
             // lowers the throughput: without that factor, the few survivors would be as noisy as
             // unaimed paths.
-            let survival =
-                (ROULETTE_FACTOR * path.throughput.max_element() * path.eta2 * path.aimed_by)
-                    .min(ROULETTE_CEILING);
+            let worth = ROULETTE_FACTOR * path.throughput.max_element() * path.eta2 * path.aimed_by;
+            let survival = worth.min(if depth < LONG { 1.0 } else { CEILING_OF_LONG });
             sampler.turn(depth, Purpose::Roulette);
             if sampler.one() >= survival {
                 return false;
@@ -438,12 +441,13 @@ impl PathEngine {
             return false;
         }
         self.advance(raycaster, path, vertex, &sampled);
-        if let (Some(aimed), Some(pdf)) = (&aimed, sampled.pdf) {
-            let Some(weight) = aimed.weight(raycaster, pdf, &choice, path.hit.as_ref()) else {
+        if let (Some(aims), Some(pdf)) = (&aims, sampled.pdf) {
+            let way = (path.direction, pdf);
+            let Some(weight) = aims.weight(raycaster, way, &choice, path.hit.as_ref()) else {
                 return false;
             };
             path.throughput *= weight.weight;
-            if weight.on_source {
+            if weight.is_aimed {
                 path.aimed_by /= weight.weight;
             }
         }

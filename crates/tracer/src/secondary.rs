@@ -37,10 +37,6 @@ const CONTRAST: f64 = 30.0;
 /// Side of a patch over the scene's longest side. A patch is what one material has in one cube of
 /// that side, because light paths meet single facets too rarely.
 const PATCH_SIZE: f32 = 1.0 / 256.0;
-/// Share of a vertex's samples that is aimed at secondary sources. With 0.25, error and time differ
-/// by a few percent.
-const SHARE: f32 = 0.15;
-
 /// The light that a patch reflects.
 #[derive(Clone, Copy, Default)]
 struct Patch {
@@ -96,7 +92,7 @@ pub(crate) struct SecondarySources {
     members: Vec<u64>,
 }
 
-/// A vertex that may see sources and aims [`SHARE`] of its samples at them.
+/// A vertex that may see sources and aims some of its samples at them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AimedVertex<'a> {
     sources: &'a SecondarySources,
@@ -104,38 +100,7 @@ pub(crate) struct AimedVertex<'a> {
     normal: Vec3,
 }
 
-/// What the next sample of a vertex is drawn from.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Choice {
-    /// The material.
-    Material,
-    /// A point on a source.
-    Source(SurfacePoint),
-    /// Neither: the descent of the tree ended where no source can contribute.
-    Nothing,
-}
-
-/// The weight of a sample once it is known what it met.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Weight {
-    /// Factor to value over density by the material.
-    pub weight: f32,
-    /// Whether the sample met a source.
-    pub on_source: bool,
-}
-
 impl AimedVertex<'_> {
-    /// Chooses between material and source with numbers of [`Purpose::Aim`].
-    #[inline]
-    pub(crate) fn choose(&self, raycaster: &Raycaster, sampler: &mut Sampler) -> Choice {
-        let (first, second) = sampler.pairs(1).at(0);
-        if first >= f64::from(SHARE) {
-            return Choice::Material;
-        }
-        self.target(raycaster, first / f64::from(SHARE), second)
-            .map_or(Choice::Nothing, Choice::Source)
-    }
-
     /// Returns a point on a source by two uniform numbers. `None` if the descent of the tree ends
     /// where no source can contribute.
     #[inline]
@@ -152,29 +117,6 @@ impl AimedVertex<'_> {
         };
         let (u, v) = Aim::new(self.point, raycaster.vertices(triangle)).sample([rest, second]);
         Some(raycaster.surface(triangle, u, v))
-    }
-
-    /// Returns the weight of a sample that met `met` and whose direction the material samples with
-    /// density `pdf`. `None` if the sample was aimed at `target` and something else is in front of
-    /// it.
-    #[inline]
-    pub(crate) fn weight(
-        &self,
-        raycaster: &Raycaster,
-        pdf: f32,
-        target: &Choice,
-        met: Option<&Hit>,
-    ) -> Option<Weight> {
-        if let Choice::Source(target) = target
-            && met.is_none_or(|met| met.triangle != target.triangle)
-        {
-            return None;
-        }
-        let density = met.map_or(0.0, |met| self.density(raycaster, met));
-        Some(Weight {
-            weight: pdf / ((1.0 - SHARE) * pdf + SHARE * density),
-            on_source: density > 0.0,
-        })
     }
 
     /// Computed on demand, because few samples need it.

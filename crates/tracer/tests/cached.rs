@@ -211,9 +211,11 @@ fn two_rugs() -> Model {
     let rug = model.material(GREY, [0.0; 3]);
     let mirror = model.material(Bsdf::Mirror { ks: [SHOWN; 3] }, [0.0; 3]);
     let lamp = model.material(BLACK, [LAMP; 3]);
-    // Two halves: if all light came from one quad, a sample would have two continuations.
-    for [west, east] in [[-LAMP_HALF, 0.0], [0.0, LAMP_HALF]] {
-        let [south, north] = [-LAMP_HALF, LAMP_HALF];
+    // So many parts that no samples are aimed at their images in the mirror.
+    const PARTS: u32 = 40;
+    for part in 0..PARTS {
+        let edge = |i: u32| LAMP_HALF * (2.0 * f64::from(i) / f64::from(PARTS) - 1.0);
+        let [west, east, south, north] = [edge(part), edge(part + 1), -LAMP_HALF, LAMP_HALF];
         model.polygon(
             &[[west, south, 1.0], [east, south, 1.0], [east, north, 1.0], [west, north, 1.0]],
             lamp,

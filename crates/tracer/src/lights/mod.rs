@@ -52,6 +52,9 @@ pub(crate) struct Lights {
     /// Luminance of the irradiance of a surface that sees all of the sky, in the unit of the tree's
     /// powers.
     sky: f32,
+    /// Set if all light comes from one triangle or flat quad: the share of its first triangle. Both
+    /// halves look alike from nearly everywhere, so power alone decides between them.
+    quad: Option<f32>,
 }
 
 /// The lights as one vertex sees them.
@@ -73,6 +76,9 @@ pub(crate) enum Chosen {
     Sky { rest: f32 },
     Triangle { triangle: u32, probability: f32, rest: f32 },
 }
+
+/// Least cosine between the normals of the halves of a flat quad.
+const FLAT: f32 = 0.999_999;
 
 /// Removes the emitters that a triangle of lower index with the same corners hides. Rays meet the
 /// lower index, and a lamp that no ray can meet must not emit.
@@ -128,6 +134,25 @@ fn mean_of_texture(scene: &Scene, triangle: u32) -> f64 {
     (sum / f64::from(count) / white).max(LEAST)
 }
 
+/// Returns the first triangle's share of the area, if the triangles are one, or the halves of a flat
+/// quad of one material.
+fn first_of_quad(scene: &Scene, triangles: &[u32]) -> Option<f32> {
+    match *triangles {
+        [_] => Some(1.0),
+        [a, b] => {
+            let corners = scene.corners(b);
+            let common = scene.corners(a).iter().filter(|c| corners.contains(c)).count();
+            let is_flat = scene.normal(a).dot(scene.normal(b)) > FLAT;
+            let is_even = scene.material_ids[a as usize] == scene.material_ids[b as usize]
+                && [a, b].iter().all(|&t| mean_of_texture(scene, t) == 1.0);
+            let (first, second) = (scene.area(a), scene.area(b));
+            let share = (first / (first + second)) as f32;
+            (common == 2 && is_flat && is_even && share > 0.0 && share < 1.0).then_some(share)
+        }
+        _ => None,
+    }
+}
+
 impl Lights {
     pub(crate) fn new(scene: &Scene) -> Self {
         let strength: Vec<f32> = scene.materials.iter().map(|m| luminance(m.emission)).collect();
@@ -152,12 +177,13 @@ impl Lights {
             .collect();
         let sky =
             (f64::from(PI * luminance(scene.sky)) / if unit > 0.0 { unit } else { 1.0 }) as f32;
-        Self { sky, ..Self::over(triangles, emitters) }
+        let quad = (sky == 0.0).then(|| first_of_quad(scene, &triangles)).flatten();
+        Self { sky, quad, ..Self::over(triangles, emitters) }
     }
 
     /// Makes a tree of the given triangles (ascending), with one emitter for each.
     pub(crate) fn over(triangles: Vec<u32>, emitters: Vec<Emitter>) -> Self {
-        Self { tree: Tree::new(triangles, emitters), cells: None, sky: 0.0 }
+        Self { tree: Tree::new(triangles, emitters), cells: None, sky: 0.0, quad: None }
     }
 
     /// Adds cells: where there are many lights, choices follow what each part of the scene receives
@@ -177,9 +203,9 @@ impl Lights {
         self.sky > 0.0 || !self.tree.nodes.is_empty()
     }
 
-    /// Returns whether all light comes from one quad or triangle.
+    /// Returns whether all light comes from one flat quad or triangle, or there is none.
     pub(crate) fn is_one(&self) -> bool {
-        self.sky == 0.0 && self.tree.triangles.len() <= 2
+        self.quad.is_some() || !self.any()
     }
 
     /// Returns the lights as seen from `point`. `normal` is the only side on which the surface is
@@ -188,6 +214,9 @@ impl Lights {
     pub(crate) fn at_vertex(&self, point: Vec3, normal: Vec3) -> VertexLights {
         let mut seen =
             VertexLights { point, normal, sky: 0.0, first: Weights::default(), cell: None };
+        if self.quad.is_some() {
+            return seen;
+        }
         let Some(root) = self.tree.nodes.first() else {
             seen.sky = if self.sky > 0.0 { 1.0 } else { 0.0 };
             return seen;
@@ -223,7 +252,7 @@ impl Lights {
             .and_then(|cells| Some(cells.get(&self.tree, cells.find(point, normal)?)))
         {
             Some(cell) => !cell.seen.is_empty(),
-            None => self.at_vertex(point, normal).first.total() > 0.0,
+            None => self.quad.is_some() || self.at_vertex(point, normal).first.total() > 0.0,
         }
     }
 
@@ -251,6 +280,9 @@ impl Lights {
     /// contributes nothing.
     #[inline]
     pub(crate) fn choose(&self, seen: &VertexLights, uniform: f64) -> Option<Chosen> {
+        if let Some(share) = self.quad {
+            return Some(self.choose_half(share, uniform));
+        }
         let sky = f64::from(seen.sky);
         if uniform < sky {
             return Some(Chosen::Sky { rest: below_one(uniform / sky) });
@@ -275,10 +307,25 @@ impl Lights {
         })
     }
 
+    /// Chooses a triangle of the only quad. `share` is the probability of the first.
+    #[inline]
+    fn choose_half(&self, share: f32, uniform: f64) -> Chosen {
+        let first = f64::from(share);
+        let is_second = uniform >= first && share < 1.0;
+        let (triangle, probability, rest) = match is_second {
+            false => (self.tree.triangles[0], share, uniform / first),
+            true => (self.tree.triangles[1], 1.0 - share, (uniform - first) / (1.0 - first)),
+        };
+        Chosen::Triangle { triangle, probability, rest: below_one(rest) }
+    }
+
     /// Returns the probability with which [`choose`](Self::choose) gives a triangle.
     #[inline]
     pub(crate) fn probability(&self, seen: &VertexLights, triangle: u32) -> f32 {
         let Ok(emitter) = self.tree.triangles.binary_search(&triangle) else { return 0.0 };
+        if let Some(share) = self.quad {
+            return if emitter == 0 { share } else { 1.0 - share };
+        }
         let mut probability = 1.0 - seen.sky;
         let mut end = None;
         if let Some((cells, cell)) = self.cell(seen) {
