@@ -3,7 +3,7 @@
 use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample};
 
-use crate::{BeamSearch, Frame, LiveSample, WantedBeam, viewpoint_radius};
+use crate::{BeamSearch, Frame, LiveSample, Search, WantedBeam, viewpoint_radius};
 
 /// How many pixels a driver computes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -119,6 +119,9 @@ pub trait Driver: Send {
         false
     }
 
+    /// Does work that the next frame would do. Called while nothing arrives.
+    fn prepare(&mut self) {}
+
     /// Returns the known distances from the eye, scene units, of points spread over the picture.
     fn depth(&mut self) -> Vec<f32>;
 
@@ -149,7 +152,7 @@ pub trait Driver: Send {
 
     /// Returns a search for beams that the view does not cross but whose stored samples are of use.
     /// `None` if there are none.
-    fn surface_beams(&self) -> Option<BeamSearch> {
+    fn surface_beams(&self, _search: Search) -> Option<BeamSearch> {
         None
     }
 

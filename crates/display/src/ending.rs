@@ -7,14 +7,25 @@
 //!
 //! Invariant: the choice is a function of the points and the sections.
 
-use crate::bands::for_bands;
 use crate::random::split_mix;
 use glam::DVec3;
 use holo_section::{BeamId, BeamKey, Section, ViewClass};
+use rayon::prelude::*;
 
-/// Lines tried for each section. In the cabin's living room they find nearly all useful beams in
-/// about 20 ms.
+/// How long a search may take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Search {
+    /// It finds most useful beams in some 10 ms for each section.
+    Quick,
+    /// It finds nearly all, and takes five times as long.
+    Thorough,
+}
+
+/// Lines tried for each section by a thorough search.
 const LINES: usize = 200_000;
+
+/// Lines tried for each section by a quick one.
+const FEW_LINES: usize = 40_000;
 
 /// Most sections that get all these lines. More sections share the lines of this many, so that the
 /// time does not grow with their number.
@@ -33,8 +44,8 @@ const FULL_WEIGHT: f64 = 65_536.0;
 /// Most beams to return: a request has room for a million.
 const MOST_BEAMS: usize = 900_000;
 
-/// Number of parts into which a section's lines are divided for threads.
-const PARTS: usize = 64;
+/// Lines that a thread tries at least.
+const LINES_TOGETHER: usize = 1024;
 
 /// A visible point.
 #[derive(Clone, Copy, Debug)]
@@ -57,8 +68,14 @@ pub type BeamSearch = Box<dyn FnOnce() -> Vec<UsefulBeam> + Send>;
 ///
 /// A point on a section's wall may seem to lie behind the wall because of rounding. `slack` is the
 /// largest such error, relative to the ray's length.
-pub fn beams_ending_on(sections: &[Section], points: &[End], slack: f64) -> Vec<UsefulBeam> {
-    let mut found = by_lines(sections, points, slack, LINES);
+pub fn beams_ending_on(
+    sections: &[Section],
+    points: &[End],
+    slack: f64,
+    search: Search,
+) -> Vec<UsefulBeam> {
+    let lines = if search == Search::Quick { FEW_LINES } else { LINES };
+    let mut found = by_lines(sections, points, slack, lines);
     found.truncate(MOST_BEAMS);
     let useful = |weight: u32| (f64::from(weight.max(1)) / FULL_WEIGHT) as f32;
     found.into_iter().map(|(key, weight)| (key, useful(weight))).collect()
@@ -67,35 +84,27 @@ pub fn beams_ending_on(sections: &[Section], points: &[End], slack: f64) -> Vec<
 /// Tries `count` lines for each section. Returns the beams of these lines, each with a weight that
 /// grows with how likely its rays end on the points.
 fn by_lines(sections: &[Section], points: &[End], slack: f64, count: usize) -> Vec<(BeamKey, u32)> {
-    let mut found = Vec::new();
     if points.is_empty() {
-        return found;
+        return Vec::new();
     }
     let near = NEAR * sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
     let count = lines_per_section(count, sections.len());
-    let part_lines = count.div_ceil(PARTS);
-    for (number, section) in (0_u16..).zip(sections) {
-        let mut lines = vec![None; count];
-        for_bands(&mut lines, 1, part_lines, |part, lines| {
-            for (line, number) in lines.iter_mut().zip(part * part_lines..) {
-                *line = beam(section, points, number as u64, slack, near);
-            }
-        });
-        let mut beams: Vec<(u64, u32)> = lines.into_iter().flatten().collect();
-        beams.sort_unstable();
-        // Nearly the mean, so that many lines that are probably blocked do not outweigh one that is
-        // free. A line alone counts half: it may be the beam's only ray that ends on a point.
-        let share = |same: &[(u64, u32)]| {
-            let all: u64 = same.iter().map(|&(_, weight)| u64::from(weight)).sum();
-            (all / (same.len() as u64 + 1)) as u32
-        };
-        found.extend(
-            beams
-                .chunk_by(|a, b| a.0 == b.0)
-                .map(|same| (BeamKey { section: number, beam: BeamId(same[0].0) }, share(same))),
-        );
-    }
-    found
+    // Nearly the mean, so that many lines that are probably blocked do not outweigh one that is
+    // free. A line alone counts half: it may be the beam's only ray that ends on a point.
+    let share = |same: &[(u64, u32)]| {
+        let all: u64 = same.iter().map(|&(_, weight)| u64::from(weight)).sum();
+        (all / (same.len() as u64 + 1)) as u32
+    };
+    let of_section = |(number, section): (usize, &Section)| -> Vec<(BeamKey, u32)> {
+        let lines = (0..count).into_par_iter().with_min_len(LINES_TOGETHER);
+        let beam = |line| beam(section, points, line as u64, slack, near);
+        let mut beams: Vec<(u64, u32)> = lines.filter_map(beam).collect();
+        beams.par_sort_unstable();
+        let key = |beam| BeamKey { section: number as u16, beam: BeamId(beam) };
+        beams.chunk_by(|a, b| a.0 == b.0).map(|same| (key(same[0].0), share(same))).collect()
+    };
+    let found: Vec<_> = sections.par_iter().enumerate().map(of_section).collect();
+    found.concat()
 }
 
 /// Returns the number of lines for each of `sections` sections, if a few sections get `count` each.

@@ -27,7 +27,7 @@ pub use camera::{Camera, PixelWidth};
 pub use candidates::{Candidate, best_beam, candidates, section_of};
 pub use covered::{covered, uncovered_pixels};
 pub use driver::{Driver, DriverError, Look, Resolution, SurfaceAt};
-pub use ending::{BeamSearch, End, UsefulBeam, beams_ending_on};
+pub use ending::{BeamSearch, End, Search, UsefulBeam, beams_ending_on};
 pub use frame::{Certainty, Frame};
 pub use live::LiveSample;
 pub use random::{mix, pair, split_mix};

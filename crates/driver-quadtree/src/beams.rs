@@ -6,7 +6,7 @@
 //! Invariant: the choice is a function of the view, the sections and the set of samples so far.
 
 use crate::Quadtree;
-use holo_display::{BeamSearch, End, beams_ending_on};
+use holo_display::{BeamSearch, End, Search, beams_ending_on};
 use std::sync::Arc;
 
 /// Depths are known to 1.6 %, and walls of the scene may coincide with the section's.
@@ -15,10 +15,11 @@ const SLACK: f64 = 0.04;
 impl Quadtree {
     /// Returns a search for the beams whose rays may end on what the picture shows. `None` while
     /// nothing is shown. It takes some 20 ms for each section.
-    pub fn surface_beams(&self) -> Option<BeamSearch> {
+    pub fn surface_beams(&self, search: Search) -> Option<BeamSearch> {
         let (sections, points) = (Arc::clone(&self.sections), self.points());
-        (!points.is_empty())
-            .then(|| -> BeamSearch { Box::new(move || beams_ending_on(&sections, &points, SLACK)) })
+        (!points.is_empty()).then(|| -> BeamSearch {
+            Box::new(move || beams_ending_on(&sections, &points, SLACK, search))
+        })
     }
 
     /// Returns distances from the eye of what is shown, scene units: one for each square of 4 × 4

@@ -10,7 +10,7 @@ use crate::live::Overlay;
 use crate::log::Log;
 use crate::{Cells, Filling, Quadtree, QuadtreeParams};
 use holo_display::{
-    BeamSearch, Driver, DriverError, Frame, LiveSample, Look, Resolution, SurfaceAt,
+    BeamSearch, Driver, DriverError, Frame, LiveSample, Look, Resolution, Search, SurfaceAt,
     uncovered_pixels,
 };
 use holo_section::{BeamKey, Sample, Section};
@@ -220,7 +220,7 @@ impl Driver for QuadtreeDriver {
         }
     }
 
-    fn surface_beams(&self) -> Option<BeamSearch> {
-        self.shown.as_ref()?.own.tree().surface_beams()
+    fn surface_beams(&self, search: Search) -> Option<BeamSearch> {
+        self.shown.as_ref()?.own.tree().surface_beams(search)
     }
 }

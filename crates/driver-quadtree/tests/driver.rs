@@ -6,7 +6,7 @@ mod common;
 
 use common::section;
 use glam::DVec3;
-use holo_display::{Driver, Frame, LiveSample, Look, Resolution, select_beams};
+use holo_display::{Driver, Frame, LiveSample, Look, Resolution, Search, select_beams};
 use holo_driver_quadtree::{Filling, QuadtreeDriver};
 use holo_picture::View;
 use holo_section::{BeamId, BeamKey, Sample, Section, ViewClass};
@@ -154,14 +154,14 @@ fn at_half_resolution_four_pixels_show_one_and_the_samples_are_kept_for_the_full
 #[test]
 fn what_is_asked_of_the_scene_is_told_by_the_view_s_own_samples() {
     for mut driver in drivers() {
-        assert!(driver.depth().is_empty() && driver.surface_beams().is_none());
+        assert!(driver.depth().is_empty() && driver.surface_beams(Search::Thorough).is_none());
         look(&mut driver, 0.0, Resolution::Full);
         put(&mut driver, &samples(0.0));
         let near = |depth: &f32| (f64::from(*depth) / RADIUS - 1.0).abs() < 0.04;
         assert!(!driver.depth().is_empty() && driver.depth().iter().all(near));
-        assert!(!driver.surface_beams().unwrap()().is_empty());
+        assert!(!driver.surface_beams(Search::Thorough).unwrap()().is_empty());
         look(&mut driver, 5.0, Resolution::Full);
-        assert!(driver.depth().is_empty() && driver.surface_beams().is_none());
+        assert!(driver.depth().is_empty() && driver.surface_beams(Search::Thorough).is_none());
     }
 }
 

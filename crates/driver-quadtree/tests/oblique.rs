@@ -7,7 +7,7 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use holo_display::UsefulBeam;
+use holo_display::{Search, UsefulBeam};
 use holo_driver_quadtree::{Quadtree, QuadtreeParams};
 use holo_picture::View;
 use holo_section::{BeamId, ViewClass};
@@ -56,7 +56,7 @@ fn errors(scene: Scene, noise: Noise, own_a_pixel: f64) -> (f64, f64) {
 }
 
 fn all_beams(tree: &Quadtree) -> Vec<UsefulBeam> {
-    tree.surface_beams().map_or_else(Vec::new, |search| search())
+    tree.surface_beams(Search::Thorough).map_or_else(Vec::new, |search| search())
 }
 
 fn surface_beams(tree: &Quadtree) -> Vec<BeamId> {
@@ -182,5 +182,5 @@ fn nothing_is_asked_for_while_nothing_is_shown() {
         SIZE,
         QuadtreeParams::default(),
     );
-    assert!(tree.surface_beams().is_none() && tree.depth().is_empty());
+    assert!(tree.surface_beams(Search::Thorough).is_none() && tree.depth().is_empty());
 }

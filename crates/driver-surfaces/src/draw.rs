@@ -48,6 +48,9 @@ struct Further<'a> {
     in_panes: Option<Layer>,
 }
 
+/// Stands for no pane.
+const NO_PANE: u32 = u32::MAX;
+
 /// The side of the squares whose known light is looked up, in pixels of half resolution.
 const MOVING: usize = 2;
 
@@ -65,8 +68,9 @@ impl Gathered {
         known: &mut Known,
     ) -> Drawn {
         let step = self.step(view);
-        let squares = Squares::new(&view.seen, view.size, step);
-        let sums = squares.sums(&view.seen, view.size, self.pixels());
+        let squares = Squares::new(|pixel| view.seen[pixel], view.size, step);
+        let pixels = self.pixels();
+        let sums = squares.sums(view.size, |pixel| Some((&view.seen[pixel], &pixels[pixel])));
         let mut lights = squares.filter(&sums);
         if let Some(denoiser) = denoiser {
             squares.denoise(&sums, &mut lights, denoiser);
@@ -82,13 +86,17 @@ impl Gathered {
         if view.in_panes.is_empty() {
             return None;
         }
-        let mut seen = vec![Seen::NOTHING; view.seen.len()];
-        let mut of_pixels = vec![Sums::default(); view.seen.len()];
-        for (pane, sums) in view.in_panes.iter().zip(self.in_panes()) {
-            (seen[pane.pixel], of_pixels[pane.pixel]) = (pane.seen, *sums);
+        let mut panes = vec![NO_PANE; view.seen.len()];
+        for (number, pane) in (0..).zip(&view.in_panes[..view.panes_of_middles]) {
+            panes[pane.pixel] = number;
         }
-        let squares = Squares::new(&seen, view.size, step);
-        let lights = squares.filter(&squares.sums(&seen, view.size, &of_pixels));
+        let of_pixel = |pixel: usize| {
+            let pane = panes[pixel] as usize;
+            Some((&view.in_panes.get(pane)?.seen, self.in_panes().get(pane)?))
+        };
+        let seen = |pixel| of_pixel(pixel).map_or(Seen::NOTHING, |(seen, _)| *seen);
+        let squares = Squares::new(seen, view.size, step);
+        let lights = squares.filter(&squares.sums(view.size, of_pixel));
         Some(Layer { squares, lights })
     }
 
@@ -116,7 +124,7 @@ impl Gathered {
 impl View {
     /// Draws the view from light that earlier pictures found. `None` if they found too little.
     pub(crate) fn draw_known(&self, store: &Store, known: &Known) -> Option<Drawn> {
-        let squares = Squares::new(&self.seen, self.size, MOVING);
+        let squares = Squares::new(|pixel| self.seen[pixel], self.size, MOVING);
         let lights = known.lights(self, &squares)?;
         Some(self.lit(store, &Layer { squares, lights }, &Further::default()))
     }

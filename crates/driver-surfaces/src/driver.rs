@@ -10,7 +10,7 @@ use crate::{Gathered, Materials, Placer, RaySample, Seen, Store, View};
 use glam::DVec3;
 use holo_denoise::Denoiser;
 use holo_display::{
-    BeamSearch, Certainty, Driver, DriverError, End, Frame, LiveSample, Look, Resolution,
+    BeamSearch, Certainty, Driver, DriverError, End, Frame, LiveSample, Look, Resolution, Search,
     SurfaceAt, beams_ending_on, covered, uncovered_pixels,
 };
 use holo_raycast::Raycaster;
@@ -30,6 +30,9 @@ const FINEST: f64 = 1e-5;
 
 /// Samples that wait before they are placed together.
 const BATCH: usize = 1 << 16;
+
+/// Samples that are worth placing while no more arrive.
+const LEAST_BATCH: usize = 1 << 12;
 
 /// Pixels between points whose beams are looked for. Beams are many pixels wide, and finding them
 /// must not hold up the first picture.
@@ -233,6 +236,17 @@ impl Driver for SurfacesDriver {
         }
     }
 
+    fn prepare(&mut self) {
+        if self.waiting.len() >= LEAST_BATCH {
+            self.place_waiting();
+        }
+        let store = &self.store;
+        let at_rest = |shown: &&mut Shown| shown.look.resolution == Resolution::Full;
+        if let Some(Shown { view, gathered, .. }) = self.shown.as_mut().filter(at_rest) {
+            gathered.get_or_insert_with(|| Gathered::new(view, store));
+        }
+    }
+
     fn draw(&mut self, _stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
         let Some(drawn) = self.drawn() else { return Frame::black((1, 1)) };
         let Some(shown) = &self.shown else { return Frame::black((1, 1)) };
@@ -295,10 +309,11 @@ impl Driver for SurfacesDriver {
         }
     }
 
-    fn surface_beams(&self) -> Option<BeamSearch> {
+    fn surface_beams(&self, search: Search) -> Option<BeamSearch> {
         let ends = self.shown.as_ref()?.ends(self.raycaster.scene().origin);
         let sections = Arc::clone(&self.sections);
-        (!ends.is_empty())
-            .then(|| -> BeamSearch { Box::new(move || beams_ending_on(&sections, &ends, SLACK)) })
+        (!ends.is_empty()).then(|| -> BeamSearch {
+            Box::new(move || beams_ending_on(&sections, &ends, SLACK, search))
+        })
     }
 }

@@ -20,23 +20,26 @@ pub(crate) struct Layer {
 }
 
 impl Squares {
-    /// Returns the squares of `step` pixels a side of a picture of this size.
-    pub fn new(of_pixels: &[Seen], (width, height): (usize, usize), step: usize) -> Squares {
+    /// Returns the squares of `step` pixels a side of a picture of this size, whose pixels see this.
+    pub fn new(
+        seen: impl Fn(usize) -> Seen,
+        (width, height): (usize, usize),
+        step: usize,
+    ) -> Squares {
         let size = (width.div_ceil(step), height.div_ceil(step));
         let middle = |at: usize, size: usize| (at * step + step / 2).min(size - 1);
         let of_square = |at: usize| {
             let (row, column) = (middle(at / size.0, height), middle(at % size.0, width));
-            of_pixels[row * width + column]
+            seen(row * width + column)
         };
         Squares { size, seen: (0..size.0 * size.1).map(of_square).collect(), step }
     }
 
     /// Returns the sums of squares: of their pixels that see the same surface as the middle one.
-    pub fn sums(
+    pub fn sums<'a>(
         &self,
-        seen: &[Seen],
         (width, height): (usize, usize),
-        of_pixels: &[Sums],
+        of_pixel: impl Fn(usize) -> Option<(&'a Seen, &'a Sums)> + Sync,
     ) -> Vec<Sums> {
         let step = self.step;
         let square = |number: usize| {
@@ -45,10 +48,14 @@ impl Squares {
             let rows = top..(top + step).min(height);
             let columns = left..(left + step).min(width);
             let mut sums = Sums::default();
+            if !middle.is_surface() {
+                return sums;
+            }
             for pixel in rows.flat_map(|y| columns.clone().map(move |x| y * width + x)) {
+                let Some((seen, more)) = of_pixel(pixel) else { continue };
                 let reach = middle.width * step as f32;
-                if alike(middle, &seen[pixel], 0.5 * reach, 16.0 * reach) > 0.1 {
-                    sums.add(&of_pixels[pixel]);
+                if alike(middle, seen, 0.5 * reach, 16.0 * reach) > 0.1 {
+                    sums.add(more);
                 }
             }
             sums

@@ -2,7 +2,7 @@
 //! the cabin beside the project.
 
 use glam::DVec3;
-use holo_display::Resolution;
+use holo_display::{Resolution, Search};
 use holo_driver_voronoi::Voronoi;
 use holo_picture::View;
 use holo_raycast::Raycaster;
@@ -67,7 +67,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut half = timed("surfaces, half of 1280x720", 20, || canvas(Resolution::Half));
     let mut canvas = timed("surfaces, 1280x720", 20, || canvas(Resolution::Full));
     let beams = timed("beams of what is seen", 3, || {
-        canvas.surface_beams().map_or_else(Vec::new, |search| search())
+        canvas.surface_beams(Search::Thorough).map_or_else(Vec::new, |search| search())
     });
     // Rays that see what is there, all equally bright: where they land is what takes time.
     let packets: Vec<(BeamId, Vec<Sample>)> = beams

@@ -7,7 +7,7 @@
 
 use super::Voronoi;
 use super::surfaces::{Seen, Surfaces};
-use holo_display::{BeamSearch, End, beams_ending_on};
+use holo_display::{BeamSearch, End, Search, beams_ending_on};
 use std::sync::Arc;
 
 /// For walls that coincide with the section's.
@@ -15,10 +15,11 @@ const SLACK: f64 = 0.01;
 
 impl Voronoi {
     /// Returns a search for the beams whose rays may end on what the view sees. `None` if it sees nothing.
-    pub fn surface_beams(&self) -> Option<BeamSearch> {
+    pub fn surface_beams(&self, search: Search) -> Option<BeamSearch> {
         let (sections, points) = (Arc::clone(&self.sections), self.points());
-        (!points.is_empty())
-            .then(|| -> BeamSearch { Box::new(move || beams_ending_on(&sections, &points, SLACK)) })
+        (!points.is_empty()).then(|| -> BeamSearch {
+            Box::new(move || beams_ending_on(&sections, &points, SLACK, search))
+        })
     }
 
     /// Surface points of the picture and their normals, in the scene.

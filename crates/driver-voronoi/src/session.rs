@@ -3,7 +3,7 @@
 
 use super::{StandIns, Voronoi};
 use holo_display::{
-    BeamSearch, Driver, DriverError, Frame, LiveSample, Look, Resolution, SurfaceAt,
+    BeamSearch, Driver, DriverError, Frame, LiveSample, Look, Resolution, Search, SurfaceAt,
 };
 use holo_light::Store;
 use holo_raycast::Raycaster;
@@ -172,8 +172,8 @@ impl Driver for VoronoiDriver {
         }
     }
 
-    fn surface_beams(&self) -> Option<BeamSearch> {
-        self.shown.as_ref()?.covered.surface_beams()
+    fn surface_beams(&self, search: Search) -> Option<BeamSearch> {
+        self.shown.as_ref()?.covered.surface_beams(search)
     }
 }
 

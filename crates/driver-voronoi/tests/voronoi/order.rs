@@ -3,6 +3,7 @@
 use crate::common::{self, Random, view};
 use crate::stage::{bits, even, plate, shadow};
 use glam::DVec3;
+use holo_display::Search;
 use holo_driver_voronoi::Voronoi;
 use holo_picture::View;
 use holo_section::{BeamId, BeamKey, RayCoords, Sample};
@@ -13,7 +14,7 @@ use std::sync::Arc;
 fn beams_of_what_is_seen_are_in_order_and_hold_the_samples_that_serve() {
     let stage = plate();
     let canvas = stage.empty();
-    let found = canvas.surface_beams().unwrap()();
+    let found = canvas.surface_beams(Search::Thorough).unwrap()();
     let beams: Vec<BeamKey> = found.iter().map(|(key, _)| *key).collect();
     assert!(beams.is_sorted() && beams.windows(2).all(|pair| pair[0] != pair[1]));
     let all = stage.samples(even, 60_000, common::clean);

@@ -20,6 +20,8 @@ pub struct CurrentView {
     pub live: Option<LiveRays>,
     /// How far its stored samples have been asked for.
     pub asked: Asked,
+    /// Whether a thread searches for the next ones.
+    pub is_searching: bool,
     /// Whether it would have asked on, if the eye had not moved.
     pub asks_later: bool,
     /// Beams that it does not cross but whose rays may end on what it sees, once asked for.
@@ -49,8 +51,8 @@ pub struct Counts {
 pub enum Asked {
     /// Those of the beams that it crosses.
     Crossed,
-    /// The same, while a thread searches for beams that end on what it sees.
-    Searching,
+    /// And of most beams that end on what it sees.
+    Best,
     /// And of all beams that end on what it sees.
     Surfaces,
     /// All that there are.

@@ -8,7 +8,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use holo_display::{
-    Look, Resolution, SelectOptions, Selection, UsefulBeam, select_beams, viewpoint,
+    Look, Resolution, Search, SelectOptions, Selection, UsefulBeam, select_beams, viewpoint,
 };
 use holo_picture::ViewSpec;
 use holo_proto::{
@@ -139,6 +139,7 @@ impl Session {
             nearest_is_seen: false,
             live: LiveRays::new(uncovered, view, size, paths),
             asked: Asked::Crossed,
+            is_searching: false,
             asks_later: false,
             also: Vec::new(),
             first_request: self.request_number,
@@ -205,8 +206,8 @@ impl Session {
         Ok(due.into_iter().flatten().filter(|at| *at > now).min())
     }
 
-    /// Asks for further stored samples, of beams whose rays may end on what is seen. A thread
-    /// searches for these beams.
+    /// Asks for further stored samples, of beams whose rays may end on what is seen: of most, then
+    /// of all. A thread searches for these beams.
     ///
     /// When the samples have been sent, workers turn back to the view's own beams, unless the
     /// session ends.
@@ -218,30 +219,31 @@ impl Session {
             current.asks_later = true;
             return Ok(());
         }
-        match current.asked {
-            Asked::Crossed => {
-                let first_request = current.first_request;
-                let Some(search) = self.driver.surface_beams() else {
-                    return self.has_all(ending);
-                };
-                current.asked = Asked::Searching;
-                let Waker(messages) = self.waker.clone();
-                let search = move || {
-                    // A session that is over needs no beams.
-                    let _ = messages.send(Incoming::Found { first_request, beams: search() });
-                };
-                thread::Builder::new().name("beams".into()).spawn(search).context("a search")?;
-                Ok(())
-            }
+        let search = match current.asked {
+            _ if current.is_searching => return Ok(()),
+            Asked::Crossed => Search::Quick,
+            Asked::Best => Search::Thorough,
             Asked::Surfaces => {
                 let wanted = current.wanted.clone();
                 if self.welcome.tracing && !ending {
                     self.ask_anew(wanted)?;
                 }
-                self.has_all(ending)
+                return self.has_all(ending);
             }
-            Asked::Searching | Asked::All => Ok(()),
-        }
+            Asked::All => return Ok(()),
+        };
+        let Some(search) = self.driver.surface_beams(search) else {
+            return self.has_all(ending);
+        };
+        let first_request = current.first_request;
+        current.is_searching = true;
+        let Waker(messages) = self.waker.clone();
+        let search = move || {
+            // A session that is over needs no beams.
+            let _ = messages.send(Incoming::Found { first_request, beams: search() });
+        };
+        thread::Builder::new().name("beams".into()).spawn(search).context("a search")?;
+        Ok(())
     }
 
     /// Asks for what is stored of the beams that a search found for the view whose first request
@@ -252,19 +254,19 @@ impl Session {
         beams: Vec<UsefulBeam>,
         ending: bool,
     ) -> Result<()> {
-        let is_of = |current: &&mut CurrentView| {
-            current.first_request == first_request && current.asked == Asked::Searching
-        };
+        let is_of = |current: &&mut CurrentView| current.first_request == first_request;
         let Some(current) = self.current.as_mut().filter(is_of) else { return Ok(()) };
+        current.is_searching = false;
         if self.is_moving && !ending {
             // They were found for what was seen then.
-            (current.asked, current.asks_later) = (Asked::Crossed, true);
+            current.asks_later = true;
             return Ok(());
         }
         if beams.is_empty() {
             return self.has_all(ending);
         }
-        (current.asked, current.also) = (Asked::Surfaces, beams);
+        let next = if current.asked == Asked::Crossed { Asked::Best } else { Asked::Surfaces };
+        (current.asked, current.also) = (next, beams);
         self.ask_for_all()
     }
 

@@ -265,7 +265,14 @@ impl Session {
             }
             let next = self.ask_for_what_is_due(now, for_settled)?;
             let until = next.map_or(deadline, |next| next.min(deadline));
-            match self.messages.recv_timeout(until.saturating_duration_since(Instant::now())) {
+            let next = match self.messages.try_recv() {
+                Err(mpsc::TryRecvError::Empty) => {
+                    self.driver.prepare();
+                    self.messages.recv_timeout(until.saturating_duration_since(Instant::now()))
+                }
+                next => next.map_err(|_| mpsc::RecvTimeoutError::Disconnected),
+            };
+            match next {
                 Ok(incoming) => {
                     if let Some(waited) = self.take(incoming, for_settled)? {
                         return Ok(waited);
