@@ -25,7 +25,7 @@ def network(bench: Bench) -> Part:
             "*Ingest*: a worker returns each packet at once; the server checks, stores and counts the samples. *Recall*: a view's "
             "250,000 stored samples into a display's memory, from the second time on. *Encrypted*: the same over TLS 1.3. *A new "
             f"view*: {changes} views that share no beam, with 64 workers of 0.5 ms a ray that are busy with the view before; from "
-            "the request to the first samples traced for it. *Efficiency*: workers of 20 µs a ray fill a file; the samples "
+            "the request to the first samples traced for it. *Efficiency*: workers of 20 µs a ray fill a file of 32 samples a beam; the samples "
             "stored, as a share of those that they could trace.",
         ],
     )  # fmt: skip

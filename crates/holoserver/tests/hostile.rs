@@ -184,6 +184,9 @@ fn what_a_worker_calls_unseen_is_checked_by_the_next_and_undone() {
     });
 }
 
+/// The reason if the comparison of samples finds a liar before the check of claims does.
+const BY_SAMPLES: &str = "of its rays hit something else than others'";
+
 #[test]
 fn of_three_workers_the_one_that_lies_is_named_and_dropped() {
     run(async {
@@ -191,7 +194,8 @@ fn of_three_workers_the_one_that_lies_is_named_and_dropped() {
         let (server, liar) = deceived(&place).await;
         let honest = [(); 2].map(|()| tokio::spawn(common::work(server.address)));
         let reason = in_time(liar).await.unwrap().expect("it is told why");
-        assert!(reason.contains("sees nothing, and two others hit there"), "{reason}");
+        let by_claims = reason.contains("sees nothing, and two others hit there");
+        assert!(by_claims || reason.contains(BY_SAMPLES), "{reason}");
         server.end().await;
         for worker in honest {
             worker.await.unwrap();
@@ -209,7 +213,8 @@ fn a_worker_that_hits_something_where_two_others_hit_nothing_is_dropped() {
         }));
         let honest = [(); 2].map(|()| tokio::spawn(common::work_as(server.address, nothing_there)));
         let reason = in_time(liar).await.unwrap().expect("it is told why");
-        assert!(reason.contains("it hit something in beam"), "{reason}");
+        let by_claims = reason.contains("it hit something in beam");
+        assert!(by_claims || reason.contains(BY_SAMPLES), "{reason}");
         server.end().await;
         for worker in honest {
             worker.await.unwrap();
