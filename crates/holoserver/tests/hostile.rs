@@ -75,21 +75,16 @@ fn a_worker_that_traces_other_rays_than_it_is_given_is_dropped_and_others_trace_
     run(async {
         let place = Place::new();
         let server = place.serve(|_| {}).await;
-        let mut liar = Peer::join(server.address, Role::Worker).await;
-        liar.outbox.control(&Control::Ready { threads: 1 }).unwrap();
+        // Its samples are all of one ray.
+        let liar = tokio::spawn(common::work_as(server.address, |work| {
+            common::results(&work.packets, true)
+        }));
         let mut display = Peer::join(server.address, Role::Display).await;
         display.send(Kind::View, &view(1, 1));
-        let rays = (0..40).map(|at| WantedRay { key: common::beam(0), coords: RayCoords([at; 4]) });
+        let rays =
+            (1..=40).map(|at| WantedRay { key: common::beam(0), coords: RayCoords([at; 4]) });
         display.send(Kind::Rays, &RaysWanted { view: 1, rays: rays.collect() }.encode());
-        loop {
-            let packets = liar.work().await;
-            let named: Vec<_> = packets.iter().filter(|packet| packet.rays.is_some()).collect();
-            liar.send(Kind::Results, &common::results(named.iter().copied(), true).encode());
-            if !named.is_empty() {
-                break;
-            }
-        }
-        let reason = liar.expelled().await.expect("it is told why");
+        let reason = in_time(liar).await.unwrap().expect("it is told why");
         assert!(reason.contains("other rays"), "{reason}");
         // An honest one gets them, and returns what they name.
         let honest = tokio::spawn(common::work_as(server.address, |work| {
@@ -116,7 +111,7 @@ fn a_worker_that_traces_other_rays_than_it_is_given_is_dropped_and_others_trace_
                 }
             }
         }
-        assert_eq!(seen, (0..40).map(|at| [at; 4]).collect());
+        assert_eq!(seen, (1..=40).map(|at| [at; 4]).collect());
         server.end().await;
         honest.await.unwrap();
     });
