@@ -4,7 +4,8 @@
 //!
 //! It prints one JSON object:
 //! - `ingest` and `ingest_secure`: samples per second that one worker returns at once and the server
-//!   stores, without encryption and with it: the median of three.
+//!   stores, without encryption and with it: the median of three. The file has 32 samples of each beam already.
+//! - `first_second`: those of the first second of an empty file, whose packets hold 4 rays at first.
 //! - `recall_ms`: milliseconds from a view to the last of its 250,000 stored samples in a display's
 //!   memory, and `recall_secure_ms`. Each is the median of nine, after one that is not counted.
 //! - `efficiency`: of 1, 8 and 64 workers of 20 µs a ray, the samples that are stored as a share of
@@ -74,6 +75,7 @@ fn main() {
         json!({
             "ingest": ingests[0],
             "ingest_secure": ingests[1],
+            "first_second": first_second().await,
             "recall_ms": recalls[0],
             "recall_secure_ms": recalls[1],
             "efficiency": efficiency,
@@ -101,7 +103,7 @@ async fn serve(place: &Place, is_secure: bool, is_filling: bool) -> (Server, Des
 
 /// Returns the samples per second that a worker returns at once and the server stores.
 async fn ingest(seconds: f64, is_secure: bool) -> f64 {
-    let place = Place::new();
+    let place = full_enough();
     let (server, there) = serve(&place, is_secure, true).await;
     let worker = tokio::spawn(work(there));
     let rate = rate(&server, seconds).await;
@@ -112,9 +114,7 @@ async fn ingest(seconds: f64, is_secure: bool) -> f64 {
 
 /// Returns the share of what a crew of simulated workers could trace that is stored.
 async fn share_of(crew: usize, seconds: f64) -> f64 {
-    let place = Place::new();
-    // Packets of an empty file hold few rays, so that all beams get some at once.
-    store(&place, ALL_BEAMS, 32);
+    let place = full_enough();
     let (server, there) = serve(&place, false, true).await;
     let workers: Vec<_> =
         (0..crew).map(|_| tokio::spawn(simulated_worker(there.clone(), RAY))).collect();
@@ -124,6 +124,29 @@ async fn share_of(crew: usize, seconds: f64) -> f64 {
         worker.await.unwrap();
     }
     rate * RAY.as_secs_f64() / crew as f64
+}
+
+/// Returns a holodeck that gets full packets. Those of an empty one hold few rays, so that all beams
+/// get some at once.
+fn full_enough() -> Place {
+    let place = Place::new();
+    store(&place, ALL_BEAMS, 32);
+    place
+}
+
+/// Returns the samples that a server has stored a second after a worker that returns them at once
+/// has begun with an empty file.
+async fn first_second() -> u64 {
+    let place = Place::new();
+    let (server, there) = serve(&place, false, true).await;
+    let mut admin = Peer::join(server.address, Role::Admin).await;
+    let worker = tokio::spawn(work(there));
+    while traced(&mut admin).await == 0 {}
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let stored = traced(&mut admin).await;
+    server.end().await;
+    worker.await.unwrap();
+    stored
 }
 
 /// Returns the samples per second of a server, once its workers' pace is learnt.
