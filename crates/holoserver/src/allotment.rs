@@ -3,14 +3,13 @@
 //! What always holds: a number is given out once, unless it is given back. Numbers that the file
 //! lacks below its greatest one come first: they were forgotten, or lost to damage.
 
-use std::collections::HashMap;
-
 use holo_beamfile::BeamFile;
 use holo_section::{BeamKey, SampleKind};
+use rustc_hash::FxHashMap;
 
 /// Gives out sample numbers so that none is traced twice.
 #[derive(Default)]
-pub struct Allotment(HashMap<(BeamKey, SampleKind), Numbers>);
+pub struct Allotment(FxHashMap<(BeamKey, SampleKind), Numbers>);
 
 /// The numbers of one beam and kind that may be given out.
 struct Numbers {
@@ -50,12 +49,17 @@ impl Allotment {
         }
     }
 
-    /// Returns how many numbers are stored or under way.
-    pub fn taken(&self, file: &BeamFile, key: BeamKey, kind: SampleKind) -> u32 {
-        match self.0.get(&(key, kind)) {
-            Some(numbers) => numbers.taken(),
-            None => Numbers::of(file, key, kind).taken(),
+    /// Returns how many samples of a beam are stored or under way.
+    pub fn taken(&self, file: &BeamFile, key: BeamKey) -> u64 {
+        let kinds = [SampleKind::Uniform, SampleKind::ViewpointLimited, SampleKind::SingleRay];
+        let known = kinds.map(|kind| self.0.get(&(key, kind)).map(Numbers::taken));
+        if known == [None; 3] {
+            return file.count(key);
         }
+        let stored = kinds.into_iter().zip(known);
+        stored
+            .map(|(kind, known)| known.unwrap_or_else(|| Numbers::of(file, key, kind).taken()))
+            .sum()
     }
 }
 
@@ -68,14 +72,17 @@ impl Numbers {
             SampleKind::ViewpointLimited => counts.limited,
             SampleKind::SingleRay => counts.single,
         };
+        if next == 0 {
+            return Numbers { next, free: Vec::new() };
+        }
         let all = [counts.uniform, counts.limited, counts.single].map(u64::from).iter().sum();
         // Of most beams nothing is missing, which takes no look at their runs.
         let free = if file.count(key) < all { holes(file, key, kind, next) } else { Vec::new() };
         Numbers { next, free }
     }
 
-    fn taken(&self) -> u32 {
-        self.next - self.free.iter().map(|(_, count)| count).sum::<u32>()
+    fn taken(&self) -> u64 {
+        u64::from(self.next - self.free.iter().map(|(_, count)| count).sum::<u32>())
     }
 }
 
@@ -113,11 +120,11 @@ mod tests {
             file.append(run, Maker::UNKNOWN, &vec![Sample::default(); count as usize]).unwrap();
         }
         let (mut allotment, kind) = (Allotment::default(), SampleKind::Uniform);
-        assert_eq!(allotment.taken(&file, key, kind), 13);
+        assert_eq!(allotment.taken(&file, key), 13);
         let mut take = |count| allotment.take(&file, key, kind, count).unwrap();
         assert_eq!([take(21), take(21), take(21), take(21)], [(0, 5), (15, 21), (36, 4), (43, 21)]);
         allotment.give_back(key, kind, 50, 3);
-        assert_eq!(allotment.taken(&file, key, kind), 61);
+        assert_eq!(allotment.taken(&file, key), 61);
         assert_eq!(allotment.take(&file, key, kind, 2), Some((50, 2)));
         assert_eq!(allotment.take(&file, key, kind, 2), Some((52, 1)));
         assert_eq!(allotment.take(&file, key, kind, 2), Some((64, 2)));

@@ -114,9 +114,7 @@ impl Fill {
     /// Returns the next packet of new samples for the beam in turn.
     fn next_fresh(&mut self, known: &mut Known) -> Option<FillPacket> {
         let (key, wanted) = self.in_turn.take().filter(|(key, _)| !known.unseen.contains(*key))?;
-        let kinds = [SampleKind::Uniform, SampleKind::ViewpointLimited, SampleKind::SingleRay];
-        let have: u64 =
-            kinds.map(|kind| u64::from(known.allotment.taken(known.file, key, kind))).iter().sum();
+        let have = known.allotment.taken(known.file, key);
         let count = wanted.saturating_sub(have).min(MAX_RAYS_PER_PACKET as u64) as u8;
         if count == 0 {
             return None;
