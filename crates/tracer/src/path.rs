@@ -41,7 +41,7 @@ use crate::weighting::Direct;
 /// Number of scatterings, mirrors and glass not counted, from which roulette applies.
 const ROULETTE_SCATTERINGS: u32 = 2;
 /// Factor between a path's throughput and its probability of survival (docs/notes/path-tracing.md).
-const ROULETTE_FACTOR: f32 = 2.0;
+const ROULETTE_FACTOR: f32 = 3.0;
 /// Number of surfaces from which roulette applies to all paths: mirrors and glass absorb little.
 const ROULETTE_DEPTH: u32 = 5;
 /// Number of surfaces from which the greatest probability of survival is [`CEILING_OF_LONG`]: more
@@ -267,7 +267,10 @@ impl PathEngine {
                     scatterings,
                     depth,
                 };
-                let indirect = policy.indirect(&shading, sampler);
+                let indirect = policy.indirect(&shading, sampler).or_else(|| {
+                    let ends = scatterings > self.bounces && self.lights_find_all;
+                    (ends && matches!(scatter, Scatter::Diffuse(_))).then_some(Vec3::ZERO)
+                });
                 // Known indirect light includes what a sample of the material would find.
                 let direct = if indirect.is_some() { Direct::Lights } else { self.direct };
                 if direct != Direct::Materials && (self.lights.any() || self.suns.any()) {
