@@ -89,7 +89,7 @@ struct Path<'a> {
     /// Number of smooth surfaces at which the path has followed both reflection and transmission.
     forks: u32,
     throughput: Vec3,
-    /// Product of [`Sampled::eta2`] along the path.
+    /// Product of [`Sampled::eta2`](crate::sampled::Sampled::eta2) along the path.
     eta2: f32,
     /// Factor by which aiming at secondary sources and glints has lowered the throughput.
     aimed_by: f32,
