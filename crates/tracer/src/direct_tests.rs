@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 
+use crate::engine::PathEngine;
 use crate::sampler::Sampler;
 use crate::weighting::Direct;
 use crate::{Settings, Tracer};
@@ -102,6 +103,40 @@ fn lights_and_materials_find_the_same_light_through_panes() {
             );
         }
     }
+}
+
+/// With one lamp and diffuse surfaces, direct light needs no ray but those to the lamp.
+#[test]
+fn one_lamp_alone_gives_the_direct_light_of_a_diffuse_room_without_samples_of_its_materials() {
+    let lit_by_one = |floor| {
+        let scene = scene(floor, [0.0; 3]);
+        let mut materials = scene.materials.clone();
+        materials[2].emission = [0.0; 3];
+        let positions: Vec<DVec3> =
+            scene.positions.iter().map(|p| Vec3::from(*p).as_dvec3() + scene.origin).collect();
+        let (scene, _) = Scene::from_world(
+            &positions,
+            &scene.triangles,
+            &scene.material_ids,
+            materials,
+            [0.0; 3],
+        )
+        .expect("valid");
+        Arc::new(Raycaster::build(Arc::new(scene)).expect("built"))
+    };
+    let engine = |raycaster, direct| PathEngine::new(raycaster, Some(0), direct, 1);
+    let raycaster = lit_by_one(Bsdf::Diffuse { kd: [0.7; 3] });
+    assert!(engine(&raycaster, Direct::Both).lights_find_all);
+    let [alone, both] = [Direct::Both, Direct::Materials].map(|d| mean(&raycaster, d, 1, 100_000));
+    for ((a, va), (b, vb)) in alone.into_iter().zip(both) {
+        // 3 comparisons at 4.5 sigma: by chance once in 50,000 sets of seeds.
+        assert!((a - b).abs() <= 4.5 * (va + vb).sqrt() && va < vb, "{alone:?} {both:?}");
+    }
+    let mirrored = lit_by_one(Bsdf::Mirror { ks: [0.9; 3] });
+    assert!(!engine(&mirrored, Direct::Both).lights_find_all);
+    let many =
+        Arc::new(Raycaster::build(scene(Bsdf::Diffuse { kd: [0.7; 3] }, [0.0; 3])).expect("built"));
+    assert!(!engine(&many, Direct::Both).lights_find_all);
 }
 
 fn mean(raycaster: &Arc<Raycaster>, direct: Direct, samples: u32, paths: u64) -> [(f64, f64); 3] {

@@ -37,6 +37,9 @@ pub(crate) struct PathEngine {
     pub light_samples: u32,
     /// Number of continuations from that surface. They share the part of the path before it.
     pub branches: u32,
+    /// Whether samples of the lights alone find all direct light of diffuse surfaces, as well as
+    /// with samples of the material: from one lamp, without mirrors and glass.
+    pub lights_find_all: bool,
     /// Whether any surface has a texture or a smooth normal.
     pub is_shaded: bool,
 }
@@ -52,13 +55,17 @@ impl PathEngine {
         let surfaces = surfaces(scene);
         let panes = Arc::new(Panes::new(scene));
         let lights = Lights::new(scene).with_cells(raycaster, &panes);
+        let nesting = Nesting::new(scene);
+        let is_specular = nesting.is_some() || surfaces.iter().any(|s| s.scatter.is_delta());
+        let lights_find_all = direct == Direct::Both && lights.is_one() && !is_specular;
         Self {
             secondary: SecondarySources::find(raycaster, &surfaces, &lights),
             glints: Glints::find(scene, &lights),
             surfaces,
             lights,
             panes,
-            nesting: Nesting::new(scene),
+            nesting,
+            lights_find_all,
             sky: scene.sky.into(),
             suns: Suns::new(scene),
             bounces: bounces.unwrap_or(u32::MAX),

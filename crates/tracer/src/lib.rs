@@ -94,7 +94,7 @@ const LIGHT_SAMPLES: u32 = 2;
 
 /// Continuations of a path from that surface, if all light comes from one quad and indirect light
 /// counts. Other scenes take 1 (docs/notes/path-tracing.md).
-const BRANCHES: u32 = 2;
+const BRANCHES: u32 = 4;
 
 /// What a tracer computes, besides the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

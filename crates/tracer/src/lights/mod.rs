@@ -7,7 +7,7 @@
 //! the tree.
 //!
 //! Always true: a light that could bring anything to the vertex has a positive probability, except
-//! by rounding at its horizon. A light that cannot has probability 0. Choosing and
+//! by rounding at its horizon. A light that cannot has probability 0, unless it is the only one. Choosing and
 //! [`Lights::probability`] agree within f32 rounding. The cost grows with the logarithm of the
 //! number of lights.
 

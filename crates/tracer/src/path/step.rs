@@ -1,0 +1,136 @@
+//! One step of a path: the next direction, Russian roulette, and the ray to the next surface.
+
+use glam::Vec3;
+use holo_raycast::{Ray, Raycaster, spawn};
+
+use super::{EmissionWeight, OutgoingVertex, Path, SCATTERED_SPREAD};
+use crate::aim::Choice;
+use crate::bsdf::Scatter;
+use crate::engine::PathEngine;
+use crate::sampled::Sampled;
+use crate::sampler::{Purpose, Sampler};
+use crate::shading;
+
+/// Number of scatterings, mirrors and glass not counted, from which roulette applies.
+const ROULETTE_SCATTERINGS: u32 = 2;
+/// Factor between a path's throughput and its probability of survival (docs/notes/path-tracing.md).
+const ROULETTE_FACTOR: f32 = 3.0;
+/// Number of surfaces from which roulette applies to all paths: mirrors and glass absorb little.
+const ROULETTE_DEPTH: u32 = 5;
+/// Number of surfaces from which the greatest probability of survival is [`CEILING_OF_LONG`]: more
+/// than light meets in a white room before its lamp absorbs it.
+const LONG: u32 = 300;
+const CEILING_OF_LONG: f32 = 0.99;
+
+impl PathEngine {
+    /// Samples the next direction and traces the ray; returns whether the path continues.
+    #[inline]
+    pub(super) fn sample_next(
+        &self,
+        raycaster: &Raycaster,
+        path: &mut Path,
+        vertex: &OutgoingVertex,
+        sampler: &mut Sampler,
+    ) -> bool {
+        let OutgoingVertex { point, ref frame, wo, front, scatter, aims, .. } = *vertex;
+        let depth = path.depth;
+        let choice = aims.as_ref().map_or(Choice::Material, |aims| {
+            sampler.turn(depth, Purpose::Aim);
+            aims.choose(raycaster, sampler)
+        });
+        let sampled = match &choice {
+            Choice::Material => {
+                sampler.turn(depth, Purpose::Scatter);
+                scatter.sample(wo, front, sampler)
+            }
+            Choice::Source(target) if target.triangle != point.triangle => {
+                let direction = (target.point - point.point).normalize_or_zero();
+                scatter.towards(wo, frame.to_local(direction), front)
+            }
+            Choice::Glint(direction) => scatter.towards(wo, frame.to_local(*direction), front),
+            Choice::Source(_) | Choice::Nothing => None,
+        };
+        let Some(sampled) = sampled else { return false };
+        path.throughput *= sampled.weight * self.terminator(vertex, &sampled);
+        path.eta2 *= sampled.eta2;
+        if path.scatterings >= ROULETTE_SCATTERINGS || depth >= ROULETTE_DEPTH {
+            // Radiance inside glass is greater by eta2: without that factor, roulette would end
+            // paths because they entered glass. Secondary sources and glints are brighter than `aimed_by`
+            // lowers the throughput: without that factor, the few survivors would be as noisy as
+            // unaimed paths.
+            let worth = ROULETTE_FACTOR * path.throughput.max_element() * path.eta2 * path.aimed_by;
+            let survival = worth.min(if depth < LONG { 1.0 } else { CEILING_OF_LONG });
+            sampler.turn(depth, Purpose::Roulette);
+            if sampler.one() >= survival {
+                return false;
+            }
+            path.throughput /= survival;
+        }
+        if path.throughput == Vec3::ZERO {
+            return false;
+        }
+        self.advance(raycaster, path, vertex, &sampled);
+        if let (Some(aims), Some(pdf)) = (&aims, sampled.pdf) {
+            let way = (path.direction, pdf);
+            let Some(weight) = aims.weight(raycaster, way, &choice, path.hit.as_ref()) else {
+                return false;
+            };
+            path.throughput *= weight.weight;
+            if weight.is_aimed {
+                path.aimed_by /= weight.weight;
+            }
+        }
+        true
+    }
+
+    /// Returns the factor by which a smooth normal dims a sampled direction; 1 on facets.
+    #[inline]
+    pub(super) fn terminator(&self, vertex: &OutgoingVertex, sampled: &Sampled) -> f32 {
+        if !self.is_shaded {
+            return 1.0;
+        }
+        let direction = vertex.frame.to_world(sampled.wi);
+        let is_smooth = sampled.pdf.is_some();
+        shading::terminator(&vertex.frame, vertex.point.normal, direction, sampled.wi.z, is_smooth)
+    }
+
+    /// Traces the ray of a sampled direction to the next surface.
+    #[inline]
+    pub(super) fn advance(
+        &self,
+        raycaster: &Raycaster,
+        path: &mut Path,
+        vertex: &OutgoingVertex,
+        sampled: &Sampled,
+    ) {
+        let OutgoingVertex { point, error, ref frame, scatter, beyond, light_sampling, .. } =
+            *vertex;
+        if let Some(beyond) = beyond.filter(|_| sampled.wi.z < 0.0) {
+            path.inside = *beyond;
+        }
+        // Light samples have also found what is straight ahead behind a pane. What a mirror shows
+        // they have found only if the mirror's images were sampled.
+        let straight = matches!(scatter, Scatter::Pane { .. }) && sampled.wi.z < 0.0;
+        let image_mirror = path
+            .image_sampling
+            .take_if(|_| !straight)
+            .and_then(|sampling| sampling.mirror_at(point.triangle));
+        path.passed_specular = straight || image_mirror.is_some();
+        if !straight {
+            path.image_mirror = image_mirror;
+            path.emission_weight = match sampled.pdf.zip(light_sampling) {
+                Some((pdf, lights)) => {
+                    EmissionWeight::Combined(lights.material_sample(pdf, scatter, sampled.wi))
+                }
+                None => EmissionWeight::Full,
+            };
+        }
+        if sampled.pdf.is_some() {
+            path.spread = path.spread.max(SCATTERED_SPREAD);
+        }
+        path.direction = frame.to_world(sampled.wi);
+        let ray = Ray::new(spawn(point.point, error, point.normal, path.direction), path.direction);
+        path.hit = raycaster.nearest_from(&ray, point.triangle);
+        path.depth += 1;
+    }
+}
