@@ -6,11 +6,12 @@
 //! Invariant: a weight is a number of pixels. The weights of a selection add up to the number of
 //! covered pixels.
 
-use crate::candidates::{Candidate, candidates};
+use crate::candidates::candidates;
 use crate::random::split_mix;
 use glam::DVec3;
 use holo_picture::View;
 use holo_section::{BeamKey, Section, Viewpoint};
+use rayon::prelude::*;
 
 /// Fewest rays per side, however small the picture: fewer would miss beams.
 const MIN_RAYS_A_SIDE: u32 = 64;
@@ -100,10 +101,8 @@ pub fn select_beams(
     let (across, down) = (strata(size.0, options), strata(size.1, options));
     let pixels_per_ray =
         f64::from(size.0) * f64::from(size.1) / (f64::from(across) * f64::from(down));
-    let mut covered = Coverage { rays: across * down, ..Coverage::default() };
-    let mut shares: Vec<(BeamKey, f64)> = Vec::new();
-    let mut found: Vec<Candidate> = Vec::new();
-    for row in 0..down {
+    let of_row = |row: u32| {
+        let (mut shares, mut found, mut covered) = (Vec::new(), Vec::new(), 0);
         for column in 0..across {
             let jitter = split_mix(options.seed ^ ((u64::from(row) << 32 | u64::from(column)) + 1));
             let x = (f64::from(column) + unit(jitter as u32)) / f64::from(across);
@@ -111,17 +110,22 @@ pub fn select_beams(
             let Some((eye, direction, _)) = view.clipped_ray(x, y) else { continue };
             candidates(sections, eye, direction, &mut found);
             let Some((best, others)) = found.split_first() else { continue };
-            covered.covered_rays += 1;
+            covered += 1;
             let each = f64::from(options.others_share).clamp(0.0, 0.5 / others.len().max(1) as f64);
             shares.push((best.key, 1.0 - each * others.len() as f64));
             if each > 0.0 {
                 shares.extend(others.iter().map(|other| (other.key, each)));
             }
         }
-    }
+        (shares, covered)
+    };
+    let rows: Vec<(Vec<(BeamKey, f64)>, u32)> = (0..down).into_par_iter().map(of_row).collect();
+    let covered_rays = rows.iter().map(|(_, covered)| covered).sum();
+    let mut covered = Coverage { rays: across * down, covered_rays, ..Coverage::default() };
+    let mut shares: Vec<(BeamKey, f64)> = rows.into_iter().flat_map(|(shares, _)| shares).collect();
     covered.pixels = f64::from(covered.covered_rays) * pixels_per_ray;
     // A stable sort adds up a beam's shares in the order of the rays, so sums repeat to the bit.
-    shares.sort_by_key(|&(key, _)| key);
+    shares.par_sort_by_key(|&(key, _)| key);
     let beams = shares
         .chunk_by(|a, b| a.0 == b.0)
         .map(|same| WantedBeam {

@@ -102,6 +102,7 @@ impl Session {
         if self.is_moving && self.driver.keeps_samples() && self.since().elapsed() < MOVING_EVERY {
             return self.look_on(look);
         }
+        let since = Instant::now();
         let Look { view, size, .. } = look;
         let sections = &self.choice.sections;
         let Selection { beams, covered } =
@@ -120,7 +121,6 @@ impl Session {
         let had_live = before.as_ref().is_some_and(|before| before.live.is_some());
         let received = before.filter(|_| self.driver.keeps_samples()).map(|before| before.received);
         let received = received.unwrap_or_default();
-        let since = Instant::now();
         // Asked first: samples are under way while the driver looks at the scene.
         self.request(&look, nearest, wanted.clone(), &received)?;
         if had_live {
