@@ -11,11 +11,12 @@ use crate::random::split_mix;
 use glam::DVec3;
 use holo_section::{BeamId, BeamKey, Section, ViewClass};
 use rayon::prelude::*;
+use std::cmp::Reverse;
 
 /// How long a search may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Search {
-    /// It finds most useful beams in some 10 ms for each section.
+    /// It finds the most useful beams in some 10 ms for each section.
     Quick,
     /// It finds nearly all, and takes five times as long.
     Thorough,
@@ -26,6 +27,9 @@ const LINES: usize = 200_000;
 
 /// Lines tried for each section by a quick one.
 const FEW_LINES: usize = 40_000;
+
+/// Most beams that a quick search returns: a server finds as many in a file in some 20 ms.
+const BEST_BEAMS: usize = 20_000;
 
 /// Most sections that get all these lines. More sections share the lines of this many, so that the
 /// time does not grow with their number.
@@ -76,6 +80,11 @@ pub fn beams_ending_on(
 ) -> Vec<UsefulBeam> {
     let lines = if search == Search::Quick { FEW_LINES } else { LINES };
     let mut found = by_lines(sections, points, slack, lines);
+    if search == Search::Quick && found.len() > BEST_BEAMS {
+        found.select_nth_unstable_by_key(BEST_BEAMS, |&(key, weight)| (Reverse(weight), key));
+        found.truncate(BEST_BEAMS);
+        found.par_sort_unstable();
+    }
     found.truncate(MOST_BEAMS);
     let useful = |weight: u32| (f64::from(weight.max(1)) / FULL_WEIGHT) as f32;
     found.into_iter().map(|(key, weight)| (key, useful(weight))).collect()

@@ -135,6 +135,22 @@ fn the_more_useful_half_of_the_surface_beams_holds_most_samples_that_end_on_what
     assert!(found(first) > 2 * found(last), "{} {}", found(first), found(last));
 }
 
+#[test]
+fn a_quick_search_finds_the_more_useful_beams() {
+    let (section, view) = (room_section(12), room_view(SIZE));
+    let own = near_samples(room, &section, &view, 400, 3, clean);
+    let tree = quadtree(&section, &view, SIZE, QuadtreeParams::default(), &own);
+    let quick = tree.surface_beams(Search::Quick).unwrap()();
+    assert!(quick.is_sorted_by(|one, next| one.0 < next.0));
+    let all = all_beams(&tree);
+    let each = |beams: &[UsefulBeam]| {
+        let beams: BTreeSet<BeamId> = beams.iter().map(|(key, _)| key.beam).collect();
+        f64::from(rays_that_end_in(&view, &beams).1) / beams.len() as f64
+    };
+    assert!(2 * quick.len() < all.len(), "{} of {}", quick.len(), all.len());
+    assert!(each(&quick) > 1.5 * each(&all), "{} {}", each(&quick), each(&all));
+}
+
 /// The far section is on the other side of a wall, but a display knows of no walls.
 #[test]
 fn beams_of_sections_that_are_further_from_what_is_seen_come_last() {

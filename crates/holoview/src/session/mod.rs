@@ -267,7 +267,10 @@ impl Session {
             let until = next.map_or(deadline, |next| next.min(deadline));
             let next = match self.messages.try_recv() {
                 Err(mpsc::TryRecvError::Empty) => {
-                    self.driver.prepare();
+                    // A search takes the same threads, and brings samples.
+                    if self.current.as_ref().is_some_and(|current| !current.is_searching) {
+                        self.driver.prepare();
+                    }
                     self.messages.recv_timeout(until.saturating_duration_since(Instant::now()))
                 }
                 next => next.map_err(|_| mpsc::RecvTimeoutError::Disconnected),
