@@ -12,8 +12,8 @@ use crate::{
     report::Report,
 };
 
-/// The reason in the goodbye of a server that ends in order. All other reasons are faults of whoever
-/// is sent away.
+/// The reason in the goodbye of a server that ends in order. All other reasons are faults of
+/// whoever is sent away.
 pub const SESSION_OVER: &str = "the session is over";
 
 /// Most sections in one holodeck: enough for the rooms of a large building.

@@ -459,7 +459,8 @@ fn every_message_has_exactly_the_bytes_of_its_file() {
 
 #[test]
 fn a_compressed_piece_is_a_block_of_lz4_of_the_first_bytes_of_all_words_then_the_second() {
-    // Of each of the first three: a literal, and a match of 7 bytes at distance 1. Then 10 literals.
+    // Of each of the first three: a literal, and a match of 7 bytes at distance 1. Then 10
+    // literals.
     let block = [
         [0x13, 1, 1, 0, 0x13, 2, 1, 0, 0x13, 3, 1, 0].as_slice(),
         &[0xa0, 4, 4, 4, 4, 4, 4, 4, 4, 9, 8],

@@ -13,7 +13,7 @@ use holo_section::{BeamId, BeamKey, Section, ViewClass};
 use rayon::prelude::*;
 use std::cmp::Reverse;
 
-/// How long a search may take.
+/// How thorough a search is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Search {
     /// It finds the most useful beams in some 10 ms for each section.
@@ -47,9 +47,6 @@ const FULL_WEIGHT: f64 = 65_536.0;
 
 /// Most beams to return: a request has room for a million.
 const MOST_BEAMS: usize = 900_000;
-
-/// Lines that a thread tries at least.
-const LINES_TOGETHER: usize = 1024;
 
 /// A visible point.
 #[derive(Clone, Copy, Debug)]
@@ -105,7 +102,7 @@ fn by_lines(sections: &[Section], points: &[End], slack: f64, count: usize) -> V
         (all / (same.len() as u64 + 1)) as u32
     };
     let of_section = |(number, section): (usize, &Section)| -> Vec<(BeamKey, u32)> {
-        let lines = (0..count).into_par_iter().with_min_len(LINES_TOGETHER);
+        let lines = (0..count).into_par_iter();
         let beam = |line| beam(section, points, line as u64, slack, near);
         let mut beams: Vec<(u64, u32)> = lines.filter_map(beam).collect();
         beams.par_sort_unstable();

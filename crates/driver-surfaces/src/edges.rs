@@ -208,8 +208,8 @@ impl Looked {
     }
 }
 
-/// Columns and rows of the points in their pixel, one in each. A random search found them. The shares
-/// of half planes that they report err by 3.7 % (rms); Sobol's points err by 4.5 %.
+/// Columns and rows of the points in their pixel, one in each. A random search found them. The
+/// shares of half planes that they report err by 3.7 % (rms); Sobol's points err by 4.5 %.
 const PLACES: [(u8, u8); POINTS] = [
     (0, 1),
     (15, 11),

@@ -1,5 +1,5 @@
-//! Quantities of the squares of a picture, each in an array of its own, and sums over neighbours. The
-//! loops work on many squares at once.
+//! Quantities of the squares of a picture, each in an array of its own, and sums over neighbours.
+//! The loops work on many squares at once.
 //!
 //! Invariant: results do not depend on the processor, nor on the number of threads.
 
@@ -15,7 +15,7 @@ pub(crate) const AROUND: usize = 8;
 const SIDES: [(isize, isize); AROUND] =
     [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
 
-/// The weight of a square at each side, before it is judged.
+/// The weight of a square at each side whose surface is the same.
 const KERNEL: [f32; AROUND] = [0.25, 0.5, 0.25, 0.5, 0.5, 0.25, 0.5, 0.25];
 
 /// `N` quantities of each square. A row's values of one quantity follow each other.
@@ -25,7 +25,7 @@ pub(crate) struct Planes<const N: usize> {
     values: Vec<f32>,
 }
 
-/// Points (3), unit normals (3) and widths of what squares see. Where there is no surface, all are 0.
+/// Points (3), unit normals (3) and widths of what squares see; all 0 where there is no surface.
 pub(crate) type Geometry = Planes<7>;
 
 /// The weights of the squares around each.
@@ -138,7 +138,8 @@ impl Layout {
         })
     }
 
-    /// Returns weights that depend also on how much a value differs: they are 0 at this `difference`.
+    /// Returns weights lowered by how much a value differs. They are 0 where it differs by
+    /// `difference`.
     pub fn weights_by(
         &self,
         weights: &Weights,

@@ -20,7 +20,8 @@ pub(crate) struct Layer {
 }
 
 impl Squares {
-    /// Returns the squares of `step` pixels a side of a picture of this size, whose pixels see this.
+    /// Returns the squares of `step` pixels a side of a picture of this size. `seen` returns what a
+    /// pixel sees.
     pub fn new(
         seen: impl Fn(usize) -> Seen,
         (width, height): (usize, usize),

@@ -175,6 +175,27 @@ fn the_order_of_samples_changes_no_bit() {
 }
 
 #[test]
+fn what_is_prepared_between_samples_changes_no_bit() {
+    let (sections, raycaster) = floor();
+    let samples = samples(&sections[0], 40_000);
+    let drawn = |prepares: bool| {
+        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        driver.look(&look(DOWN, Resolution::Full)).unwrap();
+        for some in samples.chunks(9000) {
+            if prepares {
+                driver.prepare();
+            }
+            some.iter().for_each(|(key, sample)| driver.insert(*key, 1, &[*sample]));
+        }
+        if prepares {
+            driver.prepare();
+        }
+        (draw(&mut driver).picture.pixels, draw(&mut driver).picture.pixels)
+    };
+    assert!(drawn(true) == drawn(false));
+}
+
+#[test]
 fn depth_under_a_pixel_is_that_of_the_surface() {
     let (sections, raycaster) = floor();
     let mut driver = SurfacesDriver::new(sections, raycaster, None);

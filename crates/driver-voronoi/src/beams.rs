@@ -14,7 +14,8 @@ use std::sync::Arc;
 const SLACK: f64 = 0.01;
 
 impl Voronoi {
-    /// Returns a search for the beams whose rays may end on what the view sees. `None` if it sees nothing.
+    /// Returns a search for the beams whose rays may end on what the view sees. `None` if it sees
+    /// nothing.
     pub fn surface_beams(&self, search: Search) -> Option<BeamSearch> {
         let (sections, points) = (Arc::clone(&self.sections), self.points());
         (!points.is_empty()).then(|| -> BeamSearch {

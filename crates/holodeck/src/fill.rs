@@ -43,8 +43,8 @@ pub struct Args {
     /// Stop after so many samples, such as 20M; those traced again count
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     samples: Option<u64>,
-    /// Enough samples for the file, such as 60M, or 0 for no new ones. Then known samples are traced
-    /// again with more paths [default: 512 for each beam that sees something, at least 50M]
+    /// Enough samples for the file, such as 60M, or 0 for no new ones. Then known samples are
+    /// traced again with more paths [default: 512 for each beam that sees something, at least 50M]
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     enough: Option<u64>,
     /// Fill only the beams of this share, such as 0/8: the first of eight. `holodeck merge` puts the

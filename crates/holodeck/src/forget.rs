@@ -9,8 +9,8 @@ use holo_server::{Forgotten, Holodeck};
 
 /// Remove from a holodeck what some workers have made
 ///
-/// `holodeck info` lists the workers of a file and their numbers; `holodeck status` names those that
-/// were dropped. A later fill traces the removed samples again.
+/// `holodeck info` lists the workers of a file and their numbers; `holodeck status` names those
+/// that were dropped. A later fill traces the removed samples again.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  holodeck forget room.holo --worker 3")]
 pub struct Args {

@@ -51,8 +51,8 @@ impl ListenArgs {
 #[command(after_help = "Examples:\n  holodeck tokens\n  \
     holodeck tokens --add worker --public 192.0.2.7:7070\n  holodeck tokens --revoke GkdS3h6pXzU")]
 pub struct TokensArgs {
-    /// Make a token for this role (admin, member, worker, display, read-only), and print the string to join
-    /// with
+    /// Make a token for this role (admin, member, worker, display, read-only), and print the string
+    /// to join with
     #[arg(long, value_name = "ROLE", requires = "public")]
     add: Option<Rights>,
     /// The server's address in that string

@@ -1,12 +1,12 @@
 //! A server's report as Prometheus reads it, as text and over HTTP.
 
-use std::net::SocketAddr;
+use std::{net::SocketAddr, sync::atomic::AtomicU64};
 
 use anyhow::{Context, Result};
 use axum::{Router, http::StatusCode, routing::get};
 use holo_net::{Destination, Shutdown};
 use holo_progress::said_once;
-use holo_proto::report::Report;
+use holo_proto::report::{Report, WorkerReport};
 use prometheus_client::{
     encoding::text,
     metrics::{family::Family, gauge::Gauge},
@@ -16,8 +16,8 @@ use tokio::net::TcpListener;
 
 use crate::status::ask;
 
-/// Answers Prometheus at `/metrics` until a signal. Each answer is a new report of the server. If the
-/// server does not answer, Prometheus is told so.
+/// Answers Prometheus at `/metrics` until a signal. Each answer is a new report of the server. If
+/// the server does not answer, Prometheus is told so.
 ///
 /// # Errors
 /// If the address is not free.
@@ -39,6 +39,9 @@ pub async fn serve(server: Destination, address: SocketAddr) -> Result<()> {
     Ok(axum::serve(listener, router).with_graceful_shutdown(ended).await?)
 }
 
+/// A metric that is any number.
+type Number = Gauge<f64, AtomicU64>;
+
 /// The label of a metric of one worker or display.
 type Labels = Vec<(&'static str, String)>;
 
@@ -46,7 +49,7 @@ type Labels = Vec<(&'static str, String)>;
 pub fn text_of(report: &Report) -> Result<String> {
     let mut registry = Registry::with_prefix("holodeck");
     let mut add = |name: &str, help: &str, value: f64| {
-        let gauge = Gauge::<f64, std::sync::atomic::AtomicU64>::default();
+        let gauge = Number::default();
         gauge.set(value);
         registry.register(name, help, gauge);
     };
@@ -61,13 +64,13 @@ pub fn text_of(report: &Report) -> Result<String> {
     add("workers", "Workers connected", report.workers.len() as f64);
     add("displays", "Displays connected", report.displays.len() as f64);
     let mut families = |name: &str, help: &str, values: Vec<(&str, f64)>| {
-        let family = Family::<Labels, Gauge<f64, std::sync::atomic::AtomicU64>>::default();
+        let family = Family::<Labels, Number>::default();
         for (peer, value) in values {
             family.get_or_create(&vec![("name", peer.to_owned())]).set(value);
         }
         registry.register(name, help, family);
     };
-    let workers = |value: fn(&holo_proto::report::WorkerReport) -> f64| {
+    let workers = |value: fn(&WorkerReport) -> f64| {
         report.workers.iter().map(|worker| (worker.name.as_str(), value(worker))).collect()
     };
     let rate = workers(|worker| worker.rays_per_second);

@@ -3,9 +3,11 @@
 //! `cargo run --release -p holo-server --example network [SECONDS] [CHANGES]`
 //!
 //! It prints one JSON object:
-//! - `ingest` and `ingest_secure`: samples per second that one worker returns at once and the server
-//!   stores, without encryption and with it: the median of three. The file has 32 samples of each beam already.
-//! - `first_second`: those of the first second of an empty file, whose packets hold 4 rays at first.
+//! - `ingest` and `ingest_secure`: samples per second that one worker returns at once and the
+//!   server stores, without encryption and with it: the median of three. The file has 32 samples of
+//!   each beam already.
+//! - `first_second`: those of the first second of an empty file, whose packets hold 4 rays at
+//!   first.
 //! - `recall_ms`: milliseconds from a view to the last of its 250,000 stored samples in a display's
 //!   memory, and `recall_secure_ms`. Each is the median of nine, after one that is not counted.
 //! - `efficiency`: of 1, 8 and 64 workers of 20 µs a ray, the samples that are stored as a share of
@@ -126,8 +128,8 @@ async fn share_of(crew: usize, seconds: f64) -> f64 {
     rate * RAY.as_secs_f64() / crew as f64
 }
 
-/// Returns a holodeck that gets full packets. Those of an empty one hold few rays, so that all beams
-/// get some at once.
+/// Returns a holodeck that gets full packets. Those of an empty one hold few rays, so that all
+/// beams get some at once.
 fn full_enough() -> Place {
     let place = Place::new();
     store(&place, ALL_BEAMS, 32);
@@ -216,8 +218,8 @@ fn median(times: &mut [f64]) -> f64 {
     times[times.len() / 2]
 }
 
-/// Returns the milliseconds from a new view to its first newly traced samples: the median, and those
-/// that 99 of 100 do not exceed.
+/// Returns the milliseconds from a new view to its first newly traced samples: the median, and
+/// those that 99 of 100 do not exceed.
 async fn first_samples(changes: u32) -> [f64; 2] {
     let place = Place::new();
     // No beam of a view is in the one before, so nothing that is under way serves it.
@@ -247,8 +249,8 @@ async fn first_samples(changes: u32) -> [f64; 2] {
     [times[times.len() / 2], times[times.len() * 99 / 100]]
 }
 
-/// A worker of one thread that takes `ray` for a ray. As a real one, it takes packets in the order in
-/// which they come, and gathers what is done for a moment.
+/// A worker of one thread that takes `ray` for a ray. As a real one, it takes packets in the order
+/// in which they come, and gathers what is done for a moment.
 async fn simulated_worker(server: Destination, ray: Duration) {
     let Peer { mut inbox, outbox, .. } = Peer::join(server, Role::Worker).await;
     outbox.control(&Control::Ready { threads: 1 }).unwrap();

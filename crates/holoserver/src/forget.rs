@@ -41,11 +41,7 @@ impl Holodeck {
                 bail!("{} knows no worker {}", path.display(), maker.0);
             }
         }
-        let fresh = beside(path);
-        if fresh.exists() {
-            std::fs::remove_file(&fresh)
-                .with_context(|| format!("removing {}", fresh.display()))?;
-        }
+        let fresh = beside(path)?;
         let forgotten = old.copy_without(&fresh, makers);
         if forgotten.is_err() {
             // Nothing of value is in it.
@@ -86,9 +82,14 @@ impl Holodeck {
     }
 }
 
-/// Returns the path of the file that is to take the place of another.
-pub fn beside(path: &Path) -> PathBuf {
+/// Returns the path of the file that is to take the place of another. What an earlier try has left
+/// there is removed.
+pub fn beside(path: &Path) -> Result<PathBuf> {
     let mut name = path.as_os_str().to_owned();
     name.push(".new");
-    name.into()
+    let fresh = PathBuf::from(name);
+    if fresh.exists() {
+        std::fs::remove_file(&fresh).with_context(|| format!("removing {}", fresh.display()))?;
+    }
+    Ok(fresh)
 }

@@ -160,11 +160,7 @@ impl Holodeck {
     /// If it is no holodeck, or the new one cannot be written. The file is then as before.
     pub fn start_over(path: &Path) -> Result<()> {
         let old = Self::open_read_only(path, 0)?;
-        let fresh = beside(path);
-        if fresh.exists() {
-            std::fs::remove_file(&fresh)
-                .with_context(|| format!("removing {}", fresh.display()))?;
-        }
+        let fresh = beside(path)?;
         drop(old.without_samples(&fresh)?);
         drop(old);
         std::fs::rename(&fresh, path).with_context(|| format!("replacing {}", path.display()))

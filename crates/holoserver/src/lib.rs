@@ -95,8 +95,8 @@ pub struct Config {
     /// End after tracing for so long, such as 30s, 10m or 8h; loading does not count
     #[arg(long, value_name = "TIME", value_parser = parse_time)]
     pub time: Option<Duration>,
-    /// Enough samples for the file, such as 60M, or 0 for no new ones. Then known samples are traced
-    /// again with more paths [default: 512 for each beam that sees something, at least 50M]
+    /// Enough samples for the file, such as 60M, or 0 for no new ones. Then known samples are
+    /// traced again with more paths [default: 512 for each beam that sees something, at least 50M]
     #[arg(long, value_name = "N", value_parser = parse_count, requires = "fill")]
     pub enough: Option<u64>,
     /// End after so many samples, such as 20M; those traced again count

@@ -51,8 +51,7 @@ impl LightRecords {
         self.records.iter().map(|record| u64::from(record.rays)).sum()
     }
 
-    /// Adds the records that are new, as far as there is room.
-    /// Returns how many that were.
+    /// Adds the records that are new, as far as there is room. Returns how many it added.
     pub(crate) fn merge(&mut self, maker: Option<ConnectionId>, records: &[Record]) -> u64 {
         let before = self.len();
         for record in records {

@@ -48,8 +48,8 @@ pub struct Makers {
 }
 
 impl Makers {
-    /// Reads the list of a file. Returns an error beside an empty list if it is damaged: the numbers
-    /// in the file's extents stay taken even then.
+    /// Reads the list of a file. Returns an error beside an empty list if it is damaged: the
+    /// numbers in the file's extents stay taken even then.
     pub(crate) fn load(file: &BeamFile) -> (Makers, Result<()>) {
         let read = || -> Result<Makers> {
             let Some(bytes) = file.blob(BLOB)? else { return Ok(Makers::default()) };

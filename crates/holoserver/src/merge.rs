@@ -46,16 +46,12 @@ impl Holodeck {
         other.file.for_each_beam(&mut |key, _| keys.push(key));
         let mut written = Ok(());
         other.file.read_many(&keys, &mut |key, beam| {
-            let mut rest = beam.samples.as_slice();
-            // The beam's own runs, split where the maker changes.
-            for (run, maker) in other.file.makers(key) {
-                let (samples, after) = rest.split_at((run.count as usize).min(rest.len()));
-                rest = after;
+            let made = other.file.makers(key);
+            let parts = beam.iter().flat_map(|(run, samples)| by_maker(run, samples, &made));
+            written = { parts }.try_for_each(|(run, samples, maker)| {
                 let maker = makers.get(&maker).copied().unwrap_or_default();
-                if written.is_ok() {
-                    written = self.merge_run(&run, maker, samples, &mut merged);
-                }
-            }
+                self.merge_run(&run, maker, samples, &mut merged)
+            });
             if written.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         })?;
         written?;
@@ -106,6 +102,23 @@ impl Holodeck {
     }
 }
 
+/// Divides a run's samples among those who made them.
+fn by_maker<'a>(
+    run: &Run,
+    samples: &'a [Sample],
+    made: &[(Run, Maker)],
+) -> Vec<(Run, &'a [Sample], Maker)> {
+    let of_kind = made.iter().filter(|(part, _)| part.kind == run.kind);
+    let part = |(part, maker): &(Run, Maker)| {
+        let first = part.first.max(run.first);
+        let end = (part.first + part.count).min(run.first + run.count);
+        let count = end.checked_sub(first).filter(|count| *count > 0)?;
+        let samples = samples.get((first - run.first) as usize..)?.get(..count as usize)?;
+        Some((Run { first, count, ..*run }, samples, *maker))
+    };
+    of_kind.filter_map(part).collect()
+}
+
 /// Returns the numbers that a beam with the runs `have` lacks of `run`'s kind.
 fn missing(have: &[Run], run: &Run, numbers: &Range<u32>) -> Vec<Range<u32>> {
     let mut known: Vec<Range<u32>> = have
@@ -154,5 +167,27 @@ mod tests {
         assert_eq!(of(0..2), [(0, 2)]);
         assert_eq!(of(25..26), [(25, 26)]);
         assert_eq!(missing(&[], &run(uniform, 0, 1), &(4..9)).len(), 1);
+    }
+
+    #[test]
+    fn samples_go_to_those_who_made_them_by_kind_and_number() {
+        let key = BeamKey { section: 0, beam: BeamId(1) };
+        let run = |kind, first, count| Run { key, first, count, kind, paths: 1 };
+        let (uniform, single) = (SampleKind::Uniform, SampleKind::SingleRay);
+        let made = [
+            (run(uniform, 0, 4), Maker(1)),
+            (run(uniform, 4, 6), Maker(2)),
+            (run(single, 0, 9), Maker(3)),
+            (run(uniform, 10, 5), Maker(1)),
+        ];
+        let samples = vec![Sample::default(); 9];
+        let parts = |first| -> Vec<(u32, u32, usize, u16)> {
+            let parts = by_maker(&run(uniform, first, 9), &samples, &made).into_iter();
+            parts
+                .map(|(run, samples, maker)| (run.first, run.count, samples.len(), maker.0))
+                .collect()
+        };
+        assert_eq!(parts(3), [(3, 1, 1, 1), (4, 6, 6, 2), (10, 2, 2, 1)]);
+        assert_eq!(parts(20), []);
     }
 }

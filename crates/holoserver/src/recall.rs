@@ -1,5 +1,5 @@
-//! Sending a view's stored samples to its display, as fast as the display takes them: those of beams
-//! with greater weight first.
+//! Sending a view's stored samples to its display, as fast as the display takes them: those of
+//! beams with greater weight first.
 
 use std::{
     collections::BTreeMap,
@@ -139,11 +139,12 @@ impl Recall {
     }
 }
 
-/// Returns beams in classes of about equal weight, the heaviest first. Each class keeps their order.
+/// Returns beams in classes of about equal weight, the heaviest first. Each class keeps their
+/// order.
 fn by_weight(beams: &[(BeamKey, f32)]) -> impl Iterator<Item = Vec<BeamKey>> {
     let mut classes = BTreeMap::<i32, Vec<BeamKey>>::new();
     for &(key, weight) in beams {
-        // Conversions of floats saturate: a weight of 0 belongs to the last class.
+        // Conversions of floats saturate, so a weight of 0 belongs to the last class.
         let class = weight.log(WEIGHT_CLASS).floor() as i32;
         classes.entry(class).or_default().push(key);
     }

@@ -51,9 +51,9 @@ impl Identity {
             .map_err(|error| NetError::Identity(folder.to_owned(), error))
     }
 
-    /// Opens an identity with a certificate of its owner's: PEM files of a certificate, which others
-    /// may follow that sign it, and of its key. The tokens are in `folder`; if there are none, one
-    /// with all rights is made.
+    /// Opens an identity with a certificate of its owner's: PEM files of a certificate, which
+    /// others may follow that sign it, and of its key. The tokens are in `folder`; if there are
+    /// none, one with all rights is made.
     ///
     /// # Errors
     /// [`NetError::Identity`] if a file cannot be read, written or used, or the key is not the

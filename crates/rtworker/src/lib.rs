@@ -60,8 +60,8 @@ pub struct Config {
 /// Traces for a server until the server says goodbye, or `shutdown` is triggered.
 ///
 /// # Errors
-/// If the server cannot be reached for `config.retry` seconds, refuses, drops this worker, breaks the
-/// protocol, or its scene cannot be traced.
+/// If the server cannot be reached for `config.retry` seconds, refuses, drops this worker, breaks
+/// the protocol, or its scene cannot be traced.
 pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
     let server = Destination::parse(&config.connect)?;
     if config.nice > 0 {

@@ -8,8 +8,9 @@ use holo_scene::{Bsdf, Material, Scene};
 
 use crate::engine::PathEngine;
 use crate::geometry::{Frame, cosine_hemisphere};
-use crate::path::{Start, first_hit};
+use crate::path::first_hit;
 use crate::sampler::{Purpose, Sampler};
+use crate::secondary_tests::estimate;
 use crate::weighting::Direct;
 
 /// A room with a lamp that faces a mirror, which throws its light onto the floor. A screen hides
@@ -46,20 +47,8 @@ fn scene(floor: Bsdf, lamp_is_two_sided: bool, turn: f64) -> Arc<Raycaster> {
     Arc::new(Raycaster::build(Arc::new(scene)).expect("built"))
 }
 
-/// Returns mean and variance of the green channel of single paths to the floor.
-fn estimate(engine: &PathEngine, raycaster: &Raycaster, paths: u64) -> (f64, f64) {
-    let (eye, direction) = (DVec3::new(-1.0, -1.5, 2.0), DVec3::new(0.4, 1.0, -2.0).normalize());
-    let (hit, _) = first_hit(raycaster, eye, direction);
-    let start = Start::eye(hit, direction.as_vec3(), engine.inside(raycaster, eye));
-    let (mut sum, mut squares) = (0.0, 0.0);
-    for seed in 0..paths {
-        let x = f64::from(engine.radiance(raycaster, start, &mut Sampler::new(seed, 0)).y);
-        sum += x;
-        squares += x * x;
-    }
-    let mean = sum / paths as f64;
-    (mean, (squares / paths as f64 - mean * mean).max(0.0))
-}
+/// From where and in which direction the estimates look: at the floor.
+const EYE: (DVec3, DVec3) = (DVec3::new(-1.0, -1.5, 2.0), DVec3::new(0.4, 1.0, -2.0));
 
 #[test]
 fn aimed_and_plain_samples_have_one_expectation_and_aimed_samples_less_variance() {
@@ -75,9 +64,9 @@ fn aimed_and_plain_samples_have_one_expectation_and_aimed_samples_less_variance(
             assert!(engine.glints.is_some());
             // Paths that are not aimed find the light ten times less often.
             let (n, many) = (100_000, 2_000_000);
-            let aimed = estimate(&engine, &raycaster, n);
+            let aimed = estimate(&engine, &raycaster, EYE, n);
             engine.glints = None;
-            let plain = estimate(&engine, &raycaster, many);
+            let plain = estimate(&engine, &raycaster, EYE, many);
             // 4 comparisons at 4.5 sigma: by chance once in 37,000 sets of seeds.
             let error = (aimed.1 / n as f64 + plain.1 / many as f64).sqrt();
             println!("{floor:?} {turn}: {aimed:?} {plain:?}");

@@ -30,10 +30,17 @@ fn scene(floor: Bsdf, plate: Bsdf) -> Arc<Raycaster> {
     Arc::new(Raycaster::build(Arc::new(scene)).expect("built"))
 }
 
-/// Returns mean and variance of the green channel of single paths.
-fn estimate(engine: &PathEngine, raycaster: &Raycaster, paths: u64) -> (f64, f64) {
-    let direction = DVec3::new(-0.6, 0.1, -1.0).normalize();
-    let eye = DVec3::new(1.4, 0.2, 0.7);
+/// From where and in which direction the tests of this file look.
+const EYE: (DVec3, DVec3) = (DVec3::new(1.4, 0.2, 0.7), DVec3::new(-0.6, 0.1, -1.0));
+
+/// Returns mean and variance of the green channel of single paths from an eye in a direction.
+pub(crate) fn estimate(
+    engine: &PathEngine,
+    raycaster: &Raycaster,
+    (eye, direction): (DVec3, DVec3),
+    paths: u64,
+) -> (f64, f64) {
+    let direction = direction.normalize();
     let (hit, _) = first_hit(raycaster, eye, direction);
     let start = Start::eye(hit, direction.as_vec3(), engine.inside(raycaster, eye));
     let (mut sum, mut squares) = (0.0, 0.0);
@@ -64,9 +71,9 @@ fn aimed_and_plain_samples_have_one_expectation_and_aimed_samples_less_variance(
             // They would find the plate's image of the lamp, too.
             engine.glints = None;
             let n = 200_000;
-            let aimed = estimate(&engine, &raycaster, n);
+            let aimed = estimate(&engine, &raycaster, EYE, n);
             engine.secondary = None;
-            let plain = estimate(&engine, &raycaster, n);
+            let plain = estimate(&engine, &raycaster, EYE, n);
             // 6 comparisons at 4.5 sigma: by chance once in 25,000 sets of seeds.
             let error = ((aimed.1 + plain.1) / n as f64).sqrt();
             assert!(
@@ -124,9 +131,9 @@ fn light_from_elsewhere_and_hidden_sources_change_no_expectation() {
         let mut engine = PathEngine::new(&raycaster, None, direct, 1);
         assert!(engine.secondary.is_some());
         let n = 400_000;
-        let aimed = estimate(&engine, &raycaster, n);
+        let aimed = estimate(&engine, &raycaster, EYE, n);
         engine.secondary = None;
-        let plain = estimate(&engine, &raycaster, n);
+        let plain = estimate(&engine, &raycaster, EYE, n);
         let error = ((aimed.1 + plain.1) / n as f64).sqrt();
         println!("{direct:?}: {aimed:?} {plain:?}");
         assert!((aimed.0 - plain.0).abs() < 4.5 * error, "{direct:?}: {aimed:?} {plain:?}");

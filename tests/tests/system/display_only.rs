@@ -1,6 +1,9 @@
 //! Files that are only shown.
 
-use std::{collections::BTreeMap, net::SocketAddr};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    net::SocketAddr,
+};
 
 use holo_net::Message;
 use holo_proto::{
@@ -71,20 +74,17 @@ fn a_file_is_read_while_another_process_fills_it() {
     after.assert_no_gaps();
 }
 
-/// Returns how many stored samples of each beam a server sends to a display that holds some.
-async fn sent(address: SocketAddr, held: &BTreeMap<BeamKey, u16>) -> BTreeMap<BeamKey, usize> {
+/// Returns the beams of stored samples that a server sends for a view, in the order in which they
+/// come, and how many come together.
+async fn sent(address: SocketAddr, beams: Vec<WantedBeam>) -> Vec<(BeamKey, usize)> {
     let (mut inbox, outbox, _) = join(address, Role::Display).await;
-    let wanted = |(&key, &held): (&BeamKey, &u16)| WantedBeam { key, weight: 1.0, held };
-    let beams = held.iter().map(wanted).collect();
     let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
     outbox.send(Kind::View, &ViewRequest { view: 1, viewpoint, beams }.encode()).unwrap();
-    let mut arrived = BTreeMap::new();
+    let mut arrived = Vec::new();
     loop {
         match tokio::time::timeout(LIMIT, inbox.next()).await.expect("in time").unwrap() {
             Message::Samples(samples) => {
-                for (run, samples) in samples.iter() {
-                    *arrived.entry(run.key).or_default() += samples.len();
-                }
+                arrived.extend(samples.iter().map(|(run, samples)| (run.key, samples.len())));
             }
             Message::Control(Control::StoredSent { view: 1 }) => return arrived,
             _ => {}
@@ -106,9 +106,33 @@ fn a_display_is_sent_no_beam_of_which_it_holds_all_samples() {
         (key, [0, count - 1, count][at % 3] as u16)
     };
     let held: BTreeMap<BeamKey, u16> = all.iter().enumerate().map(held).collect();
+    let wanted = |(&key, &held): (&BeamKey, &u16)| WantedBeam { key, weight: 1.0, held };
     let runtime = tokio::runtime::Runtime::new().unwrap();
-    let arrived = runtime.block_on(sent(server.address, &held));
+    let mut arrived = BTreeMap::new();
+    for (key, count) in runtime.block_on(sent(server.address, held.iter().map(wanted).collect())) {
+        *arrived.entry(key).or_default() += count;
+    }
     let expected = all.into_iter().filter(|(key, count)| usize::from(held[key]) < *count);
     assert_eq!(arrived, expected.collect());
+    server.process.end(Signal::INT).ok();
+}
+
+#[test]
+fn a_display_is_sent_the_beams_that_it_wants_most_first() {
+    let place = Place::new();
+    place.fill_small("a.holo", "50k");
+    let file = stored(&place.path("a.holo"));
+    let keys: BTreeSet<BeamKey> = file.beams.keys().map(|(key, _)| *key).collect();
+    // In the order of their names, and so in the file, they alternate.
+    let weight = |at: usize| [1e-5, 20.0, 0.3][at % 3];
+    let weights: BTreeMap<BeamKey, f32> =
+        keys.into_iter().enumerate().map(|(at, key)| (key, weight(at))).collect();
+    let wanted = |(&key, &weight): (&BeamKey, &f32)| WantedBeam { key, weight, held: 0 };
+    let server = place.server("a.holo", &["--display-only"]);
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let arrived = runtime.block_on(sent(server.address, weights.iter().map(wanted).collect()));
+    assert!(arrived.is_sorted_by(|(one, _), (next, _)| weights[one] >= weights[next]));
+    let beams: BTreeSet<BeamKey> = arrived.into_iter().map(|(key, _)| key).collect();
+    assert_eq!(beams.len(), weights.len());
     server.process.end(Signal::INT).ok();
 }

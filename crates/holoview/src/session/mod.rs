@@ -21,6 +21,8 @@ mod live;
 mod pace;
 mod received;
 mod scene;
+#[cfg(test)]
+mod tests;
 
 use std::{
     sync::{Arc, OnceLock, mpsc},

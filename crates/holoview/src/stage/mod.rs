@@ -21,7 +21,7 @@ mod shown;
 mod warp;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use std::{
     sync::{Arc, mpsc},

@@ -16,7 +16,7 @@ use crate::{DriverArg, DriverArgs, PointArgs, ViewArgs, session::Connected};
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// A welcome with two sections, from its bytes in the protocol's golden files.
-fn welcome() -> Welcome {
+pub(crate) fn welcome() -> Welcome {
     let text = include_str!("../../../../proto/golden/control-welcome.hex");
     let digits = text.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
     let frame: Vec<u8> = digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect();

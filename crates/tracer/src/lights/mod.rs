@@ -7,9 +7,9 @@
 //! the tree.
 //!
 //! Always true: a light that could bring anything to the vertex has a positive probability, except
-//! by rounding at its horizon. A light that cannot has probability 0, unless it is the only one. Choosing and
-//! [`Lights::probability`] agree within f32 rounding. The cost grows with the logarithm of the
-//! number of lights.
+//! by rounding at its horizon. A light that cannot has probability 0, unless it is the only one.
+//! Choosing and [`Lights::probability`] agree within f32 rounding. The cost grows with the
+//! logarithm of the number of lights.
 
 mod build;
 mod cells;
@@ -134,8 +134,8 @@ fn mean_of_texture(scene: &Scene, triangle: u32) -> f64 {
     (sum / f64::from(count) / white).max(LEAST)
 }
 
-/// Returns the first triangle's share of the area, if the triangles are one, or the halves of a flat
-/// quad of one material.
+/// Returns the first triangle's share of the area, if the triangles are one, or the halves of a
+/// flat quad of one material.
 fn first_of_quad(scene: &Scene, triangles: &[u32]) -> Option<f32> {
     match *triangles {
         [_] => Some(1.0),

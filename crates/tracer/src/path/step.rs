@@ -55,9 +55,9 @@ impl PathEngine {
         path.eta2 *= sampled.eta2;
         if path.scatterings >= ROULETTE_SCATTERINGS || depth >= ROULETTE_DEPTH {
             // Radiance inside glass is greater by eta2: without that factor, roulette would end
-            // paths because they entered glass. Secondary sources and glints are brighter than `aimed_by`
-            // lowers the throughput: without that factor, the few survivors would be as noisy as
-            // unaimed paths.
+            // paths because they entered glass. Secondary sources and glints are brighter than
+            // `aimed_by` lowers the throughput: without that factor, the few survivors would be as
+            // noisy as unaimed paths.
             let worth = ROULETTE_FACTOR * path.throughput.max_element() * path.eta2 * path.aimed_by;
             let survival = worth.min(if depth < LONG { 1.0 } else { CEILING_OF_LONG });
             sampler.turn(depth, Purpose::Roulette);

@@ -1,0 +1,125 @@
+//! What a session asks a server for.
+
+use std::{
+    collections::BTreeMap,
+    time::{Duration, Instant},
+};
+
+use glam::DVec3;
+use holo_net::{Message, Outbox, Shutdown, accept};
+use holo_picture::ViewSpec;
+use holo_proto::{
+    LEAST_TRACED_WEIGHT,
+    bulk::{BlobChunk, ViewRequest},
+    control::{Control, SceneInfo, Welcome},
+    frame::Kind,
+};
+use holo_scene::{Material, Scene};
+use holo_section::{BeamKey, SectionSpec, ViewClass};
+use tokio::{net::TcpListener, time::timeout};
+
+use super::Connected;
+use crate::{DenoiseArg, DriverArg, DriverArgs, PointArgs, stage::tests::welcome};
+
+/// The limit of waits in real time. Only a hang reaches it.
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// A cube of side 5 with a section of side 4 in its middle, and its packed scene.
+fn room() -> (Welcome, Vec<u8>) {
+    let corner =
+        |n: u32| DVec3::from_array([n & 1, n >> 1 & 1, n >> 2].map(|n| f64::from(n) * 5.0));
+    let positions: Vec<DVec3> = (0..8).map(corner).collect();
+    let sides =
+        [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+    let triangles: Vec<[u32; 3]> =
+        sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    let materials = vec![Material::grey("walls")];
+    let made = Scene::from_world(&positions, &triangles, &[0; 12], materials, [0.0; 3]);
+    let packed = made.unwrap().0.pack();
+    let section = SectionSpec {
+        origin: [0.5; 3],
+        axes: [[4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 4.0]],
+        grid: [12; 3],
+        class: ViewClass::Interior,
+        obstructions: false,
+    };
+    let scene = SceneInfo { bytes: packed.len() as u64, hash: Scene::content_hash(&packed) };
+    (Welcome { sections: vec![section], scene, tracing: true, ..welcome() }, packed)
+}
+
+/// Serves a display that finds nothing in the file. Returns its views by number, once it has left.
+async fn serve(listener: TcpListener) -> BTreeMap<u32, ViewRequest> {
+    let (room, packed) = room();
+    let (mut inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
+    holo_net::welcome(&outbox, room).unwrap();
+    let mut views = BTreeMap::new();
+    let answer = |outbox: &Outbox, message| match message {
+        Message::Control(Control::SceneWanted) => {
+            let piece = BlobChunk { offset: 0, bytes: packed.clone() };
+            outbox.send(Kind::BlobChunk, &piece.encode()).unwrap();
+            None
+        }
+        Message::View(view) => {
+            outbox.control(&Control::StoredSent { view: view.view }).unwrap();
+            Some(view)
+        }
+        _ => None,
+    };
+    while let Ok(message) = timeout(LIMIT, inbox.next()).await.unwrap() {
+        if let Some(view) = answer(&outbox, message) {
+            views.insert(view.view, view);
+        }
+    }
+    views
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_beams_that_end_on_what_is_seen_are_asked_for_by_use_and_then_only_the_view_s_own() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let serving = tokio::spawn(serve(listener));
+    let driver = DriverArgs {
+        driver: DriverArg::Surfaces,
+        denoise: DenoiseArg::Off,
+        ..DriverArgs::default()
+    };
+    let connecting = Connected::new(address, driver, PointArgs::default(), Shutdown::new());
+    let connected = connecting.await.unwrap();
+    let looking = tokio::task::spawn_blocking(move || {
+        let mut session = connected.begin(|_| {}).unwrap().unwrap();
+        let mut spec = ViewSpec::default();
+        spec.apply_line("-vp 2.5 2.5 2.5 -vd 1 .2 .1 -vu 0 0 1 -vh 60").unwrap();
+        session.show(&spec, (96, 72)).unwrap();
+        assert!(!session.has_stored());
+        let end = Instant::now() + LIMIT;
+        while !session.has_stored() && Instant::now() < end {
+            session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
+        }
+    });
+    timeout(LIMIT, looking).await.unwrap().unwrap();
+    let views = timeout(LIMIT, serving).await.unwrap().unwrap();
+    let beams = |view: u32| -> BTreeMap<BeamKey, f32> {
+        views[&view].beams.iter().map(|beam| (beam.key, beam.weight)).collect()
+    };
+    let own = beams(1);
+    let others = |view| -> BTreeMap<BeamKey, f32> {
+        let all = beams(view);
+        assert!(own.iter().all(|(key, weight)| all.get(key) == Some(weight)));
+        all.into_iter().filter(|(key, _)| !own.contains_key(key)).collect()
+    };
+    let (quick, thorough) = (others(2), others(3));
+    assert!((5000..=20_000).contains(&quick.len()), "{}", quick.len());
+    assert!(2 * thorough.len() > 3 * quick.len(), "{}", thorough.len());
+    // The thorough search judges the quick one.
+    let mean = |beams: &BTreeMap<BeamKey, f32>| {
+        let weights = beams.keys().filter_map(|key| thorough.get(key));
+        weights.sum::<f32>() / beams.len() as f32
+    };
+    assert!(mean(&quick) > mean(&thorough), "{} {}", mean(&quick), mean(&thorough));
+    let useful = thorough.values().fold((1.0_f32, 0.0_f32), |(a, b), &w| (a.min(w), b.max(w)));
+    assert!(1.5 * useful.0 < useful.1, "{useful:?}");
+    // Nothing is traced for them.
+    assert!(thorough.values().all(|&weight| weight > 0.0 && weight < LEAST_TRACED_WEIGHT));
+    assert_eq!(views.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4]);
+    assert_eq!(beams(4), own);
+}
