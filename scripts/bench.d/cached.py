@@ -122,7 +122,7 @@ def flicker(bench: Bench, part: Part) -> Table:
     for case, seconds in ((bench.scenes.cornell(), 20), (bench.scenes.room(), 60)):
         filled, _ = bench.fill(f"{case.name}-cached", case, seconds, "--engine", "cached")
         for state, file in (("filled", filled), ("empty", None)):
-            for driver in ("voronoi", "quadtree"):
+            for driver in ("surfaces", "quadtree"):
                 changes = changes_at_rest(bench, case, driver, file)
                 kinds = {"as displayed": "worst_block_shown", "radiance": "worst_block", "away from the reference": "worst_block_away"}
                 of = {kind: [change[measure] for change in changes] for kind, measure in kinds.items()}

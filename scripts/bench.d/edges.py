@@ -14,11 +14,11 @@ from harness import Bench
 from program import compare, run
 from scenes import INTERIOR_LIVING, Case
 
-# The options that choose each driver. Without a scene, `voronoi` makes the cells.
+# The options that choose each driver.
 DRIVERS = {
     "quadtree": ("--driver", "quadtree"),
-    "cells": ("--driver", "voronoi", "--cells", "smooth"),
-    "voronoi": ("--driver", "voronoi"),
+    "cells": ("--cells", "smooth"),
+    "surfaces": ("--driver", "surfaces"),
 }
 # Numbers of samples in the file, ascending: the same file is filled further.
 SAMPLES = (10_000, 100_000, 1_000_000, 10_000_000)
@@ -38,12 +38,12 @@ def edges(bench: Bench) -> Part:
         [
             f"Files filled with `--bounces 0 --samples N`, on and on, and `picture` by every driver against `render --bounces 0 --spp "
             f"{bench.paths(TRUTH)}`. *At edges*: root mean square of the displayed difference (as PSNR has it) over pixels within two "
-            "of an edge of what is seen (another material, or a step; `crates/driver-voronoi/examples/edges_of_view.rs`), without the worst 1 % "
+            "of an edge of what is seen (another material, or a step; `crates/driver-surfaces/examples/edges_of_view.rs`), without the worst 1 % "
             "(the truth's fireflies), in thousandths of white. Of the bundled interior the truth itself is noisy: "
             "two such truths differ by 19 dB, and no picture can be much nearer to one than 22. The strip shows the truth on the left, then each driver from few samples to many.",
         ],
     )  # fmt: skip
-    example = bench.cargo.build("holo-driver-voronoi", "--example", "edges_of_view")
+    example = bench.cargo.build("holo-driver-surfaces", "--example", "edges_of_view")
     for case, obj, is_bar in cases(bench):
         line = case.view.line()
         rows = run([example, obj, line, case.size]).stdout.split()
@@ -76,9 +76,9 @@ def edges(bench: Bench) -> Part:
         write_strip(strip, truth, list(strips.values()))
         part.plots.append(Plot(f"benchmarks/{strip.name}", f"The truth, and drivers from few samples to many, {case.title}"))
         if is_bar:
-            (coarse, rough), (fine, sharp) = last["quadtree"], last["voronoi"]
+            (coarse, rough), (fine, sharp) = last["quadtree"], last["surfaces"]
             met = fine >= coarse + ABOVE_QUADTREE and fine >= WANTED
-            what = f"voronoi at {there / 1e6:g} M samples, {case.title}"
+            what = f"surfaces at {there / 1e6:g} M samples, {case.title}"
             figure = f"{fine:.1f} dB, {fine - coarse:+.1f}"
             part.bars.append(Bar(what, figure, f"≥ {WANTED:g} dB, ≥ {ABOVE_QUADTREE:+g} on quadtree", met))
             ratio = sharp / rough

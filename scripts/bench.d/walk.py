@@ -21,7 +21,7 @@ from harness import Bench
 from plot import decibels_over_seconds
 from program import run
 
-DRIVERS = ("pointimage", "1999", "frameless", "quadtree", "voronoi")
+DRIVERS = ("pointimage", "1999", "frameless", "quadtree", "surfaces")
 # The render cache without one of its stages.
 STAGES = ("noise", "prediction", "prefilter", "eviction", "ageing", "cull", "interpolation", "dither")
 # Pixels per new sample of a frame, and the number of frames. With as many samples as pixels, part
@@ -71,7 +71,7 @@ def walk(bench: Bench) -> Part:
             "before; the next frame's view is what is predicted. Direct light and mirrors; *noisy* samples are of one path, *clean* of "
             f"16. Every {every}th frame is held against a render of relMSE ≤ 0.005 where 1024 paths do. *1999*: the stages of "
             "the render cache's first paper; it keeps its last colours and smooths everywhere. `quadtree` "
-            "and `voronoi` keep all samples so far, as a server would, and ask anywhere in the "
+            "and `surfaces` keep all samples so far, as a server would, and ask anywhere in the "
             "picture: a section's ray, mostly of the best one, as displays weigh beams, and where there is none a ray traced for its view "
             "alone. PSNR as displayed, and structural similarity of luminance as displayed, means "
             f"over frames. With ratio 1, frames {RATIOS[0][1]} only.",

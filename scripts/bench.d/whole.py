@@ -14,9 +14,9 @@ from scenes import CABIN_VIEWS, Case
 
 # Seconds after the request of a view, and the decibels wanted of the five views by then, by driver.
 ASKED = (0.1, 1.0, 10.0)
-WANTED = {"quadtree": (18, 20, 22), "voronoi": (24, 26, 29)}
+WANTED = {"quadtree": (18, 20, 22), "surfaces": (24, 26, 29)}
 # The same for the Cornell box at first.
-CORNELL_WANTED = {"quadtree": 25, "voronoi": 30}
+CORNELL_WANTED = {"quadtree": 25, "surfaces": 30}
 # Seconds between two views.
 STAY = 10.5
 # Greatest distance in decibels below the tracer alone, given the same time.
@@ -93,7 +93,7 @@ def views(bench: Bench, part: Part, driver: str, worst: dict[str, Series]) -> Ta
             lowest_alone = [min(pair) for pair in zip(lowest_alone, alone)]
             row += alone
             table.rows.append(row)
-            if driver == "voronoi":
+            if driver == "surfaces":
                 margin = min(measures["psnr_disp"] - psnr for measures, psnr in zip(found[1:], alone))
                 met = margin >= -BELOW_TRACER
                 part.bars.append(Bar(f"above the tracer alone at 1 and 10 s, {look.title}", f"{margin:+.1f} dB", f"≥ -{BELOW_TRACER:g} dB", met))

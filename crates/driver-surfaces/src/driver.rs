@@ -25,6 +25,9 @@ const NAME: &str = "surfaces";
 /// Bytes that samples take at most.
 const MOST_BYTES: usize = 1 << 30;
 
+/// Bytes that live rays take at most.
+const MOST_LIVE_BYTES: usize = 1 << 27;
+
 /// Rounding of a sample's place, as a share of the scene's size: 0.2 mm in a house of 20 m.
 const FINEST: f64 = 1e-5;
 
@@ -51,6 +54,8 @@ pub struct SurfacesDriver {
     materials: Arc<Materials>,
     denoiser: Option<Denoiser>,
     store: Store,
+    /// Rays that were traced for pixels which no section covers: no other pixel takes their light.
+    live: Store,
     /// Light that frames have found.
     known: Known,
     /// Samples that are not in the store yet, and the beams that they belong to, in pieces.
@@ -89,11 +94,17 @@ impl SurfacesDriver {
             raycaster,
             denoiser,
             store: Store::new(finest, MOST_BYTES),
+            live: Store::new(finest, MOST_LIVE_BYTES),
             known: Known::default(),
             waiting: Vec::new(),
             waiting_of: Vec::new(),
             shown: None,
         }
+    }
+
+    /// Draws this geometry from now on, and forgets all samples.
+    pub(crate) fn change_scene(&mut self, raycaster: Arc<Raycaster>) {
+        *self = Self::new(Arc::clone(&self.sections), raycaster, self.denoiser.take());
     }
 
     /// Puts all samples that wait into the store.
@@ -114,14 +125,15 @@ impl SurfacesDriver {
         self.keep(&placed);
     }
 
-    /// Returns the pixels of the view that is shown.
+    /// Returns the pixels of the view that is shown, and the sums that also have live rays, if there
+    /// are any: pixels that no section covers are drawn from these.
     ///
     /// While the eye moves, light that earlier frames found does where it is known.
-    fn drawn(&mut self) -> Option<Drawn> {
+    fn drawn(&mut self) -> Option<(Drawn, Option<Gathered>)> {
         let shown = self.shown.as_ref()?;
         let is_moving = shown.look.resolution != Resolution::Full;
         if is_moving && let Some(drawn) = shown.view.draw_known(&self.store, &self.known) {
-            return Some(drawn);
+            return Some((drawn, None));
         }
         self.place_waiting();
         let shown = self.shown.as_mut()?;
@@ -135,8 +147,19 @@ impl SurfacesDriver {
         shown.was_refined |= refines;
         let view = &shown.view;
         let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));
-        let denoiser = self.denoiser.as_mut().filter(|_| refines);
-        Some(gathered.draw_and_learn(view, store, denoiser, &mut self.known))
+        let mut denoiser = self.denoiser.as_mut().filter(|_| refines);
+        let again = denoiser.as_deref_mut();
+        let mut drawn = gathered.draw_and_learn(view, store, again, &mut self.known);
+        let has_live = self.live.samples() > 0 && shown.covered.contains(&false);
+        let all = has_live.then(|| gathered.with(view, &self.live));
+        if let Some(all) = &all {
+            let with_live = all.draw_and_learn(view, store, denoiser, &mut self.known);
+            for pixel in (0..drawn.pixels.len()).filter(|&pixel| !shown.covered[pixel]) {
+                drawn.pixels[pixel] = with_live.pixels[pixel];
+                drawn.errors[pixel] = with_live.errors[pixel];
+            }
+        }
+        Some((drawn, all))
     }
 
     /// Puts placed samples into the store, and into the view that is shown.
@@ -152,7 +175,7 @@ impl Shown {
     /// Returns the distance that a surface was seen at, scene units.
     fn distance(&self, seen: &Seen) -> f32 {
         if !seen.is_surface() {
-            return f32::INFINITY;
+            return self.view.way(seen).to_lamp;
         }
         self.view.length(seen)
     }
@@ -188,6 +211,7 @@ impl Driver for SurfacesDriver {
         let view = View::new(raycaster, Arc::clone(&self.materials), &look.view, size);
         let covered = covered(&self.sections, &look.view, size);
         self.store.begin_round();
+        self.live.begin_round();
         let look = *look;
         self.shown = Some(Shown {
             look,
@@ -227,7 +251,7 @@ impl Driver for SurfacesDriver {
             .collect();
         let mut placed = Vec::with_capacity(rays.len());
         Placer::new(&self.raycaster, &self.materials).place_rays(&rays, &mut placed);
-        self.keep(&placed);
+        self.live.add(&placed);
     }
 
     fn settle(&mut self) {
@@ -248,7 +272,7 @@ impl Driver for SurfacesDriver {
     }
 
     fn draw(&mut self, _stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
-        let Some(drawn) = self.drawn() else { return Frame::black((1, 1)) };
+        let Some((drawn, all)) = self.drawn() else { return Frame::black((1, 1)) };
         let Some(shown) = &self.shown else { return Frame::black((1, 1)) };
         let Look { view, size, resolution } = shown.look;
         let mut frame = Frame::black(resolution.computed(size));
@@ -256,8 +280,11 @@ impl Driver for SurfacesDriver {
         frame.picture.pixels = drawn.pixels;
         frame.depth = shown.depth();
         if let Some(gathered) = &shown.gathered {
-            let errors = drawn.errors.iter().zip(gathered.pixels());
-            let certainty = errors.map(|(&error, sums)| Certainty { error, samples: sums.count });
+            let all = all.as_ref().unwrap_or(gathered);
+            let certainty = drawn.errors.iter().enumerate().map(|(pixel, &error)| {
+                let sums = if shown.covered[pixel] { gathered.pixels() } else { all.pixels() };
+                Certainty { error, samples: sums[pixel].count }
+            });
             frame.certainty = certainty.collect();
         }
         let used = shown.gathered.as_ref().map(Gathered::samples);
@@ -297,13 +324,17 @@ impl Driver for SurfacesDriver {
         let at = |at: u32, size: u32, cast: usize| at as usize * cast / size as usize;
         let pixel = at(row, size.1, cast.1) * cast.0 + at(column, size.0, cast.0);
         let distance = shown.distance(&shown.view.seen[pixel]);
-        Some(SurfaceAt { distance, triangle: None })
+        Some(SurfaceAt { distance, triangle: shown.view.triangle(pixel) })
     }
 
     fn uncovered(&self) -> Vec<u32> {
         match &self.shown {
             Some(shown) if shown.look.resolution == Resolution::Full => {
-                uncovered_pixels(&shown.covered, &shown.look.view, shown.look.size)
+                let mut pixels =
+                    uncovered_pixels(&shown.covered, &shown.look.view, shown.look.size);
+                // The sky and lamps are known.
+                pixels.retain(|&pixel| shown.view.seen[pixel as usize].is_surface());
+                pixels
             }
             _ => Vec::new(),
         }

@@ -17,6 +17,7 @@ use holo_display::Camera;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Cubes whose samples are given to pixels together.
 const CUBES: usize = 16;
@@ -27,16 +28,22 @@ const PIXELS: usize = 1 << 14;
 /// Parts of the sums that are made at the same time.
 const PARTS: usize = 8;
 
+/// Pixels narrower than this share of a cube lie in cubes that their middles see.
+const FINE: f32 = 0.25;
+
+/// Half cubes to each side of a pixel's middle in which its samples are looked for, at most.
+const MOST_STEPS: f32 = 8.0;
+
 /// Sums whose numbers follow each other belong to one part.
 const STRIPE: usize = 1 << 12;
 
 /// The sums of a view's pixels, then those of what panes mirror, then those of its pieces.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Gathered {
     sums: Vec<Sums>,
     pixels: usize,
     panes: usize,
-    owners: Owners,
+    owners: Arc<Owners>,
     /// Samples for which the pieces of pixels will be asked.
     beside: Vec<Beside>,
 }
@@ -75,12 +82,11 @@ impl Gathered {
     /// Gathers all samples of a store that the view sees.
     #[must_use]
     pub fn new(view: &View, store: &Store) -> Gathered {
-        let owners = Owners::new(view, store.grid());
+        let owners = Arc::new(Owners::new(view, store.grid()));
         let (pixels, panes) = (view.seen.len(), view.panes_of_middles);
         let sums = vec![Sums::default(); pixels + panes];
         let mut gathered = Gathered { sums, pixels, panes, owners, beside: Vec::new() };
-        let cubes: Vec<Cube> = gathered.owners.cubes.iter().copied().collect();
-        gathered.take(view, store, &cubes);
+        gathered.take_all(view, store);
         if !view.edges.is_empty() {
             gathered.look_into_edges(view, store);
         }
@@ -91,7 +97,7 @@ impl Gathered {
     pub fn look_into_edges(&mut self, view: &View, store: &Store) {
         self.sums.truncate(self.pixels + self.panes);
         self.sums.resize(self.pixels + self.panes + view.pieces.len(), Sums::default());
-        let new = self.owners.look_into_edges(view);
+        let new = Arc::make_mut(&mut self.owners).look_into_edges(view);
         let beside = std::mem::take(&mut self.beside);
         let claims = beside.par_chunks(4096).map(|samples| {
             let mut claims = Claims::default();
@@ -103,6 +109,14 @@ impl Gathered {
         let claims = claims.collect();
         self.sum(claims);
         self.take(view, store, &new);
+    }
+
+    /// Returns these sums with the samples of a further store, which rounds places as the first one.
+    #[must_use]
+    pub(crate) fn with(&self, view: &View, further: &Store) -> Gathered {
+        let mut all = self.clone();
+        all.take_all(view, further);
+        all
     }
 
     /// Returns how many samples count, those twice that a mirror shows too.
@@ -143,6 +157,12 @@ impl Gathered {
         };
         let claims = placed.par_chunks(4096).map(of_samples).collect();
         self.sum(claims);
+    }
+
+    /// Adds all samples that the view sees.
+    fn take_all(&mut self, view: &View, store: &Store) {
+        let cubes: Vec<Cube> = self.owners.cubes.iter().copied().collect();
+        self.take(view, store, &cubes);
     }
 
     /// Adds all samples of some cubes.
@@ -233,7 +253,7 @@ struct Gate {
 }
 
 /// Finds the pixels that samples count in.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Owners {
     grid: Grid,
     camera: Camera,
@@ -256,7 +276,7 @@ struct Owners {
 type InMirror = (usize, Seen);
 
 /// What mirrors and panes show of one cube, by place.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Mirrored {
     /// Width of a place, scene units.
     width: f32,
@@ -358,17 +378,41 @@ impl Found {
     fn new(view: &View, grid: Grid, first: usize, seen: &[Seen]) -> Found {
         let mut found = Found::default();
         let mut last = None;
+        let eye = view.camera().1.as_vec3();
         for (owner, seen) in (first..).zip(seen).filter(|(_, seen)| seen.is_surface()) {
             let cube = grid.cube(seen.point);
             if last != Some(cube) {
                 found.cubes.insert(cube);
                 last = Some(cube);
             }
+            if seen.width > FINE * grid.cube_width() {
+                found.add_footprint(grid, eye, seen);
+            }
             if view.way(seen).is_mirrored {
                 found.in_mirrors.push((cube, (owner, *seen)));
             }
         }
         found
+    }
+}
+
+impl Found {
+    /// Adds the cubes of a pixel that is wider than they are, or nearly so.
+    fn add_footprint(&mut self, grid: Grid, eye: Vec3, seen: &Seen) {
+        let along = (seen.point - eye).normalize_or_zero();
+        let cosine = along.dot(seen.normal).abs();
+        let across = along.cross(seen.normal).normalize_or(seen.normal.any_orthonormal_vector());
+        let half = 0.5 * seen.width;
+        let sides = [across, seen.normal.cross(across) / cosine.max(0.1)].map(|side| half * side);
+        let steps =
+            sides.map(|side| (2.0 * side.length() / grid.cube_width()).ceil().min(MOST_STEPS));
+        let [across, away] = steps.map(|steps| -(steps as i32)..=steps as i32);
+        for x in across {
+            for y in away.clone() {
+                let offset = sides[0] * (x as f32 / steps[0]) + sides[1] * (y as f32 / steps[1]);
+                self.cubes.insert(grid.cube(seen.point + offset));
+            }
+        }
     }
 }
 

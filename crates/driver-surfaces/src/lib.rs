@@ -11,6 +11,8 @@
 //!    this light times the materials.
 //! 6. While the eye moves, light that earlier pictures found is looked up by place.
 //!
+//! A [`StandInsDriver`] does the same for scenes that have simpler geometry for some sections.
+//!
 //! `docs/notes/surface-light.md` has the figures of every filter that was tried.
 //!
 //! What always holds:
@@ -29,7 +31,9 @@ mod known;
 mod materials;
 mod place;
 mod planes;
+mod portals;
 mod squares;
+mod stand_ins;
 mod store;
 mod trail;
 mod view;
@@ -41,5 +45,6 @@ pub use edges::{Edge, Piece};
 pub use gather::Gathered;
 pub use materials::Materials;
 pub use place::{Placed, Placer, RaySample};
+pub use stand_ins::{MakeDriver, StandIn, StandIns, StandInsDriver};
 pub use store::Store;
 pub use view::{InPane, Seen, View, Way};

@@ -57,6 +57,11 @@ impl Grid {
         point / (self.unit * PLACES) + OFFSET
     }
 
+    /// Returns the width of a cube, scene units.
+    pub fn cube_width(self) -> f32 {
+        self.unit * PLACES
+    }
+
     /// Returns the cube that a point lies in.
     #[inline]
     pub fn cube(self, point: Vec3) -> Cube {

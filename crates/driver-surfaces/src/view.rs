@@ -64,6 +64,8 @@ pub struct Way {
     pub radiance: Rgb,
     /// The ray's unit direction when it meets the surface.
     pub direction: Vec3,
+    /// Distance to a lamp that is seen, scene units; infinite for all else.
+    pub to_lamp: f32,
     /// Whether a mirror turned the ray. If not, the surface lies in the pixel's direction.
     pub is_mirrored: bool,
 }
@@ -102,6 +104,7 @@ impl Way {
         texture: [1.0; 3],
         radiance: [0.0; 3],
         direction: Vec3::ZERO,
+        to_lamp: f32::INFINITY,
         is_mirrored: false,
     };
 }
@@ -213,6 +216,13 @@ impl View {
         (Ray { t_max: (reach - skipped) as f32, ..ray }, before as f32)
     }
 
+    /// Returns the triangle that the middle of a pixel sees, through nothing. `None` for the sky.
+    pub(crate) fn triangle(&self, pixel: usize) -> Option<u32> {
+        let (x, y) = (pixel % self.size.0, pixel / self.size.0);
+        let (ray, _) = self.ray(x as f64 + 0.5, y as f64 + 0.5);
+        self.raycaster.nearest(&ray).map(|hit| hit.triangle)
+    }
+
     /// Returns what a ray of the view itself shows that meets nothing.
     pub(crate) fn nothing(&self) -> Shown {
         if self.clips_sky { Shown::Unknown } else { Shown::Sky([1.0; 3]) }
@@ -318,6 +328,7 @@ impl View {
                 if finish.shines(end.front) {
                     let emission = times(finish.emission, self.follower().glow(&end, width));
                     how.radiance = times(end.share, emission);
+                    how.to_lamp = end.length;
                 } else {
                     how.texture = self.follower().texture(&end, width);
                     at = seen(&end, width, way);

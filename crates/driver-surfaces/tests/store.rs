@@ -41,6 +41,25 @@ fn samples_that_come_later_count_as_if_they_had_been_there() {
 }
 
 #[test]
+fn a_pixel_has_all_its_samples_however_wide_it_is() {
+    let raycaster = room();
+    let materials = Arc::new(Materials::new(raycaster.scene()));
+    let mut placed = Vec::new();
+    Placer::new(&raycaster, &materials).place_rays(&rays(200, |_, _| 1.0), &mut placed);
+    let samples = |finest: f32| {
+        let view = View::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye(), (4, 4));
+        let mut store = Store::new(finest, 64 << 20);
+        store.add(&placed);
+        Gathered::new(&view, &store).samples()
+    };
+    // A pixel is 0.87 wide; a bucket 1.02 and 0.1.
+    let [wide, narrow] = [1e-3, 1e-4].map(samples);
+    assert!(wide > 20_000, "{wide}");
+    // Rounding takes samples over the border of pixels.
+    assert!(narrow.abs_diff(wide) * 50 < wide, "{narrow} of {wide}");
+}
+
+#[test]
 fn the_two_sides_of_a_sheet_keep_their_own_light() {
     let raycaster = walled_room(Bsdf::Diffuse { kd: [0.5; 3] });
     let mut rays = wall_rays(100, 0.8);

@@ -7,9 +7,7 @@ use std::sync::Arc;
 use holo_display::Driver;
 use holo_driver_quadtree::{Filling, QuadtreeDriver};
 use holo_driver_rendercache::{FramelessDriver, RenderCacheDriver};
-use holo_driver_surfaces::SurfacesDriver;
-use holo_driver_voronoi::{StandIns, VoronoiDriver};
-use holo_light::Store;
+use holo_driver_surfaces::{StandIns, StandInsDriver, SurfacesDriver};
 use holo_raycast::Raycaster;
 use holo_section::Section;
 
@@ -47,8 +45,6 @@ pub struct LoadedScene {
     pub raycaster: Arc<Raycaster>,
     /// What is cast instead for views of some sections.
     pub stand_ins: StandIns,
-    /// Indirect light on the scene's surfaces; grows while the session lasts.
-    pub records: Arc<Store>,
 }
 
 impl DriverChoice {
@@ -56,12 +52,12 @@ impl DriverChoice {
     pub fn scene_use(&self) -> SceneUse {
         match (self.args.driver, self.args.cells) {
             (DriverArg::Auto, None) => SceneUse::IfThere,
-            (DriverArg::Voronoi | DriverArg::Surfaces, None) => SceneUse::Required,
+            (DriverArg::Surfaces, None) => SceneUse::Required,
             _ => SceneUse::None,
         }
     }
 
-    /// Makes the chosen driver. Without a scene, `auto` and `voronoi` draw cells of the samples alone.
+    /// Makes the chosen driver. Without a scene, `auto` draws cells of the samples alone.
     pub fn make(&self, scene: Option<&LoadedScene>) -> Box<dyn Driver> {
         let sections = Arc::clone(&self.sections);
         let sky = self.sky;
@@ -71,34 +67,26 @@ impl DriverChoice {
                 Box::new(RenderCacheDriver::new(sections, sky, self.points.params()))
             }
             DriverArg::Frameless => Box::new(FramelessDriver::new(sections, sky)),
-            DriverArg::Auto | DriverArg::Voronoi | DriverArg::Surfaces => match scene {
-                Some(scene) if self.keeps_light(scene) => {
-                    // A library that was named has been loaded once before.
-                    let denoiser = self.args.denoise.load().unwrap_or_default();
-                    let raycaster = Arc::clone(&scene.raycaster);
-                    Box::new(SurfacesDriver::new(sections, raycaster, denoiser))
-                }
-                Some(scene) => self.voronoi(scene),
+            DriverArg::Auto | DriverArg::Surfaces => match scene {
+                Some(scene) => self.surfaces(scene),
                 None => Box::new(QuadtreeDriver::of_cells(sections, sky, self.filling())),
             },
         }
     }
 
-    /// Returns whether light is kept on surfaces. `surfaces` does not draw stand-ins.
-    fn keeps_light(&self, scene: &LoadedScene) -> bool {
-        let is_auto = self.args.driver == DriverArg::Auto;
-        self.args.driver == DriverArg::Surfaces || (is_auto && scene.stand_ins.0.is_empty())
-    }
-
-    fn voronoi(&self, scene: &LoadedScene) -> Box<dyn Driver> {
-        let (sections, sky) = (Arc::clone(&self.sections), self.sky);
-        Box::new(VoronoiDriver::new(
-            Arc::clone(&self.sections),
-            Arc::clone(&scene.raycaster),
-            Arc::clone(&scene.records),
-            scene.stand_ins.clone(),
-            Arc::new(move || Box::new(QuadtreeDriver::new(Arc::clone(&sections), sky))),
-        ))
+    fn surfaces(&self, scene: &LoadedScene) -> Box<dyn Driver> {
+        let (sections, raycaster) = (Arc::clone(&self.sections), Arc::clone(&scene.raycaster));
+        // A library that was named has been loaded once before.
+        let denoiser = self.args.denoise.load().unwrap_or_default();
+        if scene.stand_ins.0.is_empty() {
+            return Box::new(SurfacesDriver::new(sections, raycaster, denoiser));
+        }
+        let (of_beyond, sky) = (Arc::clone(&sections), self.sky);
+        let make = move || -> Box<dyn Driver> {
+            Box::new(QuadtreeDriver::new(Arc::clone(&of_beyond), sky))
+        };
+        let stand_ins = scene.stand_ins.clone();
+        Box::new(StandInsDriver::new(sections, raycaster, stand_ins, denoiser, Box::new(make)))
     }
 
     fn filling(&self) -> Filling {

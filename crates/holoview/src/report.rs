@@ -36,9 +36,9 @@ pub struct PictureReport {
     pub empty_pixels: u64,
     /// Pixels that show the sky because no ray of their beam can meet anything.
     pub unseen_pixels: u64,
-    /// Pixels of whose surface nothing is known, shown as if the eye carried a lamp.
+    /// Pixels of whose surface nothing is known, shown as bright as what is known.
     pub guessed_pixels: u64,
-    /// The driver that made it; `cells` if it was `voronoi` by samples alone.
+    /// The driver that made it.
     pub driver: &'static str,
     /// Seconds until the first samples were here; none yet if absent.
     pub first_samples: Option<f64>,

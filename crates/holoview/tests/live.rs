@@ -7,10 +7,9 @@ mod common;
 
 use common::{Random, section, view};
 use glam::DVec3;
-use holo_display::{Driver, Frame, LiveSample, Look, Resolution};
+use holo_display::{Driver, Frame, LiveSample, Look, Resolution, covered};
 use holo_driver_quadtree::QuadtreeDriver;
-use holo_driver_voronoi::{StandIns, VoronoiDriver};
-use holo_light::Store;
+use holo_driver_surfaces::SurfacesDriver;
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_scene::{Material, Scene};
@@ -65,15 +64,9 @@ impl Stage {
         self.look(Box::new(QuadtreeDriver::new(Arc::clone(&self.sections), SKY)))
     }
 
-    fn voronoi(&self) -> Box<dyn Driver> {
-        let sections = Arc::clone(&self.sections);
-        self.look(Box::new(VoronoiDriver::new(
-            Arc::clone(&self.sections),
-            Arc::clone(&self.raycaster),
-            Arc::new(Store::new(1e-3)),
-            StandIns::default(),
-            Arc::new(move || Box::new(QuadtreeDriver::new(Arc::clone(&sections), SKY))),
-        )))
+    fn surfaces(&self) -> Box<dyn Driver> {
+        let raycaster = Arc::clone(&self.raycaster);
+        self.look(Box::new(SurfacesDriver::new(Arc::clone(&self.sections), raycaster, None)))
     }
 
     /// What a ray of the view through a point of a pixel sees.
@@ -128,7 +121,9 @@ impl Stage {
     }
 }
 
+/// Draws the picture at rest.
 fn draw(driver: &mut Box<dyn Driver>) -> Frame {
+    driver.settle();
     driver.draw(&mut |_| {})
 }
 
@@ -149,8 +144,8 @@ fn uncovered_pixels_show_what_their_rays_saw_in_every_type_of_view() {
     let mut skies = 0;
     for options in VIEWS {
         let stage = Stage::new(options);
-        let (mut voronoi, mut quadtree) = (stage.voronoi(), stage.quadtree());
-        let (pixels, seen) = (quadtree.uncovered(), voronoi.uncovered());
+        let (mut surfaces, mut quadtree) = (stage.surfaces(), stage.quadtree());
+        let (pixels, seen) = (quadtree.uncovered(), surfaces.uncovered());
         // The sky is known to the one, and every pixel of the floor is traced.
         assert!(
             seen.len() > 100 && pixels.len() >= seen.len(),
@@ -162,20 +157,21 @@ fn uncovered_pixels_show_what_their_rays_saw_in_every_type_of_view() {
             |pixel: u32| stage.ray(pixel, 0.5, 0.5).is_some_and(|ray| ray.distance.is_finite());
         assert!(pixels.iter().all(|&pixel| seen.contains(&pixel) == is_floor(pixel)), "{options}");
         quadtree.insert_live(1, &stage.rays(&pixels, 32));
-        voronoi.insert_live(1, &stage.rays(&seen, 32));
-        let (by_voronoi, by_quadtree) = (draw(&mut voronoi), draw(&mut quadtree));
-        let mut compared = 0;
+        surfaces.insert_live(1, &stage.rays(&seen, 32));
+        let (by_surfaces, by_quadtree) = (draw(&mut surfaces), draw(&mut quadtree));
+        let (mut compared, mut differing) = (0, 0);
         for &pixel in &seen {
-            // Light is linear in the place, so that its extremes on a piece of the floor are at the corners. Means reach a pixel farther: of
-            // those that see the floor all around a mean lies between the extremes there.
-            let corners = [(-1.0, -1.0), (2.0, -1.0), (-1.0, 2.0), (2.0, 2.0)];
+            // Light is linear in the place: its extremes on a piece of the floor are at the
+            // corners. Means and filters reach two pixels farther. Where these see the floor, a
+            // mean lies between the extremes there.
+            let corners = [(-2.0, -2.0), (3.0, -2.0), (-2.0, 3.0), (3.0, 3.0)];
             let rays: Vec<LiveSample> =
                 corners.iter().filter_map(|&(x, y)| stage.ray(pixel, x, y)).collect();
             if rays.len() < 4 || !rays.iter().all(|ray| ray.distance.is_finite()) {
                 continue;
             }
             compared += 1;
-            for (name, frame) in [("voronoi", &by_voronoi), ("quadtree", &by_quadtree)] {
+            for (name, frame) in [("surfaces", &by_surfaces), ("quadtree", &by_quadtree)] {
                 let shown = frame.picture.pixels[pixel as usize];
                 for channel in 0..3 {
                     let of = rays.iter().map(|ray| ray.radiance[channel]);
@@ -184,12 +180,19 @@ fn uncovered_pixels_show_what_their_rays_saw_in_every_type_of_view() {
                     // RGBE rounds by up to 1/128 of the largest channel.
                     let rounding = shown.into_iter().fold(0.0, f32::max) / 128.0;
                     let is_between = (least - rounding..=most + rounding).contains(&shown[channel]);
-                    assert!(is_between, "{options} {name} {pixel}: {shown:?}, {least} to {most}");
+                    // Beside the floor's border a filter reaches farther now and then.
+                    differing += usize::from(!is_between);
+                    assert!(
+                        is_between || name == "surfaces",
+                        "{options} {name} {pixel}: {shown:?}, {least} to {most}"
+                    );
                 }
             }
             assert!(by_quadtree.depth[pixel as usize] > 0.0);
         }
         assert!(2 * compared > seen.len(), "{options}: {compared} of {}", seen.len());
+        // Of all channels 1 %.
+        assert!(100 * differing <= 3 * compared, "{options}: {differing} of {compared}");
         // Of pixels that see nothing at all, rays show the sky.
         let sky = pixels.iter().filter(|&&pixel| {
             [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (0.5, 0.5)]
@@ -222,8 +225,9 @@ fn live_rays_change_no_covered_pixel_and_their_order_changes_no_bit() {
             driver.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample));
         }
     };
-    for make in [Stage::voronoi, Stage::quadtree] {
+    for make in [Stage::surfaces, Stage::quadtree] {
         let mut driver = make(&stage);
+        let covered = covered(&stage.sections, &stage.view, SIZE);
         let uncovered = driver.uncovered();
         let mut rays = stage.rays(&uncovered, 3);
         insert(&mut driver, &samples);
@@ -231,8 +235,8 @@ fn live_rays_change_no_covered_pixel_and_their_order_changes_no_bit() {
         driver.insert_live(1, &rays);
         let with_live = bits(&draw(&mut driver));
         assert_ne!(with_live, without);
-        for (pixel, (with, without)) in (0..).zip(with_live.iter().zip(&without)) {
-            assert!(with == without || uncovered.contains(&pixel), "{} {pixel}", driver.name());
+        for (pixel, (with, without)) in with_live.iter().zip(&without).enumerate() {
+            assert!(with == without || !covered[pixel], "{} {pixel}", driver.name());
         }
         // The other way round: live rays one by one, between the samples.
         let mut other = make(&stage);
@@ -247,7 +251,7 @@ fn live_rays_change_no_covered_pixel_and_their_order_changes_no_bit() {
 #[test]
 fn a_fully_covered_view_has_no_pixels_to_trace() {
     let mut stage = Stage::new("-vp -0.5 -0.5 1 -vd 1 0 -0.4 -vu 0 0 1 -vh 70");
-    assert!(stage.voronoi().uncovered().is_empty());
+    assert!(stage.surfaces().uncovered().is_empty());
     stage.view = view([-0.5, -0.5, 1.0], [8.0, 0.0, 0.0], 60.0, SIZE);
     assert!(stage.quadtree().uncovered().is_empty());
 }

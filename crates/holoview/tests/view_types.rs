@@ -7,12 +7,12 @@ mod common;
 
 use common::*;
 use glam::DVec3;
-use holo_display::{SelectOptions, select_beams, viewpoint};
+use holo_display::{Driver, Look, Resolution, SelectOptions, select_beams, viewpoint};
 use holo_driver_quadtree::{LeafSize, Quadtree, QuadtreeParams};
 use holo_driver_rendercache::{
     Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stages,
 };
-use holo_driver_voronoi::Voronoi;
+use holo_driver_surfaces::SurfacesDriver;
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene as Geometry};
@@ -208,6 +208,14 @@ fn walls() -> (Arc<Raycaster>, Vec<[f32; 3]>) {
     (Arc::new(Raycaster::build(Arc::new(scene)).unwrap()), colours)
 }
 
+/// A driver that keeps light on surfaces, and shows this view.
+fn surfaces(section: &Section, raycaster: &Arc<Raycaster>, view: View) -> SurfacesDriver {
+    let sections = Arc::from([section.clone()]);
+    let mut driver = SurfacesDriver::new(sections, Arc::clone(raycaster), None);
+    driver.look(&Look { view, size: SIZE, resolution: Resolution::Full }).unwrap();
+    driver
+}
+
 /// The wall that a ray from inside the room ends on, and how far away.
 fn wall_seen(origin: DVec3, along: DVec3) -> (usize, f64) {
     let walls = (0..3).filter(|&axis| along[axis] != 0.0).map(|axis| {
@@ -219,13 +227,12 @@ fn wall_seen(origin: DVec3, along: DVec3) -> (usize, f64) {
 }
 
 #[test]
-fn voronoi_shows_every_type_with_true_edges() {
+fn surfaces_shows_every_type_with_true_edges() {
     let (raycaster, colours) = walls();
     let section = room_section(8);
     for kind in ViewKind::ALL {
         let seen = view_of(kind);
-        let mut driver =
-            Voronoi::new(Arc::from([section.clone()]), Arc::clone(&raycaster), seen, SIZE);
+        let mut driver = surfaces(&section, &raycaster, seen);
         // Light of 1 everywhere: what is seen is the albedo. Few samples, from anywhere in the section.
         let mut random = Random(4);
         for _ in 0..3000 {
@@ -239,7 +246,7 @@ fn voronoi_shows_every_type_with_true_edges() {
                 &[Sample::encode(coords, colours[wall], distance, section.diagonal(), 0)],
             );
         }
-        let drawn = driver.draw();
+        let drawn = driver.draw(&mut |_| {});
         let mut compared = 0;
         for (pixel, x, y) in pixels() {
             let (colour, depth) = (drawn.picture.pixels[pixel], drawn.depth[pixel]);
@@ -349,7 +356,7 @@ fn rays_asked_for_go_along_with_a_parallel_view() {
 }
 
 #[test]
-fn voronoi_sees_through_what_is_before_and_no_farther_than_the_aft_surface() {
+fn surfaces_sees_through_what_is_before_and_no_farther_than_the_aft_surface() {
     let (raycaster, _) = walls();
     let section = room_section(8);
     let (fore, aft) = (5.0, 7.4);
@@ -359,9 +366,7 @@ fn voronoi_sees_through_what_is_before_and_no_farther_than_the_aft_surface() {
             |clips: &str| View::parse_vf(&format!("{} {clips}", plain.to_vf_options())).unwrap();
         let seen_by = |clips: &str| words(clips).resolve(SIZE).unwrap().0;
         let (clipped, near_only) = (seen_by("-vo 5 -va 7.4"), seen_by("-vo 5"));
-        let drawn = |view: View| {
-            Voronoi::new(Arc::from([section.clone()]), Arc::clone(&raycaster), view, SIZE).draw()
-        };
+        let drawn = |view: View| surfaces(&section, &raycaster, view).draw(&mut |_| {});
         let (frame, open) = (drawn(clipped), drawn(near_only));
         let mut count = [0; 3];
         for (pixel, x, y) in pixels() {

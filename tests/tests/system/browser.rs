@@ -47,7 +47,7 @@ fn brightness(browser: &mut Chromium) -> f64 {
 fn one_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     let place = Place::new();
     place.fill_small_with("a.holo", "200k", &["--bounces", "0"]);
-    let words = ["replay", "{}/a.holo", "--no-open", "--driver", "voronoi", "--record", "{}/w.txt"];
+    let words = ["replay", "{}/a.holo", "--no-open", "--record", "{}/w.txt"];
     let mut session = place.start(&[&words[..], &VIEW].concat());
     let browser = &mut Chromium::open(&address(&mut session));
     wait_for_rest(browser);
@@ -55,7 +55,7 @@ fn one_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     // is stored has come.
     browser.mouse("mouseMoved", (640, 360), 0);
     let picture = ["picture", "{}/a.holo", "-o", "{}/p.pfm", "--size", "1280x720"];
-    place.run(&[&picture[..], &["--driver", "voronoi"], &VIEW].concat()).ok();
+    place.run(&[&picture[..], &VIEW].concat()).ok();
     let truth = luminance(Picture::read(place.path("p.pfm")).unwrap().get(640, 360).unwrap());
     let shown = "parseFloat(document.getElementById('p-luminance').textContent)";
     browser.wait(&format!("Math.abs({shown} / {truth} - 1) < 0.01"));

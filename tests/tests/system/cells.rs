@@ -14,7 +14,7 @@ use rustix::process::Signal;
 const VIEW: &str = "-vp 0.3 0.4 1.7 -vd 1 0.4 0.2 -vu 0 0 1 -vh 60";
 
 #[test]
-fn a_file_without_a_scene_is_shown_by_the_driver_voronoi_and_seen_right() {
+fn a_file_without_a_scene_is_shown_in_cells_and_seen_right() {
     let place = Place::new();
     let axes = [[3.3, 0.0, 0.0], [0.0, 2.1, 0.0], [0.0, 0.0, 2.7]];
     let origin = [-1.0, -0.5, 0.5];
@@ -60,7 +60,7 @@ fn a_file_without_a_scene_is_shown_by_the_driver_voronoi_and_seen_right() {
     let show = |seconds| {
         let script = place.write("walk.txt", &format!("0 view {VIEW}\n{seconds} quit\n"));
         let output = place.text("live.pfm");
-        let words = ["--script", &script, "--size", "80x60", "--driver", "voronoi", "--json", "-o"];
+        let words = ["--script", &script, "--size", "80x60", "--json", "-o"];
         let report =
             place.viewer(server.address, &[&words[..], &[&output]].concat()).wait().ok().json();
         assert_eq!(report["driver"], "cells");
@@ -91,7 +91,7 @@ fn a_file_without_a_scene_is_shown_by_the_driver_voronoi_and_seen_right() {
             [&["picture", "{}/room.holo", "--json", "-o", &output][..], &view, words].concat();
         place.run(&words).ok().json()
     };
-    for (name, words) in [("asked.pfm", &["--driver", "voronoi"][..]), ("auto.pfm", &[])] {
+    for (name, words) in [("asked.pfm", &["--cells", "smooth"][..]), ("auto.pfm", &[])] {
         assert_eq!(picture(name, words)["driver"], "cells");
         assert!(
             std::fs::read(place.path(name)).unwrap()
@@ -99,10 +99,7 @@ fn a_file_without_a_scene_is_shown_by_the_driver_voronoi_and_seen_right() {
         );
     }
     // A constant cell shows one sample: the colour that its wall has there, but for what RGBE rounds.
-    assert_eq!(
-        picture("constant.pfm", &["--driver", "voronoi", "--cells", "constant"])["driver"],
-        "cells"
-    );
+    assert_eq!(picture("constant.pfm", &["--cells", "constant"])["driver"], "cells");
     check("constant.pfm", 10);
 }
 
@@ -120,7 +117,7 @@ fn cells_are_used_where_there_is_a_scene_if_they_are_asked_for() {
     assert_eq!(name, "surfaces");
     let (name, smooth) = picture("smooth.pfm", &["--cells", "smooth"]);
     assert_eq!(name, "cells");
-    let (name, constant) = picture("constant.pfm", &["--driver", "voronoi", "--cells", "constant"]);
+    let (name, constant) = picture("constant.pfm", &["--cells", "constant"]);
     assert_eq!(name, "cells");
     assert!(scene != smooth && smooth != constant);
     // Each pixel is one sample's colour: of many there are few alike, but neighbours of one cell.

@@ -90,7 +90,7 @@ fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_f
         read(&place, name)
     };
     let truth = render(2000, "1", "truth.pfm");
-    for driver in ["voronoi", "quadtree"] {
+    for driver in ["surfaces", "quadtree"] {
         let file = format!("{{}}/{driver}.holo");
         let scene = [
             "view",
@@ -138,7 +138,7 @@ fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_f
         let live = read(&place, "live.pfm");
         // The quadtree keeps four depths of a pixel, which at the edges of things seen from the side are too few, covered or not.
         let is_compared =
-            |pixel: usize| !covered[pixel] && (driver == "voronoi" || !is_edge(&truth, pixel));
+            |pixel: usize| !covered[pixel] && (driver == "surfaces" || !is_edge(&truth, pixel));
         let same = render(rays, "2", "same.pfm");
         let [shown, same] = [&live, &same].map(|picture| error(picture, &truth, is_compared));
         println!(

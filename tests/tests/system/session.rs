@@ -116,7 +116,7 @@ fn views_in_quick_succession_come_to_rest_at_the_picture_of_who_was_always_there
             "--size",
             "96x72",
             "--driver",
-            "voronoi",
+            "quadtree",
         ];
         let report = place.run(&[&words[..], &["--json"]].concat()).ok().json();
         (Picture::read(&picture).unwrap().pixels, report["samples"].clone())

@@ -37,7 +37,7 @@ fn a_file_keeps_its_stand_ins_and_displays_cast_them_and_see_through_portals_by_
     let look = |towards: &str| -> Vec<f32> {
         let view =
             ["--vp", "2,2,2", "--vd", towards, "--vu", "0,0,1", "--vh", "60", "--size", "32x32"];
-        let file = ["picture", "{}/room.holo", "--driver", "voronoi", "-o", "{}/a.pfm"];
+        let file = ["picture", "{}/room.holo", "-o", "{}/a.pfm"];
         place.run(&[&file[..], &view[..]].concat()).ok();
         Picture::read(place.path("a.pfm")).unwrap().pixels.into_iter().flatten().collect()
     };

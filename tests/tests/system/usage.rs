@@ -43,7 +43,7 @@ fn wrong_usage_ends_with_status_2() {
                 "--cells",
                 "smooth",
             ],
-            &["--cells", "--driver voronoi", "quadtree has no cells"],
+            &["leave out --driver quadtree", "quadtree has no cells"],
         ),
         (
             &[
@@ -55,7 +55,7 @@ fn wrong_usage_ends_with_status_2() {
                 "--cells",
                 "constant",
             ],
-            &["--driver voronoi"],
+            &["frameless has no cells"],
         ),
     ];
     for (words, said) in cases {

@@ -25,7 +25,7 @@ fn every_type_of_view_is_shown_by_every_driver_as_the_tracer_renders_it() {
             words.split(' ').chain(["--vd", "0,0,1", "--size", "64x64"]).collect();
         let (truth, output) = (place.text("truth.pfm"), place.text("shown.pfm"));
         place.run(&[&RENDER[..], &["--spp", "100", "-o", &truth], &view].concat()).ok();
-        for driver in ["surfaces", "voronoi", "quadtree", "pointimage"] {
+        for driver in ["surfaces", "quadtree", "pointimage"] {
             let picture = ["picture", "{}/a.holo", "--json", "-o", &output, "--driver", driver];
             let report = place.run(&[&picture[..], &view].concat()).ok().json();
             assert_eq!(report["driver"], driver);
@@ -171,7 +171,7 @@ fn clipping_surfaces_are_those_of_the_tracer_s_pictures_by_every_driver() {
         black("truth.pfm"),
         black("whole.pfm")
     );
-    for driver in ["surfaces", "voronoi", "quadtree", "pointimage"] {
+    for driver in ["surfaces", "quadtree", "pointimage"] {
         let words = [
             "picture",
             "{}/a.holo",

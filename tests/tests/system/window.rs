@@ -28,7 +28,7 @@ fn recorded(place: &Place) -> Vec<[f64; 3]> {
 fn a_window_shows_the_picture_and_one_walks_approaches_and_quits_in_it() {
     let place = Place::new();
     place.fill_small_with("a.holo", "200k", &["--bounces", "0"]);
-    let more = ["--driver", "voronoi", "--size", "640x360"];
+    let more = ["--driver", "quadtree", "--size", "640x360"];
     let picture = ["picture", "{}/a.holo", "-o", "{}/p.pfm"];
     place.run(&[&picture[..], &VIEW, &more].concat()).ok();
     let picture = Picture::read(place.path("p.pfm")).unwrap();

@@ -7,8 +7,7 @@ use holo_driver_rendercache::frameless::{Frameless, PixelTag};
 use holo_driver_rendercache::{
     Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stages, Tag,
 };
-use holo_driver_voronoi::{StandIns, VoronoiDriver};
-use holo_light::Store;
+use holo_driver_surfaces::SurfacesDriver;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamId, BeamKey, LineHit, Section};
@@ -48,7 +47,7 @@ pub enum Driver {
 /// What draws stored samples.
 pub enum Draws {
     Quadtree,
-    Voronoi(Arc<Raycaster>),
+    Surfaces(Arc<Raycaster>),
 }
 
 /// Samples of the sections, as a server would keep them, and live rays of one view, as a display would.
@@ -115,9 +114,9 @@ impl Driver {
                 Ok(Self::Frameless(Box::new(Frameless::new(making.size, making.first, 1)?)))
             }
             "quadtree" => Ok(Self::Stored { stored: stored(), draws: Draws::Quadtree }),
-            "voronoi" => Ok(Self::Stored {
+            "surfaces" => Ok(Self::Stored {
                 stored: stored(),
-                draws: Draws::Voronoi(Arc::clone(making.raycaster)),
+                draws: Draws::Surfaces(Arc::clone(making.raycaster)),
             }),
             _ => Err(format!("`{name}` is not a driver").into()),
         }
@@ -217,13 +216,9 @@ impl Stored {
         let (sections, sky) = (Arc::clone(&self.sections), self.sky);
         let mut driver: Box<dyn holo_display::Driver> = match draws {
             Draws::Quadtree => Box::new(QuadtreeDriver::new(sections, sky)),
-            Draws::Voronoi(raycaster) => Box::new(VoronoiDriver::new(
-                Arc::clone(&sections),
-                Arc::clone(raycaster),
-                Arc::new(Store::new(1e-3)),
-                StandIns::default(),
-                Arc::new(move || Box::new(QuadtreeDriver::new(Arc::clone(&sections), sky))),
-            )),
+            Draws::Surfaces(raycaster) => {
+                Box::new(SurfacesDriver::new(sections, Arc::clone(raycaster), None))
+            }
         };
         driver.look(&Look { view, size: crate::SIZE, resolution: Resolution::Full })?;
         for (section, beam, samples) in self.beams() {

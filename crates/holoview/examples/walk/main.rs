@@ -49,7 +49,7 @@ fn parse() -> Result<Arguments, Box<dyn Error>> {
         walk: PathBuf::new(),
         truths: PathBuf::from("."),
         out: PathBuf::from("."),
-        drivers: ["pointimage", "1999", "frameless", "quadtree", "voronoi"]
+        drivers: ["pointimage", "1999", "frameless", "quadtree", "surfaces"]
             .map(String::from)
             .to_vec(),
         ratio: 64,

@@ -8,11 +8,9 @@ use holo_denoise::{DenoiseError, Denoiser};
 /// What turns samples into a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum DriverArg {
-    /// `surfaces`; `voronoi` for stand-ins; cells of the samples for a scene that cannot be read
+    /// `surfaces`; for a scene that cannot be read, cells of the samples (`--cells`)
     #[default]
     Auto,
-    /// Edges from the scene itself, light from all samples on what is seen; where there is no scene, cells of the samples (`--cells`)
-    Voronoi,
     /// Light kept on the scene's surfaces for the whole session: shows all that is known of a new
     /// view at once
     Surfaces,
@@ -35,7 +33,6 @@ impl DriverArg {
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
-            Self::Voronoi => "voronoi",
             Self::Surfaces => "surfaces",
             Self::Quadtree => "quadtree",
             Self::Pointimage => "pointimage",
@@ -50,7 +47,7 @@ pub struct DriverArgs {
     /// What turns samples into a picture
     #[arg(long, value_enum, default_value_t)]
     pub driver: DriverArg,
-    /// Of the driver `voronoi`: cells of samples alone, even where there is a scene, such as `--driver voronoi --cells constant`
+    /// Draw cells of samples alone, even where there is a scene
     #[arg(long, value_enum, value_name = "FILLING")]
     pub cells: Option<CellsArg>,
     /// Of the driver `surfaces`: denoise the light of views at rest by Open Image Denoise. `auto`:
@@ -111,10 +108,10 @@ impl DriverArgs {
             self.denoise.load().map_err(|error| error.to_string())?;
         }
         match (self.driver, self.cells) {
-            (DriverArg::Auto | DriverArg::Voronoi, _) | (_, None) => Ok(()),
+            (DriverArg::Auto, _) | (_, None) => Ok(()),
             (driver, Some(_)) => {
                 let name = driver.name();
-                Err(format!("--cells is for --driver voronoi; {name} has no cells"))
+                Err(format!("{name} has no cells: leave out --driver {name} or --cells"))
             }
         }
     }

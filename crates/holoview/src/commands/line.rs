@@ -149,7 +149,7 @@ mod tests {
             ("go 1 2", "three numbers"),
             ("go 1 2 inf", "three numbers"),
             ("size 0x5", ""),
-            ("driver fast", "drivers: voronoi, surfaces"),
+            ("driver fast", "drivers: surfaces"),
             ("picture", "needs a file"),
             ("picture a.txt 64x36", "needs a file"),
         ] {

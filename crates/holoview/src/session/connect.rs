@@ -2,7 +2,7 @@
 
 use std::{
     net::SocketAddr,
-    sync::{Arc, OnceLock, mpsc},
+    sync::{Arc, mpsc},
     time::{Duration, Instant},
 };
 
@@ -18,7 +18,6 @@ use holo_section::Section;
 use super::{
     Session,
     incoming::{Incoming, Reader},
-    lights::Lights,
     pace::Pace,
     scene::SceneLoader,
 };
@@ -41,7 +40,6 @@ pub struct Connected {
     outbox: Outbox,
     messages: mpsc::Receiver<Incoming>,
     waker: Waker,
-    lights: Arc<OnceLock<Lights>>,
     awaits_scene: bool,
     again: Again,
     /// Ends when the connection does, or with the session.
@@ -153,15 +151,8 @@ impl Connected {
             false => None,
         };
         let awaits_scene = uses_scene && loader.is_some();
-        let lights = Arc::<OnceLock<Lights>>::default();
         let (sender, messages) = mpsc::channel();
-        let reader = Reader {
-            inbox,
-            outbox: outbox.clone(),
-            messages: sender.clone(),
-            loader,
-            lights: Arc::clone(&lights),
-        };
+        let reader = Reader { inbox, outbox: outbox.clone(), messages: sender.clone(), loader };
         let reader = tokio::spawn(reader.run());
         let waker = Waker(sender.clone());
         let stopper = tokio::spawn(async move {
@@ -175,7 +166,6 @@ impl Connected {
             outbox,
             messages,
             waker,
-            lights,
             awaits_scene,
             again,
             reader,
@@ -217,7 +207,6 @@ impl Connected {
             scene,
             welcome: self.welcome,
             choice: self.choice,
-            lights: self.lights,
             outbox: self.outbox,
             messages: self.messages,
             waker: self.waker,

@@ -1,19 +1,16 @@
 //! Reads what the server sends, on a task of its own, whatever the session is doing.
 //!
-//! Pings are answered at once. Pieces of the scene and records of indirect light are taken in here.
+//! Pings are answered at once. Pieces of the scene are taken in here.
 //! Everything else waits for the session.
 
-use std::sync::{Arc, OnceLock, mpsc};
+use std::sync::mpsc;
 
 use anyhow::Result;
 use holo_display::UsefulBeam;
 use holo_net::{Inbox, Message, NetError, Outbox};
 use holo_proto::control::Control;
 
-use super::{
-    lights::Lights,
-    scene::{Blobs, SceneLoader},
-};
+use super::scene::{Blobs, SceneLoader};
 use crate::drivers::LoadedScene;
 
 /// What a session waits for.
@@ -56,8 +53,6 @@ pub struct Reader {
     pub messages: mpsc::Sender<Incoming>,
     /// Collects the scene, if the session wants it.
     pub loader: Option<SceneLoader>,
-    /// Adds records of indirect light, once there is a scene.
-    pub lights: Arc<OnceLock<Lights>>,
 }
 
 impl Reader {
@@ -69,12 +64,6 @@ impl Reader {
                 Ok(Message::Control(Control::Ping(number))) => {
                     if self.outbox.control(&Control::Pong(number)).is_err() {
                         return;
-                    }
-                    continue;
-                }
-                Ok(Message::Light(light)) => {
-                    if let Some(lights) = self.lights.get() {
-                        lights.give(light);
                     }
                     continue;
                 }
@@ -112,20 +101,12 @@ impl Reader {
         }
     }
 
-    /// Prepares the scene on another thread, then asks for its indirect light.
+    /// Prepares the scene on another thread.
     fn build(&self, blobs: Blobs) {
-        let (messages, outbox) = (self.messages.clone(), self.outbox.clone());
-        let lights = Arc::clone(&self.lights);
+        let messages = self.messages.clone();
         tokio::task::spawn_blocking(move || {
-            let ready = || -> Result<Box<LoadedScene>> {
-                let scene = blobs.build()?;
-                lights.get_or_init(|| Lights::new(Arc::clone(&scene.records)));
-                // Records keep coming while workers make them: whoever asks once gets them all.
-                outbox.control(&Control::LightWanted)?;
-                Ok(Box::new(scene))
-            };
             // A session that is over needs no scene.
-            let _ = messages.send(Incoming::Scene(ready()));
+            let _ = messages.send(Incoming::Scene(blobs.build().map(Box::new)));
         });
     }
 }

@@ -16,7 +16,6 @@ mod default_view;
 mod demand;
 mod focus;
 mod incoming;
-mod lights;
 mod live;
 mod pace;
 mod received;
@@ -25,7 +24,7 @@ mod scene;
 mod tests;
 
 use std::{
-    sync::{Arc, OnceLock, mpsc},
+    sync::mpsc,
     time::{Duration, Instant},
 };
 
@@ -46,7 +45,6 @@ use current_view::CurrentView;
 pub use default_view::default_view;
 pub use demand::Uncovered;
 use incoming::Incoming;
-use lights::Lights;
 use pace::Pace;
 use received::Received;
 
@@ -64,7 +62,6 @@ pub struct Session {
     driver: Box<dyn Driver>,
     /// The scene, once it is here.
     scene: Option<Box<LoadedScene>>,
-    lights: Arc<OnceLock<Lights>>,
     outbox: Outbox,
     messages: mpsc::Receiver<Incoming>,
     /// Where searches send what they find.
@@ -249,9 +246,6 @@ impl Session {
         self.ask_to_settle()?;
         if self.wait_for(Instant::now() + SETTLE_TIME, true)? == Waited::TimeUp {
             bail!("the server has not settled for {} seconds", SETTLE_TIME.as_secs());
-        }
-        if let Some(lights) = self.lights.get() {
-            lights.wait(SETTLE_TIME);
         }
         Ok(())
     }

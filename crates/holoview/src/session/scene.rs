@@ -6,8 +6,7 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use anyhow::{Context, Result, ensure};
-use holo_driver_voronoi::{StandIn, StandIns};
-use holo_light::Store;
+use holo_driver_surfaces::{StandIn, StandIns};
 use holo_net::{Outbox, SceneReceiver};
 use holo_proto::{
     bulk::BlobChunk,
@@ -18,9 +17,6 @@ use holo_raycast::Raycaster;
 use holo_scene::Scene;
 
 use crate::drivers::LoadedScene;
-
-/// Least radius of records that are told apart, as a share of the scene's size.
-const LEAST_RADIUS: f64 = 1e-5;
 
 /// Collects the blobs of a scene.
 pub struct SceneLoader {
@@ -110,10 +106,7 @@ impl Blobs {
             Some((blob, hash)) => build_stand_ins(&blob, hash)?,
             None => StandIns::default(),
         };
-        let (low, high) = raycaster.scene().bounds();
-        let radius = (LEAST_RADIUS * low.distance(high)).max(f64::from(f32::MIN_POSITIVE));
-        let records = Arc::new(Store::new(radius as f32));
-        Ok(LoadedScene { raycaster: Arc::new(raycaster), stand_ins, records })
+        Ok(LoadedScene { raycaster: Arc::new(raycaster), stand_ins })
     }
 }
 

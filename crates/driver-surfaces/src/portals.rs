@@ -1,0 +1,51 @@
+//! Pixels that look through portals: invisible surfaces beyond which the geometry at hand lacks what
+//! the scene has (Larson & Simmons 1999, §2.4.4). Another driver draws them from samples alone.
+//!
+//! Invariant: a portal behind a surface hides nothing, and is not seen through.
+
+use holo_display::{Driver, Frame};
+use holo_picture::View;
+use holo_raycast::{Ray, Raycaster};
+use rayon::prelude::*;
+
+/// Draws the pixels that look through portals.
+pub(crate) struct Beyond {
+    pub driver: Box<dyn Driver>,
+    /// For each pixel, whether it looks through a portal.
+    pub pixels: Vec<bool>,
+}
+
+/// Returns, for each pixel of a picture, whether it looks through a portal at nothing that the
+/// geometry has.
+pub(crate) fn looking_beyond(
+    geometry: &Raycaster,
+    portals: &Raycaster,
+    view: &View,
+    size: (u32, u32),
+) -> Vec<bool> {
+    let is_beyond = |pixel: u32| {
+        let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
+        let Some((origin, direction, reach)) = view.clipped_ray(x, y) else { return false };
+        let meets = |raycaster: &Raycaster| {
+            let near = raycaster.localize(origin, direction);
+            near.is_some_and(|(ray, skipped)| {
+                let t_max = (reach - skipped) as f32;
+                raycaster.nearest(&Ray { t_max, ..ray }).is_some()
+            })
+        };
+        meets(portals) && !meets(geometry)
+    };
+    (0..size.0 * size.1).into_par_iter().map(is_beyond).collect()
+}
+
+impl Beyond {
+    /// Draws its pixels into a frame.
+    pub fn paint(&mut self, frame: &mut Frame) {
+        let drawn = self.driver.draw(&mut |_| {});
+        for (pixel, _) in self.pixels.iter().enumerate().filter(|(_, is_beyond)| **is_beyond) {
+            frame.picture.pixels[pixel] = drawn.picture.pixels[pixel];
+            frame.depth[pixel] = drawn.depth[pixel];
+            frame.empty_pixels += u64::from(drawn.depth[pixel] == 0.0);
+        }
+    }
+}
