@@ -12,7 +12,7 @@ pub enum Resolution {
     #[default]
     Full,
     /// Every other column and row, enlarged to the whole picture. It serves views that follow each
-    /// other faster than full frames can be drawn.
+    /// other faster than full frames can be drawn, and the first picture of a view.
     Half,
     /// Every pixel of a view that is soon left. The front end has chosen as many pixels as the time
     /// allows; a driver may trade accuracy for time.

@@ -71,7 +71,7 @@ struct Shown {
     /// `None` until a frame needs it.
     gathered: Option<Gathered>,
     /// Whether the next frame at rest is refined: it looks into pixels on edges, and is denoised.
-    /// The first one is not, so that it is there soon.
+    /// A view's first one is not, so that it is there soon.
     is_refined: bool,
     /// Whether a refined frame was drawn.
     was_refined: bool,
@@ -131,14 +131,16 @@ impl SurfacesDriver {
     /// While the eye moves, light that earlier frames found does where it is known.
     fn drawn(&mut self) -> Option<(Drawn, Option<Gathered>)> {
         let shown = self.shown.as_ref()?;
-        let is_moving = shown.look.resolution != Resolution::Full;
-        if is_moving && let Some(drawn) = shown.view.draw_known(&self.store, &self.known) {
+        let Look { resolution, .. } = shown.look;
+        if resolution == Resolution::Moving
+            && let Some(drawn) = shown.view.draw_known(&self.store, &self.known)
+        {
             return Some((drawn, None));
         }
         self.place_waiting();
         let shown = self.shown.as_mut()?;
-        let refines = shown.is_refined && !is_moving;
-        shown.is_refined |= !is_moving;
+        let refines = shown.is_refined && resolution == Resolution::Full;
+        shown.is_refined |= resolution != Resolution::Moving;
         let store = &self.store;
         if refines && !shown.was_refined {
             shown.view.look_into_edges();
@@ -213,14 +215,13 @@ impl Driver for SurfacesDriver {
         self.store.begin_round();
         self.live.begin_round();
         let look = *look;
-        self.shown = Some(Shown {
-            look,
-            view,
-            gathered: None,
-            is_refined: false,
-            was_refined: false,
-            covered,
-        });
+        let glanced = |shown: &Shown| {
+            let Look { view, resolution, .. } = shown.look;
+            view == look.view && resolution == Resolution::Half && shown.is_refined
+        };
+        let is_refined = self.shown.as_ref().is_some_and(glanced);
+        self.shown =
+            Some(Shown { look, view, gathered: None, is_refined, was_refined: false, covered });
         Ok(())
     }
 
@@ -265,8 +266,8 @@ impl Driver for SurfacesDriver {
             self.place_waiting();
         }
         let store = &self.store;
-        let at_rest = |shown: &&mut Shown| shown.look.resolution == Resolution::Full;
-        if let Some(Shown { view, gathered, .. }) = self.shown.as_mut().filter(at_rest) {
+        let gathers = |shown: &&mut Shown| shown.look.resolution != Resolution::Moving;
+        if let Some(Shown { view, gathered, .. }) = self.shown.as_mut().filter(gathers) {
             gathered.get_or_insert_with(|| Gathered::new(view, store));
         }
     }
@@ -304,7 +305,10 @@ impl Driver for SurfacesDriver {
     }
 
     fn refines(&self) -> bool {
-        self.shown.as_ref().is_some_and(|shown| shown.is_refined && !shown.was_refined)
+        self.shown.as_ref().is_some_and(|shown| {
+            let is_full = shown.look.resolution == Resolution::Full;
+            is_full && shown.is_refined && !shown.was_refined
+        })
     }
 
     fn depth(&mut self) -> Vec<f32> {

@@ -18,6 +18,8 @@ pub struct CurrentView {
     pub nearest_is_seen: bool,
     /// Rays that no section covers, if something traces.
     pub live: Option<LiveRays>,
+    /// Until when only every other column and row is looked at. `None` if all pixels are.
+    pub glance_until: Option<Instant>,
     /// How far its stored samples have been asked for.
     pub asked: Asked,
     /// Whether a thread searches for the next ones.

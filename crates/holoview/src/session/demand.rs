@@ -51,6 +51,10 @@ const MOVING_EVERY: Duration = Duration::from_millis(150);
 /// what is seen.
 const SEARCH_AFTER: Duration = Duration::from_millis(400);
 
+/// How long a view is only glanced at, unless it was drawn before. Every other column and row takes
+/// a quarter of the time: the first picture is there sooner, of more samples.
+const GLANCE: Duration = Duration::from_millis(400);
+
 /// How often single rays are asked for, of drivers that can say which.
 const RAYS_EVERY: Duration = Duration::from_millis(50);
 
@@ -74,7 +78,31 @@ impl Session {
     pub fn show(&mut self, spec: &ViewSpec, size: (u32, u32)) -> Result<()> {
         let (view, size) = spec.resolve(size)?;
         let resolution = self.pace.next(Instant::now());
+        if resolution == Resolution::Full && self.driver.keeps_samples() {
+            let resolution = Resolution::Half;
+            self.look(Look { view, size, resolution })?;
+            let until = Some(self.since() + GLANCE);
+            self.current.iter_mut().for_each(|current| current.glance_until = until);
+            return Ok(());
+        }
         self.look(Look { view, size, resolution })
+    }
+
+    /// Looks at every pixel of the current view, if it was only glanced at.
+    pub(super) fn look_closely(&mut self) -> Result<()> {
+        let is_glance = |current: &&mut CurrentView| current.glance_until.is_some();
+        let Some(current) = self.current.as_mut().filter(is_glance) else { return Ok(()) };
+        current.glance_until = None;
+        current.look.resolution = Resolution::Full;
+        let look = current.look;
+        self.driver.look(&look)?;
+        if current.asked == Asked::All {
+            self.driver.settle();
+        }
+        let uncovered = if self.welcome.tracing { self.driver.uncovered() } else { Vec::new() };
+        let paths = self.welcome.settings.paths_per_sample;
+        current.live = LiveRays::new(uncovered, look.view, look.size, paths);
+        Ok(())
     }
 
     /// Shows the current view again with another driver. Its seconds go on.
@@ -138,6 +166,7 @@ impl Session {
             nearest,
             nearest_is_seen: false,
             live: LiveRays::new(uncovered, view, size, paths),
+            glance_until: None,
             asked: Asked::Crossed,
             is_searching: false,
             asks_later: false,
@@ -182,9 +211,13 @@ impl Session {
         let rays = current.rays_asked + RAYS_EVERY;
         let search = current.since + SEARCH_AFTER;
         let searches = current.asks_later && !self.is_moving;
-        let is_moving = current.look.resolution == Resolution::Half;
+        let closely = current.glance_until;
+        let is_moving = current.look.resolution == Resolution::Half && closely.is_none();
         if is_moving && now >= rests {
             self.rest()?;
+        }
+        if closely.is_some_and(|at| now >= at) {
+            self.look_closely()?;
         }
         if nearest.is_some_and(|at| now >= at) {
             self.see_nearest()?;
@@ -202,7 +235,8 @@ impl Session {
             self.ask_live()?;
         }
         let rays = if now >= rays { now + RAYS_EVERY } else { rays };
-        let due = [Some(rests), searches.then_some(search), nearest, asks_rays.then_some(rays)];
+        let due =
+            [Some(rests), closely, searches.then_some(search), nearest, asks_rays.then_some(rays)];
         Ok(due.into_iter().flatten().filter(|at| *at > now).min())
     }
 

@@ -207,6 +207,9 @@ impl Session {
             }
         });
         self.drawing = begin.elapsed();
+        if let Some(until) = self.current.as_mut().and_then(|view| view.glance_until.as_mut()) {
+            *until = begin;
+        }
         (frame, stages)
     }
 
@@ -237,6 +240,7 @@ impl Session {
     /// # Errors
     /// If the server does not settle, or is lost.
     pub fn settle(&mut self) -> Result<()> {
+        self.look_closely()?;
         let Some(current) = &mut self.current else { return Ok(()) };
         let asks_on = std::mem::take(&mut current.asks_later);
         if asks_on || (self.welcome.tracing && !current.also.is_empty()) {
