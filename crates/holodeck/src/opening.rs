@@ -8,7 +8,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use holo_progress::{HumanCount, Meter};
-use holo_raycast::Raycaster;
+use holo_raycast::{Hierarchies, Raycaster};
 use holo_scene::{Camera, Loaded, Scene};
 use holo_survey::{Frame, Room, Sight, Survey, unit_words};
 
@@ -155,8 +155,12 @@ impl Opened {
             let text = format!("preparing {} triangles for tracing", HumanCount(triangles as u64));
             Meter::new(self.is_quiet).say(&text);
         }
-        let built = Raycaster::build(self.scene.clone()).context("the scene cannot be traced")?;
-        Ok(self.raycaster.insert(Arc::new(built)).clone())
+        let prepared = Hierarchies::new(None).prepare(self.scene.clone());
+        let (raycaster, rebuilt) = prepared.context("the scene cannot be traced")?;
+        if let Some(reason) = rebuilt {
+            eprintln!("{reason}");
+        }
+        Ok(self.raycaster.insert(Arc::new(raycaster)).clone())
     }
 
     /// Returns the survey, if one was needed.
