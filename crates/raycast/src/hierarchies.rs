@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::thread;
 
 use holo_scene::{KeptFiles, Scene};
 
@@ -38,16 +39,23 @@ impl Hierarchies {
             return Ok((Raycaster::build(scene)?, None));
         }
         let geometry = scene.geometry_hash();
-        let (mut is_read, mut unused) = (false, None);
-        let raycaster = Raycaster::build_unless(scene, |facets| {
+        let triangles = scene.triangles.len();
+        let read = || {
             let (mut file, bytes) = self.files.open(&geometry)?;
-            let read = stored::read(&mut file, bytes, facets, geometry);
-            is_read = read.is_ok();
-            read.map_err(|error| unused = Some(error)).ok()
+            Some(stored::read(&mut file, bytes, triangles, geometry))
+        };
+        let (mut is_read, mut unused) = (false, None);
+        let raycaster = thread::scope(|scope| {
+            // It is read while the facets are made.
+            let reading = scope.spawn(read);
+            Raycaster::build_unless(scene, |facets| {
+                let read = reading.join().ok()??.and_then(|stored| stored.over(facets));
+                is_read = read.is_ok();
+                read.map_err(|error| unused = Some(error)).ok()
+            })
         })?;
         if !is_read {
             let (hierarchy, _) = raycaster.hierarchy();
-            let triangles = raycaster.scene().triangles.len();
             self.files.put(&geometry, |out| stored::write(hierarchy, triangles, geometry, out));
         }
         let words = |error| {

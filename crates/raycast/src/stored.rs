@@ -105,26 +105,33 @@ pub(crate) fn write(
     out.write_all(ids)
 }
 
-/// Reads a hierarchy over facets of a scene whose geometry has this hash. `bytes` is the length of
-/// the input.
+/// A hierarchy that was read, still without vertices.
+pub(crate) struct Stored {
+    nodes: Vec<Node>,
+    ids: Vec<Ids>,
+    stack_need: usize,
+}
+
+/// Reads a hierarchy of a scene with so many triangles, whose geometry has this hash. `bytes` is the
+/// length of the input.
 pub(crate) fn read(
     input: &mut dyn Read,
     bytes: u64,
-    facets: &[Facet],
+    triangles: usize,
     geometry: [u8; 32],
-) -> Result<Hierarchy, StoredError> {
+) -> Result<Stored, StoredError> {
     let damaged = |_| StoredError::Damaged;
     let mut header = Header::zeroed();
     input.read_exact(bytemuck::bytes_of_mut(&mut header)).map_err(damaged)?;
     if header.magic != MAGIC || header.version != VERSION {
         return Err(StoredError::Version);
     }
-    if header.geometry != geometry || header.triangles as usize != facets.len() {
+    if header.geometry != geometry || header.triangles as usize != triangles {
         return Err(StoredError::Scene);
     }
     let (nodes, blocks) = (u64::from(header.nodes), u64::from(header.blocks));
     let content = nodes * size_of::<Node>() as u64 + blocks * size_of::<Ids>() as u64;
-    let most = MOST_PER_TRIANGLE * facets.len() as u64;
+    let most = MOST_PER_TRIANGLE * triangles as u64;
     if nodes.max(blocks) > most || bytes != size_of::<Header>() as u64 + content {
         return Err(StoredError::Damaged);
     }
@@ -136,8 +143,26 @@ pub(crate) fn read(
         return Err(StoredError::Damaged);
     }
     let stack_need = stack_need(&nodes, ids.len()).ok_or(StoredError::Damaged)?;
-    let blocks = blocks_of(&ids, facets).ok_or(StoredError::Damaged)?;
-    Ok(Hierarchy { nodes, blocks, few: None, stack_need })
+    Ok(Stored { nodes, ids, stack_need })
+}
+
+impl Stored {
+    /// Fills the leaves with the vertices of the scene's facets.
+    pub(crate) fn over(self, facets: &[Facet]) -> Result<Hierarchy, StoredError> {
+        let mut blocks = holo_cpu::reserved(self.ids.len());
+        for ids in &self.ids {
+            blocks.push(block(ids, facets).ok_or(StoredError::Damaged)?);
+        }
+        Ok(Hierarchy { nodes: self.nodes, blocks, few: None, stack_need: self.stack_need })
+    }
+}
+
+fn block(ids: &Ids, facets: &[Facet]) -> Option<Block> {
+    let mut block = Block::EMPTY;
+    for (lane, &id) in ids.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
+        block.set(lane, id, facets.get(id as usize)?.vertices.map(|v| v.to_array()));
+    }
+    Some(block)
 }
 
 fn hash(nodes: &[u8], ids: &[u8]) -> [u8; 32] {
@@ -172,18 +197,6 @@ fn stack_need(nodes: &[Node], blocks: usize) -> Option<usize> {
     }
     let need = deepest * (WIDTH - 1) + WIDTH;
     (need <= LARGE_STACK).then_some(need)
-}
-
-fn blocks_of(ids: &[Ids], facets: &[Facet]) -> Option<Vec<Block>> {
-    let mut blocks = holo_cpu::reserved(ids.len());
-    for ids in ids {
-        let mut block = Block::EMPTY;
-        for (lane, &id) in ids.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
-            block.set(lane, id, facets.get(id as usize)?.vertices.map(|v| v.to_array()));
-        }
-        blocks.push(block);
-    }
-    Some(blocks)
 }
 
 #[cfg(test)]

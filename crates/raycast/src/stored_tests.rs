@@ -32,7 +32,7 @@ fn built(triangles: usize) -> (Vec<Facet>, Hierarchy, Vec<u8>) {
 }
 
 fn read_all(bytes: &[u8], facets: &[Facet]) -> Result<Hierarchy, StoredError> {
-    read(&mut &bytes[..], bytes.len() as u64, facets, GEOMETRY)
+    read(&mut &bytes[..], bytes.len() as u64, facets.len(), GEOMETRY)?.over(facets)
 }
 
 /// Sets the hash of the content, as whoever wants to be believed would.
