@@ -27,6 +27,10 @@ pub struct Config {
     pub two_sided_lights: Option<bool>,
     /// Sections.
     pub section: Vec<Section>,
+    /// Most rooms that get a section when none is stated.
+    pub max_rooms: Option<usize>,
+    /// Most beams of all sections when none is stated.
+    pub max_beams: Option<u64>,
     /// Whether `--exterior` was said.
     #[serde(skip)]
     pub exterior: bool,

@@ -15,6 +15,7 @@ mod fill;
 mod forget;
 mod info;
 mod joining;
+mod limit;
 mod loading;
 mod merge;
 mod metrics;

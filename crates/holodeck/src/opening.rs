@@ -8,12 +8,12 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use holo_progress::{HumanCount, Meter};
-use holo_raycast::Raycaster;
+use holo_raycast::{Hierarchies, Raycaster};
 use holo_scene::{Camera, Loaded, Scene};
 use holo_survey::{Frame, Room, Sight, Survey, unit_words};
 
 use crate::config::{self, Config};
-use crate::{loading, preview, scene_args::scene_path};
+use crate::{limit, loading, preview, scene_args::scene_path};
 
 /// Share of the scene's size between its bounds and the section around it, on each side.
 const MARGIN: f64 = 0.05;
@@ -105,7 +105,7 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
     if needs_sections || opened.views.is_empty() || is_dark {
         let raycaster = opened.raycaster()?;
         let unit = config.unit.map(|unit| unit.0);
-        let survey = Survey::new(&raycaster, Frame::new(up), unit, &about);
+        let mut survey = Survey::new(&raycaster, Frame::new(up), unit, &about);
         opened.unit = survey.unit.value;
         if unit.is_none() {
             opened.choices.push(format!("unit: {} (--unit mm|cm|m|in|ft)", survey.unit.reason));
@@ -126,8 +126,11 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
                 .push(format!("light: preview lamps in {count} rooms that no sky reaches"));
             (opened.scene, opened.raycaster) = (Arc::new(lit), None);
         }
+        // After the light, which must be the same whatever is left out.
+        let found = survey.rooms.len();
+        limit::apply(config, &mut survey);
         if needs_sections {
-            opened.choose_sections(config, &survey)?;
+            opened.choose_sections(config, &survey, found)?;
         }
         if opened.views.is_empty() {
             opened.choose_views(config, &survey);
@@ -155,8 +158,12 @@ impl Opened {
             let text = format!("preparing {} triangles for tracing", HumanCount(triangles as u64));
             Meter::new(self.is_quiet).say(&text);
         }
-        let built = Raycaster::build(self.scene.clone()).context("the scene cannot be traced")?;
-        Ok(self.raycaster.insert(Arc::new(built)).clone())
+        let prepared = Hierarchies::new(None).prepare(self.scene.clone());
+        let (raycaster, rebuilt) = prepared.context("the scene cannot be traced")?;
+        if let Some(reason) = rebuilt {
+            eprintln!("{reason}");
+        }
+        Ok(self.raycaster.insert(Arc::new(raycaster)).clone())
     }
 
     /// Returns the survey, if one was needed.
@@ -171,7 +178,8 @@ impl Opened {
         Ok(())
     }
 
-    fn choose_sections(&mut self, config: &Config, survey: &Survey) -> Result<()> {
+    /// `found` is the number of rooms before they were limited.
+    fn choose_sections(&mut self, config: &Config, survey: &Survey, found: usize) -> Result<()> {
         let rooms: &[Room] = if config.exterior { &[] } else { &survey.rooms };
         if rooms.is_empty() {
             let how = if config.exterior { "as stated" } else { "because it has no rooms" };
@@ -183,16 +191,30 @@ impl Opened {
             name: Some(format!("room {}", n + 1)),
             ..section(room.origin, room.axes, false)
         });
-        self.sections = sections.collect();
+        let doors = survey.doors.iter().enumerate().map(|(n, door)| config::Section {
+            name: Some(format!("door {}", n + 1)),
+            grid: Some(limit::door_grid(door)),
+            ..section(door.origin, door.axes, false)
+        });
+        self.sections = sections.chain(doors).collect();
         let sizes: Vec<String> = rooms
             .iter()
             .map(|room| format!("{:.3} by {:.3}", room.axes[0].length(), room.axes[1].length()))
             .collect();
-        let rooms = if rooms.len() == 1 { "1 room" } else { &format!("{} rooms", rooms.len()) };
-        self.choices.push(format!(
-            "sections: free boxes at eye height in {rooms}: {} units (--section, --exterior)",
+        let mut words = format!(
+            "sections: free boxes at eye height in {}: {} units",
+            counted(rooms.len(), "room", "rooms"),
             sizes.join(", ")
-        ));
+        );
+        if !survey.doors.is_empty() {
+            let boxes = counted(survey.doors.len(), "box", "boxes");
+            words.push_str(&format!("; joined by {boxes} in doors"));
+        }
+        if found > rooms.len() {
+            let more = counted(found - rooms.len(), "smaller box", "smaller boxes");
+            words.push_str(&format!("; {more} left out (--max-rooms, --max-beams)"));
+        }
+        self.choices.push(format!("{words} (--section, --exterior)"));
         Ok(())
     }
 
@@ -210,6 +232,10 @@ impl Opened {
             self.choices.push(format!("view: {name}, {options}{more} (--vp, --vd)"));
         }
     }
+}
+
+fn counted(count: usize, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
 }
 
 /// Returns a section with nothing else said of it.
@@ -314,7 +340,11 @@ mod tests {
             let opened = open(&config, Wanted::Sections, true).unwrap();
             let said = opened.choices.join("\n");
             assert_eq!((opened.up, opened.unit), (up, unit), "{name}: {said}");
-            let interior = opened.sections.iter().filter(|section| !section.exterior).count();
+            let is_room = |section: &&config::Section| {
+                section.name.as_ref().is_some_and(|name| name.starts_with("room"))
+            };
+            let interior = opened.sections.iter().filter(is_room).count();
+            assert_eq!(interior + 1 < opened.sections.len(), rooms > 1, "{name}: {said}");
             assert!(interior == rooms || rooms > 1 && interior > rooms, "{name}: {said}");
             assert_eq!(said.contains("preview sky"), !lit, "{name}: {said}");
             // Without its MTL file, the panes of this one are walls.

@@ -16,6 +16,9 @@ const SKY_OVER_SUN: f32 = 0.2;
 /// Radiance of the lamps: a panel of a twentieth of the ceiling is as bright as a window.
 const LAMP: [f32; 3] = [10.0; 3];
 
+/// Most rooms that get a lamp, the largest first.
+const MOST_LAMPS: usize = 8;
+
 /// Share of a room's width and depth that its lamp has.
 const SHARE: f64 = 0.25;
 
@@ -41,10 +44,11 @@ pub fn sky_beside(suns: &[Sun]) -> [f32; 3] {
     std::array::from_fn(|k| share * suns.iter().map(|sun| sun.irradiance[k]).sum::<f32>())
 }
 
-/// Returns the scene with a lamp in each room from which no sky is seen, and how many there are.
+/// Returns the scene with a lamp in each large room from which no sky is seen, and how many there are.
 /// `None` if every room sees it.
 pub fn with_lamps(raycaster: &Raycaster, rooms: &[Room]) -> Result<Option<(Scene, usize)>> {
-    let dark: Vec<&Room> = rooms.iter().filter(|room| !sees_sky(raycaster, room)).collect();
+    let rooms = rooms.iter().take(MOST_LAMPS);
+    let dark: Vec<&Room> = rooms.filter(|room| !sees_sky(raycaster, room)).collect();
     if dark.is_empty() {
         return Ok(None);
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
-use clap::Args;
+use clap::{Args, builder::RangedU64ValueParser};
 use holo_proto::control::{Engine, RenderSettings};
 
 use crate::config::{self, Config, Obstructions};
@@ -41,6 +41,13 @@ pub struct SceneArgs {
     /// Make sections to look into from outside, not to look out of
     #[arg(long)]
     pub exterior: bool,
+    /// If no section is stated: how many rooms get one, the largest first [default: 8]
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
+    pub max_rooms: Option<usize>,
+    /// If no section is stated: how many beams all of them may have. Small rooms and then doors are
+    /// left out [default: 2M]
+    #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
+    pub max_beams: Option<u64>,
     /// Whether what stands inside sections is seen [default: auto]
     #[arg(long, value_enum)]
     pub obstructions: Option<Obstructions>,
@@ -93,6 +100,8 @@ impl SceneArgs {
         for section in &mut config.section {
             section.exterior |= self.exterior;
         }
+        config.max_rooms = self.max_rooms.or(config.max_rooms);
+        config.max_beams = self.max_beams.or(config.max_beams);
         config.geometry.clone_from(&self.geometry);
         config.portals.clone_from(&self.portals);
         config.up = self.up.or(config.up);

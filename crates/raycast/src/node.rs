@@ -7,7 +7,7 @@
 //!
 //! Other layouts were tried: docs/notes/ray-casting.md.
 
-use bytemuck::Zeroable;
+use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 /// Number of children of a node.
@@ -27,7 +27,7 @@ pub(crate) const LEAF: u32 = 1 << 31;
 const LEAST_STEP: f64 = f64::from_bits((1023 - 90) << 52);
 
 /// Eight boxes, as bytes on the node's own grid, and references to their contents.
-#[derive(Clone, Copy, Debug, Zeroable)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
     /// The coordinates of byte 0, by axis.

@@ -38,12 +38,20 @@ impl Raycaster {
     /// Too many triangles, a coordinate beyond [`MAX_COORDINATE`](crate::MAX_COORDINATE), or a
     /// scene that is not valid.
     pub fn build(scene: Arc<Scene>) -> Result<Self, BuildError> {
+        Self::build_unless(scene, |_| None)
+    }
+
+    /// Takes the hierarchy that `read` returns for the scene's facets, or else builds it.
+    pub(crate) fn build_unless(
+        scene: Arc<Scene>,
+        read: impl FnOnce(&[Facet]) -> Option<Hierarchy>,
+    ) -> Result<Self, BuildError> {
         let facets = facets(&scene.positions, &scene.triangles)?;
         let reach = facets
             .iter()
             .flat_map(|f| f.vertices)
             .fold(0.0, |reach: f32, v| reach.max(v.abs().max_element()));
-        let hierarchy = build::hierarchy(&facets, reach);
+        let hierarchy = read(&facets).unwrap_or_else(|| build::hierarchy(&facets, reach));
         let has_cut_outs = scene.has_cut_outs();
         Ok(Self { scene, facets, hierarchy, isa: Isa::detect(), reach, has_cut_outs })
     }

@@ -45,8 +45,8 @@ pub struct Config {
     /// How long to try to reach the server, at the start and after a lost connection
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
     pub retry: f64,
-    /// Folder for scenes that servers have sent [default: holodeck/scenes in the user's cache
-    /// folder]
+    /// Folder for scenes that servers have sent, and their hierarchies [default: holodeck/scenes in
+    /// the user's cache folder]
     #[arg(long, value_name = "DIR")]
     pub scene_cache: Option<PathBuf>,
     /// Print less

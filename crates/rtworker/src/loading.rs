@@ -11,6 +11,7 @@ use anyhow::{Context, Result, bail};
 use holo_net::{Inbox, Message, Outbox, SceneReceiver};
 use holo_progress::{HumanBytes, HumanCount};
 use holo_proto::control::{Control, Engine, RenderSettings, SceneInfo, Welcome};
+use holo_raycast::Hierarchies;
 use holo_scene::Scene;
 use holo_tracer::{Settings, Tracer};
 
@@ -26,14 +27,15 @@ const STEP_EVERY: Duration = Duration::from_secs(1);
 /// The tracer of the last session, and where scenes are kept.
 pub struct Loader {
     cache: Arc<SceneCache>,
+    hierarchies: Hierarchies,
     loaded: Option<(SceneInfo, RenderSettings, Arc<Tracer>)>,
     reporter: Reporter,
 }
 
 impl Loader {
     /// Returns a loader that has nothing yet.
-    pub fn new(cache: SceneCache, reporter: Reporter) -> Loader {
-        Loader { cache: Arc::new(cache), loaded: None, reporter }
+    pub fn new(cache: SceneCache, hierarchies: Hierarchies, reporter: Reporter) -> Loader {
+        Loader { cache: Arc::new(cache), hierarchies, loaded: None, reporter }
     }
 
     /// Returns the tracer for the server's scene and settings.
@@ -56,7 +58,8 @@ impl Loader {
         let scene = self.scene(inbox, outbox, info).await?;
         let triangles = HumanCount(scene.triangles.len() as u64);
         let text = format!("preparing {triangles} triangles for tracing");
-        let build = tokio::task::spawn_blocking(move || build(scene, settings));
+        let hierarchies = self.hierarchies.clone();
+        let build = tokio::task::spawn_blocking(move || build(scene, &hierarchies, settings));
         let tracer = Arc::new(self.step(&text, build).await??);
         self.loaded = Some((info, settings, Arc::clone(&tracer)));
         Ok(tracer)
@@ -124,10 +127,15 @@ impl Loader {
     }
 }
 
-fn build(scene: Scene, settings: RenderSettings) -> Result<Tracer> {
+fn build(scene: Scene, hierarchies: &Hierarchies, settings: RenderSettings) -> Result<Tracer> {
     let paths = u32::from(settings.paths_per_sample);
-    let tracer = Tracer::new(Arc::new(scene), Settings { bounces: settings.bounces, paths })
-        .context("preparing the scene for tracing")?;
+    let context = "preparing the scene for tracing";
+    let (raycaster, rebuilt) = hierarchies.prepare(Arc::new(scene)).context(context)?;
+    if let Some(reason) = rebuilt {
+        eprintln!("rtworker: {reason}");
+    }
+    let settings_of_paths = Settings { bounces: settings.bounces, paths };
+    let tracer = Tracer::with_raycaster(Arc::new(raycaster), settings_of_paths).context(context)?;
     let tracer = if settings.virtual_distance { tracer.with_virtual_distance() } else { tracer };
     Ok(match settings.engine {
         Engine::Path => tracer,

@@ -11,6 +11,7 @@ use holo_proto::{
     control::{Control, Welcome},
     hello::Role,
 };
+use holo_raycast::Hierarchies;
 use holo_section::Section;
 use tokio::sync::mpsc;
 
@@ -50,7 +51,9 @@ impl Worker {
         let cores = std::thread::available_parallelism()
             .map_or(1, |n| u16::try_from(n.get()).unwrap_or(u16::MAX));
         let cache = SceneCache::new(config.scene_cache.clone());
-        let loader = Loader::new(cache, Reporter::new(config.with_parent, config.quiet));
+        let hierarchies = Hierarchies::new(config.scene_cache.clone());
+        let reporter = Reporter::new(config.with_parent, config.quiet);
+        let loader = Loader::new(cache, hierarchies, reporter);
         Worker { threads: config.threads.unwrap_or(cores).max(1), loader }
     }
 

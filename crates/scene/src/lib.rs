@@ -22,6 +22,7 @@ mod faces;
 mod gltf_file;
 mod header;
 mod inside;
+mod kept;
 mod libraries;
 pub mod limits;
 mod load;
@@ -51,6 +52,7 @@ mod warnings;
 
 pub use error::{PackedError, SceneError};
 pub use header::{About, Camera, Said};
+pub use kept::KeptFiles;
 pub use load::{LoadOptions, Loaded, load, load_watched};
 pub use material::{Bsdf, Material, Rgb};
 pub use model::LoadProgress;

@@ -234,6 +234,16 @@ impl Scene {
         }
     }
 
+    /// Returns the BLAKE3 hash of the positions and triangles, in this machine's byte order. Scenes
+    /// that differ in materials or light alone have the same.
+    pub fn geometry_hash(&self) -> [u8; 32] {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&(self.positions.len() as u64).to_ne_bytes());
+        hasher.update(bytemuck::cast_slice(&self.positions));
+        hasher.update(bytemuck::cast_slice(&self.triangles));
+        *hasher.finalize().as_bytes()
+    }
+
     /// Returns the BLAKE3 hash of a packed scene, by which processes identify it.
     pub fn content_hash(packed: &[u8]) -> [u8; 32] {
         *blake3::hash(packed).as_bytes()

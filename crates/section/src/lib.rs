@@ -37,5 +37,6 @@ pub use run::{BeamKey, Run};
 pub use sample::{Sample, SampleKind};
 pub use sampler::{BeamSampler, Viewpoint};
 pub use section::{
-    MAX_GRID, Section, SectionError, SectionRay, SectionSpec, ViewClass, ray_eye_distance,
+    MAX_GRID, Section, SectionError, SectionRay, SectionSpec, USUAL_BEAMS, ViewClass,
+    ray_eye_distance,
 };

@@ -14,6 +14,10 @@ use crate::cells::{BeamId, CellIndex, CellPair, Numbering, RayCoords};
 /// practical. The paper recommends 4 to 24 cells.
 pub const MAX_GRID: u32 = 64;
 
+/// The usual number of beams: the middle of 50,000 to 500,000 on a logarithmic scale (Larson &
+/// Simmons 1999, §2.1).
+pub const USUAL_BEAMS: f64 = 158_000.0;
+
 /// Steps in a cell along one direction: one for each byte position.
 pub(crate) const STEPS_PER_CELL: f64 = 256.0;
 
@@ -249,11 +253,16 @@ impl Section {
 
     /// Returns a good grid for these axes.
     ///
-    /// Its cells are as near to cubes as 4 to 24 cells a side allow. The number of beams is as near
-    /// as possible to the middle of 50,000 to 500,000, on a logarithmic scale (Larson & Simmons
-    /// 1999, §2.1). Axes without length get 4 cells.
+    /// It makes about [`USUAL_BEAMS`].
     pub fn default_grid(axes: [[f64; 3]; 3]) -> [u32; 3] {
-        const TARGET: f64 = 158_000.0;
+        Self::grid_near(axes, USUAL_BEAMS)
+    }
+
+    /// Returns the grid of these axes that makes about so many beams.
+    ///
+    /// Its cells are as near to cubes as 4 to 24 cells a side allow. Axes without length get 4
+    /// cells.
+    pub fn grid_near(axes: [[f64; 3]; 3], beams: f64) -> [u32; 3] {
         let lengths = axes.map(|a| DVec3::from_array(a).length());
         let longest = lengths.into_iter().fold(0.0, f64::max);
         let grid_for = |cells_along_longest: f64| {
@@ -261,7 +270,7 @@ impl Section {
                 (length / longest * cells_along_longest).round().clamp(4.0, 24.0) as u32
             })
         };
-        let miss = |grid: [u32; 3]| (Numbering::new(grid).beam_count() as f64 / TARGET).ln().abs();
+        let miss = |grid: [u32; 3]| (Numbering::new(grid).beam_count() as f64 / beams).ln().abs();
         // 4 to 24 cells along the longest axis, in steps fine enough to meet every such grid.
         (0..=1000)
             .map(|i| grid_for(4.0 + 0.02 * f64::from(i)))

@@ -109,6 +109,24 @@ impl Level {
         self.indoors.iter().filter(|&&is_indoors| is_indoors).count()
     }
 
+    /// Returns the places in rooms that are `margin` cells away from all others.
+    pub(crate) fn away_from_walls(&self, grid: &Grid, margin: usize) -> Vec<bool> {
+        let [depth, width, _] = grid.size;
+        let mut mask = self.indoors.clone();
+        for _ in 0..margin {
+            let before = mask.clone();
+            let at = |x: usize, y: usize| before[x * width + y];
+            for x in 0..depth {
+                for y in 0..width {
+                    let is_inner = x > 0 && y > 0 && x + 1 < depth && y + 1 < width;
+                    mask[x * width + y] =
+                        is_inner && (x - 1..=x + 1).all(|x| (y - 1..=y + 1).all(|y| at(x, y)));
+                }
+            }
+        }
+        mask
+    }
+
     /// Decides which places are in rooms.
     fn find_rooms(&mut self, grid: &Grid, raycaster: &Raycaster) {
         let width = grid.size[1];

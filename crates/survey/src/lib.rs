@@ -2,8 +2,9 @@
 //! way is up, how long its unit is, where its rooms are, and where to stand.
 //!
 //! A [`Frame`] says which way is up. [`Survey::new`] divides the scene into cells, finds the places
-//! where a person's eyes can be, and puts boxes into the rooms among them. Without rooms the scene
-//! is an object, which is looked at from outside.
+//! where a person's eyes can be, and puts boxes into the rooms among them. [`Survey::limit`] limits
+//! their number, and joins those that are left through doors. Without rooms the scene is an object,
+//! which is looked at from outside.
 //!
 //! Always true:
 //! - Each guess comes with its reason, in words for people.
@@ -12,6 +13,7 @@
 
 mod clip;
 mod columns;
+mod doors;
 mod findings;
 mod frame;
 pub mod grid;
@@ -27,7 +29,7 @@ mod up;
 pub use findings::{Finding, findings, memory, white_materials};
 pub use frame::Frame;
 pub use plan::Plan;
-pub use rooms::{Room, Survey};
+pub use rooms::{Door, Room, Survey};
 pub use sight::Sight;
 pub use unit::{Unit, unit_words};
 pub use up::guess_up;

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::rectangle::Rectangle;
 use crate::rooms::Survey;
 
 /// An image of 8 bits, red, green and blue, in rows from the top.
@@ -30,13 +31,16 @@ const ROOMS: [[u8; 3]; 8] = [
     [130, 130, 84],
 ];
 
+/// Colour of boxes that join rooms.
+const DOOR: [u8; 3] = [168, 196, 120];
+
 /// Least width of a plan, in pixels.
 const LEAST_WIDTH: usize = 480;
 
 impl Survey {
     /// Draws the storeys with rooms, one below the other from the top storey on. Walls and furniture
-    /// at eye height are dark, rooms are coloured, and a dot with a line is a view. `None` without
-    /// rooms.
+    /// at eye height are dark, rooms and what joins them are coloured, and a dot with a line is a
+    /// view. `None` without rooms.
     #[must_use]
     pub fn plan(&self) -> Option<Plan> {
         let grid = self.grid.as_ref().filter(|_| !self.rooms.is_empty())?;
@@ -75,12 +79,10 @@ impl Survey {
     }
 
     fn room_colour(&self, level: usize, at: [usize; 2]) -> Option<[u8; 3]> {
-        let holds = |low: usize, high: usize, c: usize| (low..=high).contains(&c);
-        let index = self.rooms.iter().position(|room| {
-            let r = room.rectangle;
-            room.level == level && (0..2).all(|axis| holds(r.low[axis], r.high[axis], at[axis]))
-        })?;
-        Some(ROOMS[index % ROOMS.len()])
+        let is_here = |of: usize, rectangle: Rectangle| of == level && rectangle.contains(at);
+        let room = self.rooms.iter().position(|room| is_here(room.level, room.rectangle));
+        let is_door = || self.doors.iter().any(|door| is_here(door.level, door.rectangle));
+        room.map(|index| ROOMS[index % ROOMS.len()]).or_else(|| is_door().then_some(DOOR))
     }
 }
 

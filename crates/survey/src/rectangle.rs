@@ -13,6 +13,20 @@ impl Rectangle {
         (self.high[0] + 1 - self.low[0]) * (self.high[1] + 1 - self.low[1])
     }
 
+    /// Returns whether it holds a cell.
+    pub(crate) fn contains(self, at: [usize; 2]) -> bool {
+        (0..2).all(|axis| (self.low[axis]..=self.high[axis]).contains(&at[axis]))
+    }
+
+    /// Returns the least rectangle that holds a cell, too.
+    pub(crate) fn with(self, at: [usize; 2]) -> Rectangle {
+        let (low, high) = (self.low, self.high);
+        Rectangle {
+            low: [low[0].min(at[0]), low[1].min(at[1])],
+            high: [high[0].max(at[0]), high[1].max(at[1])],
+        }
+    }
+
     /// Returns all cells.
     pub(crate) fn places(self) -> impl Iterator<Item = [usize; 2]> {
         let Rectangle { low, high } = self;
@@ -50,9 +64,45 @@ pub(crate) fn largest(mask: &[bool], width: usize) -> Option<Rectangle> {
     best
 }
 
+/// Returns the set cells that are in a square of `side` set cells, in rows of `width`.
+pub(crate) fn opened(mask: &[bool], width: usize, side: usize) -> Vec<bool> {
+    // The side of the largest square that ends at each cell.
+    let mut squares = vec![0usize; mask.len()];
+    for at in 0..mask.len() {
+        if mask[at] {
+            let is_edge = at < width || at.is_multiple_of(width);
+            let before = |back: usize| if is_edge { 0 } else { squares[at - back] };
+            squares[at] = 1 + before(1).min(before(width)).min(before(width + 1));
+        }
+    }
+    // The squares, backwards along rows and then along columns.
+    let mut opened: Vec<bool> = squares.iter().map(|&square| square >= side).collect();
+    for step in [1, width] {
+        let mut left = vec![0usize; mask.len()];
+        for at in (0..mask.len()).rev() {
+            let next = at + step;
+            let is_same_line = next < mask.len() && (step > 1 || !next.is_multiple_of(width));
+            let rest = if is_same_line { left[next].saturating_sub(1) } else { 0 };
+            left[at] = if opened[at] { side } else { rest };
+        }
+        opened = left.iter().map(|&left| left > 0).collect();
+    }
+    opened
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_what_is_as_wide_as_the_square_is_left() {
+        let rows = ["..##.", ".####", "#####", "##..#"];
+        let set = |rows: [&str; 4]| rows.concat().chars().map(|c| c == '#').collect::<Vec<_>>();
+        assert_eq!(opened(&set(rows), 5, 1), set(rows));
+        let two = ["..##.", ".####", "#####", "##..."];
+        assert_eq!(opened(&set(rows), 5, 2), set(two));
+        assert_eq!(opened(&set(rows), 5, 3), vec![false; 20]);
+    }
 
     #[test]
     fn the_largest_rectangle_is_found() {

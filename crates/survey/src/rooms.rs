@@ -6,10 +6,11 @@ use holo_scene::{About, Said};
 
 use crate::Guess;
 use crate::columns::{runs, storey};
+use crate::doors::joints;
 use crate::frame::Frame;
 use crate::grid::Grid;
 use crate::level::{Heights, Level, levels};
-use crate::rectangle::{Rectangle, largest};
+use crate::rectangle::{Rectangle, largest, opened};
 use crate::sight::{self, Sight};
 use crate::unit::{Unit, by_extent, by_storey, unit_words};
 
@@ -34,8 +35,12 @@ const ABOVE: f64 = 0.25;
 const LEAST_SIDE: f64 = 0.35;
 const LEAST_AREA: f64 = 0.03;
 
-/// Most rooms.
-const MAX_ROOMS: usize = 8;
+/// Width of places that are not doors, as a share of the eye's height. Boxes keep off the jambs, so
+/// that a door of 1.1 m is narrower.
+const DOOR: f64 = 0.5;
+
+/// Most rooms that are found. [`Survey::limit`] takes fewer.
+const MAX_ROOMS: usize = 64;
 
 /// A free box at eye height.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,16 +56,32 @@ pub struct Room {
     pub(crate) rectangle: Rectangle,
 }
 
+/// A free box at eye height that joins rooms, through a door or past furniture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Door {
+    /// World coordinates of one corner.
+    pub origin: DVec3,
+    /// The three edges from that corner.
+    pub axes: [DVec3; 3],
+    /// Index of its storey, from below.
+    pub level: usize,
+    pub(crate) rectangle: Rectangle,
+}
+
 /// The rooms of a scene and where to stand.
 pub struct Survey {
     /// Free boxes, the largest first. Empty for an object on its own.
     pub rooms: Vec<Room>,
+    /// Boxes that join the rooms; none before [`Survey::limit`]. Those of short ways come first.
+    pub doors: Vec<Door>,
     /// The length of the scene's unit. If it was stated, it is that.
     pub unit: Guess<Unit>,
     /// A view of the whole from outside.
     pub outside: Sight,
     pub(crate) levels: Vec<Level>,
     pub(crate) grid: Option<Grid>,
+    /// Height of eyes above floors, in scene units.
+    eye: f64,
     /// The scene's origin in world coordinates.
     pub(crate) origin: DVec3,
 }
@@ -80,10 +101,12 @@ impl Survey {
             let unit = unit.or(usual).unwrap_or_else(|| by_extent(extent));
             return Survey {
                 rooms: Vec::new(),
+                doors: Vec::new(),
                 unit,
                 outside,
                 levels: Vec::new(),
                 grid: None,
+                eye: 0.0,
                 origin: scene.origin,
             };
         };
@@ -103,7 +126,24 @@ impl Survey {
             let by_storey = height.and_then(by_storey).filter(|_| !rooms.is_empty());
             by_storey.or(usual).unwrap_or_else(|| by_extent(extent))
         });
-        Survey { rooms, unit, outside, levels, grid: Some(grid), origin: scene.origin }
+        let (doors, grid, origin) = (Vec::new(), Some(grid), scene.origin);
+        Survey { rooms, doors, unit, outside, levels, grid, eye, origin }
+    }
+
+    /// Forgets all but the `most` largest rooms, and joins these through doors.
+    pub fn limit(&mut self, most: usize) {
+        self.rooms.truncate(most);
+        self.doors.clear();
+        let Some(grid) = &self.grid else { return };
+        for (number, level) in self.levels.iter().enumerate() {
+            let here = self.rooms.iter().filter(|room| room.level == number);
+            let rectangles: Vec<Rectangle> = here.map(|room| room.rectangle).collect();
+            for rectangle in joints(grid, level, &rectangles, self.eye / grid.cell) {
+                let heights = heights(grid, level, rectangle, reach(grid, self.eye));
+                let (origin, axes) = cuboid(grid, self.origin, rectangle, heights);
+                self.doors.push(Door { origin, axes, level: number, rectangle });
+            }
+        }
     }
 
     /// Returns the views of the survey by name: one for each room, the largest first, or the one
@@ -139,16 +179,42 @@ fn eye_height(metres: Unit, storey: Option<f64>) -> f64 {
 
 fn rooms(grid: &Grid, raycaster: &Raycaster, levels: &[Level], eye: f64) -> Vec<Room> {
     let margin = (OFF_WALLS * eye / grid.cell).ceil().max(1.0) as usize;
-    let reach = ((BELOW * eye / grid.cell) as u32, (ABOVE * eye / grid.cell) as u32);
+    let reach = reach(grid, eye);
     let least = (LEAST_SIDE * eye / grid.cell).max(2.0);
-    let mut masks: Vec<Vec<bool>> =
-        levels.iter().map(|level| free_mask(grid, level, margin)).collect();
-    let mut rooms: Vec<Room> = Vec::new();
-    let mut first = 0;
+    let mut left: Vec<Vec<bool>> =
+        levels.iter().map(|level| level.away_from_walls(grid, margin)).collect();
+    let mut found: Vec<(usize, Rectangle)> = Vec::new();
+    // Wide places first. Otherwise, a box through doors in a row might be the largest.
+    let width = (DOOR * eye / grid.cell).ceil() as usize;
+    let mut wide: Vec<Vec<bool>> =
+        left.iter().map(|mask| opened(mask, grid.size[1], width)).collect();
+    take_largest(&mut wide, grid.size[1], [least, least], &mut found);
+    for &(level, rectangle) in &found {
+        rectangle.places().for_each(|[x, y]| left[level][x * grid.size[1] + y] = false);
+    }
+    take_largest(&mut left, grid.size[1], [least, eye / grid.cell], &mut found);
+    found.sort_by_key(|(_, rectangle)| std::cmp::Reverse(rectangle.cells()));
+    let made = found.into_iter().map(|(level, rectangle)| {
+        let heights = heights(grid, &levels[level], rectangle, reach);
+        room(grid, raycaster, level, levels[level].eye, rectangle, heights)
+    });
+    made.collect()
+}
+
+/// Takes the largest rectangles out of the masks of levels, in rows of `width`, and adds those whose
+/// shorter and longer side have at least so many cells.
+fn take_largest(
+    masks: &mut [Vec<bool>],
+    width: usize,
+    [short, long]: [f64; 2],
+    rooms: &mut Vec<(usize, Rectangle)>,
+) {
+    let mut first = rooms.first().map_or(0, |(_, rectangle)| rectangle.cells());
     while rooms.len() < MAX_ROOMS {
-        let found = masks.iter().enumerate().filter_map(|(level, mask)| {
-            largest(mask, grid.size[1]).map(|rectangle| (level, rectangle))
-        });
+        let found = masks
+            .iter()
+            .enumerate()
+            .filter_map(|(level, mask)| Some((level, largest(mask, width)?)));
         let Some((level, rectangle)) = found.max_by_key(|(_, rectangle)| rectangle.cells()) else {
             break;
         };
@@ -156,33 +222,17 @@ fn rooms(grid: &Grid, raycaster: &Raycaster, levels: &[Level], eye: f64) -> Vec<
         if (rectangle.cells() as f64) < LEAST_AREA * first as f64 {
             break;
         }
-        rectangle.places().for_each(|[x, y]| masks[level][x * grid.size[1] + y] = false);
+        rectangle.places().for_each(|[x, y]| masks[level][x * width + y] = false);
         let side = |axis: usize| (rectangle.high[axis] + 1 - rectangle.low[axis]) as f64;
-        if side(0).min(side(1)) < least {
-            continue;
+        if side(0).min(side(1)) >= short && side(0).max(side(1)) >= long {
+            rooms.push((level, rectangle));
         }
-        let (low, high) = heights(grid, &levels[level], rectangle, reach);
-        rooms.push(room(grid, raycaster, level, levels[level].eye, rectangle, (low, high)));
     }
-    rooms
 }
 
-/// Returns the places of a level that are indoors and `margin` cells away from all that are not.
-fn free_mask(grid: &Grid, level: &Level, margin: usize) -> Vec<bool> {
-    let [depth, width, _] = grid.size;
-    let mut mask = level.indoors.clone();
-    for _ in 0..margin {
-        let before = mask.clone();
-        let at = |x: usize, y: usize| before[x * width + y];
-        for x in 0..depth {
-            for y in 0..width {
-                let is_inner = x > 0 && y > 0 && x + 1 < depth && y + 1 < width;
-                mask[x * width + y] =
-                    is_inner && (x - 1..=x + 1).all(|x| (y - 1..=y + 1).all(|y| at(x, y)));
-            }
-        }
-    }
-    mask
+/// Returns how many cells boxes reach below and above the eye.
+fn reach(grid: &Grid, eye: f64) -> (u32, u32) {
+    ((BELOW * eye / grid.cell) as u32, (ABOVE * eye / grid.cell) as u32)
 }
 
 /// Returns the cells around the eye that are free everywhere in a rectangle: the lowest, and the
@@ -206,9 +256,22 @@ fn room(
     level: usize,
     eye: usize,
     rectangle: Rectangle,
-    (low, high): (u32, u32),
+    heights: (u32, u32),
 ) -> Room {
-    let origin = raycaster.scene().origin;
+    let scene_origin = raycaster.scene().origin;
+    let (origin, axes) = cuboid(grid, scene_origin, rectangle, heights);
+    let sight = sight::in_room(grid, raycaster, rectangle, eye);
+    let sight = Sight { eye: scene_origin + sight.eye, ..sight };
+    Room { origin, axes, sight, level, rectangle }
+}
+
+/// Returns a corner of a box in world coordinates, and the edges from there.
+fn cuboid(
+    grid: &Grid,
+    scene_origin: DVec3,
+    rectangle: Rectangle,
+    (low, high): (u32, u32),
+) -> (DVec3, [DVec3; 3]) {
     let [x, y] = rectangle.low.map(|c| c as f64);
     let corner = grid.low + DVec3::new(x, y, f64::from(low)) * grid.cell;
     let side = |axis: usize| (rectangle.high[axis] + 1 - rectangle.low[axis]) as f64 * grid.cell;
@@ -217,12 +280,6 @@ fn room(
         DVec3::new(0.0, side(1), 0.0),
         DVec3::new(0.0, 0.0, f64::from(high - low) * grid.cell),
     ];
-    let sight = sight::in_room(grid, raycaster, rectangle, eye);
-    Room {
-        origin: origin + grid.frame.to_world(corner),
-        axes: edges.map(|edge| grid.frame.to_world(edge)),
-        sight: Sight { eye: origin + sight.eye, ..sight },
-        level,
-        rectangle,
-    }
+    let origin = scene_origin + grid.frame.to_world(corner);
+    (origin, edges.map(|edge| grid.frame.to_world(edge)))
 }

@@ -111,6 +111,98 @@ fn rooms_are_free_boxes_at_eye_height_the_largest_first() {
     assert_eq!(survey.unit.value, 1.0);
 }
 
+/// Returns `count` rooms of 3 by 3 metres in a row, with a door of 0.9 metres from each to the
+/// next; only the door between the rooms of this index and the next is shut. The first room is
+/// longer by a metre, the second by half of one.
+fn row_of_rooms(count: usize, shut: Option<usize>) -> Model {
+    let mut model = Model::default();
+    let wall = model.material("plaster", 0.0);
+    let end = |n: usize| match n {
+        0 => 4.0,
+        _ => 3.0 * n as f64 + 4.5,
+    };
+    model.cuboid(DVec3::ZERO, DVec3::new(end(count - 1), 3.0, 2.5), true, wall);
+    for n in 0..count - 1 {
+        let mut panel = |from: f64, to: f64, low: f64| {
+            let corner = DVec3::new(end(n) - 0.05, from, low);
+            model.cuboid(corner, DVec3::new(end(n) + 0.05, to, 2.5), false, wall);
+        };
+        panel(0.0, 1.0, 0.0);
+        panel(1.9, 3.0, 0.0);
+        panel(1.0, 1.9, if shut == Some(n) { 0.0 } else { 2.05 });
+    }
+    model
+}
+
+/// Returns whether a point is in a box.
+fn is_in(point: DVec3, origin: DVec3, axes: [DVec3; 3]) -> bool {
+    axes.iter().all(|axis| {
+        let share = (point - origin).dot(*axis) / axis.length_squared();
+        (0.0..=1.0).contains(&share)
+    })
+}
+
+/// Returns the boxes of rooms and doors.
+fn boxes(survey: &Survey) -> Vec<(DVec3, [DVec3; 3])> {
+    let rooms = survey.rooms.iter().map(|room| (room.origin, room.axes));
+    rooms.chain(survey.doors.iter().map(|door| (door.origin, door.axes))).collect()
+}
+
+#[test]
+fn who_walks_through_a_door_is_always_in_a_box() {
+    for (name, model, y) in
+        [("two rooms", flat(1.0, |p| p), 1.95), ("ten rooms", row_of_rooms(10, None), 1.45)]
+    {
+        let (mut survey, raycaster) = model.survey(DVec3::Z, None);
+        assert!(survey.doors.is_empty());
+        let rooms = survey.rooms.len();
+        survey.limit(rooms);
+        assert_eq!(survey.doors.len(), rooms - 1, "{name}");
+        let boxes = boxes(&survey);
+        assert!(
+            boxes
+                .iter()
+                .all(|(origin, axes)| { !raycaster.scene().geometry_inside(*origin, *axes) })
+        );
+        let ends = boxes.iter().map(|(origin, axes)| [origin.x, origin.x + axes[0].x]);
+        let (low, high) =
+            ends.fold((f64::MAX, 0.0_f64), |(low, high), [from, to]| (low.min(from), high.max(to)));
+        for step in 1..1000 {
+            let eye = DVec3::new(low + (high - low) * f64::from(step) / 1000.0, y, 1.6);
+            assert!(boxes.iter().any(|(o, axes)| is_in(eye, *o, *axes)), "{name}: {eye}");
+        }
+        // Who stands in a door looks at the jambs from within a box of their width.
+        for door in &survey.doors {
+            assert!(door.axes[1].y > 0.6 && door.axes[1].y < 0.9, "{name}: {door:?}");
+            assert!(door.axes[0].x < 1.3, "{name}: {door:?}");
+        }
+    }
+}
+
+#[test]
+fn rooms_behind_a_wall_without_a_door_are_not_joined() {
+    let (mut survey, _) = row_of_rooms(3, Some(1)).survey(DVec3::Z, None);
+    assert_eq!(survey.rooms.len(), 3);
+    survey.limit(3);
+    assert_eq!(survey.doors.len(), 1);
+    assert!((survey.doors[0].origin.x - 4.0).abs() < 0.7, "{:?}", survey.doors[0]);
+}
+
+#[test]
+fn a_limit_keeps_the_largest_rooms_and_the_doors_between_them() {
+    let (mut survey, _) = row_of_rooms(10, None).survey(DVec3::Z, None);
+    assert_eq!(survey.rooms.len(), 10);
+    let area = |n: usize| survey.rooms[n].axes[0].x * survey.rooms[n].axes[1].y;
+    assert!((1..10).all(|n| area(n) <= area(n - 1)));
+    survey.limit(2);
+    assert_eq!((survey.rooms.len(), survey.doors.len()), (2, 1));
+    let from = |n: usize| survey.rooms[n].origin.x;
+    assert!(from(0) < 1.0 && (4.0..5.0).contains(&from(1)), "the two at the end are longer");
+    assert_eq!(survey.views().len(), 2);
+    survey.limit(1);
+    assert!(survey.doors.is_empty());
+}
+
 #[test]
 fn the_unit_follows_from_the_height_of_rooms_unless_it_is_stated() {
     for unit in [0.001, 0.01, 0.0254, 0.3048, 1.0] {
@@ -200,13 +292,14 @@ fn a_distant_ground_plane_does_not_hide_the_house() {
 
 #[test]
 fn a_plan_shows_walls_rooms_and_views() {
-    let (survey, _) = flat(1.0, |p| p).survey(DVec3::Z, None);
+    let (mut survey, _) = flat(1.0, |p| p).survey(DVec3::Z, None);
+    survey.limit(2);
     let plan = survey.plan().unwrap();
     assert_eq!(plan.rgb.len(), 3 * plan.width * plan.height);
     let mut colours: Vec<&[u8]> = plan.rgb.chunks(3).collect();
     colours.sort_unstable();
     colours.dedup();
-    assert_eq!(colours.len(), 6, "outside, indoors, solid, two rooms, views");
+    assert_eq!(colours.len(), 7, "outside, indoors, solid, two rooms, a door, views");
 }
 
 #[test]

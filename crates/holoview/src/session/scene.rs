@@ -13,7 +13,7 @@ use holo_proto::{
     control::{Control, SceneInfo},
     stand_ins::{StandInKind, decode},
 };
-use holo_raycast::Raycaster;
+use holo_raycast::{Hierarchies, Raycaster};
 use holo_scene::Scene;
 
 use crate::drivers::LoadedScene;
@@ -90,7 +90,8 @@ impl SceneLoader {
 }
 
 impl Blobs {
-    /// Unpacks the scene and prepares it for casting rays: seconds for millions of triangles.
+    /// Unpacks the scene and prepares it for casting rays. For millions of triangles this takes
+    /// seconds the first time.
     ///
     /// # Errors
     /// If a blob does not have its announced hash, or cannot be used.
@@ -101,7 +102,11 @@ impl Blobs {
         );
         let scene = Scene::unpack(&self.packed).context("reading the server's scene")?;
         drop(self.packed);
-        let raycaster = Raycaster::build(Arc::new(scene)).context("preparing the scene")?;
+        let prepared = Hierarchies::new(None).prepare(Arc::new(scene));
+        let (raycaster, rebuilt) = prepared.context("preparing the scene")?;
+        if let Some(reason) = rebuilt {
+            eprintln!("holoview: {reason}");
+        }
         let stand_ins = match self.stand_ins {
             Some((blob, hash)) => build_stand_ins(&blob, hash)?,
             None => StandIns::default(),

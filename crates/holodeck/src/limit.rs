@@ -1,0 +1,48 @@
+//! How many rooms get a section, and how many beams all sections have.
+
+use holo_section::{Section, SectionSpec, ViewClass};
+use holo_survey::{Door, Survey};
+
+use crate::config::Config;
+
+/// Most rooms, if nothing else is said.
+const ROOMS: usize = 8;
+
+/// Most beams of all sections, if nothing else is said: enough rays for them take a few hours.
+const BEAMS: u64 = 2_000_000;
+
+/// Beams of a box in a door. One only passes through it, and rooms have stored what is seen from it
+/// but the door itself.
+const DOOR_BEAMS: f64 = 20_000.0;
+
+/// Limits a survey to the rooms that the configuration allows, at least one, and to the doors for
+/// which beams are left.
+pub fn apply(config: &Config, survey: &mut Survey) {
+    let mut left = config.max_beams.unwrap_or(BEAMS);
+    let mut fits = |axes: [[f64; 3]; 3], grid: [u32; 3]| {
+        let beams = beams(axes, grid);
+        let fits = beams <= left;
+        left = left.saturating_sub(beams);
+        fits
+    };
+    let axes = |axes: [glam::DVec3; 3]| axes.map(|axis| axis.to_array());
+    let most = config.max_rooms.unwrap_or(ROOMS);
+    let rooms = survey.rooms.iter().take(most).map(|room| axes(room.axes));
+    let rooms = rooms.take_while(|&axes| fits(axes, Section::default_grid(axes))).count();
+    survey.limit(rooms.max(1));
+    let doors = survey.doors.iter();
+    let doors = doors.take_while(|door| fits(axes(door.axes), door_grid(door))).count();
+    survey.doors.truncate(doors);
+}
+
+/// Returns the grid of a box in a door.
+pub fn door_grid(door: &Door) -> [u32; 3] {
+    Section::grid_near(door.axes.map(|axis| axis.to_array()), DOOR_BEAMS)
+}
+
+/// Returns the number of beams of a section; 0 if it is none.
+fn beams(axes: [[f64; 3]; 3], grid: [u32; 3]) -> u64 {
+    let (origin, class) = ([0.0; 3], ViewClass::Interior);
+    let section = Section::new(SectionSpec { origin, axes, grid, class, obstructions: false });
+    section.map_or(0, |section| section.beam_count())
+}
