@@ -17,6 +17,7 @@ mod doors;
 mod events;
 mod file_size;
 mod forget;
+mod guard;
 mod handshakes;
 mod holodeck;
 mod light;
