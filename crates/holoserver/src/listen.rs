@@ -1,17 +1,12 @@
 //! Connections: taken or refused, and then a source of mail for the coordinator.
 
-use std::{
-    future::pending,
-    pin::pin,
-    sync::{Arc, mpsc::Sender},
-    time::Duration,
-};
+use std::{future::pending, pin::pin, sync::Arc, time::Duration};
 
 use holo_net::{Access, Identity, Inbox, NetError, Outbox, Rights};
 use holo_proto::hello::{Hello, Role};
 use tokio::{
     net::{TcpListener, TcpStream},
-    sync::Semaphore,
+    sync::{Semaphore, mpsc::UnboundedSender},
     time::timeout,
 };
 
@@ -37,13 +32,13 @@ const REVOKED: &str = "its token was revoked";
 #[derive(Clone)]
 pub struct Shared {
     holodeck: Arc<Holodeck>,
-    events: Sender<Event>,
+    events: UnboundedSender<Event>,
     room: Arc<Semaphore>,
 }
 
 impl Shared {
     /// Returns what connections to this holodeck need.
-    pub fn new(holodeck: Arc<Holodeck>, events: Sender<Event>) -> Shared {
+    pub fn new(holodeck: Arc<Holodeck>, events: UnboundedSender<Event>) -> Shared {
         Shared { holodeck, events, room: Arc::new(Semaphore::new(MAX_CONNECTIONS)) }
     }
 }
@@ -98,7 +93,7 @@ async fn revoked(guard: Option<&Guard>, token: Option<String>) {
 }
 
 /// Serves one connection, until it ends or is `revoked`.
-async fn serve(
+pub async fn serve(
     inbox: Inbox,
     outbox: Outbox,
     hello: Hello,
@@ -130,7 +125,7 @@ async fn deliver(
     mut inbox: Inbox,
     revoked: impl Future<Output = ()>,
     mailbox: &Arc<Mailbox>,
-    events: &Sender<Event>,
+    events: &UnboundedSender<Event>,
 ) {
     let mut revoked = pin!(revoked);
     loop {
