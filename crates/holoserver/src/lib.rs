@@ -32,6 +32,8 @@ mod progress;
 mod recall;
 mod schedule;
 mod shard;
+#[cfg(test)]
+mod simulation;
 mod unseen;
 mod wishes;
 mod workers;
