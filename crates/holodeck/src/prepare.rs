@@ -13,7 +13,7 @@ use holo_proto::{
 };
 use holo_scene::{Bsdf, Scene};
 use holo_section::{Section, SectionSpec, ViewClass};
-use holo_server::{About, Holodeck};
+use holo_server::{About, Holodeck, Limits};
 
 use crate::{
     brightness,
@@ -50,6 +50,7 @@ pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
     about.up = opened.up;
     about.sky = opened.scene.sky;
     about.unit = opened.unit;
+    about.limits = Some(Limits::of(&opened.scene));
     about.views.clone_from(&opened.views);
     match &existing {
         None => {

@@ -26,14 +26,7 @@ mod sharing;
 mod status;
 mod views;
 
-use std::{
-    collections::BTreeMap,
-    sync::{
-        Arc,
-        mpsc::{Receiver, RecvTimeoutError, Sender},
-    },
-    time::{Duration, Instant},
-};
+use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use anyhow::{Result, bail};
 use holo_net::{Message, Outbox};
@@ -41,6 +34,10 @@ use holo_progress::said_once;
 use holo_proto::{
     control::{Control, SESSION_OVER},
     report::FaultReport,
+};
+use tokio::{
+    sync::mpsc::{UnboundedReceiver, UnboundedSender},
+    time::{Instant, timeout},
 };
 
 use crate::{
@@ -91,7 +88,7 @@ pub struct FillOptions {
 /// A server's whole state.
 pub struct Coordinator {
     holodeck: Arc<Holodeck>,
-    events: Sender<Event>,
+    events: UnboundedSender<Event>,
     workers: BTreeMap<ConnectionId, Worker>,
     displays: BTreeMap<ConnectionId, Display>,
     /// Who asks how the server fares.
@@ -129,7 +126,7 @@ impl Coordinator {
     /// no display wants anything.
     pub fn new(
         holodeck: Arc<Holodeck>,
-        events: Sender<Event>,
+        events: UnboundedSender<Event>,
         fill: Option<FillOptions>,
         goal: Goal,
         progress: Progress,
@@ -174,21 +171,22 @@ impl Coordinator {
     ///
     /// # Errors
     /// If samples cannot be stored.
-    pub fn run(mut self, events: &Receiver<Event>) -> Result<Totals> {
+    pub async fn run(mut self, mut events: UnboundedReceiver<Event>) -> Result<Totals> {
         loop {
-            match events.recv_timeout(TICK) {
-                Ok(event) => {
+            match timeout(TICK, events.recv()).await {
+                Ok(Some(event)) => {
                     let end = Instant::now() + TURN;
                     self.handle(event)?;
-                    for event in events.try_iter().take(EVENTS_PER_TURN) {
+                    for _ in 0..EVENTS_PER_TURN {
+                        let Ok(event) = events.try_recv() else { break };
                         self.handle(event)?;
                         if Instant::now() > end {
                             break;
                         }
                     }
                 }
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => break,
+                Ok(None) => break,
+                Err(_) => {}
             }
             self.check_goal();
             self.take_overdue();

@@ -3,12 +3,12 @@
 
 use std::{
     net::{Ipv4Addr, SocketAddr},
-    sync::{Arc, mpsc::Sender},
+    sync::Arc,
 };
 
 use anyhow::{Context, Result};
 use holo_net::{Identity, Invitation, Rights};
-use tokio::{net::TcpListener, task::JoinSet};
+use tokio::{net::TcpListener, sync::mpsc::UnboundedSender, task::JoinSet};
 
 use crate::{Config, Ready, events::Event, holodeck::Holodeck, listen};
 
@@ -50,7 +50,7 @@ impl Doors {
     }
 
     /// Takes connections until the tasks are ended.
-    pub fn listen(self, holodeck: &Arc<Holodeck>, events: &Sender<Event>) -> JoinSet<()> {
+    pub fn listen(self, holodeck: &Arc<Holodeck>, events: &UnboundedSender<Event>) -> JoinSet<()> {
         let mut tasks = JoinSet::new();
         let shared = listen::Shared::new(Arc::clone(holodeck), events.clone());
         tasks.spawn(listen::listen(self.local, None, shared.clone()));

@@ -20,6 +20,7 @@ use crate::{
     forget::beside,
     light::{LightRecords, Saved},
     makers::Makers,
+    plausible::{Limits, Plausible},
     unseen::UnseenBeams,
 };
 
@@ -66,6 +67,9 @@ pub struct About {
     /// Simpler scenes that displays use in place of the scene, if there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stand_ins: Option<AboutStandIns>,
+    /// What the scene allows; absent in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<Limits>,
 }
 
 /// Simpler scenes that displays use, by section.
@@ -101,6 +105,7 @@ impl About {
             exposure: None,
             choices: Vec::new(),
             stand_ins: None,
+            limits: None,
         }
     }
 }
@@ -117,6 +122,8 @@ pub struct Holodeck {
     pub writable: bool,
     /// Whether beams that see nothing are left out of tracing.
     pub skip_unseen: bool,
+    /// What is certain about workers' results.
+    pub(crate) plausible: Plausible,
     /// Damage that costs time but no samples, for people.
     pub warnings: Vec<String>,
     path: PathBuf,
@@ -187,6 +194,7 @@ impl Holodeck {
         writable: bool,
     ) -> Holodeck {
         Holodeck {
+            plausible: Plausible::new(&about, &sections),
             views: Mutex::new(about.views.clone()),
             about,
             sections,

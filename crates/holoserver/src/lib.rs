@@ -17,6 +17,7 @@ mod doors;
 mod events;
 mod file_size;
 mod forget;
+mod guard;
 mod handshakes;
 mod holodeck;
 mod light;
@@ -26,10 +27,13 @@ mod mailbox;
 mod makers;
 mod merge;
 mod pace;
+mod plausible;
 mod progress;
 mod recall;
 mod schedule;
 mod shard;
+#[cfg(test)]
+mod simulation;
 mod unseen;
 mod wishes;
 mod workers;
@@ -50,6 +54,7 @@ use doors::Doors;
 use events::Event;
 pub use makers::{MadeBy, Makers};
 pub use merge::Merged;
+pub use plausible::Limits;
 use progress::Progress;
 pub use progress::superseded_bytes;
 pub use schedule::Goal;
@@ -232,7 +237,7 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) 
     }
     ready(doors.ready.clone());
 
-    let (events, receiver) = std::sync::mpsc::channel();
+    let (events, receiver) = tokio::sync::mpsc::unbounded_channel();
     let goal = Goal { time: config.time, samples: config.samples };
     let progress = Progress::new(&holodeck.file.stats(), config.quiet);
     let fill = config
@@ -246,7 +251,9 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) 
         let _ = events.send(Event::Shutdown);
     });
     // Not one of the runtime's threads: it may wait for the disk when memory for samples runs out.
-    let totals = tokio::task::spawn_blocking(move || coordinator.run(&receiver)).await?;
+    let runtime = tokio::runtime::Handle::current();
+    let decide = move || runtime.block_on(coordinator.run(receiver));
+    let totals = tokio::task::spawn_blocking(decide).await?;
     listening.abort_all();
     watching.abort();
     // Time for the farewells to leave.

@@ -1,20 +1,18 @@
 //! Connections: taken or refused, and then a source of mail for the coordinator.
 
-use std::{
-    sync::{Arc, mpsc::Sender},
-    time::Duration,
-};
+use std::{future::pending, pin::pin, sync::Arc, time::Duration};
 
 use holo_net::{Access, Identity, Inbox, NetError, Outbox, Rights};
 use holo_proto::hello::{Hello, Role};
 use tokio::{
     net::{TcpListener, TcpStream},
-    sync::Semaphore,
+    sync::{Semaphore, mpsc::UnboundedSender},
     time::timeout,
 };
 
 use crate::{
     events::{ConnectionId, Event},
+    guard::Guard,
     handshakes::Handshakes,
     holodeck::Holodeck,
     mailbox::{Mail, Mailbox, Put},
@@ -27,17 +25,20 @@ const MAX_CONNECTIONS: usize = 512;
 /// How long a peer whose connection was ended may take to read why.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 
+/// Why a connection ends with its token.
+const REVOKED: &str = "its token was revoked";
+
 /// What every connection needs.
 #[derive(Clone)]
 pub struct Shared {
     holodeck: Arc<Holodeck>,
-    events: Sender<Event>,
+    events: UnboundedSender<Event>,
     room: Arc<Semaphore>,
 }
 
 impl Shared {
     /// Returns what connections to this holodeck need.
-    pub fn new(holodeck: Arc<Holodeck>, events: Sender<Event>) -> Shared {
+    pub fn new(holodeck: Arc<Holodeck>, events: UnboundedSender<Event>) -> Shared {
         Shared { holodeck, events, room: Arc::new(Semaphore::new(MAX_CONNECTIONS)) }
     }
 }
@@ -45,7 +46,7 @@ impl Shared {
 /// Takes connections until the task is dropped. With an identity, they are encrypted, and whoever
 /// connects must prove that it holds a token.
 pub async fn listen(listener: TcpListener, identity: Option<Identity>, shared: Shared) {
-    let identity = identity.map(Arc::new);
+    let guard = identity.map(|identity| Arc::new(Guard::new(identity)));
     let handshakes = Handshakes::default();
     loop {
         let Ok((stream, from)) = listener.accept().await else {
@@ -55,12 +56,13 @@ pub async fn listen(listener: TcpListener, identity: Option<Identity>, shared: S
         };
         handshakes.begin(from.ip(), |number| {
             let (shared, handshakes) = (shared.clone(), handshakes.clone());
-            let identity = identity.clone();
+            let guard = guard.clone();
             let task = async move {
-                let accepted = accept(stream, identity.as_deref()).await;
+                let accepted = accept(stream, guard.as_deref()).await;
                 handshakes.finish(number);
                 if let Ok((inbox, outbox, hello, access)) = accepted {
-                    serve(inbox, outbox, hello, access, &shared).await;
+                    let revoked = revoked(guard.as_deref(), access.token.clone());
+                    serve(inbox, outbox, hello, access, revoked, &shared).await;
                 }
             };
             tokio::spawn(task).abort_handle()
@@ -71,10 +73,10 @@ pub async fn listen(listener: TcpListener, identity: Option<Identity>, shared: S
 /// Finds out who has connected, and what it may do.
 async fn accept(
     stream: TcpStream,
-    identity: Option<&Identity>,
+    guard: Option<&Guard>,
 ) -> Result<(Inbox, Outbox, Hello, Access), NetError> {
-    match identity {
-        Some(identity) => holo_net::accept_secure(stream, identity).await,
+    match guard {
+        Some(guard) => holo_net::accept_secure(stream, &guard.identity).await,
         None => {
             let (inbox, outbox, hello) = holo_net::accept(stream).await?;
             Ok((inbox, outbox, hello, Access { rights: Rights::Admin, token: None }))
@@ -82,8 +84,23 @@ async fn accept(
     }
 }
 
-/// Serves one connection.
-async fn serve(inbox: Inbox, outbox: Outbox, hello: Hello, access: Access, shared: &Shared) {
+/// Waits until a peer's token is revoked. On this machine there is none.
+async fn revoked(guard: Option<&Guard>, token: Option<String>) {
+    match guard.zip(token) {
+        Some((guard, token)) => guard.revoked(&token).await,
+        None => pending().await,
+    }
+}
+
+/// Serves one connection, until it ends or is `revoked`.
+pub async fn serve(
+    inbox: Inbox,
+    outbox: Outbox,
+    hello: Hello,
+    access: Access,
+    revoked: impl Future<Output = ()>,
+    shared: &Shared,
+) {
     let Shared { holodeck, events, room } = shared;
     let place = room.try_acquire();
     if let Some(reason) = refusal(holodeck, hello.role, place.is_err()) {
@@ -98,35 +115,41 @@ async fn serve(inbox: Inbox, outbox: Outbox, hello: Hello, access: Access, share
     let mailbox = Arc::new(Mailbox::new(hello.role));
     let joined = Event::Joined { id, hello, access, outbox, mailbox: Arc::clone(&mailbox) };
     if events.send(joined).is_ok() {
-        deliver(id, inbox, &mailbox, events).await;
+        deliver(id, inbox, revoked, &mailbox, events).await;
     }
 }
 
-/// Puts what a peer sends into its mailbox, until the connection ends.
+/// Puts what a peer sends into its mailbox, until the connection ends or is `revoked`.
 async fn deliver(
     id: ConnectionId,
     mut inbox: Inbox,
+    revoked: impl Future<Output = ()>,
     mailbox: &Arc<Mailbox>,
-    events: &Sender<Event>,
+    events: &UnboundedSender<Event>,
 ) {
+    let mut revoked = pin!(revoked);
     loop {
-        let (put, is_over) = match inbox.next().await {
-            Ok(message) => (mailbox.put(message).await, false),
-            Err(NetError::Closed) => (mailbox.end(Mail::Left(None)), true),
-            Err(NetError::Proto(error)) => (mailbox.end(Mail::Broke(error.to_string())), true),
-            Err(error) => (mailbox.end(Mail::Left(Some(error.to_string()))), true),
+        let next = tokio::select! {
+            next = inbox.next() => Some(next),
+            () = &mut revoked => None,
+        };
+        let goes_on = matches!(next, Some(Ok(_)));
+        let put = match next {
+            Some(Ok(message)) => mailbox.put(message).await,
+            Some(Err(NetError::Closed)) => mailbox.end(Mail::Left(None)),
+            Some(Err(NetError::Proto(error))) => mailbox.end(Mail::Broke(error.to_string())),
+            Some(Err(error)) => mailbox.end(Mail::Left(Some(error.to_string()))),
+            None => mailbox.end(Mail::Broke(REVOKED.to_owned())),
         };
         if put == Put::Announce
             && events.send(Event::Mail { id, mailbox: Arc::clone(mailbox) }).is_err()
         {
             return;
         }
-        if put == Put::Closed && !is_over {
+        if put == Put::Closed || !goes_on {
             // If what it still sends were left unread, the system would drop the reason that is on
             // its way to it.
             let _ = timeout(LAST_WORDS, async { while inbox.next().await.is_ok() {} }).await;
-        }
-        if put == Put::Closed || is_over {
             return;
         }
     }

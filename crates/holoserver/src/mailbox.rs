@@ -31,7 +31,7 @@ pub enum Mail {
     Message(Message),
     /// It is gone; with a reason unless it closed its connection.
     Left(Option<String>),
-    /// It broke the protocol.
+    /// It broke the protocol, or may no longer be here.
     Broke(String),
 }
 

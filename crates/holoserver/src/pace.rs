@@ -3,7 +3,9 @@
 //! A worker says itself how long its packets took. A broken or hostile one may say anything, so
 //! deadlines follow from what has come back and when.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use tokio::time::Instant;
 
 /// The deadline of a packet while nothing has come back: long enough for the first rays of a slow
 /// scene.

@@ -1,13 +1,11 @@
 //! What a server counts and shows to people.
 
-use std::{
-    collections::VecDeque,
-    time::{Duration, Instant},
-};
+use std::{collections::VecDeque, time::Duration};
 
 use holo_beamfile::Stats;
 use holo_progress::{HumanBytes, Meter};
 use holo_proto::control::Status;
+use tokio::time::Instant;
 
 use crate::schedule::Schedule;
 

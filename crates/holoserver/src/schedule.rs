@@ -1,6 +1,8 @@
 //! When a server ends by itself, and whether it is ending.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use tokio::time::Instant;
 
 /// Packets under way are finished: dealing stops this long before the time is up.
 const LAST_DEAL: Duration = Duration::from_millis(100);

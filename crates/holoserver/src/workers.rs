@@ -6,10 +6,7 @@
 //! - An overdue packet is taken away, for others to trace. Until the worker returns something, it
 //!   gets no more work.
 
-use std::{
-    collections::HashMap,
-    time::{Duration, Instant},
-};
+use std::{collections::HashMap, time::Duration};
 
 use crate::{
     assignment::{Assignment, Finished, ResultsError},
@@ -22,6 +19,7 @@ use holo_proto::{
     bulk::{LivePacket, LiveWork, Traced, Work},
     report::WorkerReport,
 };
+use tokio::time::Instant;
 
 /// Work that a worker gets ahead (the paper allowed five seconds, §2.2).
 ///

@@ -13,7 +13,7 @@ use holo_proto::{
     frame::Kind,
     hello::Role,
 };
-use holo_section::{RayCoords, SampleKind};
+use holo_section::{RayCoords, Sample, SampleKind};
 use holo_server::Holodeck;
 use tokio::{net::TcpStream, task::JoinHandle};
 
@@ -114,6 +114,37 @@ fn a_worker_that_traces_other_rays_than_it_is_given_is_dropped_and_others_trace_
         assert_eq!(seen, (1..=40).map(|at| [at; 4]).collect());
         server.end().await;
         honest.await.unwrap();
+    });
+}
+
+#[test]
+fn workers_whose_results_no_tracer_makes_are_dropped_at_once_and_others_trace_their_packets() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|_| {}).await;
+        let mut display = Peer::join(server.address, Role::Display).await;
+        display.send(Kind::View, &view(1, 50));
+        let nothing = u16::MAX;
+        for (colour, distance, words) in [
+            ([200, 0, 0, 255], 77, "brighter than any lamp"),
+            ([128, 64, 32, 128], nothing, "other light than the sky's"),
+            ([128, 64, 32, 128], 5000, "beyond the bounds"),
+        ] {
+            let reason = common::work_as(server.address, |work| {
+                let mut results = common::results(&work.packets, true);
+                let last = results.samples.last_mut().unwrap();
+                *last = Sample::from_codes(last.coords, colour, distance);
+                results
+            });
+            let reason = in_time(reason).await.expect("it is told why");
+            assert!(reason.contains(words), "{reason}");
+        }
+        // What they had is traced by an honest one.
+        let honest = tokio::spawn(common::work(server.address));
+        display.samples(500).await;
+        let summary = server.end().await;
+        honest.await.unwrap();
+        assert!(summary.samples >= 500);
     });
 }
 

@@ -106,3 +106,33 @@ fn for_a_read_only_display_nothing_is_traced_and_it_changes_nothing() {
         worker.await.unwrap();
     });
 }
+
+#[test]
+fn whoever_is_connected_by_a_token_is_cut_off_with_a_reason_when_it_is_revoked() {
+    run(async {
+        let place = Place::new();
+        let (server, identity) = secure(&place).await;
+        let [kept, revoked] = [(); 2].map(|()| with_token(&server, &identity, Rights::Admin));
+        let mut peers = Vec::new();
+        for (token, role) in [
+            (&revoked, Role::Worker),
+            (&revoked, Role::Display),
+            (&revoked, Role::Admin),
+            (&kept, Role::Display),
+        ] {
+            peers.push(Peer::join(token.clone(), role).await);
+        }
+        let mut local = Peer::join(server.address, Role::Display).await;
+        let Destination::Invited(invitation) = revoked else { panic!("it is invited") };
+        assert!(identity.revoke_token(&invitation.token.name()).unwrap());
+        let mut kept = peers.pop().unwrap();
+        for mut peer in peers {
+            assert_eq!(peer.expelled().await.as_deref(), Some("its token was revoked"));
+        }
+        for peer in [&mut kept, &mut local] {
+            peer.outbox.control(&Control::Ping(7)).unwrap();
+            peer.wait_for(|message| *message == Message::Control(Control::Pong(7))).await;
+        }
+        server.end().await;
+    });
+}

@@ -9,6 +9,7 @@ use holo_proto::{
 };
 use ring::hmac;
 use tokio::{
+    io::{AsyncRead, AsyncWrite},
     net::{TcpStream, ToSocketAddrs},
     time::timeout,
 };
@@ -30,23 +31,50 @@ pub async fn connect(
     name: &str,
 ) -> Result<(Inbox, Outbox, Welcome), NetError> {
     let server = server.into();
-    let hello = Hello::new(role, name).encode();
+    let token = match &server {
+        Destination::Loopback(_) => None,
+        Destination::Invited(invitation) => Some(invitation.token),
+    };
     let shake = async {
-        let (mut reader, outbox) = reach(&server).await?;
-        outbox.send(Kind::Hello, &hello)?;
-        if let Destination::Invited(invitation) = &server {
-            prove(&mut reader, &outbox, &invitation.token, &hello).await?;
-        }
-        accepted(&reader.frame_of(Kind::Answer).await?)?;
-        match Control::decode(&reader.frame_of(Kind::Control).await?)? {
-            Control::Welcome(welcome) => {
-                let inbox = Inbox::start(reader, outbox.downgrade(), FROM_THE_SERVER);
-                Ok((inbox, outbox, *welcome))
-            }
-            _ => Err(ProtoError::NotHolodeck.into()),
-        }
+        let connection = reach(&server).await?;
+        introduce(connection, role, name, token).await
     };
     timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)?
+}
+
+/// As [`connect`], over anything that carries bytes to a server of this process.
+///
+/// # Errors
+/// As [`connect`].
+pub async fn connect_over(
+    stream: impl AsyncRead + AsyncWrite + Send + Unpin + 'static,
+    role: Role,
+    name: &str,
+) -> Result<(Inbox, Outbox, Welcome), NetError> {
+    let shake = introduce(start(tls::split(stream)), role, name, None);
+    timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)?
+}
+
+/// Says who we are, proves that we hold the token, if there is one, and is taken.
+async fn introduce(
+    (mut reader, outbox): (FrameReader, Outbox),
+    role: Role,
+    name: &str,
+    token: Option<Token>,
+) -> Result<(Inbox, Outbox, Welcome), NetError> {
+    let hello = Hello::new(role, name).encode();
+    outbox.send(Kind::Hello, &hello)?;
+    if let Some(token) = token {
+        prove(&mut reader, &outbox, &token, &hello).await?;
+    }
+    accepted(&reader.frame_of(Kind::Answer).await?)?;
+    match Control::decode(&reader.frame_of(Kind::Control).await?)? {
+        Control::Welcome(welcome) => {
+            let inbox = Inbox::start(reader, outbox.downgrade(), FROM_THE_SERVER);
+            Ok((inbox, outbox, *welcome))
+        }
+        _ => Err(ProtoError::NotHolodeck.into()),
+    }
 }
 
 /// Opens a connection, encrypted if the server is on another machine.
@@ -100,14 +128,26 @@ fn accepted(answer: &[u8]) -> Result<(), NetError> {
 /// # Errors
 /// Any [`NetError`].
 pub async fn accept(stream: TcpStream) -> Result<(Inbox, Outbox, Hello), NetError> {
-    let shake = async {
-        at_once(&stream);
-        let (mut reader, outbox) = start(tls::plain(stream));
-        let (_, hello) = read_hello(&mut reader, &outbox).await?;
-        Ok::<_, NetError>((reader, outbox, hello))
-    };
-    let (reader, outbox, hello) =
-        timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
+    at_once(&stream);
+    greet(start(tls::plain(stream))).await
+}
+
+/// As [`accept`], over anything that carries bytes from a peer of this process.
+///
+/// # Errors
+/// Any [`NetError`].
+pub async fn accept_over(
+    stream: impl AsyncRead + AsyncWrite + Send + Unpin + 'static,
+) -> Result<(Inbox, Outbox, Hello), NetError> {
+    greet(start(tls::split(stream))).await
+}
+
+/// Reads the hello of whoever is at the other end.
+async fn greet(
+    (mut reader, outbox): (FrameReader, Outbox),
+) -> Result<(Inbox, Outbox, Hello), NetError> {
+    let shake = read_hello(&mut reader, &outbox);
+    let (_, hello) = timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
     Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello))
 }
 

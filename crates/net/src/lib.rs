@@ -27,7 +27,7 @@ mod tls;
 
 pub use address::{any_address, loopback, seen_from_outside};
 pub use error::NetError;
-pub use handshake::{accept, accept_secure, connect, refuse, welcome};
+pub use handshake::{accept, accept_over, accept_secure, connect, connect_over, refuse, welcome};
 pub use identity::Identity;
 pub use inbox::Inbox;
 pub use join::{Access, Destination, Invitation, Rights, Token};

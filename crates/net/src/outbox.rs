@@ -24,8 +24,8 @@ use crate::{KEEP_ALIVE, PING_EVERY, SILENCE, tls::WriteHalf};
 
 /// The sending half: a queue that a task writes to the socket. Clones share the queue.
 ///
-/// The connection closes once the last clone is gone and the queue is written, or once the other
-/// side closes it.
+/// The connection closes once the last clone is gone and the queue is written, once it is ended, or
+/// once the other side closes it.
 #[derive(Clone, Debug)]
 pub struct Outbox {
     queue: mpsc::UnboundedSender<Vec<u8>>,
@@ -66,6 +66,12 @@ impl Outbox {
     /// As [`Control::encode`].
     pub fn control(&self, message: &Control) -> Result<(), ProtoError> {
         self.send(Kind::Control, &message.encode()?)
+    }
+
+    /// Closes the connection once what is queued by now is written. Later frames are dropped.
+    pub fn end(&self) {
+        // An empty frame, which nothing else is. If the queue is closed, so is the connection.
+        let _ = self.queue.send(Vec::new());
     }
 
     /// Returns the bytes that are queued and not yet with the operating system.
@@ -123,7 +129,7 @@ impl WeakOutbox {
 
 /// The task that writes.
 ///
-/// It ends with the last [`Outbox`], when the other side is gone, or when the other side has taken
+/// It ends with the last [`Outbox`], at an empty frame, when the other side is gone, or when the other side has taken
 /// nothing for [`SILENCE`]. A process that hangs must not hold its connection's memory for ever.
 struct Writer {
     stream: BufWriter<WriteHalf>,
@@ -148,14 +154,19 @@ impl Writer {
     async fn write_all(&mut self, frames: &mut mpsc::UnboundedReceiver<Vec<u8>>) -> io::Result<()> {
         while let Some(frame) = frames.recv().await {
             let mut next = Some(frame);
+            let mut is_last = false;
             // Everything that waits goes out together. Then flush, because somebody waits for it.
             while let Some(frame) = next {
+                is_last = frame.is_empty();
                 self.in_hand += frame.len();
                 self.write(&frame).await?;
-                next = frames.try_recv().ok();
+                next = if is_last { None } else { frames.try_recv().ok() };
             }
             timeout(SILENCE, self.stream.flush()).await??;
             self.count(0);
+            if is_last {
+                return Ok(());
+            }
         }
         Ok(())
     }

@@ -30,13 +30,20 @@ pub(crate) fn plain(stream: TcpStream) -> (ReadHalf, WriteHalf) {
     (Box::new(read), Box::new(write))
 }
 
+/// Splits anything else that carries bytes.
+pub(crate) fn split(
+    stream: impl AsyncRead + AsyncWrite + Send + Unpin + 'static,
+) -> (ReadHalf, WriteHalf) {
+    let (read, write) = tokio::io::split(stream);
+    (Box::new(read), Box::new(write))
+}
+
 /// Encrypts a connection as its server.
 pub(crate) async fn serve(
     stream: TcpStream,
     identity: &Identity,
 ) -> Result<(ReadHalf, WriteHalf), NetError> {
-    let (read, write) = tokio::io::split(identity.acceptor().accept(stream).await?);
-    Ok((Box::new(read), Box::new(write)))
+    Ok(split(identity.acceptor().accept(stream).await?))
 }
 
 /// Encrypts a connection as its client, if the server's certificate has this fingerprint.
@@ -55,15 +62,13 @@ pub(crate) async fn connect(
     // The certificate is known by its fingerprint: the name in it decides nothing.
     let name = ServerName::try_from("holodeck").map_err(std::io::Error::other)?;
     let connected = TlsConnector::from(Arc::new(config)).connect(name, stream).await;
-    let stream = connected.map_err(|error| {
+    connected.map(split).map_err(|error| {
         let source = error.get_ref().and_then(|source| source.downcast_ref::<Error>());
         match source {
             Some(Error::InvalidCertificate(_)) => NetError::Fingerprint,
             _ => error.into(),
         }
-    })?;
-    let (read, write) = tokio::io::split(stream);
-    Ok((Box::new(read), Box::new(write)))
+    })
 }
 
 /// Accepts the certificate with one fingerprint. That the server has its key is checked as always.

@@ -45,6 +45,23 @@ async fn messages_arrive_whole_and_in_order_both_ways() {
 }
 
 #[tokio::test]
+async fn an_ended_connection_sends_what_was_queued_and_nothing_more() {
+    let ((mut inbox, _outbox), (_theirs_in, theirs_out)) = pair().await;
+    let other = theirs_out.clone();
+    for number in 1..=1000 {
+        theirs_out.control(&Control::Ping(number)).unwrap();
+    }
+    theirs_out.end();
+    // Somebody who still has a clone neither sends more nor keeps the connection open.
+    other.control(&Control::Ping(1001)).unwrap();
+    for number in 1..=1000 {
+        assert_eq!(inbox.next().await.unwrap(), ping(number));
+    }
+    assert!(matches!(timeout(SOON, inbox.next()).await.unwrap(), Err(NetError::Closed)));
+    until(|| other.is_closed() && other.queued_bytes() == 0).await;
+}
+
+#[tokio::test]
 async fn a_frame_that_comes_byte_by_byte_arrives() {
     let (mut client, (mut inbox, _outbox)) = raw_client().await;
     client.set_nodelay(true).unwrap();

@@ -35,7 +35,7 @@ impl Coordinator {
     fn finish_unseen(&mut self, id: ConnectionId, packet: u64) -> Result<Option<BeamKey>> {
         ensure!(self.holodeck.skip_unseen, ResultsError::NotAsked);
         let worker = self.workers.get_mut(&id).context("it has left")?;
-        let finished = worker.finish_unseen(packet, std::time::Instant::now())?;
+        let finished = worker.finish_unseen(packet, tokio::time::Instant::now())?;
         let Some(mut assignment) = self.still_open(finished) else { return Ok(None) };
         match assignment.purpose {
             Purpose::Store => {}

@@ -2,10 +2,11 @@
 //!
 //! Displays take turns. A display's live rays and its beams share what is traced for it.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use holo_proto::bulk::Packet;
 use holo_section::{BeamKey, RayCoords, SampleKind, Viewpoint};
+use tokio::time::Instant;
 
 use super::{Coordinator, display::is_looked_at, fill::Known};
 use crate::{

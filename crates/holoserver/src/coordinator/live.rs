@@ -1,19 +1,16 @@
 //! Live rays: traced for one display and not stored.
 
-use std::{collections::BTreeMap, time::Instant};
+use std::collections::BTreeMap;
 
 use anyhow::{Result, ensure};
 use holo_proto::{
     bulk::{LiveResults, LiveSample, LiveSamples, LiveWanted, MAX_LIVE_RAYS_HELD},
     frame::Kind,
 };
+use tokio::time::Instant;
 
 use super::{Coordinator, display::Display};
-use crate::{
-    assignment::{Finished, ResultsError},
-    events::ConnectionId,
-    live::LiveAssignment,
-};
+use crate::{assignment::Finished, events::ConnectionId, live::LiveAssignment};
 
 impl Display {
     /// Returns whether live rays of this view are still of use.
@@ -56,7 +53,7 @@ impl Coordinator {
                 display.outbox.send(Kind::LiveSamples, &LiveSamples::encode(&message))?;
             }
         }
-        Ok(taken?)
+        taken
     }
 
     fn take_live(
@@ -64,7 +61,7 @@ impl Coordinator {
         id: ConnectionId,
         results: &LiveResults,
         outgoing: &mut BTreeMap<ConnectionId, LiveSamples>,
-    ) -> Result<(), ResultsError> {
+    ) -> Result<()> {
         let now = Instant::now();
         let mut rest = results.hits.as_slice();
         for traced in &results.packets {
@@ -74,6 +71,10 @@ impl Coordinator {
             let finished = worker.finish_live(traced, now)?;
             // Others have got those that come too late.
             let Finished::InTime(assignment) = finished else { continue };
+            if let Err(error) = self.holodeck.plausible.live(&assignment.rays, hits) {
+                self.live_again([assignment]);
+                return Err(error.into());
+            }
             let LiveAssignment { display, view, rays, .. } = assignment;
             if self.displays.get(&display).is_some_and(|display| display.wants_live(view)) {
                 let message = outgoing

@@ -52,6 +52,8 @@ impl Coordinator {
         if let Some(outbox) = self.outbox(id) {
             // If the reason is longer than a control message, the connection ends without it.
             let _ = outbox.control(&Control::Bye { reason: reason.clone() });
+            // Whoever sends it a scene does so no longer.
+            outbox.end();
         }
         self.leave(id, Some(reason));
     }

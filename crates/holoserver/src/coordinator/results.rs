@@ -1,6 +1,6 @@
 //! What workers send back: stored once, and passed on to whoever looks at it.
 
-use std::{collections::BTreeMap, time::Instant};
+use std::collections::BTreeMap;
 
 use anyhow::Result;
 use holo_beamfile::{Error as FileError, Maker};
@@ -9,6 +9,7 @@ use holo_proto::{
     frame::Kind,
 };
 use holo_section::{Run, Sample};
+use tokio::time::Instant;
 
 use super::{Coordinator, display::is_looked_at};
 use crate::{
@@ -58,6 +59,11 @@ impl Coordinator {
             if !assignment.is_answered_by(samples) {
                 self.lose([assignment]);
                 return Err(ResultsError::OtherRays.into());
+            }
+            let plausible = &self.holodeck.plausible;
+            if let Err(error) = plausible.samples(assignment.key().section, samples) {
+                self.lose([assignment]);
+                return Err(error.into());
             }
             match assignment.purpose {
                 Purpose::Store => {}

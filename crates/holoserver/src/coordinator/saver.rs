@@ -1,12 +1,9 @@
 //! Writing what workers have found besides samples: beams that see nothing, and records of light.
 
-use std::{
-    sync::Arc,
-    thread::JoinHandle,
-    time::{Duration, Instant},
-};
+use std::{sync::Arc, thread::JoinHandle, time::Duration};
 
 use holo_section::Sample;
+use tokio::time::Instant;
 
 use crate::holodeck::Holodeck;
 

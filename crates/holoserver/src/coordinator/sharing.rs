@@ -22,6 +22,7 @@ impl Coordinator {
             engine == Engine::Cached,
             "it sent records of indirect light, which this holodeck does not use"
         );
+        self.holodeck.plausible.records(&light.records)?;
         let new = self.holodeck.light_mut().merge(Some(id), &light.records);
         let maker = self.maker(id);
         self.holodeck.makers_mut().change(maker, |made| made.light_records += new);

@@ -1,13 +1,12 @@
 //! How the server fares: told to displays, people and administrators.
 
-use std::time::Instant;
-
 use anyhow::{Result, bail};
 use holo_net::Message;
 use holo_proto::{
     control::{Control, Status},
     report::{DisplayReport, Report},
 };
+use tokio::time::Instant;
 
 use super::{Coordinator, Fill, NOT_FOR_A_SERVER, STALLED_BYTES, STATUS_EVERY};
 use crate::{events::ConnectionId, workers::Worker};

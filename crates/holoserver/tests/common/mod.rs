@@ -12,7 +12,7 @@ use holo_proto::{
     hello::Role,
 };
 use holo_section::{BeamId, BeamKey, RayCoords, Sample, SectionSpec, ViewClass, Viewpoint};
-use holo_server::{About, Config, Holodeck, Ready, Summary};
+use holo_server::{About, Config, Holodeck, Limits, Ready, Summary};
 use tokio::{sync::oneshot, task::JoinHandle, time::timeout};
 
 /// The limit of waits in real time. Only a hang reaches it.
@@ -71,7 +71,8 @@ impl Place {
             virtual_distance: false,
         };
         let place = Place { folder };
-        let about = About::new(vec![spec], settings, scene, "a test".into());
+        let mut about = About::new(vec![spec], settings, scene, "a test".into());
+        about.limits = Some(Limits { low: [0.0; 3], high: [1.0; 3], brightest: 1.0 });
         Holodeck::create(&place.file(), about, scene, 1 << 20).unwrap();
         place
     }

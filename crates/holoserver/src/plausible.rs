@@ -1,0 +1,295 @@
+//! Whether what a worker returns can be true: what certainly cannot is refused, and the worker
+//! dropped.
+//!
+//! A refusal must never depend on an honest tracer's luck, because leaving out bright samples would
+//! darken pictures. What always holds:
+//! - A ray that hits nothing brings the sky's light, and a ray that cannot be traced brings none.
+//!   Tracers give both exactly.
+//! - A ray hits nothing beyond the scene's bounds.
+//! - No bound on the light of one ray is certain. Roulette raises the weights of paths that survive
+//!   it, and aimed samples those of paths that were not aimed, by factors that multiply. But the
+//!   expectation is bounded by the brightest light, because no surface returns more than it
+//!   receives. Few samples exceed a multiple of it (Markov's inequality): see [`IMPROBABLE`].
+//!
+//! So this finds garbage. Whoever returns wrong light of a possible brightness is found by tracing
+//! twice (`audits`).
+
+use holo_proto::bulk::{LiveHit, LiveRay, Record};
+use holo_scene::{Scene, Sun};
+use holo_section::{Sample, Section, distance, rgbe};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::holodeck::About;
+
+/// What a scene allows, kept in the file.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Limits {
+    /// The lowest corner of the scene's bounds, world coordinates.
+    pub low: [f64; 3],
+    /// The highest corner.
+    pub high: [f64; 3],
+    /// The greatest radiance of any lamp, of the sky and of any sun, in any channel, W·sr⁻¹·m⁻².
+    pub brightest: f32,
+}
+
+impl Limits {
+    /// Returns what a scene allows.
+    pub fn of(scene: &Scene) -> Limits {
+        let (low, high) = scene.bounds();
+        let lamps = scene.materials.iter().flat_map(|material| material.emission);
+        let per_irradiance = (1.0 / Sun::projected_solid_angle()) as f32;
+        let suns = scene.suns.iter().flat_map(|sun| sun.irradiance.map(|e| e * per_irradiance));
+        let brightest = lamps.chain(scene.sky).chain(suns).fold(0.0, f32::max);
+        Limits { low: low.to_array(), high: high.to_array(), brightest }
+    }
+
+    /// Returns the distance from a point to the farthest point within the bounds.
+    fn farthest(&self, from: [f64; 3]) -> f64 {
+        let side =
+            |at: usize| (from[at] - self.low[at]).abs().max((from[at] - self.high[at]).abs());
+        (0..3).map(|at| side(at).powi(2)).sum::<f64>().sqrt()
+    }
+}
+
+/// How many times the brightest light a sample does not reach, even by luck.
+///
+/// A path meets at most 1000 surfaces, and light inside glass is brighter by at most 10⁴. So the
+/// expectation is below 10⁷ times the brightest light. A sample exceeds 10¹⁸ times its expectation
+/// with a probability of at most 10⁻¹⁸: of 10¹² honest samples, which are ten terabytes, one in a
+/// million times.
+const IMPROBABLE: f64 = 1e25;
+
+/// The same for records of light: less, so that no honest sample that uses one is improbable.
+const IMPROBABLE_RECORD: f64 = 1e19;
+
+/// Rounding of distances that are compared with bounds, relative. Tracers work in f32, and codes of
+/// distances have steps of 2⁻¹¹.
+const ROUNDING: f64 = 1e-3;
+
+/// Coordinates from which the distance of a hit may be infinity in f32. A display may look from
+/// there.
+const FAR: f64 = 1e30;
+
+/// Why results cannot be true.
+#[derive(Debug, Error, PartialEq, Eq)]
+pub enum Implausible {
+    #[error("it hit something beyond the bounds of the scene")]
+    TooFar,
+    #[error("it sent light that is brighter than any lamp could cause")]
+    TooBright,
+    #[error("its ray hit nothing, and brought other light than the sky's")]
+    NotTheSky,
+}
+
+/// What is certain about the results of one holodeck.
+pub struct Plausible {
+    /// Of each section, the code of the greatest distance.
+    farthest: Vec<u16>,
+    /// Light of rays that hit nothing. `None` if mirrors may have shown it.
+    sky: Option<[f32; 3]>,
+    /// Files of earlier versions do not say it.
+    limits: Option<Limits>,
+    /// The greatest exponent of a stored colour.
+    exponent: u8,
+    are_distances_straight: bool,
+}
+
+impl Plausible {
+    /// Returns what is certain about a holodeck with these sections.
+    pub fn new(about: &About, sections: &[Section]) -> Plausible {
+        let are_distances_straight = !about.settings.virtual_distance;
+        let limits = about.limits;
+        let farthest = |section: &Section| {
+            limits.filter(|_| are_distances_straight).map_or(distance::NOTHING_HIT, |limits| {
+                let far = corners(section).map(|corner| limits.farthest(corner));
+                let far = far.into_iter().fold(0.0, f64::max) * (1.0 + ROUNDING);
+                distance::encode(far, section.diagonal())
+            })
+        };
+        let most = limits.map_or(f32::MAX, |limits| most(&limits, IMPROBABLE));
+        Plausible {
+            farthest: sections.iter().map(farthest).collect(),
+            sky: are_distances_straight.then_some(about.sky),
+            limits,
+            exponent: rgbe::encode([most; 3], 0)[3],
+            are_distances_straight,
+        }
+    }
+
+    /// Checks the samples of a beam of one section.
+    pub fn samples(&self, section: u16, samples: &[Sample]) -> Result<(), Implausible> {
+        let farthest = self.farthest.get(usize::from(section)).copied();
+        let farthest = farthest.unwrap_or(distance::NOTHING_HIT);
+        for sample in samples {
+            if sample.distance_code() == distance::NOTHING_HIT {
+                let step = 2_f32.powi(i32::from(sample.rgbe[3]) - 136);
+                self.miss(sample.rgb(), step)?;
+            } else if sample.distance_code() > farthest {
+                return Err(Implausible::TooFar);
+            }
+            if sample.rgbe[3] > self.exponent {
+                return Err(Implausible::TooBright);
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks the results of live rays, in the same order.
+    pub fn live(&self, rays: &[LiveRay], hits: &[LiveHit]) -> Result<(), Implausible> {
+        let most = self.limits.map_or(f32::MAX, |limits| most(&limits, IMPROBABLE));
+        for (ray, hit) in rays.iter().zip(hits) {
+            if hit.distance.is_infinite() {
+                if ray.origin.iter().all(|x| x.abs() < FAR) {
+                    self.miss(hit.radiance, 0.0)?;
+                }
+            } else if let Some(limits) = self.limits.filter(|_| self.are_distances_straight)
+                && f64::from(hit.distance) > limits.farthest(ray.origin) * (1.0 + ROUNDING)
+            {
+                return Err(Implausible::TooFar);
+            }
+            if hit.radiance.iter().any(|&radiance| radiance > most) {
+                return Err(Implausible::TooBright);
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks records of indirect light.
+    pub fn records(&self, records: &[Record]) -> Result<(), Implausible> {
+        let most = self.limits.map_or(f32::MAX, |limits| most(&limits, IMPROBABLE_RECORD));
+        let is_bright = |record: &Record| record.irradiance.iter().any(|&light| light > most);
+        if records.iter().any(is_bright) { Err(Implausible::TooBright) } else { Ok(()) }
+    }
+
+    /// Checks the light of a ray that hit nothing, which may differ from the sky's by a `step`.
+    fn miss(&self, light: [f32; 3], step: f32) -> Result<(), Implausible> {
+        let Some(sky) = self.sky.filter(|_| light != [0.0; 3]) else { return Ok(()) };
+        let is_sky = light.iter().zip(sky).all(|(light, sky)| (light - sky).abs() <= step);
+        if is_sky { Ok(()) } else { Err(Implausible::NotTheSky) }
+    }
+}
+
+/// Returns so many times the brightest light, as far as there are such numbers.
+fn most(limits: &Limits, times: f64) -> f32 {
+    // Conversions saturate at infinity, which no radiance exceeds.
+    (f64::from(limits.brightest) * times) as f32
+}
+
+/// Returns the corners of a section.
+fn corners(section: &Section) -> [[f64; 3]; 8] {
+    let spec = section.spec();
+    std::array::from_fn(|corner| {
+        std::array::from_fn(|at| {
+            let sides = (0..3).filter(|side| corner >> side & 1 == 1);
+            spec.origin[at] + sides.map(|side| spec.axes[side][at]).sum::<f64>()
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use holo_proto::control::{Engine, RenderSettings};
+    use holo_section::{RayCoords, SectionSpec, ViewClass};
+
+    use super::*;
+
+    const SKY: [f32; 3] = [0.3, 17.0, 900.1];
+    const LIMITS: Limits =
+        Limits { low: [-3.0, 0.0, 0.0], high: [2.0, 1.0, 4.0], brightest: 900.1 };
+
+    fn plausible(limits: Option<Limits>, virtual_distance: bool) -> (Plausible, Section) {
+        let spec = SectionSpec {
+            origin: [0.0; 3],
+            axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            grid: [4, 4, 4],
+            class: ViewClass::Interior,
+            obstructions: true,
+        };
+        let settings = RenderSettings {
+            engine: Engine::Path,
+            bounces: None,
+            paths_per_sample: 1,
+            accuracy: 1.0,
+            seed: 1,
+            virtual_distance,
+        };
+        let section = Section::new(spec.clone()).unwrap();
+        let mut about = About::new(vec![spec], settings, b"a scene", "a test".into());
+        (about.sky, about.limits) = (SKY, limits);
+        (Plausible::new(&about, std::slice::from_ref(&section)), section)
+    }
+
+    fn sample(rgb: [f32; 3], distance: f64, section: &Section, dither: u32) -> Sample {
+        Sample::encode(RayCoords::default(), rgb, distance, section.diagonal(), dither)
+    }
+
+    #[test]
+    fn whatever_the_dither_a_miss_brings_the_sky_or_nothing_and_no_other_light() {
+        let (plausible, section) = plausible(None, false);
+        for dither in (0..1000u32).map(|at| at.wrapping_mul(0x9e37_79b9)) {
+            let sky = sample(SKY, f64::INFINITY, &section, dither);
+            assert_eq!(plausible.samples(0, &[sky]), Ok(()));
+        }
+        let none = sample([0.0; 3], f64::INFINITY, &section, 0);
+        let dim = sample([0.3, 17.0, 880.0], f64::INFINITY, &section, 0);
+        assert_eq!(plausible.samples(0, &[none]), Ok(()));
+        assert_eq!(plausible.samples(0, &[none, dim]), Err(Implausible::NotTheSky));
+    }
+
+    #[test]
+    fn a_hit_lies_within_the_scene_and_its_light_is_possible() {
+        let (plausible, section) = plausible(Some(LIMITS), false);
+        // From the corner (1, 0, 0) or (1, 1, 0) to the opposite one of the bounds.
+        let farthest = 33_f64.sqrt();
+        let of = |distance: f64, light: f32| {
+            plausible.samples(0, &[sample([light, 0.0, 0.0], distance, &section, 0)])
+        };
+        assert_eq!(of(farthest, 0.0), Ok(()));
+        assert_eq!(of(farthest * 1.01, 0.0), Err(Implausible::TooFar));
+        assert_eq!(of(1.0, 1e27), Ok(()), "luck");
+        assert_eq!(of(1.0, 1e29), Err(Implausible::TooBright));
+        let random = Sample::from_codes(RayCoords::default(), [77, 200, 3, 255], 500);
+        assert_eq!(plausible.samples(0, &[random]), Err(Implausible::TooBright));
+    }
+
+    #[test]
+    fn live_rays_and_records_are_checked_alike() {
+        let (plausible, _) = plausible(Some(LIMITS), false);
+        let of = |origin: [f64; 3], radiance: [f32; 3], distance: f32| {
+            let ray = LiveRay { number: 1, origin, direction: [1.0, 0.0, 0.0] };
+            plausible.live(&[ray], &[LiveHit { radiance, distance }])
+        };
+        let (near, far) = ([1.0, 0.0, 0.0], [-1000.0, 0.0, 0.0]);
+        assert_eq!(of([1e200, 0.0, 0.0], [1.0; 3], f32::INFINITY), Ok(()));
+        assert_eq!(of(near, SKY, f32::INFINITY), Ok(()));
+        assert_eq!(of(near, [1.0; 3], f32::INFINITY), Err(Implausible::NotTheSky));
+        assert_eq!(of(near, [1.0; 3], 5.0), Ok(()));
+        assert_eq!(of(near, [1.0; 3], 6.0), Err(Implausible::TooFar));
+        assert_eq!(of(far, [1.0; 3], 1002.0), Ok(()));
+        assert_eq!(of(near, [1e29, 0.0, 0.0], 1.0), Err(Implausible::TooBright));
+        let record = |light: f32| Record {
+            point: [0.0; 3],
+            radius: 1.0,
+            normal: [0.0, 0.0, 1.0],
+            nearest: 1.0,
+            irradiance: [light, 0.0, 0.0],
+            error: 0.1,
+            shift: [[0.0; 3]; 3],
+            turn: [[0.0; 3]; 3],
+            rays: 100,
+            flags: 0,
+            id: 1,
+        };
+        assert_eq!(plausible.records(&[record(1e20)]), Ok(()));
+        assert_eq!(plausible.records(&[record(1e23)]), Err(Implausible::TooBright));
+    }
+
+    #[test]
+    fn behind_mirrors_things_are_farther_away_and_the_sky_is_dimmer() {
+        let (plausible, section) = plausible(Some(LIMITS), true);
+        let reflected = sample([1.0; 3], f64::INFINITY, &section, 0);
+        let far = sample([1.0; 3], 50.0, &section, 0);
+        assert_eq!(plausible.samples(0, &[reflected, far]), Ok(()));
+    }
+}

@@ -1,0 +1,117 @@
+//! A server, and wires to it.
+
+use std::{
+    future::pending,
+    path::Path,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
+};
+
+use holo_net::{Access, Inbox, NetError, Outbox, Rights, accept_over, connect_over};
+use holo_proto::hello::Role;
+use tokio::{
+    io::DuplexStream,
+    sync::mpsc::{UnboundedSender, unbounded_channel},
+    task::JoinHandle,
+    time::{sleep, timeout},
+};
+
+use super::{peers::Wires, random::Random};
+use crate::{
+    coordinator::{Coordinator, FillOptions},
+    events::Event,
+    holodeck::Holodeck,
+    listen::{Shared, serve},
+    progress::{Progress, Totals},
+    schedule::Goal,
+};
+
+/// Whoever waits for so long waits for ever.
+pub const FOR_EVER: Duration = Duration::from_secs(3600);
+
+/// A server that peers reach by wires, and that may be away.
+#[derive(Default)]
+pub struct Cluster {
+    server: Mutex<Option<Shared>>,
+    is_over: AtomicBool,
+}
+
+/// A server's life.
+pub struct Life {
+    holodeck: Arc<Holodeck>,
+    events: UnboundedSender<Event>,
+    deciding: JoinHandle<anyhow::Result<Totals>>,
+}
+
+impl Cluster {
+    /// Starts a server for a file.
+    pub fn start(&self, file: &Path, fill: Option<FillOptions>, goal: Goal) -> Life {
+        let holodeck = Arc::new(Holodeck::open(file, 1 << 20).unwrap());
+        assert_eq!(holodeck.warnings, Vec::<String>::new());
+        let (events, receiver) = unbounded_channel();
+        let progress = Progress::new(&holodeck.file.stats(), true);
+        let coordinator =
+            Coordinator::new(Arc::clone(&holodeck), events.clone(), fill, goal, progress);
+        let deciding = tokio::spawn(coordinator.run(receiver));
+        self.serve_by(Some(Shared::new(Arc::clone(&holodeck), events.clone())));
+        Life { holodeck, events, deciding }
+    }
+
+    /// Waits for the end of a server: that of its goal, or the one that is asked for.
+    pub async fn end(&self, life: Life, ask: bool) -> Totals {
+        let Life { holodeck, events, deciding } = life;
+        if ask {
+            events.send(Event::Shutdown).unwrap();
+        }
+        let totals = timeout(FOR_EVER, deciding).await.expect("it ends").unwrap().unwrap();
+        self.serve_by(None);
+        // Connections end with it. Its file is then closed, so that the next one may open it.
+        while Arc::strong_count(&holodeck) > 1 {
+            sleep(Duration::from_millis(10)).await;
+        }
+        totals
+    }
+
+    fn serve_by(&self, server: Option<Shared>) {
+        *self.server.lock().unwrap_or_else(PoisonError::into_inner) = server;
+    }
+
+    /// Tells peers that there will be no other server.
+    pub fn finish(&self) {
+        self.is_over.store(true, Ordering::Relaxed);
+    }
+
+    /// Returns whether no other server comes.
+    pub fn is_over(&self) -> bool {
+        self.is_over.load(Ordering::Relaxed)
+    }
+
+    /// Joins by a new wire.
+    pub async fn join(
+        &self,
+        wires: Wires,
+        role: Role,
+        name: &str,
+        random: &mut Random,
+    ) -> Result<(Inbox, Outbox), NetError> {
+        let (near, far) = wires(random).lay(random);
+        self.take(far);
+        let (inbox, outbox, _) = connect_over(near, role, name).await?;
+        Ok((inbox, outbox))
+    }
+
+    /// Serves whoever is at the end of a wire, if the server is there.
+    fn take(&self, wire: DuplexStream) {
+        let server = self.server.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let Some(shared) = server else { return };
+        tokio::spawn(async move {
+            if let Ok((inbox, outbox, hello)) = accept_over(wire).await {
+                let access = Access { rights: Rights::Admin, token: None };
+                serve(inbox, outbox, hello, access, pending(), &shared).await;
+            }
+        });
+    }
+}

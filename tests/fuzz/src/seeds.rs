@@ -1,0 +1,134 @@
+//! Writes what fuzzing begins with: `seeds FOLDER` makes one folder for each target there.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use holo_beamfile::{BeamFile, Maker, Options};
+use holo_proto::frame::{HEADER_BYTES, Header};
+use holo_scene::{LoadOptions, load};
+use holo_scenes::{Bundled, MODELS, obj_and_mtl, write_model};
+use holo_section::{BeamId, BeamKey, RayCoords, Run, Sample, SampleKind};
+
+/// Models above this length are cut off: a fuzzer gets nowhere with long ones.
+const LONGEST: usize = 16 << 10;
+
+/// A triangle with a coloured surface under a lamp.
+const GLTF: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
+"extensionsUsed":["KHR_lights_punctual","KHR_materials_transmission","KHR_texture_transform"],
+"extensions":{"KHR_lights_punctual":{"lights":[{"type":"point","intensity":40}]}},
+"nodes":[{"mesh":0,"scale":[2,2,2]},{"extensions":{"KHR_lights_punctual":{"light":0}},
+"rotation":[0,0,0,1],"translation":[0,0,3],"camera":0}],
+"cameras":[{"type":"perspective","perspective":{"yfov":1,"znear":0.1}}],
+"materials":[{"pbrMetallicRoughness":{"baseColorFactor":[0.8,0.6,0.4,1],"metallicFactor":0,
+"roughnessFactor":0.5},"emissiveFactor":[1,1,1],"doubleSided":true,
+"extensions":{"KHR_materials_transmission":{"transmissionFactor":0.5}}}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1,"material":0}]}],
+"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],
+"max":[1,1,0]},{"bufferView":1,"componentType":5121,"count":3,"type":"SCALAR"}],
+"bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":3}],
+"buffers":[{"byteLength":40,"uri":"data:application/octet-stream;base64,
+AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAECAA=="}]}"#;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let words: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
+    let [folder] = words.as_slice() else { return Err("usage: seeds FOLDER".into()) };
+    messages(folder)?;
+    beam_file(folder)?;
+    models(folder)?;
+    let gltf = GLTF.replace("base64,\n", "base64,");
+    write(folder, "gltf", "triangle", gltf.as_bytes())?;
+    write(folder, "gltf", "binary", &glb(&gltf))?;
+    Ok(())
+}
+
+fn write(folder: &Path, target: &str, name: &str, bytes: &[u8]) -> io::Result<()> {
+    let folder = folder.join(target);
+    fs::create_dir_all(&folder)?;
+    fs::write(folder.join(name), bytes)
+}
+
+/// The frames of the protocol's golden vectors, each as its kind and its payload.
+fn messages(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    for entry in fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../proto/golden"))? {
+        let path = entry?.path();
+        let text = fs::read_to_string(&path)?;
+        let hex = text.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
+        let frame = hex.map(|byte| u8::from_str_radix(byte, 16)).collect::<Result<Vec<u8>, _>>()?;
+        let header = frame.first_chunk::<HEADER_BYTES>().ok_or("a frame without a header")?;
+        let kind = Header::parse(*header)?.kind as u8;
+        let name = path.file_stem().ok_or("a file without a name")?.to_string_lossy();
+        write(folder, "messages", &name, &[&[kind], &frame[HEADER_BYTES..]].concat())?;
+    }
+    Ok(())
+}
+
+/// A holodeck with samples of all kinds in two blocks, some of them superseded, and a blob.
+fn beam_file(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    let temporary = tempfile::tempdir()?;
+    let path = temporary.path().join("a.holo");
+    let file = BeamFile::create(&path, Options { cache_bytes: 0, layout: vec![100, 7] })?;
+    for paths in [1, 4] {
+        for (number, kind) in
+            [SampleKind::Uniform, SampleKind::ViewpointLimited, SampleKind::SingleRay]
+                .into_iter()
+                .enumerate()
+        {
+            let key = BeamKey { section: 0, beam: BeamId(number as u64) };
+            let samples =
+                [Sample::from_codes(RayCoords([1, 2, 3, 4]), [128, 64, 32, 128], 500); 30];
+            let run = Run { key, kind, first: 0, count: samples.len() as u32, paths };
+            match paths {
+                1 => file.append(run, Maker(1), &samples)?,
+                _ => file.supersede(run, Maker(2), &samples)?,
+            }
+        }
+        file.flush()?;
+    }
+    file.put_blob("holodeck", b"{}")?;
+    file.close()?;
+    write(folder, "beam_file", "small", &fs::read(&path)?)?;
+    Ok(())
+}
+
+/// Models as programs write them: text, and packed.
+fn models(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    let temporary = tempfile::tempdir()?;
+    let mut found = Vec::new();
+    for scene in [Bundled::Cornell, Bundled::Corridor] {
+        let written = holo_scenes::write(scene, temporary.path())?;
+        let packed = load(&written.obj, &LoadOptions::default())?.scene.pack();
+        write(folder, "packed_scene", scene.name(), &packed)?;
+        found.push((scene.name(), obj_and_mtl(scene)));
+    }
+    for model in MODELS {
+        let file = write_model(model, temporary.path())?.ok_or("a model without a file")?;
+        if file.extension().is_some_and(|extension| extension == "glb") {
+            write(folder, "gltf", model, &fs::read(&file)?)?;
+            continue;
+        }
+        let text = |extension: &str| -> io::Result<String> {
+            let path = temporary.path().join(format!("{model}.{extension}"));
+            Ok(fs::read_to_string(path).unwrap_or_default())
+        };
+        found.push((model, (text("obj")?, text("mtl")?)));
+    }
+    for (name, (obj, mtl)) in &found {
+        write(folder, "obj", name, cut(obj))?;
+        write(folder, "mtl", name, cut(mtl))?;
+    }
+    Ok(())
+}
+
+fn cut(text: &str) -> &[u8] {
+    &text.as_bytes()[..text.len().min(LONGEST)]
+}
+
+/// Returns glTF text as a binary file.
+fn glb(json: &str) -> Vec<u8> {
+    let mut json = json.as_bytes().to_vec();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let words = [0x4654_6C67, 2, 20 + json.len() as u32, json.len() as u32, 0x4E4F_534A];
+    words.iter().flat_map(|word: &u32| word.to_le_bytes()).chain(json).collect()
+}
