@@ -1,7 +1,9 @@
-//! Marks the pixels within two of an edge of what a view sees: `edges_of_view SCENE.obj "-vp … -vd … -vu … -vh …" 320x240`
-//! prints the picture's rows, `#` for such a pixel and `.` for others.
+//! Marks the pixels within two of an edge of what a view sees:
+//! `edges_of_view SCENE.obj "-vp … -vd … -vu … -vh …" 320x240` prints the picture's rows, `#` for
+//! such a pixel and `.` for others.
 //!
-//! An edge is where a neighbour shows another material, or a surface that is not the continuation of this one's plane.
+//! An edge is where a neighbour shows another material, or a surface that does not continue this
+//! one's plane.
 
 use glam::{DVec3, Vec3};
 use holo_picture::{View, ViewSpec};
@@ -68,7 +70,8 @@ fn look(raycaster: &Raycaster, view: &View, column: usize, row: usize, size: (u3
     ))
 }
 
-/// Whether two neighbours show different materials, or the step between them leaves the plane of both by more than a pixel.
+/// Returns whether two neighbours show different materials, or the step between them leaves the
+/// planes of both by more than a pixel.
 fn differ(a: Seen, b: Seen, view: &View, size: (u32, u32)) -> bool {
     let (Some((here, normal, material)), Some((there, other, its))) = (a, b) else {
         return a.is_some() != b.is_some();

@@ -125,10 +125,10 @@ impl SurfacesDriver {
         self.keep(&placed);
     }
 
-    /// Returns the pixels of the view that is shown, and the sums that also have live rays, if there
-    /// are any: pixels that no section covers are drawn from these.
+    /// Returns the pixels of the view that is shown. If there are live rays, it also returns the sums
+    /// that have them: pixels that no section covers are drawn from these.
     ///
-    /// While the eye moves, light that earlier frames found does where it is known.
+    /// While the eye moves, light that earlier frames found is shown where it is known.
     fn drawn(&mut self) -> Option<(Drawn, Option<Gathered>)> {
         let shown = self.shown.as_ref()?;
         let Look { resolution, .. } = shown.look;
