@@ -45,10 +45,20 @@ impl Chromium {
     /// If there is no Chromium, or it does not start.
     #[track_caller]
     pub fn open(address: &str) -> Chromium {
+        Chromium::open_with(address, &[])
+    }
+
+    /// The same, with more flags.
+    ///
+    /// # Panics
+    /// As [`Chromium::open`].
+    #[track_caller]
+    pub fn open_with(address: &str, flags: &[String]) -> Chromium {
         let profile = tempfile::tempdir().expect("a temporary folder can be made");
         let child = PROGRAMS.iter().find_map(|program| {
             Command::new(program)
                 .args(FLAGS)
+                .args(flags)
                 .arg(format!("--user-data-dir={}", profile.path().display()))
                 .arg("--window-size=1280,720")
                 .arg(address)

@@ -12,6 +12,7 @@
 pub mod analytic;
 mod chromium;
 mod files;
+mod link;
 mod network;
 mod place;
 mod process;
@@ -20,6 +21,7 @@ mod xvfb;
 
 pub use chromium::Chromium;
 pub use files::{Stored, beam, stored};
+pub use link::Link;
 pub use network::Network;
 pub use place::{CORNELL_SMALL_SECTION, Place, Server, listen_address};
 pub use process::{Ended, Process};

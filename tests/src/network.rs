@@ -1,9 +1,13 @@
 //! Machines of a network, each a network namespace of this one, joined by a bridge.
 
 use std::{
+    fs::File,
+    os::fd::AsFd,
     process::Command,
     sync::atomic::{AtomicU32, Ordering},
 };
+
+use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
 
 /// Namespaces that are deleted with this value.
 pub struct Network {
@@ -53,6 +57,16 @@ impl Network {
     /// The address of a machine.
     pub fn address(&self, host: usize) -> String {
         format!("10.77.0.{}", host + 1)
+    }
+
+    /// Moves the calling thread to a machine. Its sockets and the processes that it starts are
+    /// there from now on.
+    #[track_caller]
+    pub fn enter(&self, host: usize) {
+        let namespace = File::open(format!("/run/netns/{}", self.host(host)));
+        let namespace = namespace.expect("the machine is there");
+        let kind = Some(LinkNameSpaceType::Network);
+        move_into_link_name_space(namespace.as_fd(), kind).expect("one may enter it");
     }
 
     /// Cuts a machine's wire, or mends it.

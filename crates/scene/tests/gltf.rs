@@ -125,6 +125,11 @@ fn binary_files_and_files_with_buffers_beside_them_are_the_same_scene() {
     }
     assert_eq!(load_named("s.glb", &glb).unwrap().scene, plain);
     assert_eq!(load_named("misnamed.obj", &glb).unwrap().scene, plain, "contents decide");
+    for length in 0..12_u8 {
+        glb[8..12].copy_from_slice(&[length, 0, 0, 0]);
+        let error = load_named("s.glb", &glb).unwrap_err().to_string();
+        assert!(error.contains(&format!("it says that it has {length} bytes")), "{error}");
+    }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.gltf");
     std::fs::write(folder.path().join("my mesh.bin"), &binary).unwrap();

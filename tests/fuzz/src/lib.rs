@@ -6,7 +6,7 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-use holo_beamfile::Storage;
+use holo_beamfile::{Storage, format::HEADER_COPY_BYTES};
 use holo_scene::{LoadOptions, Scene, load};
 use tempfile::TempDir;
 
@@ -50,6 +50,24 @@ impl Storage for Memory {
         self.with(|disk| disk.resize(bytes as usize, 0));
         Ok(())
     }
+}
+
+/// Returns a holodeck file without what its header repeats: the length of a copy, the copy without
+/// the zeros at its end, and the blocks.
+pub fn short(file: &[u8]) -> Vec<u8> {
+    let (copies, blocks) = file.split_at(2 * HEADER_COPY_BYTES);
+    let copy = &copies[..HEADER_COPY_BYTES];
+    let used = copy.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
+    [&(used as u16).to_le_bytes(), &copy[..used], blocks].concat()
+}
+
+/// Undoes [`short`]. `None` if the bytes end too soon.
+pub fn long(short: &[u8]) -> Option<Vec<u8>> {
+    let (used, rest) = short.split_first_chunk()?;
+    let (copy, blocks) = rest.split_at_checked(usize::from(u16::from_le_bytes(*used)))?;
+    let mut copy = copy.to_vec();
+    copy.resize(HEADER_COPY_BYTES, 0);
+    Some([&copy, &copy, blocks].concat())
 }
 
 /// A folder for model files.

@@ -6,13 +6,20 @@ use std::{
 };
 
 use holo_beamfile::{BeamFile, Maker, Options};
+use holo_fuzz::short;
 use holo_proto::frame::{HEADER_BYTES, Header};
 use holo_scene::{LoadOptions, load};
 use holo_scenes::{Bundled, MODELS, obj_and_mtl, write_model};
 use holo_section::{BeamId, BeamKey, RayCoords, Run, Sample, SampleKind};
 
-/// Models above this length are cut off: a fuzzer gets nowhere with long ones.
-const LONGEST: usize = 16 << 10;
+/// Models above this length are left out: a fuzzer gets nowhere with long ones.
+const LONGEST: usize = 6 << 10;
+
+/// What OBJ files may say.
+const OBJ: &str = "mtllib a.mtl\no a room\ng wall\ns 1\nv 0 0 0 1\nv 1 0 0 .5 .5 .5\nv 1 1 0\n\
+    v 0 1 0\nv .5 .5 1e0\nvn 0 0 1\nvn 0 -1 0\nvt 0 0 0\nvt 1 .5\nvt -1 2e-1\nusemtl a\n\
+    f 1/1/1 2/2/1 3/3/1 4/1/1\ns off\nusemtl b\nf -1 -2 -3\nf 1//2 2//2 5//2\n\
+    usemtl c\nf 1/1 2/2 5/3 \\\n3/1\nl 1 2\np 1\n# the end\n";
 
 /// A triangle with a coloured surface under a lamp.
 const GLTF: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
@@ -37,6 +44,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     messages(folder)?;
     beam_file(folder)?;
     models(folder)?;
+    write(folder, "obj", "all", OBJ.as_bytes())?;
     let gltf = GLTF.replace("base64,\n", "base64,");
     write(folder, "gltf", "triangle", gltf.as_bytes())?;
     write(folder, "gltf", "binary", &glb(&gltf))?;
@@ -54,7 +62,8 @@ fn messages(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     for entry in fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../proto/golden"))? {
         let path = entry?.path();
         let text = fs::read_to_string(&path)?;
-        let hex = text.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
+        let hex =
+            text.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
         let frame = hex.map(|byte| u8::from_str_radix(byte, 16)).collect::<Result<Vec<u8>, _>>()?;
         let header = frame.first_chunk::<HEADER_BYTES>().ok_or("a frame without a header")?;
         let kind = Header::parse(*header)?.kind as u8;
@@ -88,7 +97,7 @@ fn beam_file(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     }
     file.put_blob("holodeck", b"{}")?;
     file.close()?;
-    write(folder, "beam_file", "small", &fs::read(&path)?)?;
+    write(folder, "beam_file", "small", &short(&fs::read(&path)?))?;
     Ok(())
 }
 
@@ -103,11 +112,7 @@ fn models(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
         found.push((scene.name(), obj_and_mtl(scene)));
     }
     for model in MODELS {
-        let file = write_model(model, temporary.path())?.ok_or("a model without a file")?;
-        if file.extension().is_some_and(|extension| extension == "glb") {
-            write(folder, "gltf", model, &fs::read(&file)?)?;
-            continue;
-        }
+        write_model(model, temporary.path())?;
         let text = |extension: &str| -> io::Result<String> {
             let path = temporary.path().join(format!("{model}.{extension}"));
             Ok(fs::read_to_string(path).unwrap_or_default())
@@ -115,14 +120,13 @@ fn models(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
         found.push((model, (text("obj")?, text("mtl")?)));
     }
     for (name, (obj, mtl)) in &found {
-        write(folder, "obj", name, cut(obj))?;
-        write(folder, "mtl", name, cut(mtl))?;
+        for (target, text) in [("obj", obj), ("mtl", mtl)] {
+            if (1..=LONGEST).contains(&text.len()) {
+                write(folder, target, name, text.as_bytes())?;
+            }
+        }
     }
     Ok(())
-}
-
-fn cut(text: &str) -> &[u8] {
-    &text.as_bytes()[..text.len().min(LONGEST)]
 }
 
 /// Returns glTF text as a binary file.

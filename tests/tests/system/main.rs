@@ -32,5 +32,6 @@ mod unseen;
 mod usage;
 mod view_types;
 mod virtual_distance;
+mod watchers;
 mod window;
 mod worker_deaths;

@@ -1,6 +1,6 @@
 //! Machines of a network, whose wires are slow, lose packets, are cut and mended.
 
-use holo_tests::{Network, Place, Process, listen_address, stored, wait_until};
+use holo_tests::{Chromium, Network, Place, Process, listen_address, stored, wait_until};
 use rustix::process::Signal;
 
 /// Machine 0 serves, the next ones trace, and the last ones look.
@@ -76,4 +76,47 @@ fn viewer(place: &Place, network: &Network, join: &str, display: usize) -> Proce
     let words = ["view", "--join", join, "--headless", "--time", "5", "--size", "64x64", "--json"];
     let output = format!("{{}}/{display}.pfm");
     place.start_in(&network.host(1 + WORKERS + display), &[&words[..], &["-o", &output]].concat())
+}
+
+#[test]
+fn a_session_on_another_machine_is_walked_in_a_browser() {
+    let Some(network) = Network::new(3) else {
+        eprintln!("not tested: this system lets the test make no network namespaces");
+        return;
+    };
+    let place = Place::new();
+    place.fill_small("a.holo", "1k");
+    let (file, listen) = (place.text("a.holo"), format!("{}:7070", network.address(0)));
+    let words = ["holoserver", &file, "--listen", &listen, "--identity", "{}/identity"];
+    let mut server = place.start_in(&network.host(0), &[&words[..], &["--with-parent"]].concat());
+    let join = server.wait_for_line("join with ");
+    let words = ["rtworker", "--join", &join, "--threads", "1", "--with-parent"];
+    let worker = place.start_in(&network.host(1), &words);
+    let words = ["view", "--join", &join, "--no-open"];
+    let mut viewer = place.start_in(&network.host(2), &words);
+    let address = format!("http:{}", viewer.wait_for_line("http:"));
+
+    // The page is served to the viewer's machine alone, and so is its browser.
+    network.enter(2);
+    let browser = &mut Chromium::open(&address);
+    browser.wait("state && state.workers === 1 && state.view_samples > 5000");
+    let options = "document.body.dataset.options";
+    for (code, key) in [("KeyS", "s"), ("KeyQ", "q")] {
+        let before = browser.value(options);
+        browser.key(code, key, true);
+        browser.wait("document.body.dataset.rest === 'false'");
+        browser.key(code, key, false);
+        browser.wait(&format!(
+            "document.body.dataset.rest === 'true' && {options} !== {before} \
+             && state.view_samples > 1000"
+        ));
+    }
+    let lit = "(() => { const p = document.getElementById('picture'); \
+        const d = p.getContext('2d').getImageData(0, 0, p.width, p.height).data; \
+        return d.some((channel, at) => at % 4 < 3 && channel > 100); })()";
+    browser.wait(lit);
+    browser.value("command('quit')");
+    viewer.wait().ok();
+    server.end(Signal::TERM).ok();
+    worker.wait().ok();
 }

@@ -208,12 +208,12 @@ fn what_workers_lose_is_traced_by_others_before_a_fill_ends() {
         let cluster = Arc::new(Cluster::default());
         let fill = FillOptions { enough: Some(1 << 20), shard: Shard::default() };
         let life = cluster.start(&file, Some(fill), Goal::default());
-        let sound =
-            tokio::spawn(peers::worker(Arc::clone(&cluster), 99, sound_worker(), random.fork()));
         let mut broken = start_workers(&cluster, &mut random);
         let displays = start_displays(&cluster, &mut random);
         sleep(Duration::from_secs(5 + random.below(60))).await;
         broken.abort_all();
+        let sound =
+            tokio::spawn(peers::worker(Arc::clone(&cluster), 99, sound_worker(), random.fork()));
         let seen = all(displays).await;
         // Time enough to find out who has gone, and for one worker to trace what they had.
         sleep(Duration::from_secs(120)).await;

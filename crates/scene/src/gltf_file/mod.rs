@@ -89,10 +89,20 @@ fn read(source: Source) -> Result<Model, SceneError> {
     Ok(model)
 }
 
+/// Bytes of the header of a `.glb`.
+const GLB_HEADER_BYTES: u32 = 12;
+
 /// Parses and validates the JSON, and returns it with the binary chunk of a `.glb`.
 fn parse(path: &Path, bytes: &[u8]) -> Result<(gltf::Document, Option<Vec<u8>>), SceneError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let problem = |problem: String| SceneError::Gltf { path: path.to_owned(), problem };
+    // The crate takes it for granted that a .glb is no shorter than its header.
+    if let Some(&[b'g', b'l', b'T', b'F', _, _, _, _, a, b, c, d]) = bytes.first_chunk()
+        && let length @ ..GLB_HEADER_BYTES = u32::from_le_bytes([a, b, c, d])
+    {
+        let what = format!("it is not valid glTF: it says that it has {length} bytes in all");
+        return Err(problem(what));
+    }
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes)
         .map_err(|error| problem(format!("it is not valid glTF: {error}")))?;
     let known = |name: &&str| materials::READ_EXTENSIONS.contains(name);
