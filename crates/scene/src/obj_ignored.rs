@@ -11,6 +11,7 @@ pub(crate) const BAD_VERTEX: &str = "v bad";
 pub(crate) const BAD_ATTRIBUTE: &str = "vt or vn bad";
 pub(crate) const BAD_CORNER: &str = "f corner";
 pub(crate) const FEW_CORNERS: &str = "f few";
+pub(crate) const MANY_CORNERS: &str = "f many";
 pub(crate) const NO_VERTEX: &str = "f vertex";
 pub(crate) const SPOILT_VERTEX: &str = "f spoilt";
 pub(crate) const NO_LIBRARY: &str = "mtllib none";

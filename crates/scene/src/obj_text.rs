@@ -18,13 +18,14 @@
 
 use crate::SceneError;
 use crate::limits::{
-    MAX_COORDINATE, MAX_MATERIALS, MAX_MTL_FILES, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES,
+    MAX_COORDINATE, MAX_CORNERS, MAX_MATERIALS, MAX_MTL_FILES, MAX_NAME_BYTES, MAX_POSITIONS,
+    MAX_TRIANGLES,
 };
 use crate::model::LoadProgress;
 use crate::obj_checked::{Checked, MaterialUse, NO_COLOUR, NONE};
 use crate::obj_ignored::{
-    BAD_ATTRIBUTE, BAD_CORNER, BAD_VERTEX, FEW_CORNERS, NO_LIBRARY, NO_VERTEX, SPOILT_VERTEX,
-    WEIGHT,
+    BAD_ATTRIBUTE, BAD_CORNER, BAD_VERTEX, FEW_CORNERS, MANY_CORNERS, NO_LIBRARY, NO_VERTEX,
+    SPOILT_VERTEX, WEIGHT,
 };
 use crate::text::{
     LogicalLines, excerpt, keyword, logical_lines, loose_number, number, without_comment,
@@ -258,7 +259,7 @@ impl<'a> CleanObj<'a> {
         let mut corners = std::mem::take(&mut self.corners);
         corners.clear();
         let mut is_well_formed = true;
-        for token in rest.split_ascii_whitespace() {
+        for token in rest.split_ascii_whitespace().take(MAX_CORNERS + 1) {
             let Some(corner) = self.corner(token) else {
                 is_well_formed = false;
                 break;
@@ -270,6 +271,10 @@ impl<'a> CleanObj<'a> {
         } else if corners.len() < 3 {
             self.leave_out(FEW_CORNERS, self.line, || {
                 format!("`f` takes at least three corners, found {}", corners.len())
+            });
+        } else if corners.len() > MAX_CORNERS {
+            self.leave_out(MANY_CORNERS, self.line, || {
+                format!("`f` takes at most {MAX_CORNERS} corners")
             });
         } else if corners.iter().any(|corner| corner.vertex > self.checked.vertices) {
             let (line, material, group) = (self.line, self.material_id()?, self.group);

@@ -8,7 +8,7 @@
 use std::io::Cursor;
 use std::sync::{Arc, OnceLock};
 
-use image::{DynamicImage, ImageReader, Limits};
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 
 /// Greatest side of a texture in texels; larger ones are halved. Four bytes a texel, and a third
 /// more for smaller copies, are 89 MB.
@@ -70,6 +70,13 @@ impl PartialEq for Texture {
     }
 }
 
+/// Returns whether a file's header can be that of TGA, which has no signature.
+fn is_tga(encoded: &[u8]) -> bool {
+    let Some(&[_, has_palette, kind, ..]) = encoded.first_chunk::<18>() else { return false };
+    let is_known_kind = matches!(kind, 1..=3 | 9..=11);
+    has_palette <= 1 && is_known_kind && matches!(encoded[16], 8 | 15 | 16 | 24 | 32)
+}
+
 /// A picture of a texture, in rows from the top.
 #[derive(Debug)]
 struct Level {
@@ -105,6 +112,9 @@ impl Texture {
         }
         let reader = ImageReader::new(Cursor::new(&encoded[..])).with_guessed_format();
         let mut reader = reader.map_err(|error| error.to_string())?;
+        if reader.format().is_none() && is_tga(&encoded) {
+            reader.set_format(ImageFormat::Tga);
+        }
         let mut limits = Limits::default();
         limits.max_image_width = Some(MAX_DECODED_SIDE);
         limits.max_image_height = Some(MAX_DECODED_SIDE);
@@ -333,11 +343,21 @@ mod tests {
     }
 
     #[test]
+    fn tga_is_known_by_its_header() {
+        let image = image::RgbImage::from_pixel(2, 1, image::Rgb([255, 0, 0]));
+        let mut tga = Vec::new();
+        image.write_to(&mut Cursor::new(&mut tga), ImageFormat::Tga).unwrap();
+        let texture = Texture::decode(tga.into(), [Wrap::Repeat; 2], false, false).unwrap();
+        assert_eq!((texture.size(), texture.at([0.5, 0.5], 0.0)), ([2, 1], [1.0, 0.0, 0.0, 1.0]));
+    }
+
+    #[test]
     fn what_is_no_picture_or_too_large_is_refused() {
         let refused = |bytes: &[u8]| {
             Texture::decode(bytes.into(), [Wrap::Repeat; 2], false, false).unwrap_err()
         };
         assert!(!refused(b"no picture").is_empty());
+        assert!(!refused(b"no picture, but longer than any header").is_empty());
         // The header of a PNG of 65,535 by 65,535 pixels.
         let mut png = Vec::new();
         let image = image::GrayImage::new(1, 1);

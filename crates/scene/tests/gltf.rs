@@ -341,6 +341,25 @@ fn normals_turn_with_their_node() {
 }
 
 #[test]
+fn pictures_without_a_file_or_a_type_are_left_out_or_found_by_their_bytes() {
+    let textured = |image: &str| {
+        let material = r#""materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}]"#;
+        let more = format!(r#"{material},"textures":[{{"source":0}}],"images":[{image}]"#);
+        load(&triangle(&more)).unwrap()
+    };
+    for (image, problem) in [
+        ("{}", "it names no file"),
+        (r#"{"mimeType":"image/png"}"#, "it names no file"),
+        (r#"{"bufferView":0}"#, "format could not be determined"),
+    ] {
+        let loaded = textured(image);
+        let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+        assert!(said.join("\n").contains(problem), "{image}: {said:?}");
+        assert!(loaded.scene.shading.is_none(), "{image}");
+    }
+}
+
+#[test]
 fn triangles_that_name_no_vertex_are_left_out_and_counted() {
     let json = triangle(GREY)
         .replace(r#""componentType":5121,"count":3"#, r#""componentType":5121,"count":4"#);

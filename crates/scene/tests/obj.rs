@@ -363,6 +363,16 @@ fn warnings_of_hostile_files_are_bounded() {
 }
 
 #[test]
+fn a_face_of_very_many_corners_is_left_out() {
+    let corners = |count: usize| format!("{SQUARE}f 1 2 3\nf{}\n", " 1 2 3 4".repeat(count / 4));
+    let most = holo_scene::limits::MAX_CORNERS;
+    let loaded = load(corners(most + 4)).unwrap();
+    assert_eq!(loaded.scene.triangles.len(), 1);
+    let said = messages(&loaded).join("\n");
+    assert!(said.contains("`f` takes at most 65536 corners; it is left out"), "{said}");
+}
+
+#[test]
 fn a_name_that_is_too_long_is_refused() {
     let long = "x".repeat(2000);
     assert_eq!(error(load(format!("usemtl {long}\n"))), "s.obj:1: more than 1024 bytes in a name");

@@ -192,7 +192,7 @@ fn new_refuses_what_is_not_a_scene() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn a_scene_survives_packing(scene in scene()) {

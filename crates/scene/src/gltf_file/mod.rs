@@ -12,6 +12,7 @@ mod buffers;
 mod lights;
 mod look;
 mod materials;
+mod mend;
 mod reading;
 mod textures;
 
@@ -19,7 +20,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::{DMat4, DVec3, Vec3};
-use gltf::json::validation::Checked;
 use gltf::mesh::Mode;
 
 use crate::header::{Camera, Said};
@@ -113,30 +113,10 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(gltf::Document, Option<Vec<u8>>),
     // Required extensions that are read here but unknown to the crate would fail its validation.
     let mut json = document.into_json();
     json.extensions_required.clear();
-    mend_positions(&mut json).map_err(problem)?;
+    mend::mend(&mut json).map_err(problem)?;
     let document = gltf::Document::from_json(json)
         .map_err(|error| problem(format!("it is not valid glTF: {error}")))?;
     Ok((document, blob))
-}
-
-/// Checks that meshes name accessors that exist, which the crate takes for granted, and gives
-/// positions the bounds that it requires: some exporters leave them out, and nothing here uses them.
-fn mend_positions(json: &mut gltf::json::Root) -> Result<(), String> {
-    let wanted = Checked::Valid(gltf::Semantic::Positions);
-    let primitives = json.meshes.iter().flat_map(|mesh| &mesh.primitives);
-    let named: Vec<usize> =
-        primitives.filter_map(|p| Some(p.attributes.get(&wanted)?.value())).collect();
-    let count = json.accessors.len();
-    for index in named {
-        let accessor = json.accessors.get_mut(index);
-        let accessor = accessor.ok_or_else(|| {
-            format!("it is not valid glTF: a mesh names accessor {index} of {count}")
-        })?;
-        for bound in [&mut accessor.min, &mut accessor.max] {
-            *bound = Some(gltf::json::Value::from(vec![0.0; 3]));
-        }
-    }
-    Ok(())
 }
 
 /// What the format says of all its files.

@@ -119,6 +119,7 @@ impl Reading<'_> {
     fn picture(&self, texture: &gltf::Texture) -> Result<Vec<u8>, String> {
         match texture.source().source() {
             gltf::image::Source::View { view, .. } => Ok(self.buffers.view(&view)?.to_vec()),
+            gltf::image::Source::Uri { uri: "", .. } => Err("it names no file".to_owned()),
             gltf::image::Source::Uri { uri, .. } => {
                 buffers::bytes_of(self.path, uri, MAX_TEXTURE_BYTES as u64)
                     .map_err(|error| error.to_string())
