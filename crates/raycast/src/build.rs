@@ -34,6 +34,11 @@ const LEAST_PAD: f32 = 1e-25;
 /// and what they gain is small (docs/notes/ray-casting.md).
 const LARGE: usize = 200_000;
 
+/// Fewest triangles of a node and of a block on average. Scenes whose triangles were split may have
+/// fewer, and their memory grows.
+const FACETS_OF_NODE: usize = 8;
+const FACETS_OF_BLOCK: usize = 3;
+
 /// Builds the hierarchy over facets whose coordinates are at most `reach`.
 pub(crate) fn hierarchy(facets: &[Facet], reach: f32) -> Hierarchy {
     if facets.is_empty() {
@@ -215,12 +220,17 @@ impl Tree {
 }
 
 fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
-    let mut hierarchy = Hierarchy { nodes: vec![Node::EMPTY], ..Hierarchy::default() };
+    // Large pages: a million triangles exceed the translation cache by far.
+    let mut hierarchy = Hierarchy {
+        nodes: holo_cpu::reserved(facets.len() / FACETS_OF_NODE),
+        blocks: holo_cpu::reserved(facets.len() / FACETS_OF_BLOCK),
+        ..Hierarchy::default()
+    };
+    hierarchy.nodes.push(Node::EMPTY);
     // Depth first, so that a subtree is contiguous in memory.
     let mut pending = vec![(0_u32, 0_usize, 1_usize)];
     let (mut children, mut boxes) = (Vec::with_capacity(WIDTH), Vec::with_capacity(WIDTH));
     let (mut below, mut triangles) = (Vec::new(), Vec::with_capacity(LANES));
-    hierarchy.blocks.reserve(facets.len() / 3);
     while let Some((root, index, depth)) = pending.pop() {
         hierarchy.stack_need = hierarchy.stack_need.max(depth * (WIDTH - 1) + WIDTH);
         boxes.clear();

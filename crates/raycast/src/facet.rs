@@ -82,5 +82,9 @@ pub(crate) fn facets(
         let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
         Ok(Facet { vertices, normal, margin: edge_margin(vertices) })
     };
-    triangles.iter().enumerate().map(facet).collect()
+    let mut facets = holo_cpu::reserved(triangles.len());
+    for triangle in triangles.iter().enumerate() {
+        facets.push(facet(triangle)?);
+    }
+    Ok(facets)
 }

@@ -4,7 +4,7 @@
 //! of the three operations of a slab test (Ize 2013, "Robust BVH Ray Traversal"). Boxes are padded
 //! for the rounding of the triangle test.
 
-use crate::node::{FEW, Hierarchy, LEAF, ROW, SmallScene, WIDTH};
+use crate::node::{FEW, Hierarchy, LEAF, Node, ROW, SmallScene, WIDTH};
 use crate::prepared::Prepared;
 use crate::simd::{STRETCH, Simd, unpack};
 use crate::triangle::{consider, intersect};
@@ -76,13 +76,18 @@ pub(crate) fn traverse<S: Simd, const STACK: usize, const ANY: bool>(
 ) {
     let mut stack = [0_u64; STACK];
     let (mut current, mut top) = (root, 0);
-    while advance::<S, ANY>(simd, hierarchy, query, &mut current, &mut top, &mut stack, best) {}
+    while advance::<S, ANY, true>(simd, hierarchy, query, &mut current, &mut top, &mut stack, best)
+    {
+    }
 }
 
 /// Visits `current` and determines what to visit next. Returns whether there is anything; with
 /// `ANY`, false after a hit.
+///
+/// With `ALONE`, no other ray computes while memory for this one arrives, so all entered children
+/// are fetched at once.
 #[inline(always)]
-pub(crate) fn advance<S: Simd, const ANY: bool>(
+pub(crate) fn advance<S: Simd, const ANY: bool, const ALONE: bool>(
     simd: S,
     hierarchy: &Hierarchy,
     query: &Query,
@@ -110,6 +115,9 @@ pub(crate) fn advance<S: Simd, const ANY: bool>(
             }
             *top += mask.count_ones() as usize - 1;
             *current = unpack(stack[*top]).0;
+            if ALONE {
+                prefetch_children(simd, hierarchy, node, mask);
+            }
             return true;
         }
         if mask != 0 {
@@ -129,4 +137,23 @@ pub(crate) fn advance<S: Simd, const ANY: bool>(
         }
     }
     false
+}
+
+/// Starts to fetch the children in `mask`.
+#[inline(always)]
+fn prefetch_children<S: Simd>(simd: S, hierarchy: &Hierarchy, node: &Node, mut mask: u32) {
+    while mask != 0 {
+        prefetch(simd, hierarchy, node.children[mask.trailing_zeros() as usize % WIDTH]);
+        mask &= mask - 1;
+    }
+}
+
+/// Starts to fetch a node or block.
+#[inline(always)]
+pub(crate) fn prefetch<S: Simd>(simd: S, hierarchy: &Hierarchy, child: u32) {
+    if child & LEAF != 0 {
+        simd.prefetch_block(&hierarchy.blocks[(child & !LEAF) as usize]);
+    } else {
+        simd.prefetch_node(&hierarchy.nodes[child as usize]);
+    }
 }

@@ -9,7 +9,7 @@
 //! small scenes: trace those alone.
 
 use crate::Hit;
-use crate::kernel::{Query, advance};
+use crate::kernel::{Query, advance, prefetch};
 use crate::node::{Hierarchy, LEAF, WIDTH};
 use crate::simd::{Limits, Near, RAYS, RayBytes, STRETCH, Simd, entry, unpack};
 use crate::triangle::intersect;
@@ -72,7 +72,7 @@ impl<const STACK: usize> SingleRays<STACK> {
                 turn &= turn - 1;
                 let Lane { ray, current, top } = &mut self.lanes[i];
                 let ray = *ray % RAYS;
-                if advance::<S, false>(
+                if advance::<S, false, false>(
                     simd,
                     hierarchy,
                     &queries[ray],
@@ -87,15 +87,6 @@ impl<const STACK: usize> SingleRays<STACK> {
                 }
             }
         }
-    }
-}
-
-#[inline(always)]
-fn prefetch<S: Simd>(simd: S, hierarchy: &Hierarchy, child: u32) {
-    if child & LEAF != 0 {
-        simd.prefetch_block(&hierarchy.blocks[(child & !LEAF) as usize]);
-    } else {
-        simd.prefetch_node(&hierarchy.nodes[child as usize]);
     }
 }
 
