@@ -56,8 +56,8 @@ impl Limits {
 ///
 /// A path meets at most 1000 surfaces, and light inside glass is brighter by at most 10⁴. So the
 /// expectation is below 10⁷ times the brightest light. A sample exceeds 10¹⁸ times its expectation
-/// with a probability of at most 10⁻¹⁸: of 10¹² honest samples, which are ten terabytes, one in a
-/// million times.
+/// with a probability of at most 10⁻¹⁸. Ten terabytes are 10¹² honest samples: with a probability of
+/// at most 10⁻⁶, one of these is refused.
 const IMPROBABLE: f64 = 1e25;
 
 /// The same for records of light: less, so that no honest sample that uses one is improbable.

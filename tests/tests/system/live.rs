@@ -289,10 +289,11 @@ fn saw(ray: &LiveRay) -> LiveHit {
     LiveHit { radiance: [ray.number as f32, 0.5, 0.0], distance: 1.0 + ray.number as f32 }
 }
 
+/// Rays from places that are farther from the box than what they are said to see.
 fn rays(numbers: std::ops::Range<u64>) -> Vec<LiveRay> {
     numbers
         .map(|number| LiveRay {
-            origin: [number as f64, 2.0, 3.0],
+            origin: [-2.0 * number as f64, 2.0, 3.0],
             direction: [0.0, 0.6, 0.8],
             number,
         })
