@@ -16,8 +16,8 @@
 //!
 //! Vertices are not stored: blocks are filled from the scene. So no bytes can move a triangle.
 //!
-//! Always true: a hierarchy that is read belongs to the scene, each node and block is reached at
-//! most once, and a traversal needs no more stack than there is.
+//! Always true: a hierarchy that is read belongs to the scene. Each of its nodes is reached at most
+//! once. A traversal needs no more stack than there is.
 
 use std::fmt;
 use std::io::{self, Read, Write};
