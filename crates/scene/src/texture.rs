@@ -297,7 +297,7 @@ mod tests {
         let mut bytes = Vec::new();
         let raw = texels.concat();
         let image = image::RgbaImage::from_raw(width, height, raw).unwrap();
-        image.write_to(&mut Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
+        image.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png).unwrap();
         Texture::decode(bytes.into(), wrap, linear, false).unwrap()
     }
 
