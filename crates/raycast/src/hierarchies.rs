@@ -29,8 +29,8 @@ impl Hierarchies {
     }
 
     /// Prepares a scene for casting rays. Takes the hierarchy that was kept, or builds it and keeps
-    /// it if the scene is large. If a hierarchy was kept but cannot be used, the second value is the
-    /// reason, for people.
+    /// it if the scene is large. If a hierarchy was kept but cannot be used, the second value is
+    /// the reason, for people.
     ///
     /// # Errors
     /// As [`Raycaster::build`]. A hierarchy that cannot be read or written is no error.

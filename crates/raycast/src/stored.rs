@@ -16,8 +16,8 @@
 //!
 //! Vertices are not stored: blocks are filled from the scene. So no bytes can move a triangle.
 //!
-//! Always true: a hierarchy that is read belongs to the scene, each node and block is reached at
-//! most once, and a traversal needs no more stack than there is.
+//! Always true: a hierarchy that is read belongs to the scene. Each of its nodes is reached at most
+//! once. A traversal needs no more stack than there is.
 
 use std::fmt;
 use std::io::{self, Read, Write};
@@ -112,8 +112,8 @@ pub(crate) struct Stored {
     stack_need: usize,
 }
 
-/// Reads a hierarchy of a scene with so many triangles, whose geometry has this hash. `bytes` is the
-/// length of the input.
+/// Reads a hierarchy of a scene with so many triangles, whose geometry has this hash. `bytes` is
+/// the length of the input.
 pub(crate) fn read(
     input: &mut dyn Read,
     bytes: u64,

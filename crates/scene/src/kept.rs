@@ -49,8 +49,8 @@ impl KeptFiles {
         Some((file, bytes))
     }
 
-    /// Keeps what `write` writes as the file of a hash. If the disk is full or read-only, nothing is
-    /// kept.
+    /// Keeps what `write` writes as the file of a hash. If the disk is full or read-only, nothing
+    /// is kept.
     pub fn put(&self, hash: &[u8; 32], write: impl FnOnce(&mut dyn Write) -> io::Result<()>) {
         if let Some(path) = self.path(hash) {
             let _ = self.replace(&path, write);

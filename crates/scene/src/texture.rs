@@ -297,7 +297,7 @@ mod tests {
         let mut bytes = Vec::new();
         let raw = texels.concat();
         let image = image::RgbaImage::from_raw(width, height, raw).unwrap();
-        image.write_to(&mut Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
+        image.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png).unwrap();
         Texture::decode(bytes.into(), wrap, linear, false).unwrap()
     }
 
@@ -361,7 +361,7 @@ mod tests {
         // The header of a PNG of 65,535 by 65,535 pixels.
         let mut png = Vec::new();
         let image = image::GrayImage::new(1, 1);
-        image.write_to(&mut Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
+        image.write_to(&mut Cursor::new(&mut png), ImageFormat::Png).unwrap();
         png[16..24].copy_from_slice(&[0, 0, 255, 255, 0, 0, 255, 255]);
         let crc = crc32(&png[12..29]);
         png[29..33].copy_from_slice(&crc.to_be_bytes());

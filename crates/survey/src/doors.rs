@@ -126,8 +126,8 @@ impl Free {
         found.into_iter().map(way).collect()
     }
 
-    /// Covers a way by free boxes that overlap by a place: the ends of a way lie in rooms. `None` if
-    /// it is too narrow, or takes too many boxes.
+    /// Covers a way by free boxes that overlap by a place: the ends of a way lie in rooms. `None`
+    /// if it is too narrow, or takes too many boxes.
     fn boxes(&self, way: &[[usize; 2]], covered: &[Rectangle], eye: f64) -> Option<Vec<Rectangle>> {
         let mut boxes: Vec<Rectangle> = Vec::new();
         let is_covered = |at: &[usize; 2]| covered.iter().any(|rectangle| rectangle.contains(*at));

@@ -201,8 +201,8 @@ fn rooms(grid: &Grid, raycaster: &Raycaster, levels: &[Level], eye: f64) -> Vec<
     made.collect()
 }
 
-/// Takes the largest rectangles out of the masks of levels, in rows of `width`, and adds those whose
-/// shorter and longer side have at least so many cells.
+/// Takes the largest rectangles out of the masks of levels, in rows of `width`, and adds those
+/// whose shorter and longer side have at least so many cells.
 fn take_largest(
     masks: &mut [Vec<bool>],
     width: usize,
