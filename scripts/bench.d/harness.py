@@ -6,6 +6,7 @@ Always true: a file or session is made once per run, by the first measurement th
 from __future__ import annotations
 
 import shutil
+import zlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +17,8 @@ from scenes import Case, Reference, Scenes
 # Seconds between the request of a view and its picture.
 PICTURES_AT = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 QUICK_PICTURES_AT = (0.1, 0.5, 2.0)
+# Paths a pixel of a reference of our own.
+REFERENCE_PATHS = 2048
 # Paths of a whole converged picture.
 TRUTH_PATHS = 32_768 * 80 * 60
 
@@ -70,14 +73,30 @@ class Bench:
         return path, run([*command, *options, "--json", "--quiet", "-o", path]).json()
 
     def reference(self, case: Case) -> Reference:
-        """Returns the independent reference, or a long render of this program."""
+        """Returns the independent reference, or a long render of this program, which is kept until
+        the scene changes.
+        """
         if case.reference:
             return case.reference
         if case.name not in self._references:
-            error = self.work / f"{case.name}-reference-se.pfm"
-            picture, _ = self.render(case, "reference", "--spp", str(self.paths(2048)), "--seed", "1", "--se", error)
+            kept = self._kept(case, f"{case.name}-{case.size}-reference-{self.paths(REFERENCE_PATHS)}")
+            picture, error = kept.with_suffix(".pfm"), kept.with_name(f"{kept.name}-se.pfm")
+            if not (picture.exists() and error.exists()):
+                made_error = self.work / error.name
+                made, _ = self.render(case, "reference", "--spp", str(self.paths(REFERENCE_PATHS)), "--seed", "1", "--se", made_error)
+                shutil.copyfile(made_error, error)
+                shutil.copyfile(made, picture)
             self._references[case.name] = Reference(picture, error)
         return self._references[case.name]
+
+    def _kept(self, case: Case, name: str) -> Path:
+        """Returns where a converged picture is kept until the scene changes, without its ending."""
+        scene = next(path for path in map(Path, case.scene) if path.suffix in (".obj", ".toml"))
+        parts = [scene.with_suffix(suffix) for suffix in (".obj", ".mtl")]
+        stamp = zlib.crc32(b"".join(part.read_bytes() for part in parts))
+        folder = self.root / "target/truths"
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder / f"{name}-{stamp:08x}"
 
     def truth(self, case: Case) -> Path:
         """Returns the picture of the independent reference.

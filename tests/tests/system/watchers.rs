@@ -87,7 +87,7 @@ fn a_slow_link_gets_fewer_frames_and_a_stalled_watcher_delays_nobody() {
     let place = Place::new();
     place.fill_small_with("a.holo", "200k", &["--bounces", "0"]);
     let view = ["--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "60"];
-    let words = ["replay", "{}/a.holo", "--no-open", "--driver", "voronoi"];
+    let words = ["replay", "{}/a.holo", "--no-open"];
     let mut session = place.start(&[&words[..], &view].concat());
     let at = session.wait_for_line("http://");
     let server: SocketAddr = at.trim_end_matches('/').parse().unwrap();
