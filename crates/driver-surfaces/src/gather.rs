@@ -394,9 +394,7 @@ impl Found {
         }
         found
     }
-}
 
-impl Found {
     /// Adds the cubes of a pixel that is wider than they are, or nearly so.
     fn add_footprint(&mut self, grid: Grid, eye: Vec3, seen: &Seen) {
         let along = (seen.point - eye).normalize_or_zero();

@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    net::SocketAddr,
     time::{Duration, Instant},
 };
 
@@ -18,7 +19,7 @@ use holo_scene::{Material, Scene};
 use holo_section::{BeamKey, SectionSpec, ViewClass};
 use tokio::{net::TcpListener, time::timeout};
 
-use super::Connected;
+use super::{Connected, Session};
 use crate::{DenoiseArg, DriverArg, DriverArgs, PointArgs, stage::tests::welcome};
 
 /// The limit of waits in real time. Only a hang reaches it.
@@ -73,23 +74,54 @@ async fn serve(listener: TcpListener) -> BTreeMap<u32, ViewRequest> {
     views
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn the_beams_that_end_on_what_is_seen_are_asked_for_by_use_and_then_only_the_view_s_own() {
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let address = listener.local_addr().unwrap();
-    let serving = tokio::spawn(serve(listener));
+/// Connects to this server, with the driver `surfaces`.
+async fn connect(address: SocketAddr) -> Connected {
     let driver = DriverArgs {
         driver: DriverArg::Surfaces,
         denoise: DenoiseArg::Off,
         ..DriverArgs::default()
     };
-    let connecting = Connected::new(address, driver, PointArgs::default(), Shutdown::new());
-    let connected = connecting.await.unwrap();
+    Connected::new(address, driver, PointArgs::default(), Shutdown::new()).await.unwrap()
+}
+
+/// A view along no axis.
+fn view() -> ViewSpec {
+    let mut spec = ViewSpec::default();
+    spec.apply_line("-vp 2.5 2.5 2.5 -vd 1 .2 .1 -vu 0 0 1 -vh 60").unwrap();
+    spec
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_view_is_glanced_at_until_it_is_drawn_and_then_seen_at_every_pixel() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let serving = tokio::spawn(serve(listener));
+    let connected = connect(address).await;
     let looking = tokio::task::spawn_blocking(move || {
         let mut session = connected.begin(|_| {}).unwrap().unwrap();
-        let mut spec = ViewSpec::default();
-        spec.apply_line("-vp 2.5 2.5 2.5 -vd 1 .2 .1 -vu 0 0 1 -vh 60").unwrap();
-        session.show(&spec, (96, 72)).unwrap();
+        session.show(&view(), (96, 72)).unwrap();
+        // No two pixels beside each other see points at the same distance.
+        let differing = |session: &mut Session| {
+            let depth = session.draw().0.depth;
+            depth.windows(2).filter(|pair| pair[0] != pair[1]).count()
+        };
+        assert!((1..=96 * 72 / 2).contains(&differing(&mut session)));
+        session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
+        assert!(differing(&mut session) > 96 * 72 * 9 / 10);
+    });
+    timeout(LIMIT, looking).await.unwrap().unwrap();
+    timeout(LIMIT, serving).await.unwrap().unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_beams_that_end_on_what_is_seen_are_asked_for_by_use_and_then_only_the_view_s_own() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let serving = tokio::spawn(serve(listener));
+    let connected = connect(address).await;
+    let looking = tokio::task::spawn_blocking(move || {
+        let mut session = connected.begin(|_| {}).unwrap().unwrap();
+        session.show(&view(), (96, 72)).unwrap();
         assert!(!session.has_stored());
         let end = Instant::now() + LIMIT;
         while !session.has_stored() && Instant::now() < end {
