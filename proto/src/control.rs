@@ -28,6 +28,9 @@ pub const MAX_VIEW_NAME: usize = 60;
 /// Most bytes of a view's options.
 pub const MAX_VIEW_OPTIONS: usize = 512;
 
+/// Most samples that a display asks for in one part: what comes before the samples of a new view.
+pub const MAX_PART: u32 = 1 << 18;
+
 /// The way in which workers compute a ray's radiance and distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -213,6 +216,23 @@ pub enum Control {
     ReportWanted,
     /// Server to administrator: how it fares.
     Report(Box<Report>),
+    /// Display: send stored samples that no view asked for. A display loads a whole file in such
+    /// parts.
+    PartWanted {
+        /// The section whose beams are sent.
+        section: u16,
+        /// The number of the first beam.
+        first: u64,
+        /// About how many samples to send, at most [`MAX_PART`].
+        samples: u32,
+    },
+    /// Server to display: all samples of the part that it asked for have been sent.
+    PartSent {
+        /// The section.
+        section: u16,
+        /// The number of the next beam; `None` after the section's last one.
+        next: Option<u64>,
+    },
 }
 
 type Wire = Configuration<LittleEndian, Fixint, Limit<{ MAX_CONTROL_BYTES as usize }>>;
@@ -264,6 +284,13 @@ impl Control {
             Control::KeepView { name, options } => {
                 (*name, *options) = (printable(name), printable(options));
                 check_view(name, options)?;
+            }
+            Control::PartWanted { samples, .. } if *samples > MAX_PART => {
+                return Err(ProtoError::TooMany {
+                    what: "samples in a part",
+                    found: u64::from(*samples),
+                    limit: u64::from(MAX_PART),
+                });
             }
             Control::Views(views) => {
                 if views.len() > MAX_VIEWS {

@@ -401,6 +401,12 @@ fn cases() -> Vec<(&'static str, Any)> {
         ),
         ("control-views", Any::Control(Control::Views(vec![("ab".into(), "-vtv".into())]))),
         ("control-refused", Any::Control(Control::Refused { reason: "no".into() })),
+        (
+            "control-part-wanted",
+            Any::Control(Control::PartWanted { section: 258, first: number, samples: 65536 }),
+        ),
+        ("control-part-sent", Any::Control(Control::PartSent { section: 258, next: Some(number) })),
+        ("control-part-last", Any::Control(Control::PartSent { section: 258, next: None })),
         ("work", work()),
         ("work-named", work_named()),
         ("work-empty", Any::Work(Work::default())),
@@ -503,11 +509,11 @@ fn every_kind_and_every_control_message_has_a_file() {
         .filter(|f| f[4] == 3)
         .map(|f| f[8])
         .collect();
-    assert_eq!(controls, (0..=18).collect());
+    assert_eq!(controls, (0..=20).collect());
     let mut next = vec![0; 64];
-    next[0] = 19;
+    next[0] = 21;
     let error = Control::decode(&next).unwrap_err().to_string();
-    assert!(error.contains("19"), "{error}");
+    assert!(error.contains("21"), "{error}");
 }
 
 #[test]

@@ -75,6 +75,12 @@ pub trait Driver: Send {
         false
     }
 
+    /// Returns how many samples the driver can keep at most, besides those of the view; 0 unless it
+    /// [`keeps_samples`](Self::keeps_samples). A front end loads a file with fewer samples whole.
+    fn room(&self) -> u64 {
+        0
+    }
+
     /// Returns `beams` with weights that consider the samples which the driver already has.
     ///
     /// The front end calls it before [`look`](Self::look), with the beams of the view to come. It

@@ -207,6 +207,10 @@ impl Driver for SurfacesDriver {
         true
     }
 
+    fn room(&self) -> u64 {
+        self.store.most_samples() as u64 / 4 * 3
+    }
+
     fn look(&mut self, look: &Look) -> Result<(), DriverError> {
         let size = look.resolution.computed(look.size);
         let raycaster = Arc::clone(&self.raycaster);

@@ -157,6 +157,11 @@ impl Store {
         self.samples
     }
 
+    /// Returns how many samples are kept at most.
+    pub(crate) fn most_samples(&self) -> usize {
+        self.most_samples
+    }
+
     /// Returns the mean light of all samples.
     pub(crate) fn mean(&self) -> Vec3 {
         let mut sums = Sums::default();

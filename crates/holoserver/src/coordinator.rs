@@ -272,6 +272,7 @@ impl Coordinator {
                 return mail.map_or(Ok(()), |mail| self.mail(id, mail));
             }
             Event::Recalled { id, view, result } => self.recalled(id, view, result),
+            Event::PartSent { id, section, result } => self.part_sent(id, section, result),
             Event::Flushed { id, view } => {
                 if let Some(display) = self.displays.get(&id) {
                     let _ = display.outbox.control(&Control::Settled { view });
@@ -341,6 +342,9 @@ impl Coordinator {
             Message::Control(Control::KeepView { name, options }) => {
                 self.keep_view(id, name, options);
                 Ok(())
+            }
+            Message::Control(Control::PartWanted { section, first, samples }) => {
+                self.part(id, section, first, samples)
             }
             Message::Control(Control::StandInsWanted) => self.outbox(id).map_or(Ok(()), |outbox| {
                 Ok(send_stand_ins(Arc::clone(&self.holodeck), outbox.clone())?)

@@ -31,6 +31,8 @@ pub enum Event {
     Mail { id: ConnectionId, mailbox: Arc<Mailbox> },
     /// All stored samples of a view are sent.
     Recalled { id: ConnectionId, view: u32, result: Result<(), String> },
+    /// A part of the file is sent: the number of the section's next beam.
+    PartSent { id: ConnectionId, section: u16, result: Result<Option<u64>, String> },
     /// For a display that settles: everything that was stored before is on disk.
     Flushed { id: ConnectionId, view: u32 },
     /// A view was kept for a display, or not: all views, or why not.

@@ -1,5 +1,5 @@
-//! Sending a view's stored samples to its display, as fast as the display takes them: those of
-//! beams with greater weight first.
+//! Sends stored samples to a display, as fast as it takes them: those of its view, of beams with
+//! greater weight first, and parts of the file that no view asked for.
 
 use std::{
     collections::BTreeMap,
@@ -21,7 +21,7 @@ use holo_proto::{
     bulk::{BlobChunk, MAX_RUN, Samples, Source, Unseen},
     frame::Kind,
 };
-use holo_section::{BeamKey, Run};
+use holo_section::{BeamId, BeamKey, Run};
 
 use crate::holodeck::Holodeck;
 
@@ -41,6 +41,9 @@ const BLOB_QUEUE_BYTES: usize = 2 * SCENE_CHUNK_BYTES;
 
 /// How long to wait before a full queue is looked at again.
 const PAUSE: Duration = Duration::from_millis(1);
+
+/// Most beams that are looked up for one part, whatever they hold: some 20 ms.
+const BEAMS_PER_PART: u64 = 1 << 18;
 
 /// Beams whose weights differ by a smaller factor are read together, in file order.
 const WEIGHT_CLASS: f32 = 4.0;
@@ -79,39 +82,16 @@ impl Recall {
     fn send_all(&self) -> Result<()> {
         self.holodeck.refresh().context("looking for what another process has added")?;
         self.send_unseen()?;
-        let mut message = self.empty();
-        // Displays weigh samples by their paths. Equal weights make better pictures, so the usual
-        // number is sent for all samples: docs/notes/weights.md.
-        let usual = self.holodeck.about.settings.paths_per_sample;
-        let mut sent = Ok(());
-        let mut sink = |_, beam: Arc<BeamSamples>| {
-            for (run, samples) in beam.iter() {
-                let mut first = run.first;
-                for part in samples.chunks(MAX_RUN as usize) {
-                    let count = part.len() as u32;
-                    let paths = run.paths.min(usual);
-                    message.runs.push(Run { first, count, paths, ..*run });
-                    message.samples.extend_from_slice(part);
-                    first += count;
-                    if message.samples.len() >= SAMPLES_PER_MESSAGE {
-                        sent = self.send(&std::mem::replace(&mut message, self.empty()));
-                    }
-                }
-            }
-            if sent.is_err() || !self.is_wanted() {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
-        };
+        let is_wanted = || self.is_wanted();
+        let mut sender =
+            Sender::new(&self.holodeck, &self.outbox, (self.view, Source::Stored), &is_wanted);
         for keys in by_weight(&self.keys) {
-            self.holodeck.file.read_many(&keys, &mut sink)?;
+            sender.send_beams(&keys)?;
             if !self.is_wanted() {
                 break;
             }
         }
-        sent?;
-        self.send(&message)
+        sender.finish()
     }
 
     /// Sends which of the view's beams see nothing. The coordinator sends those found later.
@@ -123,19 +103,125 @@ impl Recall {
         };
         Ok(send_unseen(&self.outbox, self.view, &beams)?)
     }
+}
 
-    fn empty(&self) -> Samples {
-        Samples { view: self.view, source: Source::Stored, runs: Vec::new(), samples: Vec::new() }
+/// A part of the file that no view asked for.
+pub struct Part {
+    pub holodeck: Arc<Holodeck>,
+    pub outbox: Outbox,
+    pub section: u16,
+    /// The number of its first beam.
+    pub first: u64,
+    /// About how many samples it has.
+    pub samples: u32,
+}
+
+impl Part {
+    /// Reads and sends on a thread of its own. At the end it calls `done` with the number of the
+    /// next beam, or with an error's text.
+    pub fn start(
+        self,
+        done: impl FnOnce(Result<Option<u64>, String>) + Send + 'static,
+    ) -> std::io::Result<()> {
+        thread::Builder::new().name("part".into()).spawn(move || {
+            done(self.send().map_err(|error| said_once(error.as_ref())));
+        })?;
+        Ok(())
     }
 
-    fn send(&self, message: &Samples) -> Result<()> {
-        if message.samples.is_empty() {
-            return Ok(());
+    /// Returns the number of the next beam.
+    fn send(&self) -> Result<Option<u64>> {
+        let beams = self.holodeck.sections[usize::from(self.section)].beam_count();
+        let end = beams.min(self.first.saturating_add(BEAMS_PER_PART));
+        let mut keys = Vec::new();
+        let mut samples = 0;
+        let mut next = self.first;
+        while next < end && samples < u64::from(self.samples) {
+            let key = BeamKey { section: self.section, beam: BeamId(next) };
+            let stored = self.holodeck.file.count(key);
+            if stored > 0 {
+                keys.push(key);
+                samples += stored;
+            }
+            next += 1;
         }
-        while self.outbox.queued_bytes() > QUEUE_BYTES && self.is_wanted() {
+        let is_wanted = || !self.outbox.is_closed();
+        let mut sender =
+            Sender::new(&self.holodeck, &self.outbox, (0, Source::Part), &is_wanted);
+        sender.send_beams(&keys)?;
+        sender.finish()?;
+        Ok((next < beams).then_some(next))
+    }
+}
+
+/// Sends samples of beams, many in one message.
+struct Sender<'a> {
+    holodeck: &'a Holodeck,
+    outbox: &'a Outbox,
+    message: Samples,
+    /// Whether the display still wants what is sent.
+    is_wanted: &'a dyn Fn() -> bool,
+}
+
+impl<'a> Sender<'a> {
+    fn new(
+        holodeck: &'a Holodeck,
+        outbox: &'a Outbox,
+        (view, source): (u32, Source),
+        is_wanted: &'a dyn Fn() -> bool,
+    ) -> Sender<'a> {
+        let message = Samples { view, source, runs: Vec::new(), samples: Vec::new() };
+        Sender { holodeck, outbox, message, is_wanted }
+    }
+
+    /// Sends all samples of some beams, those in memory first. The last ones wait for more.
+    fn send_beams(&mut self, keys: &[BeamKey]) -> Result<()> {
+        // Displays weigh samples by their paths. Equal weights make better pictures, so the usual
+        // number is sent for all samples: docs/notes/weights.md.
+        let usual = self.holodeck.about.settings.paths_per_sample;
+        let mut sent = Ok(());
+        self.holodeck.file.read_many(keys, &mut |_, beam| {
+            sent = self.add(&beam, usual);
+            if sent.is_err() || !(self.is_wanted)() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        })?;
+        sent
+    }
+
+    fn add(&mut self, beam: &BeamSamples, usual: u16) -> Result<()> {
+        for (run, samples) in beam.iter() {
+            let mut first = run.first;
+            for part in samples.chunks(MAX_RUN as usize) {
+                let count = part.len() as u32;
+                let paths = run.paths.min(usual);
+                self.message.runs.push(Run { first, count, paths, ..*run });
+                self.message.samples.extend_from_slice(part);
+                first += count;
+                if self.message.samples.len() >= SAMPLES_PER_MESSAGE {
+                    self.send()?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Sends what waits.
+    fn send(&mut self) -> Result<()> {
+        while self.outbox.queued_bytes() > QUEUE_BYTES && (self.is_wanted)() {
             thread::sleep(PAUSE);
         }
-        Ok(self.outbox.send(Kind::Samples, &message.encode())?)
+        self.outbox.send(Kind::Samples, &self.message.encode())?;
+        self.message.runs.clear();
+        self.message.samples.clear();
+        Ok(())
+    }
+
+    /// Sends the last message.
+    fn finish(mut self) -> Result<()> {
+        if self.message.samples.is_empty() { Ok(()) } else { self.send() }
     }
 }
 
@@ -204,8 +290,6 @@ fn send_blob(
 
 #[cfg(test)]
 mod tests {
-    use holo_section::BeamId;
-
     use super::*;
 
     #[test]

@@ -17,12 +17,14 @@ pub enum Source {
     Stored = 0,
     /// A worker, just now.
     Traced = 1,
+    /// The file, as a part that no view asked for.
+    Part = 2,
 }
 
 /// Server to display: samples for a view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Samples {
-    /// The view that they are for.
+    /// The view that they are for. For [`Source::Part`], any number.
     pub view: u32,
     /// Where they come from.
     pub source: Source,
@@ -83,6 +85,7 @@ impl Samples {
         let source = match head.second {
             0 => Source::Stored,
             1 => Source::Traced,
+            2 => Source::Part,
             _ => return Err(ProtoError::Number("the source of samples")),
         };
         let runs = raw.into_iter().map(parse_run).collect::<Result<Vec<_>, _>>()?;

@@ -82,7 +82,7 @@ pub fn samples() -> impl Strategy<Value = Samples> {
         Just(SampleKind::SingleRay)
     ];
     let run = (key(), kind, 0..u32::MAX - 50, 1..=u16::MAX, vec(sample(), 1..50));
-    let source = prop_oneof![Just(Source::Stored), Just(Source::Traced)];
+    let source = prop_oneof![Just(Source::Stored), Just(Source::Traced), Just(Source::Part)];
     (any::<u32>(), source, vec(run, 0..8)).prop_map(|(view, source, runs)| Samples {
         view,
         source,
@@ -280,5 +280,9 @@ pub fn control() -> impl Strategy<Value = Control> {
             .prop_map(|(name, options)| Control::KeepView { name, options }),
         vec((text(), text()), 0..4).prop_map(Control::Views),
         text().prop_map(|reason| Control::Refused { reason }),
+        (any::<u16>(), any::<u64>(), 0..=MAX_PART)
+            .prop_map(|(section, first, samples)| Control::PartWanted { section, first, samples }),
+        (any::<u16>(), any::<Option<u64>>())
+            .prop_map(|(section, next)| Control::PartSent { section, next }),
     ]
 }

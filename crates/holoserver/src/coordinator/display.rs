@@ -25,6 +25,8 @@ pub struct Display {
     pub newest: Arc<AtomicU32>,
     /// Whether stored samples of its view are still being sent.
     pub recalling: bool,
+    /// Whether a part of the file that no view asked for is still being sent.
+    pub is_sending_part: bool,
     /// If it settles: the last packet that was given out before. Later ones do not delay it,
     /// because a file that is filled at the same time always has some of the view's beams under
     /// way.
@@ -42,6 +44,7 @@ impl Display {
             live: LiveQueue::default(),
             newest: Arc::default(),
             recalling: false,
+            is_sending_part: false,
             settling: None,
         }
     }

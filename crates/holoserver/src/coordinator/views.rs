@@ -16,7 +16,7 @@ use super::Coordinator;
 use crate::{
     assignment::{Assignment, Purpose},
     events::{ConnectionId, Event},
-    recall::Recall,
+    recall::{Part, Recall},
     wishes::{Wishes, keep_heaviest, most_beams},
 };
 
@@ -96,6 +96,44 @@ impl Coordinator {
         }
         let _ = display.outbox.control(&Control::StoredSent { view });
         self.try_settle();
+    }
+
+    /// Sends a part of the file that no view asked for.
+    pub(super) fn part(
+        &mut self,
+        id: ConnectionId,
+        section: u16,
+        first: u64,
+        samples: u32,
+    ) -> Result<()> {
+        let is_known = usize::from(section) < self.holodeck.sections.len();
+        ensure!(is_known, "it asked for a section that does not exist");
+        let Some(display) = self.displays.get_mut(&id) else { return Ok(()) };
+        let is_early = std::mem::replace(&mut display.is_sending_part, true);
+        ensure!(!is_early, "it asked for a part of the file before it had the last one");
+        let (holodeck, outbox) = (Arc::clone(&self.holodeck), display.outbox.clone());
+        let events = self.events.clone();
+        Part { holodeck, outbox, section, first, samples }.start(move |result| {
+            // If the coordinator is gone, so is the process.
+            let _ = events.send(Event::PartSent { id, section, result });
+        })?;
+        Ok(())
+    }
+
+    /// Reports to a display that a part of the file is sent.
+    pub(super) fn part_sent(
+        &mut self,
+        id: ConnectionId,
+        section: u16,
+        result: Result<Option<u64>, String>,
+    ) {
+        let Some(display) = self.displays.get_mut(&id) else { return };
+        display.is_sending_part = false;
+        let next = result.unwrap_or_else(|error| {
+            self.progress.say(&format!("reading stored samples failed: {error}"));
+            None
+        });
+        let _ = display.outbox.control(&Control::PartSent { section, next });
     }
 
     /// Stops tracing for a view; the display hears once nothing of it is under way.

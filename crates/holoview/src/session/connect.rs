@@ -16,7 +16,7 @@ use holo_proto::{
 use holo_section::Section;
 
 use super::{
-    Session,
+    Ahead, Session,
     incoming::{Incoming, Reader},
     pace::Pace,
     scene::SceneLoader,
@@ -202,6 +202,7 @@ impl Connected {
             }
         }
         let driver = self.choice.make(scene.as_deref());
+        let sections = self.choice.sections.len();
         Ok(Some(Session {
             driver,
             scene,
@@ -210,6 +211,8 @@ impl Connected {
             outbox: self.outbox,
             messages: self.messages,
             waker: self.waker,
+            ahead: Ahead::new(sections),
+            is_loading_to_settle: false,
             current: None,
             request_number: 0,
             pace: Pace::default(),

@@ -62,10 +62,12 @@ pub enum Asked {
 }
 
 impl CurrentView {
-    /// Hands samples of the view to the driver, except those that it has.
+    /// Hands samples to the driver, except those that it has.
     pub fn insert(&mut self, driver: &mut dyn Driver, message: &Samples) {
-        let seconds = self.since.elapsed().as_secs_f64();
-        self.counts.first_samples.get_or_insert(seconds);
+        if message.source != Source::Part {
+            let seconds = self.since.elapsed().as_secs_f64();
+            self.counts.first_samples.get_or_insert(seconds);
+        }
         for (run, samples) in message.iter() {
             for fresh in self.received.add(run) {
                 let count = fresh.len() as u64;
@@ -73,6 +75,7 @@ impl CurrentView {
                 match message.source {
                     Source::Traced => self.counts.traced += count,
                     Source::Stored => self.counts.stored += count,
+                    Source::Part => {}
                 }
             }
         }

@@ -49,7 +49,7 @@ const MOVING_EVERY: Duration = Duration::from_millis(150);
 
 /// How long somebody who walks has looked at a view when the session searches for beams that end on
 /// what is seen.
-const SEARCH_AFTER: Duration = Duration::from_millis(400);
+pub(super) const SEARCH_AFTER: Duration = Duration::from_millis(400);
 
 /// How long a view is only glanced at, unless it was drawn before. Every other column and row takes
 /// a quarter of the time: the first picture is there sooner, of more samples.
@@ -235,8 +235,10 @@ impl Session {
             self.ask_live()?;
         }
         let rays = if now >= rays { now + RAYS_EVERY } else { rays };
-        let due =
-            [Some(rests), closely, searches.then_some(search), nearest, asks_rays.then_some(rays)];
+        let ahead = if ending { None } else { self.ask_ahead(now)? };
+        let search = searches.then_some(search);
+        let rays = asks_rays.then_some(rays);
+        let due = [Some(rests), closely, search, nearest, rays, ahead];
         Ok(due.into_iter().flatten().filter(|at| *at > now).min())
     }
 
@@ -246,6 +248,9 @@ impl Session {
     /// When the samples have been sent, workers turn back to the view's own beams, unless the
     /// session ends.
     pub(super) fn ask_on(&mut self, ending: bool) -> Result<()> {
+        if self.has_whole_file() {
+            return self.has_all(ending);
+        }
         let Some(current) = &mut self.current else { return Ok(()) };
         let is_fresh = current.since.elapsed() < SEARCH_AFTER;
         if (self.is_moving || (self.is_walked && is_fresh)) && !ending {
@@ -291,6 +296,9 @@ impl Session {
         let is_of = |current: &&mut CurrentView| current.first_request == first_request;
         let Some(current) = self.current.as_mut().filter(is_of) else { return Ok(()) };
         current.is_searching = false;
+        if current.asked == Asked::All {
+            return Ok(());
+        }
         if self.is_moving && !ending {
             // They were found for what was seen then.
             current.asks_later = true;

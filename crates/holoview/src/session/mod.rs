@@ -9,6 +9,7 @@
 //! - A frame drawn at rest depends on what was sent for its view and on nothing earlier, unless the
 //!   driver keeps samples for the whole session.
 
+mod ahead;
 mod connect;
 mod control;
 mod current_view;
@@ -33,7 +34,10 @@ use glam::DVec3;
 use holo_display::{Driver, Frame, SurfaceAt};
 use holo_net::{Message, Outbox};
 use holo_picture::ViewSpec;
-use holo_proto::control::{Control, Status, Welcome};
+use holo_proto::{
+    bulk::Source,
+    control::{Control, Status, Welcome},
+};
 
 use crate::{
     drivers::{DriverChoice, LoadedScene, SceneUse},
@@ -41,9 +45,10 @@ use crate::{
 };
 pub use connect::{Connected, Waker};
 pub use current_view::Counts;
-use current_view::CurrentView;
+use current_view::{Asked, CurrentView};
 pub use default_view::default_view;
 pub use demand::Uncovered;
+use ahead::Ahead;
 use incoming::Incoming;
 use pace::Pace;
 use received::Received;
@@ -67,6 +72,10 @@ pub struct Session {
     /// Where searches send what they find.
     waker: Waker,
     current: Option<CurrentView>,
+    /// How far the file is loaded.
+    ahead: Ahead,
+    /// Whether the session settles, and loads the whole file for that.
+    is_loading_to_settle: bool,
     /// Number of the last request.
     request_number: u32,
     pace: Pace,
@@ -241,7 +250,14 @@ impl Session {
     /// If the server does not settle, or is lost.
     pub fn settle(&mut self) -> Result<()> {
         self.look_closely()?;
+        let loads = self.loads_whole_file() && !self.is_walked;
         let Some(current) = &mut self.current else { return Ok(()) };
+        if loads {
+            // Nothing else is to be asked for.
+            current.asked = Asked::All;
+            current.asks_later = false;
+            current.also.clear();
+        }
         let asks_on = std::mem::take(&mut current.asks_later);
         if asks_on || (self.welcome.tracing && !current.also.is_empty()) {
             // Samples of beams that the view does not cross may have been stored without being sent.
@@ -314,7 +330,10 @@ impl Session {
             |current: &CurrentView, number| (current.first_request..=newest).contains(&number);
         match message {
             Message::Samples(samples) => {
-                if let Some(current) = current.filter(|current| is_of(current, samples.view)) {
+                let counts = |current: &&mut CurrentView| {
+                    samples.source == Source::Part || is_of(current, samples.view)
+                };
+                if let Some(current) = current.filter(counts) {
                     current.insert(driver, &samples);
                 }
             }
@@ -338,7 +357,18 @@ impl Session {
     fn control(&mut self, message: Control, for_settled: bool) -> Result<Option<Waited>> {
         match message {
             Control::Settled { view } if for_settled && view == self.request_number => {
-                return Ok(Some(Waited::Settled));
+                if self.is_walked || !self.loads_whole_file() {
+                    return Ok(Some(Waited::Settled));
+                }
+                self.is_loading_to_settle = true;
+                self.load_again()?;
+            }
+            Control::PartSent { section, next } => {
+                if self.part_sent(section, next)? {
+                    self.is_loading_to_settle = false;
+                    self.driver.settle();
+                    return Ok(Some(Waited::Settled));
+                }
             }
             Control::Bye { reason } => bail!("the server ended the session: {reason}"),
             Control::Status(status) => self.status = Some(status),
@@ -366,6 +396,7 @@ impl Session {
     /// Makes the chosen driver anew, and has it show the current view.
     fn make_driver(&mut self) -> Result<()> {
         self.driver = self.choice.make(self.scene.as_deref());
+        self.ahead.restart();
         if let Some(current) = &mut self.current {
             current.received = Received::default();
         }

@@ -8,6 +8,7 @@ use rustc_hash::FxHashMap;
 #[derive(Default)]
 pub struct Received {
     beams: FxHashMap<BeamKey, OfBeam>,
+    samples: u64,
 }
 
 /// The received samples of a beam.
@@ -23,6 +24,11 @@ impl Received {
     pub fn held(&self, key: BeamKey) -> u16 {
         let count = self.beams.get(&key).map_or(0, |beam| beam.count);
         u16::try_from(count).unwrap_or(u16::MAX)
+    }
+
+    /// Returns how many samples have arrived.
+    pub fn samples(&self) -> u64 {
+        self.samples
     }
 
     /// Adds a run. Returns the parts of it that are new, as ranges of positions in the run.
@@ -50,7 +56,9 @@ impl Received {
             fresh.push((next - first) as usize..run.count as usize);
         }
         ranges.splice(at..upto, [merged]);
-        *count += fresh.iter().map(|part| part.len() as u64).sum::<u64>();
+        let new = fresh.iter().map(|part| part.len() as u64).sum::<u64>();
+        *count += new;
+        self.samples += new;
         fresh
     }
 }

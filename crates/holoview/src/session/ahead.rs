@@ -1,0 +1,177 @@
+//! Loading a whole file: stored samples that no view asked for come in parts, while the session has
+//! nothing else to do. Later views then find their light here.
+//!
+//! What always holds:
+//! - At most one part is under way. A new view waits for no more than that.
+//! - Nothing is loaded while the eye moves, or before the view has all that is stored for it.
+
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use glam::DVec3;
+use holo_proto::control::{Control, MAX_PART};
+use holo_section::Section;
+
+use super::{Session, current_view::Asked, demand::SEARCH_AFTER};
+
+/// Samples of a part: some 10 ms of two cores.
+const PART: u32 = 1 << 16;
+
+/// Share of the file's samples that are not here, from which on the file is loaded again: other
+/// displays and batch work store samples that nobody sends to this one.
+const MANY_MISSING: f64 = 0.1;
+
+/// The least time between two loads of the file.
+const LOAD_EVERY: Duration = Duration::from_secs(30);
+
+/// How far a file is loaded.
+pub struct Ahead {
+    /// By section: the number of the next beam. `None` once all are loaded.
+    next: Vec<Option<u64>>,
+    /// When the part that is under way was asked for.
+    asked: Option<Instant>,
+    /// Whether loading began anew since.
+    is_stale: bool,
+    /// When the next part may be asked for.
+    resumes: Instant,
+}
+
+impl Ahead {
+    /// Nothing is loaded of so many sections.
+    pub fn new(sections: usize) -> Ahead {
+        Ahead { next: vec![Some(0); sections], asked: None, is_stale: false, resumes: Instant::now() }
+    }
+
+    /// Begins anew.
+    pub fn restart(&mut self) {
+        self.is_stale = self.asked.is_some();
+        self.next.fill(Some(0));
+    }
+
+    /// Returns whether the whole file was loaded.
+    fn is_done(&self) -> bool {
+        self.next.iter().all(Option::is_none)
+    }
+
+    /// Returns the next part: a section and the number of a beam. Sections near the eye come first.
+    fn part(&self, sections: &[Section], eye: DVec3) -> Option<(usize, u64)> {
+        let parts = self.next.iter().enumerate().filter_map(|(at, next)| next.map(|n| (at, n)));
+        let away = |at: usize| {
+            let middle = sections[at].local_to_world(DVec3::splat(0.5));
+            if sections[at].contains(eye) { 0.0 } else { middle.distance(eye) }
+        };
+        parts.min_by(|(one, _), (other, _)| away(*one).total_cmp(&away(*other)))
+    }
+}
+
+impl Session {
+    /// Returns whether the driver has room for all samples of the file.
+    pub(super) fn loads_whole_file(&self) -> bool {
+        self.stored() <= self.driver.room()
+    }
+
+    /// Returns whether everything that is stored is here, but for a few samples of others.
+    pub(super) fn has_whole_file(&self) -> bool {
+        self.loads_whole_file() && self.ahead.is_done() && self.missing() <= MANY_MISSING
+    }
+
+    /// Returns the number of the file's samples, by what the server said last.
+    fn stored(&self) -> u64 {
+        self.status.as_ref().map_or(self.welcome.samples, |status| status.samples)
+    }
+
+    /// Returns the share of the file's samples that are not here.
+    fn missing(&self) -> f64 {
+        let here = self.current.as_ref().map_or(0, |current| current.received.samples());
+        1.0 - here as f64 / self.stored().max(1) as f64
+    }
+
+    /// Loads the whole file from its beginning: samples may have been stored without being sent.
+    pub(super) fn load_again(&mut self) -> Result<()> {
+        self.ahead.restart();
+        self.ask_for_part(MAX_PART)
+    }
+
+    /// Asks for a part of the file, if nothing else is to be done. Returns when one is due.
+    pub(super) fn ask_ahead(&mut self, now: Instant) -> Result<Option<Instant>> {
+        let Some(current) = self.current.as_ref() else { return Ok(None) };
+        let is_idle = current.asked == Asked::All && !self.is_moving && self.ahead.asked.is_none();
+        if !is_idle || !self.loads_whole_file() {
+            return Ok(None);
+        }
+        let due = self.ahead.resumes.max(current.since + SEARCH_AFTER);
+        if self.ahead.is_done() && self.missing() <= MANY_MISSING {
+            return Ok(None);
+        }
+        if now < due {
+            return Ok(Some(due));
+        }
+        if self.ahead.is_done() {
+            self.ahead.restart();
+        }
+        self.ask_for_part(PART)?;
+        Ok(None)
+    }
+
+    fn ask_for_part(&mut self, samples: u32) -> Result<()> {
+        let Some(current) = self.current.as_ref() else { return Ok(()) };
+        let eye = current.look.view.vp;
+        let part = self.ahead.part(&self.choice.sections, eye);
+        if let Some((section, first)) = part.filter(|_| self.ahead.asked.is_none()) {
+            self.ahead.asked = Some(Instant::now());
+            let section = u16::try_from(section)?;
+            self.outbox.control(&Control::PartWanted { section, first, samples })?;
+        }
+        Ok(())
+    }
+
+    /// Notes that a part has come. The next one waits for as long as this one took: tracing and
+    /// drawing get their share. A session that settles waits for nothing else. Returns whether that
+    /// has the whole file now.
+    pub(super) fn part_sent(&mut self, section: u16, next: Option<u64>) -> Result<bool> {
+        let now = Instant::now();
+        let is_stale = std::mem::take(&mut self.ahead.is_stale);
+        let of_section = self.ahead.next.get_mut(usize::from(section));
+        if let Some(of_section) = of_section.filter(|_| !is_stale) {
+            *of_section = next;
+        }
+        let took = self.ahead.asked.take().map_or(Duration::ZERO, |asked| now - asked);
+        let pause = if self.ahead.is_done() { LOAD_EVERY } else { took };
+        self.ahead.resumes = now + pause;
+        if self.is_loading_to_settle {
+            self.ask_for_part(MAX_PART)?;
+            return Ok(self.ahead.is_done());
+        }
+        Ok(false)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use holo_section::{SectionSpec, ViewClass};
+
+    use super::*;
+
+    fn section(x: f64) -> Section {
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let class = ViewClass::Interior;
+        let spec =
+            SectionSpec { origin: [x, 0.0, 0.0], axes, grid: [2; 3], class, obstructions: false };
+        Section::new(spec).unwrap()
+    }
+
+    #[test]
+    fn sections_near_the_eye_are_loaded_first_and_each_to_its_end() {
+        let sections = [section(0.0), section(2.0), section(8.0)];
+        let mut ahead = Ahead::new(3);
+        let eye = DVec3::new(2.9, 0.5, 0.5);
+        assert_eq!(ahead.part(&sections, eye), Some((1, 0)));
+        ahead.next[1] = Some(7);
+        assert_eq!(ahead.part(&sections, eye), Some((1, 7)));
+        ahead.next[1] = None;
+        assert_eq!(ahead.part(&sections, eye), Some((0, 0)));
+        assert_eq!(ahead.part(&sections, DVec3::new(9.0, 0.5, 0.5)), Some((2, 0)));
+        ahead.next = vec![None; 3];
+        assert!(ahead.is_done() && ahead.part(&sections, eye).is_none());
+    }
+}
