@@ -71,18 +71,18 @@ impl Gathered {
         let squares = Squares::new(|pixel| view.seen[pixel], view.size, step);
         let pixels = self.pixels();
         let sums = squares.sums(view.size, |pixel| Some((&view.seen[pixel], &pixels[pixel])));
-        let mut lights = squares.filter(&sums);
+        let mut lights = squares.filter(view, store, &sums);
         if let Some(denoiser) = denoiser {
             squares.denoise(&sums, &mut lights, denoiser);
         }
         known.learn(view, &squares, &lights);
-        let in_panes = self.layer_of_panes(view, step);
+        let in_panes = self.layer_of_panes(view, store, step);
         let further = Further { pieces: self.pieces(), in_panes };
         view.lit(store, &Layer { squares, lights }, &further)
     }
 
     /// Returns the light of what panes mirror. `None` without panes.
-    fn layer_of_panes(&self, view: &View, step: usize) -> Option<Layer> {
+    fn layer_of_panes(&self, view: &View, store: &Store, step: usize) -> Option<Layer> {
         if view.in_panes.is_empty() {
             return None;
         }
@@ -96,7 +96,7 @@ impl Gathered {
         };
         let seen = |pixel| of_pixel(pixel).map_or(Seen::NOTHING, |(seen, _)| *seen);
         let squares = Squares::new(seen, view.size, step);
-        let lights = squares.filter(&squares.sums(view.size, of_pixel));
+        let lights = squares.filter(view, store, &squares.sums(view.size, of_pixel));
         Some(Layer { squares, lights })
     }
 

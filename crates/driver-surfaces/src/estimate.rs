@@ -36,6 +36,12 @@ impl Estimate {
     pub const UNKNOWN: Estimate =
         Estimate { light: Vec3::ZERO, error: f32::INFINITY, variance: 0.0 };
 
+    /// Returns light of which no sample is known: its error is as large.
+    pub fn guessed(light: Vec3) -> Estimate {
+        let error = luminance(light.to_array());
+        Estimate { light, error, variance: error * error }
+    }
+
     /// Adds a share of another one.
     pub fn add(&mut self, share: f32, other: &Estimate) {
         self.light += share * other.light;

@@ -15,7 +15,9 @@ use crate::cell::{Sums, luminance};
 use crate::estimate::{Estimate, Lit};
 use crate::planes::{Geometry, Layout, Planes, Square, Weights};
 use crate::squares::Squares;
-use crate::view::Seen;
+use crate::store::Store;
+use crate::usual::Usual;
+use crate::view::{Seen, View};
 use glam::Vec3;
 use holo_denoise::Denoiser;
 use rayon::prelude::*;
@@ -25,6 +27,13 @@ const SCALES: usize = 6;
 
 /// The most that a sample brings, as a share of the light of its wide neighbourhood.
 const MOST_SHARE: f32 = 0.1;
+
+/// The weight of the picture's mean in the light around a sample, samples. Without it, a sample that
+/// is alone in its neighbourhood would have darkness around it, and count for nothing.
+const MEAN_AROUND: f32 = 4.0;
+
+/// The weight of light that is likely in the widest neighbourhood, samples.
+const LIKELY: f32 = 2.0;
 
 /// Relative standard errors at which a neighbourhood begins to count and at which it counts fully,
 /// for the first and for the second time.
@@ -50,7 +59,7 @@ impl Squares {
     }
 
     /// Returns the light of every square.
-    pub fn filter(&self, sums: &[Sums]) -> Vec<Estimate> {
+    pub fn filter(&self, view: &View, store: &Store, sums: &[Sums]) -> Vec<Estimate> {
         let layout = self.layout();
         let geometry = self.geometry(&layout);
         let weights: Vec<Weights> =
@@ -58,11 +67,18 @@ impl Squares {
         let raw = layout.planes(|at| Lit::new(&sums[at.number]).to_array());
         let usual = (0..self.wide())
             .fold(raw.clone(), |lit, scale| layout.widened(&lit, 1 << scale, &weights[scale]));
+        let likely = Usual::new((view, store), self, &layout, &raw);
+        let mean = luminance(likely.mean.to_array());
         let held = layout.planes(|at| {
-            hold_back(&raw.at(at).into(), &usual.at(at).into(), &sums[at.number]).to_array()
+            hold_back(&raw.at(at).into(), &usual.at(at).into(), &sums[at.number], mean).to_array()
         });
         let mut scales = scales(&layout, held, &weights);
-        let first = choose_all(&layout, &scales, &scales[self.wide()], NOISE[0], &[]);
+        let last = &scales[SCALES];
+        let likely = layout.planes(|at| {
+            let [.., count, _] = last.at(at);
+            likely.at(at, count).unwrap_or_default().to_array()
+        });
+        let first = choose_all(&layout, &scales, &scales[self.wide()], NOISE[0], &[], &likely);
         let bright =
             layout.planes(|at| [luminance(first[at.number].light.to_array()).max(1.0).ln()]);
         let by_light = |(scale, weights): (usize, &Weights)| {
@@ -72,7 +88,7 @@ impl Squares {
         let wide = scales.swap_remove(self.wide());
         let scales = self::scales(&layout, scales.swap_remove(0), &weights);
         let details = details(&layout, &scales, &weights, &wide);
-        let mut lights = choose_all(&layout, &scales, &wide, NOISE[1], &details);
+        let mut lights = choose_all(&layout, &scales, &wide, NOISE[1], &details, &likely);
         for (light, first) in lights.iter_mut().zip(&first) {
             light.error = light.error.hypot(KEPT * first.error);
         }
@@ -145,11 +161,12 @@ fn details(layout: &Layout, scales: &[Sum], weights: &[Weights], wide: &Sum) -> 
 }
 
 /// Returns the sums of a square with its brightest sample cut to a share of the light around. That
-/// sample itself does not raise its limit.
-fn hold_back(raw: &Lit, wide: &Lit, sums: &Sums) -> Lit {
+/// sample itself does not raise its limit, but `mean` does, the mean luminance of the picture.
+fn hold_back(raw: &Lit, wide: &Lit, sums: &Sums, mean: f32) -> Lit {
     let bright = sums.brightest();
-    let others = (wide.count - 1.0).max(1.0);
-    let around = (luminance(wide.light.to_array()) - bright).max(0.0) / others;
+    let others = (wide.count - 1.0).max(0.0) + MEAN_AROUND;
+    let light = (luminance(wide.light.to_array()) - bright).max(0.0) + MEAN_AROUND * mean;
+    let around = light / others;
     let most = around * (MOST_SHARE * others).max(2.0);
     if sums.count == 0 || bright <= most {
         return *raw;
@@ -205,13 +222,14 @@ fn choose_all(
     wide: &Sum,
     noise: [f32; 2],
     details: &[Planes<2>],
+    likely: &Planes<3>,
 ) -> Vec<Estimate> {
     let (width, height) = layout.size;
     let mut lights = vec![Estimate::UNKNOWN; width * height];
     lights.par_chunks_mut(width).enumerate().for_each(|(row, lights)| {
         for at in layout.squares(row) {
             lights[at.number - row * width] =
-                choose(scales, at, &wide.at(at).into(), noise, details);
+                choose(scales, at, &wide.at(at).into(), noise, details, likely);
         }
     });
     lights
@@ -225,16 +243,22 @@ fn choose(
     wide: &Lit,
     [high, low]: [f32; 2],
     details: &[Planes<2>],
+    likely: &Planes<3>,
 ) -> Estimate {
     let lit = |scale: &Sum| Lit::from(scale.at(at));
-    let Some(last) = scales.last().map(lit).filter(|lit| lit.count > 0.0) else {
-        return Estimate::UNKNOWN;
-    };
+    let last = scales.last().map(lit).unwrap_or_default();
+    let likely = Vec3::from_array(likely.at(at));
+    if last.count <= 0.0 {
+        return if likely == Vec3::ZERO { Estimate::UNKNOWN } else { Estimate::guessed(likely) };
+    }
     let wide = if wide.count > 0.0 { wide } else { &last };
     let bright = luminance(wide.mean().to_array());
     let variance = wide.variance_around();
-    let mut estimate =
-        Estimate { light: last.mean(), error: last.variance(variance).sqrt(), variance };
+    let mut light = last.mean();
+    if likely != Vec3::ZERO {
+        light += LIKELY / (last.count + LIKELY) * (likely - light);
+    }
+    let mut estimate = Estimate { light, error: last.variance(variance).sqrt(), variance };
     // The square of what is lost by not taking the narrowest scale.
     let mut blur = 0.0;
     for (number, scale) in scales[..scales.len() - 1].iter().enumerate().rev() {

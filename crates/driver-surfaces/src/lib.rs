@@ -36,6 +36,7 @@ mod squares;
 mod stand_ins;
 mod store;
 mod trail;
+mod usual;
 mod view;
 
 pub use cell::Sums;

@@ -42,6 +42,8 @@ pub(crate) struct Finish {
     pub emission: Rgb,
     pub emits: bool,
     pub emits_back: bool,
+    /// The GGX roughness of metal that is no mirror.
+    pub rough: Option<f32>,
 }
 
 /// The materials of a scene, and the unit of light.
@@ -75,6 +77,11 @@ impl Finish {
             emission: material.emission,
             emits: material.emits(),
             emits_back: material.two_sided_emission,
+            rough: match (kind, material.bsdf) {
+                (Kind::Glossy, Bsdf::Conductor { alpha, .. }) => Some(alpha),
+                (Kind::Glossy, Bsdf::Mirror { .. }) => Some(SMOOTH_METAL),
+                _ => None,
+            },
         }
     }
 

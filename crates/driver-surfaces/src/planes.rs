@@ -62,8 +62,8 @@ impl<const N: usize> Planes<N> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Square {
     pub number: usize,
-    column: usize,
-    row: usize,
+    pub column: usize,
+    pub row: usize,
 }
 
 /// Returns the planes of a row.

@@ -1,0 +1,160 @@
+//! Light that is likely on a square of which samples say little: the mean light of the picture
+//! around it or, on rough metal, the light of what it mirrors.
+//!
+//! Invariant: it is a function of the view, the squares' sums, and the store.
+
+use crate::cell::{Face, luminance};
+use crate::planes::{Layout, Planes, Square};
+use crate::squares::Squares;
+use crate::store::Store;
+use crate::trail::{AtPanes, Shown};
+use crate::view::{Seen, View};
+use glam::Vec3;
+use holo_display::split_mix;
+use holo_raycast::{Ray, spawn};
+
+/// The side of a tile of the picture, pixels.
+const TILE: usize = 32;
+
+/// Samples that need no likely light.
+const ENOUGH: f32 = 64.0;
+
+/// The weight of the whole picture's mean in a tile's, samples.
+const PICTURE: f32 = 4.0;
+
+/// Rays that rough metal mirrors, for one square.
+const RAYS: u64 = 8;
+
+/// The most light that such a ray brings, times the mean of the picture: a few rays must not show
+/// single small lamps.
+const MOST: f32 = 8.0;
+
+/// Mean light of a picture and of its tiles, fixed-point steps.
+pub(crate) struct Usual<'a> {
+    view: &'a View,
+    store: &'a Store,
+    squares: &'a Squares,
+    /// The number of tiles in a row and in a column.
+    size: (usize, usize),
+    /// The side of a tile, squares.
+    side: usize,
+    /// Light (3) and samples of each tile.
+    tiles: Vec<[f32; 4]>,
+    /// The mean light of all squares.
+    pub mean: Vec3,
+}
+
+impl<'a> Usual<'a> {
+    /// Takes the squares' sums: light (3), samples, and squares of luminance.
+    pub fn new(
+        (view, store): (&'a View, &'a Store),
+        squares: &'a Squares,
+        layout: &Layout,
+        sums: &Planes<5>,
+    ) -> Usual<'a> {
+        let side = (TILE / squares.step).max(1);
+        let size = (squares.size.0.div_ceil(side), squares.size.1.div_ceil(side));
+        let mut tiles = vec![[0.0; 4]; size.0 * size.1];
+        for at in (0..squares.size.1).flat_map(|row| layout.squares(row)) {
+            let tile = &mut tiles[at.row / side * size.0 + at.column / side];
+            tile.iter_mut().zip(sums.at(at)).for_each(|(sum, more)| *sum += more);
+        }
+        let mut all = [0.0_f64; 4];
+        for tile in &tiles {
+            all.iter_mut().zip(tile).for_each(|(sum, more)| *sum += f64::from(*more));
+        }
+        let mean = [0, 1, 2].map(|c| (all[c] / all[3].max(1.0)) as f32);
+        Usual { view, store, squares, size, side, tiles, mean: Vec3::from_array(mean) }
+    }
+
+    /// Returns the light that is likely on a square whose widest neighbourhood has this many
+    /// samples. `None` if they are enough, or if nothing is near.
+    pub fn at(&self, square: Square, samples: f32) -> Option<Vec3> {
+        let seen = &self.squares.seen[square.number];
+        if !seen.is_surface() || samples >= ENOUGH {
+            return None;
+        }
+        self.mirrored(seen).or_else(|| (samples > 0.0).then(|| self.around(square)))
+    }
+
+    /// Returns the mean light of the picture around a square, by the tiles around it.
+    fn around(&self, square: Square) -> Vec3 {
+        let at = |number: usize| (number as f32 + 0.5) / self.side as f32 - 0.5;
+        let (across, down) = (at(square.column), at(square.row));
+        let (left, top) = (across.floor(), down.floor());
+        let mut light = PICTURE * self.mean;
+        let mut samples = PICTURE;
+        for (row, v) in [(top, 1.0 - (down - top)), (top + 1.0, down - top)] {
+            for (column, u) in [(left, 1.0 - (across - left)), (left + 1.0, across - left)] {
+                // Conversions of floats saturate.
+                let row = (row as usize).min(self.size.1 - 1);
+                let column = (column as usize).min(self.size.0 - 1);
+                let [r, g, b, count] = self.tiles[row * self.size.0 + column];
+                light += u * v * Vec3::new(r, g, b);
+                samples += u * v * count;
+            }
+        }
+        light / samples
+    }
+
+    /// Returns the light that rough metal mirrors, by a few rays. `None` for other surfaces.
+    fn mirrored(&self, seen: &Seen) -> Option<Vec3> {
+        let alpha = self.view.follower().finish(seen.material).rough?;
+        let direction = self.view.way(seen).direction;
+        let random =
+            split_mix(u64::from(seen.point.x.to_bits()) << 32 | u64::from(seen.point.y.to_bits()));
+        let first = (random >> 40) as f32 / (1 << 24) as f32;
+        let (across, along) = seen.normal.any_orthonormal_pair();
+        let ray = |number: u64| {
+            // Normals of facets as GGX has them (Walter et al. 2007, §5.2).
+            let share = (number as f32 + 0.5) / RAYS as f32;
+            let turn = std::f32::consts::TAU * (first + 0.618_034 * number as f32);
+            let tangent = alpha * (share / (1.0 - share)).sqrt();
+            let facet =
+                (seen.normal + tangent * (turn.cos() * across + turn.sin() * along)).normalize();
+            let mirrored = direction - 2.0 * direction.dot(facet) * facet;
+            self.light_along(seen, mirrored)
+        };
+        let lights = (0..RAYS).filter_map(ray);
+        let (sum, count) =
+            lights.fold((Vec3::ZERO, 0.0), |(sum, count), light| (sum + light, count + 1.0));
+        (count > 0.0).then(|| sum / count)
+    }
+
+    /// Returns the light that comes from a direction, by means over the places where it begins.
+    fn light_along(&self, seen: &Seen, direction: Vec3) -> Option<Vec3> {
+        if direction.dot(seen.normal) <= 0.0 {
+            return None;
+        }
+        let view = self.view;
+        let follower = view.follower();
+        let origin = spawn(seen.point, Vec3::splat(1e-3 * seen.width), seen.normal, direction);
+        let ray = Ray::new(origin, direction);
+        let unit = view.unit();
+        let shown = match follower.raycaster.nearest(&ray) {
+            Some(hit) => follower.follow(ray, hit, AtPanes::PassAll),
+            None => Shown::Sky([1.0; 3]),
+        };
+        let light = match shown {
+            Shown::Surface(end) => {
+                let finish = follower.finish(end.material);
+                let share = Vec3::from_array(end.share);
+                if finish.shines(end.front) {
+                    share * Vec3::from_array(finish.emission) / unit
+                } else {
+                    let serves = |face: Face| face.serves(end.normal, end.material, end.direction);
+                    let sums = self.store.around(end.point, serves);
+                    let light = if sums.count > 0 { sums.mean() } else { self.mean };
+                    share * Vec3::from_array(finish.reflectance) * light
+                }
+            }
+            Shown::Sky(share) => {
+                Vec3::from_array(share) * Vec3::from_array(follower.materials.sky) / unit
+            }
+            Shown::Unknown => return None,
+        };
+        let most = MOST * luminance(self.mean.to_array());
+        let bright = luminance(light.to_array());
+        Some(if bright > most { light * (most / bright) } else { light })
+    }
+}
