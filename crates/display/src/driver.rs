@@ -125,8 +125,11 @@ pub trait Driver: Send {
         false
     }
 
-    /// Does work that the next frame would do. Called while nothing arrives.
-    fn prepare(&mut self) {}
+    /// Does a piece of work that the next frame would do, or by which it is better. Returns whether
+    /// more is left. Called while nothing arrives.
+    fn prepare(&mut self) -> bool {
+        false
+    }
 
     /// Returns the known distances from the eye, scene units, of points spread over the picture.
     fn depth(&mut self) -> Vec<f32>;

@@ -4,6 +4,7 @@
 //! set of samples inserted since the session began, in any order.
 
 use crate::draw::Drawn;
+use crate::edges::Looked;
 use crate::known::Known;
 use crate::place::Placed;
 use crate::{Gathered, Materials, Placer, RaySample, Seen, Store, View};
@@ -36,6 +37,9 @@ const BATCH: usize = 1 << 16;
 
 /// Samples that are worth placing while no more arrive.
 const LEAST_BATCH: usize = 1 << 12;
+
+/// Pixels on edges that are looked into at once: some 10 ms of two cores.
+const EDGE_PIXELS: usize = 1 << 12;
 
 /// Pixels between points whose beams are looked for. Beams are many pixels wide, and finding them
 /// must not hold up the first picture.
@@ -70,12 +74,28 @@ struct Shown {
     view: View,
     /// `None` until a frame needs it.
     gathered: Option<Gathered>,
-    /// Whether the next frame at rest is refined: it looks into pixels on edges, and is denoised.
-    /// A view's first one is not, so that it is there soon.
+    /// Whether further frames are refined: pixels on edges are looked into, and frames are denoised.
+    /// A view's first frame is not, so that it is there soon.
     is_refined: bool,
-    /// Whether a refined frame was drawn.
-    was_refined: bool,
+    edges: Edges,
+    /// How the last frame at rest was refined. `None` before the first one.
+    drawn: Option<Refined>,
     covered: Vec<bool>,
+}
+
+/// How far the view's pixels on edges were looked into.
+enum Edges {
+    /// What these pixels see, as many as there are.
+    Some(Vec<Looked>),
+    /// All were, and the view has them.
+    All,
+}
+
+/// How a frame is refined.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Refined {
+    is_denoised: bool,
+    has_edges: bool,
 }
 
 impl SurfacesDriver {
@@ -139,17 +159,12 @@ impl SurfacesDriver {
         }
         self.place_waiting();
         let shown = self.shown.as_mut()?;
-        let refines = shown.is_refined && resolution == Resolution::Full;
+        let refined = shown.refined(self.denoiser.is_some());
         shown.is_refined |= resolution != Resolution::Moving;
-        let store = &self.store;
-        if refines && !shown.was_refined {
-            shown.view.look_into_edges();
-            shown.gathered.iter_mut().for_each(|known| known.look_into_edges(&shown.view, store));
-        }
-        shown.was_refined |= refines;
-        let view = &shown.view;
+        shown.drawn = Some(refined);
+        let (view, store) = (&shown.view, &self.store);
         let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));
-        let mut denoiser = self.denoiser.as_mut().filter(|_| refines);
+        let mut denoiser = self.denoiser.as_mut().filter(|_| refined.is_denoised);
         let again = denoiser.as_deref_mut();
         let mut drawn = gathered.draw_and_learn(view, store, again, &mut self.known);
         let has_live = self.live.samples() > 0 && shown.covered.contains(&false);
@@ -174,6 +189,28 @@ impl SurfacesDriver {
 }
 
 impl Shown {
+    /// Returns how a frame would be refined now.
+    fn refined(&self, has_denoiser: bool) -> Refined {
+        let is_refined = self.is_refined && self.look.resolution == Resolution::Full;
+        Refined {
+            is_denoised: has_denoiser && is_refined,
+            has_edges: matches!(self.edges, Edges::All),
+        }
+    }
+
+    /// Looks into some pixels on edges. Returns whether more are left to be looked into.
+    fn look_into_edges(&mut self, store: &Store) -> bool {
+        let Edges::Some(looked) = &mut self.edges else { return false };
+        looked.extend(self.view.look_into_some(looked.len(), EDGE_PIXELS));
+        if looked.len() < self.view.on_edges().len() {
+            return true;
+        }
+        self.view.take_edges(std::mem::take(looked));
+        self.edges = Edges::All;
+        self.gathered.iter_mut().for_each(|known| known.look_into_edges(&self.view, store));
+        false
+    }
+
     /// Returns the distance that a surface was seen at, scene units.
     fn distance(&self, seen: &Seen) -> f32 {
         if !seen.is_surface() {
@@ -224,8 +261,15 @@ impl Driver for SurfacesDriver {
             view == look.view && resolution == Resolution::Half && shown.is_refined
         };
         let is_refined = self.shown.as_ref().is_some_and(glanced);
-        self.shown =
-            Some(Shown { look, view, gathered: None, is_refined, was_refined: false, covered });
+        self.shown = Some(Shown {
+            look,
+            view,
+            gathered: None,
+            is_refined,
+            edges: Edges::Some(Vec::new()),
+            drawn: None,
+            covered,
+        });
         Ok(())
     }
 
@@ -265,15 +309,19 @@ impl Driver for SurfacesDriver {
         }
     }
 
-    fn prepare(&mut self) {
+    fn prepare(&mut self) -> bool {
         if self.waiting.len() >= LEAST_BATCH {
             self.place_waiting();
         }
         let store = &self.store;
         let gathers = |shown: &&mut Shown| shown.look.resolution != Resolution::Moving;
-        if let Some(Shown { view, gathered, .. }) = self.shown.as_mut().filter(gathers) {
-            gathered.get_or_insert_with(|| Gathered::new(view, store));
+        let Some(shown) = self.shown.as_mut().filter(gathers) else { return false };
+        let refines = shown.is_refined && shown.look.resolution == Resolution::Full;
+        if shown.gathered.is_none() {
+            shown.gathered = Some(Gathered::new(&shown.view, store));
+            return refines;
         }
+        refines && shown.look_into_edges(store)
     }
 
     fn draw(&mut self, _stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
@@ -309,10 +357,10 @@ impl Driver for SurfacesDriver {
     }
 
     fn refines(&self) -> bool {
-        self.shown.as_ref().is_some_and(|shown| {
-            let is_full = shown.look.resolution == Resolution::Full;
-            is_full && shown.is_refined && !shown.was_refined
-        })
+        let refines = |shown: &Shown| {
+            shown.drawn.is_some_and(|drawn| drawn != shown.refined(self.denoiser.is_some()))
+        };
+        self.shown.as_ref().is_some_and(refines)
     }
 
     fn depth(&mut self) -> Vec<f32> {

@@ -55,7 +55,7 @@ struct Found {
 }
 
 /// All that a pixel on an edge sees.
-struct Looked {
+pub(crate) struct Looked {
     pixel: usize,
     found: Vec<Found>,
     points: usize,
@@ -66,10 +66,21 @@ struct Looked {
 }
 
 impl View {
-    /// Casts several rays through each pixel on an edge.
+    /// Casts several rays through each pixel on an edge, and takes what they see into the view.
     pub fn look_into_edges(&mut self) {
-        let pixels = self.on_edges().par_chunks(TOGETHER);
-        let looked: Vec<Looked> = pixels.flat_map_iter(|pixels| self.look_into(pixels)).collect();
+        let looked = self.look_into_some(0, usize::MAX);
+        self.take_edges(looked);
+    }
+
+    /// Casts several rays through some of the pixels on edges: from this one on, so many.
+    pub(crate) fn look_into_some(&self, first: usize, most: usize) -> Vec<Looked> {
+        let pixels = self.on_edges().get(first..).unwrap_or_default();
+        let pixels = pixels[..most.min(pixels.len())].par_chunks(TOGETHER);
+        pixels.flat_map_iter(|pixels| self.look_into(pixels)).collect()
+    }
+
+    /// Takes what rays through all pixels on edges see, in the order of the pixels.
+    pub(crate) fn take_edges(&mut self, looked: Vec<Looked>) {
         let known = self.in_panes.iter().enumerate().map(|(number, pane)| (pane.pixel, number));
         let known: FxHashMap<usize, usize> = known.collect();
         for looked in looked {

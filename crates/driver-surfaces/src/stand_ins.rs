@@ -111,8 +111,8 @@ impl Driver for StandInsDriver {
         self.driver.settle();
     }
 
-    fn prepare(&mut self) {
-        self.driver.prepare();
+    fn prepare(&mut self) -> bool {
+        self.driver.prepare()
     }
 
     fn draw(&mut self, stage_ended: &mut dyn FnMut(&'static str)) -> Frame {

@@ -61,6 +61,11 @@ fn draw(driver: &mut SurfacesDriver) -> Frame {
     driver.draw(&mut |_| {})
 }
 
+/// Does all that makes the next frame better.
+fn finish(driver: &mut SurfacesDriver) {
+    while driver.prepare() {}
+}
+
 const DOWN: &str = "-vp 0 0 1 -vd 0 0.1 -1 -vu 0 1 0 -vh 60";
 const WIDE: &str = "-vp 0 0 1 -vd 1 0.1 -0.2 -vu 0 0 1 -vh 60";
 const ASIDE: &str = "-vp 0.3 -0.2 1.2 -vd 0.2 0 -1 -vu 0 1 0 -vh 50";
@@ -134,6 +139,8 @@ fn the_second_picture_at_rest_is_the_refined_one() {
     driver.look(&look(WIDE, Resolution::Full)).unwrap();
     assert!(!driver.refines());
     let first = draw(&mut driver).picture.pixels;
+    assert!(!driver.refines(), "no edge was looked into yet");
+    finish(&mut driver);
     assert!(driver.refines());
     let second = draw(&mut driver).picture.pixels;
     assert!(!driver.refines() && first != second);
@@ -151,12 +158,14 @@ fn the_second_picture_at_rest_is_the_refined_one() {
     // Once all stored samples have come, the first picture is refined.
     driver.look(&look(WIDE, Resolution::Full)).unwrap();
     driver.settle();
+    finish(&mut driver);
     assert_eq!(draw(&mut driver).picture.pixels, second);
     // So is the first one after a glance of which there was a picture.
     driver.look(&look(WIDE, Resolution::Half)).unwrap();
     let glance = draw(&mut driver).picture.pixels;
     assert!(!driver.refines() && glance != second);
     driver.look(&look(WIDE, Resolution::Full)).unwrap();
+    finish(&mut driver);
     assert_eq!(draw(&mut driver).picture.pixels, second);
 }
 

@@ -146,8 +146,7 @@ impl Part {
             next += 1;
         }
         let is_wanted = || !self.outbox.is_closed();
-        let mut sender =
-            Sender::new(&self.holodeck, &self.outbox, (0, Source::Part), &is_wanted);
+        let mut sender = Sender::new(&self.holodeck, &self.outbox, (0, Source::Part), &is_wanted);
         sender.send_beams(&keys)?;
         sender.finish()?;
         Ok((next < beams).then_some(next))

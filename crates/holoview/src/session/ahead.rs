@@ -39,7 +39,12 @@ pub struct Ahead {
 impl Ahead {
     /// Nothing is loaded of so many sections.
     pub fn new(sections: usize) -> Ahead {
-        Ahead { next: vec![Some(0); sections], asked: None, is_stale: false, resumes: Instant::now() }
+        Ahead {
+            next: vec![Some(0); sections],
+            asked: None,
+            is_stale: false,
+            resumes: Instant::now(),
+        }
     }
 
     /// Begins anew.

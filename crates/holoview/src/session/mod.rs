@@ -43,12 +43,12 @@ use crate::{
     drivers::{DriverChoice, LoadedScene, SceneUse},
     report::StageTime,
 };
+use ahead::Ahead;
 pub use connect::{Connected, Waker};
 pub use current_view::Counts;
 use current_view::{Asked, CurrentView};
 pub use default_view::default_view;
 pub use demand::Uncovered;
-use ahead::Ahead;
 use incoming::Incoming;
 use pace::Pace;
 use received::Received;
@@ -227,6 +227,12 @@ impl Session {
         self.driver.refines()
     }
 
+    /// Has the driver do all by which the next frame is better, without further samples.
+    pub fn finish_view(&mut self) {
+        self.driver.settle();
+        while self.driver.prepare() {}
+    }
+
     /// Returns the surface under a pixel of the current view.
     pub fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
         self.driver.surface_at(column, row)
@@ -267,6 +273,7 @@ impl Session {
         if self.wait_for(Instant::now() + SETTLE_TIME, true)? == Waited::TimeUp {
             bail!("the server has not settled for {} seconds", SETTLE_TIME.as_secs());
         }
+        self.finish_view();
         Ok(())
     }
 
@@ -284,8 +291,10 @@ impl Session {
             let next = match self.messages.try_recv() {
                 Err(mpsc::TryRecvError::Empty) => {
                     // A search takes the same threads, and brings samples.
-                    if self.current.as_ref().is_some_and(|current| !current.is_searching) {
-                        self.driver.prepare();
+                    let is_searching =
+                        self.current.as_ref().is_some_and(|current| current.is_searching);
+                    if !is_searching && Instant::now() < until && self.driver.prepare() {
+                        continue;
                     }
                     self.messages.recv_timeout(until.saturating_duration_since(Instant::now()))
                 }

@@ -436,11 +436,8 @@ impl Painter {
                 // Whoever wakes the painter now waits until the picture is done.
                 self.session.wait(end.min(Instant::now() + NEWS))?;
             }
-            let mut frame = self.session.draw().0;
-            if self.session.refines() {
-                frame = self.session.draw().0;
-            }
-            reply.give(Arc::new(frame));
+            self.session.finish_view();
+            reply.give(Arc::new(self.session.draw().0));
         }
         self.looked = None;
         Ok(())
