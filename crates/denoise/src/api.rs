@@ -8,13 +8,17 @@ use std::{
 
 use libloading::Library;
 
-use crate::DenoiseError;
+use crate::{DenoiseError, Quality};
 
 /// `OIDN_DEVICE_TYPE_CPU`.
 const CPU: c_int = 1;
 
 /// `OIDN_FORMAT_FLOAT3`.
 const FLOAT3: c_int = 3;
+
+/// `OIDN_QUALITY_BALANCED` and `OIDN_QUALITY_HIGH`.
+const BALANCED: c_int = 5;
+const HIGH: c_int = 6;
 
 type Object = *mut c_void;
 type Name = *const c_char;
@@ -31,6 +35,7 @@ pub struct Api {
     set_image:
         unsafe extern "C" fn(Object, Name, *mut c_void, c_int, usize, usize, usize, usize, usize),
     set_filter_bool: unsafe extern "C" fn(Object, Name, bool),
+    set_filter_int: unsafe extern "C" fn(Object, Name, c_int),
     commit_filter: unsafe extern "C" fn(Object),
     execute_filter: unsafe extern "C" fn(Object),
     release_filter: unsafe extern "C" fn(Object),
@@ -60,6 +65,7 @@ impl Api {
                 new_filter: *library.get(b"oidnNewFilter\0").map_err(failed)?,
                 set_image: *library.get(b"oidnSetSharedFilterImage\0").map_err(failed)?,
                 set_filter_bool: *library.get(b"oidnSetFilterBool\0").map_err(failed)?,
+                set_filter_int: *library.get(b"oidnSetFilterInt\0").map_err(failed)?,
                 commit_filter: *library.get(b"oidnCommitFilter\0").map_err(failed)?,
                 execute_filter: *library.get(b"oidnExecuteFilter\0").map_err(failed)?,
                 release_filter: *library.get(b"oidnReleaseFilter\0").map_err(failed)?,
@@ -140,17 +146,22 @@ impl Drop for Device {
 pub struct Filter {
     device: Arc<Device>,
     object: Object,
+    quality: c_int,
 }
 
 // SAFETY: as for the device.
 unsafe impl Send for Filter {}
 
 impl Filter {
-    pub fn new(device: Device) -> Result<Filter, DenoiseError> {
+    pub fn new(device: Device, quality: Quality) -> Result<Filter, DenoiseError> {
         let device = Arc::new(device);
         // SAFETY: the device is committed, and the name is one of the library's.
         let object = unsafe { (device.api.new_filter)(device.object, c"RT".as_ptr()) };
-        let filter = Filter { device, object };
+        let quality = match quality {
+            Quality::Balanced => BALANCED,
+            Quality::High => HIGH,
+        };
+        let filter = Filter { device, object, quality };
         if object.is_null() {
             return Err(filter.device.error("no filter"));
         }
@@ -185,6 +196,7 @@ impl Filter {
         unsafe {
             (api.set_filter_bool)(self.object, c"hdr".as_ptr(), true);
             (api.set_filter_bool)(self.object, c"cleanAux".as_ptr(), true);
+            (api.set_filter_int)(self.object, c"quality".as_ptr(), self.quality);
             (api.commit_filter)(self.object);
             (api.execute_filter)(self.object);
         }

@@ -54,6 +54,15 @@ pub enum DenoiseError {
     },
 }
 
+/// How much work the library does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quality {
+    /// For pictures that somebody waits for. It takes 0.43 of the time, and loses 0.1 to 0.2 dB.
+    Balanced,
+    /// For pictures that are made once.
+    High,
+}
+
 /// The denoiser.
 pub struct Denoiser {
     filter: Filter,
@@ -67,12 +76,12 @@ impl Denoiser {
     ///
     /// # Errors
     /// If it is not there, is not version 2, or cannot use this processor.
-    pub fn load(path: Option<&Path>) -> Result<Denoiser, DenoiseError> {
+    pub fn load(path: Option<&Path>, quality: Quality) -> Result<Denoiser, DenoiseError> {
         let api = match path {
             Some(path) => Api::load(path)?,
             None => Api::load(Path::new(NAME))?,
         };
-        let filter = Filter::new(Device::new(api)?)?;
+        let filter = Filter::new(Device::new(api)?, quality)?;
         Ok(Denoiser { filter, grey: Vec::new(), output: Vec::new() })
     }
 

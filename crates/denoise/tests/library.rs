@@ -4,13 +4,14 @@
 
 use std::path::Path;
 
-use holo_denoise::{DenoiseError, Denoiser};
+use holo_denoise::{DenoiseError, Denoiser, Quality};
 
 const SIZE: (usize, usize) = (64, 48);
 
 #[test]
 fn a_library_that_is_not_there_is_named() {
-    let error = Denoiser::load(Some(Path::new("/nowhere/liboidn.so"))).err().unwrap();
+    let error =
+        Denoiser::load(Some(Path::new("/nowhere/liboidn.so")), Quality::High).err().unwrap();
     assert!(matches!(error, DenoiseError::Load { .. }));
     assert!(error.to_string().contains("/nowhere/liboidn.so"), "{error}");
 }
@@ -18,7 +19,8 @@ fn a_library_that_is_not_there_is_named() {
 #[test]
 fn another_library_is_refused() {
     let libraries = ["libc.so.6", "libSystem.dylib", "kernel32.dll"];
-    let errors = libraries.map(|name| Denoiser::load(Some(Path::new(name))).err().unwrap());
+    let errors =
+        libraries.map(|name| Denoiser::load(Some(Path::new(name)), Quality::High).err().unwrap());
     assert!(errors.iter().all(|error| matches!(error, DenoiseError::Load { .. })));
 }
 
@@ -35,7 +37,7 @@ fn noisy() -> Vec<[f32; 3]> {
 #[test]
 fn where_the_library_is_installed_noise_goes_and_edges_stay() {
     let path = std::env::var_os("HOLODECK_TEST_OIDN");
-    let Ok(mut denoiser) = Denoiser::load(path.as_deref().map(Path::new)) else {
+    let Ok(mut denoiser) = Denoiser::load(path.as_deref().map(Path::new), Quality::High) else {
         println!("skipped: Open Image Denoise is not installed");
         return;
     };

@@ -9,7 +9,7 @@
 mod stored;
 
 use holo_beamfile::BeamSamples;
-use holo_denoise::Denoiser;
+use holo_denoise::{Denoiser, Quality};
 use holo_driver_surfaces::{Gathered, Materials, Placer, RaySample, Store, View};
 use holo_picture::{Picture, View as Eye};
 use holo_section::BeamKey;
@@ -64,7 +64,8 @@ fn main() {
     let tracer = Tracer::with_raycaster(raycaster.clone(), Settings::default()).unwrap();
     let mut traced = 0;
     let library = std::env::var_os("OIDN");
-    let mut denoiser = library.map(|path| Denoiser::load(Some(path.as_ref())).unwrap());
+    let mut denoiser =
+        library.map(|path| Denoiser::load(Some(path.as_ref()), Quality::Balanced).unwrap());
     for count in counts {
         let rays = live(&tracer, &eye, traced..count.parse().unwrap());
         traced += rays.len() as u64;

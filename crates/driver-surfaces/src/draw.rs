@@ -71,7 +71,7 @@ impl Gathered {
         let squares = Squares::new(|pixel| view.seen[pixel], view.size, step);
         let pixels = self.pixels();
         let sums = squares.sums(view.size, |pixel| Some((&view.seen[pixel], &pixels[pixel])));
-        let mut lights = squares.filter(view, store, &sums);
+        let mut lights = squares.filter(view, store, &sums, denoiser.is_some());
         if let Some(denoiser) = denoiser {
             squares.denoise(&sums, &mut lights, denoiser);
         }
@@ -96,7 +96,7 @@ impl Gathered {
         };
         let seen = |pixel| of_pixel(pixel).map_or(Seen::NOTHING, |(seen, _)| *seen);
         let squares = Squares::new(seen, view.size, step);
-        let lights = squares.filter(view, store, &squares.sums(view.size, of_pixel));
+        let lights = squares.filter(view, store, &squares.sums(view.size, of_pixel), false);
         Some(Layer { squares, lights })
     }
 

@@ -58,8 +58,9 @@ impl Squares {
         if self.step == 4 { 4 } else { 5 }
     }
 
-    /// Returns the light of every square.
-    pub fn filter(&self, view: &View, store: &Store, sums: &[Sums]) -> Vec<Estimate> {
+    /// Returns the light of every square. If only `once`, for a denoiser that replaces the light
+    /// where samples are, the second time is left out.
+    pub fn filter(&self, view: &View, store: &Store, sums: &[Sums], once: bool) -> Vec<Estimate> {
         let layout = self.layout();
         let geometry = self.geometry(&layout);
         let weights: Vec<Weights> =
@@ -79,6 +80,9 @@ impl Squares {
             likely.at(at, count).unwrap_or_default().to_array()
         });
         let first = choose_all(&layout, &scales, &scales[self.wide()], NOISE[0], &[], &likely);
+        if once {
+            return first;
+        }
         let bright =
             layout.planes(|at| [luminance(first[at.number].light.to_array()).max(1.0).ln()]);
         let by_light = |(scale, weights): (usize, &Weights)| {

@@ -13,7 +13,7 @@ use holo_progress::Meter;
 use holo_proto::control::Engine;
 use holo_raycast::Raycaster;
 use holo_tracer::{Settings, Tracer};
-use holo_view::{DenoiseArg, Denoiser, LookArgs, ViewArgs, denoise};
+use holo_view::{DenoiseArg, Denoiser, LookArgs, Quality, ViewArgs, denoise};
 
 use crate::{
     arguments::picture_path,
@@ -85,7 +85,7 @@ pub async fn run(args: Args) -> Result<()> {
     };
     args.look.check(&output).map_err(Usage)?;
     // Before anything is traced, which may take hours.
-    let denoiser = args.denoise.load()?;
+    let denoiser = args.denoise.load(Quality::High)?;
     let (mut opened, view, size) = open_view(&args, &config)?;
     let settings = settings(&config, Engine::Path);
     let raycaster = opened.raycaster()?;

@@ -4,6 +4,7 @@
 
 use std::sync::Arc;
 
+use holo_denoise::Quality;
 use holo_display::Driver;
 use holo_driver_quadtree::{Filling, QuadtreeDriver};
 use holo_driver_rendercache::{FramelessDriver, RenderCacheDriver};
@@ -77,7 +78,7 @@ impl DriverChoice {
     fn surfaces(&self, scene: &LoadedScene) -> Box<dyn Driver> {
         let (sections, raycaster) = (Arc::clone(&self.sections), Arc::clone(&scene.raycaster));
         // A library that was named has been loaded once before.
-        let denoiser = self.args.denoise.load().unwrap_or_default();
+        let denoiser = self.args.denoise.load(Quality::Balanced).unwrap_or_default();
         if scene.stand_ins.0.is_empty() {
             return Box::new(SurfacesDriver::new(sections, raycaster, denoiser));
         }

@@ -39,7 +39,7 @@ pub use args::{
 pub use browser::{BrowserArgs, run as run_in_browser};
 pub use crew::{Crew, CrewOrder, crew};
 pub use denoised::denoise;
-pub use holo_denoise::Denoiser;
+pub use holo_denoise::{Denoiser, Quality};
 pub use report::{PictureReport, StageTime};
 pub use script::{Command, Script, Step, parse_seconds};
 pub use session::default_view;

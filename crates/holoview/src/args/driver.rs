@@ -3,7 +3,7 @@
 use std::{ffi::OsString, path::PathBuf};
 
 use clap::{Args, ValueEnum};
-use holo_denoise::{DenoiseError, Denoiser};
+use holo_denoise::{DenoiseError, Denoiser, Quality};
 
 /// What turns samples into a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -86,11 +86,11 @@ impl DenoiseArg {
     ///
     /// # Errors
     /// If a library was named, and cannot be loaded.
-    pub fn load(&self) -> Result<Option<Denoiser>, DenoiseError> {
+    pub fn load(&self, quality: Quality) -> Result<Option<Denoiser>, DenoiseError> {
         match self {
-            Self::Auto => Ok(Denoiser::load(None).ok()),
+            Self::Auto => Ok(Denoiser::load(None, quality).ok()),
             Self::Off => Ok(None),
-            Self::Library(path) => Denoiser::load(Some(path)).map(Some),
+            Self::Library(path) => Denoiser::load(Some(path), quality).map(Some),
         }
     }
 }
@@ -105,7 +105,7 @@ impl DriverArgs {
             if !matches!(self.driver, DriverArg::Surfaces | DriverArg::Auto) {
                 return Err("--denoise is for --driver surfaces".to_owned());
             }
-            self.denoise.load().map_err(|error| error.to_string())?;
+            self.denoise.load(Quality::Balanced).map_err(|error| error.to_string())?;
         }
         match (self.driver, self.cells) {
             (DriverArg::Auto, _) | (_, None) => Ok(()),
