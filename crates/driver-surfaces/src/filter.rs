@@ -39,6 +39,10 @@ const LIKELY: f32 = 2.0;
 /// for the first and for the second time.
 const NOISE: [[f32; 2]; 2] = [[0.25, 0.08], [0.1, 0.03]];
 
+/// The binary logarithm of the ratio of distances from edges at which two squares no longer count for
+/// each other: shadows lie along edges.
+const ALONG: f32 = 2.0;
+
 /// The natural logarithm of the ratio of light at which two squares no longer count for each other.
 /// Used the second time.
 const DIFFERENT: f32 = 0.5;
@@ -65,6 +69,8 @@ impl Squares {
         let geometry = self.geometry(&layout);
         let weights: Vec<Weights> =
             (0..SCALES).map(|scale| layout.weights(&geometry, self.step, 1 << scale)).collect();
+        let from_edges = layout.from_edges(&weights[0]);
+        let weights = layout.all_weights_by(&weights, &from_edges, ALONG);
         let raw = layout.planes(|at| Lit::new(&sums[at.number]).to_array());
         let usual = (0..self.wide())
             .fold(raw.clone(), |lit, scale| layout.widened(&lit, 1 << scale, &weights[scale]));
@@ -85,10 +91,7 @@ impl Squares {
         }
         let bright =
             layout.planes(|at| [luminance(first[at.number].light.to_array()).max(1.0).ln()]);
-        let by_light = |(scale, weights): (usize, &Weights)| {
-            layout.weights_by(weights, 1 << scale, &bright, DIFFERENT)
-        };
-        let weights: Vec<Weights> = weights.iter().enumerate().map(by_light).collect();
+        let weights = layout.all_weights_by(&weights, &bright, DIFFERENT);
         let wide = scales.swap_remove(self.wide());
         let scales = self::scales(&layout, scales.swap_remove(0), &weights);
         let details = details(&layout, &scales, &weights, &wide);
@@ -112,8 +115,8 @@ impl Squares {
 
     fn geometry(&self, layout: &Layout) -> Geometry {
         layout.planes(|at| {
-            let Seen { point, normal, width, .. } = self.seen[at.number];
-            [point.x, point.y, point.z, normal.x, normal.y, normal.z, width]
+            let Seen { point, normal, width, light, .. } = self.seen[at.number];
+            [point.x, point.y, point.z, normal.x, normal.y, normal.z, width, light as f32]
         })
     }
 

@@ -36,6 +36,9 @@ pub(crate) enum Kind {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Finish {
     pub kind: Kind,
+    /// 0 if stored light is all light that reaches a surface. Otherwise it depends on the material,
+    /// and this is one more than the material's number.
+    pub light: u32,
     /// The ratio of radiance to stored light.
     pub reflectance: Rgb,
     /// Radiance that the front emits. If `emits_back`, the back emits it too.
@@ -73,6 +76,7 @@ impl Finish {
         };
         Finish {
             kind,
+            light: 0,
             reflectance,
             emission: material.emission,
             emits: material.emits(),
@@ -106,7 +110,11 @@ impl Materials {
         // A power of two scales without rounding.
         let unit =
             if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { 1.0 / STEPS };
-        let finish = |(id, material)| Finish::new(material, scene.has_even_finish(id));
+        let finish = |(id, material)| {
+            let finish = Finish::new(material, scene.has_even_finish(id));
+            let light = if finish.kind == Kind::Glossy { id as u32 + 1 } else { 0 };
+            Finish { light, ..finish }
+        };
         let finishes = scene.materials.iter().enumerate().map(finish).collect();
         Materials { finishes, sky: scene.sky, unit }
     }

@@ -6,6 +6,7 @@
 use crate::squares::alike_at;
 use holo_cpu::{Isa, Kernel};
 use rayon::prelude::*;
+use std::f32::consts::SQRT_2;
 use std::ops::Range;
 
 /// The number of squares around one.
@@ -14,6 +15,9 @@ pub(crate) const AROUND: usize = 8;
 /// The directions of these squares: columns and rows.
 const SIDES: [(isize, isize); AROUND] =
     [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
+
+/// Distance from an edge that counts as far, squares.
+const FARTHEST: f32 = 32.0;
 
 /// The weight of a square at each side whose surface is the same.
 const KERNEL: [f32; AROUND] = [0.25, 0.5, 0.25, 0.5, 0.5, 0.25, 0.5, 0.25];
@@ -25,8 +29,9 @@ pub(crate) struct Planes<const N: usize> {
     values: Vec<f32>,
 }
 
-/// Points (3), unit normals (3) and widths of what squares see; all 0 where there is no surface.
-pub(crate) type Geometry = Planes<7>;
+/// Points (3), unit normals (3), widths and numbers of light of what squares see; all 0 where there is
+/// no surface.
+pub(crate) type Geometry = Planes<8>;
 
 /// The weights of the squares around each.
 pub(crate) type Weights = Planes<AROUND>;
@@ -138,6 +143,38 @@ impl Layout {
         })
     }
 
+    /// Returns the weights of all scales, each lowered by how much a value differs.
+    pub fn all_weights_by(
+        &self,
+        weights: &[Weights],
+        values: &Planes<1>,
+        difference: f32,
+    ) -> Vec<Weights> {
+        let lowered = |(scale, weights): (usize, &Weights)| {
+            self.weights_by(weights, 1 << scale, values, difference)
+        };
+        weights.iter().enumerate().map(lowered).collect()
+    }
+
+    /// Returns for each square the binary logarithm of 1 + its distance from an edge, in squares.
+    /// `weights` are those of the squares beside each.
+    pub fn from_edges(&self, weights: &Weights) -> Planes<1> {
+        let (width, height) = self.size;
+        let mut distances = vec![FARTHEST; width * height];
+        for square in (0..height).flat_map(|row| self.squares(row)) {
+            let differs = |(weight, kernel): (f32, f32)| kernel == 0.5 && weight < 0.5 * kernel;
+            if weights.at(square).into_iter().zip(KERNEL).any(differs) {
+                distances[square.number] = 0.0;
+            }
+        }
+        // Once from the top left, once from the bottom right.
+        spread(&mut distances, width);
+        distances.reverse();
+        spread(&mut distances, width);
+        distances.reverse();
+        self.planes(|square| [(1.0 + distances[square.number]).log2()])
+    }
+
     /// Returns weights lowered by how much a value differs. They are 0 where it differs by
     /// `difference`.
     pub fn weights_by(
@@ -186,10 +223,32 @@ impl Layout {
     }
 }
 
+/// Lowers distances to what those of the squares before allow: to the left and above.
+fn spread(distances: &mut [f32], width: usize) {
+    for number in 0..distances.len() {
+        let column = number % width;
+        let mut least = distances[number];
+        let mut through = |by: usize, length: f32| {
+            if let Some(before) = number.checked_sub(by) {
+                least = least.min(distances[before] + length);
+            }
+        };
+        through(width, 1.0);
+        if column > 0 {
+            through(1, 1.0);
+            through(width + 1, SQRT_2);
+        }
+        if column + 1 < width {
+            through(width - 1, SQRT_2);
+        }
+        distances[number] = least;
+    }
+}
+
 /// Weighs squares at one side by where their surfaces lie.
 struct Alike<'a> {
-    here: [&'a [f32]; 7],
-    there: [&'a [f32]; 7],
+    here: [&'a [f32]; 8],
+    there: [&'a [f32]; 8],
     weights: &'a mut [f32],
     step: f32,
     distance: f32,
@@ -202,11 +261,13 @@ impl Kernel for Alike<'_> {
     #[inline(always)]
     fn run(self) {
         let count = self.weights.len();
-        let [x, y, z, across, down, along, width] = self.here.map(|plane| &plane[..count]);
-        let [x2, y2, z2, across2, down2, along2, _] = self.there.map(|plane| &plane[..count]);
+        let [x, y, z, across, down, along, width, light] = self.here.map(|plane| &plane[..count]);
+        let [x2, y2, z2, across2, down2, along2, _, light2] =
+            self.there.map(|plane| &plane[..count]);
         for (i, weight) in self.weights.iter_mut().enumerate() {
             let wide = width[i] * self.step;
-            *weight = self.kernel
+            let kernel = if light[i] == light2[i] { self.kernel } else { 0.0 };
+            *weight = kernel
                 * alike_at(
                     ([x[i], y[i], z[i]], [across[i], down[i], along[i]]),
                     ([x2[i], y2[i], z2[i]], [across2[i], down2[i], along2[i]]),

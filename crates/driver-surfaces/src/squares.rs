@@ -105,7 +105,10 @@ impl Layer {
 #[inline]
 pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
     let plane = |seen: &Seen| (seen.point.to_array(), seen.normal.to_array());
-    if other.is_surface() { alike_at(plane(here), plane(other), width, reach) } else { 0.0 }
+    if !other.is_surface() || here.light != other.light {
+        return 0.0;
+    }
+    alike_at(plane(here), plane(other), width, reach)
 }
 
 /// Returns [`alike`] of two points with their unit normals. A normal of length 0 stands for no

@@ -19,6 +19,8 @@ pub(crate) struct End {
     /// Whether the ray meets the counter-clockwise side.
     pub front: bool,
     pub material: u32,
+    /// The material's [`Finish::light`].
+    pub light: u32,
     /// The ray's unit direction when it meets the surface.
     pub direction: Vec3,
     /// The share of the surface's light that comes back along the whole way.
@@ -88,11 +90,13 @@ impl<'a> Follower<'a> {
     pub fn end(&self, ray: &Ray, hit: Hit) -> End {
         let normal = self.raycaster.geometric_normal(hit.triangle);
         let front = normal.dot(ray.direction) <= 0.0;
+        let material = self.material(hit.triangle);
         End {
             point: self.raycaster.surface_point(&hit).0,
             normal: if front { normal } else { -normal },
             front,
-            material: self.material(hit.triangle),
+            material,
+            light: self.finish(material).light,
             direction: ray.direction,
             share: [1.0; 3],
             length: hit.t,

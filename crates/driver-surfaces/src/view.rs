@@ -38,6 +38,8 @@ pub struct Seen {
     pub width: f32,
     /// The material's number; `u32::MAX` where there is no surface.
     pub material: u32,
+    /// Surfaces share light only if this number is the same.
+    pub light: u32,
     /// The number of its [`Way`]; 0 if it is seen through nothing, and has neither texture nor shine.
     pub way: u32,
 }
@@ -116,6 +118,7 @@ impl Seen {
         normal: Vec3::ZERO,
         width: 0.0,
         material: NO_MATERIAL,
+        light: 0,
         way: PLAIN,
     };
 
@@ -412,5 +415,6 @@ pub(crate) fn are_near(one: Rgb, other: Rgb) -> bool {
 }
 
 pub(crate) fn seen(end: &End, width: f32, way: u32) -> Seen {
-    Seen { point: end.point, normal: end.normal, width, material: end.material, way }
+    let End { point, normal, material, light, .. } = *end;
+    Seen { point, normal, width, material, light, way }
 }

@@ -216,6 +216,7 @@ impl Session {
             }
         });
         self.drawing = begin.elapsed();
+        eprintln!("T drawn took {:?} at {:?}", begin.elapsed(), self.since().elapsed());
         if let Some(until) = self.current.as_mut().and_then(|view| view.glance_until.as_mut()) {
             *until = begin;
         }
@@ -293,7 +294,18 @@ impl Session {
                     // A search takes the same threads, and brings samples.
                     let is_searching =
                         self.current.as_ref().is_some_and(|current| current.is_searching);
-                    if !is_searching && Instant::now() < until && self.driver.prepare() {
+                    if !is_searching && Instant::now() < until && {
+                        let t = Instant::now();
+                        let more = self.driver.prepare();
+                        if t.elapsed().as_millis() > 2 {
+                            eprintln!(
+                                "T prepared {:?} at {:?}",
+                                t.elapsed(),
+                                self.since().elapsed()
+                            );
+                        }
+                        more
+                    } {
                         continue;
                     }
                     self.messages.recv_timeout(until.saturating_duration_since(Instant::now()))
