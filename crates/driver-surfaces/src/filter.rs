@@ -37,7 +37,7 @@ const LIKELY: f32 = 2.0;
 
 /// Relative standard errors at which a neighbourhood begins to count and at which it counts fully,
 /// for the first and for the second time.
-const NOISE: [[f32; 2]; 2] = [[0.25, 0.08], [0.1, 0.03]];
+const NOISE: [[f32; 2]; 2] = [[0.35, 0.1], [0.1, 0.03]];
 
 /// The binary logarithm of the ratio of distances from edges at which two squares no longer count for
 /// each other: shadows lie along edges.
@@ -69,8 +69,8 @@ impl Squares {
         let geometry = self.geometry(&layout);
         let weights: Vec<Weights> =
             (0..SCALES).map(|scale| layout.weights(&geometry, self.step, 1 << scale)).collect();
-        let from_edges = layout.from_edges(&weights[0]);
-        let weights = layout.all_weights_by(&weights, &from_edges, ALONG);
+        let edges = layout.edge_distances(&weights[0]);
+        let weights = layout.all_weights_by(&weights, &edges, ALONG);
         let raw = layout.planes(|at| Lit::new(&sums[at.number]).to_array());
         let usual = (0..self.wide())
             .fold(raw.clone(), |lit, scale| layout.widened(&lit, 1 << scale, &weights[scale]));

@@ -158,7 +158,7 @@ impl Layout {
 
     /// Returns for each square the binary logarithm of 1 + its distance from an edge, in squares.
     /// `weights` are those of the squares beside each.
-    pub fn from_edges(&self, weights: &Weights) -> Planes<1> {
+    pub fn edge_distances(&self, weights: &Weights) -> Planes<1> {
         let (width, height) = self.size;
         let mut distances = vec![FARTHEST; width * height];
         for square in (0..height).flat_map(|row| self.squares(row)) {

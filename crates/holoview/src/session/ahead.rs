@@ -131,8 +131,7 @@ impl Session {
     }
 
     /// Notes that a part has come. The next one waits for as long as this one took: tracing and
-    /// drawing get their share. A session that settles waits for nothing else. Returns whether that
-    /// has the whole file now.
+    /// drawing get their share. Returns whether that was the last part for a session that settles.
     pub(super) fn part_sent(&mut self, section: u16, next: Option<u64>) -> Result<bool> {
         let now = Instant::now();
         let is_stale = std::mem::take(&mut self.ahead.is_stale);
@@ -144,8 +143,9 @@ impl Session {
         let pause = if self.ahead.is_done() { LOAD_EVERY } else { took };
         self.ahead.resumes = now + pause;
         if self.is_loading_to_settle {
+            self.is_loading_to_settle = !self.ahead.is_done();
             self.ask_for_part(MAX_PART)?;
-            return Ok(self.ahead.is_done());
+            return Ok(!self.is_loading_to_settle);
         }
         Ok(false)
     }

@@ -95,9 +95,7 @@ impl Session {
         current.glance_until = None;
         current.look.resolution = Resolution::Full;
         let look = current.look;
-        let t = Instant::now();
         self.driver.look(&look)?;
-        eprintln!("T closely took {:?}", t.elapsed());
         if current.asked == Asked::All {
             self.driver.settle();
         }
@@ -137,7 +135,6 @@ impl Session {
         let sections = &self.choice.sections;
         let Selection { beams, covered } =
             select_beams(sections, &view, size, &SelectOptions::default());
-        eprintln!("T selected {:?}", since.elapsed());
         if covered.covered_rays == 0 {
             bail!(Uncovered(view.to_vf_options()));
         }
@@ -159,9 +156,7 @@ impl Session {
             let none = LiveWanted { view: self.request_number, pixels: 0, rays: Vec::new() };
             self.outbox.send(Kind::LiveWanted, &none.encode())?;
         }
-        eprintln!("T asked {:?} beams {}", since.elapsed(), wanted.len());
         self.driver.look(&look)?;
-        eprintln!("T looked {:?}", since.elapsed());
         self.driver.set_nearest(nearest);
         let paths = self.welcome.settings.paths_per_sample;
         let uncovered = if self.welcome.tracing { self.driver.uncovered() } else { Vec::new() };

@@ -216,7 +216,6 @@ impl Session {
             }
         });
         self.drawing = begin.elapsed();
-        eprintln!("T drawn took {:?} at {:?}", begin.elapsed(), self.since().elapsed());
         if let Some(until) = self.current.as_mut().and_then(|view| view.glance_until.as_mut()) {
             *until = begin;
         }
@@ -294,18 +293,7 @@ impl Session {
                     // A search takes the same threads, and brings samples.
                     let is_searching =
                         self.current.as_ref().is_some_and(|current| current.is_searching);
-                    if !is_searching && Instant::now() < until && {
-                        let t = Instant::now();
-                        let more = self.driver.prepare();
-                        if t.elapsed().as_millis() > 2 {
-                            eprintln!(
-                                "T prepared {:?} at {:?}",
-                                t.elapsed(),
-                                self.since().elapsed()
-                            );
-                        }
-                        more
-                    } {
+                    if !is_searching && Instant::now() < until && self.driver.prepare() {
                         continue;
                     }
                     self.messages.recv_timeout(until.saturating_duration_since(Instant::now()))
@@ -385,11 +373,8 @@ impl Session {
                 self.load_again()?;
             }
             Control::PartSent { section, next } => {
-                if self.part_sent(section, next)? {
-                    self.is_loading_to_settle = false;
-                    self.driver.settle();
-                    return Ok(Some(Waited::Settled));
-                }
+                let is_settled = self.part_sent(section, next)?;
+                return Ok(is_settled.then_some(Waited::Settled));
             }
             Control::Bye { reason } => bail!("the server ended the session: {reason}"),
             Control::Status(status) => self.status = Some(status),
