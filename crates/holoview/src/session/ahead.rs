@@ -17,9 +17,9 @@ use super::{Session, current_view::Asked, demand::SEARCH_AFTER};
 /// Samples of a part: some 10 ms of two cores.
 const PART: u32 = 1 << 16;
 
-/// Share of the file's samples that are not here, from which on the file is loaded again: other
-/// displays and batch work store samples that nobody sends to this one.
-const MANY_MISSING: f64 = 0.1;
+/// Share of the file's samples that others have stored since the last load, from which on the file
+/// is loaded again: nobody sends them to this display.
+const MANY_NEW: f64 = 0.1;
 
 /// The least time between two loads of the file.
 const LOAD_EVERY: Duration = Duration::from_secs(30);
@@ -34,6 +34,8 @@ pub struct Ahead {
     is_stale: bool,
     /// When the next part may be asked for.
     resumes: Instant,
+    /// Samples of the file that were not here after it was loaded, such as damaged ones.
+    missing: u64,
 }
 
 impl Ahead {
@@ -44,6 +46,7 @@ impl Ahead {
             asked: None,
             is_stale: false,
             resumes: Instant::now(),
+            missing: 0,
         }
     }
 
@@ -77,7 +80,7 @@ impl Session {
 
     /// Returns whether everything that is stored is here, but for a few samples of others.
     pub(super) fn has_whole_file(&self) -> bool {
-        self.loads_whole_file() && self.ahead.is_done() && self.missing() <= MANY_MISSING
+        self.loads_whole_file() && self.ahead.is_done() && !self.has_many_new()
     }
 
     /// Returns the number of the file's samples, by what the server said last.
@@ -85,10 +88,16 @@ impl Session {
         self.status.as_ref().map_or(self.welcome.samples, |status| status.samples)
     }
 
-    /// Returns the share of the file's samples that are not here.
-    fn missing(&self) -> f64 {
+    /// Returns how many of the file's samples are not here.
+    fn missing(&self) -> u64 {
         let here = self.current.as_ref().map_or(0, |current| current.received.samples());
-        1.0 - here as f64 / self.stored().max(1) as f64
+        self.stored().saturating_sub(here)
+    }
+
+    /// Returns whether others have stored many samples since the file was loaded.
+    fn has_many_new(&self) -> bool {
+        let new = self.missing().saturating_sub(self.ahead.missing);
+        new as f64 > MANY_NEW * self.stored() as f64
     }
 
     /// Loads the whole file from its beginning: samples may have been stored without being sent.
@@ -105,7 +114,7 @@ impl Session {
             return Ok(None);
         }
         let due = self.ahead.resumes.max(current.since + SEARCH_AFTER);
-        if self.ahead.is_done() && self.missing() <= MANY_MISSING {
+        if self.has_whole_file() {
             return Ok(None);
         }
         if now < due {
@@ -140,8 +149,11 @@ impl Session {
             *of_section = next;
         }
         let took = self.ahead.asked.take().map_or(Duration::ZERO, |asked| now - asked);
-        let pause = if self.ahead.is_done() { LOAD_EVERY } else { took };
-        self.ahead.resumes = now + pause;
+        self.ahead.resumes = now + took;
+        if self.ahead.is_done() {
+            self.ahead.resumes = now + LOAD_EVERY;
+            self.ahead.missing = self.missing();
+        }
         if self.is_loading_to_settle {
             self.is_loading_to_settle = !self.ahead.is_done();
             self.ask_for_part(MAX_PART)?;

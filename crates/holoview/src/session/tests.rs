@@ -45,33 +45,46 @@ fn room() -> (Welcome, Vec<u8>) {
         obstructions: false,
     };
     let scene = SceneInfo { bytes: packed.len() as u64, hash: Scene::content_hash(&packed) };
-    (Welcome { sections: vec![section], scene, tracing: true, ..welcome() }, packed)
+    (Welcome { sections: vec![section], scene, tracing: true, samples: 0, ..welcome() }, packed)
 }
 
-/// Serves a display that finds nothing in the file. Returns its views by number, once it has left.
-async fn serve(listener: TcpListener) -> BTreeMap<u32, ViewRequest> {
+/// What a display asked for.
+#[derive(Default)]
+struct Requests {
+    /// Its views, by number.
+    views: BTreeMap<u32, ViewRequest>,
+    /// The first beams of the parts that it loaded, and its last view by then.
+    parts: Vec<(u64, u32)>,
+}
+
+/// Serves a display that finds nothing in the file, which has three parts. Returns what it asked for,
+/// once it has left.
+async fn serve(listener: TcpListener) -> Requests {
     let (room, packed) = room();
     let (mut inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
     holo_net::welcome(&outbox, room).unwrap();
-    let mut views = BTreeMap::new();
-    let answer = |outbox: &Outbox, message| match message {
+    let mut requests = Requests::default();
+    let mut answer = |outbox: &Outbox, message| match message {
         Message::Control(Control::SceneWanted) => {
             let piece = BlobChunk { offset: 0, bytes: packed.clone() };
             outbox.send(Kind::BlobChunk, &piece.encode()).unwrap();
-            None
         }
         Message::View(view) => {
             outbox.control(&Control::StoredSent { view: view.view }).unwrap();
-            Some(view)
+            requests.views.insert(view.view, view);
         }
-        _ => None,
+        Message::Control(Control::PartWanted { section, first, .. }) => {
+            let next = (first < 2).then_some(first + 1);
+            outbox.control(&Control::PartSent { section, next }).unwrap();
+            let last = requests.views.last_key_value().map_or(0, |(&number, _)| number);
+            requests.parts.push((first, last));
+        }
+        _ => {}
     };
     while let Ok(message) = timeout(LIMIT, inbox.next()).await.unwrap() {
-        if let Some(view) = answer(&outbox, message) {
-            views.insert(view.view, view);
-        }
+        answer(&outbox, message);
     }
-    views
+    requests
 }
 
 /// Connects to this server, with the driver `surfaces`.
@@ -129,7 +142,7 @@ async fn the_beams_that_end_on_what_is_seen_are_asked_for_by_use_and_then_only_t
         }
     });
     timeout(LIMIT, looking).await.unwrap().unwrap();
-    let views = timeout(LIMIT, serving).await.unwrap().unwrap();
+    let views = timeout(LIMIT, serving).await.unwrap().unwrap().views;
     let beams = |view: u32| -> BTreeMap<BeamKey, f32> {
         views[&view].beams.iter().map(|beam| (beam.key, beam.weight)).collect()
     };
@@ -154,4 +167,34 @@ async fn the_beams_that_end_on_what_is_seen_are_asked_for_by_use_and_then_only_t
     assert!(thorough.values().all(|&weight| weight > 0.0 && weight < LEAST_TRACED_WEIGHT));
     assert_eq!(views.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4]);
     assert_eq!(beams(4), own);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_file_is_loaded_once_nothing_else_is_to_do_and_then_views_search_for_nothing() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let serving = tokio::spawn(serve(listener));
+    let connected = connect(address).await;
+    let looking = tokio::task::spawn_blocking(move || {
+        let mut session = connected.begin(|_| {}).unwrap().unwrap();
+        let end = Instant::now() + LIMIT;
+        let mut wait_until = |session: &mut Session, is_done: fn(&Session) -> bool| {
+            while !is_done(session) && Instant::now() < end {
+                session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
+            }
+        };
+        session.show(&view(), (96, 72)).unwrap();
+        wait_until(&mut session, Session::has_stored);
+        assert!(!session.has_whole_file());
+        wait_until(&mut session, Session::has_whole_file);
+        let mut aside = view();
+        aside.apply_line("-vd -1 .2 .1").unwrap();
+        session.show(&aside, (96, 72)).unwrap();
+        wait_until(&mut session, Session::has_stored);
+    });
+    timeout(LIMIT, looking).await.unwrap().unwrap();
+    let Requests { views, parts } = timeout(LIMIT, serving).await.unwrap().unwrap();
+    // Two searches, and the view's own beams again; then the file; then another view.
+    assert_eq!(parts, [(0, 4), (1, 4), (2, 4)]);
+    assert_eq!(views.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
 }
