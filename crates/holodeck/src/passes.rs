@@ -1,11 +1,14 @@
 //! Passes of `holodeck render`: each adds paths to every pixel, until there are enough.
 //!
+//! Under a time limit, the first pass goes over ever finer grids of pixels. If it cannot be whole,
+//! pixels without a path show one nearby ([`filled`]).
+//!
 //! Always true:
-//! - Every pixel has at least one path.
 //! - A pixel's value is a function of its number of paths (engine `path`).
 //! - A time limit ends the work after the block of pixels that a thread is at. So it holds however
-//!   long a pass takes, except that the first pass is always whole.
+//!   long a pass takes, once one pixel in [`COARSEST`]² has a path.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -15,6 +18,9 @@ use holo_tracer::Tracer;
 
 /// Pixels that a thread takes at a time: some milliseconds of work.
 const BLOCK: usize = 64;
+
+/// The step between columns and rows of the first grid under a time limit, a power of two.
+const COARSEST: u32 = 16;
 
 /// Most paths per pixel in one pass.
 const PASS: u32 = 4;
@@ -97,6 +103,7 @@ impl Job {
             }
             Limit::Paths(_) => is_interrupted(),
         };
+        let all: Vec<u32> = (0..self.size.0 * self.size.1).collect();
         let mut paths = 0;
         loop {
             let count = match self.limit {
@@ -107,8 +114,15 @@ impl Job {
             };
             if paths == 0 && matches!(self.limit, Limit::Time(_)) {
                 self.tracer.set_effort(0);
+                self.pass(&sums, &grid(self.size, COARSEST), 0..1, || false);
+                for step in [8, 4, 2, 1] {
+                    self.pass(&sums, &between(self.size, step), 0..1, || {
+                        is_interrupted() || self.is_late(clock())
+                    });
+                }
+            } else {
+                self.pass(&sums, &all, paths..paths + count, || paths > 0 && is_over());
             }
-            self.pass(&sums, paths, count, || paths > 0 && is_over());
             paths += count;
             let elapsed = clock();
             let share = match self.limit {
@@ -123,16 +137,20 @@ impl Job {
         sums.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds paths to all pixels, or to some if the time is up.
+    /// Returns whether the time is up.
+    fn is_late(&self, elapsed: Duration) -> bool {
+        matches!(self.limit, Limit::Time(time) if elapsed >= time)
+    }
+
+    /// Adds paths to these pixels, or to some of them if the time is up.
     fn pass(
         &self,
         sums: &Mutex<Vec<Sums>>,
-        first: u32,
-        count: u32,
+        pixels: &[u32],
+        paths: Range<u32>,
         is_over: impl Fn() -> bool + Sync,
     ) {
-        let pixels = self.size.0 as usize * self.size.1 as usize;
-        let blocks = pixels.div_ceil(BLOCK);
+        let blocks = pixels.len().div_ceil(BLOCK);
         let stride = stride(blocks);
         let next = AtomicUsize::new(0);
         let work = || {
@@ -142,11 +160,13 @@ impl Job {
                     return;
                 }
                 let start = turn * stride % blocks * BLOCK;
-                let block = start..(start + BLOCK).min(pixels);
+                let block = &pixels[start..(start + BLOCK).min(pixels.len())];
                 let new: Vec<Sums> =
-                    block.clone().map(|pixel| self.pixel(pixel, first, count)).collect();
+                    block.iter().map(|&pixel| self.pixel(pixel, paths.clone())).collect();
                 let mut all = sums.lock().unwrap_or_else(PoisonError::into_inner);
-                all[block].iter_mut().zip(&new).for_each(|(sum, new)| sum.add(new));
+                for (&pixel, new) in block.iter().zip(&new) {
+                    all[pixel as usize].add(new);
+                }
             }
         };
         std::thread::scope(|scope| {
@@ -156,11 +176,11 @@ impl Job {
         });
     }
 
-    fn pixel(&self, pixel: usize, first: u32, count: u32) -> Sums {
-        let (column, row) = (pixel as u32 % self.size.0, pixel as u32 / self.size.0);
+    fn pixel(&self, pixel: u32, paths: Range<u32>) -> Sums {
+        let (column, row) = (pixel % self.size.0, pixel / self.size.0);
         let turn = mix((u64::from(row) << 32 | u64::from(column)) ^ self.seed.rotate_left(17));
-        let mut sums = Sums { paths: count, ..Sums::default() };
-        for path in first..first + count {
+        let mut sums = Sums { paths: paths.len() as u32, ..Sums::default() };
+        for path in paths {
             let [dx, dy] = jitter(path, turn);
             let x = (f64::from(column) + dx) / f64::from(self.size.0);
             let y = 1.0 - (f64::from(row) + dy) / f64::from(self.size.1);
@@ -204,6 +224,35 @@ impl Sums {
             (variance / (n - 1.0).max(1.0)).sqrt() as f32
         })
     }
+}
+
+/// Returns the pixels of every `step`th column and row.
+fn grid((width, height): (u32, u32), step: u32) -> Vec<u32> {
+    let columns = || (0..width).step_by(step as usize);
+    let rows = (0..height).step_by(step as usize);
+    rows.flat_map(|row| columns().map(move |column| row * width + column)).collect()
+}
+
+/// Returns those pixels of a grid that a grid of twice its step lacks.
+fn between(size: (u32, u32), step: u32) -> Vec<u32> {
+    let is_new = |pixel: &u32| {
+        let (column, row) = (pixel % size.0, pixel / size.0);
+        column % (2 * step) != 0 || row % (2 * step) != 0
+    };
+    grid(size, step).into_iter().filter(is_new).collect()
+}
+
+/// Returns the sums of a picture whose first pass was not whole: pixels without paths have those of
+/// a pixel to the left or above, the nearest that was traced.
+pub fn filled(sums: &[Sums], width: u32) -> Vec<Sums> {
+    let nearest = |pixel: usize| {
+        let (column, row) = (pixel as u32 % width, pixel as u32 / width);
+        let steps = std::iter::successors(Some(1), |step| Some(2 * step));
+        let before = |step: u32| (row / step * step * width + column / step * step) as usize;
+        let mut found = steps.take_while(|&step| step <= COARSEST).map(|step| sums[before(step)]);
+        found.find(|sums| sums.paths > 0).unwrap_or_default()
+    };
+    (0..sums.len()).map(nearest).collect()
 }
 
 /// Returns the step between blocks that are traced one after the other: about 0.618 of their
@@ -277,12 +326,44 @@ mod tests {
         // A thread reads the clock before each block; after each pass it is read twice.
         for seconds in [0, 1, 5, 20, 100] {
             let sums = run(&job(false, Limit::Time(Duration::from_secs(seconds))));
-            assert!(sums.iter().all(|sums| sums.paths >= 1 && sums.paths % PASS == 1));
+            assert!(sums.iter().all(|sums| sums.paths == 0 || sums.paths % PASS == 1));
             let blocks: u64 =
-                sums.iter().map(|sums| u64::from(sums.paths / PASS)).sum::<u64>() / BLOCK as u64;
-            let passes = 1 + seconds / BLOCKS;
+                sums.iter().map(|sums| u64::from(sums.paths.div_ceil(PASS))).sum::<u64>()
+                    / BLOCK as u64;
+            let passes = 5 + seconds / BLOCKS;
             let least = seconds.saturating_sub(3 * passes + THREADS);
-            assert!((least..=seconds).contains(&blocks), "{seconds}: {blocks}");
+            assert!((least..=seconds + 1).contains(&blocks), "{seconds}: {blocks}");
+        }
+    }
+
+    #[test]
+    fn a_first_pass_that_is_cut_off_is_filled_from_pixels_nearby() {
+        let cut = run(&job(false, Limit::Time(Duration::from_secs(4))));
+        let traced = cut.iter().filter(|sums| sums.paths > 0).count();
+        assert!((3 * BLOCK..cut.len()).contains(&traced), "{traced}");
+        let whole = run(&job(false, Limit::Time(Duration::from_secs(20))));
+        for (pixel, filled) in filled(&cut, SIZE.0).iter().enumerate() {
+            assert_eq!(filled.paths, 1);
+            if cut[pixel].paths > 0 {
+                assert_eq!(filled.first, cut[pixel].first);
+            }
+            // It is what some pixel of the same picture has, at most 15 away.
+            let (column, row) = (pixel % 32, pixel / 32);
+            let rows = row.saturating_sub(15)..=row;
+            let mut near =
+                rows.flat_map(|y| (column.saturating_sub(15)..=column).map(move |x| y * 32 + x));
+            assert!(near.any(|other| cut[other].first == filled.first));
+        }
+        assert!(whole.iter().all(|sums| sums.paths > 0));
+    }
+
+    #[test]
+    fn grids_reach_every_pixel_once() {
+        for size in [(1, 1), (16, 16), (37, 19), (64, 5)] {
+            let finer = [8, 4, 2, 1].into_iter().flat_map(|step| between(size, step));
+            let mut pixels: Vec<u32> = grid(size, COARSEST).into_iter().chain(finer).collect();
+            pixels.sort_unstable();
+            assert_eq!(pixels, (0..size.0 * size.1).collect::<Vec<_>>());
         }
     }
 
@@ -308,7 +389,7 @@ mod tests {
     #[test]
     fn the_first_picture_under_a_time_limit_waits_for_no_records_of_light() {
         let hurried = job(true, Limit::Time(Duration::ZERO));
-        assert!(run(&hurried).iter().all(|sums| sums.paths == 1));
+        assert!(run(&hurried).iter().any(|sums| sums.paths == 1));
         let records = |job: &Job| job.tracer.light().map_or(0, |light| light.len());
         assert_eq!(records(&hurried), 0);
         let patient = job(true, Limit::Paths(1));

@@ -19,7 +19,7 @@ use crate::{
     arguments::picture_path,
     config::Config,
     opening::{Opened, Wanted, open},
-    passes::{Job, Limit, Progress, Sums},
+    passes::{Job, Limit, Progress, Sums, filled},
     scene_args::{SceneArgs, Usage, check_units, scene_path, settings},
 };
 
@@ -67,9 +67,6 @@ pub struct Args {
 
 /// How long a picture is traced if nobody says.
 const DEFAULT_TIME: Duration = Duration::from_secs(10);
-
-/// A picture that took more than this factor over its time says why.
-const TOLERANCE: f64 = 1.1;
 
 /// See [`Args`].
 pub async fn run(args: Args) -> Result<()> {
@@ -176,7 +173,8 @@ impl Rendered {
     ) -> Result<()> {
         let mut picture = Picture::new(self.size.0, self.size.1);
         picture.view = Some(self.view);
-        for (pixel, sums) in picture.pixels.iter_mut().zip(&self.sums) {
+        let filled = filled(&self.sums, self.size.0);
+        for (pixel, sums) in picture.pixels.iter_mut().zip(&filled) {
             *pixel = sums.mean();
         }
         if let Some(mut denoiser) = denoiser {
@@ -185,7 +183,7 @@ impl Rendered {
         let exposure = args.look.write(&picture, path)?;
         if let Some(path) = &args.se {
             let mut errors = Picture::new(self.size.0, self.size.1);
-            for (pixel, sums) in errors.pixels.iter_mut().zip(&self.sums) {
+            for (pixel, sums) in errors.pixels.iter_mut().zip(&filled) {
                 *pixel = sums.standard_error();
             }
             errors.write(path)?;
@@ -210,12 +208,6 @@ impl Rendered {
             if let Some(factor) = exposure {
                 println!("{output}: radiance times {factor:.4} (--exposure ={factor:.4})");
             }
-        }
-        if let Some(time) = args.time.map(|time| time.as_secs_f64())
-            && most == 1
-            && seconds > TOLERANCE * time
-        {
-            eprintln!("one path per pixel takes longer than --time {time} s: {seconds:.1} s");
         }
         Ok(())
     }
