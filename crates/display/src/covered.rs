@@ -15,7 +15,8 @@ use std::ops::Range;
 /// Side of the squares that are tested as a whole first, pixels. Also the rows of a thread's band.
 const LARGE: usize = 32;
 
-/// Side of the squares that a large square is divided into if one section does not cover it, pixels.
+/// Side of the squares that a large square is divided into if one section does not cover it,
+/// pixels.
 const SMALL: usize = 8;
 
 /// The side of the eye on which a ray meets a section.
