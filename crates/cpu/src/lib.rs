@@ -1,4 +1,4 @@
-//! Access to features of the processor: instruction sets, large pages, prefetching.
+//! Access to features of the processor: instruction sets and large pages.
 //!
 //! One place detects instruction sets for the whole project. Loops that gain from wide
 //! instructions are written once, as a [`Kernel`], and compiled for each set.
@@ -9,8 +9,6 @@
 
 mod isa;
 mod memory;
-mod prefetch;
 
 pub use isa::{Instructions, Isa, Kernel};
-pub use memory::{copied, filled, reserved, zeroed};
-pub use prefetch::{prefetch, prefetch_at};
+pub use memory::{reserved, zeroed};

@@ -8,13 +8,6 @@
 
 use bytemuck::Zeroable;
 
-/// Returns `count` copies of `value`.
-pub fn filled<T: Clone>(value: T, count: usize) -> Vec<T> {
-    let mut memory = reserved(count);
-    memory.resize(count, value);
-    memory
-}
-
 /// Returns `count` zeros. Pages that are never accessed cost no time, unless the type's alignment
 /// is larger than the allocator's.
 pub fn zeroed<T: Zeroable>(count: usize) -> Vec<T> {
@@ -28,13 +21,6 @@ pub fn zeroed<T: Zeroable>(count: usize) -> Vec<T> {
     }
     let mut memory = bytemuck::zeroed_vec(count);
     advise(&mut memory);
-    memory
-}
-
-/// Returns a copy of `values`.
-pub fn copied<T: Copy>(values: &[T]) -> Vec<T> {
-    let mut memory = reserved(values.len());
-    memory.extend_from_slice(values);
     memory
 }
 
@@ -73,14 +59,11 @@ fn advise<T>(memory: &mut [T]) {
 
 #[cfg(test)]
 mod tests {
-    use super::{filled, zeroed};
+    use super::zeroed;
 
     #[test]
-    fn memory_of_any_size_is_filled() {
+    fn memory_of_any_size_is_zero() {
         for count in [0, 1, 1 << 17, (1 << 20) + 3] {
-            let memory = filled(0x1234_5678_u32, count);
-            assert_eq!(memory.len(), count);
-            assert!(memory.iter().all(|&number| number == 0x1234_5678));
             let memory: Vec<u32> = zeroed(count);
             assert!(memory.len() == count && memory.iter().all(|&number| number == 0));
         }

@@ -39,7 +39,7 @@ pub struct Api {
     commit_filter: unsafe extern "C" fn(Object),
     execute_filter: unsafe extern "C" fn(Object),
     release_filter: unsafe extern "C" fn(Object),
-    /// Keeps the functions in memory.
+    /// The loaded library, to which the functions belong.
     _library: Library,
 }
 

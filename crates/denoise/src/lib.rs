@@ -1,9 +1,10 @@
-//! Open Image Denoise (OIDN 2), loaded when the program runs, from where it is installed.
+//! Open Image Denoise (OIDN 2), loaded at run time if it is installed.
 //!
-//! Nothing is linked: a machine without the library runs the same program.
+//! The program is not linked to the library, so it also runs on a machine without it.
 //!
 //! What always holds:
-//! - Every call into the library is checked. A failure is an error, and the picture stays as it was.
+//! - Every call into the library is checked. A failure is an error and leaves the picture
+//!   unchanged.
 //! - Only the processor is used, and no thread is pinned to a core.
 
 #![allow(unsafe_code)]
@@ -23,27 +24,27 @@ const NAME: &str = if cfg!(target_os = "macos") {
     "libOpenImageDenoise.so.2"
 };
 
-/// Why a picture cannot be denoised.
+/// The reason why a picture cannot be denoised.
 #[derive(Debug, thiserror::Error)]
 pub enum DenoiseError {
-    /// The library is not there, or it is another one.
+    /// The library is not found, or has another version.
     #[error(
         "Open Image Denoise 2 cannot be loaded from {}: {reason}. Install it, or name its library",
         path.display()
     )]
     Load {
-        /// Where it was looked for.
+        /// The file or name that was tried.
         path: PathBuf,
-        /// What the system says.
+        /// The system's message.
         reason: String,
     },
     /// The library reports a failure.
     #[error("Open Image Denoise: {0}")]
     Library(String),
-    /// The number of pixels is not that of the size.
+    /// The number of pixels does not match the size.
     #[error("{found} pixels of {what} for a picture of {width} x {height}")]
     Size {
-        /// Which picture.
+        /// Name of the picture.
         what: &'static str,
         /// Pixels given.
         found: usize,
@@ -72,10 +73,10 @@ pub struct Denoiser {
 }
 
 impl Denoiser {
-    /// Loads the library: from `path`, or else from where the system finds libraries.
+    /// Loads the library from `path`, or from the system's library folders if `path` is `None`.
     ///
     /// # Errors
-    /// If it is not there, is not version 2, or cannot use this processor.
+    /// If the library is not found, is not version 2, or cannot use this processor.
     pub fn load(path: Option<&Path>, quality: Quality) -> Result<Denoiser, DenoiseError> {
         let api = match path {
             Some(path) => Api::load(path)?,
@@ -88,7 +89,7 @@ impl Denoiser {
     /// Denoises light on surfaces, which has no texture. See [`denoise`](Self::denoise).
     ///
     /// # Errors
-    /// If the sizes differ, or the library fails. `light` is then as it was.
+    /// If the sizes differ, or the library fails. `light` is then unchanged.
     pub fn denoise_light(
         &mut self,
         light: &mut [[f32; 3]],
@@ -106,7 +107,7 @@ impl Denoiser {
     /// between 0 and 1. `normals` are unit vectors, or 0 where there is no surface.
     ///
     /// # Errors
-    /// If the sizes differ, or the library fails. `light` is then as it was.
+    /// If the sizes differ, or the library fails. `light` is then unchanged.
     pub fn denoise(
         &mut self,
         light: &mut [[f32; 3]],

@@ -6,7 +6,8 @@
 use rayon::prelude::*;
 
 /// Calls `work(number, items)` once for each band, on several threads. `number` counts bands from
-/// the first one. A band is `rows_per_band` rows of `width` items; the last one may have fewer rows.
+/// the first one. A band is `rows_per_band` rows of `width` items; the last one may have fewer
+/// rows.
 pub fn for_bands<T: Send>(
     items: &mut [T],
     width: usize,

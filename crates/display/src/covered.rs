@@ -12,11 +12,8 @@ use holo_picture::{View, ViewKind};
 use holo_section::Section;
 use std::ops::Range;
 
-/// Side of the squares that are tested as a whole first, pixels. Also the rows of a thread's band.
-const LARGE: usize = 32;
-
-/// Side of the squares that a large square is divided into if one section does not cover it, pixels.
-const SMALL: usize = 8;
+/// Side of the squares that are tested as a whole, pixels. Also the number of rows of a band.
+const SIDE: usize = 16;
 
 /// The side of the eye on which a ray meets a section.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -29,57 +26,20 @@ enum Side {
 /// Returns whether some section covers each pixel of a picture of `size`, row by row from the top.
 pub fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Vec<bool> {
     let (width, height) = (size.0 as usize, size.1 as usize);
-    let has_one_eye = view.kind == ViewKind::Perspective && view.vo == 0.0;
+    let coverage = Coverage { sections, view, size: (width as f64, height as f64) };
     let mut covered = vec![false; width * height];
-    let ray = |column: usize, row: usize| {
-        let x = (column as f64 + 0.5) / width as f64;
-        let ray = view.clipped_ray(x, 1.0 - (row as f64 + 0.5) / height as f64);
-        ray.map_or((view.vp, DVec3::ZERO), |(origin, direction, _)| (origin, direction))
-    };
-    let side = |section: &Section, (column, row): (usize, usize)| {
-        let (eye, along) = ray(column, row);
-        section.line(eye, along).map(|hit| match hit.entry_t {
-            entry if entry > 0.0 => Side::Ahead,
-            _ if hit.exit_t < 0.0 => Side::Behind,
-            _ => Side::Around,
-        })
-    };
-    let covers_all = |section: &Section, columns: &Range<usize>, rows: &Range<usize>| {
-        let (right, bottom) = (columns.end - 1, rows.end - 1);
-        let corners = [
-            (columns.start, rows.start),
-            (right, rows.start),
-            (columns.start, bottom),
-            (right, bottom),
-        ];
-        let first = side(section, corners[0]);
-        first.is_some() && corners.iter().all(|&corner| side(section, corner) == first)
-    };
-    for_bands(&mut covered, width, LARGE, |band, lines| {
-        let (mut hint, top) = (0, band * LARGE);
-        let bottom = top + lines.len() / width;
-        let is_full = |hint: usize, columns: &Range<usize>, rows: &Range<usize>| {
-            has_one_eye
-                && sections.get(hint).is_some_and(|section| covers_all(section, columns, rows))
-        };
-        for columns in pieces(0..width, LARGE) {
-            if is_full(hint, &columns, &(top..bottom)) {
-                lines.chunks_mut(width).for_each(|line| line[columns.clone()].fill(true));
-                continue;
-            }
-            for rows in pieces(top..bottom, SMALL) {
-                let lines = &mut lines[(rows.start - top) * width..(rows.end - top) * width];
-                for columns in pieces(columns.clone(), SMALL) {
-                    if is_full(hint, &columns, &rows) {
-                        lines.chunks_mut(width).for_each(|line| line[columns.clone()].fill(true));
-                        continue;
-                    }
-                    for (row, line) in rows.clone().zip(lines.chunks_mut(width)) {
-                        for column in columns.clone() {
-                            let (eye, along) = ray(column, row);
-                            line[column] = is_covered(sections, eye, along, &mut hint);
-                        }
-                    }
+    for_bands(&mut covered, width, SIDE, |band, lines| {
+        let (mut hint, top) = (0, band * SIDE);
+        let rows = top..top + lines.len() / width;
+        for left in (0..width).step_by(SIDE) {
+            let columns = left..(left + SIDE).min(width);
+            let is_full = coverage.is_full(hint, &columns, &rows);
+            for (row, line) in rows.clone().zip(lines.chunks_mut(width)) {
+                for column in columns.clone() {
+                    line[column] = is_full || {
+                        let (eye, along) = coverage.ray(column, row);
+                        is_covered(sections, eye, along, &mut hint)
+                    };
                 }
             }
         }
@@ -87,9 +47,41 @@ pub fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Vec<bool>
     covered
 }
 
-/// Cuts a range into pieces of `length`; the last one may be shorter.
-fn pieces(range: Range<usize>, length: usize) -> impl Iterator<Item = Range<usize>> {
-    range.clone().step_by(length).map(move |start| start..(start + length).min(range.end))
+/// The rays of a picture's pixels, and the sections that they may meet.
+struct Coverage<'a> {
+    sections: &'a [Section],
+    view: &'a View,
+    size: (f64, f64),
+}
+
+impl Coverage<'_> {
+    /// Returns origin and direction of the ray through a pixel's middle. The direction is 0 in the
+    /// corners of a fisheye, which show nothing.
+    fn ray(&self, column: usize, row: usize) -> (DVec3, DVec3) {
+        let x = (column as f64 + 0.5) / self.size.0;
+        let ray = self.view.clipped_ray(x, 1.0 - (row as f64 + 0.5) / self.size.1);
+        ray.map_or((self.view.vp, DVec3::ZERO), |(origin, direction, _)| (origin, direction))
+    }
+
+    /// Returns the side of the eye on which a pixel's ray meets a section; `None` if it misses.
+    fn side(&self, section: &Section, column: usize, row: usize) -> Option<Side> {
+        let (eye, along) = self.ray(column, row);
+        section.line(eye, along).map(|hit| match hit.entry_t {
+            entry if entry > 0.0 => Side::Ahead,
+            _ if hit.exit_t < 0.0 => Side::Behind,
+            _ => Side::Around,
+        })
+    }
+
+    /// Returns whether section `number` covers all pixels of a rectangle, as far as its corners show.
+    fn is_full(&self, number: usize, columns: &Range<usize>, rows: &Range<usize>) -> bool {
+        let has_one_eye = self.view.kind == ViewKind::Perspective && self.view.vo == 0.0;
+        let Some(section) = self.sections.get(number).filter(|_| has_one_eye) else { return false };
+        let (left, right, top, bottom) = (columns.start, columns.end - 1, rows.start, rows.end - 1);
+        let first = self.side(section, left, top);
+        let others = [(right, top), (left, bottom), (right, bottom)];
+        first.is_some() && others.iter().all(|&(x, y)| self.side(section, x, y) == first)
+    }
 }
 
 /// Returns the numbers of the uncovered pixels whose middles have a view ray, row by row from the

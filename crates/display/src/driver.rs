@@ -5,7 +5,7 @@ use holo_section::{BeamKey, RayCoords, Sample};
 
 use crate::{BeamSearch, Frame, LiveSample, Search, WantedBeam, viewpoint_radius};
 
-/// How many pixels a driver computes.
+/// The number of pixels that a driver computes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Resolution {
     /// Every pixel of the picture.
@@ -29,14 +29,14 @@ impl Resolution {
     }
 }
 
-/// What to draw: a view at a size and a resolution.
+/// A view to draw, with the frame's size and resolution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
     /// The view.
     pub view: View,
     /// Width and height of the frame, pixels. [`View::resolve`] returns them and bounds them.
     pub size: (u32, u32),
-    /// How many of these pixels are computed.
+    /// The number of these pixels that are computed.
     pub resolution: Resolution,
 }
 
@@ -61,10 +61,10 @@ pub struct DriverError {
 
 /// Turns samples into frames, from view to view.
 ///
-/// For each view a front end calls [`weigh`](Self::weigh), then [`look`](Self::look). It then inserts
-/// what arrives and draws as often as it likes. [`settle`](Self::settle) reports that all stored
-/// samples of the view have arrived. Later frames depend on the set of samples inserted since
-/// `look`, and not on earlier views.
+/// For each view a front end calls [`weigh`](Self::weigh), then [`look`](Self::look). It then
+/// inserts what arrives and draws as often as it likes. [`settle`](Self::settle) reports that all
+/// stored samples of the view have arrived. Later frames depend on the set of samples inserted
+/// since `look`, and not on earlier views.
 pub trait Driver: Send {
     /// Returns the driver's name, as reports give it.
     fn name(&self) -> &'static str;
@@ -106,14 +106,14 @@ pub trait Driver: Send {
     /// beams.
     fn insert(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]);
 
-    /// Notes that no ray of a beam can hit anything.
+    /// Marks a beam as unseen: none of its rays can hit anything.
     fn insert_unseen(&mut self, beam: BeamKey);
 
     /// Inserts rays of the view itself, each the mean of `paths` paths, traced for the pixels that
     /// [`uncovered`](Self::uncovered) returned.
     fn insert_live(&mut self, _paths: u16, _rays: &[LiveSample]) {}
 
-    /// Notes that all stored samples of the view have arrived.
+    /// Reports that all stored samples of the view have arrived.
     fn settle(&mut self) {}
 
     /// Draws the frame. Calls `stage_ended` with the name of each stage as it ends, so that the
@@ -142,9 +142,9 @@ pub trait Driver: Send {
     /// Returns the surface under a pixel; `None` where nothing is known.
     fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt>;
 
-    /// Returns the pixels that live rays can improve, by number, row by row from the top. No section
-    /// covers them, and their rays may hit something. None while the eye moves: such a view is
-    /// soon left.
+    /// Returns the pixels that live rays can improve, by number, row by row from the top. No
+    /// section covers them, and their rays may hit something. None while the eye moves: such a view
+    /// is soon left.
     fn uncovered(&self) -> Vec<u32> {
         Vec::new()
     }
@@ -159,7 +159,7 @@ pub trait Driver: Send {
         Vec::new()
     }
 
-    /// Returns a search for beams that the view does not cross but whose stored samples are of use.
+    /// Returns a search for beams that the view does not cross but whose stored samples are useful.
     /// `None` if there are none.
     fn surface_beams(&self, _search: Search) -> Option<BeamSearch> {
         None

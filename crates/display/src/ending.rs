@@ -1,9 +1,9 @@
 //! Finds beams whose rays end on visible points, besides the beams that the view crosses.
 //!
 //! A view crosses 0.2 % of a file's rays, but a fifth of all rays end on surfaces that it sees.
-//! Random lines from each section to visible points find such beams. This module does not know what
-//! blocks a line. The longer the gap between a ray's start and the point, the likelier something
-//! does, so lines with long gaps have little weight (figures: docs/notes/surface-beams.md).
+//! Random lines from each section to visible points find such beams. This module does not know
+//! which lines are blocked. A long gap between a ray's start and the point makes this likely, so
+//! lines with long gaps have little weight (figures: docs/notes/surface-beams.md).
 //!
 //! Invariant: the choice is a function of the points and the sections.
 
@@ -13,22 +13,22 @@ use holo_section::{BeamId, BeamKey, Section, ViewClass};
 use rayon::prelude::*;
 use std::cmp::Reverse;
 
-/// How thorough a search is.
+/// The thoroughness of a search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Search {
-    /// It finds the most useful beams in some 10 ms for each section.
+    /// Finds the most useful beams in about 10 ms for each section.
     Quick,
-    /// It finds nearly all, and takes five times as long.
+    /// Finds nearly all useful beams, and takes five times as long.
     Thorough,
 }
 
 /// Lines tried for each section by a thorough search.
 const LINES: usize = 200_000;
 
-/// Lines tried for each section by a quick one.
+/// Lines tried for each section by a quick search.
 const FEW_LINES: usize = 40_000;
 
-/// Most beams that a quick search returns: a server finds as many in a file in some 20 ms.
+/// Most beams that a quick search returns. A server finds so many in a file in about 20 ms.
 const BEST_BEAMS: usize = 20_000;
 
 /// Most sections that get all these lines. More sections share the lines of this many, so that the
@@ -120,7 +120,7 @@ fn lines_per_section(count: usize, sections: usize) -> usize {
 }
 
 /// Returns the beam and the weight of a line from a random point of the section to a random visible
-/// point; `None` if no ray of the beam can show the point.
+/// point. `None` if no ray of the beam can show the point.
 ///
 /// `near` is the gap at which the weight is half, scene units.
 fn beam(section: &Section, points: &[End], line: u64, slack: f64, near: f64) -> Option<(u64, u32)> {

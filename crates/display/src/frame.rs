@@ -2,14 +2,14 @@
 
 use holo_picture::{Picture, View, ViewKind};
 
-/// How exact a pixel is.
+/// The accuracy of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Certainty {
     /// Standard error of the luminance 0.265R + 0.670G + 0.065B of the pixel's radiance; infinite
     /// where nothing is known.
     pub error: f32,
-    /// Number of samples on the surface that the pixel itself shows. Its radiance may also come from
-    /// pixels around it.
+    /// Number of samples on the surface that the pixel itself shows. Its radiance may also come
+    /// from pixels around it.
     pub samples: u32,
 }
 
@@ -21,7 +21,7 @@ pub struct Frame {
     /// Distance from the eye, scene units, for each pixel of the picture: infinite where the ray
     /// hit nothing, 0 where nothing is known.
     pub depth: Vec<f32>,
-    /// How exact each pixel is; empty if the driver does not say.
+    /// The accuracy of each pixel; empty if the driver does not know it.
     pub certainty: Vec<Certainty>,
     /// Pixels that no section covers.
     pub uncovered_pixels: u64,

@@ -19,8 +19,8 @@ pub struct LiveSample {
 }
 
 impl LiveSample {
-    /// Returns the point that the ray hit and the ray's direction, in camera coordinates. A ray that
-    /// hit nothing is drawn at distance 1.
+    /// Returns the point that the ray hit and the ray's direction, in camera coordinates. A ray
+    /// that hit nothing is drawn at distance 1.
     pub fn place(&self, camera: &Camera) -> (DVec3, DVec3) {
         let direction = camera.to_camera(self.direction);
         let distance = if self.distance.is_finite() { self.distance } else { 1.0 };

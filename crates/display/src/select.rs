@@ -21,8 +21,8 @@ const MAX_RAYS_A_SIDE: u32 = 2048;
 /// Distance of a parallel view's substitute eye behind the view, relative to the sections' reach.
 /// Directions of rays through it then differ by less than ray coordinates can resolve in any grid.
 const FAR_EYE: f64 = 1e6;
-/// Largest rounding error of a ray, in steps of ray coordinates: both ends together. Each end is off
-/// by up to half a step along both coordinates.
+/// Largest rounding error of a ray, in steps of ray coordinates: both ends together. Each end is
+/// off by up to half a step along both coordinates.
 const ROUNDED_STEPS: f64 = std::f64::consts::SQRT_2;
 
 /// The density of view rays, and how a pixel's weight is shared between sections.
@@ -30,8 +30,8 @@ const ROUNDED_STEPS: f64 = std::f64::consts::SQRT_2;
 pub struct SelectOptions {
     /// Side of the squares that get one view ray each, pixels; there are at least 64 × 64 rays.
     ///
-    /// For a picture of 320 × 240 pixels and a 24³ section, 4 finds 98.7 % of the beams' weight,
-    /// and 2 finds over 99.5 % in 2 ms.
+    /// An example is a picture of 320 × 240 pixels and a section of 24³ cells. With 4, the rays
+    /// find 98.7 % of the beams' weight. With 2 they find over 99.5 %, in 2 ms.
     pub pixels_a_side: u32,
     /// Share of a pixel's weight for each section that meets its ray, except the best section; 0
     /// leaves these sections out.
@@ -58,7 +58,7 @@ pub struct WantedBeam {
     pub weight: f32,
 }
 
-/// How much of a picture the sections can show.
+/// The part of a picture that the sections can show.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Coverage {
     /// Number of view rays tried.
@@ -81,7 +81,7 @@ impl Coverage {
 pub struct Selection {
     /// Wanted beams ordered by section and beam, each once.
     pub beams: Vec<WantedBeam>,
-    /// How much of the picture some section covers.
+    /// The part of the picture that some section covers.
     pub covered: Coverage,
 }
 

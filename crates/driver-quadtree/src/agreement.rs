@@ -1,12 +1,12 @@
-//! Finds out whether samples that look from elsewhere show what the eye sees.
+//! Determines whether oblique samples show the same light as aligned ones.
 //!
-//! They do on diffuse surfaces, and there are many more of them. A gloss or a mirror looks
+//! They do on diffuse surfaces, and there are many more of them. A glossy surface or a mirror looks
 //! different from elsewhere. So the aligned samples are compared with all samples, over leaves of
 //! growing size. This is Lepski's rule again, with the angle in place of the size. A difference
 //! that the comparison misses is smaller than the noise of the samples.
 //!
-//! Invariant: as aligned samples grow, every difference is found, and the picture is made of them
-//! alone.
+//! Invariant: as the number of aligned samples grows, every difference is found. The picture then
+//! uses the aligned samples alone.
 
 use crate::blend::own_surface;
 use crate::leaf::{KAPPA, KAPPA_LINEAR, Reader};
@@ -14,19 +14,20 @@ use crate::surface::Bins;
 use glam::Vec4;
 use std::ops::Range;
 
-/// Effective samples that a comparison needs.
+/// Least number of effective samples for a comparison.
 const FEWEST: f32 = 8.0;
-/// Effective samples that are enough: larger leaves add nothing about this place.
+/// Number of effective samples above which no larger leaf is compared, because it would add nothing
+/// about this place.
 const PLENTY: f32 = 256.0;
-/// Differences in half-widths of the interval. Up to the first all samples are used, from the
-/// second on only the aligned ones; between them, a mixture.
+/// Differences in half-widths of the interval. Below `SAME` all samples are used, above `DIFFERENT`
+/// only the aligned ones, and between them a mixture.
 const SAME: f32 = 1.2;
 const DIFFERENT: f32 = 1.8;
-/// Level of the smallest leaves that are compared. All pixels of one have the same answer.
+/// Level of the smallest leaves that are compared. All pixels of such a leaf have the same answer.
 const SMALLEST: usize = 2;
 
-/// Answers for one band of rows, by smallest leaf: the nearest bin of the surface asked for, and
-/// the share.
+/// Answers so far for one band of rows. For each smallest leaf: the first bin of the last surface,
+/// and its share.
 pub(crate) struct Agreement {
     across: usize,
     /// The first row of smallest leaves.
@@ -35,8 +36,7 @@ pub(crate) struct Agreement {
 }
 
 impl Agreement {
-    /// Returns an agreement that knows nothing, for these rows of a picture of `width`
-    /// columns.
+    /// Returns an agreement without answers, for these rows of a picture of `width` columns.
     pub fn new(width: usize, rows: Range<usize>) -> Self {
         let across = width.div_ceil(1 << SMALLEST);
         let first = rows.start >> SMALLEST;
@@ -44,7 +44,8 @@ impl Agreement {
         Self { across, first, known: vec![None; across * down] }
     }
 
-    /// Returns how far all samples of a surface may be used at a pixel: 1 wholly, 0 not at all.
+    /// Returns the share, 0 to 1, of the mean over all samples of a surface in its colour at a
+    /// pixel. The mean over aligned samples has the rest.
     pub fn of(
         &mut self,
         all: &mut Reader,
@@ -58,7 +59,8 @@ impl Agreement {
         {
             return share;
         }
-        // From the leaf's middle, whichever of its pixels asks, as far as the picture goes.
+        // The comparison is made at the leaf's middle, or at the picture's edge if that is nearer,
+        // so that it does not depend on the pixel.
         let middle = |pixel: usize, size: usize| {
             ((pixel >> SMALLEST << SMALLEST) + (1 << SMALLEST) / 2).min(size - 1)
         };
@@ -86,8 +88,8 @@ fn agreement(
         }
         let Some(whole) = all.blend(column, row, level, bins) else { break };
         let Some(leaf) = own_surface(aligned.leaf(level, column, row), bins) else { continue };
-        // With the picture's own variation: where it varies, samples that fall elsewhere in the
-        // leaf differ by chance.
+        // The picture's own variation counts too, because samples at other places in the leaf
+        // differ by it.
         let (relative, root) = leaf.total_deviation();
         let variation = (KAPPA_LINEAR * relative * own.mean).with_w(KAPPA * root);
         let half = aligned.noise(column, row, level, bins).half_widths.max(variation);

@@ -1,7 +1,7 @@
-//! Which beams hold samples of what is seen, besides those that the view's own rays belong to.
+//! Finds beams that the view does not cross but whose samples end on visible surfaces.
 //!
-//! Light on diffuse surfaces is the same from everywhere. Where it is not, drawing finds out and
-//! does without ([`agreement`](crate::agreement)).
+//! Light on diffuse surfaces is the same from everywhere. Where it is not, drawing leaves such
+//! samples out ([`agreement`](crate::agreement)).
 //!
 //! Invariant: the choice is a function of the view, the sections and the set of samples so far.
 
@@ -9,12 +9,13 @@ use crate::Quadtree;
 use holo_display::{BeamSearch, End, Search, beams_ending_on};
 use std::sync::Arc;
 
-/// Depths are known to 1.6 %, and walls of the scene may coincide with the section's.
+/// Relative slack of distances. Depths are known to 1.6 %, and walls of the scene may coincide with
+/// the section's.
 const SLACK: f64 = 0.04;
 
 impl Quadtree {
-    /// Returns a search for the beams whose rays may end on what the picture shows. `None` while
-    /// nothing is shown. It takes some 20 ms for each section.
+    /// Returns a search for the beams whose rays may end on what the picture shows. `None` if the
+    /// picture shows nothing. The search takes about 20 ms for each section.
     pub fn surface_beams(&self, search: Search) -> Option<BeamSearch> {
         let (sections, points) = (Arc::clone(&self.sections), self.points());
         (!points.is_empty()).then(|| -> BeamSearch {
@@ -22,8 +23,8 @@ impl Quadtree {
         })
     }
 
-    /// Returns distances from the eye of what is shown, scene units: one for each square of 4 × 4
-    /// pixels in which anything is known. Takes a small part of the time of a drawing.
+    /// Returns distances from the eye to the visible surfaces, scene units: one for each square of
+    /// 4 × 4 pixels in which a surface is known. It takes a small part of the time of a drawing.
     pub fn depth(&self) -> Vec<f32> {
         self.depths().into_iter().map(|(.., depth)| depth).collect()
     }

@@ -1,24 +1,25 @@
 //! Sums of samples by pixel and depth bin.
 //!
 //! What always holds:
-//! - A pixel keeps its [`BINS_KEPT`] nearest bins, and their sums are complete. A bin is refused or
-//!   evicted only when that many nearer bins are known, and known bins go only for nearer ones. So
-//!   a bin that is among the nearest in the end was never refused and never evicted.
+//! - A pixel has its [`BINS_KEPT`] nearest bins, and their sums are complete. A bin is refused or
+//!   removed only if the pixel has that many nearer bins. A bin makes room only for a nearer one.
+//!   So a bin that is among the nearest at the end was never refused or removed.
 //! - Memory is 140 bytes for each pixel and 384 bytes for each pixel with more than one bin.
 
 use crate::sums::{Colour, Sums};
-use holo_cpu::{filled, prefetch_at, zeroed};
 
-/// Nearest depth bins kept for each pixel. A pixel rarely sees more than two surfaces.
+/// Number of depth bins of each pixel, the nearest ones. A pixel rarely sees more than two
+/// surfaces.
 pub(crate) const BINS_KEPT: usize = 4;
-/// Depth bins to each doubling of the distance.
+/// Number of depth bins for each doubling of the distance.
 pub(crate) const BINS_PER_OCTAVE: u16 = 32;
 /// Bin of samples that hit nothing: beyond every other bin, adjacent to none.
 pub(crate) const FAR: u16 = u16::MAX - 1;
-/// No bin.
+/// The number that stands for no bin.
 const NONE: u16 = u16::MAX;
-/// Bits cut from a squared distance as f32. Four bits of its mantissa stay: 16 bins to each
-/// doubling of the square, 32 to each doubling of the distance. Bins are 1.6 to 3.1 % wide.
+/// Number of low bits that are cut from a squared distance as f32. Four bits of its mantissa
+/// remain: 16 bins for each doubling of the square, 32 for each doubling of the distance. Bins are
+/// 1.6 to 3.1 % wide.
 const BIN_SHIFT: u32 = 19;
 
 /// Returns the logarithmic depth bin of a squared distance from the eye.
@@ -39,11 +40,11 @@ pub(crate) fn bin_distance(bin: u16) -> f32 {
 
 /// The depth bins of all pixels.
 pub(crate) struct PixelBins {
-    /// Of each pixel, nearest first.
+    /// The bins of each pixel, nearest first.
     bins: Vec<[u16; BINS_KEPT]>,
-    /// Sums of each pixel's nearest bin. Without meaning if the pixel has none.
+    /// Sums of each pixel's nearest bin; no meaning if the pixel has none.
     nearest: Vec<Sums>,
-    /// Place of a pixel's other bins. Without meaning if it has one bin or none.
+    /// Index into `further` of a pixel's other bins; no meaning if it has one bin or none.
     places: Vec<u32>,
     further: Vec<[Sums; BINS_KEPT - 1]>,
 }
@@ -51,9 +52,9 @@ pub(crate) struct PixelBins {
 impl PixelBins {
     pub fn new(pixels: usize) -> Self {
         Self {
-            bins: filled([NONE; BINS_KEPT], pixels),
-            nearest: zeroed(pixels),
-            places: zeroed(pixels),
+            bins: vec![[NONE; BINS_KEPT]; pixels],
+            nearest: bytemuck::zeroed_vec(pixels),
+            places: vec![0; pixels],
             further: Vec::new(),
         }
     }
@@ -80,7 +81,7 @@ impl PixelBins {
         sums.add(colour, weight, near);
     }
 
-    /// Gives a pixel a bin without samples at a rank among its bins.
+    /// Inserts an empty bin at a rank among a pixel's bins.
     #[inline(never)]
     fn make_room(&mut self, pixel: usize, rank: usize, bin: u16) {
         let bins = &mut self.bins[pixel];
@@ -102,14 +103,7 @@ impl PixelBins {
             if rank == 0 { std::mem::take(&mut self.nearest[pixel]) } else { Sums::default() };
     }
 
-    /// Fetches what [`add`](Self::add) needs of a pixel into the cache.
-    #[inline(always)]
-    pub fn prefetch(&self, pixel: usize) {
-        prefetch_at(&self.bins, pixel);
-        self.nearest.get(pixel).into_iter().for_each(Sums::prefetch);
-    }
-
-    /// Returns the kept bins of a pixel, nearest first, with their sums.
+    /// Returns the bins of a pixel, nearest first, with their sums.
     #[inline(always)]
     pub fn of(&self, pixel: usize) -> impl Iterator<Item = (u16, &Sums)> {
         let bins = self.bins[pixel].iter().take_while(|&&bin| bin != NONE);
@@ -122,8 +116,8 @@ impl PixelBins {
 
 /// Returns the [`BINS_KEPT`] nearest bins of a pixel in `a` and `b` together, nearest first.
 ///
-/// Their sums are complete: a bin among the nearest of both is among the nearest of each that has
-/// it.
+/// Their sums are complete, because a bin among the nearest of both is also among the nearest of
+/// `a` and of `b`.
 pub(crate) fn merged(
     a: &PixelBins,
     b: &PixelBins,

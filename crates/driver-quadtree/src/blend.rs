@@ -1,6 +1,6 @@
 //! Means of one surface over the leaves around a pixel.
 //!
-//! Invariant: only samples of one surface are averaged: bins connected to the pixel's own.
+//! Invariant: only samples of one surface are averaged: those in bins connected to the pixel's own.
 
 use crate::pyramid::Level;
 use crate::surface::{Bins, Surface, gap_allowed};
@@ -30,7 +30,7 @@ struct Pair {
 
 const NOTHING: Pair = Pair { sum: Vec4::ZERO, weight: 0.0, error_squared: 0.0, is_mixed: false };
 
-/// What the pixels of one row in one leaf have in common.
+/// Vertical sums that the pixels of one row in one leaf share.
 #[derive(Clone, Copy)]
 struct Around {
     /// Column of the leaf and row of the pixels.
@@ -50,10 +50,10 @@ const NO_AROUND: Around = Around {
     pairs: [NOTHING; 3],
 };
 
-/// Blends leaves of a pyramid. Remembers what neighbouring pixels of a row have in common.
+/// Blends leaves of a pyramid. Stores the sums that neighbouring pixels of a row share.
 pub(crate) struct Blender<'a> {
     levels: &'a [Level],
-    /// Of each level.
+    /// The last sums of each level.
     around: Vec<Around>,
 }
 
@@ -98,7 +98,7 @@ impl<'a> Blender<'a> {
 }
 
 impl Around {
-    /// Finds what pixels of a row in the leaf of a column have in common. `None` if the leaf does
+    /// Computes the sums for the pixels of a row in the leaf of a column. `None` if the leaf does
     /// not have the surface.
     #[inline(never)]
     fn find(
@@ -140,20 +140,18 @@ impl Around {
 fn offset(pixel: usize, level: usize) -> (f32, bool) {
     let size = 1_usize << level;
     let twice = 2 * (pixel & (size - 1)) + 1;
-    // 1 / (2 size), from its exponent: no division.
-    let scale = f32::from_bits((126 - level as u32) << 23);
-    ((twice as f32 * scale - 0.5).abs(), twice > size)
+    ((twice as f32 / (2 * size) as f32 - 0.5).abs(), twice > size)
 }
 
-/// Returns the two leaves along one direction whose middles a pixel's middle lies between, its own
-/// first. The own one twice at the edge of the picture.
+/// Returns the two leaves along one direction whose middles are on either side of a pixel's middle:
+/// the pixel's own first, then its neighbour. At the edge of the picture, both are the pixel's own.
 pub(crate) fn neighbours(pixel: usize, level: usize, leaves: usize) -> [usize; 2] {
     let own = pixel >> level;
     let (_, is_after) = offset(pixel, level);
     [own, if is_after { (own + 1).min(leaves - 1) } else { own.saturating_sub(1) }]
 }
 
-/// Returns the surface of a leaf that holds a surface of one of its pixels.
+/// Returns the surface of a leaf that contains the surface `bins` of a smaller leaf in it.
 #[inline(always)]
 pub(crate) fn own_surface(leaf: &[Surface], bins: Bins) -> Option<&Surface> {
     leaf.iter().find(|surface| surface.bins.first <= bins.first && bins.first <= surface.bins.last)

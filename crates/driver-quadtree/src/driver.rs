@@ -1,10 +1,10 @@
-//! The driver for whole sessions. It shows what it has in the next view until that view has samples
-//! of its own (Larson & Simmons 1999, §3).
+//! The driver for whole sessions. It shows the samples of earlier views in the next view until that
+//! view has samples of its own (Larson & Simmons 1999, §3).
 //!
 //! What always holds:
-//! - Once the stored samples of a view have come, pictures are of what came for this view alone. A
-//!   picture at rest does not depend on where the camera came from.
-//! - Beyond 20° of rotation nothing is kept.
+//! - Once the stored samples of a view have arrived, pictures use the samples of this view alone. A
+//!   picture at rest does not depend on the earlier views.
+//! - After a rotation of more than 20°, no sample of an earlier view is used.
 
 use crate::live::Overlay;
 use crate::log::Log;
@@ -17,29 +17,29 @@ use holo_section::{BeamKey, Sample, Section};
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Rotation of the view beyond which nothing is kept: what shines looks too different from the
-/// earlier view (Larson & Simmons 1999, §3).
-const MOST_DEGREES: f64 = 20.0;
+/// Largest rotation of the view after which samples of earlier views are used. After a larger one,
+/// glossy surfaces would look too different (Larson & Simmons 1999, §3).
+const MAX_DEGREES: f64 = 20.0;
 
 /// The quadtree, or cells of its samples, from view to view.
 pub struct QuadtreeDriver {
     sections: Arc<[Section]>,
     sky: [f32; 3],
-    /// What cells show; `None`: leaves.
+    /// How cells are filled; `None` for a quadtree.
     cells: Option<Filling>,
-    /// Samples of the view, and of earlier ones until the view's own have come.
+    /// Samples of the view, and those of earlier views until the view's own have arrived.
     log: Log,
     /// `None` before the first view.
     shown: Option<Shown>,
 }
 
-/// One view.
+/// The current view.
 struct Shown {
     look: Look,
-    /// What came for this view.
+    /// The samples of this view.
     own: Shape,
-    /// The same and what came for earlier views. `None` if nothing did, or once the view has
-    /// settled.
+    /// The samples of this view and of earlier ones. `None` if there are none of earlier views, or
+    /// once the view has settled.
     both: Option<Shape>,
     /// `None` before the first live ray.
     overlay: Option<Overlay>,
@@ -47,7 +47,7 @@ struct Shown {
     depth: Vec<f32>,
 }
 
-/// What samples are shown as.
+/// The samples of one picture, in the form from which the picture is drawn.
 enum Shape {
     Leaves(Box<Quadtree>),
     Cells(Box<Cells>),
@@ -106,12 +106,11 @@ impl QuadtreeDriver {
         }
     }
 
-    /// Returns a shape for a view with the samples of earlier views. `None` if there are none, or
-    /// if the view is turned too far; these samples are then forgotten.
-    fn kept(&mut self, look: &Look) -> Option<Shape> {
+    /// Returns a shape for a view with the samples of earlier views. `None` if there are none. If
+    /// the view has turned too far, forgets them and returns `None`.
+    fn of_earlier_views(&mut self, look: &Look) -> Option<Shape> {
         let before = self.shown.take()?;
-        let is_near = look.view.vd.dot(before.look.view.vd) >= MOST_DEGREES.to_radians().cos();
-        if !is_near {
+        if look.view.vd.dot(before.look.view.vd) < MAX_DEGREES.to_radians().cos() {
             self.log.clear();
             return None;
         }
@@ -133,7 +132,7 @@ impl Driver for QuadtreeDriver {
     }
 
     fn look(&mut self, look: &Look) -> Result<(), DriverError> {
-        let both = self.kept(look);
+        let both = self.of_earlier_views(look);
         self.log.begin_view();
         self.shown = Some(Shown {
             look: *look,

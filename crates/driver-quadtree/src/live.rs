@@ -1,7 +1,7 @@
-//! Pixels that no section covers, drawn from rays of the view itself.
+//! Pixels that no section covers, drawn from live rays, which are rays of the view itself.
 //!
-//! Invariant: covered pixels take nothing from live rays, so a replay of the file shows them as the
-//! session does.
+//! Invariant: covered pixels use no live rays, so a replay of the file draws them as the session
+//! does.
 
 use crate::bins::{FAR, depth_bin};
 use crate::reproject::FULL_WEIGHT;

@@ -1,20 +1,21 @@
-//! Samples in the order in which they came, kept to be shown in the next view.
+//! The samples of the last views, oldest first, so that the next view can show them.
 
 use holo_section::{BeamKey, Sample};
 
-/// Samples kept at most: what two views of a large file cross. A new tree takes them in some 25 ms.
-const MOST: usize = 500_000;
+/// Largest number of samples in a log: those that two views of a large file cross. A new quadtree
+/// takes so many in about 40 ms.
+const MAX_SAMPLES: usize = 500_000;
 
 /// Samples of the current view and of earlier ones.
 #[derive(Default)]
 pub(crate) struct Log {
     batches: Vec<Batch>,
     samples: Vec<Sample>,
-    /// How many of the batches came before the current view.
+    /// Number of the batches that arrived before the current view.
     earlier: usize,
 }
 
-/// Samples of one beam that came together.
+/// Samples of one beam that arrived together.
 #[derive(Clone, Copy)]
 struct Batch {
     key: BeamKey,
@@ -23,23 +24,24 @@ struct Batch {
 }
 
 impl Log {
-    /// Adds samples of one beam. Beyond [`MOST`] samples the older half goes.
+    /// Adds samples of one beam. If there are then more than [`MAX_SAMPLES`], removes the older
+    /// half.
     pub fn add(&mut self, key: BeamKey, paths: u16, samples: &[Sample]) {
         self.batches.push(Batch { key, paths, count: samples.len() });
         self.samples.extend_from_slice(samples);
-        if self.samples.len() > MOST {
+        if self.samples.len() > MAX_SAMPLES {
             let mut count = self.samples.len();
-            let is_kept = |batch: &Batch| {
+            let is_enough = |batch: &Batch| {
                 count -= batch.count;
-                count <= MOST / 2
+                count <= MAX_SAMPLES / 2
             };
-            let gone =
-                self.batches.iter().position(is_kept).map_or(self.batches.len(), |at| at + 1);
-            self.forget(gone);
+            let removed =
+                self.batches.iter().position(is_enough).map_or(self.batches.len(), |at| at + 1);
+            self.forget(removed);
         }
     }
 
-    /// Notes that another view begins.
+    /// Starts the next view: all samples so far belong to earlier ones.
     pub fn begin_view(&mut self) {
         self.earlier = self.batches.len();
     }
@@ -69,7 +71,7 @@ impl Log {
         }
     }
 
-    /// Forgets so many of the oldest batches.
+    /// Removes the oldest `batches` batches.
     fn forget(&mut self, batches: usize) {
         let samples: usize = self.batches.drain(..batches).map(|batch| batch.count).sum();
         self.samples.drain(..samples);
@@ -116,7 +118,7 @@ mod tests {
 
     #[test]
     fn no_more_than_the_most_is_kept_and_the_newest_stay() {
-        let (mut log, most) = (Log::default(), MOST as u64);
+        let (mut log, most) = (Log::default(), MAX_SAMPLES as u64);
         add(&mut log, 0..10);
         log.begin_view();
         add(&mut log, 10..most + 1);

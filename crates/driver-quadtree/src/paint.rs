@@ -1,7 +1,7 @@
 //! Draws pictures: bands of rows on all cores.
 //!
-//! Invariant: a pixel is a function of the leaves and of the pixels before it in its band, because
-//! noise is remembered from one pixel to the next. So the number of threads changes no bit.
+//! Invariant: the colour of a pixel depends on the leaves and on the pixels before it in its band,
+//! because [`Agreement`] remembers its answers. The number of threads changes no bit.
 
 use crate::Quadtree;
 use crate::agreement::Agreement;
@@ -14,7 +14,7 @@ use holo_display::Frame;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Rows of pixels that are drawn one after the other.
+/// Number of rows that one thread draws at a time.
 const BAND: usize = 16;
 
 /// What a pixel shows.
@@ -29,7 +29,7 @@ impl Shown {
     pub const NOTHING: Self = Self { colour: [0.0; 3], depth: 0.0 };
 }
 
-/// How many pixels and samples count as what.
+/// Numbers of pixels and samples for a frame's report.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Counts {
     pub empty: u64,
@@ -49,34 +49,33 @@ impl Counts {
 
 /// The leaves that a picture is drawn from.
 pub(crate) struct Pyramids {
-    /// Of aligned samples.
-    aligned: Vec<Level>,
-    /// Of all samples; `None` if all are aligned.
-    all: Option<Vec<Level>>,
+    /// Leaves of all samples.
+    all: Vec<Level>,
+    /// Leaves of aligned samples; `None` if all are aligned.
+    aligned: Option<Vec<Level>>,
 }
 
-impl Pyramids {
-    fn new(tree: &Quadtree) -> Self {
-        let size = (tree.size.0 as usize, tree.size.1 as usize);
-        let of_aligned = |pixel: usize, surfaces: &mut Vec<Surface>| {
-            of_pixel(tree.aligned.of(pixel), surfaces);
-        };
-        let all = tree.oblique.as_ref().map(|oblique| {
-            pyramid(size, |pixel, surfaces| {
-                of_pixel(merged(&tree.aligned, oblique, pixel), surfaces);
-            })
-        });
-        Self { aligned: pyramid(size, of_aligned), all }
+impl Quadtree {
+    fn leaves_of_aligned(&self) -> Vec<Level> {
+        let size = (self.size.0 as usize, self.size.1 as usize);
+        pyramid(size, |pixel, surfaces| of_pixel(self.aligned.of(pixel), surfaces))
+    }
+
+    /// Returns the leaves of all samples, level by level.
+    pub(crate) fn leaves_of_all(&self) -> Vec<Level> {
+        let Some(oblique) = &self.oblique else { return self.leaves_of_aligned() };
+        let size = (self.size.0 as usize, self.size.1 as usize);
+        pyramid(size, |pixel, surfaces| of_pixel(merged(&self.aligned, oblique, pixel), surfaces))
     }
 }
 
 /// Draws the pixels of one band.
 pub(crate) struct Painter<'a> {
     pub tree: &'a Quadtree,
-    /// Whether each pixel's beam sees nothing; empty if no such beam is known.
+    /// For each pixel, whether its beam is unseen; empty if no unseen beam is known.
     unseen: &'a [bool],
     pub all: Reader<'a>,
-    /// Those of aligned samples alone; `None` if all are.
+    /// The same for aligned samples alone; `None` if all are aligned.
     aligned: Option<(Reader<'a>, Agreement)>,
 }
 
@@ -87,14 +86,11 @@ impl<'a> Painter<'a> {
         pyramids: &'a Pyramids,
         rows: Range<usize>,
     ) -> Self {
-        let aligned = Reader::new(&pyramids.aligned, tree.params.leaf);
-        let (all, aligned) = match &pyramids.all {
-            None => (aligned, None),
-            Some(all) => {
-                let agreement = Agreement::new(tree.size.0 as usize, rows);
-                (Reader::new(all, tree.params.leaf), Some((aligned, agreement)))
-            }
-        };
+        let leaf = tree.params.leaf;
+        let all = Reader::new(&pyramids.all, leaf);
+        let aligned = pyramids.aligned.as_ref().map(|aligned| {
+            (Reader::new(aligned, leaf), Agreement::new(tree.size.0 as usize, rows))
+        });
         Self { tree, unseen, all, aligned }
     }
 
@@ -117,15 +113,16 @@ impl<'a> Painter<'a> {
         self.shown(column, row, own)
     }
 
-    /// Shows a surface as from leaves of a level on, by its bins there.
+    /// Returns what a pixel with this surface shows. The surface has `bins` in the leaf of `level`,
+    /// which is the smallest leaf that is used.
     #[inline(always)]
     pub fn surface(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> Shown {
         let colour = self.colour(column, row, level, bins);
         Shown { colour, depth: bin_distance(bins.first) }
     }
 
-    /// Returns the colour of a surface, as [`Reader::colour`]: of all samples, or of aligned ones
-    /// where the others differ.
+    /// Returns the colour of a surface as [`Reader::colour`] does, of all samples, or of aligned
+    /// ones where the others differ.
     #[inline(always)]
     pub fn colour(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> [f32; 3] {
         let all = self.all.colour(column, row, level, bins);
@@ -134,8 +131,8 @@ impl<'a> Painter<'a> {
         if share == 1.0 {
             return all;
         }
-        // From the smallest leaf with aligned samples: the comparison found one. Its few samples
-        // may all lie a bin beside.
+        // The smallest leaf with aligned samples. Its few samples may all lie one bin beside
+        // `bins`.
         let found = (level..aligned.levels.len()).find_map(|level| {
             let surface = beside(aligned.leaf(level, column, row), bins, gap_allowed(level))?;
             Some((level, surface.bins))
@@ -145,8 +142,8 @@ impl<'a> Painter<'a> {
         [0, 1, 2].map(|channel| own[channel] + share * (all[channel] - own[channel]))
     }
 
-    /// Returns the surfaces of a leaf by the samples that show best what hides what: the aligned
-    /// ones, if the leaf has any.
+    /// Returns the surfaces of a leaf from aligned samples, which show best what hides what, or
+    /// from all samples if the leaf has no aligned ones.
     pub fn leaf_seen(&self, level: usize, column: usize, row: usize) -> &[Surface] {
         let aligned = self.aligned.as_ref().map(|(reader, _)| reader.leaf(level, column, row));
         let aligned = aligned.filter(|leaf| !leaf.is_empty());
@@ -158,7 +155,9 @@ impl Quadtree {
     /// Draws the picture of all samples so far.
     pub fn draw(&self) -> Frame {
         let width = self.size.0 as usize;
-        let (pyramids, unseen) = (Pyramids::new(self), self.unseen_pixels());
+        let aligned = self.oblique.is_some().then(|| self.leaves_of_aligned());
+        let pyramids = Pyramids { all: self.leaves_of_all(), aligned };
+        let unseen = self.unseen_pixels();
         let mut frame = self.empty_frame();
         let colours = frame.picture.pixels.par_chunks_mut((BAND * width).max(1));
         let depths = frame.depth.par_chunks_mut((BAND * width).max(1));

@@ -1,6 +1,7 @@
-//! What is known of each pixel besides what a picture shows. [`Cells`](crate::Cells) ask for it.
+//! The state of each pixel: whether it is covered, unseen, empty, or has samples near the eye.
+//! [`Cells`](crate::Cells) use it.
 //!
-//! Invariant: a function of the view and of the set of samples, as the picture is.
+//! Invariant: the state is a function of the view and of the set of samples, as the picture is.
 
 use crate::Quadtree;
 use crate::bins::{FAR, depth_bin};
@@ -9,10 +10,10 @@ use crate::sums::{NEAR_CLASSES, Sums};
 use crate::surface::adjacent;
 use holo_display::Frame;
 
-/// Samples of a pixel up to which it has few.
+/// Largest number of samples of a pixel that counts as few.
 const FEW: u64 = 3;
 
-/// What a pixel's samples are.
+/// The state of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Known {
     /// No section covers the pixel.
@@ -21,11 +22,11 @@ pub(crate) enum Known {
     Unseen,
     /// The pixel has no samples.
     Nothing,
-    /// The pixel has samples, and none passes near the eye.
+    /// The pixel has samples, and no sample's ray passes near the eye.
     Afar,
-    /// Some samples pass near the eye: they see the pixel itself.
+    /// The rays of some samples pass near the eye. They see exactly this pixel.
     Near,
-    /// Samples near the eye are of several surfaces: the pixel shows a mixture.
+    /// The rays of samples of several surfaces pass near the eye. The pixel shows a mixture.
     Mixture,
 }
 
@@ -35,13 +36,13 @@ pub(crate) fn bin_of(depth: f32) -> u16 {
 }
 
 impl Quadtree {
-    /// Returns what a pixel shows whose beam sees nothing.
+    /// Returns what a pixel of an unseen beam shows.
     pub(crate) fn sky(&self) -> Shown {
         let colour = if self.view.clips_sky() { [0.0; 3] } else { self.params.sky };
         Shown { colour, depth: f32::INFINITY }
     }
 
-    /// Returns a picture that shows no sample, but the sky where that is known.
+    /// Returns a picture without samples. Pixels of unseen beams show the sky.
     pub(crate) fn frame_of(&self, known: &[Known]) -> Frame {
         let mut frame = self.empty_frame();
         let sky = self.sky();
@@ -58,14 +59,14 @@ impl Quadtree {
         frame
     }
 
-    /// Returns how wide a pixel is on what it sees at a depth, as a share of that depth: the larger
-    /// of the two directions.
+    /// Returns the width of a pixel's footprint at a depth, as a share of that depth. It is the
+    /// larger of width and height.
     pub(crate) fn pixel_share(&self, depth: f32) -> f32 {
         let width = self.camera.pixel_width;
         width.width as f32 / if width.grows { 1.0 } else { depth.max(f32::MIN_POSITIVE) }
     }
 
-    /// Returns what is known of every pixel, row by row.
+    /// Returns the state of every pixel, row by row.
     pub(crate) fn known(&self) -> Vec<Known> {
         let unseen = self.unseen_pixels();
         let known = |(pixel, &covered): (usize, &bool)| {
@@ -80,7 +81,7 @@ impl Quadtree {
         self.covered.iter().enumerate().map(known).collect()
     }
 
-    /// Returns whether each pixel has samples, but too few to tell much of their mean.
+    /// Returns for each pixel whether it has samples, but too few for a good mean.
     pub(crate) fn has_few(&self) -> Vec<bool> {
         let has_few = |pixel: usize| {
             let count: u64 = self.bins(pixel).map(|(_, sums)| u64::from(sums.count)).sum();

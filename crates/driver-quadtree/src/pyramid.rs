@@ -1,7 +1,7 @@
-//! The pyramid of leaves: what each square of the picture holds, surface by surface.
+//! The quadtree as a pyramid: the surfaces of each square of the picture.
 //!
-//! Level 0 is the pixels. A leaf of each further level is a square of 2 × 2 leaves of the level
-//! below: the quadtree.
+//! The leaves of level 0 are the pixels. A leaf of a further level is a square of 2 × 2 leaves of
+//! the level below.
 //!
 //! What always holds:
 //! - The surfaces of a leaf are disjoint in depth, nearest first, and each surface of a child lies

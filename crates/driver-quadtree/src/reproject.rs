@@ -1,7 +1,8 @@
-//! Projects samples: where they land in a picture, and how near to the eye their rays pass.
+//! Projects samples: computes the pixel in which each lands, and how near to the eye its ray
+//! passes.
 //!
-//! Invariant: positions are relative to the eye, in double precision, before anything is
-//! subtracted, so sections far from the origin lose nothing.
+//! Invariant: positions are relative to the eye, in double precision, before any subtraction. So
+//! sections far from the origin lose no precision.
 
 use crate::bins::{FAR, depth_bin};
 use crate::sums::NEAR_CLASSES;
@@ -10,27 +11,27 @@ use holo_display::{Camera, DistanceTable, PlacedSection};
 use holo_picture::Clip;
 use holo_section::{CellPair, Sample, distance};
 
-/// A sample is aligned if its ray passes the eye at less than this part of the sample's distance.
-/// It then looks within 5.7 degrees of the eye's own ray.
+/// A sample is aligned if its ray passes the eye within this share of the sample's distance. The
+/// angle between this ray and the eye's own ray is then below 5.7 degrees.
 const ALIGNED: f64 = 0.1;
 /// Weight of a ray that passes within its own footprint of the eye.
 pub(crate) const FULL_WEIGHT: u32 = 64;
-/// Weight that every ray has at least.
+/// Least weight of a ray.
 const LEAST_WEIGHT: u32 = 8;
-/// The nearness of a sample that hit nothing is judged at this distance, in diagonals of its
-/// section. The nearest class is then within the footprint at one diagonal.
+/// Distance at which the class of nearness of a sample that hit nothing is determined, in diagonals
+/// of its section. The nearest class is then within the footprint at one diagonal.
 const FAR_DIAGONALS: f64 = 8.0;
-/// Places in a pixel that are told apart along each side.
+/// Resolution of places in a pixel, along each side.
 const PLACES: f64 = 256.0;
 
-/// Where a sample lands, and what it counts for.
+/// The pixel, depth and weight of a sample in a view.
 pub(crate) struct Landing {
     /// Columns from the left and rows from the top.
     pub column: usize,
     pub row: usize,
     /// Place in the pixel, in 256ths from its left and from its top.
     pub within: [u8; 2],
-    /// Distance from the eye, scene units; infinite for nothing.
+    /// Distance from the eye, scene units; infinite if the sample hit nothing.
     pub depth: f32,
     /// Depth bin of that distance.
     pub bin: u16,
@@ -38,13 +39,14 @@ pub(crate) struct Landing {
     pub weight: u32,
     /// Class of nearness as in [`Sums::near`](crate::sums::Sums::near); `None` if not near.
     pub near: Option<usize>,
-    /// Whether the ray looks as the eye does, and begins at the eye or behind it.
+    /// Whether the ray looks in nearly the same direction as the eye, and begins at the eye or
+    /// behind it.
     pub is_aligned: bool,
-    /// Whether it lies beyond the view's aft clipping surface, which is drawn black.
+    /// Whether the sample lies beyond the view's aft clipping surface and so is drawn black.
     pub is_black: bool,
 }
 
-/// Projects the samples of one beam. Holds all that is the same for the whole beam.
+/// Projects the samples of one beam.
 pub(crate) struct BeamProjector<'a> {
     entry: (DVec3, DVec3, DVec3),
     exit: (DVec3, DVec3, DVec3),
@@ -52,8 +54,8 @@ pub(crate) struct BeamProjector<'a> {
     distances: &'a DistanceTable,
     camera: &'a Camera,
     size: (f64, f64),
-    /// Whether the beam begins ahead of an eye that is in another section. Such a beam does not
-    /// know what stands between the eye and its beginning.
+    /// Whether the beam begins ahead of an eye that is in another section. Rays of such a beam do
+    /// not see objects between the eye and the wall where they begin.
     begins_ahead: bool,
 }
 
@@ -78,11 +80,10 @@ impl<'a> BeamProjector<'a> {
     }
 
     /// Returns where a sample lands. `None` if its surface is behind the eye, before the fore
-    /// clipping surface or outside the picture. `None`, too, if its ray comes towards the eye: it
-    /// hits a surface that is turned away from the eye, as the other side of a wall is.
+    /// clipping surface or outside the picture. Also `None` if its ray comes towards the eye: it
+    /// then hits a surface that faces away from the eye, such as the other side of a wall.
     #[inline(always)]
     pub fn land(&self, sample: &Sample) -> Option<Landing> {
-        let camera = self.camera;
         let [eu, ev, xu, xv] = sample.coords.0.map(f64::from);
         let entry = self.entry.0 + self.entry.1 * eu + self.entry.2 * ev;
         let exit = self.exit.0 + self.exit.1 * xu + self.exit.2 * xv;
@@ -90,43 +91,32 @@ impl<'a> BeamProjector<'a> {
         let length_squared = along.length_squared();
         let code = sample.distance_code();
         let hits = code != distance::NOTHING_HIT;
-        let has_one_eye = camera.pixel_width.grows;
         let point = if hits {
             entry + along * (self.distances.of(code) * self.diagonal / length_squared.sqrt())
-        } else if has_one_eye {
-            // Nothingness is seen in the same direction from everywhere.
+        } else if self.has_one_eye() {
+            // The sky is seen in the same direction from everywhere.
             along
         } else {
-            // A parallel view sees it where it leaves the section.
+            // In a parallel view, the ray counts where it leaves the section.
             exit
         };
         let (x, y) = self.project(point)?;
-        let eye = camera.eye_of(point);
+        let eye = self.camera.eye_of(point);
         let distance_squared = (point - eye).length_squared();
         let miss_squared = (entry - eye).cross(along).length_squared() / length_squared;
-        let sight_along = (if has_one_eye { point } else { DVec3::Z }).dot(along);
         let is_along = miss_squared <= ALIGNED * ALIGNED * distance_squared;
-        if hits && is_along && sight_along < 0.0 {
+        if !self.is_visible(hits, is_along, point, along) {
             return None;
         }
-        // A parallel view sees nothingness only where it looks along the ray.
-        let is_level = sight_along * sight_along >= (1.0 - ALIGNED * ALIGNED) * length_squared;
-        if !(hits || has_one_eye || is_level) {
-            return None;
-        }
-        let is_black = match camera.clip(point) {
-            // A ray that hit nothing has a direction and no place.
-            _ if !hits => camera.clips_sky(),
-            Clip::Before => return None,
-            clip => clip == Clip::Beyond,
-        };
-        let footprint_squared = |distance_squared| camera.pixel_width.squared_at(distance_squared);
+        let is_black = self.is_black(hits, point)?;
+        let footprint = |distance_squared| self.camera.pixel_width.squared_at(distance_squared);
         let (own_footprint, judged_footprint) = if hits {
-            (footprint_squared(distance_squared), footprint_squared(distance_squared))
+            (footprint(distance_squared), footprint(distance_squared))
         } else {
-            (f64::INFINITY, footprint_squared((FAR_DIAGONALS * self.diagonal).powi(2)))
+            (f64::INFINITY, footprint((FAR_DIAGONALS * self.diagonal).powi(2)))
         };
         let is_shown = hits && !is_black;
+        let near = near_class(miss_squared / judged_footprint);
         Some(Landing {
             column: x as usize,
             row: y as usize,
@@ -134,18 +124,45 @@ impl<'a> BeamProjector<'a> {
             depth: if is_shown { (distance_squared as f32).sqrt() } else { f32::INFINITY },
             bin: if is_shown { depth_bin(distance_squared) } else { FAR },
             weight: nearness_weight(miss_squared / own_footprint),
-            // Nothingness looks the same from everywhere.
+            // The sky looks the same from everywhere.
             is_aligned: (!hits || is_along) && !self.begins_ahead,
             is_black,
-            near: if self.begins_ahead {
-                None
-            } else {
-                near_class(miss_squared / judged_footprint)
-            },
+            near: near.filter(|_| !self.begins_ahead),
         })
     }
 
-    /// Returns where in the picture a point of camera coordinates is seen, in pixels.
+    fn has_one_eye(&self) -> bool {
+        self.camera.pixel_width.grows
+    }
+
+    /// Returns whether the view can see what a ray hit at a point, or the sky. An aligned ray that
+    /// comes towards the eye hits the back of a surface. A parallel view sees the sky only along rays
+    /// that are parallel to the view.
+    #[inline(always)]
+    fn is_visible(&self, hits: bool, is_along: bool, point: DVec3, along: DVec3) -> bool {
+        let sight_along = (if self.has_one_eye() { point } else { DVec3::Z }).dot(along);
+        if hits {
+            return !(is_along && sight_along < 0.0);
+        }
+        let least = (1.0 - ALIGNED * ALIGNED) * along.length_squared();
+        self.has_one_eye() || sight_along * sight_along >= least
+    }
+
+    /// Returns whether the view's aft clipping surface makes a point black, or the sky. `None` before
+    /// the fore clipping surface.
+    #[inline(always)]
+    fn is_black(&self, hits: bool, point: DVec3) -> Option<bool> {
+        if !hits {
+            return Some(self.camera.clips_sky());
+        }
+        match self.camera.clip(point) {
+            Clip::Before => None,
+            clip => Some(clip == Clip::Beyond),
+        }
+    }
+
+    /// Returns the place in the picture, in pixels, of a point in camera coordinates. `None`
+    /// outside the picture and behind the eye.
     #[inline(always)]
     fn project(&self, point: DVec3) -> Option<(f64, f64)> {
         let camera = self.camera;
@@ -176,10 +193,10 @@ fn near_class(miss_in_radii_squared: f64) -> Option<usize> {
 /// Returns the weight of a ray that misses the eye by r footprints, given r². It is 64 up to r = 1,
 /// then falls as 1/√r to 8 at r = 64.
 ///
-/// The paper lets the nearer ray replace the other (§2.4.2), which is right for samples without
-/// noise. Nearly all rays of a batch miss the eye by tens of footprints. About 2 % pass near it. If
-/// these had 64 times the weight of others, the mean would be as noisy as one of 6 % of the
-/// samples. With this law it is as noisy as one of 57 %.
+/// In the paper, the nearer ray replaces the other (§2.4.2). That is right for samples without
+/// noise. Nearly all rays of a batch miss the eye by tens of footprints, and about 2 % pass near
+/// it. If these had 64 times the weight of others, the mean would be as noisy as that of 6 % of the
+/// samples. With this law it is as noisy as that of 57 %.
 #[inline(always)]
 fn nearness_weight(miss_in_footprints_squared: f64) -> u32 {
     // The exponent is the logarithm of r² to base 2. 1/√r falls by 2^(1/4) while r² doubles.

@@ -1,16 +1,17 @@
-//! Decides which surface a pixel shows, or which mixture, by its own samples and those around it.
+//! Determines which surface a pixel shows, or which mixture, from its own samples and those around
+//! it.
 
 use crate::bins::BINS_PER_OCTAVE;
 use crate::paint::{Painter, Shown};
 use crate::sums::NEAR_CLASSES;
 use crate::surface::{Bins, Surface};
 
-/// Share of a leaf's samples that its nearest surface needs to be shown by the leaf's empty pixels.
-pub(crate) const SEEN_SHARE: f32 = 0.25;
-/// Depth bins between a surface and one that hides it: a fifth of the distance.
+/// Least share of a leaf's samples that a surface needs for the leaf's empty pixels to show it.
+const SEEN_SHARE: f32 = 0.25;
+/// Least number of depth bins between a surface and one that hides it: a fifth of the distance.
 pub(crate) const CLEARLY_IN_FRONT: u16 = 8;
-/// Mean samples of a surface in a leaf's pixels beyond which a pixel without any does not have the
-/// surface. With two expected, one pixel in seven has none.
+/// Largest mean number of samples of a surface per pixel of a leaf for which a pixel without such
+/// samples may still have the surface. With a mean of two, one pixel in seven has none.
 const MANY_PER_PIXEL: u32 = 2;
 
 impl Painter<'_> {
@@ -29,15 +30,11 @@ impl Painter<'_> {
         }
     }
 
-    /// Returns what a pixel without samples shows: what the smallest leaf with samples around it
-    /// shows.
+    /// Returns what a pixel without samples shows: a surface of the smallest leaf around it that
+    /// has samples.
     fn filled(&mut self, column: usize, row: usize) -> Shown {
-        let found = (1..self.all.levels.len()).find_map(|level| {
-            let leaf = self.all.leaf(level, column, row);
-            let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
-            let seen = leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)?;
-            Some((level, seen.bins))
-        });
+        let found = (1..self.all.levels.len())
+            .find_map(|level| Some((level, seen_surface(self.all.leaf(level, column, row))?.bins)));
         let Some((level, bins)) = found else { return Shown::NOTHING };
         let (level, bins) = self.covering(column, row, bins).unwrap_or((level, bins));
         self.surface(column, row, level, bins)
@@ -45,9 +42,9 @@ impl Painter<'_> {
 
     /// Returns what a pixel with samples shows.
     ///
-    /// Samples that pass near the eye are samples of this very pixel. Each surface covers the pixel
-    /// by its share of them, which makes silhouettes smooth. Without any, the pixel shows its
-    /// nearest surface: other samples looked past that surface's edge.
+    /// Samples that pass near the eye see exactly this pixel. Each surface covers the pixel by its
+    /// share of them, which makes silhouettes smooth. Without such samples, the pixel shows its
+    /// nearest surface, because samples of farther ones have looked past that surface's edge.
     fn mixed(&mut self, column: usize, row: usize, front: Bins, own: &[Surface]) -> Shown {
         let near = |surface: &Surface| self.near_count(column, row, surface.bins, front);
         let near: Vec<f32> = own.iter().map(near).collect();
@@ -70,13 +67,13 @@ impl Painter<'_> {
         shown
     }
 
-    /// Returns the number of samples of a pixel's surface that see past the front surface as the
-    /// eye does, because they pass near it.
+    /// Returns the number of samples of a pixel's surface whose rays pass so near to the eye that
+    /// they see past the front surface as the eye does.
     ///
-    /// Within a pixel's footprint at their own distance is not near enough. With `front` at an
-    /// eighth of the distance they would look behind it by seven pixels (batch pictures then got
-    /// worse with more samples). The radius is halved for each whole doubling from the front to the
-    /// surface, which keeps that below a pixel and a half.
+    /// The radius is a pixel's footprint at the samples' own distance, halved for each whole
+    /// doubling of distance from the front surface. Without the halving, samples at eight times the
+    /// front's distance would look behind its edge by seven pixels. Pictures of batch samples then
+    /// became worse with more samples. With it, they look behind by less than a pixel and a half.
     fn near_count(&self, column: usize, row: usize, bins: Bins, front: Bins) -> f32 {
         let halvings = usize::from(bins.first.saturating_sub(front.first) / BINS_PER_OCTAVE);
         let halvings = halvings.min(NEAR_CLASSES - 1);
@@ -86,26 +83,26 @@ impl Painter<'_> {
         own.flat_map(|(_, sums)| &sums.near[halvings..]).map(|&count| count as f32).sum()
     }
 
-    /// Returns whether a surface around a pixel lies so far in front of the pixel's own that it may
-    /// hide it.
+    /// Returns whether the leaves around a pixel have a surface that may hide the pixel's own,
+    /// because it lies clearly in front.
     #[inline(always)]
     fn may_be_covered(&self, column: usize, row: usize, front: Bins) -> bool {
         [2, 1].into_iter().filter(|&level| level < self.all.levels.len()).any(|level| {
-            // The nearest comes first.
             let nearest = self.all.leaf(level, column, row).first();
             nearest.is_some_and(|nearest| hides(nearest, front))
         })
     }
 
-    /// Returns level and bins of a surface that hides a pixel's front surface, though the pixel has
-    /// no sample of it.
+    /// Returns level and bins of a surface that hides a pixel's front surface, although the pixel
+    /// has no sample of it.
     ///
-    /// Where samples are few, a far surface shows through between the samples of a near one: rays
-    /// looked past the near surface's edge (the paper's Figure 6). A nearer surface hides the pixel
-    /// if it has most samples of the 4 × 4 or 2 × 2 pixels around. If it has so many that it would
-    /// have one in this pixel, it ends before it. Only aligned samples count where some are: others
-    /// may look from behind the surface, as from the next room, and be any number. Pixels with
-    /// samples near the eye need none of this. Gains and costs are in docs/notes/quadtree.md.
+    /// Where samples are few, a far surface shows through between the samples of a near one,
+    /// because some rays looked past the near surface's edge (the paper's Figure 6). A nearer
+    /// surface hides the pixel if it has most samples of the 4 × 4 or 2 × 2 pixels around. It does
+    /// not if it has so many samples that one would lie in this pixel. If a leaf has aligned
+    /// samples, only these count: oblique ones may look from behind the surface, as from the next
+    /// room. Pixels with samples near the eye do not need this test. Gains and costs are in
+    /// docs/notes/quadtree.md.
     fn covering(&self, column: usize, row: usize, front: Bins) -> Option<(usize, Bins)> {
         if !self.may_be_covered(column, row, front) {
             return None;
@@ -135,4 +132,10 @@ impl Painter<'_> {
 #[inline(always)]
 fn hides(nearer: &Surface, front: Bins) -> bool {
     nearer.bins.last.saturating_add(CLEARLY_IN_FRONT) < front.first
+}
+
+/// Returns the nearest surface of a leaf that has at least [`SEEN_SHARE`] of the leaf's samples.
+pub(crate) fn seen_surface(leaf: &[Surface]) -> Option<&Surface> {
+    let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
+    leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)
 }

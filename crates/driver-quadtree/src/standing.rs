@@ -1,10 +1,10 @@
-//! Objects between the eye and a section that it looks into from outside.
+//! Finds objects between the eye and a section that the eye looks into from outside.
 //!
-//! Rays of a section begin on its wall. A ray that passes near the eye sees what the eye sees only
-//! from the wall on. It misses a door frame before the wall and shows what is behind it. Samples of
-//! other sections may have seen the frame.
+//! Rays of a section begin on its wall. So a ray that passes near the eye does not hit a door frame
+//! between the eye and the wall. It shows the surface behind the frame. Samples of other sections
+//! may have seen the frame.
 //!
-//! Invariant: nothing changes for an eye in a section, nor for what lies beyond the wall.
+//! Invariant: nothing changes for an eye in a section, nor for surfaces beyond the wall.
 
 use crate::Quadtree;
 use crate::bins::{FAR, depth_bin};
@@ -16,14 +16,16 @@ use holo_section::LineHit;
 
 /// Level of the largest leaves that are searched for a standing surface.
 const LARGEST: usize = 4;
-/// Samples of a surface in a leaf beyond which smaller leaves show where it ends. A quarter of the
-/// leaf has four on average, and none in one case of fifty.
+/// Largest number of samples of a surface in a leaf for which the leaf is used. With more, smaller
+/// leaves show where the surface ends. With 16, a quarter of the leaf has four on average, and none
+/// in one case of fifty.
 const MANY: u32 = 16;
-/// Number of the four leaves around a pixel that must have a surface for it to go on at the pixel.
+/// Least number of the four leaves around a pixel that must have a surface for the pixel to have
+/// it.
 const LEAVES_AROUND: usize = 3;
 
 impl Quadtree {
-    /// Returns whether rays of some pixels may begin ahead of the eye.
+    /// Returns whether the stored rays of some pixels may begin ahead of the eye.
     pub(crate) fn looks_from_outside(&self) -> bool {
         let (eye, along) = self.middle(self.size.0 as usize / 2, self.size.1 as usize / 2);
         let has_one_eye = self.view.kind.has_eye() && self.view.vo == 0.0;
@@ -48,7 +50,7 @@ impl Quadtree {
 }
 
 impl Painter<'_> {
-    /// Returns level and bins of a surface that stands before the wall at a pixel, by the samples
+    /// Returns level and bins of a surface that stands before the wall at a pixel, from the samples
     /// in the pixel and around it.
     #[inline(always)]
     pub fn standing(&self, column: usize, row: usize, own: &[Surface]) -> Option<(usize, Bins)> {
@@ -73,14 +75,14 @@ impl Painter<'_> {
             let stands = nearest.count <= MANY
                 && nearest.bins.last < wall
                 && is_in_front(nearest.bins.last)
-                && self.goes_on(column, row, level, nearest.bins);
+                && self.continues(column, row, level, nearest.bins);
             stands.then_some((level, nearest.bins))
         })
     }
 
-    /// Returns whether a surface of a pixel's leaf goes on in the leaves around the pixel. In its
-    /// own leaf alone it may end before the pixel.
-    fn goes_on(&self, column: usize, row: usize, level: usize, bins: Bins) -> bool {
+    /// Returns whether a surface of a pixel's leaf continues in the leaves around the pixel. A
+    /// surface in the pixel's own leaf alone may end before the pixel.
+    fn continues(&self, column: usize, row: usize, level: usize, bins: Bins) -> bool {
         let leaves = &self.all.levels[level];
         let columns = neighbours(column, level, leaves.width);
         let rows = neighbours(row, level, leaves.height);

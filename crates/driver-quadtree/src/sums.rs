@@ -1,17 +1,17 @@
 //! Exact sums over samples, and their moments.
 //!
-//! Invariant: all sums add integers ≥ 0, and stop at the largest value instead of overflowing. The
-//! same samples give the same bits in any order and in any batches.
+//! Invariant: all sums add integers ≥ 0, and stop at the largest value instead of overflowing. So
+//! the same samples give the same bits in any order and in any batches.
 
 use bytemuck::Zeroable;
-use holo_cpu::prefetch;
 use holo_section::rgbe;
 
 /// Classes of nearness to the eye. Each reaches half as far as the one before.
 pub(crate) const NEAR_CLASSES: usize = 4;
 /// Fraction bits of colour sums: RGBE colours from 2⁻⁴⁰ · 256 up are exact.
 const COLOUR_FRACTION: i32 = 40;
-/// Larger RGBE exponents count as this one (radiance 4e12), so that a product with a weight fits.
+/// Largest RGBE exponent (radiance 4e12), so that a product with a weight fits. Larger ones count
+/// as this one.
 const MAX_EXPONENT: u8 = 170;
 /// Steps of luminance in a unit of radiance, and the largest sum of steps of one sample.
 const LUMINANCE_SCALE: f32 = 1_048_576.0;
@@ -29,14 +29,14 @@ pub(crate) fn luminance(rgb: [f32; 3]) -> f32 {
 /// The colour of a sample in fixed point.
 #[derive(Clone, Copy)]
 pub(crate) struct Colour {
-    /// Fixed point, without the doublings of bright colours.
+    /// Fixed point; to be shifted left by `doublings`.
     rgb: [u64; 3],
     doublings: u32,
     luminance: u64,
-    /// Fourth root of luminance. Leaves are compared in it, so that rare bright samples do not
-    /// outweigh all others: a lamp that is 1000 times as bright as its surroundings counts six
-    /// times. It is a root and not a logarithm because black samples are common and scenes have any
-    /// scale.
+    /// Fourth root of luminance. Leaves are compared by it, so that rare bright samples do not
+    /// outweigh all others. A lamp that is 1000 times as bright as its surroundings counts six
+    /// times as much. A logarithm would not do, because black samples are common and scenes have
+    /// any scale.
     root: u64,
 }
 
@@ -71,8 +71,8 @@ pub(crate) struct Sums {
     weight_squared: u64,
     /// Number of samples.
     pub count: u32,
-    /// Number of samples whose rays pass near the eye, by class: within the viewpoint radius,
-    /// within half of it, a quarter, an eighth. Each sample counts in its narrowest class alone.
+    /// Number of samples whose rays pass near the eye, by class: within a pixel's footprint, within
+    /// half of it, a quarter, an eighth. Each sample counts in its narrowest class alone.
     pub near: [u32; NEAR_CLASSES],
 }
 
@@ -96,14 +96,6 @@ impl Sums {
         }
     }
 
-    /// Fetches the sums into the cache.
-    #[inline(always)]
-    pub fn prefetch(&self) {
-        prefetch(&self.rgb);
-        prefetch(&self.root_squared);
-        prefetch(&self.near);
-    }
-
     /// Adds another bin's sums.
     #[inline(always)]
     pub fn join(&mut self, other: &Self) {
@@ -122,7 +114,7 @@ impl Sums {
     /// Returns the moments. There must be samples.
     #[inline(always)]
     pub fn moments(&self) -> Moments {
-        // Within two roundings. The language's own conversion is a slow call.
+        // Exact to two roundings. The language's own conversion is a slow call.
         let wide = |sum: u128| {
             (sum >> 64) as u64 as f64 * 18_446_744_073_709_551_616.0 + sum as u64 as f64
         };

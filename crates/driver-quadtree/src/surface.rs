@@ -1,31 +1,31 @@
 //! One surface in one leaf: moments of its samples, and their noise.
 //!
-//! Depth bins belong to one surface as long as they are adjacent, so no mean is ever taken across a
-//! jump in depth.
+//! Adjacent depth bins belong to one surface, so no mean is taken across a jump in depth.
 //!
-//! Invariant: moments are functions of the bins' sums and of the order in which leaves are joined,
+//! Invariant: moments depend only on the bins' sums and on the order in which leaves are joined,
 //! which is fixed.
 
 use crate::bins::FAR;
 use crate::sums::{Moments, Sums, luminance};
 use std::borrow::Borrow;
 
-/// Degrees of freedom that an estimate of noise from finer leaves needs. Below, a leaf's own spread
-/// is used.
+/// Least number of degrees of freedom of an estimate of noise from finer leaves. With fewer, a leaf
+/// uses its own spread.
 const ENOUGH_FREEDOM: f32 = 6.0;
-/// Relative variance of a leaf's samples above which few of them make its mean: one in so many, or
-/// fewer. See docs/notes/quadtree.md.
+/// Relative variance of a leaf's samples above which few of them make its mean: 1 in 32 or fewer.
+/// See docs/notes/quadtree.md.
 const FEW_OF: f32 = 32.0;
-// The next three numbers say when a leaf is mixed. docs/notes/quadtree.md says how they were
+// The next three numbers define when a leaf is mixed. docs/notes/quadtree.md explains how they were
 // chosen.
-/// Least ratio of the variance between quarters to what the spread within them lets expect (the
-/// F-ratio of an analysis of variance, Fisher 1925).
+/// Least ratio of the variance between quarters to the variance that follows from the spread within
+/// them (the F-ratio of an analysis of variance, Fisher 1925).
 const MIXED_RATIO: f32 = 8.0;
-/// Least share of the spread within quarters. A slow gradient over a large leaf does no harm.
+/// Least ratio of the spread between quarters to the spread within them, so that a slow gradient
+/// over a large leaf does not count.
 const MIXED_SHARE: f32 = 0.1;
-/// Least number of effective samples beyond one for each quarter.
+/// Least number of effective samples, less one for each quarter.
 const MIXED_SAMPLES: f32 = 20.0;
-/// Relative deviation of the root of luminance that counts as none: that of RGBE's steps.
+/// Relative deviation of the root of luminance that comes from RGBE's steps alone.
 const MIXED_STEP: f32 = 0.001;
 
 /// The depth bins of a surface, first and last.
@@ -43,14 +43,14 @@ impl Bins {
     }
 }
 
-/// Returns how many bins one surface may skip within a leaf of a level. A slanted surface falls
-/// further across a larger leaf.
+/// Returns the largest step, in bins, within one surface in a leaf of a level. The depth of a
+/// slanted surface varies more across a larger leaf.
 #[inline(always)]
 pub(crate) fn gap_allowed(level: usize) -> u16 {
     1 + level.min(3) as u16
 }
 
-/// Returns whether a surface that ends at one bin goes on at another.
+/// Returns whether a surface that ends at bin `end` continues at bin `next`.
 #[inline(always)]
 pub(crate) fn adjacent(end: u16, next: u16, gap: u16) -> bool {
     next <= end || (next < FAR && next - end <= gap)
@@ -71,22 +71,24 @@ pub(crate) struct Surface {
     /// The part of `spread_root` that lies between the leaf's four quarters; 0 for a pixel.
     spread_between: f32,
     noise: Noise,
-    /// Whether few of the samples make the mean of a leaf larger than a pixel. They may see a lamp,
-    /// and smaller leaves know where it shines. No light is lost if pixels do not take the mean:
-    /// neither the bright part of the leaf nor the dark part does.
+    /// Whether few of the samples make the mean of a leaf larger than a pixel. These samples may
+    /// see a lamp, and smaller leaves show where it shines. No light is lost if pixels do not use
+    /// the mean, because neither the bright part of the leaf nor the dark part uses it.
     pub is_of_few: bool,
     /// Whether the quarters of the leaf differ by more than noise. The mean then fits none of them.
     pub is_mixed: bool,
 }
 
-/// Noise of samples about the means of the smallest leaves that have enough samples. It leaves out
-/// the picture's own variation across larger leaves. Each leaf counts by its degrees of freedom.
+/// Noise of samples about the means of the smallest leaves that have enough samples, so that the
+/// picture's own variation across larger leaves does not count. Each leaf counts by its degrees of
+/// freedom.
 #[derive(Clone, Copy, Debug)]
 struct Noise {
     /// Sum of freedom × variance of luminance.
     luminance: f32,
-    /// Sum of freedom × *deviation* of the root. The few leaves that an edge crosses then raise the
-    /// mean little. (Luminance cannot do that: rare bright samples make most of its deviation.)
+    /// Sum of freedom × *deviation* of the root. So the few leaves that an edge crosses raise the
+    /// mean little. (For luminance the variance is needed, because rare bright samples make most of
+    /// it.)
     root: f32,
     /// Effective number of samples less the number of means.
     freedom: f32,
@@ -129,7 +131,7 @@ impl Surface {
         surface
     }
 
-    /// Returns a quarter's surface as the beginning of the whole leaf's.
+    /// Returns the surface of a whole leaf that so far has this quarter only.
     #[inline(always)]
     pub fn of_quarter(&self) -> Self {
         Self { spread_between: 0.0, ..*self }
@@ -176,7 +178,7 @@ impl Surface {
     #[inline(always)]
     fn own_noise(&self) -> Noise {
         let freedom = self.weight * self.weight / self.weight_squared - 1.0;
-        // Σw − Σw²/Σw: its product with a variance is the spread to expect.
+        // Σw − Σw²/Σw: times the variance, this is the expectation of the spread.
         let divisor = self.weight - self.weight_squared / self.weight;
         if self.count < 2 || freedom <= 0.0 || divisor <= 0.0 {
             return Noise { luminance: 0.0, root: 0.0, freedom: 0.0 };
@@ -191,7 +193,7 @@ impl Surface {
     #[inline(always)]
     fn has_different_quarters(&self) -> bool {
         let between = self.spread_between;
-        // Less one mean for each quarter. Three of four are free.
+        // One mean for each quarter is subtracted. Three of the four means are free.
         let freedom = self.weight * self.weight / self.weight_squared - 4.0;
         let step = MIXED_STEP * self.mean[3];
         let within = (self.spread_root - between).max(0.0) + step * step * self.weight;
@@ -221,7 +223,7 @@ impl Surface {
         ((self.spread_luminance / divisor).sqrt() / mean, (self.spread_root / divisor).sqrt())
     }
 
-    /// Returns the noise of the surface's samples, as far as it is known.
+    /// Returns the noise of the surface's samples; 0 if it is not known.
     pub fn deviation(&self) -> Deviation {
         let Noise { luminance, root, freedom } = self.noise;
         let scale = if freedom > 0.0 { 1.0 / freedom } else { 0.0 };
@@ -243,7 +245,7 @@ pub(crate) fn of_pixel<S: Borrow<Sums>>(
             last = bin;
             Some(sums)
         };
-        // Most surfaces have one bin: its sums are not copied.
+        // Most surfaces have one bin, and its sums need no copy.
         let surface = match next() {
             None => Surface::of_pixel(Bins::of(first), sums.borrow()),
             Some(second) => {

@@ -1,4 +1,4 @@
-//! The quadtree: samples of one view in, pictures out.
+//! The quadtree: sums the samples of one view and draws pictures of them.
 
 use crate::bins::PixelBins;
 use crate::reproject::{BeamProjector, Landing};
@@ -11,20 +11,17 @@ use rayon::prelude::*;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Paths that a sample counts for at most: more are not told apart, and no sample overflows a sum.
+/// Largest number of paths that a sample counts for, so that no sample overflows a sum.
 pub(crate) const MAX_PATHS: u16 = 1024;
-/// Samples that are projected before any of them is summed: their sums lie anywhere in memory, and
-/// are fetched meanwhile.
-const BATCH: usize = 32;
 
 /// How large the leaves are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LeafSize {
-    /// As large as the samples' noise asks and the picture allows.
+    /// As large as the samples' noise needs and the picture allows.
     #[default]
     Adaptive,
-    /// 2ⁿ pixels a side everywhere, larger where empty. 0 shows each pixel's own samples. For
-    /// comparison.
+    /// 2ⁿ pixels a side everywhere, and larger where there are no samples. 0 shows each pixel's own
+    /// samples. For comparison.
     Fixed(u8),
 }
 
@@ -33,7 +30,7 @@ pub enum LeafSize {
 pub struct QuadtreeParams {
     /// How large the leaves are.
     pub leaf: LeafSize,
-    /// Radiance of rays that hit nothing: what unseen beams show.
+    /// Radiance of rays that hit nothing, which unseen beams show.
     pub sky: [f32; 3],
 }
 
@@ -46,13 +43,13 @@ pub struct Quadtree {
     pub(crate) size: (u32, u32),
     pub(crate) params: QuadtreeParams,
     distances: DistanceTable,
-    /// Aligned samples: those that look as the eye does.
+    /// Aligned samples: those that look in nearly the same direction as the eye.
     pub(crate) aligned: PixelBins,
-    /// All others; `None` as long as there are none.
+    /// Oblique samples: all others. `None` if there are none yet.
     pub(crate) oblique: Option<PixelBins>,
-    /// Whether some section covers each pixel's middle.
+    /// For each pixel, whether some section covers its middle.
     pub(crate) covered: Vec<bool>,
-    /// Whether rays of some pixels may begin ahead of the eye.
+    /// Whether the stored rays of some pixels may begin ahead of the eye.
     pub(crate) is_outside: bool,
     unseen: HashSet<BeamKey>,
     /// Best beam of every pixel's middle. Empty while no unseen beam is known: most scenes have
@@ -61,8 +58,8 @@ pub struct Quadtree {
 }
 
 impl Quadtree {
-    /// Returns an empty quadtree for a picture of `size` pixels, as from [`View::resolve`], which
-    /// bounds it: memory is in proportion.
+    /// Returns an empty quadtree for a picture of `size` pixels. Memory is in proportion to the
+    /// size, which [`View::resolve`] bounds.
     pub fn new(
         sections: Arc<[Section]>,
         view: View,
@@ -87,7 +84,7 @@ impl Quadtree {
             params,
         };
         tree.is_outside = tree.looks_from_outside();
-        // From outside of all sections, what stands before them is looked for pixel by pixel.
+        // If the eye is outside all sections, `standing` finds objects before them pixel by pixel.
         for (placed, section) in tree.placed.iter_mut().zip(tree.sections.iter()) {
             placed.is_elsewhere = !tree.is_outside && !section.contains(view.vp);
         }
@@ -118,34 +115,23 @@ impl Quadtree {
         let projector = BeamProjector::new(placed, pair, &self.camera, self.size, &self.distances);
         let (width, pixels) = (self.size.0 as usize, self.covered.len());
         let paths = u32::from(paths.clamp(1, MAX_PATHS));
-        let mut batch = Vec::with_capacity(BATCH);
-        for samples in samples.chunks(BATCH) {
-            batch.clear();
-            for sample in samples {
-                let Some(landing) = projector.land(sample) else { continue };
-                let pixel = landing.row * width + landing.column;
-                if landing.is_aligned {
-                    self.aligned.prefetch(pixel);
-                } else {
-                    self.oblique.get_or_insert_with(|| PixelBins::new(pixels)).prefetch(pixel);
-                }
-                batch.push((pixel, landing, sample.rgbe));
-            }
-            for (pixel, landing, rgbe) in &batch {
-                let bins = match &mut self.oblique {
-                    Some(oblique) if !landing.is_aligned => oblique,
-                    _ => &mut self.aligned,
-                };
-                let rgbe = if landing.is_black { [0; 4] } else { *rgbe };
-                let colour = Colour::from_rgbe(rgbe);
-                bins.add(*pixel, landing.bin, &colour, landing.weight * paths, landing.near);
-                landed(*pixel, landing, rgbe);
-            }
+        for sample in samples {
+            let Some(landing) = projector.land(sample) else { continue };
+            let pixel = landing.row * width + landing.column;
+            let bins = if landing.is_aligned {
+                &mut self.aligned
+            } else {
+                self.oblique.get_or_insert_with(|| PixelBins::new(pixels))
+            };
+            let rgbe = if landing.is_black { [0; 4] } else { sample.rgbe };
+            let colour = Colour::from_rgbe(rgbe);
+            bins.add(pixel, landing.bin, &colour, landing.weight * paths, landing.near);
+            landed(pixel, &landing, rgbe);
         }
     }
 
-    /// Notes that no ray of a beam hits anything: pixels that it serves best show the sky, exactly.
-    /// Ignores unknown sections and beams.
+    /// Marks a beam as unseen: none of its rays hits anything. Pixels whose best beam it is show
+    /// exactly the sky. Ignores unknown sections and beams.
     pub fn insert_unseen(&mut self, key: BeamKey) {
         if key.section_in(&self.sections).is_none() {
             return;
@@ -166,18 +152,11 @@ impl Quadtree {
         &self.unseen
     }
 
-    /// Returns whether each pixel's best beam is known to see nothing; empty if no such beam is
-    /// known.
+    /// Returns for each pixel whether its best beam is unseen. Empty if no unseen beam is known.
     pub(crate) fn unseen_pixels(&self) -> Vec<bool> {
-        // Neighbouring pixels mostly have the same beam.
-        let mut last = (None, false);
-        let mut is_unseen = |best: &Option<BeamKey>| {
-            if last.0 != *best {
-                last = (*best, best.is_some_and(|best| self.unseen.contains(&best)));
-            }
-            last.1
-        };
-        self.best.iter().map(&mut is_unseen).collect()
+        let is_unseen =
+            |best: &Option<BeamKey>| best.is_some_and(|best| self.unseen.contains(&best));
+        self.best.iter().map(is_unseen).collect()
     }
 
     /// Returns a picture that shows nothing yet.
@@ -188,8 +167,8 @@ impl Quadtree {
         frame
     }
 
-    /// Returns the view ray of a pixel's middle: where it begins, and its unit direction, or 0 if
-    /// the pixel looks nowhere.
+    /// Returns the view ray of a pixel's middle: its origin and its unit direction. The direction
+    /// is 0 in the corners of a fisheye, which show nothing.
     pub(crate) fn middle(&self, column: usize, row: usize) -> (DVec3, DVec3) {
         let (x, y) = View::pixel_centre(self.size, column as u32, row as u32);
         let ray = self.view.clipped_ray(x, y);

@@ -236,7 +236,7 @@ fn uncovered_pixels_show_what_live_rays_saw_and_covered_ones_do_not_change() {
         // Live rays belong to one view alone.
         past(&mut driver, Resolution::Full);
         assert_eq!(draw(&mut driver).picture, before.picture);
-        // While the camera moves nothing is asked for, and nothing shown.
+        // While the camera moves, the driver requests no live rays and shows none.
         let (pixels, _) = past(&mut driver, Resolution::Half);
         assert!(pixels.is_empty());
         driver.insert_live(4, &rays);

@@ -248,7 +248,7 @@ fn a_lamp_that_few_of_many_samples_see_stays_where_they_see_it() {
         );
         assert!(bright < 0.005, "{name}: {bright}");
         // More than all light is shown where large leaves and small leaves in them show the same
-        // samples: 1.5 if leaves of any size were shown.
+        // samples. It would be 1.5 times the light if leaves of any size were shown.
         let shown = shown / truth;
         assert!((0.9..1.4).contains(&shown), "{name}: {shown}");
     }

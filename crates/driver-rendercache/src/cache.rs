@@ -1,11 +1,11 @@
-//! The render cache: samples in, pictures and requests out, stage by stage (Walter et al. 2002,
-//! Figure 1).
+//! The render cache: takes samples, makes pictures and requests, stage by stage (Walter et al.
+//! 2002, Figure 1).
 
 use glam::DVec3;
 use holo_display::mix;
 use holo_picture::{Picture, View};
 
-use crate::interpolate::{Looks, interpolate, show_means};
+use crate::interpolate::{Filter, interpolate, show_means};
 use crate::map::Map;
 use crate::noise::Noise;
 use crate::params::{EmptyPixels, PointImageError, PointImageParams, Smoothing};
@@ -17,17 +17,17 @@ use crate::sample::{Request, Sample};
 use crate::stage::{Stage, Stages};
 use crate::{cull, prefilter, zbuffer};
 
-/// What a frame is made from.
+/// The input of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment<'a> {
-    /// The view to show. Its shape should be the picture's.
+    /// The view to draw. Its aspect ratio should be the picture's.
     pub view: View,
-    /// Where the view is expected to be when samples that are asked for now arrive. `None`: no
+    /// The view that is expected when the samples of this frame's requests arrive. `None`: no
     /// prediction.
     pub predicted: Option<View>,
-    /// Results since the last frame, in any order.
+    /// The renderer's results since the last frame, in any order.
     pub samples: &'a [Sample],
-    /// The largest number of samples to ask for.
+    /// The largest number of rays to request.
     pub wanted: usize,
 }
 
@@ -39,25 +39,25 @@ pub struct PointImage {
     pub(crate) planes: Planes,
     buckets: Buckets,
     occupancy: Occupancy,
-    /// What positions are relative to: the first view's eye.
+    /// The origin of the points' coordinates: the first view's eye, world.
     pub(crate) origin: DVec3,
     pub(crate) view: Option<View>,
-    /// The same as projection takes it.
+    /// The same view in the form that projection uses.
     pub(crate) map: Option<Map>,
     pub(crate) predicted: Option<View>,
-    /// Counts views.
+    /// The number of the view.
     pub(crate) epoch: u32,
     /// Whether any point may be a sample of the current view.
     pub(crate) has_fresh: bool,
     pub(crate) noise: Noise,
-    /// Counts frames; chooses the jitter.
+    /// The number of frames so far; chooses the jitter.
     pub(crate) frames: u32,
-    /// Whether the picture is not what the points would give.
+    /// Whether points or stages have changed since the picture was made.
     is_dirty: bool,
     pub(crate) requests: Vec<Request>,
 }
 
-/// A picture, and the rays that would improve the next one most.
+/// A picture, and the rays that would improve the next picture most.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
     pub(crate) cache: &'a PointImage,
@@ -105,11 +105,11 @@ impl PointImage {
         (0..self.points.capacity()).filter(|&slot| !self.points.is_empty(slot)).count()
     }
 
-    /// Takes samples in without making a picture: for renderers that give more of them than fit
-    /// between two pictures.
+    /// Adds samples without making a picture, for renderers that produce many samples between two
+    /// pictures.
     ///
-    /// Only samples that make a new point let points age: millions that are averaged into pixels
-    /// must not drive the others out.
+    /// Points age only by the number of new points. Millions of samples that are averaged into
+    /// existing points do not remove other points.
     pub fn insert(&mut self, samples: &[Sample]) {
         let new_points = self.take_all(samples);
         self.age(new_points);
@@ -121,15 +121,15 @@ impl PointImage {
         self.frame_watched(moment, &mut |_| {})
     }
 
-    /// Makes the next picture and the next requests, and calls `ended` after each stage that ran:
-    /// for clocks.
+    /// Makes the next picture and the next requests. Calls `ended` after each stage that ran, so
+    /// that the caller can time the stages.
     pub fn frame_watched(&mut self, moment: &Moment, ended: &mut dyn FnMut(Stage)) -> Frame<'_> {
         let moved = self.look(&moment.view);
         self.age(moment.samples.len());
         self.take_all(moment.samples);
         ended(Stage::UpdatePoints);
         self.requests.clear();
-        // At rest nothing is about to come into view.
+        // At rest nothing new comes into view.
         let is_ahead = |view: &View| self.params.stages.prediction && *view != moment.view;
         self.predicted = moment.predicted.filter(is_ahead);
         if let Some(predicted) = self.predicted {
@@ -152,7 +152,7 @@ impl PointImage {
         Frame { cache: self }
     }
 
-    /// Takes another view. Returns whether it is another.
+    /// Sets the view. Returns whether it has changed.
     fn look(&mut self, view: &View) -> bool {
         if self.view.as_ref() == Some(view) {
             return false;
@@ -169,7 +169,7 @@ impl PointImage {
         true
     }
 
-    /// Makes points older by as much as `samples` new ones are worth.
+    /// Makes points older after `samples` new ones.
     fn age(&mut self, samples: usize) {
         let PointImageParams { stages, mean_last_age, hidden_ageing, eviction_age, .. } =
             self.params;
@@ -198,13 +198,11 @@ impl PointImage {
         let mut prior = 0.0;
         if stages.prefilter {
             prior = self.noise.weight(params.noise_smoothing);
-            // What the interpolation overwrites need not be filtered.
-            let gaps_only = stages.interpolation && prior == 0.0;
-            prefilter::prefilter(planes, prefilter_window, black, gaps_only);
+            prefilter::prefilter(planes, prefilter_window as usize, black);
             ended(Stage::Prefilter);
         }
-        // What the prefilter filled stays.
-        interpolate(planes, &Looks::new(params, prior, black && !stages.prefilter));
+        // Pixels that the prefilter filled do not become black again.
+        interpolate(planes, &Filter::new(params, prior, black && !stages.prefilter));
         if params.smoothing != Smoothing::Everywhere && self.has_fresh {
             show_means(planes, points, prior);
         }

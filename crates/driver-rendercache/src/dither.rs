@@ -1,8 +1,8 @@
-//! The error-diffusion dither (Walter et al. 1999, §4, after Floyd & Steinberg 1976): pixels of
-//! high priority are chosen more often, and chosen pixels keep their distance.
+//! The error-diffusion dither (Walter et al. 1999, §4, after Floyd & Steinberg 1976). It chooses
+//! pixels of high priority more often, and spreads the chosen pixels evenly.
 //!
 //! What always holds:
-//! - Never more pixels are chosen than were wanted, and none twice.
+//! - At most as many pixels are chosen as were wanted, and none twice.
 //! - Priorities are whole numbers, so the choice is the same on any processor.
 
 use holo_display::mix;
@@ -10,7 +10,7 @@ use holo_display::mix;
 /// Priorities are multiplied by this, so that halving them loses little.
 const SCALE: u64 = 256;
 
-/// Returns about `wanted` pixels, never more, in proportion to their priority.
+/// Returns at most, and about, `wanted` pixels, in proportion to their priority.
 pub(crate) fn choose(priority: &[u8], width: usize, wanted: usize, seed: u32) -> Vec<u32> {
     let total = SCALE * priority.iter().map(|&priority| u64::from(priority)).sum::<u64>();
     if wanted == 0 || total == 0 {
@@ -27,7 +27,7 @@ pub(crate) fn choose(priority: &[u8], width: usize, wanted: usize, seed: u32) ->
                 left -= threshold;
                 chosen.push((row * width + x) as u32);
             }
-            // What is left goes half to the next pixel and half to the pixel below.
+            // Half of the rest goes to the next pixel, and half to the pixel below.
             (below[x], error) = (left / 2, left - left / 2);
         };
         // Scanlines alternate in direction: the next one begins below this one's last pixel.
@@ -39,24 +39,24 @@ pub(crate) fn choose(priority: &[u8], width: usize, wanted: usize, seed: u32) ->
             below[0] += error;
         }
     }
-    drop_some(&mut chosen, wanted, seed);
+    drop_surplus(&mut chosen, wanted, seed);
     chosen
 }
 
-/// Returns what a row above the picture would leave to the first one.
+/// Returns the rest that the row above the picture would pass to the first row.
 ///
-/// Far down a uniform picture that was found to be threshold/2 · (1 - 0.6 d) on average, d³ being
-/// the share of pixels that are chosen. Spread at random around that, it gives the first rows their
-/// share as well, and every frame other pixels.
+/// In a uniform picture, far from the top, the mean rest was found to be threshold/2 · (1 - 0.6 d).
+/// Here d³ is the share of chosen pixels. Random values around this mean give the first rows their
+/// share of pixels, and each frame other pixels.
 fn first_row(width: usize, threshold: u64, share: f64, seed: u32) -> Vec<u64> {
     let span = threshold as f64 / 2.0 * 1.2 * share.min(0.5).cbrt();
     let random = |x: u32| f64::from(mix(seed, x)) / f64::from(u32::MAX);
     (0..width as u32).map(|x| threshold / 2 - (random(x) * span) as u64).collect()
 }
 
-/// Drops as many as are too many, evenly, and others each time: what is always dropped is never
-/// seen again.
-fn drop_some(chosen: &mut Vec<u32>, wanted: usize, seed: u32) {
+/// Drops pixels evenly until `wanted` are left. Each seed drops other pixels, so that none is
+/// dropped in every frame.
+fn drop_surplus(chosen: &mut Vec<u32>, wanted: usize, seed: u32) {
     let count = chosen.len();
     if count > wanted {
         let phase = mix(!seed, 0) as usize % count;

@@ -1,7 +1,7 @@
 //! The render cache as a driver of whole sessions.
 //!
-//! The rays that the cache wants are asked for one by one, as the nearest rays that can be stored.
-//! They also become weights of the view's beams, for tracers that are faster than it asks.
+//! The driver requests each ray that the cache wants as the nearest ray that can be stored. The
+//! requests also weight the view's beams, for tracers that have time for more.
 
 use std::sync::Arc;
 
@@ -16,14 +16,14 @@ use crate::{Moment, PointImage, PointImageParams, Sample};
 /// The driver's name.
 const NAME: &str = "pointimage";
 
-/// Share of the weight of a view's beams that requests deal. The rest stays with the beams by the
-/// number of pixels that they serve.
+/// Share of the weight of a view's beams that is divided by requests. The rest is divided by the
+/// number of pixels that each beam serves.
 const BY_REQUESTS: f32 = 0.75;
 
-/// Pixels of the picture for each request.
+/// Number of pixels of the picture for each requested ray.
 const PIXELS_PER_REQUEST: usize = 16;
 
-/// Shows any view of a session from the points that it has seen so far (Walter, Drettakis & Parker
+/// Draws each view of a session from the points of all views so far (Walter, Drettakis & Parker
 /// 1999).
 ///
 /// It ignores [`Look::resolution`]. A cache of half the size would lose points whenever the camera
@@ -41,8 +41,12 @@ impl RenderCacheDriver {
         Self { sections, sky, params, shown: None }
     }
 
-    /// Takes another view and asks for the rays that it lacks.
-    fn see(&mut self, look: &Look, beams: &[WantedBeam]) -> Result<Vec<WantedBeam>, DriverError> {
+    /// Changes the view and requests the rays that it lacks. Returns the weights of its beams.
+    fn change_view(
+        &mut self,
+        look: &Look,
+        beams: &[WantedBeam],
+    ) -> Result<Vec<WantedBeam>, DriverError> {
         let before = self.shown.take();
         let earlier = before.as_ref().map(|(_, screen)| screen.view);
         let mut cache = match before.filter(|(_, screen)| screen.serves(look)) {
@@ -70,14 +74,14 @@ impl Driver for RenderCacheDriver {
         look: &Look,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
-        self.see(look, &beams)
+        self.change_view(look, &beams)
     }
 
     fn look(&mut self, look: &Look) -> Result<(), DriverError> {
         if self.shown.as_ref().is_some_and(|(_, screen)| screen.is_of(look)) {
             return Ok(());
         }
-        self.see(look, &[]).map(|_| ())
+        self.change_view(look, &[]).map(|_| ())
     }
 
     fn insert(&mut self, key: BeamKey, _paths: u16, samples: &[Stored]) {
@@ -150,12 +154,13 @@ impl Driver for RenderCacheDriver {
     }
 }
 
-/// Returns how many rays are wanted at a time.
+/// Returns the number of rays to request at a time.
 fn requests(size: (u32, u32)) -> usize {
     size.0 as usize * size.1 as usize / PIXELS_PER_REQUEST
 }
 
-/// Returns the surface that a frame shows under a pixel.
+/// Returns the surface that a frame shows at a pixel; `None` outside the picture and where no
+/// surface is known.
 pub(crate) fn surface_at(frame: &Frame, column: u32, row: u32) -> Option<SurfaceAt> {
     let (width, height) = frame.picture.size();
     let is_inside = column < width && row < height;
@@ -163,16 +168,17 @@ pub(crate) fn surface_at(frame: &Frame, column: u32, row: u32) -> Option<Surface
     (is_inside && distance > 0.0).then_some(SurfaceAt { distance, triangle: None })
 }
 
-/// Returns where a view will be that goes on as it came from `earlier` to `now`.
+/// Returns the view that follows if the motion from `earlier` to `now` continues. `None` after a
+/// turn of 90° or more, and if the type of view has changed.
 fn ahead(earlier: &View, now: &View) -> Option<View> {
     let vp = now.vp + (now.vp - earlier.vp);
     let vd = now.vd + (now.vd - earlier.vd);
-    // Half turns lead nowhere.
     let is_same_walk = now.vd.dot(earlier.vd) > 0.0 && now.kind == earlier.kind;
     now.moved(vp, vd).ok().filter(|_| is_same_walk)
 }
 
-/// Returns distances from where rays begin, from depths as [`crate::Frame::depth`] has them.
+/// Converts depths as in [`crate::Frame::depth`] to distances along the rays of pixels, scene
+/// units.
 fn distances(view: &View, size: (u32, u32), depth: impl Iterator<Item = f32>) -> Vec<f32> {
     let far = far_depth(view);
     let distance = |(pixel, depth): (u32, f32)| {

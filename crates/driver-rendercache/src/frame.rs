@@ -1,7 +1,7 @@
-//! What a frame gives: the picture, and the rays that would improve the next one most.
+//! The results of a frame: the picture, and the rays that would improve the next picture most.
 //!
-//! A holoserver can be asked for the rays in two ways: as single rays of beams, and as weights of
-//! beams (Larson & Simmons 1999, §2.4.2).
+//! A display can request the rays from a holoserver in two ways: as single rays of beams, and as
+//! weights of beams (Larson & Simmons 1999, §2.4.2).
 
 use std::collections::BTreeMap;
 
@@ -18,20 +18,17 @@ impl<'a> Frame<'a> {
     pub fn picture(&self) -> Picture {
         let planes = &self.cache.planes;
         let mut picture = Picture::new(planes.width as u32, planes.height as u32);
-        let [red, green, blue] = &planes.picture;
-        let channels = red.iter().zip(green).zip(blue);
-        for (pixel, ((&red, &green), &blue)) in picture.pixels.iter_mut().zip(channels) {
-            *pixel = [red, green, blue];
-        }
+        picture.pixels.copy_from_slice(&planes.picture);
         picture.view = self.cache.view;
         picture
     }
 
-    /// Returns the depth of the nearest point of each pixel, rows from the top; 0 without one, or
-    /// if it was culled.
+    /// Returns the depth of the nearest point of each pixel, rows from the top; 0 if the pixel has
+    /// no point, or a culled one.
     ///
-    /// It counts along the view's direction, or along the pixel's ray in views that are not
-    /// perspectives. Infinitely far points, and those that the view clips, have huge depths.
+    /// The depth is measured along the view's direction in a perspective, and along the pixel's ray
+    /// in other views. Infinitely far points, and points that the view clips, have huge depths:
+    /// those of `map::far_depth` and more.
     pub fn depth(&self) -> impl Iterator<Item = f32> + 'a {
         let planes = &self.cache.planes;
         let shown = |(&depth, &colour): (&f32, &u32)| {
@@ -40,11 +37,11 @@ impl<'a> Frame<'a> {
         planes.depth.iter().zip(&planes.colour).map(shown)
     }
 
-    /// Returns the rays wanted, predicted ones first: tag, origin and direction. The tag goes back
-    /// with the sample.
+    /// Returns the requested rays, those for the predicted view first: tag, origin and direction.
+    /// The renderer returns the tag with the sample.
     ///
-    /// Rays begin on the view's fore clipping surface. The direction has length 1, or 0 in the
-    /// corners of a fisheye, where there is nothing to see.
+    /// Rays begin on the view's fore clipping surface. The direction has length 1. In the corners
+    /// of a fisheye, which show nothing, it has length 0.
     pub fn requests(&self) -> impl Iterator<Item = (Tag, DVec3, DVec3)> + 'a {
         let cache = self.cache;
         cache.requests.iter().filter_map(move |request| {
@@ -55,7 +52,7 @@ impl<'a> Frame<'a> {
         })
     }
 
-    /// Returns how many rays are wanted, and how many of them for the predicted view.
+    /// Returns the number of requested rays, and the number of those for the predicted view.
     pub fn request_counts(&self) -> (usize, usize) {
         let requests = &self.cache.requests;
         (requests.len(), requests.iter().filter(|request| request.predicted).count())
@@ -72,11 +69,11 @@ impl<'a> Frame<'a> {
         self.requests().filter_map(ray).collect()
     }
 
-    /// Returns a view's beams with `share` of their weight (0 to 1) dealt by the requests of this
-    /// frame, and the rest as it was. The sum of the weights stays.
+    /// Returns a view's beams with `share` of their total weight (0 to 1) divided equally among the
+    /// requests of this frame, and the rest as before. The sum of the weights does not change.
     ///
-    /// Beams of predicted requests come in besides. The result is ordered by section and beam, each
-    /// once.
+    /// Beams of requests for the predicted view are added. The result is ordered by section and
+    /// beam, and names each beam once.
     pub fn weigh(&self, sections: &[Section], beams: &[WantedBeam], share: f32) -> Vec<WantedBeam> {
         let asked: Vec<_> = (self.requests())
             .filter_map(|(_, eye, direction)| best_beam(sections, eye, direction))

@@ -1,14 +1,14 @@
 //! Frameless rendering (Bishop, Fuchs, McMillan & Scher Zagier 1994): pixels are refreshed in
 //! random order, each from the newest view.
 //!
-//! There is no frame to wait for: a picture in motion is a mixture of the last views, and sharpens
-//! once the view rests.
+//! There is no frame to wait for. A picture in motion is a mixture of the last views. It becomes
+//! sharp once the view rests.
 //!
 //! What always holds:
-//! - Every pixel is asked for once before any is asked for again.
-//! - At rest a pixel is the mean of its rays since the view came to rest: the box filter in the
-//!   end.
-//! - A ray of an older view than the pixel shows changes nothing.
+//! - Every pixel is requested once before any is requested again.
+//! - At rest a pixel is the mean of its rays since the view came to rest. It tends to the box
+//!   filter.
+//! - A ray for an older view than the one that the pixel shows changes nothing.
 
 use glam::DVec3;
 use holo_display::{mix, pair};
@@ -17,11 +17,11 @@ use holo_picture::{Picture, PictureError, View};
 /// Rounds of the permutation. Four are enough to look random (Luby & Rackoff 1988).
 const ROUNDS: u32 = 4;
 
-/// What goes back with a ray's radiance.
+/// Identifies a request. The renderer returns it with the ray's radiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PixelTag {
     pixel: u32,
-    /// Which view.
+    /// The number of the view.
     epoch: u64,
 }
 
@@ -30,11 +30,11 @@ pub struct PixelTag {
 pub struct Frameless {
     picture: Picture,
     view: View,
-    /// Counts views.
+    /// The number of the current view.
     epoch: u64,
-    /// The view that each pixel shows, and the number of rays in its mean.
+    /// For each pixel, the number of the view that it shows, and the number of rays in its mean.
     shown: Vec<(u64, u32)>,
-    /// Place of the next request in the order of pixels, and how often all have been asked for.
+    /// Position of the next request in the order of pixels, and the number of completed rounds.
     next: u32,
     round: u32,
     seed: u32,
@@ -53,7 +53,7 @@ impl Frameless {
         Ok(Self { picture, view, epoch: 1, shown, next: 0, round: 0, seed })
     }
 
-    /// Takes another view. Pixels keep what they show until they are refreshed.
+    /// Sets the view. Pixels do not change until they are refreshed.
     pub fn look(&mut self, view: View) {
         if self.view != view {
             self.view = view;
@@ -62,8 +62,8 @@ impl Frameless {
         }
     }
 
-    /// Returns the next `count` rays of the newest view, anywhere in their pixels: what to give
-    /// back, origin on the fore clipping surface, direction of length 1.
+    /// Returns the next `count` rays of the newest view, each at a random place of its pixel: tag,
+    /// origin on the fore clipping surface, and direction of length 1.
     pub fn requests(
         &mut self,
         count: usize,
@@ -84,8 +84,8 @@ impl Frameless {
         })
     }
 
-    /// Takes a ray's radiance, W·sr⁻¹·m⁻² per RGB channel, 0 beyond the aft clipping surface. One
-    /// that is not finite changes nothing.
+    /// Adds a ray's radiance, W·sr⁻¹·m⁻² per RGB channel, 0 beyond the aft clipping surface. A
+    /// radiance that is not finite changes nothing.
     pub fn insert(&mut self, tag: PixelTag, radiance: [f32; 3]) {
         let Some((pixel, (epoch, count))) = self.pixel(tag, radiance) else { return };
         if tag.epoch > *epoch {
@@ -98,8 +98,8 @@ impl Frameless {
         }
     }
 
-    /// Shows a radiance that is about right, such as a stored one, until the first ray of the
-    /// current view comes for the pixel.
+    /// Shows an approximate radiance, such as a stored one, until the pixel's first ray of the
+    /// current view arrives.
     pub fn guess(&mut self, tag: PixelTag, radiance: [f32; 3]) {
         let Some((pixel, shown)) = self.pixel(tag, radiance) else { return };
         if shown.0 < tag.epoch {
@@ -107,20 +107,20 @@ impl Frameless {
         }
     }
 
-    /// Returns the tag of a ray through this pixel that was traced for the current view of its own
-    /// accord. `None` outside the picture.
+    /// Returns the tag for a ray of the current view through this pixel that was traced without a
+    /// request. `None` outside the picture.
     pub fn pixel_tag(&self, column: u32, row: u32) -> Option<PixelTag> {
         let (width, height) = self.picture.size();
         (column < width && row < height)
             .then(|| PixelTag { pixel: row * width + column, epoch: self.epoch })
     }
 
-    /// Returns whether each pixel shows anything yet, rows from the top.
+    /// Returns whether each pixel has shown a radiance yet, rows from the top.
     pub fn has_colour(&self) -> impl Iterator<Item = bool> + '_ {
         self.shown.iter().map(|&(epoch, _)| epoch > 0)
     }
 
-    /// Returns what is shown now.
+    /// Returns the current picture.
     pub fn picture(&self) -> &Picture {
         &self.picture
     }

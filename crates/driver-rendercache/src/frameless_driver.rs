@@ -13,10 +13,10 @@ use crate::screen::{Screen, radius};
 /// The driver's name.
 const NAME: &str = "frameless";
 
-/// Shows the newest sample of each pixel, whichever view it was for (Bishop, Fuchs, McMillan &
-/// Scher Zagier 1994).
+/// Shows the newest sample of each pixel, whichever view the sample was for (Bishop, Fuchs,
+/// McMillan & Scher Zagier 1994).
 ///
-/// It ignores [`Look::resolution`]: pixels keep what they show from view to view.
+/// It ignores [`Look::resolution`], because pixels keep their colours from view to view.
 pub struct FramelessDriver {
     sections: Arc<[Section]>,
     sky: [f32; 3],
@@ -95,7 +95,7 @@ impl Driver for FramelessDriver {
         let Some(Shown { frameless, screen, depth }) = &mut self.shown else {
             return Frame::black((1, 1));
         };
-        // What is left of other views is shown, though nothing is known of it.
+        // A pixel that still shows another view has no known depth.
         let of_view = |(has_colour, &depth): (bool, &f32)| {
             if has_colour && depth == 0.0 { f32::INFINITY } else { depth }
         };

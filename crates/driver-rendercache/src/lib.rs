@@ -1,23 +1,23 @@
-//! Two drivers that need nothing but samples, and that keep what they have from view to view: the
-//! render cache and frameless rendering.
+//! Two drivers that need only samples and reuse them from view to view: the render cache and
+//! frameless rendering.
 //!
 //! # The render cache, `pointimage`
 //!
 //! The method is that of Walter, Drettakis & Parker 1999 and Walter, Drettakis & Greenberg 2002.
-//! [`PointImage`] keeps recent samples of any renderer as coloured points of the scene, slightly
+//! [`PointImage`] stores recent samples of any renderer as coloured points of the scene, slightly
 //! more points than the picture has pixels. A frame runs these [stages](Stage):
 //!
-//! 1. Points grow older, the oldest leave, and new samples come in (`points`, `take`). A ray that
-//!    went through a point confirms it, or replaces it if its colour has changed.
-//! 2. Points are projected into the view that comes next if the camera goes on as it does. Parts
-//!    of it without points are asked for (`predict`).
-//! 3. Points are projected into the view at hand and sorted by tile (`project`, `map`). A z-buffer
-//!    keeps the nearest point of each pixel: the point image (`zbuffer`, `planes`).
+//! 1. Points grow older, the oldest are removed, and new samples are added (`points`, `take`). A
+//!    new ray through a point confirms the point, or replaces it if the colour has changed.
+//! 2. Points are projected into the predicted view: where the camera will be if its motion
+//!    continues. Rays are requested for the parts of that view without points (`predict`).
+//! 3. Points are projected into the current view and sorted by tile (`project`, `map`). A z-buffer
+//!    determines the nearest point of each pixel: the point image (`zbuffer`, `planes`).
 //! 4. Points that show through a nearer surface are removed (`cull`).
 //! 5. Gaps are filled from 7×7 pixels (`prefilter`), then from 3×3 pixels, which also smooths
-//!    (`interpolate`). If samples are noisy, both are mixed (`noise`).
-//! 6. A dither picks the pixels that want a ray most: those without a point, then those with an old
-//!    one (`dither`, `requests`).
+//!    (`interpolate`). If samples are noisy, both results are mixed (`noise`).
+//! 6. A dither chooses the pixels that need a ray most: those without a point, then those with an
+//!    old one (`dither`, `requests`).
 //!
 //! The renderer answers the requests, each with its [`Tag`]:
 //!
@@ -43,37 +43,38 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`RenderCacheDriver`] runs the cache for a session (`driver`). Its requests become the nearest
-//! rays that can be stored, so that traced pixels enter the holodeck, and weights of the view's
-//! beams for what tracers can do besides (`frame`). A stored sample counts as a pixel's own if its
+//! [`RenderCacheDriver`] runs the cache for a session (`driver`). Each request becomes the nearest
+//! ray that can be stored, so traced pixels enter the holodeck. The requests also weight the view's
+//! beams, for tracers that have time for more (`frame`). A stored sample is a pixel's own if its
 //! ray passes the eye within a quarter of a pixel's footprint. At rest a pixel shows the mean of
-//! its own samples. All other samples fill in until those come (`screen`).
+//! its own samples. Until it has any, it shows other samples (`screen`).
 //!
 //! # Frameless rendering, `frameless`
 //!
-//! [`frameless::Frameless`] keeps one radiance per pixel: the mean of its samples of one view, the
-//! newest that it has any of (Bishop, Fuchs, McMillan & Scher Zagier 1994). [`FramelessDriver`]
+//! [`frameless::Frameless`] stores one radiance per pixel (Bishop, Fuchs, McMillan & Scher Zagier
+//! 1994): the mean of the pixel's samples for the newest view that has any. [`FramelessDriver`]
 //! runs it for a session.
 //!
 //! # What always holds
 //!
-//! - The same calls give the same bits, on any processor and any number of threads. There is no
-//!   clock: a caller that wants the time of a stage is told when the stage ends.
-//! - At rest every pixel of the render cache tends to the mean of its own rays, the box filter. No
-//!   other pixel's light is in it, or in proportion to 1/n of n noisy samples.
-//! - What lies before a view's fore clipping surface is not shown, and what lies beyond the aft one
-//!   is black.
-//! - If nothing changes and nothing is wanted, nothing is computed.
-//! - No number that comes in makes it panic. Samples with numbers that are not finite are ignored.
+//! - The same calls give the same bits, on any processor and any number of threads. The crate reads
+//!   no clock: a callback marks the end of each stage.
+//! - At rest every pixel of the render cache tends to the mean of its own rays, the box filter. If
+//!   samples are noisy, the share of other pixels' light falls as 1/n for n samples.
+//! - Surfaces before a view's fore clipping surface are not shown. Surfaces beyond the aft one are
+//!   black.
+//! - If nothing has changed and no ray is wanted, a frame computes nothing.
+//! - No number in a sample makes it panic. Samples with numbers that are not finite are ignored.
 //!
 //! # Where a change goes
 //!
-//! - A number of the method: a field in `params` and a line in `settings`, by which it also gets a
-//!   name for the command line.
+//! - A number of the method: a field in `params` and a line in `settings`, which also names it for
+//!   the command line.
 //! - A part that can be switched: [`Stages`].
-//! - A filter: a module that takes the planes, one loop over their rows, called in `cache`.
-//! - What a stored sample means to a pixel: `screen`, for both drivers.
-//! - Experiments that failed are in docs/notes/render-cache.md.
+//! - A filter: a module with one loop over the rows of the planes, called in `cache`.
+//! - The meaning of a stored sample for a pixel, in both drivers: `screen`.
+//!
+//! Experiments that failed are in docs/notes/render-cache.md.
 
 mod cache;
 mod colour;

@@ -1,14 +1,15 @@
-//! A view as projection takes it: in f32, relative to the points' origin.
+//! A view in the form that projection uses: in f32, relative to the points' origin.
 //!
 //! Invariant: a point gets a depth above 0 only if the view sees it and all its numbers are finite.
 
 use glam::{DVec3, Vec4};
 use holo_picture::{Clip, View, ViewKind};
 
-/// Distance at which infinitely far things are kept: no walk moves them, and products fit in f32.
+/// Distance that stands for infinity: no walk changes the direction of such a point, and products
+/// fit in f32.
 const FAR: f64 = 1e15;
-/// The same in parallel views, in sizes of the picture. There it depends on the pixel, and more
-/// would not tell pixels apart.
+/// The same in parallel views, in sizes of the picture. There a point belongs to a pixel, and at a
+/// larger distance f32 could not distinguish pixels.
 const FAR_SIZES: f64 = 1e3;
 /// Least depth that a view sees: its reciprocal is finite.
 const NEAREST: f32 = 1e-30;
@@ -16,12 +17,12 @@ const NEAREST: f32 = 1e-30;
 /// Depth of black points beyond an aft clipping surface. Sums of nine do not overflow.
 pub(crate) const BEYOND: f32 = 1e36;
 
-/// Returns the position of something infinitely far away, relative to any origin.
+/// Returns the position that stands for an infinitely far surface, relative to any origin.
 pub(crate) fn far_away(direction: DVec3) -> DVec3 {
     direction.normalize_or_zero() * FAR
 }
 
-/// Returns how far along a parallel view's rays infinitely far things are kept.
+/// Returns the distance along a parallel view's rays that stands for infinity.
 pub(crate) fn far_along(view: &View) -> f64 {
     FAR_SIZES * view.extent().0.max(view.extent().1)
 }
@@ -58,12 +59,11 @@ impl Map {
         }
     }
 
-    /// Projects as many points as there are numbers in `seen`, whose x, y and z become column, row
-    /// and depth.
+    /// Projects points by their x, y and z. Writes columns, rows and depths to `seen`.
     #[inline(always)]
     pub fn project_all<const N: usize>(&self, [x, y, z]: [&[f32; N]; 3], seen: &mut [[f32; N]; 3]) {
         let [columns, rows, depths] = seen;
-        // One loop for each kind, so that the choice is outside of it.
+        // One loop for each type of view, because a choice inside the loop would be slow.
         match self {
             Self::Perspective(map) => {
                 for i in 0..N {

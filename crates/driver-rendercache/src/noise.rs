@@ -1,17 +1,17 @@
-//! How noisy recent samples are, and what that means for the filters.
+//! The noise of recent samples, and the weight that the wide filter gets from it.
 //!
 //! The papers' samples have no noise: 3×3 pixels are enough to smooth over. Samples of one path
 //! each need more (docs/notes/render-cache.md).
 //!
-//! Invariant: without stated noise nothing changes, to the bit.
+//! Invariant: without stated noise, no bit of a picture changes.
 
 use crate::Sample;
 
-/// Noise from which on the wide filter has its full weight: standard deviation over the largest
+/// Least noise for which the wide filter has its full weight: standard deviation over the largest
 /// channel.
 const FULL: f32 = 0.1;
 
-/// The running mean of the noise that samples state, over about as many as there are points.
+/// The running mean of the noise that samples state, over about as many samples as points.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Noise {
     sum: f32,
@@ -19,7 +19,7 @@ pub(crate) struct Noise {
 }
 
 impl Noise {
-    /// Takes in what came for a cache of `capacity` points.
+    /// Adds the noise of new samples for a cache of `capacity` points.
     pub fn take(&mut self, samples: &[Sample], capacity: usize) {
         let kept = 1.0 - (samples.len() as f32 / capacity as f32).min(1.0);
         (self.sum, self.count) = (self.sum * kept, self.count * kept);
@@ -28,7 +28,7 @@ impl Noise {
             // Unknown noise counts as much as the light.
             let relative =
                 if sample.noise.is_finite() { sample.noise.max(0.0) / largest } else { 1.0 };
-            // Black without noise says nothing about others.
+            // A black sample without noise says nothing about the noise of others.
             if relative.is_finite() {
                 self.sum += relative.min(1.0);
                 self.count += 1.0;
@@ -36,8 +36,8 @@ impl Noise {
         }
     }
 
-    /// Returns the weight of the wide filter beside the 3×3 filter: `full` from a tenth of noise
-    /// on, less below. In the 3×3 filter a point in the middle has 4, and nine points have 16.
+    /// Returns the weight of the wide filter beside the 3×3 filter: `full` if the noise is a tenth
+    /// or more, and less in proportion below. In the 3×3 filter, the weights sum to 16.
     pub fn weight(&self, full: f32) -> f32 {
         if self.sum > 0.0 { full * (self.sum / (self.count * FULL)).min(1.0) } else { 0.0 }
     }

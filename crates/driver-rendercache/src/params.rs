@@ -1,4 +1,4 @@
-//! What can be chosen: the stages that run, the papers' numbers, and what pixels show.
+//! The settings of a render cache: its stages, the papers' numbers, and what pixels show.
 
 use holo_picture::PictureError;
 
@@ -31,35 +31,37 @@ pub enum PointImageError {
     },
 }
 
-/// What a pixel shows that no point is near.
+/// What a pixel shows if no point is near it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EmptyPixels {
-    /// What it showed before.
+    /// The pixel shows what it showed before.
     KeepLast,
-    /// 0.
+    /// The pixel is 0.
     Black,
 }
 
 /// Where the 3×3 filter blurs a pixel that has a point of its own (1999, §3.1, footnote 3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Smoothing {
-    /// Everywhere, as in the papers.
+    /// In every pixel, as in the papers.
     Everywhere,
-    /// Only where the point is not a sample of this very view: a picture at rest becomes sharp.
+    /// Only where the point is not a sample of the current view: a picture at rest becomes sharp.
     WhereOld,
-    /// Nowhere: the filter only fills gaps.
+    /// In no pixel: the filter only fills gaps.
     Gaps,
 }
 
-/// Settings of a [`PointImage`](crate::PointImage): every number of the two papers, theirs being
-/// the default. [`set`](Self::set) changes a number by its name in [`SETTINGS`](crate::SETTINGS).
+/// Settings of a [`PointImage`](crate::PointImage): the numbers of the two papers. The defaults are
+/// the papers' values unless a field says otherwise. [`set`](Self::set) changes a number by its
+/// name in [`SETTINGS`](crate::SETTINGS).
 ///
-/// Some of the papers' numbers are the method itself, and fixed:
-/// - Depths are compared with those of 3×3 pixels (1999, §3.1). Farther off there are other
-///   surfaces, and depths near slanted ones would differ by more than any threshold.
-/// - What is left of a pixel's priority goes in halves to the next pixel and to the one below (§4).
+/// These numbers of the papers are fixed:
+/// - The depth cull compares depths over 3×3 pixels (1999, §3.1). In a wider window, depths of a
+///   slanted surface would differ by more than any threshold.
+/// - The dither passes half of the remaining priority to the next pixel and half to the one below
+///   (1999, §4).
 /// - Ages are bytes (2002, §3.4).
-/// - The size of tiles (2002, §3.2) changes no picture, and follows from processors' caches.
+/// - The size of tiles (2002, §3.2) changes no picture. It follows from processors' caches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointImageParams {
     /// The stages that run.
@@ -70,57 +72,56 @@ pub struct PointImageParams {
     pub empty: EmptyPixels,
     /// Where pixels with a point are smoothed.
     pub smoothing: Smoothing,
-    /// New points take the oldest of this many slots (1999, §4.3): 1, 2, 4 and so on to 64.
+    /// A new point takes the oldest of this many slots (1999, §4.3): 1, 2, 4 and so on to 64.
     pub group: u32,
-    /// Age at which points are overwritten on average if nothing makes them older. It sets the pace
-    /// of ageing (2002, §3.4). 1 to 254.
+    /// Mean age at which points are overwritten (2002, §3.4): 1 to 254. It sets the pace of ageing.
     pub mean_last_age: f64,
-    /// Age at which points leave even if nothing overwrites them (2002, §3.4): 1 to 255.
+    /// Age at which points are removed even if nothing overwrites them (2002, §3.4): 1 to 255.
     pub eviction_age: u8,
-    /// A point is culled if it is deeper than 1 + this times its neighbourhood's mean (1999, §3.1):
-    /// above 0.
+    /// A point is culled if its depth is above 1 + this times the mean depth of 3×3 pixels (1999,
+    /// §3.1): above 0.
     pub cull_threshold: f32,
-    /// Weight of the middle one of three pixels, those beside it counting 1 (1999, §3.1): 1 to 8.
-    /// The 3×3 weights are its square, itself and 1: 4-2-1 by 2.
+    /// Weight of the middle of three pixels if the other two have weight 1 (1999, §3.1): 1 to 8.
+    /// The weights over 3×3 pixels are its square, itself and 1. With 2 they are 4-2-1.
     pub centre_weight: u8,
     /// Pixels along the side of the wide filter's window (2002, §3.3): 3, 5, 7 or 9.
     pub prefilter_window: u32,
-    /// Priority of a pixel without a point if all eight around it have one, of 255 if none has
-    /// (1999, §4): 0 to 255.
+    /// Priority of a pixel without a point if all eight pixels around it have one (1999, §4): 0 to
+    /// 255. If none of them has one, the priority is 255.
     pub gap_priority: u8,
     /// Pixels along the side of a pixel of the predicted view (2002, §3.1): 1 to 16.
     pub predicted_block: u32,
-    /// Share of a frame's requests that prediction may take at most (2002, §3.1): 0 to 1.
+    /// Largest share of a frame's requests for the predicted view (2002, §3.1): 0 to 1.
     pub predicted_share: f64,
-    /// A resampled colour has changed if a channel differs by more than this share of the larger
-    /// colour's largest channel, beyond what noise explains (1999, §4.1 and §4.2): above 0.
+    /// Least difference of a resampled colour that is a change (1999, §4.1 and §4.2): above 0. It
+    /// is a share of the largest channel of both colours. The allowance for noise is added to it.
     pub change_threshold: f32,
-    /// Standard deviations of stated noise that are not yet a change (1999, §4.2): at least 0.
+    /// The allowance for noise, in standard deviations (1999, §4.2): at least 0.
     pub noise_deviations: f32,
-    /// A resampled ray has met something else if its depth differs by more than this share of the
-    /// old point's: above 0, below 1.
+    /// A resampled ray has hit another surface if its depth differs by more than this share of the
+    /// old point's depth: above 0, below 1.
     pub move_threshold: f64,
-    /// Units of age that points next to a changed one gain (1999, §4.1): 0 to 255.
+    /// Units of age that are added to the points around a changed one (1999, §4.1): 0 to 255.
     pub change_ageing: u8,
-    /// Pixels from a changed one that are next to it: 0 to 8.
+    /// Largest distance of those points from the changed one, pixels: 0 to 8.
     pub change_reach: u32,
-    /// How many times as fast points age that no pixel shows (1999, §4.1): 1 to 16.
+    /// How many times as fast points age if no pixel shows them (1999, §4.1): 1 to 16.
     pub hidden_ageing: u8,
-    /// Weight of the prefilter's mean beside the 3×3 filter, whose own is up to 16: at least 0, and
-    /// 0 in the papers.
+    /// Weight of the prefilter's mean beside the 3×3 filter, whose weights sum to at most 16: at
+    /// least 0. In the papers it is 0.
     ///
-    /// It counts in full if samples state a noise of a tenth of their light or more, or unknown
-    /// noise, and in proportion below. At rest it fades as the samples of a pixel grow.
+    /// The weight counts in full if the noise of samples is unknown, or a tenth of their light or
+    /// more. Below a tenth it falls in proportion. At rest it falls as a pixel's samples grow.
     pub noise_smoothing: f32,
-    /// Samples that a point's colour averages at most while the view moves: at least 1. More is
-    /// smoother and follows changes of view more slowly.
+    /// Largest number of samples in a point's mean while the view moves: at least 1. A larger
+    /// number is smoother and follows changes more slowly.
     pub moving_mean: u32,
-    /// Samples that a pixel's colour averages at most at rest: at least 1.
+    /// Largest number of samples in a pixel's mean at rest: at least 1.
     pub resting_mean: u32,
-    /// At rest, one request in this many goes through the old point to see whether it has changed:
+    /// At rest, one request in this many goes through the old point to test whether it has changed:
     /// at least 2. The others go anywhere in the pixel.
     pub check_every: u32,
-    /// Chooses the jitter.
+    /// Seed of the jitter and of the dither.
     pub seed: u32,
 }
 

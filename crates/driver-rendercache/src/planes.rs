@@ -2,32 +2,31 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use crate::colour;
 
-/// Rows that one thread works on at a time. It changes no bit: what is written to a row does not
-/// depend on where bands of rows begin.
+/// Number of rows that one thread works on at a time. It changes no bit, because the result of a
+/// row does not depend on where bands begin.
 pub(crate) const ROWS: usize = 32;
 
 /// The slot of a pixel without a point.
 pub(crate) const NO_SLOT: u32 = u32::MAX;
 
-/// What is kept for every pixel.
+/// The data of every pixel.
 #[derive(Debug)]
 pub(crate) struct Planes {
     pub width: usize,
     pub height: usize,
     /// Slot of the nearest point, or [`NO_SLOT`].
     pub slot: Vec<u32>,
-    /// Its depth: positive for a sample of the current view, negative for an old point, 0 without.
+    /// Depth of that point: positive for a sample of the current view, negative for an old point, 0
+    /// without a point.
     pub depth: Vec<f32>,
-    /// Its colour, or [`colour::NONE`] without one or if it was culled.
+    /// Packed colour of that point, or [`colour::NONE`] without a point or if it was culled.
     pub colour: Vec<u32>,
-    /// How much a sample is wanted. Until the filter has run, the age of the nearest point.
+    /// Priority of a request for the pixel. Until the filter has run, the age of the nearest point.
     pub priority: Vec<u8>,
-    /// Radiance, channel by channel.
-    pub picture: [Vec<f32>; 3],
+    /// The picture: radiance.
+    pub picture: Vec<[f32; 3]>,
 }
 
 impl Planes {
@@ -40,38 +39,29 @@ impl Planes {
             depth: vec![0.0; pixels],
             colour: vec![colour::NONE; pixels],
             priority: vec![0; pixels],
-            picture: std::array::from_fn(|_| vec![0.0; pixels]),
+            picture: vec![[0.0; 3]; pixels],
         }
     }
 
     /// Returns column and row of a pixel.
     pub fn place(&self, pixel: u32) -> (usize, usize) {
-        // Division takes longer in 64 bits.
         let width = self.width as u32;
         ((pixel % width) as usize, (pixel / width) as usize)
     }
 
-    /// Returns the slot of the point that a pixel shows. One that was culled is not shown.
+    /// Returns the slot of the point that a pixel shows. `None` if it has no point, or a culled
+    /// one.
     pub fn shown(&self, pixel: u32) -> Option<usize> {
         let has_point = self.colour[pixel as usize] != colour::NONE;
         has_point.then(|| self.slot[pixel as usize] as usize)
     }
 
-    /// Lets a pixel show a point until the next frame.
+    /// Makes a pixel show a point until the next frame.
     pub fn show(&mut self, pixel: u32, slot: usize, colour: u32) {
         if (pixel as usize) < self.slot.len() {
             (self.slot[pixel as usize], self.colour[pixel as usize]) = (slot as u32, colour);
         }
     }
-}
-
-/// Returns the picture's rows in bands.
-pub(crate) fn bands(
-    picture: &mut [Vec<f32>; 3],
-    width: usize,
-) -> impl IndexedParallelIterator<Item = [&mut [f32]; 3]> {
-    let [red, green, blue] = picture.each_mut().map(|plane| plane.par_chunks_mut(width * ROWS));
-    red.zip(green).zip(blue).map(|((red, green), blue)| [red, green, blue])
 }
 
 /// Returns the rows of a band in a picture of `height` rows.

@@ -4,43 +4,38 @@
 //! - A slot is empty exactly if its age is [`EMPTY`].
 //! - A sample of the current view is never evicted, and is overwritten only by another one.
 
-use holo_cpu::prefetch_at;
-
 use crate::colour;
 
 /// Age of an empty slot.
 pub(crate) const EMPTY: u8 = u8::MAX;
 
-/// Samples and requests by which points are fetched before their turn.
-pub(crate) const AHEAD: usize = 16;
-
-/// Units of age that points gain at a time, at least: all of them are looked at.
+/// Least number of units of age to add at a time. Each addition visits all points.
 const STEP: f64 = 8.0;
 
-/// Points that are projected together. The number of slots is a multiple.
+/// Number of points that are projected together. The number of slots is a multiple of it, and it is
+/// a multiple of the size of a group.
 pub(crate) const BLOCK: usize = 256;
 
-/// What only new samples read of a point.
+/// The data of a point that only new samples use, not projection.
 #[derive(Clone, Copy, Debug, Default)]
-#[repr(align(64))] // A line of the processor's cache.
 pub(crate) struct Details {
     /// Mean radiance.
     pub mean: [f32; 3],
     /// Samples in `mean`.
     pub count: u32,
-    /// Mean radiance of the rays through the very point. `mean` may be one over a whole pixel.
+    /// Mean radiance of the rays through the point. `mean` may be that of a whole pixel.
     pub reference: [f32; 3],
     /// Samples in `reference`.
     pub reference_count: u32,
     /// Standard deviation of one sample, as its renderer stated it.
     pub noise: f32,
-    /// The view that `mean` is of, if it is that of one view's pixel.
+    /// The number of the view of `mean`, if it is the mean of a pixel of one view.
     pub epoch: u32,
 }
 
 impl Details {
-    /// Returns the share that a pixel's own samples have of its colour beside a smoothed one of
-    /// weight `prior`. A few noisy samples have a small one, and it grows with their number.
+    /// Returns the share of the pixel's own samples in its colour, 0 to 1. The rest is the smoothed
+    /// colour, which has the weight of `prior` samples. Without noise the share is 1.
     pub fn own_share(&self, prior: f32) -> f32 {
         let count = self.count as f32;
         if self.noise > 0.0 { count / (count + prior) } else { 1.0 }
@@ -50,29 +45,29 @@ impl Details {
 /// The slots.
 #[derive(Debug)]
 pub(crate) struct Points {
-    /// x, y and z relative to the cache's origin.
+    /// x, y and z relative to the cache's origin, scene units.
     pub position: [Vec<f32>; 3],
     /// Mean radiance, packed.
     pub colour: Vec<u32>,
     pub age: Vec<u8>,
     /// Whether the point is a sample of the current view.
     pub is_fresh: Vec<bool>,
-    /// Counts the points that the slot has held, modulo 256. A slot is taken again after tens of
-    /// frames at the soonest: a sample must be thousands of frames late to be taken for another's.
+    /// Number of points that the slot has held, modulo 256. A slot is reused after tens of frames
+    /// at the earliest. So only a sample that is thousands of frames late could be confused.
     pub generation: Vec<u8>,
     pub details: Vec<Details>,
     /// New points take the oldest of this many slots.
     group: usize,
     /// First slot of the next group.
     cursor: usize,
-    /// Units of age that are due but have not been added.
+    /// Units of age that are still to be added.
     due: f64,
     /// Whether some pixel shows the point. Used while points age.
     is_shown: Vec<bool>,
 }
 
 impl Points {
-    /// Returns empty slots. `capacity` is a multiple of [`BLOCK`], which is one of `group`.
+    /// Returns empty slots. `capacity` is a multiple of [`BLOCK`].
     pub fn new(capacity: usize, group: usize) -> Self {
         Self {
             position: std::array::from_fn(|_| vec![0.0; capacity]),
@@ -96,16 +91,6 @@ impl Points {
         self.age[slot] == EMPTY
     }
 
-    /// Fetches from memory what a sample or a request for a point needs. Points lie anywhere:
-    /// without this each one waits for its own.
-    pub fn prefetch(&self, slot: usize) {
-        self.position.iter().for_each(|axis| prefetch_at(axis, slot));
-        prefetch_at(&self.age, slot);
-        prefetch_at(&self.is_fresh, slot);
-        prefetch_at(&self.generation, slot);
-        prefetch_at(&self.details, slot);
-    }
-
     /// Returns a point's position relative to the cache's origin.
     pub fn position(&self, slot: usize) -> [f32; 3] {
         self.position.each_ref().map(|axis| axis[slot])
@@ -117,8 +102,8 @@ impl Points {
         }
     }
 
-    /// Returns the units of age to add after `samples` new samples, such that points are
-    /// overwritten at `mean_last_age` on average (2002, §3.4): none until [`STEP`] are due.
+    /// Returns the units of age to add after `samples` new samples: 0 until [`STEP`] are due.
+    /// Points are then overwritten at age `mean_last_age` on average (2002, §3.4).
     pub fn increment(&mut self, samples: usize, mean_last_age: f64) -> u8 {
         self.due += mean_last_age * samples as f64 / self.capacity() as f64;
         let whole = if self.due < STEP { 0.0 } else { self.due.floor().min(254.0) };
@@ -126,8 +111,8 @@ impl Points {
         whole as u8
     }
 
-    /// Makes points older: the `shown` ones by `by`, all others by `hidden_by`. Points leave at the
-    /// age `evict`, if one is given.
+    /// Makes points older: the `shown` ones by `by`, all others by `hidden_by`. Removes points of
+    /// age `evict` and more, if an age is given.
     pub fn grow_older(
         &mut self,
         by: u8,
@@ -136,7 +121,7 @@ impl Points {
         shown: impl Iterator<Item = usize>,
     ) {
         self.is_shown.fill(false);
-        // One place more is for whatever is no slot.
+        // One more element than slots: for pixels without a point.
         shown.for_each(|slot| self.is_shown[slot.min(self.age.len())] = true);
         let evict = evict.map_or(u16::MAX, u16::from);
         let slots = self.age.iter_mut().zip(&self.is_fresh).zip(&self.is_shown);
@@ -147,7 +132,8 @@ impl Points {
         }
     }
 
-    /// Adds units to a point's age. It leaves when the points grow older next, at the soonest.
+    /// Adds units to a point's age. The point is removed no earlier than the next
+    /// [`grow_older`](Self::grow_older).
     pub fn add_age(&mut self, slot: usize, units: u8) {
         if self.age[slot] != EMPTY {
             self.age[slot] = self.age[slot].saturating_add(units).min(EMPTY - 1);
@@ -155,13 +141,13 @@ impl Points {
         }
     }
 
-    /// Returns the slot for a new point: the oldest of the next group, the groups taking turns.
+    /// Returns the slot for a new point: the oldest of the next group. Groups take turns.
     ///
-    /// Samples of the current view are passed over if this group or one of the next has anything
-    /// else. At rest there are nearly as many of them as slots, and a pixel that loses its mean
-    /// begins anew.
+    /// A sample of the current view is returned only if the next few groups hold nothing else. At
+    /// rest there are nearly as many such samples as slots, and a pixel that loses its mean must
+    /// start again.
     ///
-    /// The slots of a group lie far apart, and those of the next group beside them: so the new
+    /// The slots of a group lie far apart, and the next group's slots lie beside them. So the new
     /// points of a frame lie together (docs/notes/render-cache.md).
     pub fn free_slot(&mut self) -> usize {
         let stride = self.capacity() / self.group;

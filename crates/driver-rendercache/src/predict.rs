@@ -1,8 +1,8 @@
-//! Predicted projection and sampling (Walter et al. 2002, §3.1): asks for what is about to come
-//! into view.
+//! Predicted projection and sampling (Walter et al. 2002, §3.1): requests rays for parts that will
+//! come into view.
 //!
-//! Invariant: a block of 4×4 pixels (or as many as are chosen) of the predicted view is occupied
-//! exactly if a point falls there. Depth does not matter.
+//! Invariant: a block of pixels of the predicted view, 4×4 by default, is occupied exactly if a
+//! point falls into it. Depth does not matter.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
@@ -19,7 +19,7 @@ use crate::sample::{Aim, Request, Tag};
 /// Points that one thread projects at a time.
 const PART: usize = 256 * BLOCK;
 
-/// Which blocks of the predicted view have points.
+/// The blocks of the predicted view, and whether each has a point.
 #[derive(Debug)]
 pub(crate) struct Occupancy {
     /// Pixels along a block's side.
@@ -37,7 +37,7 @@ impl Occupancy {
         Self { side, picture, size, is_occupied }
     }
 
-    /// Notes the blocks of a view into which points fall.
+    /// Marks the blocks of a view into which points fall as occupied, and all others as empty.
     pub fn project(&mut self, points: &Points, view: &View, origin: DVec3) {
         let scaled = |pixels: usize| pixels as f64 / self.side as f64;
         let map = Map::new(view, origin, (scaled(self.picture.0), scaled(self.picture.1)));
@@ -48,7 +48,8 @@ impl Occupancy {
             let slots = start..(start + PART).min(points.capacity());
             each_seen(points, slots, &map, size, |_, column, row, _| {
                 let block = &is_occupied[row * size.0 + column];
-                // Most are noted again and again. A store would take the line from other threads.
+                // Most blocks are already marked. A store would take the cache line from other
+                // threads.
                 if !block.load(Relaxed) {
                     block.store(true, Relaxed);
                 }

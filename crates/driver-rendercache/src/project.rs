@@ -1,10 +1,10 @@
 //! Projection and tile sort (Walter et al. 2002, §3.2).
 //!
-//! Every point goes to its pixel, in a bucket for its tile of the picture. The z-buffer of one tile
-//! fits in the processor's cache.
+//! Every point is projected to its pixel and put into the bucket of its tile of the picture. The
+//! z-buffer of one tile fits in the processor's cache.
 //!
-//! Records carry colour and age. Fetched later by slot, they would come from anywhere in the cache
-//! of points (docs/notes/render-cache.md).
+//! Records contain colour and age, because loading them later by slot would read memory in random
+//! order (docs/notes/render-cache.md).
 
 use std::ops::Range;
 
@@ -14,23 +14,24 @@ use rayon::prelude::*;
 use crate::map::Map;
 use crate::points::{BLOCK, EMPTY, Points};
 
-/// Tiles of a picture, about. A tile is some whole rows.
+/// Approximate number of tiles of a picture. A tile is a number of whole rows.
 const TILES: usize = 64;
-/// Pixels of a tile, unless a single row has more: 256 kB and 1 MB of z-buffer.
+/// Least and largest number of pixels of a tile: 256 kB and 1 MB of z-buffer. A tile has at least
+/// one row.
 const LEAST_PIXELS: usize = 1 << 14;
 const MOST_PIXELS: usize = 1 << 16;
 
-/// Parts of the points, each of which has buckets of its own that one thread fills.
+/// Number of parts of the points. Each part has its own buckets, which one thread fills.
 const PARTS: usize = 8;
 
 /// A point that falls into the picture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Record {
-    /// The least key of a pixel's points is that of the nearest fresh one, else of the nearest one;
-    /// of equally near ones, of the first in the cache.
+    /// Sorts the points of a pixel: samples of the current view first, then by depth, then by slot.
+    /// The point with the least key is shown.
     pub key: u64,
     pub colour: u32,
-    /// Age in the lowest 8 bits, the number of the pixel in its tile above.
+    /// Age in the lowest 8 bits; above them, the number of the pixel in its tile.
     about: u32,
 }
 
@@ -119,13 +120,12 @@ pub(crate) fn each_seen(
     mut seen: impl FnMut(usize, usize, usize, f32),
 ) {
     let isa = Isa::best();
-    let mut block = Block { place: [[0.0; BLOCK]; 3], pixel: [[0; BLOCK]; 2] };
+    let mut places = [[0.0; BLOCK]; 3];
     let mut inside = [0; BLOCK];
     for first in slots.step_by(BLOCK) {
-        isa.run(Project { points, first, map, size, block: &mut block });
-        let Block { place: [_, _, depths], pixel: [columns, rows] } = &block;
-        // First a list of those inside, without branches: processors cannot foretell which they
-        // are.
+        isa.run(Project { points, first, map, size, places: &mut places });
+        let [columns, rows, depths] = &places;
+        // First a list of the points inside, without branches, which processors cannot predict.
         let mut count = 0;
         for (i, &depth) in depths.iter().enumerate() {
             inside[count] = i;
@@ -137,21 +137,14 @@ pub(crate) fn each_seen(
     }
 }
 
-/// Some points as a picture shows them.
-struct Block {
-    /// Column, row and depth; depth 0 outside the picture.
-    place: [[f32; BLOCK]; 3],
-    /// Whole columns and rows.
-    pixel: [[u32; BLOCK]; 2],
-}
-
-/// Projects the points from slot `first` on into a picture of `size` pixels.
+/// Projects [`BLOCK`] points from slot `first` on into a picture of `size` pixels. Writes columns,
+/// rows and depths to `places`, with depth 0 for points outside the picture.
 struct Project<'a> {
     points: &'a Points,
     first: usize,
     map: &'a Map,
     size: (usize, usize),
-    block: &'a mut Block,
+    places: &'a mut [[f32; BLOCK]; 3],
 }
 
 impl Kernel for Project<'_> {
@@ -159,30 +152,16 @@ impl Kernel for Project<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { points, first, map, size, block: Block { place, pixel } } = self;
+        let Self { points, first, map, size, places } = self;
         let axis = |axis: usize| &points.position[axis].as_chunks().0[first / BLOCK];
-        map.project_all([axis(0), axis(1), axis(2)], place);
+        map.project_all([axis(0), axis(1), axis(2)], places);
         let ages: &[u8; BLOCK] = &points.age.as_chunks().0[first / BLOCK];
         let (right, bottom) = (size.0 as f32, size.1 as f32);
-        let ([columns, rows, depths], [whole_columns, whole_rows]) = (place, pixel);
+        let [columns, rows, depths] = places;
         for i in 0..BLOCK {
             let (column, row) = (columns[i], rows[i]);
             let is_inside = (column >= 0.0) & (column < right) & (row >= 0.0) & (row < bottom);
             depths[i] = if is_inside & (ages[i] != EMPTY) { depths[i] } else { 0.0 };
-            (whole_columns[i], whole_rows[i]) = (whole(column), whole(row));
         }
     }
-}
-
-/// Returns the whole part of a number from 0 to 2²².
-///
-/// A cast would do, but it also handles NaN and infinities, and so is not compiled for many numbers
-/// at a time.
-#[inline(always)]
-fn whole(number: f32) -> u32 {
-    /// From here on there are no fractions, and the mantissa is the number above it.
-    const LARGE: f32 = 8_388_608.0;
-    let nearest = (number + LARGE) - LARGE;
-    let whole = if nearest > number { nearest - 1.0 } else { nearest };
-    (whole + LARGE).to_bits() & 0x7f_ffff
 }

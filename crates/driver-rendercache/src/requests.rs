@@ -1,14 +1,12 @@
-//! Which rays are wanted, and what their samples are for (Walter et al. 1999, §4.1).
+//! Chooses the rays to request, and the use of their samples (Walter et al. 1999, §4.1).
 
-use holo_cpu::prefetch_at;
 use holo_display::{mix, pair};
 
-use crate::points::AHEAD;
 use crate::sample::{Aim, Purpose, Request, Tag};
 use crate::{PointImage, dither};
 
 impl PointImage {
-    /// Adds requests for about `wanted` pixels of the current view, never more.
+    /// Adds requests for at most, and about, `wanted` pixels of the current view.
     pub(crate) fn request_pixels(&mut self, wanted: usize) {
         let seed = mix(self.params.seed, self.frames);
         let pixels = self.planes.priority.len() as u64;
@@ -18,14 +16,7 @@ impl PointImage {
             let anywhere = |index| ((u64::from(mix(seed, index)) * pixels) >> 32) as u32;
             (0..wanted as u32).map(anywhere).collect()
         };
-        for (number, &pixel) in chosen.iter().enumerate() {
-            if let Some(&later) = chosen.get(number + 2 * AHEAD) {
-                prefetch_at(&self.planes.slot, later as usize);
-                prefetch_at(&self.planes.colour, later as usize);
-            }
-            if let Some(&later) = chosen.get(number + AHEAD) {
-                self.points.prefetch(self.planes.slot[later as usize] as usize);
-            }
+        for pixel in chosen {
             self.requests.push(self.request(pixel, seed));
         }
     }
@@ -39,7 +30,7 @@ impl PointImage {
         };
         let point = self.planes.shown(pixel);
         let resampling = self.params.stages.resampling;
-        // A pixel with a sample of this view is looked at anew from time to time.
+        // From time to time, a pixel with a sample of this view is tested for a change.
         let is_check = || resampling && mix(!seed, pixel).is_multiple_of(self.params.check_every);
         let (aim, purpose) = match point {
             None => (anywhere(), Purpose::Pixel),
@@ -54,8 +45,8 @@ impl PointImage {
         Request { aim, predicted: false, tag: self.tag(pixel, purpose, point) }
     }
 
-    /// Returns the tag of a ray of the current view that was traced without a request, anywhere in
-    /// this pixel. Its sample then counts as a requested one. `None` outside the picture.
+    /// Returns the tag for a ray of the current view, anywhere in this pixel, that was traced
+    /// without a request. Its sample then counts as a requested one. `None` outside the picture.
     pub fn pixel_tag(&self, column: u32, row: u32) -> Option<Tag> {
         let pixel = self.pixel(column, row)?;
         let point = self.point_in(pixel);
@@ -67,12 +58,11 @@ impl PointImage {
         Some(self.tag(pixel, purpose, point))
     }
 
-    /// Returns the tag of a sample that was seen from elsewhere and lies in this pixel. `None`
+    /// Returns the tag for a sample that was seen from elsewhere and lies in this pixel. `None`
     /// outside the picture.
     ///
-    /// The cache averages it with the pixel's other samples of that kind, and shows the nearer of
-    /// two surfaces. So any number of them takes one point a pixel. They never change a sample of
-    /// the current view.
+    /// The cache averages such samples of a pixel in one point, and shows the nearer of two
+    /// surfaces. They never change a sample of the current view.
     pub fn guess_tag(&self, column: u32, row: u32) -> Option<Tag> {
         let pixel = self.pixel(column, row)?;
         Some(self.tag(pixel, Purpose::Guess, None))
@@ -88,8 +78,8 @@ impl PointImage {
         Tag { purpose, pixel, slot: point.unwrap_or(usize::MAX), generation, epoch: self.epoch }
     }
 
-    /// Returns the slot of the point that a pixel shows, if it lies there. Since the last picture
-    /// another point may have taken the slot.
+    /// Returns the slot of the point that a pixel shows, if the point lies in the pixel. Since the
+    /// last picture, another point may have taken the slot.
     pub(crate) fn point_in(&self, pixel: u32) -> Option<usize> {
         self.planes.shown(pixel).filter(|&slot| self.is_in(slot, pixel))
     }

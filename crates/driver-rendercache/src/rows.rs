@@ -1,53 +1,42 @@
-//! Rows of the point image as filters add them: decoded, and with margins.
+//! Rows of the point image, decoded for the filters.
 
 use std::ops::Range;
 
+use glam::Vec4;
+
 use crate::colour;
 
-/// Red, green, blue, and the count of points.
-pub(crate) const CHANNELS: usize = 4;
-/// The count of points among the channels.
-pub(crate) const COUNT: usize = 3;
-
-/// Radiances of some rows and whether there are points, channel by channel. Zeros are around the
-/// picture, so that filters need not look for its edges.
+/// Some rows of the point image: the radiance of each pixel's point, and 1 as fourth number. A
+/// pixel without a point is 0. Zeros surround the picture, so filters need not look for its edges.
 pub(crate) struct Rows {
-    numbers: Vec<f32>,
+    pixels: Vec<Vec4>,
     /// Pixels of a row with its margins.
     width: usize,
 }
 
 impl Rows {
-    /// Returns the rows of a picture, `reach` more on each side, and as many pixels.
-    #[inline(always)]
+    /// Decodes `rows` of a picture that is `width` pixels wide, with `reach` more rows above and
+    /// below and `reach` more pixels at both ends of each row.
     pub fn around(colours: &[u32], width: usize, rows: Range<usize>, reach: usize) -> Self {
         let (height, wide) = (colours.len() / width, width + 2 * reach);
-        let mut numbers = vec![0.0; CHANNELS * wide * (rows.len() + 2 * reach)];
-        let lines = numbers.chunks_exact_mut(CHANNELS * wide).zip(rows.start..);
+        let mut pixels = vec![Vec4::ZERO; wide * (rows.len() + 2 * reach)];
+        let lines = pixels.chunks_exact_mut(wide).zip(rows.start..);
         for (line, row) in lines.filter(|(_, row)| (reach..height + reach).contains(row)) {
-            decode(&colours[(row - reach) * width..][..width], line, wide, reach);
+            let colours = &colours[(row - reach) * width..][..width];
+            for (pixel, &colour) in line[reach..].iter_mut().zip(colours) {
+                *pixel = decode(colour);
+            }
         }
-        Self { numbers, width: wide }
+        Self { pixels, width: wide }
     }
 
-    /// Returns a channel of a row with its margins.
-    #[inline(always)]
-    pub fn channel(&self, row: usize, channel: usize) -> &[f32] {
-        &self.numbers[(CHANNELS * row + channel) * self.width..][..self.width]
+    /// Returns a row with its margins. Row 0 is the topmost of the margin.
+    pub fn row(&self, row: usize) -> &[Vec4] {
+        &self.pixels[row * self.width..][..self.width]
     }
 }
 
-/// Decodes a row of colours to channels of `wide` numbers each, behind a margin.
-#[inline(always)]
-fn decode(colours: &[u32], line: &mut [f32], wide: usize, margin: usize) {
-    let (red, rest) = line.split_at_mut(wide);
-    let (green, rest) = rest.split_at_mut(wide);
-    let (blue, count) = rest.split_at_mut(wide);
-    let length = margin + colours.len();
-    let (red, green) = (&mut red[margin..length], &mut green[margin..length]);
-    let (blue, count) = (&mut blue[margin..length], &mut count[margin..length]);
-    for (x, &colour) in colours.iter().enumerate() {
-        [red[x], green[x], blue[x]] = colour::decode(colour);
-        count[x] = if colour == colour::NONE { 0.0 } else { 1.0 };
-    }
+fn decode(colour: u32) -> Vec4 {
+    let [red, green, blue] = colour::decode(colour);
+    Vec4::new(red, green, blue, if colour == colour::NONE { 0.0 } else { 1.0 })
 }

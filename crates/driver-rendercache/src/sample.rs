@@ -1,4 +1,4 @@
-//! What goes to a renderer and what comes back.
+//! Requests to a renderer, and its samples.
 
 use glam::DVec3;
 use holo_picture::View;
@@ -13,34 +13,35 @@ pub enum Place {
     Toward(DVec3),
 }
 
-/// What a request was for. It goes back with its sample, and does no harm when it comes late.
+/// The use of a request's sample. The renderer returns it with the sample. A late tag does no harm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tag {
     pub(crate) purpose: Purpose,
     pub(crate) pixel: u32,
     pub(crate) slot: usize,
-    /// Which of the points that the slot has held.
+    /// The number of the point among those that the slot has held, modulo 256.
     pub(crate) generation: u8,
-    /// The view that it is for.
+    /// The number of the view.
     pub(crate) epoch: u32,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Purpose {
-    /// A point like any other.
+    /// Becomes a point like any other.
     #[default]
     Fill,
-    /// Seen from elsewhere in a pixel of the current view: shown until something better comes.
+    /// Lies in a pixel of the current view and was seen from elsewhere. Shown until a better sample
+    /// arrives.
     Guess,
-    /// For a pixel of the current view without a point, anywhere in the pixel.
+    /// Goes anywhere through a pixel of the current view that has no point.
     Pixel,
-    /// Through a point, to see whether it has changed.
+    /// Goes through a point, to test whether it has changed.
     Resample,
-    /// For a pixel whose point is a sample of the same view, anywhere in the pixel: to be averaged.
+    /// Goes anywhere through a pixel whose point is a sample of the same view. It is averaged.
     Refine,
 }
 
-/// Where a ray goes.
+/// The target of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Aim {
     /// Picture coordinates.
@@ -49,7 +50,7 @@ pub(crate) enum Aim {
     Through([f32; 3]),
 }
 
-/// A ray that is wanted.
+/// A requested ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Request {
     pub aim: Aim,
@@ -59,7 +60,7 @@ pub(crate) struct Request {
 }
 
 impl Request {
-    /// Returns origin, on the fore clipping surface, and unit direction of the ray of `view`.
+    /// Returns the ray of `view`: its origin on the fore clipping surface, and its unit direction.
     pub fn ray(&self, view: &View, origin: DVec3) -> (DVec3, DVec3) {
         let (start, direction) = match self.aim {
             Aim::Picture(x, y) => view.ray(x.into(), y.into()),
@@ -79,7 +80,7 @@ pub struct Sample {
     /// Radiance, W·sr⁻¹·m⁻² per RGB channel.
     pub radiance: [f32; 3],
     /// Expected standard deviation of the largest channel of `radiance`; 0 if the renderer is not
-    /// random. Infinite if it is random and does not know: then no difference counts as a change.
+    /// random. Infinite if it is unknown: then no difference counts as a change.
     pub noise: f32,
 }
 

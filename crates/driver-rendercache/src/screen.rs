@@ -1,9 +1,9 @@
-//! The view that a driver shows, and where stored samples are seen in it.
+//! The view that a driver shows, and the pixels in which stored samples lie.
 //!
 //! What always holds:
 //! - A pixel that no section covers is 0. A pixel whose beam cannot hit anything shows the sky.
-//! - A sample is a pixel's own only if its ray passes the eye within the view's radius and one step
-//!   of ray coordinates: stored rays lie on a lattice of such steps.
+//! - A sample is a pixel's own only if its ray passes the eye within the viewpoint radius plus one
+//!   step of ray coordinates, because stored rays lie on a lattice of such steps.
 
 use std::{collections::HashSet, sync::Arc};
 
@@ -14,12 +14,12 @@ use holo_section::{BeamKey, Sample, Section, SectionRay, ray_eye_distance};
 
 use crate::Place;
 
-/// Wanted samples per pixel, which set how near to the eye a pixel's own rays pass: within a
-/// quarter of a pixel's footprint on the nearest surface.
+/// Wanted samples per pixel. They set the viewpoint radius of a pixel's own rays to a quarter of a
+/// pixel's footprint on the nearest surface.
 const SAMPLES_PER_PIXEL: f64 = 16.0;
 
-/// Cosine of the largest angle between a parallel view's direction and a ray that hits nothing and
-/// still counts for that view: about 6°, as in a cell of a coarse grid.
+/// Least cosine of the angle between a parallel view's direction and a ray that hits nothing, for
+/// the ray to count for that view: about 6°, as in a cell of a coarse grid.
 const ALONG: f64 = 0.995;
 
 /// Rows whose best beams one thread determines at a time.
@@ -39,14 +39,14 @@ pub(crate) struct Seen {
     pub is_own: bool,
 }
 
-/// A view, and what is known about its pixels as a whole.
+/// A view, its covered and unseen pixels, and the number of samples in it.
 pub(crate) struct Screen {
     pub view: View,
     /// Width and height, pixels.
     pub size: (u32, u32),
     sections: Arc<[Section]>,
     sky: [f32; 3],
-    /// How near to the eye the view's own rays pass, scene units.
+    /// The viewpoint radius: largest distance of the view's own rays from the eye, scene units.
     radius: f64,
     /// Best beam of each pixel's middle; empty until the first frame.
     best: Vec<Option<BeamKey>>,
@@ -72,7 +72,7 @@ impl Screen {
         (self.view, self.size) == (look.view, look.size)
     }
 
-    /// Returns whether what a driver keeps for this view is good for another.
+    /// Returns whether a driver can use its data of this view for another view.
     pub fn serves(&self, look: &Look) -> bool {
         self.size == look.size && sees_alike(&self.view, &look.view)
     }
@@ -99,7 +99,7 @@ impl Screen {
     ) {
         let Some(section) = self.sections.get(usize::from(key.section)) else { return };
         let Some(pair) = section.cells(key.beam) else { return };
-        // A ray that was snapped to the lattice may pass the eye a step farther off.
+        // A ray that was snapped to the lattice may pass the eye a step farther away.
         let near = self.radius + step(section);
         for sample in samples {
             let ray = section.ray(pair, sample.coords);
@@ -120,7 +120,7 @@ impl Screen {
             let (x, y) = view.project_direction(ray.direction)?;
             (Place::Toward(ray.direction), x, y, f64::INFINITY)
         } else {
-            // Where the ray leaves the section it still sees what the view sees there.
+            // The ray counts where it leaves the section.
             let (x, y, _) = view.project(ray.origin + ray.direction * ray.length)?;
             if ray.direction.dot(view.vd) < ALONG {
                 return None;
@@ -132,7 +132,8 @@ impl Screen {
             Place::At(end) => (view.clip(end), view.ray_to(end).0),
             Place::Toward(_) => (
                 if view.clips_sky() { Clip::Beyond } else { Clip::Shown },
-                // A parallel view has no eye; the ray is already known to go along with it.
+                // A parallel view has no eye. The test above ensures that the ray is parallel to
+                // it.
                 if has_eye { view.eye() } else { ray.origin },
             ),
         };
@@ -186,9 +187,10 @@ impl Screen {
     }
 }
 
-/// Returns whether what is kept for one view is good for another.
+/// Returns whether data of one view can be used for another.
 ///
-/// Parallel views keep infinitely far things by where they are seen, and clipped things are black.
+/// It cannot if the clipping differs, because clipped surfaces are stored as black. In parallel
+/// views, infinitely far surfaces are stored by pixel, so their directions must be equal.
 fn sees_alike(before: &View, now: &View) -> bool {
     if (before.vo, before.va) != (now.vo, now.va) {
         return false;
@@ -196,11 +198,11 @@ fn sees_alike(before: &View, now: &View) -> bool {
     before.kind.has_eye() && now.kind.has_eye() || before.kind == now.kind && before.vd == now.vd
 }
 
-/// Returns how near to the eye a pixel's own rays pass, scene units, if the nearest visible surface
+/// Returns the viewpoint radius of a pixel's own rays, scene units, if the nearest visible surface
 /// is at distance `nearest`.
 ///
-/// Never less than a step of ray coordinates: with less, whole rows of pixels missed part of what
-/// they see.
+/// It is at least one step of ray coordinates. With less, whole rows of pixels had no samples of
+/// parts that they see.
 pub(crate) fn radius(sections: &[Section], view: &View, size: (u32, u32), nearest: f64) -> f64 {
     let finest = sections.iter().map(step).fold(f64::INFINITY, f64::min);
     viewpoint_radius(view, size, nearest, SAMPLES_PER_PIXEL).max(finest)

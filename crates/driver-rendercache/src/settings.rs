@@ -1,6 +1,6 @@
-//! The numbers that can be chosen: set by name, with what each may be.
+//! The numbers of [`PointImageParams`] by name, with the range of each.
 //!
-//! Invariant: a cache can be made of any [`PointImageParams`] whose numbers pass these checks.
+//! Invariant: a cache can be made from any [`PointImageParams`] whose numbers pass these checks.
 
 use crate::params::{PointImageError, PointImageParams};
 
@@ -9,9 +9,9 @@ use crate::params::{PointImageError, PointImageParams};
 pub struct Setting {
     /// The name of the field.
     pub name: &'static str,
-    /// What the number is, in a few words.
+    /// The meaning of the number, in a few words.
     pub meaning: &'static str,
-    /// What the number may be.
+    /// The range of the number, in words.
     pub allowed: &'static str,
     is_allowed: fn(f64) -> bool,
     get: fn(&PointImageParams) -> f64,
@@ -86,7 +86,7 @@ macro_rules! setting {
 const LARGEST: f64 = f32::MAX as f64;
 const COUNT: f64 = u32::MAX as f64;
 
-/// All of them, in the order of the papers.
+/// All numbers that can be set by name, in the order of the papers.
 #[rustfmt::skip] // A line or two each.
 pub const SETTINGS: &[Setting] = &[
     setting!(points_per_pixel: f64, "1 to 8", |x| (1.0..=8.0).contains(&x),

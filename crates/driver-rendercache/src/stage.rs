@@ -3,7 +3,7 @@
 /// The stages of a frame, in their order (Walter et al. 2002, Figure 1 and Table 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
-    /// Ages all points, evicts the oldest, takes new samples in.
+    /// Makes all points older, removes the oldest, and adds new samples.
     UpdatePoints,
     /// Finds the parts of the predicted view that have points, at a quarter of the resolution
     /// (§3.1).
@@ -12,7 +12,7 @@ pub enum Stage {
     PredictedSampling,
     /// Projects points to pixels, into buckets by tile (§3.2).
     ProjectAndTileSort,
-    /// Keeps the nearest point of each pixel, tile by tile (§3.2).
+    /// Determines the nearest point of each pixel, tile by tile (§3.2).
     ZBufferTiles,
     /// Removes points that show through nearer surfaces (1999, §3.1).
     DepthCull,
@@ -20,7 +20,7 @@ pub enum Stage {
     Prefilter,
     /// Averages over 3×3 pixels weighted 4-2-1, and sets each pixel's priority (1999, §3.1 and §4).
     Interpolate,
-    /// Dithers the priorities into requests (1999, §4).
+    /// Chooses pixels to request by an error-diffusion dither of the priorities (1999, §4).
     Sampling,
 }
 
@@ -55,12 +55,13 @@ impl Stage {
 }
 
 /// The parts of the method that run. They may change between any two frames. Projection and
-/// z-buffer always run: they are the picture.
+/// z-buffer always run, because they make the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stages {
-    /// Points grow older each frame. Off, only changes of colour make them older.
+    /// Points grow older in each frame. If off, only changes of colour make them older.
     pub ageing: bool,
-    /// Points of age 255 leave (2002, §3.4). Off, they stay until they are overwritten.
+    /// Points of the eviction age are removed (2002, §3.4). If off, they stay until they are
+    /// overwritten.
     pub eviction: bool,
     /// Predicted projection and sampling (2002, §3.1).
     pub prediction: bool,
@@ -68,17 +69,17 @@ pub struct Stages {
     pub depth_cull: bool,
     /// The 7×7 filter (2002, §3.3).
     pub prefilter: bool,
-    /// The 3×3 filter. Off, pixels show their points alone.
+    /// The 3×3 filter. If off, each pixel shows its point alone.
     pub interpolation: bool,
-    /// Requests where priority is high. Off, they fall anywhere with equal chance.
+    /// Requests go to pixels of high priority. If off, every pixel has an equal chance.
     pub dither: bool,
-    /// Requests go through the old point, which is kept if its colour has not changed (1999, §4.1).
-    /// Off, they go anywhere in the pixel, and each brings a new point.
+    /// Requested rays go through the old point, which stays if its colour has not changed (1999,
+    /// §4.1). If off, they go anywhere in the pixel, and each makes a new point.
     pub resampling: bool,
 }
 
 impl Stages {
-    /// Everything in the two papers.
+    /// All parts of both papers.
     pub const ALL: Self = Self {
         ageing: true,
         eviction: true,
@@ -90,7 +91,7 @@ impl Stages {
         resampling: true,
     };
 
-    /// What the first paper had (1999): no eviction, prediction or prefilter.
+    /// The parts of the first paper (1999): no eviction, prediction or prefilter.
     pub const OF_1999: Self =
         Self { eviction: false, prediction: false, prefilter: false, ..Self::ALL };
 
@@ -106,8 +107,8 @@ impl Stages {
         "resampling",
     ];
 
-    /// Switches the part of a name in [`NAMES`](Self::NAMES) on or off. Returns whether there is
-    /// such a part.
+    /// Switches a part on or off by its name in [`NAMES`](Self::NAMES). Returns whether the name is
+    /// known.
     pub fn switch(&mut self, name: &str, on: bool) -> bool {
         let part = match name {
             "ageing" => &mut self.ageing,

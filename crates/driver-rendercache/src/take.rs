@@ -1,8 +1,8 @@
-//! Takes new samples into the cache (Walter et al. 1999, §4.1 to §4.3).
+//! Adds new samples to the cache (Walter et al. 1999, §4.1 to §4.3).
 //!
 //! What always holds:
 //! - A sample with a number that is not finite changes nothing.
-//! - A sample that comes late is a point like any other.
+//! - A late sample, for an earlier view, becomes a point like any other.
 
 use glam::DVec3;
 use holo_picture::{Clip, View};
@@ -10,12 +10,12 @@ use holo_picture::{Clip, View};
 use crate::PointImage;
 use crate::colour::{self, LARGEST};
 use crate::map::{far_along, far_away};
-use crate::points::{AHEAD, Details};
+use crate::points::Details;
 use crate::sample::{Place, Purpose, Sample, Tag};
 
-/// A sample as the cache keeps it.
+/// A new sample in the cache's coordinates.
 #[derive(Clone, Copy)]
-struct Arrival {
+struct NewSample {
     tag: Tag,
     /// Relative to the cache's origin.
     position: [f32; 3],
@@ -24,24 +24,21 @@ struct Arrival {
 }
 
 impl PointImage {
-    /// Takes samples in. Returns how many of them made a new point.
+    /// Adds samples. Returns the number of new points.
     pub(crate) fn take_all(&mut self, samples: &[Sample]) -> usize {
         self.noise.take(samples, self.points.capacity());
         let mut new_points = 0;
-        for (number, sample) in samples.iter().enumerate() {
-            if let Some(later) = samples.get(number + AHEAD) {
-                self.points.prefetch(later.tag.slot);
-            }
-            if let Some(arrival) = self.arrival(sample) {
-                new_points += usize::from(self.take(&arrival));
+        for sample in samples {
+            if let Some(new) = self.converted(sample) {
+                new_points += usize::from(self.take(&new));
             }
         }
         new_points
     }
 
-    /// Returns what the cache keeps of a sample. `None` if a number is not finite, or if the sample
-    /// lies before the fore clipping surface: whoever asked began the ray too early.
-    fn arrival(&self, sample: &Sample) -> Option<Arrival> {
+    /// Converts a sample to the cache's coordinates. `None` if a number is not finite, or if the
+    /// sample lies before the fore clipping surface, which a requested ray never hits.
+    fn converted(&self, sample: &Sample) -> Option<NewSample> {
         let tag = sample.tag;
         let position = match sample.place {
             Place::At(position) => position - self.origin,
@@ -57,14 +54,14 @@ impl PointImage {
         let radiance = match self.clip(sample) {
             Clip::Before => return None,
             Clip::Shown => sample.radiance.map(|channel| channel.clamp(0.0, LARGEST)),
-            // The mean over a pixel's rays is of what they show.
+            // The view shows black there, so the pixel's mean takes black.
             Clip::Beyond => [0.0; 3],
         };
         let noise = if sample.noise.is_nan() { f32::INFINITY } else { sample.noise.max(0.0) };
-        Some(Arrival { tag, position, radiance, noise })
+        Some(NewSample { tag, position, radiance, noise })
     }
 
-    /// Returns whether the view shows what a ray that is meant for it met.
+    /// Returns whether the view clips a sample. A sample without a request is never clipped.
     fn clip(&self, sample: &Sample) -> Clip {
         let is_for_view = |view: &&View| view.is_clipped() && sample.tag.purpose != Purpose::Fill;
         match self.view.as_ref().filter(is_for_view) {
@@ -77,7 +74,7 @@ impl PointImage {
         }
     }
 
-    /// Returns where something infinitely far away is kept, relative to the origin.
+    /// Returns the position that stands for an infinitely far surface, relative to the origin.
     fn far(&self, tag: Tag, direction: DVec3) -> DVec3 {
         let is_parallel = |view: &View| !view.kind.has_eye() && tag.purpose != Purpose::Fill;
         let Some(view) = self.view.filter(is_parallel) else { return far_away(direction) };
@@ -87,8 +84,8 @@ impl PointImage {
         origin + direction * far_along(&view) - self.origin
     }
 
-    /// Takes a sample in. Returns whether it made a new point.
-    fn take(&mut self, new: &Arrival) -> bool {
+    /// Adds a sample. Returns whether it made a new point.
+    fn take(&mut self, new: &NewSample) -> bool {
         let Tag { purpose, pixel, slot, .. } = new.tag;
         let is_current = new.tag.epoch == self.epoch;
         let holds = slot < self.points.capacity()
@@ -99,7 +96,7 @@ impl PointImage {
             Purpose::Refine if holds && is_current => self.refine(slot, new),
             Purpose::Refine if holds => self.put(slot, new, false),
             Purpose::Pixel if is_current => match self.fresh_point_of(pixel) {
-                // The pixel was asked for twice before the first sample came.
+                // The pixel was requested twice before its first sample arrived.
                 Some(slot) => self.refine(slot, new),
                 None => return self.begin(new, true),
             },
@@ -112,9 +109,9 @@ impl PointImage {
         false
     }
 
-    /// Puts a sample into a free slot. One that is not of this view does not push out what is: at
-    /// rest the picture would never come to an end.
-    fn add(&mut self, new: &Arrival, is_fresh: bool) -> Option<usize> {
+    /// Puts a sample into a free slot and returns the slot. `None` if a sample that is not of this
+    /// view would overwrite one that is: at rest the picture would then never converge.
+    fn add(&mut self, new: &NewSample, is_fresh: bool) -> Option<usize> {
         let slot = self.points.free_slot();
         if self.points.is_fresh[slot] && !is_fresh {
             return None;
@@ -124,7 +121,7 @@ impl PointImage {
     }
 
     /// Makes a sample the first point of its pixel. Returns whether there was a slot for it.
-    fn begin(&mut self, new: &Arrival, is_fresh: bool) -> bool {
+    fn begin(&mut self, new: &NewSample, is_fresh: bool) -> bool {
         let slot = self.add(new, is_fresh);
         if let Some(slot) = slot {
             self.planes.show(new.tag.pixel, slot, self.points.colour[slot]);
@@ -133,7 +130,7 @@ impl PointImage {
     }
 
     /// Compares a sample with the point that its ray went through (1999, §4.1).
-    fn resample(&mut self, slot: usize, new: &Arrival, is_current: bool) {
+    fn resample(&mut self, slot: usize, new: &NewSample, is_current: bool) {
         if !self.has_changed(slot, new) {
             return self.confirm(slot, new, is_current);
         }
@@ -144,8 +141,8 @@ impl PointImage {
         }
     }
 
-    /// Takes in a sample from elsewhere for a pixel that shows a point.
-    fn guess(&mut self, slot: usize, new: &Arrival) {
+    /// Adds a sample that was seen from elsewhere to a pixel that shows a point.
+    fn guess(&mut self, slot: usize, new: &NewSample) {
         if self.points.is_fresh[slot] {
             return;
         }
@@ -157,9 +154,9 @@ impl PointImage {
         }
     }
 
-    /// Returns the depths of a point and of a sample: distances from the eye, or along a parallel
-    /// view.
-    fn depths(&self, slot: usize, new: &Arrival) -> (f64, f64) {
+    /// Returns the depths of a point and of a sample: distances from the eye, or along the
+    /// direction of a parallel view.
+    fn depths(&self, slot: usize, new: &NewSample) -> (f64, f64) {
         let Some(view) = &self.view else { return (0.0, 0.0) };
         let eye = view.eye() - self.origin;
         let depth = |position: [f32; 3]| {
@@ -172,19 +169,19 @@ impl PointImage {
     fn fresh_point_of(&self, pixel: u32) -> Option<usize> {
         let slot = *self.planes.slot.get(pixel as usize)? as usize;
         // Since the last picture another pixel's point may have taken the slot.
-        let is_its = *self.points.is_fresh.get(slot)?
+        let is_fresh = *self.points.is_fresh.get(slot)?
             && self.points.details[slot].epoch == self.epoch
             && self.is_in(slot, pixel);
-        is_its.then_some(slot)
+        is_fresh.then_some(slot)
     }
 
-    /// Returns whether a sample differs from the point that its ray went through by more than the
-    /// noise that its renderer stated explains.
-    fn has_changed(&self, slot: usize, new: &Arrival) -> bool {
+    /// Returns whether a sample differs from the point that its ray went through by more than its
+    /// stated noise explains.
+    fn has_changed(&self, slot: usize, new: &NewSample) -> bool {
         let Details { reference, reference_count, noise, .. } = self.points.details[slot];
         let largest = reference.into_iter().chain(new.radiance).fold(0.0, f32::max);
-        // A mean of n samples has 1/n of their variance. Unknown noise of older samples does not
-        // count: a clean sample corrects them.
+        // A mean of n samples has 1/n of their variance. Unknown noise of older samples counts as
+        // 0, so that a clean sample corrects them.
         let noise = if noise.is_finite() { noise } else { 0.0 };
         let variance = new.noise * new.noise + noise * noise / reference_count.max(1) as f32;
         let allowed =
@@ -195,7 +192,7 @@ impl PointImage {
     }
 
     /// Puts a new point into a slot.
-    fn put(&mut self, slot: usize, new: &Arrival, is_fresh: bool) {
+    fn put(&mut self, slot: usize, new: &NewSample, is_fresh: bool) {
         self.has_fresh |= is_fresh;
         let points = &mut self.points;
         points.set_position(slot, new.position);
@@ -213,8 +210,8 @@ impl PointImage {
         };
     }
 
-    /// Averages in a sample whose ray found a point as it was.
-    fn confirm(&mut self, slot: usize, new: &Arrival, is_current: bool) {
+    /// Averages a sample into a point that its ray has confirmed.
+    fn confirm(&mut self, slot: usize, new: &NewSample, is_current: bool) {
         let most = self.params.moving_mean;
         let details = &mut self.points.details[slot];
         average(&mut details.reference, new.radiance, &mut details.reference_count, most);
@@ -222,8 +219,8 @@ impl PointImage {
             average(&mut details.mean, new.radiance, &mut details.count, most);
             self.points.colour[slot] = colour::encode(details.mean);
             if is_current {
-                // A pixel's mean needs rays all over the pixel, and this one stands for its point
-                // only. It counts as the first.
+                // A pixel's mean needs rays all over the pixel, and this mean is of one point only.
+                // So it counts as one sample.
                 (details.epoch, details.count) = (self.epoch, 1);
             }
         }
@@ -237,15 +234,16 @@ impl PointImage {
         self.points.set_position(slot, new.position);
     }
 
-    /// Averages in another ray of the same pixel and view: the mean is the pixel's box filter.
-    fn refine(&mut self, slot: usize, new: &Arrival) {
+    /// Averages another ray of the same pixel and view into the point: the box filter of the pixel.
+    fn refine(&mut self, slot: usize, new: &NewSample) {
         let details = &mut self.points.details[slot];
         average(&mut details.mean, new.radiance, &mut details.count, self.params.resting_mean);
         self.points.colour[slot] = colour::encode(details.mean);
         self.points.age[slot] = 0;
     }
 
-    /// Makes the points around a changed one older: they have probably changed too (1999, §4.1).
+    /// Makes the points around a changed one older, because they have probably changed too (1999,
+    /// §4.1).
     fn age_neighbours(&mut self, pixel: u32, changed: usize) {
         let (width, height) = (self.planes.width, self.planes.height);
         let (column, row) = self.planes.place(pixel);
@@ -261,7 +259,8 @@ impl PointImage {
     }
 }
 
-/// Adds a value to a mean of `count` values, or moves the mean by 1/`most` if it has that many.
+/// Adds a value to a mean of `count` values. From `most` values on, the new value has the weight
+/// 1/`most`.
 fn average(mean: &mut [f32; 3], value: [f32; 3], count: &mut u32, most: u32) {
     *count = (*count).min(most - 1) + 1;
     let share = 1.0 / *count as f32;

@@ -1,5 +1,5 @@
-//! The z-buffer, tile by tile (Walter et al. 2002, §3.2): of the points that fall into a pixel, the
-//! nearest.
+//! The z-buffer, tile by tile (Walter et al. 2002, §3.2): determines the nearest of the points that
+//! fall into a pixel.
 
 use rayon::prelude::*;
 

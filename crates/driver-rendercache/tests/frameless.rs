@@ -13,7 +13,7 @@ fn every_pixel_is_asked_for_once_a_round_in_another_order() {
     for size in [(1, 1), (2, 1), (7, 5), (64, 64), (130, 67)] {
         let mut frameless = Frameless::new(size, view(DVec3::ZERO, 0.0, size), 3).unwrap();
         let pixels = (size.0 * size.1) as usize;
-        // The pixel is told by the ray: the tag is opaque.
+        // The ray gives the pixel, because the tag is opaque.
         let pixel_of = |direction: DVec3, size: (u32, u32)| {
             let (x, y) = view(DVec3::ZERO, 0.0, size).project_direction(direction).unwrap();
             holo_picture::View::pixel_at(size, x, y).unwrap()

@@ -1,4 +1,4 @@
-//! The render cache: what pictures show, and which rays are asked for.
+//! Tests of the render cache: its pictures, and the rays that it requests.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod scenes;
@@ -70,11 +70,11 @@ fn points_behind_a_sparse_surface_are_culled_as_often_as_the_threshold_says() {
         shown.filter(|(depth, [_, green, _])| *depth > 0.0 && *green > 0.5).count()
     };
     assert_eq!(kept(Stages { depth_cull: false, ..Stages::ALL }), far_points);
-    // Of n near and m far points (itself among them) a far one is kept if 3 (n + m) <= 1.1 (n + 3
-    // m): with at most one near of 9.
+    // Among n near and m far points, itself included, a far one stays if 3 (n + m) <= 1.1 (n + 3
+    // m). So at most one of the nine is near.
     let expected = far_points as f64 * 9.0 / 256.0;
-    // Neighbours' fates depend on each other: up to 25 of them, so 5 times the deviation of
-    // independent ones. And 4 of those.
+    // Up to 25 neighbours depend on each other, so the deviation is up to 5 times that of
+    // independent points. Four such deviations are allowed.
     let allowed = 4.0 * 5.0 * expected.sqrt();
     let found = kept(Stages::ALL) as f64;
     println!("{found} of {far_points} points show through, {expected:.0} expected");
@@ -84,9 +84,9 @@ fn points_behind_a_sparse_surface_are_culled_as_often_as_the_threshold_says() {
     );
 }
 
-/// Over a turn of 90 degrees a second at 30 frames a second: the share of pixels without a point
-/// among 3×3 in the whole picture, and in columns that have just come into view, with the number of
-/// the latter.
+/// Turns by 90 degrees a second at 30 frames a second. Returns the share of pixels without a point
+/// among 3×3 in the whole picture, the same in columns that have just come into view, and the
+/// number of pixels in these columns.
 fn holes(prediction: bool) -> (f64, f64, usize) {
     let size = (160, 120);
     let pixels = size.0 * size.1;
@@ -110,7 +110,7 @@ fn holes(prediction: bool) -> (f64, f64, usize) {
         if frame >= 10 {
             let green: Vec<_> = shown.picture().pixels.iter().map(|pixel| pixel[1]).collect();
             all += green.iter().filter(|&&green| green == 0.0).count();
-            // 3 degrees are the last 9 columns. Of two blocks of 4 columns, all new, the middle.
+            // 3 degrees are the last 9 columns. The middle of two blocks of 4 columns, all new.
             new += green[160..118 * 160]
                 .chunks(160)
                 .flat_map(|row| &row[154..158])
@@ -135,9 +135,10 @@ fn prediction_asks_for_each_block_that_turns_into_view() {
     assert!(all_with < all_without);
     // Without prediction nothing can be there yet.
     assert_eq!(without, 1.0);
-    // With it each block of 4×4 has one point, anywhere. Of a window of 3×3 around the i-th pixel
-    // of a block, 3, or 2 and 1, columns lie in the block and in its neighbour; likewise rows.
-    // Nothing is there if no block's point falls into its part of the window.
+    // With prediction, each block of 4×4 has one point at a random place. The window of 3×3 around
+    // the i-th pixel of a block has 3 columns in the block, or 2 in the block and 1 in its
+    // neighbour. The same holds for rows. The window is empty if no block's point falls into its
+    // part of it.
     let parts = |i| if i == 1 || i == 2 { [3.0, 0.0] } else { [2.0, 1.0] };
     let mut expected = 0.0;
     for (i, j) in (0..16).map(|pixel| (pixel % 4, pixel / 4)) {
@@ -214,7 +215,7 @@ fn the_oldest_points_are_asked_for_first() {
 fn without_resampling_no_ray_goes_through_an_old_point() {
     let size = (64, 48);
     let through = |resampling| {
-        // Culled points are not asked for again.
+        // Culled points are not requested again.
         let stages = Stages { resampling, depth_cull: false, ..Stages::ALL };
         let mut cache =
             PointImage::new(size, PointImageParams { stages, ..Default::default() }).unwrap();

@@ -80,7 +80,7 @@ fn a_picture_of_four_thousand_columns_works() {
             &room,
         );
     }
-    // The columns and rows at the ends are asked for like all others: all 20 by 20 parts of the
+    // The columns and rows at the ends are requested like all others: all 20 by 20 parts of the
     // picture.
     let mut parts = [0; 400];
     for sample in &samples {
@@ -158,7 +158,7 @@ fn look_around(
         for (_, origin, direction) in frame.requests() {
             prop_assert!(origin.is_finite() && (direction.length() - 1.0).abs() < 1e-6);
         }
-        // Their positions have nothing to do with what was asked for.
+        // Their positions are unrelated to the requests.
         let answers = frame.requests().zip(samples.iter().cycle());
         returned = answers.map(|((tag, ..), sample)| Sample { tag, ..*sample }).collect();
     }

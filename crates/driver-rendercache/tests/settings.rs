@@ -120,7 +120,7 @@ fn the_wide_filter_reaches_as_far_as_its_window() {
         });
         let frame = cache.frame(&moment(ahead(), &[point(20, 15, 1.0)], 0));
         let lit = frame.picture().pixels.iter().filter(|pixel| pixel[0] > 0.0).count();
-        // One point is the mean of every pixel whose window has it.
+        // The mean of each pixel whose window contains the point is the point's colour.
         assert_eq!(lit, (window * window) as usize);
     }
 }

@@ -340,7 +340,7 @@ mod tests {
     fn a_first_pass_that_is_cut_off_is_filled_from_pixels_nearby() {
         let cut = run(&job(false, Limit::Time(Duration::from_secs(4))));
         let traced = cut.iter().filter(|sums| sums.paths > 0).count();
-        assert!((3 * BLOCK..cut.len()).contains(&traced), "{traced}");
+        assert!((100..cut.len()).contains(&traced), "{traced}");
         let whole = run(&job(false, Limit::Time(Duration::from_secs(20))));
         for (pixel, filled) in filled(&cut, SIZE.0).iter().enumerate() {
             assert_eq!(filled.paths, 1);
@@ -369,7 +369,7 @@ mod tests {
 
     #[test]
     fn a_pixel_with_as_many_paths_has_the_same_value() {
-        let uneven = run(&job(false, Limit::Time(Duration::from_secs(20))));
+        let uneven = run(&job(false, Limit::Time(Duration::from_secs(40))));
         for count in [1 + PASS, 1 + 2 * PASS] {
             let even = run(&job(false, Limit::Paths(count)));
             assert!(even.iter().all(|sums| sums.paths == count));

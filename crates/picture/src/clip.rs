@@ -1,10 +1,10 @@
 //! Fore and aft clipping (Radiance's `-vo` and `-va`): a view shows only what lies between two
 //! surfaces.
 //!
-//! As in Radiance's `viewray` (image.c), the surfaces are planes perpendicular to the view
-//! direction in perspective and parallel views, cylinders around the up vector in panoramas, and
-//! spheres around the eye in fisheyes. Objects before the fore surface are ignored. Beyond the aft
-//! surface everything is black, the sky too.
+//! The surfaces are those of Radiance's `viewray` (image.c). In perspective and parallel views they
+//! are planes perpendicular to the view direction. In panoramas they are cylinders around the up
+//! vector, and in fisheyes spheres around the eye. Objects before the fore surface are ignored.
+//! Beyond the aft surface everything is black, the sky too.
 //!
 //! Always true: the aft surface, if there is one, is beyond the fore surface. The fore surface is
 //! not behind the eye.

@@ -168,9 +168,9 @@ pub fn compare(picture: &Picture, reference: &Picture) -> Result<Measures, Compa
 ///
 /// `picture_error` and `reference_error` hold the standard error of every pixel and channel; `None`
 /// means exact. Pixels are assumed to be independent, as those of a path tracer are. The channels
-/// of a pixel are assumed to be fully correlated, which makes the interval widest: the error of a
-/// luminance is the weighted *sum* of theirs. The interval is that of the linearised ratio, which
-/// is accurate if the reference's mean is known to a few per cent.
+/// of a pixel are assumed to be fully correlated, which makes the interval widest. The error of a
+/// luminance is then the weighted *sum* of the channels' errors. The interval is that of the
+/// linearised ratio, which is accurate if the reference's mean is known to a few per cent.
 ///
 /// # Errors
 /// As [`compare()`]; standard errors that are negative or of another size.

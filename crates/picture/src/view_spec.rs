@@ -71,7 +71,8 @@ impl ViewSpec {
     /// option or belong to one.
     ///
     /// # Errors
-    /// As [`ViewSpec::apply_option`]; the options before the wrong one have been applied by then.
+    /// The errors of [`ViewSpec::apply_option`]. The options before the wrong one have then been
+    /// applied.
     pub fn apply_line(&mut self, line: &str) -> Result<(), ViewError> {
         self.apply_words(line, true)
     }
@@ -100,8 +101,8 @@ impl ViewSpec {
     /// +z, as in Radiance.
     ///
     /// # Errors
-    /// As [`View::resolve`]; a missing `-vp` or `-vd`; clipping surfaces that hide everything;
-    /// sizes that the type does not allow; a parallel view without a size.
+    /// The errors of [`View::resolve`], a missing `-vp` or `-vd`, clipping surfaces that hide
+    /// everything, sizes that the type does not allow, and a parallel view without a size.
     pub fn resolve(&self, max_size: (u32, u32)) -> Result<(View, (u32, u32)), ViewError> {
         let vp = self.vp.ok_or(ViewError::Missing("-vp"))?;
         let vd = self.vd.ok_or(ViewError::Missing("-vd"))?;

@@ -2,7 +2,7 @@
 
 use std::{error::Error, process::ExitCode};
 
-/// Returns a program's exit status. An error goes to standard error, after the program's name.
+/// Returns a program's exit status. Prints an error to standard error, after the program's name.
 pub fn exit_code(program: &str, result: anyhow::Result<()>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,

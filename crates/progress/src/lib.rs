@@ -1,4 +1,4 @@
-//! What programs say to people while they work, and when they fail.
+//! Messages of programs to people: progress, and errors.
 //!
 //! Invariant: everything goes to standard error, so that results on standard output stay clean.
 

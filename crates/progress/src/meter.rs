@@ -1,4 +1,4 @@
-//! How far long work is: a bar on a terminal, a line every few seconds otherwise.
+//! Progress of long work: a bar on a terminal, a line every few seconds otherwise.
 
 use std::{
     io::IsTerminal,
@@ -7,16 +7,16 @@ use std::{
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// How often a plain line is printed.
+/// Time between two plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(5);
 
-/// Steps of the bar: finer than any terminal is wide.
+/// Number of steps of the bar. No terminal has so many columns.
 const STEPS: u64 = 1000;
 
-/// Shows how far one piece of long work is.
+/// Shows the progress of one piece of work.
 #[derive(Debug)]
 pub struct Meter {
-    /// When the work was first shown.
+    /// Time of the first report.
     start: Option<Instant>,
     last_line: Instant,
     output: Output,
@@ -45,8 +45,8 @@ impl Meter {
         Meter { start: None, last_line: Instant::now(), output }
     }
 
-    /// Shows that `share` of the work is done (0 to 1), with a text. The time left follows from the
-    /// share. It may be called as often as one likes.
+    /// Shows that `share` of the work (0 to 1) is done, with a text and the estimated time left.
+    /// Frequent calls cost little.
     pub fn show(&mut self, share: f64, text: &str) {
         let share = share.clamp(0.0, 1.0);
         let left = self.start.map_or_else(String::new, |start| left(start.elapsed(), share));
@@ -67,7 +67,7 @@ impl Meter {
         }
     }
 
-    /// Prints a line that stays.
+    /// Prints a line above the bar.
     pub fn say(&self, text: &str) {
         match &self.output {
             Output::Bar(bar) => bar.println(text),
@@ -76,7 +76,7 @@ impl Meter {
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn finish(&self) {
         if let Output::Bar(bar) = &self.output {
             bar.finish_and_clear();
@@ -84,7 +84,7 @@ impl Meter {
     }
 }
 
-/// Returns the time left, for people; nothing if it cannot be told yet.
+/// Returns the time left as text; empty if no estimate is possible yet.
 fn left(elapsed: Duration, share: f64) -> String {
     let left = elapsed.as_secs_f64() * (1.0 - share) / share;
     if left.is_finite() { format!(", {left:.0} s left") } else { String::new() }

@@ -2,8 +2,8 @@
 
 use crate::BeamId;
 
-/// The finaliser of SplitMix64 (Steele et al. 2014, variant 13 of Stafford): a bijection in which
-/// each input bit flips each output bit with probability ½.
+/// The finaliser of SplitMix64 (Steele et al. 2014, variant 13 of Stafford). It is a bijection.
+/// Each input bit flips each output bit with probability ½.
 pub(crate) fn mix64(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

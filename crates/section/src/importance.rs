@@ -4,16 +4,16 @@
 //! distance.
 //!
 //! For adjacent walls, scale the section so that its cells are unit cubes. Let `x` and `y` be the
-//! distances from the edge that the walls share, and `z` the offset along it. Cell one is `x = 0, y
-//! ∈ [i, i+1], z ∈ [0, 1]`; cell two is `y = 0, x ∈ [j, j+1], z ∈ [s, s+1]`. Their hull is the
-//! union over λ ∈ [0, 1] of the boxes `λ[j, j+1] × (1-λ)[i, i+1] × [λs, λs+1]`. A point (x, y) lies
-//! in the boxes of some interval λ ∈ [λ₀, λ₁], and there the hull is `1 + s(λ₁-λ₀)` high. So the
-//! volume is the projected area plus s ∫λ(1-λ)dλ, which is `(i+j+1)/2 + s/6`.
+//! distances from the edge that the walls share, and `z` the offset along it. The first cell is `x
+//! = 0, y ∈ [i, i+1], z ∈ [0, 1]`. The second is `y = 0, x ∈ [j, j+1], z ∈ [s, s+1]`. Their hull is
+//! the union over λ ∈ [0, 1] of the boxes `λ[j, j+1] × (1-λ)[i, i+1] × [λs, λs+1]`. A point (x, y)
+//! lies in the boxes of some interval λ ∈ [λ₀, λ₁], and there the hull is `1 + s(λ₁-λ₀)` high. So
+//! the volume is the projected area plus s ∫λ(1-λ)dλ, which is `(i+j+1)/2 + s/6`.
 
 use crate::cells::CellPair;
 use crate::section::Section;
 
-/// The importances of all beams of a section. It is small: nothing is stored per beam.
+/// The importances of all beams of a section. They are computed when needed, not stored per beam.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportanceTable {
     grid: [u32; 3],

@@ -25,20 +25,20 @@ use crate::sobol::ScrambledSobol;
 /// than the radius at the eye.
 const SEARCH: i32 = 3;
 
-/// Places tried for one sample before the ray nearest to the eye is taken.
+/// Number of places that are tried for one sample before the ray nearest to the eye is used.
 ///
-/// Beside an edge that both cells touch, the two ends may be so near each other that no positions
-/// around a place aim well. Places in enlarged cells may miss, too. With one place, 97 % of the
-/// rays passed near an eye 1.5 sections away from Cornell's.
+/// Near an edge that both cells touch, the two ends of a ray may be so close that no byte positions
+/// around them aim well. Places in enlarged cells may miss too. With one place, only 97 % of the
+/// rays passed near an eye at 1.5 section sizes from the Cornell box.
 const TRIES: u32 = 8;
 
-/// Distance from the eye, in half diagonals of a byte position, that is always near enough.
+/// Distance from the eye, in half diagonals of a byte position, that always counts as near.
 ///
-/// Only in few places do byte positions aim exactly at the eye. If all rays moved there, the rest
-/// of the picture would stay empty.
+/// Byte positions aim exactly at the eye in few places only. If all rays moved there, the rest of
+/// the picture would stay empty.
 const ROUNDING: f64 = 4.0;
 
-/// Samples tried before a beam counts as one without a ray near the eye.
+/// Number of samples that are tried before a beam counts as having no ray near the eye.
 const PROBES: u32 = 16;
 
 /// Greatest enlargement of a cell, in steps: more than any section has, and far from overflow.
@@ -178,10 +178,10 @@ impl Proximity {
         Region::new(&[clip_unit_square(&constraints), clip_unit_square(&turned)])
     }
 
-    /// Returns how far beyond the near cell, in steps along u and v, lines through the eye's centre
-    /// may meet its plane while lines within the radius meet the cell.
+    /// Returns margins around the near cell, in steps along u and v. If some line within the radius
+    /// of the eye meets the cell, the line through the eye itself meets the cell enlarged by these.
     ///
-    /// The margins are generous, because every ray is checked.
+    /// The margins are larger than necessary, because every ray is tested afterwards.
     fn margins(&self) -> [f64; 2] {
         let axis = self.near.axis();
         let wall = self.frame.wall_position(self.near);
@@ -192,8 +192,8 @@ impl Proximity {
         for corner in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]] {
             let denominator = self.far_coordinate(axis).at(corner) - self.eye[axis];
             signs[usize::from(denominator > 0.0)] = true;
-            // The eye is within its radius of the plane through P along the near wall: lines have
-            // any direction.
+            // The plane through P parallel to the near wall passes within the radius of the eye, so
+            // lines may have any direction.
             if denominator.abs() <= reach[axis] {
                 return [MAX_MARGIN; 2];
             }
@@ -227,8 +227,8 @@ impl Proximity {
             + self
                 .frame
                 .to_steps_vector((side * cos + up * sin) * (self.jitter * disk_area.sqrt()));
-        // Positions beyond the cell's borders are mirrored: rays stay evenly spread, and none moves
-        // farther from the unjittered one.
+        // Positions beyond the cell's borders are mirrored. Rays stay evenly spread, and none moves
+        // farther from the ray without jitter.
         let mirror = |x: f64| {
             let x = x.rem_euclid(2.0 * STEPS_PER_CELL);
             x.min(2.0 * STEPS_PER_CELL - x) as u8

@@ -63,9 +63,9 @@ impl Sample {
 pub enum SampleKind {
     /// Spread over the whole beam.
     Uniform = 0,
-    /// Passing near an eye.
+    /// Chosen to pass near an eye.
     ViewpointLimited = 1,
-    /// Asked for one by one, for a pixel each.
+    /// Requested as single rays, one for each pixel.
     SingleRay = 2,
 }
 

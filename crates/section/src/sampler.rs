@@ -1,7 +1,7 @@
-//! The rays that a beam's sample numbers stand for.
+//! The ray of each sample number of a beam.
 //!
-//! Invariant: a sample's ray is a function of (section, beam, sample number, viewpoint). So
-//! restarts repeat nothing, and two runs ask for the same rays.
+//! Invariant: a sample's ray is a function of (section, beam, sample number, viewpoint). So a
+//! restart repeats no ray, and two runs trace the same rays.
 
 use glam::DVec3;
 
@@ -32,9 +32,9 @@ pub struct BeamSampler {
 impl Section {
     /// Returns a sampler of the rays of a beam; `None` if the section has no such beam.
     ///
-    /// With a viewpoint, rays pass near its eye; otherwise they are spread over the whole beam.
-    /// They are also spread over the whole beam if the viewpoint is not finite, or no ray of the
-    /// beam passes within its radius: see [`BeamSampler::is_limited`].
+    /// With a viewpoint, rays pass near its eye. Without one, they are spread over the whole beam.
+    /// They are also spread over the whole beam if the viewpoint is not finite, or if no ray of the
+    /// beam passes within its radius. [`BeamSampler::is_limited`] returns which of the two holds.
     pub fn beam_sampler(
         &self,
         section_index: u16,

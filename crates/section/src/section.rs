@@ -14,8 +14,8 @@ use crate::cells::{BeamId, CellIndex, CellPair, Numbering, RayCoords};
 /// practical. The paper recommends 4 to 24 cells.
 pub const MAX_GRID: u32 = 64;
 
-/// The usual number of beams: the middle of 50,000 to 500,000 on a logarithmic scale (Larson &
-/// Simmons 1999, §2.1).
+/// Number of beams of a default grid: the middle of 50,000 to 500,000 on a logarithmic scale
+/// (Larson & Simmons 1999, §2.1).
 pub const USUAL_BEAMS: f64 = 158_000.0;
 
 /// Steps in a cell along one direction: one for each byte position.
@@ -23,8 +23,8 @@ pub(crate) const STEPS_PER_CELL: f64 = 256.0;
 
 /// Least distance between opposite walls, relative to the diagonal.
 ///
-/// In flatter sections the byte positions of grazing rays run into each other: a direction rounded
-/// to 2⁻⁵³ moves their exit points by up to 1.2e-7 steps, divided by this ratio.
+/// In flatter sections, byte positions of grazing rays cannot be distinguished. Rounding a
+/// direction to 2⁻⁵³ moves their exit points by up to 1.2e-7 steps, divided by this ratio.
 const MIN_FLATNESS: f64 = 1e-5;
 
 /// Greatest uncertainty of a world point, in steps. Byte positions are 1 step apart.
@@ -218,8 +218,8 @@ impl Section {
     ///
     /// # Errors
     /// If a coordinate is not finite, the grid is outside 1 to [`MAX_GRID`], or the axes span
-    /// nearly no volume. Also if the section is so small and far from the world's origin that `f64`
-    /// coordinates cannot tell its byte positions apart.
+    /// nearly no volume. Also if the section is so small, and so far from the world's origin, that
+    /// `f64` coordinates cannot distinguish its byte positions.
     pub fn new(spec: SectionSpec) -> Result<Section, SectionError> {
         for &x in spec.origin.iter().chain(spec.axes.iter().flatten()) {
             if !x.is_finite() || x.abs() > MAX_COORDINATE {
@@ -251,17 +251,15 @@ impl Section {
         Ok(Section { numbering: Numbering::new(spec.grid), frame, axes, diagonal, spec })
     }
 
-    /// Returns a good grid for these axes.
-    ///
-    /// It makes about [`USUAL_BEAMS`].
+    /// Returns a grid for these axes with about [`USUAL_BEAMS`] beams.
     pub fn default_grid(axes: [[f64; 3]; 3]) -> [u32; 3] {
         Self::grid_near(axes, USUAL_BEAMS)
     }
 
-    /// Returns the grid of these axes that makes about so many beams.
+    /// Returns a grid for these axes with about so many beams.
     ///
-    /// Its cells are as near to cubes as 4 to 24 cells a side allow. Axes without length get 4
-    /// cells.
+    /// Its cells are as close to cubes as 4 to 24 cells along an axis allow. An axis of length 0
+    /// gets 4 cells.
     pub fn grid_near(axes: [[f64; 3]; 3], beams: f64) -> [u32; 3] {
         let lengths = axes.map(|a| DVec3::from_array(a).length());
         let longest = lengths.into_iter().fold(0.0, f64::max);
@@ -274,7 +272,7 @@ impl Section {
         // 4 to 24 cells along the longest axis, in steps fine enough to meet every such grid.
         (0..=1000)
             .map(|i| grid_for(4.0 + 0.02 * f64::from(i)))
-            // Axes without length give NaN, which became 0.
+            // Axes of length 0 give NaN, which was converted to 0.
             .map(|grid| grid.map(|n| n.max(4)))
             .min_by(|&a, &b| miss(a).total_cmp(&miss(b)))
             .unwrap_or([4; 3])

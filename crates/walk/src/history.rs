@@ -1,8 +1,8 @@
-//! The views where one stayed, to go back to and forward again.
+//! The views where the eye stayed, for going back and forward.
 
 use holo_picture::ViewSpec;
 
-/// Views kept at the most: who walks all day needs no more.
+/// Largest number of views. A day's walk needs no more.
 const MOST: usize = 100;
 
 /// Views before and after the current one, the nearest last.
@@ -13,7 +13,7 @@ pub struct History {
 }
 
 impl History {
-    /// Notes that one leaves `view` for a new one. The views after it are forgotten.
+    /// Adds `view`, which the eye leaves for a new view. Forgets the views after it.
     pub fn leave(&mut self, view: ViewSpec) {
         self.after.clear();
         if self.before.last() == Some(&view) {

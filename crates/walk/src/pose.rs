@@ -2,20 +2,20 @@
 
 use glam::{DQuat, DVec3};
 
-/// Distance to the point that one moves towards at which the eye stops, metres.
+/// Least distance of the eye from the point that it moves towards, metres.
 pub const NEAREST: f64 = 0.1;
 
 /// Share of the distance to a point that is left after [`GLIDE_SECONDS`] (Larson & Simmons 1999,
 /// §2.4.1: each step goes a tenth of the way).
 const GLIDE_LEFT: f64 = 0.9;
 
-/// The time of one such step.
+/// Seconds of one such step.
 const GLIDE_SECONDS: f64 = 0.1;
 
 /// Greatest angle between the view direction and the level plane, radians: 89°.
 const STEEPEST: f64 = 89.0 / 180.0 * std::f64::consts::PI;
 
-/// Where the eye is, where it looks, and what is up.
+/// The eye's position, its direction, and the up vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// The eye, scene units.
@@ -28,8 +28,8 @@ pub struct Pose {
 
 impl Pose {
     /// Moves towards `point` for `seconds`, by a tenth of the distance in 0.1 s, or away from it if
-    /// `seconds` is negative. The direction is held, so the point stays where it is in the picture.
-    /// Never comes closer than `nearest`.
+    /// `seconds` is negative. The direction does not change, so the point keeps its place in the
+    /// picture. The eye never comes closer than `nearest`.
     #[must_use]
     pub fn glide(self, point: DVec3, seconds: f64, nearest: f64) -> Pose {
         let way = point - self.eye;
@@ -47,8 +47,8 @@ impl Pose {
         self.turned(self.rotation(right, up), self.eye)
     }
 
-    /// Moves around `point`, by radians to the right and upwards around it. The point stays where
-    /// it is in the picture.
+    /// Moves around `point`, by radians to the right and upwards around it. The point keeps its
+    /// place in the picture.
     #[must_use]
     pub fn orbit(self, point: DVec3, right: f64, up: f64) -> Pose {
         let rotation = self.rotation(right, up);
@@ -80,7 +80,8 @@ impl Pose {
         self.up.cross(self.right())
     }
 
-    /// Returns the pose that follows if the motion since `before` goes on, `share` of its way.
+    /// Returns the pose that follows if the motion since `before` continues for `share` of its
+    /// length.
     #[must_use]
     pub fn ahead(self, before: &Pose, share: f64) -> Pose {
         let turned = DQuat::from_rotation_arc(before.direction, self.direction);

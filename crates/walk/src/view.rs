@@ -1,13 +1,13 @@
-//! A view in Radiance's options.
+//! A view as Radiance's options.
 
 use glam::DVec3;
 use holo_picture::ViewSpec;
 
-/// Significant digits of a number: a millionth of a building is finer than any eye.
+/// Number of significant digits. Nobody sees a millionth of a building.
 const DIGITS: i32 = 7;
 
-/// Returns what `spec` states as Radiance's options, such as `-vtv -vp 1 2 1.6 -vd 0 1 0 -vh 60`.
-/// Numbers are rounded to 7 digits, those of a vector by its longest part.
+/// Returns the stated parts of a view as Radiance's options, such as `-vtv -vp 1 2 1.6 -vd 0 1 0
+/// -vh 60`. Numbers are rounded to 7 digits; those of a vector, to 7 digits of its largest number.
 pub fn options(spec: &ViewSpec) -> String {
     let mut words = vec![format!("-vt{}", spec.kind.unwrap_or_default().letter())];
     for (name, value) in [("vp", spec.vp), ("vd", spec.vd), ("vu", spec.vu)] {

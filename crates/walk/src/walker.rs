@@ -1,23 +1,24 @@
-//! Somebody who walks: a view, what is held down, a home, and the views before and after.
+//! The state of a walk: a view, the controls that are held down, a home, and the views before and
+//! after.
 
 use glam::DVec3;
 use holo_picture::ViewSpec;
 
 use crate::{History, NEAREST, Pose};
 
-/// Walking pace, metres per second: a person's, indoors.
+/// Walking pace of a person indoors, metres per second.
 const WALKING: f64 = 1.4;
 
-/// Turning pace, radians per second: half a turn in two seconds.
+/// Turning pace, radians per second: half a turn takes two seconds.
 const TURNING: f64 = std::f64::consts::FRAC_PI_2;
 
-/// Distance of what a glide heads for where nothing is known or hit, metres.
+/// Distance of the point to move towards if no surface is known under the cursor, metres.
 const AFAR: f64 = 10.0;
 
-/// Seconds that one step of a wheel glides.
+/// Seconds of motion for one step of a wheel.
 const WHEEL_SECONDS: f64 = 0.1;
 
-/// What is held down. Parts are from -1 to 1 unless they say otherwise.
+/// The controls that are held down. Numbers are from -1 to 1 unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Controls {
     /// Ahead on the level plane; negative: back.
@@ -57,13 +58,13 @@ impl Default for Controls {
 }
 
 impl Controls {
-    /// Returns whether anything is held that moves.
+    /// Returns whether any control that moves the eye is held.
     pub fn moves(&self) -> bool {
         Controls { pace: 1.0, ..*self } != Controls::default()
     }
 }
 
-/// Somebody who walks.
+/// The state of a walk.
 #[derive(Clone, Debug)]
 pub struct Walker {
     spec: ViewSpec,
@@ -74,14 +75,14 @@ pub struct Walker {
     metre: f64,
     /// The controls that are held down.
     pub controls: Controls,
-    /// True if no motion changes the eye's height.
+    /// Whether the eye's height is locked, so that no motion changes it.
     pub height_is_locked: bool,
-    /// Where one last stayed, until one moves on.
+    /// The view where the eye last stayed, until it moves again.
     stayed: Option<ViewSpec>,
 }
 
 impl Walker {
-    /// Returns somebody at `home`, or `None` if it has no eye and direction that a view can have.
+    /// Returns a walk that starts at `home`. `None` if this view has no valid eye and direction.
     /// `unit` is the length of a scene unit in metres.
     pub fn new(home: ViewSpec, unit: f64) -> Option<Walker> {
         let pose = pose(&home)?;
@@ -103,18 +104,20 @@ impl Walker {
         &self.spec
     }
 
-    /// Returns where the eye is and looks.
+    /// Returns the eye's position and direction.
     pub fn pose(&self) -> &Pose {
         &self.pose
     }
 
-    /// Returns where one will be if one goes on as since `before`: `share` of that way farther.
+    /// Returns the pose that follows if the motion since `before` continues for `share` of its
+    /// length.
     pub fn ahead(&self, before: &Pose, share: f64) -> ViewSpec {
         at(&self.spec, &self.pose.ahead(before, share))
     }
 
-    /// Moves as long as `seconds` by what is held. `under` is the point under the cursor if one is
-    /// known, and `towards` the direction of its ray. Returns whether anything moved.
+    /// Moves for `seconds` by the controls that are held. `under` is the point under the cursor, if
+    /// known, and `towards` the direction of the ray under the cursor. Returns whether the eye
+    /// moved.
     pub fn advance(&mut self, seconds: f64, under: Option<DVec3>, towards: DVec3) -> bool {
         let held = self.controls;
         if !held.moves() || seconds.is_nan() || seconds <= 0.0 {
@@ -159,18 +162,18 @@ impl Walker {
         self.go(self.pose.walk(ahead, right, rise))
     }
 
-    /// Goes to a view. Parts that `change` leaves out stay as they are. Returns false, and stays, if
-    /// the result has no eye and direction that a view can have.
+    /// Goes to a view. Parts that `change` leaves out stay as they are. If the result has no valid
+    /// eye and direction, changes nothing and returns false.
     pub fn look(&mut self, change: &ViewSpec) -> bool {
         self.jump(self.spec.overridden_by(change))
     }
 
-    /// Goes to a place, and keeps the direction.
+    /// Goes to a place without turning.
     pub fn go_to(&mut self, eye: DVec3) -> bool {
         self.jump(ViewSpec { vp: Some(eye), ..self.spec })
     }
 
-    /// Goes to where one began.
+    /// Goes to the home view.
     pub fn go_home(&mut self) -> bool {
         self.jump(self.home)
     }
@@ -181,13 +184,13 @@ impl Walker {
         view.is_some_and(|view| self.set(view))
     }
 
-    /// Goes to the view that one came back from.
+    /// Goes to the view from which [`back`](Self::back) came.
     pub fn forward(&mut self) -> bool {
         let view = self.history.forward(self.spec);
         view.is_some_and(|view| self.set(view))
     }
 
-    /// Notes that one stays here: when one moves on, the history gets this view.
+    /// Marks this view as one where the eye stays. The next motion adds it to the history.
     pub fn stay(&mut self) {
         self.stayed = Some(self.spec);
     }

@@ -1,22 +1,22 @@
-//! What lies between samples: colours that go smoothly from one to the next of a surface.
+//! Interpolates colours between the samples of a surface.
 //!
-//! A pixel is of the surface of the sample nearest to it. Its colour is that of a plane through the
-//! nearest samples of this surface, fitted by least squares. The weights grow without bound at a
-//! sample and fall to nothing at the farthest (Franke & Nielson 1980, modified Shepard
-//! interpolation). So samples come in and leave from pixel to pixel, and no step is seen.
+//! A pixel belongs to the surface of the sample nearest to it. Its colour is that of a plane
+//! through the nearest samples of this surface, fitted by least squares. The weights grow without
+//! bound at a sample and fall to 0 at the farthest (Franke & Nielson 1980, modified Shepard
+//! interpolation). So no step is visible where the set of nearest samples changes.
 //!
-//! Invariant: a colour is within the range of those that it is made of: no light is invented.
+//! Invariant: each channel of a colour is within the range of the samples that it is made from.
 
 use super::step::Steps;
 use super::window::Near;
 
-/// Samples that a pixel's colour is made of, at the most.
+/// Largest number of samples that a pixel's colour is made from.
 pub(super) const NEIGHBOURS: usize = 8;
-/// What is added to the squares of distances in the fit, as their share. Samples in a line tell
-/// nothing across it, and a fit to noise is no better than a mean.
+/// Regularisation of the fit: this share is added to the sums of squared distances. Samples in a
+/// line do not determine the slope across it, and a fit to noise is no better than a mean.
 const STIFFNESS: f32 = 0.05;
 
-/// Distance below which a sample is no nearer, pixels: weights stay finite.
+/// Least distance of a sample, pixels, so that weights stay finite.
 const LEAST: f32 = 1e-3;
 
 /// A sample as seen from a pixel's middle.
@@ -29,20 +29,20 @@ struct Sample {
 
 const NOTHING: Seen = Seen { colour: [0.0; 3], depth: 0.0, aside: [0.0; 2] };
 
-/// What is known of a pixel.
+/// The sample of a pixel, as the pixel shows it.
 #[derive(Clone, Copy)]
 pub(super) struct Seen {
     pub colour: [f32; 3],
     pub depth: f32,
-    /// How far from the pixel's middle it is seen: columns and rows.
+    /// Columns and rows from the pixel's middle to the sample.
     pub aside: [f32; 2],
 }
 
-/// Returns what a pixel shows by the samples nearest to it; `None` if there are none. `own` is a
-/// sample of its own, if it has one: the pixel is then of its surface.
+/// Returns the colour and depth of a pixel from the samples nearest to it; `None` if there are
+/// none. If the pixel has a sample of its `own`, it belongs to the surface of that sample.
 ///
-/// The nearest are found by the middles of their pixels, but count where they are. That is worth
-/// 0.3 dB at one sample for each pixel.
+/// The nearest samples are found by the middles of their pixels, but weighed by their exact places.
+/// That gains 0.3 dB at one sample for each pixel.
 pub(super) fn between(
     nearest: &[Near],
     own: Option<Seen>,
@@ -51,7 +51,7 @@ pub(super) fn between(
 ) -> Option<Seen> {
     let mut samples =
         [Sample { offset: [0.0; 2], squared: f32::INFINITY, seen: NOTHING }; NEIGHBOURS];
-    // Nothing is nearer than a sample of its own.
+    // A sample of the pixel's own is always the nearest.
     let mut own = own.map_or(samples[0], |seen| Sample { offset: seen.aside, squared: -1.0, seen });
     for (sample, near) in samples.iter_mut().zip(nearest) {
         let seen = seen(near.pixel as usize);
@@ -62,7 +62,7 @@ pub(super) fn between(
         }
     }
     let count = nearest.len().min(NEIGHBOURS);
-    // Where there are no more than that, the farthest counts, too.
+    // If there are fewer samples than wanted, the farthest also has a weight.
     let farther = if count < NEIGHBOURS { 1.5 } else { 1.0 };
     let reach = nearest.last()?.squared.sqrt() * farther + 0.5;
     let mut used = [(0.0_f32, [0.0_f32; 2], [0.0_f32; 3]); NEIGHBOURS];
@@ -96,7 +96,7 @@ fn plane(used: &[(f32, [f32; 2], [f32; 3])]) -> Option<[f32; 3]> {
     if sum == 0.0 {
         return None;
     }
-    // About the middle of the samples, where mean and slope know nothing of each other.
+    // About the mean place of the samples, where mean and slope are independent.
     let (x, y) = (x / sum, y / sum);
     let stiff = STIFFNESS * (xx + yy);
     let (xx, xy, yy) = (xx - sum * x * x + stiff, xy - sum * x * y, yy - sum * y * y + stiff);

@@ -1,33 +1,33 @@
-//! Finds samples on surfaces that a nearer one hides (Larson & Simmons 1999, Figure 6). Their rays
-//! pass the eye at some distance and look behind the nearer surface.
+//! Finds samples on surfaces that a nearer surface hides (Larson & Simmons 1999, Figure 6). Their
+//! rays pass the eye at some distance and look behind the nearer surface.
 //!
-//! Without a scene, the nearer surface is known by its samples alone. A sample is hidden if it lies
-//! among them. That is the case if the samples in front of it, of those nearest in the picture,
-//! stand around it on every side. At the nearer surface's edge they do not, so the surface does not
-//! grow: no halo.
+//! Without a scene, the nearer surface is known only by its samples. Of the samples nearest to a
+//! sample in the picture, some may lie in front of it. The sample is hidden if these surround it.
+//! At the nearer surface's edge they do not, so the surface does not grow.
 //!
-//! Invariant: samples that pass near the eye see the pixel itself, and are never hidden.
+//! Invariant: samples whose rays pass near the eye see exactly their pixel, and are never hidden.
 
 use super::nearest::Points;
 use super::squares::Squares;
 use super::step::Steps;
 
-/// Samples nearest to one that are looked at, itself included.
-const LOOKED_AT: usize = 12;
-/// Side of the squares whose nearest depth is known, pixels.
+/// Number of nearest samples that are tested, the sample itself included.
+const TESTED: usize = 12;
+/// Side, in pixels, of the squares whose nearest depths are computed.
 const SQUARE: usize = 8;
-/// Samples in 3 × 3 such squares from which on those nearest to any in the middle are among them.
+/// Number of samples in 3 × 3 such squares from which on they include the nearest samples of each
+/// one in the middle square.
 const DENSE: u32 = 64;
 
-/// What squares of the picture hold.
+/// The samples of a square of the picture.
 #[derive(Clone, Copy)]
 struct Summary {
     nearest: f32,
     count: u32,
 }
 
-/// Returns whether each pixel's site is hidden. `depth` is the depth of each pixel's site. Only
-/// pixels that `may_be` names are looked at.
+/// Returns for each pixel whether its site is hidden. `depth` is the depth of each pixel's site.
+/// Only pixels for which `may_be` is true are tested.
 pub(super) fn hidden(
     size: (usize, usize),
     depth: &[f32],
@@ -46,8 +46,8 @@ pub(super) fn hidden(
     let mut hidden = vec![false; depth.len()];
     let wanted =
         |pixel: usize| may_be(pixel) && may_hide(around.around(pixel), depth[pixel], steps);
-    points.for_each::<LOOKED_AT, bool>(&mut hidden, wanted, |pixel, nearest, hidden| {
-        let mut front = [[0.0; 2]; LOOKED_AT];
+    points.for_each::<TESTED, bool>(&mut hidden, wanted, |pixel, nearest, hidden| {
+        let mut front = [[0.0; 2]; TESTED];
         let mut count = 0;
         for near in nearest {
             if steps.is_in_front(depth[near.pixel as usize], depth[pixel], near.squared.sqrt()) {
@@ -60,15 +60,15 @@ pub(super) fn hidden(
     hidden
 }
 
-/// Returns whether something near may be in front of what is at this depth, given what is around.
+/// Returns whether a sample around may be in front of a sample of this depth.
 fn may_hide(around: Summary, depth: f32, steps: &Steps) -> bool {
     around.count < DENSE || steps.may_be_in_front(around.nearest, depth)
 }
 
-/// Returns whether points stand around the origin: no line through it has all of them on one side.
+/// Returns whether points surround the origin: no line through it has all of them on one side.
 fn surround(points: &[[f32; 2]]) -> bool {
     let cross = |a: &[f32; 2], b: &[f32; 2]| a[0] * b[1] - a[1] * b[0];
-    // If some line has, one through a point has, with all others to the left of it.
+    // If some line has all of them on one side, so has a line through one of the points.
     points.len() > 2
         && points.iter().all(|a| points.iter().any(|b| cross(a, b) < 0.0))
         && points.iter().all(|a| points.iter().any(|b| cross(a, b) > 0.0))

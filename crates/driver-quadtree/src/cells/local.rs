@@ -1,30 +1,30 @@
-//! Where samples are so clean that the nearest ones tell more than a mean over many.
+//! Finds pixels whose samples are so clean that the nearest ones are better than a mean over many.
 //!
-//! A quadtree's leaf cannot tell noise from detail where samples are few, and takes a mean. Both
-//! are put to the test: each sample is predicted by the samples nearest to it, and by the mean.
-//! Over a neighbourhood, the better prediction is believed (leave-one-out cross-validation, Stone
-//! 1974). Noise adds the same to both errors, and more to the prediction by few samples.
+//! With few samples, a quadtree's leaf cannot distinguish noise from detail, and shows a mean. Here
+//! each sample is predicted twice: from the samples nearest to it, and by the mean. In each
+//! neighbourhood, the better prediction is used (leave-one-out cross-validation, Stone 1974). Noise
+//! adds equally to both errors, and adds more to the prediction from few samples.
 //!
-//! Most noisy samples are too dark, and few are much too bright. Where none of those is near, the
-//! dark ones predict each other well. Chosen by these alone, pictures of one-path samples (one for
-//! ten pixels) were darker than their leaves' by 2 %. So the nearest have to do better than the
-//! mean in a wide region, too, which has some of all.
+//! Most noisy samples are too dark, and few are much too bright. If no bright one is near, the dark
+//! ones predict each other well. Pictures of one-path samples (one for ten pixels) were then darker
+//! than the quadtree's by 2 %. So the nearest samples must also predict better than the mean in a
+//! wide region, which has some samples of both kinds.
 //!
-//! Invariant: as samples grow, the tree's mean of a pixel's own samples predicts them ever better,
-//! and is what is shown.
+//! Invariant: as samples grow, the quadtree's mean over a pixel's own samples predicts them better,
+//! and is shown.
 
 use super::fill::{NEIGHBOURS, Seen, between};
 use super::nearest::Points;
 use super::squares::Squares;
 use super::step::Steps;
 
-/// Least error of the mean, in errors of the nearest samples, for those to be believed.
+/// Least ratio of the mean's squared error to that of the nearest samples for which these are used.
 const CLEARLY: f32 = 8.0;
-/// Square of the distance, pixels, within which all looked-at samples are dense enough for means.
+/// Squared distance, pixels, within which samples are so dense that the mean is used.
 const DENSE: f32 = 8.0;
 /// Side of the squares, pixels, of which 3 × 3 are a region.
 const SQUARE: usize = 32;
-/// Samples in 32 × 32 pixels from which on nearly all are as dense as that, and none is looked at.
+/// Number of samples in 32 × 32 pixels above which nearly all are so dense, and none is tested.
 pub(super) const MANY: usize = 480;
 
 /// Squared errors of the two ways to predict a sample.
@@ -40,8 +40,8 @@ impl Errors {
     }
 }
 
-/// Returns colours for pixels whose samples are clean, `None` for others. `single` is one sample of
-/// a pixel, `mean` what the tree shows of it. Only `candidates` are looked at.
+/// Returns colours for pixels whose samples are clean, `None` for others. `single` returns one
+/// sample of a pixel, `mean` the colour that the quadtree shows. Only `candidates` are tested.
 pub(super) fn local(
     points: &Points,
     size: (usize, usize),

@@ -1,25 +1,25 @@
 //! Cells of samples, bounded by the samples' own depth: a Voronoi diagram without a scene (Larson &
 //! Simmons 1999, §2.4.4).
 //!
-//! Samples are projected and summed as in the [`Quadtree`]. It also says what a pixel with samples
-//! shows: their mean over as many pixels as noise asks. Where few samples are around and they are
-//! clean, those nearest to a pixel tell more than a mean ([`local`]). Each other pixel belongs to
-//! the sample nearest to it in the picture ([`nearest`]). Samples that a nearer surface hides are
-//! left out ([`hidden`]). The pixel shows that sample's colour ([`Filling::Constant`]), or a colour
-//! that goes smoothly on to the samples of the same surface around it ([`fill`]).
+//! Samples are projected and summed as in the [`Quadtree`]. A pixel with samples shows the same as
+//! in the quadtree: the mean over as many pixels as noise needs. If only few samples are around,
+//! and they are clean, the pixel shows the nearest ones instead, which are better than a mean
+//! ([`local`]). A pixel without samples belongs to the sample nearest to it in the picture
+//! ([`nearest`]). Samples that a nearer surface hides are left out ([`hidden`]). The pixel shows
+//! the colour of its sample ([`Filling::Constant`]), or a colour that is interpolated between
+//! samples of the same surface ([`fill`]).
 //!
-//! Smooth pictures have no holes: a display has nothing better to show far from all samples. The
-//! paper's constant cells have a greatest radius ([`radius`]), and it showed the scene between
-//! them; here that stays black.
+//! Smooth pictures have no holes. The paper's constant cells have a greatest radius ([`radius`]).
+//! Between them the paper showed the scene; here those pixels stay black.
 //!
 //! What always holds:
-//! - The picture is a function of the set of samples: their order and batches change no bit of it.
-//! - No pixel between samples shows another surface than its nearest sample's, as far as depths
-//!   tell ([`step`]).
-//! - As samples grow, every pixel tends to the mean of its own samples (smooth), or to one sample
-//!   near its middle (constant).
-//! - A pixel that no section covers is 0. One whose best beam sees nothing is the sky, or black if
-//!   the view clips it.
+//! - The picture is a function of the set of samples. Their order and batches change no bit of it.
+//! - A pixel between samples shows the surface of its nearest sample. Depths separate surfaces
+//!   ([`step`]).
+//! - As the number of samples grows, every pixel tends to the mean of its own samples (smooth), or
+//!   to one sample near its middle (constant).
+//! - A pixel that no section covers is 0. A pixel whose best beam sees nothing is the sky, or black
+//!   if the view clips it.
 
 mod fill;
 mod hidden;
@@ -44,16 +44,17 @@ use std::sync::Arc;
 use step::Steps;
 use window::Near;
 
-/// What a cell shows.
+/// How cells are filled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filling {
-    /// Pixels with samples show what a [`Quadtree`] does, or the nearest samples where few samples
-    /// are clean. Colours between go smoothly from sample to sample. There is no hole.
+    /// Colours are interpolated between samples, and there are no holes. Pixels with samples show
+    /// the same as in a [`Quadtree`], or the nearest samples if only few are around and they are
+    /// clean.
     #[default]
     Smooth,
-    /// The paper's cells: each shows the colour of one sample, the one nearest to a pixel's middle
-    /// in the pixel's nearest depth bin. A cell covers from 0.01 % to 10 % of the picture's area,
-    /// by how many samples are around. What no cell reaches is 0.
+    /// The paper's cells. Each cell shows the colour of one sample: of a pixel's nearest depth bin,
+    /// the sample nearest to the pixel's middle. A cell covers at most 0.01 % to 10 % of the
+    /// picture's area, less where samples are dense. Pixels that no cell reaches are 0.
     Constant,
 }
 
@@ -64,14 +65,15 @@ pub struct Cells {
     filling: Filling,
 }
 
-/// What is known of the pixels of a picture, row by row.
+/// The state of the pixels of a picture, row by row.
 struct Pixels {
     known: Vec<Known>,
-    /// Depth of the pixel's sample; what the picture shows if it has none.
+    /// Depth of the pixel's sample, or of the picture if the pixel has none.
     depth: Vec<f32>,
     /// Whether a nearer surface hides the surface of the pixel's sample.
     hidden: Vec<bool>,
-    /// Whether the tree shows a nearer surface here, to which most samples around belong.
+    /// Whether the quadtree shows a nearer surface than the pixel's sample, because most samples
+    /// around belong to it.
     disputed: Vec<bool>,
 }
 
@@ -90,9 +92,8 @@ impl Pixels {
 }
 
 impl Cells {
-    /// Returns empty cells for a picture of `size` pixels, as from [`View::resolve`], which bounds
-    /// it: memory is in proportion. `params` says how samples are summed, and what pixels with
-    /// samples show.
+    /// Returns empty cells for a picture of `size` pixels. Memory is in proportion to the size,
+    /// which [`View::resolve`] bounds. `params` are those of the quadtree.
     pub fn new(
         sections: Arc<[Section]>,
         view: View,
@@ -115,12 +116,12 @@ impl Cells {
         });
     }
 
-    /// Notes that no ray of a beam hits anything, as [`Quadtree::insert_unseen`] does.
+    /// Marks a beam as unseen, as [`Quadtree::insert_unseen`] does.
     pub fn insert_unseen(&mut self, key: BeamKey) {
         self.tree.insert_unseen(key);
     }
 
-    /// Returns the sums of the samples.
+    /// Returns the quadtree of the same samples.
     pub fn quadtree(&self) -> &Quadtree {
         &self.tree
     }
@@ -133,7 +134,7 @@ impl Cells {
         }
     }
 
-    /// Draws smooth cells: the tree's picture, with what lies between its samples put right.
+    /// Draws smooth cells: the quadtree's picture, with other colours between its samples.
     fn smooth(&self) -> Frame {
         let mut frame = self.tree.draw();
         let pixels = self.pixels(&frame);
@@ -143,7 +144,7 @@ impl Cells {
         frame
     }
 
-    /// Shows single samples in place of the tree's means where those tell more.
+    /// Replaces the quadtree's means by single samples where these predict colours better.
     fn sharpen(&self, pixels: &Pixels, points: &Points, frame: &mut Frame) {
         let has_few = self.tree.has_few();
         let is_candidate = |pixel: usize| {
@@ -177,7 +178,7 @@ impl Cells {
             depth: pixels.depth[pixel],
             aside: self.sites.of(pixel).map_or([0.0; 2], Site::aside),
         };
-        // A disputed sample that is not hidden is of the pixel's own surface.
+        // A disputed sample that is not hidden belongs to the pixel's own surface.
         let own = |pixel: usize| {
             let is_own = pixels.disputed[pixel] && !pixels.hidden[pixel];
             let site = self.sites.of(pixel).filter(|_| is_own)?;
@@ -207,7 +208,7 @@ impl Cells {
         let has_site = |pixel: usize| self.sites.of(pixel).is_some() && !hidden[pixel];
         let points = Points::new(self.size(), has_site);
         let radii = Radii::new(self.size(), (0..known.len()).filter(|&pixel| has_site(pixel)));
-        // Found by the middles of their pixels, but compared where they are.
+        // Sites are found by the middles of their pixels, but compared by their exact places.
         let squared = |near: &Near| {
             let [right, down] = self.sites.of(near.pixel as usize).map_or([0.0; 2], Site::aside);
             (near.offset[0] + right).powi(2) + (near.offset[1] + down).powi(2)
@@ -239,18 +240,18 @@ impl Cells {
         (self.tree.size.0 as usize, self.tree.size.1 as usize)
     }
 
-    /// Returns what is known of the pixels of the tree's picture.
+    /// Returns the state of the pixels of the quadtree's picture.
     fn pixels(&self, frame: &Frame) -> Pixels {
         let known = self.tree.known();
-        // Where samples in front do not stand around a pixel's sample, they do not hide it. If they
-        // did, their surface would grow by a pixel all around.
+        // Samples in front hide a pixel's sample only if they surround it. Otherwise their surface
+        // would grow by a pixel on all sides.
         let is_disputed = |pixel: usize| {
             let shown = bin_of(frame.depth[pixel]).saturating_add(1);
             let site = self.sites.of(pixel);
             known[pixel] == Known::Afar && site.is_some_and(|site| shown < site.bin())
         };
         let disputed: Vec<bool> = (0..known.len()).map(is_disputed).collect();
-        // The site's depth is finer, unless the pixel shows another surface.
+        // The site's depth is more exact, unless the pixel shows another surface.
         let depth = |pixel: usize| {
             let shown = frame.depth[pixel];
             let is_shown = |site: &&Site| disputed[pixel] || site.bin() == bin_of(shown);

@@ -1,26 +1,26 @@
-//! The points of a picture that are nearest to each of its pixels, exactly. A point is the middle
-//! of a pixel.
+//! Finds the points that are nearest to each pixel of a picture, exactly. A point is the middle of
+//! a pixel.
 //!
-//! Where points are dense, the pixels around one are looked at by their distance
-//! ([`window`](super::window)). Elsewhere squares are divided. Let K points lie within D of the
-//! middle of a square, and let h be half its diagonal. Then what is among the K nearest of any
-//! place in the square lies within D + 2h of its middle. So the points of a square are found among
-//! those of the next larger square, and those of a pixel among few.
+//! Where points are dense, the pixels around a pixel are tested in the order of their distance
+//! ([`window`](super::window)). Elsewhere squares are divided into quarters. Let K points lie
+//! within D of the middle of a square, and let h be half its diagonal. Then the K nearest points of
+//! any place in the square lie within D + 2h of its middle. So the points of a quarter are found
+//! among those of its square, and those of a pixel among few.
 //!
 //! What always holds:
-//! - What is found is a function of the set of points. Of two at one distance, that of the first
-//!   pixel comes first.
+//! - The result is a function of the set of points. Of two points at one distance, the one with the
+//!   lower pixel number comes first.
 //! - The number of threads changes nothing.
 
 use super::window::{Near, Window};
 use holo_display::for_bands;
 
-/// Points in a tile from which on the pixels around one are looked at one by one. At one point in
-/// 16 pixels either way takes as long.
+/// Least number of points in a tile for which the pixels around a pixel are tested one by one. At
+/// one point in 16 pixels, both ways take equally long.
 const DENSE: usize = TILE * TILE / 16;
-/// Side of the squares in which points are looked up first, pixels.
+/// Side of the largest squares, pixels.
 const TILE: usize = 32;
-/// Side of squares that are not divided.
+/// Side of the smallest squares, pixels. They are not divided.
 const LEAST: usize = 2;
 
 /// A point of the picture.
@@ -55,7 +55,7 @@ pub(crate) struct Points {
 }
 
 impl Points {
-    /// Returns the middles of those pixels that have a point, in a picture of `size` pixels.
+    /// Returns the points of a picture of `size` pixels. `has_point` takes the number of a pixel.
     pub fn new(size: (usize, usize), has_point: impl Fn(usize) -> bool) -> Self {
         let (width, height) = size;
         let tiles = (width.div_ceil(TILE), height.div_ceil(TILE));
@@ -72,20 +72,20 @@ impl Points {
         Self { size, tiles, starts, points, window }
     }
 
-    /// Returns how many there are.
+    /// Returns the number of points.
     pub fn count(&self) -> usize {
         self.points.len()
     }
 
-    /// Returns how many lie in the tile of 32 × 32 pixels around a pixel.
+    /// Returns the number of points in the tile of 32 × 32 pixels that contains a pixel.
     pub fn count_around(&self, pixel: usize) -> usize {
         let (column, row) = (pixel % self.size.0, pixel / self.size.0);
         self.tile(column / TILE, row / TILE).len()
     }
 
-    /// Lets `find(pixel, nearest, item)` change the items of wanted pixels. `nearest` are the `K`
-    /// points nearest to the pixel, the nearest first: fewer only if there are no more. No item
-    /// changes if there is no point at all.
+    /// Calls `find(pixel, nearest, item)` for each wanted pixel and its item. `nearest` are the `K`
+    /// points nearest to the pixel, the nearest first, or all points if there are fewer. Does
+    /// nothing if there are no points.
     pub fn for_each<const K: usize, T: Send>(
         &self,
         items: &mut [T],
@@ -124,7 +124,7 @@ impl Points {
         });
     }
 
-    /// Finds the points that may be among the `most` nearest of some place of a tile.
+    /// Finds the points that may be among the `most` nearest of some place in a tile.
     fn around(&self, tile: &Square, most: usize, search: &mut Search) {
         let Search { lists, squares } = search;
         let Some(found) = lists.first_mut() else { return };
@@ -132,7 +132,7 @@ impl Points {
         let (column, row) = (tile.left / TILE, tile.top / TILE);
         let mut rings = 0;
         let last = self.tiles.0.max(self.tiles.1);
-        // Rings of tiles until there are enough, and then as many more as may hold nearer ones.
+        // Rings of tiles until there are enough points, then those that may have nearer ones.
         while found.len() < most && rings <= last {
             self.ring(column, row, rings, found);
             rings += 1;
@@ -145,7 +145,7 @@ impl Points {
         found.retain(|point| point.seen_from(tile.middle()).squared <= radius * radius);
     }
 
-    /// Adds the points of the tiles so many tiles away.
+    /// Adds the points of the tiles at a distance of `ring` tiles.
     fn ring(&self, column: usize, row: usize, ring: usize, found: &mut Vec<Point>) {
         for other_row in row.saturating_sub(ring)..=(row + ring).min(self.tiles.1 - 1) {
             // All of the first and the last row, and both ends of those between.
@@ -191,15 +191,15 @@ impl Square {
         [self.left, self.top].map(|from| from as f32 + 0.5 * (self.side - 1) as f32)
     }
 
-    /// Returns its pixels, as far as the picture goes, in the order of their numbers.
+    /// Returns the square's pixels in the picture, in the order of their numbers.
     fn pixels(self, (width, height): (usize, usize)) -> impl Iterator<Item = usize> {
         let columns = self.left..(self.left + self.side).min(width);
         (self.top..(self.top + self.side).min(height))
             .flat_map(move |row| columns.clone().map(move |column| row * width + column))
     }
 
-    /// Returns how far from its middle those points lie that are among the `most` nearest of any
-    /// pixel in it. Infinite if there are no more points. `squares` is scratch.
+    /// Returns a radius around the square's middle that contains the `most` nearest points of every
+    /// pixel in the square. Infinite if there are fewer points. `squares` is scratch.
     fn reach(&self, points: &[Point], most: usize, squares: &mut Vec<f32>) -> f32 {
         if points.len() < most {
             return f32::INFINITY;
@@ -225,8 +225,8 @@ impl Default for Search {
 }
 
 impl Search {
-    /// Calls `find` for each wanted pixel of a square with points that its `most` nearest are
-    /// among. The list of this depth has such points for the square.
+    /// Calls `find` for each wanted pixel of a square, with points that include its `most` nearest.
+    /// The list of this depth has such points for the square.
     fn divide(
         &mut self,
         depth: usize,

@@ -1,19 +1,19 @@
 //! The greatest radii of cells, by "a low-resolution grid over the display image so that we know
 //! the approximate local sample density" (Larson & Simmons 1999, §2.4.4).
 //!
-//! The paper's largest cone "covers about 10% of the screen", its smallest 0.01 %: shares of its
-//! area. Between them a cell reaches so far that only one place in 10,000 is farther from its
-//! nearest sample, if samples are spread by chance.
+//! The paper's largest cone "covers about 10% of the screen", its smallest 0.01 %, as shares of its
+//! area. Between them, the radius is such that only one place in 10,000 is farther from its nearest
+//! sample, if samples are spread at random.
 
 /// Shares of the picture's area that the largest and the smallest cell may cover.
 const LARGEST: f32 = 0.1;
 const SMALLEST: f32 = 0.0001;
-/// Least square of a radius, pixels: a pixel shows its own sample, however small the picture.
+/// Least squared radius, pixels, so that a pixel shows its own sample in a picture of any size.
 const OWN: f32 = 0.5;
 /// Squares of the grid along the larger of the picture's sides.
 const SQUARES: usize = 32;
-/// Samples that a cell has room for at the density around it. A share of e⁻⁹ of places with so many
-/// expected within reach have none.
+/// Expected number of samples within the radius, at the density around a cell. A share of e⁻⁹ of
+/// all places then has none.
 const ROOM: f32 = 9.0;
 
 /// Greatest radii over a picture.

@@ -1,7 +1,7 @@
 //! One sample for each pixel: the site of its cell.
 //!
-//! Invariant: a pixel's site is the least of its samples by depth bin, then by distance from the
-//! pixel's middle, then by their bytes. It is a function of the set of samples, not of their order.
+//! Invariant: a pixel's site is its first sample by depth bin, then by distance from the pixel's
+//! middle, then by bytes. It is a function of the set of samples, not of their order.
 
 use crate::reproject::Landing;
 

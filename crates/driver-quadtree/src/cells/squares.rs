@@ -1,7 +1,6 @@
-//! Sums over squares of a picture and those around them.
+//! Sums over squares of a picture and the squares around them.
 //!
-//! Invariant: pixels are added row by row, and squares too, so floats add up to the same bits every
-//! time.
+//! Invariant: pixels and squares are added row by row, so floats always add up to the same bits.
 
 /// Sums over each square of pixels and the eight around it.
 pub(super) struct Squares<T, const SIDE: usize> {
@@ -11,8 +10,8 @@ pub(super) struct Squares<T, const SIDE: usize> {
 }
 
 impl<T: Copy, const SIDE: usize> Squares<T, SIDE> {
-    /// Returns the sums of what pixels have, by their numbers. `join` adds to a sum, which begins
-    /// as `nothing`.
+    /// Returns the sums of values of pixels, given with the pixels' numbers. `join` adds two sums,
+    /// and `nothing` is the empty sum.
     pub fn new(
         (width, height): (usize, usize),
         nothing: T,

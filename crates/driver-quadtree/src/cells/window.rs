@@ -1,8 +1,8 @@
-//! The points nearest to a pixel, among the pixels around it.
+//! Finds the points nearest to a pixel by testing the pixels around it.
 //!
 //! Invariant: points at one distance are in the order of their pixels.
 
-/// Pixels in each direction that are looked at.
+/// Number of pixels in each direction that are tested.
 const REACH: usize = 10;
 
 /// A point as seen from a pixel.
@@ -16,7 +16,7 @@ pub(crate) struct Near {
     pub pixel: u32,
 }
 
-/// Which pixels have a point, and the pixels around any by their distance.
+/// The pixels that have a point, and the steps to the pixels around a pixel by their length.
 pub(super) struct Window {
     width: usize,
     /// Row by row, with [`REACH`] pixels without points around the picture.
@@ -49,7 +49,7 @@ impl Window {
         let rows = -reach..=reach;
         let mut around: Vec<Step> =
             rows.flat_map(|row| (-reach..=reach).map(move |column| step(column, row))).collect();
-        // What is beyond the circle is not all there.
+        // Beyond the circle, the square has only some of the pixels at each distance.
         around.retain(|step| step.squared <= (REACH * REACH) as f32);
         // A stable sort: steps of one length stay row by row.
         around.sort_by(|a, b| a.squared.total_cmp(&b.squared));

@@ -6,9 +6,9 @@ use glam::DVec3;
 use holo_driver_rendercache::{Frame, Moment, Place, Sample};
 use holo_picture::{Picture, View};
 
-/// What a ray met: where, and its radiance.
+/// The place where a ray ended, and its radiance.
 pub type Hit = (Place, [f32; 3]);
-/// A scene: from origin and direction of a ray to what it meets.
+/// A scene: a function from a ray's origin and direction to its hit.
 pub type Scene<'a> = &'a dyn Fn(DVec3, DVec3) -> Hit;
 
 /// A view along `direction` (degrees from +y towards +x) from `eye`, 60 degrees wide.
@@ -114,7 +114,7 @@ pub fn squared_error(shown: &Picture, truth: &[f32]) -> f64 {
     squares.sum::<f64>() / truth.len() as f64
 }
 
-/// What `work` returns on so many threads.
+/// Runs `work` on so many threads and returns its result.
 pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
 }

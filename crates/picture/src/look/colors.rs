@@ -3,8 +3,7 @@
 //!
 //! The table follows a line of Oklab (Ottosson 2020, "A perceptual color space for image
 //! processing") on which lightness grows evenly and hue turns evenly. So equal steps of luminance
-//! look equal, and lightness alone gives their order: people who see no red, green or blue, and
-//! prints in grey, keep it.
+//! look equal. Lightness alone gives their order, also for colour-blind people and in grey prints.
 
 use std::sync::LazyLock;
 

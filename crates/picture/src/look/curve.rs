@@ -26,11 +26,10 @@ pub(super) const KEY: f64 = 0.18;
 /// Octaves in one bin.
 const BIN: f64 = 1.0 / BINS_PER_OCTAVE as f64;
 
-/// Most rounds in which the ceiling of the eye follows the curve, and the change of the curve, in
-/// octaves, at which they end.
+/// Largest number of rounds in which the ceiling of the eye follows the curve.
 const ROUNDS: u32 = 40;
 
-/// See [`ROUNDS`].
+/// Change of the curve, in octaves, below which the rounds end.
 const STEADY: f64 = 1e-3;
 
 /// Binary logarithms of display luminance over the display's white, at both ends of each bin.
@@ -48,8 +47,8 @@ impl Curve {
         rises.map_or_else(|| bins.factor(seen), |rises| bins.curve(&rises))
     }
 
-    /// Returns the curve of a human eye: two luminances that the eye cannot tell apart in the scene
-    /// cannot be told apart on the display either (§4.3).
+    /// Returns the curve of a human eye (§4.3). If the eye cannot distinguish two luminances in the
+    /// scene, it cannot distinguish them on the display either.
     ///
     /// If the eye sees less contrast than the display has, the curve rises as steeply as it may.
     /// Then one just visible step at the scene's log-average is one of the display (Ward 1994, "A
@@ -157,10 +156,11 @@ impl Bins {
         Bins { weights: (0..BINS).filter_map(weight).collect() }
     }
 
-    /// Shares the range of the display out to the bins: in proportion to their pixels, but at most
-    /// `most` octaves to each. `None` if they cannot take all of it.
+    /// Divides the range of the display among the bins, in proportion to their pixels, but with at
+    /// most `most` octaves for each. `None` if the bins cannot use the whole range.
     ///
-    /// This is where the paper's rounds of trimming end (§4.2), without their tolerance of 2.5 %.
+    /// The result is the limit of the paper's rounds of trimming (§4.2), without their tolerance of
+    /// 2.5 %.
     fn share_out(&self, most: &[f64]) -> Option<Vec<f64>> {
         let mut order: Vec<usize> = (0..self.weights.len()).collect();
         // Octaves per pixel at which a bin is full.
@@ -212,7 +212,7 @@ const REST_BITS: u32 = 16;
 /// Entries of a table: all finite floats.
 const ENTRIES: usize = 0x7f80;
 
-/// Greatest radiance that is told from infinity: its luminance is finite.
+/// Greatest radiance whose luminance is finite. Larger ones count as infinite.
 const MOST_RADIANCE: f32 = 1e36;
 
 /// A curve as display values by luminance.

@@ -1,12 +1,13 @@
-//! What an adapted human eye can tell apart (Larson, Rushmeier & Piatko 1997; luminances in cd/m²).
+//! The limits of an adapted human eye (Larson, Rushmeier & Piatko 1997): contrast, detail and
+//! colour. Luminances are in cd/m².
 
 use crate::picture::luminance;
 
 /// Luminance below which only rods see, and above which only cones do (§5.2).
 const MESOPIC: [f32; 2] = [5.62e-3, 5.62];
 
-/// Scotopic luminance of a grey radiance is the sum of these shares of its channels, normalised
-/// so that grey keeps its luminance (Radiance's primaries and the CIE's scotopic observer of 1951).
+/// Weights of the channels in scotopic luminance (Radiance's primaries and the CIE's scotopic
+/// observer of 1951). They sum to 1, so that the luminance of grey does not change.
 const SCOTOPIC: [f32; 3] = [0.062, 0.608, 0.330];
 
 /// Returns the least difference of luminance that an eye adapted to `adaptation` detects (§4.3,
@@ -27,8 +28,8 @@ pub(super) fn threshold(adaptation: f64) -> f64 {
     10_f64.powf(log_threshold)
 }
 
-/// Returns the greatest slope of a curve from log luminance `world` to log luminance `display` that
-/// makes nothing visible that an eye would not see in the scene (§4.3).
+/// Returns the greatest slope of a tone curve from log luminance `world` to log luminance `display`
+/// (§4.3). With a greater one, the display would show contrast that an eye cannot see in the scene.
 pub(super) fn most_slope(world: f64, display: f64) -> f64 {
     let world = world.max(1e-30);
     (threshold(display) / display) / (threshold(world) / world)

@@ -1,9 +1,9 @@
 //! Radiance as a display shows it: exposure, tones, false colours and contours.
 //!
-//! - [`Look`]: what a person chooses. [`Look::show`] makes an [`Image`] of a picture alone.
-//! - [`Adaptation`]: what a session keeps from frame to frame, so that exposure, tone curve and
-//!   scale of colours change smoothly. [`Look::follow`] uses it.
-//! - [`Legend`]: what colours mean, as data or drawn beside the picture.
+//! - [`Look`]: a person's choices. [`Look::show`] makes an [`Image`] of a single picture.
+//! - [`Adaptation`]: a session's state from frame to frame, so that exposure, tone curve and scale
+//!   of colours change smoothly. [`Look::follow`] uses it.
+//! - [`Legend`]: the meaning of colours, as data or drawn beside the picture.
 //!
 //! Always true: an image depends neither on the number of threads nor on the order of work. More
 //! light never gives a smaller byte with the tones `linear`, `soft` and `camera`. Radiance that is
@@ -35,21 +35,21 @@ pub use image::Image;
 pub use legend::{Legend, Tick};
 pub use scale::{Scale, ScaleError, Scaling};
 
-/// Seconds in which an adaptation makes up 63 % of a change of light. Much faster than an eye,
-/// which takes minutes in the dark: a designer wants to see, not to wait.
+/// Seconds after which an adaptation has followed 63 % of a change of light. An eye takes minutes
+/// in the dark, but a designer does not want to wait.
 const ADAPTATION_SECONDS: f32 = 0.4;
 
-/// How bright a picture is shown.
+/// The brightness of a picture on the display.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Exposure {
-    /// As its tone chooses. With `linear` and `soft`, the log-average luminance is a grey card of
-    /// 18 %.
+    /// Automatic, by the tone. With `linear` and `soft`, the log-average luminance is shown as a
+    /// grey card of 18 %.
     #[default]
     Auto,
-    /// So many stops brighter than [`Auto`](Exposure::Auto): 1 doubles the light of the display.
+    /// Stops brighter than [`Auto`](Exposure::Auto); 1 doubles the light of the display.
     Stops(f32),
-    /// Locked: radiance times this factor, for the tones `linear` and `soft`. Other tones, which
-    /// have no factor, take it as [`Auto`](Exposure::Auto).
+    /// Locked: radiance times this factor, for the tones `linear` and `soft`. Other tones have no
+    /// factor and use [`Auto`](Exposure::Auto).
     Factor(f32),
 }
 
@@ -69,14 +69,14 @@ pub enum Tone {
     Human,
 }
 
-/// What a person chooses about the look of pictures.
+/// A person's choices for the look of pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
-    /// How bright tones are.
+    /// Brightness of tones.
     pub exposure: Exposure,
-    /// How radiance becomes tones.
+    /// Conversion of radiance to tones.
     pub tone: Tone,
-    /// Whether colours show luminance, instead of tones.
+    /// Whether false colours show luminance instead of tones.
     pub false_color: bool,
     /// Whether lines of equal luminance are drawn.
     pub contours: bool,
@@ -96,7 +96,7 @@ impl Default for Look {
     }
 }
 
-/// What a look has adapted to. One belongs to one sequence of frames.
+/// The light to which a look has adapted. It belongs to one sequence of frames.
 #[derive(Clone, Debug, Default)]
 pub struct Adaptation {
     /// Binary logarithm of the automatic exposure.
@@ -120,14 +120,14 @@ fn exposure_log(seen: &Histogram) -> f32 {
 }
 
 impl Look {
-    /// Shows a picture by itself.
+    /// Returns the image of a single picture.
     #[must_use]
     pub fn show(&self, picture: &Picture) -> Image {
         self.follow(picture, &mut Adaptation::default(), 0.0)
     }
 
-    /// Shows a frame of a session, `seconds` after the one before. What is automatic adapts for so
-    /// long. 0 locks it. The first frame that needs an adaptation sets it.
+    /// Returns the image of a frame of a session, `seconds` after the frame before. Automatic
+    /// values adapt for this time; 0 locks them. The first frame that needs a value sets it.
     #[must_use]
     pub fn follow(&self, picture: &Picture, state: &mut Adaptation, seconds: f32) -> Image {
         let share = 1.0 - (-seconds.max(0.0) / ADAPTATION_SECONDS).exp();
@@ -196,7 +196,7 @@ impl Look {
         map(picture, image, |rgb| bytes.color(rgb.map(|value| value * factor)));
     }
 
-    /// Shows what an eye in the scene would see.
+    /// Returns the image that shows what an eye in the scene would see.
     fn as_seen(&self, picture: &Picture, state: &mut Adaptation, share: f32, image: &mut Image) {
         let cells = fovea(picture);
         let gaze = Gaze::new(picture, &cells);

@@ -1,4 +1,4 @@
-//! Scales of luminance: which luminance has which place between the ends of a legend.
+//! Scales of luminance: the place of each luminance between the ends of a legend.
 //!
 //! Always true: the ends of a [`Scale`] are finite and differ. Those of a logarithmic one are
 //! positive.
@@ -39,7 +39,7 @@ pub enum ScaleError {
     LogOfZero,
 }
 
-/// How the scale of false colours and contours is chosen.
+/// The choice of the scale of false colours and contours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scaling {
     /// From the picture: up to its 99th percentile, rounded up to 1, 2 or 5 times a power of ten.
@@ -49,7 +49,7 @@ pub enum Scaling {
         /// Whether the scale is logarithmic.
         log: bool,
     },
-    /// This one.
+    /// A fixed scale.
     Fixed(Scale),
 }
 
