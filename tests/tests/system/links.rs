@@ -112,9 +112,9 @@ fn a_link_that_hangs_takes_no_packets_with_it() {
     // Too short for silence: the server takes its packets because they are overdue.
     hanging.set(Quality { state: State::Hangs, ..FAR });
     server.process.wait_for_error("has not returned");
+    assert!(!server.process.stderr().contains("left"), "{}", server.process.stderr());
     let before = server.traced();
     wait_until("the other worker to go on", || (server.traced() > before + 1000).then_some(()));
-    assert!(!server.process.stderr().contains("left"), "{}", server.process.stderr());
     // What it returns late counts only if nobody else has traced it.
     hanging.set(FAR);
     let then = server.traced();
