@@ -1,6 +1,8 @@
 //! Control messages: few, small, and encoded by bincode. No other module uses bincode, for the
 //! reason in `deny.toml`.
 
+use std::fmt;
+
 use bincode::config::{Configuration, Fixint, Limit, LittleEndian};
 use holo_section::SectionSpec;
 use serde::{Deserialize, Serialize};
@@ -11,10 +13,6 @@ use crate::{
     printable,
     report::Report,
 };
-
-/// The reason in the goodbye of a server that ends in order. All other reasons are faults of
-/// whoever is sent away.
-pub const SESSION_OVER: &str = "the session is over";
 
 /// Most sections in one holodeck: enough for the rooms of a large building.
 pub const MAX_SECTIONS: usize = 1024;
@@ -69,6 +67,20 @@ pub struct RenderSettings {
 
 fn any_accuracy() -> f32 {
     1.0
+}
+
+impl Default for RenderSettings {
+    /// Returns unbiased paths without a limit of bounces, one for each sample.
+    fn default() -> RenderSettings {
+        RenderSettings {
+            engine: Engine::Path,
+            bounces: None,
+            paths_per_sample: 1,
+            accuracy: any_accuracy(),
+            seed: 0,
+            virtual_distance: false,
+        }
+    }
 }
 
 /// The hash and length of a packed scene. Workers fetch a scene once and cache it by its hash.
@@ -146,6 +158,27 @@ fn short(count: f64) -> String {
     }
 }
 
+/// Why a server ends a connection.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Farewell {
+    /// The server ends in order.
+    SessionOver,
+    /// The peer broke the rules, or may no longer be there.
+    Dropped {
+        /// What it did, for people.
+        reason: String,
+    },
+}
+
+impl fmt::Display for Farewell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Farewell::SessionOver => "the session is over",
+            Farewell::Dropped { reason } => reason,
+        })
+    }
+}
+
 /// A control message, in either direction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Control {
@@ -163,11 +196,8 @@ pub enum Control {
         /// The view's number.
         view: u32,
     },
-    /// Server: the session is over; leave.
-    Bye {
-        /// Why, for people.
-        reason: String,
-    },
+    /// Server: leave.
+    Bye(Farewell),
     /// Either way: answer with `Pong` of the same number.
     Ping(u64),
     /// The answer to a `Ping`.
@@ -278,9 +308,9 @@ impl Control {
         match &mut message {
             Control::Welcome(welcome) => welcome.check()?,
             Control::Report(report) => report.clean(),
-            Control::Bye { reason } | Control::Failed { reason } | Control::Refused { reason } => {
-                *reason = printable(reason)
-            }
+            Control::Bye(Farewell::Dropped { reason })
+            | Control::Failed { reason }
+            | Control::Refused { reason } => *reason = printable(reason),
             Control::KeepView { name, options } => {
                 (*name, *options) = (printable(name), printable(options));
                 check_view(name, options)?;

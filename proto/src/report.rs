@@ -1,10 +1,10 @@
-//! How a server fares: for administrators, who ask for it.
+//! Reports on a server's state, for administrators who ask for them.
 
 use serde::{Deserialize, Serialize};
 
 use crate::printable;
 
-/// What a server does at the moment.
+/// The state of a server: its file, its workers and its displays.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// The server's name and version.

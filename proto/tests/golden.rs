@@ -382,7 +382,11 @@ fn cases() -> Vec<(&'static str, Any)> {
         ),
         ("control-stored-sent", Any::Control(Control::StoredSent { view: 7 })),
         ("control-settled", Any::Control(Control::Settled { view: 7 })),
-        ("control-bye", Any::Control(Control::Bye { reason: "over".into() })),
+        ("control-bye", Any::Control(Control::Bye(Farewell::SessionOver))),
+        (
+            "control-dropped",
+            Any::Control(Control::Bye(Farewell::Dropped { reason: "late".into() })),
+        ),
         ("control-ping", Any::Control(Control::Ping(number))),
         ("control-pong", Any::Control(Control::Pong(number))),
         ("control-scene-wanted", Any::Control(Control::SceneWanted)),

@@ -6,7 +6,7 @@ mod common;
 use holo_proto::{
     MAX_RAYS_PER_PACKET, PROTOCOL_VERSION, ProtoError,
     bulk::*,
-    control::Control,
+    control::{Control, Farewell},
     frame::{self, HEADER_BYTES, Header, Kind},
     hello::{Answer, Hello, MAGIC, MAX_TEXT_BYTES, Role},
 };
@@ -308,8 +308,8 @@ fn long_texts_are_cut_between_characters_and_control_characters_become_spaces() 
         Answer::decode(&Answer::Refused(evil.into()).encode()),
         Ok(Answer::Refused(plain.into()))
     );
-    let bye = Control::Bye { reason: evil.into() };
-    assert_eq!(Control::decode(&bye.encode().unwrap()), Ok(Control::Bye { reason: plain.into() }));
+    let bye = |reason: &str| Control::Bye(Farewell::Dropped { reason: reason.into() });
+    assert_eq!(Control::decode(&bye(evil).encode().unwrap()), Ok(bye(plain)));
     let mut bytes = Hello::new(Role::Worker, "abc").encode();
     bytes[15] = 0xff;
     assert_eq!(Hello::decode(&bytes).unwrap().name, "a\u{fffd}c", "not UTF-8");
@@ -317,7 +317,7 @@ fn long_texts_are_cut_between_characters_and_control_characters_become_spaces() 
 
 #[test]
 fn a_control_message_that_is_too_long_to_send_is_an_error() {
-    let reason = |bytes: usize| Control::Bye { reason: "x".repeat(bytes) };
+    let reason = |bytes: usize| Control::Failed { reason: "x".repeat(bytes) };
     let limit = frame::MAX_CONTROL_BYTES;
     assert_eq!(reason(limit as usize - 12).encode().unwrap().len() as u64, limit);
     let refused = ProtoError::TooLong { kind: Kind::Control, length: limit + 1, limit };

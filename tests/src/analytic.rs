@@ -1,8 +1,8 @@
 //! A room of which every pixel is known, and a worker that answers for it instead of a tracer.
 //!
-//! The room is a box that is looked at from inside, with another box in it if wanted. Red grows along x, green along y,
-//! blue along z, and every wall has a brightness of its own: a wall, an axis, a channel or a unit that is mistaken for
-//! another changes the picture.
+//! The room is a box that is looked at from inside, with another box in it if wanted. Red grows
+//! along x, green along y, blue along z, and every wall has a brightness of its own: a wall, an
+//! axis, a channel or a unit that is mistaken for another changes the picture.
 
 use std::{net::SocketAddr, time::Instant};
 
@@ -165,7 +165,7 @@ pub async fn work(address: SocketAddr, world: World) {
             Ok(Message::Control(Control::Ping(number))) => {
                 outbox.control(&Control::Pong(number)).expect("it fits")
             }
-            Ok(Message::Control(Control::Bye { .. })) | Err(NetError::Closed | NetError::Io(_)) => {
+            Ok(Message::Control(Control::Bye(_))) | Err(NetError::Closed | NetError::Io(_)) => {
                 return;
             }
             Ok(_) => {}
@@ -189,7 +189,8 @@ pub async fn join(
 pub struct Verdict {
     /// Pixels compared: far enough from edges, and covered or traced live.
     pub compared: usize,
-    /// Of these, those whose colour is not to be found within two pixels: column, row, shown, expected.
+    /// Of these, those whose colour is not to be found within two pixels: column, row, shown,
+    /// expected.
     pub wrong: Vec<(u32, u32, [f64; 3], [f64; 3])>,
     /// Mean relative error over what was compared.
     pub mean_error: f64,
@@ -204,11 +205,12 @@ pub struct Verdict {
 /// How far an edge must be for a pixel to be compared.
 const MARGIN: u32 = 3;
 
-/// Compares a picture with what is to be seen: a pixel must show a colour that the same wall has within two pixels of it,
-/// give or take 1.6 %: RGBE rounds a channel, without bias, by up to 0.8 % of the largest one, and a pixel is a mean of some.
+/// Compares a picture with what is to be seen: a pixel must show a colour that the same wall has
+/// within two pixels of it, give or take 1.6 %: RGBE rounds a channel, without bias, by up to 0.8 %
+/// of the largest one, and a pixel is a mean of some.
 ///
-/// Pixels with an edge, or the border of what the sections cover, within three pixels are left out: what is shown there
-/// depends on how samples are spread.
+/// Pixels with an edge, or the border of what the sections cover, within three pixels are left out:
+/// what is shown there depends on how samples are spread.
 pub fn compare(world: &World, sections: &[Section], view: &View, picture: &Picture) -> Verdict {
     let (width, height) = picture.size();
     // Also around the picture: an edge just outside it is as near as one inside.

@@ -208,9 +208,8 @@ fn connect(port: u16, path: &str) -> WebSocket<TcpStream> {
     client(format!("ws://127.0.0.1:{port}{path}"), stream).expect("Chromium takes connections").0
 }
 
-/// Calls a method and waits for its answer; events that come before it are left out.
+/// Calls a method, and returns its whole answer. Events that come before it are left out.
 #[track_caller]
-/// Returns the whole answer to a call.
 fn answer(
     socket: &mut WebSocket<TcpStream>,
     number: u64,
@@ -228,6 +227,8 @@ fn answer(
     }
 }
 
+/// Calls a method, and returns its result.
+#[track_caller]
 fn call(socket: &mut WebSocket<TcpStream>, number: u64, method: &str, parameters: Value) -> Value {
     let answer = answer(socket, number, method, parameters);
     assert!(answer.get("error").is_none(), "{method}: {answer}");

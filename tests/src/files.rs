@@ -18,8 +18,8 @@ impl Stored {
         self.beams.values().map(|samples| samples.len() as u64).sum()
     }
 
-    /// Checks that the numbers of every beam and kind are 0, 1, 2 … without a gap: that nothing given out was lost, and
-    /// nothing done twice.
+    /// Checks that the numbers of every beam and kind are 0, 1, 2 … without a gap: that nothing
+    /// given out was lost, and nothing done twice.
     #[track_caller]
     pub fn assert_no_gaps(&self) {
         assert_eq!(

@@ -1,10 +1,12 @@
-//! Whole-system tests: the built `holodeck` program is run as a person runs it, in processes of its own.
+//! Whole-system tests: the built `holodeck` program is run as a person runs it, in processes of its
+//! own.
 //!
 //! This library is what the tests under `tests/` share. What always holds:
-//! - every process started here is killed by its id and waited for when its [`Process`] is dropped, and ends by itself
-//!   if the test's own process is gone;
+//! - every process started here is killed by its id and waited for when its [`Process`] is dropped,
+//!   and ends by itself if the test's own process is gone;
 //! - every wait has a limit, and a test that passes one fails with what the process has said;
-//! - nothing outside a test's temporary folder is read or written, the user's cache of scenes included.
+//! - nothing outside a test's temporary folder is read or written, the user's cache of scenes
+//!   included.
 
 // A library for tests alone: what goes wrong in it is a failed test.
 #![allow(clippy::expect_used, clippy::panic, clippy::unwrap_used)]
@@ -21,7 +23,7 @@ mod xvfb;
 
 pub use chromium::Chromium;
 pub use files::{Stored, beam, stored};
-pub use link::Link;
+pub use link::{Link, Quality, State};
 pub use network::Network;
 pub use place::{CORNELL_SMALL_SECTION, Place, Server, listen_address};
 pub use process::{Ended, Process};

@@ -1,46 +1,82 @@
-//! A slow link between a client and a server of this machine.
+//! A link between clients and a server of this machine that is slow, far, loses packets, hangs or
+//! is cut.
 
 use std::{
-    io::{Read, Write},
+    io::{ErrorKind, Read, Write},
     net::{Shutdown, SocketAddr, TcpListener, TcpStream},
     sync::{
-        Arc,
-        atomic::{AtomicU64, Ordering},
+        Arc, Mutex,
+        mpsc::{Receiver, SyncSender, sync_channel},
     },
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
-/// Bytes that are passed on at a time.
+/// Bytes that are passed on at a time: about a packet.
 const PIECE: usize = 1024;
 
-/// Passes connections on to a server. What the server sends comes at a limited rate.
+/// Pieces under way in one direction of a connection.
+const WINDOW: usize = 64;
+
+/// How long a sender waits before it sends a lost packet again: the least that Linux waits.
+const SENT_AGAIN: Duration = Duration::from_millis(200);
+
+/// How often a link that passes nothing on is looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(10);
+
+/// How a link passes bytes on.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Quality {
+    /// Bytes per second from the server over each connection; 0 without a limit.
+    pub rate: u64,
+    /// How long bytes are under way, in either direction.
+    pub delay: Duration,
+    /// Percent of pieces that are lost, and come once they are sent again. Later ones wait for
+    /// them.
+    pub lost: u64,
+    /// What becomes of connections.
+    pub state: State,
+}
+
+/// What becomes of a link's connections.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum State {
+    /// Bytes pass.
+    #[default]
+    Open,
+    /// No byte passes, and no side hears why.
+    Hangs,
+    /// Every connection ends, and new ones at once.
+    Cut,
+}
+
+/// Passes connections on to a server.
 pub struct Link {
     address: SocketAddr,
-    /// Bytes per second; 0 without a limit.
-    rate: Arc<AtomicU64>,
+    quality: Arc<Mutex<Quality>>,
 }
 
 impl Link {
-    /// Makes a link to a server, without a limit.
+    /// Makes a link to a server that passes everything on at once.
     ///
     /// # Panics
     /// If no port is free.
     pub fn new(server: SocketAddr) -> Link {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port is free");
         let address = listener.local_addr().expect("it has an address");
-        let rate = Arc::new(AtomicU64::new(0));
-        let shared = Arc::clone(&rate);
+        let quality = Arc::new(Mutex::new(Quality::default()));
+        let shared = Arc::clone(&quality);
         thread::spawn(move || {
             for client in listener.incoming().map_while(Result::ok) {
+                if shared.lock().unwrap().state == State::Cut {
+                    continue;
+                }
                 let Ok(server) = TcpStream::connect(server) else { return };
-                let (Ok(up), Ok(down)) = (client.try_clone(), server.try_clone()) else { return };
-                let rate = Arc::clone(&shared);
-                thread::spawn(move || pass(up, server, &AtomicU64::new(0)));
-                thread::spawn(move || pass(down, client, &rate));
+                join(&client, &server, &shared, false);
+                join(&server, &client, &shared, true);
             }
         });
-        Link { address, rate }
+        Link { address, quality }
     }
 
     /// Where clients connect.
@@ -48,25 +84,72 @@ impl Link {
         self.address
     }
 
-    /// Limits what the server sends over each connection, bytes per second; 0 limits nothing.
-    pub fn set_rate(&self, bytes_per_second: u64) {
-        self.rate.store(bytes_per_second, Ordering::Relaxed);
+    /// Changes how the link passes bytes on.
+    pub fn set(&self, quality: Quality) {
+        *self.quality.lock().unwrap() = quality;
     }
 }
 
-/// Passes bytes on until either side has gone.
-fn pass(mut from: TcpStream, mut to: TcpStream, rate: &AtomicU64) {
+/// Passes one direction of a connection on, by two threads: bytes may be under way between them.
+fn join(from: &TcpStream, to: &TcpStream, quality: &Arc<Mutex<Quality>>, is_limited: bool) {
+    let (Ok(from), Ok(to)) = (from.try_clone(), to.try_clone()) else { return };
+    let (sender, pieces) = sync_channel(WINDOW);
+    let (ours, theirs) = (Arc::clone(quality), Arc::clone(quality));
+    thread::spawn(move || take(from, &sender, &ours));
+    thread::spawn(move || give(to, &pieces, &theirs, is_limited));
+}
+
+/// Takes pieces from one side, and says when each arrives.
+fn take(mut from: TcpStream, pieces: &SyncSender<(Instant, Vec<u8>)>, quality: &Mutex<Quality>) {
     let mut piece = [0; PIECE];
-    while let Ok(read @ 1..) = from.read(&mut piece) {
-        if to.write_all(&piece[..read]).is_err() {
+    let (mut last, mut random) = (Instant::now(), 1_u64);
+    // If it cannot be set, a link that is cut closes only with the next byte.
+    let _ = from.set_read_timeout(Some(LOOK_EVERY));
+    loop {
+        let read = from.read(&mut piece);
+        let now = *quality.lock().unwrap();
+        if now.state == State::Cut {
             break;
         }
-        let rate = rate.load(Ordering::Relaxed);
-        if rate > 0 {
-            thread::sleep(Duration::from_secs_f64(read as f64 / rate as f64));
+        match read {
+            Ok(read @ 1..) => {
+                // The constants of Knuth's MMIX.
+                random = random.wrapping_mul(6_364_136_223_846_793_005);
+                random = random.wrapping_add(1_442_695_040_888_963_407);
+                let is_lost = (random >> 33) % 100 < now.lost;
+                let again = if is_lost { SENT_AGAIN } else { Duration::ZERO };
+                last = last.max(Instant::now() + now.delay + again);
+                if pieces.send((last, piece[..read].to_vec())).is_err() {
+                    break;
+                }
+            }
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+            _ => break,
+        }
+    }
+    let _ = from.shutdown(Shutdown::Read);
+}
+
+/// Gives pieces to the other side, each when it arrives.
+fn give(
+    mut to: TcpStream,
+    pieces: &Receiver<(Instant, Vec<u8>)>,
+    quality: &Mutex<Quality>,
+    is_limited: bool,
+) {
+    while let Ok((arrives, piece)) = pieces.recv() {
+        thread::sleep(arrives.saturating_duration_since(Instant::now()));
+        while quality.lock().unwrap().state == State::Hangs {
+            thread::sleep(LOOK_EVERY);
+        }
+        if to.write_all(&piece).is_err() {
+            break;
+        }
+        let rate = quality.lock().unwrap().rate;
+        if is_limited && rate > 0 {
+            thread::sleep(Duration::from_secs_f64(piece.len() as f64 / rate as f64));
         }
     }
     // The other direction ends, too. A side that has gone needs to hear nothing.
-    let _ = from.shutdown(Shutdown::Both);
     let _ = to.shutdown(Shutdown::Both);
 }

@@ -10,7 +10,8 @@ use crate::{
     program::program,
 };
 
-/// The section before the Cornell box on a coarse grid: 7,680 beams, so that a second's samples fill every one of them.
+/// The section before the Cornell box on a coarse grid: 7,680 beams, so that a second's samples
+/// fill every one of them.
 pub const CORNELL_SMALL_SECTION: &str = "0.6,0.6,-4 4.3,0,0 0,4.2,0 0,0,5 4,4,4";
 
 /// A test's own folder.
@@ -25,8 +26,8 @@ impl Default for Place {
 }
 
 impl Place {
-    /// An empty folder but for the bundled Cornell box, whose configuration asks for the engine that is unbiased: samples are the same
-    /// in every run.
+    /// An empty folder but for the bundled Cornell box, whose configuration asks for the engine
+    /// that is unbiased: samples are the same in every run.
     pub fn new() -> Place {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
         holo_scenes::write(Bundled::Cornell, folder.path()).expect("the scene can be written");
@@ -100,7 +101,8 @@ impl Place {
         self.start(words).wait()
     }
 
-    /// Makes a holodeck of the bundled box on the coarse grid, or goes on with it, with about so many samples more.
+    /// Makes a holodeck of the bundled box on the coarse grid, or goes on with it, with about so
+    /// many samples more.
     #[track_caller]
     pub fn fill_small(&self, file: &str, samples: &str) -> Ended {
         self.fill_small_with(file, samples, &[])

@@ -44,7 +44,8 @@ impl Ended {
         self
     }
 
-    /// Checks that it failed as programs here do, with this status and these words on standard error.
+    /// Checks that it failed as programs here do, with this status and these words on standard
+    /// error.
     #[track_caller]
     pub fn failed(self, code: i32, words: &[&str]) -> Ended {
         assert_eq!(self.code(), Some(code), "{}\n{}", self.stdout, self.stderr);
@@ -83,7 +84,8 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts `program` with standard input kept open, so that processes told `--with-parent` end with the test.
+    /// Starts `program` with standard input kept open, so that processes told `--with-parent` end
+    /// with the test.
     pub fn start(
         program: PathBuf,
         arguments: &[impl AsRef<OsStr>],

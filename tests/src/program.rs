@@ -18,8 +18,8 @@ pub fn cargo() -> Command {
     command
 }
 
-/// Returns the `holodeck` program under test: the one that `HOLODECK_PROGRAM` names, or else that of
-/// the tests' own profile, beside the folder of the test's executable.
+/// Returns the `holodeck` program under test: the one that `HOLODECK_PROGRAM` names, or else that
+/// of the tests' own profile, beside the folder of the test's executable.
 ///
 /// Under cargo, the latter is built first, which takes no time if it is up to date. The tests share
 /// its libraries, and must not meet an older protocol.

@@ -3,8 +3,8 @@
 //! `cargo run --release -p holo-beamfile --example rates [MEGASAMPLES]`
 //!
 //! First, packets of 21 samples go to beams in a scattered order, as in a batch fill. Then a few
-//! thousand neighbouring beams are read twice, as for a view: not yet in this crate's cache (though
-//! in the operating system's), and then from it.
+//! thousand neighbouring beams are read twice, as for a view. The first time they are in the
+//! operating system's cache alone, and the second time in this crate's.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};

@@ -46,8 +46,35 @@ pub(crate) fn load(
     storage: &dyn Storage,
     plans: &[Plan],
 ) -> io::Result<Result<Vec<Arc<BeamSamples>>, BadChunks>> {
+    let (mut beams, pieces) = plan_pieces(plans);
+    let mut bad = BadChunks::new();
+    let mut buffer = Vec::new();
+    let mut rest = pieces.as_slice();
+    while let Some(first) = rest.first() {
+        let (together, end) = read_together(rest);
+        let (span, others) = rest.split_at(together);
+        rest = others;
+        buffer.resize((end - first.begin) as usize, 0);
+        storage.read_exact_at(&mut buffer, first.begin)?;
+        check(span, &buffer, first.begin, &mut bad);
+        if bad.is_empty() {
+            copy_samples(span, &buffer, first.begin, &mut beams);
+        }
+    }
+    if !bad.is_empty() {
+        return Ok(Err(bad));
+    }
+    let whole = plans
+        .iter()
+        .zip(beams)
+        .map(|(plan, samples)| Arc::new(BeamSamples { runs: joined_runs(plan), samples }));
+    Ok(Ok(whole.collect()))
+}
+
+/// Returns the beams with what is in memory, and the pieces that are on disk, in the file's order.
+fn plan_pieces(plans: &[Plan]) -> (Vec<Vec<Sample>>, Vec<Piece<'_>>) {
     let mut beams: Vec<Vec<Sample>> = Vec::with_capacity(plans.len());
-    let mut pieces: Vec<Piece> = Vec::new();
+    let mut pieces = Vec::new();
     for (index, plan) in plans.iter().enumerate() {
         let mut samples = vec![Sample::zeroed(); plan.samples() as usize];
         let mut to = 0;
@@ -77,45 +104,34 @@ pub(crate) fn load(
         }
         beams.push(samples);
     }
-    pieces.sort_unstable_by_key(|piece| (piece.begin, piece.at));
+    pieces.sort_unstable_by_key(|piece: &Piece| (piece.begin, piece.at));
+    (beams, pieces)
+}
 
-    let mut bad = BadChunks::new();
-    let mut buffer = Vec::new();
-    let mut rest = pieces.as_slice();
-    while let Some(first) = rest.first() {
-        let (mut end, mut together) = (first.end, 1);
-        for piece in &rest[1..] {
-            let longer = end.max(piece.end);
-            if piece.begin > end + MAX_GAP || longer - first.begin > MAX_SPAN {
-                break;
-            }
-            end = longer;
-            together += 1;
+/// Returns how many of the first pieces are read together, and the end of the last one's chunks.
+fn read_together(pieces: &[Piece]) -> (usize, u64) {
+    let Some(first) = pieces.first() else { return (0, 0) };
+    let (mut end, mut together) = (first.end, 1);
+    for piece in &pieces[1..] {
+        let longer = end.max(piece.end);
+        if piece.begin > end + MAX_GAP || longer - first.begin > MAX_SPAN {
+            break;
         }
-        let (span, others) = rest.split_at(together);
-        rest = others;
-        buffer.resize((end - first.begin) as usize, 0);
-        storage.read_exact_at(&mut buffer, first.begin)?;
-        check(span, &buffer, first.begin, &mut bad);
-        if bad.is_empty() {
-            for piece in span {
-                let (payload, _) = piece.block.chunk_range(0);
-                let from = (payload + u64::from(piece.at) * u64::from(SAMPLE_BYTES) - first.begin)
-                    as usize;
-                let bytes = &buffer[from..from + piece.count as usize * size_of::<Sample>()];
-                let to = &mut beams[piece.plan][piece.to..piece.to + piece.count as usize];
-                bytemuck::cast_slice_mut::<Sample, u8>(to).copy_from_slice(bytes);
-            }
-        }
+        end = longer;
+        together += 1;
     }
-    if !bad.is_empty() {
-        return Ok(Err(bad));
+    (together, end)
+}
+
+/// Copies the samples of pieces from `buffer`, which begins at offset `begin` of the file.
+fn copy_samples(pieces: &[Piece], buffer: &[u8], begin: u64, beams: &mut [Vec<Sample>]) {
+    for piece in pieces {
+        let (payload, _) = piece.block.chunk_range(0);
+        let from = (payload + u64::from(piece.at) * u64::from(SAMPLE_BYTES) - begin) as usize;
+        let bytes = &buffer[from..from + piece.count as usize * size_of::<Sample>()];
+        let to = &mut beams[piece.plan][piece.to..piece.to + piece.count as usize];
+        bytemuck::cast_slice_mut::<Sample, u8>(to).copy_from_slice(bytes);
     }
-    let whole = plans
-        .iter()
-        .zip(beams)
-        .map(|(plan, samples)| Arc::new(BeamSamples { runs: joined_runs(plan), samples }));
-    Ok(Ok(whole.collect()))
 }
 
 /// Compares every chunk of the pieces with its checksum, once. Pieces are in file order.

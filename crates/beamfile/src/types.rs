@@ -17,12 +17,12 @@ pub struct Counts {
     pub single: u32,
 }
 
-/// Who made samples: a number whose meaning the file's owner keeps. 0 if nobody knows.
+/// Who made samples: a number whose meaning the file's owner keeps. 0 if it is not known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Maker(pub u16);
 
 impl Maker {
-    /// The maker of samples of which nobody knows who made them.
+    /// The maker of samples whose maker is not known.
     pub const UNKNOWN: Maker = Maker(0);
 }
 

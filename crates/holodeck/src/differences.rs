@@ -1,4 +1,4 @@
-//! What differs between a holodeck file and what is asked for now, for people.
+//! Names the differences between a holodeck file and the scene and options given now, for people.
 
 use holo_proto::control::{Engine, RenderSettings};
 use holo_scene::{Material, Scene};
@@ -102,14 +102,7 @@ mod tests {
 
     #[test]
     fn settings_that_differ_are_named_by_their_options() {
-        let file = RenderSettings {
-            engine: Engine::Path,
-            bounces: None,
-            paths_per_sample: 1,
-            accuracy: 0.03,
-            seed: 0,
-            virtual_distance: false,
-        };
+        let file = RenderSettings::default();
         assert_eq!(of_settings(&file, &file), [""; 0]);
         let now = RenderSettings { bounces: Some(0), seed: 5, ..file };
         let words = of_settings(&file, &now).join("; ");

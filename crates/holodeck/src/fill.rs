@@ -2,14 +2,16 @@
 
 use std::{
     ffi::OsString,
+    io::Write,
     path::{Path, PathBuf},
     time::Duration,
 };
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use holo_net::Shutdown;
 use holo_progress::{HumanBytes, HumanCount};
-use holo_server::{Shard, Summary};
+use holo_server::{About, Shard, Summary};
+use tempfile::NamedTempFile;
 
 use crate::{
     config::Config,
@@ -17,6 +19,7 @@ use crate::{
     prepare,
     processes::Server,
     scene_args::{SceneArgs, Usage, scene_path},
+    seen::seen_beams,
     worker::{KeptWorker, NICE},
 };
 
@@ -28,6 +31,7 @@ use crate::{
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck fill room.obj -o room.holo --time 30m\n  \
     holodeck fill room.obj -o part-0.holo --time 8h --shard 0/8\n  \
+    holodeck fill room.obj --views tour.vf --disk 50GB\n  \
     holodeck fill statue.obj -o statue.holo --exterior --sky 1,1,1 --samples 20M")]
 pub struct Args {
     /// The scene
@@ -37,18 +41,25 @@ pub struct Args {
     #[arg(short, value_name = "FILE.holo")]
     output: Option<PathBuf>,
     /// Stop after tracing for so long, such as 30s, 10m or 8h; loading does not count [default: 1m
-    /// if --samples is not said]
+    /// if neither --samples nor --disk is said]
     #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time)]
     time: Option<Duration>,
     /// Stop after so many samples, such as 20M; those traced again count
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     samples: Option<u64>,
+    /// Stop before the file is longer than this, such as 500MB or 50GB
+    #[arg(long, value_name = "SIZE", value_parser = holo_server::parse_size)]
+    disk: Option<u64>,
+    /// Fill only what these views see: a file with one view in each line, as in Radiance. Views
+    /// that do not state both angles are taken for 1280 by 720 pixels
+    #[arg(long, value_name = "FILE")]
+    views: Option<PathBuf>,
     /// Enough samples for the file, such as 60M, or 0 for no new ones. Then known samples are
     /// traced again with more paths [default: 512 for each beam that sees something, at least 50M]
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     enough: Option<u64>,
-    /// Fill only the beams of this share, such as 0/8: the first of eight. `holodeck merge` puts the
-    /// files of all shares together
+    /// Fill only the beams of this share, such as 0/8: the first of eight. `holodeck merge` puts
+    /// the files of all shares together
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
     #[command(flatten)]
@@ -72,7 +83,7 @@ pub struct Args {
     quiet: bool,
 }
 
-/// How long a file is filled if nobody says.
+/// The time that a file is filled by default.
 const DEFAULT_TIME: Duration = Duration::from_secs(60);
 
 /// See [`Args`].
@@ -82,9 +93,13 @@ pub async fn run(args: Args) -> Result<()> {
         Some(output) => output.clone(),
         None => scene_path(&config)?.with_extension("holo").file_name().unwrap_or_default().into(),
     };
-    let arguments = server_arguments(&args, &config, &output)?;
+    let mut arguments = server_arguments(&args, &config, &output)?;
     // It is only made, checked and closed here: the server writes it.
-    drop(prepare::make(&output, &config, args.quiet)?);
+    let about = prepare::make(&output, &config, args.quiet)?.about.clone();
+    let list = args.views.as_deref().map(|views| list_of_beams(views, &about)).transpose()?;
+    if let Some(list) = &list {
+        arguments.extend(["--beams".into(), list.path().into()]);
+    }
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;
     let mut server = Server::start(arguments).await?;
@@ -116,13 +131,15 @@ pub async fn run(args: Args) -> Result<()> {
 fn server_arguments(args: &Args, config: &Config, output: &Path) -> Result<Vec<OsString>> {
     let configured =
         config.time.as_deref().map(holo_server::parse_time).transpose().map_err(Usage)?;
-    let time = args.time.or(configured.filter(|_| args.samples.is_none()));
-    let time = time.or(args.samples.is_none().then_some(DEFAULT_TIME));
+    let time = args.time.or(configured.filter(|_| args.samples.is_none() && args.disk.is_none()));
+    let has_end = args.samples.is_some() || args.disk.is_some();
+    let time = time.or((!has_end).then_some(DEFAULT_TIME));
     let configured =
         config.enough.as_deref().map(holo_server::parse_count).transpose().map_err(Usage)?;
     let numbers = [
         ("--time", time.map(|time| time.as_secs_f64().to_string())),
         ("--samples", args.samples.map(|samples| samples.to_string())),
+        ("--disk", args.disk.map(|bytes| bytes.to_string())),
         ("--enough", args.enough.or(configured).map(|enough| enough.to_string())),
         ("--shard", args.shard.map(|shard| shard.to_string())),
         ("--cache", args.cache.or(config.cache).map(|cache| cache.to_string())),
@@ -139,6 +156,14 @@ fn server_arguments(args: &Args, config: &Config, output: &Path) -> Result<Vec<O
         arguments.push("--quiet".into());
     }
     Ok(arguments)
+}
+
+/// Writes the list of the beams that views in a file see. It lasts as long as the result.
+fn list_of_beams(views: &Path, about: &About) -> Result<NamedTempFile> {
+    let beams = seen_beams(views, about)?;
+    let mut file = NamedTempFile::new().context("making a temporary file")?;
+    write!(file, "{beams}").and_then(|()| file.flush()).context("writing a temporary file")?;
+    Ok(file)
 }
 
 /// Returns what a fill did, for people.

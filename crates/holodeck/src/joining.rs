@@ -1,9 +1,12 @@
 //! Several machines: whom a session takes from elsewhere, and how one joins.
 
-use std::{ffi::OsString, path::PathBuf};
+use std::{
+    ffi::OsString,
+    path::{Path, PathBuf},
+};
 
 use anyhow::{Context, Result, ensure};
-use holo_net::{Identity, Invitation, Rights};
+use holo_net::{Destination, Identity, Invitation, Rights};
 
 /// Whom a server takes from other machines.
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -25,6 +28,9 @@ pub struct ListenArgs {
     /// The certificate's key, a PEM file
     #[arg(long, value_name = "FILE.pem", requires = "cert")]
     key: Option<PathBuf>,
+    /// Append what happens to this file: a JSON object in each line
+    #[arg(long, value_name = "FILE")]
+    log_file: Option<PathBuf>,
 }
 
 impl ListenArgs {
@@ -36,7 +42,12 @@ impl ListenArgs {
         if let Some(public) = &self.public {
             arguments.extend(["--public".into(), public.into()]);
         }
-        let files = [("--identity", &self.identity), ("--cert", &self.cert), ("--key", &self.key)];
+        let files = [
+            ("--identity", &self.identity),
+            ("--cert", &self.cert),
+            ("--key", &self.key),
+            ("--log-file", &self.log_file),
+        ];
         for (option, file) in files {
             if let Some(file) = file {
                 arguments.extend([option.into(), file.into()]);
@@ -44,6 +55,22 @@ impl ListenArgs {
         }
         arguments
     }
+}
+
+/// Returns how an administrator joins a server at an address of this machine. The server's
+/// certificate and tokens are in `folder`; `None` if they are not.
+///
+/// # Errors
+/// If the files in the folder cannot be read.
+pub fn own(server: &Destination, folder: Option<&Path>) -> Result<Option<Destination>> {
+    let (Destination::Loopback(address), Some(folder)) = (server, folder) else { return Ok(None) };
+    let Some(identity) = Identity::existing(folder)? else { return Ok(None) };
+    let tokens = identity.tokens()?;
+    let admin = tokens.into_iter().find(|(_, rights)| *rights == Rights::Admin);
+    Ok(admin.map(|(token, _)| {
+        let (address, fingerprint) = (address.to_string(), identity.fingerprint());
+        Destination::Invited(Box::new(Invitation { address, fingerprint, token }))
+    }))
 }
 
 /// List the tokens of this user's servers, and make or revoke one

@@ -27,6 +27,7 @@ mod processes;
 mod render;
 mod scene_args;
 mod sections;
+mod seen;
 mod status;
 mod view;
 mod worker;

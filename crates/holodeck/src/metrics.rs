@@ -4,7 +4,7 @@ use std::{net::SocketAddr, sync::atomic::AtomicU64};
 
 use anyhow::{Context, Result};
 use axum::{Router, http::StatusCode, routing::get};
-use holo_net::{Destination, Shutdown};
+use holo_net::Shutdown;
 use holo_progress::said_once;
 use holo_proto::report::{Report, WorkerReport};
 use prometheus_client::{
@@ -14,14 +14,14 @@ use prometheus_client::{
 };
 use tokio::net::TcpListener;
 
-use crate::status::ask;
+use crate::status::{Server, ask};
 
 /// Answers Prometheus at `/metrics` until a signal. Each answer is a new report of the server. If
 /// the server does not answer, Prometheus is told so.
 ///
 /// # Errors
 /// If the address is not free.
-pub async fn serve(server: Destination, address: SocketAddr) -> Result<()> {
+pub async fn serve(server: Server, address: SocketAddr) -> Result<()> {
     let listener = TcpListener::bind(address).await;
     let listener = listener.with_context(|| format!("listening at {address}"))?;
     let shutdown = Shutdown::new();
@@ -30,7 +30,7 @@ pub async fn serve(server: Destination, address: SocketAddr) -> Result<()> {
     let answer = move || {
         let server = server.clone();
         async move {
-            let text = ask(server).await.and_then(|report| text_of(&report));
+            let text = ask(&server).await.and_then(|report| text_of(&report));
             text.map_err(|error| (StatusCode::BAD_GATEWAY, said_once(error.as_ref()) + "\n"))
         }
     };

@@ -1,5 +1,5 @@
-//! Light for scenes that have none: a sky, lamps in rooms that no sky reaches, and a sun for objects
-//! without rooms.
+//! Light for scenes that have none: a sky, lamps in rooms that no sky reaches, and a sun for
+//! objects without rooms.
 
 use anyhow::Result;
 use glam::{DVec3, Vec3};
@@ -44,8 +44,8 @@ pub fn sky_beside(suns: &[Sun]) -> [f32; 3] {
     std::array::from_fn(|k| share * suns.iter().map(|sun| sun.irradiance[k]).sum::<f32>())
 }
 
-/// Returns the scene with a lamp in each large room from which no sky is seen, and how many there are.
-/// `None` if every room sees it.
+/// Returns the scene with a lamp in each large room from which no sky is seen, and how many there
+/// are. `None` if every room sees it.
 pub fn with_lamps(raycaster: &Raycaster, rooms: &[Room]) -> Result<Option<(Scene, usize)>> {
     let rooms = rooms.iter().take(MOST_LAMPS);
     let dark: Vec<&Room> = rooms.filter(|room| !sees_sky(raycaster, room)).collect();

@@ -65,7 +65,7 @@ pub struct Args {
     quiet: bool,
 }
 
-/// How long a picture is traced if nobody says.
+/// The time that a picture is traced by default.
 const DEFAULT_TIME: Duration = Duration::from_secs(10);
 
 /// See [`Args`].

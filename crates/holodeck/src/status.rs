@@ -1,9 +1,9 @@
 //! `holodeck status`: how a running server fares, for people and for other programs.
 
-use std::fmt::Write;
+use std::{fmt::Write, path::PathBuf};
 
 use anyhow::{Context, Result, bail};
-use holo_net::{Destination, Message};
+use holo_net::{Destination, Identity, Message, NetError};
 use holo_progress::{HumanBytes, HumanCount};
 use holo_proto::{
     control::Control,
@@ -11,7 +11,7 @@ use holo_proto::{
     report::{FaultReport, Report},
 };
 
-use crate::metrics;
+use crate::{joining, metrics};
 
 /// Show how a running server fares: its file, its workers and its displays
 #[derive(clap::Args)]
@@ -27,6 +27,10 @@ pub struct Args {
         default_value = "127.0.0.1:7070"
     )]
     connect: String,
+    /// Folder of the certificate and the tokens of a server on this machine that encrypts its
+    /// connections [default: holodeck/server in the user's configuration folder]
+    #[arg(long, value_name = "DIR")]
+    identity: Option<PathBuf>,
     /// Print JSON
     #[arg(long, conflicts_with = "prometheus")]
     json: bool,
@@ -40,11 +44,12 @@ pub struct Args {
 
 /// See [`Args`].
 pub async fn run(args: Args) -> Result<()> {
-    let server = Destination::parse(&args.connect)?;
+    let destination = Destination::parse(&args.connect)?;
+    let server = Server { destination, identity: args.identity.or_else(Identity::users_folder) };
     if let Some(address) = &args.serve {
         return metrics::serve(server, holo_net::loopback(address)?).await;
     }
-    let report = ask(server).await?;
+    let report = ask(&server).await?;
     let text = if args.json {
         serde_json::to_string(&report)? + "\n"
     } else if args.prometheus {
@@ -56,16 +61,32 @@ pub async fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
+/// A server to ask.
+#[derive(Clone)]
+pub struct Server {
+    /// Where it is.
+    destination: Destination,
+    /// Where its certificate and tokens are, if it is one of this user's.
+    identity: Option<PathBuf>,
+}
+
 /// Asks a server how it fares.
-pub async fn ask(server: Destination) -> Result<Report> {
-    let connected = holo_net::connect(server.clone(), Role::Admin, "holodeck status").await;
-    let (mut inbox, outbox, _) =
-        connected.with_context(|| format!("connecting to the holoserver at {server}"))?;
+pub async fn ask(server: &Server) -> Result<Report> {
+    let connect = |to| holo_net::connect(to, Role::Admin, "holodeck status");
+    let mut connected = connect(server.destination.clone()).await;
+    // A server for other machines refuses those that prove nothing, even on this machine.
+    if matches!(connected, Err(NetError::Refused(_)))
+        && let Some(own) = joining::own(&server.destination, server.identity.as_deref())?
+    {
+        connected = connect(own).await;
+    }
+    let (mut inbox, outbox, _) = connected
+        .with_context(|| format!("connecting to the holoserver at {}", server.destination))?;
     outbox.control(&Control::ReportWanted)?;
     loop {
         match inbox.next().await? {
             Message::Control(Control::Report(report)) => return Ok(*report),
-            Message::Control(Control::Bye { reason }) => bail!("the server left: {reason}"),
+            Message::Control(Control::Bye(farewell)) => bail!("the server left: {farewell}"),
             _ => {}
         }
     }

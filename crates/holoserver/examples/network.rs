@@ -268,7 +268,7 @@ async fn simulated_worker(server: Destination, ray: Duration) {
                     }
                     queue.extend(work.packets);
                 }
-                Ok(Message::Control(Control::Bye { .. })) | Err(_) => return,
+                Ok(Message::Control(Control::Bye(_))) | Err(_) => return,
                 Ok(_) => {}
             },
             () = tokio::time::sleep_until(wakes_at.unwrap_or(free_at).into()), if wakes_at.is_some() => {

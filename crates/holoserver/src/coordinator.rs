@@ -32,9 +32,10 @@ use anyhow::{Result, bail};
 use holo_net::{Message, Outbox};
 use holo_progress::said_once;
 use holo_proto::{
-    control::{Control, SESSION_OVER},
+    control::{Control, Farewell},
     report::FaultReport,
 };
+use holo_section::Sample;
 use tokio::{
     sync::mpsc::{UnboundedReceiver, UnboundedSender},
     time::{Instant, timeout},
@@ -53,7 +54,7 @@ use crate::{
     progress::{Progress, Totals},
     recall::{send_scene, send_stand_ins},
     schedule::{Goal, Schedule},
-    shard::Shard,
+    shard::Share,
     workers::Worker,
 };
 use display::Display;
@@ -76,13 +77,17 @@ const TURN: Duration = Duration::from_millis(20);
 /// way then still fits in the memory that the beam file allows itself.
 const STALLED_BYTES: u64 = 64 << 20;
 
+/// Bytes of the file that a packet takes besides its samples, at most: its extent, and its part of
+/// checksums.
+const PACKET_BYTES: usize = 64;
+
 /// How the server fills the file when no display wants anything.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct FillOptions {
     /// Samples that are enough for the file; `None`: as many as its sections suggest.
     pub enough: Option<u64>,
-    /// The share of the beams that is filled.
-    pub shard: Shard,
+    /// The beams that are filled.
+    pub share: Share,
 }
 
 /// A server's whole state.
@@ -134,11 +139,11 @@ impl Coordinator {
         let stored = holodeck.file.stats().samples;
         let damage = DamageReport::of_opening(&holodeck.file);
         let paths = holodeck.about.settings.paths_per_sample;
-        let fill = fill.filter(|_| holodeck.writable).map(|FillOptions { enough, shard }| {
+        let fill = fill.filter(|_| holodeck.writable).map(|FillOptions { enough, share }| {
             let unseen = holodeck.unseen();
             // As many as all shards have, if the others fare as this one does.
-            let stored = stored * u64::from(shard.count());
-            Fill::new(BatchOrder::new(&holodeck.sections, stored, &unseen, enough, paths), shard)
+            let stored = stored * u64::from(share.shard.count());
+            Fill::new(BatchOrder::new(&holodeck.sections, stored, &unseen, enough, paths), share)
         });
         Coordinator {
             holodeck,
@@ -212,7 +217,7 @@ impl Coordinator {
     fn finish(mut self) -> Result<Totals> {
         self.saver.finish(&self.holodeck);
         let flushed = self.holodeck.writable.then(|| self.holodeck.file.flush()).transpose();
-        let bye = Control::Bye { reason: SESSION_OVER.into() };
+        let bye = Control::Bye(Farewell::SessionOver);
         let workers = self.workers.values().map(|worker| &worker.outbox);
         let displays = self.displays.values().map(|display| &display.outbox);
         for outbox in workers.chain(displays).chain(self.admins.values()) {
@@ -232,9 +237,25 @@ impl Coordinator {
         if let Some(reason) = self.nothing_to_trace() {
             self.progress.say(reason);
             self.schedule.end();
-        } else if self.schedule.is_reached(self.progress.traced()) {
+        } else if self.schedule.is_reached(self.progress.traced(), self.coming_bytes()) {
             self.schedule.end();
         }
+    }
+
+    /// Returns the file's length once everything under way is stored, at most; 0 if the goal does
+    /// not depend on it.
+    fn coming_bytes(&self) -> u64 {
+        if self.schedule.goal.disk.is_none() {
+            return 0;
+        }
+        let assignments = self.workers.values().flat_map(Worker::assignments);
+        let under_way: usize = assignments
+            .map(|assignment| {
+                PACKET_BYTES + usize::from(assignment.packet.count) * size_of::<Sample>()
+            })
+            .sum();
+        let file = self.holodeck.file.stats();
+        file.file_bytes + file.pending_bytes + under_way as u64
     }
 
     /// Returns why a server with a goal will never trace anything more.

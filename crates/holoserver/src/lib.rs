@@ -23,6 +23,7 @@ mod holodeck;
 mod light;
 mod listen;
 mod live;
+mod log;
 mod mailbox;
 mod makers;
 mod merge;
@@ -48,6 +49,7 @@ use holo_net::{Invitation, Shutdown};
 pub use holodeck::{About, Holodeck};
 pub use light::LightRecords;
 use serde::{Deserialize, Serialize};
+use tracing::info;
 
 use coordinator::{Coordinator, FillOptions};
 use doors::Doors;
@@ -58,7 +60,8 @@ pub use plausible::Limits;
 use progress::Progress;
 pub use progress::superseded_bytes;
 pub use schedule::Goal;
-pub use shard::Shard;
+use shard::Share;
+pub use shard::{BeamList, Shard};
 pub use unseen::UnseenBeams;
 
 /// Options of `holoserver`.
@@ -107,15 +110,24 @@ pub struct Config {
     /// End after so many samples, such as 20M; those traced again count
     #[arg(long, value_name = "N", value_parser = parse_count)]
     pub samples: Option<u64>,
+    /// End before the file is longer than this, such as 500MB or 50GB
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub disk: Option<u64>,
     /// Fill only the beams of this share, such as 0/8: the first of eight
     #[arg(long, value_name = "I/N", requires = "fill")]
     pub shard: Option<Shard>,
+    /// Fill only the beams in this list (made by the program that starts this one)
+    #[arg(long, value_name = "FILE", requires = "fill", hide = true)]
+    pub beams: Option<PathBuf>,
     /// Only show the file: do not write to it, and take no workers
-    #[arg(long, conflicts_with_all = ["fill", "time", "samples"])]
+    #[arg(long, conflicts_with_all = ["fill", "time", "samples", "disk"])]
     pub display_only: bool,
     /// Also trace beams whose rays cannot hit anything, for comparison
     #[arg(long)]
     pub no_skip_unseen: bool,
+    /// Append what happens to this file: a JSON object in each line
+    #[arg(long, value_name = "FILE")]
+    pub log_file: Option<PathBuf>,
     /// Print a summary as JSON at the end
     #[arg(long)]
     pub json: bool,
@@ -143,9 +155,12 @@ impl Config {
             enough: None,
             time: None,
             samples: None,
+            disk: None,
             shard: None,
+            beams: None,
             display_only: false,
             no_skip_unseen: false,
+            log_file: None,
             json: false,
             quiet: true,
             with_parent: false,
@@ -185,6 +200,23 @@ pub fn parse_count(text: &str) -> Result<u64, String> {
     count
         .map(|count| count as u64)
         .ok_or_else(|| format!("`{text}` is not a count; write 500k, 20M or 1G"))
+}
+
+/// Parses a length of files such as `500MB`, `50GB` or `1TB`: powers of ten, as disks are sold.
+///
+/// # Errors
+/// If it is none; the text is for people.
+pub fn parse_size(text: &str) -> Result<u64, String> {
+    let units = [("kB", 1e3), ("MB", 1e6), ("GB", 1e9), ("TB", 1e12), ("", 1.0)];
+    let (number, factor) = units
+        .into_iter()
+        .find_map(|(unit, factor)| Some((text.strip_suffix(unit)?, factor)))
+        .unwrap_or((text, 1.0));
+    let bytes = number.trim().parse::<f64>().ok().map(|number| number * factor);
+    bytes
+        .filter(|bytes| (0.0..1e18).contains(bytes))
+        .map(|bytes| bytes as u64)
+        .ok_or_else(|| format!("`{text}` is not a size; write 500MB, 50GB or 1TB"))
 }
 
 /// What a server did.
@@ -235,14 +267,18 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) 
     for warning in &holodeck.warnings {
         eprintln!("{}: {warning}", config.file.display());
     }
+    let file = config.file.display();
+    info!(%file, address = %doors.ready.address, fill = config.fill, "serving");
     ready(doors.ready.clone());
 
     let (events, receiver) = tokio::sync::mpsc::unbounded_channel();
-    let goal = Goal { time: config.time, samples: config.samples };
+    let goal = Goal { time: config.time, samples: config.samples, disk: config.disk };
     let progress = Progress::new(&holodeck.file.stats(), config.quiet);
-    let fill = config
-        .fill
-        .then_some(FillOptions { enough: config.enough, shard: config.shard.unwrap_or_default() });
+    let beams = config.beams.as_deref().map(BeamList::read).transpose()?;
+    let fill = config.fill.then(|| FillOptions {
+        enough: config.enough,
+        share: Share { shard: config.shard.unwrap_or_default(), beams },
+    });
     let coordinator = Coordinator::new(Arc::clone(&holodeck), events.clone(), fill, goal, progress);
     let mut listening = doors.listen(&holodeck, &events);
     let watching = tokio::spawn(async move {
@@ -260,6 +296,7 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) 
     tokio::time::sleep(Duration::from_millis(50)).await;
     let stats = holodeck.file.stats();
     let totals = totals?;
+    info!(added = totals.added, better = totals.better, samples = stats.samples, "ended");
     Ok(Summary {
         added: totals.added,
         better: totals.better,
@@ -287,6 +324,7 @@ pub async fn run_until_signal(config: Config) -> Result<()> {
     let shutdown = Shutdown::new();
     shutdown.on_signals(config.with_parent)?;
     let json = config.json;
+    let _log = config.log_file.as_deref().map(log::start).transpose()?;
     // The first lines on standard output are for people, and for programs that start this one on
     // any free port.
     let summary = run(config, shutdown, say_ready).await?;

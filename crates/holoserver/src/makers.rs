@@ -2,7 +2,7 @@
 //!
 //! What always holds:
 //! - A number means one machine for ever, also after what the machine made was forgotten.
-//! - There are at most [`MAX_MAKERS`]. What others make counts as nobody's.
+//! - There are at most [`MAX_MAKERS`]. Further machines have the number of an unknown maker.
 
 use std::{collections::BTreeSet, sync::PoisonError};
 

@@ -189,7 +189,7 @@ fn corners(section: &Section) -> [[f64; 3]; 8] {
 
 #[cfg(test)]
 mod tests {
-    use holo_proto::control::{Engine, RenderSettings};
+    use holo_proto::control::RenderSettings;
     use holo_section::{RayCoords, SectionSpec, ViewClass};
 
     use super::*;
@@ -206,14 +206,7 @@ mod tests {
             class: ViewClass::Interior,
             obstructions: true,
         };
-        let settings = RenderSettings {
-            engine: Engine::Path,
-            bounces: None,
-            paths_per_sample: 1,
-            accuracy: 1.0,
-            seed: 1,
-            virtual_distance,
-        };
+        let settings = RenderSettings { virtual_distance, ..RenderSettings::default() };
         let section = Section::new(spec.clone()).unwrap();
         let mut about = About::new(vec![spec], settings, b"a scene", "a test".into());
         (about.sky, about.limits) = (SKY, limits);

@@ -6,6 +6,7 @@ use holo_beamfile::Stats;
 use holo_progress::{HumanBytes, Meter};
 use holo_proto::control::Status;
 use tokio::time::Instant;
+use tracing::error;
 
 use crate::schedule::Schedule;
 
@@ -101,6 +102,7 @@ impl Progress {
         let error = file.last_error.as_deref();
         if error != self.last_error.as_deref() {
             if let Some(error) = error {
+                error!(error, "samples wait in memory");
                 eprintln!("samples wait in memory, because they cannot be stored: {error}");
             }
             self.last_error = error.map(str::to_owned);
@@ -114,9 +116,10 @@ impl Progress {
         let by_time = goal.time.map_or(0.0, |time| elapsed / time.as_secs_f64().max(1e-9));
         let by_samples =
             goal.samples.map_or(0.0, |samples| self.traced() as f64 / samples.max(1) as f64);
+        let by_disk = goal.disk.map_or(0.0, |disk| file.file_bytes as f64 / disk.max(1) as f64);
         let per_hour = self.bytes.per_second(file.file_bytes) * 3600.0;
         let text = format!("{}, {}", status.words(), growth_words(per_hour, file));
-        self.meter.show(by_time.max(by_samples), &text);
+        self.meter.show(by_time.max(by_samples).max(by_disk), &text);
     }
 
     /// Takes the bar away.

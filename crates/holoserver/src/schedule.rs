@@ -18,12 +18,14 @@ pub struct Goal {
     pub time: Option<Duration>,
     /// The number of samples traced, better ones included.
     pub samples: Option<u64>,
+    /// The length of the file, bytes.
+    pub disk: Option<u64>,
 }
 
 impl Goal {
     /// Returns whether there is any.
     pub fn is_some(&self) -> bool {
-        self.time.is_some() || self.samples.is_some()
+        self.time.is_some() || self.samples.is_some() || self.disk.is_some()
     }
 }
 
@@ -57,11 +59,12 @@ impl Schedule {
         self.began.is_some()
     }
 
-    /// Returns whether `traced` samples, or the time, are what the goal asks for.
-    pub fn is_reached(&self, traced: u64) -> bool {
+    /// Returns whether the time, `traced` samples or a file of `bytes` are what the goal asks for.
+    pub fn is_reached(&self, traced: u64, bytes: u64) -> bool {
         let time = self.goal.time.filter(|_| self.has_begun());
         time.is_some_and(|time| self.elapsed() + LAST_DEAL >= time)
             || self.goal.samples.is_some_and(|samples| traced >= samples)
+            || self.goal.disk.is_some_and(|disk| bytes >= disk)
     }
 
     /// Begins the end: no new work is given out from now on.
@@ -86,13 +89,18 @@ mod tests {
 
     #[test]
     fn time_counts_from_the_first_worker_that_is_ready() {
-        let mut schedule = Schedule::new(Goal { time: Some(Duration::ZERO), samples: None });
-        assert!(!schedule.is_reached(0), "nobody traces yet: the scene may still be loading");
+        let mut schedule = Schedule::new(Goal { time: Some(Duration::ZERO), ..Goal::default() });
+        assert!(!schedule.is_reached(0, 0), "nobody traces yet: the scene may still be loading");
         schedule.begin();
-        assert!(schedule.is_reached(0));
-        let mut long =
-            Schedule::new(Goal { time: Some(Duration::from_secs(3600)), samples: Some(5) });
-        long.begin();
-        assert!(!long.is_reached(4) && long.is_reached(5));
+        assert!(schedule.is_reached(0, 0));
+    }
+
+    #[test]
+    fn whichever_part_of_a_goal_comes_first_ends_it() {
+        let time = Some(Duration::from_secs(3600));
+        let mut schedule = Schedule::new(Goal { time, samples: Some(5), disk: Some(1000) });
+        schedule.begin();
+        assert!(!schedule.is_reached(4, 999));
+        assert!(schedule.is_reached(5, 0) && schedule.is_reached(0, 1000));
     }
 }

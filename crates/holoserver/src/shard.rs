@@ -1,10 +1,12 @@
-//! A share of a fill: so that several fills without a network make one holodeck.
+//! The beams that a fill is for: a shard of all beams, or of those in a list. Several fills without a
+//! network make one holodeck, each with its shard.
 //!
 //! Invariant: of the shards of one number, each beam is in exactly one.
 
-use std::str::FromStr;
+use std::{collections::HashSet, fmt, fs, path::Path, str::FromStr};
 
-use holo_section::BeamKey;
+use anyhow::{Context, Result};
+use holo_section::{BeamId, BeamKey};
 
 /// Makes the choice of a shard differ from the other uses of a beam's seed.
 const SALT: u32 = 0x5aad;
@@ -36,6 +38,67 @@ impl Shard {
     }
 }
 
+/// The beams that a fill is for.
+#[derive(Clone, Debug, Default)]
+pub struct Share {
+    /// The shard that has them.
+    pub shard: Shard,
+    /// A list that has them, too, if there is one.
+    pub beams: Option<BeamList>,
+}
+
+impl Share {
+    /// Returns whether a beam is to be filled.
+    pub fn has(&self, key: BeamKey) -> bool {
+        self.shard.has(key) && self.beams.as_ref().is_none_or(|list| list.0.contains(&key))
+    }
+}
+
+/// A list of beams. Its text has a line for each: the numbers of its section and of the beam.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct BeamList(HashSet<BeamKey>);
+
+impl FromIterator<BeamKey> for BeamList {
+    fn from_iter<I: IntoIterator<Item = BeamKey>>(beams: I) -> BeamList {
+        BeamList(beams.into_iter().collect())
+    }
+}
+
+impl BeamList {
+    /// Reads a list from a file.
+    ///
+    /// # Errors
+    /// If it cannot be read, or a line is damaged.
+    pub fn read(path: &Path) -> Result<BeamList> {
+        let text =
+            fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+        let beam = |line: &str| {
+            let (section, beam) = line.split_once(' ')?;
+            Some(BeamKey { section: section.parse().ok()?, beam: BeamId(beam.parse().ok()?) })
+        };
+        let beams = text.lines().map(|line| {
+            beam(line).with_context(|| format!("{}: `{line}` names no beam", path.display()))
+        });
+        beams.collect()
+    }
+
+    /// Returns the number of beams.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Returns whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+impl fmt::Display for BeamList {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|key| writeln!(f, "{} {}", key.section, key.beam.0))
+    }
+}
+
 impl FromStr for Shard {
     type Err = String;
 
@@ -49,8 +112,8 @@ impl FromStr for Shard {
     }
 }
 
-impl std::fmt::Display for Shard {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/{}", self.index, self.count)
     }
 }
@@ -75,6 +138,27 @@ mod tests {
         }
         // Six standard deviations.
         assert!(counts.iter().all(|count: &i32| count.abs_diff(10_000) < 560), "{counts:?}");
+    }
+
+    #[test]
+    fn a_listed_beam_is_filled_by_its_shard_and_no_other_beam_is() {
+        let key = |beam| BeamKey { section: 2, beam: BeamId(beam) };
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("beams");
+        let list: BeamList = (0..500).map(|beam| key(3 * beam)).collect();
+        fs::write(&file, list.to_string()).unwrap();
+        assert_eq!(BeamList::read(&file).unwrap(), list);
+        let shares: Vec<Share> = ["0/2", "1/2"]
+            .iter()
+            .map(|shard| Share { shard: shard.parse().unwrap(), beams: Some(list.clone()) })
+            .collect();
+        for beam in 0..1600 {
+            let owners = shares.iter().filter(|share| share.has(key(beam))).count();
+            assert_eq!(owners, usize::from(beam % 3 == 0 && beam < 1500), "{beam}");
+        }
+        fs::write(&file, "2 7\n2\n").unwrap();
+        let error = BeamList::read(&file).unwrap_err().to_string();
+        assert!(error.contains("`2` names no beam"), "{error}");
     }
 
     #[test]

@@ -164,6 +164,19 @@ impl Wishes {
         }
     }
 
+    /// Drops the beams of least weight above `most`, because more displays have come.
+    pub fn keep_heaviest(&mut self, most: usize) {
+        if self.beams.len() > most {
+            let mut beams = std::mem::take(&mut self.beams).into_vec();
+            beams.select_nth_unstable_by(most, |one, other| other.weight.total_cmp(&one.weight));
+            beams.truncate(most);
+            beams.sort_unstable_by_key(|wish| wish.key);
+            self.beams = beams.into();
+            self.pixels = self.beams.iter().map(|wish| f64::from(wish.weight)).sum();
+            self.queue = queue(&self.beams);
+        }
+    }
+
     /// Wants all beams again, because some that were thought unseen are not.
     pub fn want_again(&mut self) {
         self.queue = queue(&self.beams);
@@ -270,6 +283,21 @@ mod tests {
         assert_eq!(beams, heavy);
         assert!((1..300).all(|displays| displays * most_beams(displays) <= MAX_BEAMS));
         assert_eq!(most_beams(1), 1 << 20, "as many as a message holds");
+    }
+
+    #[test]
+    fn a_view_that_must_make_room_keeps_its_heaviest_beams_and_what_these_have() {
+        let weight = |i: u64| ((i * 37) % 101) as f32 + 1.0;
+        let viewpoint = Viewpoint { eye: [0.0; 3], radius: 0.1 };
+        let mut wishes = Wishes::new(1, viewpoint, (0..101).map(|i| (key(i), weight(i), i)));
+        wishes.keep_heaviest(30);
+        let heavy: Vec<u64> = (0..101).filter(|&i| weight(i) > 71.0).collect();
+        assert!((0..101).all(|i| wishes.contains(key(i)) == heavy.contains(&i)));
+        assert_eq!(wishes.pixels(), heavy.iter().map(|&i| f64::from(weight(i))).sum::<f64>());
+        let least = heavy.iter().min_by(|&&one, &&other| {
+            (one as f32 / weight(one)).total_cmp(&(other as f32 / weight(other)))
+        });
+        assert_eq!(wishes.next(|_| false).unwrap().0, key(*least.unwrap()));
     }
 
     #[test]

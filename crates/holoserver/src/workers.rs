@@ -32,8 +32,8 @@ const AHEAD: Duration = Duration::from_millis(120);
 /// back so far may understate it, because the server had less to give.
 const BELIEVED: f64 = 4.0;
 
-/// Rays ahead for each thread at least, and while a worker's speed is not known: four packets, so
-/// that threads seldom wait for the server, and the slowest scene's are not overdue.
+/// Fewest rays ahead for each thread, also while a worker's speed is not known: four packets. With
+/// fewer, threads would wait for the server. More would be overdue in the slowest scenes.
 const LEAST_RAYS_PER_THREAD: f64 = 84.0;
 
 /// Most packets that a worker holds before it has returned anything, however many threads it says

@@ -10,7 +10,7 @@ use holo_beamfile::Maker;
 use holo_net::Message;
 use holo_proto::{
     bulk::{Results, Work},
-    control::{Control, SESSION_OVER},
+    control::{Control, Farewell},
     hello::Role,
     report::Report,
 };
@@ -51,14 +51,17 @@ fn a_worker_whose_light_is_wrong_is_dropped_named_kept_out_and_forgotten() {
             .map(|name| tokio::spawn(work_named(server.address, name)))
             .collect();
         let broken = work_as_named(server.address, "rtworker on d #7", bright);
-        let reason = in_time(broken).await.expect("it is told why");
+        let reason = in_time(broken).await.expect("it is told why").to_string();
         assert!(
             reason.contains("red light is") && reason.contains("times that of others"),
             "{reason}"
         );
 
         let again = in_time(work_as_named(server.address, "rtworker on d #8", bright)).await;
-        assert!(again.unwrap().contains("its machine seems to be broken"), "another process of it");
+        assert!(
+            again.unwrap().to_string().contains("its machine seems to be broken"),
+            "another process of it"
+        );
         let report = report(&server).await;
         let [fault] = &report.faults[..] else { panic!("{report:?}") };
         assert!(fault.is_dropped && fault.name == "rtworker on d #7" && fault.maker > 0);
@@ -138,7 +141,7 @@ fn of_two_workers_that_differ_both_stay_and_the_report_says_so() {
         assert!(!faults[0].is_dropped && faults[0].reason.contains("a third worker"), "{faults:?}");
         server.end().await;
         for worker in workers {
-            assert_eq!(in_time(worker).await.unwrap().as_deref(), Some(SESSION_OVER));
+            assert_eq!(in_time(worker).await.unwrap(), Some(Farewell::SessionOver));
         }
     });
 }

@@ -9,7 +9,7 @@ use common::{Peer, Place, beam, in_time, results, run};
 use holo_net::{Destination, Message, NetError};
 use holo_proto::{
     bulk::{ViewRequest, WantedBeam},
-    control::{Control, SESSION_OVER},
+    control::{Control, Farewell},
     frame::Kind,
     hello::Role,
 };
@@ -51,8 +51,8 @@ fn worker(server: SocketAddr, packets: usize) -> JoinHandle<()> {
                     let results = results(&work.packets[..done], true);
                     outbox.send(Kind::Results, &results.encode()).unwrap();
                 }
-                Ok(Message::Control(Control::Bye { reason })) => {
-                    assert_eq!(reason, SESSION_OVER);
+                Ok(Message::Control(Control::Bye(farewell))) => {
+                    assert_eq!(farewell, Farewell::SessionOver);
                     return;
                 }
                 Ok(_) => {}

@@ -9,7 +9,7 @@ use common::{Peer, Place, Server, in_time, run, view};
 use holo_net::Message;
 use holo_proto::{
     bulk::{RaysWanted, Results, WantedRay, Work},
-    control::Control,
+    control::{Control, Farewell},
     frame::Kind,
     hello::Role,
 };
@@ -84,7 +84,7 @@ fn a_worker_that_traces_other_rays_than_it_is_given_is_dropped_and_others_trace_
         let rays =
             (1..=40).map(|at| WantedRay { key: common::beam(0), coords: RayCoords([at; 4]) });
         display.send(Kind::Rays, &RaysWanted { view: 1, rays: rays.collect() }.encode());
-        let reason = in_time(liar).await.unwrap().expect("it is told why");
+        let reason = in_time(liar).await.unwrap().expect("it is told why").to_string();
         assert!(reason.contains("other rays"), "{reason}");
         // An honest one gets them, and returns what they name.
         let honest = tokio::spawn(common::work_as(server.address, |work| {
@@ -136,7 +136,7 @@ fn workers_whose_results_no_tracer_makes_are_dropped_at_once_and_others_trace_th
                 *last = Sample::from_codes(last.coords, colour, distance);
                 results
             });
-            let reason = in_time(reason).await.expect("it is told why");
+            let reason = in_time(reason).await.expect("it is told why").to_string();
             assert!(reason.contains(words), "{reason}");
         }
         // What they had is traced by an honest one.
@@ -171,7 +171,7 @@ fn nothing_there(work: &Work) -> Results {
 }
 
 /// Serves, and waits until a worker that calls everything unseen has done so with many beams.
-async fn deceived(place: &Place) -> (Server, JoinHandle<Option<String>>) {
+async fn deceived(place: &Place) -> (Server, JoinHandle<Option<Farewell>>) {
     let server = place.serve(|config| config.fill = true).await;
     let (sender, mut claims) = tokio::sync::mpsc::unbounded_channel();
     let liar = tokio::spawn(common::work_as(server.address, move |work| {
@@ -219,7 +219,7 @@ fn of_three_workers_the_one_that_lies_is_named_and_dropped() {
         let place = Place::new();
         let (server, liar) = deceived(&place).await;
         let honest = [(); 2].map(|()| tokio::spawn(common::work(server.address)));
-        let reason = in_time(liar).await.unwrap().expect("it is told why");
+        let reason = in_time(liar).await.unwrap().expect("it is told why").to_string();
         let by_claims = reason.contains("sees nothing, and two others hit there");
         assert!(by_claims || reason.contains(BY_SAMPLES), "{reason}");
         server.end().await;
@@ -238,7 +238,7 @@ fn a_worker_that_hits_something_where_two_others_hit_nothing_is_dropped() {
             common::results(&work.packets, true)
         }));
         let honest = [(); 2].map(|()| tokio::spawn(common::work_as(server.address, nothing_there)));
-        let reason = in_time(liar).await.unwrap().expect("it is told why");
+        let reason = in_time(liar).await.unwrap().expect("it is told why").to_string();
         let by_claims = reason.contains("it hit something in beam");
         assert!(by_claims || reason.contains(BY_SAMPLES), "{reason}");
         server.end().await;

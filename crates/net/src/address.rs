@@ -1,10 +1,10 @@
 //! Addresses: of this machine, and others, which are for encrypted connections only.
 
-use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
 
 use crate::NetError;
 
-/// Addresses that are nobody's, and to which every machine with a network has a way.
+/// Addresses that no machine has, and to which every machine with a way out has a route.
 const DOCUMENTATION_V4: Ipv4Addr = Ipv4Addr::new(192, 0, 2, 1);
 const DOCUMENTATION_V6: Ipv6Addr = Ipv6Addr::new(0x2001, 0xdb8, 0, 0, 0, 0, 0, 1);
 
@@ -30,22 +30,35 @@ pub fn any_address(text: &str) -> Result<SocketAddr, NetError> {
 }
 
 /// Returns the address at which other machines reach a server that listens at `address`. If that is
-/// every address, it is the one from which this machine reaches the outside.
+/// every address, it is the one from which this machine reaches the outside. A machine of a network
+/// that leads nowhere else has no such address: then it is the first one in that network.
 pub fn seen_from_outside(address: SocketAddr) -> SocketAddr {
     if !address.ip().is_unspecified() {
         return address;
     }
+    let ip = own_address_on_the_way_out(address).or_else(|| first_own_address(address));
+    SocketAddr::new(ip.unwrap_or(Ipv4Addr::LOCALHOST.into()), address.port())
+}
+
+/// Returns this machine's address on its way to the outside, of the same family as `address`.
+fn own_address_on_the_way_out(address: SocketAddr) -> Option<IpAddr> {
     let (any, outside): (SocketAddr, SocketAddr) = match address {
         SocketAddr::V4(_) => ((Ipv4Addr::UNSPECIFIED, 0).into(), (DOCUMENTATION_V4, 9).into()),
         SocketAddr::V6(_) => ((Ipv6Addr::UNSPECIFIED, 0).into(), (DOCUMENTATION_V6, 9).into()),
     };
     // Connecting a UDP socket sends nothing: the system only chooses a way.
-    let own = UdpSocket::bind(any).and_then(|socket| {
-        socket.connect(outside)?;
-        socket.local_addr()
-    });
-    let ip = own.map_or(Ipv4Addr::LOCALHOST.into(), |own| own.ip());
-    SocketAddr::new(ip, address.port())
+    let socket = UdpSocket::bind(any).ok()?;
+    socket.connect(outside).ok()?;
+    Some(socket.local_addr().ok()?.ip())
+}
+
+/// Returns the first address of this machine that others can reach, of the same family as
+/// `address`.
+fn first_own_address(address: SocketAddr) -> Option<IpAddr> {
+    let interfaces = if_addrs::get_if_addrs().ok()?;
+    let reachable =
+        interfaces.iter().filter(|found| !found.is_loopback() && !found.is_link_local());
+    reachable.map(|found| found.ip()).find(|ip| ip.is_ipv4() == address.is_ipv4())
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use holo_proto::{
     ProtoError,
     control::{Control, Welcome},
-    frame::Kind,
+    frame::{Kind, MAX_HELLO_BYTES},
     hello::{Answer, Hello, Role},
     proof::{Challenge, Proof},
 };
@@ -20,6 +20,17 @@ use crate::{
     inbox::{FROM_A_PEER, FROM_THE_SERVER, FrameReader},
     tls::{self, ReadHalf, WriteHalf},
 };
+
+/// The first byte of every encrypted connection: a record of TLS's handshake. Its version follows,
+/// 3.1 or later.
+const TLS_HANDSHAKE: u8 = 0x16;
+
+// The third byte of a hello's frame is 0: of its length. The third byte of TLS is not.
+const _: () = assert!(MAX_HELLO_BYTES < 1 << 16);
+
+/// Why a peer that does not encrypt is not taken.
+const UNENCRYPTED: &str =
+    "connections here are encrypted; join by the string that the server prints (holodeck://…)";
 
 /// Connects to a server and is taken by it in `role`.
 ///
@@ -162,6 +173,9 @@ pub async fn accept_secure(
 ) -> Result<(Inbox, Outbox, Hello, Access), NetError> {
     let shake = async {
         at_once(&stream);
+        if !begins_encrypted(&stream).await? {
+            return Err(refuse_unencrypted(stream).await?);
+        }
         let (mut reader, outbox) = start(tls::serve(stream, identity).await?);
         let (bytes, hello) = read_hello(&mut reader, &outbox).await?;
         let access = check_proof(&mut reader, &outbox, identity, &bytes).await?;
@@ -179,6 +193,24 @@ pub async fn accept_secure(
     let (reader, outbox, hello, access) =
         timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
     Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello, access))
+}
+
+/// Returns whether the first bytes from a peer may begin TLS. If fewer than three come at once, TLS
+/// decides what they are.
+async fn begins_encrypted(stream: &TcpStream) -> Result<bool, NetError> {
+    let mut first = [0; 3];
+    let peeked = stream.peek(&mut first).await?;
+    let first = &first[..peeked];
+    Ok(first.first().is_none_or(|byte| *byte == TLS_HANDSHAKE) && first.get(2) != Some(&0))
+}
+
+/// Tells a peer that speaks the protocol, but not encrypted, how to join.
+async fn refuse_unencrypted(stream: TcpStream) -> Result<NetError, NetError> {
+    let (mut reader, outbox) = start(tls::plain(stream));
+    read_hello(&mut reader, &outbox).await?;
+    refuse(&outbox, UNENCRYPTED);
+    outbox.drained().await;
+    Ok(NetError::Refused(UNENCRYPTED.to_owned()))
 }
 
 /// Reads a hello: its bytes, and what they say.

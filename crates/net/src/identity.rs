@@ -25,6 +25,9 @@ use tokio_rustls::{
 
 use crate::{NetError, Rights, Token};
 
+/// The file of a certificate that was made.
+const CERTIFICATE: &str = "certificate.der";
+
 /// A server's certificate and tokens.
 #[derive(Clone)]
 pub struct Identity {
@@ -41,7 +44,7 @@ impl Identity {
     /// [`NetError::Identity`] if it cannot be read, written or used.
     pub fn open(folder: &Path) -> Result<Identity, NetError> {
         let fail = |error: io::Error| NetError::Identity(folder.to_owned(), error.to_string());
-        let (certificate, key) = (folder.join("certificate.der"), folder.join("key.der"));
+        let (certificate, key) = (folder.join(CERTIFICATE), folder.join("key.der"));
         if !certificate.exists() {
             make_tokens(folder).and_then(|()| make_certificate(folder)).map_err(fail)?;
         }
@@ -49,6 +52,14 @@ impl Identity {
         let key = PrivatePkcs8KeyDer::from(fs::read(key).map_err(fail)?);
         Identity::new(folder, vec![certificate], key.into())
             .map_err(|error| NetError::Identity(folder.to_owned(), error))
+    }
+
+    /// Opens the identity in a folder; `None` if there is none.
+    ///
+    /// # Errors
+    /// As [`Identity::open`].
+    pub fn existing(folder: &Path) -> Result<Option<Identity>, NetError> {
+        folder.join(CERTIFICATE).exists().then(|| Identity::open(folder)).transpose()
     }
 
     /// Opens an identity with a certificate of its owner's: PEM files of a certificate, which
@@ -172,7 +183,7 @@ fn make_certificate(folder: &Path) -> io::Result<()> {
     let made = rcgen::generate_simple_self_signed(vec!["holodeck".to_owned()]);
     let made = made.map_err(io::Error::other)?;
     write(&folder.join("key.der"), made.signing_key.serialized_der())?;
-    write(&folder.join("certificate.der"), made.cert.der())
+    write(&folder.join(CERTIFICATE), made.cert.der())
 }
 
 fn new_token() -> io::Result<Token> {

@@ -19,9 +19,9 @@ use crate::{KEEP_ALIVE, Message, NetError, SILENCE, outbox::WeakOutbox, tls::Rea
 /// Messages that a server reads before they are taken. A peer that sends more waits.
 pub(crate) const FROM_A_PEER: usize = 1;
 
-/// Messages that others read before they are taken: as many as come. A display that prepares a
-/// scene for a minute must go on answering pings, and its server sends no more than it reads.
-pub(crate) const FROM_THE_SERVER: usize = usize::MAX >> 4;
+/// Messages that others read before they are taken. A server's are about 1 MiB at most, so these are
+/// 64 MiB. Whoever prepares a scene for a minute takes nothing, and must go on answering pings.
+pub(crate) const FROM_THE_SERVER: usize = 64;
 
 /// The receiving half: messages that a task has read from the socket.
 ///

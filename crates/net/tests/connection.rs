@@ -9,7 +9,7 @@ use holo_net::{Message, NetError, SILENCE};
 use holo_proto::{
     ProtoError,
     bulk::{BlobChunk, Samples, Source},
-    control::Control,
+    control::{Control, Farewell},
     frame::{self, Header, Kind},
 };
 use holo_section::{BeamId, BeamKey, RayCoords, Run, Sample, SampleKind};
@@ -288,14 +288,11 @@ async fn what_was_queued_last_still_arrives_when_everything_is_dropped() {
     }
     let copy = theirs_out.clone();
     drop((theirs_in, theirs_out));
-    copy.control(&Control::Bye { reason: "over".into() }).unwrap();
+    copy.control(&Control::Bye(Farewell::SessionOver)).unwrap();
     drop(copy);
     for _ in 0..20 {
         assert_eq!(inbox.next().await.unwrap(), Message::Samples(samples(10_000)));
     }
-    assert_eq!(
-        inbox.next().await.unwrap(),
-        Message::Control(Control::Bye { reason: "over".into() })
-    );
+    assert_eq!(inbox.next().await.unwrap(), Message::Control(Control::Bye(Farewell::SessionOver)));
     assert!(matches!(inbox.next().await, Err(NetError::Closed)));
 }

@@ -12,7 +12,7 @@ use holo_proto::{
     bulk::BlobChunk,
     control::Control,
     frame::{self, Kind},
-    hello::{Hello, Role},
+    hello::{Answer, Hello, Role},
 };
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
@@ -123,7 +123,7 @@ async fn a_server_with_another_certificate_is_told_nothing() {
 }
 
 #[tokio::test]
-async fn who_does_not_encrypt_is_dropped() {
+async fn who_does_not_encrypt_hears_how_to_join_and_nothing_else() {
     let server = Server::new();
     let (listener, address) = listener().await;
     let hello = frame::encode(Kind::Hello, &Hello::new(Role::Worker, "w").encode()).unwrap();
@@ -138,9 +138,14 @@ async fn who_does_not_encrypt_is_dropped() {
         accept_secure(listener.accept().await.unwrap().0, &server.identity).await.map(|_| ())
     };
     let (said, taken) = tokio::join!(client, taken);
-    assert!(taken.is_err());
-    // At most an alert: no answer, and nothing of the holodeck.
-    assert!(said.len() < 16, "{said:?}");
+    assert!(matches!(taken, Err(NetError::Refused(_))), "{taken:?}");
+    let (header, answer) = said.split_first_chunk().unwrap();
+    let header = frame::Header::parse(*header).unwrap();
+    assert_eq!((header.kind, header.length as usize), (Kind::Answer, answer.len()));
+    match Answer::decode(answer) {
+        Ok(Answer::Refused(reason)) => assert!(reason.contains("holodeck://"), "{reason}"),
+        other => panic!("{other:?}"),
+    }
 }
 
 #[tokio::test]

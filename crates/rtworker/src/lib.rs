@@ -20,7 +20,7 @@ use std::{path::PathBuf, time::Duration};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use holo_net::{Destination, NetError, Shutdown};
-use holo_proto::control::SESSION_OVER;
+use holo_proto::control::Farewell;
 pub use report::Report;
 
 /// Options of `rtworker`.
@@ -72,11 +72,13 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
     loop {
         let lost = tokio::select! {
             ended = serve(&mut worker, &config, &server) => match ended {
-                Ok(reason) if reason == SESSION_OVER => {
-                    chat(&config, &format!("leaving: {reason}"));
+                Ok(farewell @ Farewell::SessionOver) => {
+                    chat(&config, &format!("leaving: {farewell}"));
                     return Ok(());
                 }
-                Ok(reason) => bail!("the server has dropped this worker: {reason}"),
+                Ok(Farewell::Dropped { reason }) => {
+                    bail!("the server has dropped this worker: {reason}")
+                }
                 Err(error) => error,
             },
             () = shutdown.wait() => return Ok(()),
@@ -94,7 +96,7 @@ async fn serve(
     worker: &mut session::Worker,
     config: &Config,
     server: &Destination,
-) -> Result<String> {
+) -> Result<Farewell> {
     let patience = Duration::try_from_secs_f64(config.retry).unwrap_or_default();
     let connection = match session::reach(server, patience).await {
         // Not a lost connection, but one never made: the caller must not try for ever.

@@ -107,7 +107,7 @@ impl Loader {
                     let share = done as f64 / info.bytes as f64;
                     self.reporter.loading(share, &transfer_text(done, info.bytes, start));
                 }
-                Message::Control(Control::Bye { reason }) => bail!("the server left: {reason}"),
+                Message::Control(Control::Bye(farewell)) => bail!("the server left: {farewell}"),
                 Message::Control(_) => {}
                 other => return Err(unexpected(&other)),
             }

@@ -19,8 +19,8 @@ use tokio::sync::mpsc;
 
 use crate::unseen::UnseenCache;
 
-/// Packets that a thread takes at a time: few, so that the threads end together, but more than one,
-/// so that they seldom wait for each other at the queue.
+/// Packets that a thread takes at a time. They are few, so that the threads end together. With one,
+/// threads would often wait for each other at the queue.
 const TAKE: usize = 4;
 
 /// Rays for records of indirect light, for each sample in a place without records, while a display

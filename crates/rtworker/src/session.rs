@@ -8,7 +8,7 @@ use holo_net::{Destination, Inbox, Message, NetError, Outbox};
 use holo_progress::said_once;
 use holo_proto::{
     bulk::Work,
-    control::{Control, Welcome},
+    control::{Control, Farewell, Welcome},
     hello::Role,
 };
 use holo_raycast::Hierarchies;
@@ -57,8 +57,8 @@ impl Worker {
         Worker { threads: config.threads.unwrap_or(cores).max(1), loader }
     }
 
-    /// Works until the server says goodbye, and returns its reason.
-    pub async fn session(&mut self, (mut inbox, outbox, welcome): Connection) -> Result<String> {
+    /// Works until the server says goodbye, and returns why.
+    pub async fn session(&mut self, (mut inbox, outbox, welcome): Connection) -> Result<Farewell> {
         let sections =
             welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
         let sections = sections.context("the server's sections")?;
@@ -78,7 +78,7 @@ impl Worker {
         outbox: &Outbox,
         welcome: &Welcome,
         sections: Arc<[Section]>,
-    ) -> Result<String> {
+    ) -> Result<Farewell> {
         let tracer = self.loader.tracer(inbox, outbox, welcome).await?;
         let (finished, results) = mpsc::unbounded_channel();
         let unseen = welcome.skip_unseen.then(UnseenCache::new);
@@ -95,7 +95,7 @@ impl Worker {
         let seed = welcome.settings.seed;
         let ended = loop {
             let message = match inbox.next().await {
-                Ok(Message::Control(Control::Bye { reason })) => break Ok(reason),
+                Ok(Message::Control(Control::Bye(farewell))) => break Ok(farewell),
                 Ok(message) => message,
                 Err(error) => break Err(error.into()),
             };

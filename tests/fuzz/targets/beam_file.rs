@@ -1,4 +1,5 @@
-//! A holodeck file, without what its header repeats: opened to be written, read through, compared and closed.
+//! A holodeck file, without what its header repeats: opened to be written, read through, compared
+//! and closed.
 #![no_main]
 
 use holo_beamfile::{BeamFile, Options};

@@ -3,7 +3,7 @@
 use holo_net::Message;
 use holo_picture::Picture;
 use holo_proto::{
-    control::{Control, Engine, RenderSettings},
+    control::{Control, RenderSettings},
     hello::Role,
 };
 use holo_section::{SectionSpec, ViewClass};
@@ -133,14 +133,7 @@ fn a_scene_that_cannot_be_read_is_named_and_nobody_waits_for_it() {
         class: ViewClass::Interior,
         obstructions: false,
     };
-    let settings = RenderSettings {
-        engine: Engine::Path,
-        bounces: None,
-        paths_per_sample: 1,
-        accuracy: 0.02,
-        seed: 0,
-        virtual_distance: false,
-    };
+    let settings = RenderSettings::default();
     let about = About::new(vec![spec], settings, b"the scene", "a room".into());
     drop(Holodeck::create(&place.path("a.holo"), about, b"another", 0).unwrap());
     let server = place.server("a.holo", &["--quiet"]);

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 
 use holo_picture::{Picture, ViewSpec};
-use holo_proto::control::{Engine, RenderSettings};
+use holo_proto::control::RenderSettings;
 use holo_section::{DVec3, Section, SectionSpec, ViewClass};
 use holo_server::{About, Holodeck};
 use holo_tests::{
@@ -27,14 +27,7 @@ fn section(
 
 /// A file of these sections without a sample in it. What it says of its scene is never asked for.
 fn make(place: &Place, sections: Vec<SectionSpec>) {
-    let settings = RenderSettings {
-        engine: Engine::Path,
-        bounces: None,
-        paths_per_sample: 1,
-        accuracy: 0.02,
-        seed: 0,
-        virtual_distance: false,
-    };
+    let settings = RenderSettings::default();
     let about = About::new(sections, settings, b"known", "a known room".into());
     let file = Holodeck::create(&place.path("room.holo"), about, b"known", 0).unwrap();
     file.file.flush().unwrap();
@@ -75,8 +68,8 @@ fn is_right(verdict: &Verdict) -> bool {
     let is_enough = verdict.compared > (verdict.covered + verdict.uncovered) / 3;
     // Pixels outside every section are traced for the view alone.
     let is_whole = verdict.live == verdict.uncovered;
-    // RGBE and the spread of samples have no bias. The largest error measured is 2.6e-4; any mistake
-    // is far above eight times that.
+    // RGBE and the spread of samples have no bias. The largest error measured is 2.6e-4; any
+    // mistake is far above eight times that.
     is_enough && is_whole && verdict.wrong.is_empty() && verdict.mean_error.abs() < 2e-3
 }
 
@@ -175,10 +168,12 @@ fn another_room_is_told_apart() {
     runtime.shutdown_background();
 }
 
-/// A file filled without a viewer: its rays go everywhere, and only their distances say where what they saw is seen from an
-/// eye. The same file with everything half as far must not pass. (What each distance is to be, `samples` checks exactly.)
+/// A file filled without a viewer: its rays go everywhere, and only their distances say where what
+/// they saw is seen from an eye. The same file with everything half as far must not pass. (What
+/// each distance is to be, `samples` checks exactly.)
 ///
-/// Not so by the quadtree: it finds that samples from elsewhere do not agree with those that look as the eye does.
+/// Not so by the quadtree: it finds that samples from elsewhere do not agree with those that look
+/// as the eye does.
 #[test]
 fn a_filled_room_is_seen_right_by_its_distances() {
     let axes = [[3.3, 0.0, 0.0], [0.0, 2.1, 0.0], [0.0, 0.0, 2.7]];

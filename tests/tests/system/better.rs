@@ -1,4 +1,5 @@
-//! Enough is enough: a file that has enough samples gets better ones, whoever dies or looks meanwhile.
+//! Enough is enough: a file that has enough samples gets better ones, whoever dies or looks
+//! meanwhile.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -56,7 +57,8 @@ fn wait_for_better(path: &Path, wanted: usize) {
     });
 }
 
-/// Checks that the later state of a file has every sample of the earlier one: the same ray, made as well or better.
+/// Checks that the later state of a file has every sample of the earlier one: the same ray, made as
+/// well or better.
 #[track_caller]
 fn assert_no_worse(later: &Samples, earlier: &Samples) {
     for (name, (paths, sample)) in earlier {
@@ -74,8 +76,9 @@ fn a_file_with_enough_gets_no_more_samples_but_better_ones() {
     let fill = || place.fill_small_with("a.holo", "75k", &["--enough", "60k"]).json();
     let first = fill();
     let added = first["added"].as_u64().unwrap();
-    // Shares are rounded to packets of 4 by chance, so that the total has a standard deviation of 2·√(beams) at the most; and beams
-    // that turn out to see nothing move the others' shares until they are nearly right, by 1 %.
+    // Shares are rounded to packets of 4 by chance, so that the total has a standard deviation of
+    // 2·√(beams) at the most; and beams that turn out to see nothing move the others' shares until
+    // they are nearly right, by 1 %.
     assert!((added as f64 - ENOUGH).abs() < 0.01 * ENOUGH + 4.0 * 2.0 * 7680f64.sqrt(), "{first}");
     assert_eq!(first["samples"], first["added"]);
     let better = first["better"].as_u64().unwrap();
@@ -99,7 +102,8 @@ fn a_file_with_enough_gets_no_more_samples_but_better_ones() {
         assert_no_worse(&after, &before);
         before = after;
     }
-    // What later fills learned of beams that see nothing may move others' shares, a little and once.
+    // What later fills learned of beams that see nothing may move others' shares, a little and
+    // once.
     assert!(total < added + added / 20, "{total} after {added}");
     let counts = by_paths(&before);
     assert!(counts.keys().all(|paths| [4, 16, 64].contains(paths)), "{counts:?}");
@@ -148,8 +152,9 @@ fn info_says_how_fast_a_file_grows_that_is_being_filled() {
     let server = place.server("a.holo", &["--fill"]);
     let _worker = place.worker(server.address, &[]);
     let length = || std::fs::metadata(place.path("a.holo")).unwrap().len();
-    // `info` watches the file for most of the time that it runs. The file grows in steps, so what it
-    // says is compared with the whole growth meanwhile within a factor of ten: units are right then.
+    // `info` watches the file for most of the time that it runs. The file grows in steps, so what
+    // it says is compared with the whole growth meanwhile within a factor of ten: units are right
+    // then.
     wait_until("info to say how fast the file grows", || {
         let (before, start) = (length(), Instant::now());
         let info = place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json();
@@ -163,8 +168,8 @@ fn info_says_how_fast_a_file_grows_that_is_being_filled() {
 #[test]
 fn better_samples_are_of_the_same_light_with_less_noise() {
     let place = Place::new();
-    // Rays depend on the section alone, their random numbers on the seed: samples of one number in two files see the same, with
-    // errors that are independent.
+    // Rays depend on the section alone, their random numbers on the seed: samples of one number in
+    // two files see the same, with errors that are independent.
     let fill = |seed: &str, enough: &str, more: &str| {
         let name = format!("{seed}-{enough}.holo");
         let words = ["--seed", seed, "--enough", enough];
@@ -182,7 +187,8 @@ fn better_samples_are_of_the_same_light_with_less_noise() {
     let common: Vec<_> = rough[0].keys().filter(is_common).collect();
     assert!(common.len() > 15_000, "{}", common.len());
 
-    // By groups of rays, so that the spread of the groups says how sure the sums are, whatever the distribution of one error.
+    // By groups of rays, so that the spread of the groups says how sure the sums are, whatever the
+    // distribution of one error.
     const GROUPS: usize = 40;
     let (mut noise, mut brightness) = (vec![[0.0; 2]; GROUPS], vec![0.0; GROUPS]);
     let mut smaller = 0.0;
@@ -200,8 +206,8 @@ fn better_samples_are_of_the_same_light_with_less_noise() {
             smaller += f64::from(u8::from(b.abs() < a.abs()));
         }
     }
-    // Means of 16 independent paths have a sixteenth of the variance; stratified, less. Leaving out one group at a time gives the
-    // ratio's standard error; normal, one-sided, 99.95 %.
+    // Means of 16 independent paths have a sixteenth of the variance; stratified, less. Leaving out
+    // one group at a time gives the ratio's standard error; normal, one-sided, 99.95 %.
     let sum = |without: usize, which: usize| -> f64 {
         noise
             .iter()
@@ -222,7 +228,8 @@ fn better_samples_are_of_the_same_light_with_less_noise() {
         ratio + 3.29 * deviation < 1.0 / 4.0,
         "{ratio} ± {deviation}: no proof that there is less noise"
     );
-    // Ray by ray, by the sign test: with equal noise the better pair is the closer one half of the time.
+    // Ray by ray, by the sign test: with equal noise the better pair is the closer one half of the
+    // time.
     let z = (smaller - 0.5 * differing) / (0.25 * differing).sqrt();
     assert!(z > 5.0, "the better pair is closer {smaller} times of {differing}");
     // And they are as bright: Student's t with 39 degrees of freedom, 99.9 %.
@@ -232,7 +239,8 @@ fn better_samples_are_of_the_same_light_with_less_noise() {
     assert!(mean.abs() < 3.56 * deviation, "{mean} ± {deviation}");
 }
 
-/// A file with nearly enough samples, and a server that brings it there, and makes them better then, once it has workers.
+/// A file with nearly enough samples, and a server that brings it there, and makes them better
+/// then, once it has workers.
 fn improving(place: &Place, words: &[&str]) -> Server {
     place.fill_small_with("a.holo", "15k", &["--enough", "20k"]);
     place.server("a.holo", &[&["--fill", "--enough", "20k", "--json"], words].concat())
@@ -377,7 +385,8 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
     assert_eq!(by_paths(&shown).into_keys().collect::<Vec<_>>(), [1]);
 }
 
-/// The rays of better samples are not only as many: the section's own arithmetic gives the same ones.
+/// The rays of better samples are not only as many: the section's own arithmetic gives the same
+/// ones.
 #[test]
 fn a_samples_ray_does_not_depend_on_its_paths() {
     let place = Place::new();

@@ -1,7 +1,7 @@
 //! Files without a scene, and cells of samples: what shows them, and that they are seen right.
 
 use holo_picture::{Picture, ViewSpec};
-use holo_proto::control::{Engine, RenderSettings};
+use holo_proto::control::RenderSettings;
 use holo_section::{DVec3, Section, SectionSpec, ViewClass};
 use holo_server::{About, Holodeck};
 use holo_tests::{
@@ -25,14 +25,7 @@ fn a_file_without_a_scene_is_shown_in_cells_and_seen_right() {
         class: ViewClass::Interior,
         obstructions: false,
     };
-    let settings = RenderSettings {
-        engine: Engine::Path,
-        bounces: None,
-        paths_per_sample: 1,
-        accuracy: 0.02,
-        seed: 0,
-        virtual_distance: false,
-    };
+    let settings = RenderSettings::default();
     let about = About::new(vec![spec.clone()], settings, b"", "a known room".into());
     assert_eq!(about.scene.bytes, 0);
     drop(Holodeck::create(&place.path("room.holo"), about, b"", 0).unwrap());
@@ -98,7 +91,8 @@ fn a_file_without_a_scene_is_shown_in_cells_and_seen_right() {
                 == std::fs::read(place.path("live.pfm")).unwrap()
         );
     }
-    // A constant cell shows one sample: the colour that its wall has there, but for what RGBE rounds.
+    // A constant cell shows one sample: the colour that its wall has there, but for what RGBE
+    // rounds.
     assert_eq!(picture("constant.pfm", &["--cells", "constant"])["driver"], "cells");
     check("constant.pfm", 10);
 }

@@ -45,7 +45,8 @@ impl Watcher {
     }
 }
 
-/// Waits for the server's end and checks that its file holds what it says, each number once and none left out.
+/// Waits for the server's end and checks that its file holds what it says, each number once and
+/// none left out.
 #[track_caller]
 fn ends_complete(place: &Place, server: Server, at_least: u64) {
     let summary = server.process.wait().ok().json();
@@ -65,7 +66,8 @@ fn a_worker_killed_and_one_that_only_takes_work_lose_nothing() {
     let _second = place.worker(server.address, &[]);
     let mut watcher = Watcher::new(server.address);
     watcher.wait("both workers", |status| status.workers == 2);
-    // One that takes packets, does nothing with them, and goes: these are certainly lost and given out again.
+    // One that takes packets, does nothing with them, and goes: these are certainly lost and given
+    // out again.
     let idle = tokio::runtime::Runtime::new().unwrap();
     let (mut inbox, outbox, _) = idle.block_on(join(server.address, Role::Worker));
     outbox.control(&Control::Ready { threads: 4 }).unwrap();
@@ -121,7 +123,8 @@ fn a_killed_display_takes_nobody_with_it() {
     worker.wait().ok();
 }
 
-/// After a display's death packets of its view are forgotten, which leaves gaps in the numbers; nothing is there twice.
+/// After a display's death packets of its view are forgotten, which leaves gaps in the numbers;
+/// nothing is there twice.
 #[track_caller]
 fn ends_complete_after_views(place: &Place, server: Server) {
     let summary = server.process.wait().ok().json();

@@ -44,7 +44,8 @@ fn refusal(bytes: &[u8]) -> String {
 /// A server that fills with a worker of its own, which hostile clients must not disturb.
 fn busy(place: &Place) -> (Server, holo_tests::Process) {
     place.fill_small("a.holo", "1k");
-    // Beams that see nothing are traced, too: a cheat's samples in one of them would stand there alone.
+    // Beams that see nothing are traced, too: a cheat's samples in one of them would stand there
+    // alone.
     let server = place.server("a.holo", &["--fill", "--json", "--no-skip-unseen"]);
     let worker = place.worker(server.address, &[]);
     server.process.wait_for_error("joined");
@@ -77,7 +78,8 @@ fn who_does_not_speak_the_protocol_is_dropped() {
     let address = server.address;
     assert_eq!(answer(address, b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"), b"", "a browser");
     assert_eq!(answer(address, &[0xff; 4096]), b"", "noise");
-    // A hello that claims to be longer than any: refused by its header, before its bytes are read or kept.
+    // A hello that claims to be longer than any: refused by its header, before its bytes are read
+    // or kept.
     assert_eq!(answer(address, &[0xff, 0xff, 0xff, 0x7f, Kind::Hello as u8, 0, 0, 0]), b"");
     // Another frame than a hello, however correct.
     assert_eq!(
@@ -112,7 +114,7 @@ async fn dropped((mut inbox, outbox): (Inbox, Outbox)) -> Option<String> {
     let mut reason = None;
     loop {
         match tokio::time::timeout(LIMIT, inbox.next()).await.expect("the connection is ended") {
-            Ok(Message::Control(Control::Bye { reason: said })) => reason = Some(said),
+            Ok(Message::Control(Control::Bye(said))) => reason = Some(said.to_string()),
             Ok(Message::Control(Control::Ping(number))) => {
                 outbox.control(&Control::Pong(number)).unwrap()
             }
@@ -206,7 +208,8 @@ fn frames_that_are_too_long_are_not_even_read() {
     went_on(&place, server, worker);
 }
 
-/// Another number of rays than asked for, but one that a packet may have: by `change`, or the other way.
+/// Another number of rays than asked for, but one that a packet may have: by `change`, or the other
+/// way.
 fn more_or_less(asked: u8, change: i32) -> u32 {
     let asked = i32::from(asked);
     let changed =

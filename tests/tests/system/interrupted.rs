@@ -16,7 +16,8 @@ pub fn children(id: u32) -> Vec<(u32, String)> {
     ids.into_iter().filter_map(|id| Some((id, started(id)?))).collect()
 }
 
-/// When a process was started, unless it has ended: field 22 of its line, counted after the name, which may hold spaces.
+/// When a process was started, unless it has ended: field 22 of its line, counted after the name,
+/// which may hold spaces.
 fn started(id: u32) -> Option<String> {
     let line = fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
     let fields: Vec<&str> = line[line.rfind(')')? + 2..].split(' ').collect();

@@ -1,4 +1,5 @@
-//! Indirect light that all workers share: told once to everybody who wants it, kept in the file, and used.
+//! Indirect light that all workers share: told once to everybody who wants it, kept in the file,
+//! and used.
 
 use std::net::SocketAddr;
 
@@ -45,7 +46,8 @@ impl Client {
         self.outbox.send(Kind::Light, &Light { records: records(ids) }.encode()).unwrap();
     }
 
-    /// Waits until `count` records have come, then until the server has answered, and gives all records' names in order.
+    /// Waits until `count` records have come, then until the server has answered, and gives all
+    /// records' names in order.
     async fn told(&mut self, count: usize) -> Vec<u64> {
         let mut ids = Vec::new();
         if count == 0 {
@@ -122,7 +124,7 @@ fn a_holodeck_of_another_engine_takes_no_records() {
         client.tell(0..1);
         let reason = loop {
             match tokio::time::timeout(LIMIT, client.inbox.next()).await.unwrap() {
-                Ok(Message::Control(Control::Bye { reason })) => break reason,
+                Ok(Message::Control(Control::Bye(farewell))) => break farewell.to_string(),
                 Ok(_) => {}
                 Err(error) => panic!("{error}"),
             }

@@ -131,12 +131,14 @@ fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_f
         let in_file = traced + stored_before;
         assert_eq!(in_file, stored(&place.path(&file)).count() as u64, "{report}");
 
-        // As good as `render` of so many rays a pixel. The errors of 1,500 pixels, of which a third count for the tails of their distribution,
-        // make a mean square that is 1.5 times another's at 4.5 standard deviations of its logarithm.
+        // As good as `render` of so many rays a pixel. The errors of 1,500 pixels, of which a third
+        // count for the tails of their distribution, make a mean square that is 1.5 times another's
+        // at 4.5 standard deviations of its logarithm.
         let rays = report["live"].as_u64().unwrap() / uncovered as u64;
         assert!(rays >= 4, "{report}");
         let live = read(&place, "live.pfm");
-        // The quadtree keeps four depths of a pixel, which at the edges of things seen from the side are too few, covered or not.
+        // The quadtree keeps four depths of a pixel, which at the edges of things seen from the
+        // side are too few, covered or not.
         let is_compared =
             |pixel: usize| !covered[pixel] && (driver == "surfaces" || !is_edge(&truth, pixel));
         let same = render(rays, "2", "same.pfm");
@@ -147,7 +149,8 @@ fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_f
         // And beside noise a step of 255, which nobody sees: drivers interpolate, and keep no more.
         assert!(shown < 1.5 * same + 255.0_f64.powi(-2), "{driver}: {shown:e}, {same:e}");
 
-        // A replay: what is covered is the same bit by bit, the rest is interpolated over surfaces like it, or black without the scene.
+        // A replay: what is covered is the same bit by bit, the rest is interpolated over surfaces
+        // like it, or black without the scene.
         let file = format!("{{}}/{driver}.holo");
         let replay = ["picture", &file, "-o", "{}/replay.pfm", "--json", "--driver", driver];
         let again = place.run(&[&replay[..], &VIEW].concat()).ok().json();
@@ -214,7 +217,8 @@ impl Peer {
         self.outbox.send(kind, &payload).unwrap();
     }
 
-    /// Looks at one beam, of which some fifty rays are traced and no more: workers here do not trace.
+    /// Looks at one beam, of which some fifty rays are traced and no more: workers here do not
+    /// trace.
     fn look(&self, view: u32) {
         let beams = vec![WantedBeam { key: beam(400), weight: 0.05, held: 0 }];
         let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
@@ -407,8 +411,8 @@ fn a_display_that_asks_for_more_than_may_wait_is_dropped() {
         display.wait_for_stored(2).await;
         display.ask(2, &most[..1]);
         let reason = loop {
-            if let Message::Control(Control::Bye { reason }) = display.next().await {
-                break reason;
+            if let Message::Control(Control::Bye(farewell)) = display.next().await {
+                break farewell.to_string();
             }
         };
         assert!(reason.contains("live rays at a time"), "{reason}");
@@ -416,7 +420,8 @@ fn a_display_that_asks_for_more_than_may_wait_is_dropped() {
     server.process.end(Signal::TERM).ok();
 }
 
-/// Rays through pixels of a view, by the protocol alone, against `render` of the same pixels, by the variance that they show.
+/// Rays through pixels of a view, by the protocol alone, against `render` of the same pixels, by
+/// the variance that they show.
 #[test]
 fn what_live_rays_see_has_the_mean_that_render_has() {
     const PIXELS: (u32, u32) = (16, 12);
@@ -473,8 +478,9 @@ fn what_live_rays_see_has_the_mean_that_render_has() {
     });
     server.process.end(Signal::TERM).ok();
     worker.wait().ok();
-    // Sum of squares of standardised differences: chi-squared with as many degrees of freedom as pixels, or below it, since stratification
-    // makes true variances smaller than they are taken to be. Six standard deviations above its mean: a chance of less than 10⁻⁶.
+    // Sum of squares of standardised differences: chi-squared with as many degrees of freedom as
+    // pixels, or below it, since stratification makes true variances smaller than they are taken to
+    // be. Six standard deviations above its mean: a chance of less than 10⁻⁶.
     let mut chi_squared = 0.0;
     let mut differing = 0.0;
     for (sum, rgb) in sums.iter().zip(&truth.pixels) {

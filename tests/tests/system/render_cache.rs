@@ -1,4 +1,5 @@
-//! The drivers that keep what they have from view to view: a stored holodeck warms them, and at rest they tend to `render`.
+//! The drivers that keep what they have from view to view: a stored holodeck warms them, and at
+//! rest they tend to `render`.
 
 use std::collections::BTreeSet;
 
@@ -52,7 +53,8 @@ fn at_rest_both_tend_to_what_the_tracer_renders() {
         let end = &reports[reports.len() - 1];
         assert_eq!(end["driver"], driver);
         assert!(end["traced"].as_u64().unwrap() > 1000, "{end}");
-        // The stages run for some picture. Nothing changes between some pictures, and these need none.
+        // The stages run for some picture. Nothing changes between some pictures, and these need
+        // none.
         let has_all_stages = |report: &serde_json::Value| {
             let stages = report["stages"].as_array();
             let has = |name| stages.is_some_and(|all| all.iter().any(|one| one["stage"] == name));
@@ -218,6 +220,7 @@ fn what_the_render_cache_asks_for_enters_the_holodeck() {
         of(SampleKind::SingleRay),
         of(SampleKind::ViewpointLimited)
     );
-    // One request for 16 pixels, twenty times a second as far as there is anything to wish for: more than a first list.
+    // One request for 16 pixels, twenty times a second as far as there is anything to wish for:
+    // more than a first list.
     assert!(of(SampleKind::SingleRay) > 256);
 }

@@ -1,4 +1,5 @@
-//! What the real tracer stores, ray by ray, against a plain reading of the scene file: walls, axes, channels and units.
+//! What the real tracer stores, ray by ray, against a plain reading of the scene file: walls, axes,
+//! channels and units.
 
 use std::collections::HashMap;
 
@@ -11,7 +12,8 @@ struct Face {
     corners: [DVec3; 4],
 }
 
-/// The bundled box's OBJ file, which has nothing but `v`, `usemtl` and four-sided `f` lines of three decimals.
+/// The bundled box's OBJ file, which has nothing but `v`, `usemtl` and four-sided `f` lines of
+/// three decimals.
 fn faces(text: &str) -> Vec<Face> {
     let (mut vertices, mut faces, mut material) = (Vec::new(), Vec::new(), String::new());
     for line in text.lines() {
@@ -48,7 +50,8 @@ fn triangle([a, b, c]: [DVec3; 3], origin: DVec3, direction: DVec3) -> Option<f6
     (t > 0.0 && s >= 0.0 && r >= 0.0 && s + r <= 1.0).then_some(t)
 }
 
-/// The nearest face, with its faces split along one diagonal or the other: not all of the box's are quite flat.
+/// The nearest face, with its faces split along one diagonal or the other: not all of the box's are
+/// quite flat.
 fn nearest(
     faces: &[Face],
     origin: DVec3,
@@ -75,8 +78,9 @@ fn reflectance(material: &str) -> [f64; 3] {
     }
 }
 
-/// With direct light alone, all that a sample can show is the lamp itself, or some share of the lamp's colour times the
-/// surface's reflectance. RGBE rounds each channel by less than a step of the largest (1/128 of it or less).
+/// With direct light alone, all that a sample can show is the lamp itself, or some share of the
+/// lamp's colour times the surface's reflectance. RGBE rounds each channel by less than a step of
+/// the largest (1/128 of it or less).
 fn is_colour_of(rgb: [f64; 3], material: &str, from_front: bool) -> bool {
     let largest = rgb.into_iter().fold(0.0, f64::max);
     let step = largest / 128.0;
@@ -131,7 +135,8 @@ fn every_stored_sample_is_of_the_surface_that_its_ray_meets_first() {
             let skipped = if key.section == 0 { 0.0 } else { ray.length };
             let start = ray.origin + ray.direction * skipped;
             let distance = sample.distance(section.diagonal());
-            // Half a step of the distance code (Table 1: 2¹¹ steps to the diagonal, then 2⁻¹¹ of it), and single precision.
+            // Half a step of the distance code (Table 1: 2¹¹ steps to the diagonal, then 2⁻¹¹ of
+            // it), and single precision.
             let slack = (section.diagonal().max(distance) / 4096.0) * 1.001 + 1e-4;
             let fits = [false, true].into_iter().any(|diagonal| {
                 match nearest(&faces, start, ray.direction, diagonal) {

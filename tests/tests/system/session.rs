@@ -121,7 +121,8 @@ fn views_in_quick_succession_come_to_rest_at_the_picture_of_who_was_always_there
         let report = place.run(&[&words[..], &["--json"]].concat()).ok().json();
         (Picture::read(&picture).unwrap().pixels, report["samples"].clone())
     };
-    // The second and third are of somebody who moves, so that fewer surfaces than pixels are looked at; then nothing moves any more.
+    // The second and third are of somebody who moves, so that fewer surfaces than pixels are looked
+    // at; then nothing moves any more.
     let (moved, alone) =
         (follow("moved", &[before, turned, before, turned]), follow("alone", &[turned]));
     assert_eq!(moved.1, alone.1);

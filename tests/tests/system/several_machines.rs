@@ -55,7 +55,12 @@ fn one_string_is_all_that_a_worker_and_a_viewer_need() {
     let name = listed.lines().find_map(|line| line.strip_suffix(" worker")).unwrap();
     place.run(&[&["tokens", "--revoke", name][..], &identity].concat()).ok();
     place.run(&["status", "--join", &workers]).failed(1, &["revoked"]);
-    place.run(&["status", "--connect", address]).failed(1, &["connecting to the holoserver"]);
+    // On its own machine, a server is asked by its public address, too, with its user's tokens.
+    let own = ["status", "--connect", address, "--identity", "{}/identity", "--json"];
+    let status = place.run(&own).ok().json();
+    assert_eq!(status["workers"].as_array().unwrap().len(), 1, "{status}");
+    let other = ["status", "--connect", address, "--identity", "{}/elsewhere"];
+    place.run(&other).failed(1, &["connections here are encrypted", "holodeck://"]);
     server.end(Signal::TERM).ok();
     worker.wait().ok();
 }

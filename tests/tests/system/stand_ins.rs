@@ -1,4 +1,5 @@
-//! Stand-ins for the scene at displays: kept in the file, handed to displays, and taken for views of their section.
+//! Stand-ins for the scene at displays: kept in the file, handed to displays, and taken for views
+//! of their section.
 
 use holo_picture::Picture;
 use holo_tests::Place;

@@ -4,7 +4,8 @@ use holo_picture::Picture;
 use holo_section::{Sample, distance::NOTHING_HIT};
 use holo_tests::{CORNELL_SMALL_SECTION, Place, stored};
 
-/// Across the far end of the section before the box: past the box, and nothing is behind the eye either.
+/// Across the far end of the section before the box: past the box, and nothing is behind the eye
+/// either.
 const PAST: [&str; 10] =
     ["--vp", "2.7,2.7,-3.4", "--vd", "1,0,0", "--vu", "0,1,0", "--vh", "20", "--size", "64x48"];
 
@@ -57,7 +58,8 @@ fn a_view_past_everything_is_the_sky_without_a_single_sample() {
             .iter()
             .all(|pixel| *pixel == [0.25, 0.5, 1.0])
     };
-    // A driver that has the scene sees it there, one that has samples only is told of beams without any.
+    // A driver that has the scene sees it there, one that has samples only is told of beams without
+    // any.
     place.run(&[&picture[..], &PAST].concat()).ok();
     assert!(is_sky());
     let report = place.run(&[&picture[..], &PAST, &["--driver", "quadtree"]].concat()).ok().json();

@@ -1,4 +1,5 @@
-//! Views of Radiance's types, from the tracer and through a holodeck; and parts of a driver switched while it shows one.
+//! Views of Radiance's types, from the tracer and through a holodeck; and parts of a driver
+//! switched while it shows one.
 
 use holo_picture::{Picture, compare};
 use holo_tests::{CORNELL_SMALL_SECTION, Place};
@@ -120,7 +121,8 @@ fn parts_of_the_render_cache_are_switched_while_it_shows_a_view() {
         report["stages"].as_array().unwrap().iter().any(|one| one["stage"] == "Prefilter")
     };
     let ran: Vec<bool> = reports.stdout.lines().map(stages).collect();
-    // For the first there was nothing to do if everything had been drawn before, to see how near things are.
+    // For the first there was nothing to do if everything had been drawn before, to see how near
+    // things are.
     assert_eq!(ran[1..], [false, true]);
     let read = |name: &str| Picture::read(place.path(name)).unwrap().pixels;
     let black = |name: &str| read(name).iter().filter(|pixel| **pixel == [0.0; 3]).count();
@@ -189,7 +191,8 @@ fn clipping_surfaces_are_those_of_the_tracer_s_pictures_by_every_driver() {
         println!("{driver}: {quality:.1} dB");
         assert!(quality > 14.0, "{driver}: {quality}");
     }
-    // A fore plane in the box's depth takes the sides and the blocks before it away; the back wall is as it was.
+    // A fore plane in the box's depth takes the sides and the blocks before it away; the back wall
+    // is as it was.
     render(&same, &["--vo", "6.5"], &truth);
     assert!(
         black("truth.pfm") > black("whole.pfm") + 500,
@@ -198,7 +201,8 @@ fn clipping_surfaces_are_those_of_the_tracer_s_pictures_by_every_driver() {
         black("whole.pfm")
     );
     let light = |name: &str| Picture::read(place.path(name)).unwrap().get(32, 19).unwrap()[1];
-    // Means of 100 points of the lamp each, which differ by a third of themselves: within ten deviations.
+    // Means of 100 points of the lamp each, which differ by a third of themselves: within ten
+    // deviations.
     assert!((light("truth.pfm") / light("whole.pfm") - 1.0).abs() < 0.3);
     place
         .run(&[

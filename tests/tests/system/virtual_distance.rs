@@ -1,4 +1,5 @@
-//! What a file of virtual distances holds, against a room unfolded at its mirror, and that it stays such a file.
+//! What a file of virtual distances holds, against a room unfolded at its mirror, and that it stays
+//! such a file.
 
 use holo_section::{DVec3, Section};
 use holo_tests::{Place, stored};

@@ -8,7 +8,7 @@ use std::{
     },
 };
 
-use holo_tests::{Chromium, LIMIT, Link, Place, wait_until};
+use holo_tests::{Chromium, LIMIT, Link, Place, Quality, wait_until};
 use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::{Message, WebSocket, client, client::IntoClientRequest};
 
@@ -113,7 +113,7 @@ fn a_slow_link_gets_fewer_frames_and_a_stalled_watcher_delays_nobody() {
     let words = format!("you drive, {} watch", WATCHERS + 2);
     driver.wait(&format!("document.getElementById('s-role').textContent === {words:?}"));
 
-    link.set_rate(SLOW);
+    link.set(Quality { rate: SLOW, ..Quality::default() });
     driver.value(NOTE_FRAMES);
     slow.value(NOTE_FRAMES);
     driver.key("KeyQ", "q", true);
@@ -124,7 +124,7 @@ fn a_slow_link_gets_fewer_frames_and_a_stalled_watcher_delays_nobody() {
     assert!(quick >= 2 * few, "{quick} and {few} frames");
 
     // Everybody ends with the same frame.
-    link.set_rate(0);
+    link.set(Quality::default());
     wait_until("the same frame everywhere", || {
         let frame = drawn(driver).pop();
         let is_same = |latest: &AtomicU64| Some(latest.load(Ordering::SeqCst)) == frame;

@@ -4,6 +4,7 @@ use anyhow::Result;
 use holo_beamfile::Maker;
 use holo_proto::{control::Engine, report::FaultReport};
 use holo_section::Sample;
+use tracing::warn;
 
 use super::Coordinator;
 use crate::{
@@ -67,6 +68,7 @@ impl Coordinator {
     fn fault(&mut self, id: ConnectionId, reason: String, is_dropped: bool) {
         let Some(worker) = self.workers.get(&id) else { return };
         let (name, maker) = (worker.name.clone(), worker.maker);
+        warn!(peer = name, maker = maker.0, reason, dropped = is_dropped, "broken or in doubt");
         let makers = self.holodeck.makers();
         let token = makers.get(maker).and_then(|made| made.token.clone()).unwrap_or_default();
         if self.faults.len() < MAX_FAULTS {

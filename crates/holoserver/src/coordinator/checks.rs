@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use anyhow::{Context, Result, ensure};
 use holo_proto::{MAX_RAYS_PER_PACKET, bulk::Packet};
 use holo_section::{BeamKey, Sample};
+use tracing::warn;
 
 use super::Coordinator;
 use crate::{
@@ -128,6 +129,7 @@ impl Coordinator {
             return;
         }
         let name = self.workers.get(&claimer).map_or("a worker that has left", |w| &w.name);
+        warn!(peer = name, beams = claims.count(), "claims of unseen beams undone");
         self.progress.say(&format!(
             "{name} says that {} beams see nothing, and is wrong somewhere: all are traced",
             claims.count()

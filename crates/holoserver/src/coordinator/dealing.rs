@@ -7,6 +7,7 @@ use std::time::Duration;
 use holo_proto::bulk::Packet;
 use holo_section::{BeamKey, RayCoords, SampleKind, Viewpoint};
 use tokio::time::Instant;
+use tracing::warn;
 
 use super::{Coordinator, display::is_looked_at, fill::Known};
 use crate::{
@@ -82,6 +83,7 @@ impl Coordinator {
             let count = packets.len() + live.len();
             if count > 0 {
                 let name = &worker.name;
+                warn!(peer = name, packets = count, "overdue");
                 self.progress.say(&format!(
                     "{name} has not returned {count} packets in time: others may trace them"
                 ));

@@ -10,7 +10,7 @@ use crate::{
     allotment::Allotment,
     batch::{BatchOrder, Target},
     better,
-    shard::Shard,
+    shard::Share,
     unseen::UnseenBeams,
 };
 
@@ -20,7 +20,7 @@ const MAX_LOOKS: usize = 20_000;
 /// Filling in batch order, and where it is.
 pub struct Fill {
     order: BatchOrder,
-    shard: Shard,
+    share: Share,
     /// A beam in turn, and the samples that it is to have.
     in_turn: Option<(BeamKey, u64)>,
     /// Sample numbers to trace again with more paths.
@@ -65,11 +65,11 @@ pub struct Known<'a> {
 }
 
 impl Fill {
-    /// Returns filling of a shard that begins at the order's beginning.
-    pub fn new(order: BatchOrder, shard: Shard) -> Fill {
+    /// Returns filling of a share that begins at the order's beginning.
+    pub fn new(order: BatchOrder, share: Share) -> Fill {
         Fill {
             order,
-            shard,
+            share,
             in_turn: None,
             better: VecDeque::new(),
             under_way: 0,
@@ -99,7 +99,7 @@ impl Fill {
     fn turn(&mut self, known: &Known) {
         match self.order.next(known.unseen) {
             None => self.exhausted = true,
-            Some((key, _)) if known.unseen.contains(key) || !self.shard.has(key) => {}
+            Some((key, _)) if known.unseen.contains(key) || !self.share.has(key) => {}
             Some((key, Target::Samples(wanted))) => self.in_turn = Some((key, wanted)),
             // It keeps what somebody looks at as it is, until the next level.
             Some((key, Target::Paths(_))) if (known.is_looked_at)(key) => {}

@@ -5,9 +5,10 @@ use std::sync::atomic::Ordering;
 use holo_beamfile::Maker;
 use holo_net::{Access, Outbox, Rights};
 use holo_proto::{
-    control::Control,
+    control::{Control, Farewell},
     hello::{Hello, Role},
 };
+use tracing::info;
 
 use super::{Coordinator, display::Display};
 use crate::{assignment::Purpose, events::ConnectionId, workers::Worker};
@@ -16,6 +17,8 @@ impl Coordinator {
     /// Takes somebody in.
     pub(super) fn join(&mut self, id: ConnectionId, hello: Hello, access: Access, outbox: Outbox) {
         let Hello { role, name, .. } = hello;
+        let (token, rights) = (access.token.as_deref().unwrap_or_default(), access.rights);
+        info!(peer = name, role = role_name(role), token, %rights, "joined");
         match role {
             Role::Worker => {
                 self.progress.say(&format!("{name} joined"));
@@ -51,7 +54,8 @@ impl Coordinator {
     pub(super) fn expel(&mut self, id: ConnectionId, reason: String) {
         if let Some(outbox) = self.outbox(id) {
             // If the reason is longer than a control message, the connection ends without it.
-            let _ = outbox.control(&Control::Bye { reason: reason.clone() });
+            let farewell = Farewell::Dropped { reason: reason.clone() };
+            let _ = outbox.control(&Control::Bye(farewell));
             // Whoever sends it a scene does so no longer.
             outbox.end();
         }
@@ -67,6 +71,8 @@ impl Coordinator {
             mailbox.close();
         }
         if let Some(mut worker) = self.workers.remove(&id) {
+            let peer = &worker.name;
+            info!(peer, role = role_name(Role::Worker), reason, "left");
             self.progress.say(&format!("{} left: {reason}", worker.name));
             self.live_again(worker.take_live());
             self.lose(worker.into_assignments());
@@ -78,10 +84,21 @@ impl Coordinator {
             });
         }
         if let Some(display) = self.displays.remove(&id) {
+            let peer = &display.name;
+            info!(peer, role = role_name(Role::Display), reason, "left");
             self.progress.say(&format!("{} left: {reason}", display.name));
             display.newest.store(u32::MAX, Ordering::Release);
         }
         self.forget_stale();
         self.try_settle();
+    }
+}
+
+/// Returns a role's name in the log.
+fn role_name(role: Role) -> &'static str {
+    match role {
+        Role::Worker => "worker",
+        Role::Display => "display",
+        Role::Admin => "admin",
     }
 }

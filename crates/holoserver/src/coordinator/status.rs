@@ -7,6 +7,7 @@ use holo_proto::{
     report::{DisplayReport, Report},
 };
 use tokio::time::Instant;
+use tracing::info;
 
 use super::{Coordinator, Fill, NOT_FOR_A_SERVER, STALLED_BYTES, STATUS_EVERY};
 use crate::{events::ConnectionId, workers::Worker};
@@ -32,6 +33,7 @@ impl Coordinator {
         self.damage.print_new(&self.holodeck.file);
         self.stalled = stats.last_error.is_some() && stats.pending_bytes > STALLED_BYTES;
         if let Some(paths) = self.fill.as_mut().and_then(Fill::new_level) {
+            info!(paths, "enough samples, better ones from now on");
             self.progress.say(&format!(
                 "the file has enough samples: they are now traced again, with {paths} paths each"
             ));

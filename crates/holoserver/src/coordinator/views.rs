@@ -11,6 +11,7 @@ use holo_proto::{
     bulk::{RaysWanted, ViewRequest, WantedBeam},
     control::Control,
 };
+use tracing::error;
 
 use super::Coordinator;
 use crate::{
@@ -25,7 +26,11 @@ impl Coordinator {
     /// again only moves the viewpoint's radius.
     pub(super) fn view(&mut self, id: ConnectionId, mut request: ViewRequest) -> Result<()> {
         self.check_beams(&request)?;
-        keep_heaviest(&mut request.beams, most_beams(self.displays.len()));
+        let most = most_beams(self.displays.len());
+        keep_heaviest(&mut request.beams, most);
+        for wishes in self.displays.values_mut().filter_map(|display| display.wishes.as_mut()) {
+            wishes.keep_heaviest(most);
+        }
         let Some(display) = self.displays.get_mut(&id) else { return Ok(()) };
         if let Some(wishes) = display.wishes.as_mut().filter(|wishes| wishes.view == request.view) {
             wishes.viewpoint = request.viewpoint;
@@ -92,6 +97,7 @@ impl Coordinator {
         }
         display.recalling = false;
         if let Err(error) = result {
+            error!(error, "reading stored samples failed");
             self.progress.say(&format!("reading stored samples failed: {error}"));
         }
         let _ = display.outbox.control(&Control::StoredSent { view });

@@ -1,5 +1,5 @@
-//! Whole clusters in this process, under a clock that jumps from one thing that happens to the
-//! next: a server, workers and displays on wires that are late, stall and are cut.
+//! Whole clusters in this process: a server, workers and displays, on wires that are late, stall and
+//! are cut. The clock is a simulated one: it jumps from each event to the next.
 //!
 //! Each test runs many clusters, each by its seed: what happens on the wires, when, and to whom.
 //! Disks are real and threads that read them, too, so a seed does not repeat every step.
@@ -15,7 +15,7 @@ mod wire;
 
 use std::{path::PathBuf, sync::Arc, time::Duration};
 
-use holo_proto::control::{Engine, RenderSettings};
+use holo_proto::control::RenderSettings;
 use holo_section::{SampleKind, SectionSpec, ViewClass};
 use tokio::{
     task::JoinSet,
@@ -23,10 +23,11 @@ use tokio::{
 };
 
 use crate::{
-    Goal, Shard,
+    Goal,
     coordinator::FillOptions,
     holodeck::{About, Holodeck},
     progress::Totals,
+    shard::Share,
 };
 use cluster::{Cluster, FOR_EVER};
 use peers::{DisplayPlan, Fault, WorkerPlan};
@@ -78,14 +79,7 @@ fn make(file: &std::path::Path) {
         class: ViewClass::Interior,
         obstructions: true,
     };
-    let settings = RenderSettings {
-        engine: Engine::Path,
-        bounces: None,
-        paths_per_sample: 1,
-        accuracy: 1.0,
-        seed: 1,
-        virtual_distance: false,
-    };
+    let settings = RenderSettings::default();
     let about = About::new(vec![spec], settings, b"a scene", "a test".into());
     let holodeck = Holodeck::create(file, about, b"a scene", 1 << 20).unwrap();
     assert_eq!(holodeck.sections[0].beam_count(), BEAMS);
@@ -206,7 +200,7 @@ fn displays_get_all_that_is_traced_for_them_and_nothing_is_stored_twice() {
 fn what_workers_lose_is_traced_by_others_before_a_fill_ends() {
     for_each_seed(|file, mut random| async move {
         let cluster = Arc::new(Cluster::default());
-        let fill = FillOptions { enough: Some(1 << 20), shard: Shard::default() };
+        let fill = FillOptions { enough: Some(1 << 20), share: Share::default() };
         let life = cluster.start(&file, Some(fill), Goal::default());
         let mut broken = start_workers(&cluster, &mut random);
         let displays = start_displays(&cluster, &mut random);

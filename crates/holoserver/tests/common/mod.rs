@@ -7,7 +7,7 @@ use std::{future::Future, net::SocketAddr, path::PathBuf, time::Duration};
 use holo_net::{Destination, Inbox, Invitation, Message, NetError, Outbox, Shutdown};
 use holo_proto::{
     bulk::{Packet, Results, Traced, ViewRequest, WantedBeam, Work},
-    control::{Control, Engine, RenderSettings, Welcome},
+    control::{Control, Farewell, RenderSettings, Welcome},
     frame::Kind,
     hello::Role,
 };
@@ -54,22 +54,20 @@ impl Place {
     }
 
     pub fn of_scene(scene: &[u8]) -> Place {
+        Place::of(scene, [8; 3])
+    }
+
+    /// Makes a holodeck whose section has this grid.
+    pub fn of(scene: &[u8], grid: [u32; 3]) -> Place {
         let folder = tempfile::tempdir().unwrap();
         let spec = SectionSpec {
             origin: [0.0; 3],
             axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            grid: [8, 8, 8],
+            grid,
             class: ViewClass::Interior,
             obstructions: true,
         };
-        let settings = RenderSettings {
-            engine: Engine::Path,
-            bounces: None,
-            paths_per_sample: 1,
-            accuracy: 1.0,
-            seed: 1,
-            virtual_distance: false,
-        };
+        let settings = RenderSettings::default();
         let place = Place { folder };
         let mut about = About::new(vec![spec], settings, scene, "a test".into());
         about.limits = Some(Limits { low: [0.0; 3], high: [1.0; 3], brightest: 1.0 });
@@ -173,7 +171,7 @@ impl Peer {
         let mut said = None;
         loop {
             match in_time(self.inbox.next()).await {
-                Ok(Message::Control(Control::Bye { reason })) => said = Some(reason),
+                Ok(Message::Control(Control::Bye(farewell))) => said = Some(farewell.to_string()),
                 Ok(_) => {}
                 Err(_) => return said,
             }
@@ -212,7 +210,7 @@ pub async fn work_named(server: impl Into<Destination>, name: &str) {
 pub async fn work_as(
     server: impl Into<Destination>,
     answer: impl Fn(&Work) -> Results,
-) -> Option<String> {
+) -> Option<Farewell> {
     work_as_named(server, "a test", answer).await
 }
 
@@ -221,7 +219,7 @@ pub async fn work_as_named(
     server: impl Into<Destination>,
     name: &str,
     answer: impl Fn(&Work) -> Results,
-) -> Option<String> {
+) -> Option<Farewell> {
     let Peer { mut inbox, outbox, .. } = Peer::named(server, Role::Worker, name).await;
     outbox.control(&Control::Ready { threads: 1 }).unwrap();
     loop {
@@ -229,7 +227,7 @@ pub async fn work_as_named(
             Ok(Message::Work(work)) => {
                 outbox.send(Kind::Results, &answer(&work).encode()).unwrap();
             }
-            Ok(Message::Control(Control::Bye { reason })) => return Some(reason),
+            Ok(Message::Control(Control::Bye(farewell))) => return Some(farewell),
             Ok(_) => {}
             Err(NetError::Closed | NetError::Io(_)) => return None,
             Err(error) => panic!("{error}"),

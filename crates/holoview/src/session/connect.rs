@@ -14,10 +14,11 @@ use holo_proto::{
     hello::Role,
 };
 use holo_section::Section;
+use tokio::sync::Semaphore;
 
 use super::{
     Ahead, Session,
-    incoming::{Incoming, Reader},
+    incoming::{Incoming, MAX_WAITING_BYTES, Reader},
     pace::Pace,
     scene::SceneLoader,
 };
@@ -152,7 +153,13 @@ impl Connected {
         };
         let awaits_scene = uses_scene && loader.is_some();
         let (sender, messages) = mpsc::channel();
-        let reader = Reader { inbox, outbox: outbox.clone(), messages: sender.clone(), loader };
+        let reader = Reader {
+            inbox,
+            outbox: outbox.clone(),
+            messages: sender.clone(),
+            loader,
+            room: Arc::new(Semaphore::new(MAX_WAITING_BYTES)),
+        };
         let reader = tokio::spawn(reader.run());
         let waker = Waker(sender.clone());
         let stopper = tokio::spawn(async move {
@@ -264,11 +271,11 @@ fn await_scene(
             Ok(Incoming::Scene(Ok(scene))) => return Ok(Arrived::Scene(scene)),
             Ok(Incoming::Scene(Err(error))) if is_required => return Err(error),
             Ok(Incoming::Scene(Err(error))) => return Ok(Arrived::Nothing(format!("{error:#}"))),
-            Ok(Incoming::Message(Message::Control(Control::Bye { reason }))) => {
-                bail!("the server ended the session: {reason}")
+            Ok(Incoming::Message { message: Message::Control(Control::Bye(farewell)), .. }) => {
+                bail!("the server ended the session: {farewell}")
             }
             // Nothing was asked for yet but the scene, and nothing is shown yet.
-            Ok(Incoming::Message(_) | Incoming::Found { .. } | Incoming::Wake) => {}
+            Ok(Incoming::Message { .. } | Incoming::Found { .. } | Incoming::Wake) => {}
             Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
             Ok(Incoming::Stop) => return Ok(Arrived::Stop),
             Err(mpsc::RecvTimeoutError::Timeout) => {

@@ -1,22 +1,33 @@
 //! Reads what the server sends, on a task of its own, whatever the session is doing.
 //!
-//! Pings are answered at once. Pieces of the scene are taken in here.
-//! Everything else waits for the session.
+//! Pings are answered at once. Pieces of the scene are taken in here. Everything else waits for the
+//! session, in memory that is bounded: beyond that, the server waits.
 
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 
 use anyhow::Result;
 use holo_display::UsefulBeam;
 use holo_net::{Inbox, Message, NetError, Outbox};
 use holo_proto::control::Control;
 
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
 use super::scene::{Blobs, SceneLoader};
 use crate::drivers::LoadedScene;
+
+/// Most bytes of messages that wait for the session. A session that draws for 15 s at a million
+/// samples a second has fewer waiting. A server gives up a display that takes nothing for as long.
+pub const MAX_WAITING_BYTES: usize = 256 << 20;
 
 /// What a session waits for.
 pub enum Incoming {
     /// A message that is the session's affair.
-    Message(Message),
+    Message {
+        /// The message.
+        message: Message,
+        /// The room that it takes, given back when this is dropped.
+        _room: OwnedSemaphorePermit,
+    },
     /// A piece of the scene arrived.
     SceneFetched {
         /// Bytes that are here.
@@ -53,6 +64,8 @@ pub struct Reader {
     pub messages: mpsc::Sender<Incoming>,
     /// Collects the scene, if the session wants it.
     pub loader: Option<SceneLoader>,
+    /// Room for messages that wait, bytes: [`MAX_WAITING_BYTES`].
+    pub room: Arc<Semaphore>,
 }
 
 impl Reader {
@@ -91,7 +104,12 @@ impl Reader {
                         }
                     }
                 }
-                Ok(message) => Incoming::Message(message),
+                Ok(message) => {
+                    let room = Arc::clone(&self.room).acquire_many_owned(bytes_of(&message)).await;
+                    // Nobody closes the semaphore.
+                    let Ok(room) = room else { return };
+                    Incoming::Message { message, _room: room }
+                }
                 Err(error) => Incoming::Lost(error),
             };
             let over = matches!(incoming, Incoming::Lost(_));
@@ -108,5 +126,80 @@ impl Reader {
             // A session that is over needs no scene.
             let _ = messages.send(Incoming::Scene(blobs.build().map(Box::new)));
         });
+    }
+}
+
+/// Returns the memory that a message takes while it waits, roughly.
+fn bytes_of(message: &Message) -> u32 {
+    let bulk = match message {
+        Message::Samples(samples) => {
+            size_of_val(&samples.samples[..]) + size_of_val(&samples.runs[..])
+        }
+        Message::LiveSamples(samples) => size_of_val(&samples.samples[..]),
+        Message::Unseen(unseen) => size_of_val(&unseen.beams[..]),
+        _ => 0,
+    };
+    // A frame's limit is far below a `u32`.
+    (size_of::<Incoming>() + bulk) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use holo_proto::{bulk::Unseen, frame::Kind, hello::Role};
+    use holo_section::{BeamId, BeamKey};
+    use tokio::net::TcpListener;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn what_a_session_does_not_take_waits_at_the_server_and_then_comes_whole() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let (reached, server) =
+            tokio::join!(holo_net::connect(address, Role::Display, "a test"), async {
+                let (_, outbox, _) = holo_net::accept(listener.accept().await.unwrap().0).await?;
+                let welcome = include_str!("../../../../proto/golden/control-welcome.hex");
+                let digits = welcome.lines().filter(|line| !line.starts_with('#'));
+                let digits = digits.flat_map(str::split_whitespace);
+                let bytes: Vec<_> =
+                    digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect();
+                match Control::decode(&bytes[8..]) {
+                    Ok(Control::Welcome(welcome)) => holo_net::welcome(&outbox, *welcome)?,
+                    other => panic!("{other:?}"),
+                }
+                Ok::<_, NetError>(outbox)
+            });
+        let ((inbox, outbox, _), server) = (reached.unwrap(), server.unwrap());
+        let (messages, session) = mpsc::channel();
+        let beams = vec![BeamKey { section: 0, beam: BeamId(1) }; 10_000];
+        let message = |view| Unseen { view, beams: beams.clone() };
+        let bytes = bytes_of(&Message::Unseen(message(0))) as usize;
+        // The room is for three. More wait in the inbox and in the system's buffers.
+        let room = Arc::new(Semaphore::new(3 * bytes));
+        tokio::spawn(Reader { inbox, outbox, messages, loader: None, room }.run());
+        const SENT: u32 = 1000;
+        for view in 0..SENT {
+            server.send(Kind::Unseen, &message(view).encode()).unwrap();
+        }
+        let mut queued = usize::MAX;
+        while server.queued_bytes() != queued {
+            queued = server.queued_bytes();
+            tokio::time::sleep(Duration::from_millis(300)).await;
+        }
+        assert!(queued > bytes * SENT as usize / 2, "{queued} bytes wait at the server");
+
+        let taken = tokio::task::spawn_blocking(move || {
+            for view in 0..SENT {
+                match session.recv() {
+                    Ok(Incoming::Message { message: Message::Unseen(unseen), .. }) => {
+                        assert_eq!(unseen.view, view)
+                    }
+                    _ => panic!("another message"),
+                }
+            }
+        });
+        taken.await.unwrap();
     }
 }

@@ -319,8 +319,10 @@ impl Session {
     /// Takes what has come. Returns why a wait ends, if it does.
     fn take(&mut self, incoming: Incoming, for_settled: bool) -> Result<Option<Waited>> {
         match incoming {
-            Incoming::Message(Message::Control(message)) => self.control(message, for_settled),
-            Incoming::Message(message) => self.samples(message).map(|()| None),
+            Incoming::Message { message: Message::Control(message), .. } => {
+                self.control(message, for_settled)
+            }
+            Incoming::Message { message, .. } => self.samples(message).map(|()| None),
             Incoming::SceneFetched { .. } | Incoming::ScenePreparing => Ok(None),
             Incoming::Scene(scene) => self.change_scene(scene).map(|()| None),
             Incoming::Found { first_request, beams } => {
@@ -376,7 +378,7 @@ impl Session {
                 let is_settled = self.part_sent(section, next)?;
                 return Ok(is_settled.then_some(Waited::Settled));
             }
-            Control::Bye { reason } => bail!("the server ended the session: {reason}"),
+            Control::Bye(farewell) => bail!("the server ended the session: {farewell}"),
             Control::Status(status) => self.status = Some(status),
             Control::Views(views) => self.welcome.views = views,
             Control::Refused { reason } => self.refusal = Some(reason),

@@ -178,7 +178,7 @@ async fn the_file_is_loaded_once_nothing_else_is_to_do_and_then_views_search_for
     let looking = tokio::task::spawn_blocking(move || {
         let mut session = connected.begin(|_| {}).unwrap().unwrap();
         let end = Instant::now() + LIMIT;
-        let mut wait_until = |session: &mut Session, is_done: fn(&Session) -> bool| {
+        let wait_until = |session: &mut Session, is_done: fn(&Session) -> bool| {
             while !is_done(session) && Instant::now() < end {
                 session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
             }
