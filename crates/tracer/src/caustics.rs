@@ -62,8 +62,8 @@ impl Caustics {
         self.casters.contain(triangle)
     }
 
-    /// Returns the caustics as a surface sees them that is lit on the side of `normal`. `None` where
-    /// no photons are.
+    /// Returns the caustics as a surface sees them that is lit on the side of `normal`. `None`
+    /// where no photons are.
     #[inline]
     pub(crate) fn seen_from(&self, point: Vec3, normal: Vec3) -> Option<CausticVertex<'_>> {
         let leaf = self.tree.find(point, normal)?;
