@@ -5,12 +5,11 @@ Always true: a file or session is made once per run, by the first measurement th
 
 from __future__ import annotations
 
-import shutil
-import zlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from converged import Converged
 from program import Cargo, Failed, Session, run, session
 from scenes import Case, Reference, Scenes
 
@@ -47,12 +46,15 @@ class Bench:
         self.scenes = Scenes(self.cargo, self.shared, work)
         self._fills: dict[str, tuple[Path, dict[str, float]]] = {}
         self._walks: dict[str, Walk] = {}
-        self._references: dict[str, Reference] = {}
 
     @cached_property
     def holodeck(self) -> Path:
         """Returns the program, which is built on first use."""
         return self.cargo.build("holodeck")
+
+    @cached_property
+    def _converged(self) -> Converged:
+        return Converged(self.root / "target/truths", self.holodeck)
 
     @property
     def pictures_at(self) -> tuple[float, ...]:
@@ -72,52 +74,20 @@ class Bench:
         command = [self.holodeck, "render", *case.scene, *case.view.options(), "--size", size or case.size]
         return path, run([*command, *options, "--json", "--quiet", "-o", path]).json()
 
-    def reference(self, case: Case) -> Reference:
+    def reference(self, case: Case, threads: int | None = None) -> Reference:
         """Returns the independent reference, or a long render of this program, which is kept until
-        the scene changes.
+        the scene changes. `threads`: how many may render it.
         """
-        if case.reference:
-            return case.reference
-        if case.name not in self._references:
-            kept = self._kept(case, f"{case.name}-{case.size}-reference-{self.paths(REFERENCE_PATHS)}")
-            picture, error = kept.with_suffix(".pfm"), kept.with_name(f"{kept.name}-se.pfm")
-            if not (picture.exists() and error.exists()):
-                made_error = self.work / error.name
-                made, _ = self.render(case, "reference", "--spp", str(self.paths(REFERENCE_PATHS)), "--seed", "1", "--se", made_error)
-                shutil.copyfile(made_error, error)
-                shutil.copyfile(made, picture)
-            self._references[case.name] = Reference(picture, error)
-        return self._references[case.name]
-
-    def _kept(self, case: Case, name: str) -> Path:
-        """Returns where a converged picture is kept until the scene changes, without its ending."""
-        scene = next(path for path in map(Path, case.scene) if path.suffix in (".obj", ".toml"))
-        parts = [scene.with_suffix(suffix) for suffix in (".obj", ".mtl")]
-        stamp = zlib.crc32(b"".join(part.read_bytes() for part in parts))
-        folder = self.root / "target/truths"
-        folder.mkdir(parents=True, exist_ok=True)
-        return folder / f"{name}-{stamp:08x}"
+        return case.reference or self._converged.picture(case, self.paths(REFERENCE_PATHS), threads)
 
     def truth(self, case: Case) -> Path:
-        """Returns the picture of the independent reference.
-
-        If there is none, returns a long render with the engine `path`, which is kept until the
-        scene changes.
+        """Returns the picture of the independent reference, or such a render with as many paths in
+        all as TRUTH_PATHS.
         """
         if case.reference:
             return case.reference.picture
         width, height = (int(side) for side in case.size.split("x"))
-        paths = max(self.paths(TRUTH_PATHS) // (width * height), 2)
-        folder = self.root / "target/truths"
-        name = f"{case.name}-{case.size}-{paths}"
-        picture, scene = folder / f"{name}.pfm", folder / f"{name}.obj"
-        text = Path(case.scene[0]).read_bytes() + Path(case.scene[0]).with_suffix(".mtl").read_bytes()
-        if not (picture.exists() and scene.exists() and scene.read_bytes() == text):
-            folder.mkdir(parents=True, exist_ok=True)
-            made, _ = self.render(case, "truth", "--spp", str(paths), "--seed", "1")
-            shutil.copyfile(made, picture)
-            scene.write_bytes(text)
-        return picture
+        return self._converged.picture(case, max(self.paths(TRUTH_PATHS) // (width * height), 2)).picture
 
     def fill(self, name: str, case: Case, seconds: float, *options: str) -> tuple[Path, dict[str, float]]:
         """Returns a file filled in batch, which is made once for all measurements, and the report

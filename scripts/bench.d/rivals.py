@@ -13,6 +13,7 @@ from array import array
 from dataclasses import replace
 from pathlib import Path
 
+from converged import pfm
 from document import Bar, Part, Plot, Table
 from harness import Bench
 from plot import error_over_seconds
@@ -55,10 +56,7 @@ def rivals(bench: Bench) -> Part:
     table = Table("Error over seconds", columns)
     costs = Table("Cost: relMSE × seconds", [["scene", ""], ["ours", ".4f"], ["Mitsuba", ".4f"], ["ratio", ".2f"]])
     counts = PATHS[:2] if bench.quick else PATHS
-    small = [bench.scenes.cornell(), *small_scenes(bench.work / "small", bench.scenes.bundle())]
-    cases = [(case, SMALL_BAR) for case in small]
-    cases += [(bench.scenes.room(), ROOM_BAR), (interior(bench), MANY_LIGHTS_BAR)]
-    for case, bar in cases:
+    for case, bar in cases(bench):
         lines: dict[str, list[tuple[float, float]]] = {"holodeck": [], "Mitsuba": []}
         reference = bench.reference(case)
         truth, noise = reference.picture, noise_of(bench, reference)
@@ -85,6 +83,19 @@ def rivals(bench: Bench) -> Part:
     return part
 
 
+def cases(bench: Bench) -> list[tuple[Case, float]]:
+    """Returns the compared scenes and the bars of their costs."""
+    small = [bench.scenes.cornell(), *small_scenes(bench.work / "small", bench.scenes.bundle())]
+    return [*((case, SMALL_BAR) for case in small), (bench.scenes.room(), ROOM_BAR), (interior(bench), MANY_LIGHTS_BAR)]
+
+
+def converge(bench: Bench, threads: int | None) -> None:
+    """Renders the converged pictures that are missing."""
+    for case, _ in cases(bench):
+        print(f"{case.title} …", flush=True)
+        bench.reference(case, threads)
+
+
 def noise_of(bench: Bench, reference: Reference) -> float:
     """Returns the apparent error of a picture without noise: relMSE of the reference and of one
     that is a standard error brighter.
@@ -94,15 +105,6 @@ def noise_of(bench: Bench, reference: Reference) -> float:
     brighter = bench.work / "brighter.pfm"
     brighter.write_bytes(header + array("f", (value + e for value, e in zip(picture, error))).tobytes())
     return compare(bench.holodeck, brighter, reference.picture)["relmse_trim"]
-
-
-def pfm(path: Path) -> tuple[bytes, array]:
-    """Returns header and values of a little-endian PFM file."""
-    data = path.read_bytes()
-    start = 0
-    for _ in range(3):
-        start = data.index(b"\n", start) + 1
-    return data[:start], array("f", data[start:])
 
 
 def interior(bench: Bench) -> Case:

@@ -1,19 +1,19 @@
 //! Where samples of wide materials are aimed, besides where the material sends them: at secondary
-//! sources ([`secondary`](crate::secondary)) and at glints ([`glints`](crate::glints)).
+//! sources ([`secondary`](crate::secondary)) and at caustics ([`caustics`](crate::caustics)).
 //!
 //! Always true: one sample combines all ways of choosing its direction (Veach 1997, §9.2.4, balance
-//! heuristic), so any sources and glints give the same expectation. A vertex that has neither takes
-//! no number and pays nothing.
+//! heuristic), so any sources and caustics give the same expectation. A vertex that has neither
+//! takes no number and pays nothing.
 
 use glam::Vec3;
 use holo_raycast::{Hit, Raycaster, SurfacePoint};
 
+use crate::caustics::CausticVertex;
 use crate::engine::PathEngine;
-use crate::glints::GlintVertex;
 use crate::sampler::Sampler;
 use crate::secondary::AimedVertex;
 
-/// Share of a vertex's samples for each of the two. With 0.25, error and time differ by a few
+/// Share of a vertex's samples for secondary sources. With 0.25, error and time differ by a few
 /// percent.
 const SHARE: f32 = 0.15;
 
@@ -21,7 +21,7 @@ const SHARE: f32 = 0.15;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Aims<'a> {
     sources: Option<AimedVertex<'a>>,
-    glints: Option<GlintVertex<'a>>,
+    caustics: Option<CausticVertex<'a>>,
 }
 
 /// What the next sample of a vertex is drawn from.
@@ -31,9 +31,9 @@ pub(crate) enum Choice {
     Material,
     /// A point on a source.
     Source(SurfacePoint),
-    /// A unit direction in which something may glint.
-    Glint(Vec3),
-    /// Neither: no source or glint can contribute.
+    /// A unit direction from which a caustic may come.
+    Caustic(Vec3),
+    /// Neither: no source or caustic can contribute.
     Nothing,
 }
 
@@ -52,8 +52,8 @@ impl PathEngine {
     #[inline]
     pub(crate) fn aims(&self, point: &SurfacePoint, normal: Vec3) -> Option<Aims<'_>> {
         let sources = self.secondary.as_ref().and_then(|s| s.aimed(point, normal));
-        let glints = self.glints.as_ref().map(|g| g.seen_from(point.point, normal));
-        (sources.is_some() || glints.is_some()).then_some(Aims { sources, glints })
+        let caustics = self.caustics.as_ref().and_then(|c| c.seen_from(point.point, normal));
+        (sources.is_some() || caustics.is_some()).then_some(Aims { sources, caustics })
     }
 }
 
@@ -71,10 +71,10 @@ impl Aims<'_> {
             }
             first -= share;
         }
-        match &self.glints {
-            Some(glints) if first < share => {
-                glints.choose(first / share, second).map_or(Choice::Nothing, Choice::Glint)
-            }
+        match &self.caustics {
+            Some(caustics) if first < f64::from(caustics.share()) => caustics
+                .choose(first / f64::from(caustics.share()), second)
+                .map_or(Choice::Nothing, Choice::Caustic),
             _ => Choice::Material,
         }
     }
@@ -92,8 +92,8 @@ impl Aims<'_> {
     ) -> Option<Weight> {
         let is_met = match choice {
             Choice::Source(target) => met.is_some_and(|met| met.triangle == target.triangle),
-            Choice::Glint(_) => met.is_some_and(|met| {
-                self.glints.is_some_and(|glints| glints.glints.may_show(met.triangle))
+            Choice::Caustic(_) => met.is_some_and(|met| {
+                self.caustics.is_some_and(|caustics| caustics.caustics.may_show(met.triangle))
             }),
             Choice::Material | Choice::Nothing => true,
         };
@@ -102,13 +102,13 @@ impl Aims<'_> {
         }
         let (mut density, mut rest) = (0.0, 1.0);
         if let Some(sources) = &self.sources {
-            density += met.map_or(0.0, |met| sources.density(raycaster, met));
+            density += SHARE * met.map_or(0.0, |met| sources.density(raycaster, met));
             rest -= SHARE;
         }
-        if let Some(glints) = &self.glints {
-            density += met.map_or(0.0, |met| glints.density(direction, met));
-            rest -= SHARE;
+        if let Some(caustics) = &self.caustics {
+            density += caustics.share() * met.map_or(0.0, |met| caustics.density(direction, met));
+            rest -= caustics.share();
         }
-        Some(Weight { weight: pdf / (rest * pdf + SHARE * density), is_aimed: density > 0.0 })
+        Some(Weight { weight: pdf / (rest * pdf + density), is_aimed: density > 0.0 })
     }
 }

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
 use holo_scene::Scene;
 
-use crate::glints::Glints;
+use crate::caustics::Caustics;
 use crate::lights::Lights;
 use crate::medium::{Inside, Nesting};
 use crate::panes::Panes;
@@ -23,7 +23,7 @@ pub(crate) struct PathEngine {
     pub lights: Lights,
     pub panes: Arc<Panes>,
     pub secondary: Option<SecondarySources>,
-    pub glints: Option<Glints>,
+    pub caustics: Option<Caustics>,
     /// `None` if the scene has no solid glass.
     pub nesting: Option<Nesting>,
     /// Radiance of the sky.
@@ -60,7 +60,7 @@ impl PathEngine {
         let lights_find_all = direct == Direct::Both && lights.is_one() && !is_specular;
         Self {
             secondary: SecondarySources::find(raycaster, &surfaces, &lights),
-            glints: Glints::find(scene, &lights),
+            caustics: Caustics::find(raycaster, &surfaces, &lights, &panes),
             surfaces,
             lights,
             panes,

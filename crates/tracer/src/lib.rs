@@ -23,6 +23,9 @@ mod bsdf;
 #[cfg(test)]
 mod bsdf_tests;
 mod cached;
+mod caustics;
+#[cfg(test)]
+mod caustics_tests;
 mod coat;
 mod conductor;
 #[cfg(test)]
@@ -36,9 +39,6 @@ mod energy_tests;
 mod engine;
 mod fresnel;
 mod geometry;
-mod glints;
-#[cfg(test)]
-mod glints_tests;
 mod images;
 #[cfg(test)]
 mod images_tests;

@@ -91,7 +91,7 @@ struct Path<'a> {
     throughput: Vec3,
     /// Product of [`Sampled::eta2`](crate::sampled::Sampled::eta2) along the path.
     eta2: f32,
-    /// Factor by which aiming at secondary sources and glints has lowered the throughput.
+    /// Factor by which aiming at secondary sources and caustics has lowered the throughput.
     aimed_by: f32,
     /// The width that the path looks at where its ray began, and its growth with distance.
     width: f32,
@@ -109,7 +109,7 @@ struct OutgoingVertex<'a> {
     scatter: &'a Scatter,
     /// The solids beyond the surface, if the surface bounds a solid.
     beyond: Option<&'a Inside>,
-    /// Set if the vertex may see secondary sources or glints.
+    /// Set if the vertex may see secondary sources or caustics.
     aims: Option<Aims<'a>>,
     /// How the lights were sampled here, if they were.
     light_sampling: Option<LightSampling>,

@@ -11,7 +11,7 @@
 //! | [`Purpose::Scatter`] | lobe and direction, in the order in which the material asks |
 //! | [`Purpose::Roulette`] | whether the path survives |
 //! | [`Purpose::Record`] | whether a coarse record of indirect light is made |
-//! | [`Purpose::Aim`] | one pair: whether to aim at a secondary source, which one, and where on it |
+//! | [`Purpose::Aim`] | one pair: whether to aim at a secondary source or a caustic, at which, and where |
 //! | [`Purpose::Image`] | one pair: which image of a lamp, and where on it |
 //! | [`Purpose::Sun`] | which sun, and one pair: where on it |
 //!

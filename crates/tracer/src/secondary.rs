@@ -47,39 +47,22 @@ struct Patch {
 /// The flux that light paths bring to a triangle or patch and that it reflects; each path starts
 /// with 1.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct OutgoingFlux {
+struct OutgoingFlux {
     /// Flux that leaves the counter-clockwise side, and the other side.
-    pub flux: [f64; 2],
-    /// The part of the flux that shows an emitter as a mirror does.
-    pub specular: f64,
-    /// Sum of that flux times the emitter's radiance.
-    pub specular_radiance: f64,
+    flux: [f64; 2],
     /// Number of light paths.
-    pub paths: u32,
+    paths: u32,
 }
 
 impl OutgoingFlux {
     fn flux(&self) -> f64 {
         self.flux[0] + self.flux[1]
     }
-
-    /// Returns the root mean square of the radiance that leaves `area`, times π. `flux_of_path` is
-    /// the flux of one path.
-    ///
-    /// This is the best density of samples. If the light leaves in all directions it is the mean
-    /// radiance; if a curved mirror shows a lamp in some directions, it is greater.
-    pub(crate) fn rms_radiance(&self, area: f64, flux_of_path: f64) -> f64 {
-        let mean = self.flux() * flux_of_path / area;
-        ((self.specular_radiance + (self.flux() - self.specular) * mean) * flux_of_path / area)
-            .sqrt()
-    }
 }
 
 impl AddAssign for OutgoingFlux {
     fn add_assign(&mut self, other: Self) {
         self.flux = [self.flux[0] + other.flux[0], self.flux[1] + other.flux[1]];
-        self.specular += other.specular;
-        self.specular_radiance += other.specular_radiance;
         self.paths += other.paths;
     }
 }
@@ -171,17 +154,9 @@ impl SecondarySources {
             sampler.turn(0, Purpose::Light);
             let (choice, _) = sampler.pairs(1).at(0);
             let i = sums.partition_point(|&sum| sum <= choice * total).min(emitters.len() - 1);
-            let radiance = strength[scene.material_ids[emitters[i] as usize] as usize];
-            follow(raycaster, surfaces, emitters[i], &mut sampler, &mut |t, side, share, shows| {
-                let share = f64::from(share);
-                let specular = if shows { share } else { 0.0 };
-                let mut one = OutgoingFlux {
-                    specular,
-                    specular_radiance: specular * share * radiance,
-                    paths: 1,
-                    ..OutgoingFlux::default()
-                };
-                one.flux[side] = share;
+            follow(raycaster, surfaces, emitters[i], &mut sampler, &mut |t, side, share| {
+                let mut one = OutgoingFlux { flux: [0.0; 2], paths: 1 };
+                one.flux[side] = f64::from(share);
                 *outgoing.entry(t).or_default() += one;
             });
         }
@@ -231,13 +206,6 @@ fn brightest(
     let mut patches: Vec<Patch> = Vec::new();
     for t in candidates() {
         if let Some(&outgoing) = outgoing.get(&t) {
-            // A large mirror shows a lamp in a small part of itself: aiming at all of it is not
-            // worth it.
-            let outgoing = if is_large(t) {
-                OutgoingFlux { specular: 0.0, specular_radiance: 0.0, ..outgoing }
-            } else {
-                outgoing
-            };
             let number = *numbers.entry(patch_of(t)).or_insert(patches.len());
             if number == patches.len() {
                 patches.push(Patch::default());
@@ -261,7 +229,7 @@ fn brightest(
         let Some(Patch { area, outgoing }) = number.map(|number| &patches[number]) else {
             continue;
         };
-        let radiance = outgoing.rms_radiance(*area, flux_of_path);
+        let radiance = outgoing.flux() * flux_of_path / area;
         if outgoing.paths < MIN_PATHS || radiance < CONTRAST * mean {
             continue;
         }
@@ -282,14 +250,13 @@ fn brightest(
 const SEED: u64 = 0x5EC0_DA2E;
 
 /// Traces one light path from a point of an emitter. Calls `outgoing` for each surface that
-/// reflects it, with triangle, side (0: counter-clockwise), remaining flux and whether it shows the
-/// emitter as a mirror.
+/// reflects it, with triangle, side (0: counter-clockwise) and remaining flux.
 fn follow(
     raycaster: &Raycaster,
     surfaces: &[Surface],
     emitter: u32,
     sampler: &mut Sampler,
-    outgoing: &mut impl FnMut(u32, usize, f32, bool),
+    outgoing: &mut impl FnMut(u32, usize, f32),
 ) {
     let material_ids = &raycaster.scene().material_ids;
     let (u, v) = triangle(sampler.two());
@@ -300,7 +267,6 @@ fn follow(
     }
     let mut direction = Frame::new(normal).to_world(cosine_hemisphere(sampler.two()));
     let mut share = 1.0;
-    let mut shows = true;
     for depth in 1..=DEPTH {
         let ray = Ray::new(spawn(point.point, point.error, point.normal, direction), direction);
         let Some(hit) = raycaster.nearest_from(&ray, point.triangle) else { return };
@@ -314,10 +280,9 @@ fn follow(
         sampler.turn(depth, Purpose::Scatter);
         let scatter = &surfaces[material_ids[hit.triangle as usize] as usize].scatter;
         let Some(sampled) = scatter.sample(wo, front, sampler) else { return };
-        shows &= sampled.pdf.is_none();
         share *= luminance(sampled.weight.to_array()).min(1.0);
         if sampled.wi.z > 0.0 {
-            outgoing(hit.triangle, usize::from(!front), share, shows);
+            outgoing(hit.triangle, usize::from(!front), share);
         }
         direction = frame.to_world(sampled.wi);
     }

@@ -9,7 +9,6 @@ use holo_scene::{Bsdf, Material, Scene};
 use crate::engine::PathEngine;
 use crate::path::{Start, first_hit};
 use crate::sampler::Sampler;
-use crate::secondary::OutgoingFlux;
 use crate::weighting::Direct;
 
 /// A floor that receives the light of a lamp only by way of a small plate above it.
@@ -69,7 +68,7 @@ fn aimed_and_plain_samples_have_one_expectation_and_aimed_samples_less_variance(
             let mut engine = PathEngine::new(&raycaster, None, Direct::Both, 1);
             assert!(engine.secondary.is_some(), "{plate:?}");
             // They would find the plate's image of the lamp, too.
-            engine.glints = None;
+            engine.caustics = None;
             let n = 200_000;
             let aimed = estimate(&engine, &raycaster, EYE, n);
             engine.secondary = None;
@@ -197,14 +196,4 @@ fn a_source_is_a_source_on_its_dimmer_side_too() {
         let density = sources.aimed_from(&point, normal).density(&raycaster, &hit);
         assert!(density > 0.0, "{eye}: {density}");
     }
-}
-
-#[test]
-fn mirrors_count_by_the_lamp_they_show_and_diffuse_surfaces_by_their_own_radiance() {
-    // An area of 2 reflects 3 of 5 paths; each path has a flux of 0.4.
-    let spread = OutgoingFlux { flux: [2.0, 1.0], paths: 5, ..OutgoingFlux::default() };
-    assert!((spread.rms_radiance(2.0, 0.4) - 0.6).abs() < 1e-12);
-    // A mirror shows the lamp's radiance of 50 in a share of directions.
-    let specular = OutgoingFlux { specular: 3.0, specular_radiance: 150.0, ..spread };
-    assert!((specular.rms_radiance(2.0, 0.4) - (0.6 * 50.0_f64).sqrt()).abs() < 1e-12);
 }

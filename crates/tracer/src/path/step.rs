@@ -47,7 +47,7 @@ impl PathEngine {
                 let direction = (target.point - point.point).normalize_or_zero();
                 scatter.towards(wo, frame.to_local(direction), front)
             }
-            Choice::Glint(direction) => scatter.towards(wo, frame.to_local(*direction), front),
+            Choice::Caustic(direction) => scatter.towards(wo, frame.to_local(*direction), front),
             Choice::Source(_) | Choice::Nothing => None,
         };
         let Some(sampled) = sampled else { return false };
@@ -55,7 +55,7 @@ impl PathEngine {
         path.eta2 *= sampled.eta2;
         if path.scatterings >= ROULETTE_SCATTERINGS || depth >= ROULETTE_DEPTH {
             // Radiance inside glass is greater by eta2: without that factor, roulette would end
-            // paths because they entered glass. Secondary sources and glints are brighter than
+            // paths because they entered glass. Secondary sources and caustics are brighter than
             // `aimed_by` lowers the throughput: without that factor, the few survivors would be as
             // noisy as unaimed paths.
             let worth = ROULETTE_FACTOR * path.throughput.max_element() * path.eta2 * path.aimed_by;

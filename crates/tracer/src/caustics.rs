@@ -1,0 +1,97 @@
+//! Caustics: light that mirrors, metal and glass throw onto wide surfaces.
+//!
+//! Paths from the eye find such light only by chance. When the scene is prepared, light paths are
+//! traced from the lamps over what throws light, once (module `photons`). Each ends as a photon on
+//! a wide surface. Photons that lie side by side make a [`Leaf`]. Surfaces within a leaf aim some
+//! of their samples in the directions that its photons came from ("Importance Driven Path Tracing
+//! using the Photon Map", Jensen 1995).
+//!
+//! A photon remembers a point that it seems to come from. So a leaf's directions change from place
+//! to place as reflections do.
+//!
+//! Always true: the photons are a function of the scene alone, and only decide where samples go. A
+//! density counts only towards what throws light ([`Caustics::may_show`]), and there it is that of
+//! [`CausticVertex::choose`]. A scene in which nothing throws light pays nothing.
+
+mod leaf;
+mod photons;
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use holo_raycast::{Hit, Raycaster};
+
+use crate::lights::Lights;
+use crate::panes::Panes;
+use crate::surface::Surface;
+use leaf::{Leaf, Tree};
+use photons::Casters;
+
+/// The caustics of a scene.
+#[derive(Debug)]
+pub(crate) struct Caustics {
+    casters: Casters,
+    tree: Tree,
+}
+
+/// A vertex that photons reach.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CausticVertex<'a> {
+    pub caustics: &'a Caustics,
+    leaf: &'a Leaf,
+    point: Vec3,
+}
+
+impl Caustics {
+    /// Finds the caustics of a scene. `None` if there are none.
+    pub(crate) fn find(
+        raycaster: &Arc<Raycaster>,
+        surfaces: &[Surface],
+        lights: &Lights,
+        panes: &Panes,
+    ) -> Option<Self> {
+        let casters = Casters::new(raycaster.scene())?;
+        let photons = photons::shoot(raycaster, surfaces, lights, panes, &casters);
+        let tree = Tree::new(photons, raycaster.scene())?;
+        Some(Self { casters, tree })
+    }
+
+    /// Returns whether a triangle may throw light.
+    #[inline]
+    pub(crate) fn may_show(&self, triangle: u32) -> bool {
+        self.casters.contain(triangle)
+    }
+
+    /// Returns the caustics as a surface sees them that is lit on the side of `normal`. `None`
+    /// where no photons are.
+    #[inline]
+    pub(crate) fn seen_from(&self, point: Vec3, normal: Vec3) -> Option<CausticVertex<'_>> {
+        let leaf = self.tree.find(point, normal)?;
+        Some(CausticVertex { caustics: self, leaf, point })
+    }
+}
+
+impl CausticVertex<'_> {
+    /// Returns the share of samples that are aimed.
+    #[inline]
+    pub(crate) fn share(&self) -> f32 {
+        self.leaf.share
+    }
+
+    /// Returns a direction from which light may come, by two uniform numbers.
+    #[inline]
+    pub(crate) fn choose(&self, first: f64, second: f32) -> Option<Vec3> {
+        self.leaf.choose(self.point, first, second)
+    }
+
+    /// Returns the density, per solid angle, with which [`choose`](Self::choose) gives a direction
+    /// in which a ray meets `met`; 0 if that surface throws no light.
+    #[inline]
+    pub(crate) fn density(&self, direction: Vec3, met: &Hit) -> f32 {
+        if self.caustics.may_show(met.triangle) {
+            self.leaf.density(self.point, direction)
+        } else {
+            0.0
+        }
+    }
+}
