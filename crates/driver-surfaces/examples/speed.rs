@@ -1,7 +1,9 @@
 //! Times the driver: samples inserted, views at rest, and views while the eye moves.
 //!
-//! `speed FILE.holo VIEW` draws a named view of the file at 1280 × 720. Then it moves the eye by
-//! 2 cm a frame at half resolution. Times are of the processor, all threads together, and passed.
+//! `speed FILE.holo VIEW OUT` draws a named view of the file at 1280 × 720. Then it moves the eye by
+//! 2 cm a frame at half resolution, back to the view, and stops. It writes the first picture after
+//! the stop, OUT-stopped.pfm, and the refined one, OUT-refined.pfm. Times are of the processor, all
+//! threads together, and passed.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -27,7 +29,7 @@ fn timed(name: &str, parts: u32, unit: f64, work: impl FnOnce()) {
 
 fn main() {
     let args: Vec<String> = std::env::args().collect();
-    let [_, file, name] = &args[..] else { panic!("see the source") };
+    let [_, file, name, out] = &args[..] else { panic!("see the source") };
     let Stored { raycaster, sections, beams, view, size } = Stored::read(file, name);
     let mut driver = SurfacesDriver::new(sections, raycaster, None);
     let count: usize = beams.iter().map(|(_, read)| read.samples.len()).sum();
@@ -40,13 +42,17 @@ fn main() {
     timed("half, nothing known: look, ms", 1, 1e3, || driver.look(&half).unwrap());
     timed("half, nothing known: draw, ms", 1, 1e3, || drop(driver.draw(&mut |_| {})));
     let full = look(view, Resolution::Full);
+    let finish = |driver: &mut SurfacesDriver| while driver.prepare() {};
     timed("full: look, ms", 1, 1e3, || driver.look(&full).unwrap());
     timed("full: first draw, ms", 1, 1e3, || drop(driver.draw(&mut |_| {})));
+    timed("full: look into edges, ms", 1, 1e3, || finish(&mut driver));
     timed("full: draw again, ms", 1, 1e3, || drop(driver.draw(&mut |_| {})));
-    let steps: Vec<Look> = (1..=FRAMES)
+    let steps: Vec<Look> = (0..FRAMES)
+        .rev()
         .map(|step| {
             let eye = view.vp + view.right() * 0.02 * f64::from(step);
-            look(view.moved(eye, view.vd).unwrap(), Resolution::Half)
+            let size = (size.0 / 2, size.1 / 2);
+            Look { view: view.moved(eye, view.vd).unwrap(), size, resolution: Resolution::Moving }
         })
         .collect();
     timed("moving: look, ms", FRAMES, 1e3, || {
@@ -57,4 +63,11 @@ fn main() {
             drop(driver.draw(&mut |_| {}));
         }
     });
+    timed("stopped: look, ms", 1, 1e3, || driver.look(&full).unwrap());
+    let mut stopped = None;
+    timed("stopped: draw, ms", 1, 1e3, || stopped = Some(driver.draw(&mut |_| {})));
+    stopped.unwrap().picture.write(format!("{out}-stopped.pfm")).unwrap();
+    driver.settle();
+    finish(&mut driver);
+    driver.draw(&mut |_| {}).picture.write(format!("{out}-refined.pfm")).unwrap();
 }

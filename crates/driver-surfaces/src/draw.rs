@@ -51,9 +51,6 @@ struct Further<'a> {
 /// Stands for no pane.
 const NO_PANE: u32 = u32::MAX;
 
-/// The side of the squares whose known light is looked up, in pixels of half resolution.
-const MOVING: usize = 2;
-
 impl Gathered {
     /// Draws the view, and keeps the light that it finds in `known`.
     ///
@@ -122,9 +119,10 @@ impl Gathered {
 }
 
 impl View {
-    /// Draws the view from light that earlier pictures found. `None` if they found too little.
-    pub(crate) fn draw_known(&self, store: &Store, known: &Known) -> Option<Drawn> {
-        let squares = Squares::new(|pixel| self.seen[pixel], self.size, MOVING);
+    /// Draws the view from light that earlier pictures found, in squares of this side. `None` if they
+    /// found too little.
+    pub(crate) fn draw_known(&self, store: &Store, known: &Known, step: usize) -> Option<Drawn> {
+        let squares = Squares::new(|pixel| self.seen[pixel], self.size, step);
         let lights = known.lights(self, &squares)?;
         Some(self.lit(store, &Layer { squares, lights }, &Further::default()))
     }

@@ -78,6 +78,9 @@ struct Shown {
     /// A view's first frame is not, so that it is there soon.
     is_refined: bool,
     edges: Edges,
+    /// Whether the eye has just stopped here. The first frame then shows known light, so that it is
+    /// there soon.
+    has_stopped: bool,
     /// How the last frame at rest was refined. `None` before the first one.
     drawn: Option<Refined>,
     covered: Vec<bool>,
@@ -94,6 +97,8 @@ enum Edges {
 /// How a frame is refined.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Refined {
+    /// Whether it shows all samples, and not known light.
+    is_gathered: bool,
     is_denoised: bool,
     has_edges: bool,
 }
@@ -152,9 +157,15 @@ impl SurfacesDriver {
     fn drawn(&mut self) -> Option<(Drawn, Option<Gathered>)> {
         let shown = self.shown.as_ref()?;
         let Look { resolution, .. } = shown.look;
-        if resolution == Resolution::Moving
-            && let Some(drawn) = shown.view.draw_known(&self.store, &self.known)
+        if (resolution == Resolution::Moving || shown.has_stopped)
+            && let Some(drawn) =
+                shown.view.draw_known(&self.store, &self.known, known_side(resolution))
         {
+            let shown = self.shown.as_mut()?;
+            if std::mem::take(&mut shown.has_stopped) {
+                shown.drawn = Some(Refined::KNOWN);
+                shown.is_refined = true;
+            }
             return Some((drawn, None));
         }
         self.place_waiting();
@@ -188,11 +199,23 @@ impl SurfacesDriver {
     }
 }
 
+/// Returns the side of the squares whose known light is looked up, pixels: as wide at both
+/// resolutions.
+fn known_side(resolution: Resolution) -> usize {
+    if resolution == Resolution::Moving { 2 } else { 4 }
+}
+
+impl Refined {
+    /// Known light alone.
+    const KNOWN: Refined = Refined { is_gathered: false, is_denoised: false, has_edges: false };
+}
+
 impl Shown {
     /// Returns how a frame would be refined now.
     fn refined(&self, has_denoiser: bool) -> Refined {
         let is_refined = self.is_refined && self.look.resolution == Resolution::Full;
         Refined {
+            is_gathered: true,
             is_denoised: has_denoiser && is_refined,
             has_edges: matches!(self.edges, Edges::All),
         }
@@ -261,12 +284,16 @@ impl Driver for SurfacesDriver {
             view == look.view && resolution == Resolution::Half && shown.is_refined
         };
         let is_refined = self.shown.as_ref().is_some_and(glanced);
+        let moved = |shown: &Shown| shown.look.resolution == Resolution::Moving;
+        let has_stopped =
+            look.resolution == Resolution::Full && self.shown.as_ref().is_some_and(moved);
         self.shown = Some(Shown {
             look,
             view,
             gathered: None,
             is_refined,
             edges: Edges::Some(Vec::new()),
+            has_stopped,
             drawn: None,
             covered,
         });

@@ -123,7 +123,10 @@ fn a_moving_eye_sees_the_light_that_the_last_picture_found() {
         driver.insert(beam, 1, &[sample]);
     }
     assert!((mean(&draw(&mut driver)) / mean(&at_rest) - 1.0).abs() < 0.02);
+    // The first frame after a stop shows known light, and the next one all samples.
     driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    assert!((mean(&draw(&mut driver)) / mean(&at_rest) - 1.0).abs() < 0.02);
+    assert!(driver.refines());
     assert!(mean(&draw(&mut driver)) > 1.5 * mean(&at_rest));
 }
 

@@ -79,7 +79,7 @@ impl Session {
     }
 
     /// Returns whether everything that is stored is here, but for a few samples of others.
-    pub(super) fn has_whole_file(&self) -> bool {
+    pub fn has_whole_file(&self) -> bool {
         self.loads_whole_file() && self.ahead.is_done() && !self.has_many_new()
     }
 

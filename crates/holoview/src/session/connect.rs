@@ -219,6 +219,7 @@ impl Connected {
             messages: self.messages,
             waker: self.waker,
             ahead: Ahead::new(sections),
+            is_unasked: false,
             is_loading_to_settle: false,
             current: None,
             request_number: 0,

@@ -44,6 +44,8 @@ pub struct Counts {
     pub stored: u64,
     /// From workers.
     pub traced: u64,
+    /// From the file, of parts that no view asked for.
+    pub parts: u64,
     /// Seconds until the first ones were here.
     pub first_samples: Option<f64>,
 }
@@ -75,7 +77,7 @@ impl CurrentView {
                 match message.source {
                     Source::Traced => self.counts.traced += count,
                     Source::Stored => self.counts.stored += count,
-                    Source::Part => {}
+                    Source::Part => self.counts.parts += count,
                 }
             }
         }

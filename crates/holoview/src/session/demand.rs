@@ -131,6 +131,20 @@ impl Session {
             return self.look_on(look);
         }
         let since = Instant::now();
+        let sections = &self.choice.sections;
+        let is_inside = sections.iter().any(|section| section.contains(look.view.vp));
+        if self.is_walked && is_inside && self.has_whole_file() && self.current.is_some() {
+            // The light is here: whoever walks sees it before more is asked for.
+            self.look_on(look)?;
+            self.current.iter_mut().for_each(|current| current.since = since);
+            self.is_unasked = true;
+            return Ok(());
+        }
+        self.look_and_ask(look, since, false)
+    }
+
+    /// Looks at a view, unless the driver has, and asks for what it needs.
+    fn look_and_ask(&mut self, look: Look, since: Instant, has_looked: bool) -> Result<()> {
         let Look { view, size, .. } = look;
         let sections = &self.choice.sections;
         let Selection { beams, covered } =
@@ -156,7 +170,9 @@ impl Session {
             let none = LiveWanted { view: self.request_number, pixels: 0, rays: Vec::new() };
             self.outbox.send(Kind::LiveWanted, &none.encode())?;
         }
-        self.driver.look(&look)?;
+        if !has_looked {
+            self.driver.look(&look)?;
+        }
         self.driver.set_nearest(nearest);
         let paths = self.welcome.settings.paths_per_sample;
         let uncovered = if self.welcome.tracing { self.driver.uncovered() } else { Vec::new() };
@@ -205,6 +221,11 @@ impl Session {
         now: Instant,
         ending: bool,
     ) -> Result<Option<Instant>> {
+        if std::mem::take(&mut self.is_unasked)
+            && let Some(CurrentView { look, since, .. }) = self.current
+        {
+            self.look_and_ask(look, since, true)?;
+        }
         let Some(current) = &self.current else { return Ok(None) };
         let rests = current.since + AT_REST;
         let nearest = (!current.nearest_is_seen).then(|| current.since + NEAREST_AFTER);

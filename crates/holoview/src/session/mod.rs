@@ -74,6 +74,8 @@ pub struct Session {
     current: Option<CurrentView>,
     /// How far the file is loaded.
     ahead: Ahead,
+    /// Whether nothing was asked for the current view yet.
+    is_unasked: bool,
     /// Whether the session settles, and loads the whole file for that.
     is_loading_to_settle: bool,
     /// Number of the last request.

@@ -204,7 +204,7 @@ pub struct Painter {
     /// What was drawn last, and whether it could be shown.
     drawn: Option<(Wanted, bool)>,
     times: Times,
-    /// Samples in the last frame's view when it was drawn.
+    /// Samples that had arrived when the last frame was drawn.
     drawn_samples: u64,
     /// Whether the last picture at rest had fewer pixels than it may have.
     is_sketch: bool,
@@ -317,7 +317,7 @@ impl Painter {
     fn is_due(&mut self, wanted: &Wanted) -> bool {
         match &self.drawn {
             Some((drawn, is_shown)) if drawn == wanted => {
-                let samples = self.samples();
+                let samples = self.arrived();
                 let is_new = samples != self.drawn_samples || self.session.refines();
                 let now = Instant::now();
                 let is_much = samples / MANY_MORE > self.drawn_samples
@@ -341,7 +341,9 @@ impl Painter {
     /// Returns whether so little is known of the view that a picture of fewer pixels shows it all.
     fn is_sketchy(&self, full: (u32, u32)) -> bool {
         let pixels = f64::from(full.0) * f64::from(full.1);
-        self.samples() as f64 / pixels < SKETCHY && self.times.moved.elapsed() < SKETCHING
+        !self.session.has_whole_file()
+            && self.samples() as f64 / pixels < SKETCHY
+            && self.times.moved.elapsed() < SKETCHING
     }
 
     fn next_redraw(&self) -> Instant {
@@ -364,6 +366,11 @@ impl Painter {
     fn samples(&self) -> u64 {
         let counts = self.session.counts();
         counts.stored + counts.traced + self.session.live_rays()
+    }
+
+    /// Samples that have arrived since the view was asked for, whichever view they are for.
+    fn arrived(&self) -> u64 {
+        self.samples() + self.session.counts().parts
     }
 
     /// Draws a frame of the wanted view.
@@ -394,7 +401,7 @@ impl Painter {
             return Ok(());
         }
         let looked = Instant::now();
-        self.drawn_samples = self.samples();
+        self.drawn_samples = self.arrived();
         let (mut frame, _) = self.session.draw();
         if frame.samples_used == 0 {
             // A guess is no light.
