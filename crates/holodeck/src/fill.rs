@@ -47,8 +47,8 @@ pub struct Args {
     /// traced again with more paths [default: 512 for each beam that sees something, at least 50M]
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     enough: Option<u64>,
-    /// Fill only the beams of this share, such as 0/8: the first of eight. `holodeck merge` puts the
-    /// files of all shares together
+    /// Fill only the beams of this share, such as 0/8: the first of eight. `holodeck merge` puts
+    /// the files of all shares together
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
     #[command(flatten)]

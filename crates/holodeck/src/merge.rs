@@ -10,7 +10,8 @@ use crate::prepare::SMALL_CACHE;
 
 /// Put the samples of several holodecks of one scene into one
 ///
-/// A sample that several files have is stored once: with the most paths. So a merge may be repeated.
+/// A sample that several files have is stored once: with the most paths. So a merge may be
+/// repeated.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  holodeck merge room.holo part-0.holo part-1.holo part-2.holo")]
 pub struct Args {
