@@ -217,7 +217,8 @@ fn the_interior_loads_without_a_warning_and_its_sections_are_empty() {
     let features = loaded.scene.features();
     assert!(features.diffuse && features.mirror && features.thin_glass);
     assert_eq!(Scene::unpack(&loaded.scene.pack()).unwrap(), loaded.scene);
-    // The bounds are those of the mesh: the file has steps of 10 µm, the scene has f32 around its centre.
+    // The bounds are those of the mesh: the file has steps of 10 µm, the scene has f32 around its
+    // centre.
     let (low, high) = loaded.scene.bounds();
     let corners = || triangles().flat_map(|(triangle, _)| triangle);
     let (made_low, made_high) =

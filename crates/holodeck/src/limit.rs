@@ -46,3 +46,41 @@ fn beams(axes: [[f64; 3]; 3], grid: [u32; 3]) -> u64 {
     let section = Section::new(SectionSpec { origin, axes, grid, class, obstructions: false });
     section.map_or(0, |section| section.beam_count())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::opening::{Wanted, open};
+
+    /// Returns the beams of each section that a flat of two rooms gets under a limit, and their
+    /// names.
+    fn sections(max_beams: Option<u64>) -> (Vec<u64>, Vec<String>) {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = holo_scenes::write_model("sketchup-flat", folder.path()).unwrap();
+        let config = Config { scene, max_beams, ..Config::default() };
+        let sections = open(&config, Wanted::Sections, true).unwrap().sections;
+        let of = |section: &crate::config::Section| {
+            beams(section.axes, section.grid.unwrap_or_else(|| Section::default_grid(section.axes)))
+        };
+        let names = sections.iter().map(|section| section.name.clone().unwrap_or_default());
+        (sections.iter().map(of).collect(), names.collect())
+    }
+
+    #[test]
+    fn a_limit_of_beams_leaves_out_doors_first_and_then_small_rooms_but_never_the_largest() {
+        let (beams, names) = sections(None);
+        assert_eq!(names, ["room 1", "room 2", "door 1"]);
+        assert!(beams.iter().all(|&beams| beams > 0));
+        let total: u64 = beams.iter().sum();
+        for (limit, left) in [
+            (total, 3),
+            (total - 1, 2),
+            (beams[0] + beams[1], 2),
+            (beams[0] + beams[1] - 1, 1),
+            (beams[0], 1),
+            (1, 1),
+        ] {
+            assert_eq!(sections(Some(limit)), (beams[..left].to_vec(), names[..left].to_vec()));
+        }
+    }
+}

@@ -58,22 +58,13 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
     let mut choices = Vec::new();
     let features = scene.features();
     let has_no_sky = !features.sky && config.sky.is_none();
-    let is_dark = features.emitters == 0 && features.suns == 0 && has_no_sky;
     if has_no_sky && features.suns > 0 {
         scene.sky = preview::sky_beside(&scene.suns);
-        let [r, g, b] = scene.sky.map(|c| rounded(f64::from(c), f64::from(c)));
+        let sky = preview::words(scene.sky);
         choices.push(format!(
-            "light: a sky of radiance {r},{g},{b}, a fifth of the suns' irradiance, because the file \
-             has suns and no sky (--sky R,G,B)"
+            "light: a sky of radiance {sky}, a fifth of the suns' irradiance, because the file has \
+             suns and no sky (--sky R,G,B)"
         ));
-    }
-    if is_dark {
-        scene.sky = preview::SKY;
-        choices.push(
-            "light: a preview sky of radiance 1, because nothing in the scene gives light; its \
-             luminances mean nothing (--sky R,G,B)"
-                .to_owned(),
-        );
     }
     let up = config.up.map_or_else(
         || {
@@ -100,9 +91,11 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
         is_quiet: quiet,
         survey: None,
     };
+    let has_lamps = features.emitters > 0;
+    let may_be_dark = has_no_sky && features.suns == 0 && !opened.is_lit_by_lamps(has_lamps)?;
     let needs_sections = wanted == Wanted::Sections && opened.sections.is_empty();
-    // A scene without light is surveyed always: its rooms may need lamps, the same ones each time.
-    if needs_sections || opened.views.is_empty() || is_dark {
+    // A dark scene is surveyed always: its rooms may need lamps, the same ones each time.
+    if needs_sections || opened.views.is_empty() || may_be_dark {
         let raycaster = opened.raycaster()?;
         let unit = config.unit.map(|unit| unit.0);
         let mut survey = Survey::new(&raycaster, Frame::new(up), unit, &about);
@@ -110,21 +103,9 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
         if unit.is_none() {
             opened.choices.push(format!("unit: {} (--unit mm|cm|m|in|ft)", survey.unit.reason));
         }
-        if is_dark && survey.rooms.is_empty() {
-            let words = "light: a preview sun over the viewer's shoulder, because it has no rooms";
-            opened.choices.push(format!("{words} (--sky R,G,B)"));
-            opened.raycaster = None;
-            // Building the hierarchy again would take seconds for millions of triangles.
-            let only = Arc::into_inner(raycaster).context("the scene is still being surveyed")?;
-            let lit = Arc::new(only.with_suns(vec![preview::sun(&survey.outside)])?);
-            (opened.scene, opened.raycaster) = (lit.scene().clone(), Some(lit));
-        } else if is_dark
-            && let Some((lit, count)) = preview::with_lamps(&raycaster, &survey.rooms)?
-        {
-            opened
-                .choices
-                .push(format!("light: preview lamps in {count} rooms that no sky reaches"));
-            (opened.scene, opened.raycaster) = (Arc::new(lit), None);
+        // Lamps in rooms are meant, however little they light.
+        if may_be_dark && (!has_lamps || survey.rooms.is_empty()) {
+            opened.light(raycaster, &survey)?;
         }
         // After the light, which must be the same whatever is left out.
         let found = survey.rooms.len();
@@ -164,6 +145,49 @@ impl Opened {
             eprintln!("{reason}");
         }
         Ok(self.raycaster.insert(Arc::new(raycaster)).clone())
+    }
+
+    fn is_lit_by_lamps(&mut self, has_lamps: bool) -> Result<bool> {
+        if !has_lamps {
+            return Ok(false);
+        }
+        let raycaster = self.raycaster()?;
+        Ok(holo_survey::is_lit_by_lamps(&raycaster))
+    }
+
+    /// Gives a dark scene a sky, and a sun or lamps.
+    fn light(&mut self, raycaster: Arc<Raycaster>, survey: &Survey) -> Result<()> {
+        let (sky, glows) = preview::sky(&self.scene);
+        let words = preview::words(sky);
+        self.choices.push(match glows {
+            false => format!(
+                "light: a preview sky of radiance {words}, because nothing in the scene gives light; its \
+                 luminances mean nothing (--sky R,G,B)"
+            ),
+            true => format!(
+                "light: a preview sky of radiance {words}, as bright as what glows, because that lights \
+                 hardly any of the scene (--sky R,G,B; --sky 0,0,0 is none)"
+            ),
+        });
+        let suns = match survey.rooms.is_empty() {
+            true => vec![preview::sun(&survey.outside, sky)],
+            false => Vec::new(),
+        };
+        if !suns.is_empty() {
+            let words = "light: a preview sun over the viewer's shoulder, because it has no rooms";
+            self.choices.push(format!("{words} (--sky R,G,B)"));
+        }
+        self.raycaster = None;
+        // Building the hierarchy again would take seconds for millions of triangles.
+        let only = Arc::into_inner(raycaster).context("the scene is still being surveyed")?;
+        let lit = Arc::new(only.with_sky(sky, suns)?);
+        (self.scene, self.raycaster) = (lit.scene().clone(), Some(lit.clone()));
+        if let Some((scene, count)) = preview::with_lamps(&lit, &survey.rooms)? {
+            let words = format!("light: preview lamps in {count} rooms that no sky reaches");
+            self.choices.push(words);
+            (self.scene, self.raycaster) = (Arc::new(scene), None);
+        }
+        Ok(())
     }
 
     /// Returns the survey, if one was needed.
@@ -264,7 +288,7 @@ fn around(scene: &Scene) -> Result<config::Section> {
 }
 
 /// Returns up to four significant decimals of a length.
-fn rounded(value: f64, scale: f64) -> f64 {
+pub fn rounded(value: f64, scale: f64) -> f64 {
     let step = 10f64.powf((scale.max(f64::MIN_POSITIVE)).log10().floor() - 4.0);
     let rounded = (value / step).round() * step;
     // Decimal, so that it prints as it was rounded.

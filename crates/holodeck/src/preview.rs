@@ -1,20 +1,21 @@
-//! Light for scenes that have none: a sky, lamps in rooms that no sky reaches, and a sun for
-//! objects without rooms.
+//! Light for scenes that are dark without it: a sky, lamps in rooms that no sky reaches, and a sun
+//! for objects without rooms.
 
 use anyhow::Result;
 use glam::{DVec3, Vec3};
 use holo_raycast::{Ray, Raycaster};
-use holo_scene::{Bsdf, Material, Scene, Sun};
+use holo_scene::{Bsdf, Material, Rgb, Scene, Sun};
 use holo_survey::{Room, Sight};
 
-/// Radiance of the sky that lights a scene without lamps, W·sr⁻¹·m⁻².
-pub const SKY: [f32; 3] = [1.0; 3];
+/// Radiance of the sky that lights a scene in which nothing glows, W·sr⁻¹·m⁻².
+const SKY: f32 = 1.0;
 
 /// Irradiance of a clear sky over that of the sun beside it.
 const SKY_OVER_SUN: f32 = 0.2;
 
-/// Radiance of the lamps: a panel of a twentieth of the ceiling is as bright as a window.
-const LAMP: [f32; 3] = [10.0; 3];
+/// Radiance of the lamps over the sky's: a panel of a twentieth of the ceiling is as bright as a
+/// window.
+const LAMP_OVER_SKY: f32 = 10.0;
 
 /// Most rooms that get a lamp, the largest first.
 const MOST_LAMPS: usize = 8;
@@ -29,12 +30,29 @@ const HEIGHT: f64 = 0.9;
 const DIRECTIONS: usize = 256;
 const ENOUGH: f64 = 0.01;
 
+/// Returns the radiance of the sky for a dark scene, and whether anything glows in it. The sky is
+/// as bright as what glows most, so that both are seen.
+pub fn sky(scene: &Scene) -> (Rgb, bool) {
+    let triangles = 0..scene.triangles.len() as u32;
+    let most = triangles.flat_map(|triangle| scene.material(triangle).emission).fold(0.0, f32::max);
+    match most > 0.0 {
+        true => ([most; 3], true),
+        false => ([SKY; 3], false),
+    }
+}
+
+/// Returns a radiance as one writes it on the command line.
+pub fn words(radiance: Rgb) -> String {
+    let [r, g, b] = radiance.map(|c| crate::opening::rounded(f64::from(c), f64::from(c)));
+    if r == g && g == b { format!("{r}") } else { format!("{r},{g},{b}") }
+}
+
 /// Returns a sun that shows the shape of an object that is looked at so: from above, the left and
-/// behind the viewer. Together with the sky it is as strong as a clear day's is over its sky.
-pub fn sun(sight: &Sight) -> Sun {
+/// behind the viewer. It is as strong as a clear day's is beside this sky.
+pub fn sun(sight: &Sight, sky: Rgb) -> Sun {
     let right = sight.direction.cross(sight.up).normalize_or_zero();
     let towards = sight.up * 0.8 - right * 0.7 - sight.direction * 0.6;
-    let irradiance = SKY.map(|c| c * std::f32::consts::PI * 2.0);
+    let irradiance = sky.map(|c| c * std::f32::consts::PI / SKY_OVER_SUN);
     Sun { towards: towards.normalize_or(sight.up).as_vec3().to_array(), irradiance }
 }
 
@@ -59,7 +77,7 @@ pub fn with_lamps(raycaster: &Raycaster, rooms: &[Room]) -> Result<Option<(Scene
     materials.push(Material {
         name: "preview lamp".to_owned(),
         bsdf: Bsdf::Diffuse { kd: [0.0; 3] },
-        emission: LAMP,
+        emission: scene.sky.map(|c| c * LAMP_OVER_SKY),
         two_sided_emission: false,
     });
     for room in &dark {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use holo_scene::{Scene, SceneError, Sun};
+use holo_scene::{Rgb, Scene, SceneError, Sun};
 
 use crate::build;
 use crate::dispatch::Isa;
@@ -56,12 +56,14 @@ impl Raycaster {
         Ok(Self { scene, facets, hierarchy, isa: Isa::detect(), reach, has_cut_outs })
     }
 
-    /// Gives the scene these suns instead of its own. The hierarchy stays: suns have no place.
+    /// Gives the scene this sky and these suns instead of its own. The hierarchy stays: they have no
+    /// place.
     ///
     /// # Errors
     /// As [`Scene::with_suns`].
-    pub fn with_suns(self, suns: Vec<Sun>) -> Result<Self, SceneError> {
-        let scene = Arc::unwrap_or_clone(self.scene).with_suns(suns)?;
+    pub fn with_sky(self, sky: Rgb, suns: Vec<Sun>) -> Result<Self, SceneError> {
+        let mut scene = Arc::unwrap_or_clone(self.scene).with_suns(suns)?;
+        scene.sky = sky;
         Ok(Self { scene: Arc::new(scene), ..self })
     }
 

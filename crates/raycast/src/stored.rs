@@ -23,6 +23,7 @@ use std::fmt;
 use std::io::{self, Read, Write};
 
 use bytemuck::{Pod, Zeroable};
+use rayon::prelude::*;
 
 use crate::NO_TRIANGLE;
 use crate::dispatch::LARGE_STACK;
@@ -149,20 +150,22 @@ pub(crate) fn read(
 impl Stored {
     /// Fills the leaves with the vertices of the scene's facets.
     pub(crate) fn over(self, facets: &[Facet]) -> Result<Hierarchy, StoredError> {
-        let mut blocks = holo_cpu::reserved(self.ids.len());
-        for ids in &self.ids {
-            blocks.push(block(ids, facets).ok_or(StoredError::Damaged)?);
+        let exists = |&id: &u32| id == NO_TRIANGLE || (id as usize) < facets.len();
+        if !self.ids.par_iter().all(|ids| ids.iter().all(exists)) {
+            return Err(StoredError::Damaged);
         }
+        let mut blocks = holo_cpu::reserved(self.ids.len());
+        blocks.par_extend(self.ids.par_iter().map(|ids| block(ids, facets)));
         Ok(Hierarchy { nodes: self.nodes, blocks, few: None, stack_need: self.stack_need })
     }
 }
 
-fn block(ids: &Ids, facets: &[Facet]) -> Option<Block> {
+fn block(ids: &Ids, facets: &[Facet]) -> Block {
     let mut block = Block::EMPTY;
     for (lane, &id) in ids.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
-        block.set(lane, id, facets.get(id as usize)?.vertices.map(|v| v.to_array()));
+        block.set(lane, id, facets[id as usize].vertices.map(|v| v.to_array()));
     }
-    Some(block)
+    block
 }
 
 fn hash(nodes: &[u8], ids: &[u8]) -> [u8; 32] {

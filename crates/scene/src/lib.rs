@@ -59,7 +59,7 @@ pub use model::LoadProgress;
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
 pub use scene::{Features, Scene};
 pub use shading::{
-    CUT_OUT, Channel, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral, Shading, WHITE,
+    CUT_OUT, Channel, CutOut, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral, Shading, WHITE,
     from_octahedral, to_octahedral,
 };
 pub use sun::{MAX_SUNS, SUN_RADIUS, Sun};

@@ -1,18 +1,19 @@
 //! Textures in MTL files: `map_Kd` (colour), `map_Ke` (emission), `map_d` (opacity), `map_Pr`
 //! (roughness), `map_Pm` (metalness), `norm` and `map_Bump` (normals).
 //!
-//! Options before a file's name that count are `-s` and `-o` (how the texture lies), `-clamp`, `-bm`
-//! (strength of normals) and `-imfchan` (the channel of a number). Others are skipped. The file is
-//! found beside the model as any file that it names.
+//! Options before a file's name that count are `-s` and `-o` (how the texture lies), `-clamp`,
+//! `-bm` (strength of normals) and `-imfchan` (the channel of a number). Others are skipped. The
+//! file is found beside the model as any file that it names.
 //!
-//! Exporters name pictures of normals and of heights alike with `map_Bump`. Only a picture whose mean
-//! is a unit vector off the surface has normals. Heights have no stated unit, and are left out with a warning.
+//! Exporters name pictures of normals and of heights alike with `map_Bump`. Only a picture whose
+//! mean is a unit vector off the surface has normals. Heights have no stated unit, and are left out
+//! with a warning.
 
 use std::path::Path;
 
 use glam::Vec3;
 
-use crate::shading::{Channel, FinishMap, NormalMap};
+use crate::shading::{CUT_OUT, Channel, CutOut, FinishMap, NormalMap};
 use crate::text::{excerpt, number};
 use crate::texture::{Texture, Wrap};
 use crate::texture_files::{TextureFiles, Use};
@@ -175,7 +176,9 @@ pub(crate) fn textures(
         match statement.slot {
             Slot::Base => maps.base = found,
             Slot::Emission => maps.emission = found,
-            Slot::Opacity => maps.cut_out = found,
+            Slot::Opacity => {
+                maps.cut_out = found.map(|texture| CutOut { texture, least: CUT_OUT });
+            }
             Slot::Roughness => numbers[0] = number(roughness),
             Slot::Metalness => numbers[1] = number(metalness),
             Slot::Normal => {

@@ -11,15 +11,17 @@ use crate::SceneError;
 
 /// Returns the file that a model in `folder` names.
 ///
-/// Tried in this order: the path as written, with the separators of Windows, in other letter case,
-/// with the ending `usual` in place of its own, and the bare name in the folder. If none of them
-/// exists, the result is the path as written, within the folder.
+/// Tried in this order: the path as written, without spaces around it, with the separators of
+/// Windows, in other letter case, with the ending `usual` in place of its own, and the bare name in
+/// the folder. If none of them exists, the result is the path as written, within the folder.
 pub(crate) fn beside(folder: &Path, name: &str, usual: &str) -> PathBuf {
+    let spaced = within(name);
     let name = name.trim();
     let path = within(name).or_else(|| within(&name.replace('\\', "/")));
     let slashed = name.replace('\\', "/");
     let bare = slashed.rsplit('/').next().and_then(within).unwrap_or_default();
     let candidates = [
+        spaced,
         path.clone(),
         within(&slashed),
         within(&slashed).map(|path| path.with_extension(usual)),
@@ -89,7 +91,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         std::fs::create_dir(folder.join("maps")).unwrap();
-        for file in ["room.mtl", "maps/Wood.PNG"] {
+        for file in ["room.mtl", "maps/Wood.PNG", " a  map.png"] {
             std::fs::write(folder.join(file), "").unwrap();
         }
         for (name, file) in [
@@ -101,6 +103,8 @@ mod tests {
             ("/home/me/room.mtl", "room.mtl"),
             (r"maps\Wood.PNG", "maps/Wood.PNG"),
             ("maps/wood.png", "maps/Wood.PNG"),
+            (" a  map.png", " a  map.png"),
+            (" room.mtl ", "room.mtl"),
         ] {
             assert_eq!(beside(folder, name, "mtl"), folder.join(file), "{name}");
         }

@@ -61,8 +61,8 @@ fn texture_coordinates(obj: &ObjFile, looks: &Looks, material_ids: &[u32]) -> Ve
     material_ids.iter().enumerate().map(place).collect()
 }
 
-/// Returns the colours of each triangle's corners. Programs write them as sRGB, from 0 to 1 or to 255.
-/// Empty if the file has none.
+/// Returns the colours of each triangle's corners. Programs write them as sRGB, from 0 to 1 or to
+/// 255. Empty if the file has none.
 fn colours(obj: &ObjFile) -> Vec<[[u8; 3]; 3]> {
     if obj.colours.is_empty() {
         return Vec::new();
@@ -78,8 +78,8 @@ fn colours(obj: &ObjFile) -> Vec<[[u8; 3]; 3]> {
     obj.corners.iter().map(|corners| corners.map(of)).collect()
 }
 
-/// Returns the normals of each triangle's corners: those of the file, or else those of its smoothing
-/// groups. Empty if all are faceted.
+/// Returns the normals of each triangle's corners: those of the file, or else those of its
+/// smoothing groups. Empty if all are faceted.
 fn normals(obj: &ObjFile) -> Vec<[Octahedral; 3]> {
     let normals = if !obj.normals.is_empty() && !obj.corners.is_empty() {
         let of = |corner: u32| {

@@ -37,12 +37,12 @@
 //! 5 coated        8      kd, ks, ior, alpha
 //! ```
 //!
-//! Version 2 follows the materials with normals, textures, colours and suns. Scenes without them have
-//! version 1.
+//! Version 2 follows the materials with normals, textures, colours and suns. Scenes without them
+//! have version 1.
 //!
 //! ```text
 //! 0               4      flags, u32: bit 0 texture coordinates, bit 1 normals, bit 2 normal maps
-//!                        or finishes, bit 3 colours of corners, bit 4 suns
+//!                        or finishes, bit 3 colours of corners, bit 4 suns, bit 5 least opacities
 //! 4               4      N, number of textures, u32
 //! 8               24·T   if bit 0: coordinates, 3 corners × 2 × f32 for each triangle
 //!                 12·T   if bit 1: normals, 3 corners × 2 × i16 for each triangle (octahedral)
@@ -57,6 +57,8 @@
 //!                 9·T    if bit 3: colours, 3 corners × 3 × u8 of sRGB for each triangle
 //!                 4      if bit 4: S, number of suns, u32
 //!                 24·S   if bit 4: direction towards it, 3 × f32, and irradiance, 3 × f32
+//!                 4·M    if bit 5: opacity from which the cut-out surfaces of each material are
+//!                        there, f32; 0.5 without this bit
 //!                 N ×    textures, one after another; then the end
 //!
 //! a texture:

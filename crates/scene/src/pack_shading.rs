@@ -4,7 +4,7 @@
 
 use bytemuck::Pod;
 
-use crate::shading::{Channel, FinishMap, MAX_TEXTURES, NormalMap, WHITE};
+use crate::shading::{CUT_OUT, Channel, CutOut, FinishMap, MAX_TEXTURES, NormalMap, WHITE};
 use crate::sun::MAX_SUNS;
 use crate::texture::MAX_TEXTURE_BYTES;
 use crate::{Maps, PackedError, SceneError, Shading, Sun, Texture, Wrap};
@@ -14,7 +14,8 @@ const HAS_NORMALS: u32 = 2;
 const HAS_DETAILS: u32 = 4;
 const HAS_COLOURS: u32 = 8;
 const HAS_SUNS: u32 = 16;
-const ALL: u32 = HAS_UVS | HAS_NORMALS | HAS_DETAILS | HAS_COLOURS | HAS_SUNS;
+const HAS_CUTS: u32 = 32;
+const ALL: u32 = HAS_UVS | HAS_NORMALS | HAS_DETAILS | HAS_COLOURS | HAS_SUNS | HAS_CUTS;
 const NO_TEXTURE: u32 = u32::MAX;
 
 /// Four bytes of a number.
@@ -33,6 +34,7 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
         (has_details, HAS_DETAILS),
         (!shading.colours.is_empty(), HAS_COLOURS),
         (!suns.is_empty(), HAS_SUNS),
+        (has_cuts(shading), HAS_CUTS),
     ];
     let flags: u32 = flags.iter().filter(|(has, _)| *has).map(|(_, flag)| flag).sum();
     let textures = if has_uvs { &shading.textures[..] } else { &[] };
@@ -45,7 +47,8 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
     let numbers = shading.normals.as_flattened().as_flattened();
     numbers.iter().for_each(|c| out.extend(c.to_le_bytes()));
     for maps in &shading.maps {
-        let three = [maps.base, maps.emission, maps.cut_out];
+        let cut_out = maps.cut_out.map(|cut_out| cut_out.texture);
+        let three = [maps.base, maps.emission, cut_out];
         three.iter().for_each(|map| out.extend(map.unwrap_or(NO_TEXTURE).to_le_bytes()));
     }
     if has_details {
@@ -57,6 +60,9 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
         let numbers = suns.iter().flat_map(|sun| sun.towards.into_iter().chain(sun.irradiance));
         numbers.for_each(|c| out.extend(c.to_le_bytes()));
     }
+    if has_cuts(shading) {
+        shading.maps.iter().for_each(|maps| out.extend(least_opacity(maps).to_le_bytes()));
+    }
     for texture in textures {
         out.extend((texture.encoded.len() as u32).to_le_bytes());
         out.extend(texture.wrap.map(|wrap| match wrap {
@@ -67,6 +73,15 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
         out.extend([u8::from(texture.is_linear), u8::from(texture.is_mask)]);
         out.extend_from_slice(&texture.encoded);
     }
+}
+
+/// Returns whether any surface is cut out at another opacity than is usual.
+fn has_cuts(shading: &Shading) -> bool {
+    shading.maps.iter().any(|maps| least_opacity(maps) != CUT_OUT)
+}
+
+fn least_opacity(maps: &Maps) -> f32 {
+    maps.cut_out.map_or(CUT_OUT, |cut_out| cut_out.least)
 }
 
 fn details(maps: &Maps) -> Details {
@@ -126,7 +141,7 @@ pub(crate) fn unpack_shading(
 ) -> Result<(Shading, Vec<Sun>), SceneError> {
     let [flags, count] = one::<[Word; 2]>(&mut bytes)?.map(u32::from_le_bytes);
     let has = |flag: u32| flags & flag != 0;
-    let needs_uvs = count > 0 || has(HAS_DETAILS);
+    let needs_uvs = count > 0 || has(HAS_DETAILS) || has(HAS_CUTS);
     if flags & !ALL != 0 || count as usize > MAX_TEXTURES || (needs_uvs && !has(HAS_UVS)) {
         return Err(PackedError::Shading.into());
     }
@@ -145,7 +160,7 @@ pub(crate) fn unpack_shading(
         let maps = three.map(|[base, emission, cut_out]| Maps {
             base,
             emission,
-            cut_out,
+            cut_out: cut_out.map(|texture| CutOut { texture, least: CUT_OUT }),
             ..Maps::default()
         });
         shading.maps = maps.collect();
@@ -170,8 +185,25 @@ pub(crate) fn unpack_shading(
         return Err(PackedError::Shading.into());
     }
     let suns = if has(HAS_SUNS) { unpack_suns(&mut bytes)? } else { Vec::new() };
+    if has(HAS_CUTS) {
+        unpack_cuts(&mut bytes, &mut shading)?;
+    }
     shading.textures = unpack_textures(bytes, count as usize)?;
     Ok((shading, suns))
+}
+
+/// Reads the least opacity of each material. What has no other packing is refused.
+fn unpack_cuts(bytes: &mut &[u8], shading: &mut Shading) -> Result<(), PackedError> {
+    let all = take::<Word>(bytes, shading.maps.len())?;
+    for (maps, &least) in shading.maps.iter_mut().zip(all) {
+        let least = f32::from_le_bytes(least);
+        match &mut maps.cut_out {
+            Some(cut_out) => cut_out.least = least,
+            None if least == CUT_OUT => {}
+            None => return Err(PackedError::Shading),
+        }
+    }
+    if has_cuts(shading) { Ok(()) } else { Err(PackedError::Shading) }
 }
 
 fn unpack_suns(bytes: &mut &[u8]) -> Result<Vec<Sun>, PackedError> {

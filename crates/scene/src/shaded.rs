@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use crate::shading::{CUT_OUT, Channel, Maps, Shading, WHITE, from_octahedral};
+use crate::shading::{Channel, CutOut, Maps, Shading, WHITE, from_octahedral};
 use crate::texture::linear_table;
 use crate::{Bsdf, Rgb, Scene, SceneError};
 
@@ -25,13 +25,13 @@ impl Scene {
         Ok(self)
     }
 
-    /// Returns the share of light that a surface reflects diffusely (metals: mirrors) at a point: the
-    /// material's colour times its texture. White for glass.
+    /// Returns the share of light that a surface reflects diffusely (metals: mirrors) at a point:
+    /// the material's colour times its texture. White for glass.
     ///
     /// `u` and `v` are the barycentric weights of the second and third corner. `footprint` is the
     /// width in scene units of what is looked at, such as a pixel's, and chooses the resolution of
-    /// the texture; 0 takes the finest. Light divided by this at a sample, and multiplied by it at a
-    /// pixel, shows textures sharply.
+    /// the texture; 0 takes the finest. Light divided by this at a sample, and multiplied by it at
+    /// a pixel, shows textures sharply.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -72,8 +72,8 @@ impl Scene {
                 && self.smooth_normal(triangle, 0.3, 0.3).is_none()
     }
 
-    /// Returns whether a material has neither a texture of normals nor one of roughness or metalness:
-    /// what it reflects looks the same everywhere.
+    /// Returns whether a material has neither a texture of normals nor one of roughness or
+    /// metalness: what it reflects looks the same everywhere.
     #[must_use]
     pub fn has_even_finish(&self, material: usize) -> bool {
         let maps = self.shading.as_ref().and_then(|shading| shading.maps.get(material));
@@ -121,8 +121,8 @@ impl Scene {
         Some([number(finish.roughness), number(finish.metalness)])
     }
 
-    /// Returns the normal that a texture of normals gives at a point whose normal is `normal`, on the
-    /// side from which the corners run counter-clockwise. `None` without such a texture.
+    /// Returns the normal that a texture of normals gives at a point whose normal is `normal`, on
+    /// the side from which the corners run counter-clockwise. `None` without such a texture.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -163,9 +163,9 @@ impl Scene {
     #[inline]
     pub fn is_cut_out(&self, triangle: u32, u: f32, v: f32) -> bool {
         let Some((shading, maps)) = self.maps(triangle) else { return false };
-        let Some(texture) = maps.cut_out else { return false };
+        let Some(CutOut { texture, least }) = maps.cut_out else { return false };
         let uv = coordinates(&shading.uvs[triangle as usize], [u, v]);
-        shading.textures[texture as usize].at(uv.to_array(), 0.0)[3] < CUT_OUT
+        shading.textures[texture as usize].at(uv.to_array(), 0.0)[3] < least
     }
 
     /// Returns whether any surface has parts that are cut out.
@@ -174,8 +174,8 @@ impl Scene {
         self.shading.as_ref().is_some_and(|s| s.maps.iter().any(|maps| maps.cut_out.is_some()))
     }
 
-    /// Returns the unit normal of a curved surface at a point, on the side from which the corners run
-    /// counter-clockwise; `None` for a facet.
+    /// Returns the unit normal of a curved surface at a point, on the side from which the corners
+    /// run counter-clockwise; `None` for a facet.
     ///
     /// # Panics
     /// If there is no such triangle.

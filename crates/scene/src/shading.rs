@@ -11,7 +11,7 @@ use crate::texture::Texture;
 /// Most textures of a scene.
 pub const MAX_TEXTURES: usize = 4096;
 
-/// Opacity below which a cut-out surface is not there.
+/// Opacity below which a cut-out surface is not there, if its file does not say.
 pub const CUT_OUT: f32 = 0.5;
 
 /// A unit vector as two shares of an octahedron (Cigolle et al. 2014), within 0.0001 rad.
@@ -29,8 +29,8 @@ pub struct Shading {
     pub textures: Vec<Texture>,
     /// Textures of each material. Empty if there is no texture.
     pub maps: Vec<Maps>,
-    /// Colours of each triangle's corners, as bytes of sRGB: factors to the material's colour. Empty
-    /// if all are white.
+    /// Colours of each triangle's corners, as bytes of sRGB: factors to the material's colour.
+    /// Empty if all are white.
     pub colours: Vec<[[u8; 3]; 3]>,
 }
 
@@ -44,15 +44,25 @@ pub struct Maps {
     pub base: Option<u32>,
     /// Factor to the emission.
     pub emission: Option<u32>,
-    /// The surface is not there if the opacity of this texture is below [`CUT_OUT`].
-    pub cut_out: Option<u32>,
+    /// The surface is not there where this texture is not opaque enough.
+    pub cut_out: Option<CutOut>,
     /// Small changes of the normal.
     pub normal: Option<NormalMap>,
     /// Roughness and metalness of diffuse, coated and metal surfaces, instead of the material's.
     pub finish: Option<FinishMap>,
 }
 
-/// A texture of normals: red points to the right in the picture, green up, and blue off the surface.
+/// A texture that says by its opacity where a surface is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CutOut {
+    /// Its index.
+    pub texture: u32,
+    /// Opacity below which the surface is not there, in (0, 1].
+    pub least: f32,
+}
+
+/// A texture of normals: red points to the right in the picture, green up, and blue off the
+/// surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NormalMap {
     /// Its index.
@@ -88,13 +98,15 @@ impl Maps {
             .finish
             .map_or([None; 2], |finish| [finish.roughness.texture, finish.metalness.texture]);
         let normal = self.normal.map(|normal| normal.texture);
-        [self.base, self.emission, self.cut_out, normal, roughness, metalness]
+        let cut_out = self.cut_out.map(|cut_out| cut_out.texture);
+        [self.base, self.emission, cut_out, normal, roughness, metalness]
     }
 
     /// Returns whether all its numbers are plausible.
     fn is_plausible(&self) -> bool {
         let fits = |c: Channel| c.channel < 3 && (0.0..=1.0).contains(&c.factor);
-        self.normal.is_none_or(|normal| normal.strength.is_finite())
+        self.cut_out.is_none_or(|cut_out| cut_out.least > 0.0 && cut_out.least <= 1.0)
+            && self.normal.is_none_or(|normal| normal.strength.is_finite())
             && self.finish.is_none_or(|finish| fits(finish.roughness) && fits(finish.metalness))
     }
 }

@@ -4,8 +4,8 @@ use glam::{DVec3, Vec3};
 
 use crate::shading::{Octahedral, to_octahedral};
 
-/// Cosine of the greatest angle between faces that a smoothing group joins: 45°. Exporters put whole
-/// boxes into one group.
+/// Cosine of the greatest angle between faces that a smoothing group joins: 45°. Exporters put
+/// whole boxes into one group.
 const JOINED: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Returns the unit normal of a triangle, or 0 if it has no area.
@@ -29,8 +29,8 @@ pub(crate) fn is_curved([a, b, c]: &[Octahedral; 3]) -> bool {
     a != b || b != c
 }
 
-/// Makes normals from smoothing groups: at a corner, the mean of the normals of faces around it that
-/// are in the same group and within 45°, weighted by area. Group 0 is faceted.
+/// Makes normals from smoothing groups: at a corner, the mean of the normals of faces around it
+/// that are in the same group and within 45°, weighted by area. Group 0 is faceted.
 pub(crate) fn from_groups(
     positions: &[DVec3],
     triangles: &[[u32; 3]],

@@ -285,6 +285,11 @@ fn files_that_lie_are_refused_with_the_place() {
         ),
         (json.replace(r#""POSITION":0"#, r#""POSITION":9"#), "a mesh names accessor 9 of 3"),
         ("{".to_owned(), "it is not valid glTF"),
+        (
+            r#"{"asset":{"version":"1.0"},"meshes":{"box":{"primitives":[]}}}"#.to_owned(),
+            "it is glTF 1.0, which is not read: export it as glTF 2.0",
+        ),
+        (r#"{"meshes":{"box":{"primitives":[]}}}"#.to_owned(), "it is glTF 1.0"),
     ];
     for (json, expected) in cases {
         let found = problem(&json);
@@ -322,6 +327,19 @@ fn textures_lie_as_their_transform_says_and_masks_are_cut_out() {
     let scene = load(moved, r#""alphaMode":"MASK","#).scene;
     assert_eq!(scene.reflectance(0, 1.0, 0.0, 0.0), [0.5, 0.0, 0.0]);
     assert!(!scene.is_cut_out(0, 1.0, 0.0));
+    // Opacity falls from 1 to 0 between the middles of the texels.
+    for (mode, least) in [
+        (r#""alphaMode":"MASK","#, 0.5),
+        (r#""alphaMode":"MASK","alphaCutoff":0.2,"#, 0.2),
+        (r#""alphaMode":"MASK","alphaCutoff":0.8,"#, 0.8),
+    ] {
+        let scene = load("", mode).scene;
+        for opacity in [0.1, 0.3, 0.6, 0.9] {
+            let u = 0.75 - 0.5 * opacity;
+            assert_eq!(scene.is_cut_out(0, u, 0.0), opacity < least, "{mode} {opacity}");
+        }
+        assert_eq!(Scene::unpack(&scene.pack()).unwrap(), scene);
+    }
 }
 
 #[test]
@@ -356,6 +374,21 @@ fn pictures_without_a_file_or_a_type_are_left_out_or_found_by_their_bytes() {
         let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
         assert!(said.join("\n").contains(problem), "{image}: {said:?}");
         assert!(loaded.scene.shading.is_none(), "{image}");
+    }
+}
+
+#[test]
+fn files_that_require_unknown_extensions_open_if_their_shape_is_there() {
+    let more = r#""extensionsRequired":["KHR_texture_basisu"],"extensionsUsed":["KHR_texture_basisu"],
+        "materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}],
+        "textures":[{"extensions":{"KHR_texture_basisu":{"source":0}}}],"images":[{"uri":"a.ktx2"}]"#;
+    let loaded = load(&triangle(more)).unwrap();
+    assert_eq!(loaded.scene.triangles.len(), 1);
+    let said = messages(&loaded).join("\n");
+    for words in
+        ["`KHR_texture_basisu` is ignored (1)", "textures without a picture in PNG or JPEG"]
+    {
+        assert!(said.contains(words), "{words}: {said}");
     }
 }
 

@@ -24,8 +24,10 @@ const FLAT: f64 = 0.6;
 /// Share of back faces seen from which a region may be the inside of a solid.
 const BACKS: f64 = 0.55;
 
-/// Number of materials in sight that make even a region of back faces a room.
+/// Numbers of materials and of triangles in sight that make even a region of back faces a room. A
+/// cuboid has twelve triangles, and may have a material on each side.
 const FURNISHED: usize = 3;
+const MORE_THAN_A_BOX: usize = 13;
 
 /// The free places of one storey.
 pub(crate) struct Level {
@@ -45,6 +47,7 @@ struct Seen {
     is_flat: bool,
     has_lamp: bool,
     materials: BTreeSet<u32>,
+    triangles: BTreeSet<u32>,
 }
 
 /// Heights in cells.
@@ -162,11 +165,17 @@ fn is_room(views: &[&Seen]) -> bool {
     let sum = |of: fn(&Seen) -> usize| views.iter().map(|seen| of(seen)).sum::<usize>() as f64;
     let (hits, backs) = (sum(|seen| seen.hits), sum(|seen| seen.backs));
     let flat = sum(|seen| usize::from(seen.is_flat));
-    let materials: BTreeSet<u32> = views.iter().flat_map(|seen| &seen.materials).copied().collect();
+    let distinct = |of: fn(&Seen) -> &BTreeSet<u32>| {
+        views.iter().flat_map(|seen| of(seen)).collect::<BTreeSet<_>>().len()
+    };
     if views.iter().any(|seen| seen.has_lamp) {
         return true;
     }
-    flat >= FLAT * views.len() as f64 && (backs <= BACKS * hits || materials.len() >= FURNISHED)
+    let is_furnished = || {
+        distinct(|seen| &seen.materials) >= FURNISHED
+            && distinct(|seen| &seen.triangles) >= MORE_THAN_A_BOX
+    };
+    flat >= FLAT * views.len() as f64 && (backs <= BACKS * hits || is_furnished())
 }
 
 fn look_around(grid: &Grid, raycaster: &Raycaster, from: DVec3) -> Seen {
@@ -177,11 +186,15 @@ fn look_around(grid: &Grid, raycaster: &Raycaster, from: DVec3) -> Seen {
         let world = grid.frame.to_world(direction).as_vec3();
         let Some(hit) = raycaster.nearest(&Ray::new(origin, world)) else { continue };
         let normal = raycaster.geometric_normal(hit.triangle);
-        let material = scene.material_ids[hit.triangle as usize];
+        let id = scene.material_ids[hit.triangle as usize];
+        let material = &scene.materials[id as usize];
+        let is_back = normal.dot(world) > 0.0;
         seen.hits += 1;
-        seen.backs += usize::from(normal.dot(world) > 0.0);
-        seen.has_lamp |= scene.materials[material as usize].emits();
-        seen.materials.insert(material);
+        seen.backs += usize::from(is_back);
+        // Who looks at the back of a glowing shell stands inside it.
+        seen.has_lamp |= material.emits() && (!is_back || material.two_sided_emission);
+        seen.materials.insert(id);
+        seen.triangles.insert(hit.triangle);
         if direction.z < -0.999 {
             seen.is_flat = normal.as_dvec3().dot(grid.frame.up).abs() > 0.99;
         }

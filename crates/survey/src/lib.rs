@@ -18,6 +18,7 @@ mod findings;
 mod frame;
 pub mod grid;
 mod level;
+mod lit;
 mod names;
 mod plan;
 mod rectangle;
@@ -28,6 +29,7 @@ mod up;
 
 pub use findings::{Finding, findings, memory, white_materials};
 pub use frame::Frame;
+pub use lit::is_lit_by_lamps;
 pub use plan::Plan;
 pub use rooms::{Door, Room, Survey};
 pub use sight::Sight;

@@ -38,9 +38,9 @@ const DOOR: [u8; 3] = [168, 196, 120];
 const LEAST_WIDTH: usize = 480;
 
 impl Survey {
-    /// Draws the storeys with rooms, one below the other from the top storey on. Walls and furniture
-    /// at eye height are dark, rooms and what joins them are coloured, and a dot with a line is a
-    /// view. `None` without rooms.
+    /// Draws the storeys with rooms, one below the other from the top storey on. Walls and
+    /// furniture at eye height are dark, rooms and what joins them are coloured, and a dot with a
+    /// line is a view. `None` without rooms.
     #[must_use]
     pub fn plan(&self) -> Option<Plan> {
         let grid = self.grid.as_ref().filter(|_| !self.rooms.is_empty())?;

@@ -20,6 +20,10 @@ const EYE: f64 = 1.6;
 /// Height of eyes in storeys that are too low for a person, as in doll's houses.
 const EYE_SHARE: f64 = 0.55;
 
+/// Height of the lowest storeys, metres, if the unit is known: doll's houses are 1:12. Lower ones
+/// are the insides of things.
+const LEAST_STOREY: f64 = 0.18;
+
 /// How far floors of one storey may differ, as a share of the eye's height: steps and thresholds.
 const STEPS: f64 = 0.25;
 
@@ -34,6 +38,10 @@ const ABOVE: f64 = 0.25;
 /// largest room's.
 const LEAST_SIDE: f64 = 0.35;
 const LEAST_AREA: f64 = 0.03;
+
+/// Least area of the largest room, in squares of the eye's height: a bathroom has more. Without
+/// such a room the scene is an object, and its free places are below wings or between legs.
+const LEAST_LARGEST: f64 = 1.0;
 
 /// Width of places that are not doors, as a share of the eye's height. Boxes keep off the jambs, so
 /// that a door of 1.1 m is narrower.
@@ -54,6 +62,12 @@ pub struct Room {
     /// Index of its storey, from below.
     pub level: usize,
     pub(crate) rectangle: Rectangle,
+}
+
+impl Room {
+    fn area(&self) -> f64 {
+        self.axes[0].length() * self.axes[1].length()
+    }
 }
 
 /// A free box at eye height that joins rooms, through a door or past furniture.
@@ -87,15 +101,15 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Surveys a scene. `unit` is the unit that a person has stated, in metres. Otherwise it follows
-    /// from what its file says, the height of its rooms, the habits of the program that wrote it, or
-    /// the scene's size.
+    /// Surveys a scene. `unit` is the unit that a person has stated, in metres. Otherwise it
+    /// follows from what its file says, the height of its rooms, the habits of the program that
+    /// wrote it, or the scene's size.
     #[must_use]
     pub fn new(raycaster: &Raycaster, frame: Frame, unit: Option<Unit>, about: &About) -> Survey {
         let scene = raycaster.scene();
         let (unit, usual) = known_unit(unit, about);
         let (low, high) = scene.bounds();
-        let outside = sight::from_outside(&frame, low, high);
+        let outside = sight::from_outside(&frame, scene);
         let extent = (high - low).max_element();
         let Some(grid) = Grid::new(raycaster, frame) else {
             let unit = unit.or(usual).unwrap_or_else(|| by_extent(extent));
@@ -120,8 +134,15 @@ impl Survey {
         let cells = |length: f64| (length / grid.cell).round().max(1.0) as u32;
         let heights =
             Heights { eye: cells(eye), below: cells(BELOW * eye), slack: cells(STEPS * eye) };
-        let levels = levels(&grid, raycaster, &runs, heights);
-        let rooms = rooms(&grid, raycaster, &levels, eye);
+        let is_too_low = |height: f64| unit.is_some() && height * metres < LEAST_STOREY;
+        let levels = match height.is_some_and(is_too_low) {
+            true => Vec::new(),
+            false => levels(&grid, raycaster, &runs, heights),
+        };
+        let mut rooms = rooms(&grid, raycaster, &levels, eye);
+        if rooms.first().is_some_and(|room| room.area() < LEAST_LARGEST * eye * eye) {
+            rooms.clear();
+        }
         let unit = unit.unwrap_or_else(|| {
             let by_storey = height.and_then(by_storey).filter(|_| !rooms.is_empty());
             by_storey.or(usual).unwrap_or_else(|| by_extent(extent))

@@ -2,8 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use holo_raycast::{Ray, Raycaster};
+use holo_scene::Scene;
 
 use crate::frame::Frame;
 use crate::grid::Grid;
@@ -26,8 +27,8 @@ pub struct Sight {
 const IN_ROOM: f64 = 75.0;
 const OF_OBJECT: f64 = 45.0;
 
-/// Share of a room's sides that eyes keep from its ends. A wall right beside the eye fills an edge of
-/// the picture, and hardly any stored ray sees it as flatly.
+/// Share of a room's sides that eyes keep from its ends. A wall right beside the eye fills an edge
+/// of the picture, and hardly any stored ray sees it as flatly.
 const INSET: f64 = 0.08;
 
 /// Level directions that each place tries.
@@ -93,12 +94,60 @@ pub(crate) fn in_room(grid: &Grid, raycaster: &Raycaster, room: Rectangle, eye: 
     }
 }
 
-/// Returns a view of everything between two world corners, from the front, the right and above.
-pub(crate) fn from_outside(frame: &Frame, low: DVec3, high: DVec3) -> Sight {
-    let towards = DVec3::new(-0.5, 0.85, -0.38).normalize();
-    let radius = 0.5 * low.distance(high);
-    let distance = radius / (0.42 * OF_OBJECT.to_radians()).sin();
-    let direction = frame.to_world(towards);
-    let eye = (low + high) * 0.5 - direction * distance;
-    Sight { eye, direction, up: frame.up, angle: OF_OBJECT }
+/// Directions that views from outside try, in the frame's axes, the usual one first: from the
+/// front, the right and above; from other sides; and from high above.
+const OUTSIDE: [[f64; 3]; 6] = [
+    [-0.5, 0.85, -0.38],
+    [0.5, 0.85, -0.38],
+    [-0.5, -0.85, -0.38],
+    [0.85, -0.5, -0.38],
+    [-0.3, 0.5, -0.9],
+    [-0.95, 0.2, -0.2],
+];
+
+/// Share of the most surface that any of them shows from which the first one is taken.
+const SHOWN: f64 = 0.4;
+
+/// Most triangles that decide.
+const MAX_SAMPLED: usize = 100_000;
+
+/// Share of the picture that an object fills at most, and height over width of the widest pictures.
+const FILLED: f64 = 0.9;
+const WIDE: f64 = 9.0 / 16.0;
+
+/// Least distance from the middle of a scene, in its diagonals: outside of a section around it.
+const LEAST_DISTANCE: f64 = 0.6;
+
+/// Returns a view of the whole scene from outside. It is the usual one unless that looks along the
+/// surfaces, as at the edge of a board.
+pub(crate) fn from_outside(frame: &Frame, scene: &Scene) -> Sight {
+    let towards = OUTSIDE.map(|towards| frame.to_world(DVec3::from_array(towards).normalize()));
+    let shown = towards.map(|towards| shown(scene, towards));
+    let most = shown.into_iter().fold(0.0, f64::max);
+    let enough = |&number: &usize| shown[number] >= SHOWN * most;
+    let direction = towards[(0..towards.len()).find(enough).unwrap_or(0)];
+    let right = direction.cross(frame.up).normalize_or(frame.up.any_orthonormal_vector());
+    let above = right.cross(direction);
+    let (low, high) = scene.bounds();
+    let middle = (low + high) * 0.5;
+    let slope = (0.5 * OF_OBJECT.to_radians()).tan() * FILLED;
+    let distance = scene.triangles.as_flattened().iter().map(|&corner| {
+        let corner = Vec3::from(scene.positions[corner as usize]).as_dvec3();
+        let from_middle = scene.origin + corner - middle;
+        let across = from_middle.dot(right).abs() / slope;
+        let up = from_middle.dot(above).abs() / (slope * WIDE);
+        across.max(up) - from_middle.dot(direction)
+    });
+    let distance = distance.fold(LEAST_DISTANCE * low.distance(high), f64::max);
+    Sight { eye: middle - direction * distance, direction, up: frame.up, angle: OF_OBJECT }
+}
+
+/// Returns the area that surfaces cover in a parallel view, each on its own.
+fn shown(scene: &Scene, direction: DVec3) -> f64 {
+    let stride = scene.triangles.len().div_ceil(MAX_SAMPLED).max(1);
+    let area = |triangle: usize| {
+        let [a, b, c] = scene.corners(triangle as u32).map(|corner| corner.as_dvec3());
+        (b - a).cross(c - a).dot(direction).abs()
+    };
+    (0..scene.triangles.len()).step_by(stride).map(area).sum()
 }

@@ -12,8 +12,8 @@ const AGREED: f64 = 0.75;
 const LOW: f64 = 0.67;
 
 /// Returns the up axis of a scene. In this order: what its file states, what materials called floor
-/// or ceiling show, where lamps shine, what its program usually has, which way the scene is low, and
-/// else +y, as in most model files.
+/// or ceiling show, where lamps shine, what its program usually has, which way the scene is low,
+/// and else +y, as in most model files.
 #[must_use]
 pub fn guess_up(scene: &Scene, about: &About) -> Guess<DVec3> {
     let said = |up: &Said<[f64; 3]>, how: &str| {

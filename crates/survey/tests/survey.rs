@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use holo_raycast::{Ray, Raycaster};
 use holo_scene::{About, Material, Said, Scene};
-use holo_survey::{Frame, Survey, guess_up};
+use holo_survey::{Frame, Sight, Survey, guess_up};
 
 /// Triangles with named materials.
 #[derive(Default)]
@@ -243,6 +243,18 @@ fn faces_turned_round_do_not_hide_a_room() {
     assert_eq!(model.survey(DVec3::Z, None).0.rooms.len(), 2);
 }
 
+/// Returns whether a view of 16:9 shows all corners of a model.
+fn shows_all(model: &Model, sight: &Sight) -> bool {
+    let right = sight.direction.cross(sight.up).normalize();
+    let above = right.cross(sight.direction);
+    let slope = (sight.angle / 2.0).to_radians().tan();
+    model.positions.iter().all(|corner| {
+        let towards = *corner - sight.eye;
+        let ahead = towards.dot(sight.direction) * slope;
+        towards.dot(right).abs() < ahead && towards.dot(above).abs() < ahead * 9.0 / 16.0
+    })
+}
+
 #[test]
 fn objects_have_no_rooms_and_are_seen_whole_from_outside() {
     let mut ball = Model::default();
@@ -251,17 +263,54 @@ fn objects_have_no_rooms_and_are_seen_whole_from_outside() {
     let mut crate_of_wood = Model::default();
     let wood = crate_of_wood.material("wood", 0.0);
     crate_of_wood.cuboid(DVec3::ZERO, DVec3::splat(3.0), false, wood);
-    for model in [ball, crate_of_wood] {
+    let mut post = Model::default();
+    post.material("wood", 0.0);
+    post.cuboid(DVec3::ZERO, DVec3::new(0.1, 0.1, 7.0), false, 0);
+    // Each side has a material, as in many a test model.
+    let mut dice = Model::default();
+    dice.cuboid(DVec3::ZERO, DVec3::splat(3.0), false, 0);
+    dice.ids = (0..12).map(|triangle| triangle / 2).collect();
+    (0..6).for_each(|side| _ = dice.material(&format!("side {side}"), 0.0));
+    for model in [ball, crate_of_wood, post, dice] {
         let (survey, _) = model.survey(DVec3::Z, None);
         assert!(survey.rooms.is_empty() && survey.plan().is_none());
         let (name, sight) = &survey.views()[0];
         assert_eq!(name, "outside");
-        let half = (sight.angle / 2.0).to_radians();
-        for corner in &model.positions {
-            let towards = (*corner - sight.eye).normalize();
-            assert!(towards.angle_between(sight.direction) < half, "{corner}");
+        assert!(shows_all(&model, sight), "{sight:?}");
+    }
+}
+
+#[test]
+fn no_board_is_looked_at_along_its_surface() {
+    for turn in 0..36 {
+        let (sin, cos) = (f64::from(turn) / 36.0 * PI).sin_cos();
+        for tilt in [0.0, 0.5, 1.0, 2.0] {
+            let mut board = Model::default();
+            board.material("wood", 0.0);
+            let side = DVec3::new(cos, sin, 0.0);
+            let up = DVec3::new(-sin * tilt, cos * tilt, 1.0).normalize();
+            board.quad([DVec3::ZERO, side, side + up, up], 0);
+            let (survey, _) = board.survey(DVec3::Z, None);
+            let shown = side.cross(up).dot(survey.outside.direction).abs();
+            assert!(shown > 0.3, "{turn} {tilt}: {shown}");
+            assert!(shows_all(&board, &survey.outside));
         }
     }
+}
+
+#[test]
+fn the_inside_of_a_device_is_no_room_even_if_it_glows() {
+    // A case of 12 cm in a file of metres, whose emission is on both sides.
+    let mut device = Model::default();
+    let case = device.material("case", 1.0);
+    device.cuboid(DVec3::ZERO, DVec3::new(0.12, 0.06, 0.05), false, case);
+    device.materials[0].two_sided_emission = true;
+    assert!(device.survey(DVec3::Z, Some(1.0)).0.rooms.is_empty());
+    // A larger one glows outwards only.
+    let mut lantern = Model::default();
+    let glass = lantern.material("glass", 1.0);
+    lantern.cuboid(DVec3::ZERO, DVec3::new(4.0, 3.0, 2.5), false, glass);
+    assert!(lantern.survey(DVec3::Z, Some(1.0)).0.rooms.is_empty());
 }
 
 #[test]

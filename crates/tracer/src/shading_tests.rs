@@ -5,7 +5,7 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use holo_scene::{Bsdf, Maps, Material, Scene, Shading, Texture, Wrap, to_octahedral};
+use holo_scene::{Bsdf, CutOut, Maps, Material, Scene, Shading, Texture, Wrap, to_octahedral};
 
 use crate::{Settings, Tracer};
 
@@ -210,7 +210,7 @@ fn a_textured_lamp_gives_the_light_of_its_texture_with_and_without_light_samples
 #[test]
 fn what_is_cut_out_is_not_there_for_eyes_and_shadows() {
     let texture = columns(&[[255, 255, 255, 0], [255; 4]]);
-    let maps = Maps { cut_out: Some(0), ..Maps::default() };
+    let maps = Maps { cut_out: Some(CutOut { texture: 0, least: 0.5 }), ..Maps::default() };
     let black = Material { bsdf: Bsdf::Diffuse { kd: [0.0; 3] }, ..Material::grey("black") };
     let scene = square(black, texture, maps, [1.0; 3], 0.05);
     let tracer = tracer(scene, Some(0));
@@ -220,4 +220,73 @@ fn what_is_cut_out_is_not_there_for_eyes_and_shadows() {
     assert_eq!(solid.radiance, [0.0; 3]);
     // The floor below the hole sees nearly all of the sky.
     assert!(hole.radiance[0] > 0.4, "{:?}", hole.radiance);
+}
+
+#[test]
+fn lamps_are_sampled_in_proportion_to_the_light_of_their_textures() {
+    // Two lamps of the same material side by side. The one is dark, by its texture.
+    let lamps = |count: usize| {
+        let lamp = Material { emission: [10.0; 3], ..Material::grey("lamp") };
+        let mut positions = Vec::new();
+        for x in [0.5, -0.5] {
+            let corners = [[0.0, 0.0], [0.0, 0.2], [0.2, 0.2], [0.2, 0.0]];
+            positions.extend(corners.map(|[dx, y]| DVec3::new(x + dx, y, 1.0)));
+        }
+        positions.extend(
+            [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]]
+                .map(|[x, y]| DVec3::new(x, y, 0.0)),
+        );
+        let lit = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7], [8, 9, 10], [8, 10, 11]];
+        let uvs = [0.05f32, 0.05, 0.95, 0.95, 0.05, 0.05].map(|u| [[u, 0.5]; 3]);
+        let triangles = [&lit[..2 * count], &lit[4..]].concat();
+        let uvs = [&uvs[..2 * count], &uvs[4..]].concat();
+        let ids = [vec![0; 2 * count], vec![1; 2]].concat();
+        let materials = vec![lamp, Material::grey("floor")];
+        let scene = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).unwrap().0;
+        let maps = vec![Maps { emission: Some(0), ..Maps::default() }, Maps::default()];
+        let textures = vec![columns(&[[255; 4], [0, 0, 0, 255]])];
+        let shading = Shading { uvs, maps, textures, ..Shading::default() };
+        let settings = Settings { bounces: Some(0), paths: 1 };
+        let raycaster =
+            holo_raycast::Raycaster::build(Arc::new(scene.with_shading(shading).unwrap()));
+        let direct = crate::weighting::Direct::Lights;
+        let tracer =
+            Tracer::with_direct(Arc::new(raycaster.unwrap()), settings, direct, 1).unwrap();
+        let (origin, direction) = (DVec3::new(0.0, 0.0, 0.5), DVec3::NEG_Z);
+        let n = 4000u64;
+        let found = (0..n).map(|path| tracer.trace_path(origin, direction, 7, path).radiance[1]);
+        let found: Vec<f64> = found.map(f64::from).collect();
+        let mean = found.iter().sum::<f64>() / n as f64;
+        (mean, found.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / (n - 1) as f64)
+    };
+    let ((alone, alone_variance), (both, both_variance)) = (lamps(1), lamps(2));
+    let sigma = ((alone_variance + both_variance) / 4000.0).sqrt();
+    assert!(alone > 0.0 && (both - alone).abs() < 4.0 * sigma, "{both} {alone} {sigma}");
+    // If the dark lamp took half of the samples, the variance would be about the square of the mean.
+    assert!(
+        both_variance < alone_variance + 0.1 * alone * alone,
+        "{both_variance} {alone_variance}"
+    );
+}
+
+#[test]
+fn a_path_from_afar_sees_the_mean_of_a_texture() {
+    // Columns of 1 mm, seen from 10 m: a pixel there is wider. From 1 cm each is seen alone.
+    let columns: Vec<[u8; 4]> =
+        (0..2000).map(|k| if k % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] }).collect();
+    let lamp = Material { bsdf: Bsdf::Diffuse { kd: [1.0; 3] }, ..Material::grey("board") };
+    let maps = Maps { base: Some(0), ..Maps::default() };
+    let scene = square(lamp, self::columns(&columns), maps, [1.0; 3], 1.0);
+    let tracer = tracer(scene, Some(0));
+    let seen = |height: f64| {
+        let at = |k: u64| DVec3::new((k as f64 + 0.25) * 1e-3 - 0.032, 0.3, 1.0 + height);
+        (0..64).map(|k| tracer.trace(at(k), DVec3::NEG_Z, k).radiance[1]).collect::<Vec<f32>>()
+    };
+    let spread = |seen: Vec<f32>| {
+        let mean = seen.iter().sum::<f32>() / 64.0;
+        (mean, seen.iter().map(|s| (s - mean).abs()).sum::<f32>() / 64.0)
+    };
+    let ((far, far_spread), (near, near_spread)) = (spread(seen(10.0)), spread(seen(0.01)));
+    assert!((far - 0.5).abs() < 0.02 && far_spread < 0.01, "{far} {far_spread}");
+    assert!((near - 0.5).abs() < 0.1 && near_spread > 0.2, "{near} {near_spread}");
 }

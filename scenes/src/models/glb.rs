@@ -1,5 +1,5 @@
-//! A binary glTF file as Blender exports it: +y up, a camera, a point light, a sun, metallic-roughness
-//! and normals by textures.
+//! A binary glTF file as Blender exports it: +y up, a camera, a point light, a sun,
+//! metallic-roughness and normals by textures.
 
 use std::fmt::Write;
 

@@ -1,7 +1,7 @@
 //! Six models as other programs write them: their headers, units, axes, materials and mistakes.
 //!
-//! They show that a model opens with no option, and test it. Each is a few rooms or one object, made
-//! of the same parts in metres with +z up, and written with the habits of one program.
+//! They show that a model opens with no option, and test it. Each is a few rooms or one object,
+//! made of the same parts in metres with +z up, and written with the habits of one program.
 
 mod glb;
 mod parts;

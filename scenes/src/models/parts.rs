@@ -101,8 +101,8 @@ pub(super) fn room(lamp: bool) -> Vec<Face> {
     faces
 }
 
-/// The floor, ceiling and walls of a room. Its far wall has glazed windows, each from one of `windows`
-/// to the next.
+/// The floor, ceiling and walls of a room. Its far wall has glazed windows, each from one of
+/// `windows` to the next.
 fn shell(low: DVec3, high: DVec3, windows: &[f64]) -> Vec<Face> {
     let mut faces = cuboid(low, high, true, "Wall");
     // In the order of `cuboid`: the far wall is the fourth, floor and ceiling are the last two.

@@ -11,8 +11,8 @@ use super::buffers::Buffers;
 /// Most elements of an accessor that has no bytes of its own, and so is all zeros.
 const MAX_ZEROS: usize = 1 << 20;
 
-/// Returns an accessor's elements as `N` floats each. Elements with more components lose the others,
-/// and those with fewer are an error. Normalized integers become shares.
+/// Returns an accessor's elements as `N` floats each. Elements with more components lose the
+/// others, and those with fewer are an error. Normalized integers become shares.
 pub(super) fn floats<const N: usize>(
     accessor: &Accessor,
     buffers: &Buffers,

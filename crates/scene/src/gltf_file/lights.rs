@@ -1,5 +1,5 @@
-//! Punctual lights, as small lamps and suns: the tracer knows only surfaces that shine, and discs in
-//! the sky.
+//! Punctual lights, as small lamps and suns: the tracer knows only surfaces that shine, and discs
+//! in the sky.
 //!
 //! A point light becomes an octahedron, and a spot light a square in a dark funnel that bounds its
 //! cone. Intensities along the axis are kept. A directional light becomes a sun.

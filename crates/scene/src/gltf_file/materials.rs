@@ -13,8 +13,8 @@
 //! Metalness and roughness are the means of their texture here. Tracers take the same decisions at
 //! each point, with the texture's own values, for all materials but glass and clearcoats.
 //!
-//! Emission is in cd/m², which 179 lm/W converts to radiance. It is on both sides if the material is
-//! double sided.
+//! Emission is in cd/m², which 179 lm/W converts to radiance. It is on both sides if the material
+//! is double sided.
 
 use std::collections::BTreeMap;
 
@@ -111,7 +111,7 @@ fn bsdf(material: &gltf::Material, finish: Option<[f32; 2]>, count: &mut impl Fn
     }
     let transmission = material.transmission().map_or(0.0, |t| t.transmission_factor());
     if transmission >= 0.5 {
-        return glass(material, base, ior, roughness);
+        return glass(material, base, ior, roughness, count);
     }
     if material.alpha_mode() == AlphaMode::Blend && alpha_value < 0.5 {
         count("blended materials are taken as panes below an alpha of a half");
@@ -138,9 +138,20 @@ fn bsdf(material: &gltf::Material, finish: Option<[f32; 2]>, count: &mut impl Fn
     Bsdf::Coated { kd: base, ks, ior, alpha }
 }
 
-fn glass(material: &gltf::Material, base: Rgb, ior: f32, roughness: f32) -> Bsdf {
+fn glass(
+    material: &gltf::Material,
+    base: Rgb,
+    ior: f32,
+    roughness: f32,
+    count: &mut impl FnMut(&str),
+) -> Bsdf {
     let volume = material.volume().filter(|volume| volume.thickness_factor() > 0.0);
-    let Some(volume) = volume else { return Bsdf::ThinGlass { ior, transmittance: base } };
+    let Some(volume) = volume else {
+        if roughness >= MIRROR {
+            count("rough panes are taken as clear ones");
+        }
+        return Bsdf::ThinGlass { ior, transmittance: base };
+    };
     // Half of the absorption on each of the two boundaries that light crosses.
     let lengths = volume.thickness_factor() / volume.attenuation_distance();
     let colour = volume.attenuation_color();

@@ -34,6 +34,11 @@ use reading::Reading;
 
 pub(crate) const READER: Reader = Reader { recognises, read };
 
+/// Extensions without which a file that requires them has no shape. Files that require others open,
+/// and these are named.
+const PACKED_GEOMETRY: [&str; 3] =
+    ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
+
 /// Deepest hierarchy of nodes. Exporters have a few dozen.
 const MAX_DEPTH: usize = 512;
 
@@ -97,26 +102,49 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(gltf::Document, Option<Vec<u8>>),
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let problem = |problem: String| SceneError::Gltf { path: path.to_owned(), problem };
     // The crate takes it for granted that a .glb is no shorter than its header.
-    if let Some(&[b'g', b'l', b'T', b'F', _, _, _, _, a, b, c, d]) = bytes.first_chunk()
-        && let length @ ..GLB_HEADER_BYTES = u32::from_le_bytes([a, b, c, d])
-    {
-        let what = format!("it is not valid glTF: it says that it has {length} bytes in all");
+    if let Some(&[b'g', b'l', b'T', b'F', _, _, _, _, a, b, c, d]) = bytes.first_chunk() {
+        let (length, found) = (u32::from_le_bytes([a, b, c, d]), bytes.len());
+        if length < GLB_HEADER_BYTES || length as usize > found {
+            let what = format!("it says that it has {length} bytes in all, and has {found}");
+            return Err(problem(format!("it is not valid glTF: {what}: copy or export it again")));
+        }
+    }
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(
+        |error| match is_first_version(bytes) {
+            true => problem("it is glTF 1.0, which is not read: export it as glTF 2.0".to_owned()),
+            false => problem(format!("it is not valid glTF: {error}")),
+        },
+    )?;
+    let is_packed = |name: &&str| PACKED_GEOMETRY.contains(name);
+    if let Some(name) = document.extensions_required().find(is_packed) {
+        let what =
+            format!("it requires `{name}`, which is not read: export it without compression");
         return Err(problem(what));
     }
-    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes)
-        .map_err(|error| problem(format!("it is not valid glTF: {error}")))?;
-    let known = |name: &&str| materials::READ_EXTENSIONS.contains(name);
-    if let Some(name) = document.extensions_required().find(|name| !known(name)) {
-        let what = format!("it requires `{name}`, which is not read: export it without that");
-        return Err(problem(what));
-    }
-    // Required extensions that are read here but unknown to the crate would fail its validation.
+    // Required extensions that are unknown to the crate would fail its validation.
     let mut json = document.into_json();
     json.extensions_required.clear();
     mend::mend(&mut json).map_err(problem)?;
     let document = gltf::Document::from_json(json)
         .map_err(|error| problem(format!("it is not valid glTF: {error}")))?;
     Ok((document, blob))
+}
+
+/// Returns whether a file that cannot be parsed is of the format's first version. There, lists are
+/// objects, and the binary part has no chunks.
+fn is_first_version(bytes: &[u8]) -> bool {
+    if let Some(&[b'g', b'l', b'T', b'F', version @ ..]) = bytes.first_chunk::<8>() {
+        return u32::from_le_bytes(version) == 1;
+    }
+    let json: Option<gltf::json::Value> = gltf::json::deserialize::from_slice(bytes).ok();
+    let version = json.as_ref().and_then(|json| json.pointer("/asset/version"));
+    let of_first = |version: &gltf::json::Value| match version {
+        gltf::json::Value::String(words) => words.starts_with('1'),
+        number => number.as_f64() == Some(1.0),
+    };
+    // The version's place was optional.
+    let has_objects = || json.as_ref().is_some_and(|json| json["meshes"].is_object());
+    version.map_or_else(has_objects, of_first)
 }
 
 /// What the format says of all its files.

@@ -7,12 +7,13 @@ use gltf::texture::{TextureTransform, WrappingMode};
 use super::look::{Look, Placement};
 use super::reading::Reading;
 use super::{accessor, buffers};
-use crate::shading::{CUT_OUT, Channel, FinishMap, NormalMap};
+use crate::shading::{CUT_OUT, Channel, CutOut, FinishMap, NormalMap};
 use crate::texture::{MAX_TEXTURE_BYTES, Wrap, srgb_byte};
 use crate::texture_files::Use;
 
 impl Reading<'_> {
-    /// Reads the textures of a material. `is_finished` tells whether roughness and metalness matter.
+    /// Reads the textures of a material. `is_finished` tells whether roughness and metalness
+    /// matter.
     pub(super) fn look(&mut self, material: &gltf::Material, is_finished: bool) -> Look {
         let pbr = material.pbr_metallic_roughness();
         let base = match material.pbr_specular_glossiness() {
@@ -58,22 +59,18 @@ impl Reading<'_> {
             let roughness = channel(1, pbr.roughness_factor());
             Some(FinishMap { roughness, metalness: channel(2, pbr.metallic_factor()) })
         });
-        if look.maps.base.is_some() {
-            let is_uncommon = |cutoff: f32| (cutoff - CUT_OUT).abs() > 0.1;
-            match material.alpha_mode() {
-                AlphaMode::Opaque => {}
-                AlphaMode::Mask => {
-                    look.maps.cut_out = look.maps.base;
-                    if material.alpha_cutoff().is_some_and(is_uncommon) {
-                        self.count("masks are cut out at an alpha of a half");
-                    }
-                }
+        look.maps.cut_out = look.maps.base.and_then(|texture| {
+            let cutoff = match material.alpha_mode() {
+                AlphaMode::Opaque => return None,
+                AlphaMode::Mask => material.alpha_cutoff().unwrap_or(CUT_OUT),
                 AlphaMode::Blend => {
-                    look.maps.cut_out = look.maps.base;
                     self.count("blended textures are cut out at an alpha of a half");
+                    CUT_OUT
                 }
-            }
-        }
+            };
+            let least = cutoff / pbr.base_color_factor()[3];
+            (least > 0.0).then_some(CutOut { texture, least: least.min(1.0) })
+        });
         if material.occlusion_texture().is_some() {
             self.count("occlusion textures are not used: light is traced");
         }
@@ -107,8 +104,12 @@ impl Reading<'_> {
             WrappingMode::MirroredRepeat => Wrap::Mirror,
         });
         let how = Use { wrap, is_linear, is_mask: false };
-        let number = texture.source().index();
-        let bytes = self.picture(texture);
+        let Some(image) = texture.source() else {
+            self.count("textures without a picture in PNG or JPEG are left out");
+            return None;
+        };
+        let number = image.index();
+        let bytes = self.picture(&image);
         self.files.embedded(number, || bytes, how).unwrap_or_else(|problem| {
             self.count(format!("textures are left out; image {number}: {problem}"));
             None
@@ -116,8 +117,8 @@ impl Reading<'_> {
     }
 
     /// Returns the file of a picture.
-    fn picture(&self, texture: &gltf::Texture) -> Result<Vec<u8>, String> {
-        match texture.source().source() {
+    fn picture(&self, image: &gltf::Image) -> Result<Vec<u8>, String> {
+        match image.source() {
             gltf::image::Source::View { view, .. } => Ok(self.buffers.view(&view)?.to_vec()),
             gltf::image::Source::Uri { uri: "", .. } => Err("it names no file".to_owned()),
             gltf::image::Source::Uri { uri, .. } => {

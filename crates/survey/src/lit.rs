@@ -1,0 +1,162 @@
+//! How much of a scene its own lamps light.
+
+use holo_raycast::{Raycaster, SurfacePoint};
+use holo_scene::{Bsdf, Scene};
+
+/// Points on surfaces, each of which looks for lamps.
+const POINTS: usize = 512;
+
+/// Points on lamps, chosen in proportion to their light from so many spread by area and brightness.
+/// A texture may be dark nearly everywhere.
+const LAMP_POINTS: usize = 32;
+const CANDIDATES: usize = 8192;
+
+/// Share of the scene's surface that its own lamps must reach. A lamp before a closed object reaches
+/// up to half of it, and all of the ground. Lamps that reach less glow, and light little: eyes of
+/// figures, displays of devices.
+const ENOUGH: f64 = 1.0 / 3.0;
+
+/// Least product of the cosines at both ends: light that grazes does not count.
+const LEAST_COSINES: f32 = 0.01;
+
+/// A point of a lamp.
+struct LampPoint {
+    point: SurfacePoint,
+    is_two_sided: bool,
+}
+
+/// Returns whether light from the scene's lamps reaches enough of its surface without detours.
+/// `false` without lamps. Glass is no obstacle.
+#[must_use]
+pub fn is_lit_by_lamps(raycaster: &Raycaster) -> bool {
+    let lamps = lamp_points(raycaster);
+    let scene = raycaster.scene();
+    let points = spread(scene, POINTS, |triangle| area(scene, triangle));
+    let is_lit = |&(triangle, u, v): &(u32, f32, f32)| {
+        let from = raycaster.surface(triangle, u, v);
+        lamps.iter().any(|lamp| reaches(raycaster, lamp, &from))
+    };
+    points.iter().filter(|point| is_lit(point)).count() as f64 >= ENOUGH * POINTS as f64
+        && !lamps.is_empty()
+}
+
+fn reaches(raycaster: &Raycaster, lamp: &LampPoint, from: &SurfacePoint) -> bool {
+    let away = (from.point - lamp.point.point).normalize_or_zero();
+    let (at_lamp, here) = (lamp.point.normal.dot(away), from.normal.dot(away));
+    let shines_there = at_lamp > 0.0 || lamp.is_two_sided;
+    if !shines_there || (at_lamp * here).abs() < LEAST_COSINES {
+        return false;
+    }
+    let scene = raycaster.scene();
+    let is_clear = |triangle| {
+        let bsdf = scene.material(triangle).bsdf;
+        matches!(bsdf, Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. })
+    };
+    raycaster.blocker(from, &lamp.point).is_none_or(is_clear)
+}
+
+fn lamp_points(raycaster: &Raycaster) -> Vec<LampPoint> {
+    let scene = raycaster.scene();
+    let brightness = |triangle: u32| sum(scene.material(triangle).emission);
+    let candidates =
+        spread(scene, CANDIDATES, |triangle| area(scene, triangle) * brightness(triangle));
+    let texture = |&(triangle, u, v): &(u32, f32, f32)| {
+        scene.emission_texture(triangle, u, v, 0.0).map_or(1.0, sum)
+    };
+    let weights: Vec<f64> = candidates.iter().map(texture).collect();
+    let lamp = |index: usize| {
+        let (triangle, u, v) = candidates[index];
+        let is_two_sided = scene.material(triangle).two_sided_emission;
+        LampPoint { point: raycaster.surface(triangle, u, v), is_two_sided }
+    };
+    in_proportion(&weights, LAMP_POINTS).into_iter().map(lamp).collect()
+}
+
+fn sum(colour: [f32; 3]) -> f64 {
+    colour.into_iter().map(f64::from).sum()
+}
+
+fn area(scene: &Scene, triangle: u32) -> f64 {
+    let [a, b, c] = scene.corners(triangle);
+    f64::from((b - a).cross(c - a).length())
+}
+
+/// Returns `count` points on triangles, in proportion to the triangles' weights: triangle and
+/// barycentric weights. Empty if all weights are 0.
+fn spread(scene: &Scene, count: usize, weight: impl Fn(u32) -> f64) -> Vec<(u32, f32, f32)> {
+    let weights: Vec<f64> = (0..scene.triangles.len() as u32).map(weight).collect();
+    let chosen = in_proportion(&weights, count).into_iter().enumerate();
+    let point = |(number, triangle): (usize, usize)| {
+        // The plastic number's sequence (Roberts 2018), folded into the triangle.
+        let number = number as f32;
+        let (u, v) = ((0.754_877_7 * number).fract(), (0.569_840_3 * number).fract());
+        let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+        (triangle as u32, u, v)
+    };
+    chosen.map(point).collect()
+}
+
+/// Returns `count` indices, each as often as its weight demands. Empty if all weights are 0.
+fn in_proportion(weights: &[f64], count: usize) -> Vec<usize> {
+    let total: f64 = weights.iter().sum();
+    if total.is_nan() || total <= 0.0 {
+        return Vec::new();
+    }
+    let (mut chosen, mut before) = (Vec::with_capacity(count), 0.0);
+    for (index, weight) in weights.iter().enumerate() {
+        before += weight;
+        while chosen.len() < count && (chosen.len() as f64 + 0.5) * total < before * count as f64 {
+            chosen.push(index);
+        }
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+    use holo_scene::Material;
+    use std::sync::Arc;
+
+    /// A closed box of `side` around the origin, whose faces look outwards, and a lamp above or
+    /// below its lid.
+    fn is_lit(side: f64, lamp_height: f64, lamp: Material) -> bool {
+        let corner = |k: usize| {
+            DVec3::from_array([k & 1, k >> 1 & 1, k >> 2].map(|c| (c as f64 - 0.5) * side))
+        };
+        let mut positions: Vec<DVec3> = (0..8).map(corner).collect();
+        let quads =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
+        let mut triangles: Vec<[u32; 3]> = quads.into_iter().flat_map(halves).collect();
+        let mut ids = vec![0; triangles.len()];
+        // It shines down.
+        positions.extend(
+            [[0.0, 0.0], [0.0, 0.1], [0.1, 0.1], [0.1, 0.0]]
+                .map(|[x, y]| DVec3::new(x, y, lamp_height)),
+        );
+        triangles.extend(halves([8, 9, 10, 11]));
+        ids.extend([1; 2]);
+        let materials = vec![Material::grey("wall"), lamp];
+        let scene = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).unwrap().0;
+        is_lit_by_lamps(&Raycaster::build(Arc::new(scene)).unwrap())
+    }
+
+    #[test]
+    fn a_lamp_lights_what_it_shines_on_and_nothing_behind_it() {
+        let lamp = Material { emission: [2.0; 3], ..Material::grey("lamp") };
+        // In the box it lights all walls. On the lid it touches, it shines into a gap.
+        assert!(is_lit(2.0, 0.8, lamp.clone()));
+        assert!(!is_lit(2.0, 1.001, lamp.clone()));
+        // From above it lights the lid alone, a sixth of the box.
+        assert!(!is_lit(2.0, 3.0, lamp));
+        assert!(!is_lit(2.0, 0.8, Material::grey("no lamp")));
+    }
+
+    #[test]
+    fn indices_come_as_often_as_their_weights_demand() {
+        assert_eq!(in_proportion(&[1.0, 0.0, 2.0, 1.0], 8), [0, 0, 2, 2, 2, 2, 3, 3]);
+        assert!(in_proportion(&[0.0; 3], 8).is_empty());
+    }
+}
