@@ -56,6 +56,22 @@ fn where_samples_are_many_a_shadow_is_as_sharp_as_its_pixels() {
     assert!(found > 2000, "{found}");
 }
 
+#[test]
+fn of_few_samples_a_shadow_along_a_wall_keeps_its_light() {
+    let raycaster = walled_room(Bsdf::Diffuse { kd: [0.5; 3] });
+    let shadow = |_: f64, y: f64| if y > 1.7 { 0.05 } else { 0.5 };
+    // One sample for some four pixels.
+    let mut rays = noisy(floor_rays(60, shadow));
+    rays.extend(noisy(wall_rays(60, 0.5)));
+    let (view, drawn) = seen_by(&raycaster, &rays, &to_wall());
+    let shaded: Vec<f32> = (view.seen.iter().zip(drawn.pixels))
+        .filter(|(seen, _)| seen.material == 0 && (1.75..1.95).contains(&seen.point.y))
+        .map(|(_, pixel)| pixel[1])
+        .collect();
+    let mean = shaded.iter().sum::<f32>() / shaded.len() as f32;
+    assert!(shaded.len() > 30 && (0.03..0.12).contains(&mean), "{mean}, {}", shaded.len());
+}
+
 /// Draws noisy rays of this radiance. Returns the squares of errors, and which are within two
 /// standard errors, each as a mean over pixels away from all edges.
 fn errors_of(count: u32, radiance: impl Fn(f64, f64) -> f32 + Copy) -> (f32, f32) {
