@@ -168,7 +168,7 @@ fn materials_are_those_of_the_table() {
             plastic,
         ),
         (
-            format!(r#"{plain},"extensions":{{{glass}}}"#),
+            format!(r#"{},"extensions":{{{glass}}}"#, pbr(r#""roughnessFactor":0"#)),
             Bsdf::ThinGlass { ior: 1.25, transmittance: base },
         ),
         (

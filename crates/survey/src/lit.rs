@@ -25,14 +25,17 @@ struct LampPoint {
     is_two_sided: bool,
 }
 
-/// Returns whether light from the scene's lamps reaches enough of its surface without detours.
-/// `false` without lamps. Glass is no obstacle.
+/// Returns whether enough of the scene's surface shines, or is reached by light from lamps without
+/// detours. `false` without lamps. Glass is no obstacle.
 #[must_use]
 pub fn is_lit_by_lamps(raycaster: &Raycaster) -> bool {
     let lamps = lamp_points(raycaster);
     let scene = raycaster.scene();
     let points = spread(scene, POINTS, |triangle| area(scene, triangle));
     let is_lit = |&(triangle, u, v): &(u32, f32, f32)| {
+        if glow(scene, triangle, u, v) > 0.0 {
+            return true;
+        }
         let from = raycaster.surface(triangle, u, v);
         lamps.iter().any(|lamp| reaches(raycaster, lamp, &from))
     };
@@ -60,9 +63,8 @@ fn lamp_points(raycaster: &Raycaster) -> Vec<LampPoint> {
     let brightness = |triangle: u32| sum(scene.material(triangle).emission);
     let candidates =
         spread(scene, CANDIDATES, |triangle| area(scene, triangle) * brightness(triangle));
-    let texture = |&(triangle, u, v): &(u32, f32, f32)| {
-        scene.emission_texture(triangle, u, v, 0.0).map_or(1.0, sum)
-    };
+    let texture =
+        |&(triangle, u, v): &(u32, f32, f32)| glow(scene, triangle, u, v) / brightness(triangle);
     let weights: Vec<f64> = candidates.iter().map(texture).collect();
     let lamp = |index: usize| {
         let (triangle, u, v) = candidates[index];
@@ -70,6 +72,12 @@ fn lamp_points(raycaster: &Raycaster) -> Vec<LampPoint> {
         LampPoint { point: raycaster.surface(triangle, u, v), is_two_sided }
     };
     in_proportion(&weights, LAMP_POINTS).into_iter().map(lamp).collect()
+}
+
+/// Returns how brightly a point shines.
+fn glow(scene: &Scene, triangle: u32, u: f32, v: f32) -> f64 {
+    let texture = scene.emission_texture(triangle, u, v, 0.0).map_or(1.0, sum);
+    texture * sum(scene.material(triangle).emission)
 }
 
 fn sum(colour: [f32; 3]) -> f64 {
@@ -152,6 +160,17 @@ mod tests {
         // From above it lights the lid alone, a sixth of the box.
         assert!(!is_lit(2.0, 3.0, lamp));
         assert!(!is_lit(2.0, 0.8, Material::grey("no lamp")));
+    }
+
+    #[test]
+    fn what_shines_itself_is_not_dark() {
+        let points = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let lamp = Material { emission: [2.0; 3], ..Material::grey("lamp") };
+        for (material, is_lit) in [(lamp, true), (Material::grey("wall"), false)] {
+            let made = Scene::from_world(&points, &[[0, 1, 2]], &[0], vec![material], [0.0; 3]);
+            let raycaster = Raycaster::build(Arc::new(made.unwrap().0)).unwrap();
+            assert_eq!(is_lit_by_lamps(&raycaster), is_lit);
+        }
     }
 
     #[test]
