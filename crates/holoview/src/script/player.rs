@@ -194,7 +194,7 @@ fn write_picture(session: &mut Session, path: PathBuf, look: &LookArgs) -> Resul
         picture: path,
         seconds,
         samples: frame.samples_used,
-        stored: counts.stored,
+        stored: counts.stored + counts.parts,
         traced: counts.traced,
         live: session.live_rays(),
         beams: session.beams(),
