@@ -30,6 +30,7 @@ from radiance import radiance
 from rendercache import rendercache
 from rivals import rivals
 from rooms import rooms
+from step import step
 from scenes import Case
 from skips import skips
 from walk import walk
@@ -313,6 +314,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "interactive": interactive,
     "whole": whole,
     "rooms": rooms,
+    "step": step,
     "curved": curved,
     "edges": edges,
     "cached": cached,

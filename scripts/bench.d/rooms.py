@@ -174,13 +174,13 @@ def truth(bench: Bench, look: Case) -> tuple[Pixels, Pixels]:
     return halves[0], halves[1]
 
 
-def read(path: Path) -> Pixels:
+def read(path: Path, size: str = TRUTH_SIZE) -> Pixels:
     """Returns a picture's pixels, rows from the bottom, averaged down to the truth's size."""
     data = path.read_bytes()
     head = data.split(b"\n", 3)
     width, height = (int(side) for side in head[1].split())
     values = array("f", head[3])
-    columns, rows = (int(side) for side in TRUTH_SIZE.split("x"))
+    columns, rows = (int(side) for side in size.split("x"))
     step = width // columns
     pixels = []
     for y in range(rows):
@@ -209,13 +209,13 @@ def shown(pixels: Pixels, white: float) -> list[float]:
     return [min(max(c / white, 0.0), 1.0) ** (1 / 2.2) for pixel in pixels for c in pixel]
 
 
-def decibels(picture: Path, halves: tuple[Pixels, Pixels]) -> float:
+def decibels(picture: Path, halves: tuple[Pixels, Pixels], size: str = TRUTH_SIZE) -> float:
     """Returns the display PSNR of a picture, the truth's noise taken off."""
     middle = mean(halves)
     level = white(middle)
     true, one, other = (shown(pixels, level) for pixels in (middle, *halves))
     noise = sum((a - b) ** 2 for a, b in zip(one, other)) / 4
-    error = sum((a - b) ** 2 for a, b in zip(shown(read(picture), level), true)) - noise
+    error = sum((a - b) ** 2 for a, b in zip(shown(read(picture, size), level), true)) - noise
     return -10 * math.log10(max(error, 1e-6) / len(true))
 
 
