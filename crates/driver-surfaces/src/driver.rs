@@ -342,7 +342,7 @@ impl Driver for SurfacesDriver {
 
     fn settle(&mut self) {
         if let Some(shown) = &mut self.shown {
-            shown.is_refined = true;
+            (shown.known, shown.is_refined) = (None, true);
         }
     }
 

@@ -131,6 +131,38 @@ fn a_moving_eye_sees_the_light_that_the_last_picture_found() {
 }
 
 #[test]
+fn a_glance_shows_known_light_first_unless_the_driver_settles() {
+    let (sections, raycaster) = floor();
+    let shown = |options: &str, settles: bool| {
+        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        let samples = samples(&sections[0], 60_000);
+        samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
+        driver.look(&look(DOWN, Resolution::Full)).unwrap();
+        draw(&mut driver);
+        // Darkness of the same beams, of which no frame shows anything yet.
+        for (beam, sample) in samples {
+            let distance = sample.distance(sections[0].diagonal());
+            let dark = Sample::encode(sample.coords, [0.0; 3], distance, sections[0].diagonal(), 0);
+            driver.insert(beam, 1, &[dark]);
+        }
+        driver.look(&look(options, Resolution::Half)).unwrap();
+        if settles {
+            driver.settle();
+        }
+        finish(&mut driver);
+        let middle = (SIZE.1 / 2 * SIZE.0 + SIZE.0 / 2) as usize;
+        [(); 2].map(|()| draw(&mut driver).picture.pixels[middle][1] / LIGHT)
+    };
+    let is_near = |shown: [f32; 2], expected: [f32; 2]| {
+        assert!(shown.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.1), "{shown:?}");
+    };
+    is_near(shown(DOWN, false), [1.0, 0.5]);
+    is_near(shown(DOWN, true), [0.5, 0.5]);
+    // Nothing was seen there before.
+    is_near(shown("-vp 0 0 1 -vd 1 0 -1 -vu 0 0 1 -vh 20", false), [0.5, 0.5]);
+}
+
+#[test]
 fn the_second_picture_at_rest_is_the_refined_one() {
     let (sections, raycaster) = floor();
     let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
