@@ -17,7 +17,8 @@ use holo_section::{Run, SampleKind};
 const MORE_PATHS: u32 = 4;
 
 /// Most paths per sample. The error of one path is about its radiance, so that of 16,384 paths is
-/// 1/128. That is one step of a sample's largest channel, which has seven to eight bits.
+/// 1/128. An error of 1/128 is one step of a sample's largest channel, which has seven to eight
+/// bits.
 pub const MOST_PATHS: u16 = 1 << 14;
 
 /// Paths in one packet: some milliseconds of work, 0.2 s at the last level. Longer packets would be

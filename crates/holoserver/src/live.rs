@@ -17,8 +17,8 @@ use crate::events::ConnectionId;
 /// of a view must not wait for ever.
 const LEAST_SHARE: f64 = 1.0 / 16.0;
 
-/// Rays by which one side may be ahead of its share, or behind it. A side that wanted nothing for a
-/// while does not get everything afterwards.
+/// Largest number of rays that one side may be ahead of its share, or behind it. A side that wanted
+/// nothing for a while does not get everything afterwards.
 const MOST_AHEAD: f64 = 10.0 * MAX_RAYS_PER_PACKET as f64;
 
 /// Live rays that a worker has, with all that another worker would need.

@@ -5,7 +5,7 @@
 //! it waits.
 //!
 //! Invariants:
-//! - A driver that does not keep samples receives only those requested for the current view.
+//! - The driver receives only samples requested for the current view, and parts of the file.
 //! - A frame drawn at rest depends only on the samples sent for its view, unless the driver keeps
 //!   samples for the whole session.
 
