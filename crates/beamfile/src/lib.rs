@@ -53,5 +53,5 @@ pub use types::{
     BeamSamples, Counts, Damage, DamageKind, Maker, OpenReport, Options, SectionStats, Stats,
 };
 
-/// What this crate's functions return.
+/// The result type of this crate's functions.
 pub type Result<T> = std::result::Result<T, Error>;
