@@ -25,8 +25,8 @@ SHARING_BAR = 1.1
 # Limits for a warm sample over one path: least rate, greatest variance.
 RATE_BAR = 0.5
 VARIANCE_BAR = 1 / 30
-# For a view at rest: the times of its pictures, the time from which it has settled, and the
-# greatest change between pictures.
+# A view at rest: the times of its pictures, the time when it has settled, and the greatest change
+# between pictures.
 REST = (2, 4, 6, 8, 10, 20, 30, 40)
 SETTLED = 10
 ACCURACY = 0.03

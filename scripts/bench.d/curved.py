@@ -25,7 +25,7 @@ Mesh = tuple[list[Point], list[Point], list[tuple[int, int, int]]]
 SAMPLES = (100_000, 1_000_000, 10_000_000)
 # Paths of a pixel of each half of the truth.
 TRUTH_PATHS = 128
-# How much larger the error may be on a mesh.
+# Largest allowed ratio of the error on a mesh to that on the walls.
 WANTED = 1.5
 # The share of pixels with the largest errors that does not count: edges within the mesh.
 WORST = 0.01

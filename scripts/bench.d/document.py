@@ -69,7 +69,7 @@ class Part:
     tables: list[Table] = field(default_factory=list)
     bars: list[Bar] = field(default_factory=list)
     plots: list[Plot] = field(default_factory=list)
-    # What was left out, and why.
+    # Measurements that were left out, with reasons.
     skipped: list[str] = field(default_factory=list)
     conditions: dict[str, str] = field(default_factory=dict)
 

@@ -13,7 +13,7 @@ from scenes import Case
 
 SECONDS = (10, 60)
 ENGINES = ("path", "cached")
-# How much larger than that of `path` the default engine's error may be.
+# Largest allowed ratio of the default engine's error to that of `path`.
 BAR = 1.05
 # Share of a picture's pixels that do not count: the worst ones.
 WORST = 0.001

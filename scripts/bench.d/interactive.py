@@ -13,8 +13,8 @@ from scenes import Case
 # relMSE of an interactive picture over that of the tracer alone, at the last picture.
 INTERACTIVE_BAR = 2.0
 
-# Seconds from which the tracer alone renders a picture too. In less it does not finish one pass
-# over the pixels.
+# Least seconds for a picture by the tracer alone. In less time it does not finish one pass over the
+# pixels.
 RENDER_FROM = 0.5
 
 # The tracer's own pictures by requested seconds: actual seconds, paths per pixel, measures.

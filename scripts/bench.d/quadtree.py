@@ -13,12 +13,12 @@ from harness import Bench
 from program import run
 
 SIZE = "512x512"
-# What is drawn of it while the camera moves: every other column and row.
+# The part of the picture that is drawn while the camera moves: every other column and row.
 MOVING = "256x256"
 RUNS = 3
-# For every kind and number of samples.
+# Least million insertions a second, for every kind and number of samples.
 LEAST_INSERTIONS = 20.0
-# Of a picture while the camera moves.
+# Longest time for a picture while the camera moves.
 MOST_MILLISECONDS = 5.0
 # Names in the example's report, and their meaning.
 FIGURES = (

@@ -37,7 +37,7 @@ ASKED = tuple(sorted({*WANTED, *SHOWN}))
 STAY = ASKED[-1] + 0.5
 # Seconds of the path tracer.
 TRACED = (1.0, 3.0, 8.0)
-# How far a picture may stay behind the rival where no denoiser is installed.
+# Decibels that a picture may be worse than the rival's if no denoiser is installed.
 BEHIND = 1.5
 PYOIDN = "pyoidn"
 WEIGHTS = (0.265, 0.670, 0.065)

@@ -211,7 +211,7 @@ def resting(bench: Bench) -> tuple[int, float]:
             " t.length))"
         )
         page = browser.value(f"Promise.all({parts}).then(sizes => sizes.reduce((a, b) => a + b))")
-        # What is stored has come by then.
+        # All stored samples have arrived by then.
         time.sleep(bench.seconds(LOOKING))
         before, begin = processor_seconds(served.process.pid), time.monotonic()
         time.sleep(bench.seconds(IDLE))

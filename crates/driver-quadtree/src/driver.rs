@@ -1,7 +1,7 @@
 //! The driver for whole sessions. It shows the samples of earlier views in the next view until that
 //! view has samples of its own (Larson & Simmons 1999, §3).
 //!
-//! What always holds:
+//! Invariants:
 //! - Once the stored samples of a view have arrived, pictures use the samples of this view alone. A
 //!   picture at rest does not depend on the earlier views.
 //! - After a rotation of more than 20°, no sample of an earlier view is used.

@@ -30,7 +30,7 @@
 //!
 //! Pixels that no section covers stay 0 until live rays arrive for them (`live`).
 //!
-//! # What always holds
+//! # Invariants
 //!
 //! - A picture is a function of the set of samples. Their order, their batches and the number of
 //!   threads change no bit of it.

@@ -5,7 +5,7 @@
 //! -1 and 1. If both workers are right, its expectation is 0, whatever the noise. So the mean over
 //! many rays shows a worker whose light is too bright or too dim.
 //!
-//! What always holds:
+//! Invariants:
 //! - A worker cannot know which of its packets are traced again.
 //! - A worker is found broken only if two others differ from it, and most that were compared with
 //!   it do.

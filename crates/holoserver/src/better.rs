@@ -1,7 +1,7 @@
 //! Better samples: stored samples that are traced again with more paths.
 //!
 //! Only the file's extents say how many paths a sample has. So a fill goes on where it was after a
-//! restart or a crash. A better packet is an ordinary packet with more paths. What always holds:
+//! restart or a crash. A better packet is an ordinary packet with more paths. Invariants:
 //! - Only samples that are uniform in their beam get better. The viewpoint of the others is not
 //!   stored, so their rays cannot be made again.
 //! - A sample never gets worse, in whatever order results arrive.

@@ -2,7 +2,7 @@
 //! and §2.5).
 //!
 //! It never waits for anyone. Connections are tasks that send it events; threads that read or write
-//! the disk report back; frames to others are queued. What always holds:
+//! the disk report back; frames to others are queued. Invariants:
 //! - Every packet given out is with exactly one connected worker, or waits to be given out again.
 //!   An overdue packet waits again. If its worker returns it late, the samples count only while it
 //!   still waits.

@@ -1,6 +1,6 @@
 //! Records of indirect light of all workers: kept in the file, and sent to whoever wants them.
 //!
-//! What always holds:
+//! Invariants:
 //! - Each record is there once, however often and from wherever it came.
 //! - Records are only added. So a count of records states what a connection has been sent.
 //! - There are at most [`MAX_RECORDS`].

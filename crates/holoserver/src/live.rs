@@ -1,6 +1,6 @@
 //! Live rays: those of a view that no section covers. They are traced and shown, but not stored.
 //!
-//! What always holds:
+//! Invariants:
 //! - The server keeps at most [`MAX_LIVE_RAYS_HELD`] of them for one display.
 //! - If a display wants both live rays and beams, each gets a share of the work.
 

@@ -1,6 +1,6 @@
 //! Mail from a peer that the coordinator has not handled yet, limited for each peer.
 //!
-//! What always holds:
+//! Invariants:
 //! - A mailbox holds at most [`MAX_MESSAGES`] messages of [`MAX_BYTES`] together, in addition to
 //!   one that is longer and one view. A reader that fills it waits, and then the peer waits.
 //! - The coordinator is informed once that there is mail, and takes one message at a time. So peers

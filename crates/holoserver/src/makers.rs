@@ -1,6 +1,6 @@
 //! Who made samples, claims and records of light: machines, which a file knows by numbers.
 //!
-//! What always holds:
+//! Invariants:
 //! - A number means one machine for ever, also after what the machine made was forgotten.
 //! - There are at most [`MAX_MAKERS`]. Further machines have the number of an unknown maker.
 

@@ -2,7 +2,7 @@
 //! dropped.
 //!
 //! A refusal must never depend on an honest tracer's luck, because leaving out bright samples would
-//! darken pictures. What always holds:
+//! darken pictures. Invariants:
 //! - A ray that hits nothing brings the sky's light, and a ray that cannot be traced brings none.
 //!   Tracers give both exactly.
 //! - A ray hits nothing beyond the scene's bounds.

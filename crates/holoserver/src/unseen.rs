@@ -1,7 +1,7 @@
 //! Beams that see nothing: a worker has proved that none of their rays hits anything. They are
 //! neither traced nor stored.
 //!
-//! What always holds:
+//! Invariants:
 //! - A beam leaves a set only if the worker that added it is found to be wrong.
 //! - It takes a bit for each beam, in at most [`MAX_PAGES`] pages. Further beams are not
 //!   remembered, which only costs a worker another look.

@@ -2,7 +2,7 @@
 //! it names come first, then its view's beams. Among the beams, the one with the fewest rays for
 //! its weight comes first.
 //!
-//! What always holds:
+//! Invariants:
 //! - No view gets more than [`MAX_RAYS_PER_PIXEL`] rays for each pixel, of either sort.
 //! - A view's beams are in the order of their names. A beam takes 32 bytes.
 

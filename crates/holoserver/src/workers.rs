@@ -1,6 +1,6 @@
 //! Workers, and the packets that each has been given.
 //!
-//! What always holds:
+//! Invariants:
 //! - A worker holds at most [`MAX_PACKETS_HELD`] packets, including overdue ones. Beyond a first
 //!   lot, it holds no more rays than it has returned so far.
 //! - An overdue packet is taken away, for others to trace. Until the worker returns something, it

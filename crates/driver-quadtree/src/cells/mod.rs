@@ -12,7 +12,7 @@
 //! Smooth pictures have no holes. The paper's constant cells have a greatest radius ([`radius`]).
 //! Between them the paper showed the scene; here those pixels stay black.
 //!
-//! What always holds:
+//! Invariants:
 //! - The picture is a function of the set of samples. Their order and batches change no bit of it.
 //! - A pixel between samples shows the surface of its nearest sample. Depths separate surfaces
 //!   ([`step`]).
