@@ -92,7 +92,7 @@ impl Coordinator {
             }
             self.finish_packet(&assignment);
             self.audit(id, &assignment, samples);
-            // No display looks at better samples.
+            // No display looks at the beams of better samples.
             if !is_better {
                 self.forward(&assignment, samples, outgoing);
             }

@@ -95,8 +95,8 @@ struct Adapting {
 }
 
 impl Adapting {
-    /// Returns the next state after a frame was seen; `None` once the colours stay the same
-    /// (`is_same`) or the time is over.
+    /// Returns the next state after a frame was seen. `None` if the frame is not at rest, the
+    /// colours stay the same (`is_same`), or the time is over.
     fn after(before: Option<Adapting>, shown: &Shown, is_same: bool) -> Option<Adapting> {
         let (now, frame) = (Instant::now(), shown.number);
         let end = before.filter(|before| before.frame == frame).map(|before| before.end);
