@@ -262,8 +262,8 @@ fn a_long_append_and_the_last_sample_number_are_kept() {
     assert_eq!(file.counts(last.key).uniform, u32::MAX);
 }
 
-/// Writes samples of two makers. Maker 1 made samples 0 to 20 of a beam and all of another beam,
-/// and maker 2 made better samples 5 to 9 of the first.
+/// Writes samples of two makers. Maker 1 made samples 0 to 20 of a beam and all of another beam.
+/// Maker 2 made better samples 5 to 9 of the first beam.
 fn by_two_makers(file: &BeamFile) -> [Run; 3] {
     let rough = Run { count: 21, ..run(key(0, 3), 0) };
     let better = Run { first: 5, count: 5, paths: 16, ..rough };

@@ -5,7 +5,7 @@
 //! From the finest leaf upwards, a coarser one is used as long as its confidence interval meets
 //! those of all finer ones. Where the picture is flat, the intervals meet, and noise is averaged
 //! out. Elsewhere they separate once there are enough samples. Samples without noise have intervals
-//! of no width and stay in their pixels. As the number of samples grows, every interval shrinks, so
+//! of no width and stay in their pixels. As the number of samples grows, every interval shrinks. So
 //! every pixel that is not flat ends with its own mean. docs/notes/quadtree.md lists other rules
 //! that were tried.
 //!

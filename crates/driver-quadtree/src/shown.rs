@@ -67,8 +67,8 @@ impl Painter<'_> {
         shown
     }
 
-    /// Returns the number of samples of a pixel's surface that see past the front surface as the
-    /// eye does, because their rays pass so near to it.
+    /// Returns how many samples of a pixel's surface see past the front surface as the eye does.
+    /// These are samples whose rays pass very near to the eye.
     ///
     /// The radius is a pixel's footprint at the samples' own distance, halved for each whole
     /// doubling of distance from the front surface. Without the halving, samples at eight times the

@@ -79,7 +79,7 @@ fn samples_from_elsewhere_do_not_spoil_a_gloss() {
     }
 }
 
-/// Returns the number of random rays of the room's section that end on a visible surface, and how
+/// Traces random rays of the room's section. Returns how many end on a visible surface, and how
 /// many of these belong to the given beams.
 fn rays_that_end_in(view: &View, asked: &BTreeSet<BeamId>) -> (u32, u32) {
     let section = room_section(8);

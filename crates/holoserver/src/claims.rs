@@ -1,6 +1,6 @@
 //! Claims of workers that a beam sees nothing: who made them, and whether others agree.
 //!
-//! A claim is believed at once, because most are true and tracing is dear. A share of them is
+//! A claim is believed at once, because most are true and tracing is dear. A share of the claims is
 //! checked by another worker, which traces rays of the beam. Invariants:
 //! - A worker cannot know which of its claims are checked.
 //! - The claims of a worker are kept until all their checks are over, even if it has left. So they

@@ -73,8 +73,8 @@ pub struct Config {
     /// The holodeck to serve
     #[arg(value_name = "FILE.holo")]
     pub file: PathBuf,
-    /// Where to listen; port 0 takes any free port. The address is printed. At an address of
-    /// another machine, connections are encrypted, and only peers with the printed string may
+    /// Where to listen; port 0 takes any free port. The address is printed. If other machines
+    /// can reach the address, connections are encrypted, and only peers with the printed string may
     /// connect: workers and displays
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7070")]
     pub listen: String,

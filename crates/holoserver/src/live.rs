@@ -1,7 +1,7 @@
 //! Live rays: those of a view that no section covers. They are traced and shown, but not stored.
 //!
 //! Invariants:
-//! - The server keeps at most [`MAX_LIVE_RAYS_HELD`] of them for one display.
+//! - The server keeps at most [`MAX_LIVE_RAYS_HELD`] live rays for one display.
 //! - If a display wants both live rays and beams, each gets a share of the work.
 
 use std::collections::VecDeque;

@@ -346,7 +346,7 @@ fn rays_asked_for_go_along_with_a_parallel_view() {
             limited += usize::from(sampler.is_limited());
             for number in (0..21).filter(|_| sampler.is_limited()) {
                 let ray = sampler.ray(sampler.coords(number));
-                // Each end of a ray is rounded by half a step in both directions, and the ray is at
+                // Each end of a ray is rounded by half a step in both directions. The ray is at
                 // most as long as the shortest side.
                 let step = 4.1 / 6.0 / 256.0;
                 let rounding = 2.0_f64.sqrt() * step / ray.length.min(2.0);

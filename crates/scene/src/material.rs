@@ -17,7 +17,7 @@ pub struct Material {
     pub name: String,
     /// Its scattering.
     pub bsdf: Bsdf,
-    /// Radiance that it emits, in W·sr⁻¹·m⁻², on the side on which the corners run
+    /// Radiance that it emits, in W·sr⁻¹·m⁻², on the side from which the corners appear
     /// counter-clockwise.
     pub emission: Rgb,
     /// True if it emits on the other side too.

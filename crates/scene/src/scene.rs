@@ -198,7 +198,7 @@ impl Scene {
             .map(|corner| Vec3::from_array(self.positions[corner as usize]))
     }
 
-    /// Returns the unit normal of a triangle, on the side on which its corners run
+    /// Returns the unit normal of a triangle, on the side from which its corners appear
     /// counter-clockwise.
     ///
     /// # Panics

@@ -122,7 +122,7 @@ impl Scene {
     }
 
     /// Returns the normal from a texture of normals at a point whose normal is `normal`, on the
-    /// side on which the corners run counter-clockwise. `None` without such a texture.
+    /// side from which the corners appear counter-clockwise. `None` without such a texture.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -174,8 +174,8 @@ impl Scene {
         self.shading.as_ref().is_some_and(|s| s.maps.iter().any(|maps| maps.cut_out.is_some()))
     }
 
-    /// Returns the unit normal of a curved surface at a point, on the side on which the corners run
-    /// counter-clockwise; `None` for a facet.
+    /// Returns the unit normal of a curved surface at a point, on the side from which the corners
+    /// appear counter-clockwise; `None` for a facet.
     ///
     /// # Panics
     /// If there is no such triangle.

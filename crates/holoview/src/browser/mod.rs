@@ -117,7 +117,7 @@ pub async fn serve(listener: TcpListener, front: Front, ending: Shutdown) -> Res
     }
 }
 
-/// Opens a browser. If there is none, the printed address must do.
+/// Opens a browser. If that fails, people still have the printed address.
 fn open(address: &str) {
     let program = if cfg!(target_os = "macos") {
         "open"

@@ -11,7 +11,7 @@ use super::node::{Bound, Child, Node, WIDTH};
 
 /// Number of intervals per axis between which splits are considered.
 const BUCKETS: usize = 12;
-/// Depth below which groups are halved by number, so that no scene makes a deep tree.
+/// Least depth at which groups are halved by number, so that no scene makes a deep tree.
 const HALVING_DEPTH: usize = 24;
 /// Relative amount that a plane is lowered, to allow for rounding.
 const SLACK: f32 = 4e-6;

@@ -36,7 +36,7 @@ impl Model {
         self.materials[material as usize].two_sided_emission = true;
     }
 
-    /// Adds a polygon. Its front is the side on which the corners run counter-clockwise.
+    /// Adds a polygon. Its front is the side from which the corners appear counter-clockwise.
     pub fn polygon(&mut self, corners: &[[f64; 3]], material: u32) {
         let base = self.positions.len() as u32;
         self.positions.extend(corners.iter().map(|&c| DVec3::from_array(c)));
