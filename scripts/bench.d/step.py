@@ -35,9 +35,9 @@ def step(bench: Bench) -> Part:
             (
                 f"The cabin's three sections filled for {FILL} s by the default engine; then one"
                 " session with a worker. Its first view is 0.4 m beside the living room's view,"
-                f" which it goes to after {BEFORE:g} s. Pictures have 960 × 720 pixels, and are"
-                " averaged down to the reference's 320 × 240. *Written* is when a picture was"
-                " there, seconds after its view was asked for."
+                f" which it goes to after {BEFORE:g} s; a picture was drawn 2 s earlier. Pictures"
+                " have 960 × 720 pixels, and are averaged down to the reference's 320 × 240."
+                " *Written* is when a picture was there, seconds after its view was asked for."
             ),
         ],
     )
@@ -66,12 +66,14 @@ def session(bench: Bench, part: Part, case: Case, title: str, way: str | Path) -
     name = title.split()[0].lower()
     file = bench.work / f"step-{name}.holo"
     file.write_bytes(filled.read_bytes())
-    first = bench.work / f"step-{name}-first.pfm"
+    first, before = (bench.work / f"step-{name}-{when}.pfm" for when in ("first", "before"))
     pictures = {asked: bench.work / f"step-{name}-{asked:g}.pfm" for asked in WANTED}
     lines = [
-        f"0 view {ASIDE.line()}", f"0.1 picture {first}",
-        f"{bench.seconds(BEFORE)} view {CABIN_LIVING.line()}"
+        f"0 view {ASIDE.line()}",
+        f"0.1 picture {first}",
+        f"{bench.seconds(BEFORE - 2)} picture {before}",
     ]
+    lines += [f"{bench.seconds(BEFORE)} view {CABIN_LIVING.line()}"]
     lines += [f"{bench.seconds(asked)} picture {picture}" for asked, picture in pictures.items()]
     script = bench.work / f"step-{name}.txt"
     script.write_text("\n".join([*lines, f"{bench.seconds(STAY)} quit", ""]), encoding="utf-8")

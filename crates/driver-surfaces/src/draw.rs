@@ -52,19 +52,20 @@ struct Further<'a> {
 const NO_PANE: u32 = u32::MAX;
 
 impl Gathered {
-    /// Draws the view, and keeps the light that it finds in `known`.
+    /// Draws the view, and keeps the light that it finds in `known`. Squares have sides of
+    /// `least_step` pixels at least.
     ///
     /// Where no pixel nearby has light, `store` gives a mean over a larger place. A denoiser
     /// replaces the filter's light, but not its standard errors.
     #[must_use]
     pub(crate) fn draw_and_learn(
         &self,
-        view: &View,
-        store: &Store,
+        (view, store): (&View, &Store),
+        least_step: usize,
         denoiser: Option<&mut Denoiser>,
         known: &mut Known,
     ) -> Drawn {
-        let step = self.step(view);
+        let step = self.step(view).max(least_step);
         let squares = Squares::new(|pixel| view.seen[pixel], view.size, step);
         let pixels = self.pixels();
         let sums = squares.sums(view.size, |pixel| Some((&view.seen[pixel], &pixels[pixel])));
@@ -100,7 +101,7 @@ impl Gathered {
     /// Draws the view at rest.
     #[must_use]
     pub fn draw(&self, view: &View, store: &Store, denoiser: Option<&mut Denoiser>) -> Drawn {
-        self.draw_and_learn(view, store, denoiser, &mut Known::default())
+        self.draw_and_learn((view, store), 1, denoiser, &mut Known::default())
     }
 
     /// Returns the side of the squares that are filtered, pixels: fewer samples want wider ones.
@@ -119,12 +120,17 @@ impl Gathered {
 }
 
 impl View {
-    /// Draws the view from light that earlier pictures found, in squares of this side. `None` if they
-    /// found too little.
-    pub(crate) fn draw_known(&self, store: &Store, known: &Known, step: usize) -> Option<Drawn> {
+    /// Returns the light that earlier pictures found, in squares of this side. `None` if more than a
+    /// share of the squares is unknown.
+    pub(crate) fn known(&self, known: &Known, step: usize, unknown: f32) -> Option<Layer> {
         let squares = Squares::new(|pixel| self.seen[pixel], self.size, step);
-        let lights = known.lights(self, &squares)?;
-        Some(self.lit(store, &Layer { squares, lights }, &Further::default()))
+        let lights = known.lights(self, &squares, unknown)?;
+        Some(Layer { squares, lights })
+    }
+
+    /// Draws the view from known light.
+    pub(crate) fn draw_known(&self, store: &Store, known: &Layer) -> Drawn {
+        self.lit(store, known, &Further::default())
     }
 
     /// Draws the view with this light of its squares.

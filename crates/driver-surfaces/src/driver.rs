@@ -1,12 +1,14 @@
 //! The driver of a whole session: one store of light, and a view of it at a time.
 //!
 //! Unlike other drivers it keeps every sample for the whole session. A frame at rest depends on the
-//! set of samples inserted since the session began, in any order.
+//! set of samples inserted since the session began, in any order. Only the first frame of a view may
+//! show the light that earlier frames found.
 
 use crate::draw::Drawn;
 use crate::edges::Looked;
 use crate::known::Known;
 use crate::place::Placed;
+use crate::squares::Layer;
 use crate::{Gathered, Materials, Placer, RaySample, Seen, Store, View};
 use glam::DVec3;
 use holo_denoise::Denoiser;
@@ -40,6 +42,15 @@ const LEAST_BATCH: usize = 1 << 12;
 
 /// Pixels on edges that are looked into at once: some 10 ms of two cores.
 const EDGE_PIXELS: usize = 1 << 12;
+
+/// Shares of a frame that may be unknown in a frame of known light: while the eye moves or has just
+/// stopped, and in a glance.
+const MOST_UNKNOWN: f32 = 0.5;
+const FEW_UNKNOWN: f32 = 0.1;
+
+/// The least side of the squares that are filtered in a glance and while the eye moves, pixels. In
+/// the cabin at 480 × 360, squares of one pixel delay a glance by 0.3 s.
+const LEAST_STEP: usize = 2;
 
 /// Pixels between points whose beams are looked for. Beams are many pixels wide, and finding them
 /// must not hold up the first picture.
@@ -78,9 +89,9 @@ struct Shown {
     /// A view's first frame is not, so that it is there soon.
     is_refined: bool,
     edges: Edges,
-    /// Whether the eye has just stopped here. The first frame then shows known light, so that it is
-    /// there soon.
-    has_stopped: bool,
+    /// Known light, which is shown while the eye moves, and in the first frame of a glance and after
+    /// a stop, so that it is there soon.
+    known: Option<Layer>,
     /// How the last frame at rest was refined. `None` before the first one.
     drawn: Option<Refined>,
     covered: Vec<bool>,
@@ -157,13 +168,11 @@ impl SurfacesDriver {
     fn drawn(&mut self) -> Option<(Drawn, Option<Gathered>)> {
         let shown = self.shown.as_ref()?;
         let Look { resolution, .. } = shown.look;
-        if (resolution == Resolution::Moving || shown.has_stopped)
-            && let Some(drawn) =
-                shown.view.draw_known(&self.store, &self.known, known_side(resolution))
-        {
-            let shown = self.shown.as_mut()?;
-            if std::mem::take(&mut shown.has_stopped) {
-                shown.drawn = Some(Refined::KNOWN);
+        if let Some(known) = &shown.known {
+            let drawn = shown.view.draw_known(&self.store, known);
+            if resolution != Resolution::Moving {
+                let shown = self.shown.as_mut()?;
+                (shown.known, shown.drawn) = (None, Some(Refined::KNOWN));
                 shown.is_refined = true;
             }
             return Some((drawn, None));
@@ -177,11 +186,13 @@ impl SurfacesDriver {
         let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));
         let mut denoiser = self.denoiser.as_mut().filter(|_| refined.is_denoised);
         let again = denoiser.as_deref_mut();
-        let mut drawn = gathered.draw_and_learn(view, store, again, &mut self.known);
+        let least = if resolution == Resolution::Full { 1 } else { LEAST_STEP };
+        let seen = (view, store);
+        let mut drawn = gathered.draw_and_learn(seen, least, again, &mut self.known);
         let has_live = self.live.samples() > 0 && shown.covered.contains(&false);
         let all = has_live.then(|| gathered.with(view, &self.live));
         if let Some(all) = &all {
-            let with_live = all.draw_and_learn(view, store, denoiser, &mut self.known);
+            let with_live = all.draw_and_learn(seen, least, denoiser, &mut self.known);
             for pixel in (0..drawn.pixels.len()).filter(|&pixel| !shown.covered[pixel]) {
                 drawn.pixels[pixel] = with_live.pixels[pixel];
                 drawn.errors[pixel] = with_live.errors[pixel];
@@ -197,12 +208,6 @@ impl SurfacesDriver {
             gathered.add(view, placed);
         }
     }
-}
-
-/// Returns the side of the squares whose known light is looked up, pixels: as wide at both
-/// resolutions.
-fn known_side(resolution: Resolution) -> usize {
-    if resolution == Resolution::Moving { 2 } else { 4 }
 }
 
 impl Refined {
@@ -285,15 +290,20 @@ impl Driver for SurfacesDriver {
         };
         let is_refined = self.shown.as_ref().is_some_and(glanced);
         let moved = |shown: &Shown| shown.look.resolution == Resolution::Moving;
-        let has_stopped =
-            look.resolution == Resolution::Full && self.shown.as_ref().is_some_and(moved);
+        let has_stopped = self.shown.as_ref().is_some_and(moved);
+        let known = match look.resolution {
+            Resolution::Moving => view.known(&self.known, 2, MOST_UNKNOWN),
+            Resolution::Half => view.known(&self.known, 2, FEW_UNKNOWN),
+            Resolution::Full if has_stopped => view.known(&self.known, 4, MOST_UNKNOWN),
+            Resolution::Full => None,
+        };
         self.shown = Some(Shown {
             look,
             view,
             gathered: None,
             is_refined,
             edges: Edges::Some(Vec::new()),
-            has_stopped,
+            known,
             drawn: None,
             covered,
         });
@@ -343,6 +353,10 @@ impl Driver for SurfacesDriver {
         let store = &self.store;
         let gathers = |shown: &&mut Shown| shown.look.resolution != Resolution::Moving;
         let Some(shown) = self.shown.as_mut().filter(gathers) else { return false };
+        if shown.known.is_some() {
+            // What is gathered now would delay the first frame.
+            return false;
+        }
         let refines = shown.is_refined && shown.look.resolution == Resolution::Full;
         if shown.gathered.is_none() {
             shown.gathered = Some(Gathered::new(&shown.view, store));

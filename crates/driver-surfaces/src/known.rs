@@ -18,9 +18,9 @@ use rustc_hash::FxHashMap;
 /// Places of one generation, 32 bytes each.
 const MOST: usize = 1 << 20;
 
-/// Share of the squares that may be unknown in a picture of known light. They show the mean light
-/// around them.
-const MOST_UNKNOWN: f32 = 0.5;
+/// The least width of a place, pixels. Frames of known light have few pixels, and a mean over several
+/// is less noisy.
+const LEAST_SIDE: usize = 2;
 
 /// Light found by earlier pictures.
 #[derive(Debug, Default)]
@@ -49,7 +49,7 @@ impl Known {
             if !seen.is_surface() || light.error.is_infinite() {
                 continue;
             }
-            let width = seen.width * squares.step as f32;
+            let width = seen.width * squares.step.max(LEAST_SIDE) as f32;
             let level = level_of(width);
             let place = (seen.point / (level as f32).exp2()).floor().as_ivec3();
             let sum = sums.entry(number(place, level, view.face(seen))).or_default();
@@ -63,8 +63,8 @@ impl Known {
             .extend(sums.into_iter().map(|(number, (sum, count))| (number, sum.divided(count))));
     }
 
-    /// Returns the light of all squares, if most of it is known.
-    pub fn lights(&self, view: &View, squares: &Squares) -> Option<Vec<Estimate>> {
+    /// Returns the light of all squares, if at most a share of them is unknown.
+    pub fn lights(&self, view: &View, squares: &Squares, unknown: f32) -> Option<Vec<Estimate>> {
         let light = |seen: &Seen| {
             if !seen.is_surface() {
                 return Estimate::UNKNOWN;
@@ -77,7 +77,7 @@ impl Known {
         let lights: Vec<Estimate> = squares.seen.par_iter().map(light).collect();
         let surfaces = squares.seen.iter().filter(|seen| seen.is_surface()).count();
         let known = lights.iter().filter(|light| light.error.is_finite()).count();
-        (known as f32 >= (1.0 - MOST_UNKNOWN) * surfaces as f32).then_some(lights)
+        (known as f32 >= (1.0 - unknown) * surfaces as f32).then_some(lights)
     }
 
     /// Returns the light between the places around a point.

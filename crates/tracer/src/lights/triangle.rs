@@ -15,7 +15,7 @@ use glam::Vec3;
 /// Solid angle, in steradians, above which points are sampled by solid angle. Below, areas are
 /// nearly as even, and cheaper (docs/notes/path-tracing.md).
 const LEAST: f32 = 0.03;
-/// Solid angle up to which points are sampled by solid angle. At larger ones, close to 2π, the
+/// Largest solid angle at which points are sampled by solid angle. At larger ones, close to 2π, the
 /// point lies in the triangle within the precision of f32.
 const MOST: f32 = 6.22;
 
