@@ -1,7 +1,7 @@
 //! The wire protocol: the messages between holoserver, rtworker and holoview. `SPEC.md` draws every
 //! byte.
 //!
-//! This crate encodes and decodes; `holo-net` has the sockets. What always holds:
+//! This crate encodes and decodes; `holo-net` has the sockets. Invariants:
 //! - Nothing that came from outside is trusted. Every count is checked against the payload's length
 //!   and a named limit before memory is taken for it. A payload with bytes left over is refused.
 //! - Control messages ([`control`]) are bincode with fixed-size little-endian integers. Beams,

@@ -32,7 +32,8 @@ f -4 -1 -2
 """
 GLASS_MATERIAL = "\nnewmtl unseen_glass\nillum 7\nNi 1.5\nTf 1 1 1\n"
 
-# The same place: a square with a texture, normals of its own, and a texture of them and of roughness.
+# A square in the same place, with a texture, its own normals, and textures of normals and of
+# roughness.
 SHADED = """
 usemtl unseen_shaded
 v 1.75 0.5 1.6
@@ -46,7 +47,9 @@ vn 0.1 0 1
 vn 0 0.1 1
 f -3/-3/-3 -2/-2/-2 -1/-1/-1
 """
-SHADED_MATERIAL = "\nnewmtl unseen_shaded\nKd 1 1 1\nmap_Kd unseen.png\nnorm unseen.png\nmap_Pr unseen.png\n"
+SHADED_MATERIAL = (
+    "\nnewmtl unseen_shaded\nKd 1 1 1\nmap_Kd unseen.png\nnorm unseen.png\nmap_Pr unseen.png\n"
+)
 # A normal that points off the surface.
 SHADED_TEXEL = (128, 128, 255)
 
@@ -89,12 +92,15 @@ def ablations(bench: Bench) -> Part:
     part = Part(
         "What skipping gains",
         [
-            f"Processor time of the whole program, the least of {rounds} alternate runs. *Skipped*: the scene lacks it, and nothing is "
-            "done about it. *Not skipped*: there is a trace of it that no ray meets, or so little of it that it cannot be seen (a "
-            "piece of glass within a block; a sky or a lamp of 1e-6 of the light), or, for obstructions, it is asked for. "
-            f"`render --spp {spp(bench)}` of the bundled Cornell box at 256², `fill` with a section in which nothing stands. "
-            f"Where random numbers differ, *difference* is that of the two biases against a render of {TRUTH} times as many paths, "
-            "with its 99 % interval; else that of the two pictures. (Beams that see nothing: above.)",
+            f"Processor time of the whole program, the least of {rounds} alternate runs. "
+            "*Skipped*: the scene lacks it, and nothing is done about it. *Not skipped*: there is "
+            "a trace of it that no ray meets, or so little of it that it cannot be seen (a piece "
+            "of glass within a block; a sky or a lamp of 1e-6 of the light), or, for "
+            f"obstructions, it is asked for. `render --spp {spp(bench)}` of the bundled Cornell "
+            "box at 256², `fill` with a section in which nothing stands. Where random numbers "
+            f"differ, *difference* is that of the two biases against a render of {TRUTH} times as "
+            "many paths, with its 99 % interval; else that of the two pictures. (Beams that see "
+            "nothing: above.)",
         ],
     )  # fmt: skip
     columns = [["skipped", ""], ["skipped, s", ".2f"], ["not skipped, s", ".2f"], ["ratio", ".3f"],
@@ -105,13 +111,23 @@ def ablations(bench: Bench) -> Part:
         skipped, done = min(t[0] for t in times), min(t[1] for t in times)
         if skip.truth:
             skip.truth.make()
-            one, other = (against(bench, variant, skip.truth) for variant in (skip.skipped, skip.done))
+            one, other = (
+                against(bench, variant, skip.truth) for variant in (skip.skipped, skip.done)
+            )
             difference, half = one[0] - other[0], math.hypot(one[1], other[1])
         else:
             # Only rounding, and samples that rounding moves to the next code of a colour.
-            difference, half = compare(bench.holodeck, skip.skipped.picture, skip.done.picture)["bias"], SAME
-        table.rows.append([skip.what, skipped, done, skipped / done, difference, half if skip.truth else None])
-        bar = Bar(f"same result, {skip.what}", f"{difference:+.3%}", f"within ±{half:.3%}", abs(difference) <= half)
+            difference, half = (
+                compare(bench.holodeck, skip.skipped.picture, skip.done.picture)["bias"],
+                SAME,
+            )
+        table.rows.append(
+            [skip.what, skipped, done, skipped / done, difference, half if skip.truth else None]
+        )
+        bar = Bar(
+            f"same result, {skip.what}", f"{difference:+.3%}", f"within ±{half:.3%}",
+            abs(difference) <= half
+        )
         part.bars.append(bar)
     part.tables.append(table)
     return part
@@ -134,17 +150,26 @@ def skips_to_measure(bench: Bench) -> list[Skip]:
 
     def render(name: str, obj: Path, *options: str, seed: int = 3, times: int = 1) -> Variant:
         picture, error = bench.work / f"ablation-{name}.pfm", bench.work / f"ablation-{name}-se.pfm"
-        command = [bench.holodeck, "render", obj, *VIEW, "--spp", str(spp(bench) * times), "--seed", str(seed), *options]
-        return Variant(picture, error, lambda: run([*command, "--se", error, "--quiet", "-o", picture]).processor)
+        command = [
+            bench.holodeck, "render", obj, *VIEW, "--spp", str(spp(bench) * times), "--seed",
+            str(seed), *options
+        ]
+        return Variant(
+            picture, error,
+            lambda: run([*command, "--se", error, "--quiet", "-o", picture]).processor
+        )
 
     def truth(name: str, obj: Path, *options: str) -> Variant:
         return render(name, obj, *options, seed=1, times=TRUTH)
 
     def fill(obstructions: str) -> Variant:
-        picture, file = bench.work / f"ablation-{obstructions}.pfm", bench.work / f"ablation-{obstructions}.holo"
+        picture, file = (
+            bench.work / f"ablation-{obstructions}.pfm",
+            bench.work / f"ablation-{obstructions}.holo",
+        )
         samples = "200k" if bench.quick else "5M"
-        command = [bench.holodeck, "fill", plain, EMPTY_SECTION, "--obstructions", obstructions, "--bounces", "0",
-                   "--samples", samples, "--quiet", "-o", file]  # fmt: skip
+        command = [bench.holodeck, "fill", plain, EMPTY_SECTION, "--obstructions", obstructions,
+                   "--bounces", "0", "--samples", samples, "--quiet", "-o", file]  # fmt: skip
 
         def make() -> float:
             file.unlink(missing_ok=True)
@@ -157,20 +182,31 @@ def skips_to_measure(bench: Bench) -> list[Skip]:
     sky = ("--sky", "0.5,0.5,0.5")
     faint_sky = render("sky", plain, "--sky", "1e-6,1e-6,1e-6", seed=4)
     return [
-        Skip("glass: what paths are inside of", render("no-glass", plain), render("glass", glass), None),
-        Skip("textures, bumps and smooth normals", render("plain", plain), render("shaded", shaded), None),
+        Skip(
+            "glass: what paths are inside of", render("no-glass", plain), render("glass", glass),
+            None
+        ),
+        Skip(
+            "textures, bumps and smooth normals", render("plain", plain), render("shaded", shaded),
+            None
+        ),
         Skip("sky: samples of it", render("no-sky", plain), faint_sky, truth("box", plain)),
-        Skip("lamps: the light tree", render("dark", dark, *sky), render("faint", faint, *sky, seed=4), truth("dark-box", dark, *sky)),
+        Skip(
+            "lamps: the light tree", render("dark", dark, *sky),
+            render("faint", faint, *sky, seed=4), truth("dark-box", dark, *sky)
+        ),
         Skip("obstructions: from entry to exit wall", fill("off"), fill("on"), None),
     ]
 
 
 def scenes(bench: Bench) -> tuple[Path, Path, Path, Path, Path]:
-    """Returns the bundled Cornell box, and variants with unseen glass, without its lamp, with almost
-    no lamp, and with an unseen textured and smooth surface.
+    """Returns the bundled Cornell box and its variants.
+
+    They have unseen glass, no lamp, almost no lamp, and an unseen textured and smooth surface.
     """
     plain = bench.scenes.bundle() / "cornell.obj"
-    text, materials = plain.read_text(encoding="utf-8"), plain.with_suffix(".mtl").read_text(encoding="utf-8")
+    text = plain.read_text(encoding="utf-8")
+    materials = plain.with_suffix(".mtl").read_text(encoding="utf-8")
     found = [plain]
     (bench.work / "unseen.png").write_bytes(png(SHADED_TEXEL))
     for name, faces, library in (
@@ -180,7 +216,9 @@ def scenes(bench: Bench) -> tuple[Path, Path, Path, Path, Path]:
         ("shaded", SHADED, materials + SHADED_MATERIAL),
     ):
         obj = bench.work / f"ablation-{name}.obj"
-        obj.write_text(text.replace("mtllib cornell.mtl", f"mtllib {obj.stem}.mtl") + faces, encoding="utf-8")
+        obj.write_text(
+            text.replace("mtllib cornell.mtl", f"mtllib {obj.stem}.mtl") + faces, encoding="utf-8"
+        )
         obj.with_suffix(".mtl").write_text(library, encoding="utf-8")
         found.append(obj)
     return found[0], found[1], found[2], found[3], found[4]
@@ -190,7 +228,14 @@ def png(texel: tuple[int, int, int]) -> bytes:
     """Returns a picture of one texel."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        return (
+            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        )
 
     header = chunk(b"IHDR", struct.pack(">IIBBBBB", 1, 1, 8, 2, 0, 0, 0))
-    return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(bytes([0, *texel]))) + chunk(b"IEND", b"")
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + header
+        + chunk(b"IDAT", zlib.compress(bytes([0, *texel])))
+        + chunk(b"IEND", b"")
+    )

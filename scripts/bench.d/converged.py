@@ -40,7 +40,10 @@ class Converged:
         if not (picture.exists() and error.exists()):
             kept.mkdir(parents=True, exist_ok=True)
             share = math.ceil(paths / PASSES)
-            passes = [self._render(case, kept / f"{seed}.pfm", share, seed, threads) for seed in range(1, PASSES + 1)]
+            passes = [
+                self._render(case, kept / f"{seed}.pfm", share, seed, threads)
+                for seed in range(1, PASSES + 1)
+            ]
             header = passes[0][0]
             pixels = list(zip(*(values for _, values in passes)))
             write(error, header + array("f", map(standard_error, pixels)).tobytes())
@@ -48,11 +51,15 @@ class Converged:
             shutil.rmtree(kept)
         return Reference(picture, error)
 
-    def _render(self, case: Case, made: Path, paths: int, seed: int, threads: int | None) -> tuple[bytes, array]:
+    def _render(
+        self, case: Case, made: Path, paths: int, seed: int, threads: int | None
+    ) -> tuple[bytes, array]:
         """Returns header and values of one pass, which is rendered unless it is kept."""
         if not made.exists():
             unfinished = made.with_name("unfinished.pfm")
-            command = [self._holodeck, "render", *case.scene, *case.view.options(), "--size", case.size]
+            command = [
+                self._holodeck, "render", *case.scene, *case.view.options(), "--size", case.size
+            ]
             command += ["--spp", str(paths), "--seed", str(seed)]
             command += ["--threads", str(threads)] if threads else []
             run([*command, "--quiet", "-o", unfinished])
@@ -63,7 +70,9 @@ class Converged:
 def stamp(case: Case) -> int:
     """Returns a number that follows from the bytes of the case's scene."""
     scene = next(path for path in map(Path, case.scene) if path.suffix in (".obj", ".toml"))
-    return zlib.crc32(b"".join(scene.with_suffix(suffix).read_bytes() for suffix in (".obj", ".mtl")))
+    return zlib.crc32(
+        b"".join(scene.with_suffix(suffix).read_bytes() for suffix in (".obj", ".mtl"))
+    )
 
 
 def standard_error(values: Sequence[float]) -> float:

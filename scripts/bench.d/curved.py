@@ -1,7 +1,7 @@
 """Curved meshes in the Cornell box: is their light as clean as that of flat walls?
 
-Always true: only pixels that see the mesh alone, or no mesh, count. The truth's own noise, which its
-two halves show, is taken off the error.
+Always true: only pixels that see the mesh alone, or no mesh, count. The truth's own noise, which
+its two halves show, is subtracted from the error.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Mesh = tuple[list[Point], list[Point], list[tuple[int, int, int]]]
 SAMPLES = (100_000, 1_000_000, 10_000_000)
 # Paths of a pixel of each half of the truth.
 TRUTH_PATHS = 128
-# How much larger the error may be on a mesh.
+# Largest allowed ratio of the error on a mesh to that on the walls.
 WANTED = 1.5
 # The share of pixels with the largest errors that does not count: edges within the mesh.
 WORST = 0.01
@@ -41,9 +41,13 @@ def curved(bench: Bench) -> Part:
     part = Part(
         "Curved meshes beside flat walls",
         [
-            f"A mesh of about 100,000 triangles in the Cornell box, filled with `--samples`, on and on; `picture` by the driver `surfaces` "
-            f"against `render --engine path` with {2 * bench.paths(TRUTH_PATHS)} paths a pixel. Errors are root mean squares of relative "
-            f"differences of luminance, without the worst {WORST:.0%} of the pixels. *Smooth*: the mesh has normals.",
+            (
+                "A mesh of about 100,000 triangles in the Cornell box, filled with `--samples`, on"
+                " and on; `picture` by the driver `surfaces` against `render --engine path` with"
+                f" {2 * bench.paths(TRUTH_PATHS)} paths a pixel. Errors are root mean squares of"
+                f" relative differences of luminance, without the worst {WORST:.0%} of the pixels."
+                " *Smooth*: the mesh has normals."
+            ),
         ],
     )
     columns = [["mesh", ""], ["normals", ""]]
@@ -61,26 +65,44 @@ def curved(bench: Bench) -> Part:
             table.rows.append(row)
     part.tables.append(table)
     for count, ratio in worst.items():
-        part.bars.append(Bar(f"error on the worst mesh over the walls', {count:,} samples", f"{ratio:.2f}", f"≤ {WANTED:g}", ratio <= WANTED))
+        part.bars.append(
+            Bar(
+                f"error on the worst mesh over the walls', {count:,} samples", f"{ratio:.2f}",
+                f"≤ {WANTED:g}", ratio <= WANTED
+            )
+        )
     return part
 
 
-def errors(bench: Bench, name: str, mesh: Mesh, smooth: bool, counts: tuple[int, ...]) -> list[tuple[int, float, float]]:
+def errors(
+    bench: Bench, name: str, mesh: Mesh, smooth: bool, counts: tuple[int, ...]
+) -> list[tuple[int, float, float]]:
     """Returns, by number of samples, the errors of the mesh's pixels and of the walls'."""
     box = bench.scenes.cornell()
     case = write(bench, box, name, mesh, smooth, lamp=False)
     lamp = write(bench, box, f"{name}-lamp", mesh, smooth=False, lamp=True)
     found, _ = bench.render(lamp, "mask", "--bounces", "0", "--spp", "16")
     shares = [min(value / LAMP, 1.0) for value in luminances(found)]
-    masks = [[n for n, share in enumerate(shares) if share > 0.99], [n for n, share in enumerate(shares) if share < 0.01]]
+    masks = [
+        [n for n, share in enumerate(shares) if share > 0.99],
+        [n for n, share in enumerate(shares) if share < 0.01],
+    ]
     halves = []
     for seed in ("1", "2"):
-        half, _ = bench.render(case, f"half-{seed}", "--engine", "path", "--spp", str(bench.paths(TRUTH_PATHS)), "--seed", seed)
+        half, _ = bench.render(
+            case, f"half-{seed}", "--engine", "path", "--spp", str(bench.paths(TRUTH_PATHS)),
+            "--seed", seed
+        )
         halves.append(luminances(half))
     file = bench.work / f"curved-{name}.holo"
     there, result = 0, []
     for count in counts:
-        run([bench.holodeck, "fill", *case.scene, "-o", file, "--quiet", "--json", "--samples", str(count - there)])
+        run(
+            [
+                bench.holodeck, "fill", *case.scene, "-o", file, "--quiet", "--json", "--samples",
+                str(count - there)
+            ]
+        )
         there = count
         options = [*case.view.options(), "--driver", "surfaces"]
         picture, _, _ = bench.picture(file, options, case.size, f"curved-{name}-{count}")
@@ -119,8 +141,14 @@ def write(bench: Bench, box: Case, name: str, mesh: Mesh, smooth: bool, lamp: bo
     source = Path(box.scene[0])
     materials = source.with_suffix(".mtl").read_text(encoding="utf-8")
     emission = f"Ke {LAMP} {LAMP} {LAMP}\n" if lamp else ""
-    (folder / f"{name}.mtl").write_text(f"{materials}\nnewmtl mesh\nKd 0.6 0.5 0.35\n{emission}", encoding="utf-8")
-    kept = [line for line in source.read_text(encoding="utf-8").splitlines() if not line.startswith("mtllib")]
+    (folder / f"{name}.mtl").write_text(
+        f"{materials}\nnewmtl mesh\nKd 0.6 0.5 0.35\n{emission}", encoding="utf-8"
+    )
+    kept = [
+        line
+        for line in source.read_text(encoding="utf-8").splitlines()
+        if not line.startswith("mtllib")
+    ]
     points, normals, triangles = mesh
     first = sum(line.startswith("v ") for line in kept)
     lines = [f"mtllib {name}.mtl", *kept, "usemtl mesh"]
@@ -131,7 +159,10 @@ def write(bench: Bench, box: Case, name: str, mesh: Mesh, smooth: bool, lamp: bo
     lines += ["f " + " ".join(at(corner) for corner in triangle) for triangle in triangles]
     path = folder / f"{name}.obj"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return replace(box, name=f"curved-{name}", scene=(str(path), *box.scene[1:]), reference=None, size="256x256")
+    return replace(
+        box, name=f"curved-{name}", scene=(str(path), *box.scene[1:]), reference=None,
+        size="256x256"
+    )
 
 
 def grid(at, columns: int, rows: int) -> Mesh:
@@ -142,7 +173,14 @@ def grid(at, columns: int, rows: int) -> Mesh:
         for column in range(columns + 1):
             u, v = column / columns, row / rows
             points.append(at(u, v))
-            normals.append(unit(cross(difference(at(u + small, v), at(u - small, v)), difference(at(u, v + small), at(u, v - small)))))
+            normals.append(
+                unit(
+                    cross(
+                        difference(at(u + small, v), at(u - small, v)),
+                        difference(at(u, v + small), at(u, v - small)),
+                    )
+                )
+            )
     for row in range(rows):
         for column in range(columns):
             corner = row * (columns + 1) + column
@@ -170,7 +208,12 @@ def knot() -> Mesh:
         along = unit(difference(middle(t + 1e-3), middle(t - 1e-3)))
         side = unit(cross(along, (0.0, 0.0, 1.0)))
         up = cross(side, along)
-        return moved(tuple(m + 0.2 * (math.cos(turn) * s + math.sin(turn) * w) for m, s, w in zip(middle(t), side, up)))
+        return moved(
+            tuple(
+                m + 0.2 * (math.cos(turn) * s + math.sin(turn) * w)
+                for m, s, w in zip(middle(t), side, up)
+            )
+        )
 
     return grid(at, 1000, 50)
 
@@ -178,7 +221,9 @@ def knot() -> Mesh:
 def cloth() -> Mesh:
     def at(u: float, v: float) -> Point:
         x, y = 2.2 * u - 1.1, 1.1 - 2.2 * v
-        fold = 0.12 * math.sin(9 * x + 0.8 * math.sin(2 * y)) * (0.3 + v) + 0.05 * math.sin(4 * y + x)
+        fold = 0.12 * math.sin(9 * x + 0.8 * math.sin(2 * y)) * (0.3 + v) + 0.05 * math.sin(
+            4 * y + x
+        )
         return moved((x, y, fold))
 
     return grid(at, SIDE, SIDE)
@@ -199,7 +244,12 @@ def plant() -> Mesh:
         def at(u: float, v: float, base=base, out=out, side=side, up=up) -> Point:
             wide = 0.07 * math.sin(math.pi * min(max(0.02 + 0.96 * v, 0), 1)) * (2 * u - 1)
             bend = -0.12 * v * v
-            return moved(tuple(b + 0.35 * v * o + wide * s + bend * w for b, o, s, w in zip(base, out, side, up)))
+            return moved(
+                tuple(
+                    b + 0.35 * v * o + wide * s + bend * w
+                    for b, o, s, w in zip(base, out, side, up)
+                )
+            )
 
         more = grid(at, 5, 5)
         first = len(points)

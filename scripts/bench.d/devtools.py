@@ -19,7 +19,8 @@ from program import Failed
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--window-size=1280,720",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+    "--window-size=1280,720",
     "--remote-debugging-port=0",
 )  # fmt: skip
 
@@ -34,8 +35,8 @@ class WebSocket:
         self._socket = socket.create_connection(("127.0.0.1", port), timeout=LIMIT)
         key = base64.b64encode(os.urandom(16)).decode()
         self._socket.sendall(
-            f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-            f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
+            f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection:"
+            f" Upgrade\r\nSec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
         )
         self._bytes = b""
         while b"\r\n\r\n" not in self._bytes:
@@ -50,7 +51,9 @@ class WebSocket:
             head = b"\x81\xfe" + struct.pack(">H", len(data))
         else:
             head = b"\x81\xff" + struct.pack(">Q", len(data))
-        self._socket.sendall(head + mask + bytes(byte ^ mask[at % 4] for at, byte in enumerate(data)))
+        self._socket.sendall(
+            head + mask + bytes(byte ^ mask[at % 4] for at, byte in enumerate(data))
+        )
 
     def receive(self) -> str:
         text = b""
@@ -86,9 +89,13 @@ class Chromium:
         if program is None:
             raise Failed("Chromium is not installed")
         # Children of Chromium may still write when it has ended.
-        self._profile = tempfile.TemporaryDirectory(prefix="bench-chromium-", ignore_cleanup_errors=True)
+        self._profile = tempfile.TemporaryDirectory(
+            prefix="bench-chromium-", ignore_cleanup_errors=True
+        )
         command = [program, *FLAGS, f"--user-data-dir={self._profile.name}", address]
-        self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._process = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         self._number = 0
         end = time.monotonic() + LIMIT
         port_file = os.path.join(self._profile.name, "DevToolsActivePort")
@@ -97,10 +104,14 @@ class Chromium:
             if time.monotonic() > end:
                 raise Failed("Chromium does not start")
             time.sleep(0.02)
-            if os.path.exists(port_file) and (lines := open(port_file, encoding="utf-8").read().split()):
+            if os.path.exists(port_file) and (
+                lines := open(port_file, encoding="utf-8").read().split()
+            ):
                 port = int(lines[0])
                 with urllib.request.urlopen(f"http://127.0.0.1:{port}/json") as answer:
-                    target = next((found for found in json.load(answer) if found["type"] == "page"), None)
+                    target = next(
+                        (found for found in json.load(answer) if found["type"] == "page"), None
+                    )
         self._page = WebSocket(port, "/" + target["webSocketDebuggerUrl"].split("/", 3)[3])
         size = {"width": 1280, "height": 720, "deviceScaleFactor": 1, "mobile": False}
         self.call("Emulation.setDeviceMetricsOverride", **size)
@@ -115,7 +126,9 @@ class Chromium:
 
     def value(self, expression: str) -> Any:
         """Returns an expression's value in the page; `None` if it fails."""
-        result = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        result = self.call(
+            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
+        )
         return result.get("result", {}).get("value")
 
     def wait(self, expression: str) -> None:
@@ -127,7 +140,10 @@ class Chromium:
             time.sleep(0.01)
 
     def key(self, code: str, down: bool) -> None:
-        self.call("Input.dispatchKeyEvent", type="keyDown" if down else "keyUp", code=code, key=code[-1].lower())
+        self.call(
+            "Input.dispatchKeyEvent", type="keyDown" if down else "keyUp", code=code,
+            key=code[-1].lower()
+        )
 
     def mouse(self, kind: str, x: int, y: int, buttons: int) -> None:
         button = "left" if buttons or kind == "mouseReleased" else "none"

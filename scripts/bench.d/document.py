@@ -32,7 +32,9 @@ class Table:
         lines.append("| " + " | ".join(heading for heading, _ in self.columns) + " |")
         lines.append("|" + "|".join(" ---: " if spec else " --- " for spec in formats) + "|")
         for row in self.rows:
-            lines.append("| " + " | ".join(shown(figure, spec) for figure, spec in zip(row, formats)) + " |")
+            lines.append(
+                "| " + " | ".join(shown(figure, spec) for figure, spec in zip(row, formats)) + " |"
+            )
         return [*lines, ""]
 
 
@@ -67,7 +69,7 @@ class Part:
     tables: list[Table] = field(default_factory=list)
     bars: list[Bar] = field(default_factory=list)
     plots: list[Plot] = field(default_factory=list)
-    # What was left out, and why.
+    # Measurements that were left out, with reasons.
     skipped: list[str] = field(default_factory=list)
     conditions: dict[str, str] = field(default_factory=dict)
 
@@ -109,8 +111,15 @@ class Document:
         if self._json.exists():
             found = json.loads(self._json.read_text(encoding="utf-8"))
             if found.get("format") != FORMAT:
-                raise SystemExit(f"{self._json}: another format than {FORMAT}; remove it and measure everything again")
-            self._parts = {name: Part.of_json(part) for name, part in found["measurements"].items() if name in order}
+                raise SystemExit(
+                    f"{self._json}: another format than {FORMAT}; remove it and measure everything"
+                    " again"
+                )
+            self._parts = {
+                name: Part.of_json(part)
+                for name, part in found["measurements"].items()
+                if name in order
+            }
 
     def replace(self, name: str, part: Part) -> bool:
         """Replaces a part and writes everything.
@@ -122,8 +131,13 @@ class Document:
         self._parts[name] = part
         self._parts = {name: self._parts[name] for name in self._order if name in self._parts}
         self.folder.mkdir(parents=True, exist_ok=True)
-        content = {"format": FORMAT, "measurements": {name: asdict(part) for name, part in self._parts.items()}}
-        self._json.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        content = {
+            "format": FORMAT,
+            "measurements": {name: asdict(part) for name, part in self._parts.items()},
+        }
+        self._json.write_text(
+            json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+        )
         (self.folder / "benchmarks.md").write_text("\n".join(self._markdown()), encoding="utf-8")
         return True
 
@@ -131,18 +145,20 @@ class Document:
         lines = [
             "# Benchmarks",
             "",
-            "Made by `./scripts/bench` out of [benchmarks.json](benchmarks.json), which has the figures in full. "
-            "`./scripts/bench NAME` "
-            "measures one part again; `--list` names them.",
+            (
+                "Made by `./scripts/bench` out of [benchmarks.json](benchmarks.json), which has the"
+                " figures in full. `./scripts/bench NAME` measures one part again; `--list` names"
+                " them."
+            ),
             "",
-            "**relMSE** is the mean of (picture − reference)² / (reference² + 0.01·mean²), without the worst 0.1 % of "
-            "pixels. "
-            "**PSNR** is of the picture as displayed: clipped at the reference's 95th percentile, gamma 2.2. **Bias** "
-            "is the "
-            "relative error of the mean luminance over pixels no brighter than 20 times the reference's median. "
-            "**The original** is Radiance 6.1 (rholo, rhpict), measured on another day on a 2-core machine of the "
-            "same kind: "
-            "ratios to it are not exact.",
+            (
+                "**relMSE** is the mean of (picture − reference)² / (reference² + 0.01·mean²),"
+                " without the worst 0.1 % of pixels. **PSNR** is of the picture as displayed:"
+                " clipped at the reference's 95th percentile, gamma 2.2. **Bias** is the relative"
+                " error of the mean luminance over pixels no brighter than 20 times the reference's"
+                " median. **The original** is Radiance 6.1 (rholo, rhpict), measured on another day"
+                " on a 2-core machine of the same kind: ratios to it are not exact."
+            ),
             "",
         ]
         bars = [(part.title, bar) for part in self._parts.values() for bar in part.bars]
@@ -150,7 +166,9 @@ class Document:
             lines += ["## At a glance", ""]
             lines += ["| measurement | bar | wanted | found | met |", "|" + " --- |" * 5]
             for title, bar in bars:
-                lines.append(f"| {title} | {bar.what} | {bar.wanted} | {bar.figure} | {bar.verdict()} |")
+                lines.append(
+                    f"| {title} | {bar.what} | {bar.wanted} | {bar.figure} | {bar.verdict()} |"
+                )
             lines.append("")
         lines += ["## Machine", "", *self._conditions()]
         for part in self._parts.values():

@@ -30,9 +30,10 @@ def embree(bench: Bench) -> Part:
     part = Part(
         "The ray caster beside Embree",
         [
-            "`scripts/embree-bench`: Embree 4.4 (the `embreex` wheel), called ray by ray (`rtcIntersect1`, `rtcOccluded1`), "
-            "and ours; M rays per second of processor time, runs by turns, the best of each. Ours is watertight always, "
-            "Embree in its default mode is not. Embree's rate beside *together* is that of the same rays one by one."
+            "`scripts/embree-bench`: Embree 4.4 (the `embreex` wheel), called ray by ray"
+            " (`rtcIntersect1`, `rtcOccluded1`), and ours; M rays per second of processor time,"
+            " runs by turns, the best of each. Ours is watertight always, Embree in its default"
+            " mode is not. Embree's rate beside *together* is that of the same rays one by one."
         ],
     )
     command = [sys.executable, bench.root / "scripts/embree-bench", "--json"]
@@ -47,11 +48,22 @@ def embree(bench: Bench) -> Part:
     except Failed as error:
         part.skipped.append(f"Embree cannot be used here: {error}")
         return part
-    table = Table("", [["scene", ""], ["triangles", ",d"], ["rays", ""], ["ours", ".2f"], ["Embree", ".2f"], ["ratio", ".2f"]])
+    table = Table(
+        "",
+        [
+            ["scene", ""], ["triangles", ",d"], ["rays", ""], ["ours", ".2f"], ["Embree", ".2f"],
+            ["ratio", ".2f"]
+        ],
+    )
     for row in json.loads(said[said.index("\n[") :]):
         for kind, title in KINDS.items():
             found = row[kind]
-            table.rows.append([row["scene"], row["triangles"], title, found["ours"], found["embree"], found["ratio"]])
+            table.rows.append(
+                [
+                    row["scene"], row["triangles"], title, found["ours"], found["embree"],
+                    found["ratio"]
+                ]
+            )
         what = f"{row['scene']}, {row['triangles']:,} triangles"
         if row["triangles"] > 900_000:
             add(part, f"incoherent nearest hits, {what}", row["nearest"]["ratio"], SINGLE_BAR)

@@ -13,7 +13,7 @@ from scenes import Case
 
 SECONDS = (10, 60)
 ENGINES = ("path", "cached")
-# How much larger than that of `path` the default engine's error may be.
+# Largest allowed ratio of the default engine's error to that of `path`.
 BAR = 1.05
 # Share of a picture's pixels that do not count: the worst ones.
 WORST = 0.001
@@ -24,9 +24,12 @@ def engines(bench: Bench) -> Part:
     part = Part(
         "Filling by the default engine, beside `path`",
         [
-            "`fill --time` of an empty file, with the default engine (`cached`) and with `--engine path`; then `picture` of each view without a "
-            "denoiser. relMSE is the mean over a scene's views. The interior's truth is our own, of 256 paths a pixel; its noise is in "
-            "both figures.",
+            (
+                "`fill --time` of an empty file, with the default engine (`cached`) and with"
+                " `--engine path`; then `picture` of each view without a denoiser. relMSE is the"
+                " mean over a scene's views. The interior's truth is our own, of 256 paths a pixel;"
+                " its noise is in both figures."
+            ),
         ],
     )
     columns = [["scene", ""], ["seconds", "d"]]
@@ -39,12 +42,19 @@ def engines(bench: Bench) -> Part:
             errors = []
             for engine in ENGINES:
                 case = replace(looks[0], scene=scene)
-                file, said = bench.fill(f"{case.name}-{engine}-{seconds}", case, seconds, "--engine", engine)
+                file, said = bench.fill(
+                    f"{case.name}-{engine}-{seconds}", case, seconds, "--engine", engine
+                )
                 errors.append(sum(error(bench, look, file, engine) for look in looks) / len(looks))
                 row += [said["added"], errors[-1]]
             ratio = errors[1] / errors[0]
             table.rows.append([*row, ratio])
-            part.bars.append(Bar(f"relMSE of the default engine, {title}, {seconds} s", f"{ratio:.2f} × path's", f"≤ {BAR:g} ×", ratio <= BAR))
+            part.bars.append(
+                Bar(
+                    f"relMSE of the default engine, {title}, {seconds} s", f"{ratio:.2f} × path's",
+                    f"≤ {BAR:g} ×", ratio <= BAR
+                )
+            )
     part.tables.append(table)
     return part
 
@@ -57,7 +67,10 @@ def scenes(bench: Bench) -> list[tuple[str, tuple[str, ...], list[Case]]]:
     all = [(looks[0].title.split(",")[0], scene, looks) for scene, looks in found.items()]
     interior = bench.scenes.interior()
     views = named_views(Path(interior.scene[1]))
-    looks = [replace(interior, name=f"interior-{name}", title=name, view=view, size=TRUTH_SIZE) for name, view in views.items()]
+    looks = [
+        replace(interior, name=f"interior-{name}", title=name, view=view, size=TRUTH_SIZE)
+        for name, view in views.items()
+    ]
     return [*all, (interior.title, interior.scene[:2], looks)]
 
 
@@ -73,6 +86,9 @@ def error(bench: Bench, look: Case, file: Path, engine: str) -> float:
 def relative(picture: Pixels, truth: Pixels) -> float:
     """Returns a picture's relMSE, as `holodeck compare` has it."""
     level = sum(map(sum, truth)) / (3 * len(truth))
-    squares = (sum((a - b) ** 2 / (b * b + 0.01 * level * level) for a, b in zip(one, other)) / 3 for one, other in zip(picture, truth))
+    squares = (
+        sum((a - b) ** 2 / (b * b + 0.01 * level * level) for a, b in zip(one, other)) / 3
+        for one, other in zip(picture, truth)
+    )
     kept = sorted(squares)[: round(len(truth) * (1 - WORST))]
     return sum(kept) / len(kept)

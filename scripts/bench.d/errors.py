@@ -31,15 +31,20 @@ def errors(bench: Bench) -> Part:
     part = Part(
         "Error over seconds",
         [
-            "`render --spp`, all light unless said otherwise, on all cores; the scene's loading is not counted, what the engine `cached` "
-            "learns is. *relMSE* as everywhere in this document, *untrimmed* with the worst 0.1 % of pixels: fireflies, and "
-            "edges that a reference has a quarter of a pixel elsewhere. *Cost* is relMSE × seconds, which paths alone leave as it "
-            "is; *untrimmed* that of all pixels. The truth of what has no independent reference is a render of our own with "
-            f"{bench.paths(2048)} paths and another seed.",
+            (
+                "`render --spp`, all light unless said otherwise, on all cores; the scene's"
+                " loading is not counted, what the engine `cached` learns is. *relMSE* as"
+                " everywhere in this document, *untrimmed* with the worst 0.1 % of pixels:"
+                " fireflies, and edges that a reference has a quarter of a pixel elsewhere. *Cost*"
+                " is relMSE × seconds, which paths alone leave as it is; *untrimmed* that of all"
+                " pixels. The truth of what has no independent reference is a render of our own"
+                f" with {bench.paths(2048)} paths and another seed."
+            ),
         ],
     )
-    columns = [["scene", ""], ["truth", ""], ["engine", ""], ["paths per pixel", "d"], ["seconds", ".2f"],
-               ["relMSE", ".4f"], ["untrimmed", ".4f"], ["bias", "+.2%"], ["cost", ".4f"], ["cost, untrimmed", ".4f"]]  # fmt: skip
+    columns = [["scene", ""], ["truth", ""], ["engine", ""], ["paths per pixel", "d"],
+               ["seconds", ".2f"], ["relMSE", ".4f"], ["untrimmed", ".4f"], ["bias", "+.2%"],
+               ["cost", ".4f"], ["cost, untrimmed", ".4f"]]  # fmt: skip
     table = Table("", columns)
     for case, options in cases(bench):
         truth = bench.reference(case).picture
@@ -48,7 +53,9 @@ def errors(bench: Bench) -> Part:
         for engine, counts in (("path", PATHS), ("cached", CACHED_PATHS)):
             for paths in counts[: 2 if bench.quick else None]:
                 name = f"error-{engine}-{paths}"
-                picture, said = bench.render(case, name, "--spp", str(paths), "--engine", engine, *options)
+                picture, said = bench.render(
+                    case, name, "--spp", str(paths), "--engine", engine, *options
+                )
                 measures = compare(bench.holodeck, picture, truth)
                 seconds, error, whole = said["seconds"], measures["relmse_trim"], measures["relmse"]
                 lines.setdefault(engine, []).append((seconds, error))
@@ -70,19 +77,39 @@ def cases(bench: Bench) -> list[tuple[Case, list[str]]]:
     direct = bench.scenes.reference("cornell_direct")
     cornell = bench.scenes.cornell()
     if direct and cornell.reference:
-        case = replace(cornell, name="cornell_direct", title=f"{cornell.title}, direct light", reference=direct)
+        case = replace(
+            cornell, name="cornell_direct", title=f"{cornell.title}, direct light", reference=direct
+        )
         found.insert(1, (case, ["--bounces", "0"]))
     room = bench.scenes.room()
     if room.name == "cabin":
         for name, view in CABIN_OTHERS.items():
             short = f"cabin-{name.replace(' ', '-').replace(',', '')}"
-            found.append((replace(room, name=short, title=f"cabin, {name}", view=view, size=SMALL["cabin"], reference=None), []))
+            found.append(
+                (
+                    replace(
+                        room, name=short, title=f"cabin, {name}", view=view, size=SMALL["cabin"],
+                        reference=None
+                    ),
+                    [],
+                )
+            )
     bundle = bench.scenes.bundle()
-    box = replace(cornell, name="cornell-bundled", title="bundled Cornell box", size=SMALL["cornell"], reference=None)
+    box = replace(
+        cornell, name="cornell-bundled", title="bundled Cornell box", size=SMALL["cornell"],
+        reference=None
+    )
     found.append((replace(box, scene=(str(bundle / "cornell.obj"),)), []))
     scene = ("--config", str(bundle / "interior.toml"))
     for name, view in (("living room", INTERIOR_LIVING), ("bedroom", INTERIOR_BEDROOM)):
         short = f"interior-small-{name.split()[0]}"
         view = view.any_shape()
-        found.append((Case(short, f"bundled interior, {name}", scene, view, view, SMALL["interior"], None), []))
+        found.append(
+            (
+                Case(
+                    short, f"bundled interior, {name}", scene, view, view, SMALL["interior"], None
+                ),
+                [],
+            )
+        )
     return found

@@ -66,12 +66,16 @@ class Bench:
     def paths(self, full: int) -> int:
         return max(full // 10, 2) if self.quick else full
 
-    def render(self, case: Case, name: str, *options: str | Path, size: str = "") -> tuple[Path, dict[str, float]]:
+    def render(
+        self, case: Case, name: str, *options: str | Path, size: str = ""
+    ) -> tuple[Path, dict[str, float]]:
         """Renders a picture of the case's view without a file; returns it and the report of `render
         --json`.
         """
         path = self.work / f"{case.name}-{name}.pfm"
-        command = [self.holodeck, "render", *case.scene, *case.view.options(), "--size", size or case.size]
+        command = [
+            self.holodeck, "render", *case.scene, *case.view.options(), "--size", size or case.size
+        ]
         return path, run([*command, *options, "--json", "--quiet", "-o", path]).json()
 
     def reference(self, case: Case, threads: int | None = None) -> Reference:
@@ -87,16 +91,23 @@ class Bench:
         if case.reference:
             return case.reference.picture
         width, height = (int(side) for side in case.size.split("x"))
-        return self._converged.picture(case, max(self.paths(TRUTH_PATHS) // (width * height), 2)).picture
+        return self._converged.picture(
+            case, max(self.paths(TRUTH_PATHS) // (width * height), 2)
+        ).picture
 
-    def fill(self, name: str, case: Case, seconds: float, *options: str) -> tuple[Path, dict[str, float]]:
+    def fill(
+        self, name: str, case: Case, seconds: float, *options: str
+    ) -> tuple[Path, dict[str, float]]:
         """Returns a file filled in batch, which is made once for all measurements, and the report
         of `fill --json`.
         """
         if name not in self._fills:
             path = self.work / f"{name}.holo"
             time = f"{self.seconds(seconds)}s"
-            command = [self.holodeck, "fill", *case.scene, *options, "-o", path, "--time", time, "--json", "--quiet"]
+            command = [
+                self.holodeck, "fill", *case.scene, *options, "-o", path, "--time", time, "--json",
+                "--quiet"
+            ]
             self._fills[name] = path, run(command).json()
         return self._fills[name]
 
@@ -106,12 +117,16 @@ class Bench:
     def room_filled(self) -> tuple[Path, dict[str, float]]:
         return self.fill("room", self.scenes.room(), 40)
 
-    def picture(self, file: Path, options: list[str], size: str, name: str) -> tuple[Path, dict[str, float], float]:
+    def picture(
+        self, file: Path, options: list[str], size: str, name: str
+    ) -> tuple[Path, dict[str, float], float]:
         """Makes a picture from a file; returns it, the report of `picture --json`, and the
         program's seconds.
         """
         path = self.work / f"{name}.pfm"
-        ended = run([self.holodeck, "picture", file, *options, "--size", size, "--json", "-o", path])
+        ended = run(
+            [self.holodeck, "picture", file, *options, "--size", size, "--json", "-o", path]
+        )
         return path, ended.json(), ended.seconds
 
     def walk(self, case: Case, moving: bool) -> Walk:
@@ -132,10 +147,15 @@ class Bench:
         lines += [f"{seconds} picture {path}" for seconds, path in zip(asked, pictures)]
         script = self.work / f"{name}.txt"
         script.write_text("\n".join([*lines, "quit", ""]), encoding="utf-8")
-        file, last, again = (self.work / f"{name}{end}" for end in (".holo", "-last.pfm", "-replay.pfm"))
+        file, last, again = (
+            self.work / f"{name}{end}" for end in (".holo", "-last.pfm", "-replay.pfm")
+        )
         common = ["--headless", "--size", case.size, "--json"]
         found = session(
-            [self.holodeck, "view", *case.scene, *common, "--script", script, "--keep", file, "-o", last]
+            [
+                self.holodeck, "view", *case.scene, *common, "--script", script, "--keep", file,
+                "-o", last
+            ]
         )
         run([self.holodeck, "replay", file, *common, *case.view.options(), "-o", again])
         same = differing_pixels(last, again) <= found.reports[-1]["uncovered_pixels"]
@@ -148,4 +168,7 @@ def differing_pixels(one: Path, other: Path) -> int:
     *other_head, other_pixels = other.read_bytes().split(b"\n", 3)
     if one_head != other_head:
         raise Failed(f"{one} and {other} are of different sizes")
-    return sum(one_pixels[at : at + 12] != other_pixels[at : at + 12] for at in range(0, len(one_pixels), 12))
+    return sum(
+        one_pixels[at : at + 12] != other_pixels[at : at + 12]
+        for at in range(0, len(one_pixels), 12)
+    )

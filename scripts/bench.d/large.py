@@ -28,14 +28,17 @@ def large(bench: Bench) -> Part:
     part = Part(
         "Large models",
         [
-            f"OBJ files of dented balls of {PER_BALL:,} triangles each, with normals. *First ray*: all of `render --spp 1` of "
-            f"{VIEW[-1].removeprefix('--size=')} pixels, from the start of the program to its end; *stated* with a view, up, unit and "
-            "sky, *no option* without, so that the scene is surveyed. *Reopened*: all of `picture` of a holodeck that holds the "
-            "packed scene. *Memory* is the greatest of the processes of each, in MiB.",
+            f"OBJ files of dented balls of {PER_BALL:,} triangles each, with normals. *First "
+            f"ray*: all of `render --spp 1` of {VIEW[-1].removeprefix('--size=')} pixels, from "
+            "the start of the program to its end; *stated* with a view, up, unit and sky, *no "
+            "option* without, so that the scene is surveyed. *Reopened*: all of `picture` of a "
+            "holodeck that holds the packed scene. *Memory* is the greatest of the processes of "
+            "each, in MiB.",
         ],
     )  # fmt: skip
-    columns = [["triangles", ",d"], ["file, MiB", ",.0f"], ["stated, s", ".1f"], ["no option, s", ".1f"],
-               ["memory, MiB", ",.0f"], ["reopened, s", ".2f"], ["memory, MiB", ",.0f"]]  # fmt: skip
+    columns = [["triangles", ",d"], ["file, MiB", ",.0f"], ["stated, s", ".1f"],
+               ["no option, s", ".1f"], ["memory, MiB", ",.0f"], ["reopened, s", ".2f"],
+               ["memory, MiB", ",.0f"]]  # fmt: skip
     table = Table("", columns)
     for triangles in (200_000,) if bench.quick else (2_000_000, 10_000_000):
         obj = bench.work / f"large-{triangles}.obj"
@@ -46,17 +49,39 @@ def large(bench: Bench) -> Part:
         file = bench.work / "large.holo"
         file.unlink(missing_ok=True)
         section = "--section=-1,-1,2.5 50,0,0 0,50,0 0,0,2"
-        timed([bench.holodeck, "fill", obj, *STATED, section, "--samples", "100k", "--quiet", "-o", file])
-        reopened, shown = timed([bench.holodeck, "picture", file, *VIEW, "--quiet", "-o", bench.work / "large-2.png"])
+        timed(
+            [
+                bench.holodeck, "fill", obj, *STATED, section, "--samples", "100k", "--quiet", "-o",
+                file
+            ]
+        )
+        reopened, shown = timed(
+            [bench.holodeck, "picture", file, *VIEW, "--quiet", "-o", bench.work / "large-2.png"]
+        )
         memory = max(memory, most)
-        table.rows.append([count, obj.stat().st_size / MIB, stated, nothing, memory, reopened, shown])
+        table.rows.append(
+            [count, obj.stat().st_size / MIB, stated, nothing, memory, reopened, shown]
+        )
         if count < 3_000_000:
             for what, seconds in (("stated", stated), ("no option", nothing)):
-                bar = Bar(f"first ray of {count:,} triangles, {what}", f"{seconds:.1f} s", f"≤ {FIRST_RAY_BAR:g} s", seconds <= FIRST_RAY_BAR)
+                bar = Bar(
+                    f"first ray of {count:,} triangles, {what}", f"{seconds:.1f} s",
+                    f"≤ {FIRST_RAY_BAR:g} s", seconds <= FIRST_RAY_BAR
+                )
                 part.bars.append(bar)
-            part.bars.append(Bar(f"{count:,} triangles reopened", f"{reopened:.2f} s", f"≤ {REOPENED_BAR:g} s", reopened <= REOPENED_BAR))
+            part.bars.append(
+                Bar(
+                    f"{count:,} triangles reopened", f"{reopened:.2f} s", f"≤ {REOPENED_BAR:g} s",
+                    reopened <= REOPENED_BAR
+                )
+            )
         else:
-            part.bars.append(Bar(f"memory of {count:,} triangles", f"{memory:,.0f} MiB", f"≤ {MEMORY_BAR:,.0f} MiB", memory <= MEMORY_BAR))
+            part.bars.append(
+                Bar(
+                    f"memory of {count:,} triangles", f"{memory:,.0f} MiB",
+                    f"≤ {MEMORY_BAR:,.0f} MiB", memory <= MEMORY_BAR
+                )
+            )
         obj.unlink()
         file.unlink()
     part.tables.append(table)
@@ -69,7 +94,9 @@ def timed(command: list[str | Path]) -> tuple[float, float]:
     """
     words = [str(word) for word in command]
     start = time.monotonic()
-    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    ) as process:
         memory = PeakMemory(process.pid)
         memory.start()
         errors = process.stderr.read() if process.stderr else ""
@@ -77,7 +104,9 @@ def timed(command: list[str | Path]) -> tuple[float, float]:
     seconds = time.monotonic() - start
     memory.stop()
     if process.returncode != 0:
-        raise Failed(f"`{' '.join(words)}` ended with status {process.returncode}:\n{errors.strip()}")
+        raise Failed(
+            f"`{' '.join(words)}` ended with status {process.returncode}:\n{errors.strip()}"
+        )
     return seconds, max(memory.peaks.values(), default=0.0)
 
 
@@ -90,12 +119,15 @@ def balls(obj: Path, count: int) -> int:
         slope = math.pi * (ring + 0.01) / (RINGS + 0.02)
         for step in range(AROUND):
             turn = 2.0 * math.pi * step / AROUND
-            x, y, z = math.sin(slope) * math.cos(turn), math.sin(slope) * math.sin(turn), math.cos(slope)
+            x, y, z = (
+                math.sin(slope) * math.cos(turn), math.sin(slope) * math.sin(turn), math.cos(slope)
+            )
             radius = 1.0 + 0.03 * math.sin(9.0 * turn) * math.sin(slope)
             points.append((radius * x, radius * y, 1.1 + radius * z))
             normals.append(f"vn {x:.4f} {y:.4f} {z:.4f}\n")
     quads = [
-        (ring * AROUND + step, (ring + 1) * AROUND + step, (ring + 1) * AROUND + (step + 1) % AROUND, ring * AROUND + (step + 1) % AROUND)
+        (ring * AROUND + step, (ring + 1) * AROUND + step,
+         (ring + 1) * AROUND + (step + 1) % AROUND, ring * AROUND + (step + 1) % AROUND)
         for ring in range(RINGS)
         for step in range(AROUND)
     ]  # fmt: skip
@@ -108,5 +140,7 @@ def balls(obj: Path, count: int) -> int:
             out.writelines(f"v {left + x:.6f} {front + y:.6f} {z:.6f}\n" for x, y, z in points)
             out.writelines(normals)
             first, normal = 5 + ball * len(points), 1 + ball * len(points)
-            out.writelines("f " + " ".join(f"{first + k}//{normal + k}" for k in quad) + "\n" for quad in quads)
+            out.writelines(
+                "f " + " ".join(f"{first + k}//{normal + k}" for k in quad) + "\n" for quad in quads
+            )
     return 2 + count * PER_BALL

@@ -48,28 +48,42 @@ class Linear:
         self._start, self._end = start, end
 
     def at(self, value: float) -> float:
-        return self._start + (value - self._low) / (self._high - self._low) * (self._end - self._start)
+        return self._start + (value - self._low) / (self._high - self._low) * (
+            self._end - self._start
+        )
 
     def ticks(self) -> list[float]:
         """Returns multiples of 1, 2 or 5 times a power of ten; at most ten."""
         size = 10.0 ** math.floor(math.log10((self._high - self._low) / 10))
-        step = next(size * part for part in (1, 2, 5, 10) if size * part * 10 >= self._high - self._low)
-        return [step * number for number in range(math.ceil(self._low / step), math.floor(self._high / step) + 1)]
+        step = next(
+            size * part for part in (1, 2, 5, 10) if size * part * 10 >= self._high - self._low
+        )
+        return [
+            step * number
+            for number in range(math.ceil(self._low / step), math.floor(self._high / step) + 1)
+        ]
 
 
 def error_over_seconds(path: Path, title: str, series: Series) -> None:
     """Draws one line per series, with a legend. Points that are not positive are left out."""
-    series = {name: [(x, y) for x, y in points if x > 0 and y > 0] for name, points in series.items()}
+    series = {
+        name: [(x, y) for x, y in points if x > 0 and y > 0] for name, points in series.items()
+    }
     _draw(path, title, series, (Axis, Axis), "relMSE")
 
 
-def decibels_over_seconds(path: Path, title: str, series: Series, across: type[Axis] | type[Linear] = Linear) -> None:
+def decibels_over_seconds(
+    path: Path, title: str, series: Series, across: type[Axis] | type[Linear] = Linear
+) -> None:
     """Draws one line per series, with a legend. Seconds are linear unless `across` says otherwise.
     """
     _draw(path, title, series, (across, Linear), "PSNR, dB")
 
 
-def _draw(path: Path, title: str, series: Series, axes: tuple[type[Axis] | type[Linear], type[Axis] | type[Linear]], upwards: str) -> None:
+def _draw(
+    path: Path, title: str, series: Series,
+    axes: tuple[type[Axis] | type[Linear], type[Axis] | type[Linear]], upwards: str
+) -> None:
     points = [point for line in series.values() for point in line]
     if not points:
         return
@@ -82,7 +96,11 @@ def _draw(path: Path, title: str, series: Series, axes: tuple[type[Axis] | type[
         f'<rect width="{WIDTH}" height="{HEIGHT}" rx="6" fill="white"/>',
         _text(LEFT, 24, title, 'font-size="14" font-weight="600"'),
         *_grid(across, up, upwards),
-        *(part for number, line in enumerate(series.items()) for part in _line(number, *line, across, up, legend)),
+        *(
+            part
+            for number, line in enumerate(series.items())
+            for part in _line(number, *line, across, up, legend)
+        ),
         "</svg>\n",
     ]
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -101,7 +119,9 @@ def _grid(across: Axis | Linear, up: Axis | Linear, upwards: str) -> list[str]:
         parts.append(_text(LEFT - 8, y + 4, f"{tick:g}", 'text-anchor="end"'))
     parts.append(_text((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 12, "seconds", 'text-anchor="middle"'))
     middle = (TOP + HEIGHT - BOTTOM) / 2
-    parts.append(_text(16, middle, upwards, f'text-anchor="middle" transform="rotate(-90 16 {middle:.1f})"'))
+    parts.append(
+        _text(16, middle, upwards, f'text-anchor="middle" transform="rotate(-90 16 {middle:.1f})"')
+    )
     return parts
 
 
@@ -116,7 +136,9 @@ def _line(
     colour = COLOURS[number % len(COLOURS)]
     placed = [(across.at(x), up.at(y)) for x, y in sorted(points)]
     path = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in placed)
-    parts = [f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="2" stroke-linejoin="round"/>']
+    parts = [
+        f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="2" stroke-linejoin="round"/>'
+    ]
     parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5" fill="{colour}"/>' for x, y in placed]
     # The legend lies between title and plot, where no line can cross it.
     x = LEFT + legend * number

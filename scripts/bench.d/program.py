@@ -41,7 +41,9 @@ class Finished:
             raise Failed(f"not JSON ({error}): {self.stdout[:200]}") from error
 
 
-def run(command: Sequence[str | Path], folder: Path | None = None, memory: int | None = None) -> Finished:
+def run(
+    command: Sequence[str | Path], folder: Path | None = None, memory: int | None = None
+) -> Finished:
     """Runs a command to its end. `seconds` is from its start to its exit. `memory`: most bytes that
     it may map.
     """
@@ -50,11 +52,14 @@ def run(command: Sequence[str | Path], folder: Path | None = None, memory: int |
     start = time.monotonic()
     bound = (lambda: resource.setrlimit(resource.RLIMIT_AS, (memory, memory))) if memory else None
     ended = subprocess.run(
-        words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False, preexec_fn=bound
+        words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False,
+        preexec_fn=bound
     )  # fmt: skip
     seconds = time.monotonic() - start
     if ended.returncode != 0:
-        raise Failed(f"`{' '.join(words)}` ended with status {ended.returncode}:\n{ended.stderr.strip()}")
+        raise Failed(
+            f"`{' '.join(words)}` ended with status {ended.returncode}:\n{ended.stderr.strip()}"
+        )
     return Finished(ended.stdout, seconds, _children_ran() - before)
 
 
@@ -90,7 +95,9 @@ class Cargo:
         raise Failed(f"`{' '.join(command)}` made no program named {wanted}")
 
 
-def compare(holodeck: Path, picture: Path, reference: Path, *options: str | Path) -> dict[str, float]:
+def compare(
+    holodeck: Path, picture: Path, reference: Path, *options: str | Path
+) -> dict[str, float]:
     """Returns the measures of `picture` against `reference`, from the program itself."""
     return run([holodeck, "compare", picture, reference, "--json", *options]).json()
 
@@ -113,7 +120,9 @@ def session(command: Sequence[str | Path]) -> Session:
     """
     words = [str(word) for word in command]
     start = time.monotonic()
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         memory = PeakMemory(process.pid)
         memory.start()
         errors: list[str] = []
@@ -128,7 +137,10 @@ def session(command: Sequence[str | Path]) -> Session:
         memory.stop()
         process.wait()
     if process.returncode != 0 or not reports:
-        raise Failed(f"`{' '.join(words)}` ended with status {process.returncode}:\n{''.join(errors).strip()}")
+        raise Failed(
+            f"`{' '.join(words)}` ended with status"
+            f" {process.returncode}:\n{''.join(errors).strip()}"
+        )
     return Session(reports, first_report, memory.peaks)
 
 
@@ -163,7 +175,9 @@ def _status(pid: int) -> dict[str, str]:
         text = Path(f"/proc/{pid}/status").read_text(encoding="utf-8", errors="replace")
     except OSError:  # It has ended.
         return {}
-    return {key: value.strip() for key, _, value in (line.partition(":") for line in text.splitlines())}
+    return {
+        key: value.strip() for key, _, value in (line.partition(":") for line in text.splitlines())
+    }
 
 
 def _children(parent: int) -> list[int]:

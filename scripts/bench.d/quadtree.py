@@ -13,12 +13,12 @@ from harness import Bench
 from program import run
 
 SIZE = "512x512"
-# What is drawn of it while the camera moves: every other column and row.
+# The part of the picture that is drawn while the camera moves: every other column and row.
 MOVING = "256x256"
 RUNS = 3
-# For every kind and number of samples.
+# Least million insertions a second, for every kind and number of samples.
 LEAST_INSERTIONS = 20.0
-# Of a picture while the camera moves.
+# Longest time for a picture while the camera moves.
 MOST_MILLISECONDS = 5.0
 # Names in the example's report, and their meaning.
 FIGURES = (
@@ -32,10 +32,12 @@ def quadtree(bench: Bench) -> Part:
     part = Part(
         "The quadtree",
         [
-            "`crates/driver-quadtree/examples/quadtree_speed.rs`, one core, processor time: samples of a known "
-            "room, without noise and of one path. Insertions go into new memory. While the camera moves, a "
-            f"picture of {MOVING} pixels is drawn and enlarged to {SIZE}. The median of {RUNS} runs, each the "
-            "least of 6 rounds.",
+            (
+                "`crates/driver-quadtree/examples/quadtree_speed.rs`, one core, processor time:"
+                " samples of a known room, without noise and of one path. Insertions go into new"
+                f" memory. While the camera moves, a picture of {MOVING} pixels is drawn and"
+                f" enlarged to {SIZE}. The median of {RUNS} runs, each the least of 6 rounds."
+            ),
         ],
     )
     example = bench.cargo.build("holo-driver-quadtree", "--example", "quadtree_speed")
@@ -44,20 +46,31 @@ def quadtree(bench: Bench) -> Part:
         for _ in range(1 if bench.quick else RUNS):
             for line in map(json.loads, run([example, "--json"]).stdout.splitlines()):
                 found.setdefault((line["size"], line["samples"], line["a_pixel"]), []).append(line)
-    columns = [["size", ""], ["samples", ""], ["a pixel", "g"], *([heading, ".1f"] for _, heading in FIGURES)]
+    columns = [
+        ["size", ""], ["samples", ""], ["a pixel", "g"],
+        *([heading, ".1f"] for _, heading in FIGURES)
+    ]
     table = Table("", columns)
-    rows = {key: {name: median(line[name] for line in lines) for name, _ in FIGURES} for key, lines in found.items()}
+    rows = {
+        key: {name: median(line[name] for line in lines) for name, _ in FIGURES}
+        for key, lines in found.items()
+    }
     for (size, samples, density), figures in rows.items():
         table.rows.append([size, samples, density, *figures.values()])
     part.tables.append(table)
 
-    def bar(what: str, size: str, name: str, wanted: str, is_met: Callable[[float], bool], unit: str) -> None:
+    def bar(
+        what: str, size: str, name: str, wanted: str, is_met: Callable[[float], bool], unit: str
+    ) -> None:
         values = [figures[name] for (of, *_), figures in rows.items() if of == size]
         measured = f"{min(values):.1f} to {max(values):.1f} {unit}"
         part.bars.append(Bar(f"{what}, {size}", measured, wanted, all(map(is_met, values))))
 
     insertions = f"≥ {LEAST_INSERTIONS:g} M/s"
-    bar("insertion", SIZE, "insert_m_per_s", insertions, lambda speed: speed >= LEAST_INSERTIONS, "M/s")
+    bar(
+        "insertion", SIZE, "insert_m_per_s", insertions, lambda speed: speed >= LEAST_INSERTIONS,
+        "M/s"
+    )
     moving = f"≤ {MOST_MILLISECONDS:g} ms"
     bar(
         "picture while the camera moves", MOVING, "whole_ms", moving,

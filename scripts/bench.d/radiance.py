@@ -44,7 +44,10 @@ class Setting:
 
     def options(self) -> list[str]:
         # A quarter of the divisions are super-samples, as in Radiance's own `rad`.
-        return [f"-ab {self.ab}", f"-ad {self.ad}", f"-as {self.ad // 4}", f"-ar {self.ar}", f"-aa {self.aa:g}"]
+        return [
+            f"-ab {self.ab}", f"-ad {self.ad}", f"-as {self.ad // 4}", f"-ar {self.ar}",
+            f"-aa {self.aa:g}"
+        ]
 
 
 # Coarse settings first.
@@ -79,14 +82,25 @@ def radiance(bench: Bench) -> Part:
     part = Part(
         "Clean samples beside Radiance",
         [
-            f"`render --engine cached --threads 1` at several accuracies and paths per pixel, each the mean of {len(SEEDS)} seeds, and rpict (pyradiance {PYRADIANCE}) with its "
-            "indirect cache, no ambient file, at several settings, over the seconds that the processor ran for the whole program. rpict traces "
-            "every pixel at a jittered place, its pictures are averaged by a box; the averaging is not counted. Lamps reflect nothing there, "
-            "which makes the Cornell box 0.8 % darker.",
-            "*At equal error*: for each of rpict's pictures that no quicker one of its own matches, the seconds of ours to the same relMSE, between our "
-            "neighbouring best pictures along a straight line of logarithms; where our coarsest is already better, its seconds.",
-            f"The corridor is the bundled one, lit only indirectly through a door; its truth is a render of our own by the engine `path` with {bench.paths(TRUTH_PATHS) / 1e6:.0f} M paths, "
-            "made once.",
+            (
+                "`render --engine cached --threads 1` at several accuracies and paths per pixel,"
+                f" each the mean of {len(SEEDS)} seeds, and rpict (pyradiance {PYRADIANCE}) with"
+                " its indirect cache, no ambient file, at several settings, over the seconds that"
+                " the processor ran for the whole program. rpict traces every pixel at a jittered"
+                " place, its pictures are averaged by a box; the averaging is not counted. Lamps"
+                " reflect nothing there, which makes the Cornell box 0.8 % darker."
+            ),
+            (
+                "*At equal error*: for each of rpict's pictures that no quicker one of its own"
+                " matches, the seconds of ours to the same relMSE, between our neighbouring best"
+                " pictures along a straight line of logarithms; where our coarsest is already"
+                " better, its seconds."
+            ),
+            (
+                "The corridor is the bundled one, lit only indirectly through a door; its truth is"
+                " a render of our own by the engine `path` with"
+                f" {bench.paths(TRUTH_PATHS) / 1e6:.0f} M paths, made once."
+            ),
         ],
     )
     program = Radiance(bench)
@@ -94,9 +108,18 @@ def radiance(bench: Bench) -> Part:
     if problem:
         part.skipped.append(f"pyradiance {PYRADIANCE} cannot be used here: {problem}")
         return part
-    columns = [["scene", ""], ["renderer", ""], ["settings", ""], ["CPU s", ".2f"], ["relMSE", ".4f"], ["bias", "+.1%"], ["worst block", ".1%"]]
+    columns = [
+        ["scene", ""], ["renderer", ""], ["settings", ""], ["CPU s", ".2f"], ["relMSE", ".4f"],
+        ["bias", "+.1%"], ["worst block", ".1%"]
+    ]
     table = Table("Error over seconds", columns)
-    equal = Table("At equal error", [["scene", ""], ["relMSE", ".4f"], ["rpict, s", ".2f"], ["cached, s", ".2f"], ["ratio", ".2f"]])
+    equal = Table(
+        "At equal error",
+        [
+            ["scene", ""], ["relMSE", ".4f"], ["rpict, s", ".2f"], ["cached, s", ".2f"],
+            ["ratio", ".2f"]
+        ],
+    )
     for case in (bench.scenes.cornell(), bench.scenes.corridor()):
         truth = bench.truth(case)
         theirs, ours = [], []
@@ -109,10 +132,16 @@ def radiance(bench: Bench) -> Part:
                 found = []
                 for seed in SEEDS:
                     picture, seconds = our_render(bench, case, accuracy, count, seed)
-                    found.append(measured(bench, picture, truth, seconds, f"accuracy {accuracy:g}, {count} paths"))
+                    found.append(
+                        measured(
+                            bench, picture, truth, seconds, f"accuracy {accuracy:g}, {count} paths"
+                        )
+                    )
                 ours.append(mean(found))
         for name, points in (("cached", ours), ("rpict", theirs)):
-            table.rows += [[case.title, name, p.how, p.seconds, p.error, p.bias, p.worst_block] for p in points]
+            table.rows += [
+                [case.title, name, p.how, p.seconds, p.error, p.bias, p.worst_block] for p in points
+            ]
         ratios = []
         for point in best(theirs):
             seconds = seconds_to(best(ours), point.error)
@@ -121,10 +150,22 @@ def radiance(bench: Bench) -> Part:
             equal.rows.append([case.title, point.error, point.seconds, seconds, ratio])
         reached = [ratio for ratio in ratios if ratio]
         worst = max(reached) if len(reached) == len(ratios) else None
-        figure = f"{worst:.2f} × rpict's at worst" if worst else f"never at {len(ratios) - len(reached)} of {len(ratios)} errors"
-        part.bars.append(Bar(f"seconds to an error, {case.title}", figure, f"≤ {BAR:g} ×", bool(worst) and worst <= BAR))
+        figure = (
+            f"{worst:.2f} × rpict's at worst"
+            if worst
+            else f"never at {len(ratios) - len(reached)} of {len(ratios)} errors"
+        )
+        part.bars.append(
+            Bar(
+                f"seconds to an error, {case.title}", figure, f"≤ {BAR:g} ×",
+                bool(worst) and worst <= BAR
+            )
+        )
         file = bench.plots / f"radiance-{case.name}.svg"
-        lines = {name: [(p.seconds, p.error) for p in best(points)] for name, points in (("cached", ours), ("rpict", theirs))}
+        lines = {
+            name: [(p.seconds, p.error) for p in best(points)]
+            for name, points in (("cached", ours), ("rpict", theirs))
+        }
         error_over_seconds(file, f"Error over CPU seconds: {case.title}", lines)
         part.plots.append(Plot(f"benchmarks/{file.name}", f"relMSE over seconds, {case.title}"))
     part.tables += [equal, table]
@@ -138,15 +179,24 @@ def measured(bench: Bench, picture: Path, truth: Path, seconds: float, how: str)
 
 def mean(points: list[Point]) -> Point:
     """Returns the mean of pictures made in the same way; of blocks, the worst."""
-    seconds, error, bias = (sum(values) / len(points) for values in zip(*((p.seconds, p.error, p.bias) for p in points)))
+    seconds, error, bias = (
+        sum(values) / len(points) for values in zip(*((p.seconds, p.error, p.bias) for p in points))
+    )
     return Point(seconds, error, bias, max(p.worst_block for p in points), points[0].how)
 
 
-def our_render(bench: Bench, case: Case, accuracy: float, count: int, seed: int) -> tuple[Path, float]:
+def our_render(
+    bench: Bench, case: Case, accuracy: float, count: int, seed: int
+) -> tuple[Path, float]:
     """Renders a picture in one thread; returns it and the seconds of the whole program."""
     picture = bench.work / f"{case.name}-beside-rpict.pfm"
-    command = [bench.holodeck, "render", *case.scene, *case.view.options(), "--size", case.size, "--threads", "1", "--quiet"]
-    options = ["--engine", "cached", "--accuracy", str(accuracy), "--spp", str(count), "--seed", str(seed)]
+    command = [
+        bench.holodeck, "render", *case.scene, *case.view.options(), "--size", case.size,
+        "--threads", "1", "--quiet"
+    ]
+    options = [
+        "--engine", "cached", "--accuracy", str(accuracy), "--spp", str(count), "--seed", str(seed)
+    ]
     return picture, run([*command, *options, "-o", picture]).processor
 
 
@@ -185,7 +235,11 @@ class Radiance:
             if not python.exists():
                 run([sys.executable, "-m", "venv", self._folder])
                 run([python, "-m", "pip", "install", "--quiet", f"pyradiance=={PYRADIANCE}"])
-            package = Path(run([python, "-c", "import pyradiance; print(pyradiance.__path__[0])"]).stdout.strip())
+            package = Path(
+                run(
+                    [python, "-c", "import pyradiance; print(pyradiance.__path__[0])"]
+                ).stdout.strip()
+            )
             self._programs = package / "bin"
             # Where its programs find their own files.
             os.environ["RAYPATH"] = str(package / "lib")
@@ -200,9 +254,14 @@ class Radiance:
         width, height = (int(side) for side in case.size.split("x"))
         view = case.view
         angles = f"-vtv -vh {view.vh:g} -vv {view.vv or view.vh:g}"
-        spaced = " ".join(f"-{name} {value.replace(',', ' ')}" for name, value in (("vp", view.vp), ("vd", view.vd), ("vu", view.vu)))
+        spaced = " ".join(
+            f"-{name} {value.replace(',', ' ')}"
+            for name, value in (("vp", view.vp), ("vd", view.vd), ("vu", view.vu))
+        )
         size = f"-x {width * setting.over} -y {height * setting.over}"
-        large, picture = (self._bench.work / f"{case.name}-rpict{end}.hdr" for end in ("-large", ""))
+        large, picture = (
+            self._bench.work / f"{case.name}-rpict{end}.hdr" for end in ("-large", "")
+        )
         options = " ".join([angles, spaced, size, *PIXELS, *DIRECT, *setting.options()]).split()
         # It overwrites nothing.
         large.unlink(missing_ok=True)
@@ -225,7 +284,10 @@ def write(path: Path, command: list) -> None:
     with path.open("wb") as file:
         ended = subprocess.run(words, stdout=file, stderr=subprocess.PIPE, check=False)
     if ended.returncode != 0:
-        raise Failed(f"`{' '.join(words)}` ended with status {ended.returncode}:\n{ended.stderr.decode(errors='replace').strip()}")
+        raise Failed(
+            f"`{' '.join(words)}` ended with status"
+            f" {ended.returncode}:\n{ended.stderr.decode(errors='replace').strip()}"
+        )
 
 
 def as_radiance(obj: Path) -> str:
@@ -253,7 +315,9 @@ def as_radiance(obj: Path) -> str:
             whole = "Ke" in materials[material]
             pieces = [face] if whole else [[face[0], *pair] for pair in zip(face[1:], face[2:])]
             for piece in pieces:
-                lines.append(f"{material} polygon p{len(lines)} 0 0 {3 * len(piece)} {' '.join(piece)}")
+                lines.append(
+                    f"{material} polygon p{len(lines)} 0 0 {3 * len(piece)} {' '.join(piece)}"
+                )
     return "\n".join([*lines, ""])
 
 

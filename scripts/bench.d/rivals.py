@@ -35,15 +35,21 @@ def rivals(bench: Bench) -> Part:
     part = Part(
         "The tracer beside Mitsuba",
         [
-            f"Mitsuba {MITSUBA} `llvm_ad_rgb`, `path`, unlimited depth, on all cores, in the same run as `render`. *Cost* is relMSE × "
-            "seconds at the largest number of paths: what a given error costs, since relMSE falls as 1/paths. The truth is "
-            "the reference where there is one, else a long render of our own with another seed; its own noise, by its standard "
-            "errors, is taken off both renderers' relMSE.",
-            "Mitsuba ends its shadow rays a thousandth of their length before the light, so that what stands "
-            "closer to a lamp than that casts no shadow: the cabin's flood lamps, sunk into their housings, are "
-            "too bright in it and in the references. (`crates/tracer/tests/housing.rs` holds our tracer against "
-            "double precision under such a lamp.) The last table therefore compares the two in the cabin with the "
-            "flood lamps off.",
+            (
+                f"Mitsuba {MITSUBA} `llvm_ad_rgb`, `path`, unlimited depth, on all cores, in the"
+                " same run as `render`. *Cost* is relMSE × seconds at the largest number of paths:"
+                " what a given error costs, since relMSE falls as 1/paths. The truth is the"
+                " reference where there is one, else a long render of our own with another seed;"
+                " its own noise, by its standard errors, is taken off both renderers' relMSE."
+            ),
+            (
+                "Mitsuba ends its shadow rays a thousandth of their length before the light, so"
+                " that what stands closer to a lamp than that casts no shadow: the cabin's flood"
+                " lamps, sunk into their housings, are too bright in it and in the references."
+                " (`crates/tracer/tests/housing.rs` holds our tracer against double precision under"
+                " such a lamp.) The last table therefore compares the two in the cabin with the"
+                " flood lamps off."
+            ),
         ],
     )
     mitsuba = Mitsuba(bench)
@@ -51,10 +57,13 @@ def rivals(bench: Bench) -> Part:
     if problem:
         part.skipped.append(f"Mitsuba {MITSUBA} cannot be used here: {problem}")
         return part
-    columns = [["scene", ""], ["paths per pixel", "d"], ["ours, s", ".2f"], ["relMSE", ".4f"], ["Mitsuba, s", ".2f"],
-               ["relMSE", ".4f"], ["bias between the two", "+.2%"]]  # fmt: skip
+    columns = [["scene", ""], ["paths per pixel", "d"], ["ours, s", ".2f"], ["relMSE", ".4f"],
+               ["Mitsuba, s", ".2f"], ["relMSE", ".4f"], ["bias between the two", "+.2%"]]  # fmt: skip
     table = Table("Error over seconds", columns)
-    costs = Table("Cost: relMSE × seconds", [["scene", ""], ["ours", ".4f"], ["Mitsuba", ".4f"], ["ratio", ".2f"]])
+    costs = Table(
+        "Cost: relMSE × seconds",
+        [["scene", ""], ["ours", ".4f"], ["Mitsuba", ".4f"], ["ratio", ".2f"]],
+    )
     counts = PATHS[:2] if bench.quick else PATHS
     for case, bar in cases(bench):
         lines: dict[str, list[tuple[float, float]]] = {"holodeck": [], "Mitsuba": []}
@@ -67,13 +76,20 @@ def rivals(bench: Bench) -> Part:
             error = compare(bench.holodeck, ours, truth)["relmse_trim"] - noise
             their_error = compare(bench.holodeck, their_picture, truth)["relmse_trim"] - noise
             between = compare(bench.holodeck, ours, their_picture)["bias"]
-            table.rows.append([case.title, paths, said["seconds"], error, theirs_seconds, their_error, between])
+            table.rows.append(
+                [case.title, paths, said["seconds"], error, theirs_seconds, their_error, between]
+            )
             lines["holodeck"].append((said["seconds"], error))
             lines["Mitsuba"].append((theirs_seconds, their_error))
         cost, their_cost = (x * y for x, y in (lines["holodeck"][-1], lines["Mitsuba"][-1]))
         costs.rows.append([case.title, cost, their_cost, cost / their_cost])
         met = cost <= bar * their_cost
-        part.bars.append(Bar(f"seconds to an error, {case.title}", f"{cost / their_cost:.2f} × Mitsuba's", f"≤ {bar:g} ×", met))
+        part.bars.append(
+            Bar(
+                f"seconds to an error, {case.title}", f"{cost / their_cost:.2f} × Mitsuba's",
+                f"≤ {bar:g} ×", met
+            )
+        )
         file = bench.plots / f"rivals-{case.name}.svg"
         error_over_seconds(file, f"Error over seconds: {case.title}", lines)
         part.plots.append(Plot(f"benchmarks/{file.name}", f"relMSE over seconds, {case.title}"))
@@ -86,7 +102,10 @@ def rivals(bench: Bench) -> Part:
 def cases(bench: Bench) -> list[tuple[Case, float]]:
     """Returns the compared scenes and the bars of their costs."""
     small = [bench.scenes.cornell(), *small_scenes(bench.work / "small", bench.scenes.bundle())]
-    return [*((case, SMALL_BAR) for case in small), (bench.scenes.room(), ROOM_BAR), (interior(bench), MANY_LIGHTS_BAR)]
+    return [
+        *((case, SMALL_BAR) for case in small), (bench.scenes.room(), ROOM_BAR),
+        (interior(bench), MANY_LIGHTS_BAR)
+    ]
 
 
 def converge(bench: Bench, threads: int | None) -> None:
@@ -103,7 +122,9 @@ def noise_of(bench: Bench, reference: Reference) -> float:
     header, picture = pfm(reference.picture)
     _, error = pfm(reference.standard_error)
     brighter = bench.work / "brighter.pfm"
-    brighter.write_bytes(header + array("f", (value + e for value, e in zip(picture, error))).tobytes())
+    brighter.write_bytes(
+        header + array("f", (value + e for value, e in zip(picture, error))).tobytes()
+    )
     return compare(bench.holodeck, brighter, reference.picture)["relmse_trim"]
 
 
@@ -111,7 +132,9 @@ def interior(bench: Bench) -> Case:
     """Returns the bundled interior: 90 fixtures, thousands of emitting triangles."""
     scene = ("--config", str(bench.scenes.bundle() / "interior.toml"))
     title = "bundled interior, 6,224 emitting triangles"
-    return Case("interior", title, scene, INTERIOR_LIVING.any_shape(), INTERIOR_LIVING, INTERIOR_SIZE, None)
+    return Case(
+        "interior", title, scene, INTERIOR_LIVING.any_shape(), INTERIOR_LIVING, INTERIOR_SIZE, None
+    )
 
 
 def without_floods(bench: Bench, mitsuba: Mitsuba, part: Part) -> Table:
@@ -120,14 +143,25 @@ def without_floods(bench: Bench, mitsuba: Mitsuba, part: Part) -> Table:
     room = bench.scenes.room()
     source = Path(room.scene[0])
     obj = bench.work / "no-floods.obj"
-    obj.write_text(source.read_text(encoding="utf-8").replace("mtllib cabin.mtl", "mtllib no-floods.mtl"), encoding="utf-8")
+    obj.write_text(
+        source.read_text(encoding="utf-8").replace("mtllib cabin.mtl", "mtllib no-floods.mtl"),
+        encoding="utf-8",
+    )
     materials = source.with_suffix(".mtl").read_text(encoding="utf-8").split("newmtl ")
-    dark = [text.replace("Ke ", "# Ke ") if text.startswith("flood_light") else text for text in materials]
+    dark = [
+        text.replace("Ke ", "# Ke ") if text.startswith("flood_light") else text
+        for text in materials
+    ]
     obj.with_suffix(".mtl").write_text("newmtl ".join(dark), encoding="utf-8")
-    table = Table("The cabin without its flood lamps", [["view", ""], ["paths per pixel", "d"], ["bias", "+.3%"], ["± (99 %)", ".3%"]])
+    table = Table(
+        "The cabin without its flood lamps",
+        [["view", ""], ["paths per pixel", "d"], ["bias", "+.3%"], ["± (99 %)", ".3%"]],
+    )
     paths = bench.paths(512)
     for name, view in (("living room", room.view), ("bedroom", room.before)):
-        case = replace(room, name=f"no-floods-{name.split()[0]}", view=view, scene=(str(obj), *room.scene[1:]))
+        case = replace(
+            room, name=f"no-floods-{name.split()[0]}", view=view, scene=(str(obj), *room.scene[1:])
+        )
         error = bench.work / f"{case.name}-se.pfm"
         ours, _ = bench.render(case, "bias", "--spp", str(paths), "--se", error)
         _, theirs = mitsuba.render(case, (paths,))[paths]
@@ -136,7 +170,12 @@ def without_floods(bench: Bench, mitsuba: Mitsuba, part: Part) -> Table:
         found = compare(bench.holodeck, ours, theirs, "--se", error, "--reference-se", error)
         bias, half = found["bias"], found["bias_99"]
         table.rows.append([name, paths, bias, half])
-        part.bars.append(Bar(f"bias without flood lamps, {name}", f"{bias:+.2%} ± {half:.2%}", "interval holds 0", abs(bias) <= half))
+        part.bars.append(
+            Bar(
+                f"bias without flood lamps, {name}", f"{bias:+.2%} ± {half:.2%}",
+                "interval holds 0", abs(bias) <= half
+            )
+        )
     return table
 
 
@@ -146,7 +185,7 @@ def environment_of(bench: Bench) -> Path:
 
 
 def environment(bench: Bench) -> Path:
-    """Returns the Python of an environment for rivals under target/, which is made if it is missing."""
+    """Returns the Python of the environment for rivals under target/, and makes it if needed."""
     folder = environment_of(bench)
     if not (folder / "bin/python").exists():
         run([sys.executable, "-m", "venv", folder])
@@ -165,7 +204,16 @@ class Mitsuba:
         try:
             environment(self._bench)
             run([self._python, "-m", "pip", "install", "--quiet", f"mitsuba=={MITSUBA}", "numpy"])
-            run([self._python, "-c", "import mitsuba; mitsuba.set_variant('llvm_ad_rgb'); import drjit; drjit.sum(drjit.arange(mitsuba.Float, 3))"])
+            run(
+                [
+                    self._python,
+                    "-c",
+                    (
+                        "import mitsuba; mitsuba.set_variant('llvm_ad_rgb'); import drjit;"
+                        " drjit.sum(drjit.arange(mitsuba.Float, 3))"
+                    ),
+                ]
+            )
         except (Failed, OSError) as error:
             return str(error).strip().splitlines()[-1]
         return None
@@ -183,7 +231,12 @@ class Mitsuba:
             described["sky"] = INTERIOR_SKY
         program = self._bench.root / "scripts/rivals/mitsuba_render.py"
         prefix = self._bench.work / f"mitsuba-{case.name}-"
-        said = run([self._python, program, obj, "llvm_ad_rgb", json.dumps(described), ",".join(map(str, counts)), prefix])
+        said = run(
+            [
+                self._python, program, obj, "llvm_ad_rgb", json.dumps(described),
+                ",".join(map(str, counts)), prefix
+            ]
+        )
         found = [json.loads(line) for line in said.stdout.splitlines() if line.startswith("{")]
         return {line["spp"]: (line["seconds"], Path(line["picture"])) for line in found}
 
@@ -193,9 +246,11 @@ def numbers(triple: str) -> list[float]:
 
 
 def newest_llvm() -> None:
-    """Tells Mitsuba which LLVM is the newest: older ones lack instructions that it needs. Rust brings one."""
+    """Points Mitsuba to the newest LLVM, which Rust brings: older ones lack instructions."""
     rust = Path(run(["rustc", "--print", "sysroot"]).stdout.strip()) / "lib"
-    found = sorted(Path("/usr/lib").glob("*-linux-gnu/libLLVM.so.*")) + sorted(rust.glob("libLLVM.so.*"))
+    found = sorted(Path("/usr/lib").glob("*-linux-gnu/libLLVM.so.*")) + sorted(
+        rust.glob("libLLVM.so.*")
+    )
     if found and "DRJIT_LIBLLVM_PATH" not in os.environ:
         os.environ["DRJIT_LIBLLVM_PATH"] = str(found[-1])
 

@@ -1,7 +1,7 @@
 """Furnished rooms at the size that people look at, beside a path tracer with a denoiser.
 
-Always true: all pictures are averaged down to the truth's size. The truth's own noise, which its two
-halves show, is taken off the error.
+Always true: all pictures are averaged down to the truth's size. The truth's own noise, which its
+two halves show, is subtracted from the error.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ ASKED = tuple(sorted({*WANTED, *SHOWN}))
 STAY = ASKED[-1] + 0.5
 # Seconds of the path tracer.
 TRACED = (1.0, 3.0, 8.0)
-# How far a picture may stay behind the rival where no denoiser is installed.
+# Decibels that a picture may be worse than the rival's if no denoiser is installed.
 BEHIND = 1.5
 PYOIDN = "pyoidn"
 WEIGHTS = (0.265, 0.670, 0.065)
@@ -50,12 +50,16 @@ def rooms(bench: Bench) -> Part:
     part = Part(
         "Furnished rooms, beside a path tracer with a denoiser",
         [
-            f"The bundled interior, all rooms filled for {FILL} s together; then one session with a worker "
-            "that moves to each of the six named views in turn, at 1280 × 720. Decibels are the display PSNR "
-            "after averaging down to 320 × 180, the truth's own noise taken off; *written* is when the picture was "
-            "there; the first is asked at 0.2 s, to be there by 0.35 s. *Path tracer* is `render --engine path --time`, denoised by Open Image Denoise with albedo and "
-            "normals; the scene's loading and the denoiser's half second do not count. Where the time does not suffice for one path of "
-            f"every pixel, it makes a picture of {SMALL}, which is better here.",
+            (
+                f"The bundled interior, all rooms filled for {FILL} s together; then one session"
+                " with a worker that moves to each of the six named views in turn, at 1280 × 720."
+                " Decibels are the display PSNR after averaging down to 320 × 180, the truth's own"
+                " noise taken off; *written* is when the picture was there; the first is asked at"
+                " 0.2 s, to be there by 0.35 s. *Path tracer* is `render --engine path --time`,"
+                " denoised by Open Image Denoise with albedo and normals; the scene's loading and"
+                " the denoiser's half second do not count. Where the time does not suffice for one"
+                f" path of every pixel, it makes a picture of {SMALL}, which is better here."
+            ),
         ],
     )
     library, reason = denoiser(bench)
@@ -63,7 +67,10 @@ def rooms(bench: Bench) -> Part:
         part.skipped.append(f"the path tracer and pictures with the denoiser: {reason}")
     case = bench.scenes.interior()
     views = named_views(Path(case.scene[1]))
-    looks = [replace(case, name=f"interior-{name}", title=name, view=view, size=TRUTH_SIZE) for name, view in views.items()]
+    looks = [
+        replace(case, name=f"interior-{name}", title=name, view=view, size=TRUTH_SIZE)
+        for name, view in views.items()
+    ]
     truths = {look.name: truth(bench, look) for look in looks}
     alone: dict[tuple[str, float], Path] = {}
     took: dict[tuple[str, float], float] = {}
@@ -71,7 +78,10 @@ def rooms(bench: Bench) -> Part:
         for look in looks:
             for seconds in TRACED:
                 time = f"{bench.seconds(seconds)}s"
-                picture, said = bench.render(look, f"rival-{seconds:g}", "--time", time, "--denoise", library, size=SMALL if seconds < PASS else SIZE)
+                picture, said = bench.render(
+                    look, f"rival-{seconds:g}", "--time", time, "--denoise", library,
+                    size=SMALL if seconds < PASS else SIZE
+                )
                 alone[look.name, seconds] = picture
                 took[look.name, seconds] = said["seconds"]
     ways = [("own filter", "off")] + ([("Open Image Denoise", library)] if library else [])
@@ -82,7 +92,13 @@ def rooms(bench: Bench) -> Part:
         sheets.append(pictures)
     sheet = bench.plots / "rooms.png"
     contact_sheet(sheet, looks, truths, sheets[-1], alone)
-    part.plots.append(Plot(f"benchmarks/{sheet.name}", f"Asked at {', '.join(f'{s:g}' for s in SHOWN)} s after a move; path tracer with the denoiser, 1 and 8 s"))
+    part.plots.append(
+        Plot(
+            f"benchmarks/{sheet.name}",
+            f"Asked at {', '.join(f'{s:g}' for s in SHOWN)} s after a move; path tracer with the"
+            " denoiser, 1 and 8 s",
+        )
+    )
     return part
 
 
@@ -101,7 +117,10 @@ def denoiser(bench: Bench) -> tuple[Path | None, str]:
 
 def library(python: str | Path) -> Path | None:
     """Returns the library that a Python's package holds."""
-    program = f"import importlib.util as u; s = u.find_spec('{PYOIDN}'); print(s.submodule_search_locations[0] if s else '')"
+    program = (
+        f"import importlib.util as u; s = u.find_spec('{PYOIDN}');"
+        " print(s.submodule_search_locations[0] if s else '')"
+    )
     folder = run([python, "-c", program]).stdout.strip()
     found = sorted(Path(folder).rglob("libOpenImageDenoise.so.2*")) if folder else []
     return found[0] if found else None
@@ -110,10 +129,18 @@ def library(python: str | Path) -> Path | None:
 def named_views(config: Path) -> dict[str, View]:
     """Returns the views that a scene's configuration names."""
     views = tomllib.loads(config.read_text(encoding="utf-8"))["view"]
-    return {view["name"]: View(*(",".join(f"{x:g}" for x in view[key]) for key in ("vp", "vd", "vu")), view["vh"]) for view in views}
+    return {
+        view["name"]: View(
+            *(",".join(f"{x:g}" for x in view[key]) for key in ("vp", "vd", "vu")), view["vh"]
+        )
+        for view in views
+    }
 
 
-def session(bench: Bench, part: Part, case: Case, looks: list[Case], truths: dict, way: tuple[str, str], alone: dict, took: dict) -> tuple[Table, dict]:
+def session(
+    bench: Bench, part: Part, case: Case, looks: list[Case], truths: dict, way: tuple[str, str],
+    alone: dict, took: dict
+) -> tuple[Table, dict]:
     title, denoise = way
     filled, _ = bench.fill("interior-rooms", case, FILL)
     name = title.split()[0].lower()
@@ -127,9 +154,16 @@ def session(bench: Bench, part: Part, case: Case, looks: list[Case], truths: dic
             lines.append(f"{bench.seconds(asked)} picture {pictures[look.name, asked]}")
     script = bench.work / f"rooms-{name}.txt"
     script.write_text("\n".join([*lines, "quit", ""]), encoding="utf-8")
-    options = ["--headless", "--json", "--quiet", "--size", SIZE, "--driver", "surfaces", "--denoise", denoise]
+    options = [
+        "--headless", "--json", "--quiet", "--size", SIZE, "--driver", "surfaces", "--denoise",
+        denoise
+    ]
     said = run([bench.holodeck, "view", file, *options, "--script", script])
-    written = {line["picture"]: line["seconds"] for line in map(json.loads, filter(lambda l: l.startswith("{"), said.stdout.splitlines())) if "picture" in line}
+    written = {
+        line["picture"]: line["seconds"]
+        for line in map(json.loads, filter(lambda l: l.startswith("{"), said.stdout.splitlines()))
+        if "picture" in line
+    }
     columns = [["view", ""]]
     for asked in ASKED:
         columns += [[f"at {asked:g} s, dB", ".1f"], ["written, s", ".2f"]]
@@ -150,10 +184,20 @@ def session(bench: Bench, part: Part, case: Case, looks: list[Case], truths: dic
             row += [rival, took[look.name, seconds]]
         table.rows.append(row)
     for asked, want in WANTED.items():
-        part.bars.append(Bar(f"{title}, worst room at {asked:g} s", f"{worst[asked]:.1f} dB", f"≥ {want:g} dB", worst[asked] >= want))
+        part.bars.append(
+            Bar(
+                f"{title}, worst room at {asked:g} s", f"{worst[asked]:.1f} dB", f"≥ {want:g} dB",
+                worst[asked] >= want
+            )
+        )
     least = 0.0 if denoise != "off" else -BEHIND
     for seconds in TRACED if alone else ():
-        part.bars.append(Bar(f"{title}, ahead of the path tracer at {seconds:g} s, worst room", f"{ahead[seconds]:+.1f} dB", f"≥ {least:g} dB", ahead[seconds] >= least))
+        part.bars.append(
+            Bar(
+                f"{title}, ahead of the path tracer at {seconds:g} s, worst room",
+                f"{ahead[seconds]:+.1f} dB", f"≥ {least:g} dB", ahead[seconds] >= least
+            )
+        )
     return table, pictures
 
 
@@ -234,12 +278,21 @@ def contact_sheet(path: Path, looks: list[Case], truths: dict, pictures: dict, a
         tiles += [alone[look.name, seconds] for seconds in (TRACED[0], TRACED[-1])] if alone else []
         shades = [shown(read(tile), level) for tile in tiles]
         for y in reversed(range(rows)):
-            row = [shade for tile in shades for shade in tile[3 * y * columns : 3 * (y + 1) * columns]]
+            row = [
+                shade for tile in shades for shade in tile[3 * y * columns : 3 * (y + 1) * columns]
+            ]
             lines.append(filtered(bytes(min(4 * round(255 * shade / 4), 255) for shade in row)))
     width, height = (len(lines[0]) - 1) // 3, len(lines)
 
     def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        return (
+            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        )
 
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b"".join(lines), 9)) + chunk(b"IEND", b""))
+    path.write_bytes(
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", header)
+        + chunk(b"IDAT", zlib.compress(b"".join(lines), 9))
+        + chunk(b"IEND", b"")
+    )

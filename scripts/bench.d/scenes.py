@@ -37,7 +37,9 @@ class View:
         return View(self.vp, self.vd, self.vu, self.vh)
 
     def _given(self) -> list[tuple[str, object]]:
-        named = [("vp", self.vp), ("vd", self.vd), ("vu", self.vu), ("vh", self.vh), ("vv", self.vv)]
+        named = [
+            ("vp", self.vp), ("vd", self.vd), ("vu", self.vu), ("vh", self.vh), ("vv", self.vv)
+        ]
         return [(name, value) for name, value in named if value is not None]
 
 
@@ -117,7 +119,10 @@ class Scenes:
         if obj.exists():
             scene = (str(obj), *CABIN_SECTIONS)
             reference = self.reference("cabin")
-            return Case("cabin", "cabin, living room", scene, CABIN_LIVING, CABIN_BEDROOM, "320x240", reference)
+            return Case(
+                "cabin", "cabin, living room", scene, CABIN_LIVING, CABIN_BEDROOM, "320x240",
+                reference
+            )
         scene = ("--config", str(self.bundle() / "interior.toml"))
         title = "bundled interior, living room"
         return Case("interior", title, scene, INTERIOR_LIVING, INTERIOR_BEDROOM, "320x240", None)
@@ -133,7 +138,9 @@ class Scenes:
         picture must be rendered first.
         """
         scene = (str(self.bundle() / "corridor.obj"),)
-        return Case("corridor", "bundled corridor", scene, CORRIDOR_VIEW, CORRIDOR_BEFORE, "80x60", None)
+        return Case(
+            "corridor", "bundled corridor", scene, CORRIDOR_VIEW, CORRIDOR_BEFORE, "80x60", None
+        )
 
     def referenced(self) -> list[Case]:
         """Returns all cases that have an independent reference."""
@@ -141,14 +148,21 @@ class Scenes:
         bedroom = self.reference("cabin_bed")
         if cases[1].name == "cabin" and bedroom:
             scene = cases[1].scene
-            cases.append(Case("cabin_bed", "cabin, bedroom", scene, CABIN_BEDROOM, CABIN_LIVING, "320x240", bedroom))
+            cases.append(
+                Case(
+                    "cabin_bed", "cabin, bedroom", scene, CABIN_BEDROOM, CABIN_LIVING, "320x240",
+                    bedroom
+                )
+            )
         return [case for case in cases if case.reference]
 
     def reference(self, name: str) -> Reference | None:
         """Returns the independent picture of this name, if it exists."""
         folder = self._shared / "reference"
         reference = Reference(folder / f"{name}.pfm", folder / f"{name}_se.pfm")
-        return reference if reference.picture.exists() and reference.standard_error.exists() else None
+        return (
+            reference if reference.picture.exists() and reference.standard_error.exists() else None
+        )
 
     def bundle(self) -> Path:
         """Returns the folder of the bundled scenes, which are made on first use."""

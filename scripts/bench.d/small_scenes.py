@@ -1,5 +1,5 @@
-"""Small scenes for the comparison with other path tracers: Cornell boxes with a block of glass, mirror
-or rough metal, and an office.
+"""Small scenes for the comparison with other path tracers: Cornell boxes with a block of glass,
+mirror or rough metal, and an office.
 
 Always true: a scene has the same bytes each time. Glass is closed, and touches nothing.
 """
@@ -36,7 +36,7 @@ OFFICE_MTL = {
 
 
 def small_scenes(folder: Path, bundle: Path) -> list[Case]:
-    """Writes the scenes into `folder` and returns their cases. `bundle` holds the bundled scenes."""
+    """Writes the scenes to `folder`, returns their cases. `bundle` holds the bundled scenes."""
     folder.mkdir(parents=True, exist_ok=True)
     cases = []
     for block, material in BLOCKS.items():
@@ -45,7 +45,9 @@ def small_scenes(folder: Path, bundle: Path) -> list[Case]:
         library = (bundle / "cornell.mtl").read_text(encoding="utf-8")
         obj.with_suffix(".mtl").write_text(f"{library}\nnewmtl block\n{material}", encoding="utf-8")
         title = f"Cornell box, {block} block"
-        cases.append(Case(obj.stem, title, (str(obj),), CORNELL_VIEW, CORNELL_BEFORE, "256x256", None))
+        cases.append(
+            Case(obj.stem, title, (str(obj),), CORNELL_VIEW, CORNELL_BEFORE, "256x256", None)
+        )
     office = Mesh()
     furnish(office)
     obj = folder / "office.obj"
@@ -56,7 +58,10 @@ def small_scenes(folder: Path, bundle: Path) -> list[Case]:
 
 
 def with_block(cornell: Path, name: str) -> str:
-    """Returns the bundled Cornell box with a tall block of another material, closed and raised a little."""
+    """Returns the bundled Cornell box with another material on its tall block.
+
+    The block is closed and raised a little.
+    """
     lines = cornell.read_text(encoding="utf-8").splitlines()
     # The tall block is last: five quads, each of four vertices, a material and a face.
     kept = [line.replace("cornell.mtl", f"{name}.mtl") for line in lines[:-30]]
@@ -83,7 +88,9 @@ class Mesh:
         self._faces.setdefault(material, []).append(list(range(first, first + len(corners))))
         self.triangles += len(corners) - 2
 
-    def box(self, material: str, low: tuple[float, float, float], high: tuple[float, float, float]) -> None:
+    def box(
+        self, material: str, low: tuple[float, float, float], high: tuple[float, float, float]
+    ) -> None:
         (a, b, c), (x, y, z) = low, high
         self.face(material, [(a, b, z), (x, b, z), (x, y, z), (a, y, z)])
         self.face(material, [(a, y, c), (x, y, c), (x, b, c), (a, b, c)])
@@ -91,12 +98,23 @@ class Mesh:
         for (p, q), (r, s) in zip(ring, ring[1:] + ring[:1]):
             self.face(material, [(p, q, c), (r, s, c), (r, s, z), (p, q, z)])
 
-    def turned(self, material: str, at: tuple[float, float], profile: list[tuple[float, float]], sides: int) -> None:
-        """Adds a surface of revolution around a vertical axis. `profile`: radii and heights, from below."""
-        ring = [(math.cos(2 * math.pi * i / sides), math.sin(2 * math.pi * i / sides)) for i in range(sides + 1)]
+    def turned(
+        self, material: str, at: tuple[float, float], profile: list[tuple[float, float]], sides: int
+    ) -> None:
+        """Adds a surface of revolution around a vertical axis.
+
+        `profile` has radii and heights, from below.
+        """
+        ring = [
+            (math.cos(2 * math.pi * i / sides), math.sin(2 * math.pi * i / sides))
+            for i in range(sides + 1)
+        ]
         for (r, low), (s, high) in zip(profile, profile[1:]):
             for (c, d), (e, f) in zip(ring, ring[1:]):
-                corners = [(r * c, r * d, low), (r * e, r * f, low), (s * e, s * f, high), (s * c, s * d, high)]
+                corners = [
+                    (r * c, r * d, low), (r * e, r * f, low), (s * e, s * f, high),
+                    (s * c, s * d, high)
+                ]
                 corners = [(at[0] + x, at[1] + y, z) for x, y, z in corners]
                 if r == 0:
                     del corners[1]
@@ -106,7 +124,10 @@ class Mesh:
 
     def write(self, obj: Path, materials: dict[str, str]) -> None:
         """Writes OBJ and MTL files."""
-        lines = [f"mtllib {obj.stem}.mtl", *(f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in self._vertices)]
+        lines = [
+            f"mtllib {obj.stem}.mtl",
+            *(f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in self._vertices),
+        ]
         for material, faces in self._faces.items():
             lines += [f"usemtl {material}", *(f"f {' '.join(map(str, face))}" for face in faces)]
         obj.write_text("\n".join([*lines, ""]), encoding="utf-8")
@@ -139,10 +160,18 @@ def desk(mesh: Mesh, x: float, y: float) -> None:
         mesh.turned("steel", (x + dx, y + dy), [(0.02, 0.0), (0.02, 0.7)], 24)
     mesh.box("plastic", (x + 0.4, y + 0.5, 0.85), (x + 0.95, y + 0.53, 1.2))
     mesh.box("plastic", (x + 0.64, y + 0.5, 0.74), (x + 0.7, y + 0.53, 0.85))
-    mesh.turned("wall", (x + 0.2, y + 0.3), [(0, 0.745), (0.04, 0.745), (0.04, 0.84), (0.035, 0.84), (0.035, 0.75), (0, 0.75)], 32)
-    bowl = [(0.1 * math.sin(0.2 + 0.14 * k), 0.86 - 0.1 * math.cos(0.2 + 0.14 * k)) for k in range(10)]
+    mesh.turned(
+        "wall", (x + 0.2, y + 0.3),
+        [(0, 0.745), (0.04, 0.745), (0.04, 0.84), (0.035, 0.84), (0.035, 0.75), (0, 0.75)], 32
+    )
+    bowl = [
+        (0.1 * math.sin(0.2 + 0.14 * k), 0.86 - 0.1 * math.cos(0.2 + 0.14 * k)) for k in range(10)
+    ]
     mesh.turned("chrome", (x + 1.1, y + 0.25), bowl, 28)
-    seat = [(0.24 * math.sin(math.pi * k / 9), 0.45 - 0.05 * math.cos(math.pi * k / 9)) for k in range(10)]
+    seat = [
+        (0.24 * math.sin(math.pi * k / 9), 0.45 - 0.05 * math.cos(math.pi * k / 9))
+        for k in range(10)
+    ]
     seat[0], seat[-1] = (0.0, seat[0][1]), (0.0, seat[-1][1])
     mesh.turned("cloth", (x + 0.65, y - 0.15), seat, 32)
     mesh.turned("steel", (x + 0.65, y - 0.15), [(0.03, 0.05), (0.03, 0.4)], 24)

@@ -1,4 +1,6 @@
-"""A step within a room that was seen before, and the first view of a session, at the size that people look at."""
+"""A step within a room that was seen before, and the first view of a session, at the size that
+people look at.
+"""
 
 from __future__ import annotations
 
@@ -30,9 +32,13 @@ def step(bench: Bench) -> Part:
     part = Part(
         "A step within a room",
         [
-            f"The cabin's three sections filled for {FILL} s by the default engine; then one session with a worker. Its first view is "
-            f"0.4 m beside the living room's view, which it goes to after {BEFORE:g} s; a picture was drawn 2 s earlier. Pictures have 960 × 720 pixels, and are averaged "
-            "down to the reference's 320 × 240. *Written* is when a picture was there, seconds after its view was asked for.",
+            (
+                f"The cabin's three sections filled for {FILL} s by the default engine; then one"
+                " session with a worker. Its first view is 0.4 m beside the living room's view,"
+                f" which it goes to after {BEFORE:g} s; a picture was drawn 2 s earlier. Pictures"
+                " have 960 × 720 pixels, and are averaged down to the reference's 320 × 240."
+                " *Written* is when a picture was there, seconds after its view was asked for."
+            ),
         ],
     )
     case = bench.scenes.room()
@@ -46,7 +52,10 @@ def step(bench: Bench) -> Part:
     for asked in WANTED:
         columns += [[f"at {asked:g} s, dB", ".1f"], ["written, s", ".2f"]]
     table = Table("The cabin's living room", columns)
-    for title, way in [("own filter", "off"), *([("Open Image Denoise", library)] if library else [])]:
+    for title, way in [
+        ("own filter", "off"),
+        *([("Open Image Denoise", library)] if library else []),
+    ]:
         table.rows.append(session(bench, part, case, title, way))
     part.tables.append(table)
     return part
@@ -59,22 +68,45 @@ def session(bench: Bench, part: Part, case: Case, title: str, way: str | Path) -
     file.write_bytes(filled.read_bytes())
     first, before = (bench.work / f"step-{name}-{when}.pfm" for when in ("first", "before"))
     pictures = {asked: bench.work / f"step-{name}-{asked:g}.pfm" for asked in WANTED}
-    lines = [f"0 view {ASIDE.line()}", f"0.1 picture {first}", f"{bench.seconds(BEFORE - 2)} picture {before}"]
+    lines = [
+        f"0 view {ASIDE.line()}",
+        f"0.1 picture {first}",
+        f"{bench.seconds(BEFORE - 2)} picture {before}",
+    ]
     lines += [f"{bench.seconds(BEFORE)} view {CABIN_LIVING.line()}"]
     lines += [f"{bench.seconds(asked)} picture {picture}" for asked, picture in pictures.items()]
     script = bench.work / f"step-{name}.txt"
     script.write_text("\n".join([*lines, f"{bench.seconds(STAY)} quit", ""]), encoding="utf-8")
-    options = ["--headless", "--json", "--quiet", "--size", SIZE, "--driver", "surfaces", "--denoise", way]
+    options = [
+        "--headless", "--json", "--quiet", "--size", SIZE, "--driver", "surfaces", "--denoise", way
+    ]
     said = run([bench.holodeck, "view", file, *options, "--script", script])
     reports = map(json.loads, filter(lambda line: line.startswith("{"), said.stdout.splitlines()))
     written = {report["picture"]: report["seconds"] for report in reports if "picture" in report}
     truth = read(case.reference.picture, case.size)
     row: list = [title, written[str(first)]]
-    part.bars.append(Bar(f"{title}, first picture of a session", f"{row[1]:.2f} s", f"≤ {MOST_FIRST:g} s", row[1] <= MOST_FIRST))
+    part.bars.append(
+        Bar(
+            f"{title}, first picture of a session", f"{row[1]:.2f} s", f"≤ {MOST_FIRST:g} s",
+            row[1] <= MOST_FIRST
+        )
+    )
     for asked, picture in pictures.items():
-        found, there, wanted = decibels(picture, (truth, truth), case.size), written[str(picture)], WANTED[asked]
+        found, there, wanted = (
+            decibels(picture, (truth, truth), case.size), written[str(picture)], WANTED[asked]
+        )
         row += [found, there]
-        part.bars.append(Bar(f"{title}, {asked:g} s after a step", f"{found:.1f} dB", f"≥ {wanted:g} dB", found >= wanted))
+        part.bars.append(
+            Bar(
+                f"{title}, {asked:g} s after a step", f"{found:.1f} dB", f"≥ {wanted:g} dB",
+                found >= wanted
+            )
+        )
     there = written[str(pictures[0.1])]
-    part.bars.append(Bar(f"{title}, first picture after a step", f"{there:.2f} s", f"≤ {MOST_STEP:g} s", there <= MOST_STEP))
+    part.bars.append(
+        Bar(
+            f"{title}, first picture after a step", f"{there:.2f} s", f"≤ {MOST_STEP:g} s",
+            there <= MOST_STEP
+        )
+    )
     return row

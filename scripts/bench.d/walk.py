@@ -23,7 +23,9 @@ from program import run
 
 DRIVERS = ("pointimage", "1999", "frameless", "quadtree", "surfaces")
 # The render cache without one of its stages.
-STAGES = ("noise", "prediction", "prefilter", "eviction", "ageing", "cull", "interpolation", "dither")
+STAGES = (
+    "noise", "prediction", "prefilter", "eviction", "ageing", "cull", "interpolation", "dither"
+)
 # Pixels per new sample of a frame, and the number of frames. With as many samples as pixels, part
 # of the walk suffices.
 WHOLE = "0..1000"
@@ -66,15 +68,20 @@ def walk(bench: Bench) -> Part:
     part = Part(
         "A recorded walk",
         [
-            "`crates/holoview/examples/walk`: rest, turns of 90 to 120 degrees a second, a walk of 1.5 to 2 m/s through a door, rest, "
-            "at 30 frames a second and 320×240. In each frame a driver gets pixels / *ratio* new samples that it asked for in the frame "
-            "before; the next frame's view is what is predicted. Direct light and mirrors; *noisy* samples are of one path, *clean* of "
-            f"16. Every {every}th frame is held against a render of relMSE ≤ 0.005 where 1024 paths do. *1999*: the stages of "
-            "the render cache's first paper; it keeps its last colours and smooths everywhere. `quadtree` "
-            "and `surfaces` keep all samples so far, as a server would, and ask anywhere in the "
-            "picture: a section's ray, mostly of the best one, as displays weigh beams, and where there is none a ray traced for its view "
-            "alone. PSNR as displayed, and structural similarity of luminance as displayed, means "
-            f"over frames. With ratio 1, frames {RATIOS[0][1]} only.",
+            (
+                "`crates/holoview/examples/walk`: rest, turns of 90 to 120 degrees a second, a"
+                " walk of 1.5 to 2 m/s through a door, rest, at 30 frames a second and 320×240. In"
+                " each frame a driver gets pixels / *ratio* new samples that it asked for in the"
+                " frame before; the next frame's view is what is predicted. Direct light and"
+                f" mirrors; *noisy* samples are of one path, *clean* of 16. Every {every}th frame"
+                " is held against a render of relMSE ≤ 0.005 where 1024 paths do. *1999*: the"
+                " stages of the render cache's first paper; it keeps its last colours and smooths"
+                " everywhere. `quadtree` and `surfaces` keep all samples so far, as a server"
+                " would, and ask anywhere in the picture: a section's ray, mostly of the best one,"
+                " as displays weigh beams, and where there is none a ray traced for its view"
+                " alone. PSNR as displayed, and structural similarity of luminance as displayed,"
+                f" means over frames. With ratio 1, frames {RATIOS[0][1]} only."
+            ),
         ],
     )
     program = bench.cargo.build("holo-view", "--example", "walk")
@@ -104,7 +111,10 @@ def walk(bench: Bench) -> Part:
             bars(part, recorded, noise, by_driver)
             part.plots.append(over_time(bench, recorded, noise, by_driver))
             strip = f"walk-{recorded.name}-{paths}-{BAR_RATIO}.png"
-            caption = f"The {recorded.title}, {noise} samples: the truth, {', '.join(DRIVERS)} from above, five moments"
+            caption = (
+                f"The {recorded.title}, {noise} samples: the truth, {', '.join(DRIVERS)} from"
+                " above, five moments"
+            )
             part.plots.append(Plot(f"benchmarks/{strip}", caption))
         part.tables.append(ablation(recorded, found))
     return part
@@ -131,8 +141,9 @@ def asking(bench: Bench, program: Path, job: Job) -> list[str | Path]:
     # A smoke run uses its own, noisier pictures.
     most = 64 if bench.quick else 1024
     truths = bench.root / "target/walk-truths" / f"{job.recorded.name}-{state}-{most}"
-    return [program, scene, walk, "--truths", truths, "--bounces", "0", "--paths", str(job.paths), "--ratio", str(job.ratio),
-            "--frames", job.frames, "--every", str(job.every), "--truth-paths", str(most)]  # fmt: skip
+    return [program, scene, walk, "--truths", truths, "--bounces", "0", "--paths", str(job.paths),
+            "--ratio", str(job.ratio), "--frames", job.frames, "--every", str(job.every),
+            "--truth-paths", str(most)]  # fmt: skip
 
 
 def shown(bench: Bench, program: Path, job: Job) -> dict[str, dict]:
@@ -140,7 +151,11 @@ def shown(bench: Bench, program: Path, job: Job) -> dict[str, dict]:
     files = (program, job.recorded.scene, job.recorded.scene.with_suffix(".mtl"), job.recorded.walk)
     state = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
     asked = (job.ratio, job.paths, job.frames, job.every, bench.quick, *job.drivers)
-    kept = bench.root / "target/walk-said" / hashlib.sha256(repr((state, asked)).encode()).hexdigest()[:24]
+    kept = (
+        bench.root
+        / "target/walk-said"
+        / hashlib.sha256(repr((state, asked)).encode()).hexdigest()[:24]
+    )
     said = kept / "said"
     if not said.exists():
         command = [*asking(bench, program, job), "--drivers", ",".join(job.drivers), "--out", kept]
@@ -149,8 +164,14 @@ def shown(bench: Bench, program: Path, job: Job) -> dict[str, dict]:
         (kept / "saying").rename(said)
     if job.drivers == DRIVERS:
         bench.plots.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(kept / "strip.png", bench.plots / f"walk-{job.recorded.name}-{job.paths}-{job.ratio}.png")
-    return {line["driver"]: line for line in map(json.loads, said.read_text(encoding="utf-8").splitlines())}
+        shutil.copyfile(
+            kept / "strip.png",
+            bench.plots / f"walk-{job.recorded.name}-{job.paths}-{job.ratio}.png",
+        )
+    return {
+        line["driver"]: line
+        for line in map(json.loads, said.read_text(encoding="utf-8").splitlines())
+    }
 
 
 def likeness(recorded: Recorded, found: Found) -> Table:
@@ -176,7 +197,10 @@ def bars(part: Part, recorded: Recorded, noise: str, by_driver: dict[str, dict])
 
 def over_time(bench: Bench, recorded: Recorded, noise: str, by_driver: dict[str, dict]) -> Plot:
     series = {
-        driver: [(frame / 30, psnr) for frame, psnr in zip(by_driver[driver]["frames"], by_driver[driver]["psnr"])]
+        driver: [
+            (frame / 30, psnr)
+            for frame, psnr in zip(by_driver[driver]["frames"], by_driver[driver]["psnr"])
+        ]
         for driver in DRIVERS
     }
     file = f"walk-{recorded.name}-{noise}.svg"
@@ -187,13 +211,18 @@ def over_time(bench: Bench, recorded: Recorded, noise: str, by_driver: dict[str,
 
 def ablation(recorded: Recorded, found: Found) -> Table:
     """Returns the gain of each stage at the ratio of the target."""
-    table = Table(f"The {recorded.title}, ratio {BAR_RATIO}: the render cache without a stage", [["without", ""]])
+    table = Table(
+        f"The {recorded.title}, ratio {BAR_RATIO}: the render cache without a stage",
+        [["without", ""]],
+    )
     for noise, _ in NOISES:
         table.columns += [[f"{noise}, dB", ".2f"], ["SSIM", ".3f"]]
     for name in ("nothing", *STAGES):
         row: list[Figure] = [name]
         for noise, _ in NOISES:
-            said = found[noise, BAR_RATIO]["pointimage" if name == "nothing" else f"pointimage-{name}"]
+            said = found[noise, BAR_RATIO][
+                "pointimage" if name == "nothing" else f"pointimage-{name}"
+            ]
             row += [mean(said["psnr"]), mean(said["ssim"])]
         table.rows.append(row)
     return table

@@ -33,14 +33,14 @@ MOST_IDLE = 0.02
 
 # Keeps what the page's frames were: number, when, whether at rest, width, how long its parts took.
 KEEP = (
-    "window.kept = []; const drawn = draw; draw = (next, parts) => { "
-    "next.times.decode = performance.now() - next.came; drawn(next, parts); "
-    "kept.push([next.frame, performance.now(), next.rest, next.size[0], next.times]); }; latencies.length = 0; 0"
+    "window.kept = []; const drawn = draw; draw = (next, parts) => { next.times.decode ="
+    " performance.now() - next.came; drawn(next, parts); kept.push([next.frame, performance.now(),"
+    " next.rest, next.size[0], next.times]); }; latencies.length = 0; 0"
 )
 
 # Parts of a moving frame's way, as frames state them.
-PARTS = {"look": "showing earlier frames from here", "wait": "waiting for the page", "tone": "tone mapping",
-         "encode": "encoding", "decode": "decoding in the page"}  # fmt: skip
+PARTS = {"look": "showing earlier frames from here", "wait": "waiting for the page",
+         "tone": "tone mapping", "encode": "encoding", "decode": "decoding in the page"}  # fmt: skip
 
 
 @dataclass
@@ -65,30 +65,43 @@ def walk_live(bench: Bench) -> Part:
     part = Part(
         "A walk in a browser",
         [
-            "`view` of a scene, with a worker on all cores and Chromium (without a window and without a GPU) on the "
-            "same ones, 1280 × 720. *Latency* is from an input in the page until the frame drawn from it is on the "
-            "page's canvas; the inputs are those of a mouse that drags, 30 in a second. *Frames* are distinct ones in a "
-            "second while a key is held. *Full quality* is the time from the last frame that moved until the first "
-            "one of all pixels. *First light* is from the program's start until a picture of which most is known; "
-            "*of the page*: from its request, without Chromium's own start.",
+            (
+                "`view` of a scene, with a worker on all cores and Chromium (without a window and"
+                " without a GPU) on the same ones, 1280 × 720. *Latency* is from an input in the"
+                " page until the frame drawn from it is on the page's canvas; the inputs are those"
+                " of a mouse that drags, 30 in a second. *Frames* are distinct ones in a second"
+                " while a key is held. *Full quality* is the time from the last frame that moved"
+                " until the first one of all pixels. *First light* is from the program's start"
+                " until a picture of which most is known; *of the page*: from its request, without"
+                " Chromium's own start."
+            ),
             "*Idle* is the share of a core that `replay` takes with a page open and nothing to do.",
         ],
     )
     table = Table(
         "While one walks",
-        [["scene", ""], ["first light, s", ".2f"], ["of the page, s", ".2f"], ["latency, median ms", ".0f"], ["99 of 100, ms", ".0f"],
+        [["scene", ""], ["first light, s", ".2f"], ["of the page, s", ".2f"],
+         ["latency, median ms", ".0f"], ["99 of 100, ms", ".0f"],
          ["frames/s", ".1f"], ["least width, pixels", "d"], ["full quality, ms", ".0f"]],
     )  # fmt: skip
     where = Table(
         "Where the time of a frame goes, medians in ms",
-        [["scene", ""], *[[name, ".1f"] for name in PARTS.values()], ["at rest: casting", ".0f"], ["at rest: drawing", ".0f"]],
+        [
+            ["scene", ""], *[[name, ".1f"] for name in PARTS.values()], ["at rest: casting", ".0f"],
+            ["at rest: drawing", ".0f"]
+        ],
     )
     for case in (bench.scenes.interior(), bench.scenes.room()):
         found = walk(bench, case)
         found.latencies.sort()
         middle = median(found.latencies)
         late = found.latencies[min(len(found.latencies) * 99 // 100, len(found.latencies) - 1)]
-        table.rows.append([case.title, found.first, found.first_of_page, middle, late, found.frames, found.width, found.rest])
+        table.rows.append(
+            [
+                case.title, found.first, found.first_of_page, middle, late, found.frames,
+                found.width, found.rest
+            ]
+        )
         where.rows.append([case.title, *[found.parts[part] for part in PARTS], *found.full])
         for what, figure, unit, most in (
             ("latency, median", middle, "ms", MOST_MEDIAN),
@@ -97,10 +110,16 @@ def walk_live(bench: Bench) -> Part:
             ("first light", found.first, "s", MOST_FIRST),
         ):
             digits = ".1f" if unit == "s" else ".0f"
-            bar = Bar(f"{what}, {case.title}", f"{figure:{digits}} {unit}", f"≤ {most:g} {unit}", figure <= most)
+            bar = Bar(
+                f"{what}, {case.title}", f"{figure:{digits}} {unit}", f"≤ {most:g} {unit}",
+                figure <= most
+            )
             part.bars.append(bar)
         frames, least = found.frames, LEAST_FRAMES
-        bar = Bar(f"frames while moving, {case.title}", f"{frames:.1f}/s", f"≥ {least:g}/s", frames >= least)
+        bar = Bar(
+            f"frames while moving, {case.title}", f"{frames:.1f}/s", f"≥ {least:g}/s",
+            frames >= least
+        )
         part.bars.append(bar)
     part.tables += [table, where]
     page, idle = resting(bench)
@@ -117,7 +136,9 @@ class Served:
 
     def __init__(self, command: list[str | Path]) -> None:
         self.start = time.monotonic()
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        )
         self.address = self.process.stdout.readline().strip()
         self.browser = Chromium(self.address)
 
@@ -132,7 +153,9 @@ class Served:
 
 def walk(bench: Bench, case: Case) -> Found:
     """Returns what a walk through a scene showed."""
-    with Served([bench.holodeck, "view", *case.scene, *case.view.any_shape().options(), "--no-open"]) as served:
+    with Served(
+        [bench.holodeck, "view", *case.scene, *case.view.any_shape().options(), "--no-open"]
+    ) as served:
         browser = served.browser
         browser.wait("header && header.unknown < 0.5")
         first = time.monotonic() - served.start
@@ -153,7 +176,9 @@ def walk(bench: Bench, case: Case) -> Found:
     parts = {part: median(frame[4][part] for frame in moving) for part in PARTS}
     times = next(frame[4] for frame in kept if frame[2] and frame[1] > moving[-1][1])
     least = min(frame[3] for frame in moving)
-    return Found(first, first_of_page, latencies, frames, least, rest, parts, (times["look"], times["draw"]))
+    return Found(
+        first, first_of_page, latencies, frames, least, rest, parts, (times["look"], times["draw"])
+    )
 
 
 def drag(browser: Chromium, seconds: float) -> list[float]:
@@ -181,9 +206,12 @@ def resting(bench: Bench) -> tuple[int, float]:
     with Served([bench.holodeck, "replay", file, "--no-open"]) as served:
         browser = served.browser
         browser.wait("document.body.dataset.exact === 'true'")
-        parts = "['', 'walk.css', 'walk.js'].map(p => fetch('/' + p).then(r => r.text()).then(t => t.length))"
+        parts = (
+            "['', 'walk.css', 'walk.js'].map(p => fetch('/' + p).then(r => r.text()).then(t =>"
+            " t.length))"
+        )
         page = browser.value(f"Promise.all({parts}).then(sizes => sizes.reduce((a, b) => a + b))")
-        # What is stored has come by then.
+        # All stored samples have arrived by then.
         time.sleep(bench.seconds(LOOKING))
         before, begin = processor_seconds(served.process.pid), time.monotonic()
         time.sleep(bench.seconds(IDLE))

@@ -28,10 +28,14 @@ def whole(bench: Bench) -> Part:
     part = Part(
         "The measure of the whole",
         [
-            "A file filled in batch by the engine `cached` (Cornell box 20 s, the cabin's three sections 60 s), then one session "
-            "with a worker and a move to each view in turn; PSNR and relMSE of the pictures at 0.1, 1 and 10 s after the "
-            "view was asked for. *Tracer alone*: `render --engine path --time` for 1 and 10 s, its scene loaded. "
-            "Truth where there is no reference: a render of our own, `--engine path --spp 2048`.",
+            (
+                "A file filled in batch by the engine `cached` (Cornell box 20 s, the cabin's three"
+                " sections 60 s), then one session with a worker and a move to each view in turn;"
+                " PSNR and relMSE of the pictures at 0.1, 1 and 10 s after the view was asked for."
+                " *Tracer alone*: `render --engine path --time` for 1 and 10 s, its scene loaded."
+                " Truth where there is no reference: a render of our own, `--engine path --spp"
+                " 2048`."
+            ),
         ],
     )
     # By scene: the worst view's decibels over seconds, by driver.
@@ -39,9 +43,14 @@ def whole(bench: Bench) -> Part:
     for driver in WANTED:
         part.tables.append(views(bench, part, driver, worst))
     for scene, series in worst.items():
-        file, title = bench.plots / f"whole-{scene}.svg", f"Seconds after a view is asked for, worst view: {scene}"
+        file, title = (
+            bench.plots / f"whole-{scene}.svg",
+            f"Seconds after a view is asked for, worst view: {scene}",
+        )
         decibels_over_seconds(file, title, series, Axis)
-        part.plots.append(Plot(f"benchmarks/{file.name}", f"PSNR over seconds, worst view, {scene}"))
+        part.plots.append(
+            Plot(f"benchmarks/{file.name}", f"PSNR over seconds, worst view, {scene}")
+        )
     return part
 
 
@@ -52,7 +61,10 @@ def cases(bench: Bench) -> list[tuple[Case, str, tuple[Case, ...]]]:
     if room.name == "cabin":
         known = {"living": room.reference, "bedroom": bench.scenes.reference("cabin_bed")}
         rooms = tuple(
-            replace(room, name=f"cabin-{name}", title=f"cabin, {name}", view=view, reference=known.get(name))
+            replace(
+                room, name=f"cabin-{name}", title=f"cabin, {name}", view=view,
+                reference=known.get(name)
+            )
             for name, view in CABIN_VIEWS.items()
         )
     return [(cornell, 20, (cornell,)), (room, 60, rooms)]
@@ -94,13 +106,27 @@ def views(bench: Bench, part: Part, driver: str, worst: dict[str, Series]) -> Ta
             row += alone
             table.rows.append(row)
             if driver == "surfaces":
-                margin = min(measures["psnr_disp"] - psnr for measures, psnr in zip(found[1:], alone))
+                margin = min(
+                    measures["psnr_disp"] - psnr for measures, psnr in zip(found[1:], alone)
+                )
                 met = margin >= -BELOW_TRACER
-                part.bars.append(Bar(f"above the tracer alone at 1 and 10 s, {look.title}", f"{margin:+.1f} dB", f"≥ -{BELOW_TRACER:g} dB", met))
+                part.bars.append(
+                    Bar(
+                        f"above the tracer alone at 1 and 10 s, {look.title}", f"{margin:+.1f} dB",
+                        f"≥ -{BELOW_TRACER:g} dB", met
+                    )
+                )
         wanted = (CORNELL_WANTED[driver],) if case.name == "cornell" else WANTED[driver]
-        worst.setdefault(case.name, {}).update({driver: list(zip(ASKED, lowest)), "tracer alone": list(zip(ASKED[1:], lowest_alone))})
+        worst.setdefault(case.name, {}).update(
+            {driver: list(zip(ASKED, lowest)), "tracer alone": list(zip(ASKED[1:], lowest_alone))}
+        )
         for asked, low, want in zip(ASKED, lowest, wanted):
-            part.bars.append(Bar(f"{driver}, {case.title.split(',')[0]}, worst view at {asked:g} s", f"{low:.1f} dB", f"≥ {want} dB", low >= want))
+            part.bars.append(
+                Bar(
+                    f"{driver}, {case.title.split(',')[0]}, worst view at {asked:g} s",
+                    f"{low:.1f} dB", f"≥ {want} dB", low >= want
+                )
+            )
     return table
 
 
@@ -111,5 +137,7 @@ def tracer_alone(bench: Bench, look: Case, seconds: float) -> float:
     """Returns the PSNR of the path tracer's own picture, given the same time."""
     if (look.name, seconds) not in _alone:
         picture, _ = bench.render(look, f"alone-{seconds}", "--time", f"{bench.seconds(seconds)}s")
-        _alone[look.name, seconds] = compare(bench.holodeck, picture, bench.truth(look))["psnr_disp"]
+        _alone[look.name, seconds] = compare(bench.holodeck, picture, bench.truth(look))[
+            "psnr_disp"
+        ]
     return _alone[look.name, seconds]

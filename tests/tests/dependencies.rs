@@ -1,4 +1,4 @@
-//! Which package uses which: exactly the graph that ARCHITECTURE.md draws.
+//! Checks which packages use each other, against the graph in ARCHITECTURE.md.
 
 // Functions beside the tests fail them in the same way.
 #![allow(clippy::expect_used, clippy::panic, clippy::unwrap_used)]

@@ -24,22 +24,24 @@ impl BeamFile {
     /// Takes samples with consecutive numbers from `run.first`: into memory now, on disk within a
     /// second.
     ///
-    /// As many samples are taken as `samples` has; `run.count` is ignored. Numbers that the beam
-    /// has already keep their old samples. Waits while the disk is far behind.
+    /// All samples in `samples` are taken; `run.count` is ignored. Numbers that the beam has
+    /// already keep their old samples. Waits while the disk is far behind.
     ///
     /// # Errors
     /// - The beam does not exist, the numbers do not fit in 32 bits, or the file is read-only.
-    /// - [`Error::NotWritten`]: the disk takes nothing, and the memory for waiting samples is used
-    ///   up. The samples were not taken; of more than a million, the last ones.
+    /// - [`Error::NotWritten`]: the disk accepts nothing, and the memory for waiting samples is
+    ///   full. The samples were not taken. If there were more than a million, only the last ones
+    ///   were not taken.
     /// - [`Error::Lost`]: another program deleted, moved, replaced or cut off the file.
     pub fn append(&self, run: Run, maker: Maker, samples: &[Sample]) -> Result<()> {
         self.put(run, maker, samples, false)
     }
 
-    /// As [`BeamFile::append`], but these samples replace older ones of the same kind and number.
+    /// Appends like [`BeamFile::append`], but these samples replace older ones of the same kind and
+    /// number.
     ///
     /// # Errors
-    /// As [`BeamFile::append`].
+    /// The errors of [`BeamFile::append`].
     pub fn supersede(&self, run: Run, maker: Maker, samples: &[Sample]) -> Result<()> {
         self.put(run, maker, samples, true)
     }

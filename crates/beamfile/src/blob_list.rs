@@ -36,7 +36,7 @@ impl BlobCopy {
     }
 }
 
-/// A copy of which parts are still to come.
+/// A copy that still lacks some parts.
 #[derive(Debug)]
 struct UnfinishedCopy {
     name: String,
@@ -51,7 +51,7 @@ pub(crate) struct Blobs {
     whole: BTreeMap<String, Vec<BlobCopy>>,
     /// By blob id.
     unfinished: HashMap<u64, UnfinishedCopy>,
-    /// Blobs of which a part is missing.
+    /// Blobs that lack a part.
     broken: BTreeSet<String>,
 }
 
@@ -107,7 +107,7 @@ impl Blobs {
         self.whole.get(name).cloned().unwrap_or_default()
     }
 
-    /// Returns the names of the blobs of which a copy is whole, sorted.
+    /// Returns the names of the blobs that have a whole copy, sorted.
     pub fn names(&self) -> Vec<String> {
         self.whole.keys().cloned().collect()
     }

@@ -1,6 +1,6 @@
 //! Named byte strings in the file, such as the packed scene.
 //!
-//! A blob that nothing can make anew is stored twice. Where a chunk of one copy is damaged, it is
+//! A blob that cannot be made again is stored twice. Where a chunk of one copy is damaged, it is
 //! read from the other.
 //!
 //! Invariant: replacing a blob is atomic. Reads give the old bytes until the first copy of the new
@@ -21,7 +21,7 @@ impl BeamFile {
     /// Stores two copies of named bytes, in place of a blob of the same name. When this returns,
     /// both copies are on disk.
     ///
-    /// Use it for bytes that nothing can make anew.
+    /// Use it for bytes that cannot be made again.
     ///
     /// # Errors
     /// If the name or the bytes are too long, or the file is read-only or cannot be written. The
@@ -31,10 +31,11 @@ impl BeamFile {
         self.put_blob_once(name, bytes)
     }
 
-    /// As [`BeamFile::put_blob`], but stores one copy. Use it for bytes that can be made anew.
+    /// Stores bytes like [`BeamFile::put_blob`], but in one copy. Use it for bytes that can be made
+    /// again.
     ///
     /// # Errors
-    /// As [`BeamFile::put_blob`].
+    /// The errors of [`BeamFile::put_blob`].
     pub fn put_blob_once(&self, name: &str, bytes: &[u8]) -> Result<()> {
         self.writable()?;
         if !(1..=MAX_BLOB_NAME).contains(&name.len()) {
@@ -99,13 +100,13 @@ impl BeamFile {
         }
         read?;
         if !damaged.is_empty() && !self.shared.read_only {
-            // A disk that does not take the copy says so to whoever writes samples.
+            // If the disk refuses the copy, the next writer of samples receives the error.
             let _ = self.put_blob_once(name, &bytes);
         }
         Ok(Some(bytes))
     }
 
-    /// Reads one part of a blob: each chunk from the newest copy in which it is intact.
+    /// Reads one part of a blob, each chunk from the newest intact copy of the chunk.
     ///
     /// `copies` has the newest copy first. Adds damaged chunks to `damaged`, as (block, chunk).
     fn read_part(

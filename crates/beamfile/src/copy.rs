@@ -8,7 +8,7 @@ use crate::format::{CHUNK_BYTES, CHUNK_SAMPLES, Entry, FIRST_BLOCK, Table};
 use crate::scan::scan;
 use crate::{Maker, Result};
 
-/// What a copy took and left.
+/// Counts of a copy: samples taken and samples left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Copied {
     /// Samples copied, superseded ones included.

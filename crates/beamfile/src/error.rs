@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use holo_section::BeamKey;
 
-/// What can go wrong with a holodeck file.
+/// An error of a holodeck file.
 ///
 /// Damage inside a file is no error: it is left out and named ([`crate::Damage`]).
 #[derive(Debug, thiserror::Error)]
@@ -88,7 +88,7 @@ pub enum Error {
         /// Why the last attempt failed.
         reason: String,
     },
-    /// What is written no longer reaches the file at the path. This handle can write no more.
+    /// Written data no longer reaches the file at the path. This handle can write no more.
     #[error("{path}: {how}; samples added since then may be lost")]
     Lost {
         /// The holodeck file.
@@ -136,7 +136,7 @@ pub(crate) fn io_error(path: &Path, doing: &'static str) -> impl Fn(io::Error) -
     move |source| Error::Io { path: path.to_owned(), doing, source }
 }
 
-/// What another program did to a file while it was written.
+/// A change that another program made to a file while it was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileLoss {
     /// The path names no file any more, or another one.

@@ -66,11 +66,11 @@ impl BeamFile {
         Self::start(storage, path, opened, cache_bytes, true)
     }
 
-    /// As [`BeamFile::create`], on a storage of the caller's. It takes no lock, and uses `path`
-    /// only in messages.
+    /// Creates a file like [`BeamFile::create`], on a storage of the caller's. It takes no lock,
+    /// and uses `path` only in messages.
     ///
     /// # Errors
-    /// As [`BeamFile::create`].
+    /// The errors of [`BeamFile::create`].
     pub fn create_on(
         storage: Box<dyn Storage>,
         path: impl AsRef<Path>,
@@ -80,11 +80,11 @@ impl BeamFile {
         Self::start(storage, path.as_ref(), opened, options.cache_bytes, false)
     }
 
-    /// As [`BeamFile::open`], on a storage of the caller's. It takes no lock, and uses `path` only
-    /// in messages.
+    /// Opens a file like [`BeamFile::open`], on a storage of the caller's. It takes no lock, and
+    /// uses `path` only in messages.
     ///
     /// # Errors
-    /// As [`BeamFile::open`].
+    /// The errors of [`BeamFile::open`].
     pub fn open_on(
         storage: Box<dyn Storage>,
         path: impl AsRef<Path>,
@@ -120,7 +120,7 @@ impl BeamFile {
         Ok(Self { shared, report, writer, blob_writing: Mutex::new(()) })
     }
 
-    /// Returns the path by which the file was opened.
+    /// Returns the path with which the file was opened.
     pub fn path(&self) -> &Path {
         &self.shared.path
     }
@@ -172,7 +172,7 @@ impl BeamFile {
     /// Writes what is pending and stops the writer.
     ///
     /// # Errors
-    /// As [`BeamFile::flush`]. What could not be written is lost then.
+    /// The errors of [`BeamFile::flush`]. Samples that could not be written are then lost.
     pub fn close(mut self) -> Result<()> {
         let flushed = self.flush();
         self.stop();

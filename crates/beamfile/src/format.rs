@@ -72,7 +72,7 @@ pub(crate) struct FileHeader {
     pub layout: Vec<u64>,
 }
 
-/// What the bytes of a header copy turned out to be.
+/// The state of a header copy.
 pub(crate) enum HeaderCopy {
     Intact(FileHeader),
     OtherFormat(u32),
@@ -220,12 +220,12 @@ impl BlockHeader {
     }
 }
 
-/// What an extent says of all its samples, besides their beam and numbers.
+/// Properties that an extent states for all its samples, besides their beam and numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Class {
     /// The code of a [`SampleKind`].
     pub kind: u8,
-    /// Whether the samples replace older ones of the same numbers.
+    /// True if the samples replace older ones of the same numbers.
     pub supersedes: bool,
     /// Paths averaged into each sample.
     pub paths: u16,

@@ -7,7 +7,7 @@
 //! extents is kept in memory. Opening the file rebuilds it from block headers and extent tables,
 //! without reading samples. `proto/SPEC.md`, section 8, draws the bytes.
 //!
-//! What always holds:
+//! Invariants:
 //!
 //! - A block is written once and never changed. Its header is written after its body, so a block
 //!   with a header is whole.
@@ -53,5 +53,5 @@ pub use types::{
     BeamSamples, Counts, Damage, DamageKind, Maker, OpenReport, Options, SectionStats, Stats,
 };
 
-/// What this crate's functions return.
+/// The result type of this crate's functions.
 pub type Result<T> = std::result::Result<T, Error>;

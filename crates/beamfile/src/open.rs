@@ -20,7 +20,7 @@ use crate::storage::Storage;
 use crate::types::{Damage, DamageKind, OpenReport};
 use crate::{Error, Result};
 
-/// What opening a file gives, before threads share it.
+/// An opened file, before threads share it.
 pub(crate) struct Opened {
     pub header: FileHeader,
     pub state: State,

@@ -128,8 +128,8 @@ impl State {
         Some(Plan { key, version, runs: runs.collect() })
     }
 
-    /// Returns which of `count` samples from `at` in a block lie in no bad chunk: ranges, each as
-    /// its distance from `at` and its number of samples.
+    /// Returns the samples outside bad chunks, among `count` samples from `at` in a block. Each
+    /// range has its distance from `at` and its number of samples.
     fn intact(&self, block: u32, at: u32, count: u32) -> Vec<(u32, u32)> {
         if self.bad.is_empty() {
             return vec![(0, count)];

@@ -19,7 +19,7 @@ use crate::types::{Damage, DamageKind};
 /// Bytes searched at a time for the next block after damage.
 const SEARCH_BYTES: u64 = 1 << 20;
 
-/// What the end of the file is.
+/// The state of the end of the file.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Tail {
     /// The file ends with a block.

@@ -1,6 +1,6 @@
-//! What the callers' threads and the writer's thread of one open file share.
+//! State shared by the callers' threads and the writer's thread of one open file.
 //!
-//! Invariant: nobody holds the state's lock during input or output, nor while a caller's function
+//! Invariant: the state's lock is never held during input or output, nor while a caller's function
 //! runs. Locks are taken in the order appender, state, cache.
 
 use std::io;
@@ -34,7 +34,7 @@ pub(crate) struct Shared {
 
 /// Locks a mutex, also after a thread panicked with it.
 ///
-/// What such a thread leaves behind is sound: the state changes in small steps that cannot panic
+/// A panic leaves the state sound, because the state changes in small steps that cannot panic
 /// half-way.
 pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)

@@ -1,8 +1,8 @@
-//! What the threads of one open file share under a lock.
+//! State that the threads of one open file share under a lock.
 //!
 //! Invariant: every appended sample is in the active batch, a frozen batch, or the directory. While
-//! a batch's extents are being listed, its samples are in both. That changes no read: of two equal
-//! extents, either may count.
+//! a batch's extents are being listed, its samples are in both. This changes no read, because
+//! either of two equal extents may count.
 
 use std::collections::{HashSet, VecDeque};
 use std::sync::Arc;
@@ -36,12 +36,12 @@ pub(crate) struct State {
     pub failures: u64,
     /// Why the last attempt failed; `None` once one succeeds.
     pub last_error: Option<String>,
-    /// Whether somebody waits, so that the writer must not wait for its time.
+    /// True if a caller waits, so that the writer must not wait for its time.
     pub hurry: bool,
-    /// Whether the writer must end once nothing is left to write.
+    /// True if the writer must end once nothing is left to write.
     pub stop: bool,
     pub writer_gone: bool,
-    /// What became of the file, if it is no longer the one at its path.
+    /// How the file was lost, if it is no longer the one at its path.
     pub lost: Option<FileLoss>,
     /// Damaged parts found so far.
     pub damage: Vec<Damage>,

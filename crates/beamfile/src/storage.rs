@@ -55,15 +55,15 @@ pub struct DiskStorage {
 }
 
 impl DiskStorage {
-    /// Returns the storage of an open file. `path` is the path by which it was opened.
+    /// Returns the storage of an open file. `path` is the path with which the file was opened.
     pub fn new(file: File, path: impl AsRef<Path>) -> DiskStorage {
         DiskStorage { file, path: path.as_ref().to_owned() }
     }
 }
 
 impl Drop for DiskStorage {
-    /// Gives the lock back. A file that is only closed stays locked while a child process has it
-    /// open, too.
+    /// Gives the lock back. If a file were only closed, it would stay locked while a child process
+    /// still has it open.
     fn drop(&mut self) {
         // A file without a lock gives an error, which does not matter.
         let _ = self.file.unlock();

@@ -1,4 +1,4 @@
-//! What callers give to a [`crate::BeamFile`] and get from it.
+//! Types that callers pass to a [`crate::BeamFile`] or receive from it.
 
 use std::fmt;
 
@@ -26,7 +26,7 @@ impl Maker {
     pub const UNKNOWN: Maker = Maker(0);
 }
 
-/// How to open or create a file.
+/// Options for opening or creating a file.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Memory for beams that were read, in bytes; 0 caches none.
@@ -64,11 +64,11 @@ pub struct Damage {
     pub offset: u64,
     /// Its length in bytes.
     pub bytes: u64,
-    /// What is there, or should be.
+    /// The kind of the damaged part.
     pub what: DamageKind,
 }
 
-/// What a damaged part of the file is.
+/// The kinds of damaged parts of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DamageKind {
     /// One copy of the file's header. The other one is used.
@@ -88,7 +88,8 @@ pub enum DamageKind {
 impl Damage {
     /// Returns how many samples are left out because of it, at most.
     ///
-    /// Exact for [`DamageKind::Samples`]. Of a whole block it is what would fit into its bytes.
+    /// Exact for [`DamageKind::Samples`]. For a whole block, it is the number that would fit into
+    /// its bytes.
     pub fn samples(&self) -> u64 {
         match self.what {
             DamageKind::Samples | DamageKind::BlockHeader | DamageKind::BlockTable(_) => {
@@ -135,7 +136,7 @@ pub struct OpenReport {
     pub samples: u64,
     /// Damaged parts, in file order.
     pub damage: Vec<Damage>,
-    /// Names of blobs of which a part is missing: writing was interrupted, or a block is damaged.
+    /// Names of blobs that lack a part, because writing was interrupted or a block is damaged.
     pub unfinished_blobs: Vec<String>,
 }
 

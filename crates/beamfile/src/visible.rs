@@ -1,8 +1,8 @@
-//! The rule by which one of several samples with the same number counts.
+//! The rule that decides which of several samples with the same number counts.
 //!
-//! Extents are taken in the order in which they were appended. One that supersedes replaces older
-//! samples; one that does not fills only free numbers. So work that was done twice changes nothing,
-//! and damage in a better sample uncovers the older one.
+//! Extents count in the order of their appends. One that supersedes replaces older samples; one
+//! that does not fills only free numbers. So work that was done twice changes nothing, and damage
+//! in a better sample uncovers the older one.
 
 use std::collections::BTreeMap;
 

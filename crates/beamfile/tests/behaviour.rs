@@ -31,7 +31,7 @@ fn samples_reach_the_disk_without_a_flush() {
     let reader = BeamFile::open_read_only(&path, 0).unwrap();
     let run = run(key(0, 4), 0);
     file.append(run, Maker::UNKNOWN, &samples(&run, 21, 0)).unwrap();
-    // How soon is a constant of the writer's. A busy machine only makes the test longer.
+    // The delay is a constant of the writer. A busy machine only makes the test longer.
     while reader.count(run.key) == 0 {
         std::thread::sleep(Duration::from_millis(10));
         reader.refresh().unwrap();
@@ -262,8 +262,8 @@ fn a_long_append_and_the_last_sample_number_are_kept() {
     assert_eq!(file.counts(last.key).uniform, u32::MAX);
 }
 
-/// A file in which maker 1 made samples 0 to 20 of a beam, maker 2 better ones of 5 to 9, and maker
-/// 1 all of another beam.
+/// Writes samples of two makers. Maker 1 made samples 0 to 20 of a beam and all of another beam.
+/// Maker 2 made better samples 5 to 9 of the first beam.
 fn by_two_makers(file: &BeamFile) -> [Run; 3] {
     let rough = Run { count: 21, ..run(key(0, 3), 0) };
     let better = Run { first: 5, count: 5, paths: 16, ..rough };

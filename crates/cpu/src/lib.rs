@@ -3,7 +3,7 @@
 //! One place detects instruction sets for the whole project. Loops that gain from wide
 //! instructions are written once, as a [`Kernel`], and compiled for each set.
 //!
-//! What always holds:
+//! Invariants:
 //! - Only time depends on the processor. Results are the same to the bit.
 //! - An [`Isa`] exists only if this processor has every instruction that its kernels use.
 

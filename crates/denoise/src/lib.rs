@@ -2,7 +2,7 @@
 //!
 //! The program is not linked to the library, so it also runs on a machine without it.
 //!
-//! What always holds:
+//! Invariants:
 //! - Every call into the library is checked. A failure is an error and leaves the picture
 //!   unchanged.
 //! - Only the processor is used, and no thread is pinned to a core.

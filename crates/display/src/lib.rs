@@ -4,7 +4,7 @@
 //! answers with samples. A [`Driver`] turns samples into a [`Frame`]. Each driver is a crate of
 //! its own that uses this one and no other driver.
 //!
-//! What always holds, here and in every driver:
+//! Invariants, here and in every driver:
 //! - No input or output, no clock, and no randomness except what the caller seeds: the same calls
 //!   give the same bits.
 //! - Selection and coverage use one rule: a section covers a pixel exactly if a beam can be

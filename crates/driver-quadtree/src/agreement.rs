@@ -59,8 +59,8 @@ impl Agreement {
         {
             return share;
         }
-        // The comparison is made at the leaf's middle, or at the picture's edge if that is nearer,
-        // so that it does not depend on the pixel.
+        // The comparison is made at the leaf's middle, or at the picture's edge if that is nearer.
+        // So it does not depend on the pixel.
         let middle = |pixel: usize, size: usize| {
             ((pixel >> SMALLEST << SMALLEST) + (1 << SMALLEST) / 2).min(size - 1)
         };

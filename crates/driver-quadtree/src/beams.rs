@@ -23,8 +23,9 @@ impl Quadtree {
         })
     }
 
-    /// Returns distances from the eye to the visible surfaces, scene units: one for each square of
-    /// 4 × 4 pixels in which a surface is known. It takes a small part of the time of a drawing.
+    /// Returns distances from the eye to the visible surfaces, in scene units. There is one for
+    /// each square of 4 × 4 pixels with a known surface. It takes a small part of the time of a
+    /// drawing.
     pub fn depth(&self) -> Vec<f32> {
         self.depths().into_iter().map(|(.., depth)| depth).collect()
     }

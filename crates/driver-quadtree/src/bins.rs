@@ -1,6 +1,6 @@
 //! Sums of samples by pixel and depth bin.
 //!
-//! What always holds:
+//! Invariants:
 //! - A pixel has its [`BINS_KEPT`] nearest bins, and their sums are complete. A bin is refused or
 //!   removed only if the pixel has that many nearer bins. A bin makes room only for a nearer one.
 //!   So a bin that is among the nearest at the end was never refused or removed.

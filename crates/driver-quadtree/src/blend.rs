@@ -14,7 +14,7 @@ pub(crate) struct Blend {
     /// Squared standard error for samples of unit deviation: Σw² / (Σw)². Infinite if few samples
     /// make the mean of one of the leaves.
     pub error_squared: f32,
-    /// Whether quarters of one of the leaves differ by more than noise.
+    /// True if quarters of one of the leaves differ by more than noise.
     pub is_mixed: bool,
 }
 
@@ -134,8 +134,8 @@ impl Around {
     }
 }
 
-/// Returns the distance of a pixel's middle from its leaf's middle along one direction, in leaves,
-/// and whether the pixel lies on the right of it or below it.
+/// Returns the distance of a pixel's middle from its leaf's middle along one direction, in leaves.
+/// Also returns whether the pixel lies on the right of the leaf's middle, or below it.
 #[inline(always)]
 fn offset(pixel: usize, level: usize) -> (f32, bool) {
     let size = 1_usize << level;

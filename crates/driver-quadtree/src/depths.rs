@@ -15,8 +15,8 @@ const LEVEL: usize = 2;
 const SIDE: usize = 1 << LEVEL;
 
 impl Quadtree {
-    /// Returns column, row and distance from the eye for each square of 4 × 4 pixels in which a
-    /// surface is known. The place is the middle of the square.
+    /// Returns column, row and distance from the eye for each square of 4 × 4 pixels with a known
+    /// surface. The place is the middle of the square.
     pub(crate) fn depths(&self) -> Vec<(usize, usize, f32)> {
         let (width, height) = (self.size.0 as usize, self.size.1 as usize);
         let (levels, unseen) = (self.leaves_of_all(), self.unseen_pixels());

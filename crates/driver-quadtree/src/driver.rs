@@ -1,7 +1,7 @@
 //! The driver for whole sessions. It shows the samples of earlier views in the next view until that
 //! view has samples of its own (Larson & Simmons 1999, §3).
 //!
-//! What always holds:
+//! Invariants:
 //! - Once the stored samples of a view have arrived, pictures use the samples of this view alone. A
 //!   picture at rest does not depend on the earlier views.
 //! - After a rotation of more than 20°, no sample of an earlier view is used.
@@ -25,7 +25,7 @@ const MAX_DEGREES: f64 = 20.0;
 pub struct QuadtreeDriver {
     sections: Arc<[Section]>,
     sky: [f32; 3],
-    /// How cells are filled; `None` for a quadtree.
+    /// The way that cells are filled; `None` for a quadtree.
     cells: Option<Filling>,
     /// Samples of the view, and those of earlier views until the view's own have arrived.
     log: Log,
@@ -38,7 +38,7 @@ struct Shown {
     look: Look,
     /// The samples of this view.
     own: Shape,
-    /// The samples of this view and of earlier ones. `None` if there are none of earlier views, or
+    /// The samples of this view and of earlier ones. `None` without samples of earlier views, or
     /// once the view has settled.
     both: Option<Shape>,
     /// `None` before the first live ray.
@@ -47,7 +47,7 @@ struct Shown {
     depth: Vec<f32>,
 }
 
-/// The samples of one picture, in the form from which the picture is drawn.
+/// The samples of one picture, in the form used for drawing.
 enum Shape {
     Leaves(Box<Quadtree>),
     Cells(Box<Cells>),

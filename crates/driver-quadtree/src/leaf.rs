@@ -5,8 +5,9 @@
 //! From the finest leaf upwards, a coarser one is used as long as its confidence interval meets
 //! those of all finer ones. Where the picture is flat, the intervals meet, and noise is averaged
 //! out. Elsewhere they separate once there are enough samples. Samples without noise have intervals
-//! of no width and stay in their pixels. As samples grow, every interval shrinks, so every pixel
-//! that is not flat ends with its own mean. docs/notes/quadtree.md has other rules that were tried.
+//! of no width and stay in their pixels. As the number of samples grows, every interval shrinks. So
+//! every pixel that is not flat ends with its own mean. docs/notes/quadtree.md lists other rules
+//! that were tried.
 //!
 //! Invariant: only samples of one surface are averaged: those in bins connected to the pixel's own.
 
@@ -101,8 +102,8 @@ impl<'a> Reader<'a> {
         let mut best = Vec4::ZERO;
         for level in start..self.levels.len() {
             let Some(blend) = self.blend(column, row, level, bins) else { break };
-            // The mean of a mixed leaf fits none of its quarters, and a mean made by few samples
-            // may be a lamp's. A pixel uses neither.
+            // The mean of a mixed leaf fits none of its quarters. A mean that few samples make may
+            // come from a lamp. Pixels use neither mean.
             let is_unusable = blend.is_mixed || blend.error_squared == f32::INFINITY;
             if level > start && is_unusable {
                 break;

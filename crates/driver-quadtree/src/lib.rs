@@ -7,7 +7,7 @@
 //! # How a picture is made
 //!
 //! 1. *Landing* (`reproject`). A sample is a ray with a distance, so it ends at a point of the
-//!    scene. The sample lands in the pixel in which the view sees this point, at a depth.
+//!    scene. The sample lands in the pixel that shows this point, at a depth.
 //! 2. *Sums* (`bins`, `sums`). Each pixel has bins by logarithm of depth. A bin has integer sums
 //!    over its samples: of colours, of weights, and of squares for variances. There are two sets of
 //!    bins. *Aligned* samples look in nearly the same direction as the eye; all others are
@@ -30,7 +30,7 @@
 //!
 //! Pixels that no section covers stay 0 until live rays arrive for them (`live`).
 //!
-//! # What always holds
+//! # Invariants
 //!
 //! - A picture is a function of the set of samples. Their order, their batches and the number of
 //!   threads change no bit of it.

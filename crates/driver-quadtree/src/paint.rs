@@ -142,8 +142,8 @@ impl<'a> Painter<'a> {
         [0, 1, 2].map(|channel| own[channel] + share * (all[channel] - own[channel]))
     }
 
-    /// Returns the surfaces of a leaf from aligned samples, which show best what hides what, or
-    /// from all samples if the leaf has no aligned ones.
+    /// Returns the surfaces of a leaf from aligned samples, which show occlusion best. If the leaf
+    /// has no aligned samples, uses all samples.
     pub fn leaf_seen(&self, level: usize, column: usize, row: usize) -> &[Surface] {
         let aligned = self.aligned.as_ref().map(|(reader, _)| reader.leaf(level, column, row));
         let aligned = aligned.filter(|leaf| !leaf.is_empty());

@@ -3,7 +3,7 @@
 //! The leaves of level 0 are the pixels. A leaf of a further level is a square of 2 × 2 leaves of
 //! the level below.
 //!
-//! What always holds:
+//! Invariants:
 //! - The surfaces of a leaf are disjoint in depth, nearest first, and each surface of a child lies
 //!   within one of its parent.
 //! - The same bins give the same bits, however many threads there are.

@@ -1,5 +1,4 @@
-//! Projects samples: computes the pixel in which each lands, and how near to the eye its ray
-//! passes.
+//! Projects samples: computes the pixel where each lands, and how near to the eye its ray passes.
 //!
 //! Invariant: positions are relative to the eye, in double precision, before any subtraction. So
 //! sections far from the origin lose no precision.
@@ -39,10 +38,10 @@ pub(crate) struct Landing {
     pub weight: u32,
     /// Class of nearness as in [`Sums::near`](crate::sums::Sums::near); `None` if not near.
     pub near: Option<usize>,
-    /// Whether the ray looks in nearly the same direction as the eye, and begins at the eye or
+    /// True if the ray looks in nearly the same direction as the eye, and begins at the eye or
     /// behind it.
     pub is_aligned: bool,
-    /// Whether the sample lies beyond the view's aft clipping surface and so is drawn black.
+    /// True if the sample lies beyond the view's aft clipping surface and so is drawn black.
     pub is_black: bool,
 }
 
@@ -54,7 +53,7 @@ pub(crate) struct BeamProjector<'a> {
     distances: &'a DistanceTable,
     camera: &'a Camera,
     size: (f64, f64),
-    /// Whether the beam begins ahead of an eye that is in another section. Rays of such a beam do
+    /// True if the beam begins ahead of an eye that is in another section. Rays of such a beam do
     /// not see objects between the eye and the wall where they begin.
     begins_ahead: bool,
 }
@@ -80,7 +79,7 @@ impl<'a> BeamProjector<'a> {
     }
 
     /// Returns where a sample lands. `None` if its surface is behind the eye, before the fore
-    /// clipping surface or outside the picture. Also `None` if its ray comes towards the eye: it
+    /// clipping surface or outside the picture. Also `None` if its ray comes towards the eye. It
     /// then hits a surface that faces away from the eye, such as the other side of a wall.
     #[inline(always)]
     pub fn land(&self, sample: &Sample) -> Option<Landing> {
@@ -135,9 +134,9 @@ impl<'a> BeamProjector<'a> {
         self.camera.pixel_width.grows
     }
 
-    /// Returns whether the view can see what a ray hit at a point, or the sky. An aligned ray that
-    /// comes towards the eye hits the back of a surface. A parallel view sees the sky only along rays
-    /// that are parallel to the view.
+    /// Returns whether the view can see the point, or the sky, that a ray hit. An aligned ray that
+    /// comes towards the eye hits the back of a surface. A parallel view sees the sky only along
+    /// rays that are parallel to the view.
     #[inline(always)]
     fn is_visible(&self, hits: bool, is_along: bool, point: DVec3, along: DVec3) -> bool {
         let sight_along = (if self.has_one_eye() { point } else { DVec3::Z }).dot(along);
@@ -148,8 +147,8 @@ impl<'a> BeamProjector<'a> {
         self.has_one_eye() || sight_along * sight_along >= least
     }
 
-    /// Returns whether the view's aft clipping surface makes a point black, or the sky. `None` before
-    /// the fore clipping surface.
+    /// Returns whether the view's aft clipping surface makes a point black, or the sky. `None`
+    /// before the fore clipping surface.
     #[inline(always)]
     fn is_black(&self, hits: bool, point: DVec3) -> Option<bool> {
         if !hits {
@@ -193,7 +192,7 @@ fn near_class(miss_in_radii_squared: f64) -> Option<usize> {
 /// Returns the weight of a ray that misses the eye by r footprints, given r². It is 64 up to r = 1,
 /// then falls as 1/√r to 8 at r = 64.
 ///
-/// In the paper, the nearer ray replaces the other (§2.4.2). That is right for samples without
+/// In the paper, the nearer ray replaces the other (§2.4.2). Replacement suits samples without
 /// noise. Nearly all rays of a batch miss the eye by tens of footprints, and about 2 % pass near
 /// it. If these had 64 times the weight of others, the mean would be as noisy as that of 6 % of the
 /// samples. With this law it is as noisy as that of 57 %.
@@ -290,7 +289,8 @@ mod tests {
             let miss = 1.05_f64.powi(step);
             let weight = nearness_weight(miss * miss);
             assert!(weight <= last && weight >= LEAST_WEIGHT);
-            // Steps are of a doubling of r²: within 2^(1/8) of the law, and whole numbers.
+            // Each step covers a doubling of r², so values are within 2^(1/8) of the law, and whole
+            // numbers.
             let expected = (64.0 / miss.sqrt()).max(8.0);
             assert!(
                 (f64::from(weight) / expected).log2().abs() < 0.2,

@@ -67,8 +67,8 @@ impl Painter<'_> {
         shown
     }
 
-    /// Returns the number of samples of a pixel's surface whose rays pass so near to the eye that
-    /// they see past the front surface as the eye does.
+    /// Returns how many samples of a pixel's surface see past the front surface as the eye does.
+    /// These are samples whose rays pass very near to the eye.
     ///
     /// The radius is a pixel's footprint at the samples' own distance, halved for each whole
     /// doubling of distance from the front surface. Without the halving, samples at eight times the
@@ -96,13 +96,13 @@ impl Painter<'_> {
     /// Returns level and bins of a surface that hides a pixel's front surface, although the pixel
     /// has no sample of it.
     ///
-    /// Where samples are few, a far surface shows through between the samples of a near one,
-    /// because some rays looked past the near surface's edge (the paper's Figure 6). A nearer
-    /// surface hides the pixel if it has most samples of the 4 × 4 or 2 × 2 pixels around. It does
-    /// not if it has so many samples that one would lie in this pixel. If a leaf has aligned
-    /// samples, only these count: oblique ones may look from behind the surface, as from the next
-    /// room. Pixels with samples near the eye do not need this test. Gains and costs are in
-    /// docs/notes/quadtree.md.
+    /// If samples are few, a far surface shows through between the samples of a near one. The
+    /// reason is that some rays looked past the near surface's edge (the paper's Figure 6). A
+    /// nearer surface hides the pixel if it has most samples of the 4 × 4 or 2 × 2 pixels around.
+    /// It does not if it has so many samples that one would lie in this pixel. If a leaf has
+    /// aligned samples, only these count: oblique ones may look from behind the surface, as from
+    /// the next room. Pixels with samples near the eye do not need this test. Gains and costs are
+    /// in docs/notes/quadtree.md.
     fn covering(&self, column: usize, row: usize, front: Bins) -> Option<(usize, Bins)> {
         if !self.may_be_covered(column, row, front) {
             return None;

@@ -20,8 +20,7 @@ const LARGEST: usize = 4;
 /// leaves show where the surface ends. With 16, a quarter of the leaf has four on average, and none
 /// in one case of fifty.
 const MANY: u32 = 16;
-/// Least number of the four leaves around a pixel that must have a surface for the pixel to have
-/// it.
+/// A pixel has a surface only if at least this many of the four leaves around it have the surface.
 const LEAVES_AROUND: usize = 3;
 
 impl Quadtree {

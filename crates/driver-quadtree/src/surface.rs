@@ -2,8 +2,8 @@
 //!
 //! Adjacent depth bins belong to one surface, so no mean is taken across a jump in depth.
 //!
-//! Invariant: moments depend only on the bins' sums and on the order in which leaves are joined,
-//! which is fixed.
+//! Invariant: moments depend only on the bins' sums and on the order of joining leaves, which is
+//! fixed.
 
 use crate::bins::FAR;
 use crate::sums::{Moments, Sums, luminance};
@@ -17,8 +17,8 @@ const ENOUGH_FREEDOM: f32 = 6.0;
 const FEW_OF: f32 = 32.0;
 // The next three numbers define when a leaf is mixed. docs/notes/quadtree.md explains how they were
 // chosen.
-/// Least ratio of the variance between quarters to the variance that follows from the spread within
-/// them (the F-ratio of an analysis of variance, Fisher 1925).
+/// Least ratio of the variance between quarters to the variance expected from the spread within
+/// them. This is the F-ratio of an analysis of variance (Fisher 1925).
 const MIXED_RATIO: f32 = 8.0;
 /// Least ratio of the spread between quarters to the spread within them, so that a slow gradient
 /// over a large leaf does not count.
@@ -71,15 +71,15 @@ pub(crate) struct Surface {
     /// The part of `spread_root` that lies between the leaf's four quarters; 0 for a pixel.
     spread_between: f32,
     noise: Noise,
-    /// Whether few of the samples make the mean of a leaf larger than a pixel. These samples may
+    /// True if few of the samples make the mean of a leaf larger than a pixel. These samples may
     /// see a lamp, and smaller leaves show where it shines. No light is lost if pixels do not use
     /// the mean, because neither the bright part of the leaf nor the dark part uses it.
     pub is_of_few: bool,
-    /// Whether the quarters of the leaf differ by more than noise. The mean then fits none of them.
+    /// True if the quarters of the leaf differ by more than noise. The mean then fits none of them.
     pub is_mixed: bool,
 }
 
-/// Noise of samples about the means of the smallest leaves that have enough samples, so that the
+/// Noise of samples about the means of the smallest leaves that have enough samples. So the
 /// picture's own variation across larger leaves does not count. Each leaf counts by its degrees of
 /// freedom.
 #[derive(Clone, Copy, Debug)]

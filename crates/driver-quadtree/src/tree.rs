@@ -14,10 +14,10 @@ use std::sync::Arc;
 /// Largest number of paths that a sample counts for, so that no sample overflows a sum.
 pub(crate) const MAX_PATHS: u16 = 1024;
 
-/// How large the leaves are.
+/// The size of leaves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LeafSize {
-    /// As large as the samples' noise needs and the picture allows.
+    /// Leaves are as large as the samples' noise needs and the picture allows.
     #[default]
     Adaptive,
     /// 2ⁿ pixels a side everywhere, and larger where there are no samples. 0 shows each pixel's own
@@ -45,11 +45,11 @@ pub struct Quadtree {
     distances: DistanceTable,
     /// Aligned samples: those that look in nearly the same direction as the eye.
     pub(crate) aligned: PixelBins,
-    /// Oblique samples: all others. `None` if there are none yet.
+    /// Oblique samples: all others. `None` before the first one.
     pub(crate) oblique: Option<PixelBins>,
     /// For each pixel, whether some section covers its middle.
     pub(crate) covered: Vec<bool>,
-    /// Whether the stored rays of some pixels may begin ahead of the eye.
+    /// True if the stored rays of some pixels may begin ahead of the eye.
     pub(crate) is_outside: bool,
     unseen: HashSet<BeamKey>,
     /// Best beam of every pixel's middle. Empty while no unseen beam is known: most scenes have
@@ -130,7 +130,7 @@ impl Quadtree {
         }
     }
 
-    /// Marks a beam as unseen: none of its rays hits anything. Pixels whose best beam it is show
+    /// Marks a beam as unseen: its rays hit nothing. Pixels with this beam as best beam show
     /// exactly the sky. Ignores unknown sections and beams.
     pub fn insert_unseen(&mut self, key: BeamKey) {
         if key.section_in(&self.sections).is_none() {

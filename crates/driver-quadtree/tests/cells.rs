@@ -101,8 +101,8 @@ fn wall(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     ([0.5; 3], if direction.x > 0.0 { (10.0 - origin.x) / direction.x } else { f64::INFINITY })
 }
 
-/// Returns samples of a scene at random places of the picture, each with a colour of its own, and
-/// where they land in pixels from the left and top.
+/// Returns samples of a scene at random places of the picture, each with its own colour. Also
+/// returns where they land, in pixels from the left and top.
 fn numbered(
     scene: Scene,
     section: &Section,

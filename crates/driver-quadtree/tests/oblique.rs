@@ -79,8 +79,8 @@ fn samples_from_elsewhere_do_not_spoil_a_gloss() {
     }
 }
 
-/// Returns the number of random rays of the room's section that end on a surface that the view
-/// sees, and the number of those that belong to these beams.
+/// Traces random rays of the room's section. Returns how many end on a visible surface, and how
+/// many of these belong to the given beams.
 fn rays_that_end_in(view: &View, asked: &BTreeSet<BeamId>) -> (u32, u32) {
     let section = room_section(8);
     let mut random = Random(8);

@@ -1,7 +1,7 @@
 //! Colours in four bytes: three mantissas and a common exponent, as RGBE has them, with the
 //! exponent placed for fast decoding.
 //!
-//! What always holds:
+//! Invariants:
 //! - An encoded colour is never [`NONE`], not even black.
 //! - Decoding gives the encoded colour within 0.2 % of its largest channel.
 

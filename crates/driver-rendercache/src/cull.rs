@@ -1,7 +1,7 @@
 //! The depth cull (Walter et al. 1999, §3.1): removes points that show through gaps of a nearer
 //! surface.
 //!
-//! What always holds:
+//! Invariants:
 //! - A sample of the current view stays, because its ray has reached it.
 //! - All points are tested before any is removed.
 

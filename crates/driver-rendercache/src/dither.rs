@@ -1,7 +1,7 @@
 //! The error-diffusion dither (Walter et al. 1999, §4, after Floyd & Steinberg 1976). It chooses
 //! pixels of high priority more often, and spreads the chosen pixels evenly.
 //!
-//! What always holds:
+//! Invariants:
 //! - At most as many pixels are chosen as were wanted, and none twice.
 //! - Priorities are whole numbers, so the choice is the same on any processor.
 

@@ -4,7 +4,7 @@
 //! There is no frame to wait for. A picture in motion is a mixture of the last views. It becomes
 //! sharp once the view rests.
 //!
-//! What always holds:
+//! Invariants:
 //! - Every pixel is requested once before any is requested again.
 //! - At rest a pixel is the mean of its rays since the view came to rest. It tends to the box
 //!   filter.

@@ -55,7 +55,7 @@
 //! 1994): the mean of the pixel's samples for the newest view that has any. [`FramelessDriver`]
 //! runs it for a session.
 //!
-//! # What always holds
+//! # Invariants
 //!
 //! - The same calls give the same bits, on any processor and any number of threads. The crate reads
 //!   no clock: a callback marks the end of each stage.

@@ -1,6 +1,6 @@
 //! The points of the cache: a fixed number of slots, array by array (Walter et al. 1999, §4.3).
 //!
-//! What always holds:
+//! Invariants:
 //! - A slot is empty exactly if its age is [`EMPTY`].
 //! - A sample of the current view is never evicted, and is overwritten only by another one.
 

@@ -1,6 +1,6 @@
 //! The view that a driver shows, and the pixels in which stored samples lie.
 //!
-//! What always holds:
+//! Invariants:
 //! - A pixel that no section covers is 0. A pixel whose beam cannot hit anything shows the sky.
 //! - A sample is a pixel's own only if its ray passes the eye within the viewpoint radius plus one
 //!   step of ray coordinates, because stored rays lie on a lattice of such steps.

@@ -1,6 +1,6 @@
 //! Adds new samples to the cache (Walter et al. 1999, §4.1 to §4.3).
 //!
-//! What always holds:
+//! Invariants:
 //! - A sample with a number that is not finite changes nothing.
 //! - A late sample, for an earlier view, becomes a point like any other.
 

@@ -4,16 +4,16 @@
 //!
 //! It prints one JSON object:
 //! - `ingest` and `ingest_secure`: samples per second that one worker returns at once and the
-//!   server stores, without encryption and with it: the median of three. The file has 32 samples of
-//!   each beam already.
-//! - `first_second`: those of the first second of an empty file, whose packets hold 4 rays at
-//!   first.
-//! - `recall_ms`: milliseconds from a view to the last of its 250,000 stored samples in a display's
-//!   memory, and `recall_secure_ms`. Each is the median of nine, after one that is not counted.
-//! - `efficiency`: of 1, 8 and 64 workers of 20 µs a ray, the samples that are stored as a share of
-//!   those that they could trace. The file has 32 samples of each beam already.
+//!   server stores, without and with encryption. Each is the median of three runs. The file has 32
+//!   samples of each beam already.
+//! - `first_second`: samples stored in the first second of an empty file, whose first packets hold
+//!   4 rays.
+//! - `recall_ms` and `recall_secure_ms`: milliseconds from a view to the last of its 250,000 stored
+//!   samples in a display's memory. Each is the median of nine, after one that is not counted.
+//! - `efficiency`: samples stored with 1, 8 and 64 workers of 20 µs a ray, as a share of those that
+//!   the workers could trace. The file has 32 samples of each beam already.
 //! - `first_ms`: milliseconds from a new view to its first newly traced samples, with 64 workers of
-//!   0.5 ms a ray: the median, and that of 99 in 100.
+//!   0.5 ms a ray. It gives the median and the 99th percentile.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 #[path = "../tests/common/mod.rs"]
@@ -47,11 +47,11 @@ const SLOW_RAY: Duration = Duration::from_micros(500);
 /// Beams of the holodeck.
 const ALL_BEAMS: u64 = 30 * 64 * 64;
 
-/// How many workers of [`RAY`] share a fill.
+/// Numbers of workers of [`RAY`] that share a fill.
 const CREWS: [usize; 3] = [1, 8, 64];
 const RAY: Duration = Duration::from_micros(20);
 
-/// How long a worker gathers results before it sends them: as `rtworker` does.
+/// Time for which a worker gathers results before it sends them, as `rtworker` does.
 const GATHER: Duration = Duration::from_millis(2);
 
 fn main() {
@@ -114,7 +114,7 @@ async fn ingest(seconds: f64, is_secure: bool) -> f64 {
     rate
 }
 
-/// Returns the share of what a crew of simulated workers could trace that is stored.
+/// Returns the stored share of the samples that a crew of simulated workers could trace.
 async fn share_of(crew: usize, seconds: f64) -> f64 {
     let place = full_enough();
     let (server, there) = serve(&place, false, true).await;
@@ -136,8 +136,8 @@ fn full_enough() -> Place {
     place
 }
 
-/// Returns the samples that a server has stored a second after a worker that returns them at once
-/// has begun with an empty file.
+/// Returns the samples that a server with an empty file stores in the first second, from a worker
+/// that returns them at once.
 async fn first_second() -> u64 {
     let place = Place::new();
     let (server, there) = serve(&place, false, true).await;
@@ -218,8 +218,8 @@ fn median(times: &mut [f64]) -> f64 {
     times[times.len() / 2]
 }
 
-/// Returns the milliseconds from a new view to its first newly traced samples: the median, and
-/// those that 99 of 100 do not exceed.
+/// Returns the milliseconds from a new view to its first newly traced samples: the median and the
+/// 99th percentile.
 async fn first_samples(changes: u32) -> [f64; 2] {
     let place = Place::new();
     // No beam of a view is in the one before, so nothing that is under way serves it.
@@ -229,7 +229,7 @@ async fn first_samples(changes: u32) -> [f64; 2] {
     let mut display = Peer::join(there, Role::Display).await;
     let mut times = Vec::new();
     for number in 1..=changes {
-        // Everybody has packets of the view before.
+        // By now every worker has packets of the view before.
         tokio::time::sleep(Duration::from_millis(300)).await;
         let start = Instant::now();
         display.send(Kind::View, &view(number, u64::from(number % 90) * 1000, 1000));
@@ -249,8 +249,8 @@ async fn first_samples(changes: u32) -> [f64; 2] {
     [times[times.len() / 2], times[times.len() * 99 / 100]]
 }
 
-/// A worker of one thread that takes `ray` for a ray. As a real one, it takes packets in the order
-/// in which they come, and gathers what is done for a moment.
+/// A worker of one thread that takes `ray` for a ray. Like a real one, it traces packets in order
+/// of arrival, and gathers results for a moment before it sends them.
 async fn simulated_worker(server: Destination, ray: Duration) {
     let Peer { mut inbox, outbox, .. } = Peer::join(server, Role::Worker).await;
     outbox.control(&Control::Ready { threads: 1 }).unwrap();

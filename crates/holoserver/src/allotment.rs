@@ -1,7 +1,7 @@
-//! Which sample numbers of each beam have been given out.
+//! Records which sample numbers of each beam have been given out.
 //!
-//! What always holds: a number is given out once, unless it is given back. Numbers that the file
-//! lacks below its greatest one come first: they were forgotten, or lost to damage.
+//! Invariant: a number is given out once, unless it is given back. Numbers that the file lacks
+//! below its greatest one come first: they were forgotten, or lost to damage.
 
 use holo_beamfile::BeamFile;
 use holo_section::{BeamKey, SampleKind};
@@ -76,7 +76,7 @@ impl Numbers {
             return Numbers { next, free: Vec::new() };
         }
         let all = [counts.uniform, counts.limited, counts.single].map(u64::from).iter().sum();
-        // Of most beams nothing is missing, which takes no look at their runs.
+        // Most beams lack nothing, and then their runs need not be read.
         let free = if file.count(key) < all { holes(file, key, kind, next) } else { Vec::new() };
         Numbers { next, free }
     }

@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::{audits::Audit, claims::Check, events::ConnectionId};
 
-/// What the samples of a packet are for.
+/// The purpose of a packet's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// They are stored.
@@ -33,7 +33,8 @@ pub struct Assignment {
 }
 
 impl Assignment {
-    /// Returns whether a worker may have it. `is_alone` says that there is no other worker.
+    /// Returns whether a worker may trace this packet. `is_alone` is true if there is no other
+    /// worker.
     pub fn is_for(&self, worker: ConnectionId, is_alone: bool) -> bool {
         match self.purpose {
             Purpose::Store => is_alone || self.not_for != Some(worker),
@@ -61,7 +62,7 @@ impl Assignment {
         Run { kind: self.kind(), ..self.packet.run() }
     }
 
-    /// Returns whether samples are of the rays that it names, if it names any.
+    /// Returns whether samples belong to the rays that the packet names, if it names any.
     pub fn is_answered_by(&self, samples: &[Sample]) -> bool {
         let named = self.packet.rays.iter().flatten();
         named.zip(samples).all(|(ray, sample)| *ray == sample.coords)
@@ -73,7 +74,7 @@ impl Assignment {
     }
 }
 
-/// What the results of a packet are good for.
+/// The state of a packet whose results have arrived.
 #[derive(Debug)]
 pub enum Finished<T> {
     /// They came in time.

@@ -1,11 +1,11 @@
 //! Packets that a second worker traces again, and whether the two return the same.
 //!
-//! Both trace the same rays, so they must hit the same surfaces. Their radiances may be noisy. Of
-//! each ray, the difference of the two radiances is divided by their sum. That lies between -1 and
-//! 1, and its expectation is 0 if both workers are right, whatever the noise. So the mean over many
-//! rays shows a worker whose light is too bright or too dim.
+//! Both trace the same rays, so they must hit the same surfaces. Their radiances may be noisy. For
+//! each ray, the difference of the two radiances is divided by their sum. The quotient lies between
+//! -1 and 1. If both workers are right, its expectation is 0, whatever the noise. So the mean over
+//! many rays shows a worker whose light is too bright or too dim.
 //!
-//! What always holds:
+//! Invariants:
 //! - A worker cannot know which of its packets are traced again.
 //! - A worker is found broken only if two others differ from it, and most that were compared with
 //!   it do.
@@ -20,11 +20,11 @@ use holo_section::Sample;
 
 use crate::events::ConnectionId;
 
-/// Of so many packets, one is traced again: 1.6 % of the work.
+/// One in this many packets is traced again: 1.6 % of the work.
 const AUDITED: u64 = 64;
 
-/// Workers that trace a worker's packets again. With the same number that it checks, that makes
-/// four comparisons: two broken machines beside it do not make it one.
+/// Workers that trace a worker's packets again. Each worker also checks as many others, so it takes
+/// part in four comparisons. Two broken machines next to it do not make it look broken.
 const CHECKERS: usize = 2;
 
 /// Packets that wait for one checker, at most.
@@ -53,7 +53,7 @@ pub struct Audit {
     number: u64,
 }
 
-/// How a worker's samples differ from others'.
+/// A difference between a worker's samples and those of others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Difference {
     /// The share of its rays that hit something else.
@@ -80,7 +80,8 @@ impl fmt::Display for Difference {
 pub enum Verdict {
     /// This worker is broken.
     Broken(ConnectionId, Difference),
-    /// Two differ, and nobody can say yet which is wrong. The difference is of the first.
+    /// Two workers differ, and it is unknown which one is wrong. The difference is stated for the
+    /// first.
     Undecided(ConnectionId, ConnectionId, Difference),
 }
 
@@ -97,8 +98,8 @@ pub struct Audits {
 }
 
 impl Audits {
-    /// Decides whether a packet is traced again, and by whom. `others` are the workers that could,
-    /// in the order of their numbers.
+    /// Decides whether a packet is traced again, and which worker does it. `others` are the workers
+    /// that could, in the order of their numbers.
     pub fn begin(
         &mut self,
         packet: u64,
@@ -117,7 +118,7 @@ impl Audits {
         let waits = |id: ConnectionId| {
             self.waiting.values().filter(|(audit, _)| audit.checker == id).count()
         };
-        // Whoever was compared less often with it.
+        // The one with the fewest comparisons with `first` so far.
         let checker = ring.into_iter().min_by_key(|&id| {
             self.pairs.get(&pair(first, id)).map_or(0, |tally| tally.rays) + 21 * waits(id) as u64
         })?;
@@ -175,7 +176,7 @@ impl Audits {
 }
 
 impl Difference {
-    /// Returns the same difference, as the other worker of the pair has it.
+    /// Returns the same difference from the view of the other worker.
     fn of_the_other(self) -> Difference {
         match self {
             Difference::Moved(share) => Difference::Moved(share),
@@ -192,7 +193,7 @@ fn hits(sample: &Sample) -> bool {
     sample.distance(1.0).is_finite()
 }
 
-/// What two workers have both traced.
+/// The comparison of two workers over the rays that both have traced.
 #[derive(Clone, Copy, Debug, Default)]
 struct Tally {
     rays: u64,

@@ -1,9 +1,8 @@
-//! Batch order: which beams get rays when nobody looks (Larson & Simmons 1999, §2.2).
+//! Batch order: the beams that get rays while no display wants any (Larson & Simmons 1999, §2.2).
 //!
 //! The number of rays that a beam should have is proportional to its importance. The file is filled
-//! in *sweeps*. A sweep visits all beams of all sections once, in an evenly spread order, and
-//! brings every beam up to its share of the sweep's total. The next sweep's total is larger by
-//! [`GROWTH`].
+//! in *sweeps*. A sweep visits all beams of all sections once, in an evenly spread order. It brings
+//! every beam up to its share of the sweep's total. The next sweep's total is larger by [`GROWTH`].
 //!
 //! At any moment, the ratio of traced to wanted rays differs between two beams by no more than that
 //! factor and one packet. So it is good to stop at any time. Nothing is kept for single beams.
@@ -18,8 +17,8 @@ use holo_section::{BeamKey, BeamOrder, ImportanceTable, Section};
 
 use crate::{better, unseen::UnseenBeams};
 
-/// How much larger each sweep's total is. A smaller factor fills more evenly; a larger one makes
-/// fuller packets.
+/// Factor from one sweep's total to the next. A smaller factor fills more evenly; a larger one
+/// makes fuller packets.
 const GROWTH: f64 = 1.5;
 
 /// Rays that a beam gets at a time while the file is nearly empty. Fewer would spread better, but
@@ -43,7 +42,7 @@ const NEARLY: f64 = 0.99;
 /// all.
 const IMPORTANCES: u64 = 1 << 20;
 
-/// The order in which a holodeck is filled.
+/// The order of filling a holodeck.
 pub struct BatchOrder {
     sections: Vec<SectionOrder>,
     beams: u64,
@@ -57,7 +56,7 @@ pub struct BatchOrder {
     enough: Option<u64>,
     /// Paths of a new sample.
     usual_paths: u16,
-    /// How often the number of paths was raised: 0 until there are enough samples.
+    /// Number of times that the number of paths was raised; 0 until there are enough samples.
     level: u32,
 }
 
@@ -157,8 +156,9 @@ impl BatchOrder {
 
     /// Returns whether the next beam must wait until all results are in.
     ///
-    /// That is so at the end of a sweep, if the next one asks for better samples. By then the
-    /// number of beams that see nothing must be known, which decides how many samples are enough.
+    /// This is the case at the end of a sweep if the next one asks for better samples. The number
+    /// of beams that see nothing must be known by then, because it determines how many samples are
+    /// enough.
     pub fn waits_for_results(&self) -> bool {
         self.next == self.beams && (self.level > 0 || self.density >= self.target * NEARLY)
     }

@@ -1,7 +1,7 @@
 //! Better samples: stored samples that are traced again with more paths.
 //!
 //! Only the file's extents say how many paths a sample has. So a fill goes on where it was after a
-//! restart or a crash. A better packet is an ordinary packet with more paths. What always holds:
+//! restart or a crash. A better packet is an ordinary packet with more paths. Invariants:
 //! - Only samples that are uniform in their beam get better. The viewpoint of the others is not
 //!   stored, so their rays cannot be made again.
 //! - A sample never gets worse, in whatever order results arrive.
@@ -17,7 +17,8 @@ use holo_section::{Run, SampleKind};
 const MORE_PATHS: u32 = 4;
 
 /// Most paths per sample. The error of one path is about its radiance, so that of 16,384 paths is
-/// 1/128. That is one step of a sample's largest channel, which has seven to eight bits.
+/// 1/128. An error of 1/128 is one step of a sample's largest channel, which has seven to eight
+/// bits.
 pub const MOST_PATHS: u16 = 1 << 14;
 
 /// Paths in one packet: some milliseconds of work, 0.2 s at the last level. Longer packets would be

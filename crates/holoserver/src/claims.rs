@@ -1,7 +1,7 @@
 //! Claims of workers that a beam sees nothing: who made them, and whether others agree.
 //!
-//! A claim is believed at once, because most are true and tracing is dear. A share of them is
-//! checked by another worker, which traces rays of the beam. What always holds:
+//! A claim is believed at once, because most are true and tracing is dear. A share of the claims is
+//! checked by another worker, which traces rays of the beam. Invariants:
 //! - A worker cannot know which of its claims are checked.
 //! - The claims of a worker are kept until all their checks are over, even if it has left. So they
 //!   can be undone.
@@ -15,14 +15,14 @@ use holo_section::BeamKey;
 
 use crate::{events::ConnectionId, unseen::UnseenBeams};
 
-/// Of so many claims, one is checked.
+/// One in this many claims is checked.
 const CHECKED: u64 = 32;
 
 /// The first claims of each worker are all checked. Once that many checks were passed, displays
 /// hear of its claims.
 const FIRST_CHECKED: u64 = 8;
 
-/// Most checks that wait. With a single worker nobody makes them.
+/// Most checks that wait. If there is only one worker, checks cannot be made.
 const MAX_CHECKS: usize = 1024;
 
 /// All claims, by worker.
@@ -88,8 +88,8 @@ impl Claims {
         self.makers.get(&worker).is_some_and(|maker| maker.passed >= FIRST_CHECKED)
     }
 
-    /// Doubts a worker: somebody has hit something where it says that there is nothing. Returns its
-    /// claims, which are no longer believed.
+    /// Doubts a worker, because another one has hit something in a beam that it claimed to be
+    /// unseen. Returns its claims, which are no longer believed.
     pub fn doubt(&mut self, worker: ConnectionId) -> UnseenBeams {
         let maker = self.makers.entry(worker).or_default();
         maker.is_doubted = true;

@@ -2,7 +2,7 @@
 //! and §2.5).
 //!
 //! It never waits for anyone. Connections are tasks that send it events; threads that read or write
-//! the disk report back; frames to others are queued. What always holds:
+//! the disk report back; frames to others are queued. Invariants:
 //! - Every packet given out is with exactly one connected worker, or waits to be given out again.
 //!   An overdue packet waits again. If its worker returns it late, the samples count only while it
 //!   still waits.
@@ -10,7 +10,7 @@
 //! - A display gets every sample of its view's beams, stored or traced, whatever it was traced for.
 //!   It also learns which of these beams see nothing.
 //! - No worker gets a packet of a beam that is known to see nothing, except to check that.
-//! - Live samples go to the display that asked for them, and nowhere else.
+//! - Live samples go only to the display that requested them.
 //! - No better sample replaces one in a beam that a display looks at.
 
 mod audits;
@@ -61,7 +61,7 @@ use display::Display;
 use fill::Fill;
 use saver::Saver;
 
-/// How often displays get a status.
+/// Interval at which displays get a status.
 const STATUS_EVERY: Duration = Duration::from_millis(500);
 
 /// The longest that the coordinator sleeps: timers are this exact.
@@ -70,18 +70,19 @@ const TICK: Duration = Duration::from_millis(20);
 /// Events handled before work is dealt out again, at most.
 const EVENTS_PER_TURN: usize = 256;
 
-/// How long events are handled before work is dealt out again: a view may take as long as this.
+/// Longest time of handling events before work is dealt out again. Handling a view may take as
+/// long.
 const TURN: Duration = Duration::from_millis(20);
 
-/// Bytes of samples that may wait for a failing disk. Above, nothing more is traced. What is under
-/// way then still fits in the memory that the beam file allows itself.
+/// Bytes of samples that may wait for a failing disk. Above, nothing more is traced. The samples
+/// under way then still fit in the memory that the beam file allows itself.
 const STALLED_BYTES: u64 = 64 << 20;
 
 /// Bytes of the file that a packet takes besides its samples, at most: its extent, and its part of
 /// checksums.
 const PACKET_BYTES: usize = 64;
 
-/// How the server fills the file when no display wants anything.
+/// Options of filling the file while no display wants anything.
 #[derive(Clone, Debug)]
 pub struct FillOptions {
     /// Samples that are enough for the file; `None`: as many as its sections suggest.
@@ -98,9 +99,9 @@ pub struct Coordinator {
     displays: BTreeMap<ConnectionId, Display>,
     /// Who asks how the server fares.
     admins: BTreeMap<ConnectionId, Outbox>,
-    /// What each of them has sent.
+    /// Mail from each connection that is not handled yet.
     mailboxes: BTreeMap<ConnectionId, Arc<Mailbox>>,
-    /// Who wants records of indirect light, and how many it has been given.
+    /// Connections that want records of indirect light, and how many each has been sent.
     listeners: BTreeMap<ConnectionId, usize>,
     /// The display for which a packet was last dealt.
     last_served: Option<ConnectionId>,
@@ -110,7 +111,7 @@ pub struct Coordinator {
     audits: Audits,
     /// Workers that were found broken.
     faults: Vec<FaultReport>,
-    /// Packets that check claims and samples, and that nobody has yet, by name.
+    /// Packets that check claims and samples and that no worker has yet, by name.
     checks: BTreeMap<u64, Assignment>,
     allotment: Allotment,
     fill: Option<Fill>,
@@ -122,7 +123,7 @@ pub struct Coordinator {
     last_overdue: Instant,
     saver: Saver,
     damage: DamageReport,
-    /// Whether the disk fails and many samples wait for it.
+    /// True if the disk fails and many samples wait for it.
     stalled: bool,
 }
 
@@ -141,7 +142,8 @@ impl Coordinator {
         let paths = holodeck.about.settings.paths_per_sample;
         let fill = fill.filter(|_| holodeck.writable).map(|FillOptions { enough, share }| {
             let unseen = holodeck.unseen();
-            // As many as all shards have, if the others fare as this one does.
+            // Estimates the samples of all shards, assuming that the others hold as many as this
+            // one.
             let stored = stored * u64::from(share.shard.count());
             Fill::new(BatchOrder::new(&holodeck.sections, stored, &unseen, enough, paths), share)
         });
@@ -172,7 +174,7 @@ impl Coordinator {
         }
     }
 
-    /// Serves until the goal is reached or a shutdown is asked for; everything is then stored.
+    /// Serves until the goal is reached or a shutdown is requested, and then stores everything.
     ///
     /// # Errors
     /// If samples cannot be stored.
@@ -208,7 +210,7 @@ impl Coordinator {
 
     /// Returns whether nothing is left that could still arrive.
     fn is_done(&self) -> bool {
-        // What lost workers had is traced again first, if there is anybody to do it.
+        // Packets of lost workers are traced again first, if there is another worker.
         let lost = !self.lost.is_empty() && !self.workers.is_empty();
         !lost && self.workers.values().all(Worker::is_idle)
     }
@@ -287,7 +289,8 @@ impl Coordinator {
             Event::Mail { id, mailbox } => {
                 let (mail, is_more) = mailbox.take();
                 if is_more {
-                    // After everybody else's: this fails only if nobody listens, not even here.
+                    // The mail goes behind that of other peers. Sending fails only if the
+                    // coordinator itself is gone.
                     let _ = self.events.send(Event::Mail { id, mailbox });
                 }
                 return mail.map_or(Ok(()), |mail| self.mail(id, mail));

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use holo_beamfile::{BeamFile, Damage};
 
-/// Damaged parts that are named one by one. Of more, only their number is printed.
+/// Damaged parts that are named one by one. Further ones are only counted.
 const NAMED: usize = 8;
 
 /// Prints damage once.

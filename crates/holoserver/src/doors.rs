@@ -65,8 +65,8 @@ async fn bind(address: SocketAddr) -> Result<TcpListener> {
     TcpListener::bind(address).await.with_context(|| format!("listening at {address}"))
 }
 
-/// Returns the invitation with the oldest token that permits to trace and to look, and nothing
-/// else. One is made if there is none.
+/// Returns the invitation with the oldest token that permits only tracing and looking. If no such
+/// token exists, one is made.
 fn invitation(identity: &Identity, address: String) -> Result<Invitation> {
     let tokens = identity.tokens()?;
     let members = tokens.iter().find(|(_, rights)| *rights == Rights::Member);

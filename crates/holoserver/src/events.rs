@@ -1,4 +1,4 @@
-//! What happens to a server: events, and the connections that they come from.
+//! Events that the coordinator handles, and the connections that cause them.
 
 use std::sync::{
     Arc,
@@ -25,9 +25,9 @@ impl ConnectionId {
 /// Something that has happened.
 #[derive(Debug)]
 pub enum Event {
-    /// The server has taken somebody.
+    /// A peer has joined.
     Joined { id: ConnectionId, hello: Hello, access: Access, outbox: Outbox, mailbox: Arc<Mailbox> },
-    /// It has sent something.
+    /// A peer has sent something.
     Mail { id: ConnectionId, mailbox: Arc<Mailbox> },
     /// All stored samples of a view are sent.
     Recalled { id: ConnectionId, view: u32, result: Result<(), String> },

@@ -12,6 +12,6 @@ use tokio::signal::unix::{SignalKind, signal};
 /// # Errors
 /// The system's, if the signal cannot be handled.
 pub fn outlive_file_size_limit() -> io::Result<()> {
-    // The handler stays until the process ends, though nobody listens.
+    // The handler stays until the process ends, although nothing reads its stream.
     signal(SignalKind::from_raw(rustix::process::Signal::XFSZ.as_raw())).map(drop)
 }

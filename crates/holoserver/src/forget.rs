@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::holodeck::Holodeck;
 
-/// What was removed from a file, and what stayed.
+/// Numbers of removed and remaining parts of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Forgotten {
     /// Samples removed, also those that others had superseded.
@@ -57,7 +57,7 @@ impl Holodeck {
         let copied = self.file.copy_samples(&new.file, &|maker| !makers.contains(&maker))?;
         let known = self.makers();
         let made = || known.iter().filter(|made| makers.contains(&Maker(made.id)));
-        // Nobody counts what unknown workers have found.
+        // Claims and records of unknown workers are not counted.
         let is_unknown = makers.contains(&Maker::UNKNOWN);
         let has_claims = is_unknown || made().any(|made| made.claims > 0);
         let has_light = is_unknown || made().any(|made| made.light_records > 0);
@@ -82,8 +82,8 @@ impl Holodeck {
     }
 }
 
-/// Returns the path of the file that is to take the place of another. What an earlier try has left
-/// there is removed.
+/// Returns the path of the file that is to take the place of another. A file that an earlier try
+/// left there is removed.
 pub fn beside(path: &Path) -> Result<PathBuf> {
     let mut name = path.as_os_str().to_owned();
     name.push(".new");

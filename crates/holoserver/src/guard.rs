@@ -5,7 +5,8 @@ use std::{collections::BTreeSet, future::pending, time::Duration};
 use holo_net::Identity;
 use tokio::{sync::watch, task::spawn_blocking, time::sleep};
 
-/// How often the tokens are read anew. A connection outlives its token by two readings at most.
+/// Interval at which the tokens are read again. A connection outlives its token by two readings at
+/// most.
 const READ_EVERY: Duration = Duration::from_millis(500);
 
 /// A server's identity, and the tokens that hold.
@@ -40,12 +41,12 @@ impl Guard {
     }
 }
 
-/// Reads the tokens until nobody listens.
+/// Reads the tokens until no receiver is left.
 async fn read(identity: Identity, names: watch::Sender<BTreeSet<String>>) {
     while !names.is_closed() {
         sleep(READ_EVERY).await;
         let identity = identity.clone();
-        // A disk that cannot be read revokes nothing, and lets nobody in either.
+        // If the disk cannot be read, no token is revoked, and none is admitted either.
         if let Ok(Ok(tokens)) = spawn_blocking(move || identity.tokens()).await {
             names.send_replace(tokens.iter().map(|(token, _)| token.name()).collect());
         }

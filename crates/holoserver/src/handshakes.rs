@@ -1,7 +1,7 @@
-//! Connections that have not said yet who they are: bounded in number.
+//! Limits the number of connections that have not identified themselves yet.
 //!
 //! Invariant: at most [`MAX_UNFINISHED`] are open. One more ends the oldest one of the address that
-//! has most of them. So whoever opens many and says nothing ends its own, not those of others.
+//! has most of them. So a peer that opens many connections and stays silent ends only its own.
 
 use std::{
     collections::HashMap,

@@ -37,7 +37,7 @@ const STAND_INS: &str = "stand-ins";
 /// Version of [`About`].
 const FORMAT: u32 = 1;
 
-/// What a holodeck is, besides its samples.
+/// The description of a holodeck: everything except its samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct About {
     /// Version of this record, 1.
@@ -64,10 +64,10 @@ pub struct About {
     /// The choices that were made in place of missing options, and why, for people.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<String>,
-    /// Simpler scenes that displays use in place of the scene, if there are any.
+    /// Simpler scenes that displays use in place of the scene, if some exist.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stand_ins: Option<AboutStandIns>,
-    /// What the scene allows; absent in files of earlier versions.
+    /// Limits that the scene sets; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<Limits>,
 }
@@ -120,9 +120,9 @@ pub struct Holodeck {
     pub file: Arc<BeamFile>,
     /// False if it was opened only to be shown.
     pub writable: bool,
-    /// Whether beams that see nothing are left out of tracing.
+    /// True if beams that see nothing are not traced.
     pub skip_unseen: bool,
-    /// What is certain about workers' results.
+    /// Limits that workers' results cannot exceed.
     pub(crate) plausible: Plausible,
     /// Damage that costs time but no samples, for people.
     pub warnings: Vec<String>,
@@ -131,7 +131,8 @@ pub struct Holodeck {
     /// The named views. Locked while they are written.
     views: Mutex<Vec<(String, String)>>,
     unseen: RwLock<UnseenBeams>,
-    /// What [`UnseenBeams::changes`] says of those in the file. Locked while they are written.
+    /// The value of [`UnseenBeams::changes`] for the list in the file. Locked while they are
+    /// written.
     unseen_saved: Mutex<u64>,
     light: RwLock<LightRecords>,
     /// Locked while records are written.
@@ -437,7 +438,7 @@ impl Holodeck {
         Ok(())
     }
 
-    /// Returns the blob of the stand-ins, if there are any.
+    /// Returns the blob of the stand-ins, if some exist.
     ///
     /// # Errors
     /// If it is damaged on disk.
@@ -455,7 +456,7 @@ impl Holodeck {
         Ok(Some(bytes.into()))
     }
 
-    /// Returns what the server tells whoever connects.
+    /// Returns the welcome that the server sends to a new connection.
     pub fn welcome(&self) -> Welcome {
         Welcome {
             software: format!("holoserver {}", env!("CARGO_PKG_VERSION")),

@@ -73,9 +73,9 @@ pub struct Config {
     /// The holodeck to serve
     #[arg(value_name = "FILE.holo")]
     pub file: PathBuf,
-    /// Where to listen; port 0 takes any free port. The address is printed. Off this machine,
-    /// connections are encrypted, and only those may connect who have the string that is printed:
-    /// workers and displays
+    /// Where to listen; port 0 takes any free port. The address is printed. If other machines
+    /// can reach the address, connections are encrypted, and only peers with the printed string may
+    /// connect: workers and displays
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7070")]
     pub listen: String,
     /// Encrypt connections and ask for a token even on this machine, as for a tunnel
@@ -283,7 +283,7 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) 
     let mut listening = doors.listen(&holodeck, &events);
     let watching = tokio::spawn(async move {
         shutdown.wait().await;
-        // If the coordinator is gone there is nothing to end.
+        // If the coordinator has ended, nothing is left to end.
         let _ = events.send(Event::Shutdown);
     });
     // Not one of the runtime's threads: it may wait for the disk when memory for samples runs out.

@@ -1,8 +1,8 @@
 //! Records of indirect light of all workers: kept in the file, and sent to whoever wants them.
 //!
-//! What always holds:
+//! Invariants:
 //! - Each record is there once, however often and from wherever it came.
-//! - Records are only added. So their number says what somebody has been sent.
+//! - Records are only added. So a count of records states what a connection has been sent.
 //! - There are at most [`MAX_RECORDS`].
 
 use anyhow::{Context, Result, ensure};
@@ -14,8 +14,8 @@ use rustc_hash::FxHashSet;
 use crate::events::ConnectionId;
 
 /// The blobs of records are named so, followed by a number. New records go into a new blob, so that
-/// none is written twice. Blobs `light/0/0/` to `light-3/0/0/` are of earlier versions, whose
-/// records mean something else: they are ignored.
+/// none is written twice. Blobs `light/0/0/` to `light-3/0/0/` come from earlier versions. Their
+/// records have another meaning and are ignored.
 const BLOBS: &str = "light-4/0/0/";
 
 /// Most records in one blob: half of what a message may hold.
@@ -89,7 +89,7 @@ impl LightRecords {
     }
 }
 
-/// How many of the records are in the file.
+/// The number of records that are in the file.
 #[derive(Debug, Default)]
 pub(crate) struct Saved {
     records: usize,

@@ -22,7 +22,7 @@ use crate::{
 /// displays. Each costs at most the memory of a few bulk messages.
 const MAX_CONNECTIONS: usize = 512;
 
-/// How long a peer whose connection was ended may take to read why.
+/// Time that a peer has for reading why its connection was ended.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 
 /// Why a connection ends with its token.
@@ -50,7 +50,7 @@ pub async fn listen(listener: TcpListener, identity: Option<Identity>, shared: S
     let handshakes = Handshakes::default();
     loop {
         let Ok((stream, from)) = listener.accept().await else {
-            // For example, no file descriptor is left: that passes when somebody leaves.
+            // For example, all file descriptors are in use, which passes when a peer leaves.
             tokio::time::sleep(Duration::from_millis(50)).await;
             continue;
         };
@@ -70,7 +70,7 @@ pub async fn listen(listener: TcpListener, identity: Option<Identity>, shared: S
     }
 }
 
-/// Finds out who has connected, and what it may do.
+/// Receives a peer's hello, and determines what the peer may do.
 async fn accept(
     stream: TcpStream,
     guard: Option<&Guard>,
@@ -84,7 +84,7 @@ async fn accept(
     }
 }
 
-/// Waits until a peer's token is revoked. On this machine there is none.
+/// Waits until a peer's token is revoked. Connections on this machine have no token.
 async fn revoked(guard: Option<&Guard>, token: Option<String>) {
     match guard.zip(token) {
         Some((guard, token)) => guard.revoked(&token).await,
@@ -147,15 +147,15 @@ async fn deliver(
             return;
         }
         if put == Put::Closed || !goes_on {
-            // If what it still sends were left unread, the system would drop the reason that is on
-            // its way to it.
+            // If the peer's further messages were left unread, the system would drop the reason
+            // that is being sent.
             let _ = timeout(LAST_WORDS, async { while inbox.next().await.is_ok() {} }).await;
             return;
         }
     }
 }
 
-/// Returns why somebody is not taken.
+/// Returns why a peer is refused, if it is.
 fn refusal(holodeck: &Holodeck, role: Role, is_full: bool) -> Option<String> {
     if is_full {
         return Some(format!("{MAX_CONNECTIONS} processes are connected already"));

@@ -1,7 +1,7 @@
 //! Live rays: those of a view that no section covers. They are traced and shown, but not stored.
 //!
-//! What always holds:
-//! - The server keeps at most [`MAX_LIVE_RAYS_HELD`] of them for one display.
+//! Invariants:
+//! - The server keeps at most [`MAX_LIVE_RAYS_HELD`] live rays for one display.
 //! - If a display wants both live rays and beams, each gets a share of the work.
 
 use std::collections::VecDeque;
@@ -17,8 +17,8 @@ use crate::events::ConnectionId;
 /// of a view must not wait for ever.
 const LEAST_SHARE: f64 = 1.0 / 16.0;
 
-/// Rays by which one side may be ahead of its share, or behind it. A side that wanted nothing for a
-/// while does not get everything afterwards.
+/// Largest number of rays that one side may be ahead of its share, or behind it. A side that wanted
+/// nothing for a while does not get everything afterwards.
 const MOST_AHEAD: f64 = 10.0 * MAX_RAYS_PER_PACKET as f64;
 
 /// Live rays that a worker has, with all that another worker would need.

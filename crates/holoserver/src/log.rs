@@ -1,5 +1,5 @@
-//! The log of a server, for programs: one JSON object in each line, with the time, the event and its
-//! facts. What people read on standard error is not in it.
+//! The log of a server, for programs: one JSON object in each line, with the time, the event and
+//! its facts. It does not contain what people read on standard error.
 
 use std::{fs::OpenOptions, path::Path};
 

@@ -1,13 +1,14 @@
-//! What a peer has sent and the coordinator has not handled yet: bounded for each peer.
+//! Mail from a peer that the coordinator has not handled yet, limited for each peer.
 //!
-//! What always holds:
-//! - A mailbox holds at most [`MAX_MESSAGES`] messages of [`MAX_BYTES`] together, besides one that
-//!   is longer and one view. Whoever fills it waits, and then the peer waits.
-//! - The coordinator is told once that there is mail, and takes one message at a time. So peers
+//! Invariants:
+//! - A mailbox holds at most [`MAX_MESSAGES`] messages of [`MAX_BYTES`] together, in addition to
+//!   one that is longer and one view. A reader that fills it waits, and then the peer waits.
+//! - The coordinator is informed once that there is mail, and takes one message at a time. So peers
 //!   take turns, however much one of them sends.
-//! - A display's newer view takes the place of one that was not handled, so what was sent after
-//!   that one still finds a view.
-//! - What a display sent is dropped when it goes. What a worker sent is handled: it is work done.
+//! - A display's newer view replaces one that was not handled. Messages after the older view then
+//!   apply to the newer one.
+//! - A display's messages are dropped when the display goes. A worker's messages are handled,
+//!   because they contain finished work.
 
 use std::{
     collections::VecDeque,
@@ -21,7 +22,8 @@ use tokio::sync::Notify;
 /// Most messages that wait.
 const MAX_MESSAGES: usize = 64;
 
-/// Most bytes that wait: as long as the coordinator needs for them, a peer's next message waits.
+/// Most bytes that wait. A peer's next message waits for as long as the coordinator takes to handle
+/// them.
 const MAX_BYTES: usize = 4 << 20;
 
 /// Something that a peer did.
@@ -48,19 +50,19 @@ pub struct Mailbox {
 struct State {
     mail: VecDeque<Mail>,
     bytes: usize,
-    /// Whether the coordinator knows that there is mail.
+    /// True if the coordinator knows that there is mail.
     is_announced: bool,
     is_closed: bool,
 }
 
-/// What became of mail.
+/// The result of adding mail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Put {
-    /// It waits, and the coordinator must be told.
+    /// It waits, and the coordinator must be informed.
     Announce,
     /// It waits, and the coordinator knows.
     Waits,
-    /// Nobody takes mail of this peer any more.
+    /// The mailbox is closed.
     Closed,
 }
 
@@ -109,7 +111,8 @@ impl Mailbox {
         state.announce()
     }
 
-    /// Takes the oldest mail. Says whether there is more: the coordinator must then come back.
+    /// Takes the oldest mail. Also returns whether there is more: the coordinator must then come
+    /// back.
     pub fn take(&self) -> (Option<Mail>, bool) {
         let mut state = self.lock();
         let mail = state.mail.pop_front();

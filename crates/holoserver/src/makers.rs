@@ -1,6 +1,6 @@
 //! Who made samples, claims and records of light: machines, which a file knows by numbers.
 //!
-//! What always holds:
+//! Invariants:
 //! - A number means one machine for ever, also after what the machine made was forgotten.
 //! - There are at most [`MAX_MAKERS`]. Further machines have the number of an unknown maker.
 
@@ -18,7 +18,7 @@ const BLOB: &str = "makers";
 /// Most machines in a file: a render farm's, with a few replaced every day of a year.
 const MAX_MAKERS: usize = 4096;
 
-/// What ends the part of a worker's name that is its machine's. The process follows.
+/// Separates the machine's part of a worker's name from the process.
 const PROCESS: &str = " #";
 
 /// One machine.
@@ -28,7 +28,7 @@ pub struct MadeBy {
     pub id: u16,
     /// Its name, as it says.
     pub name: String,
-    /// The name of the token by which it joined; none on the server's machine.
+    /// The name of the token with which it joined; `None` on the server's machine.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub token: Option<String>,
     /// Beams that it found to see nothing.
@@ -48,8 +48,8 @@ pub struct Makers {
 }
 
 impl Makers {
-    /// Reads the list of a file. Returns an error beside an empty list if it is damaged: the
-    /// numbers in the file's extents stay taken even then.
+    /// Reads the list of a file. If it is damaged, returns an error and an empty list. The numbers
+    /// in the file's extents stay taken even then.
     pub(crate) fn load(file: &BeamFile) -> (Makers, Result<()>) {
         let read = || -> Result<Makers> {
             let Some(bytes) = file.blob(BLOB)? else { return Ok(Makers::default()) };

@@ -1,6 +1,6 @@
 //! Putting one holodeck's samples into another.
 //!
-//! What always holds:
+//! Invariants:
 //! - A sample is known by its beam, kind and number. One that both files have is stored once, with
 //!   the larger number of paths.
 //! - So merging a file again changes nothing.

@@ -1,4 +1,5 @@
-//! How fast a worker returns work by the server's clock, and when a packet is overdue.
+//! Measures how fast a worker returns work by the server's clock, and determines when a packet is
+//! overdue.
 //!
 //! A worker says itself how long its packets took. A broken or hostile one may say anything, so
 //! deadlines follow from what has come back and when.
@@ -14,13 +15,14 @@ const FIRST_DEADLINE: Duration = Duration::from_secs(10);
 /// The least deadline. A machine that swaps may stall for a second.
 const LEAST_DEADLINE: Duration = Duration::from_secs(2);
 
-/// The greatest deadline: what a worker may cost that answers ever more slowly.
+/// The greatest deadline. It limits the cost of a worker that answers ever more slowly.
 const GREATEST_DEADLINE: Duration = Duration::from_secs(60);
 
-/// How many times as long as expected a packet may take. Rays differ in cost by about as much.
+/// Factor on the expected time that a packet may take. The costs of rays differ by about this
+/// factor.
 const PATIENCE: f64 = 8.0;
 
-/// The time in which a measurement loses half of its weight.
+/// Time after which a measurement has half of its weight.
 const HALF_LIFE: f64 = 2.0;
 
 /// The work that a worker returns per second while it has any.

@@ -1,17 +1,17 @@
-//! Whether what a worker returns can be true: what certainly cannot is refused, and the worker
+//! Checks whether a worker's results can be true. Impossible results are refused, and the worker is
 //! dropped.
 //!
 //! A refusal must never depend on an honest tracer's luck, because leaving out bright samples would
-//! darken pictures. What always holds:
+//! darken pictures. Invariants:
 //! - A ray that hits nothing brings the sky's light, and a ray that cannot be traced brings none.
 //!   Tracers give both exactly.
 //! - A ray hits nothing beyond the scene's bounds.
 //! - No bound on the light of one ray is certain. Roulette raises the weights of paths that survive
 //!   it, and aimed samples those of paths that were not aimed, by factors that multiply. But the
-//!   expectation is bounded by the brightest light, because no surface returns more than it
+//!   expectation is limited by the brightest light, because no surface returns more than it
 //!   receives. Few samples exceed a multiple of it (Markov's inequality): see [`IMPROBABLE`].
 //!
-//! So this finds garbage. Whoever returns wrong light of a possible brightness is found by tracing
+//! So these checks find garbage. Wrong light of a possible brightness is found by tracing packets
 //! twice (`audits`).
 
 use holo_proto::bulk::{LiveHit, LiveRay, Record};
@@ -22,7 +22,7 @@ use thiserror::Error;
 
 use crate::holodeck::About;
 
-/// What a scene allows, kept in the file.
+/// Limits that a scene sets, stored in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Limits {
     /// The lowest corner of the scene's bounds, world coordinates.
@@ -34,7 +34,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Returns what a scene allows.
+    /// Returns the limits that a scene sets.
     pub fn of(scene: &Scene) -> Limits {
         let (low, high) = scene.bounds();
         let lamps = scene.materials.iter().flat_map(|material| material.emission);
@@ -52,12 +52,12 @@ impl Limits {
     }
 }
 
-/// How many times the brightest light a sample does not reach, even by luck.
+/// A sample does not reach this multiple of the brightest light, even by luck.
 ///
 /// A path meets at most 1000 surfaces, and light inside glass is brighter by at most 10⁴. So the
 /// expectation is below 10⁷ times the brightest light. A sample exceeds 10¹⁸ times its expectation
-/// with a probability of at most 10⁻¹⁸. Ten terabytes are 10¹² honest samples: with a probability of
-/// at most 10⁻⁶, one of these is refused.
+/// with a probability of at most 10⁻¹⁸. Ten terabytes are 10¹² honest samples: with a probability
+/// of at most 10⁻⁶, one of these is refused.
 const IMPROBABLE: f64 = 1e25;
 
 /// The same for records of light: less, so that no honest sample that uses one is improbable.
@@ -67,8 +67,7 @@ const IMPROBABLE_RECORD: f64 = 1e19;
 /// distances have steps of 2⁻¹¹.
 const ROUNDING: f64 = 1e-3;
 
-/// Coordinates from which the distance of a hit may be infinity in f32. A display may look from
-/// there.
+/// At such coordinates the distance of a hit may be infinite in f32. A display may look from there.
 const FAR: f64 = 1e30;
 
 /// Why results cannot be true.
@@ -82,13 +81,13 @@ pub enum Implausible {
     NotTheSky,
 }
 
-/// What is certain about the results of one holodeck.
+/// Limits on the results for one holodeck.
 pub struct Plausible {
-    /// Of each section, the code of the greatest distance.
+    /// For each section, the code of the greatest distance.
     farthest: Vec<u16>,
     /// Light of rays that hit nothing. `None` if mirrors may have shown it.
     sky: Option<[f32; 3]>,
-    /// Files of earlier versions do not say it.
+    /// `None` for files of earlier versions, which do not store them.
     limits: Option<Limits>,
     /// The greatest exponent of a stored colour.
     exponent: u8,
@@ -96,7 +95,7 @@ pub struct Plausible {
 }
 
 impl Plausible {
-    /// Returns what is certain about a holodeck with these sections.
+    /// Returns the limits for a holodeck with these sections.
     pub fn new(about: &About, sections: &[Section]) -> Plausible {
         let are_distances_straight = !about.settings.virtual_distance;
         let limits = about.limits;

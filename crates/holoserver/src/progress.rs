@@ -1,4 +1,4 @@
-//! What a server counts and shows to people.
+//! Counts what a server does, and shows it to people.
 
 use std::{collections::VecDeque, time::Duration};
 
@@ -42,7 +42,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Returns a count of nothing, for a file as it is before. With `quiet`, nothing is shown.
+    /// Returns a count of 0 for a file in its present state. With `quiet`, nothing is shown.
     pub fn new(file: &Stats, quiet: bool) -> Progress {
         Progress {
             before: file.samples,
@@ -97,7 +97,7 @@ impl Progress {
 
     /// Shows how far a server with a goal is.
     ///
-    /// An error of the disk is printed once, even to those who want quiet.
+    /// An error of the disk is printed once, even with `quiet`.
     pub fn show(&mut self, status: &Status, schedule: &Schedule, file: &Stats) {
         let error = file.last_error.as_deref();
         if error != self.last_error.as_deref() {

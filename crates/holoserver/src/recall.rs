@@ -1,5 +1,5 @@
-//! Sends stored samples to a display, as fast as it takes them: those of its view, of beams with
-//! greater weight first, and parts of the file that no view asked for.
+//! Sends stored samples to a display, as fast as it takes them. For a view, beams with greater
+//! weight come first. Parts of the file that no view requested are sent here too.
 
 use std::{
     collections::BTreeMap,
@@ -39,7 +39,7 @@ const QUEUE_BYTES: usize = 8 << 20;
 /// messages wait for no more than that.
 const BLOB_QUEUE_BYTES: usize = 2 * SCENE_CHUNK_BYTES;
 
-/// How long to wait before a full queue is looked at again.
+/// Time to wait before a full queue is checked again.
 const PAUSE: Duration = Duration::from_millis(1);
 
 /// Most beams that are looked up for one part, whatever they hold: some 20 ms.
@@ -105,7 +105,7 @@ impl Recall {
     }
 }
 
-/// A part of the file that no view asked for.
+/// A part of the file that no view requested.
 pub struct Part {
     pub holodeck: Arc<Holodeck>,
     pub outbox: Outbox,
@@ -158,7 +158,7 @@ struct Sender<'a> {
     holodeck: &'a Holodeck,
     outbox: &'a Outbox,
     message: Samples,
-    /// Whether the display still wants what is sent.
+    /// Returns whether the display still wants these samples.
     is_wanted: &'a dyn Fn() -> bool,
 }
 
@@ -236,7 +236,7 @@ fn by_weight(beams: &[(BeamKey, f32)]) -> impl Iterator<Item = Vec<BeamKey>> {
     classes.into_values().rev()
 }
 
-/// Tells a display which of its view's beams see nothing.
+/// Informs a display which of its view's beams see nothing.
 pub fn send_unseen(outbox: &Outbox, view: u32, beams: &[BeamKey]) -> Result<(), ProtoError> {
     beams.chunks(UNSEEN_PER_MESSAGE).try_for_each(|part| {
         outbox.send(Kind::Unseen, &Unseen { view, beams: part.to_vec() }.encode())
@@ -255,7 +255,7 @@ pub fn send_stand_ins(holodeck: Arc<Holodeck>, outbox: Outbox) -> std::io::Resul
     })
 }
 
-/// Sends a blob; in place of one that cannot be read, that it is not there.
+/// Sends a blob. If it cannot be read, sends a message that it is absent.
 fn send_blob(
     outbox: Outbox,
     read: impl FnOnce() -> Result<Arc<[u8]>> + Send + 'static,
@@ -265,7 +265,8 @@ fn send_blob(
             Ok(bytes) if !bytes.is_empty() => bytes,
             read => {
                 if let Err(error) = read {
-                    // Even to those who want quiet: what they see is not what they asked for.
+                    // This is printed even with `quiet`, because displays will not show what was
+                    // requested.
                     eprintln!("{}", said_once(error.as_ref()));
                 }
                 let _ = outbox.send(Kind::BlobChunk, &holo_net::absent().encode());

@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// Packets under way are finished: dealing stops this long before the time is up.
+/// Dealing stops this long before the time is up, so that packets under way are finished.
 const LAST_DEAL: Duration = Duration::from_millis(100);
 
-/// How long the end waits for packets under way. Whoever ends a server waits no longer than two
-/// seconds; others trace the packets next time.
+/// Longest time that the end waits for packets under way. A person who ends a server waits no
+/// longer than two seconds. The remaining packets are traced next time.
 const LAST_PACKETS: Duration = Duration::from_millis(1500);
 
 /// When a server ends by itself.
@@ -59,7 +59,7 @@ impl Schedule {
         self.began.is_some()
     }
 
-    /// Returns whether the time, `traced` samples or a file of `bytes` are what the goal asks for.
+    /// Returns whether the goal's time, samples or file length are reached.
     pub fn is_reached(&self, traced: u64, bytes: u64) -> bool {
         let time = self.goal.time.filter(|_| self.has_begun());
         time.is_some_and(|time| self.elapsed() + LAST_DEAL >= time)

@@ -1,5 +1,5 @@
-//! The beams that a fill is for: a shard of all beams, or of those in a list. Several fills without a
-//! network make one holodeck, each with its shard.
+//! The beams that a fill traces: a shard of all beams, or of those in a list. Several fills without
+//! a network make one holodeck, each with its own shard.
 //!
 //! Invariant: of the shards of one number, each beam is in exactly one.
 

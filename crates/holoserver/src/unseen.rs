@@ -1,10 +1,10 @@
 //! Beams that see nothing: a worker has proved that none of their rays hits anything. They are
 //! neither traced nor stored.
 //!
-//! What always holds:
+//! Invariants:
 //! - A beam leaves a set only if the worker that added it is found to be wrong.
-//! - It takes a bit for each beam, in at most [`MAX_PAGES`] pages. A beam beyond these is not
-//!   remembered, which costs a worker another look and nothing else.
+//! - It takes a bit for each beam, in at most [`MAX_PAGES`] pages. Further beams are not
+//!   remembered, which only costs a worker another look.
 
 use anyhow::{Result, ensure};
 use holo_section::{BeamId, BeamKey, Section};
@@ -25,7 +25,7 @@ const MAX_PAGES: usize = 8192;
 pub struct UnseenBeams {
     pages: FxHashMap<(u16, u32), Box<[u8]>>,
     counts: Vec<u64>,
-    /// How often it has changed.
+    /// Number of changes so far.
     changes: u64,
 }
 
@@ -78,7 +78,7 @@ impl UnseenBeams {
         had
     }
 
-    /// Returns how often the set has changed.
+    /// Returns the number of changes so far.
     pub fn changes(&self) -> u64 {
         self.changes
     }

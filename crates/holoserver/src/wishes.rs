@@ -1,7 +1,8 @@
-//! What a display wants traced (Larson & Simmons 1999, §2.2): first the single rays that it names,
-//! then its view's beams. The beam with the fewest rays for its weight comes first.
+//! The rays and beams that a display wants traced (Larson & Simmons 1999, §2.2). Single rays that
+//! it names come first, then its view's beams. Among the beams, the one with the fewest rays for
+//! its weight comes first.
 //!
-//! What always holds:
+//! Invariants:
 //! - No view gets more than [`MAX_RAYS_PER_PIXEL`] rays for each pixel, of either sort.
 //! - A view's beams are in the order of their names. A beam takes 32 bytes.
 
@@ -17,7 +18,7 @@ use holo_proto::{
 use holo_section::{BeamKey, RayCoords, Viewpoint};
 use rustc_hash::FxHashMap;
 
-/// Most rays per pixel: a view that somebody forgot must not fill the disk. A picture of 640×480
+/// Most rays per pixel, so that a forgotten view does not fill the disk. A picture of 640×480
 /// pixels reaches it at 3 GB.
 const MAX_RAYS_PER_PIXEL: f64 = 1024.0;
 
@@ -135,7 +136,7 @@ impl Wishes {
         }
     }
 
-    /// Returns the most wanted single rays, as many as are of one beam. Beams that are unseen by
+    /// Returns the most wanted single rays, as many as belong to one beam. Beams that are unseen by
     /// `is_unseen` get none.
     pub fn next_rays(&mut self, is_unseen: impl Fn(BeamKey) -> bool) -> Option<RayPacket> {
         loop {

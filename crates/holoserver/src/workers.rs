@@ -1,8 +1,8 @@
 //! Workers, and the packets that each has been given.
 //!
-//! What always holds:
-//! - A worker holds at most [`MAX_PACKETS_HELD`] packets, those among them that are overdue. Beyond
-//!   a first lot, it holds no more rays than it has returned so far.
+//! Invariants:
+//! - A worker holds at most [`MAX_PACKETS_HELD`] packets, including overdue ones. Beyond a first
+//!   lot, it holds no more rays than it has returned so far.
 //! - An overdue packet is taken away, for others to trace. Until the worker returns something, it
 //!   gets no more work.
 
@@ -24,12 +24,12 @@ use tokio::time::Instant;
 /// Work that a worker gets ahead (the paper allowed five seconds, §2.2).
 ///
 /// It is long enough that a worker 50 ms away never waits for the server. It is short enough that
-/// the first samples of a new view come within 100 ms: a worker has at least 0.7 of it, which it
-/// traces first.
+/// the first samples of a new view arrive within 100 ms. A worker holds at least 0.7 of it, and
+/// traces that first.
 const AHEAD: Duration = Duration::from_millis(120);
 
-/// How many times more than [`AHEAD`] a worker may get by what it says of its speed. What has come
-/// back so far may understate it, because the server had less to give.
+/// Factor on [`AHEAD`] up to which a worker's own statement of its speed is believed. Measured
+/// returns may understate the speed, because the server had less to give.
 const BELIEVED: f64 = 4.0;
 
 /// Fewest rays ahead for each thread, also while a worker's speed is not known: four packets. With
@@ -40,7 +40,7 @@ const LEAST_RAYS_PER_THREAD: f64 = 84.0;
 /// it has.
 const MAX_FIRST_PACKETS: usize = 1024;
 
-/// Most packets that a worker holds, however fast it is: what is late if it hangs.
+/// Most packets that a worker holds, however fast it is. If it hangs, these are late.
 pub const MAX_PACKETS_HELD: usize = 16_384;
 
 /// The share of the newest packet in the mean latency.
@@ -51,7 +51,7 @@ pub struct Worker {
     pub outbox: Outbox,
     /// Its name, for people.
     pub name: String,
-    /// What the file calls its machine.
+    /// The file's number for its machine.
     pub maker: Maker,
     threads: f64,
     /// Work is counted in rays of so many paths.
@@ -69,7 +69,7 @@ pub struct Worker {
     late: HashMap<u64, Late>,
     /// Seconds from a packet to its results, lately.
     latency: f64,
-    /// Whether something became overdue since it last returned anything.
+    /// True if something became overdue since it last returned anything.
     is_stuck: bool,
     waits_for_light: bool,
 }
@@ -129,8 +129,8 @@ impl Worker {
         self.waits_for_light = waits;
     }
 
-    /// Returns the work that it should get now, in rays of the usual paths. That is 0 while it has
-    /// nearly enough, so that work goes out in messages of good size.
+    /// Returns the work that it should get now, in rays of the usual paths. The result is 0 while
+    /// it has nearly enough, so that messages are not too small.
     pub fn hunger(&self) -> f64 {
         if self.threads == 0.0 || self.waits_for_light || self.is_stuck || self.room() == 0 {
             return 0.0;
@@ -224,7 +224,7 @@ impl Worker {
         std::mem::take(&mut self.live).into_values().map(|held| held.what)
     }
 
-    /// Takes the results of a packet: the worker no longer has it.
+    /// Processes the results of a packet, which the worker no longer holds.
     pub fn finish(
         &mut self,
         traced: &Traced,
@@ -235,7 +235,7 @@ impl Worker {
         };
         let (assignment, given, asked) = (held.what, held.given, held.what.packet.count);
         if u32::from(asked) != traced.count {
-            // It stays in the list, and another worker gets it.
+            // The packet stays in the list, and another worker gets it.
             return Err(ResultsError::Count { found: traced.count, asked });
         }
         self.assigned.remove(&traced.id);
@@ -332,7 +332,7 @@ impl Worker {
         self.assigned.values().map(|held| &held.what)
     }
 
-    /// Returns how it fares.
+    /// Returns a report on the worker.
     pub fn report(&self) -> WorkerReport {
         WorkerReport {
             name: self.name.clone(),
@@ -374,7 +374,7 @@ mod tests {
     }
 
     async fn connect_on(address: std::net::SocketAddr) {
-        // It is never welcomed: nobody reads what it is sent.
+        // The worker is never welcomed, because nothing reads its messages.
         let _ = connect(address, Role::Worker, "a test").await;
     }
 
@@ -401,7 +401,7 @@ mod tests {
         *last
     }
 
-    /// Results that a worker says took so long.
+    /// Returns results that took this long, according to the worker.
     fn traced(id: u64, nanoseconds: u32) -> Traced {
         Traced { id, count: 21, nanoseconds }
     }
@@ -424,7 +424,7 @@ mod tests {
         assert!(worker.rays_ahead() == 0.0 && worker.work_ahead == 0.0);
         assert!(lost.iter().all(|lost| !given.contains(&lost.packet.id)), "under new names");
         assert_eq!(worker.hunger(), 0.0, "nothing more until something comes back");
-        // It comes back after all, under its old name, once.
+        // A result arrives after all, under the packet's old name, once.
         let late = start + seconds(60.0);
         let finished = worker.finish(&traced(given[5], 1), late).unwrap();
         assert!(matches!(finished, Finished::Late(Some(renamed)) if renamed > given.len() as u64));
@@ -442,13 +442,13 @@ mod tests {
             assert!(held.len() <= returned.max(256), "{} of {returned}", held.len());
             assert!(held.len() <= MAX_PACKETS_HELD);
             now += seconds(0.01);
-            // It says that a packet takes a nanosecond.
+            // The worker states that a packet takes a nanosecond.
             for id in held.drain(..) {
                 worker.finish(&traced(id, 1), now).unwrap();
                 returned += 1;
             }
         }
-        // It was as fast as that, so it gets as much as anybody. Then it hangs.
+        // The worker was as fast as that, so it gets as much as any other. Then it hangs.
         let given = feed(&mut worker, &mut last, now);
         assert!(given.len() > 10_000, "{}", given.len());
         let (lost, _) = worker.take_overdue(now + seconds(4.0), || next(&mut last));

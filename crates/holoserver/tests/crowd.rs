@@ -23,7 +23,7 @@ const DISPLAYS: usize = 32;
 /// Beams of one view. The views of neighbours overlap by half.
 const BEAMS: u64 = 400;
 
-/// What a simulated worker takes for a ray.
+/// Time that a simulated worker takes for a ray.
 const RAY: Duration = Duration::from_micros(20);
 
 /// Joins as real programs do: they try again if so many come at once that the server ends some
@@ -35,7 +35,7 @@ async fn join(server: SocketAddr, role: Role) -> Peer {
     Peer { inbox, outbox, welcome }
 }
 
-/// A worker with one thread. It leaves without a word after so many packets.
+/// A worker with one thread. It disappears without a message after so many packets.
 fn worker(server: SocketAddr, packets: usize) -> JoinHandle<()> {
     tokio::spawn(async move {
         let Peer { mut inbox, outbox, .. } = join(server, Role::Worker).await;

@@ -29,7 +29,8 @@ fn a_worker_that_answers_pings_and_returns_nothing_hangs_nobody() {
         display.send(Kind::View, &view(1, 500));
         let held = silent.work().await;
         assert!(!held.is_empty());
-        // An honest worker joins. All that the other holds is traced by it, or no longer waited for.
+        // An honest worker joins. It traces the packets that the silent one holds, or they are no
+        // longer waited for.
         let honest = tokio::spawn(common::work(server.address));
         display.samples(200).await;
         display.outbox.control(&Control::Settle { view: 1 }).unwrap();
@@ -139,7 +140,7 @@ fn workers_whose_results_no_tracer_makes_are_dropped_at_once_and_others_trace_th
             let reason = in_time(reason).await.expect("it is told why").to_string();
             assert!(reason.contains(words), "{reason}");
         }
-        // What they had is traced by an honest one.
+        // An honest worker traces the packets of the dropped ones.
         let honest = tokio::spawn(common::work(server.address));
         display.samples(500).await;
         let summary = server.end().await;
@@ -157,7 +158,7 @@ fn strangers_that_say_nothing_lock_nobody_out() {
         for _ in 0..400 {
             silent.push(in_time(TcpStream::connect(server.address)).await.unwrap());
         }
-        // Both are taken, though nobody has left.
+        // Both are admitted, although no other peer has left.
         let display = Peer::join(server.address, Role::Display).await;
         let worker = Peer::join(server.address, Role::Worker).await;
         drop((silent, display, worker));
@@ -197,7 +198,7 @@ fn what_a_worker_calls_unseen_is_checked_by_the_next_and_undone() {
         let place = Place::new();
         let (server, _liar) = deceived(&place).await;
         let honest = tokio::spawn(common::work(server.address));
-        // It traces in the beams that nobody was to trace any more.
+        // The next worker traces in the beams that had been excluded.
         in_time(async {
             while stored_beams(&place) < 1000 {
                 tokio::task::yield_now().await;

@@ -25,7 +25,7 @@ async fn secure(place: &Place) -> (Server, Identity) {
     (server, identity)
 }
 
-/// The destination of whoever has been handed the printed string, with another token.
+/// Returns the destination in the printed string, with another token.
 fn with_token(server: &Server, identity: &Identity, rights: Rights) -> Destination {
     let invitation = server.invitation.clone().expect("it prints one");
     let token = identity.add_token(rights).unwrap();
@@ -45,7 +45,7 @@ fn by_the_printed_string_a_worker_traces_and_a_display_looks() {
         display.samples(100).await;
         let admin = in_time(holo_net::connect(invited(), Role::Admin, "a test")).await;
         assert!(matches!(admin, Err(NetError::Refused(_))), "it permits no more than that");
-        // Whoever was started with the server needs no string.
+        // A peer that was started with the server needs no string.
         let local = Peer::join(server.address, Role::Display).await;
         drop((display, local));
         server.end().await;
@@ -95,7 +95,7 @@ fn for_a_read_only_display_nothing_is_traced_and_it_changes_nothing() {
             let message = message.await;
             heard[usize::from(stored(&message))] = true;
         }
-        // Somebody with more rights looks: what is traced for that one is shown to both.
+        // A display with more rights looks. Samples traced for it are shown to both.
         let other = with_token(&server, &identity, Rights::Display);
         let other = Peer::join(other, Role::Display).await;
         other.send(Kind::View, &view(1, 50));

@@ -14,11 +14,11 @@ const BEAMS: u64 = 1_000_000;
 /// Displays: with all beams of each, the server would hold three times its limit.
 const DISPLAYS: u32 = 12;
 
-/// What the server may hold for all views: 2²² beams of 32 bytes.
+/// Memory that the server may use for all views: 2²² beams of 32 bytes.
 const VIEWS: usize = (1 << 22) * 32;
 
-/// What else may have grown: buffers of connections on both sides, and what the allocator's callers
-/// keep for later.
+/// Other growth that is allowed: buffers of connections on both sides, and memory that the
+/// allocator keeps for later.
 const OTHERS: usize = 48 << 20;
 
 /// Counts the bytes that are allocated.

@@ -1,4 +1,4 @@
-//! Parts of a file that no view asked for: over real sockets, from a server in this process.
+//! Parts of a file that no view requested: over real sockets, from a server in this process.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod common;

@@ -1,4 +1,4 @@
-//! How a server fares: for administrators alone.
+//! Reports on a server's state, which only administrators receive.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod common;

@@ -1,19 +1,19 @@
-//! The crew of a session: whoever has started its server and its workers, and what a person at the
-//! stage orders them to do.
+//! The crew of a session: the part of the program that started the server and the workers. The
+//! stage sends it orders.
 
 use std::net::SocketAddr;
 
 use anyhow::{Context, Result};
 use tokio::sync::{mpsc, oneshot};
 
-/// What the crew is ordered to do.
+/// An order to the crew.
 #[derive(Debug)]
 pub enum CrewOrder {
     /// Ends the workers, and starts no others.
     KillWorkers,
-    /// Ends the workers if there are any, and starts others.
+    /// Ends the workers, if any run, and starts new ones.
     RestartWorkers,
-    /// Forgets all samples. Answers with the address of a server that has none.
+    /// Forgets all samples. The answer is the address of a server without samples.
     StartOver(oneshot::Sender<Result<SocketAddr>>),
 }
 
@@ -21,7 +21,7 @@ pub enum CrewOrder {
 #[derive(Clone, Debug)]
 pub struct Crew(mpsc::UnboundedSender<CrewOrder>);
 
-/// Returns the two ends of the way to a crew.
+/// Returns the two ends of the channel to a crew: where orders go in, and where they come out.
 pub fn crew() -> (Crew, mpsc::UnboundedReceiver<CrewOrder>) {
     let (sender, orders) = mpsc::unbounded_channel();
     (Crew(sender), orders)
@@ -30,7 +30,7 @@ pub fn crew() -> (Crew, mpsc::UnboundedReceiver<CrewOrder>) {
 impl Crew {
     /// Ends the workers.
     pub fn kill_workers(&self) {
-        // A crew that has left needs no orders.
+        // If the crew has ended, the order has no effect.
         let _ = self.0.send(CrewOrder::KillWorkers);
     }
 
@@ -39,10 +39,10 @@ impl Crew {
         let _ = self.0.send(CrewOrder::RestartWorkers);
     }
 
-    /// Forgets all samples, and waits until a server is there that has none. Blocks.
+    /// Forgets all samples, and waits until a server without samples runs. Blocks.
     ///
     /// # Errors
-    /// If the file cannot be made anew, or no server be started.
+    /// If the file cannot be created again, or the server cannot be started.
     pub fn start_over(&self) -> Result<SocketAddr> {
         let (sender, answer) = oneshot::channel();
         let _ = self.0.send(CrewOrder::StartOver(sender));

@@ -8,8 +8,8 @@ use holo_driver_surfaces::{Materials, View};
 use holo_picture::Picture;
 use holo_raycast::Raycaster;
 
-/// Denoises a traced picture of a scene. Its view tells what pixels see; one without a view stays
-/// as it is.
+/// Denoises a traced picture of a scene. Albedo and normals of its pixels follow from its view; a
+/// picture without a view stays as it is.
 ///
 /// # Errors
 /// If the library fails.

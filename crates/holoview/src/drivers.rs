@@ -1,4 +1,4 @@
-//! The list of drivers: the one place that names them all.
+//! The list of drivers: the only place that names them all.
 //!
 //! A new driver is a crate that implements [`Driver`], an option in [`DriverArg`], and an arm here.
 
@@ -17,11 +17,11 @@ use crate::args::{CellsArg, DriverArg, DriverArgs, PointArgs};
 /// Parts of drivers that a script may switch, by name.
 pub const SWITCHES: &[&str] = &holo_driver_rendercache::Stages::NAMES;
 
-/// Which driver a session wants, and what all drivers need.
+/// The driver that a session asks for, and what all drivers need.
 pub struct DriverChoice {
     /// The driver and its filling.
     pub args: DriverArgs,
-    /// How the render cache works.
+    /// Options of the render cache.
     pub points: PointArgs,
     /// The holodeck's sections.
     pub sections: Arc<[Section]>,
@@ -29,14 +29,14 @@ pub struct DriverChoice {
     pub sky: [f32; 3],
 }
 
-/// Whether a driver draws from the scene.
+/// A driver's use of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SceneUse {
-    /// It never does.
+    /// The driver never draws from it.
     None,
-    /// It does if the scene arrives.
+    /// The driver draws from the scene if the scene arrives.
     IfThere,
-    /// It cannot draw without.
+    /// The driver cannot draw without the scene.
     Required,
 }
 
@@ -44,7 +44,7 @@ pub enum SceneUse {
 pub struct LoadedScene {
     /// Casts rays against the scene.
     pub raycaster: Arc<Raycaster>,
-    /// What is cast instead for views of some sections.
+    /// Boxes that rays hit instead of the scene, for views of some sections.
     pub stand_ins: StandIns,
 }
 
@@ -58,7 +58,7 @@ impl DriverChoice {
         }
     }
 
-    /// Makes the chosen driver. Without a scene, `auto` draws cells of the samples alone.
+    /// Makes the chosen driver. Without a scene, `auto` draws cells from samples only.
     pub fn make(&self, scene: Option<&LoadedScene>) -> Box<dyn Driver> {
         let sections = Arc::clone(&self.sections);
         let sky = self.sky;
@@ -77,7 +77,7 @@ impl DriverChoice {
 
     fn surfaces(&self, scene: &LoadedScene) -> Box<dyn Driver> {
         let (sections, raycaster) = (Arc::clone(&self.sections), Arc::clone(&scene.raycaster));
-        // A library that was named has been loaded once before.
+        // `check` has already loaded a library that was named.
         let denoiser = self.args.denoise.load(Quality::Balanced).unwrap_or_default();
         if scene.stand_ins.0.is_empty() {
             return Box::new(SurfacesDriver::new(sections, raycaster, denoiser));

@@ -1,15 +1,15 @@
 //! The display process (Larson & Simmons 1999, §2.4): a session with a server, and front ends that
 //! draw from it.
 //!
-//! - `session` holds the connection, asks for samples, and feeds a driver. It knows no screen.
-//! - A front end (`script`, or `browser` on a `stage`) tells the session which view to show. It
-//!   knows no socket and no driver.
+//! - `session` holds the connection, asks for samples, and feeds a driver. It knows no front end.
+//! - A front end (`script`, or `browser` on a `stage`) gives the session the view to show. It knows
+//!   no socket and no driver.
 //! - `commands` is the one list of what a person can do, for all front ends.
 //! - `drivers` is the one list of drivers.
 //!
-//! What always holds:
-//! - The server sees only wanted beams, and gives samples. What a picture looks like is decided
-//!   here.
+//! Invariants:
+//! - The server learns which beams are wanted, and sends samples. It never learns what a picture
+//!   looks like; that is decided here.
 //! - A sample counts once in a picture, however often it arrives.
 
 pub mod args;
@@ -48,7 +48,7 @@ pub use window::{Desk, Screen, check_desktop, desk, run as run_in_window};
 /// Options of `holoview`.
 #[derive(Args, Clone, Debug)]
 pub struct Config {
-    /// The holoserver: its address on this machine, or the string to join with that it prints
+    /// Where the holoserver is: an address on this machine, or the join string that it prints
     #[arg(
         long,
         visible_alias = "join",
@@ -56,38 +56,39 @@ pub struct Config {
         default_value = "127.0.0.1:7070"
     )]
     pub connect: String,
-    /// Which view is shown
+    /// The view to show
     #[command(flatten)]
     pub view: ViewArgs,
-    /// What turns samples into a picture
+    /// The driver: the method that turns samples into a picture
     #[command(flatten)]
     pub driver: DriverArgs,
-    /// How the render cache works
+    /// Options of the render cache
     #[command(flatten)]
     pub points: PointArgs,
     /// How .png pictures look
     #[command(flatten)]
     pub look: LookArgs,
-    /// Follow this file's lines, each `SECONDS COMMAND` (`-`: standard input). Commands: view, picture FILE,
-    /// probe COLUMN ROW, with PART,…, without PART,… (of the render cache), quit
+    /// Follow this file's lines, each `SECONDS COMMAND` (`-` is standard input). Commands: view,
+    /// picture FILE, probe COLUMN ROW, with PART,…, without PART,… (of the render cache), quit
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
-    /// Without a script: stay for so long
+    /// How long to run without a script
     #[arg(long, value_name = "TIME", value_parser = script::parse_seconds, default_value = "0")]
     pub time: f64,
-    /// At the end, once everything under way has arrived, write the picture here (.exr .hdr .pfm .png)
+    /// At the end, once all requested samples have arrived, write the picture here (.exr .hdr .pfm
+    /// .png)
     #[arg(short, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Report every picture as a line of JSON
     #[arg(long)]
     pub json: bool,
-    /// Say less
+    /// Print less
     #[arg(short, long)]
     pub quiet: bool,
     /// End when standard input ends (set by the program that starts this one)
     #[arg(long, hide = true)]
     pub with_parent: bool,
-    /// Whoever has started server and workers, if it takes orders.
+    /// The crew that started server and workers, if it takes orders.
     #[arg(skip)]
     pub crew: Option<Crew>,
 }
@@ -99,8 +100,8 @@ pub struct Config {
 /// its sender is dropped, the call ends.
 ///
 /// # Errors
-/// If the server cannot be reached, refuses or leaves before the end, the view cannot be seen, or a picture not be
-/// written.
+/// If the server cannot be reached, refuses, or leaves before the end; if the view does not exist,
+/// or a picture cannot be written.
 pub async fn run(config: Config, shutdown: Shutdown, ready: oneshot::Receiver<()>) -> Result<()> {
     config.driver.check().map_err(anyhow::Error::msg)?;
     config.look.look().map_err(anyhow::Error::msg)?;
@@ -111,7 +112,7 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: oneshot::Receiver<()
     };
     let (driver, points) = (config.driver.clone(), config.points.clone());
     let connected = session::Connected::new(server, driver, points, shutdown).await?;
-    // Drawing takes the processor for a while; sockets must not wait for it.
+    // Drawing keeps its thread busy, and sockets must not wait for it.
     tokio::task::spawn_blocking(move || script::play(connected, config, steps, ready)).await?
 }
 
@@ -125,10 +126,10 @@ pub async fn run_until_signal(config: Config) -> Result<()> {
     run(config, shutdown, at_once()).await
 }
 
-/// Returns a receiver that is ready already.
+/// Returns a receiver whose value is ready.
 pub fn at_once() -> oneshot::Receiver<()> {
     let (sender, receiver) = oneshot::channel();
-    // The receiver is still here.
+    // The receiver still exists, so sending cannot fail.
     let _ = sender.send(());
     receiver
 }

@@ -1,10 +1,10 @@
-//! What is said of a picture that was written.
+//! The report on a written picture.
 
 use std::path::PathBuf;
 
 use serde::Serialize;
 
-/// How long a stage of a picture took.
+/// Duration of one stage of a picture.
 #[derive(Clone, Debug, Serialize)]
 pub struct StageTime {
     /// Its name, as in Walter et al. 2002, Table 1.
@@ -13,44 +13,46 @@ pub struct StageTime {
     pub milliseconds: f64,
 }
 
-/// A picture written, for people (`Display`) and programs (JSON).
+/// The report on a written picture: `Display` for people, JSON for programs.
 #[derive(Clone, Debug, Serialize)]
 pub struct PictureReport {
-    /// Where it is.
+    /// The file.
     pub picture: PathBuf,
     /// Seconds from the request of the view until the picture was written.
     pub seconds: f64,
     /// Samples in the picture.
     pub samples: u64,
-    /// Samples received for the view: from the file.
+    /// Samples received for the view that the server read from its file.
     pub stored: u64,
-    /// And traced.
+    /// Samples received for the view that were traced for it.
     pub traced: u64,
-    /// Rays that no section covers, traced for the view alone.
+    /// Rays outside all sections, traced for this view only.
     pub live: u64,
     /// Beams that the view crosses.
     pub beams: usize,
-    /// Pixels that no section covers.
+    /// Pixels whose view rays cross no section.
     pub uncovered_pixels: u64,
     /// Covered pixels filled from their neighbours.
     pub empty_pixels: u64,
-    /// Pixels that show the sky because no ray of their beam can meet anything.
+    /// Pixels that show the sky because no ray of their beam can hit anything.
     pub unseen_pixels: u64,
-    /// Pixels of whose surface nothing is known, shown as bright as what is known.
+    /// Pixels on surfaces without known light. They show the brightness of the surfaces that have
+    /// some.
     pub guessed_pixels: u64,
     /// The driver that made it.
     pub driver: &'static str,
-    /// Seconds until the first samples were here; none yet if absent.
+    /// Seconds until the first samples arrived; absent if none arrived.
     pub first_samples: Option<f64>,
     /// The factor from radiance to display light of a `.png`, if its tone has one.
     pub exposure: Option<f32>,
-    /// How long each stage of the picture took; empty for drivers without stages.
+    /// Durations of the picture's stages; empty for drivers without stages.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageTime>,
 }
 
-/// Samples of which more than one would be seen if any could but by a gap between two surfaces.
-const ENOUGH_TO_TELL: u64 = 10_000;
+/// If at most one in this many received samples is visible, something stands between the section's
+/// walls and what the view shows.
+const LEAST_SAMPLES_PER_VISIBLE_ONE: u64 = 10_000;
 
 impl std::fmt::Display for PictureReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -64,7 +66,9 @@ impl std::fmt::Display for PictureReport {
             self.traced
         )?;
         let came = self.stored + self.traced;
-        if came >= ENOUGH_TO_TELL && self.samples <= came / ENOUGH_TO_TELL {
+        if came >= LEAST_SAMPLES_PER_VISIBLE_ONE
+            && self.samples <= came / LEAST_SAMPLES_PER_VISIBLE_ONE
+        {
             write!(
                 f,
                 ": none of what the view shows is seen from the walls of its section, something stands between; give a section \

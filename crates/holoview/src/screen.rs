@@ -1,16 +1,15 @@
-//! From a frame's radiance to the colours of a screen: the one place where front ends make a frame
-//! visible.
+//! Turns a frame's radiance into the colours of a screen. All front ends do it here.
 
 use std::{num::NonZero, sync::OnceLock, thread, time::Instant};
 
 use holo_picture::{Adaptation, Image, Look, Picture};
 
-/// Most threads that make frames visible.
+/// Largest number of threads that turn radiance into colours.
 const MOST_THREADS: usize = 4;
 
-/// Does work by which frames become visible, on threads of its own: those on which drivers draw are
-/// busy for longer than a frame may wait.
-pub fn visibly<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+/// Runs `work` on threads of its own. The threads that draw are busy for longer than a frame may
+/// wait.
+pub fn on_screen_threads<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     static THREADS: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
     let threads = THREADS.get_or_init(|| {
         let count = thread::available_parallelism().map_or(1, NonZero::get).min(MOST_THREADS);
@@ -23,7 +22,7 @@ pub fn visibly<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// One person who looks at a session's frames. What is automatic in a look adapts to what this
+/// One person who looks at a session's frames. An automatic exposure adapts to the frames that this
 /// person saw before.
 #[derive(Debug, Default)]
 pub struct Viewer {
@@ -37,7 +36,7 @@ impl Viewer {
     pub fn see(&mut self, picture: &Picture, look: &Look, now: Instant) -> Image {
         let since = self.last.replace(now).map(|last| now.saturating_duration_since(last));
         let seconds = since.unwrap_or_default().as_secs_f32();
-        visibly(|| look.follow(picture, &mut self.adaptation, seconds))
+        on_screen_threads(|| look.follow(picture, &mut self.adaptation, seconds))
     }
 }
 

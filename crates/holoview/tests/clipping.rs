@@ -33,7 +33,8 @@ fn view_of(kind: ViewKind, clips: bool) -> View {
     ViewSpec { vd: Some(DVec3::new(1.0, 0.2, -0.1)), vo, va, ..spec }.resolve(SIZE).unwrap().0
 }
 
-/// All that a ray meets, nearest first: a red ball, a green wall of two shades, blue all around.
+/// Returns everything that a ray hits, nearest first: a red ball, a green wall of two shades, and
+/// blue all around.
 fn hits(origin: DVec3, direction: DVec3) -> Vec<([f32; 3], f64)> {
     let ball = |centre: DVec3, radius: f64| {
         let along = (centre - origin).dot(direction);
@@ -59,7 +60,7 @@ fn first(origin: DVec3, direction: DVec3) -> ([f32; 3], f64) {
     hits(origin, direction).first().copied().unwrap_or(([0.0; 3], f64::INFINITY))
 }
 
-/// By what Radiance's manual says, a point's distance is compared with `-vo` and `-va`.
+/// Returns the depth that is compared with `-vo` and `-va` according to Radiance's manual.
 fn depth(kind: ViewKind, view: &View, p: DVec3) -> f64 {
     let d = p - view.vp;
     match kind {
@@ -69,7 +70,8 @@ fn depth(kind: ViewKind, view: &View, p: DVec3) -> f64 {
     }
 }
 
-/// What a ray shows between the clipping surfaces, and whether something before them hides it from rays that begin at the eye.
+/// Returns the colour of a ray between the clipping surfaces, and whether something nearer hides it
+/// from rays that begin at the eye.
 fn shown(view: &View, origin: DVec3, direction: DVec3) -> ([f32; 3], bool) {
     let all = hits(origin, direction);
     let depth_of = |t: f64| depth(view.kind, view, origin + direction * t);
@@ -79,7 +81,7 @@ fn shown(view: &View, origin: DVec3, direction: DVec3) -> ([f32; 3], bool) {
     (seen.map_or([0.0; 3], |(colour, _)| colour), is_hidden)
 }
 
-/// Of each pixel the mean and the variance of 8×8 rays, and whether anything hides one of them.
+/// For each pixel, the mean and the variance of 8×8 rays, and whether anything hides one of them.
 struct Truth {
     pixels: Vec<[f32; 3]>,
     variance: f64,
@@ -97,7 +99,7 @@ fn truth(view: &View) -> Truth {
             let y =
                 1.0 - (f64::from(row) + (f64::from(j) + 0.5) / f64::from(SIDE)) / f64::from(SIZE.1);
             let Some((origin, direction)) = view.try_ray(x, y) else { continue };
-            // From the plane through the eye, whatever the view's own begins on.
+            // Rays begin on the plane through the eye, wherever the view's own rays begin.
             let back = if view.kind == ViewKind::Parallel { view.vo } else { 0.0 };
             let (colour, hides) = shown(view, origin - direction * back, direction);
             is_hidden |= hides;
@@ -112,7 +114,7 @@ fn truth(view: &View) -> Truth {
     Truth { variance: variance / pixels.len() as f64, pixels, hidden }
 }
 
-/// Mean squared error over the pixels that `counts` says.
+/// Returns the mean squared error over the pixels for which `counts` is true.
 fn error(found: &[[f32; 3]], truth: &[[f32; 3]], counts: impl Fn(usize) -> bool) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for (pixel, (found, truth)) in
@@ -141,7 +143,7 @@ fn the_scene_has_something_before_between_and_beyond() {
 }
 
 #[test]
-fn the_quadtree_leaves_out_what_is_before_and_shows_black_beyond() {
+fn the_quadtree_omits_what_is_before_the_fore_surface_and_shows_black_beyond_the_aft_one() {
     let section = section([0.0, -2.5, -1.8], [0.6, 5.0, 3.6], [16; 3], ViewClass::Interior, false);
     for kind in ViewKind::ALL {
         let view = view_of(kind, true);
@@ -149,7 +151,8 @@ fn the_quadtree_leaves_out_what_is_before_and_shows_black_beyond() {
         let stored =
             near_samples(first, &section, &view, 60 * (SIZE.0 * SIZE.1) as usize, 3, common::clean);
         let frame = quadtree(&section, &view, SIZE, QuadtreeParams::default(), &stored).draw();
-        // Where something before the fore surface hides what is behind it from stored rays, nothing is known: leaves are filled from others.
+        // Stored rays end on objects before the fore surface, so nothing is known behind those.
+        // Their leaves are filled from others.
         let covered: Vec<bool> = frame.depth.iter().map(|&depth| depth != 0.0).collect();
         let counts = |pixel: usize| !truth.hidden[pixel] && covered[pixel];
         assert!((0..covered.len()).filter(|&pixel| counts(pixel)).count() > 20, "{kind:?}");
@@ -158,7 +161,7 @@ fn the_quadtree_leaves_out_what_is_before_and_shows_black_beyond() {
             error(&vec![[0.0; 3]; truth.pixels.len()], &truth.pixels, counts),
         );
         println!("{kind:?}: {:.1} dB", -10.0 * (error / power.max(1e-9)).log10());
-        // As without clipping (tests of view types): 25 dB.
+        // The tests of view types reach 25 dB without clipping.
         assert!(error < 0.003 * power.max(0.01), "{kind:?}: {error} of {power}");
         let is_of_wall = |pixel: &[f32; 3]| pixel[0] <= 0.11 && pixel[2] <= 0.11;
         assert!(frame.picture.pixels.iter().all(is_of_wall), "{kind:?}: no red, no blue");
@@ -166,14 +169,14 @@ fn the_quadtree_leaves_out_what_is_before_and_shows_black_beyond() {
 }
 
 #[test]
-fn the_render_cache_comes_to_rest_at_what_is_between() {
+fn the_render_cache_converges_to_what_lies_between_the_surfaces() {
     for kind in ViewKind::ALL {
         let (view, plain) = (view_of(kind, true), view_of(kind, false));
         let truth = truth(&view);
         let mut cache = PointImage::new(SIZE, PointImageParams::default()).unwrap();
         let pixels = (SIZE.0 * SIZE.1) as usize;
         let mut samples = Vec::new();
-        // First without clipping: red and blue come in.
+        // The first frames are not clipped, so red and blue points enter.
         for frame in 0..100 {
             let view = if frame < 20 { plain } else { view };
             let moment = Moment { view, predicted: None, samples: &samples, wanted: pixels / 2 };
@@ -193,10 +196,12 @@ fn the_render_cache_comes_to_rest_at_what_is_between() {
         }
         let found =
             cache.frame(&Moment { view, predicted: None, samples: &samples, wanted: 0 }).picture();
-        // Half of the pixels a frame, one in eight of them through points: some 35 rays each.
+        // Half of the pixels are renewed per frame, one in eight of them through points: about 35
+        // rays each.
         let (error, alone) = (error(&found.pixels, &truth.pixels, |_| true), truth.variance / 35.0);
         println!("{kind:?}: {error:.2e} where independent rays would leave {alone:.2e}");
-        // And a part in 256 of the light by which the truth's 64 rays and packed colours may be off.
+        // The constant allows for the truth's 64 rays and packed colours, which may be off by 1/256
+        // of the light.
         assert!(error < 1.5 * alone + 2e-5, "{kind:?}: {error}");
     }
 }

@@ -1,4 +1,4 @@
-//! Rays traced for one view alone: where they land, and that covered pixels take nothing from them.
+//! Rays traced for one view only: where they land, and that covered pixels ignore them.
 
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
@@ -26,7 +26,7 @@ fn light(at: DVec3) -> [f32; 3] {
     [0.4 + 0.1 * at.x, 0.5 + 0.05 * at.y, 0.3].map(|x| x as f32)
 }
 
-/// A floor of 16 × 16, the light on it changing slowly; nothing above.
+/// A floor of 16 × 16 with slowly changing light, and nothing above it.
 struct Stage {
     sections: Arc<[Section]>,
     raycaster: Arc<Raycaster>,
@@ -34,7 +34,7 @@ struct Stage {
 }
 
 impl Stage {
-    /// A section over a part of the floor, which this view looks past.
+    /// Puts a section over a part of the floor. The view looks past it.
     fn new(options: &str) -> Stage {
         let corner = |x: f64, y: f64| DVec3::new(x, y, 0.0);
         let positions =
@@ -69,7 +69,7 @@ impl Stage {
         self.look(Box::new(SurfacesDriver::new(Arc::clone(&self.sections), raycaster, None)))
     }
 
-    /// What a ray of the view through a point of a pixel sees.
+    /// Returns what the view's ray through a point of a pixel sees.
     fn ray(&self, pixel: u32, right: f64, down: f64) -> Option<LiveSample> {
         let (column, row) = (f64::from(pixel % SIZE.0) + right, f64::from(pixel / SIZE.0) + down);
         let (origin, direction) =
@@ -82,7 +82,7 @@ impl Stage {
         Some(LiveSample { origin, direction, radiance, distance })
     }
 
-    /// `count` rays through each of these pixels.
+    /// Returns `count` rays through each of these pixels.
     fn rays(&self, pixels: &[u32], count: usize) -> Vec<LiveSample> {
         let mut random = Random(5);
         let mut all = Vec::new();
@@ -94,7 +94,7 @@ impl Stage {
         all
     }
 
-    /// Samples of the section's beams.
+    /// Returns samples of the section's beams.
     fn samples(&self, count: usize) -> Vec<(BeamId, Sample)> {
         let (mut random, section) = (Random(3), &self.sections[0]);
         let sample = |_| {
@@ -131,7 +131,7 @@ fn bits(frame: &Frame) -> Vec<[u32; 3]> {
     frame.picture.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }
 
-/// Of every type of view.
+/// One view of every type with live rays.
 const VIEWS: [&str; 4] = [
     "-vp -5 0.5 3 -vd 1 0 -0.4 -vu 0 0 1 -vh 70",
     "-vtl -vp -5 0.5 3 -vd 1 0 -0.6 -vu 0 0 1 -vh 9",
@@ -146,7 +146,7 @@ fn uncovered_pixels_show_what_their_rays_saw_in_every_type_of_view() {
         let stage = Stage::new(options);
         let (mut surfaces, mut quadtree) = (stage.surfaces(), stage.quadtree());
         let (pixels, seen) = (quadtree.uncovered(), surfaces.uncovered());
-        // The sky is known to the one, and every pixel of the floor is traced.
+        // One of the drivers knows the sky, but every pixel of the floor is traced.
         assert!(
             seen.len() > 100 && pixels.len() >= seen.len(),
             "{options}: {} of {}",
@@ -161,9 +161,9 @@ fn uncovered_pixels_show_what_their_rays_saw_in_every_type_of_view() {
         let (by_surfaces, by_quadtree) = (draw(&mut surfaces), draw(&mut quadtree));
         let (mut compared, mut differing) = (0, 0);
         for &pixel in &seen {
-            // Light is linear in the place: its extremes on a piece of the floor are at the
-            // corners. Means and filters reach two pixels farther. Where these see the floor, a
-            // mean lies between the extremes there.
+            // Light is a linear function of the place, so its extremes on a piece of the floor are
+            // at the corners. Means and filters reach two pixels farther. If the corners see the
+            // floor, the mean lies between their extremes.
             let corners = [(-2.0, -2.0), (3.0, -2.0), (-2.0, 3.0), (3.0, 3.0)];
             let rays: Vec<LiveSample> =
                 corners.iter().filter_map(|&(x, y)| stage.ray(pixel, x, y)).collect();
@@ -180,7 +180,7 @@ fn uncovered_pixels_show_what_their_rays_saw_in_every_type_of_view() {
                     // RGBE rounds by up to 1/128 of the largest channel.
                     let rounding = shown.into_iter().fold(0.0, f32::max) / 128.0;
                     let is_between = (least - rounding..=most + rounding).contains(&shown[channel]);
-                    // Beside the floor's border a filter reaches farther now and then.
+                    // At the floor's border a filter sometimes reaches farther.
                     differing += usize::from(!is_between);
                     assert!(
                         is_between || name == "surfaces",
@@ -191,9 +191,9 @@ fn uncovered_pixels_show_what_their_rays_saw_in_every_type_of_view() {
             assert!(by_quadtree.depth[pixel as usize] > 0.0);
         }
         assert!(2 * compared > seen.len(), "{options}: {compared} of {}", seen.len());
-        // Of all channels 1 %.
+        // This allows 1 % of all channels.
         assert!(100 * differing <= 3 * compared, "{options}: {differing} of {compared}");
-        // Of pixels that see nothing at all, rays show the sky.
+        // If a pixel sees only the sky, its rays show the sky.
         let sky = pixels.iter().filter(|&&pixel| {
             [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (0.5, 0.5)]
                 .iter()
@@ -238,7 +238,7 @@ fn live_rays_change_no_covered_pixel_and_their_order_changes_no_bit() {
         for (pixel, (with, without)) in with_live.iter().zip(&without).enumerate() {
             assert!(with == without || !covered[pixel], "{} {pixel}", driver.name());
         }
-        // The other way round: live rays one by one, between the samples.
+        // The same in another order: live rays one by one, between the samples.
         let mut other = make(&stage);
         rays.reverse();
         insert(&mut other, late);

@@ -1,4 +1,4 @@
-//! Views through portals: `surfaces` draws what is before them, another driver what is beyond.
+//! Views through portals: `surfaces` draws what is before them, and another driver what is beyond.
 
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
@@ -38,7 +38,7 @@ fn raycaster(walls: &[Wall]) -> Arc<Raycaster> {
     Arc::new(Raycaster::build(Arc::new(scene)).unwrap())
 }
 
-/// What a ray meets: its distance, and its colour in light of 1.
+/// Returns what a ray hits: the distance, and the colour in light of 1.
 fn met(raycaster: &Raycaster, origin: DVec3, direction: DVec3) -> Option<(f64, [f32; 3])> {
     let (ray, skipped) = raycaster.localize(origin, direction)?;
     let hit = raycaster.nearest(&ray)?;
@@ -48,7 +48,7 @@ fn met(raycaster: &Raycaster, origin: DVec3, direction: DVec3) -> Option<(f64, [
     }
 }
 
-/// Rays of the section, all over, with what they meet.
+/// Returns samples of rays from the whole section, with the colours that they hit.
 fn samples(section: &Section, raycaster: &Raycaster, count: usize) -> Vec<(BeamId, Sample)> {
     let mut random = Random(7);
     let sample = |_| {
@@ -63,8 +63,8 @@ fn samples(section: &Section, raycaster: &Raycaster, count: usize) -> Vec<(BeamI
 }
 
 #[test]
-fn what_is_seen_through_a_portal_is_drawn_by_its_samples_and_all_else_is_as_without() {
-    // A wall with a doorway, and the room behind it, of which the stand-in has nothing.
+fn samples_draw_what_is_seen_through_a_portal_and_change_nothing_else() {
+    // A wall with a doorway, and a room behind it. The stand-in lacks the room.
     let front = [wall(2.5, [0.0, 0.0], [1.4, 4.0], 0), wall(2.5, [2.6, 0.0], [4.0, 4.0], 0)];
     let room = front.into_iter().chain([wall(3.9, [0.0, 0.0], [4.0, 4.0], 1)]);
     let (scene, standing) = (raycaster(&room.collect::<Vec<_>>()), raycaster(&front));
@@ -96,7 +96,8 @@ fn what_is_seen_through_a_portal_is_drawn_by_its_samples_and_all_else_is_as_with
         let (eye, along) = seen.ray(x, y);
         let truth = met(&scene, eye, along).unwrap().1;
         let pixel = pixel as usize;
-        // Where a ray passes the doorway's plane. Next to its sides pixels are mixed.
+        // The ray's place in the doorway's plane. Pixels at the doorway's sides mix both, and are
+        // skipped.
         let across = (eye + along * ((2.5 - eye.x) / along.x)).y;
         let off = ((across - 1.4).abs()).min((across - 2.6).abs());
         if off < 0.1 {

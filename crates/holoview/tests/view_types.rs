@@ -1,4 +1,5 @@
-//! Every driver shows views of every type: samples land where the view sees their surface, pictures are what the view's rays see.
+//! Every driver shows views of every type. Samples land where the view sees their surface, and
+//! pictures are what the view's rays see.
 
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
@@ -21,7 +22,8 @@ use std::sync::Arc;
 
 const SIZE: (u32, u32) = (96, 72);
 
-/// From inside the room's section, not along any axis, a bit shifted and lifted.
+/// Returns a view from inside the room's section, not parallel to an axis, shifted and lifted a
+/// little.
 fn view_of(kind: ViewKind) -> View {
     let vh = match kind {
         ViewKind::Perspective => 70.0,
@@ -42,7 +44,7 @@ fn view_of(kind: ViewKind) -> View {
     spec.resolve(SIZE).unwrap().0
 }
 
-/// Rows of pixels with the places in the picture that their middles have.
+/// Returns the number of each pixel with the place of its centre in the picture.
 fn pixels() -> impl Iterator<Item = (usize, f64, f64)> {
     (0..SIZE.0 * SIZE.1).map(|pixel| {
         let (x, y) = View::pixel_centre(SIZE, pixel % SIZE.0, pixel / SIZE.0);
@@ -84,17 +86,17 @@ fn a_sample_lands_where_the_view_sees_its_surface() {
                 behind += 1;
                 continue;
             };
-            // Within a part in 1000 of a pixel's border the other side may have it.
+            // Within 1/1000 of a pixel's border, the sample may land in the neighbour.
             let inside = |along: f64| (0.001..0.999).contains(&along.fract());
             if !(inside(x * f64::from(SIZE.0)) && inside(y * f64::from(SIZE.1))) {
                 continue;
             }
             let (at_x, at_y) = View::pixel_centre(SIZE, column, row);
             if seen.try_ray(at_x, at_y).is_none() {
-                // On a fisheye's rim.
+                // The pixel is on a fisheye's rim.
                 continue;
             }
-            // What a ray meets that comes towards the eye is turned away from it.
+            // If a ray comes towards the eye, the surface that it hits faces away from the eye.
             let sight = surface - seen.vp;
             let is_along = sight.cross(ray.direction).length() <= 0.1 * sight.length();
             if kind.has_eye() && is_along && sight.dot(ray.direction) < 0.0 {
@@ -105,7 +107,7 @@ fn a_sample_lands_where_the_view_sees_its_surface() {
             assert_eq!(frame.picture.get(column, row), Some([0.25, 0.5, 1.0]), "{kind:?}");
             let depth = f64::from(frame.depth[(row * SIZE.0 + column) as usize]);
             assert!((depth / distance - 1.0).abs() < 0.02, "{kind:?} {depth} {distance}");
-            // The render cache has it there, too.
+            // The render cache puts the sample there too.
             let stages =
                 Stages { prefilter: false, interpolation: false, depth_cull: false, ..Stages::ALL };
             let params = PointImageParams { stages, ..PointImageParams::default() };
@@ -126,7 +128,7 @@ fn a_sample_lands_where_the_view_sees_its_surface() {
             shown += 1;
         }
         assert!(shown > 100, "{kind:?} {shown}");
-        // Panoramas look back, the others do not.
+        // Panoramas look back, other views do not.
         println!("{kind:?}: {shown} seen, {behind} not");
     }
 }
@@ -160,7 +162,7 @@ fn the_view_s_own_samples_make_the_picture_of_its_rays() {
 }
 
 #[test]
-fn rays_that_meet_nothing_show_it_in_every_view() {
+fn rays_that_hit_nothing_show_the_sky_in_every_view() {
     fn sky(_: DVec3, direction: DVec3) -> ([f32; 3], f64) {
         ([0.5 + 0.4 * direction.y as f32, 0.5, 0.5 + 0.4 * direction.z as f32], f64::INFINITY)
     }
@@ -176,13 +178,14 @@ fn rays_that_meet_nothing_show_it_in_every_view() {
             let off = (0..3)
                 .map(|i| (frame.picture.pixels[pixel][i] - wanted[i]).abs())
                 .fold(0.0, f32::max);
-            // A pixel of the widest view is 7° wide at its rim, and cells of a 24³ grid spread a parallel view's rays as far.
+            // A pixel of the widest view is 7° wide at its rim. Cells of a 24³ grid spread a
+            // parallel view's rays as far.
             assert!(off < 0.4 * 0.14, "{kind:?}: {off}");
         }
     }
 }
 
-/// The walls of a room, each of its own colour, around the section.
+/// Returns the walls of a room around the section, each in its own colour.
 fn walls() -> (Arc<Raycaster>, Vec<[f32; 3]>) {
     let colours: Vec<[f32; 3]> =
         (1..=6).map(|i| [0.1 * i as f32, 0.9 - 0.1 * i as f32, 0.3]).collect();
@@ -208,7 +211,7 @@ fn walls() -> (Arc<Raycaster>, Vec<[f32; 3]>) {
     (Arc::new(Raycaster::build(Arc::new(scene)).unwrap()), colours)
 }
 
-/// A driver that keeps light on surfaces, and shows this view.
+/// Returns a driver that keeps light on surfaces and shows this view.
 fn surfaces(section: &Section, raycaster: &Arc<Raycaster>, view: View) -> SurfacesDriver {
     let sections = Arc::from([section.clone()]);
     let mut driver = SurfacesDriver::new(sections, Arc::clone(raycaster), None);
@@ -216,7 +219,7 @@ fn surfaces(section: &Section, raycaster: &Arc<Raycaster>, view: View) -> Surfac
     driver
 }
 
-/// The wall that a ray from inside the room ends on, and how far away.
+/// Returns the wall that a ray from inside the room hits, and the distance.
 fn wall_seen(origin: DVec3, along: DVec3) -> (usize, f64) {
     let walls = (0..3).filter(|&axis| along[axis] != 0.0).map(|axis| {
         let ahead = along[axis] > 0.0;
@@ -233,7 +236,8 @@ fn surfaces_shows_every_type_with_true_edges() {
     for kind in ViewKind::ALL {
         let seen = view_of(kind);
         let mut driver = surfaces(&section, &raycaster, seen);
-        // Light of 1 everywhere: what is seen is the albedo. Few samples, from anywhere in the section.
+        // Light is 1 everywhere, so the picture shows the albedo. Few samples, from anywhere in the
+        // section.
         let mut random = Random(4);
         for _ in 0..3000 {
             let beam = holo_section::BeamId(random.bits() % section.beam_count());
@@ -259,7 +263,7 @@ fn surfaces_shows_every_type_with_true_edges() {
                 (f64::from(depth) / distance - 1.0).abs() < 1e-4,
                 "{kind:?}: {depth} for {distance}"
             );
-            // Away from edges, since there a pixel is a mean.
+            // Pixels at edges are means, and are skipped.
             let (right, down) = (1.5 / f64::from(SIZE.0), 1.5 / f64::from(SIZE.1));
             let around = [
                 (-right, -down),
@@ -274,7 +278,7 @@ fn surfaces_shows_every_type_with_true_edges() {
                     .is_some_and(|(origin, along)| wall_seen(origin, along).0 == wall)
             });
             if is_inner {
-                // RGBE keeps the largest channel to 0.4 %.
+                // RGBE's error is at most 0.4 % of the largest channel.
                 let off = (0..3).map(|i| (colour[i] - colours[wall][i]).abs()).fold(0.0, f32::max);
                 assert!(off < 0.012, "{kind:?}: {colour:?} for {:?}", colours[wall]);
                 compared += 1;
@@ -289,7 +293,7 @@ fn a_view_of_any_type_wants_the_beams_of_its_rays() {
     let section = room_section(12);
     for kind in ViewKind::ALL {
         let seen = view_of(kind);
-        // So many pixels that a panorama's beams have some each.
+        // Enough pixels that each beam of a panorama covers some.
         let size = (4 * SIZE.0, 4 * SIZE.1);
         let selection =
             select_beams(std::slice::from_ref(&section), &seen, size, &SelectOptions::default());
@@ -303,9 +307,10 @@ fn a_view_of_any_type_wants_the_beams_of_its_rays() {
                 selection.beams.iter().any(|wanted| wanted.key.beam == section.beam(hit.pair)),
             );
         }
-        // What the selection's rays miss, cells that a picture only grazes, is little.
+        // The selection's rays miss only few cells, those that the picture just touches.
         assert!(f64::from(found as u32) >= 0.95 * f64::from(rays), "{kind:?}: {found} of {rays}");
-        // Coverage counts fisheyes' corners as not covered; jittered rays against pixels' middles.
+        // Coverage counts a fisheye's corners as not covered, and uses jittered rays instead of
+        // pixel centres.
         let middles = f64::from(rays) / f64::from(SIZE.0 * SIZE.1);
         assert!((selection.covered.fraction() - middles).abs() < 0.03, "{kind:?} {seeing}");
     }
@@ -313,7 +318,7 @@ fn a_view_of_any_type_wants_the_beams_of_its_rays() {
 
 #[test]
 fn rays_asked_for_go_along_with_a_parallel_view() {
-    // Sheared, with different cells along every axis.
+    // A sheared section with different cells along every axis.
     let section = Section::new(holo_section::SectionSpec {
         origin: [100.0, -3.0, 5.0],
         axes: [[4.0, 0.5, 0.0], [-0.3, 3.0, 0.2], [0.1, 0.0, 2.0]],
@@ -341,7 +346,8 @@ fn rays_asked_for_go_along_with_a_parallel_view() {
             limited += usize::from(sampler.is_limited());
             for number in (0..21).filter(|_| sampler.is_limited()) {
                 let ray = sampler.ray(sampler.coords(number));
-                // Rounded by half a step in both directions at either end, in a ray as long as the shortest side or shorter.
+                // Each end of a ray is rounded by half a step in both directions. The ray is at
+                // most as long as the shortest side.
                 let step = 4.1 / 6.0 / 256.0;
                 let rounding = 2.0_f64.sqrt() * step / ray.length.min(2.0);
                 let apart = ray.direction.cross(seen.vd).length();
@@ -356,7 +362,7 @@ fn rays_asked_for_go_along_with_a_parallel_view() {
 }
 
 #[test]
-fn surfaces_sees_through_what_is_before_and_no_farther_than_the_aft_surface() {
+fn surfaces_ignores_what_is_before_the_fore_surface_and_beyond_the_aft_surface() {
     let (raycaster, _) = walls();
     let section = room_section(8);
     let (fore, aft) = (5.0, 7.4);
@@ -380,7 +386,7 @@ fn surfaces_sees_through_what_is_before_and_no_farther_than_the_aft_surface() {
             };
             let from_plane = if kind == ViewKind::Parallel { fore } else { 0.0 };
             let (shown, far) = (f64::from(frame.depth[pixel]), f64::from(open.depth[pixel]));
-            // Behind the room's walls there is nothing.
+            // There is nothing behind the room's walls.
             if depth < fore {
                 assert!(shown == f64::INFINITY && far == f64::INFINITY, "{kind:?}");
                 count[0] += 1;
@@ -397,7 +403,7 @@ fn surfaces_sees_through_what_is_before_and_no_farther_than_the_aft_surface() {
                     count[1] += 1;
                 }
             }
-            // Away from edges, since there a pixel is a mean.
+            // Pixels at edges are means, and are skipped.
             let (width, at) = (SIZE.0 as usize, |pixel: usize| f64::from(frame.depth[pixel]));
             let is_in = pixel % width > 0
                 && pixel % width + 1 < width

@@ -1,6 +1,6 @@
 //! Protocol sockets: frames over TCP, the handshake, limits and time-outs.
 //!
-//! No other crate opens a protocol socket. What always holds:
+//! No other crate opens a protocol socket. Invariants:
 //! - Memory for a frame is taken only after its length was checked against its kind. Before the
 //!   handshake is done, nothing longer than a hello is read.
 //! - The server pings everyone every [`PING_EVERY`], and the tasks that own the sockets send and

@@ -1,7 +1,7 @@
 //! The sample generator: one process that traces packets for a holoserver on all its cores (Larson
 //! & Simmons 1999, §2.3).
 //!
-//! What always holds:
+//! Invariants:
 //! - The scene comes from the server, so no shared disk is needed. One copy serves all threads.
 //! - A packet alone determines its rays: traced again, it holds the same rays.
 #![forbid(unsafe_code)]

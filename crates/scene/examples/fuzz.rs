@@ -1,5 +1,5 @@
-//! Reads many damaged files by one reader. A panic, or memory beyond the process's limit, ends it:
-//! the file that did it is then left in the folder.
+//! Feeds many damaged files to one reader. A panic, or memory beyond the process's limit, ends the
+//! program, and the file that caused it stays in the folder.
 //!
 //! `cargo run --release -p holo-scene --example fuzz -- READER SEEDS FOLDER CASES [FIRST]`
 //!

@@ -31,7 +31,7 @@ pub enum SceneError {
         path: PathBuf,
         /// The line that exceeds it.
         line: usize,
-        /// What there is too much of.
+        /// The kind of thing that exceeds the limit.
         what: &'static str,
         /// The limit of [`crate::limits`].
         limit: usize,
@@ -49,7 +49,7 @@ pub enum SceneError {
     Gltf {
         /// The file.
         path: PathBuf,
-        /// What is wrong, where, and what to do.
+        /// The problem with its place, and what to do.
         problem: String,
     },
     /// A file has no triangle with an area.
@@ -57,13 +57,13 @@ pub enum SceneError {
     Empty {
         /// The file.
         path: PathBuf,
-        /// What it is instead, for people.
+        /// The file's real format, for people.
         instead: String,
     },
     /// A scene would exceed a limit.
     #[error("{count} {what} are more than the limit of {limit}")]
     Limit {
-        /// What there is too much of.
+        /// The kind of thing that exceeds the limit.
         what: &'static str,
         /// The number.
         count: u64,

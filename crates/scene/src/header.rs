@@ -1,4 +1,4 @@
-//! What the comments at the beginning of a model file say about its unit and its up axis.
+//! Reads the unit and the up axis from the comments at the beginning of a model file.
 
 use crate::text::excerpt;
 
@@ -11,14 +11,14 @@ pub struct Said<T> {
     pub words: String,
 }
 
-/// What a model file says about itself beside its surfaces.
+/// Facts that a model file states, besides its surfaces.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct About {
     /// The up axis that the file states.
     pub up: Option<Said<[f64; 3]>>,
     /// Metres per unit that the file states.
     pub unit: Option<Said<f64>>,
-    /// The up axis that the program usually has which wrote the file.
+    /// The usual up axis of the program that wrote the file.
     pub usual_up: Option<Said<[f64; 3]>>,
     /// Metres per unit that this program usually has.
     pub usual_unit: Option<Said<f64>>,
@@ -39,14 +39,14 @@ pub struct Camera {
     pub up: [f64; 3],
     /// Vertical angle in degrees, or the height of a parallel view in scene units.
     pub height: f64,
-    /// Whether it is a parallel view.
+    /// True for a parallel view.
     pub is_parallel: bool,
 }
 
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
 const Z: [f64; 3] = [0.0, 0.0, 1.0];
 
-/// Bytes and lines of a file in which comments are looked at.
+/// Bytes and lines at the beginning of a file that are searched for comments.
 const MOST_BYTES: usize = 1 << 16;
 const MOST_LINES: usize = 200;
 
@@ -129,7 +129,7 @@ fn read_comment(comment: &str, about: &mut About) {
     let names_units = words.iter().any(|word| *word == "unit" || *word == "units");
     let speaks_of_units = names_units || words.len() <= 3;
     let unit = words.iter().find_map(|word| UNITS.iter().find(|(name, _)| name == word));
-    // Single letters and "in" are words of other sentences, too.
+    // Single letters and "in" also occur in other sentences.
     let is_sure = |name: &str| name.len() > 2 || names_units;
     if let Some((name, metres)) = unit.filter(|(name, _)| speaks_of_units && is_sure(name)) {
         let value = metres * number_before(&lower, name);
@@ -143,7 +143,8 @@ fn read_comment(comment: &str, about: &mut About) {
     }
 }
 
-/// Returns the number in front of a word, such as 100 in "units of 100 mm"; 1 if there is none.
+/// Returns the number in front of a word, such as 100 in "units of 100 mm"; 1 if no number is
+/// there.
 fn number_before(text: &str, word: &str) -> f64 {
     let is_word = |part: &str| part.trim_matches(|c: char| !c.is_alphanumeric()) == word;
     let parts: Vec<&str> = text.split_whitespace().collect();
@@ -183,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn programs_have_habits_which_state_nothing() {
+    fn a_program_s_usual_up_axis_and_unit_are_not_stated_ones() {
         let about = read("# Blender v2.93.4 OBJ File: 'room.blend'\n# www.blender.org\n");
         assert_eq!((about.up, about.unit), (None, None));
         assert_eq!(about.usual_up.map(|said| said.value), Some(Y));

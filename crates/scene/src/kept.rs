@@ -1,6 +1,7 @@
 //! Files that are kept from one run to the next, each under a hash of what it belongs to.
 //!
-//! They save time and nothing else. So whoever cannot write or read one goes on without it.
+//! They save time and nothing else. So if one cannot be written or read, the program continues
+//! without it.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};

@@ -9,12 +9,12 @@
 //! trusting them.
 //!
 //! Always true:
-//! - A [`Scene`] is valid: every index is in range, every number is finite and within [`limits`],
-//!   every triangle has an area, every albedo lies in [0, 1].
+//! - A [`Scene`] is valid. Every index is in range, every number is finite and within [`limits`],
+//!   every triangle has an area, and every albedo lies in [0, 1].
 //! - Text and bytes from outside give a clear error or a valid scene, never a panic. Every count is
 //!   bounded before memory is allocated for it.
-//! - Nothing that a file says is dropped silently: a [`Warning`] with its line names what a scene
-//!   cannot represent.
+//! - Nothing in a file is dropped silently: a [`Warning`] with its line names everything that a
+//!   scene cannot represent.
 //! - `pack` is canonical: a scene has one packing, and `unpack` accepts nothing else.
 
 mod error;

@@ -19,7 +19,7 @@ pub(crate) struct Looks {
     pub textures: Vec<Texture>,
     /// For each material. Empty if none has a texture.
     pub maps: Vec<Maps>,
-    /// How textures lie on the surfaces of each material.
+    /// The placement of textures on the surfaces of each material.
     pub placements: Vec<Placement>,
 }
 
@@ -96,8 +96,8 @@ pub(crate) fn materials(
     Ok((materials, looks))
 }
 
-/// Returns an index of the materials by name, with and without what looks like a comment. Of
-/// several materials with one name, the last counts.
+/// Returns an index of the materials by name, with and without what looks like a comment. If
+/// several materials have one name, the last counts.
 fn index<'a>(library: &'a [MtlMaterial], warnings: &mut Warnings) -> HashMap<&'a str, usize> {
     let mut by_name = HashMap::new();
     for (id, material) in library.iter().enumerate() {

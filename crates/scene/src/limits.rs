@@ -32,8 +32,8 @@ pub const MIN_IOR: f32 = 0.1;
 /// Greatest index of refraction of the MTL format.
 pub const MAX_IOR: f32 = 10.0;
 
-/// Most corners of a face. An exporter's outline of a round hole has hundreds; a face of millions
-/// is a damaged line, and takes minutes to divide.
+/// Most corners of a face. An exporter's outline of a round hole has hundreds. A face of millions
+/// is a damaged line, and dividing it would take minutes.
 pub const MAX_CORNERS: usize = 1 << 16;
 
 /// Largest OBJ file in bytes. [`MAX_TRIANGLES`] would need about 10 GB of text, but the whole text

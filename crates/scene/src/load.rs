@@ -1,7 +1,8 @@
 //! Loading a scene from a model file.
 //!
-//! What cannot be interpreted is left out. What is left out or replaced is a warning with its line,
-//! if the format has lines, and a count. A missing material is grey diffuse 0.5.
+//! Parts of the file that cannot be interpreted are left out. A warning reports everything that is
+//! left out or replaced, with a count, and with the line if the format has lines. A missing
+//! material is grey diffuse 0.5.
 
 use crate::model::{LoadProgress, Reader, Source};
 use crate::warnings::{Warning, Warnings};
@@ -26,9 +27,9 @@ pub struct Loaded {
     /// The scene, with at least one triangle. Its materials are those that triangles use, in order
     /// of first use.
     pub scene: Scene,
-    /// What was ignored or replaced.
+    /// Reports on everything that was ignored or replaced.
     pub warnings: Vec<Warning>,
-    /// What the file says about its unit, its up axis and its cameras.
+    /// The unit, the up axis and the cameras that the file states.
     pub about: About,
 }
 
@@ -37,9 +38,9 @@ pub struct Loaded {
 ///
 /// Polygons, concave ones too, become triangles with the same winding. Lines, points and triangles
 /// without area are ignored with a warning. The table of [`crate::mtl`] defines the materials of
-/// OBJ. In short, `illum` 3 is a mirror or rough metal, 4 a thin pane, 7 a solid dielectric, 2 with
-/// `Ks` a coat; otherwise `Kd` is diffuse. `Ke` is one-sided radiance. The module `gltf_file` does
-/// the same for glTF.
+/// OBJ. In short, `illum` 3 is a mirror or rough metal, 4 a thin pane, and 7 a solid dielectric. 2
+/// with `Ks` is a coat; otherwise `Kd` is diffuse. `Ke` is one-sided radiance. The module
+/// `gltf_file` does the same for glTF.
 ///
 /// # Errors
 /// A file that cannot be read or has no triangle; a sky that is not plausible; more of anything
@@ -82,10 +83,11 @@ pub fn load_watched(
     Ok(Loaded { scene, warnings: warnings.finish(path), about: model.about })
 }
 
-/// All readers. The last one takes every file, and says what it is if it cannot read it.
+/// All readers. The last one accepts every file. If it cannot read the file, its error names the
+/// file's format.
 const READERS: [Reader; 2] = [gltf_file::READER, obj_model::READER];
 
-/// Bytes by which a format is recognised.
+/// Bytes at the beginning of a file that are used to recognise its format.
 const FIRST_BYTES: u64 = 256;
 
 /// Returns the reader for a file.
@@ -101,7 +103,7 @@ fn reader_for(path: &Path) -> Result<Reader, SceneError> {
     Ok(found.unwrap_or(obj_model::READER))
 }
 
-/// Leaves triangles out of a shading, too.
+/// Removes triangles from a shading.
 fn without(mut shading: Shading, left_out: &[usize]) -> Shading {
     fn keep<T>(all: &mut Vec<T>, left_out: &[usize]) {
         let (mut triangle, mut left_out) = (0, left_out.iter().peekable());

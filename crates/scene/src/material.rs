@@ -1,7 +1,7 @@
 //! Materials: how a surface scatters light, and what it emits.
 //!
-//! A material of a [`crate::Scene`] is plausible: colours and roughness lie in [0, 1], the index of
-//! refraction in [`MIN_IOR`]..=[`MAX_IOR`], and radiance is finite and not negative.
+//! A material of a [`crate::Scene`] is plausible. Colours and roughness lie in [0, 1], the index of
+//! refraction lies in [`MIN_IOR`]..=[`MAX_IOR`], and radiance is finite and not negative.
 
 use crate::SceneError;
 use crate::limits::{MAX_IOR, MAX_NAME_BYTES, MAX_RADIANCE, MIN_IOR};
@@ -17,14 +17,14 @@ pub struct Material {
     pub name: String,
     /// Its scattering.
     pub bsdf: Bsdf,
-    /// Radiance that it emits, in W·sr⁻¹·m⁻², on the side from which the corners run
+    /// Radiance that it emits, in W·sr⁻¹·m⁻², on the side from which the corners appear
     /// counter-clockwise.
     pub emission: Rgb,
-    /// Whether it emits on the other side too.
+    /// True if it emits on the other side too.
     pub two_sided_emission: bool,
 }
 
-/// How a surface scatters light. Both sides of opaque kinds are the same.
+/// The scattering of light by a surface. Both sides of opaque kinds are the same.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Bsdf {
@@ -45,7 +45,7 @@ pub enum Bsdf {
         /// GGX roughness, in (0, 1].
         alpha: f32,
     },
-    /// A thin pane with two parallel faces, which light passes straight or is reflected by.
+    /// A thin pane with two parallel faces. Light passes it straight or is reflected.
     ThinGlass {
         /// Index of refraction.
         ior: f32,

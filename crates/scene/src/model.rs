@@ -1,4 +1,4 @@
-//! What readers of model files have in common, one for each format.
+//! The common part of readers of model files. Each format has one reader.
 //!
 //! A format is one module that has a [`Reader`], and an entry in the list of `load`.
 
@@ -9,7 +9,7 @@ use glam::DVec3;
 use crate::warnings::Warnings;
 use crate::{About, LoadOptions, Material, SceneError, Shading, Sun};
 
-/// What a reader finds in a file, in world coordinates.
+/// The contents of a file, in world coordinates.
 #[derive(Default)]
 pub(crate) struct Model {
     pub positions: Vec<DVec3>,
@@ -23,11 +23,11 @@ pub(crate) struct Model {
     pub about: About,
     /// The line of each triangle, for messages. Empty if the format has no lines.
     pub lines: crate::faces::Faces,
-    /// What the file is, for people, if it has no triangle.
+    /// The file's real format, for people, if it has no triangle.
     pub instead: Option<String>,
 }
 
-/// How much of a file has been read.
+/// The part of a file that has been read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadProgress {
     /// Bytes read.
@@ -42,14 +42,14 @@ pub struct LoadProgress {
 pub(crate) struct Source<'a> {
     pub path: &'a Path,
     pub options: &'a LoadOptions,
-    /// Is told how much has been read.
+    /// Called with the progress of reading.
     pub watch: &'a mut dyn FnMut(LoadProgress),
     pub warnings: &'a mut Warnings,
 }
 
 /// Reads one format.
 pub(crate) struct Reader {
-    /// Returns whether a file is of this format, by its first bytes and its name.
+    /// Returns whether a file has this format, from its first bytes and its name.
     pub recognises: fn(&[u8], &Path) -> bool,
     /// Reads a file.
     pub read: fn(Source) -> Result<Model, SceneError>,

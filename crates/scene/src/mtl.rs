@@ -11,15 +11,16 @@
 //! | 2 | with `Ks` above zero: diffuse `Kd` under a coat of colour `Ks`, index `Ni` (1.5 if absent or, with a warning, ≤ 1), alpha as above (absent `Ns` = 0, the broadest highlight) |
 //! | else | diffuse `Kd` |
 //!
-//! - **`d` and `Tr` = 1 - `d`** (`d` counts if both exist): below 0.5, `d` makes a thin pane of
-//!   transmission `Tf`, or else (1 - `d`)·`Kd` (white if `Kd` is zero or absent). From 0.5 on the
-//!   surface is opaque, because no surface can be half of each. Both give a warning. `Tr` of 1 without
-//!   `d` is opaque: programs that mean `d` write it so. With `illum` 3, 4 and 7, `d` does not count.
-//! - **Blender** states roughness r as `Ns` = 1000 (1 - r)², and reflection at right angles in units of
-//!   0.08 as `Ks`, 0.5 by default: alpha is r², and the coat's colour twice `Ks`. The first comment of
-//!   the file tells.
-//! - **`illum 4` with `Ni` 1 and `Tf` 1** would be invisible. Maya writes so for all opaque surfaces,
-//!   and `Kd` is diffuse, with a warning.
+//! - **`d` and `Tr` = 1 - `d`** (`d` counts if both exist). Below 0.5, `d` makes a thin pane of
+//!   transmission `Tf`. Without `Tf`, the transmission is (1 - `d`)·`Kd`, or 1 - `d` if `Kd` is
+//!   zero or absent. From 0.5 on the surface is opaque, because no surface can be half of each.
+//!   Both give a warning. `Tr` of 1 without `d` is opaque, because programs that write this mean
+//!   `d`. With `illum` 3, 4 and 7, `d` does not count.
+//! - **Blender** states roughness r as `Ns` = 1000 (1 - r)², so alpha is r². It states reflection
+//!   at right angles as `Ks` in units of 0.08, 0.5 by default, so the coat's colour is twice `Ks`.
+//!   Its files are recognised by their first comment.
+//! - **`illum 4` with `Ni` 1 and `Tf` 1** would be invisible. Maya writes this for all opaque
+//!   surfaces, so `Kd` is diffuse, with a warning.
 //! - **`Tf 0`** beside `d` below 0.5 is a program's default, and does not count.
 //! - **One number** stands for three equal ones. `spectral` and `xyz` colours are ignored with a
 //!   warning.
@@ -27,9 +28,9 @@
 //! - **Implausible values** are clamped with a warning. A statement is left out with a warning if a
 //!   value is not a finite number, or if their number is wrong.
 //! - **`Ke`** is radiance, on the counter-clockwise side. `Ka` and `sharpness` have no effect.
-//!   `map_Kd`, `map_Ke` and `map_d` are textures: factors to `Kd` and `Ke`, and what is cut out. `Kd`
-//!   or `Ke` of zero beside its texture is 1. `map_Pr` and `map_Pm` are factors to `Pr` and `Pm`, 1
-//!   if these are zero or absent: the rows with `Pr` and `Pm` hold at each point. `norm` and
+//!   `map_Kd` and `map_Ke` are textures that multiply `Kd` and `Ke`, and `map_d` cuts parts out.
+//!   `Kd` or `Ke` of zero beside its texture is 1. `map_Pr` and `map_Pm` multiply `Pr` and `Pm`,
+//!   which are 1 if zero or absent. The rows with `Pr` and `Pm` then hold at each point. `norm` and
 //!   `map_Bump` bend normals. Other textures and unknown statements are ignored with a warning.
 //!   Keywords may be in upper or lower case.
 
@@ -51,7 +52,7 @@ pub(crate) struct Stated<T> {
 #[derive(Debug)]
 pub(crate) struct MtlMaterial {
     pub name: String,
-    /// Whether Blender wrote the file.
+    /// True if Blender wrote the file.
     pub is_blender: bool,
     pub path: PathBuf,
     pub line: usize,
@@ -70,12 +71,12 @@ pub(crate) struct MtlMaterial {
     pub maps: Vec<MapStatement>,
 }
 
-/// `Ns` from which a highlight is a mirror image.
+/// Least `Ns` of a mirror.
 const MIRROR_NS: f64 = 999.0;
 const DEFAULT_IOR: f64 = 1.5;
-/// `Pm` from which a surface is metal.
+/// Least `Pm` of a metal.
 const METAL: f32 = 0.5;
-/// `Pr` below which metal is a mirror, and from which a plastic is diffuse.
+/// `Pr` below which a metal is a mirror, and `Pr` above which a plastic is diffuse.
 const SMOOTH: f32 = 0.03;
 const MATT: f32 = 0.75;
 /// Roughness of a metal that states none.
@@ -100,7 +101,7 @@ impl MtlMaterial {
         let has_map = self.has_map(Slot::Emission);
         let is_dark = |ke: &Stated<[f64; 3]>| ke.value.iter().all(|&c| c <= 0.0);
         let ke = self.ke.filter(|ke| !(has_map && is_dark(ke)));
-        // A texture of emission without `Ke` shines as it is.
+        // A texture of emission without `Ke` emits its own values.
         let plain = if has_map { [1.0; 3] } else { [0.0; 3] };
         let emission = ke.map_or(plain, |ke| clamped("Ke", ke, f64::from(MAX_RADIANCE), &mut warn));
         let emits = emission.iter().any(|&e| e > 0.0);
@@ -201,7 +202,8 @@ impl MtlMaterial {
         }
     }
 
-    /// Returns roughness and metalness with what Blender states of metals in other words.
+    /// Returns roughness and metalness, including those of metals that Blender states in another
+    /// way.
     fn of_blender(&self, finish: [Option<f32>; 2], illum: Option<u8>) -> [Option<f32>; 2] {
         let [rough, metal] = finish;
         let is_metal = self.is_blender && illum == Some(3) && metal.is_none();
@@ -256,7 +258,7 @@ impl MtlMaterial {
         })
     }
 
-    /// Returns what `d` or `Tr` state, unless it is opaque.
+    /// Returns the stated `d`, or that of `Tr`, unless it is opaque.
     fn opacity(&self) -> Option<Stated<f64>> {
         let from_tr = self
             .tr

@@ -1,13 +1,13 @@
 //! Textures in MTL files: `map_Kd` (colour), `map_Ke` (emission), `map_d` (opacity), `map_Pr`
 //! (roughness), `map_Pm` (metalness), `norm` and `map_Bump` (normals).
 //!
-//! Options before a file's name that count are `-s` and `-o` (how the texture lies), `-clamp`,
-//! `-bm` (strength of normals) and `-imfchan` (the channel of a number). Others are skipped. The
-//! file is found beside the model as any file that it names.
+//! These options before a file's name have an effect: `-s` and `-o` (placement of the texture),
+//! `-clamp`, `-bm` (strength of normals) and `-imfchan` (the channel of a number). Others are
+//! skipped. The file is searched for in the same way as any other file that a model names.
 //!
-//! Exporters name pictures of normals and of heights alike with `map_Bump`. Only a picture whose
-//! mean is a unit vector off the surface has normals. Heights have no stated unit, and are left out
-//! with a warning.
+//! Exporters use `map_Bump` for pictures of normals and of heights alike. A picture counts as
+//! normals only if its mean is a unit vector that points off the surface. Heights have no stated
+//! unit, and are left out with a warning.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ use crate::texture_files::{TextureFiles, Use};
 use crate::warnings::Warnings;
 use crate::{Maps, mtl::DEFAULT_ROUGHNESS};
 
-/// What a texture changes.
+/// The property that a texture changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Slot {
     Base,
@@ -46,7 +46,7 @@ impl Slot {
     }
 }
 
-/// How a texture lies on a surface.
+/// The placement of a texture on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Placement {
     scale: [f32; 2],
@@ -141,7 +141,7 @@ fn numbers(text: &mut &str, kept: &mut [f32]) {
     }
 }
 
-/// Returns the textures of a material of the MTL file `path`, and how they lie. One that cannot
+/// Returns the textures of a material of the MTL file `path`, and their placement. One that cannot
 /// be read is a warning. `finish` are its roughness and metalness, factors to their textures.
 pub(crate) fn textures(
     path: &Path,

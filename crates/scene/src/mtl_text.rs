@@ -2,8 +2,8 @@
 //!
 //! `tobj` panics at a colour of one number. It gives up a file at `Kd spectral`, an `illum` beyond
 //! 255 or a material without name. It accepts NaN, knows one case of each keyword, and reports no
-//! lines. So it gets only [`COLOURS`] of three finite numbers and [`NUMBERS`] of one, in the words
-//! of the file, and materials named by numbers. Lines and names are remembered here.
+//! lines. So it receives only [`COLOURS`] of three finite numbers and [`NUMBERS`] of one, in the
+//! words of the file. Materials are named by numbers. Lines and names are remembered here.
 
 use crate::SceneError;
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES};
@@ -47,7 +47,7 @@ fn is_of_blender(text: &str) -> bool {
     comments.take_while(|line| line.starts_with('#')).any(|line| line.contains("Blender"))
 }
 
-/// What `tobj` does not report about a material.
+/// Facts about a material that `tobj` does not report.
 struct Header {
     name: String,
     line: usize,
@@ -163,7 +163,7 @@ impl<'a> Statement<'a> {
         plain(token).ok_or_else(|| format!("takes a finite number, found `{}`", excerpt(token)))
     }
 
-    /// Returns an integer. `tobj` knows 0 to 255; all others are equally unknown here.
+    /// Returns an integer. `tobj` accepts 0 to 255; all others are equally unknown here.
     fn illum(&self) -> Result<String, String> {
         let illum =
             number(&self.number()?).filter(|value| value.fract() == 0.0 && value.abs() <= 1e6);

@@ -11,9 +11,9 @@ use crate::SceneError;
 
 /// Returns the file that a model in `folder` names.
 ///
-/// Tried in this order: the path as written, without spaces around it, with the separators of
-/// Windows, in other letter case, with the ending `usual` in place of its own, and the bare name in
-/// the folder. If none of them exists, the result is the path as written, within the folder.
+/// These are tried in order: the path as written; without spaces around it; with the separators of
+/// Windows; in other letter case; with the ending `usual` in place of its own; the bare name in the
+/// folder. If none of them exists, the result is the path as written, within the folder.
 pub(crate) fn beside(folder: &Path, name: &str, usual: &str) -> PathBuf {
     let spaced = within(name);
     let name = name.trim();

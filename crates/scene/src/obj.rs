@@ -40,7 +40,7 @@ pub(crate) struct ObjFile {
     pub colours: Vec<[f32; 3]>,
     /// The vertex of each corner of the file's faces. Empty without `colours`.
     pub coloured: Vec<u32>,
-    /// What the file is, for people, if it has no triangle.
+    /// The file's real format, for people, if it has no triangle.
     pub instead: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What an OBJ text contains besides the numbers and faces that are passed on to `tobj`.
+//! Contents of an OBJ text other than the numbers and faces that are passed on to `tobj`.
 
 use glam::Vec3;
 
@@ -19,7 +19,7 @@ pub(crate) struct MaterialUse {
     pub line: usize,
 }
 
-/// What a text contains besides numbers and faces.
+/// Contents of a text other than numbers and faces.
 #[derive(Default)]
 pub(crate) struct Checked {
     /// The line of each face, and its material as an index into `uses`.
@@ -35,7 +35,7 @@ pub(crate) struct Checked {
     /// Texture coordinate and normal of each corner of each face that was passed on; [`NONE`] if it
     /// has none. Empty if no corner has any.
     pub corners: Vec<[u32; 2]>,
-    /// The smoothing group of each triangle. Empty if there is none but 0.
+    /// The smoothing group of each triangle. Empty if all are in group 0.
     pub groups: Vec<u32>,
     /// The colour after the coordinates of each `v`, or [`NO_COLOUR`]. Empty if none has a colour.
     pub colours: Vec<[f32; 3]>,

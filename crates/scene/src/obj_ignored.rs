@@ -1,4 +1,4 @@
-//! What is left out of an OBJ file or ignored, counted by kind.
+//! Counts the parts of an OBJ file that are left out or ignored, by kind.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -29,7 +29,7 @@ pub(crate) struct Ignored {
 struct Kind {
     line: usize,
     count: usize,
-    /// What is wrong with the first one, for people.
+    /// The problem of the first one, for people.
     example: Option<String>,
 }
 
@@ -63,7 +63,7 @@ impl Ignored {
         }
     }
 
-    /// Returns what is wrong with the first of the statements that were left out, and its line.
+    /// Returns the problem of the first statement that was left out, and its line.
     pub(crate) fn first_left_out(&self) -> Option<(usize, &str)> {
         let examples = self.kinds.values().filter_map(|k| Some((k.line, k.example.as_deref()?)));
         examples.min()

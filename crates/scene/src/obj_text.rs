@@ -8,11 +8,13 @@
 //! with three or more vertices.
 //!
 //! Always true:
-//! - What is passed on is finite, within [`MAX_COORDINATE`], and has indices in range at its line.
+//! - Numbers that are passed on are finite and within [`MAX_COORDINATE`], and indices are in range
+//!   at their line.
 //! - A vertex that cannot be read keeps its number; faces that name it are left out.
 //! - Faces that name vertices of later lines are passed on at the end of the text.
-//! - Of other lines, at most one logical line is in memory.
-//! - What is left out or ignored is counted, and reported once for each kind with its first line.
+//! - At most one other logical line is in memory.
+//! - Statements that are left out or ignored are counted, and reported once for each kind with the
+//!   first line.
 //! - Only a limit of [`crate::limits`] is an error. It ends the text; [`CleanObj::finish`] returns
 //!   it.
 
@@ -121,7 +123,7 @@ impl<'a> CleanObj<'a> {
         }
     }
 
-    /// Returns what else the text contained, or the error that ended it.
+    /// Returns the other contents of the text, or the error that ended it.
     pub(crate) fn finish(self) -> Result<Checked, SceneError> {
         match self.failed {
             Some(error) => Err(error),
@@ -152,7 +154,7 @@ impl<'a> CleanObj<'a> {
         });
     }
 
-    /// Checks a statement, and writes what is passed on to `clean`.
+    /// Checks a statement, and writes it to `clean` if it is passed on.
     fn statement(&mut self, content: &str) -> Result<(), SceneError> {
         let (keyword, rest) = keyword(content);
         match keyword {
@@ -186,7 +188,7 @@ impl<'a> CleanObj<'a> {
         self.checked.vertices += 1;
         self.clean.push(b'v');
         let mut found = 0;
-        // What follows the coordinates: a weight, or a colour with or without opacity.
+        // A weight follows the coordinates, or a colour with or without opacity.
         let mut more = ["1"; 3];
         for token in rest.split_ascii_whitespace() {
             match found {
@@ -321,7 +323,7 @@ impl<'a> CleanObj<'a> {
         Ok(())
     }
 
-    /// Remembers what else the corners of a face have. Files without anything pay nothing.
+    /// Stores the other attributes of a face's corners. Files without anything pay nothing.
     fn remember_attributes(&mut self, corners: &[Corner], group: u32) {
         let Checked { corners: known, groups, faces, colours, coloured, .. } = &mut self.checked;
         if corners.iter().any(|corner| corner.attributes != [NONE; 2]) {
@@ -329,7 +331,8 @@ impl<'a> CleanObj<'a> {
             known.extend(corners.iter().map(|corner| corner.attributes));
         }
         if !colours.is_empty() {
-            // Corners of faces before the first colour are of vertex 0: no file has any.
+            // Before the first colour, corners are stored as vertex 0, because their colours do not
+            // exist.
             coloured.resize(self.corner_count, 0);
             coloured.extend(corners.iter().map(|corner| corner.vertex as u32 - 1));
         }
@@ -364,8 +367,8 @@ impl<'a> CleanObj<'a> {
         self.checked.ignored.example(kind, line, example);
     }
 
-    /// Returns a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. `None`, and counted, if there can be no
-    /// such corner. A texture coordinate or normal that cannot be is none.
+    /// Returns a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`. Returns `None`, and counts it, if the
+    /// corner is impossible. An impossible texture coordinate or normal is left out.
     fn corner(&mut self, token: &str) -> Option<Corner> {
         let mut parts = token.split('/');
         let index = |part: Option<&str>| match part {

@@ -1,4 +1,4 @@
-//! The packed scene: what workers are sent and a holodeck file embeds.
+//! The packed scene: the bytes that are sent to workers and stored in a holodeck file.
 //!
 //! All numbers are little-endian, nothing is aligned beyond what is said, floats are IEEE 754.
 //!
@@ -69,8 +69,8 @@
 //! 8               n      its file: PNG, JPEG, Radiance HDR, EXR, BMP or TGA
 //! ```
 //!
-//! A scene has exactly one packing. Damage is found by the content hash, not here: what `unpack`
-//! promises of any bytes is a valid scene or an error.
+//! A scene has exactly one packing. Damage is found by the content hash, not here. `unpack` returns
+//! a valid scene or an error for any bytes.
 
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::pack_shading::{pack_shading, unpack_shading};
@@ -246,7 +246,7 @@ impl Scene {
         *hasher.finalize().as_bytes()
     }
 
-    /// Returns the BLAKE3 hash of a packed scene, by which processes identify it.
+    /// Returns the BLAKE3 hash of a packed scene. Processes use it to identify the scene.
     pub fn content_hash(packed: &[u8]) -> [u8; 32] {
         *blake3::hash(packed).as_bytes()
     }

@@ -1,4 +1,4 @@
-//! The part of a packed scene that says how triangles look other than flat and plain.
+//! The part of a packed scene for normals, textures, colours and suns.
 //!
 //! The format is in [`crate::pack`].
 
@@ -75,7 +75,7 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
     }
 }
 
-/// Returns whether any surface is cut out at another opacity than is usual.
+/// Returns whether any surface is cut out at another opacity than the usual one.
 fn has_cuts(shading: &Shading) -> bool {
     shading.maps.iter().any(|maps| least_opacity(maps) != CUT_OUT)
 }
@@ -105,7 +105,8 @@ fn map(word: Word) -> Option<u32> {
     Some(u32::from_le_bytes(word)).filter(|&map| map != NO_TEXTURE)
 }
 
-/// Adds a normal map and a finish of their packed form. What has no other packing is refused.
+/// Adds a normal map and a finish of their packed form. Values that have another packing are
+/// refused.
 fn add_details(maps: &mut Maps, packed: &Details) -> Result<(), PackedError> {
     let [normal, strength, rough, rough_factor, metal, metal_factor, last] = *packed;
     let strength = f32::from_le_bytes(strength);
@@ -179,7 +180,7 @@ pub(crate) fn unpack_shading(
     if has(HAS_COLOURS) {
         shading.colours = take::<[[u8; 3]; 3]>(&mut bytes, triangles)?.to_vec();
     }
-    // What changes nothing has no packing.
+    // Attributes without an effect have no packing.
     let is_white = shading.colours.as_flattened().iter().all(|colour| *colour == WHITE);
     if has(HAS_COLOURS) && is_white || has(HAS_UVS) && !shading.has_maps() {
         return Err(PackedError::Shading.into());
@@ -192,7 +193,7 @@ pub(crate) fn unpack_shading(
     Ok((shading, suns))
 }
 
-/// Reads the least opacity of each material. What has no other packing is refused.
+/// Reads the least opacity of each material. Values that have another packing are refused.
 fn unpack_cuts(bytes: &mut &[u8], shading: &mut Shading) -> Result<(), PackedError> {
     let all = take::<Word>(bytes, shading.maps.len())?;
     for (maps, &least) in shading.maps.iter_mut().zip(all) {

@@ -31,7 +31,7 @@ pub struct Scene {
     pub sky: Rgb,
     /// Suns, if there are any.
     pub suns: Vec<Sun>,
-    /// Normals, textures and colours of corners, if there are any.
+    /// Normals, textures and colours of corners, if the scene has some.
     pub shading: Option<Box<Shading>>,
 }
 
@@ -198,7 +198,7 @@ impl Scene {
             .map(|corner| Vec3::from_array(self.positions[corner as usize]))
     }
 
-    /// Returns the unit normal of a triangle, on the side from which its corners run
+    /// Returns the unit normal of a triangle, on the side from which its corners appear
     /// counter-clockwise.
     ///
     /// # Panics
@@ -225,8 +225,8 @@ impl Scene {
         &self.materials[self.material_ids[triangle as usize] as usize]
     }
 
-    /// Returns the lowest and highest world coordinates of the triangles; the origin twice if there
-    /// are none.
+    /// Returns the lowest and highest world coordinates of the triangles; the origin twice if the
+    /// scene is empty.
     pub fn bounds(&self) -> (DVec3, DVec3) {
         if self.triangles.is_empty() {
             return (self.origin, self.origin);
@@ -287,9 +287,9 @@ impl Scene {
     /// Returns whether any triangle meets the interior of a parallelepiped (world `origin` and
     /// three edges `axes`).
     ///
-    /// Triangles that only touch its faces do not count, nor do triangles that enter it by no more
-    /// than the rounding of stored positions (2⁻²⁴ of the largest coordinate). So a section that
-    /// fits a room exactly is empty. A parallelepiped without volume has no interior.
+    /// Triangles that only touch its faces do not count. Neither do triangles that enter it by no
+    /// more than the rounding of stored positions (2⁻²⁴ of the largest coordinate). So a section
+    /// that fits a room exactly is empty. A parallelepiped without volume has no interior.
     pub fn geometry_inside(&self, origin: DVec3, axes: [DVec3; 3]) -> bool {
         let extent = self.positions.iter().flatten().fold(0.0f32, |most, c| most.max(c.abs()));
         // Half a unit in the last place: the most that rounding to f32 moves a coordinate.

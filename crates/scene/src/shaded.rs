@@ -25,13 +25,13 @@ impl Scene {
         Ok(self)
     }
 
-    /// Returns the share of light that a surface reflects diffusely (metals: mirrors) at a point:
-    /// the material's colour times its texture. White for glass.
+    /// Returns the share of light that a surface reflects at a point: the material's colour times
+    /// its texture. Metals reflect it as mirrors, other surfaces diffusely. White for glass.
     ///
     /// `u` and `v` are the barycentric weights of the second and third corner. `footprint` is the
-    /// width in scene units of what is looked at, such as a pixel's, and chooses the resolution of
-    /// the texture; 0 takes the finest. Light divided by this at a sample, and multiplied by it at
-    /// a pixel, shows textures sharply.
+    /// width of the observed area in scene units, such as a pixel's. It chooses the resolution of
+    /// the texture; 0 takes the finest. If light is divided by this at a sample, and multiplied by
+    /// it at a pixel, textures are shown sharply.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -72,16 +72,16 @@ impl Scene {
                 && self.smooth_normal(triangle, 0.3, 0.3).is_none()
     }
 
-    /// Returns whether a material has neither a texture of normals nor one of roughness or
-    /// metalness: what it reflects looks the same everywhere.
+    /// Returns whether a material has no texture of normals, roughness or metalness. Its
+    /// reflections then look the same everywhere.
     #[must_use]
     pub fn has_even_finish(&self, material: usize) -> bool {
         let maps = self.shading.as_ref().and_then(|shading| shading.maps.get(material));
         maps.is_none_or(|maps| maps.normal.is_none() && maps.finish.is_none())
     }
 
-    /// Returns the factor of the base texture and of the corners' colours at a point, as
-    /// [`reflectance`](Self::reflectance) takes it; `None` without either.
+    /// Returns the factor of the base texture and of the corners' colours at a point, as used by
+    /// [`reflectance`](Self::reflectance); `None` without either.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -102,7 +102,7 @@ impl Scene {
         Some(std::array::from_fn(|k| texture[k] * between(k)))
     }
 
-    /// Returns roughness and metalness at a point, if textures give them.
+    /// Returns roughness and metalness at a point, if textures define them.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -121,8 +121,8 @@ impl Scene {
         Some([number(finish.roughness), number(finish.metalness)])
     }
 
-    /// Returns the normal that a texture of normals gives at a point whose normal is `normal`, on
-    /// the side from which the corners run counter-clockwise. `None` without such a texture.
+    /// Returns the normal from a texture of normals at a point whose normal is `normal`, on the
+    /// side from which the corners appear counter-clockwise. `None` without such a texture.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -155,7 +155,7 @@ impl Scene {
         Some([r, g, b])
     }
 
-    /// Returns whether a cut-out surface is not there at a point.
+    /// Returns whether a surface has a hole at a point.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -175,7 +175,7 @@ impl Scene {
     }
 
     /// Returns the unit normal of a curved surface at a point, on the side from which the corners
-    /// run counter-clockwise; `None` for a facet.
+    /// appear counter-clockwise; `None` for a facet.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -215,8 +215,8 @@ impl Scene {
         shading.textures[texture as usize].at(uv, share)
     }
 
-    /// Returns the directions in which the picture on a triangle runs to the right and up: of unit
-    /// length, and at right angles to `normal`. `None` if the picture has no width there.
+    /// Returns the directions on a triangle that are to the right and up in its picture. They have
+    /// unit length and are at right angles to `normal`. `None` if the picture has no width there.
     #[inline]
     fn picture_axes(&self, triangle: u32, uvs: &[[f32; 2]; 3], normal: Vec3) -> Option<[Vec3; 2]> {
         let [a, b, c] = self.corners(triangle);

@@ -1,4 +1,4 @@
-//! What makes a triangle look other than flat and plain: normals of curved surfaces, and textures.
+//! Attributes of triangles that are not flat and plain: normals of curved surfaces, and textures.
 //!
 //! A scene without them has no [`Shading`], and pays nothing.
 
@@ -11,7 +11,7 @@ use crate::texture::Texture;
 /// Most textures of a scene.
 pub const MAX_TEXTURES: usize = 4096;
 
-/// Opacity below which a cut-out surface is not there, if its file does not say.
+/// Opacity below which a cut-out surface has a hole, if its file states no other.
 pub const CUT_OUT: f32 = 0.5;
 
 /// A unit vector as two shares of an octahedron (Cigolle et al. 2014), within 0.0001 rad.
@@ -44,7 +44,7 @@ pub struct Maps {
     pub base: Option<u32>,
     /// Factor to the emission.
     pub emission: Option<u32>,
-    /// The surface is not there where this texture is not opaque enough.
+    /// The surface has holes at points that are not opaque enough in this texture.
     pub cut_out: Option<CutOut>,
     /// Small changes of the normal.
     pub normal: Option<NormalMap>,
@@ -52,12 +52,12 @@ pub struct Maps {
     pub finish: Option<FinishMap>,
 }
 
-/// A texture that says by its opacity where a surface is.
+/// A texture whose opacity determines where a surface is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutOut {
     /// Its index.
     pub texture: u32,
-    /// Opacity below which the surface is not there, in (0, 1].
+    /// Opacity below which the surface has a hole, in (0, 1].
     pub least: f32,
 }
 
@@ -80,7 +80,7 @@ pub struct FinishMap {
     pub metalness: Channel,
 }
 
-/// A number that one channel of a texture gives.
+/// A number from one channel of a texture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Channel {
     /// The texture; `None` is white.
@@ -112,7 +112,7 @@ impl Maps {
 }
 
 impl Shading {
-    /// Returns whether there is nothing in it.
+    /// Returns whether it has no attributes.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.normals.is_empty() && self.colours.is_empty() && !self.has_maps()

@@ -14,8 +14,8 @@ pub(crate) fn facet(positions: &[DVec3], triangle: [u32; 3]) -> DVec3 {
     (b - a).cross(c - a).normalize_or_zero()
 }
 
-/// Packs the normals of a triangle's corners. A normal without direction is the facet's, and one on
-/// the other side is turned round: the winding decides.
+/// Packs the normals of a triangle's corners. A normal without direction is replaced by the
+/// facet's. A normal on the other side is reversed, because the winding counts.
 pub(crate) fn packed(facet: DVec3, corners: [Vec3; 3]) -> [Octahedral; 3] {
     let facet = facet.as_vec3();
     corners.map(|normal| {
@@ -29,8 +29,9 @@ pub(crate) fn is_curved([a, b, c]: &[Octahedral; 3]) -> bool {
     a != b || b != c
 }
 
-/// Makes normals from smoothing groups: at a corner, the mean of the normals of faces around it
-/// that are in the same group and within 45°, weighted by area. Group 0 is faceted.
+/// Makes normals from smoothing groups. The normal of a corner is the mean of the normals of the
+/// faces around it, weighted by area. Only faces of the same group within 45° count. Group 0 is
+/// faceted.
 pub(crate) fn from_groups(
     positions: &[DVec3],
     triangles: &[[u32; 3]],

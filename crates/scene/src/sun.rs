@@ -6,14 +6,14 @@ use serde::Serialize;
 use crate::limits::MAX_RADIANCE;
 use crate::{Rgb, Scene, SceneError};
 
-/// Most suns of a scene. Each costs a shadow ray wherever light is looked for.
+/// Most suns of a scene. Each costs a shadow ray at every point that samples the lights.
 pub const MAX_SUNS: usize = 16;
 
-/// Half of the angle that a sun's disc has, in radians: that of the sun above us.
+/// Half of the angle of a sun's disc, in radians: that of the real sun.
 pub const SUN_RADIUS: f64 = 0.004_65;
 
-/// A disc in the sky that gives light and shadows, but is not seen itself: pictures show the sky
-/// there, straight and in mirrors.
+/// A disc in the sky that gives light and shadows, but is not seen itself. Pictures show the sky
+/// there, directly and in mirrors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sun {
     /// The unit direction from the scene to the middle of the disc.

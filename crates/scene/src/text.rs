@@ -141,8 +141,8 @@ pub(crate) fn number(token: &str) -> Option<f64> {
     token.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
-/// Parses a finite number that is written as some exporters do, but not as Rust does: `3.1+e2` (the
-/// sign before the exponent), `1.5d3` (Fortran), `1,5` (a decimal comma), `1.5f`.
+/// Parses a finite number that some exporters write, but Rust does not accept. Examples are
+/// `3.1+e2` (the sign before the exponent), `1.5d3` (Fortran), `1,5` (a decimal comma) and `1.5f`.
 pub(crate) fn loose_number(token: &str) -> Option<f64> {
     if let Some(number) = number(token) {
         return Some(number);

@@ -1,4 +1,4 @@
-//! Textures: pictures on surfaces, decoded once, with ever smaller copies for distant looks.
+//! Textures: pictures on surfaces, decoded once, with smaller copies for views from a distance.
 //!
 //! Always true:
 //! - The encoded file is kept: it is smaller than its texels, and packs without loss.
@@ -21,7 +21,7 @@ const MAX_DECODED_BYTES: u64 = 1 << 30;
 /// Greatest size of a texture's file in bytes.
 pub const MAX_TEXTURE_BYTES: usize = 256 << 20;
 
-/// How a texture continues beyond its edges.
+/// The continuation of a texture beyond its edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// It repeats.
@@ -54,11 +54,11 @@ impl Wrap {
 pub struct Texture {
     /// The picture's file: PNG, JPEG, Radiance HDR, EXR, BMP or TGA.
     pub encoded: Arc<[u8]>,
-    /// How it continues to the right and below.
+    /// The continuation to the right and below.
     pub wrap: [Wrap; 2],
-    /// Whether its bytes are linear, not sRGB.
+    /// True if its bytes are linear, not sRGB.
     pub is_linear: bool,
-    /// Whether its brightness is an opacity, unless it has opacity itself.
+    /// True if its brightness is used as opacity, unless the picture has opacity itself.
     pub is_mask: bool,
     levels: Arc<Vec<Level>>,
 }
@@ -153,8 +153,8 @@ impl Texture {
     }
 
     /// Returns linear red, green, blue and opacity at a place: (0, 0) is the top left corner and
-    /// (1, 1) the bottom right one. `footprint` is the width that is looked at, as a share of the
-    /// texture's side.
+    /// (1, 1) the bottom right one. `footprint` is the width of the observed area, as a share of
+    /// the texture's side.
     #[must_use]
     #[inline]
     pub fn at(&self, [u, v]: [f32; 2], footprint: f32) -> [f32; 4] {
@@ -243,7 +243,7 @@ impl Level {
     /// Interpolates between four texels.
     #[inline]
     fn at(&self, u: f32, v: f32, wrap: [Wrap; 2], is_linear: bool) -> [f32; 4] {
-        // Far from 0, floats have no fractions: such coordinates come from damaged files.
+        // Far from 0, floats have no fractions. Such coordinates come from damaged files.
         let place = |c: f32, size: usize| (c.clamp(-1e4, 1e4) * size as f32) - 0.5;
         let (x, y) = (place(u, self.width), place(v, self.height));
         let (left, top) = (x.floor(), y.floor());
@@ -352,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_picture_or_too_large_is_refused() {
+    fn invalid_and_too_large_pictures_are_refused() {
         let refused = |bytes: &[u8]| {
             Texture::decode(bytes.into(), [Wrap::Repeat; 2], false, false).unwrap_err()
         };

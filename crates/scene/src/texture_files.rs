@@ -17,9 +17,9 @@ const MAX_BYTES: usize = 2 << 30;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Use {
     pub wrap: [Wrap; 2],
-    /// Whether its bytes are numbers, not colours of sRGB.
+    /// True if its bytes are numbers, not colours in sRGB.
     pub is_linear: bool,
-    /// Whether its brightness is an opacity.
+    /// True if its brightness is used as opacity.
     pub is_mask: bool,
 }
 
@@ -33,8 +33,8 @@ pub(crate) struct TextureFiles {
 }
 
 impl TextureFiles {
-    /// Returns the index of a texture that lies in the folder of `model`. An error is for people,
-    /// and comes once for each file.
+    /// Returns the index of a texture that lies in the folder of `model`. An error is a text for
+    /// people, and is returned once for each file.
     pub(crate) fn file(
         &mut self,
         model: &Path,

@@ -1,4 +1,4 @@
-//! Warnings about a file: what the scene does not represent, and what is done instead.
+//! Warnings about a file: parts that the scene does not represent, and what replaces them.
 
 use crate::limits::MAX_WARNINGS;
 use std::fmt;
@@ -11,7 +11,7 @@ pub struct Warning {
     pub path: PathBuf,
     /// The first line concerned, counted from 1; `None` if it is about the whole file.
     pub line: Option<usize>,
-    /// What differs from the file, and what is done instead.
+    /// The difference from the file, and what is done instead.
     pub text: String,
 }
 

@@ -1,4 +1,4 @@
-//! Tests what files say of surfaces besides colour: normals, roughness and metalness by textures,
+//! Tests properties of surfaces besides colour: normals, roughness and metalness from textures,
 //! colours of vertices, and suns.
 
 #![allow(clippy::unwrap_used)]

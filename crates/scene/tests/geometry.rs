@@ -30,8 +30,8 @@ fn box_faces(low: DVec3, high: DVec3) -> Vec<[DVec3; 3]> {
         .collect()
 }
 
-/// Clips a triangle to the cube of half side `half` around (½, ½, ½) (Sutherland and Hodgman):
-/// another way to the result.
+/// Clips a triangle to the cube of half side `half` around (½, ½, ½) (Sutherland and Hodgman). This
+/// is an independent way to the result.
 fn clipped_is_empty(triangle: [DVec3; 3], half: f64) -> bool {
     let mut polygon = triangle.to_vec();
     for axis in 0..3 {

@@ -1,4 +1,4 @@
-//! Tests glTF files: geometry, materials, cameras and lights, and files that lie.
+//! Tests glTF files: geometry, materials, cameras, lights, and files with false counts and offsets.
 
 #![allow(clippy::unwrap_used)]
 
@@ -251,7 +251,7 @@ fn cameras_are_views_and_lights_are_lamps_of_their_intensity() {
 }
 
 #[test]
-fn files_that_lie_are_refused_with_the_place() {
+fn false_counts_and_offsets_are_refused_with_the_place() {
     let json = triangle(GREY);
     let cases = [
         (

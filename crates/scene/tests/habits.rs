@@ -8,7 +8,7 @@ use holo_scene::{Bsdf, LoadOptions};
 
 const KD: [f32; 3] = [0.25, 0.5, 0.75];
 
-/// Returns how the material `m` of an MTL file scatters light, and what was said.
+/// Returns the scattering of the material `m` of an MTL file, and the warnings.
 fn said(mtl: &str) -> (Bsdf, String) {
     let obj = "mtllib s.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n";
     let folder = tempfile::tempdir().unwrap();
@@ -20,7 +20,7 @@ fn said(mtl: &str) -> (Bsdf, String) {
     (loaded.scene.materials[0].bsdf, warnings.join("\n"))
 }
 
-/// The same of a file about which nothing has to be said.
+/// Returns the scattering of the material `m` of an MTL file that gives no warnings.
 fn material(mtl: &str) -> Bsdf {
     let (bsdf, warnings) = said(mtl);
     assert_eq!(warnings, "", "{mtl}");

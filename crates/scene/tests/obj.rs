@@ -45,7 +45,7 @@ fn corners_may_be_written_in_all_forms_of_the_format() {
 }
 
 #[test]
-fn whoever_waits_for_a_long_file_sees_how_far_it_is() {
+fn reading_a_long_file_reports_progress() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.obj");
     let text = SQUARE.to_owned() + &"f 1 2 3 4\n".repeat(300_000);

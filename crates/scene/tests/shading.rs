@@ -55,7 +55,7 @@ fn a_texture_is_a_factor_to_the_colour_and_stands_upright() {
     assert_eq!(reflectance(scene, 0.9, 0.1), [0.0, 0.0, 0.5]);
     assert_eq!(reflectance(scene, 0.95, 0.9), [0.5, 0.0, 0.0]);
     assert!(scene.has_texture(0) && scene.features().textures);
-    // A wide look sees the mean of both.
+    // A large footprint gives the mean of both.
     let wide = scene.reflectance(0, 0.5, 0.2, 5.0);
     assert!(wide.iter().zip([0.25, 0.0, 0.25]).all(|(a, b)| (a - b).abs() < 0.003), "{wide:?}");
 }

@@ -6,7 +6,7 @@
 //! §2.1). Numbers are `f64`, and every result depends on the arguments alone: no clocks, no global
 //! state, no threads.
 //!
-//! What always holds:
+//! Invariants:
 //! - A [`Section`] is valid by construction, and its beams are numbered densely from 0.
 //! - [`Section::line`] of [`Section::ray`] gives back the same cells and coordinates, for each of a
 //!   beam's 256⁴ rays.

@@ -1,7 +1,7 @@
 //! Measures cost and noise of a sample, for the engine `path` and for `cached` with a warm cache.
 //!
 //! `cargo run --release -p holo-tracer --example warm -- SCENE.obj VP VD VH` (vectors as `x,y,z`)
-//! traces rays of a view with one thread and prints one line of JSON: samples per second, and the
+//! traces rays of a view with one thread. It prints one line of JSON: samples per second, and the
 //! mean relative variance of a sample. The worst 1 % of rays is left out of the mean, because a few
 //! bright paths decide it.
 

@@ -1,9 +1,10 @@
-//! Where samples of wide materials are aimed, besides where the material sends them: at secondary
-//! sources ([`secondary`](crate::secondary)) and at caustics ([`caustics`](crate::caustics)).
+//! Aims samples of wide materials at secondary sources ([`secondary`](crate::secondary)) and at
+//! caustics ([`caustics`](crate::caustics)), in addition to the directions that the material
+//! samples.
 //!
 //! Always true: one sample combines all ways of choosing its direction (Veach 1997, §9.2.4, balance
-//! heuristic), so any sources and caustics give the same expectation. A vertex that has neither
-//! takes no number and pays nothing.
+//! heuristic), so any sources and caustics give the same expectation. A vertex without sources and
+//! caustics uses no random numbers for this and costs nothing.
 
 use glam::Vec3;
 use holo_raycast::{Hit, Raycaster, SurfacePoint};
@@ -17,38 +18,38 @@ use crate::secondary::AimedVertex;
 /// percent.
 const SHARE: f32 = 0.15;
 
-/// What a vertex aims at.
+/// The targets of a vertex.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Aims<'a> {
     sources: Option<AimedVertex<'a>>,
     caustics: Option<CausticVertex<'a>>,
 }
 
-/// What the next sample of a vertex is drawn from.
+/// The distribution of a vertex's next sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Choice {
     /// The material.
     Material,
     /// A point on a source.
     Source(SurfacePoint),
-    /// A unit direction from which a caustic may come.
+    /// A unit direction in which a caustic may lie.
     Caustic(Vec3),
-    /// Neither: no source or caustic can contribute.
+    /// None of these: no source or caustic can contribute.
     Nothing,
 }
 
-/// The weight of a sample once it is known what it met.
+/// The weight of a sample once its hit is known.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Weight {
     /// Factor to value over density by the material.
     pub weight: f32,
-    /// Whether the sample may have been aimed at what it met.
+    /// True if aiming could have produced the sample.
     pub is_aimed: bool,
 }
 
 impl PathEngine {
-    /// Returns what a surface aims at that is lit on the side of `normal`. `None` if it sees
-    /// nothing of the kind.
+    /// Returns the targets of a surface that is lit on the side of `normal`. `None` if it sees no
+    /// source and no caustic.
     #[inline]
     pub(crate) fn aims(&self, point: &SurfacePoint, normal: Vec3) -> Option<Aims<'_>> {
         let sources = self.secondary.as_ref().and_then(|s| s.aimed(point, normal));
@@ -58,7 +59,7 @@ impl PathEngine {
 }
 
 impl Aims<'_> {
-    /// Chooses what the next sample is drawn from, by numbers of
+    /// Chooses the distribution of the next sample, with numbers of
     /// [`Purpose::Aim`](crate::sampler::Purpose::Aim).
     #[inline]
     pub(crate) fn choose(&self, raycaster: &Raycaster, sampler: &mut Sampler) -> Choice {
@@ -79,9 +80,9 @@ impl Aims<'_> {
         }
     }
 
-    /// Returns the weight of a sample towards `direction` that met `met` and whose direction the
-    /// material samples with density `pdf`. `None` if the sample was aimed and something else is in
-    /// front of its target.
+    /// Returns the weight of a sample towards `direction` that hit `met`. The material samples this
+    /// direction with density `pdf`. `None` if the sample was aimed and hits something in front of
+    /// its target.
     #[inline]
     pub(crate) fn weight(
         &self,

@@ -1,8 +1,8 @@
 //! Tables of functions of a cosine, for one roughness. They hold the flux that a rough surface
 //! loses if light may meet only one facet.
 //!
-//! Compensation for light that meets several facets (Kulla and Conty 2017, "Revisiting Physically
-//! Based Shading at Imageworks") needs the lost share by direction, and its mean.
+//! Light that meets several facets is compensated (Kulla and Conty 2017, "Revisiting Physically
+//! Based Shading at Imageworks"). The compensation needs the lost share by direction, and its mean.
 //!
 //! Always true: [`mean`](Table::mean) is the cosine-weighted mean of the table's interpolation, not
 //! of the tabulated function. So the light lost in one direction is returned exactly over all
@@ -36,7 +36,7 @@ impl Table {
         let alpha = f64::from(ggx.alpha());
         let range = (1.0 / alpha).ln_1p();
         let cosine = |t: f64| alpha * (range * (t / STEPS as f64).powi(2)).exp_m1();
-        // At cosine 0 directions have no half vector.
+        // Directions at cosine 0 have no half vector.
         let entries: Vec<f64> =
             (0..=STEPS).map(|i| f(cosine((i as f64).max(1e-2)).min(1.0) as f32)).collect();
         let mut mean = 0.0;

@@ -1,4 +1,4 @@
-//! How surfaces scatter light: evaluation, sampling and density.
+//! Scattering of light by surfaces: evaluation, sampling and density.
 //!
 //! Directions are local to the side that is seen: +z is the normal turned towards `wo`, so `wo.z >
 //! 0`. Light travels to `wo` (towards the eye) and comes from `wi`. Values include the cosine at
@@ -6,7 +6,8 @@
 //!
 //! Always true: `sample` returns value over density of its own `wi` as weight. No opaque material
 //! reflects more than arrives. Radiance that is transmitted into a solid is divided by the square
-//! of the relative index (Walter et al. 2007, §5.1; as Mitsuba 3's `dielectric` in radiance mode).
+//! of the relative index (Walter et al. 2007, §5.1). Mitsuba 3's `dielectric` does the same in
+//! radiance mode.
 
 use std::collections::HashMap;
 use std::f32::consts::FRAC_1_PI;
@@ -198,7 +199,7 @@ impl Scatter {
         ])
     }
 
-    /// Samples the direction from which light to `wo` arrives. `None` if it is absorbed.
+    /// Samples the direction of the light that is scattered to `wo`. `None` if it is absorbed.
     #[inline]
     pub(crate) fn sample(&self, wo: Vec3, front: bool, sampler: &mut Sampler) -> Option<Sampled> {
         match self {

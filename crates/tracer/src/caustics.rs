@@ -3,15 +3,16 @@
 //! Paths from the eye find such light only by chance. When the scene is prepared, light paths are
 //! traced from the lamps over what throws light, once (module `photons`). Each ends as a photon on
 //! a wide surface. Photons that lie side by side make a [`Leaf`]. Surfaces within a leaf aim some
-//! of their samples in the directions that its photons came from ("Importance Driven Path Tracing
-//! using the Photon Map", Jensen 1995).
+//! of their samples in the directions that its photons came from (Jensen 1995, "Importance Driven
+//! Path Tracing using the Photon Map").
 //!
 //! A photon remembers a point that it seems to come from. So a leaf's directions change from place
 //! to place as reflections do.
 //!
 //! Always true: the photons are a function of the scene alone, and only decide where samples go. A
-//! density counts only towards what throws light ([`Caustics::may_show`]), and there it is that of
-//! [`CausticVertex::choose`]. A scene in which nothing throws light pays nothing.
+//! density counts only if the ray hits a surface that throws light ([`Caustics::may_show`]). It is
+//! then the density of [`CausticVertex::choose`]. A scene without surfaces that throw light pays
+//! nothing.
 
 mod leaf;
 mod photons;
@@ -62,8 +63,8 @@ impl Caustics {
         self.casters.contain(triangle)
     }
 
-    /// Returns the caustics as a surface sees them that is lit on the side of `normal`. `None`
-    /// where no photons are.
+    /// Returns the caustics as seen from a surface that is lit on the side of `normal`. `None` if
+    /// no photons are near.
     #[inline]
     pub(crate) fn seen_from(&self, point: Vec3, normal: Vec3) -> Option<CausticVertex<'_>> {
         let leaf = self.tree.find(point, normal)?;
@@ -78,14 +79,14 @@ impl CausticVertex<'_> {
         self.leaf.share
     }
 
-    /// Returns a direction from which light may come, by two uniform numbers.
+    /// Returns a direction in which a caustic may lie, from two uniform numbers.
     #[inline]
     pub(crate) fn choose(&self, first: f64, second: f32) -> Option<Vec3> {
         self.leaf.choose(self.point, first, second)
     }
 
-    /// Returns the density, per solid angle, with which [`choose`](Self::choose) gives a direction
-    /// in which a ray meets `met`; 0 if that surface throws no light.
+    /// Returns the density, per solid angle, with which [`choose`](Self::choose) returns this
+    /// direction. It is 0 if the ray hits a surface `met` that throws no light.
     #[inline]
     pub(crate) fn density(&self, direction: Vec3, met: &Hit) -> f32 {
         if self.caustics.may_show(met.triangle) {

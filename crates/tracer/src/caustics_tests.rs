@@ -56,8 +56,8 @@ fn scene(floor: Bsdf, block: Bsdf, lamp_is_two_sided: bool, turn: f64) -> Arc<Ra
     Arc::new(Raycaster::build(Arc::new(scene)).expect("built"))
 }
 
-/// From where and in which direction the estimates look: at the floor before the block, which
-/// reflects light there.
+/// Eye and direction of the estimates: they look at the floor in front of the block, which reflects
+/// light there.
 const BEFORE: (DVec3, DVec3) = (DVec3::new(-1.0, -1.5, 2.0), DVec3::new(0.6, 1.1, -2.0));
 /// The same behind the block, where only light arrives that went through it.
 const BEHIND: (DVec3, DVec3) = (DVec3::new(2.0, -1.5, 2.0), DVec3::new(0.1, 1.6, -2.0));

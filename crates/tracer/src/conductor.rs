@@ -1,8 +1,8 @@
 //! A rough metal whose reflectance is the same at all angles, with light that meets several facets.
 //!
 //! Light that meets one facet reflects as GGX. The lost share L(wo) is returned as F L(wo) L(wi) /
-//! (π L̄), where F = ks² (1 - L̄) / (1 - ks L̄) is the reflectance after several facets (Kulla and
-//! Conty 2017; Hill 2018).
+//! (π L̄) (Kulla and Conty 2017; Hill 2018). F = ks² (1 - L̄) / (1 - ks L̄) is the reflectance
+//! after several facets.
 //!
 //! Always true: it is reciprocal, and reflects all that arrives if `ks` is 1.
 

@@ -32,8 +32,8 @@ fn material(bsdf: Bsdf) -> Material {
     Material { bsdf, ..Material::grey("m") }
 }
 
-/// A square of side 2 around the origin that faces +z. Its picture runs to the right along x, and up
-/// along y.
+/// Returns a square of side 2 around the origin that faces +z. Its picture extends to the right
+/// along x, and up along y.
 fn square(bsdf: Bsdf, maps: Maps, texture: Texture) -> Scene {
     let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
     let corners = corners.map(|[x, y]| DVec3::new(x, y, 0.0));
@@ -118,7 +118,7 @@ fn panes_let_their_share_of_the_sun_through_and_walls_none() {
         let materials = vec![material(WHITE_PAINT), material(bsdf)];
         let scene = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1], materials, [0.0; 3]);
         let tracer = tracer(scene.unwrap().0.with_suns(vec![sun(Vec3::Z)]).unwrap());
-        // From below the cover.
+        // The eye is below the cover.
         let direction = DVec3::new(0.3, 0.0, -0.4);
         f64::from(tracer.trace(DVec3::new(0.0, 0.0, 0.4), direction, 3).radiance[0])
     };

@@ -1,4 +1,4 @@
-//! How many rays a record needs, estimated from pilot rays: its own and those of all earlier
+//! Estimates how many rays a record needs, from its own pilot rays and those of all earlier
 //! records.
 
 use std::sync::atomic::{AtomicU64, Ordering};

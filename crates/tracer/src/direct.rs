@@ -1,4 +1,4 @@
-//! Direct light at one vertex: samples of the lights, and the densities by which they combine with
+//! Direct light at one vertex: samples of the lights, and the densities needed to combine them with
 //! samples of the material.
 //!
 //! Always true: both sides use the same density functions.
@@ -25,7 +25,8 @@ pub(crate) struct LitVertex<'a> {
     pub front: bool,
 }
 
-/// How lights were sampled at a vertex: enough to compute the same densities again.
+/// The way that lights were sampled at a vertex, with enough data to compute the same densities
+/// again.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightSampling {
     point: Vec3,
@@ -48,8 +49,8 @@ impl LightSampling {
         Self { point: point.point, normal: lit_side(scatter, normal), sky: lights.sky, samples }
     }
 
-    /// Returns what is needed to weigh emission that a sample of the material towards `wi`, made
-    /// with density `pdf`, meets.
+    /// Returns the data needed to weigh emission that a sample of the material hits. The sample
+    /// goes towards `wi` and has density `pdf`.
     #[inline]
     pub(crate) fn material_sample(self, pdf: f32, scatter: &Scatter, wi: Vec3) -> MaterialSample {
         MaterialSample { pdf, lights: self, sky_pdf: sky_pdf(self.sky, scatter, wi) }
@@ -145,7 +146,7 @@ impl LitVertex<'_> {
         sum / count as f32
     }
 
-    /// Returns the factor by which a smooth normal dims light from a direction; 1 on facets.
+    /// Returns the factor with which a smooth normal dims light from a direction; 1 on facets.
     #[inline]
     fn terminator(&self, direction: Vec3, z: f32) -> f32 {
         match self.engine.is_shaded {
@@ -215,8 +216,8 @@ impl LitVertex<'_> {
         }
         let aim = Aim::new(self.point.point, self.raycaster.vertices(triangle));
         let (u, v) = aim.sample(u);
-        // The exact point. `surface` moves points off edges; on small triangles far from the
-        // scene's origin that is another point: a glowing box of 5 mm at 250 m was 2 to 3 % too
+        // `surface` would move points off edges. On small triangles far from the scene's origin,
+        // that is a different point, and a glowing box of 5 mm at 250 m would be 2 to 3 % too
         // bright.
         let towards = self.raycaster.point(triangle, u, v) - self.point.point;
         let light = self.raycaster.surface(triangle, u, v);

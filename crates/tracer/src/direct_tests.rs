@@ -191,8 +191,8 @@ fn lights_alone_materials_alone_and_both_agree() {
     }
 }
 
-/// A floor under thousands of emitters of all kinds: a swarm of small ones turned at random, large
-/// and tiny ones, far ones, backs, and one in the floor's own plane. Half of them are two-sided.
+/// A floor under thousands of emitters: a swarm of small ones with random orientation, large and
+/// tiny ones, far ones, backs, and one in the floor's own plane. Half of them are two-sided.
 fn swarm(floor: Bsdf, sky: [f32; 3]) -> Arc<Scene> {
     let mut s = Sampler::new(77, 0);
     let mut positions = [[-30.0, -30.0], [30.0, -30.0], [30.0, 30.0], [-30.0, 30.0]]

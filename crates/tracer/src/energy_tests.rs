@@ -160,8 +160,8 @@ fn light_from_one_facet_matches_the_integral_of_the_textbook_formula() {
 
 #[test]
 fn a_coloured_metal_is_more_saturated_the_rougher_it_is() {
-    // The geometric series of Kulla and Conty: E + (1 - E) ks² (1 - L̄) / (1 - ks L̄), E being one
-    // facet's share.
+    // The geometric series of Kulla and Conty is E + (1 - E) ks² (1 - L̄) / (1 - ks L̄), where E is
+    // the share of light that meets one facet.
     let ks = 0.5;
     let mut last = 0.51;
     for alpha in [0.05_f32, 0.5, 1.0] {

@@ -37,10 +37,10 @@ pub(crate) struct PathEngine {
     pub light_samples: u32,
     /// Number of continuations from that surface. They share the part of the path before it.
     pub branches: u32,
-    /// Whether samples of the lights alone find all direct light of diffuse surfaces, as well as
-    /// with samples of the material: from one lamp, without mirrors and glass.
+    /// True if samples of the lights find all direct light of diffuse surfaces without samples of
+    /// the material. This holds for one lamp without mirrors and glass.
     pub lights_find_all: bool,
-    /// Whether any surface has a texture or a smooth normal.
+    /// True if any surface has a texture or a smooth normal.
     pub is_shaded: bool,
 }
 

@@ -24,8 +24,8 @@ pub(crate) fn dielectric(cosine: f32, eta: f32) -> (f32, f32) {
     (reflected, beyond)
 }
 
-/// Returns the share reflected by a pane of two parallel faces, with all orders of reflection
-/// between them: r + t² r / (1 - r²).
+/// Returns the share reflected by a pane of two parallel faces: r + t² r / (1 - r²), with all
+/// orders of reflection between the faces.
 #[inline]
 pub(crate) fn pane(cosine: f32, ior: f32) -> f32 {
     let (r, _) = dielectric(cosine, ior);

@@ -1,14 +1,14 @@
 //! Images of lamps in flat mirrors and panes: the light that these reflect onto other surfaces.
 //!
-//! A lamp seen in a mirror from a point looks as the lamp itself does from the mirror image of the
-//! point (virtual light sources: Ward 1994, "The RADIANCE Lighting Simulation and Rendering
-//! System", §2.2.2; Shirley et al. 1996). So the light tree serves all mirrors, and no ray is
-//! needed to know what a mirror can show. Records of the engine `cached` aim some of their rays at
-//! images.
+//! From a given point, a lamp in a mirror looks like the lamp itself from the mirror image of that
+//! point. This is the method of virtual light sources (Ward 1994, "The RADIANCE Lighting Simulation
+//! and Rendering System", §2.2.2; Shirley et al. 1996). So one light tree serves all mirrors, and
+//! no ray is needed to determine what a mirror can show. Records of the engine `cached` aim some of
+//! their rays at images.
 //!
-//! Always true: aimed rays account for exactly one reflection by a mirror or pane of a known plane,
-//! with any number of panes passed before and after it. They are combined with what hemisphere rays
-//! find in the same way (Veach 1997, §9.2.2). A scene without such planes pays nothing.
+//! Always true: aimed rays account for exactly one reflection by a mirror or pane of a known plane.
+//! Any number of panes may come before and after it. They are combined with hemisphere rays that
+//! find the same light (Veach 1997, §9.2.2). A scene without such planes pays nothing.
 
 use glam::Vec3;
 use holo_raycast::{Hit, Raycaster, SurfacePoint};
@@ -171,8 +171,8 @@ impl<'a> Images<'a> {
     }
 }
 
-/// How a ray left a point at which images were sampled. Weighs what the ray meets by way of
-/// mirrors.
+/// A ray from a point at which images were sampled. It determines the weight of emission that the
+/// ray hits after a mirror.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ImageSampling<'a> {
     pub images: &'a Images<'a>,
@@ -198,7 +198,7 @@ impl<'a> ImageSampling<'a> {
 }
 
 impl ImageMirror<'_> {
-    /// Returns the weight of a lamp that a ray met by way of the mirror, at a cosine.
+    /// Returns the weight of a lamp that a ray hit after the mirror, at a cosine.
     pub(crate) fn weight(&self, met: &Hit, cosine: f32) -> f32 {
         let ImageSampling { images, count, others } = self.sampling;
         let density = count as f32 * images.density(self.plane, met, cosine);

@@ -3,12 +3,12 @@
 //! Light that meets one facet scatters as in Walter et al. 2007. The flux that this loses is
 //! returned by two wide lobes, reflected and transmitted (Kulla and Conty 2017). Let L be the lost
 //! share on a side, L̄ its mean, and t the share of the loss that is transmitted. Then side a
-//! reflects (1 - t) L(wo) L(wi) / (π L̄) of the flux and transmits t L(wo) L(wi) / (π L̄ of b) to
+//! reflects (1 - t) L(wo) L(wi) / (π L̄) of the flux. It transmits t L(wo) L(wi) / (π L̄ of b) to
 //! side b.
 //!
 //! Always true: both sides scatter exactly the flux that arrives, up to the error of the tables.
-//! The product of f(wo, wi) and n² of `wi`'s side is symmetric in wo and wi (Veach 1997, §5.2),
-//! because t L̄ n² is the same for both sides.
+//! The product of f(wo, wi) and n² of `wi`'s side is symmetric in wo and wi (Veach 1997, §5.2).
+//! This holds because t L̄ n² is the same for both sides.
 
 use std::f32::consts::FRAC_1_PI;
 

@@ -96,7 +96,7 @@ const LIGHT_SAMPLES: u32 = 2;
 /// counts. Other scenes take 1 (docs/notes/path-tracing.md).
 const BRANCHES: u32 = 4;
 
-/// What a tracer computes, besides the scene.
+/// The settings of a tracer, besides the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Settings {
     /// Limit of indirect light: the most scatterings after the first, by surfaces other than
@@ -130,8 +130,8 @@ pub enum TracerError {
 pub struct Traced {
     /// Radiance towards the ray's origin, linear RGB, W·sr⁻¹·m⁻².
     pub radiance: [f32; 3],
-    /// World distance to the first surface, glass included; infinity if there is none. A virtual
-    /// distance after [`Tracer::with_virtual_distance`].
+    /// World distance to the first surface, including glass; infinity if the ray hits nothing. A
+    /// virtual distance after [`Tracer::with_virtual_distance`].
     pub distance: f64,
 }
 
@@ -209,9 +209,9 @@ impl Tracer {
 
     /// Switches to virtual distances (Larson & Simmons 1999, §2.3, `VDISTANCE`).
     ///
-    /// The distance is that to what flat mirrors show and flat glass lets through, along the
-    /// straightened ray, instead of that to the mirror or glass. It is infinite if that is the sky.
-    /// Curved mirrors and glass have their own distance.
+    /// The distance is measured along the straightened ray to the surface that flat mirrors show
+    /// and flat glass lets through. Without this setting, it is the distance to the mirror or
+    /// glass. It is infinite if that is the sky. Curved mirrors and glass have their own distance.
     #[must_use]
     pub fn with_virtual_distance(mut self) -> Self {
         self.virtual_distance = VirtualDistance::new(self.raycaster.scene());
@@ -220,10 +220,11 @@ impl Tracer {
 
     /// Bounds the cost of samples of the engine `cached` from now on.
     ///
-    /// A sample that needs a record of indirect light where there is none becomes a path instead,
-    /// nearly as noisy as those of the engine `path`. Each such sample allows `effort` rays for
-    /// records, and records are made as these allow. Unless this is called, every such sample makes
-    /// a record, however long that takes, and no sample is noisy. An effort of 0 makes no records.
+    /// A sample that needs a record of indirect light and finds none becomes a path instead. It is
+    /// nearly as noisy as a path of the engine `path`. Each such sample allows `effort` rays for
+    /// records, and records are made as these allowances permit. Unless this is called, every such
+    /// sample makes a record, however long that takes, and no sample is noisy. An effort of 0 makes
+    /// no records.
     pub fn set_effort(&self, effort: u32) {
         if let Some(cached) = &self.cached {
             cached.set_effort(effort, false);
@@ -231,8 +232,8 @@ impl Tracer {
     }
 
     /// Bounds the cost of samples of the engine `cached` from now on, as
-    /// [`set_effort`](Self::set_effort) does, but to less than `most` where records serve few
-    /// samples.
+    /// [`set_effort`](Self::set_effort) does. If records serve few samples, the bound is lower than
+    /// `most`.
     ///
     /// The share of work that goes into records is the share of samples that find records, but at
     /// least 30 %. So few records are made where each serves little, in clutter. Measurements are
@@ -297,8 +298,8 @@ impl Tracer {
     /// independent means. It is `None` for one path. For the engine `cached` it leaves out the
     /// error of records.
     ///
-    /// [`trace`](Self::trace) stratifies all paths together. That lowers the error but says nothing
-    /// about its size. Here each mean has fewer strata, so the result varies more: 1.4 to 1.6 times
+    /// [`trace`](Self::trace) stratifies all paths together. This lowers the error but leaves its
+    /// size unknown. Here each mean has fewer strata, so the result varies more: 1.4 to 1.6 times
     /// for 2 to 16 paths in a diffuse room.
     #[must_use]
     pub fn trace_with_variance(
@@ -376,8 +377,8 @@ impl Tracer {
         (sum / count as f32).min(Vec3::MAX)
     }
 
-    /// Returns how many paths so far were dropped because their estimate was not finite. Anything
-    /// but 0 hints at a problem with the scene.
+    /// Returns how many paths so far were dropped because their estimate was not finite. Any value
+    /// other than 0 hints at a problem with the scene.
     #[must_use]
     pub fn nonfinite_paths(&self) -> u64 {
         self.nonfinite.load(Ordering::Relaxed)

@@ -1,4 +1,4 @@
-//! Luminance, by which choices weigh colours.
+//! Luminance: the weight of a colour in random choices.
 
 /// Returns the luminance of radiance, with Radiance's photopic weights.
 #[inline]

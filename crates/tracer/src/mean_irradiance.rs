@@ -6,7 +6,7 @@ use holo_light::Store;
 
 use crate::luminance::luminance;
 
-/// Records from which the mean is known.
+/// Number of records from which the mean counts as known.
 const MIN_RECORDS: usize = 16;
 
 /// The mean irradiance of a scene's records, computed again each time their number has doubled.

@@ -3,11 +3,11 @@
 //!
 //! A point is inside the solids whose closed surfaces wind around it. Windings are counted by
 //! material: +1 where a path enters through the counter-clockwise side, -1 where it leaves. These
-//! counts alone decide what fills the point:
-//! - Of several solids, the one of highest priority does (Schmidt and Budge 2002, "Simple Nested
-//!   Dielectrics in Ray Traced Images", JGT 7(2)). Later materials of the scene have higher
-//!   priority, so contents come after their container. A material of index at most 1 (a bubble)
-//!   precedes all others. Overlapping pieces of one material are one piece.
+//! counts alone determine what fills the point:
+//! - If a point is inside several solids, the one of highest priority fills it (Schmidt and Budge
+//!   2002, "Simple Nested Dielectrics in Ray Traced Images", JGT 7(2)). Later materials of the
+//!   scene have higher priority, so contents come after their container. A material of index at
+//!   most 1 (a bubble) precedes all others. Overlapping pieces of one material are one piece.
 //! - A solid with reversed winding inside another solid is a hole. So bubbles may be drawn as
 //!   surfaces of the glass that face inwards, or as solids of index 1 that face either way. A
 //!   reversed solid that stands alone is treated as if it faced outwards.
@@ -42,8 +42,8 @@ const MAX_PASSED: usize = 4096;
 /// Most pairs of indices at rough surfaces that have tables. A table takes a few milliseconds to
 /// compute.
 const MAX_PAIRS: usize = 64;
-/// Factor by which surfaces that touch may be farther apart than the rounding of one, because the
-/// corners of both were rounded.
+/// Factor on the rounding error of one surface within which two surfaces count as touching. It
+/// exceeds 1 because the corners of both were rounded.
 pub(crate) const TOUCH: f32 = 4.0;
 /// A direction along no axis or diagonal that scenes use.
 const PROBE: Vec3 = Vec3::new(0.367_879, 0.577_216, 0.729_027);
@@ -101,7 +101,7 @@ pub(crate) struct Nesting {
     rough: Vec<((u32, u32), Arc<Interface>)>,
 }
 
-/// What happens to a path that meets the surface of a solid.
+/// The effect of the surface of a solid on a path.
 #[derive(Debug)]
 pub(crate) enum Crossing {
     /// It meets the boundary between two media. `beyond`: the solids behind the boundary.
@@ -111,7 +111,7 @@ pub(crate) enum Crossing {
 }
 
 impl Nesting {
-    /// Finds the solids of a scene. `None` if there are none; then this module costs nothing.
+    /// Finds the solids of a scene. `None` if the scene has none; then this module costs nothing.
     pub(crate) fn new(scene: &Scene) -> Option<Self> {
         let mut solids = vec![None; scene.materials.len()];
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -323,8 +323,8 @@ fn rough_interfaces(solids: &[Option<Solid>]) -> Vec<((u32, u32), Arc<Interface>
 
 /// Calls `found` (hit, material, normal) for each surface that touches `point`, except its own.
 ///
-/// Triangles of one surface that meet at an edge count once, and so do duplicate surfaces: two
-/// surfaces are the same if material and side are.
+/// Duplicate surfaces count once, and so do the triangles of one surface that meet at an edge. Two
+/// surfaces are the same if their material and side are the same.
 fn touching(
     raycaster: &Raycaster,
     point: &SurfacePoint,

@@ -17,8 +17,8 @@ use crate::surface::Surface;
 const PLANES: usize = 64;
 /// Least area of a plane over the square of the scene's longest side.
 const LEAST_AREA: f64 = 1e-4;
-/// Least mean width over that side. Narrow mirrors, as the facets of a pole, reflect streaks that
-/// few rays meet.
+/// Least mean width over that side. Narrow mirrors, such as the facets of a pole, reflect streaks
+/// that few rays hit.
 const LEAST_WIDTH: f64 = 5e-3;
 /// Greatest distance of a mirror's corner from its plane, over that side.
 const FLAT: f32 = 1e-5;
@@ -27,7 +27,7 @@ const BENT: f32 = 1e-4;
 /// Margin around a plane's bounds over their longest side.
 const SLACK: f32 = 1e-3;
 
-/// How a mirror or pane reflects.
+/// The reflection of a mirror or pane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Face {
     Mirror(Vec3),
@@ -160,7 +160,7 @@ impl Mirrors {
         })
     }
 
-    /// Finds the planes of the triangles for which `face` returns how they reflect.
+    /// Finds the planes of the triangles for which `face` returns a reflection.
     pub(crate) fn find_with(scene: &Scene, face: impl Fn(u32) -> Option<Face>) -> Self {
         let (low, high) = scene.bounds();
         let size = (high - low).max_element();

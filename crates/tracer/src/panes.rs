@@ -1,8 +1,8 @@
 //! Panes of thin glass between a surface and a lamp: shadow rays continue behind them.
 //!
-//! Always true: a pane lets through what a path loses that goes straight through it. Anything else,
-//! solid glass too, blocks. A scene without panes pays nothing, nor does a shadow ray that meets
-//! none.
+//! Always true: the share that a pane passes is the share left of a path that goes straight through
+//! it. Everything else blocks, including solid glass. A scene without panes pays nothing, and
+//! neither does a shadow ray without panes on its way.
 
 use glam::Vec3;
 use holo_raycast::{Ray, Raycaster, SurfacePoint, spawn};
@@ -49,8 +49,8 @@ impl Panes {
         Self { materials }
     }
 
-    /// Returns a set in which panes block like walls, for rays that look for what can be seen
-    /// directly.
+    /// Returns a set without panes, so that panes block like walls: for rays that test direct
+    /// visibility.
     pub(crate) fn closed() -> Self {
         Self { materials: Vec::new() }
     }
@@ -73,8 +73,8 @@ impl Panes {
         }
     }
 
-    /// Returns the share of light, by channel, that travels straight from the sky in a direction to a
-    /// surface point.
+    /// Returns the share of light, by channel, that travels straight from the sky in a direction to
+    /// a surface point.
     #[inline]
     pub(crate) fn to_sky(
         &self,

@@ -11,9 +11,9 @@
 //! - Shadow rays towards lamps go straight through panes, as paths do. Solid glass blocks them.
 //!   Panes block shadow rays towards the sky too, because a material's samples find windows better
 //!   than samples of the whole sky do.
-//! - Russian roulette ends paths from the second scattering or the sixth surface on, by their
-//!   throughput alone: a path that has lost no light goes on. So paths have no large weights where
-//!   surfaces absorb little, and a closed room of albedo 1 comes out right at few paths.
+//! - Russian roulette ends paths from the second scattering or the sixth surface on. It depends
+//!   only on their throughput, so a path that has lost no light continues. So paths have no large
+//!   weights if surfaces absorb little, and few paths suffice in a closed room of albedo 1.
 //! - From surface 300 on, a path survives with at most probability 0.99, so that light between
 //!   perfect mirrors ends too. The variance is finite if surfaces absorb more than 1 % of the light
 //!   on average.
@@ -39,7 +39,7 @@ use crate::shading::{self, Look};
 use crate::surface::Surface;
 use crate::weighting::Direct;
 
-/// Growth of the width that a path looks at with distance, from an eye: a pixel of a common picture.
+/// Growth of a path's width with the distance from an eye: about one pixel of a common picture.
 const EYE_SPREAD: f32 = 1e-3;
 /// The same after a surface that scatters widely.
 const SCATTERED_SPREAD: f32 = 0.1;
@@ -74,9 +74,9 @@ struct Path<'a> {
     direction: Vec3,
     /// The solids that the ray travels in.
     inside: Inside,
-    /// How emission that the ray meets counts. Panes and image mirrors do not change it.
+    /// The weight of emission that the ray hits. Panes and image mirrors do not change it.
     emission_weight: EmissionWeight,
-    /// Whether the path has passed a pane or an image mirror since `emission_weight` was set.
+    /// True if the path has passed a pane or an image mirror since `emission_weight` was set.
     passed_specular: bool,
     /// Set if images of lamps were sampled at the ray's origin.
     image_sampling: Option<ImageSampling<'a>>,
@@ -91,9 +91,9 @@ struct Path<'a> {
     throughput: Vec3,
     /// Product of [`Sampled::eta2`](crate::sampled::Sampled::eta2) along the path.
     eta2: f32,
-    /// Factor by which aiming at secondary sources and caustics has lowered the throughput.
+    /// Factor with which aiming at secondary sources and caustics has lowered the throughput.
     aimed_by: f32,
-    /// The width that the path looks at where its ray began, and its growth with distance.
+    /// Width of the path at the ray's origin, and its growth with distance.
     width: f32,
     spread: f32,
 }
@@ -111,7 +111,7 @@ struct OutgoingVertex<'a> {
     beyond: Option<&'a Inside>,
     /// Set if the vertex may see secondary sources or caustics.
     aims: Option<Aims<'a>>,
-    /// How the lights were sampled here, if they were.
+    /// The way that the lights were sampled here, if they were.
     light_sampling: Option<LightSampling>,
 }
 
@@ -158,7 +158,7 @@ impl PathEngine {
         self.follow(raycaster, start, &Unbiased, sampler)
     }
 
-    /// The same by paths that `policy` may end earlier.
+    /// The same, for paths that `policy` may end earlier.
     pub(crate) fn follow<'a>(
         &self,
         raycaster: &Raycaster,
@@ -239,7 +239,8 @@ impl PathEngine {
                 break;
             }
             let (mut light_sampling, mut branches) = (None, 1);
-            // Direct light, and known indirect light, where light is scattered with a density.
+            // Direct light, and indirect light if it is known, for surfaces that scatter with a
+            // density.
             if !scatter.is_delta() {
                 if matches!(scatter, Scatter::Black) || path.scatterings > self.bounces {
                     break;
@@ -362,7 +363,7 @@ impl PathEngine {
         sky + if only_this_path { policy.clamped(found) } else { found }
     }
 
-    /// Returns the light that a path brings from an emitter that its ray meets at `cosine`.
+    /// Returns the light that a path brings from an emitter that its ray hits at `cosine`.
     #[inline]
     fn emission(
         &self,

@@ -1,4 +1,4 @@
-//! What the engines decide differently: where a path ends early, and how it gets there.
+//! Decisions that differ between the engines: where a path ends early, and how it gets there.
 
 use glam::Vec3;
 use holo_raycast::{Raycaster, SurfacePoint};
@@ -12,9 +12,9 @@ use crate::sampler::Sampler;
 pub(crate) struct ShadingPoint<'a> {
     pub raycaster: &'a Raycaster,
     pub point: &'a SurfacePoint,
-    /// Normal on the side from which the path arrived, without what a texture changes.
+    /// Normal on the side of the incoming path, without the texture of normals.
     pub normal: Vec3,
-    /// The same with it: light arrives around this one.
+    /// The same normal with that texture; light arrives around it.
     pub lit: Vec3,
     pub scatter: &'a Scatter,
     /// The solids on that side.
@@ -27,7 +27,7 @@ pub(crate) struct ShadingPoint<'a> {
 
 /// The decisions of one engine about a path.
 pub(crate) trait PathPolicy: Clone {
-    /// Returns the indirect light that a vertex reflects, if it is known. The path ends there then.
+    /// Returns the indirect light that a vertex reflects, if it is known. The path then ends there.
     fn indirect(&self, point: &ShadingPoint, sampler: &mut Sampler) -> Option<Vec3>;
 
     /// Returns at how many smooth surfaces a path with `scatterings` scatterings follows both

@@ -1,7 +1,7 @@
 //! Surfaces whose roughness and metalness change from point to point.
 //!
-//! Energy is conserved by tables for each roughness. So roughness is rounded to one of [`STEPS`], and
-//! tables are made when a path first needs them.
+//! Tables conserve energy for each roughness. So roughness is rounded to one of [`STEPS`] values,
+//! and a table is made when a path first needs it.
 
 use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
@@ -15,11 +15,11 @@ use crate::coat::{Coat, Layer};
 use crate::conductor::Conductor;
 use crate::microfacet::Ggx;
 
-/// Number of different values of roughness: neighbours look alike.
+/// Number of different values of roughness. Neighbouring ones look alike.
 const STEPS: usize = 64;
 
-/// Metalness from which a point is metal, roughness below which metal is a mirror, and roughness from
-/// which other surfaces are diffuse. As readers of files decide for a whole material.
+/// Least metalness of a metal point, roughness below which metal is a mirror, and least roughness
+/// of diffuse surfaces. Readers of files use the same limits for whole materials.
 const METAL: f32 = 0.5;
 const MIRROR: f32 = 0.03;
 const DIFFUSE: f32 = 0.75;
@@ -95,8 +95,8 @@ impl Varied {
         })
     }
 
-    /// Returns how a point of this roughness and metalness scatters light, its colour multiplied by a
-    /// texture's.
+    /// Returns the scattering of a point of this roughness and metalness, with its colour
+    /// multiplied by a texture's.
     pub(crate) fn at(&self, [roughness, metalness]: [f32; 2], texture: Vec3) -> Scatter {
         let colour = self.colour * texture;
         if metalness >= METAL {

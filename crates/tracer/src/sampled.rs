@@ -1,4 +1,4 @@
-//! What sampling a material gives.
+//! The result of sampling a material.
 
 use glam::Vec3;
 

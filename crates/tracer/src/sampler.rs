@@ -17,17 +17,17 @@
 //!
 //! If a path branches, branch j of n uses the numbers of path n·path + j.
 //!
-//! Always true: a number is a function of (seed, path, branch, vertex, purpose, position) alone, so
-//! a path that ends earlier has the same numbers up to its end. In any aligned block of 2^k paths
-//! of one seed, each of the 2^k strata of a pair contains exactly one point, for strata of every
-//! shape. The point of a single path is uniform. Points of different seeds, vertices, purposes and
-//! positions are independent.
+//! Always true: a number depends only on (seed, path, branch, vertex, purpose, position). So a path
+//! that ends earlier has the same numbers up to its end. Take any aligned block of 2^k paths of one
+//! seed, and divide a pair's square into 2^k strata of any shape. Each stratum then contains
+//! exactly one point. The point of a single path is uniform. Points of different seeds, vertices,
+//! purposes and positions are independent.
 
 /// The golden ratio in 64 bits: the step of SplitMix64 (Steele, Lea, Flood 2014, "Fast splittable
 /// pseudorandom number generators").
 const STEP: u64 = 0x9E37_79B9_7F4A_7C15;
 
-/// What a number is used for. Each purpose has its own dimensions at every vertex.
+/// The purpose of a number. Each purpose has its own dimensions at every vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
     Scatter = 0,
@@ -193,8 +193,8 @@ fn pascal(mut x: u32) -> u32 {
     x ^ (x >> 16)
 }
 
-/// Returns SplitMix64's finalizer of `z`: a bijection in which every output bit depends on every
-/// input bit.
+/// Returns SplitMix64's finalizer of `z`: a bijection whose output bits each depend on all input
+/// bits.
 #[inline]
 pub(crate) fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -30,7 +30,7 @@ use crate::surface::Surface;
 const PATHS: u32 = 1 << 16;
 /// Most surfaces of a light path.
 const DEPTH: u32 = 4;
-/// Light paths that must have met a patch: fewer say little about it.
+/// Light paths that must have met a patch; fewer would give no reliable estimate.
 const MIN_PATHS: u32 = 4;
 /// Reflected flux per area of a source, over the average of the scene's lit surfaces.
 const CONTRAST: f64 = 30.0;

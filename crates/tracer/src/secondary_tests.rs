@@ -11,7 +11,7 @@ use crate::path::{Start, first_hit};
 use crate::sampler::Sampler;
 use crate::weighting::Direct;
 
-/// A floor that receives the light of a lamp only by way of a small plate above it.
+/// A floor that receives the light of a lamp only after a small plate above it has reflected it.
 fn scene(floor: Bsdf, plate: Bsdf) -> Arc<Raycaster> {
     let quad =
         |z: f64, h: f64| [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]].map(DVec3::from_array);
@@ -29,7 +29,7 @@ fn scene(floor: Bsdf, plate: Bsdf) -> Arc<Raycaster> {
     Arc::new(Raycaster::build(Arc::new(scene)).expect("built"))
 }
 
-/// From where and in which direction the tests of this file look.
+/// Eye and direction of the estimates in this file.
 const EYE: (DVec3, DVec3) = (DVec3::new(1.4, 0.2, 0.7), DVec3::new(-0.6, 0.1, -1.0));
 
 /// Returns mean and variance of the green channel of single paths from an eye in a direction.

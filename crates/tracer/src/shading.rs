@@ -1,9 +1,9 @@
 //! Textures, smooth normals and textures of normals where a path meets a surface.
 //!
 //! Always true:
-//! - A scene without them takes none of these functions ([`PathEngine::is_shaded`]).
-//! - No direction passes a surface only because its smooth normal says so: light and paths stay on
-//!   the side of the triangle on which they are.
+//! - A scene without them calls none of these functions ([`PathEngine::is_shaded`]).
+//! - A smooth normal alone never lets a direction pass a surface. Light and paths stay on their
+//!   side of the triangle.
 //! - A smooth normal never makes a surface brighter than its material: [`terminator`] is at most 1.
 
 use glam::Vec3;
@@ -19,8 +19,8 @@ use crate::surface::Surface;
 const LEAST_COSINE: f32 = 0.02;
 
 impl PathEngine {
-    /// Returns how a surface scatters light at a hit, if textures or colours decide there. `width` is what the
-    /// path looks at, in scene units.
+    /// Returns the scattering of a surface at a hit, if textures or colours determine it. `width`
+    /// is the width of the path there, in scene units.
     pub(crate) fn textured(
         &self,
         raycaster: &Raycaster,
@@ -62,18 +62,18 @@ impl PathEngine {
     }
 }
 
-/// How a path looks at a surface.
+/// The direction and width of a path that reaches a surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Look {
-    /// The unit direction from the surface to where the path came from.
+    /// The unit direction from the surface to the previous point of the path.
     pub towards_eye: Vec3,
-    /// The width that it looks at, in scene units.
+    /// The width of the path, in scene units.
     pub width: f32,
 }
 
-/// Returns the normals with which light is scattered at a hit, on the side that is seen: of the
-/// smooth surface, and the same with what a texture of normals changes. Both are `facing` if the
-/// surface is a plain facet or a pane.
+/// Returns the normals that scatter light at a hit, on the side that is seen. The first is that of
+/// the smooth surface, the second includes the texture of normals. Both are `facing` if the surface
+/// is a plain facet or a pane.
 #[inline]
 pub(crate) fn normals(
     raycaster: &Raycaster,
@@ -107,10 +107,9 @@ pub(crate) fn normals(
 
 /// Returns the factor to light from `direction`, whose cosine to the smooth normal is `z`.
 ///
-/// It is 0 if the triangle and its smooth normal disagree about the side that the light is on. Else,
+/// It is 0 if the light is on different sides of the triangle and of its smooth normal. Otherwise,
 /// for light that is scattered with a density (`is_smooth`), it fades the light towards the edge of
-/// the shadow that facets cast on themselves (Chiang, Li and Burley 2019, "Taming the Shadow
-/// Terminator").
+/// the facets' own shadows (Chiang, Li and Burley 2019, "Taming the Shadow Terminator").
 #[inline]
 pub(crate) fn terminator(
     frame: &Frame,
@@ -120,7 +119,7 @@ pub(crate) fn terminator(
     is_smooth: bool,
 ) -> f32 {
     let between = frame.n.dot(geometric);
-    // The common case, a facet: both normals are the same but for their sign.
+    // The common case is a facet, whose two normals are equal or opposite.
     if frame.n == geometric || frame.n == -geometric {
         return 1.0;
     }
@@ -135,13 +134,15 @@ pub(crate) fn terminator(
     (g * g + g - g * g * g).min(1.0)
 }
 
-/// Returns whether a direction from a point leaves its surface. `normal` is on the side that counts.
+/// Returns whether a direction from a point leaves its surface. `normal` is on the side to leave
+/// to.
 #[inline]
 pub(crate) fn is_above(geometric: Vec3, normal: Vec3, direction: Vec3) -> bool {
     direction.dot(geometric) * normal.dot(geometric) > 0.0
 }
 
-/// Returns a direction that leaves the surface: one that would enter it is mirrored at its plane.
+/// Returns a direction that leaves the surface. A direction into the surface is mirrored at its
+/// plane.
 #[inline]
 pub(crate) fn above(geometric: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
     if is_above(geometric, normal, direction) {

@@ -85,8 +85,8 @@ fn nothing_shines_through_a_smooth_surface_into_a_dark_ball() {
 
 #[test]
 fn smooth_normals_hide_facets() {
-    // A white ball lit by a small lamp from the side: radiance along the equator of a sphere of 24
-    // facets jumps at each, and of a smooth one it does not.
+    // A white ball is lit by a small lamp from the side. Radiance along the equator jumps at each
+    // of 24 facets, and is continuous on a smooth ball.
     let lit = |smooth: bool| {
         let ball = sphere(24, smooth, Bsdf::Diffuse { kd: [0.8; 3] }, [0.0; 3]);
         let mut positions: Vec<DVec3> =
@@ -123,8 +123,8 @@ fn smooth_normals_hide_facets() {
         row.windows(2).map(|pair| (pair[1] - pair[0]).abs() / most).fold(0.0, f32::max)
     };
     let (faceted, smooth) = (lit(false), lit(true));
-    // What is left is the fading of terminators: G of a facet turned by 7.5° at a cosine of 0.62 is
-    // 0.94, which changes the light by 0.035.
+    // The remaining jump comes from the fading of terminators. G of a facet turned by 7.5° is 0.94
+    // at a cosine of 0.62, which changes the light by 0.035.
     assert!(faceted > 0.1 && smooth < 0.04, "{faceted} {smooth}");
 }
 
@@ -262,7 +262,8 @@ fn lamps_are_sampled_in_proportion_to_the_light_of_their_textures() {
     let ((alone, alone_variance), (both, both_variance)) = (lamps(1), lamps(2));
     let sigma = ((alone_variance + both_variance) / 4000.0).sqrt();
     assert!(alone > 0.0 && (both - alone).abs() < 4.0 * sigma, "{both} {alone} {sigma}");
-    // If the dark lamp took half of the samples, the variance would be about the square of the mean.
+    // If the dark lamp took half of the samples, the variance would be about the square of the
+    // mean.
     assert!(
         both_variance < alone_variance + 0.1 * alone * alone,
         "{both_variance} {alone_variance}"

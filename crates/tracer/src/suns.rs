@@ -1,7 +1,7 @@
 //! Suns: discs in the sky that light samples find, and sharp reflections too.
 //!
-//! Always true: a sun counts only after a path has been scattered with a density. Eyes see the sky in
-//! its place, straight and in mirrors, as displays draw it. A scene without suns pays nothing.
+//! Always true: a sun counts only after a path has been scattered with a density. Eyes see the sky
+//! in its place, directly and in mirrors, as displays draw it. A scene without suns pays nothing.
 
 use glam::Vec3;
 use holo_scene::{SUN_RADIUS, Scene, Sun};
@@ -71,8 +71,8 @@ impl Suns {
         Some(Chosen { direction, radiance: sun.radiance, density: sun.share * self.density })
     }
 
-    /// Returns the light that a ray meets in suns. `weight` returns the weight of a sun by the density
-    /// with which [`choose`](Self::choose) gives its points.
+    /// Returns the light of suns that a ray hits. `weight` returns the weight of a sun from the
+    /// density with which [`choose`](Self::choose) returns its points.
     #[inline]
     pub(crate) fn along(&self, direction: Vec3, weight: impl Fn(f32) -> f32) -> Vec3 {
         let met = self.discs.iter().filter(|disc| {

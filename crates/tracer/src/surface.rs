@@ -32,7 +32,7 @@ pub(crate) fn surfaces(scene: &Scene) -> Vec<Surface> {
         .map(|(id, (m, used))| Surface {
             varied: Varied::new(&m.bsdf, finish(id), &mut varied).map(Box::new),
             scatter: match m.bsdf {
-                // What a solid does depends on the media on both sides (`nesting`).
+                // The scattering of a solid depends on the media on both sides (`nesting`).
                 Bsdf::Dielectric { .. } => Scatter::Black,
                 _ if !used => Scatter::Black,
                 bsdf => Scatter::new(&bsdf, &mut tables),

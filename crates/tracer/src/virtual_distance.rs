@@ -24,7 +24,7 @@ use crate::luminance::luminance;
 use crate::medium::{Crossing, TOUCH};
 use crate::path::Start;
 
-/// Most surfaces on the way: between two mirrors that face each other there is no end.
+/// Most surfaces on the way. Between two mirrors that face each other, a ray would never end.
 const MAX_PASSED: u32 = 64;
 
 /// Sine of the least angle between two triangles of a curved surface, 0.1°. Polygons whose corners
@@ -143,8 +143,8 @@ impl VirtualDistance {
     }
 }
 
-/// Returns the direction from which a smooth surface sends most light to `wo`. `None` if the
-/// surface is not smooth.
+/// Returns the direction of the largest share of the light that a smooth surface sends to `wo`.
+/// `None` if the surface is not smooth.
 fn onwards(scatter: &Scatter, wo: Vec3, front: bool) -> Option<Vec3> {
     let goes_through = |reflected: f32, transmittance: Vec3| {
         (1.0 - reflected) * luminance(transmittance.to_array()) >= reflected

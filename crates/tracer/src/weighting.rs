@@ -1,7 +1,7 @@
-//! How samples of the lights and samples of the material share direct light.
+//! Divides direct light between samples of the lights and samples of the material.
 //!
-//! Always true: the weights are those of the power heuristic for n samples of the lights and one of
-//! the material (Veach 1997, §9.2.2 and §9.2.4).
+//! Always true: the weights are those of the power heuristic (Veach 1997, §9.2.2 and §9.2.4), for n
+//! samples of the lights and one of the material.
 
 /// How direct light is found. Tests compare the three: each is unbiased if no material is specular.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

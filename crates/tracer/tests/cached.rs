@@ -76,9 +76,9 @@ fn a_room_lit_from_above_only_is_within_the_accuracy_of_paths() {
     let (mean, rms) = (sum / count, (squares / count).sqrt());
     let accuracy = f64::from(accuracy);
     assert!(rms < 3.0 * accuracy + (noise / count).sqrt(), "errors of {rms}");
-    // The rays of a record leave an error of at most the accuracy. Coarse records, in which they
-    // end, add as much again, independently from record to record. About 40 records of each cache
-    // contribute here.
+    // The rays of a record leave an error of at most the accuracy. The coarse records at the ends
+    // of these rays add an error of the same size, independently for each record. About 40 records
+    // of each cache contribute here.
     let chance = 2.0 * accuracy / f64::from(40 * CACHES).sqrt();
     assert!(mean.abs() < accuracy + 3.0 * chance, "mean error {mean}");
 }
@@ -151,8 +151,8 @@ fn panes_and_mirrors_in_a_furnace_change_nothing() {
 }
 
 /// A lamp shines through a pane into a mirror, which reflects its light to a floor that the lamp
-/// does not reach directly. The pane mirrors nothing: no ray of a record is aimed at lamps that panes
-/// mirror, so of their light a part is cut off as outliers.
+/// does not reach directly. The pane reflects nothing, because no rays of records are aimed at
+/// lamps that panes reflect. A part of such light is cut off as outliers.
 fn mirrored() -> Model {
     let mut model = Model::default();
     let floor = model.material(GREY, [0.0; 3]);
@@ -240,8 +240,8 @@ const SHOWN: f32 = 0.8;
 const MIRROR_HEIGHT: f64 = 2.0;
 const FAR_RUG: [f64; 3] = [1.2, 0.9, 0.0];
 
-/// Paths that meet the lamp by way of the mirror bring the right light in the mean, and each at most
-/// eight times the mean of the records, once there are some.
+/// Paths that hit the lamp after the mirror have the right mean. Once there are some records, each
+/// path brings at most eight times the mean of the records.
 #[test]
 fn mirrored_lamps_on_paths_without_records_are_clamped_to_the_mean_of_records() {
     const PATHS: u64 = 200_000;

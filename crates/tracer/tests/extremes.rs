@@ -235,8 +235,8 @@ fn a_room_that_absorbs_nothing_but_at_its_lamp_is_as_bright_as_the_lamp() {
     for direction in [DVec3::X, DVec3::new(-0.5, 0.7, -0.9)] {
         let found = estimate(&tracer, DVec3::new(0.1, 0.2, -0.3), direction, 4_000);
         expect(found, LE.map(f64::from));
-        // What a user sees at 256 paths is within a tenth, most of the time. Paths of weight 1 that
-        // meet the lamp once have no error at all but where light takes more than 300 surfaces.
+        // At 256 paths, the error is less than a tenth most of the time. Paths of weight 1 that
+        // meet the lamp once have no error, except if light takes more than 300 surfaces.
         for (error, lamp) in found.error.into_iter().zip(LE) {
             let error = error / f64::from(lamp);
             assert!(error * (4_000.0_f64 / 256.0).sqrt() < 0.1, "{error}");

@@ -15,7 +15,7 @@ use holo_tracer::{Settings, Tracer};
 const CORNERS: usize = 32;
 const RADIUS: f64 = 0.25;
 const HEIGHT: f64 = 8.0;
-/// Depth of the lamp: a thousandth of the distance from which it is seen.
+/// Depth of the lamp: a thousandth of its distance to the floor.
 const DEPTH: f64 = 0.008;
 const RADIANCE: f64 = 60.0;
 const ALBEDO: f64 = 0.5;
@@ -61,9 +61,9 @@ fn scene() -> Scene {
     Scene::from_world(&points, &triangles, &materials, palette, [0.0; 3]).unwrap().0
 }
 
-/// Returns the floor's radiance at `x`: the sum over points of the lamp, weighted by form factor,
-/// that are visible through the mouth of the housing. The strata are so fine that the shadow's edge
-/// costs less than 1e-4.
+/// Returns the floor's radiance at `x`. It is the sum over the points of the lamp that are visible
+/// through the mouth of the housing, weighted with their form factors. The strata are so fine that
+/// the shadow's edge costs less than 1e-4.
 fn expected(x: DVec3) -> f64 {
     const RINGS: usize = 600;
     const SPOKES: usize = 600;

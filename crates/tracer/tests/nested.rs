@@ -1,7 +1,7 @@
 //! Tests nested, overlapping and touching glass against closed forms.
 //!
-//! Consider a ray through parallel boundaries without absorption, each of which reflects a share r.
-//! With all reflections between them they transmit 1 / (1 + Σ r / (1 - r)).
+//! Consider a ray through parallel boundaries without absorption, which reflect shares r. With all
+//! reflections between them they transmit 1 / (1 + Σ r / (1 - r)).
 
 mod common;
 
@@ -104,7 +104,7 @@ fn a_radial_ray_through_a_shell_transmits_its_four_boundaries() {
             model.polygon(&corners, glass);
         }
     }
-    // The light fills the half space ahead. What is reflected returns to the eye's side, which is
+    // The light fills the half space ahead. Reflected light returns to the eye's side, which is
     // dark.
     let light = model.material(BLACK, LE);
     let (a, b) = (DVec3::new(1.0, -1.0, 0.0).normalize(), DVec3::new(1.0, 1.0, -2.0).normalize());

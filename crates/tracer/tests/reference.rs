@@ -1,11 +1,11 @@
 //! Pictures agree with those of an independent path tracer, by z-tests over blocks of pixels.
 //!
-//! Each z-test uses the standard errors of both sides. Scenes and pictures lie in `../shared`, beside
-//! the project.
+//! Each z-test uses the standard errors of both sides. Scenes and pictures lie in `../shared`,
+//! beside the project.
 //!
-//! The cabin's reference is 0.4 % too bright where its flood lamps shine: its renderer loses the shadow
-//! of the rims of their housings. `housing.rs` tests that this tracer does not. The paths traced here
-//! are too few to show that difference.
+//! The cabin's reference is 0.4 % too bright where its flood lamps shine: its renderer loses the
+//! shadow of the rims of their housings. `housing.rs` tests that this tracer does not. The paths
+//! traced here are too few to show that difference.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "tests fail by them")]
 

@@ -80,9 +80,9 @@ fn paths(tracer: &Tracer, eye: DVec3, count: usize, first_seed: u64) -> Vec<Vec<
 
 /// Returns the sum over the square root of the sum of squares.
 ///
-/// If `differences` are independent and symmetric about 0, as differences of estimates of the same
-/// thing are, its magnitude exceeds z with probability at most 2 exp(-z²/2), whatever their tails
-/// (Efron 1969, "Student's t-Test under Symmetry Conditions").
+/// `differences` must be independent and symmetric about 0, as the differences of two estimates of
+/// the same quantity are. The magnitude then exceeds z with probability at most 2 exp(-z²/2),
+/// whatever their tails (Efron 1969, "Student's t-Test under Symmetry Conditions").
 fn self_normalised(differences: impl Iterator<Item = f64>) -> f64 {
     let (sum, squares) = differences.fold((0.0, 0.0), |(s, q): (f64, f64), d| (s + d, q + d * d));
     if squares == 0.0 { 0.0 } else { sum / squares.sqrt() }

@@ -6,7 +6,7 @@
 //!   after.
 //! - [`options()`]: a view as Radiance's options, in few words.
 //!
-//! What always holds:
+//! Invariants:
 //! - Nothing here reads a clock. The same inputs and times give the same poses.
 //! - A held key moves the eye by a distance that depends on the time, not on the number of frames.
 //! - A pose is finite, and its direction is never along its up vector.

@@ -1,4 +1,4 @@
-//! What people are told before any work is done, and what to do about it.
+//! Tests advice that is given before any work is done.
 
 use holo_net::Message;
 use holo_picture::Picture;
@@ -29,7 +29,7 @@ fn a_picture_of_a_kind_that_cannot_be_written_is_refused_before_the_work() {
         &["render", "{}/none.obj", "--spp", "1", "-o", "x.jpg"],
         &["render", "{}/none.obj", "--spp", "1", "-o", "x.pfm", "--se", "x.jpg"],
     ] {
-        // Nothing is read before: that the scene is missing does not come into it.
+        // Nothing is read before: the missing scene is not reported.
         let ended = place.run(&[words, &view].concat()).failed(2, &["x.jpg", ".png"]);
         assert!(!ended.stderr.contains("none."), "{}", ended.stderr);
     }

@@ -1,4 +1,4 @@
-//! Pictures of a room of which every pixel is known, through server, file and viewer.
+//! Pictures of a room whose every pixel is known, through server, file and viewer.
 
 use std::net::SocketAddr;
 
@@ -25,7 +25,8 @@ fn section(
     SectionSpec { origin, axes, grid, class, obstructions }
 }
 
-/// A file of these sections without a sample in it. What it says of its scene is never asked for.
+/// A file of these sections without a sample in it. Its description of the scene is never
+/// requested.
 fn make(place: &Place, sections: Vec<SectionSpec>) {
     let settings = RenderSettings::default();
     let about = About::new(sections, settings, b"known", "a known room".into());
@@ -93,7 +94,7 @@ fn a_room_is_seen_right_from_inside_outside_and_behind_a_section() {
 fn a_room_is_seen_right_through_two_sections_and_between_them() {
     let axes = [[1.5, 0.0, 0.0], [0.0, 2.5, 0.0], [0.0, 0.0, 2.0]];
     let left = section([-2.0, -1.0, 0.5], axes, [2, 4, 3], ViewClass::Interior, false);
-    // Left-handed axes: the cells' order differs, what is seen does not.
+    // The axes are left-handed, so cells have another order, but the picture is the same.
     let axes = [[0.0, 2.7, 0.0], [1.6, 0.0, 0.0], [0.0, 0.0, 2.2]];
     let right = section([2.0, -0.8, 0.4], axes, [4, 2, 3], ViewClass::Interior, false);
     let views = [
@@ -130,9 +131,9 @@ fn an_object_is_seen_right_from_outside_and_within_a_section_around_it() {
     look(world, vec![around(ViewClass::Interior)], &within);
 }
 
-/// The comparison itself: a room that is another one must be told apart, however little it differs.
+/// Tests the comparison itself: it must detect another room, however small the difference is.
 #[test]
-fn another_room_is_told_apart() {
+fn another_room_is_detected() {
     let axes = [[3.3, 0.0, 0.0], [0.0, 2.1, 0.0], [0.0, 0.0, 2.7]];
     let one = section([-1.0, -0.5, 0.5], axes, [5, 4, 3], ViewClass::Interior, false);
     let view = "-vp 0.3 0.4 1.7 -vd 1 0.4 0.2 -vu 0 0 1 -vh 60";
@@ -168,12 +169,12 @@ fn another_room_is_told_apart() {
     runtime.shutdown_background();
 }
 
-/// A file filled without a viewer: its rays go everywhere, and only their distances say where what
-/// they saw is seen from an eye. The same file with everything half as far must not pass. (What
-/// each distance is to be, `samples` checks exactly.)
+/// A file filled without a viewer: its rays go everywhere, and only their distances determine where
+/// an eye sees what they hit. The same file with all distances halved must fail. (`samples` checks
+/// each distance exactly.)
 ///
-/// Not so by the quadtree: it finds that samples from elsewhere do not agree with those that look
-/// as the eye does.
+/// The quadtree would pass the wrong file: it finds that samples from elsewhere do not agree with
+/// aligned ones, and leaves them out.
 #[test]
 fn a_filled_room_is_seen_right_by_its_distances() {
     let axes = [[3.3, 0.0, 0.0], [0.0, 2.1, 0.0], [0.0, 0.0, 2.7]];

@@ -1,5 +1,4 @@
-//! Enough is enough: a file that has enough samples gets better ones, whoever dies or looks
-//! meanwhile.
+//! A file with enough samples gets better ones, whichever process dies or looks meanwhile.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -39,7 +38,7 @@ fn samples(path: &Path) -> Samples {
     samples
 }
 
-/// How many samples have so many paths.
+/// Returns the number of samples for each number of paths.
 fn by_paths(samples: &Samples) -> BTreeMap<u16, usize> {
     let mut counts = BTreeMap::new();
     samples.values().for_each(|(paths, _)| *counts.entry(*paths).or_default() += 1);
@@ -76,9 +75,9 @@ fn a_file_with_enough_gets_no_more_samples_but_better_ones() {
     let fill = || place.fill_small_with("a.holo", "75k", &["--enough", "60k"]).json();
     let first = fill();
     let added = first["added"].as_u64().unwrap();
-    // Shares are rounded to packets of 4 by chance, so that the total has a standard deviation of
-    // 2·√(beams) at the most; and beams that turn out to see nothing move the others' shares until
-    // they are nearly right, by 1 %.
+    // Shares are rounded by chance to packets of 4, so the total has a standard deviation of at
+    // most 2·√(beams). Beams that turn out to see nothing move the others' shares until they are
+    // within 1 %.
     assert!((added as f64 - ENOUGH).abs() < 0.01 * ENOUGH + 4.0 * 2.0 * 7680f64.sqrt(), "{first}");
     assert_eq!(first["samples"], first["added"]);
     let better = first["better"].as_u64().unwrap();
@@ -89,7 +88,7 @@ fn a_file_with_enough_gets_no_more_samples_but_better_ones() {
     assert_eq!(counts.get(&4).copied(), Some(better as usize), "{counts:?}");
     assert_eq!(before.len() as u64, added);
 
-    // It goes on where it was: the rest of the level, and then the next, in every sample.
+    // The fill continues with the rest of the level, and then the next level, in every sample.
     let (mut total, mut superseded) = (added, better);
     for _ in 0..2 {
         let summary = fill();
@@ -102,7 +101,7 @@ fn a_file_with_enough_gets_no_more_samples_but_better_ones() {
         assert_no_worse(&after, &before);
         before = after;
     }
-    // What later fills learned of beams that see nothing may move others' shares, a little and
+    // Later fills may find more beams that see nothing, which moves the others' shares a little,
     // once.
     assert!(total < added + added / 20, "{total} after {added}");
     let counts = by_paths(&before);
@@ -126,7 +125,7 @@ fn a_fill_ends_before_its_time_when_nothing_is_left_to_trace() {
     let config = std::fs::read_to_string(place.cornell()).unwrap();
     place.write("enough.toml", &format!("enough = \"0\"\n{config}"));
     let words = ["fill", "--config", "{}/enough.toml", "--section", CORNELL_SMALL_SECTION];
-    // As good as the first samples of this file are, none get better; and no more are wanted.
+    // These samples already have enough paths to be final, and no more samples are wanted.
     place
         .run(
             &[&words[..], &["-o", "{}/b.holo", "--paths-per-sample", "8192", "--time", "10m"]]
@@ -152,9 +151,8 @@ fn info_says_how_fast_a_file_grows_that_is_being_filled() {
     let server = place.server("a.holo", &["--fill"]);
     let _worker = place.worker(server.address, &[]);
     let length = || std::fs::metadata(place.path("a.holo")).unwrap().len();
-    // `info` watches the file for most of the time that it runs. The file grows in steps, so what
-    // it says is compared with the whole growth meanwhile within a factor of ten: units are right
-    // then.
+    // `info` watches the file for most of its run. The file grows in steps, so the reported growth
+    // may differ from the whole growth by a factor of up to ten. Wrong units would differ more.
     wait_until("info to say how fast the file grows", || {
         let (before, start) = (length(), Instant::now());
         let info = place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json();
@@ -168,8 +166,8 @@ fn info_says_how_fast_a_file_grows_that_is_being_filled() {
 #[test]
 fn better_samples_are_of_the_same_light_with_less_noise() {
     let place = Place::new();
-    // Rays depend on the section alone, their random numbers on the seed: samples of one number in
-    // two files see the same, with errors that are independent.
+    // Rays depend only on the section, and their random numbers on the seed. So samples of one
+    // number in two files see the same, with independent errors.
     let fill = |seed: &str, enough: &str, more: &str| {
         let name = format!("{seed}-{enough}.holo");
         let words = ["--seed", seed, "--enough", enough];
@@ -177,7 +175,7 @@ fn better_samples_are_of_the_same_light_with_less_noise() {
         samples(&place.path(&name))
     };
     let rough = [fill("1", "1G", "20k"), fill("2", "1G", "20k")];
-    // Twice: the level of 4 paths, and that of 16.
+    // Two levels: 4 paths and 16 paths.
     let better = [fill("3", "20k", "60k"), fill("4", "20k", "60k")];
     let values = |sample: &Sample| sample.rgb().map(f64::from).iter().sum::<f64>();
     let is_common = |name: &&(BeamKey, SampleKind, u32)| {
@@ -187,8 +185,8 @@ fn better_samples_are_of_the_same_light_with_less_noise() {
     let common: Vec<_> = rough[0].keys().filter(is_common).collect();
     assert!(common.len() > 15_000, "{}", common.len());
 
-    // By groups of rays, so that the spread of the groups says how sure the sums are, whatever the
-    // distribution of one error.
+    // Rays are summed in groups, so that the spread of the groups shows how exact the sums are,
+    // whatever the distribution of one error.
     const GROUPS: usize = 40;
     let (mut noise, mut brightness) = (vec![[0.0; 2]; GROUPS], vec![0.0; GROUPS]);
     let mut smaller = 0.0;
@@ -206,8 +204,9 @@ fn better_samples_are_of_the_same_light_with_less_noise() {
             smaller += f64::from(u8::from(b.abs() < a.abs()));
         }
     }
-    // Means of 16 independent paths have a sixteenth of the variance; stratified, less. Leaving out
-    // one group at a time gives the ratio's standard error; normal, one-sided, 99.95 %.
+    // The mean of 16 independent paths has a sixteenth of the variance, and stratification lowers
+    // it further. Leaving out one group at a time gives the ratio's standard error; normal,
+    // one-sided, 99.95 %.
     let sum = |without: usize, which: usize| -> f64 {
         noise
             .iter()
@@ -228,19 +227,19 @@ fn better_samples_are_of_the_same_light_with_less_noise() {
         ratio + 3.29 * deviation < 1.0 / 4.0,
         "{ratio} ± {deviation}: no proof that there is less noise"
     );
-    // Ray by ray, by the sign test: with equal noise the better pair is the closer one half of the
-    // time.
+    // The sign test compares ray by ray: with equal noise, the better pair would be the closer one
+    // half of the time.
     let z = (smaller - 0.5 * differing) / (0.25 * differing).sqrt();
     assert!(z > 5.0, "the better pair is closer {smaller} times of {differing}");
-    // And they are as bright: Student's t with 39 degrees of freedom, 99.9 %.
+    // The brightness is the same: Student's t with 39 degrees of freedom, 99.9 %.
     let mean = brightness.iter().sum::<f64>() / GROUPS as f64;
     let variance = brightness.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (GROUPS - 1) as f64;
     let deviation = (variance / GROUPS as f64).sqrt();
     assert!(mean.abs() < 3.56 * deviation, "{mean} ± {deviation}");
 }
 
-/// A file with nearly enough samples, and a server that brings it there, and makes them better
-/// then, once it has workers.
+/// A file with nearly enough samples, and its server. Once it has workers, the server first
+/// completes the samples and then makes them better.
 fn improving(place: &Place, words: &[&str]) -> Server {
     place.fill_small_with("a.holo", "15k", &["--enough", "20k"]);
     place.server("a.holo", &[&["--fill", "--enough", "20k", "--json"], words].concat())
@@ -259,7 +258,7 @@ fn a_server_killed_in_the_middle_of_a_level_loses_nothing_and_goes_on() {
     assert_no_worse(&after, &seen);
     assert_no_worse(&after, &before);
     let summary = place.fill_small_with("a.holo", "25k", &["--enough", "20k"]).json();
-    // What was better already was passed over: less than one level was left of this one.
+    // Better samples are passed over: less than one level was left of this one.
     let last = samples(&place.path("a.holo"));
     assert_no_worse(&last, &after);
     assert!(last.values().all(|(paths, _)| *paths >= 4), "{:?}", by_paths(&last));
@@ -273,13 +272,13 @@ fn better_packets_of_dead_workers_are_dealt_again() {
     let server = improving(&place, &["--samples", "70k"]);
     let killed = place.worker(server.address, &[]);
     wait_for_better(&place.path("a.holo"), 1000);
-    // One that takes packets, does nothing with them, and goes.
+    // This worker takes packets, does nothing with them, and goes.
     let idle = tokio::runtime::Runtime::new().unwrap();
     let (mut inbox, outbox, _) = idle.block_on(join(server.address, Role::Worker));
     outbox.control(&Control::Ready { threads: 8 }).unwrap();
     let lost = idle.block_on(async {
         let mut lost = Vec::new();
-        // It is also given packets of fewer paths that check what the other one reported.
+        // It also gets packets of fewer paths, which check the other worker's reports.
         while lost.len() < 2 {
             if let Message::Work(work) = inbox.next().await.unwrap() {
                 lost.extend(work.packets.into_iter().filter(|packet| packet.paths > 1));
@@ -296,7 +295,7 @@ fn better_packets_of_dead_workers_are_dealt_again() {
     let counts = by_paths(&samples(&place.path("a.holo")));
     let most = *counts.keys().last().unwrap();
     assert!(most >= 16, "{counts:?}");
-    // All of a level is done, whoever was to do it, before the next but one begins.
+    // A level is completed before the next but one begins, whichever worker was to do it.
     assert!(counts.keys().all(|paths| *paths >= most / 4), "{counts:?}");
     let better = summary["better"].as_u64().unwrap();
     assert_eq!(
@@ -364,7 +363,7 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
                 _ => {}
             }
         }
-        // The server ends while it is still looked at.
+        // The server ends while a display still looks.
         server.process.signal(Signal::TERM);
         while inbox.next().await.is_ok() {}
     });
@@ -381,12 +380,11 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
         plain(&seen) == plain(&shown),
         "what was shown is what the file has of the view's beams"
     );
-    // Displays weigh samples by what they are told of them: all alike.
+    // All samples are sent with the same number of paths, so that displays weigh them equally.
     assert_eq!(by_paths(&shown).into_keys().collect::<Vec<_>>(), [1]);
 }
 
-/// The rays of better samples are not only as many: the section's own arithmetic gives the same
-/// ones.
+/// The section's own arithmetic gives the same rays for better samples, not just the same number.
 #[test]
 fn a_samples_ray_does_not_depend_on_its_paths() {
     let place = Place::new();

@@ -1,4 +1,4 @@
-//! A walk in a real browser, as a person has it.
+//! A walk in a real browser, as a person would do it.
 
 use holo_picture::{Picture, luminance};
 use holo_tests::{CORNELL_SMALL_SECTION, Chromium, Place, Process, wait_until};
@@ -44,15 +44,15 @@ fn brightness(browser: &mut Chromium) -> f64 {
 }
 
 #[test]
-fn one_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
+fn a_person_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     let place = Place::new();
     place.fill_small_with("a.holo", "200k", &["--bounces", "0"]);
     let words = ["replay", "{}/a.holo", "--no-open", "--record", "{}/w.txt"];
     let mut session = place.start(&[&words[..], &VIEW].concat());
     let browser = &mut Chromium::open(&address(&mut session));
     wait_for_rest(browser);
-    // What the page shows under the cursor is what `picture` makes of the same view, once all that
-    // is stored has come.
+    // Once all stored samples have arrived, the value under the cursor equals that of `picture` for
+    // the same view.
     browser.mouse("mouseMoved", (640, 360), 0);
     let picture = ["picture", "{}/a.holo", "-o", "{}/p.pfm", "--size", "1280x720"];
     place.run(&[&picture[..], &VIEW].concat()).ok();
@@ -76,7 +76,7 @@ fn one_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     wait_for_rest(browser);
     assert_ne!(options(browser), home);
 
-    // A replay keeps no views, and says so.
+    // A replay stores no views, and says so.
     browser.press("KeyV", "v");
     let views = browser.value("state.views");
     browser.value("command('keep here')");
@@ -99,7 +99,7 @@ fn one_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     wait_until("a brighter picture", || (brightness(browser) > 1.2 * before).then_some(()));
     assert_eq!(browser.value(frame), frame_before);
 
-    // False colours, with a legend. A range that is none changes nothing.
+    // False colours, with a legend. An invalid range changes nothing.
     let luminous = brightness(browser);
     browser.press("KeyJ", "j");
     browser.wait("header.exact && header.legend && !document.getElementById('legend').hidden");
@@ -140,7 +140,7 @@ fn one_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
 }
 
 #[test]
-fn a_scene_gets_clearer_while_one_looks_and_the_page_comes_back_by_itself() {
+fn a_picture_gets_clearer_and_the_page_reconnects_by_itself() {
     let place = Place::new();
     let words = [
         "view",
@@ -163,7 +163,8 @@ fn a_scene_gets_clearer_while_one_looks_and_the_page_comes_back_by_itself() {
     browser.wait("state.paused && state.samples_per_second === 0");
     browser.press("KeyP", "p");
     browser.wait("!state.paused && state.samples_per_second > 0");
-    // The session is lost, without a word. What the page shows stays until there is another one.
+    // The session is killed, without a message. The page keeps its picture until another one
+    // arrives.
     session.signal(Signal::KILL);
     drop(session.wait());
     browser.wait("!document.getElementById('loading').hidden");
@@ -172,7 +173,7 @@ fn a_scene_gets_clearer_while_one_looks_and_the_page_comes_back_by_itself() {
     let session = start(&["--http", &http]);
     browser.wait("document.getElementById('loading').hidden && drives");
     wait_for_rest(browser);
-    // Somebody ends it while walking: everything is stored all the same.
+    // A person ends the session while walking, and everything is stored all the same.
     browser.key("KeyE", "e", true);
     browser.wait("document.body.dataset.rest === 'false'");
     browser.value("command('quit')");
@@ -180,7 +181,7 @@ fn a_scene_gets_clearer_while_one_looks_and_the_page_comes_back_by_itself() {
 }
 
 #[test]
-fn one_commands_a_session_by_buttons_keys_and_lines() {
+fn buttons_keys_and_lines_command_a_session() {
     let place = Place::new();
     let words = [
         "view",
@@ -221,12 +222,12 @@ fn one_commands_a_session_by_buttons_keys_and_lines() {
     browser.mouse("mouseMoved", (641, 600), 0);
     browser.wait("document.getElementById('p-luminance').textContent.includes('±')");
     browser.wait("Number(document.getElementById('p-samples').textContent) >= 0");
-    // A rectangle is dragged out, and traced first until one cancels that.
+    // A rectangle is dragged out, and traced first until that is cancelled.
     browser.drag_with_control((300, 200), (700, 500));
     browser.wait("state.focus !== null && !document.getElementById('focus').hidden");
     browser.press("Escape", "Escape");
     browser.wait("state.focus === null && document.getElementById('focus').hidden");
-    // A view is kept in the file, left and recalled by its number.
+    // A view is stored in the file, left, and recalled by its number.
     wait_for_rest(browser);
     let home = options(browser);
     browser.value("document.getElementById('t-name').value = 'the corner'");
@@ -237,7 +238,7 @@ fn one_commands_a_session_by_buttons_keys_and_lines() {
         browser.value("[...document.querySelectorAll('#views .name')].pop().click()");
     });
     assert_eq!(recalled, home);
-    // What one has chosen stays when the page is loaded again.
+    // A person's choices stay when the page is loaded again.
     browser.value("stops(1)");
     browser.reload_until("document.readyState === 'complete' && hasPicture && display.stops === 1");
     browser.wait("drives && state.workers === 1");
@@ -245,7 +246,7 @@ fn one_commands_a_session_by_buttons_keys_and_lines() {
     session.write_line(&format!("picture {} 160x90", place.path("p.exr").display()));
     session.wait_for_error("wrote");
     assert_eq!(Picture::read(place.path("p.exr")).unwrap().size(), (160, 90));
-    // Starting over is asked for first.
+    // Starting over needs a confirmation.
     browser.press("Backspace", "Backspace");
     browser.wait("document.getElementById('question').open");
     browser.value("document.querySelector('#question button[value=no]').click()");

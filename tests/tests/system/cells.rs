@@ -1,4 +1,5 @@
-//! Files without a scene, and cells of samples: what shows them, and that they are seen right.
+//! Files without a scene, and cells of samples: which driver shows them, and whether the picture is
+//! right.
 
 use holo_picture::{Picture, ViewSpec};
 use holo_proto::control::RenderSettings;
@@ -65,7 +66,7 @@ fn a_file_without_a_scene_is_shown_in_cells_and_seen_right() {
     server.process.end(Signal::TERM).ok();
     runtime.shutdown_background();
 
-    // And of what is stored; without being asked for, too.
+    // Stored samples are shown in cells too, without any option.
     let picture = |name: &str, words: &[&str]| {
         let output = place.text(name);
         let view = [
@@ -91,14 +92,14 @@ fn a_file_without_a_scene_is_shown_in_cells_and_seen_right() {
                 == std::fs::read(place.path("live.pfm")).unwrap()
         );
     }
-    // A constant cell shows one sample: the colour that its wall has there, but for what RGBE
-    // rounds.
+    // A constant cell shows one sample: the colour of its wall at that place, except for the
+    // rounding of RGBE.
     assert_eq!(picture("constant.pfm", &["--cells", "constant"])["driver"], "cells");
     check("constant.pfm", 10);
 }
 
 #[test]
-fn cells_are_used_where_there_is_a_scene_if_they_are_asked_for() {
+fn cells_are_used_with_a_scene_if_they_are_requested() {
     let place = Place::new();
     place.fill_small("a.holo", "100k");
     let picture = |name: &str, words: &[&str]| {
@@ -114,7 +115,8 @@ fn cells_are_used_where_there_is_a_scene_if_they_are_asked_for() {
     let (name, constant) = picture("constant.pfm", &["--cells", "constant"]);
     assert_eq!(name, "cells");
     assert!(scene != smooth && smooth != constant);
-    // Each pixel is one sample's colour: of many there are few alike, but neighbours of one cell.
+    // Each pixel has the colour of one sample. Few of many samples have equal colours, but
+    // neighbours in a cell do.
     let colours = |picture: &Picture| {
         let mut colours: Vec<[u32; 3]> =
             picture.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect();

@@ -10,7 +10,7 @@ use holo_proto::{
 use holo_tests::{Place, Server, analytic::join, patiently, stored, wait_until};
 use rustix::process::Signal;
 
-/// A display that only listens to how the server fares.
+/// A display that only listens to the server's status.
 struct Watcher {
     runtime: tokio::runtime::Runtime,
     inbox: holo_net::Inbox,
@@ -45,8 +45,8 @@ impl Watcher {
     }
 }
 
-/// Waits for the server's end and checks that its file holds what it says, each number once and
-/// none left out.
+/// Waits for the server's end, and checks that its file holds the reported samples, each number
+/// once and none left out.
 #[track_caller]
 fn ends_complete(place: &Place, server: Server, at_least: u64) {
     let summary = server.process.wait().ok().json();
@@ -66,8 +66,8 @@ fn a_worker_killed_and_one_that_only_takes_work_lose_nothing() {
     let _second = place.worker(server.address, &[]);
     let mut watcher = Watcher::new(server.address);
     watcher.wait("both workers", |status| status.workers == 2);
-    // One that takes packets, does nothing with them, and goes: these are certainly lost and given
-    // out again.
+    // This worker takes packets, does nothing with them, and goes. These are certainly lost and
+    // dealt again.
     let idle = tokio::runtime::Runtime::new().unwrap();
     let (mut inbox, outbox, _) = idle.block_on(join(server.address, Role::Worker));
     outbox.control(&Control::Ready { threads: 4 }).unwrap();
@@ -86,7 +86,7 @@ fn a_worker_killed_and_one_that_only_takes_work_lose_nothing() {
     server.process.wait_for_error("left: it closed its connection");
     let after = watcher.wait("the dead to be noticed", |status| status.workers == 1);
     watcher.wait("the other to go on", |status| status.samples > after.samples);
-    // And one that comes when the work is half done.
+    // Another worker comes when the work is half done.
     let _third = place.worker(server.address, &[]);
     watcher.wait("a third", |status| status.workers == 2);
     drop(watcher);
@@ -94,7 +94,7 @@ fn a_worker_killed_and_one_that_only_takes_work_lose_nothing() {
 }
 
 #[test]
-fn a_killed_display_takes_nobody_with_it() {
+fn a_killed_display_harms_no_other_process() {
     let place = Place::new();
     place.fill_small("a.holo", "1k");
     let mut server = place.server("a.holo", &["--json"]);
@@ -112,7 +112,7 @@ fn a_killed_display_takes_nobody_with_it() {
         let time = seconds.to_string();
         let words = ["--time", &time, "--size", "64x64", "-o", &output, "--json"];
         let report = place.viewer(server.address, &words).wait().ok().json();
-        // What was traced for the dead display is stored.
+        // Samples traced for the dead display are stored.
         assert!(report["stored"].as_u64().unwrap() > 1000, "{report}");
         report["traced"].as_u64().unwrap()
     };
@@ -141,7 +141,8 @@ fn a_hanging_worker_is_given_up_and_its_packets_are_traced_again() {
     watcher
         .wait("the first worker to work", |status| status.workers == 1 && status.samples > 20_000);
     hanging.signal(Signal::STOP);
-    // It has packets at any time, and nobody else can trace them before it is given up.
+    // The hanging worker has packets at any time, and no other worker can trace them before it is
+    // given up.
     let _other = place.worker(server.address, &[]);
     let then = watcher.wait("the second worker", |status| status.workers == 2);
     watcher.wait("the second worker to go on alone", |status| status.samples > then.samples + 1000);
@@ -173,7 +174,7 @@ fn a_killed_server_loses_only_its_last_samples_and_the_others_say_so() {
     assert!(stored.count() >= status.samples, "{} of {}", stored.count(), status.samples);
     worker.wait().failed(1, &["lost the server", "no holoserver answers"]);
     display.wait().failed(1, &["lost the server"]);
-    // The torn end, if there is one, is left out, and the file is filled further.
+    // If the end is torn, it is left out, and the file is filled further.
     place.fill_small("a.holo", "20k");
     let after = holo_tests::stored(&place.path("a.holo"));
     after.assert_contains(&stored);

@@ -1,4 +1,4 @@
-//! What other programs and broken disks do to a holodeck's file.
+//! Effects of other programs and broken disks on a holodeck's file.
 
 use std::{
     collections::HashMap,
@@ -21,7 +21,7 @@ fn flip(path: &Path, places: &[usize]) {
     fs::write(path, bytes).unwrap();
 }
 
-/// Where these bytes begin in a file, every time.
+/// Returns all places where these bytes begin in a file.
 fn occurrences(path: &Path, wanted: &[u8]) -> Vec<usize> {
     let bytes = fs::read(path).unwrap();
     (0..bytes.len()).filter(|&at| bytes[at..].starts_with(wanted)).collect()

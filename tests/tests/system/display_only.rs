@@ -74,8 +74,8 @@ fn a_file_is_read_while_another_process_fills_it() {
     after.assert_no_gaps();
 }
 
-/// Returns the beams of stored samples that a server sends for a view, in the order in which they
-/// come, and how many come together.
+/// Returns the beams of stored samples that a server sends for a view, in order of arrival, and how
+/// many samples arrive together.
 async fn sent(address: SocketAddr, beams: Vec<WantedBeam>) -> Vec<(BeamKey, usize)> {
     let (mut inbox, outbox, _) = join(address, Role::Display).await;
     let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
@@ -101,7 +101,8 @@ fn a_display_is_sent_no_beam_of_which_it_holds_all_samples() {
         *all.entry(*key).or_default() += samples.len();
     }
     let server = place.server("a.holo", &["--display-only"]);
-    // Of every third beam it holds nothing, of others all but one sample, and of the rest all.
+    // The display holds no samples of every third beam, all except one of others, and all of the
+    // rest.
     let held = |(at, (&key, &count)): (usize, (&BeamKey, &usize))| {
         (key, [0, count - 1, count][at % 3] as u16)
     };
@@ -123,7 +124,7 @@ fn a_display_is_sent_the_beams_that_it_wants_most_first() {
     place.fill_small("a.holo", "50k");
     let file = stored(&place.path("a.holo"));
     let keys: BTreeSet<BeamKey> = file.beams.keys().map(|(key, _)| *key).collect();
-    // In the order of their names, and so in the file, they alternate.
+    // In the order of their names, and so in the file, the weights alternate.
     let weight = |at: usize| [1e-5, 20.0, 0.3][at % 3];
     let weights: BTreeMap<BeamKey, f32> =
         keys.into_iter().enumerate().map(|(at, key)| (key, weight(at))).collect();

@@ -21,7 +21,7 @@ fn harass(place: &Place, start: impl Fn() -> Process, mut seed: u32) -> Vec<Proc
         let victim = (seed >> 16) as usize % workers.len();
         let is_stopped = stopped.iter().any(|(_, at)| *at == victim);
         match seed >> 30 {
-            // The last one that works must not stop: nobody else would make samples.
+            // The last working worker must not stop, because no other would trace.
             0 | 1 if !is_stopped && stopped.len() < 2 => {
                 workers[victim].signal(Signal::STOP);
                 stopped.push((fault, victim));
@@ -50,7 +50,7 @@ fn a_fill_whose_workers_are_killed_and_stopped_loses_nothing_and_stores_nothing_
     place.fill_small("a.holo", "1k");
     let server = place.server("a.holo", &["--fill", "--json"]);
     let mut workers = harass(&place, || place.worker(server.address, &[]), 1);
-    // What the dead had is traced by the one that lives.
+    // The surviving worker traces the packets of the dead ones.
     workers.truncate(1);
     let file = place.path("a.holo");
     wait_until("all numbers", || stored(&file).gap().is_none().then_some(()));

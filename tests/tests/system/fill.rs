@@ -85,14 +85,14 @@ fn a_file_of_something_else_is_refused_and_left_as_it_is() {
     assert!(std::fs::read(place.path("a.holo")).unwrap() == before, "the file has changed");
 }
 
-/// Above the blocks and below the lamp, where nothing stands; the view is of the middle of one
-/// wall. Without edges in view, what a picture shows differs from the truth by noise alone.
+/// The section is above the blocks and below the lamp, where nothing stands; the view shows the
+/// middle of one wall. Without edges in view, a picture differs from the truth by noise alone.
 const PLAIN_SECTION: &str = "0.5,3.5,0.5 4.5,0,0 0,1.7,0 0,0,4.6 3,2,3";
 const PLAIN_VIEW: [&str; 8] =
     ["--vp", "2.7,4.3,2.8", "--vd", "-1,0,0", "--vh", "40", "--size", "64x64"];
 
 #[test]
-fn a_picture_from_the_file_is_the_rendered_one_but_for_noise() {
+fn a_picture_from_the_file_is_the_rendered_one_except_for_noise() {
     const FILES: usize = 8;
     let place = Place::new();
     let truth = ["render", "--config", "{}/cornell.toml", "--spp", "256", "-o", "{}/truth.pfm"];
@@ -123,9 +123,8 @@ fn a_picture_from_the_file_is_the_rendered_one_but_for_noise() {
         .collect();
 
     // Files of different seeds are independent, so the mean square difference of two is twice the
-    // noise of one; without bias that is twice the difference from the truth, whose own noise (256
-    // paths a pixel) is small beside it. Were the bias as large as the noise, the two would be
-    // alike.
+    // noise of one. Without bias, that is twice the difference from the truth, whose own noise (256
+    // paths a pixel) is small. If the bias were as large as the noise, both would be equal.
     let difference = |a: &Picture, b: &Picture| {
         let pixels = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened());
         pixels.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
@@ -140,7 +139,8 @@ fn a_picture_from_the_file_is_the_rendered_one_but_for_noise() {
         "{ratio} where noise alone gives 0.5 and a bias as large as the noise gives 1"
     );
 
-    // The mean brightness, by Student's t with 7 degrees of freedom: 99.9 % of unbiased files pass.
+    // The mean brightness is tested with Student's t with 7 degrees of freedom: 99.9 % of unbiased
+    // files pass.
     let brightness =
         |picture: &Picture| picture.pixels.iter().map(|rgb| f64::from(rgb[1])).sum::<f64>();
     let ratios: Vec<f64> =

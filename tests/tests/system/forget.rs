@@ -19,7 +19,7 @@ fn a_file_lists_its_workers_and_forgets_what_one_has_made() {
     assert_eq!((&worker["id"], &worker["samples"]), (&1.into(), &first));
     assert!(worker["claims"].as_u64() > Some(0), "the box is open on one side: {worker}");
 
-    // Another fill is of the same machine, and a merge keeps who made what.
+    // Another fill has the same machine as maker, and a merge keeps the makers.
     let all = place.fill_small("a.holo", "1k").json()["samples"].clone();
     place.run(&["merge", "{}/b.holo", "{}/a.holo"]).ok();
     for file in [&file, &place.text("b.holo")] {

@@ -20,7 +20,7 @@ use holo_section::{BeamId, BeamKey, RayCoords, Sample, SampleKind, Viewpoint};
 use holo_tests::{LIMIT, Place, Server, analytic::join, beam, patiently, stored, wait_until};
 use rustix::process::Signal;
 
-/// Sends bytes; gives what comes back until the server closes the connection.
+/// Sends bytes, and returns the answer until the server closes the connection.
 fn answer(address: SocketAddr, bytes: &[u8]) -> Vec<u8> {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_read_timeout(Some(LIMIT)).unwrap();
@@ -28,7 +28,7 @@ fn answer(address: SocketAddr, bytes: &[u8]) -> Vec<u8> {
     let mut back = Vec::new();
     match stream.read_to_end(&mut back) {
         Ok(_) => back,
-        // What was not read before the end makes it a reset.
+        // Unread bytes at the end turn the close into a reset.
         Err(error) if error.kind() == std::io::ErrorKind::ConnectionReset => back,
         Err(error) => panic!("the connection was not closed: {error}"),
     }
@@ -44,15 +44,15 @@ fn refusal(bytes: &[u8]) -> String {
 /// A server that fills with a worker of its own, which hostile clients must not disturb.
 fn busy(place: &Place) -> (Server, holo_tests::Process) {
     place.fill_small("a.holo", "1k");
-    // Beams that see nothing are traced, too: a cheat's samples in one of them would stand there
-    // alone.
+    // Beams that see nothing are traced too. Otherwise a cheat's samples in such a beam would be
+    // the only ones.
     let server = place.server("a.holo", &["--fill", "--json", "--no-skip-unseen"]);
     let worker = place.worker(server.address, &[]);
     server.process.wait_for_error("joined");
     (server, worker)
 }
 
-/// The server still shows, its worker still traces, and every sample is there once.
+/// Checks that the server still shows, its worker still traces, and every sample is there once.
 fn went_on(place: &Place, mut server: Server, mut worker: holo_tests::Process) {
     assert!(server.process.is_running() && worker.is_running(), "{}", server.process.stderr());
     let output = place.text("a.pfm");
@@ -78,10 +78,10 @@ fn who_does_not_speak_the_protocol_is_dropped() {
     let address = server.address;
     assert_eq!(answer(address, b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"), b"", "a browser");
     assert_eq!(answer(address, &[0xff; 4096]), b"", "noise");
-    // A hello that claims to be longer than any: refused by its header, before its bytes are read
-    // or kept.
+    // A hello that claims to be longer than allowed is refused by its header, before its bytes are
+    // read or kept.
     assert_eq!(answer(address, &[0xff, 0xff, 0xff, 0x7f, Kind::Hello as u8, 0, 0, 0]), b"");
-    // Another frame than a hello, however correct.
+    // The first frame is not a hello, but otherwise correct.
     assert_eq!(
         answer(address, &frame::encode(Kind::Work, &Work::default().encode()).unwrap()),
         b""
@@ -95,7 +95,7 @@ fn who_does_not_speak_the_protocol_is_dropped() {
     bytes[10] = 9;
     let reason = refusal(&answer(address, &frame::encode(Kind::Hello, &bytes).unwrap()));
     assert!(reason.contains("role 9"), "{reason}");
-    // Who says nothing at all is not waited for long; meanwhile others are served.
+    // The server does not wait long for a silent client, and meanwhile serves others.
     let silent = TcpStream::connect(address).unwrap();
     silent.set_read_timeout(Some(LIMIT)).unwrap();
     let closed = std::thread::spawn(move || (&silent).read(&mut [0]).unwrap());
@@ -208,8 +208,8 @@ fn frames_that_are_too_long_are_not_even_read() {
     went_on(&place, server, worker);
 }
 
-/// Another number of rays than asked for, but one that a packet may have: by `change`, or the other
-/// way.
+/// Returns a number of rays that a packet may have, but not the requested one. It differs by
+/// `change`, or by as much in the other direction.
 fn more_or_less(asked: u8, change: i32) -> u32 {
     let asked = i32::from(asked);
     let changed =
@@ -278,7 +278,7 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
                 .await
                 .is_some_and(|said| said.contains("a packet that it was not given"))
         );
-        // The same packet twice: the first time it is taken.
+        // The same packet twice; the first time it is accepted.
         let (mut inbox, outbox, _) = join(server.address, Role::Worker).await;
         outbox.control(&Control::Ready { threads: 1 }).unwrap();
         let work = next_work(&mut inbox).await;

@@ -1,4 +1,4 @@
-//! Ctrl-C and worse: everything is stored, and nobody is left behind.
+//! Ctrl-C and kills: everything is stored, and no process is left behind.
 
 use std::{fs, path::Path};
 

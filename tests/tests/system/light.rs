@@ -1,4 +1,4 @@
-//! Indirect light that all workers share: told once to everybody who wants it, kept in the file,
+//! Indirect light that all workers share: sent once to everyone who wants it, stored in the file,
 //! and used.
 
 use std::net::SocketAddr;
@@ -46,7 +46,7 @@ impl Client {
         self.outbox.send(Kind::Light, &Light { records: records(ids) }.encode()).unwrap();
     }
 
-    /// Waits until `count` records have come, then until the server has answered, and gives all
+    /// Waits until `count` records have arrived and then until the server has answered. Returns all
     /// records' names in order.
     async fn told(&mut self, count: usize) -> Vec<u64> {
         let mut ids = Vec::new();
@@ -75,7 +75,7 @@ impl Client {
 }
 
 #[test]
-fn what_one_worker_finds_all_others_are_told_once_and_who_comes_late_is_told_all() {
+fn records_of_one_worker_reach_all_others_once_and_late_workers_receive_all() {
     let place = Place::new();
     place.fill_small_with("a.holo", "21", &["--engine", "cached"]);
     let server = place.server("a.holo", &[]);
@@ -104,7 +104,7 @@ fn what_one_worker_finds_all_others_are_told_once_and_who_comes_late_is_told_all
     });
     server.process.end(Signal::TERM).ok();
     assert_eq!(info(&place), Some(before + 10_003), "all are in the file");
-    // Only shown, the file has them all the same.
+    // A file that is only shown also has them.
     let server = place.server("a.holo", &["--display-only"]);
     let again = runtime
         .block_on(async { Client::new(server.address, Role::Display).await.told(all.len()).await });
@@ -147,12 +147,13 @@ fn a_fill_that_goes_on_uses_the_light_that_is_there() {
     let before = records("a.holo", "3M");
     let more = records("a.holo", "300k") - before;
     assert!(from_nothing > 100, "{from_nothing}");
-    // The same beams in the same box: new records are only for what is not covered yet.
+    // The beams and the box are the same, so new records are only made for places that are not
+    // covered yet.
     assert!(more < from_nothing / 2, "{from_nothing} from nothing, {more} after {before}");
 }
 
 #[test]
-fn the_engine_is_the_one_that_the_scene_has_use_for_unless_one_is_named() {
+fn the_engine_suits_the_scene_unless_one_is_named() {
     let place = Place::new();
     // Without the configuration, whose engine is named.
     let engine = |file: &str, words: &[&str]| {
@@ -172,6 +173,6 @@ fn the_engine_is_the_one_that_the_scene_has_use_for_unless_one_is_named() {
     assert_eq!(engine("{}/all.holo", &[]), "cached");
     assert_eq!(engine("{}/direct.holo", &["--bounces", "0"]), "path");
     assert_eq!(engine("{}/paths.holo", &["--engine", "path"]), "path");
-    // What goes on, goes on with its own.
+    // A fill that continues a file uses the file's engine.
     assert_eq!(engine("{}/paths.holo", &[]), "path");
 }

@@ -109,18 +109,19 @@ fn a_link_that_hangs_takes_no_packets_with_it() {
     let (_sound, to_sound) = server.link(FAR);
     let workers = [server.worker(&to_hanging), server.worker(&to_sound)];
     server.wait_for_workers(2);
-    // Too short for silence: the server takes its packets because they are overdue.
+    // The link hangs too briefly for the worker to count as silent: the server takes its packets
+    // because they are overdue.
     hanging.set(Quality { state: State::Hangs, ..FAR });
     server.process.wait_for_error("has not returned");
     assert!(!server.process.stderr().contains("left"), "{}", server.process.stderr());
     let before = server.traced();
     wait_until("the other worker to go on", || (server.traced() > before + 1000).then_some(()));
-    // What it returns late counts only if nobody else has traced it.
+    // Late results count only if no other worker has traced the packet.
     hanging.set(FAR);
     let then = server.traced();
     wait_until("both to go on", || (server.traced() > then + 1000).then_some(()));
     server.wait_for_workers(2);
-    // What one worker had, the other one traces.
+    // The remaining worker traces the other one's packets.
     let [last, other] = workers;
     other.end(Signal::TERM).ok();
     let file = server.place.path("a.holo");

@@ -1,4 +1,4 @@
-//! Pixels that no section covers: traced for the view alone while somebody traces, never stored.
+//! Pixels that no section covers: traced for the view alone while workers trace, and never stored.
 
 use std::collections::BTreeSet;
 
@@ -20,7 +20,7 @@ use rustix::process::Signal;
 /// The left half of the space before the box.
 const LEFT: &str = "0.6,0.6,-4 2,0,0 0,4.2,0 0,0,5 2,4,4";
 
-/// From beside it, past it into the box.
+/// The eye is beside the section and looks past it into the box.
 const LINE: &str = "-vp 3.4 2.73 -3 -vd 0 0 1 -vu 0 1 0 -vh 60";
 const VIEW: [&str; 8] = ["--vp", "3.4,2.73,-3", "--vd", "0,0,1", "--vh", "60", "--size", "64x48"];
 const SIZE: (u32, u32) = (64, 48);
@@ -31,7 +31,7 @@ fn view() -> View {
     spec.resolve(SIZE).unwrap().0
 }
 
-/// Of each pixel, whether some section of a file covers its middle.
+/// Returns for each pixel whether some section of a file covers its middle.
 fn covered(place: &Place, file: &str) -> Vec<bool> {
     let holodeck = holo_server::Holodeck::open_read_only(&place.path(file), 0).unwrap();
     let (sections, view): (&[Section], View) = (&holodeck.sections, view());
@@ -46,7 +46,8 @@ fn read(place: &Place, name: &str) -> Picture {
     Picture::read(place.path(name)).unwrap()
 }
 
-/// Mean of the squared errors of display values of some pixels: cut at white, square root.
+/// Returns the mean of the squared errors of display values of some pixels: cut at white, square
+/// root.
 fn error(picture: &Picture, truth: &Picture, of: impl Fn(usize) -> bool) -> f64 {
     let value = |x: f32| f64::from(x.clamp(0.0, 1.0)).sqrt();
     let pixels =
@@ -57,7 +58,7 @@ fn error(picture: &Picture, truth: &Picture, of: impl Fn(usize) -> bool) -> f64 
     sum / count
 }
 
-/// Whether a pixel differs from one beside it by more than a tenth of the display's range.
+/// Returns whether a pixel differs from one beside it by more than a tenth of the display's range.
 fn is_edge(picture: &Picture, pixel: usize) -> bool {
     let (column, row) = (pixel as u32 % SIZE.0, pixel as u32 / SIZE.0);
     let value = |rgb: [f32; 3]| rgb.map(|x| x.clamp(0.0, 1.0).sqrt());
@@ -124,21 +125,21 @@ fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_f
             "{uncovered}: the view should be covered in part"
         );
         assert_eq!(report["uncovered_pixels"], uncovered);
-        // The file holds what was traced of beams, and nothing else. What is traced while the
-        // display changes its request reaches it from the file.
+        // The file holds what was traced of beams, and nothing else. Samples that are traced while
+        // the display changes its request reach it from the file.
         let [traced, stored_before] = ["traced", "stored"].map(|key| report[key].as_u64().unwrap());
         assert!(traced > 1000, "{report}");
         let in_file = traced + stored_before;
         assert_eq!(in_file, stored(&place.path(&file)).count() as u64, "{report}");
 
-        // As good as `render` of so many rays a pixel. The errors of 1,500 pixels, of which a third
-        // count for the tails of their distribution, make a mean square that is 1.5 times another's
-        // at 4.5 standard deviations of its logarithm.
+        // The picture is as good as that of `render` with so many rays a pixel. There are 1,500
+        // pixels, whose effective number is a third, because their errors have heavy tails. At 4.5
+        // standard deviations of its logarithm, a mean square is then 1.5 times another.
         let rays = report["live"].as_u64().unwrap() / uncovered as u64;
         assert!(rays >= 4, "{report}");
         let live = read(&place, "live.pfm");
-        // The quadtree keeps four depths of a pixel, which at the edges of things seen from the
-        // side are too few, covered or not.
+        // The quadtree keeps four depths of a pixel. These are too few at the edges of things seen
+        // from the side, whether covered or not.
         let is_compared =
             |pixel: usize| !covered[pixel] && (driver == "surfaces" || !is_edge(&truth, pixel));
         let same = render(rays, "2", "same.pfm");
@@ -146,11 +147,12 @@ fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_f
         println!(
             "{driver}: {rays} rays a pixel, squared error {shown:.2e}, of `render` {same:.2e}"
         );
-        // And beside noise a step of 255, which nobody sees: drivers interpolate, and keep no more.
+        // A step of 1/255 is allowed besides noise. It is invisible; drivers interpolate and keep
+        // no more.
         assert!(shown < 1.5 * same + 255.0_f64.powi(-2), "{driver}: {shown:e}, {same:e}");
 
-        // A replay: what is covered is the same bit by bit, the rest is interpolated over surfaces
-        // like it, or black without the scene.
+        // In a replay, covered pixels are the same bit by bit. The others are interpolated over
+        // surfaces like theirs, or black without the scene.
         let file = format!("{{}}/{driver}.holo");
         let replay = ["picture", &file, "-o", "{}/replay.pfm", "--json", "--driver", driver];
         let again = place.run(&[&replay[..], &VIEW].concat()).ok().json();
@@ -191,7 +193,7 @@ fn without_workers_a_session_ends_as_it_would_and_shows_nothing_there() {
     assert_eq!(server.process.end(Signal::TERM).ok().json()["added"], 0);
 }
 
-/// Runs to its end, which must not be far.
+/// Runs a future to its end, within the time limit.
 fn in_time(what: impl Future<Output = ()>) {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
@@ -199,11 +201,11 @@ fn in_time(what: impl Future<Output = ()>) {
     });
 }
 
-/// Somebody who speaks the protocol.
+/// A peer that speaks the protocol.
 struct Peer {
     inbox: Inbox,
     outbox: Outbox,
-    /// Messages of live rays that came while something else was waited for.
+    /// Live rays that arrived while another message was waited for.
     live: Vec<(u32, u64, LiveHit)>,
 }
 
@@ -217,8 +219,8 @@ impl Peer {
         self.outbox.send(kind, &payload).unwrap();
     }
 
-    /// Looks at one beam, of which some fifty rays are traced and no more: workers here do not
-    /// trace.
+    /// Looks at one beam, for which some fifty rays are dealt and no more, because workers here do
+    /// not trace.
     fn look(&self, view: u32) {
         let beams = vec![WantedBeam { key: beam(400), weight: 0.05, held: 0 }];
         let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
@@ -255,14 +257,14 @@ impl Peer {
         while self.next().await != Message::Control(Control::StoredSent { view }) {}
     }
 
-    /// Waits until `count` live rays have come in all.
+    /// Waits until `count` live rays have arrived in total.
     async fn wait_for_live(&mut self, count: usize) {
         while self.live.len() < count {
             self.next().await;
         }
     }
 
-    /// The next `rays` live rays for this worker, and whether packets of beams came besides.
+    /// Returns the next `rays` live rays for this worker, and whether packets of beams arrived too.
     async fn live_work(&mut self, rays: usize) -> (Vec<LivePacket>, bool) {
         let (mut packets, mut beams): (Vec<LivePacket>, bool) = (Vec::new(), false);
         while packets.iter().map(|packet| packet.rays.len()).sum::<usize>() < rays {
@@ -293,7 +295,7 @@ fn saw(ray: &LiveRay) -> LiveHit {
     LiveHit { radiance: [ray.number as f32, 0.5, 0.0], distance: 1.0 + ray.number as f32 }
 }
 
-/// Rays from places that are farther from the box than what they are said to see.
+/// Rays from places that are farther from the box than the distance of their stated hits.
 fn rays(numbers: std::ops::Range<u64>) -> Vec<LiveRay> {
     numbers
         .map(|number| LiveRay {
@@ -322,11 +324,11 @@ fn live_rays_survive_their_worker_go_to_who_asked_alone_and_end_with_the_view() 
         display.look(1);
         other.look(1);
         display.ask(9, &rays(900..950));
-        // Another view's take their places; requested again, a view keeps them.
+        // Another view's rays take their places; if a view is requested again, it keeps them.
         display.ask(1, &rays(0..50));
         display.look(2);
 
-        // One that takes them all and dies.
+        // This worker takes all of them and dies.
         let mut first = Peer::join(server.address, Role::Worker).await;
         first.outbox.control(&Control::Ready { threads: 1 }).unwrap();
         let (packets, beams) = first.live_work(50).await;
@@ -341,8 +343,8 @@ fn live_rays_survive_their_worker_go_to_who_asked_alone_and_end_with_the_view() 
         assert!(beams || matches!(first.next().await, Message::Work(_)), "beams are traced, too");
         drop(first);
 
-        // Another gets them again; what they saw is told to who asked. It has threads enough to be
-        // given more before it has answered.
+        // Another worker gets them again, and the results go to the display that asked. It has
+        // enough threads to get more work before it has answered.
         let mut worker = Peer::join(server.address, Role::Worker).await;
         worker.outbox.control(&Control::Ready { threads: 8 }).unwrap();
         let (packets, _) = worker.live_work(50).await;
@@ -351,7 +353,7 @@ fn live_rays_survive_their_worker_go_to_who_asked_alone_and_end_with_the_view() 
         let known = packets[0].rays.len();
         display.wait_for_live(known).await;
 
-        // With a new view the others are of no use any more.
+        // With a new view, the other rays have no use any more.
         display.ask(1, &rays(50..60));
         let (late, _) = worker.live_work(10).await;
         display.look(3);
@@ -406,7 +408,8 @@ fn a_display_that_asks_for_more_than_may_wait_is_dropped() {
         for _ in 0..MAX_LIVE_RAYS_HELD / MAX_LIVE_RAYS {
             display.ask(2, &most);
         }
-        // The answer comes after the server has dealt with all of the above. It has dropped nobody.
+        // The answer comes after the server has dealt with all of the above. The server has dropped
+        // no one.
         display.look(2);
         display.wait_for_stored(2).await;
         display.ask(2, &most[..1]);
@@ -420,8 +423,8 @@ fn a_display_that_asks_for_more_than_may_wait_is_dropped() {
     server.process.end(Signal::TERM).ok();
 }
 
-/// Rays through pixels of a view, by the protocol alone, against `render` of the same pixels, by
-/// the variance that they show.
+/// Tests rays through pixels of a view, using only the protocol, against `render` of the same
+/// pixels, with their measured variance.
 #[test]
 fn what_live_rays_see_has_the_mean_that_render_has() {
     const PIXELS: (u32, u32) = (16, 12);
@@ -478,9 +481,9 @@ fn what_live_rays_see_has_the_mean_that_render_has() {
     });
     server.process.end(Signal::TERM).ok();
     worker.wait().ok();
-    // Sum of squares of standardised differences: chi-squared with as many degrees of freedom as
-    // pixels, or below it, since stratification makes true variances smaller than they are taken to
-    // be. Six standard deviations above its mean: a chance of less than 10⁻⁶.
+    // The sum of squares of standardised differences follows chi-squared with as many degrees of
+    // freedom as pixels. It may lie below, because stratification makes true variances smaller than
+    // assumed. Six standard deviations above its mean: a chance of less than 10⁻⁶.
     let mut chi_squared = 0.0;
     let mut differing = 0.0;
     for (sum, rgb) in sums.iter().zip(&truth.pixels) {
@@ -488,7 +491,7 @@ fn what_live_rays_see_has_the_mean_that_render_has() {
         let variance = (sum.1 / RAYS as f64 - mean * mean) * (1.0 / RAYS as f64 + 1.0 / 4096.0);
         let [r, g, b] = rgb.map(f64::from);
         let expected = 0.265 * r + 0.670 * g + 0.065 * b;
-        // A lamp's own pixels have no variance but that of rounding.
+        // A lamp's own pixels have no variance except that of rounding.
         if variance > 1e-6 * expected * expected {
             chi_squared += (mean - expected).powi(2) / variance;
             differing += 1.0;

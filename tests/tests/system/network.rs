@@ -7,7 +7,7 @@ use rustix::process::Signal;
 const WORKERS: usize = 8;
 const DISPLAYS: usize = 3;
 
-/// How the server fares, as one on its machine asks.
+/// Returns the server's status, as reported to a process on its machine.
 fn status(place: &Place, network: &Network, local: &str) -> serde_json::Value {
     place.start_in(&network.host(0), &["status", "--connect", local, "--json"]).wait().ok().json()
 }

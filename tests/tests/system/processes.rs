@@ -47,7 +47,7 @@ fn a_worker_started_before_its_server_waits_for_it() {
     let nobody = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = nobody.local_addr().unwrap();
     let worker = place.worker(address, &["--retry", "120"]);
-    // The worker has tried once, and was turned away. Another program could take the port now, but
+    // The worker has tried once, and was rejected. Another program could take the port now, but
     // hardly within this moment.
     drop(nobody.accept().unwrap());
     drop(nobody);

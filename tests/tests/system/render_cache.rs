@@ -1,4 +1,4 @@
-//! The drivers that keep what they have from view to view: a stored holodeck warms them, and at
+//! Drivers that keep their pixels from view to view. A stored holodeck fills them quickly, and at
 //! rest they tend to `render`.
 
 use std::collections::BTreeSet;
@@ -137,7 +137,7 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
     place.fill_small("a.holo", "1k");
     let server = place.server("a.holo", &["--json", "--no-skip-unseen"]);
     let worker = place.worker(server.address, &[]);
-    // Of two beams, more than a packet holds of one; each once.
+    // The rays belong to two beams, more of one than a packet holds, each once.
     let wanted: Vec<(u64, RayCoords)> = (0..100)
         .map(|i: u8| {
             (if i.is_multiple_of(4) { 400 } else { 2000 }, RayCoords([i, 200 - i, 3 * (i / 2), 7]))
@@ -154,7 +154,7 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
         outbox.send(Kind::View, &view).unwrap();
         let ray = |&(number, coords): &(u64, RayCoords)| WantedRay { key: beam(number), coords };
         let rays: Vec<WantedRay> = wanted.iter().map(ray).collect();
-        // Those of another view are passed over.
+        // Rays of another view are ignored.
         let other = vec![WantedRay { coords: RayCoords([255; 4]), ..rays[0] }];
         outbox.send(Kind::Rays, &RaysWanted { view: 9, rays: other }.encode()).unwrap();
         outbox.send(Kind::Rays, &RaysWanted { view: 1, rays }.encode()).unwrap();
@@ -195,7 +195,7 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
 }
 
 #[test]
-fn what_the_render_cache_asks_for_enters_the_holodeck() {
+fn rays_that_the_render_cache_requests_enter_the_holodeck() {
     let place = Place::new();
     let script = place.write("walk.txt", &format!("0 view {LINE}\n3 quit\n"));
     let scene = [
@@ -220,7 +220,7 @@ fn what_the_render_cache_asks_for_enters_the_holodeck() {
         of(SampleKind::SingleRay),
         of(SampleKind::ViewpointLimited)
     );
-    // One request for 16 pixels, twenty times a second as far as there is anything to wish for:
+    // Each request covers 16 pixels, twenty times a second while the driver wishes for any. This is
     // more than a first list.
     assert!(of(SampleKind::SingleRay) > 256);
 }

@@ -1,5 +1,5 @@
-//! What the real tracer stores, ray by ray, against a plain reading of the scene file: walls, axes,
-//! channels and units.
+//! Compares the samples that the real tracer stores, ray by ray, with a plain reading of the scene
+//! file: walls, axes, channels and units.
 
 use std::collections::HashMap;
 
@@ -97,7 +97,7 @@ fn is_colour_of(rgb: [f64; 3], material: &str, from_front: bool) -> bool {
 }
 
 #[test]
-fn every_stored_sample_is_of_the_surface_that_its_ray_meets_first() {
+fn every_stored_sample_shows_the_first_surface_on_its_ray() {
     let place = Place::new();
     let sections = "scene = \"cornell.obj\"\n\
         [[section]]\norigin = [0.6, 0.6, -4]\naxes = [[4.3, 0, 0], [0, 4.2, 0], [0, 0, 5]]\ngrid = [3, 2, 4]\n\

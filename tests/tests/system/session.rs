@@ -22,7 +22,7 @@ fn a_replay_without_tracing_gives_the_sessions_last_picture_bit_by_bit() {
         "--json",
     ];
     let report = place.run(&[&live[..], &scene, &VIEW].concat()).ok().json();
-    // What is traced while the display changes its request comes to it from the file.
+    // Samples that are traced while the display changes its request reach it from the file.
     let [traced, recalled] = ["traced", "stored"].map(|key| report[key].as_u64().unwrap());
     assert!(traced > 1000, "{report}");
     let replay = ["replay", "{}/s.holo", "--headless", "-o", "{}/replay.pfm", "--json"];
@@ -36,7 +36,7 @@ fn a_replay_without_tracing_gives_the_sessions_last_picture_bit_by_bit() {
     assert!(read("live.pfm") == read("picture.pfm"), "the picture differs");
     stored(&place.path("s.holo")).assert_no_gaps();
 
-    // Going on with the file: all of it is there from the start, and more comes.
+    // A session that continues with the file has all of it from the start, and more samples arrive.
     let more = [
         "view",
         "{}/s.holo",
@@ -97,7 +97,7 @@ fn the_quadtree_shows_what_it_has_while_one_turns_and_comes_to_rest_at_the_view_
 }
 
 #[test]
-fn views_in_quick_succession_come_to_rest_at_the_picture_of_who_was_always_there() {
+fn views_in_quick_succession_end_with_the_picture_of_a_view_at_rest() {
     let place = Place::new();
     place.fill_small_with("a.holo", "100k", &["--bounces", "0"]);
     let (before, turned) =
@@ -121,8 +121,8 @@ fn views_in_quick_succession_come_to_rest_at_the_picture_of_who_was_always_there
         let report = place.run(&[&words[..], &["--json"]].concat()).ok().json();
         (Picture::read(&picture).unwrap().pixels, report["samples"].clone())
     };
-    // The second and third are of somebody who moves, so that fewer surfaces than pixels are looked
-    // at; then nothing moves any more.
+    // Views two and three follow so fast that the eye moves, and fewer surfaces than pixels are
+    // evaluated. Then nothing moves any more.
     let (moved, alone) =
         (follow("moved", &[before, turned, before, turned]), follow("alone", &[turned]));
     assert_eq!(moved.1, alone.1);

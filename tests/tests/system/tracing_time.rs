@@ -1,4 +1,4 @@
-//! What `--time` measures: tracing, not loading.
+//! `--time` measures tracing, not loading.
 
 use holo_net::Message;
 use holo_proto::{control::Control, hello::Role};

@@ -4,8 +4,8 @@ use holo_picture::Picture;
 use holo_section::{Sample, distance::NOTHING_HIT};
 use holo_tests::{CORNELL_SMALL_SECTION, Place, stored};
 
-/// Across the far end of the section before the box: past the box, and nothing is behind the eye
-/// either.
+/// The view looks across the far end of the section before the box: past the box, and nothing is
+/// behind the eye either.
 const PAST: [&str; 10] =
     ["--vp", "2.7,2.7,-3.4", "--vd", "1,0,0", "--vu", "0,1,0", "--vh", "20", "--size", "64x48"];
 
@@ -26,7 +26,7 @@ fn beams_that_look_out_of_the_box_are_not_traced_and_all_others_are() {
     assert_eq!(skipped + nonempty, beams, "every beam is one or the other");
     let (none, more, _) = unseen(&place, "{}/all.holo");
     assert!(none == 0 && more > nonempty, "{none} {more}");
-    // What was traced all the same met nothing, in every beam that the other file does not trace.
+    // In every beam that the other file does not trace, all traced rays hit nothing.
     let (some, all) = (stored(&place.path("a.holo")), stored(&place.path("all.holo")));
     let meets = |samples: &[(u32, Sample)]| {
         samples.iter().any(|(_, sample)| sample.distance_code() != NOTHING_HIT)
@@ -38,7 +38,7 @@ fn beams_that_look_out_of_the_box_are_not_traced_and_all_others_are() {
         );
     }
     some.assert_no_gaps();
-    // Known from the file, whoever opens it; and it goes on from there.
+    // The list is read from the file when it is opened, and grows from there.
     place.run(&["verify", "{}/a.holo"]).ok();
     place.fill_small("a.holo", "20k").ok();
     assert_eq!(unseen(&place, "{}/a.holo"), (skipped, nonempty, beams));
@@ -58,8 +58,8 @@ fn a_view_past_everything_is_the_sky_without_a_single_sample() {
             .iter()
             .all(|pixel| *pixel == [0.25, 0.5, 1.0])
     };
-    // A driver that has the scene sees it there, one that has samples only is told of beams without
-    // any.
+    // A driver with the scene sees the sky in the scene. A driver with only samples learns which
+    // beams see nothing.
     place.run(&[&picture[..], &PAST].concat()).ok();
     assert!(is_sky());
     let report = place.run(&[&picture[..], &PAST, &["--driver", "quadtree"]].concat()).ok().json();
@@ -70,7 +70,7 @@ fn a_view_past_everything_is_the_sky_without_a_single_sample() {
 }
 
 #[test]
-fn a_view_tells_of_unseen_beams_as_they_are_found() {
+fn a_view_reports_unseen_beams_as_they_are_found() {
     let place = Place::new();
     let view = [
         "view",
@@ -93,9 +93,9 @@ fn a_view_tells_of_unseen_beams_as_they_are_found() {
 }
 
 #[test]
-fn where_there_is_nothing_to_see_a_fill_ends() {
+fn a_fill_of_a_section_that_sees_nothing_ends() {
     let place = Place::new();
-    // All that there is lies inside the section, whose rays begin where they leave it.
+    // The whole scene lies inside the section, whose rays begin where they leave it.
     let away = ["--section", "0,0,0 1,0,0 0,1,0 0,0,1 1,1,1", "--obstructions", "off"];
     place.write("inside.obj", "v 0.4 0.4 0.5\nv 0.6 0.4 0.5\nv 0.5 0.6 0.5\nf 1 2 3\n");
     let fill = ["fill", "{}/inside.obj", "-o", "{}/a.holo", "--samples", "1k", "--json"];

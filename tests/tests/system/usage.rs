@@ -1,4 +1,4 @@
-//! What people are told when they err, and what pictures say of themselves.
+//! Tests messages about wrong usage, and the reports on pictures.
 
 use holo_picture::{Picture, ViewSpec};
 use holo_section::Section;
@@ -151,7 +151,7 @@ fn a_scripts_mistakes_are_named_by_file_and_line() {
 fn pixels_that_no_section_covers_are_black_without_the_scene_and_counted() {
     let place = Place::new();
     place.fill_small("a.holo", "60k");
-    // From before the section, to its side: half of the picture misses it.
+    // The eye is in front of the section, to its side: half of the picture misses the section.
     let view = "-vp 0.6 2.7 -8 -vd 0 0 1 -vu 0 1 0 -vh 50";
     let words = ["--vp", "0.6,2.7,-8", "--vd", "0,0,1", "--vh", "50", "--size", "80x60"];
     let picture = ["picture", "{}/a.holo", "--driver", "quadtree", "-o", "{}/a.pfm", "--json"];
@@ -181,7 +181,7 @@ fn pixels_that_no_section_covers_are_black_without_the_scene_and_counted() {
 
 /// A closed box in the middle of its section: rays from the section's walls end on its outside.
 #[test]
-fn who_looks_where_no_section_reaches_is_told_what_to_do() {
+fn a_view_that_no_section_reaches_gives_advice() {
     let place = Place::new();
     place.write("box.mtl", "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl lamp\nKe 5 5 5\n");
     let mut obj = String::from("mtllib box.mtl\n");

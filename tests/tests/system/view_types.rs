@@ -36,7 +36,7 @@ fn every_type_of_view_is_shown_by_every_driver_as_the_tracer_renders_it() {
             assert!(quality > 14.0, "{name} {driver}: {quality}");
         }
         if name == "l" {
-            // It shows little but rays of its own: from an empty file, live.
+            // This driver shows mostly its own rays: live ones, from an empty file.
             let script = place.write("rest.txt", &format!("4 picture {output}\nquit\n"));
             let live = [
                 "view",
@@ -54,7 +54,7 @@ fn every_type_of_view_is_shown_by_every_driver_as_the_tracer_renders_it() {
             assert!(quality > 26.0, "frameless: {quality}");
         }
     }
-    // What a picture was made with stays with it.
+    // A picture's file states how the picture was made.
     let words = [
         "picture",
         "{}/a.holo",
@@ -121,8 +121,8 @@ fn parts_of_the_render_cache_are_switched_while_it_shows_a_view() {
         report["stages"].as_array().unwrap().iter().any(|one| one["stage"] == "Prefilter")
     };
     let ran: Vec<bool> = reports.stdout.lines().map(stages).collect();
-    // For the first there was nothing to do if everything had been drawn before, to see how near
-    // things are.
+    // The first picture may have had nothing to do, if everything had been drawn before to
+    // determine how near things are.
     assert_eq!(ran[1..], [false, true]);
     let read = |name: &str| Picture::read(place.path(name)).unwrap().pixels;
     let black = |name: &str| read(name).iter().filter(|pixel| **pixel == [0.0; 3]).count();
@@ -146,7 +146,7 @@ fn parts_of_the_render_cache_are_switched_while_it_shows_a_view() {
 fn clipping_surfaces_are_those_of_the_tracer_s_pictures_by_every_driver() {
     let place = Place::new();
     place.fill_small_with("a.holo", "400k", &["--bounces", "0"]);
-    // From before the open side to before the back wall: beyond is black.
+    // The view begins in front of the open side and ends before the back wall; beyond is black.
     let file = place.write(
         "cut.vf",
         "rview -vtv -vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60 -vv 60 -vo 0 -va 7\n",
@@ -191,8 +191,8 @@ fn clipping_surfaces_are_those_of_the_tracer_s_pictures_by_every_driver() {
         println!("{driver}: {quality:.1} dB");
         assert!(quality > 14.0, "{driver}: {quality}");
     }
-    // A fore plane in the box's depth takes the sides and the blocks before it away; the back wall
-    // is as it was.
+    // A fore plane in the box's depth removes the sides and the blocks in front of it; the back
+    // wall stays the same.
     render(&same, &["--vo", "6.5"], &truth);
     assert!(
         black("truth.pfm") > black("whole.pfm") + 500,
@@ -201,8 +201,8 @@ fn clipping_surfaces_are_those_of_the_tracer_s_pictures_by_every_driver() {
         black("whole.pfm")
     );
     let light = |name: &str| Picture::read(place.path(name)).unwrap().get(32, 19).unwrap()[1];
-    // Means of 100 points of the lamp each, which differ by a third of themselves: within ten
-    // deviations.
+    // Each is the mean of 100 points of the lamp, which differ by a third of their value: within
+    // ten deviations.
     assert!((light("truth.pfm") / light("whole.pfm") - 1.0).abs() < 0.3);
     place
         .run(&[

@@ -1,5 +1,5 @@
-//! What a file of virtual distances holds, against a room unfolded at its mirror, and that it stays
-//! such a file.
+//! Compares a file of virtual distances with a room unfolded at its mirror, and checks that the
+//! file keeps its kind of distance.
 
 use holo_section::{DVec3, Section};
 use holo_tests::{Place, stored};
@@ -32,7 +32,7 @@ fn a_file_keeps_the_distances_that_it_was_made_with_and_is_not_filled_with_other
     };
     fill("{}/virtual.holo", &["--virtual-distance"]).ok();
     fill("{}/plain.holo", &[]).ok();
-    // To go on with the other kind would mix them; to go on with the same is what one does.
+    // Filling with the other kind would mix them, and filling with the same kind is the usual case.
     fill("{}/virtual.holo", &[]).failed(
         1,
         &["virtual.holo", "--virtual-distance is on in the file, and off now", "Name another file"],

@@ -57,8 +57,8 @@ fn update(socket: &mut WebSocket<TcpStream>) -> Option<Value> {
 
 /// Watches until the session ends. Notes its latest frame among those of all watchers.
 ///
-/// Whoever has shown a frame gets the newest one next, never one that is older than what others
-/// have got by then.
+/// A watcher that has shown a frame gets the newest one next, never one that is older than what
+/// others have by then.
 fn watch(server: SocketAddr, all: &[AtomicU64], own: usize) {
     let mut socket = connect(server);
     let (mut floor, mut number) = (0, 0);
@@ -75,7 +75,7 @@ fn watch(server: SocketAddr, all: &[AtomicU64], own: usize) {
     }
 }
 
-/// Reads nothing until it is told to. Returns the number of updates that were sent to it.
+/// Reads nothing until `may_read` is set. Returns the number of updates that were sent to it.
 fn stall(server: SocketAddr, may_read: &AtomicBool) -> usize {
     let mut socket = connect(server);
     wait_until("the end of the walk", || may_read.load(Ordering::SeqCst).then_some(()));
@@ -95,7 +95,7 @@ fn a_slow_link_gets_fewer_frames_and_a_stalled_watcher_delays_nobody() {
     let driver = &mut Chromium::open(&format!("http://{server}/"));
     driver.wait(is_at_rest);
 
-    // The slow one calls the server by another name, which leads to the link.
+    // The slow browser calls the server by another name, which leads to the link.
     let link = Link::new(server);
     let rule = format!("--host-resolver-rules=MAP localhost:{} {}", server.port(), link.address());
     let slow = &mut Chromium::open_with(&format!("http://localhost:{}/", server.port()), &[rule]);
@@ -123,7 +123,7 @@ fn a_slow_link_gets_fewer_frames_and_a_stalled_watcher_delays_nobody() {
     let (quick, few) = (drawn(driver).len(), drawn(slow).len());
     assert!(quick >= 2 * few, "{quick} and {few} frames");
 
-    // Everybody ends with the same frame.
+    // All watchers end with the same frame.
     link.set(Quality::default());
     wait_until("the same frame everywhere", || {
         let frame = drawn(driver).pop();

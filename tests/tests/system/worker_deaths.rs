@@ -5,7 +5,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use crate::interrupted::{children, count};
 
-/// The processes that trace for this one.
+/// Returns the worker processes of this process.
 fn workers(process: &Process) -> Vec<u32> {
     let is_worker = |id: &u32| {
         std::fs::read(format!("/proc/{id}/cmdline"))
@@ -14,7 +14,7 @@ fn workers(process: &Process) -> Vec<u32> {
     children(process.id()).into_iter().map(|(id, _)| id).filter(is_worker).collect()
 }
 
-/// Kills the process' worker, once it has one that is none of `dead`. Returns it.
+/// Kills the process' worker, once it has one that is not in `dead`. Returns it.
 #[track_caller]
 fn kill_worker(process: &Process, dead: &[u32]) -> u32 {
     let worker = wait_until("a worker", || {

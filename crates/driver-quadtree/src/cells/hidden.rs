@@ -1,9 +1,9 @@
 //! Finds samples on surfaces that a nearer surface hides (Larson & Simmons 1999, Figure 6). Their
 //! rays pass the eye at some distance and look behind the nearer surface.
 //!
-//! Without a scene, the nearer surface is known only by its samples. Of the samples nearest to a
-//! sample in the picture, some may lie in front of it. The sample is hidden if these surround it.
-//! At the nearer surface's edge they do not, so the surface does not grow.
+//! Without a scene, the nearer surface is known only by its samples. Some of the samples nearest to
+//! a sample in the picture may lie in front of it. The sample is hidden if these surround it. At
+//! the nearer surface's edge they do not, so the surface does not grow.
 //!
 //! Invariant: samples whose rays pass near the eye see exactly their pixel, and are never hidden.
 
@@ -15,8 +15,8 @@ use super::step::Steps;
 const TESTED: usize = 12;
 /// Side, in pixels, of the squares whose nearest depths are computed.
 const SQUARE: usize = 8;
-/// Number of samples in 3 × 3 such squares from which on they include the nearest samples of each
-/// one in the middle square.
+/// Least number of samples in 3 × 3 such squares for these to include the nearest samples of each
+/// sample in the middle square.
 const DENSE: u32 = 64;
 
 /// The samples of a square of the picture.

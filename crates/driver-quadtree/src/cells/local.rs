@@ -22,7 +22,7 @@ use super::step::Steps;
 const CLEARLY: f32 = 8.0;
 /// Squared distance, pixels, within which samples are so dense that the mean is used.
 const DENSE: f32 = 8.0;
-/// Side of the squares, pixels, of which 3 × 3 are a region.
+/// Side of the squares, pixels. A region has 3 × 3 squares.
 const SQUARE: usize = 32;
 /// Number of samples in 32 × 32 pixels above which nearly all are so dense, and none is tested.
 pub(super) const MANY: usize = 480;

@@ -12,12 +12,12 @@
 //! Smooth pictures have no holes. The paper's constant cells have a greatest radius ([`radius`]).
 //! Between them the paper showed the scene; here those pixels stay black.
 //!
-//! What always holds:
+//! Invariants:
 //! - The picture is a function of the set of samples. Their order and batches change no bit of it.
 //! - A pixel between samples shows the surface of its nearest sample. Depths separate surfaces
 //!   ([`step`]).
-//! - As the number of samples grows, every pixel tends to the mean of its own samples (smooth), or
-//!   to one sample near its middle (constant).
+//! - As the number of samples grows, a smooth pixel tends to the mean of its own samples. A
+//!   constant pixel tends to one sample near its middle.
 //! - A pixel that no section covers is 0. A pixel whose best beam sees nothing is the sky, or black
 //!   if the view clips it.
 
@@ -70,9 +70,9 @@ struct Pixels {
     known: Vec<Known>,
     /// Depth of the pixel's sample, or of the picture if the pixel has none.
     depth: Vec<f32>,
-    /// Whether a nearer surface hides the surface of the pixel's sample.
+    /// True if a nearer surface hides the surface of the pixel's sample.
     hidden: Vec<bool>,
-    /// Whether the quadtree shows a nearer surface than the pixel's sample, because most samples
+    /// True if the quadtree shows a nearer surface than the pixel's sample, because most samples
     /// around belong to it.
     disputed: Vec<bool>,
 }

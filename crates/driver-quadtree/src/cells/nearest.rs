@@ -7,9 +7,9 @@
 //! any place in the square lie within D + 2h of its middle. So the points of a quarter are found
 //! among those of its square, and those of a pixel among few.
 //!
-//! What always holds:
-//! - The result is a function of the set of points. Of two points at one distance, the one with the
-//!   lower pixel number comes first.
+//! Invariants:
+//! - The result is a function of the set of points. If two points are at the same distance, the one
+//!   with the lower pixel number comes first.
 //! - The number of threads changes nothing.
 
 use super::window::{Near, Window};

@@ -1,4 +1,4 @@
-//! The greatest radii of cells, by "a low-resolution grid over the display image so that we know
+//! The greatest radii of cells, from "a low-resolution grid over the display image so that we know
 //! the approximate local sample density" (Larson & Simmons 1999, §2.4.4).
 //!
 //! The paper's largest cone "covers about 10% of the screen", its smallest 0.01 %, as shares of its
@@ -35,7 +35,7 @@ impl Radii {
         let circle = (width * height) as f32 / std::f32::consts::PI;
         let (least, most) = ((SMALLEST * circle).max(OWN), (LARGEST * circle).max(OWN));
         let radius = |index: usize| {
-            // Of 3 × 3 squares: one alone has too few samples.
+            // The sum covers 3 × 3 squares, because one square has too few samples.
             let (column, row) = (index % across, index / across);
             let columns = column.saturating_sub(1)..(column + 2).min(across);
             let rows = row.saturating_sub(1)..(row + 2).min(down);

@@ -40,7 +40,7 @@ impl Coordinator {
             None => {}
             Some(Verdict::Broken(id, difference)) => {
                 let reason = difference.to_string();
-                // Whom it was compared with is no longer in doubt.
+                // A worker compared with a broken one is no longer in doubt.
                 self.faults.retain(|fault| fault.is_dropped);
                 self.fault(id, reason.clone(), true);
                 self.undo(id);

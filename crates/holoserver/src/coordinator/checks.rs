@@ -17,15 +17,15 @@ use crate::{
 };
 
 impl Coordinator {
-    /// Remembers beams that a worker found to see nothing, and tells displays that look at them.
+    /// Records beams that a worker found to see nothing, and informs displays that look at them.
     pub(super) fn take_unseen(&mut self, id: ConnectionId, packets: &[u64]) -> Result<()> {
         let mut found = BTreeSet::new();
         let taken = packets.iter().try_for_each(|&packet| {
             found.extend(self.finish_unseen(id, packet)?);
             Ok(())
         });
-        // Even if a packet was refused, as with samples. If there is no other worker, nobody will
-        // ever prove this one right.
+        // The beams before a refused packet count all the same, as with samples. If there is no
+        // other worker, no check will ever confirm this one's claims.
         if self.claims.is_proven(id) || self.workers.len() == 1 {
             self.tell_unseen(found)?;
         }
@@ -148,7 +148,7 @@ impl Coordinator {
         }
     }
 
-    /// Tells displays which of these beams of their views see nothing.
+    /// Informs displays which of these beams of their views see nothing.
     fn tell_unseen(&self, beams: impl IntoIterator<Item = BeamKey>) -> Result<()> {
         let beams: Vec<BeamKey> = beams.into_iter().collect();
         for display in self.displays.values() {

@@ -24,10 +24,10 @@ const DISPLAY_QUEUE_BYTES: usize = 32 << 20;
 /// Packets in one message to a worker: half a megabyte, far below a frame's limit.
 const PACKETS_PER_MESSAGE: usize = 16_384;
 
-/// How often overdue packets are looked for.
+/// Interval at which overdue packets are looked for.
 const OVERDUE_EVERY: Duration = Duration::from_millis(250);
 
-/// Most checks that a worker gets at a time: the rest is work of which something remains.
+/// Most checks that a worker gets at once. Unlike checks, the rest of its work is stored.
 const CHECKS_AT_A_TIME: usize = 16;
 
 /// Packets of lost workers that are looked at for one that a worker may have. Others wait for
@@ -108,8 +108,8 @@ impl Coordinator {
         }
     }
 
-    /// Returns how many more samples may be dealt. What is under way counts for the goal, so that
-    /// the goal is reached and not overrun.
+    /// Returns how many more samples may be dealt. Samples under way count towards the goal, so
+    /// that it is reached and not overrun.
     fn samples_left(&self) -> f64 {
         let goal = self.schedule.goal.samples.filter(|_| !self.schedule.is_ending());
         let under_way: f64 = self.workers.values().map(Worker::rays_ahead).sum();
@@ -201,7 +201,7 @@ impl Coordinator {
         None
     }
 
-    /// Returns the single rays that a display wants most, as many as are of one beam.
+    /// Returns the single rays that a display wants most, as many as belong to one beam.
     fn next_single_rays(&mut self, id: ConnectionId) -> Option<Assignment> {
         let unseen = self.holodeck.unseen();
         let display = self.displays.get_mut(&id)?;
@@ -212,7 +212,7 @@ impl Coordinator {
         {
             let taken = self.allotment.take(&self.holodeck.file, key, kind, count);
             let Some((first, given)) = taken else { continue };
-            // Numbers that were given back come in the ranges in which they were given out.
+            // Numbers that were given back are given out in the same ranges as before.
             let used = given.min(count);
             if used < given {
                 self.allotment.give_back(key, kind, first + u32::from(used), given - used);

@@ -15,17 +15,18 @@ pub struct Display {
     pub outbox: Outbox,
     /// Its name, for people.
     pub name: String,
-    /// Whether nothing is traced for it, and it changes nothing.
+    /// True if nothing is traced for it and it cannot change the holodeck.
     pub is_read_only: bool,
-    /// What it wants for its present view; `None` before the first view and once it has settled.
+    /// The beams and rays that it wants for its present view; `None` before the first view and once
+    /// it has settled.
     pub wishes: Option<Wishes>,
     /// Live rays of its view.
     pub live: LiveQueue,
     /// The number of its newest view, for the thread that recalls an older one.
     pub newest: Arc<AtomicU32>,
-    /// Whether stored samples of its view are still being sent.
+    /// True while stored samples of its view are being sent.
     pub recalling: bool,
-    /// Whether a part of the file that no view asked for is still being sent.
+    /// True while a part of the file that no view requested is being sent.
     pub is_sending_part: bool,
     /// If it settles: the last packet that was given out before. Later ones do not delay it,
     /// because a file that is filled at the same time always has some of the view's beams under

@@ -28,7 +28,7 @@ pub struct Fill {
     /// Packets that workers have, or that lost workers had.
     under_way: usize,
     exhausted: bool,
-    /// The number of paths that people last heard of.
+    /// The number of paths that was last reported to people.
     announced: Option<u16>,
 }
 
@@ -52,7 +52,7 @@ pub struct FillPacket {
     pub paths: Option<u16>,
 }
 
-/// What a search needs to know.
+/// The state that a search reads.
 pub struct Known<'a> {
     /// What is stored.
     pub file: &'a BeamFile,
@@ -60,7 +60,7 @@ pub struct Known<'a> {
     pub unseen: &'a UnseenBeams,
     /// Sample numbers given out.
     pub allotment: &'a mut Allotment,
-    /// Whether a display may show samples of a beam.
+    /// Returns whether a display may show samples of a beam.
     pub is_looked_at: &'a dyn Fn(BeamKey) -> bool,
 }
 
@@ -78,14 +78,16 @@ impl Fill {
         }
     }
 
-    /// Returns the next packet; none if nothing is wanted at present, or for now nothing was found.
+    /// Returns the next packet; `None` if nothing is wanted at present, or this search found
+    /// nothing.
     pub fn next(&mut self, known: &mut Known) -> Option<FillPacket> {
         for _ in 0..MAX_LOOKS {
             if let Some(packet) = self.next_better(known).or_else(|| self.next_fresh(known)) {
                 self.under_way += 1;
                 return Some(packet);
             }
-            // The file does not know of what is under way. This waits once for each level.
+            // The file does not include samples under way, so this waits for them, once for each
+            // level.
             let waits = self.order.waits_for_results() && self.under_way > 0;
             if self.exhausted || waits {
                 return None;
@@ -101,7 +103,7 @@ impl Fill {
             None => self.exhausted = true,
             Some((key, _)) if known.unseen.contains(key) || !self.share.has(key) => {}
             Some((key, Target::Samples(wanted))) => self.in_turn = Some((key, wanted)),
-            // It keeps what somebody looks at as it is, until the next level.
+            // A beam that a display looks at is left as it is until the next level.
             Some((key, Target::Paths(_))) if (known.is_looked_at)(key) => {}
             Some((key, Target::Paths(paths))) => {
                 let worse = better::worse(&known.file.runs(key), paths, &(0..u32::MAX));
@@ -128,7 +130,7 @@ impl Fill {
     fn next_better(&mut self, known: &Known) -> Option<FillPacket> {
         let mut range = self.better.pop_front()?;
         if (known.is_looked_at)(range.key) {
-            // Somebody looks by now: the beam is passed over until the next level.
+            // A display looks at the beam by now, so it is left as it is until the next level.
             self.better.clear();
             return None;
         }

@@ -69,7 +69,7 @@ impl Coordinator {
             let (hits, after) = rest.split_at(traced.count as usize);
             rest = after;
             let finished = worker.finish_live(traced, now)?;
-            // Others have got those that come too late.
+            // Late rays have been given to others.
             let Finished::InTime(assignment) = finished else { continue };
             if let Err(error) = self.holodeck.plausible.live(&assignment.rays, hits) {
                 self.live_again([assignment]);

@@ -14,7 +14,7 @@ use super::{Coordinator, display::Display};
 use crate::{assignment::Purpose, events::ConnectionId, workers::Worker};
 
 impl Coordinator {
-    /// Takes somebody in.
+    /// Admits a peer.
     pub(super) fn join(&mut self, id: ConnectionId, hello: Hello, access: Access, outbox: Outbox) {
         let Hello { role, name, .. } = hello;
         let (token, rights) = (access.token.as_deref().unwrap_or_default(), access.rights);
@@ -50,19 +50,19 @@ impl Coordinator {
         worker.or(display).or_else(|| self.admins.get(&id))
     }
 
-    /// Ends the connection of whoever broke the rules, and tells it why.
+    /// Ends the connection of a peer that broke the rules, and sends it the reason.
     pub(super) fn expel(&mut self, id: ConnectionId, reason: String) {
         if let Some(outbox) = self.outbox(id) {
             // If the reason is longer than a control message, the connection ends without it.
             let farewell = Farewell::Dropped { reason: reason.clone() };
             let _ = outbox.control(&Control::Bye(farewell));
-            // Whoever sends it a scene does so no longer.
+            // This also stops a thread that is sending it a scene.
             outbox.end();
         }
         self.leave(id, Some(reason));
     }
 
-    /// Forgets who has gone; others get its work.
+    /// Removes a peer that has gone. Other workers get its work.
     pub(super) fn leave(&mut self, id: ConnectionId, reason: Option<String>) {
         let reason = reason.unwrap_or_else(|| "it closed its connection".into());
         self.listeners.remove(&id);

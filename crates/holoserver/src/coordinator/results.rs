@@ -1,4 +1,4 @@
-//! What workers send back: stored once, and passed on to whoever looks at it.
+//! Workers' results: stored once, and passed on to the displays that look at them.
 
 use std::collections::BTreeMap;
 
@@ -92,7 +92,7 @@ impl Coordinator {
             }
             self.finish_packet(&assignment);
             self.audit(id, &assignment, samples);
-            // Nobody looks at better ones.
+            // No display looks at the beams of better samples.
             if !is_better {
                 self.forward(&assignment, samples, outgoing);
             }

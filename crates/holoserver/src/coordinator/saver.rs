@@ -7,7 +7,7 @@ use tokio::time::Instant;
 
 use crate::holodeck::Holodeck;
 
-/// How often findings are written to the file, at most. After a crash they are found again.
+/// Least interval between two writes of findings to the file. After a crash they are found again.
 const SAVE_EVERY: Duration = Duration::from_secs(5);
 
 /// Bytes of samples that come for each byte of a list of unseen beams written: old lists stay in
@@ -56,7 +56,8 @@ impl Saver {
             let holodeck = Arc::clone(holodeck);
             // The file's statistics report a disk that fails; what it does not take is found again.
             self.thread = Some(std::thread::spawn(move || {
-                // First: what was found must not outlive the knowledge of who found it.
+                // Makers go first: if findings were written without them, nobody would know who
+                // made the findings.
                 let _ = holodeck.save_makers();
                 if unseen {
                     let _ = holodeck.save_unseen();
@@ -74,7 +75,7 @@ impl Saver {
             // A thread that panicked has said so on standard error.
             let _ = thread.join();
         }
-        // What a failing disk does not take is found again.
+        // If the disk fails, workers find the same again.
         let _ = holodeck.save_makers();
         let _ = holodeck.save_unseen();
         let _ = holodeck.save_light();

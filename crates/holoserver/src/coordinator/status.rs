@@ -1,4 +1,4 @@
-//! How the server fares: told to displays, people and administrators.
+//! Reports on the server's state to displays, people and administrators.
 
 use anyhow::{Result, bail};
 use holo_net::Message;
@@ -13,7 +13,7 @@ use super::{Coordinator, Fill, NOT_FOR_A_SERVER, STALLED_BYTES, STATUS_EVERY};
 use crate::{events::ConnectionId, workers::Worker};
 
 impl Coordinator {
-    /// Tells displays and people how the server fares, every [`STATUS_EVERY`].
+    /// Reports the server's state to displays and people every [`STATUS_EVERY`].
     pub(super) fn report(&mut self) {
         let now = Instant::now();
         if now - self.last_status < STATUS_EVERY {
@@ -54,7 +54,7 @@ impl Coordinator {
         }
     }
 
-    /// Returns how the server fares.
+    /// Returns a report on the server's state.
     fn present(&mut self) -> Report {
         let stats = self.holodeck.file.stats();
         let displays = self.displays.values().map(|display| DisplayReport {

@@ -89,7 +89,7 @@ impl Coordinator {
         Ok(())
     }
 
-    /// Tells a display that all stored samples of its view are sent.
+    /// Informs a display that all stored samples of its view have been sent.
     pub(super) fn recalled(&mut self, id: ConnectionId, view: u32, result: Result<(), String>) {
         let Some(display) = self.displays.get_mut(&id) else { return };
         if display.wishes.as_ref().is_none_or(|wishes| wishes.view != view) {
@@ -104,7 +104,7 @@ impl Coordinator {
         self.try_settle();
     }
 
-    /// Sends a part of the file that no view asked for.
+    /// Sends a part of the file that no view requested.
     pub(super) fn part(
         &mut self,
         id: ConnectionId,
@@ -157,7 +157,7 @@ impl Coordinator {
         self.try_settle();
     }
 
-    /// Ends the views of settling displays of which nothing is under way any more.
+    /// Ends the views of settling displays once none of their packets is under way.
     pub(super) fn try_settle(&mut self) {
         for (&id, display) in &mut self.displays {
             let (Some(wishes), Some(last), false) =
@@ -204,7 +204,7 @@ impl Coordinator {
         });
     }
 
-    /// Says which views there are, or to the one who asked why there is no other one.
+    /// Sends the list of views to everyone, or the reason of a failure to the display that asked.
     pub(super) fn view_kept(
         &mut self,
         id: ConnectionId,

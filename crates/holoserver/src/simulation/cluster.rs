@@ -29,7 +29,7 @@ use crate::{
     schedule::Goal,
 };
 
-/// Whoever waits for so long waits for ever.
+/// A test that waits for so long has failed.
 pub const FOR_EVER: Duration = Duration::from_secs(3600);
 
 /// A server that peers reach by wires, and that may be away.
@@ -60,7 +60,7 @@ impl Cluster {
         Life { holodeck, events, deciding }
     }
 
-    /// Waits for the end of a server: that of its goal, or the one that is asked for.
+    /// Waits for the end of a server: by its goal, or by a shutdown if `ask`.
     pub async fn end(&self, life: Life, ask: bool) -> Totals {
         let Life { holodeck, events, deciding } = life;
         if ask {
@@ -79,7 +79,7 @@ impl Cluster {
         *self.server.lock().unwrap_or_else(PoisonError::into_inner) = server;
     }
 
-    /// Tells peers that there will be no other server.
+    /// Records that no other server will follow.
     pub fn finish(&self) {
         self.is_over.store(true, Ordering::Relaxed);
     }

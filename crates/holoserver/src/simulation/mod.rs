@@ -1,8 +1,9 @@
-//! Whole clusters in this process: a server, workers and displays, on wires that are late, stall and
-//! are cut. The clock is a simulated one: it jumps from each event to the next.
+//! Whole clusters in this process: a server, workers and displays, on wires that are late, stall
+//! and are cut. The clock is a simulated one: it jumps from each event to the next.
 //!
-//! Each test runs many clusters, each by its seed: what happens on the wires, when, and to whom.
-//! Disks are real and threads that read them, too, so a seed does not repeat every step.
+//! Each test runs many clusters. A cluster's seed determines what happens on the wires, when, and
+//! to which peer. Disks and the threads that read them are real, so a seed does not repeat every
+//! step exactly.
 
 // Helpers are tests, too.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
@@ -42,8 +43,8 @@ const SEEDS: u64 = 24;
 const GRID: u32 = 2;
 const BEAMS: u64 = 480;
 
-/// Threads that read the disk know nothing of a clock that jumps. So many seconds pass in one of
-/// theirs at most.
+/// Threads that read the disk do not follow the simulated clock. This is the largest number of
+/// simulated seconds that pass in one real second.
 const SPEED: u32 = 1000;
 
 /// Runs a cluster for each seed.
@@ -178,7 +179,7 @@ fn displays_get_all_that_is_traced_for_them_and_nothing_is_stored_twice() {
         let mut workers = start_workers(&cluster, &mut random);
         workers.spawn(peers::worker(Arc::clone(&cluster), 99, sound_worker(), random.fork()));
         let displays = start_displays(&cluster, &mut random);
-        // The server is started again now and then, while everybody goes on.
+        // The server is restarted a few times while all peers continue.
         for _ in 0..random.below(3) {
             sleep(Duration::from_millis(random.below(15_000))).await;
             lives.push(cluster.end(life, true).await);

@@ -1,4 +1,4 @@
-//! Workers and displays of a cluster: they come again when they have lost the server.
+//! Workers and displays of a cluster. They connect again after they have lost the server.
 
 use std::{sync::Arc, time::Duration};
 
@@ -19,19 +19,19 @@ use super::{
     wire::Wire,
 };
 
-/// How long peers wait before they come again.
+/// Time that peers wait before they connect again.
 const PAUSE: Duration = Duration::from_millis(250);
 
-/// What a worker does wrong, each time that it comes, after so many packets.
+/// A fault of a worker, which occurs after this many packets of each connection.
 #[derive(Clone, Copy, Debug)]
 pub enum Fault {
-    /// It goes without a word.
+    /// It disappears without a message.
     Dies(u64),
     /// It returns nothing for so long, and then goes on.
     Hangs(u64, Duration),
 }
 
-/// Returns the wire by which a peer joins, this time.
+/// Returns the wire that a peer uses for its next connection.
 pub type Wires = fn(&mut Random) -> Wire;
 
 /// A worker.
@@ -140,7 +140,7 @@ async fn look(
     loop {
         match inbox.next().await? {
             Message::Samples(message) => {
-                // What was sent for an earlier view is of other beams, and settled before.
+                // Samples sent for an earlier view belong to other beams, which have settled.
                 assert_eq!(message.view, view);
                 for (run, samples) in message.iter() {
                     assert!(plan.beams_of(view).contains(&run.key.beam.0), "{run:?}");

@@ -1,4 +1,5 @@
-//! What workers here trace: a function of the ray alone, so that a sample in a wrong place is seen.
+//! The samples of simulated workers: a function of the ray alone, so that a sample in a wrong place
+//! is noticed.
 
 use std::collections::BTreeMap;
 
@@ -41,10 +42,10 @@ pub fn traced(packet: &Packet) -> Vec<Sample> {
         .collect()
 }
 
-/// Returns all samples of a file, after a look at each.
+/// Returns all samples of a file, after checking each.
 ///
 /// # Panics
-/// If one is not of its ray, or of a beam that sees nothing.
+/// If a sample does not match its ray, or its beam sees nothing.
 pub fn stored(file: &BeamFile) -> Samples {
     let mut keys = Vec::new();
     file.for_each_beam(&mut |key, _| keys.push(key));

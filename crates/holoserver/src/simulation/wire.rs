@@ -19,7 +19,7 @@ const BUFFER: usize = 1 << 16;
 /// Pieces that are under way at a time, at most.
 const UNDER_WAY: usize = 1 << 10;
 
-/// What it takes to send a piece again that was lost.
+/// Time that it takes to send a lost piece again.
 const SENT_AGAIN: Duration = Duration::from_millis(200);
 
 /// How a wire behaves.
@@ -29,7 +29,7 @@ pub struct Wire {
     pub latency: Duration,
     /// The share of pieces that must be sent again.
     pub loss: f64,
-    /// When nothing arrives any more, and for how long. What was sent meanwhile comes then.
+    /// When the wire stalls, and for how long. Data sent meanwhile arrives afterwards.
     pub stall: Option<(Duration, Duration)>,
     /// When it is cut, and how.
     pub cut: Option<(Duration, Cut)>,
@@ -38,9 +38,9 @@ pub struct Wire {
 /// How a wire is cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cut {
-    /// Both ends are told.
+    /// Both ends are informed.
     Closed,
-    /// Nobody is told: nothing arrives any more.
+    /// Nothing arrives any more, and neither end is informed.
     Silent,
 }
 
@@ -118,7 +118,7 @@ impl Wire {
         }
     }
 
-    /// Returns if anything arrives at present; never, if the wire is cut in silence.
+    /// Waits for ever if the wire is cut in silence; else returns at once.
     async fn unless_silent(&self, begin: Instant) {
         if self.cut.is_some_and(|(after, cut)| cut == Cut::Silent && begin.elapsed() >= after) {
             pending().await

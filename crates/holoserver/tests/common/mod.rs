@@ -15,10 +15,10 @@ use holo_section::{BeamId, BeamKey, RayCoords, Sample, SectionSpec, ViewClass, V
 use holo_server::{About, Config, Holodeck, Limits, Ready, Summary};
 use tokio::{sync::oneshot, task::JoinHandle, time::timeout};
 
-/// The limit of waits in real time. Only a hang reaches it.
+/// Longest wait in a test, in real time.
 pub const LIMIT: Duration = Duration::from_secs(120);
 
-/// Runs a test. If it fails, its server is left behind, because nobody would end it.
+/// Runs a test. If it fails, its server is not waited for, because it would never end.
 pub fn run(test: impl Future<Output = ()> + Send + 'static) {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let result = runtime.block_on(runtime.spawn(test));
@@ -179,7 +179,7 @@ impl Peer {
     }
 }
 
-/// What a ray of a beam hits here: something, or nothing.
+/// Returns the sample of a ray that hits something, or nothing.
 pub fn sample(hits: bool) -> Sample {
     let (colour, distance) = if hits { ([128, 64, 32, 128], 77) } else { ([0; 4], u16::MAX) };
     Sample::from_codes(RayCoords::default(), colour, distance)

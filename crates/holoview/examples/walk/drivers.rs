@@ -1,4 +1,5 @@
-//! The drivers behind one face: a view in, rays wanted out; samples in, a picture out.
+//! One interface to all drivers. A view goes in and wanted rays come out; then samples go in and a
+//! picture comes out.
 
 use glam::DVec3;
 use holo_display::{DriverError, LiveSample, Look, Resolution, SelectOptions};
@@ -14,7 +15,7 @@ use holo_section::{BeamId, BeamKey, LineHit, Section};
 use std::error::Error;
 use std::sync::Arc;
 
-/// A ray of length 1 that is wanted, and what for.
+/// A wanted ray: its direction has length 1.
 pub struct Wanted {
     pub origin: DVec3,
     pub direction: DVec3,
@@ -24,13 +25,14 @@ pub struct Wanted {
 enum Purpose {
     Point(Tag),
     Pixel(PixelTag),
-    /// Section, beam and sample coordinates; how far before the eye or behind it the ray begins in the section.
+    /// Section, beam and sample coordinates, and the distance from the ray's beginning in the
+    /// section to the traced origin.
     Beam(u16, BeamId, holo_section::RayCoords, f64),
-    /// What no section covers of one view.
+    /// A ray for one view, outside all sections.
     Live,
 }
 
-/// What the tracer said of a wanted ray.
+/// The traced result of a wanted ray.
 pub struct Answer {
     pub radiance: [f32; 3],
     pub distance: f64,
@@ -44,13 +46,14 @@ pub enum Driver {
     Stored { stored: Box<Stored>, draws: Draws },
 }
 
-/// What draws stored samples.
+/// The driver that draws stored samples.
 pub enum Draws {
     Quadtree,
     Surfaces(Arc<Raycaster>),
 }
 
-/// Samples of the sections, as a server would keep them, and live rays of one view, as a display would.
+/// Samples of the sections, as a server would store them, and live rays of one view, as a display
+/// would keep them.
 pub struct Stored {
     sections: Arc<[Section]>,
     samples: Vec<(u16, BeamId, holo_section::Sample)>,
@@ -61,7 +64,7 @@ pub struct Stored {
     sky: [f32; 3],
 }
 
-/// What drivers are made of.
+/// Everything needed to make a driver.
 pub struct Making<'a> {
     pub size: (u32, u32),
     pub first: View,
@@ -72,7 +75,7 @@ pub struct Making<'a> {
 }
 
 impl Driver {
-    /// By name; `pointimage-STAGE` is without that stage.
+    /// Makes a driver by its name; `pointimage-STAGE` is the render cache without that stage.
     pub fn new(name: &str, making: &Making) -> Result<Self, Box<dyn Error>> {
         let points = |params| -> Result<Self, Box<dyn Error>> {
             Ok(Self::Points(Box::new(PointImage::new(making.size, params)?), Vec::new()))
@@ -122,7 +125,8 @@ impl Driver {
         }
     }
 
-    /// Shows a view with what has come so far; the rays wanted now, and the picture if it is asked for.
+    /// Shows a view with the samples that have arrived. Returns the rays wanted next, and the
+    /// picture if `shown`.
     pub fn frame(
         &mut self,
         view: View,
@@ -165,7 +169,7 @@ impl Driver {
         }
     }
 
-    /// Takes the answers to the rays of the last frame.
+    /// Receives the answers to the rays of the last frame.
     pub fn take(&mut self, rays: &[Wanted], answers: &[Answer]) {
         if let Self::Points(_, samples) = self {
             samples.clear();
@@ -211,7 +215,7 @@ impl Driver {
 }
 
 impl Stored {
-    /// Draws a view with a new driver of a session.
+    /// Draws a view with a newly made driver.
     fn draw(&self, draws: &Draws, view: View) -> Result<Picture, DriverError> {
         let (sections, sky) = (Arc::clone(&self.sections), self.sky);
         let mut driver: Box<dyn holo_display::Driver> = match draws {
@@ -228,12 +232,12 @@ impl Stored {
         Ok(driver.draw(&mut |_| {}).picture)
     }
 
-    /// Live rays of a view.
+    /// Returns the live rays of a view.
     fn live_of(&self, view: &View) -> &[LiveSample] {
         if self.live_view == *view { &self.live } else { &[] }
     }
 
-    /// All samples so far, beam by beam.
+    /// Returns all samples so far, beam by beam.
     fn beams(&self) -> impl Iterator<Item = (u16, BeamId, Vec<holo_section::Sample>)> {
         let mut order: Vec<_> = self.samples.iter().collect();
         order.sort_by_key(|sample| (sample.0, sample.1));
@@ -244,9 +248,10 @@ impl Stored {
         beams.into_iter()
     }
 
-    /// A view ray anywhere in the picture, snapped to the coordinates of a section that it meets; where there is none it is of the view
-    /// alone. In a section around the eye it begins where the eye is, as far as the snapped ray passes it, so that walls behind do not
-    /// count.
+    /// Returns a view ray through a random point of the picture, snapped to the coordinates of a
+    /// section that it crosses. If it crosses none, it is a live ray of the view. In a section
+    /// around the eye, the ray begins at the point nearest to the eye, so that walls behind the eye
+    /// do not count.
     fn wanted(&mut self, view: &View) -> Wanted {
         let (x, y) = (self.unit(), self.unit());
         let (eye, along) = view.ray(x, y);
@@ -261,8 +266,9 @@ impl Stored {
         Wanted { origin: ray.origin + ray.direction * ahead, direction: ray.direction, purpose }
     }
 
-    /// One of the sections that a view ray meets, chosen as displays weigh their beams ([`SelectOptions::others_share`]): mostly the
-    /// best, which is the smallest around the eye, else the nearest ahead, else the nearest behind.
+    /// Chooses one of the sections that a view ray crosses, with the weights of displays
+    /// ([`SelectOptions::others_share`]). Most rays use the best one: the smallest around the eye,
+    /// else the nearest ahead, else the nearest behind.
     fn section_of(&mut self, eye: DVec3, along: DVec3) -> Option<(u16, LineHit)> {
         let (mut around, mut ahead, mut behind) = (Vec::new(), Vec::new(), Vec::new());
         for (number, section) in (0_u16..).zip(self.sections.iter()) {
@@ -288,7 +294,7 @@ impl Stored {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// SplitMix64.
+    /// Returns random bits (SplitMix64).
     fn bits(&mut self) -> u64 {
         self.random = self.random.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.random;

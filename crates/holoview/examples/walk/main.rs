@@ -1,10 +1,12 @@
-//! A recorded walk through a scene, shown by every driver, tracing in lockstep with frames: how like the truth each is over time.
+//! Shows a recorded walk through a scene with every driver, tracing a fixed number of samples per
+//! frame. Measures how close each driver's frames are to the truth.
 //!
-//! `cargo run --release -p holo-view --example walk -- SCENE.obj WALK --truths FOLDER --out FOLDER [--drivers A,B] [--ratio R]
-//! [--paths N] [--bounces N] [--frames FIRST..END] [--every N] [--truth-paths N]
-//! [--truths-only]`. In each frame a driver gets pixels / R new samples
-//! of N paths. One line of JSON per driver: frames judged, PSNR (dB) and structural similarity of each. `FOLDER/strip.png`: the
-//! truth, then each driver, at five moments.
+//! `cargo run --release -p holo-view --example walk -- SCENE.obj WALK --truths FOLDER --out FOLDER`
+//! `[--drivers A,B] [--ratio R] [--paths N] [--bounces N] [--frames FIRST..END] [--every N]`
+//! `[--truth-paths N] [--truths-only]`. In each frame a driver receives pixels / R new samples of N
+//! paths each. The output is one line of JSON per driver: frames judged, and PSNR (dB) and
+//! structural similarity of each. `FOLDER/strip.png` shows the truth and then each driver, at five
+//! moments.
 
 mod drivers;
 mod measure;
@@ -101,7 +103,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let tracer = Tracer::with_raycaster(Arc::clone(&raycaster), settings)?;
     let engine = Engine::new(tracer, arguments.paths, &first);
     let end = walk.frames().min(arguments.frames.1);
-    // The first frame shows nothing yet.
+    // The first frame of each group shows nothing yet, so the last one is judged.
     let judged: Vec<usize> = (arguments.frames.0..end)
         .filter(|frame| frame % arguments.every == arguments.every - 1)
         .collect();

@@ -1,19 +1,19 @@
-//! Truths of frames, likeness to them, and strips to look at.
+//! Truths of frames, similarity to them, and strips of pictures to look at.
 
 use crate::tracing::Engine;
 use holo_picture::{Exposure, Look, Picture, View, auto_exposure, compare};
 use std::error::Error;
 use std::path::Path;
 
-/// Relative error that a truth may have.
+/// Relative error that a truth may have, as a squared error.
 const TRUTH_ERROR: f64 = 0.005;
-/// Paths per pixel of half a truth in one go.
+/// Paths per pixel that half of a truth gains in one step.
 const TRUTH_PATHS: u32 = 16;
-/// Side of the windows that are compared, pixels; they are half of that apart.
+/// Side of the windows that are compared, pixels. Windows lie half a side apart.
 const WINDOW: usize = 8;
 
-/// The picture that a view should give, from `file` if it is there. Its error is told by its halves; `most` paths a pixel are
-/// the end of it.
+/// Returns the true picture of a view; reads it from `file` if that exists. Two halves are traced
+/// until their difference shows a small error, or the truth has `most` paths per pixel.
 pub fn truth(
     engine: &Engine,
     view: &View,
@@ -31,7 +31,8 @@ pub fn truth(
         }
         paths += TRUTH_PATHS;
         let measures = compare(&halves[0], &halves[1])?;
-        // The halves differ by twice the error of each, squared; their mean has half of one's.
+        // Squared, the halves differ by twice the error of one half, and their mean has half of
+        // that error.
         if measures.relmse_trim / 4.0 < TRUTH_ERROR || 2 * paths >= most {
             eprintln!(
                 "{}: {} paths, relMSE {:.4}",
@@ -50,7 +51,8 @@ pub fn truth(
     Ok(mean)
 }
 
-/// PSNR as the project's, and the structural similarity (Wang, Bovik, Sheikh & Simoncelli 2004) of luminance as displayed.
+/// Returns the PSNR of [`compare`], and the structural similarity (Wang, Bovik, Sheikh & Simoncelli
+/// 2004) of displayed luminance.
 pub fn likeness(picture: &Picture, truth: &Picture) -> Result<(f64, f64), Box<dyn Error>> {
     let psnr = compare(picture, truth)?.psnr_disp;
     let exposure = Exposure::Factor(auto_exposure(truth));
@@ -87,7 +89,8 @@ pub fn likeness(picture: &Picture, truth: &Picture) -> Result<(f64, f64), Box<dy
     Ok((psnr, sum / windows))
 }
 
-/// Pictures at half size, a row for each list, into one PNG with the exposure of the first row.
+/// Writes pictures at half size into one PNG, a row for each list, with the exposures of the first
+/// row.
 pub fn strip(rows: &[Vec<Picture>], file: &Path) -> Result<(), Box<dyn Error>> {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let (width, height) = (crate::SIZE.0 / 2, crate::SIZE.1 / 2);
@@ -95,7 +98,8 @@ pub fn strip(rows: &[Vec<Picture>], file: &Path) -> Result<(), Box<dyn Error>> {
     let across = whole.size().0 as usize;
     for (number, row) in rows.iter().enumerate() {
         for (place, picture) in row.iter().enumerate() {
-            // As displayed with the truth's exposure, back to light: the PNG's own then is near 1 for all.
+            // Each column is scaled by the truth's exposure, so that the PNG's own exposure is near
+            // 1.
             let exposure = rows[0].get(place).map_or(1.0, auto_exposure);
             for y in 0..height as usize {
                 for x in 0..width as usize {

@@ -1,8 +1,9 @@
-//! A recorded walk: what to load, the sections, and where the eye is in every frame.
+//! A recorded walk: the sections, and where the eye is in every frame.
 //!
-//! A file of lines, each a word and numbers: `sky R G B`; `section ORIGIN SIDES CELLS` (three numbers each); `angle DEGREES`
-//! (horizontal); `key SECONDS X Y Z HEADING PITCH` (degrees; heading 0 is along +x, counter-clockwise; between keys everything
-//! is linear). `#` begins a comment.
+//! The file has one item per line, a word and numbers. `sky R G B`; `section ORIGIN SIDES CELLS`,
+//! three numbers each; `angle DEGREES`, horizontal. `key SECONDS X Y Z HEADING PITCH` is a position
+//! with angles in degrees. Heading 0 is along +x, and grows counter-clockwise. Between keys,
+//! positions and angles are interpolated linearly. `#` begins a comment.
 
 use glam::DVec3;
 use holo_picture::View;
@@ -50,7 +51,7 @@ impl Walk {
         self.keys.last().map_or(0, |last| (last[0] * RATE) as usize)
     }
 
-    /// The view of a frame; beyond the last, the last.
+    /// Returns the view of a frame; after the end, the last view.
     pub fn view(&self, frame: usize, size: (u32, u32)) -> Result<View, Box<dyn Error>> {
         let seconds = frame as f64 / RATE;
         let next =

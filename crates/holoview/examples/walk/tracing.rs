@@ -1,4 +1,4 @@
-//! The tracer of a walk: answers to rays, whole pictures, on all cores.
+//! Traces the rays and pictures of a walk on all cores.
 
 use crate::drivers::{Answer, Wanted};
 use glam::DVec3;
@@ -8,7 +8,7 @@ use holo_tracer::Tracer;
 pub struct Engine {
     tracer: Tracer,
     paths: u32,
-    /// Standard deviation of one path over the mean, where the engine cannot tell by itself.
+    /// Standard deviation of one path divided by the mean, used if the engine has no estimate.
     relative_noise: f32,
 }
 
@@ -17,7 +17,7 @@ fn threads() -> usize {
 }
 
 impl Engine {
-    /// `tracer` makes `paths` for each sample. What noise they have is tried on rays of `view`.
+    /// `tracer` traces `paths` for each sample. Measures the paths' noise with rays of `view`.
     pub fn new(tracer: Tracer, paths: u32, view: &View) -> Self {
         let mut relative = Vec::new();
         for try_ray in 0..1000_u64 {
@@ -40,13 +40,13 @@ impl Engine {
         Self { tracer, paths, relative_noise: noise as f32 }
     }
 
-    /// Answers to rays, as a function of them, `frame` and nothing else.
+    /// Traces rays. The answers depend only on the rays and `frame`.
     pub fn answer(&self, rays: &[Wanted], frame: usize) -> Vec<Answer> {
         let one = |index: usize, ray: &Wanted| {
             let seed = mix((frame as u64) << 32 | index as u64);
             if self.paths == 1 {
                 let traced = self.tracer.trace(ray.origin, ray.direction, seed);
-                // One path that met no light tells nothing of how much others meet.
+                // A path without any light does not show how much light other paths find.
                 let largest = largest(traced.radiance);
                 let noise =
                     if largest > 0.0 { self.relative_noise * largest } else { f32::INFINITY };
@@ -81,7 +81,7 @@ impl Engine {
         })
     }
 
-    /// Goes on with a picture that is the mean of `done` paths a pixel until it is that of `until`.
+    /// Adds paths to a picture until it averages `until` paths per pixel instead of `done`.
     pub fn add_picture(
         &self,
         view: &View,
@@ -104,7 +104,7 @@ impl Engine {
                                 let offset = (mix(turn ^ salt) >> 11) as f64 / (1_u64 << 53) as f64;
                                 (offset + step * f64::from(path)).fract()
                             };
-                            // The R2 sequence (Roberts 2018), turned by a pixel's own offset.
+                            // The R2 sequence (Roberts 2018), shifted by an offset of the pixel.
                             let dx = jitter(1, 0.754_877_666_246_692_8);
                             let dy = jitter(2, 0.569_840_290_998_053_3);
                             let x = (column as f64 + dx) / f64::from(width);

@@ -5,25 +5,26 @@ use std::{ffi::OsString, path::PathBuf};
 use clap::{Args, ValueEnum};
 use holo_denoise::{DenoiseError, Denoiser, Quality};
 
-/// What turns samples into a picture.
+/// The method that turns samples into a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum DriverArg {
-    /// `surfaces`; for a scene that cannot be read, cells of the samples (`--cells`)
+    /// `surfaces`; if the scene cannot be read, cells of the samples (`--cells`)
     #[default]
     Auto,
-    /// Light kept on the scene's surfaces for the whole session: shows all that is known of a new
-    /// view at once
+    /// Keeps light on the scene's surfaces for the whole session; a new view shows all light known
+    /// there at once
     Surfaces,
-    /// Means over the leaves of a quadtree, as large as noise asks; needs no scene
+    /// Averages samples over the leaves of a quadtree, larger leaves for noisier samples; needs no
+    /// scene
     Quadtree,
-    /// The render cache: what is known is projected into every view, gaps are filled; needs no scene
+    /// The render cache: projects known samples into every view and fills the gaps; needs no scene
     Pointimage,
     /// Each pixel shows its newest rays; needs no scene
     Frameless,
 }
 
 impl DriverArg {
-    /// Returns the drivers' names, without `auto`, which is one of the others.
+    /// Returns the drivers' names. `auto` is left out: it stands for one of the others.
     pub fn names() -> Vec<&'static str> {
         let named = DriverArg::value_variants().iter().filter(|driver| **driver != Self::Auto);
         named.map(|driver| driver.name()).collect()
@@ -41,33 +42,33 @@ impl DriverArg {
     }
 }
 
-/// Which driver, and what it is told.
+/// The driver and its options.
 #[derive(Args, Clone, Debug, Default)]
 pub struct DriverArgs {
-    /// What turns samples into a picture
+    /// The driver: the method that turns samples into a picture
     #[arg(long, value_enum, default_value_t)]
     pub driver: DriverArg,
-    /// Draw cells of samples alone, even where there is a scene
+    /// Draw cells from samples only, even if there is a scene
     #[arg(long, value_enum, value_name = "FILLING")]
     pub cells: Option<CellsArg>,
-    /// Of the driver `surfaces`: denoise the light of views at rest by Open Image Denoise. `auto`:
-    /// if it is installed; `off`; or the file of its library
+    /// With the driver `surfaces`: denoise the light of views at rest with Open Image Denoise.
+    /// `auto`: if it is installed; `off`: never; FILE: with this library
     #[arg(long, value_name = "auto|off|FILE", default_value = "auto")]
     pub denoise: DenoiseArg,
-    /// Whether somebody walks, who may change to a driver that draws from the scene.
+    /// True if a person walks, who may change to a driver that draws from the scene.
     #[arg(skip)]
     pub walks: bool,
 }
 
-/// Whether light is denoised by Open Image Denoise.
+/// The choice of a denoiser.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum DenoiseArg {
-    /// If it is installed.
+    /// Denoise with Open Image Denoise if it is installed.
     #[default]
     Auto,
-    /// Never.
+    /// Do not denoise.
     Off,
-    /// By this library.
+    /// Denoise with this library.
     Library(PathBuf),
 }
 
@@ -82,10 +83,10 @@ impl From<OsString> for DenoiseArg {
 }
 
 impl DenoiseArg {
-    /// Loads the denoiser; `None` if there is none or none is wanted.
+    /// Loads the denoiser. Returns `None` if it is switched off, or `Auto` and not installed.
     ///
     /// # Errors
-    /// If a library was named, and cannot be loaded.
+    /// If a library was named and cannot be loaded.
     pub fn load(&self, quality: Quality) -> Result<Option<Denoiser>, DenoiseError> {
         match self {
             Self::Auto => Ok(Denoiser::load(None, quality).ok()),
@@ -96,10 +97,10 @@ impl DenoiseArg {
 }
 
 impl DriverArgs {
-    /// Refuses what would do nothing, and a denoiser that cannot be loaded.
+    /// Refuses options that would have no effect, and a denoiser that cannot be loaded.
     ///
     /// # Errors
-    /// A text for people.
+    /// A text for the user.
     pub fn check(&self) -> Result<(), String> {
         if let DenoiseArg::Library(_) = self.denoise {
             if !matches!(self.driver, DriverArg::Surfaces | DriverArg::Auto) {
@@ -120,9 +121,10 @@ impl DriverArgs {
 /// What cells show: see [`holo_driver_quadtree::Filling`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum CellsArg {
-    /// Colours that go from sample to sample of a surface; means where a pixel has many [what is used where there is no scene]
+    /// Colours are interpolated between samples of one surface, and averaged if a pixel has many
+    /// [the default without a scene]
     Smooth,
-    /// Each the colour of its sample, as in the paper (Larson & Simmons 1999)
+    /// Each cell has the colour of its sample, as in the paper (Larson & Simmons 1999)
     Constant,
 }
 

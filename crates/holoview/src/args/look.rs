@@ -6,14 +6,14 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use holo_picture::{Exposure, Format, Look, Picture, Scale, Scaling, Tone};
 
-/// The look of pictures for people. Pictures of radiance (.exr .hdr .pfm) never change with it.
+/// The look of pictures for people. They never change pictures of radiance (.exr .hdr .pfm).
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
 pub struct LookArgs {
-    /// Brightness: `auto`, stops such as +1 or -0.5 over what it would be, or =FACTOR, such as =0.03,
-    /// which multiplies radiance [default: `picture` takes the holodeck's, all others auto]
+    /// Brightness: `auto`; stops relative to it, such as +1 or -0.5; or =FACTOR, such as =0.03,
+    /// which multiplies radiance [default: auto; for `picture`, what the holodeck stores]
     #[arg(long, value_name = "auto|STOPS|=FACTOR", value_parser = parse_exposure, allow_hyphen_values = true)]
     pub exposure: Option<Exposure>,
-    /// How light becomes tones [default: soft]
+    /// How radiance is mapped to display tones [default: soft]
     #[arg(long, value_enum)]
     pub tone: Option<ToneArg>,
     /// Show luminance as colours, from MIN to MAX cd/m² [default: 0 to the 99th percentile, rounded
@@ -40,7 +40,7 @@ pub enum ToneArg {
     Linear,
     /// Dark and bright parts at once, without exaggerating contrast
     Camera,
-    /// What an eye would see there: contrast, glare, and little detail and colour in the dark
+    /// Simulates an eye at the place: contrast, glare, and less detail and colour in the dark
     Human,
 }
 
@@ -55,7 +55,7 @@ impl LookArgs {
     /// Returns the look that the options describe.
     ///
     /// # Errors
-    /// A text for people, if options contradict each other or would do nothing.
+    /// A text for the user, if options contradict each other or would have no effect.
     pub fn look(&self) -> Result<Look, String> {
         let (false_color, contours) = (self.falsecolor.is_some(), self.contours.is_some());
         let tone = match self.tone.unwrap_or(ToneArg::Soft) {
@@ -94,8 +94,9 @@ impl LookArgs {
         Ok(Look { exposure, tone, false_color, contours, scaling })
     }
 
-    /// Returns the same with the exposure that a holodeck keeps, if nobody asks for another. Stops
-    /// count from it. Tones without an exposure, and false colours, stay as they are.
+    /// Returns the same options with the exposure that the holodeck stores, unless an exposure was
+    /// given. Stops are relative to the stored exposure. Tones without an exposure, and false
+    /// colours, stay as they are.
     #[must_use]
     pub fn with_kept_exposure(self, kept: Option<f32>) -> LookArgs {
         let has_factor = matches!(self.tone, None | Some(ToneArg::Soft | ToneArg::Linear));
@@ -110,11 +111,11 @@ impl LookArgs {
         LookArgs { exposure: Some(exposure), ..self }
     }
 
-    /// Writes a picture: as these options show it if the file is a `.png`, as radiance otherwise.
-    /// Returns the factor from radiance to display light, if there is one.
+    /// Writes a picture: with this look if the file is a `.png`, as radiance otherwise. Returns the
+    /// factor from radiance to display light, if there is one.
     ///
     /// # Errors
-    /// As [`look`](Self::look), or the file cannot be written.
+    /// The errors of [`look`](Self::look), or the file cannot be written.
     pub fn write(&self, picture: &Picture, path: &Path) -> Result<Option<f32>> {
         if Format::of_path(path) != Some(Format::Png) {
             picture.write(path)?;
@@ -129,7 +130,7 @@ impl LookArgs {
     /// Refuses options that contradict each other, or that would not change the file.
     ///
     /// # Errors
-    /// A text for people.
+    /// A text for the user.
     pub fn check(&self, path: &Path) -> Result<(), String> {
         if *self != LookArgs::default() && Format::of_path(path) != Some(Format::Png) {
             return Err(format!(
@@ -207,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_kept_exposure_is_that_of_pictures_unless_somebody_asks_for_another() {
+    fn pictures_have_the_stored_exposure_unless_another_is_given() {
         let kept = |line: &str| {
             let words = std::iter::once("p").chain(line.split_whitespace());
             let look = Program::try_parse_from(words).unwrap().look;
@@ -224,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn a_range_is_never_taken_for_a_file_nor_a_file_for_a_range() {
+    fn a_range_is_never_mistaken_for_a_file_nor_a_file_for_a_range() {
         let program = Program::try_parse_from(["p", "--falsecolor", "room.holo"]).unwrap();
         assert_eq!(program.file.as_deref(), Some("room.holo"));
         assert_eq!(program.look.falsecolor, Some(None));

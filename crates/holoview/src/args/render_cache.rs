@@ -1,22 +1,22 @@
-//! What the render cache can be told: options, and the parts of it that are switched.
+//! Options of the render cache, and its parts that can be switched off.
 
 use clap::{Args, ValueEnum, builder::PossibleValuesParser};
 use holo_driver_rendercache::{EmptyPixels, PointImageParams, SETTINGS, Smoothing, Stages};
 
-/// Samples that a point averages while the view moves. The driver's own default is for renderers without noise; one path a sample is
-/// all that some engines give.
+/// Number of samples that a point averages while the view moves. The driver's own default suits
+/// renderers without noise. Here a sample may be one noisy path.
 const MOVING_MEAN: u32 = 32;
 
-/// Of the options in help texts.
+/// Heading of these options in help texts.
 const HEADING: &str = "Render cache (--driver pointimage)";
 
-/// What the render cache can be told.
+/// Options of the render cache.
 #[derive(Args, Clone, Debug, Default)]
 pub struct PointArgs {
     /// Which pixels with a sample of their own are blurred with their neighbours
     #[arg(long, value_enum, value_name = "WHERE", default_value_t, help_heading = HEADING)]
     pub smoothing: SmoothingArg,
-    /// What a pixel shows that no sample is near
+    /// What a pixel without a nearby sample shows
     #[arg(long, value_enum, value_name = "WHAT", default_value_t, help_heading = HEADING)]
     pub empty_pixels: EmptyArg,
     /// Leave out parts of the method, such as `prediction,dither`
@@ -29,7 +29,8 @@ pub struct PointArgs {
     pub numbers: Vec<(String, f64)>,
 }
 
-/// A number of the method with its name, if there is one of this name and it may be that.
+/// Parses a number of the method with its name. Fails if the name is unknown or the number is out
+/// of range.
 fn parse_number(said: &str) -> Result<(String, f64), String> {
     let (name, value) = said.split_once('=').ok_or("write NAME=NUMBER")?;
     let value = value.trim().parse().map_err(|_| format!("{value} is no number"))?;
@@ -37,7 +38,7 @@ fn parse_number(said: &str) -> Result<(String, f64), String> {
     Ok((name.trim().to_owned(), value))
 }
 
-/// Says what numbers there are.
+/// Returns the help text, which lists all numbers.
 fn numbers_help() -> String {
     let mut help =
         "Set numbers of the method, such as `prefilter-window=9,cull-threshold=0.2`:\n".to_owned();
@@ -45,7 +46,7 @@ fn numbers_help() -> String {
     for setting in SETTINGS {
         let name = setting.name.replace('_', "-");
         let value = setting.value(&usual);
-        // As they are written: f32 has no more digits.
+        // Values are `f32`; printed as `f64` they would have false digits.
         let value =
             if value.fract() == 0.0 { value.to_string() } else { (value as f32).to_string() };
         help += &format!("\n  {name}: {} ({}; {value})", setting.meaning, setting.allowed);
@@ -53,7 +54,7 @@ fn numbers_help() -> String {
     help
 }
 
-/// What is used if nothing is said.
+/// The parameters that hold if no option is given.
 fn usual() -> PointImageParams {
     PointImageParams { moving_mean: MOVING_MEAN, ..PointImageParams::default() }
 }
@@ -63,7 +64,7 @@ fn usual() -> PointImageParams {
 pub enum SmoothingArg {
     /// All of them
     Everywhere,
-    /// Those whose sample was made for another view: a picture at rest is sharp
+    /// Those whose sample was made for another view, so that a picture at rest is sharp
     #[default]
     Old,
     /// None: only gaps are filled
@@ -73,19 +74,19 @@ pub enum SmoothingArg {
 /// See [`EmptyPixels`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum EmptyArg {
-    /// What it showed before
+    /// Its colour in the last picture
     #[default]
     Keep,
-    /// Nothing
+    /// Black
     Black,
 }
 
 impl PointArgs {
-    /// For the driver.
+    /// Returns the driver's parameters.
     pub fn params(&self) -> PointImageParams {
         let mut stages = Stages::ALL;
         for part in &self.without {
-            // The parser takes no other names.
+            // The parser accepts no other names.
             stages.switch(part, false);
         }
         let smoothing = match self.smoothing {
@@ -99,7 +100,7 @@ impl PointArgs {
         };
         let mut params = PointImageParams { stages, smoothing, empty, ..usual() };
         for (name, value) in &self.numbers {
-            // They were looked at when they were parsed; what is wrong changes nothing.
+            // The parser has checked them, so this cannot fail.
             let _ = params.set(name, *value);
         }
         params
@@ -141,7 +142,7 @@ mod tests {
                 .lines()
                 .find(|line| line.trim_start().starts_with(&format!("{name}: ")))
                 .unwrap();
-            // What it says may be given back.
+            // Setting a number to its printed value changes nothing.
             let value = line.rsplit(' ').next().unwrap().trim_end_matches(')');
             let params = parsed(&format!("{name}={value}")).unwrap();
             assert_eq!(
@@ -153,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_cannot_be_are_refused_with_what_can() {
+    fn wrong_numbers_are_refused_with_a_list_of_what_is_allowed() {
         assert!(
             parsed("prefilter-window=8")
                 .unwrap_err()

@@ -1,4 +1,4 @@
-//! Options that say which view is shown.
+//! Options that choose the view.
 
 use std::path::PathBuf;
 
@@ -6,11 +6,11 @@ use anyhow::{Context, Result};
 use clap::Args;
 use holo_picture::ViewSpec;
 
-/// Which view is shown: options as Radiance has them.
+/// The view to show. The options have Radiance's names.
 #[derive(Args, Clone, Debug, Default)]
 pub struct ViewArgs {
-    /// Type of the view: v perspective, l parallel, c cylindrical panorama, a angular fisheye, h hemispherical fisheye
-    /// [default: v]
+    /// Type of the view: v perspective, l parallel, c cylindrical panorama, a angular fisheye, h
+    /// hemispherical fisheye [default: v]
     #[arg(long, value_name = "v|l|c|a|h")]
     pub vt: Option<String>,
     /// Eye: where the view is seen from
@@ -22,7 +22,7 @@ pub struct ViewArgs {
     /// Up in the picture [default: the scene's up axis]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub vu: Option<String>,
-    /// Horizontal angle, degrees; of a parallel view its width in scene units
+    /// Horizontal angle, degrees; width in scene units for a parallel view
     #[arg(long, value_name = "DEGREES")]
     pub vh: Option<String>,
     /// Vertical angle, degrees, or height [default: follows from --vh and the picture's shape]
@@ -51,7 +51,7 @@ pub struct ViewArgs {
     pub size: Option<(u32, u32)>,
 }
 
-/// Size of a picture of which none was stated, pixels.
+/// Default size of a picture, pixels.
 const SIZE: (u32, u32) = (640, 480);
 
 impl ViewArgs {
@@ -60,7 +60,7 @@ impl ViewArgs {
         self.size.unwrap_or(SIZE)
     }
 
-    /// What was said of the view, over what the named views and a view file say.
+    /// Returns the view that the options describe. They override a named view and a view file.
     ///
     /// # Errors
     /// If an option is malformed, the file cannot be read, or the name is not known.
@@ -102,10 +102,10 @@ impl ViewArgs {
     }
 }
 
-/// A size such as `640x480`.
+/// Parses a size such as `640x480`.
 ///
 /// # Errors
-/// A text for people, if it is none or no picture can be so large.
+/// A text for the user, if the text is not a size or no picture can be so large.
 pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let size = text
         .split_once('x')

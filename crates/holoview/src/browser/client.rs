@@ -31,29 +31,29 @@ use super::{
 };
 use crate::stage::{Input, Phase, Shown};
 
-/// Longest message of a page: they are lines of a few numbers.
+/// Longest message that a page may send, bytes. Messages are lines of a few numbers.
 const MOST_BYTES: usize = 16 << 10;
 
-/// Messages that are none, after which the connection ends.
+/// Number of malformed messages after which the connection is closed.
 const MOST_GARBAGE: u32 = 8;
 
-/// How long a message may take to be sent: whoever takes nothing for so long has gone.
+/// Longest time to send a message. A client that receives nothing for so long has gone.
 const SENDING: Duration = Duration::from_secs(20);
 
-/// How long nothing newer comes until a picture at rest is made exact.
+/// Time without a newer frame after which a picture at rest is sent exactly.
 const CALM: Duration = Duration::from_millis(250);
 
-/// How long eyes adapt to a frame at rest: from a thousandth of the light to less than a step of a
-/// display's colours.
+/// Time that eyes adapt to a frame at rest. It is enough to adapt from a thousandth of the light to
+/// less than one step of a display's colours.
 const ADAPTING: Duration = Duration::from_secs(4);
 
-/// How often the screen follows meanwhile.
+/// Interval between updates of the screen while eyes adapt.
 const ADAPTS_EVERY: Duration = Duration::from_millis(80);
 
-/// Relative change of exposure between two looks below which eyes have adapted.
+/// Eyes have adapted if the exposure changes by less than this fraction between two looks.
 const SETTLED: f32 = 1e-3;
 
-/// Answers that wait for a client. It gets no more than it asks for.
+/// Most answers that wait for a client. Further answers are dropped.
 const MOST_ANSWERS: usize = 32;
 
 /// Takes a page's connection.
@@ -63,7 +63,7 @@ pub async fn connect(upgrade: WebSocketUpgrade, State(hub): State<Arc<Hub>>) -> 
         let (sink, stream) = socket.split();
         let Some(guest) = hub.enter() else {
             let mut sink = sink;
-            // Whoever has gone need not know.
+            // If the client has gone, the message has no effect.
             let _ = sink.send(text(messages::error("too many people look already"))).await;
             return;
         };
@@ -73,13 +73,13 @@ pub async fn connect(upgrade: WebSocketUpgrade, State(hub): State<Arc<Hub>>) -> 
         let writer = Writer::new(&hub, &guest, sink, wanted.subscribe());
         tokio::select! {
             () = reader.run() => {}
-            // A connection that fails is over.
+            // An error also ends the connection.
             _ = writer.run(waiting) => {}
         }
     })
 }
 
-/// What a client wants to see.
+/// The client's wishes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Wanted {
     /// The last update that is on its screen.
@@ -88,7 +88,7 @@ struct Wanted {
     cursor: Option<(f64, f64)>,
 }
 
-/// Takes what a client says.
+/// Reads a client's messages.
 struct Reader<'a> {
     hub: &'a Hub,
     guest: &'a Guest,
@@ -116,7 +116,7 @@ impl Reader<'_> {
                 }
             };
             if let Some(answer) = answer {
-                // Who takes no answers gets none.
+                // If the client reads no answers, they are dropped.
                 let _ = self.answers.try_send(answer);
             }
             if garbage == MOST_GARBAGE {
@@ -125,7 +125,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Does what a client asks for. Returns what it is told.
+    /// Does what a client asks for, and returns the answer to send, if any.
     fn take(&self, number: u64, asked: Asked) -> Option<String> {
         let mut answer = None;
         match asked {
@@ -153,7 +153,7 @@ impl Reader<'_> {
     }
 }
 
-/// Sends a client what it is to see.
+/// Sends updates and answers to a client.
 struct Writer<'a> {
     hub: &'a Arc<Hub>,
     guest: &'a Guest,
@@ -161,21 +161,21 @@ struct Writer<'a> {
     wanted: watch::Receiver<Wanted>,
     screen: Screen,
     eyes: Arc<Eyes>,
-    /// Until when the eyes adapt to the frame on the screen, and when they next look.
+    /// When the eyes will have adapted to the frame on the screen, and when they next look.
     adapts: Option<(Instant, Instant)>,
     on_screen: Option<OnScreen>,
     under_way: Option<UnderWay>,
     /// Number of the last update.
     updates: u64,
-    /// How long the last frame's parts took, without encoding.
+    /// Durations of the last frame's stages, except encoding.
     times: Times,
 }
 
-/// What a client's screen shows or will show soon.
+/// A frame that the client's screen shows or will soon show.
 #[derive(Clone)]
 struct OnScreen {
     shown: Arc<Shown>,
-    /// How often it was seen since.
+    /// Number of times that the frame was shown again since it arrived.
     times: u32,
     look: Look,
     image: Arc<Image>,
@@ -214,7 +214,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Sends until the session is over or the client takes nothing any more.
+    /// Sends until the session ends or the client receives nothing any more.
     async fn run(mut self, mut answers: mpsc::Receiver<String>) -> Result<()> {
         let mut frames = self.hub.front.frames.subscribe();
         let mut states = self.hub.front.state.subscribe();
@@ -269,7 +269,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Notes that the client's screen shows what was under way, if it does.
+    /// Records that the client's screen shows the update under way, if the client has said so.
     fn note_shown(&mut self) {
         let shown = self.wanted.borrow_and_update().shown;
         if let Some(under_way) = self.under_way.take_if(|under_way| shown >= under_way.update) {
@@ -281,7 +281,8 @@ impl<'a> Writer<'a> {
         self.on_screen.as_ref().is_some_and(|now| now.shown.is_at_rest)
     }
 
-    /// Sends the latest frame, if the client's screen does not show it. Returns whether it did.
+    /// Sends the latest frame unless the client's screen already shows it. Returns whether it was
+    /// sent.
     async fn update(&mut self, latest: Option<Arc<Shown>>) -> Result<bool> {
         let Some(shown) = latest else { return Ok(false) };
         let look = self.wanted.borrow().look;
@@ -359,7 +360,7 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Returns how long it is from one moment to another, milliseconds.
+/// Returns the time between two moments, milliseconds.
 fn milliseconds(from: Instant, to: Instant) -> f64 {
     1e3 * to.saturating_duration_since(from).as_secs_f64()
 }

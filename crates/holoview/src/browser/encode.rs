@@ -1,12 +1,12 @@
-//! Parts of a picture as bytes that browsers decode.
+//! Encodes parts of a picture as images that browsers decode.
 
 use anyhow::{Context, Result};
 use jpeg_encoder::{ColorType, Encoder};
 
-/// Side of the squares by which changes are found, pixels: a multiple of what JPEG codes together.
+/// Side of the squares in which changes are detected, pixels: a multiple of JPEG's blocks.
 pub const TILE: u32 = 64;
 
-/// A part of a picture, pixels.
+/// A rectangle of a picture, pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rect {
     /// Columns to its left.
@@ -19,11 +19,12 @@ pub struct Rect {
     pub height: u32,
 }
 
-/// Rows of a strip that is encoded on a thread of its own: fewer would take longer to begin with.
+/// Rows of a strip that one thread encodes. With fewer rows, starting threads would cost more than
+/// they save.
 const STRIP: u32 = 3 * TILE;
 
 impl Rect {
-    /// Returns strips that hold each of its pixels once. They are encoded and decoded side by side.
+    /// Splits the rectangle into strips, which are encoded and decoded in parallel.
     pub fn strips(self) -> impl Iterator<Item = Rect> {
         let end = self.y + self.height;
         let tops = (self.y..end).step_by(STRIP as usize);
@@ -36,7 +37,7 @@ impl Rect {
 pub enum Coding {
     /// JPEG of this quality, from 1 to 100.
     Jpeg(u8),
-    /// PNG: exactly the colours.
+    /// PNG, which keeps the colours exactly.
     Png,
 }
 
@@ -82,7 +83,7 @@ impl Colours<'_> {
     }
 }
 
-/// Squares of a picture that have some property, row by row from the top.
+/// A set of square tiles of a picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tiles {
     columns: u32,
@@ -91,14 +92,14 @@ pub struct Tiles {
 }
 
 impl Tiles {
-    /// Returns all tiles of a picture, or none.
+    /// Returns the set of all tiles of a picture, or the empty set.
     pub fn new(size: (u32, u32), all: bool) -> Tiles {
         let columns = size.0.div_ceil(TILE);
         let is_in = vec![all; (columns * size.1.div_ceil(TILE)) as usize];
         Tiles { columns, size, is_in }
     }
 
-    /// Returns the tiles in which two pictures of one size differ.
+    /// Returns the tiles that differ between two pictures of one size.
     pub fn changed(before: &[u8], after: &[u8], size: (u32, u32)) -> Tiles {
         let mut tiles = Tiles::new(size, false);
         let (row, tile) = (3 * size.0 as usize, 3 * TILE as usize);
@@ -112,12 +113,12 @@ impl Tiles {
         tiles
     }
 
-    /// Returns whether there are none.
+    /// Returns whether the set is empty.
     pub fn is_empty(&self) -> bool {
         !self.is_in.contains(&true)
     }
 
-    /// Returns how many pixels they have at the most.
+    /// Returns an upper bound of the number of pixels in the tiles.
     pub fn pixels(&self) -> f64 {
         let tiles = self.is_in.iter().filter(|is_in| **is_in).count();
         tiles as f64 * f64::from(TILE * TILE)
@@ -133,7 +134,7 @@ impl Tiles {
         self.is_in.iter_mut().zip(&others.is_in).for_each(|(is_in, other)| *is_in &= !other);
     }
 
-    /// Returns the first of them, up to so many.
+    /// Returns the first `most` tiles.
     pub fn first(&self, most: usize) -> Tiles {
         let mut left = most;
         let mut tiles = self.clone();
@@ -144,10 +145,10 @@ impl Tiles {
         tiles
     }
 
-    /// Returns rectangles that hold each of the tiles once, and nothing else.
+    /// Returns disjoint rectangles that cover exactly these tiles.
     pub fn rects(&self) -> Vec<Rect> {
         let mut done: Vec<Rect> = Vec::new();
-        // Those that the last row of tiles ended with.
+        // The rectangles that end at the row of tiles above.
         let mut open: Vec<Rect> = Vec::new();
         for (y, row) in (0..).zip(self.is_in.chunks(self.columns.max(1) as usize)) {
             let runs = runs(row).into_iter().map(|(first, count)| self.rect(first, y, count));
@@ -175,7 +176,7 @@ impl Tiles {
     }
 }
 
-/// Returns the runs of `true`: where each begins, and how long it is.
+/// Returns the runs of `true` in a row: the first index and the length of each.
 fn runs(row: &[bool]) -> Vec<(u32, u32)> {
     let mut runs: Vec<(u32, u32)> = Vec::new();
     for (at, _) in (0..).zip(row).filter(|(_, is_in)| **is_in) {

@@ -1,7 +1,7 @@
-//! Everyone who looks at frames in the same way shares one look and one encoding.
+//! People who look at frames in the same way share one image and its encodings.
 //!
-//! What always holds:
-//! - An image and its encoded parts are made once for each frame, moment of adaptation and look.
+//! Invariant: an image and its encoded parts are made once for each frame, moment of adaptation and
+//! look.
 
 use std::{sync::Arc, time::Instant};
 
@@ -12,39 +12,39 @@ use tokio::sync::Mutex;
 
 use super::encode::{Coding, Colours, Rect};
 use crate::{
-    screen::{Viewer, visibly},
+    screen::{Viewer, on_screen_threads},
     stage::Shown,
 };
 
 /// An encoded part of a picture.
 pub type Part = (Rect, Arc<[u8]>);
 
-/// The eyes of all who have one look.
+/// The eyes of everyone with one look.
 #[derive(Debug)]
 pub struct Eyes {
     look: Look,
     sight: Mutex<Sight>,
 }
 
-/// What they see.
+/// The latest image and its encoded parts.
 #[derive(Debug, Default)]
 struct Sight {
     viewer: Viewer,
-    /// The frame's number and how often it was seen, and its colours.
+    /// The frame's number, how many times it was shown again, and its colours.
     seen: Option<((u64, u32), Arc<Image>)>,
-    /// Encoded parts of them.
+    /// Encoded parts of the image.
     parts: Vec<(Coding, Part)>,
 }
 
-/// All pairs of eyes that somebody has.
+/// All eyes that somebody uses.
 #[derive(Debug, Default)]
 pub struct AllEyes(std::sync::Mutex<Vec<Arc<Eyes>>>);
 
 impl AllEyes {
-    /// Returns the eyes of a look: those that others with this look have.
+    /// Returns the eyes of a look. Everyone with this look shares them.
     pub fn of(&self, look: Look) -> Arc<Eyes> {
         let mut all = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        // Those that nobody has any more are forgotten.
+        // Eyes that no client uses are dropped.
         all.retain(|eyes| Arc::strong_count(eyes) > 1);
         if let Some(eyes) = all.iter().find(|eyes| eyes.look == look) {
             return Arc::clone(eyes);
@@ -61,8 +61,7 @@ impl Eyes {
         self.look
     }
 
-    /// Returns the colours of a frame. Whoever sees it again, for the `times`th time, has eyes that
-    /// have adapted meanwhile.
+    /// Returns the colours of a frame after `times` looks at it. Eyes adapt between looks.
     pub async fn see(self: &Arc<Self>, shown: &Arc<Shown>, times: u32) -> Result<Arc<Image>> {
         let (eyes, shown) = (Arc::clone(self), Arc::clone(shown));
         let seeing = tokio::task::spawn_blocking(move || {
@@ -106,7 +105,7 @@ impl Eyes {
                 None => Ok(((rect, colours.encode(rect, coding)?.into()), true)),
             };
             let encoded: Vec<(Part, bool)> =
-                visibly(|| strips.into_par_iter().map(encode).collect::<Result<_>>())?;
+                on_screen_threads(|| strips.into_par_iter().map(encode).collect::<Result<_>>())?;
             if is_latest {
                 let fresh = encoded.iter().filter(|(_, is_new)| *is_new);
                 sight.parts.extend(fresh.map(|(part, _)| (coding, part.clone())));
@@ -143,7 +142,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn whoever_looks_alike_shares_one_image_and_one_encoding() {
+    async fn clients_with_the_same_look_share_one_image_and_one_encoding() {
         let (all, rect) = (AllEyes::default(), Rect { x: 0, y: 0, width: 128, height: 64 });
         let (first, second) = (all.of(Look::default()), all.of(Look::default()));
         let other = all.of(Look { false_color: true, ..Look::default() });
@@ -157,7 +156,7 @@ mod tests {
         assert!(Arc::ptr_eq(&encode(&first).await, &encode(&second).await));
         let next = first.see(&shown(2), 0).await.unwrap();
         assert!(!Arc::ptr_eq(&image, &next));
-        // Eyes that nobody has are forgotten.
+        // Eyes that no client uses are dropped.
         drop((first, second));
         all.of(other.look());
         assert_eq!(all.0.lock().unwrap().len(), 1);

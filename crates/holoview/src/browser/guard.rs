@@ -1,4 +1,4 @@
-//! Who may ask: requests that name this machine itself, from the page that it serves.
+//! Restricts requests to this machine's own names and to the page that it serves.
 //!
 //! A page of another site can make its visitors' browsers send requests to this machine. It may use
 //! this machine's name, or a name of its own that points here (DNS rebinding). Browsers state the
@@ -11,10 +11,10 @@ use axum::{
     response::{IntoResponse, Response},
 };
 
-/// Names of this machine that cannot be another's.
+/// Names of this machine that no other machine can have.
 const NAMES: [&str; 3] = ["127.0.0.1", "localhost", "[::1]"];
 
-/// What a browser may do with the answers: show them on this page, and nowhere else.
+/// Headers that restrict what a browser does with answers: it may show them on this page only.
 const HEADERS: [(HeaderName, &str); 6] = [
     (
         header::CONTENT_SECURITY_POLICY,
@@ -41,7 +41,7 @@ pub async fn guard(State(port): State<u16>, request: Request, next: Next) -> Res
     response
 }
 
-/// Returns why a request is refused.
+/// Returns why a request is refused, or `None` if it is allowed.
 fn refusal(headers: &HeaderMap, port: u16, needs_origin: bool) -> Option<&'static str> {
     let text = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
     let is_here = |host: &str| NAMES.iter().any(|name| host == format!("{name}:{port}"));

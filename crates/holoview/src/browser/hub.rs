@@ -1,4 +1,4 @@
-//! Everyone who looks at one session: who drives, and what each one sees.
+//! Everyone who looks at one session: who drives, and what each client sees.
 
 use std::{
     collections::BTreeMap,
@@ -14,10 +14,10 @@ use tokio::sync::watch;
 use super::eyes::AllEyes;
 use crate::stage::{Front, Input, Shown};
 
-/// Clients at the most. Each costs a picture of memory.
+/// Most clients. Each one costs the memory of a picture.
 const MOST_CLIENTS: usize = 64;
 
-/// Time that clients have to leave after the session's end.
+/// Time that clients may take to leave after the session's end.
 const LEAVING: Duration = Duration::from_secs(2);
 
 /// Everyone who looks at one session.
@@ -26,9 +26,9 @@ pub struct Hub {
     pub front: Front,
     roles: watch::Sender<Roles>,
     next_client: Mutex<u32>,
-    /// How everyone looks at frames.
+    /// The eyes of all clients, by look.
     pub eyes: AllEyes,
-    /// What each client sees, by its number.
+    /// The frame that each client sees, by the client's number.
     seen: Mutex<BTreeMap<u32, Seen>>,
 }
 
@@ -46,7 +46,7 @@ pub struct Seen {
 /// Who is there, in order of arrival, and who drives.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Roles {
-    /// Everyone's number.
+    /// The number of each client.
     pub clients: Vec<u32>,
     /// The one whose inputs count.
     pub driver: Option<u32>,
@@ -60,7 +60,7 @@ pub struct Guest {
 }
 
 impl Hub {
-    /// Returns a hub where nobody is yet.
+    /// Returns a hub without clients.
     pub fn new(front: Front) -> Hub {
         Hub {
             front,
@@ -71,7 +71,7 @@ impl Hub {
         }
     }
 
-    /// Lets a client enter; `None` if there are too many. The first one drives.
+    /// Admits a client; `None` if there are too many. The first one drives.
     pub fn enter(self: &Arc<Self>) -> Option<Guest> {
         let number = {
             let mut next = lock(&self.next_client);
@@ -89,19 +89,19 @@ impl Hub {
         has_entered.then(|| Guest { number, hub: Arc::clone(self) })
     }
 
-    /// Has a client drive.
+    /// Makes a client the driver.
     pub fn take_over(&self, client: u32) {
         self.let_go();
         self.roles.send_modify(|roles| roles.driver = Some(client));
     }
 
-    /// Ends what the one who drives holds down: nobody else could.
+    /// Releases the controls that the driver holds down, because no other client can.
     fn let_go(&self) {
         self.front.inputs.send(0, 0, Input::Hold(Controls::default()));
         self.front.inputs.send(0, 0, Input::Cursor(None));
     }
 
-    /// Returns who is there from now on.
+    /// Returns a receiver that follows who is there and who drives.
     pub fn roles(&self) -> watch::Receiver<Roles> {
         self.roles.subscribe()
     }
@@ -116,13 +116,13 @@ impl Hub {
         self.front.frames.borrow().clone()
     }
 
-    /// Ends some time after `ending` was triggered: when everyone has left, or need not be waited
-    /// for any more.
+    /// Waits until `ending` is triggered, and then until every client has left, but at most
+    /// [`LEAVING`] longer.
     pub async fn everyone_has_left(&self, ending: &Shutdown) {
         ending.wait().await;
         let mut roles = self.roles();
         let nobody = roles.wait_for(|roles| roles.clients.is_empty());
-        // Whoever does not leave in time is cut off.
+        // A client that does not leave in time is disconnected.
         let _ = tokio::time::timeout(LEAVING, nobody).await;
     }
 
@@ -133,7 +133,7 @@ impl Hub {
 }
 
 impl Guest {
-    /// Notes what the client sees from now on.
+    /// Records what the client sees from now on.
     pub fn sees(&self, seen: Seen) {
         lock(&self.hub.seen).insert(self.number, seen);
     }
@@ -155,6 +155,6 @@ impl Drop for Guest {
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // What it protects is whole between any two of its changes.
+    // Every change leaves the value consistent, so a panic elsewhere does no harm.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

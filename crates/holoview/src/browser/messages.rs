@@ -1,4 +1,5 @@
-//! Messages between page and server: JSON texts, and frames as a JSON header with parts behind it.
+//! Messages between page and server: JSON texts, and frames, which are a JSON header followed by
+//! encoded parts.
 
 use holo_picture::{Exposure, Image, Legend, Look, Scale, Scaling, Tone, luminance};
 use holo_section::{Section, SectionSpec};
@@ -14,32 +15,33 @@ use crate::stage::{Input, Phase, Shown, State};
 /// Greatest angle of one input, radians.
 const MOST_ANGLE: f64 = 7.0;
 
-/// Most steps of a wheel in one input.
+/// Most steps of the wheel in one input.
 const MOST_STEPS: f64 = 20.0;
 
-/// Most that a speed is changed by.
+/// Largest factor on a speed.
 const MOST_PACE: f64 = 100.0;
 
-/// Most stops of exposure.
+/// Most stops of exposure, brighter or darker.
 const MOST_STOPS: f32 = 40.0;
 
-/// Lumens of a watt of white light, as Radiance counts them.
+/// Lumens per watt of white light, as in Radiance.
 const LUMENS: f32 = 179.0;
 
-/// Colours of a legend that are sent. A page that blends them is off by less than a screen shows.
+/// Number of a legend's colours that are sent. The page interpolates between them, with an error
+/// that no screen shows.
 const LEGEND_COLOURS: u8 = 33;
 
-/// A message of a page.
+/// A message from a page.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Message {
-    /// Its number; every later one of the same page has a larger one.
+    /// Its number. The numbers of a page's messages increase.
     pub n: u64,
-    /// What it says.
+    /// The content.
     pub say: Said,
 }
 
-/// What a page says.
+/// The content of a page's message.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Said {
@@ -74,27 +76,27 @@ pub enum Said {
     Slide { right: f64, up: f64 },
     /// See [`Input::Wheel`].
     Wheel { steps: f64 },
-    /// A line as on standard input.
+    /// A command line, as on standard input.
     Command { line: String },
     /// See [`Input::Focus`].
     Focus { part: Option<[f64; 4]> },
     /// See [`Input::Size`].
     Size { width: u32, height: u32 },
-    /// An update is on the screen: the next one may come.
+    /// The page shows this update, and can receive the next one.
     Shown { update: u64 },
-    /// How frames are to look.
+    /// The look of frames from now on.
     Display(Display),
     /// This page drives from now on.
     TakeOver {},
 }
 
-/// How a page wants its frames to look.
+/// A page's wishes for the look of frames.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Display {
-    /// Factor from radiance to display light; the exposure is automatic without it.
+    /// Locked factor from radiance to display light; automatic exposure if absent.
     locked: Option<f32>,
-    /// Stops brighter than that.
+    /// Stops brighter than that exposure.
     stops: f32,
     #[serde(default)]
     tone: ToneName,
@@ -102,10 +104,10 @@ pub struct Display {
     false_color: bool,
     #[serde(default)]
     contours: bool,
-    /// Whether the scale of false colours and contours is logarithmic.
+    /// True if the scale of false colours and contours is logarithmic.
     #[serde(default)]
     log: bool,
-    /// Ends of that scale in cd/m²; the picture chooses them otherwise.
+    /// Ends of that scale, cd/m²; chosen from the picture if absent.
     range: Option<[f32; 2]>,
 }
 
@@ -132,12 +134,12 @@ impl ToneName {
 }
 
 impl Display {
-    /// Returns the look that a page wants.
+    /// Returns the look that the page asks for.
     ///
     /// # Errors
-    /// A text for people, if a number is not finite or too large, or the range is no scale.
+    /// A text for the user, if a number is not finite or too large, or the range is empty.
     fn look(&self) -> Result<Look, String> {
-        // Also refuses NaN.
+        // `contains` is also false for NaN.
         if !(-MOST_STOPS..=MOST_STOPS).contains(&self.stops) {
             return Err(format!("{} stops: at most {MOST_STOPS} are possible", self.stops));
         }
@@ -163,16 +165,16 @@ impl Display {
     }
 }
 
-/// What a message asks for.
+/// The request in a message, with all numbers checked.
 #[derive(Debug, PartialEq)]
 pub enum Asked {
-    /// The stage does something.
+    /// An input to the stage.
     Input(Input),
-    /// The next update may come.
+    /// The page shows this update; the next one may be sent.
     Shown(u64),
-    /// Frames look like this.
+    /// Frames are to have this look.
     Look(Look),
-    /// The page drives.
+    /// The page drives from now on.
     TakeOver,
 }
 
@@ -180,10 +182,10 @@ fn one() -> f64 {
     1.0
 }
 
-/// Parses what a page sends.
+/// Parses a page's message.
 ///
 /// # Errors
-/// A text for people, if it is no message.
+/// A text for the user, if the message is malformed.
 pub fn parse(text: &str) -> Result<(u64, Asked), String> {
     let message: Message = serde_json::from_str(text).map_err(|error| error.to_string())?;
     Ok((message.n, asked(message.say)?))
@@ -220,10 +222,10 @@ fn asked(said: Said) -> Result<Asked, String> {
     }))
 }
 
-/// Refuses what only people at this machine may say.
+/// Refuses inputs that only a person at this machine may give.
 fn for_pages(input: Input) -> Result<Input, String> {
     match input {
-        // A page saves what it has got; it chooses no file of this machine.
+        // A page saves the pictures that it has received; it never names a file of this machine.
         Input::Picture(..) => Err("a page saves pictures by its own links".to_owned()),
         input => Ok(input),
     }
@@ -235,18 +237,19 @@ fn under(shown: &Shown, (x, y): (f64, f64)) -> Option<Value> {
     let certainty = shown.certainty_at(x, y);
     let error = certainty.map(|certainty| LUMENS * certainty.error);
     Some(json!({
-        // Neither is known of every driver and while the eye moves.
+        // Some drivers know neither number, and none does while the eye moves.
         "error": error.filter(|error| error.is_finite()),
         "samples": certainty.map(|certainty| certainty.samples),
         "radiance": radiance,
         "luminance": luminance(radiance),
-        // JSON has no infinity; nothing known and nothing hit are both no distance.
+        // JSON has no infinity. The distance is null both if nothing is known and if the ray hits
+        // nothing; `hits` separates the two.
         "distance": Some(distance).filter(|distance| distance.is_finite() && *distance > 0.0),
         "hits": distance.is_finite(),
     }))
 }
 
-/// Returns what colours mean: colours from the low end of the scale to its high one, and ticks.
+/// Returns a legend: its colours from the low end of the scale to the high end, and its ticks.
 fn legend(legend: &Legend) -> Value {
     let colour = |index| {
         let [red, green, blue] = legend.color(f32::from(index) / f32::from(LEGEND_COLOURS - 1));
@@ -269,34 +272,34 @@ fn legend(legend: &Legend) -> Value {
 pub struct Framed<'a> {
     /// The frame.
     pub shown: &'a Shown,
-    /// Number of the update, by which the client says that it shows it.
+    /// Number of the update. The client answers with it once the update is shown.
     pub update: u64,
-    /// Who gets it.
+    /// The client that receives the frame.
     pub client: u32,
-    /// Where that one's cursor is.
+    /// Position of that client's cursor.
     pub cursor: Option<(f64, f64)>,
-    /// What it sees.
+    /// The image that the client sees.
     pub image: &'a Image,
-    /// Whether the screen now shows exactly the frame's colours.
+    /// True if, with this update, the screen shows exactly the frame's colours.
     pub is_exact: bool,
     /// How the parts are encoded.
     pub coding: Coding,
-    /// Where the time went, milliseconds.
+    /// Durations of the frame's stages.
     pub times: Times,
 }
 
-/// How long the parts of a frame's way took, milliseconds.
+/// Durations of a frame's stages, milliseconds.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Times {
-    /// Looking at the view.
+    /// Preparing the view.
     pub look: f64,
     /// Drawing it.
     pub draw: f64,
-    /// Waiting until the client took the frame before.
+    /// Waiting until the client had received the previous frame.
     pub wait: f64,
-    /// Making colours of radiance.
+    /// Turning radiance into colours.
     pub tone: f64,
-    /// Encoding them.
+    /// Encoding the colours.
     pub encode: f64,
 }
 
@@ -334,7 +337,7 @@ impl Framed<'_> {
                 "extent": [across, along],
                 "shift": [view.vs, view.vl],
             },
-            // None with a look that has no such factor.
+            // Absent if the look has no such factor.
             "exposure": self.image.exposure,
             "legend": self.image.legend.as_ref().map(legend),
             "times": self.times,
@@ -349,7 +352,7 @@ impl Framed<'_> {
     }
 }
 
-/// Returns the text that greets a client.
+/// Returns the message that greets a client.
 pub fn hello(client: u32) -> String {
     json!({
         "is": "hello", "client": client, "actions": ACTIONS, "gestures": GESTURES,
@@ -358,22 +361,22 @@ pub fn hello(client: u32) -> String {
     .to_string()
 }
 
-/// Returns the text of who drives.
+/// Returns the message that says who drives.
 pub fn roles(drives: bool, clients: usize) -> String {
     json!({ "is": "roles", "drives": drives, "clients": clients }).to_string()
 }
 
-/// Returns the text of what is under a client's cursor.
+/// Returns the message that says what is under a client's cursor.
 pub fn under_cursor(shown: &Shown, cursor: (f64, f64)) -> Option<String> {
     under(shown, cursor).map(|under| json!({ "is": "under", "under": under }).to_string())
 }
 
-/// Returns the text of something that went wrong.
+/// Returns the message for an error.
 pub fn error(text: &str) -> String {
     json!({ "is": "error", "text": text }).to_string()
 }
 
-/// Returns the text of how things are.
+/// Returns the message for the session's state.
 pub fn state(state: &State) -> String {
     let (phase, text) = match &state.phase {
         Phase::Connecting => ("loading", "connecting to the server"),
@@ -406,7 +409,7 @@ pub fn state(state: &State) -> String {
     .to_string()
 }
 
-/// Returns the text of what never changes.
+/// Returns the message for the session's constants: sections and the up axis.
 pub fn facts(state: &State) -> String {
     let sections: Vec<Value> = state.sections.iter().map(section).collect();
     json!({ "is": "facts", "sections": sections, "up": state.up }).to_string()
@@ -420,7 +423,7 @@ fn section(spec: &SectionSpec) -> Value {
     })
 }
 
-/// Returns the memory that this process uses, bytes, if the system says.
+/// Returns this process's memory, bytes, if the system reports it.
 fn memory() -> Option<u64> {
     let pages = std::fs::read_to_string("/proc/self/statm").ok()?;
     let pages: u64 = pages.split(' ').nth(1)?.parse().ok()?;
@@ -432,7 +435,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_page_says_is_bounded() {
+    fn numbers_in_messages_are_bounded() {
         let turn = parse(r#"{"n": 3, "say": {"do": "turn", "right": 1e300, "up": 0}}"#).unwrap();
         assert_eq!(turn, (3, Asked::Input(Input::Turn(MOST_ANGLE, 0.0))));
         let hold = parse(r#"{"n": 4, "say": {"do": "hold", "ahead": 5}}"#).unwrap().1;
@@ -486,7 +489,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_message_is_refused_with_a_reason() {
+    fn malformed_messages_are_refused_with_a_reason() {
         for (text, reason) in [
             ("", "EOF"),
             ("{}", "missing field"),

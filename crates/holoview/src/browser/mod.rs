@@ -1,11 +1,11 @@
-//! The browser front end: a page, and a WebSocket for each who looks.
+//! The browser front end: a page, and a WebSocket for each client.
 //!
-//! What always holds:
-//! - Nothing is served to another origin or under another name than this machine's own: a page of
-//!   some other site reaches neither pictures nor controls.
-//! - At most one frame is under way to a client. The next one is the latest there is by then.
-//! - One client drives; the inputs of others move nothing.
-//! - Everything that a client sends is bounded, and garbage ends its own connection only.
+//! Invariants:
+//! - Requests from another origin, or under a name other than this machine's own, are refused. So a
+//!   page of another site reaches neither pictures nor controls.
+//! - At most one frame is under way to a client. When it has arrived, the latest frame follows.
+//! - One client drives; other clients' inputs move nothing.
+//! - All input from a client is bounded, and malformed input ends only that client's connection.
 
 mod client;
 mod encode;
@@ -35,10 +35,10 @@ use crate::{
 };
 use hub::Hub;
 
-/// How the page is served.
+/// Options of the page's server.
 #[derive(Args, Clone, Debug)]
 pub struct BrowserArgs {
-    /// Serve the page here; port 0 is any free one. Only this machine's own addresses
+    /// Serve the page at this address of this machine; port 0 means any free one
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:0")]
     pub http: String,
     /// Print the page's address, and open no browser
@@ -76,7 +76,7 @@ pub async fn run(config: Config, args: BrowserArgs, shutdown: Shutdown) -> Resul
     follow_standard_input(front.inputs.clone());
     let ending = Shutdown::new();
     let pages = tokio::spawn(serve(listener, front, ending.clone()));
-    // Drawing takes the processor for a while; sockets must not wait for it.
+    // Drawing keeps its thread busy, and sockets must not wait for it.
     let played = tokio::task::spawn_blocking(move || stage.run()).await?;
     ending.trigger();
     pages.await??;
@@ -96,7 +96,7 @@ async fn listen(address: &str) -> Result<TcpListener> {
     TcpListener::bind(address).await.with_context(|| format!("listening on {address}"))
 }
 
-/// Serves pages for a stage until `ending` is triggered and everyone was told.
+/// Serves pages for a stage until `ending` is triggered and every client has been informed.
 pub async fn serve(listener: TcpListener, front: Front, ending: Shutdown) -> Result<()> {
     let address = listener.local_addr().context("the page's address")?;
     let hub = Arc::new(Hub::new(front));
@@ -117,7 +117,7 @@ pub async fn serve(listener: TcpListener, front: Front, ending: Shutdown) -> Res
     }
 }
 
-/// Opens a browser. If there is none, the address that was printed has to do.
+/// Opens a browser. If that fails, people still have the printed address.
 fn open(address: &str) {
     let program = if cfg!(target_os = "macos") {
         "open"
@@ -128,6 +128,6 @@ fn open(address: &str) {
     };
     let mut command = std::process::Command::new(program);
     command.arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-    // Whether a browser opens is seen by whoever waits for it.
+    // A person who waits for the browser sees whether it opens.
     let _ = command.spawn();
 }

@@ -1,4 +1,4 @@
-//! The page: one document, one style and one script, all in this program.
+//! The page: one document, one style sheet and one script, all compiled into this program.
 
 use axum::{
     http::header,
@@ -10,7 +10,7 @@ pub async fn index() -> Html<&'static str> {
     Html(include_str!("page/index.html"))
 }
 
-/// The style.
+/// The style sheet.
 pub async fn style() -> impl IntoResponse {
     ([(header::CONTENT_TYPE, "text/css; charset=utf-8")], include_str!("page/walk.css"))
 }

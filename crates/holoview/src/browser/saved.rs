@@ -1,4 +1,4 @@
-//! Pictures that a person saves: as seen, or in radiance.
+//! Answers requests for pictures to save: PNG as the client sees it, or radiance.
 
 use std::{sync::Arc, time::Duration};
 
@@ -15,25 +15,24 @@ use tokio::{sync::mpsc, time::timeout};
 use super::hub::{Hub, Seen};
 use crate::{
     args::parse_size,
-    screen::visibly,
+    screen::on_screen_threads,
     stage::{Input, Reply},
 };
 
 /// Longest wait for a picture of a stated size.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// What a saved picture is to be.
+/// A request for a picture.
 #[derive(Debug, Default)]
 struct Wish {
-    /// Whose look it has.
+    /// The client whose look the picture has.
     client: Option<u32>,
-    /// Its size, such as `1920x1080`; without one, it is the latest frame.
+    /// Size, such as `1920x1080`; if absent, the picture is the latest frame.
     size: Option<String>,
 }
 
 impl Wish {
-    /// Parses a query such as `client=3&size=1920x1080`. Parts that it does not know count for
-    /// nothing.
+    /// Parses a query such as `client=3&size=1920x1080`. Unknown parts are ignored.
     fn parse(query: Option<&str>) -> Wish {
         let mut wish = Wish::default();
         let parts = query.unwrap_or_default().split('&');
@@ -48,7 +47,7 @@ impl Wish {
     }
 }
 
-/// Answers with a PNG as a client sees it, with its legend.
+/// Answers with a PNG as the client sees it, with the legend.
 pub async fn png(State(hub): State<Arc<Hub>>, RawQuery(query): RawQuery) -> Response {
     let wish = Wish::parse(query.as_deref());
     let seen = wish.client.and_then(|client| hub.seen(client));
@@ -60,14 +59,14 @@ pub async fn png(State(hub): State<Arc<Hub>>, RawQuery(query): RawQuery) -> Resp
         (size, seen) => {
             let look = seen.map(|seen| seen.look).unwrap_or_default();
             let encode = move |frame: &Frame| {
-                Ok(visibly(|| look.show(&frame.picture)).with_legend().png()?)
+                Ok(on_screen_threads(|| look.show(&frame.picture)).with_legend().png()?)
             };
             drawn(&hub, size, "png", kind, encode).await
         }
     }
 }
 
-/// Answers with radiance as Radiance's RGBE.
+/// Answers with radiance in Radiance's RGBE format.
 pub async fn hdr(State(hub): State<Arc<Hub>>, RawQuery(query): RawQuery) -> Response {
     let wish = Wish::parse(query.as_deref());
     radiance(&hub, wish, "hdr", "image/vnd.radiance", Format::Hdr).await
@@ -112,11 +111,11 @@ async fn drawn(
     }
 }
 
-/// Has the stage draw a picture.
+/// Draws a picture on the stage.
 async fn rendered(hub: &Hub, size: (u32, u32)) -> Option<Arc<Frame>> {
     let (sender, mut frames) = mpsc::channel(1);
     let reply = Reply::new(move |frame| {
-        // Whoever has gone needs no picture.
+        // If the request was cancelled, the picture is dropped.
         let _ = sender.try_send(frame);
     });
     hub.front.inputs.send(0, 0, Input::Render(size, reply));

@@ -1,4 +1,4 @@
-//! What a client's screen shows, and what to send it next.
+//! A model of a client's screen, which determines what to send next.
 
 use std::sync::Arc;
 
@@ -6,44 +6,45 @@ use holo_picture::Image;
 
 use super::encode::{Coding, Rect, Tiles};
 
-/// Bytes of a second to a client of whom nothing is known yet.
+/// Bandwidth assumed before it is measured, bytes per second.
 const FIRST_BANDWIDTH: f64 = 20e6;
 
-/// Seconds that an update may be under way.
+/// Seconds that an update may take to arrive.
 const UPDATE_SECONDS: f64 = 0.1;
 
-/// Bytes of a pixel in a PNG of a noisy picture.
+/// Bytes per pixel in a PNG of a noisy picture, about.
 const PNG_BYTES: f64 = 2.0;
 
-/// Qualities of JPEG, and the bytes of a pixel that each takes about.
+/// JPEG qualities, each with its bytes per pixel, about.
 const QUALITIES: [(u8, f64); 4] = [(90, 0.35), (80, 0.22), (65, 0.14), (45, 0.0)];
 
-/// Updates of fewer bytes tell nothing of the bandwidth: decoding takes longer than their way.
-const TELLING_BYTES: usize = 30_000;
+/// Updates of fewer bytes are not used to measure bandwidth, because decoding takes longer than
+/// transfer.
+const LEAST_MEASURED_BYTES: usize = 30_000;
 
-/// Weight of the last update in the mean bandwidth.
+/// Weight of the last update in the running mean of bandwidth.
 const NEWEST: f64 = 0.3;
 
 /// A client's screen.
 pub struct Screen {
     shown: Option<Picture>,
-    /// Bytes per second.
+    /// Running mean of the bandwidth, bytes per second.
     bandwidth: f64,
 }
 
 /// The picture on it.
 struct Picture {
     image: Arc<Image>,
-    /// Tiles that JPEG has changed.
+    /// Tiles that were sent as JPEG and so are not exact.
     inexact: Tiles,
 }
 
-/// Parts to send, all of one coding.
+/// Parts to send, all encoded in the same way.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Update {
     /// The parts; none if the screen shows the picture already.
     pub rects: Vec<Rect>,
-    /// Their coding.
+    /// Their encoding.
     pub coding: Coding,
 }
 
@@ -54,20 +55,20 @@ impl Default for Screen {
 }
 
 impl Screen {
-    /// Notes how long an update was under way.
+    /// Records how long an update was under way.
     pub fn note(&mut self, bytes: usize, seconds: f64) {
-        if bytes >= TELLING_BYTES {
+        if bytes >= LEAST_MEASURED_BYTES {
             let newest = bytes as f64 / seconds.max(1e-4);
             self.bandwidth += NEWEST * (newest - self.bandwidth);
         }
     }
 
-    /// Returns whether the screen shows exactly its picture's colours.
+    /// Returns whether the screen shows exactly the picture's colours.
     pub fn is_exact(&self) -> bool {
         self.shown.as_ref().is_none_or(|shown| shown.inexact.is_empty())
     }
 
-    /// Returns what has to be sent so that the screen shows this picture, about.
+    /// Returns the parts to send so that the screen shows this picture, if not exactly.
     pub fn show(&mut self, image: Arc<Image>) -> Update {
         let size = (image.width, image.height);
         let has_size = |before: &Picture| (before.image.width, before.image.height) == size;
@@ -85,7 +86,7 @@ impl Screen {
         Update { rects: changed.rects(), coding: Coding::Jpeg(quality) }
     }
 
-    /// Returns what has to be sent so that more of the screen is exact.
+    /// Returns the next parts to send exactly.
     pub fn improve(&mut self) -> Update {
         let Some(shown) = &mut self.shown else {
             return Update { rects: Vec::new(), coding: Coding::Png };
@@ -112,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_picture_comes_whole_then_what_changed_then_exactly() {
+    fn a_new_picture_is_sent_whole_then_its_changes_then_exact_tiles() {
         let mut screen = Screen::default();
         let whole = vec![Rect { x: 0, y: 0, width: 640, height: 360 }];
         assert_eq!(screen.show(picture(1)).rects, whole);
@@ -127,7 +128,7 @@ mod tests {
         assert_eq!(screen.show(Arc::new(other)).rects, corner);
         assert_eq!(screen.improve(), Update { rects: corner, coding: Coding::Png });
         assert!(screen.is_exact());
-        // Of another size, all is new.
+        // A picture of another size is sent whole.
         let small = vec![Rect { x: 0, y: 0, width: 320, height: 180 }];
         assert_eq!(screen.show(sized(320, 180, 1)).rects, small);
     }

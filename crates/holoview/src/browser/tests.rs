@@ -1,4 +1,4 @@
-//! The page's protocol over real sockets, with a stage that the test plays itself.
+//! Tests of the page's protocol over real sockets. The test takes the stage's place.
 
 use std::{
     sync::{Arc, mpsc},
@@ -25,7 +25,7 @@ use tokio_tungstenite::{
 use super::serve;
 use crate::stage::{Front, Input, Inputs, Numbered, Phase, Shown, State};
 
-/// No test waits for longer.
+/// Longest wait in a test.
 const LIMIT: Duration = Duration::from_secs(20);
 
 const SIZE: (u32, u32) = (320, 180);
@@ -51,7 +51,7 @@ impl Server {
         Server { front, inputs: receiver, port, ending, served, frames: 0 }
     }
 
-    /// Publishes a frame of one radiance, which shows an input.
+    /// Publishes a frame of uniform radiance that shows an input.
     fn publish(&mut self, radiance: f32, input: (u32, u64)) -> u64 {
         self.frames += 1;
         let view = View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, Some(60.0), None, SIZE).unwrap();
@@ -93,7 +93,7 @@ impl Server {
         page
     }
 
-    /// The next input that the stage gets.
+    /// Returns the next input that the stage receives.
     fn input(&self) -> Numbered {
         self.inputs.recv_timeout(LIMIT).unwrap()
     }
@@ -103,7 +103,7 @@ impl Server {
         timeout(LIMIT, self.served).await.unwrap().unwrap().unwrap();
     }
 
-    /// The answer to a plain request.
+    /// Returns the answer to a plain HTTP request.
     async fn get(&self, path: &str, host: &str) -> String {
         String::from_utf8_lossy(&self.bytes(path, host).await).into_owned()
     }
@@ -118,7 +118,7 @@ impl Server {
     }
 }
 
-/// Width, height and bytes of a PNG.
+/// Decodes a PNG into its size and bytes.
 fn decoded(png: &[u8]) -> ((u32, u32), Vec<u8>) {
     let mut png = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
     let mut pixels = vec![0; png.output_buffer_size().unwrap()];
@@ -126,14 +126,14 @@ fn decoded(png: &[u8]) -> ((u32, u32), Vec<u8>) {
     ((png.info().width, png.info().height), pixels)
 }
 
-/// A page's end of a connection.
+/// The page's end of a connection.
 struct Page {
     socket: WebSocketStream<TcpStream>,
     client: u32,
     number: u64,
 }
 
-/// What came of an update.
+/// A received update.
 struct Update {
     header: Value,
     parts: Vec<Vec<u8>>,
@@ -151,7 +151,7 @@ impl Page {
         timeout(LIMIT, self.socket.next()).await.unwrap().and_then(Result::ok)
     }
 
-    /// The next text of a kind.
+    /// Returns the next text message of a kind.
     async fn told(&mut self, kind: &str) -> Value {
         loop {
             if let Message::Text(text) = self.next().await.unwrap() {
@@ -163,7 +163,7 @@ impl Page {
         }
     }
 
-    /// The next update; the server is not told that it is shown.
+    /// Returns the next update, and does not report it as shown.
     async fn update(&mut self) -> Update {
         loop {
             if let Message::Binary(bytes) = self.next().await.unwrap() {
@@ -182,7 +182,7 @@ impl Page {
         }
     }
 
-    /// The next picture that is exact and whole.
+    /// Returns the next update that is exact and whole.
     async fn exact(&mut self) -> Update {
         loop {
             let update = self.update().await;
@@ -197,7 +197,7 @@ impl Page {
         self.say(json!({ "do": "shown", "update": update.header["update"] })).await;
     }
 
-    /// Waits until the server has ended the connection.
+    /// Waits until the server closes the connection.
     async fn is_left(&mut self) {
         while let Some(message) = self.next().await {
             if matches!(message, Message::Close(_)) {
@@ -224,10 +224,10 @@ async fn a_frame_comes_at_once_then_exactly_and_names_the_input_that_it_shows() 
     assert_eq!(exact.header["type"], "image/png");
     assert_eq!(exact.header["exact"], true);
     let (_, pixels) = decoded(&exact.parts[0]);
-    // The picture's mean is a grey card of 18 %, whose sRGB by IEC 61966-2-1 is 117.6.
+    // The exposure maps the mean to a grey card of 18 %, which is 117.6 in sRGB (IEC 61966-2-1).
     assert!(pixels.iter().all(|byte| byte.abs_diff(118) <= 1), "{}", pixels[0]);
     page.shown(&exact).await;
-    // A brighter display of the same frame needs nothing of the stage.
+    // A brighter display of the same frame needs no new frame from the stage.
     page.say(json!({ "do": "display", "locked": 0.1, "stops": 0 })).await;
     let darker = page.update().await;
     assert_eq!(darker.header["frame"], frame);
@@ -252,7 +252,7 @@ async fn each_page_has_its_own_look_of_one_frame_and_saves_what_it_sees() {
     assert!(coloured.header["exposure"].is_null());
     let legend = &coloured.header["legend"];
     assert_eq!((&legend["range"], &legend["log"]), (&json!([0.0, 358.0]), &json!(false)));
-    // White of radiance 1 is 179 cd/m², in the middle of the scale.
+    // White of radiance 1 has 179 cd/m², the middle of the scale.
     let (_, pixels) = decoded(&coloured.parts[0]);
     let [red, green, blue] = [pixels[0], pixels[1], pixels[2]];
     assert_eq!(legend["colours"][16], format!("#{red:02x}{green:02x}{blue:02x}"));
@@ -260,7 +260,7 @@ async fn each_page_has_its_own_look_of_one_frame_and_saves_what_it_sees() {
     assert_eq!(tick["label"], "100");
     assert!((tick["place"].as_f64().unwrap() - 100.0 / 358.0).abs() < 1e-6);
 
-    // What is saved is what its page sees, with the legend beside it.
+    // A saved picture is the page's own, with the legend beside it.
     let here = format!("127.0.0.1:{}", server.port);
     let mut saved = Vec::new();
     for client in [first.client, second.client] {
@@ -283,7 +283,8 @@ async fn eyes_adapt_to_a_frame_that_stays() {
     server.publish(0.05, (0, 0));
     page.exact().await;
     let frame = server.publish(1.0, (0, 0));
-    // At once it is too bright. Then, without another frame, it is a grey card of 18 %.
+    // At first the frame is too bright. Then the eyes adapt to it, without another frame, until it
+    // is a grey card of 18 %.
     loop {
         let update = page.exact().await;
         if update.header["frame"] == frame {
@@ -327,7 +328,8 @@ async fn a_page_that_has_not_shown_a_frame_gets_no_other_and_then_the_latest() {
         let update = quick.update().await;
         quick.shown(&update).await;
         let frame = server.publish(0.1 * f32::from(step), (0, 0));
-        // Meanwhile the quick one goes on, and may get the last frame exactly before the next one.
+        // Meanwhile the quick client continues, and may receive the exact last frame before the
+        // next one.
         loop {
             let update = quick.update().await;
             let number = update.header["frame"].as_u64().unwrap();
@@ -353,7 +355,7 @@ async fn one_drives_others_watch_and_may_take_over() {
     let mut second = server.page().await;
     assert_eq!(second.told("roles").await["drives"], false);
     server.publish(1.0, (0, 0));
-    // What a watcher does moves nothing, but its cursor tells it what it points at.
+    // A watcher's inputs move nothing, but the watcher learns what its cursor points at.
     second.say(json!({ "do": "command", "line": "home" })).await;
     second.say(json!({ "do": "cursor", "at": [0.5, 0.5] })).await;
     let under = second.told("under").await["under"].clone();
@@ -362,14 +364,14 @@ async fn one_drives_others_watch_and_may_take_over() {
     first.say(json!({ "do": "hold", "ahead": 1 })).await;
     assert!(matches!(server.input().input, Input::Hold(controls) if controls.ahead == 1.0));
     second.say(json!({ "do": "take_over" })).await;
-    // What the first one held is let go.
+    // The controls that the first client held are released.
     assert_eq!(server.input().input, Input::Hold(Controls::default()));
     assert_eq!(server.input().input, Input::Cursor(None));
     assert_eq!(second.told("roles").await["drives"], true);
     let number = second.say(json!({ "do": "command", "line": "home" })).await;
     let input = server.input();
     assert_eq!((input.from, input.input), ((second.client, number), Input::Home));
-    // Who comes first is next when the one who drives leaves, whatever that one held.
+    // When the driver leaves, the earliest client drives, and held controls are released.
     drop(second);
     assert_eq!(server.input().input, Input::Hold(Controls::default()));
     loop {
@@ -389,7 +391,7 @@ async fn garbage_ends_its_own_connection_and_no_other() {
     bad.say(json!({ "do": "explode" })).await;
     assert!(bad.told("error").await["text"].as_str().unwrap().contains("unknown variant"));
     for _ in 0..20 {
-        // It may be over before all of it is sent.
+        // The connection may close before all messages are sent.
         let _ = bad.socket.send(Message::Binary(vec![0; 100].into())).await;
     }
     bad.is_left().await;

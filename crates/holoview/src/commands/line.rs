@@ -1,4 +1,4 @@
-//! Lines: what the stage does, in words.
+//! Command lines: inputs to the stage, in words.
 
 use std::path::Path;
 
@@ -11,18 +11,18 @@ use crate::{
     stage::{Input, Named},
 };
 
-/// Most bytes of a view's name.
+/// Most bytes in the name of a view.
 const MOST_NAME: usize = 60;
 
-/// Every line that there is: what one writes, for people.
+/// All command lines, as help for people.
 const LINES: &str = "home, back, forward, view OPTIONS, view NAME, go X Y Z, lock, unlock, \
     size WxH, pause, resume, kill workers, restart workers, driver NAME, keep NAME, forget NAME, \
     picture FILE, picture FILE WxH, start over (twice), cancel, quit";
 
-/// Parses a line.
+/// Parses a command line.
 ///
 /// # Errors
-/// A text for people, if it is none.
+/// A text for the user, if the line is not a command.
 pub fn parse(line: &str) -> Result<Input, String> {
     let line = line.trim();
     let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
@@ -81,7 +81,8 @@ fn named(text: &str) -> Result<Named, String> {
     }
 }
 
-/// Returns a view's name: printable, of one line, and not what stands for something else.
+/// Checks the name of a view: it must be printable, on one line, and not a word with another
+/// meaning.
 fn name(text: &str) -> Result<String, String> {
     let is_sound = !text.is_empty() && text.len() <= MOST_NAME && !text.contains(char::is_control);
     if !is_sound {
@@ -136,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_line_is_refused_with_a_reason() {
+    fn unknown_lines_are_refused_with_a_reason() {
         for (line, reason) in [
             ("", "Commands: home"),
             ("fly", "`fly` is no command"),

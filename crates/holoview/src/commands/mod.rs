@@ -1,8 +1,8 @@
-//! One table of all actions with their names and keys, and lines that say the same in words.
+//! The table of all actions with their names and keys, and the command lines that do the same.
 //! Browser, window and standard input use both.
 //!
-//! A key has the name that browsers give its place on the keyboard, such as `KeyW` or `ArrowUp`. A
-//! key of one character, such as `?`, is what is typed, wherever it is on the keyboard.
+//! A key is named after its place on the keyboard, as in browsers: `KeyW` or `ArrowUp`. A key of
+//! one character, such as `?`, is named after what it types, wherever it is on the keyboard.
 
 mod line;
 mod table;

@@ -5,34 +5,34 @@ use serde::Serialize;
 
 use crate::stage::State;
 
-/// Something that a person can do by a key.
+/// An action that a key triggers.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Action {
-    /// Its name: of those that the stage does, what one types on standard input.
+    /// Its name. For actions of the stage, this is also the command line.
     pub name: &'static str,
     /// Its keys.
     pub keys: &'static [&'static str],
-    /// The keys, as people write them.
+    /// The keys as shown to people.
     pub shown: &'static str,
-    /// What it does, in a few words.
+    /// A short description.
     pub help: &'static str,
-    /// What happens.
+    /// Its effect.
     pub does: Does,
 }
 
-/// What an action does.
+/// The effect of an action.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Does {
-    /// Moves the eye while the key is held: a part of the controls, and how much.
+    /// Moves the eye while the key is held: which part of the controls, and by how much.
     Hold(Part, f64),
-    /// Multiplies the pace while the key is held.
+    /// Multiplies the speed while the key is held.
     Pace(f64),
-    /// Makes [`Part::Right`] and [`Part::Ahead`] orbit while the key is held.
+    /// While the key is held, [`Part::Right`] and [`Part::Ahead`] orbit.
     Orbit,
-    /// The stage does it: its name is the line.
+    /// The stage runs the command line that is the action's name.
     Stage,
-    /// The stage switches it on or off, by the first or the second line.
+    /// The stage switches something on with the first line, and off with the second.
     Toggle(Toggle, &'static str, &'static str),
     /// Goes to the named view of the key's number: the line is `view NUMBER`.
     NamedView,
@@ -44,9 +44,9 @@ pub enum Does {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Part {
-    /// [`Controls::ahead`]; [`Controls::over`] downwards while one orbits.
+    /// [`Controls::ahead`]; while the person orbits, [`Controls::over`] downwards.
     Ahead,
-    /// [`Controls::right`]; [`Controls::around`] while one orbits.
+    /// [`Controls::right`]; while the person orbits, [`Controls::around`].
     Right,
     /// [`Controls::rise`].
     Rise,
@@ -58,7 +58,7 @@ pub enum Part {
     Glide,
 }
 
-/// What the stage has switched on or off.
+/// A state of the stage that is on or off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Toggle {
@@ -78,49 +78,49 @@ impl Toggle {
     }
 }
 
-/// What a front end does by itself. One that lacks something leaves it out.
+/// Actions that a front end does by itself. A front end may leave some out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Local {
-    /// Locks the exposure, or has it follow the light.
+    /// Locks the exposure, or lets it follow the light.
     Exposure,
-    /// Half a stop brighter.
+    /// Makes the picture half a stop brighter.
     Brighter,
-    /// Half a stop darker.
+    /// Makes the picture half a stop darker.
     Darker,
-    /// Luminance as colours, or the picture.
+    /// Switches between luminance as colours and the picture.
     FalseColor,
-    /// Lines of equal luminance, or none.
+    /// Switches lines of equal luminance on or off.
     Contours,
-    /// The next tone mapping.
+    /// Changes to the next tone mapping.
     NextTone,
-    /// A logarithmic scale of luminance, or a linear one.
+    /// Switches between a logarithmic and a linear scale of luminance.
     LogScale,
-    /// Grids of sections: when they help, always, or never.
+    /// Cycles the display of the sections' grids: when they help, always, never.
     Grid,
-    /// Saves the picture as seen.
+    /// Saves the picture as it is seen.
     Save,
     /// Saves the picture's radiance.
     SaveRadiance,
-    /// Looks with the mouse, without a button.
+    /// Switches looking with the mouse without a button on or off.
     MouseLook,
-    /// The next driver.
+    /// Changes to the next driver.
     NextDriver,
     /// Shows the panel, or hides it.
     Panel,
-    /// Hides all but the picture.
+    /// Hides everything except the picture.
     Bare,
-    /// The whole screen.
+    /// Switches full screen on or off.
     FullScreen,
-    /// Dark or light.
+    /// Switches between the dark and the light theme.
     Theme,
-    /// The keys.
+    /// Shows the keys.
     Help,
-    /// Asks whether to end.
+    /// Asks whether to quit.
     Quit,
 }
 
-/// All actions, in the order in which they are shown.
+/// All actions, in the order of the help.
 pub const ACTIONS: &[Action] = &[
     on("ahead", &["KeyW", "ArrowUp"], "W ↑", "walk ahead", Does::Hold(Part::Ahead, 1.0)),
     on("behind", &["KeyS", "ArrowDown"], "S ↓", "walk back", Does::Hold(Part::Ahead, -1.0)),
@@ -171,7 +171,7 @@ const LOCK: Does = Does::Toggle(Toggle::Locked, "lock", "unlock");
 
 const PAUSE: Does = Does::Toggle(Toggle::Paused, "pause", "resume");
 
-/// What a mouse does: the gesture and its effect.
+/// Mouse gestures and their effects.
 pub const GESTURES: &[(&str, &str)] = &[
     ("drag", "look around"),
     ("right drag", "orbit"),
@@ -193,14 +193,14 @@ const fn on(
     Action { name, keys, shown, help, does }
 }
 
-/// Returns the action of a key: its place on the keyboard, or what it types.
+/// Returns the action of a key, named by its place or by the character that it types.
 pub fn action_of(key: &str) -> Option<&'static Action> {
     ACTIONS.iter().find(|action| action.keys.contains(&key))
 }
 
 impl Action {
-    /// Returns the line by which the stage does it, if the stage does it. `key` is the key that was
-    /// pressed.
+    /// Returns the command line with which the stage does the action, if the stage does it. `key`
+    /// is the key that was pressed.
     pub fn line(&self, key: &str, state: &State) -> Option<String> {
         match self.does {
             Does::Stage => Some(self.name.to_owned()),

@@ -1,17 +1,17 @@
-//! Lines on standard input.
+//! Command lines on standard input.
 
 use std::{io::IsTerminal, thread};
 
 use super::parse;
 use crate::stage::Inputs;
 
-/// Has the stage do what is typed on standard input, until that ends. Says on standard error what
-/// is wrong with a line.
+/// Passes lines from standard input to the stage until the input ends. Errors in a line are printed
+/// on standard error.
 pub fn follow_standard_input(inputs: Inputs) {
     if is_in_background() {
         return;
     }
-    // A thread, since reading standard input cannot be cancelled. It ends with the program.
+    // A thread, because reading standard input cannot be cancelled. It ends with the program.
     thread::spawn(move || {
         for line in std::io::stdin().lines() {
             let Ok(line) = line else { return };
@@ -28,7 +28,8 @@ pub fn follow_standard_input(inputs: Inputs) {
     });
 }
 
-/// Returns whether a shell runs this program in the background: reading a terminal would stop it.
+/// Returns whether a shell runs this program in the background, because then reading the terminal
+/// would stop it.
 #[cfg(unix)]
 fn is_in_background() -> bool {
     let input = std::io::stdin();

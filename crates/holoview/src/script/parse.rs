@@ -10,48 +10,48 @@ use holo_picture::{Format, ViewSpec};
 
 use crate::drivers::SWITCHES;
 
-/// One thing to do.
+/// A command of a script.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {
-    /// Look from elsewhere; what is not said stays.
+    /// Changes the view; options that are not given keep their values.
     View(Box<ViewSpec>),
-    /// Write the picture as it is.
+    /// Writes the picture in its current state.
     Picture(PathBuf),
-    /// Say what a pixel shows: column and row, from the left and the top.
+    /// Reports what a pixel shows: column and row, from the left and the top.
     Probe(u32, u32),
-    /// Switch parts of the driver on or off.
+    /// Switches parts of the driver on or off.
     Switch {
         /// Their names.
         parts: Vec<&'static str>,
-        /// Whether they are on from now on.
+        /// True to switch them on.
         on: bool,
     },
-    /// End.
+    /// Ends the session.
     Quit,
 }
 
 /// A command and its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// Seconds since the last `view` command or the start; `None`: at once.
+    /// Seconds since the last `view` command or the start; `None` means at once.
     pub seconds: Option<f64>,
-    /// What to do.
+    /// The command.
     pub command: Command,
 }
 
-/// Where a session's steps come from.
+/// The source of a session's steps.
 #[derive(Debug)]
 pub enum Script {
-    /// All known beforehand.
+    /// All steps, known from the start.
     Steps(std::vec::IntoIter<Step>),
-    /// Typed while the session runs.
+    /// Steps typed while the session runs.
     Typed(mpsc::Receiver<Result<Step>>),
 }
 
-/// Seconds are less than this, some 30 years: a clock can still add them.
+/// Seconds must be less than this, about 30 years, so that adding them to a clock cannot overflow.
 const MAX_SECONDS: f64 = 1e9;
 
-/// Longest script: one that is larger is some other file.
+/// Longest script, bytes. A larger file is probably not a script.
 const MAX_BYTES: u64 = 16 << 20;
 
 impl Script {
@@ -72,14 +72,14 @@ impl Script {
         Ok(Script::Steps(parse(&text, &name.to_string())?.into_iter()))
     }
 
-    /// Nothing but to wait.
+    /// Returns a script that only waits.
     pub fn wait(seconds: f64) -> Script {
         Script::Steps(vec![Step { seconds: Some(seconds), command: Command::Quit }].into_iter())
     }
 
     fn typed() -> Script {
         let (sender, receiver) = mpsc::channel();
-        // A thread, since reading standard input cannot be cancelled.
+        // A thread, because reading standard input cannot be cancelled.
         std::thread::spawn(move || {
             for line in std::io::stdin().lines() {
                 let step = line.map_err(Into::into).and_then(|line| parse_line(&line));
@@ -91,7 +91,7 @@ impl Script {
         Script::Typed(receiver)
     }
 
-    /// How long all of it takes, seconds, as far as it is known.
+    /// Returns the script's duration in seconds; 0 if the script is typed.
     pub fn duration(&self) -> f64 {
         let Script::Steps(steps) = self else { return 0.0 };
         let (mut before, mut since_view) = (0.0, 0.0f64);
@@ -104,7 +104,7 @@ impl Script {
         before + since_view
     }
 
-    /// The next step, if it is known by now.
+    /// Returns the next step, if it is known already.
     pub fn next_step(&mut self) -> Result<Next> {
         match self {
             Script::Steps(steps) => Ok(steps.next().map_or(Next::End, Next::Step)),
@@ -117,14 +117,14 @@ impl Script {
     }
 }
 
-/// What a script has next.
+/// The state of a script.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Next {
-    /// This.
+    /// The next step.
     Step(Step),
-    /// Nobody has typed anything yet.
+    /// Nothing has been typed yet.
     NotYet,
-    /// Nothing more.
+    /// The script has ended.
     End,
 }
 
@@ -210,10 +210,10 @@ fn pixel(text: &str) -> Option<(u32, u32)> {
     }
 }
 
-/// Seconds such as `20`, `20s` or `2m`.
+/// Parses seconds such as `20`, `20s` or `2m`.
 ///
 /// # Errors
-/// A text for people, if it is none.
+/// A text for the user, if the text is not a time.
 pub fn parse_seconds(text: &str) -> Result<f64, String> {
     let (number, factor) = match text.strip_suffix('m') {
         Some(minutes) => (minutes, 60.0),
@@ -231,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_script_is_read_as_the_manual_words_it() {
+    fn a_script_is_read_as_the_manual_describes_it() {
         let text = "0 view -vp 12.5 .5 5 -vd .7 .7 0 -vu 0 0 1 -vh 60\r\n\
                     # a comment\n\n0.1 picture a b.pfm\n1 picture b.pfm # another\n10 quit\n";
         let steps = parse(text, "walk.txt").unwrap();

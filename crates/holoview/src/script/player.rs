@@ -20,11 +20,11 @@ use crate::{
     session::{Connected, Session, Waited},
 };
 
-/// How often a typed script is looked at.
+/// Interval at which a typed script is checked for new lines.
 const TYPED_TICK: Duration = Duration::from_millis(20);
 
-/// Follows `script` to its end, from when `ready` says so. Blocks: to be called on a thread of its
-/// own.
+/// Follows `script` to its end, starting when `ready` signals. Blocks, so call it on a thread of
+/// its own.
 ///
 /// # Errors
 /// If the server is lost, a view cannot be shown, or a picture cannot be written.
@@ -48,7 +48,7 @@ struct Player {
     session: Session,
     config: Config,
     meter: Meter,
-    /// Seconds that the script takes; 0 if that is not known.
+    /// Seconds that the script takes; 0 if unknown.
     duration: f64,
 }
 
@@ -57,7 +57,7 @@ impl Player {
         let said = self.config.view.spec(self.session.named_views())?;
         let mut spec = self.session.first_view()?.overridden_by(&said);
         let mut next = script.next_step()?;
-        // A script's first view stands for the options' one: nobody looks at that.
+        // If the script begins with a view, the view of the options is never shown.
         if !begins_with_view(&next) {
             self.show(&spec)?;
         }
@@ -100,9 +100,9 @@ impl Player {
         self.session.show(spec, self.config.view.size())
     }
 
-    /// Waits until `deadline`, showing how things go.
+    /// Waits until `deadline` and shows progress.
     fn wait(&mut self, deadline: Instant) -> Result<Waited> {
-        /// How often progress is shown.
+        /// Interval at which progress is shown.
         const TICK: Duration = Duration::from_millis(500);
         loop {
             let next = deadline.min(Instant::now() + TICK);
@@ -117,7 +117,7 @@ impl Player {
         }
     }
 
-    /// Writes the current view as it is known.
+    /// Writes the current view with the samples that have arrived.
     fn picture(&mut self, path: &Path) -> Result<()> {
         if !self.session.has_view() {
             bail!("there is no view to take a picture of");
@@ -131,7 +131,7 @@ impl Player {
         Ok(())
     }
 
-    /// Says what a pixel shows, on standard output.
+    /// Prints what a pixel shows to standard output.
     fn probe(&mut self, column: u32, row: u32) -> Result<()> {
         let (frame, _) = self.session.draw();
         let Some(radiance) = frame.picture.get(column, row) else {
@@ -165,7 +165,7 @@ impl Player {
         Ok(())
     }
 
-    /// Lets everything under way arrive and be stored, and writes the last picture.
+    /// Waits until everything under way has arrived and is stored, and writes the last picture.
     fn end(&mut self) -> Result<()> {
         self.session.settle()?;
         self.meter.finish();
@@ -181,7 +181,7 @@ fn begins_with_view(next: &Next) -> bool {
         if seconds.unwrap_or(0.0) == 0.0)
 }
 
-/// Draws the session's view, writes it to `path`, and returns what it is made of.
+/// Draws the session's view, writes it to `path`, and returns the report.
 fn write_picture(session: &mut Session, path: PathBuf, look: &LookArgs) -> Result<PictureReport> {
     let (frame, stages) = session.draw();
     if let Some(folder) = path.parent() {

@@ -1,9 +1,9 @@
-//! Loading a whole file: stored samples that no view asked for come in parts, while the session has
-//! nothing else to do. Later views then find their light here.
+//! Loads the whole file: stored samples that no view has requested arrive in parts, while the
+//! session has nothing else to do. Light for later views is then already here.
 //!
-//! What always holds:
-//! - At most one part is under way. A new view waits for no more than that.
-//! - Nothing is loaded while the eye moves, or before the view has all that is stored for it.
+//! Invariants:
+//! - At most one part is under way. A new view waits for that part at the most.
+//! - Nothing is loaded while the eye moves, or before all stored samples of the view have arrived.
 
 use std::time::{Duration, Instant};
 
@@ -14,32 +14,32 @@ use holo_section::Section;
 
 use super::{Session, current_view::Asked, demand::SEARCH_AFTER};
 
-/// Samples of a part: some 10 ms of two cores.
+/// Samples in one part: about 10 ms of two cores.
 const PART: u32 = 1 << 16;
 
-/// Share of the file's samples that others have stored since the last load, from which on the file
-/// is loaded again: nobody sends them to this display.
+/// The file is loaded again once other displays have caused this share of its samples to be stored
+/// since the last load. The server does not send those samples to this display.
 const MANY_NEW: f64 = 0.1;
 
 /// The least time between two loads of the file.
 const LOAD_EVERY: Duration = Duration::from_secs(30);
 
-/// How far a file is loaded.
+/// Progress of loading the file.
 pub struct Ahead {
-    /// By section: the number of the next beam. `None` once all are loaded.
+    /// For each section, the number of the next beam to load. `None` once all are loaded.
     next: Vec<Option<u64>>,
-    /// When the part that is under way was asked for.
+    /// When the part under way was requested.
     asked: Option<Instant>,
-    /// Whether loading began anew since.
+    /// True if loading was restarted after that part was requested.
     is_stale: bool,
-    /// When the next part may be asked for.
+    /// When the next part may be requested.
     resumes: Instant,
-    /// Samples of the file that were not here after it was loaded, such as damaged ones.
+    /// Samples in the file that had not arrived when loading ended, such as damaged ones.
     missing: u64,
 }
 
 impl Ahead {
-    /// Nothing is loaded of so many sections.
+    /// Returns the state before anything is loaded.
     pub fn new(sections: usize) -> Ahead {
         Ahead {
             next: vec![Some(0); sections],
@@ -50,7 +50,7 @@ impl Ahead {
         }
     }
 
-    /// Begins anew.
+    /// Starts loading from the beginning.
     pub fn restart(&mut self) {
         self.is_stale = self.asked.is_some();
         self.next.fill(Some(0));
@@ -61,7 +61,8 @@ impl Ahead {
         self.next.iter().all(Option::is_none)
     }
 
-    /// Returns the next part: a section and the number of a beam. Sections near the eye come first.
+    /// Returns the next part to load: a section and the number of its first beam. Sections near the
+    /// eye come first.
     fn part(&self, sections: &[Section], eye: DVec3) -> Option<(usize, u64)> {
         let parts = self.next.iter().enumerate().filter_map(|(at, next)| next.map(|n| (at, n)));
         let away = |at: usize| {
@@ -78,12 +79,12 @@ impl Session {
         self.stored() <= self.driver.room()
     }
 
-    /// Returns whether everything that is stored is here, but for a few samples of others.
+    /// Returns whether all stored samples are here, except a few that were stored for others since.
     pub fn has_whole_file(&self) -> bool {
         self.loads_whole_file() && self.ahead.is_done() && !self.has_many_new()
     }
 
-    /// Returns the number of the file's samples, by what the server said last.
+    /// Returns the number of samples in the file, as the server last reported it.
     fn stored(&self) -> u64 {
         self.status.as_ref().map_or(self.welcome.samples, |status| status.samples)
     }
@@ -100,13 +101,14 @@ impl Session {
         new as f64 > MANY_NEW * self.stored() as f64
     }
 
-    /// Loads the whole file from its beginning: samples may have been stored without being sent.
+    /// Loads the whole file from its beginning, because samples may have been stored without being
+    /// sent.
     pub(super) fn load_again(&mut self) -> Result<()> {
         self.ahead.restart();
         self.ask_for_part(MAX_PART)
     }
 
-    /// Asks for a part of the file, if nothing else is to be done. Returns when one is due.
+    /// Requests a part of the file, if there is nothing else to do. Returns when one is due.
     pub(super) fn ask_ahead(&mut self, now: Instant) -> Result<Option<Instant>> {
         let Some(current) = self.current.as_ref() else { return Ok(None) };
         let is_idle = current.asked == Asked::All && !self.is_moving && self.ahead.asked.is_none();
@@ -139,8 +141,9 @@ impl Session {
         Ok(())
     }
 
-    /// Notes that a part has come. The next one waits for as long as this one took: tracing and
-    /// drawing get their share. Returns whether that was the last part for a session that settles.
+    /// Records that a part has arrived. The next one is requested after as long a time as this one
+    /// took, so that tracing and drawing get their share. Returns true if the session is settling
+    /// and this was the last part.
     pub(super) fn part_sent(&mut self, section: u16, next: Option<u64>) -> Result<bool> {
         let now = Instant::now();
         let is_stale = std::mem::take(&mut self.ahead.is_stale);

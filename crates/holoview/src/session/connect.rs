@@ -27,14 +27,15 @@ use crate::{
     drivers::{DriverChoice, LoadedScene, SceneUse},
 };
 
-/// How long a session waits for the next piece of the scene before it draws without. What comes
-/// later is used from then on.
+/// Longest wait for the next piece of the scene. After it, the session draws without the scene. If
+/// the scene arrives later, the session uses it from then on.
 const SCENE_PATIENCE: Duration = Duration::from_secs(10);
 
-/// How often fetching the scene is reported. A scene that comes sooner is not worth a word.
+/// Interval at which progress of fetching the scene is reported. A scene that arrives sooner is not
+/// reported.
 const REPORT_EVERY: Duration = Duration::from_secs(1);
 
-/// A connection that is made, before its session begins.
+/// A connection whose session has not begun.
 pub struct Connected {
     welcome: Welcome,
     choice: DriverChoice,
@@ -43,12 +44,12 @@ pub struct Connected {
     waker: Waker,
     awaits_scene: bool,
     again: Again,
-    /// Ends when the connection does, or with the session.
+    /// A task that ends with the connection or with the session.
     reader: tokio::task::JoinHandle<()>,
     stopper: tokio::task::JoinHandle<()>,
 }
 
-/// Connects as before: to the same server, or to another one.
+/// Makes the same connection again, to the same server or to another one.
 #[derive(Clone)]
 pub struct Again {
     server: Destination,
@@ -59,20 +60,21 @@ pub struct Again {
 }
 
 impl Again {
-    /// Connects. Blocks: to be called on a thread that runs no tasks.
+    /// Connects. Blocks, so call it on a thread that runs no tasks.
     ///
     /// # Errors
-    /// As [`Connected::new`].
+    /// The errors of [`Connected::new`].
     pub fn connect(&self, address: SocketAddr) -> Result<Connected> {
         let Again { args, points, shutdown, runtime, .. } = self.clone();
         runtime.block_on(Connected::new(address, args, points, shutdown))
     }
 
-    /// Connects to the same server, which was lost. Tries with growing pauses until somebody ends
-    /// the session, and then returns `None`. Blocks as [`connect`](Self::connect) does.
+    /// Connects again to the same server after the connection was lost. Retries with growing
+    /// pauses. Returns `None` if the user ends the session meanwhile. Blocks as
+    /// [`connect`](Self::connect) does.
     ///
     /// # Errors
-    /// As [`Connected::new`], if the server answers and refuses.
+    /// The errors of [`Connected::new`], if the server answers and refuses.
     pub fn reach(&self, mut waiting: impl FnMut(&str)) -> Result<Option<Connected>> {
         let Again { server, args, points, shutdown, runtime } = self.clone();
         runtime.block_on(async {
@@ -91,7 +93,7 @@ impl Again {
     }
 }
 
-/// Returns the name by which servers know this process.
+/// Returns the name under which servers know this process.
 fn name() -> String {
     format!("holoview {}", std::process::id())
 }
@@ -103,7 +105,7 @@ pub struct Waker(pub(super) mpsc::Sender<Incoming>);
 impl Waker {
     /// Ends the wait, or the next one if the session does not wait.
     pub fn wake(&self) {
-        // A session that is over waits no more.
+        // If the session is over, nothing waits.
         let _ = self.0.send(Incoming::Wake);
     }
 }
@@ -124,7 +126,7 @@ impl Connected {
         Connected::from_connection(server, connection, args, points, shutdown)
     }
 
-    /// Goes on with a connection that was made. Must be called within a tokio runtime.
+    /// Continues with the result of connecting. Must be called within a tokio runtime.
     fn from_connection(
         server: Destination,
         connection: Result<(Inbox, Outbox, Welcome), NetError>,
@@ -146,7 +148,7 @@ impl Connected {
         };
         let choice = DriverChoice { args, points, sections, sky: welcome.sky };
         let uses_scene = choice.scene_use() != SceneUse::None;
-        // Whoever walks may change to a driver that draws from the scene.
+        // A person who walks may change to a driver that draws from the scene.
         let loader = match uses_scene || choice.args.walks {
             true => SceneLoader::ask(welcome.scene, &outbox)?,
             false => None,
@@ -164,7 +166,7 @@ impl Connected {
         let waker = Waker(sender.clone());
         let stopper = tokio::spawn(async move {
             shutdown.wait().await;
-            // A session that is over needs no telling.
+            // If the session is over, the message has no effect.
             let _ = sender.send(Incoming::Stop);
         });
         Ok(Connected {
@@ -180,22 +182,22 @@ impl Connected {
         })
     }
 
-    /// Returns what ends the session's waits.
+    /// Returns a handle that ends the session's waits.
     pub fn waker(&self) -> Waker {
         self.waker.clone()
     }
 
-    /// Returns what connects as this was.
+    /// Returns what is needed to make the same connection again.
     pub fn again(&self) -> Again {
         self.again.clone()
     }
 
-    /// Begins the session, once the scene is here if the driver wants it; `None` if the user ended
-    /// it first. Blocks: to be called on a thread of its own. Calls `progress` while the scene
-    /// comes.
+    /// Begins the session. If the driver wants the scene, waits for it first. Returns `None` if the
+    /// user ended the wait. Blocks, so call it on a thread of its own. Calls `progress` while the
+    /// scene arrives.
     ///
     /// # Errors
-    /// If the connection is lost, or the scene cannot be used and the driver cannot do without.
+    /// If the connection is lost, or the driver requires the scene and it cannot be used.
     pub fn begin(self, mut progress: impl FnMut(&str)) -> Result<Option<Session>> {
         let mut scene = None;
         if self.awaits_scene {
@@ -237,8 +239,8 @@ impl Connected {
     }
 }
 
-/// Waits for the scene. If the driver can do without, gives up after `patience` without any news;
-/// once the whole scene is here, it waits until the scene is prepared.
+/// Waits for the scene. If the driver does not require the scene, gives up after `patience` without
+/// news. Once the whole scene has arrived, always waits until it is prepared.
 fn await_scene(
     messages: &mpsc::Receiver<Incoming>,
     is_required: bool,
@@ -275,7 +277,7 @@ fn await_scene(
             Ok(Incoming::Message { message: Message::Control(Control::Bye(farewell)), .. }) => {
                 bail!("the server ended the session: {farewell}")
             }
-            // Nothing was asked for yet but the scene, and nothing is shown yet.
+            // Only the scene has been requested so far, and nothing is shown yet.
             Ok(Incoming::Message { .. } | Incoming::Found { .. } | Incoming::Wake) => {}
             Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
             Ok(Incoming::Stop) => return Ok(Arrived::Stop),
@@ -287,10 +289,10 @@ fn await_scene(
     }
 }
 
-/// What came of waiting for the scene.
+/// Result of waiting for the scene.
 enum Arrived {
     Scene(Box<LoadedScene>),
-    /// No scene, and why.
+    /// No scene, and the reason.
     Nothing(String),
     Stop,
 }
@@ -301,7 +303,8 @@ mod tests {
 
     use super::*;
 
-    /// Waits without patience for what a thread says of the scene; returns why there is none.
+    /// Waits without patience for messages from another thread. Returns the reason why no scene
+    /// came.
     fn reason_without_scene(first: Incoming, is_required: bool) -> Result<String> {
         let (sender, messages) = mpsc::channel();
         sender.send(first).unwrap();
@@ -317,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scene_that_is_being_prepared_is_waited_for_however_long_it_takes() {
+    fn waiting_for_a_scene_that_is_being_prepared_has_no_limit() {
         let reason = reason_without_scene(Incoming::ScenePreparing, false).unwrap();
         assert_eq!(reason, "cannot be used");
     }
@@ -330,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn a_driver_that_can_do_without_the_scene_draws_when_no_news_comes() {
+    fn a_driver_that_does_not_require_the_scene_draws_if_no_news_comes() {
         let (_sender, messages) = mpsc::channel();
         let arrived = await_scene(&messages, false, Duration::ZERO, &mut |_| {}).unwrap();
         assert!(matches!(arrived, Arrived::Nothing(reason) if reason.contains("not come yet")));

@@ -1,5 +1,5 @@
-//! What a front end asks a session besides views: facts of the holodeck, to pause tracing,
-//! and to draw otherwise.
+//! Requests of a front end to a session, besides views: facts about the holodeck, pausing, and
+//! changes of driver.
 
 use anyhow::{Result, bail};
 use glam::DVec3;
@@ -33,19 +33,19 @@ impl Session {
         self.welcome.tracing
     }
 
-    /// Notes that somebody walks, and whether the eye moves. Whatever takes long and serves only the
+    /// Records that a person walks, and whether the eye moves. Slow work that serves only the
     /// current view then waits until the eye has rested for a while.
     pub fn set_moving(&mut self, is_moving: bool) {
         self.is_walked = true;
         self.is_moving = is_moving;
     }
 
-    /// Returns whether everything has come that is stored for the current view.
+    /// Returns whether all stored samples for the current view have arrived.
     pub fn has_stored(&self) -> bool {
         self.current.as_ref().is_some_and(|current| current.asked == Asked::All)
     }
 
-    /// Pauses tracing for this display, or resumes it. Stored samples are asked for all the same.
+    /// Pauses tracing for this display, or resumes it. Stored samples are requested in any case.
     ///
     /// # Errors
     /// If the server is lost.
@@ -55,12 +55,12 @@ impl Session {
         }
         self.is_paused = pause;
         let Some(current) = &self.current else { return Ok(()) };
-        // A request of the same number would change the viewpoint alone.
+        // A request under the same number would change only the viewpoint.
         self.ask_anew(current.wanted.clone())
     }
 
-    /// Has tracing concentrate on a part of the picture: shares from its left and top to its right
-    /// and bottom.
+    /// Concentrates tracing on a part of the picture, given as left, top, right and bottom in
+    /// shares of it.
     ///
     /// # Errors
     /// If the server is lost.
@@ -73,10 +73,11 @@ impl Session {
         self.ask_anew(current.wanted.clone())
     }
 
-    /// Keeps a named view in the holodeck, by Radiance's options; removes it if there are none.
+    /// Stores a named view in the holodeck, given by Radiance's options. Without options, removes
+    /// the view of this name.
     ///
     /// # Errors
-    /// If the holodeck is only shown, or the server is lost.
+    /// If the holodeck is opened only for reading, or the server is lost.
     pub fn keep_view(&self, name: &str, options: &str) -> Result<()> {
         if !self.welcome.tracing {
             bail!(
@@ -88,15 +89,15 @@ impl Session {
         Ok(self.outbox.control(&Control::KeepView { name, options })?)
     }
 
-    /// Returns what the server has not done, and why, once.
+    /// Returns the server's last refusal with its reason, once.
     pub fn take_refusal(&mut self) -> Option<String> {
         self.refusal.take()
     }
 
-    /// Draws with another driver from now on.
+    /// Changes to another driver.
     ///
     /// # Errors
-    /// If it needs the scene and that is not here, or it cannot show the view.
+    /// If the driver requires the scene and it is not here, or the driver cannot show the view.
     pub fn change_driver(&mut self, driver: DriverArg) -> Result<()> {
         let args = DriverArgs { driver, cells: None, ..self.choice.args.clone() };
         let before = std::mem::replace(&mut self.choice.args, args);

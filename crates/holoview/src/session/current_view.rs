@@ -10,61 +10,61 @@ use super::{live::LiveRays, received::Received};
 /// A view and what has arrived for it.
 pub struct CurrentView {
     pub look: Look,
-    /// Beams that the view crosses, and how much each is wanted.
+    /// Beams that the view crosses, with their weights.
     pub wanted: Vec<WantedBeam>,
-    /// Distance of the nearest visible surface, scene units, as far as it is known.
+    /// Distance of the nearest visible surface, scene units, as well as it is known.
     pub nearest: f64,
-    /// Whether that distance was looked up in the picture.
+    /// True if that distance was taken from the picture.
     pub nearest_is_seen: bool,
-    /// Rays that no section covers, if something traces.
+    /// Rays through pixels outside all sections, if the server traces.
     pub live: Option<LiveRays>,
-    /// Until when only every other column and row is looked at. `None` if all pixels are.
+    /// Until then, only every other column and row is evaluated. `None` if all pixels are.
     pub glance_until: Option<Instant>,
-    /// How far its stored samples have been asked for.
+    /// The stored samples that have been requested.
     pub asked: Asked,
-    /// Whether a thread searches for the next ones.
+    /// True while a thread searches for the next beams.
     pub is_searching: bool,
-    /// Whether it would have asked on, if the eye had not moved.
+    /// True if the next request was postponed, for example because the eye moved.
     pub asks_later: bool,
-    /// Beams that it does not cross but whose rays may end on what it sees, once asked for.
+    /// Requested beams that the view does not cross but whose rays may end on what it shows.
     pub also: Vec<UsefulBeam>,
     /// Number of its first request: samples of earlier requests are dropped.
     pub first_request: u32,
     pub received: Received,
     pub since: Instant,
     pub counts: Counts,
-    /// When single rays were last asked for.
+    /// When single rays were last requested.
     pub rays_asked: Instant,
 }
 
-/// How many samples have arrived for a view.
+/// Number of samples that have arrived for a view.
 #[derive(Clone, Default)]
 pub struct Counts {
     /// From the file.
     pub stored: u64,
     /// From workers.
     pub traced: u64,
-    /// From the file, of parts that no view asked for.
+    /// From the file, in parts that no view requested.
     pub parts: u64,
-    /// Seconds until the first ones were here.
+    /// Seconds until the first samples arrived.
     pub first_samples: Option<f64>,
 }
 
-/// Which stored samples of a view have been asked for.
+/// The stored samples of a view that have been requested.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Asked {
-    /// Those of the beams that it crosses.
+    /// Those of the beams that the view crosses.
     Crossed,
-    /// And of most beams that end on what it sees.
+    /// Also those of most beams that end on what the view shows.
     Best,
-    /// And of all beams that end on what it sees.
+    /// Also those of all beams that end on what the view shows.
     Surfaces,
-    /// All that there are.
+    /// All that exist.
     All,
 }
 
 impl CurrentView {
-    /// Hands samples to the driver, except those that it has.
+    /// Passes samples to the driver, except those that it already has.
     pub fn insert(&mut self, driver: &mut dyn Driver, message: &Samples) {
         if message.source != Source::Part {
             let seconds = self.since.elapsed().as_secs_f64();
@@ -83,7 +83,7 @@ impl CurrentView {
         }
     }
 
-    /// Hands live rays to the driver, if they are the view's own.
+    /// Passes live rays to the driver, if they were requested for this view.
     pub fn insert_live(&mut self, driver: &mut dyn Driver, message: &LiveSamples) {
         if message.view == self.first_request
             && let Some(live) = &mut self.live

@@ -1,5 +1,5 @@
-//! Where a display begins if nobody says (Larson & Simmons 1999, §2.4.1): in the middle of the first section, or outside
-//! it if it is one to look into.
+//! The view of a display at the start if no view is given (Larson & Simmons 1999, §2.4.1). Its eye
+//! is in the middle of the first section, or outside if the section is exterior.
 
 use glam::DVec3;
 use holo_picture::ViewSpec;
@@ -8,7 +8,7 @@ use holo_section::{Section, ViewClass};
 /// Horizontal angle of the default view, degrees.
 const ANGLE: f64 = 60.0;
 
-/// The default view for these sections, level, along the section's longest level axis.
+/// Returns the default view for a section: level, along the section's longest level axis.
 pub fn default_view(section: &Section, up: DVec3) -> ViewSpec {
     let up = up.try_normalize().unwrap_or(DVec3::Z);
     let axes = section.spec().axes.map(DVec3::from_array);

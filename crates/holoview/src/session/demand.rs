@@ -1,5 +1,5 @@
-//! What a session asks the server for: a view's own beams, then others that hold samples of what it
-//! sees, single rays, and rays that no section covers.
+//! Requests of a session to the server. First the beams of a view, then other beams with samples of
+//! what it shows, single rays, and rays outside all sections.
 
 use std::{
     thread,
@@ -29,36 +29,39 @@ use super::{
     received::Received,
 };
 
-/// Distance of the nearest visible surface, as a share of the shortest section's diagonal, before
-/// anything is known of the scene. Too near costs only rays that are of less use to other views.
+/// Assumed distance of the nearest visible surface before anything is known of the scene, as a
+/// share of the shortest section's diagonal. If it is too small, the rays are only less useful to
+/// other views.
 const GUESSED_DISTANCE: f64 = 0.05;
 
-/// When the nearest visible surface is looked up in the picture, after the view was asked for.
+/// Delay from the request of a view until the nearest visible surface is taken from the picture.
 const NEAREST_AFTER: Duration = Duration::from_millis(300);
 
-/// Share of the pixels that may be nearer than the "nearest" surface: a lamp's edge must not decide
-/// for the room.
+/// Share of pixels that may be nearer than the "nearest" surface, so that the edge of a lamp does
+/// not decide for the whole room.
 const NEARER_PIXELS: f64 = 0.01;
 
-/// Greatest weight of beams that are wanted for what is stored of them, not to be traced.
+/// Largest weight of beams whose stored samples are wanted, but no new ones.
 const STORED_ONLY: f32 = 0.5 * LEAST_TRACED_WEIGHT;
 
-/// How often a moving eye asks for samples, of drivers that keep them: those of a view serve the
-/// next ones, and one that was asked for at once would never send any.
+/// Least interval between requests while the eye moves, for drivers that keep samples: samples of
+/// one view serve the next. A request replaces the one before, so faster requests would never
+/// receive any samples.
 const MOVING_EVERY: Duration = Duration::from_millis(150);
 
-/// How long somebody who walks has looked at a view when the session searches for beams that end on
-/// what is seen.
+/// Time for which a person must have looked at a view before the session searches for beams that
+/// end on what it shows.
 pub(super) const SEARCH_AFTER: Duration = Duration::from_millis(400);
 
-/// How long a view is only glanced at, unless it was drawn before. Every other column and row takes
-/// a quarter of the time: the first picture is there sooner, of more samples.
+/// Time for which only every other column and row of a new view is evaluated, unless the view is
+/// drawn earlier. This takes a quarter of the time, so the first picture appears sooner and has
+/// more samples.
 const GLANCE: Duration = Duration::from_millis(400);
 
-/// How often single rays are asked for, of drivers that can say which.
+/// Interval between requests of single rays, for drivers that request them.
 const RAYS_EVERY: Duration = Duration::from_millis(50);
 
-/// The error that no section covers anything of a view.
+/// The error that no section covers any part of a view.
 #[derive(Debug)]
 pub struct Uncovered(String);
 
@@ -88,7 +91,7 @@ impl Session {
         self.look(Look { view, size, resolution })
     }
 
-    /// Looks at every pixel of the current view, if it was only glanced at.
+    /// Evaluates every pixel of the current view, if only some were.
     pub(super) fn look_closely(&mut self) -> Result<()> {
         let is_glance = |current: &&mut CurrentView| current.glance_until.is_some();
         let Some(current) = self.current.as_mut().filter(is_glance) else { return Ok(()) };
@@ -105,7 +108,7 @@ impl Session {
         Ok(())
     }
 
-    /// Shows the current view again with another driver. Its seconds go on.
+    /// Shows the current view again with another driver. Its seconds continue.
     pub(super) fn show_again(&mut self) -> Result<()> {
         let Some(CurrentView { look, since, .. }) = self.current else { return Ok(()) };
         self.look(look)?;
@@ -113,7 +116,7 @@ impl Session {
         Ok(())
     }
 
-    /// Shows the current view again at full resolution, since nothing moves any more.
+    /// Shows the current view again at full resolution, because the eye has stopped.
     fn rest(&mut self) -> Result<()> {
         let resolution = self.pace.rest(Instant::now());
         if let Some(current) = &mut self.current {
@@ -134,7 +137,7 @@ impl Session {
         let sections = &self.choice.sections;
         let is_inside = sections.iter().any(|section| section.contains(look.view.vp));
         if self.is_walked && is_inside && self.has_whole_file() && self.current.is_some() {
-            // The light is here: whoever walks sees it before more is asked for.
+            // All light is already here, so the view is shown before anything is requested.
             self.look_on(look)?;
             self.current.iter_mut().for_each(|current| current.since = since);
             self.is_unasked = true;
@@ -143,7 +146,7 @@ impl Session {
         self.look_and_ask(look, since, false)
     }
 
-    /// Looks at a view, unless the driver has, and asks for what it needs.
+    /// Shows a view to the driver, unless `has_looked`, and requests the samples that it needs.
     fn look_and_ask(&mut self, look: Look, since: Instant, has_looked: bool) -> Result<()> {
         let Look { view, size, .. } = look;
         let sections = &self.choice.sections;
@@ -163,10 +166,10 @@ impl Session {
         let had_live = before.as_ref().is_some_and(|before| before.live.is_some());
         let received = before.filter(|_| self.driver.keeps_samples()).map(|before| before.received);
         let received = received.unwrap_or_default();
-        // Asked first: samples are under way while the driver looks at the scene.
+        // The request goes first: samples are under way while the driver evaluates the view.
         self.request(&look, nearest, wanted.clone(), &received)?;
         if had_live {
-            // Live rays of the view before are of no use any more.
+            // Cancels the live rays of the view before.
             let none = LiveWanted { view: self.request_number, pixels: 0, rays: Vec::new() };
             self.outbox.send(Kind::LiveWanted, &none.encode())?;
         }
@@ -197,25 +200,25 @@ impl Session {
         if self.driver.knows_depth() {
             self.see_nearest()?;
             if self.driver.keeps_samples() {
-                // Such a driver's choice does not wait for samples.
+                // Such a driver chooses beams without waiting for samples.
                 self.ask_on(false)?;
             }
         }
         Ok(())
     }
 
-    /// Shows a view while samples of the one before still arrive.
+    /// Shows a view while samples for the view before still arrive.
     fn look_on(&mut self, look: Look) -> Result<()> {
         let Some(current) = &mut self.current else { return Ok(()) };
         self.driver.look(&look)?;
         self.driver.set_nearest(current.nearest);
         current.look = look;
-        // They were those of another view.
+        // The live rays belonged to another view.
         current.live = None;
         Ok(())
     }
 
-    /// Asks for what is due by now. Returns when something is due next.
+    /// Sends all requests that are due. Returns when the next one is due.
     pub(super) fn ask_for_what_is_due(
         &mut self,
         now: Instant,
@@ -251,7 +254,7 @@ impl Session {
         if asks_rays && now >= rays {
             self.ask_rays()?;
         }
-        // Somebody who moves on at once has no use for live rays, and they delay what is stored.
+        // A person who moves on at once does not need live rays, and they delay stored samples.
         if !ending && now >= rests {
             self.ask_live()?;
         }
@@ -263,11 +266,11 @@ impl Session {
         Ok(due.into_iter().flatten().filter(|at| *at > now).min())
     }
 
-    /// Asks for further stored samples, of beams whose rays may end on what is seen: of most, then
-    /// of all. A thread searches for these beams.
+    /// Requests further stored samples from beams whose rays may end on what the view shows: first
+    /// most of these beams, then all. A thread searches for these beams.
     ///
-    /// When the samples have been sent, workers turn back to the view's own beams, unless the
-    /// session ends.
+    /// When the samples have been sent, workers return to the view's own beams, unless the session
+    /// ends.
     pub(super) fn ask_on(&mut self, ending: bool) -> Result<()> {
         if self.has_whole_file() {
             return self.has_all(ending);
@@ -275,7 +278,8 @@ impl Session {
         let Some(current) = &mut self.current else { return Ok(()) };
         let is_fresh = current.since.elapsed() < SEARCH_AFTER;
         if (self.is_moving || (self.is_walked && is_fresh)) && !ending {
-            // The search takes threads from drawing: whoever only pauses must not wait for it.
+            // The search takes threads from drawing, and a person who only pauses must not wait for
+            // it.
             current.asks_later = true;
             return Ok(());
         }
@@ -299,15 +303,15 @@ impl Session {
         current.is_searching = true;
         let Waker(messages) = self.waker.clone();
         let search = move || {
-            // A session that is over needs no beams.
+            // If the session is over, the beams have no use.
             let _ = messages.send(Incoming::Found { first_request, beams: search() });
         };
         thread::Builder::new().name("beams".into()).spawn(search).context("a search")?;
         Ok(())
     }
 
-    /// Asks for what is stored of the beams that a search found for the view whose first request
-    /// this was.
+    /// Requests the stored samples of the beams that a search found. The search was for the view
+    /// whose first request was `first_request`.
     pub(super) fn ask_for_found(
         &mut self,
         first_request: u32,
@@ -321,7 +325,7 @@ impl Session {
             return Ok(());
         }
         if self.is_moving && !ending {
-            // They were found for what was seen then.
+            // The beams were found for an earlier position of the eye.
             current.asks_later = true;
             return Ok(());
         }
@@ -333,14 +337,15 @@ impl Session {
         self.ask_for_all()
     }
 
-    /// Notes that everything stored for the view has come.
+    /// Records that all stored samples for the view have arrived.
     fn has_all(&mut self, ending: bool) -> Result<()> {
         self.current.iter_mut().for_each(|current| current.asked = Asked::All);
         self.driver.settle();
         if ending { self.ask_to_settle() } else { Ok(()) }
     }
 
-    /// Asks the server to settle, unless something is still to be asked for: then once that is.
+    /// Asks the server to settle, if no further request of stored samples is pending. Otherwise the
+    /// last request asks for it.
     pub(super) fn ask_to_settle(&mut self) -> Result<()> {
         if self.current.as_ref().is_none_or(|current| current.asked == Asked::All) {
             self.outbox.control(&Control::Settle { view: self.request_number })?;
@@ -348,20 +353,21 @@ impl Session {
         Ok(())
     }
 
-    /// Asks for everything stored that is of use to the view.
+    /// Requests all stored samples that are useful to the view.
     pub(super) fn ask_for_all(&mut self) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
         let also =
             |&(key, useful): &UsefulBeam| WantedBeam { key, weight: STORED_ONLY * useful, held: 0 };
         let mut wanted = current.wanted.clone();
         wanted.extend(current.also.iter().map(also));
-        // A stable sort: the view's own weight stands before the other's, which goes.
+        // The sort is stable, so `dedup` keeps the view's own weight of a beam.
         wanted.sort_by_key(|wanted| wanted.key);
         wanted.dedup_by_key(|wanted| wanted.key);
         self.ask_anew(wanted)
     }
 
-    /// Requests under a new number: what is stored of these beams and not here yet is sent.
+    /// Sends a request under a new number, so that the server sends all stored samples that are not
+    /// here yet.
     pub(super) fn ask_anew(&mut self, wanted: Vec<WantedBeam>) -> Result<()> {
         self.request_number += 1;
         self.request_current(wanted)
@@ -373,7 +379,7 @@ impl Session {
     }
 
     /// Sends a request for a view whose nearest visible surface is at distance `nearest`. Stored
-    /// samples of a beam are not sent if all of them are among the `received` ones.
+    /// samples of a beam are not sent if all of them are in `received`.
     fn request(
         &self,
         look: &Look,
@@ -394,7 +400,8 @@ impl Session {
         Ok(self.outbox.send(Kind::View, &request.encode())?)
     }
 
-    /// Looks up the nearest visible surface, and asks for rays that pass the eye accordingly.
+    /// Takes the distance of the nearest visible surface from the picture, and requests rays that
+    /// pass the eye accordingly.
     fn see_nearest(&mut self) -> Result<()> {
         let mut depths = self.driver.depth();
         let Some(current) = &mut self.current else { return Ok(()) };
@@ -411,7 +418,7 @@ impl Session {
         self.request_current(wanted)
     }
 
-    /// Asks for the single rays that the driver wants most.
+    /// Requests the single rays that the driver wants most.
     fn ask_rays(&mut self) -> Result<()> {
         let traces = self.welcome.tracing && !self.is_paused;
         let Some(current) = self.current.as_mut().filter(|_| traces) else { return Ok(()) };
@@ -420,13 +427,13 @@ impl Session {
         let rays = rays.map(|(key, coords)| WantedRay { key, coords });
         let request = RaysWanted { view: self.request_number, rays: rays.collect() };
         if request.rays.is_empty() {
-            // For now every pixel has enough.
+            // Every pixel has enough rays for now.
             return Ok(());
         }
         Ok(self.outbox.send(Kind::Rays, &request.encode())?)
     }
 
-    /// Asks for rays that no section covers, if somebody traces.
+    /// Requests rays outside all sections, if workers trace.
     fn ask_live(&mut self) -> Result<()> {
         let has_workers = self.status.as_ref().is_some_and(|status| status.workers > 0);
         let traces = has_workers && !self.is_paused;

@@ -1,4 +1,4 @@
-//! Tracing concentrates on a part of the picture that somebody has chosen.
+//! Concentrates tracing on a part of the picture that a person has chosen.
 
 use holo_display::{Look, SelectOptions, select_beams};
 use holo_picture::{View, ViewKind, ViewSpec};
@@ -6,11 +6,11 @@ use holo_proto::bulk::WantedBeam;
 use holo_section::{BeamKey, Section};
 use rustc_hash::FxHashSet;
 
-/// Weight of beams outside the part, as a share of what they have without one.
+/// Factor on the weight of beams outside the part.
 const OUTSIDE: f32 = 0.02;
 
-/// Lowers the weights of beams that do not cross a part of the picture: shares from its left and
-/// top to its right and bottom.
+/// Lowers the weights of beams that do not cross a part of the picture. `part` is its left, top,
+/// right and bottom in shares of the picture.
 pub fn concentrate(sections: &[Section], look: &Look, part: [f64; 4], beams: &mut [WantedBeam]) {
     let Some((view, size)) = cropped(&look.view, look.size, part) else { return };
     let selected = select_beams(sections, &view, size, &SelectOptions::default()).beams;
@@ -20,8 +20,8 @@ pub fn concentrate(sections: &[Section], look: &Look, part: [f64; 4], beams: &mu
     }
 }
 
-/// Returns the view of a part of a perspective's picture, and its size in pixels. `None` for other
-/// types of view.
+/// Returns the view of a part of a perspective picture, and the part's size in pixels. `None` for
+/// other types of view.
 fn cropped(view: &View, size: (u32, u32), part: [f64; 4]) -> Option<(View, (u32, u32))> {
     if view.kind != ViewKind::Perspective {
         return None;
@@ -36,7 +36,7 @@ fn cropped(view: &View, size: (u32, u32), part: [f64; 4]) -> Option<(View, (u32,
         vu: Some(view.vu),
         vh: Some(angle(width * across)),
         vv: Some(angle(height * along)),
-        // Shifts are in sizes of the part.
+        // Shifts are in multiples of the part's size.
         vs: Some((left + 0.5 * across - 0.5 + view.vs) / across),
         vl: Some((0.5 - top - 0.5 * along + view.vl) / along),
         ..ViewSpec::default()
@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_part_of_a_picture_sees_what_the_picture_sees_there() {
+    fn the_view_of_a_part_has_the_same_rays_as_the_picture_there() {
         let size = (640, 360);
         let (eye, ahead) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.2, 1.0, -0.1));
         let view = View::new(eye, ahead, DVec3::Z, Some(70.0), None, size).unwrap();

@@ -1,7 +1,7 @@
-//! Reads what the server sends, on a task of its own, whatever the session is doing.
+//! Reads the server's messages on a task of its own, whatever the session is doing.
 //!
-//! Pings are answered at once. Pieces of the scene are taken in here. Everything else waits for the
-//! session, in memory that is bounded: beyond that, the server waits.
+//! Pings are answered at once. Pieces of the scene are collected here. Everything else waits for
+//! the session, in bounded memory. If that is full, the server waits.
 
 use std::sync::{Arc, mpsc};
 
@@ -15,52 +15,54 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use super::scene::{Blobs, SceneLoader};
 use crate::drivers::LoadedScene;
 
-/// Most bytes of messages that wait for the session. A session that draws for 15 s at a million
-/// samples a second has fewer waiting. A server gives up a display that takes nothing for as long.
+/// Most bytes of messages that wait for the session. A session that draws for 15 s while a million
+/// samples arrive per second stays below it. A server disconnects a display that reads nothing for
+/// that long.
 pub const MAX_WAITING_BYTES: usize = 256 << 20;
 
-/// What a session waits for.
+/// An event that a session waits for.
 pub enum Incoming {
-    /// A message that is the session's affair.
+    /// A message for the session.
     Message {
         /// The message.
         message: Message,
-        /// The room that it takes, given back when this is dropped.
+        /// The memory that the message takes. It is released when this is dropped.
         _room: OwnedSemaphorePermit,
     },
     /// A piece of the scene arrived.
     SceneFetched {
-        /// Bytes that are here.
+        /// Bytes that have arrived.
         bytes: u64,
         /// Bytes of the whole scene.
         total: u64,
     },
-    /// The whole scene arrived. It is being prepared, which takes seconds for millions of triangles.
+    /// The whole scene arrived. It is being prepared, which takes seconds for millions of
+    /// triangles.
     ScenePreparing,
     /// The scene is ready, or cannot be used.
     Scene(Result<Box<LoadedScene>>),
     /// A search for useful beams has ended.
     Found {
-        /// The first request of the view that they are for.
+        /// The first request of the view that the beams are for.
         first_request: u32,
         /// The beams, in the order of their keys.
         beams: Vec<UsefulBeam>,
     },
-    /// The connection is gone.
+    /// The connection is lost.
     Lost(NetError),
-    /// A front end has something to do.
+    /// A front end needs attention.
     Wake,
-    /// The user wants to end.
+    /// The user wants to quit.
     Stop,
 }
 
 /// Reads a connection for a session.
 pub struct Reader {
-    /// Where messages come from.
+    /// Source of messages.
     pub inbox: Inbox,
-    /// Where pings are answered.
+    /// Where answers to pings go.
     pub outbox: Outbox,
-    /// Where the session waits.
+    /// The queue that the session reads.
     pub messages: mpsc::Sender<Incoming>,
     /// Collects the scene, if the session wants it.
     pub loader: Option<SceneLoader>,
@@ -69,7 +71,7 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Reads until the connection or the session is over.
+    /// Reads until the connection or the session ends.
     pub async fn run(mut self) {
         loop {
             let next = self.inbox.next().await;
@@ -106,7 +108,7 @@ impl Reader {
                 }
                 Ok(message) => {
                     let room = Arc::clone(&self.room).acquire_many_owned(bytes_of(&message)).await;
-                    // Nobody closes the semaphore.
+                    // The semaphore is never closed.
                     let Ok(room) = room else { return };
                     Incoming::Message { message, _room: room }
                 }
@@ -123,13 +125,13 @@ impl Reader {
     fn build(&self, blobs: Blobs) {
         let messages = self.messages.clone();
         tokio::task::spawn_blocking(move || {
-            // A session that is over needs no scene.
+            // If the session is over, the scene has no use.
             let _ = messages.send(Incoming::Scene(blobs.build().map(Box::new)));
         });
     }
 }
 
-/// Returns the memory that a message takes while it waits, roughly.
+/// Returns the memory that a waiting message takes, bytes, about.
 fn bytes_of(message: &Message) -> u32 {
     let bulk = match message {
         Message::Samples(samples) => {
@@ -139,7 +141,7 @@ fn bytes_of(message: &Message) -> u32 {
         Message::Unseen(unseen) => size_of_val(&unseen.beams[..]),
         _ => 0,
     };
-    // A frame's limit is far below a `u32`.
+    // A frame's limit is far below `u32::MAX`.
     (size_of::<Incoming>() + bulk) as u32
 }
 
@@ -154,7 +156,7 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn what_a_session_does_not_take_waits_at_the_server_and_then_comes_whole() {
+    async fn messages_that_a_session_does_not_read_wait_at_the_server_and_none_is_lost() {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let (reached, server) =
@@ -176,7 +178,7 @@ mod tests {
         let beams = vec![BeamKey { section: 0, beam: BeamId(1) }; 10_000];
         let message = |view| Unseen { view, beams: beams.clone() };
         let bytes = bytes_of(&Message::Unseen(message(0))) as usize;
-        // The room is for three. More wait in the inbox and in the system's buffers.
+        // There is room for three messages. More wait in the inbox and in the system's buffers.
         let room = Arc::new(Semaphore::new(3 * bytes));
         tokio::spawn(Reader { inbox, outbox, messages, loader: None, room }.run());
         const SENT: u32 = 1000;

@@ -1,9 +1,9 @@
-//! Rays through pixels that no section covers: workers trace them for one view, and nothing stores
+//! Rays through pixels outside all sections. Workers trace them for one view, and nothing stores
 //! them.
 //!
-//! What always holds:
-//! - Which ray a number means is a function of the view and the number. Every ray counts once.
-//! - No more rays are under way than the server takes.
+//! Invariants:
+//! - The view and a ray's number determine the ray. Every ray counts once.
+//! - No more rays are under way than the server accepts.
 
 use glam::DVec3;
 use holo_display::{LiveSample, split_mix};
@@ -11,38 +11,39 @@ use holo_picture::View;
 use holo_proto::bulk::{self, LiveRay, MAX_LIVE_RAYS, MAX_LIVE_RAYS_HELD};
 use rustc_hash::FxHashSet;
 
-/// Rays asked for at a time at least: a message of a few would cost more than they do.
+/// Least number of rays in a request. A message of few rays would cost more than tracing them.
 const LEAST_ASKED: usize = 4096;
 
-/// Rays of a pixel at the most: a view that somebody forgot must not occupy workers for ever.
+/// Most rays per pixel, so that a forgotten view does not occupy workers for ever.
 const MAX_ROUNDS: u64 = 1024;
 
-/// Steps of a sequence whose points are spread over a square, wherever they begin (Roberts 2018,
+/// Steps of a sequence whose points spread evenly over a square from any start (Roberts 2018,
 /// "R2").
 const STEPS: [f64; 2] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2];
 
-/// Golden section, by which pixels are visited: what is asked for first is spread over all.
+/// Golden section. It determines the order of the pixels, so that the first rays spread over all of
+/// them.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// The live rays of one view.
 pub struct LiveRays {
     view: View,
     size: (u32, u32),
-    /// Paths of each ray.
+    /// Paths that each ray averages.
     paths: u16,
-    /// The pixels that no section covers.
+    /// The pixels outside all sections.
     pixels: Vec<u32>,
-    /// From one pixel to the next; has no divisor in common with how many there are.
+    /// Step from one pixel to the next. It has no common divisor with the number of pixels.
     stride: u64,
-    /// Number of the next ray: in each round one through each pixel.
+    /// Number of the next ray. Each round has one ray through each pixel.
     next: u64,
     under_way: FxHashSet<u64>,
-    /// Rays that have come.
+    /// Number of rays that have arrived.
     arrived: u64,
 }
 
 impl LiveRays {
-    /// Returns the rays through these pixels; `None` if there are none.
+    /// Returns the rays through these pixels; `None` if the list is empty.
     pub fn new(pixels: Vec<u32>, view: View, size: (u32, u32), paths: u16) -> Option<LiveRays> {
         if pixels.is_empty() {
             return None;
@@ -57,17 +58,17 @@ impl LiveRays {
         self.pixels.len() as u32
     }
 
-    /// Returns how many paths each ray is the mean of.
+    /// Returns how many paths each ray averages.
     pub fn paths(&self) -> u16 {
         self.paths
     }
 
-    /// Returns how many rays have come.
+    /// Returns how many rays have arrived.
     pub fn arrived(&self) -> u64 {
         self.arrived
     }
 
-    /// Rays to ask for now; none while enough are under way.
+    /// Returns the rays to request now; none while enough are under way.
     pub fn wanted(&mut self) -> Vec<LiveRay> {
         let room = MAX_LIVE_RAYS_HELD - self.under_way.len();
         if room < LEAST_ASKED {
@@ -78,7 +79,7 @@ impl LiveRays {
         while rays.len() < room.min(MAX_LIVE_RAYS) && self.next < last {
             let number = self.next;
             self.next += 1;
-            // Next to the border of a fisheye a point of a pixel may look nowhere.
+            // At the border of a fisheye, a point of a pixel may have no ray.
             if let Some((origin, direction, _)) = self.ray(number) {
                 rays.push(LiveRay {
                     origin: origin.to_array(),
@@ -91,7 +92,7 @@ impl LiveRays {
         rays
     }
 
-    /// Takes what rays saw; returns those that were under way.
+    /// Receives traced rays, and returns those that were under way.
     pub fn take(&mut self, samples: &[bulk::LiveSample]) -> Vec<LiveSample> {
         let mut fresh = Vec::with_capacity(samples.len());
         for sample in samples {
@@ -101,7 +102,7 @@ impl LiveRays {
             let Some((origin, direction, reach)) = self.ray(sample.number) else { continue };
             let (mut radiance, mut distance) =
                 (sample.hit.radiance, f64::from(sample.hit.distance));
-            // Beyond the aft clipping surface all is black, the sky too.
+            // Everything beyond the aft clipping surface is black, including the sky.
             if distance > reach {
                 (radiance, distance) = ([0.0; 3], f64::INFINITY);
             }
@@ -111,7 +112,7 @@ impl LiveRays {
         fresh
     }
 
-    /// Where a ray begins, where it goes, and at which distance its view ends.
+    /// Returns a ray's origin, its direction, and the distance at which the view ends.
     fn ray(&self, number: u64) -> Option<(DVec3, DVec3, f64)> {
         let count = self.pixels.len() as u64;
         let (round, place) = (number / count, number % count);
@@ -127,7 +128,7 @@ impl LiveRays {
     }
 }
 
-/// About the golden section of `count`, and without a common divisor.
+/// Returns a step near the golden section of `count` that has no common divisor with it.
 fn stride(count: u64) -> u64 {
     let divides = |mut a: u64, mut b: u64| {
         while b > 0 {
@@ -136,7 +137,7 @@ fn stride(count: u64) -> u64 {
         a > 1
     };
     let first = ((count as f64 * GOLDEN) as u64).max(1);
-    // One divides nothing, so this ends.
+    // 1 divides nothing else, so the search ends.
     (first..=count).find(|&stride| !divides(stride, count)).unwrap_or(1)
 }
 
@@ -151,7 +152,7 @@ mod tests {
 
     const SIZE: (u32, u32) = (160, 120);
 
-    /// Rays through every third pixel of a view.
+    /// Returns rays through every third pixel of a view.
     fn live_rays() -> (LiveRays, View) {
         let mut spec = ViewSpec::default();
         spec.apply_line("-vp -5 4 2 -vd 1 0 0 -vu 0 0 1 -vh 60").unwrap();
@@ -166,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn every_pixel_gets_as_many_rays_as_any_other_and_no_other_pixel_one() {
+    fn rays_are_spread_evenly_over_the_given_pixels_and_no_others() {
         let (mut live, view) = live_rays();
         let pixels = live.pixels.clone();
         let mut rays_of: HashMap<u32, u64> = HashMap::new();
@@ -199,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn no_more_is_under_way_than_the_server_takes_and_every_ray_counts_once() {
+    fn rays_under_way_are_limited_and_every_ray_counts_once() {
         let (mut live, _) = live_rays();
         let mut under_way = Vec::new();
         loop {
@@ -214,12 +215,12 @@ mod tests {
         assert!(under_way.len() <= most && under_way.len() > most - LEAST_ASKED);
         live.take(&answer(&under_way[..10_000]));
         assert_eq!(live.arrived(), 10_000);
-        // The same answers again, and one that nobody asked for.
+        // The same answers again, and one that was never requested.
         assert!(live.take(&answer(&under_way[..10_000])).is_empty());
         let hit = LiveHit { radiance: [1.0; 3], distance: 1.0 };
         assert!(live.take(&[bulk::LiveSample { number: u64::MAX, hit }]).is_empty());
         assert_eq!(live.arrived(), 10_000);
-        // As many more as have come.
+        // The next request replaces those that have arrived.
         assert_eq!(live.wanted().len(), 10_000 + most - under_way.len());
     }
 

@@ -1,13 +1,13 @@
 //! A session: the connection to a server, the view that is shown, and the driver that draws it.
 //!
-//! A front end calls [`Session::show`], [`Session::wait`] and [`Session::draw`], and never meets a
-//! socket. Messages arrive on a task of their own ([`incoming`]); the session takes them while it
-//! waits.
+//! A front end calls [`Session::show`], [`Session::wait`] and [`Session::draw`], and never uses a
+//! socket. Messages arrive on a task of their own ([`incoming`]); the session processes them while
+//! it waits.
 //!
-//! What always holds:
-//! - Samples reach the driver only for the view that they were asked for.
-//! - A frame drawn at rest depends on what was sent for its view and on nothing earlier, unless the
-//!   driver keeps samples for the whole session.
+//! Invariants:
+//! - The driver receives only samples requested for the current view, and parts of the file.
+//! - A frame drawn at rest depends only on the samples sent for its view, unless the driver keeps
+//!   samples for the whole session.
 
 mod ahead;
 mod connect;
@@ -53,11 +53,12 @@ use incoming::Incoming;
 use pace::Pace;
 use received::Received;
 
-/// How long messages that have arrived are taken after the time for a picture has come. If drawing
-/// the one before took until then, it may be half as long as that took.
+/// Time after a deadline during which messages that have arrived are still processed. If the
+/// deadline had passed before the wait began, the time is at least half the duration of the last
+/// drawing.
 const LATE: Duration = Duration::from_millis(20);
 
-/// How long the server may take to settle: it gives hanging workers up after some seconds.
+/// Longest time that the server may take to settle. It gives up hanging workers after some seconds.
 const SETTLE_TIME: Duration = Duration::from_secs(60);
 
 /// A session with a server.
@@ -65,49 +66,49 @@ pub struct Session {
     welcome: Welcome,
     choice: DriverChoice,
     driver: Box<dyn Driver>,
-    /// The scene, once it is here.
+    /// The scene, once it has arrived.
     scene: Option<Box<LoadedScene>>,
     outbox: Outbox,
     messages: mpsc::Receiver<Incoming>,
-    /// Where searches send what they find.
+    /// Receives the results of searches.
     waker: Waker,
     current: Option<CurrentView>,
-    /// How far the file is loaded.
+    /// Progress of loading the file.
     ahead: Ahead,
-    /// Whether nothing was asked for the current view yet.
+    /// True if nothing has been requested for the current view yet.
     is_unasked: bool,
-    /// Whether the session settles, and loads the whole file for that.
+    /// True while the session settles and loads the whole file for that.
     is_loading_to_settle: bool,
-    /// Number of the last request.
+    /// Number of the latest request.
     request_number: u32,
     pace: Pace,
-    /// How long drawing took the last time.
+    /// Duration of the last drawing.
     drawing: Duration,
-    /// Whether somebody walks, who waits for the session.
+    /// True if a person walks, who waits for the session.
     is_walked: bool,
-    /// Whether the eye moves, so that the current view is soon another.
+    /// True if the eye moves, so that the current view is soon replaced.
     is_moving: bool,
-    /// Whether nothing is traced for this display.
+    /// True if tracing for this display is paused.
     is_paused: bool,
     /// The part of the picture on which tracing concentrates.
     focus: Option<[f64; 4]>,
     status: Option<Status>,
-    /// What the server has not done, and why.
+    /// The server's last refusal, with its reason.
     refusal: Option<String>,
     start: Instant,
     tasks: [tokio::task::JoinHandle<()>; 2],
 }
 
-/// What made a wait end.
+/// Why a wait ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Waited {
-    /// The deadline.
+    /// The deadline has passed.
     TimeUp,
     /// Everything under way has arrived.
     Settled,
-    /// A [`connect::Waker`].
+    /// A [`connect::Waker`] was used.
     Woken,
-    /// The user, who wants to end.
+    /// The user wants to quit.
     Stop,
 }
 
@@ -118,12 +119,12 @@ impl Drop for Session {
 }
 
 impl Session {
-    /// Returns the holodeck's named views, as Radiance's options.
+    /// Returns the holodeck's named views, each as Radiance's options.
     pub fn named_views(&self) -> &[(String, String)] {
         &self.welcome.views
     }
 
-    /// Returns the view that the holodeck begins with: its first named one, or one in the middle of
+    /// Returns the view that the holodeck begins with: its first named view, or the default view of
     /// its first section.
     ///
     /// # Errors
@@ -141,12 +142,12 @@ impl Session {
         })
     }
 
-    /// Returns when the current view was asked for; before the first one, when the session began.
+    /// Returns when the current view was requested; before the first view, when the session began.
     pub fn since(&self) -> Instant {
         self.current.as_ref().map_or(self.start, |current| current.since)
     }
 
-    /// Counts the session's seconds from now.
+    /// Starts counting the session's seconds now.
     pub fn start_clock(&mut self) {
         self.start = Instant::now();
     }
@@ -156,7 +157,7 @@ impl Session {
         self.start
     }
 
-    /// Returns how the server fares, by what it said last.
+    /// Returns the server's last report on its state.
     pub fn status(&self) -> Option<&Status> {
         self.status.as_ref()
     }
@@ -203,7 +204,7 @@ impl Session {
         )
     }
 
-    /// Draws the current view as it is known, and measures the driver's stages.
+    /// Draws the current view with the samples that have arrived, and measures the driver's stages.
     pub fn draw(&mut self) -> (Frame, Vec<StageTime>) {
         let mut stages: Vec<StageTime> = Vec::new();
         let begin = Instant::now();
@@ -224,12 +225,12 @@ impl Session {
         (frame, stages)
     }
 
-    /// Returns whether drawing again would improve the frame without any new sample.
+    /// Returns whether drawing again would improve the frame without any new samples.
     pub fn refines(&self) -> bool {
         self.driver.refines()
     }
 
-    /// Has the driver do all by which the next frame is better, without further samples.
+    /// Lets the driver finish all work that improves the next frame without further samples.
     pub fn finish_view(&mut self) {
         self.driver.settle();
         while self.driver.prepare() {}
@@ -240,10 +241,10 @@ impl Session {
         self.driver.surface_at(column, row)
     }
 
-    /// Takes messages until `deadline`, and asks for what is due meanwhile.
+    /// Processes messages until `deadline`, and meanwhile sends the requests that are due.
     ///
-    /// Messages that have arrived by then are taken, as far as [`LATE`] allows: a server that never
-    /// pauses makes nobody wait.
+    /// Messages that have arrived by then are still processed, but only for [`LATE`], so that a
+    /// server that never pauses does not delay the caller.
     ///
     /// # Errors
     /// If the server ends the session or is lost.
@@ -252,7 +253,7 @@ impl Session {
     }
 
     /// Asks the server to stop tracing, and waits until everything under way has arrived and is
-    /// stored: a replay of the file then draws the same.
+    /// stored. A replay of the file then draws the same picture.
     ///
     /// # Errors
     /// If the server does not settle, or is lost.
@@ -261,14 +262,15 @@ impl Session {
         let loads = self.loads_whole_file() && !self.is_walked;
         let Some(current) = &mut self.current else { return Ok(()) };
         if loads {
-            // Nothing else is to be asked for.
+            // Loading the whole file replaces all other requests.
             current.asked = Asked::All;
             current.asks_later = false;
             current.also.clear();
         }
         let asks_on = std::mem::take(&mut current.asks_later);
         if asks_on || (self.welcome.tracing && !current.also.is_empty()) {
-            // Samples of beams that the view does not cross may have been stored without being sent.
+            // Samples of beams that the view does not cross may have been stored without being
+            // sent.
             self.ask_for_all()?;
         }
         self.ask_to_settle()?;
@@ -292,7 +294,7 @@ impl Session {
             let until = next.map_or(deadline, |next| next.min(deadline));
             let next = match self.messages.try_recv() {
                 Err(mpsc::TryRecvError::Empty) => {
-                    // A search takes the same threads, and brings samples.
+                    // A search uses the same threads and brings samples, so it goes first.
                     let is_searching =
                         self.current.as_ref().is_some_and(|current| current.is_searching);
                     if !is_searching && Instant::now() < until && self.driver.prepare() {
@@ -311,14 +313,14 @@ impl Session {
                 Err(mpsc::RecvTimeoutError::Timeout) if Instant::now() >= deadline => {
                     return Ok(Waited::TimeUp);
                 }
-                // Something else is due.
+                // A request is due before the deadline.
                 Err(mpsc::RecvTimeoutError::Timeout) => {}
                 Err(mpsc::RecvTimeoutError::Disconnected) => bail!("lost the server"),
             }
         }
     }
 
-    /// Takes what has come. Returns why a wait ends, if it does.
+    /// Processes what has arrived. Returns why the wait ends, if it does.
     fn take(&mut self, incoming: Incoming, for_settled: bool) -> Result<Option<Waited>> {
         match incoming {
             Incoming::Message { message: Message::Control(message), .. } => {
@@ -392,7 +394,7 @@ impl Session {
         Ok(None)
     }
 
-    /// Changes to the driver that draws from the scene, which has come late.
+    /// Changes to the driver that draws from the scene, because the scene has arrived late.
     fn change_scene(&mut self, scene: Result<Box<LoadedScene>>) -> Result<()> {
         let scene = match scene {
             Ok(scene) => scene,
@@ -403,7 +405,7 @@ impl Session {
         if self.choice.scene_use() == SceneUse::None { Ok(()) } else { self.make_driver() }
     }
 
-    /// Makes the chosen driver anew, and has it show the current view.
+    /// Creates the chosen driver again, and shows it the current view.
     fn make_driver(&mut self) -> Result<()> {
         self.driver = self.choice.make(self.scene.as_deref());
         self.ahead.restart();

@@ -1,19 +1,19 @@
-//! Tells moving from resting by when views were asked for.
+//! Determines whether the eye moves or rests, from the times between views.
 
 use std::time::{Duration, Instant};
 
 use holo_display::Resolution;
 
-/// A view looked at for longer is at rest. Views that follow each other faster are those of
-/// somebody who moves: frames at full resolution could not follow.
+/// A view that lasts longer is at rest. Views that follow each other faster mean that the eye
+/// moves, and frames at full resolution could not follow.
 pub const AT_REST: Duration = Duration::from_millis(150);
 
-/// When the last view was asked for.
+/// When the last view was requested.
 #[derive(Default)]
 pub struct Pace(Option<Instant>);
 
 impl Pace {
-    /// Returns the resolution for a view that is asked for `now`.
+    /// Returns the resolution for a view that is requested `now`.
     pub fn next(&mut self, now: Instant) -> Resolution {
         let last = self.0.replace(now);
         let is_moving = last.is_some_and(|last| now.saturating_duration_since(last) < AT_REST);

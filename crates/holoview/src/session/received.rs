@@ -1,5 +1,5 @@
-//! Which samples have arrived. A sample that is stored while stored ones are sent may come twice:
-//! from the file and from the tracer.
+//! Records which samples have arrived. A sample that is stored while stored samples are being sent
+//! may arrive twice: from the file and from the worker.
 
 use holo_section::{BeamKey, Run};
 use rustc_hash::FxHashMap;
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_number_is_new_exactly_once() {
+    fn each_sample_number_is_new_exactly_once() {
         let mut received = Received::default();
         let mut model = HashSet::new();
         let mut state = 1u64;

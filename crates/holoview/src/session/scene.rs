@@ -1,5 +1,5 @@
-//! The scene that a session's driver draws from: fetched in pieces while other messages pass, and
-//! prepared on a thread of its own.
+//! The scene that a session's driver draws from. It is fetched in pieces between other messages,
+//! and prepared on a thread of its own.
 //!
 //! Invariant: a blob is used only if its bytes have the announced hash.
 
@@ -23,7 +23,7 @@ pub struct SceneLoader {
     outbox: Outbox,
     scene: SceneInfo,
     receiver: SceneReceiver,
-    /// The packed scene, once it is all there.
+    /// The packed scene, once it has arrived completely.
     packed: Option<Vec<u8>>,
     stand_ins: Option<SceneInfo>,
 }
@@ -36,10 +36,10 @@ pub struct Blobs {
 }
 
 impl SceneLoader {
-    /// Asks the server for its scene; `None` if it has none.
+    /// Requests the scene from the server; `None` if it has no scene.
     ///
     /// # Errors
-    /// If the scene is larger than any scene may be.
+    /// If the scene exceeds the limit on its size.
     pub fn ask(scene: SceneInfo, outbox: &Outbox) -> Result<Option<SceneLoader>> {
         if scene.bytes == 0 {
             return Ok(None);
@@ -50,18 +50,18 @@ impl SceneLoader {
         Ok(Some(SceneLoader { outbox, scene, receiver, packed: None, stand_ins: None }))
     }
 
-    /// Returns how many bytes of the scene are here, and how many it has.
+    /// Returns how many bytes of the scene have arrived, and how many it has.
     pub fn progress(&self) -> (u64, u64) {
         let bytes = if self.packed.is_some() { self.scene.bytes } else { self.receiver.received() };
         (bytes, self.scene.bytes)
     }
 
-    /// Notes that the server has stand-ins for the scene, too.
+    /// Records that the server also has stand-ins for the scene.
     pub fn announce_stand_ins(&mut self, info: SceneInfo) {
         self.stand_ins = Some(info);
     }
 
-    /// Takes a piece; returns the blobs once all pieces are there.
+    /// Adds a piece. Returns the blobs once all pieces have arrived.
     ///
     /// # Errors
     /// If a piece is out of order or too long.

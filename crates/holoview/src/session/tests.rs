@@ -1,4 +1,4 @@
-//! What a session asks a server for.
+//! Tests of a session's requests to the server.
 
 use std::{
     collections::BTreeMap,
@@ -22,7 +22,7 @@ use tokio::{net::TcpListener, time::timeout};
 use super::{Connected, Session};
 use crate::{DenoiseArg, DriverArg, DriverArgs, PointArgs, stage::tests::welcome};
 
-/// The limit of waits in real time. Only a hang reaches it.
+/// Longest wait in a test, in real time. Only a hang reaches it.
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// A cube of side 5 with a section of side 4 in its middle, and its packed scene.
@@ -48,17 +48,17 @@ fn room() -> (Welcome, Vec<u8>) {
     (Welcome { sections: vec![section], scene, tracing: true, samples: 0, ..welcome() }, packed)
 }
 
-/// What a display asked for.
+/// Requests of a display.
 #[derive(Default)]
 struct Requests {
     /// Its views, by number.
     views: BTreeMap<u32, ViewRequest>,
-    /// The first beams of the parts that it loaded, and its last view by then.
+    /// The first beam of each part that it loaded, and the number of its last view by then.
     parts: Vec<(u64, u32)>,
 }
 
-/// Serves a display that finds nothing in the file, which has three parts. Returns what it asked for,
-/// once it has left.
+/// Serves a display that finds no samples in the file, which has three parts. Returns the display's
+/// requests once it has left.
 async fn serve(listener: TcpListener) -> Requests {
     let (room, packed) = room();
     let (mut inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
@@ -97,7 +97,7 @@ async fn connect(address: SocketAddr) -> Connected {
     Connected::new(address, driver, PointArgs::default(), Shutdown::new()).await.unwrap()
 }
 
-/// A view along no axis.
+/// A view that is not parallel to an axis.
 fn view() -> ViewSpec {
     let mut spec = ViewSpec::default();
     spec.apply_line("-vp 2.5 2.5 2.5 -vd 1 .2 .1 -vu 0 0 1 -vh 60").unwrap();
@@ -113,7 +113,7 @@ async fn a_view_is_glanced_at_until_it_is_drawn_and_then_seen_at_every_pixel() {
     let looking = tokio::task::spawn_blocking(move || {
         let mut session = connected.begin(|_| {}).unwrap().unwrap();
         session.show(&view(), (96, 72)).unwrap();
-        // No two pixels beside each other see points at the same distance.
+        // Two neighbouring pixels never see points at the same distance.
         let differing = |session: &mut Session| {
             let depth = session.draw().0.depth;
             depth.windows(2).filter(|pair| pair[0] != pair[1]).count()
@@ -127,7 +127,7 @@ async fn a_view_is_glanced_at_until_it_is_drawn_and_then_seen_at_every_pixel() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_beams_that_end_on_what_is_seen_are_asked_for_by_use_and_then_only_the_view_s_own() {
+async fn beams_that_end_on_visible_surfaces_are_requested_by_use_and_then_only_the_view_s_own() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let serving = tokio::spawn(serve(listener));
@@ -155,7 +155,7 @@ async fn the_beams_that_end_on_what_is_seen_are_asked_for_by_use_and_then_only_t
     let (quick, thorough) = (others(2), others(3));
     assert!((5000..=20_000).contains(&quick.len()), "{}", quick.len());
     assert!(2 * thorough.len() > 3 * quick.len(), "{}", thorough.len());
-    // The thorough search judges the quick one.
+    // The thorough search shows how good the quick one was.
     let mean = |beams: &BTreeMap<BeamKey, f32>| {
         let weights = beams.keys().filter_map(|key| thorough.get(key));
         weights.sum::<f32>() / beams.len() as f32
@@ -170,7 +170,7 @@ async fn the_beams_that_end_on_what_is_seen_are_asked_for_by_use_and_then_only_t
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_file_is_loaded_once_nothing_else_is_to_do_and_then_views_search_for_nothing() {
+async fn an_idle_session_loads_the_whole_file_and_later_views_search_for_nothing() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let serving = tokio::spawn(serve(listener));
@@ -194,7 +194,7 @@ async fn the_file_is_loaded_once_nothing_else_is_to_do_and_then_views_search_for
     });
     timeout(LIMIT, looking).await.unwrap().unwrap();
     let Requests { views, parts } = timeout(LIMIT, serving).await.unwrap().unwrap();
-    // Two searches, and the view's own beams again; then the file; then another view.
+    // Two searches, the view's own beams again, the file, and then another view.
     assert_eq!(parts, [(0, 4), (1, 4), (2, 4)]);
     assert_eq!(views.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
 }

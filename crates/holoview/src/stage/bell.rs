@@ -13,7 +13,7 @@ pub struct Bell {
 }
 
 impl Bell {
-    /// Ends the wait, or the next one if nobody waits.
+    /// Ends the wait, or the next one if no thread waits.
     pub fn ring(&self) {
         *self.has_rung.lock().unwrap_or_else(PoisonError::into_inner) = true;
         self.changed.notify_one();

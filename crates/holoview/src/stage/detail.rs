@@ -1,16 +1,17 @@
-//! How many pixels a frame gets while the eye moves: as many as the time allows, by what earlier
-//! frames took.
+//! Chooses how many pixels a frame has while the eye moves: as many as earlier frames show to be
+//! possible in the time.
 
-/// Time for a frame of the driver while the eye moves, seconds. Earlier ones are shown meanwhile.
+/// Time for one frame of the driver while the eye moves, seconds. Earlier frames are shown
+/// meanwhile.
 const FRAME_SECONDS: f64 = 0.060;
 
-/// Least share of each side of the picture.
+/// Smallest size of a moving frame, as a share of each side of the picture.
 const LEAST: f64 = 0.5;
 
-/// Shares are multiples of this, so that the size does not change with every frame.
+/// Shares change in steps of this, so that the size does not change with every frame.
 const STEP: f64 = 0.1;
 
-/// Weight of the last frame in the mean time of a pixel.
+/// Weight of the last frame in the running mean of the time per pixel.
 const NEWEST: f64 = 0.25;
 
 /// Chooses the size of frames while the eye moves.
@@ -21,19 +22,19 @@ pub struct Detail {
 
 impl Default for Detail {
     fn default() -> Detail {
-        // Before anything is measured: half of each side.
+        // Before any measurement, half of each side.
         Detail { seconds_per_pixel: 0.0, share: 0.5 }
     }
 }
 
 impl Detail {
-    /// Returns the size of the next frame of a picture that has `full` at rest.
+    /// Returns the size of the next frame for a picture of size `full` at rest.
     pub fn size(&self, full: (u32, u32)) -> (u32, u32) {
         let side = |side: u32| ((f64::from(side) * self.share).round() as u32).max(1);
         (side(full.0), side(full.1))
     }
 
-    /// Notes how long a frame of `size` took while the eye moved.
+    /// Records how long a frame of `size` took while the eye moved.
     pub fn note(&mut self, size: (u32, u32), full: (u32, u32), seconds: f64) {
         let pixels = |size: (u32, u32)| f64::from(size.0) * f64::from(size.1);
         let newest = seconds / pixels(size).max(1.0);
@@ -44,7 +45,7 @@ impl Detail {
         };
         let affordable = FRAME_SECONDS / self.seconds_per_pixel.max(1e-12);
         let share = (affordable / pixels(full).max(1.0)).sqrt();
-        // Within a step of what it is, it stays.
+        // Smaller changes than a step are ignored.
         if (share - self.share).abs() > STEP {
             self.share = ((share / STEP).floor() * STEP).clamp(LEAST, 1.0);
         }
@@ -57,7 +58,7 @@ mod tests {
 
     const FULL: (u32, u32) = (1280, 720);
 
-    /// The size that a machine of so many pixels per second ends at.
+    /// Returns the size that settles on a machine that draws this many pixels per second.
     fn settled(pixels_per_second: f64) -> (u32, u32) {
         let mut detail = Detail::default();
         for _ in 0..100 {

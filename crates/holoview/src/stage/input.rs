@@ -1,4 +1,4 @@
-//! What people do, and its way to the stage.
+//! Inputs of people, and the queue to the stage.
 
 use std::{
     path::PathBuf,
@@ -12,15 +12,17 @@ use holo_walk::Controls;
 
 use crate::args::DriverArg;
 
-/// Inputs that may wait. The stage takes all of them with every frame, so more is a flood.
+/// Most inputs that wait. The stage processes all of them with every frame, so more can only be a
+/// flood.
 const MOST_WAITING: usize = 4096;
 
-/// Something that a person did.
+/// An action of a person.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Input {
-    /// What is held down from now on.
+    /// The controls that are held down from now on.
     Hold(Controls),
-    /// Where the cursor is: shares of the picture from its left and from its top. `None`: outside.
+    /// Where the cursor is: shares of the picture from its left and from its top. `None` if it is
+    /// outside.
     Cursor(Option<(f64, f64)>),
     /// Turn in place: radians to the right and upwards.
     Turn(f64, f64),
@@ -31,44 +33,44 @@ pub enum Input {
     /// Move the picture: shares of it to the right and upwards, at the distance of the point under
     /// the cursor.
     Slide(f64, f64),
-    /// Go to a view. What it does not say stays.
+    /// Go to a view. Options that are not given keep their values.
     View(Box<ViewSpec>),
     /// Go to a place, and keep the direction.
     GoTo(DVec3),
-    /// Go to where one began.
+    /// Go to the first view.
     Home,
-    /// Go to the view before.
+    /// Go to the previous view.
     Back,
-    /// Go to the view that one came back from.
+    /// Undo [`Back`](Self::Back).
     Forward,
     /// Lock the eye's height, or unlock it.
     LockHeight(bool),
     /// Pause tracing, or resume it.
     Pause(bool),
-    /// End the worker processes, and start no others.
+    /// End the worker processes, and do not start others.
     KillWorkers,
     /// Start the worker processes again.
     RestartWorkers,
-    /// Forget all samples. The first time, the stage asks ([`State::question`](super::State)); the
-    /// second one is the answer.
+    /// Forget all samples. The first time, the stage asks for confirmation
+    /// ([`State::question`](super::State)); the second time confirms.
     StartOver,
-    /// Not to do what the stage asked about.
+    /// Answer the stage's question with no.
     Cancel,
     /// Draw with another driver.
     Driver(DriverArg),
-    /// Go to a view that the holodeck knows.
+    /// Go to a named view of the holodeck.
     Recall(Named),
-    /// Keep the current view in the holodeck by this name.
+    /// Store the current view in the holodeck under this name.
     Keep(String),
     /// Remove a named view from the holodeck.
     Forget(String),
-    /// Write a picture of the current view to a file, of this size if one is given. Its shape is
-    /// the view's.
+    /// Write a picture of the current view to a file, of this size if one is given. The picture has
+    /// the view's proportions.
     Picture(PathBuf, Option<(u32, u32)>),
-    /// Draw the current view in a picture of at most this size, for whoever waits for it.
+    /// Draw the current view in a picture of at most this size, and pass it to the reply.
     Render((u32, u32), Reply),
-    /// Trace a part of the picture first: shares of it from its left and top to its right and
-    /// bottom. `None`: all of it alike.
+    /// Trace a part of the picture first: left, top, right and bottom, in shares of the picture.
+    /// `None` for the whole picture.
     Focus(Option<[f64; 4]>),
     /// Width and height of the picture, pixels.
     Size(u32, u32),
@@ -76,17 +78,17 @@ pub enum Input {
     Quit,
 }
 
-/// Takes a picture that somebody asked for.
+/// Receives a picture that was requested.
 #[derive(Clone)]
 pub struct Reply(Arc<dyn Fn(Arc<Frame>) + Send + Sync>);
 
 impl Reply {
-    /// Has `take` called with the picture.
+    /// Returns a reply that calls `take` with the picture.
     pub fn new(take: impl Fn(Arc<Frame>) + Send + Sync + 'static) -> Reply {
         Reply(Arc::new(take))
     }
 
-    /// Gives the picture.
+    /// Passes the picture on.
     pub fn give(&self, frame: Arc<Frame>) {
         (self.0)(frame);
     }
@@ -104,7 +106,7 @@ impl PartialEq for Reply {
     }
 }
 
-/// A view that the holodeck knows.
+/// A reference to a named view of the holodeck.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Named {
     /// By its number in the list, from 1.
@@ -113,16 +115,16 @@ pub enum Named {
     Name(String),
 }
 
-/// An input with its sender and its number there.
+/// An input with its sender and the sender's number for it.
 #[derive(Clone, Debug)]
 pub struct Numbered {
-    /// The front end's number of who sent it, and that one's number of the input.
+    /// The sender, as numbered by the front end, and the sender's number for the input.
     pub from: (u32, u64),
-    /// What it is.
+    /// The input.
     pub input: Input,
 }
 
-/// Takes inputs for a stage.
+/// Sends inputs to a stage.
 #[derive(Clone)]
 pub struct Inputs {
     sender: mpsc::SyncSender<Numbered>,
@@ -130,7 +132,7 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Returns the two ends of the way. `wake` is called after every input.
+    /// Returns the two ends of the queue. `wake` is called after every input.
     pub fn new(wake: Arc<dyn Fn() + Send + Sync>) -> (Inputs, mpsc::Receiver<Numbered>) {
         let (sender, receiver) = mpsc::sync_channel(MOST_WAITING);
         (Inputs { sender, wake }, receiver)

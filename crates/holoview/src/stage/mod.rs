@@ -1,14 +1,14 @@
-//! The stage: moves the eye of a session, for front ends that people use.
+//! The stage: moves the eye of a session, for front ends with a person.
 //!
-//! Front ends send inputs and take frames; they meet neither the session nor each other.
+//! Front ends send inputs and receive frames. They see neither the session nor each other.
 //!
-//! Two threads share the work. The hand takes inputs, and shows what is known from where the eye is.
-//! The painter owns the session and draws.
+//! Two threads share the work. The hand receives inputs, and shows what is known from where the eye
+//! is. The painter owns the session and draws.
 //!
-//! What always holds:
-//! - An input waits for no server, no disk, no driver and no front end.
-//! - Front ends take frames from a place that holds the latest one. Whoever is slow misses some.
-//! - With nothing new, nothing is drawn.
+//! Invariants:
+//! - An input never waits for a server, a disk, a driver or a front end.
+//! - Front ends read the latest frame from a shared place. Slow front ends miss some frames.
+//! - Nothing is drawn unless something is new.
 //! - A frame names the last input that it shows.
 
 mod bell;
@@ -50,7 +50,7 @@ pub struct Wishes {
     pub view: crate::ViewArgs,
     /// The file that the walk is recorded in, as a script.
     pub record: Option<std::path::PathBuf>,
-    /// Whoever has started server and workers, if it takes orders.
+    /// The crew that started server and workers, if it takes orders.
     pub crew: Option<Crew>,
 }
 
@@ -61,7 +61,7 @@ pub struct Front {
     pub inputs: Inputs,
     /// The latest frame.
     pub frames: Arc<watch::Sender<Option<Arc<Shown>>>>,
-    /// How things are.
+    /// The state.
     pub state: Arc<watch::Sender<Arc<State>>>,
 }
 
@@ -74,7 +74,7 @@ pub struct Stage {
     front: Front,
 }
 
-/// Returns a stage, and what front ends need of it.
+/// Returns a stage and a front end's access to it.
 pub fn stage(connected: Connected, wishes: Wishes) -> (Stage, Front) {
     let bell = Arc::<Bell>::default();
     let ringing = Arc::clone(&bell);
@@ -84,10 +84,10 @@ pub fn stage(connected: Connected, wishes: Wishes) -> (Stage, Front) {
 }
 
 impl Stage {
-    /// Runs until somebody quits. Blocks: to be called on a thread of its own.
+    /// Runs until the user quits. Blocks, so call it on a thread of its own.
     ///
     /// # Errors
-    /// If the server is lost, or there is no view to begin with. Front ends are told as well.
+    /// If the server is lost, or there is no first view. Front ends receive the reason too.
     pub fn run(self) -> Result<()> {
         let state = Arc::clone(&self.front.state);
         let ended = self.play();
@@ -127,7 +127,8 @@ impl Stage {
                     loading("starting over");
                     Some(again.connect(crew.start_over()?)?)
                 }
-                // A server that this program has started ends with it; others may come back.
+                // A server started by this program ends with the session; any other server may come
+                // back.
                 (Err(error), None, None) if is_lost(&error) => {
                     loading("lost the server; trying to reach it again");
                     again.reach(loading)?
@@ -146,14 +147,15 @@ impl Stage {
     }
 }
 
-/// Returns whether a session has ended because its server is gone without a word.
+/// Returns whether a session has ended because the connection broke without a message from the
+/// server.
 fn is_lost(error: &anyhow::Error) -> bool {
     let error = error.downcast_ref::<NetError>();
     error
         .is_some_and(|error| matches!(error, NetError::Closed | NetError::Silent | NetError::Io(_)))
 }
 
-/// Returns what does not change while a session lasts.
+/// Returns the part of the state that is constant during a session.
 fn facts(session: &Session) -> State {
     State {
         phase: Phase::Running,

@@ -1,8 +1,7 @@
-//! The painter: a thread that owns the session and draws frames of the views that are wanted.
+//! The painter: a thread that owns the session and draws frames of the requested views.
 //!
-//! Whatever takes long happens here: searching for beams, placing samples, drawing. The hand
-//! ([`super::hand`]) writes what it wants on a desk and takes frames from it. Neither waits for the
-//! other.
+//! All slow work happens here: searching for beams, placing samples, drawing. The hand
+//! ([`super::hand`]) puts requests on a desk and takes frames from it. Neither waits for the other.
 
 use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -23,86 +22,86 @@ use crate::{
 /// Least time between two frames of a view at rest.
 const REDRAW: Duration = Duration::from_millis(100);
 
-/// Longest time between two frames of a view at rest for which samples come.
+/// Longest time between two frames of a view at rest while samples arrive.
 const LATEST_REDRAW: Duration = Duration::from_secs(2);
 
-/// Pause between frames at rest, as a share of the time since the eye moved. The longer one looks,
-/// the less a moment's samples change.
+/// Pause between frames at rest, as a share of the time since the eye moved. The longer the eye
+/// rests, the less new samples change the picture.
 const REDRAW_SHARE: f64 = 0.1;
 
-/// Frames at rest take at most one part in so many of the time: the rest is for tracing.
+/// Drawing frames at rest takes at most 1/`DRAWING_PART` of the time; the rest is for tracing.
 const DRAWING_PART: u32 = 4;
 
-/// How long a picture that somebody asked for waits for what is stored.
+/// Time that a requested picture waits for stored samples.
 const RENDER_PATIENCE: Duration = Duration::from_secs(3);
 
-/// A picture at rest is drawn anew at once when it has so many times the samples that it shows.
+/// A picture at rest is drawn again at once when this many times as many samples have arrived.
 const MANY_MORE: u64 = 2;
 
-/// Samples of a pixel below which a picture at rest is a sketch. A sketch has fewer pixels, because
-/// so little light needs no more.
+/// A picture at rest with fewer samples per pixel is a sketch. A sketch has fewer pixels, because
+/// they suffice for so few samples.
 const SKETCHY: f64 = 0.15;
 
-/// Time at rest after which a picture has all its pixels, however little is known.
+/// Time at rest after which a picture has all its pixels, however few samples there are.
 const SKETCHING: Duration = Duration::from_secs(2);
 
-/// How often the painter looks for news of the server while it rests.
+/// Interval at which the painter checks for news from the server while it rests.
 const NEWS: Duration = Duration::from_millis(100);
 
-/// The view that is wanted.
+/// A view that the hand requests.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wanted {
     /// The view; [`View::resolve`](holo_picture::View) has accepted it.
     pub spec: ViewSpec,
-    /// Pixels at the most.
+    /// Most columns and rows.
     pub size: (u32, u32),
-    /// Whether it is soon left.
+    /// True if the eye moves, so that another view follows soon.
     pub is_moving: bool,
-    /// How often the eye has gone somewhere without walking there.
+    /// Number of jumps of the eye so far.
     pub jumps: u64,
-    /// The part of the picture that is traced first: shares from its left and top to its right and
-    /// bottom.
+    /// The part of the picture that is traced first: left, top, right and bottom, in shares of the
+    /// picture.
     pub focus: Option<[f64; 4]>,
 }
 
-/// Something besides views that the session does.
+/// An order to the session, besides views.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Order {
     /// Pauses tracing, or resumes it.
     Pause(bool),
     /// Draws with another driver.
     Driver(DriverArg),
-    /// Keeps a view in the holodeck by name; removes it if it has no options.
+    /// Stores a named view in the holodeck; removes it if the options are empty.
     KeepView(String, String),
-    /// Draws a picture of this view and size for somebody.
+    /// Draws a picture of this view and size for the reply.
     Render(View, (u32, u32), Reply),
-    /// Lets everything under way be stored, and ends.
+    /// Waits until everything under way is stored, and ends.
     Quit,
-    /// Ends: nothing is to stay.
+    /// Ends without waiting, because all samples are to be forgotten.
     Leave,
 }
 
 /// A frame of the driver.
 #[derive(Clone, Debug)]
 pub struct Painted {
-    /// What was wanted.
+    /// The request that it answers.
     pub wanted: Wanted,
     /// Its view.
     pub view: View,
     /// Its frame.
     pub frame: Arc<Frame>,
-    /// How long the session took to look at the view, and the driver to draw it.
+    /// Time that the session took to evaluate the view, and the driver to draw it.
     pub took: [Duration; 2],
-    /// Whether it has fewer pixels than it may have.
+    /// True if it has fewer pixels than requested.
     pub has_few: bool,
 }
 
-/// How the session is.
+/// The session's state.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct News {
-    /// Whether no section covers anything of the wanted view.
+    /// True if no section covers any part of the requested view.
     pub is_uncovered: bool,
-    /// Why the wanted view is not shown otherwise.
+    /// Another reason why the requested view is not shown.
     pub trouble: Option<String>,
     /// The holodeck's named views, with Radiance's options.
     pub views: Arc<Vec<(String, String)>>,
@@ -112,7 +111,7 @@ pub struct News {
     pub samples: u64,
     /// Samples traced per second.
     pub samples_per_second: f64,
-    /// Workers connected, if the server has said.
+    /// Number of connected workers, if the server has reported it.
     pub workers: Option<u32>,
     /// The driver's name.
     pub driver: &'static str,
@@ -120,15 +119,15 @@ pub struct News {
     pub is_paused: bool,
 }
 
-/// What hand and painter share.
+/// State shared by hand and painter.
 #[derive(Default)]
 struct Papers {
     wanted: Option<Wanted>,
     orders: Vec<Order>,
-    /// Whether the painter was woken, and has not looked yet.
+    /// True if the painter was woken and has not looked yet.
     is_woken: bool,
     painted: Option<Painted>,
-    /// Why the last order was not followed.
+    /// Why the last order was refused.
     refusal: Option<String>,
     news: News,
     /// The size of frames while the eye moves.
@@ -142,13 +141,13 @@ pub struct Desk {
     waker: Waker,
 }
 
-/// What the painter has done since the hand last looked.
+/// The painter's results since the hand last looked.
 pub struct Done {
     /// The latest frame.
     pub painted: Option<Painted>,
-    /// Why an order was not followed.
+    /// Why an order was refused.
     pub refusal: Option<String>,
-    /// How the session is.
+    /// The session's state.
     pub news: News,
     /// The size of frames while the eye moves.
     pub moving_size: Option<(u32, u32)>,
@@ -157,7 +156,7 @@ pub struct Done {
 }
 
 impl Desk {
-    /// Says which view is wanted from now on.
+    /// Requests a view.
     pub fn want(&self, wanted: Wanted) {
         let mut papers = lock(&self.papers);
         if papers.wanted.as_ref() != Some(&wanted) {
@@ -179,7 +178,7 @@ impl Desk {
         }
     }
 
-    /// Takes what the painter has done.
+    /// Takes the painter's results.
     pub fn take(&self) -> Done {
         let mut papers = lock(&self.papers);
         Done {
@@ -192,32 +191,32 @@ impl Desk {
     }
 }
 
-/// Draws what is wanted.
+/// Draws the requested views.
 pub struct Painter {
     session: Session,
     papers: Arc<Mutex<Papers>>,
     bell: Arc<Bell>,
     watched: Watched,
     detail: Detail,
-    /// What the session looks at.
+    /// The view that the session currently shows.
     looked: Option<Look>,
-    /// What was drawn last, and whether it could be shown.
+    /// The last request that was drawn, and whether it could be shown.
     drawn: Option<(Wanted, bool)>,
     times: Times,
     /// Samples that had arrived when the last frame was drawn.
     drawn_samples: u64,
-    /// Whether the last picture at rest had fewer pixels than it may have.
+    /// True if the last picture at rest was a sketch, with fewer pixels than requested.
     is_sketch: bool,
     news: News,
 }
 
-/// When things happened last.
+/// Times of the last events.
 struct Times {
-    /// When another view was wanted.
+    /// When another view was requested.
     moved: Instant,
-    /// When the last frame was done.
+    /// When the last frame was ready.
     frame: Instant,
-    /// How long it took.
+    /// Time that it took.
     drawn_in: Duration,
 }
 
@@ -232,7 +231,8 @@ impl Drop for AtEnd {
 }
 
 impl Painter {
-    /// Returns a painter and its desk. It rings `bell` when there is something to take.
+    /// Returns a painter and its desk. The painter rings `bell` when the desk holds something for
+    /// the hand.
     pub fn new(
         session: Session,
         waker: Waker,
@@ -259,7 +259,7 @@ impl Painter {
         (painter, desk)
     }
 
-    /// Draws until it is ordered to quit, then lets everything under way be stored.
+    /// Draws until it is ordered to quit, and then waits until everything under way is stored.
     ///
     /// # Errors
     /// If the server is lost.
@@ -286,7 +286,7 @@ impl Painter {
             {
                 self.paint(wanted)?;
             }
-            self.tell();
+            self.report();
         }
     }
 
@@ -313,7 +313,7 @@ impl Painter {
         Ok(())
     }
 
-    /// Returns whether a frame of the wanted view is due.
+    /// Returns whether a new frame of the requested view is due.
     fn is_due(&mut self, wanted: &Wanted) -> bool {
         match &self.drawn {
             Some((drawn, is_shown)) if drawn == wanted => {
@@ -333,12 +333,12 @@ impl Painter {
         }
     }
 
-    /// Returns whether the last picture had few pixels and it is time for all of them.
+    /// Returns whether the last picture was a sketch and a full picture is due.
     fn is_overdue_sketch(&self) -> bool {
         self.is_sketch && self.times.moved.elapsed() >= SKETCHING
     }
 
-    /// Returns whether so little is known of the view that a picture of fewer pixels shows it all.
+    /// Returns whether there are so few samples of the view that a sketch shows all of them.
     fn is_sketchy(&self, full: (u32, u32)) -> bool {
         let pixels = f64::from(full.0) * f64::from(full.1);
         !self.session.has_whole_file()
@@ -352,7 +352,7 @@ impl Painter {
         self.times.frame + pause.max(self.times.drawn_in * DRAWING_PART)
     }
 
-    /// Returns until when the painter waits for the server, unless the hand wants something.
+    /// Returns when the painter must act next, unless the hand wakes it before.
     fn next_due(&self) -> Instant {
         let now = Instant::now();
         let is_other = lock(&self.papers)
@@ -362,18 +362,19 @@ impl Painter {
         if is_other { now } else { now + NEWS }
     }
 
-    /// Samples that have arrived for the current view.
+    /// Returns the number of samples that have arrived for the current view.
     fn samples(&self) -> u64 {
         let counts = self.session.counts();
         counts.stored + counts.traced + self.session.live_rays()
     }
 
-    /// Samples that have arrived since the view was asked for, whichever view they are for.
+    /// Returns the number of samples that have arrived since the view was requested, including
+    /// parts of the file.
     fn arrived(&self) -> u64 {
         self.samples() + self.session.counts().parts
     }
 
-    /// Draws a frame of the wanted view.
+    /// Draws a frame of the requested view.
     fn paint(&mut self, wanted: Wanted) -> Result<()> {
         let begin = Instant::now();
         let (view, full) = wanted.spec.resolve(wanted.size)?;
@@ -404,7 +405,8 @@ impl Painter {
         self.drawn_samples = self.arrived();
         let (mut frame, _) = self.session.draw();
         if frame.samples_used == 0 {
-            // A guess is no light.
+            // Without any sample, all pixels are guessed, and a guess does not count as known
+            // light.
             frame.empty_pixels = frame.depth.len() as u64;
         }
         let end = Instant::now();
@@ -423,7 +425,7 @@ impl Painter {
         Ok(())
     }
 
-    /// Has the session look at a view. Returns whether it can be shown.
+    /// Shows a view to the session. Returns whether it can be shown.
     fn look(&mut self, look: Look) -> Result<bool> {
         (self.news.is_uncovered, self.news.trouble) = (false, None);
         self.looked = Some(look);
@@ -433,14 +435,14 @@ impl Painter {
         }
     }
 
-    /// Draws a picture for somebody, once what is stored for it has come.
+    /// Draws a requested picture, after the stored samples for it have arrived.
     fn render(&mut self, view: View, size: (u32, u32), reply: &Reply) -> Result<()> {
         self.drawn = None;
         self.session.set_moving(false);
         if self.look(Look { view, size, resolution: Resolution::Full })? {
             let end = Instant::now() + RENDER_PATIENCE;
             while !self.session.has_stored() && Instant::now() < end {
-                // Whoever wakes the painter now waits until the picture is done.
+                // A wake does not end this loop; the hand waits until the picture is ready.
                 self.session.wait(end.min(Instant::now() + NEWS))?;
             }
             self.session.finish_view();
@@ -450,7 +452,7 @@ impl Painter {
         Ok(())
     }
 
-    /// Notes why an order is not followed. Only a lost server is an error.
+    /// Records why an order is refused. Only a lost server is an error.
     fn refuse(&mut self, error: anyhow::Error) -> Result<()> {
         if error.is::<NetError>() {
             return Err(error);
@@ -459,7 +461,7 @@ impl Painter {
         Ok(())
     }
 
-    /// Notes why a view is not shown. Only a lost server is an error.
+    /// Records why a view is not shown. Only a lost server is an error.
     fn note(&mut self, error: anyhow::Error) -> Result<()> {
         if error.is::<NetError>() {
             return Err(error);
@@ -472,8 +474,8 @@ impl Painter {
         Ok(())
     }
 
-    /// Says how the session is.
-    fn tell(&mut self) {
+    /// Reports the session's state to the hand.
+    fn report(&mut self) {
         let status = self.session.status().copied();
         if let Some(refusal) = self.session.take_refusal() {
             lock(&self.papers).refusal = Some(refusal);
@@ -497,6 +499,6 @@ impl Painter {
 }
 
 fn lock(papers: &Mutex<Papers>) -> MutexGuard<'_, Papers> {
-    // What it protects is whole between any two of its changes.
+    // Every change leaves the value consistent, so a panic elsewhere does no harm.
     papers.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,4 +1,4 @@
-//! A walk recorded as a script.
+//! Records a walk as a script.
 
 use std::{
     fs::File,
@@ -10,7 +10,7 @@ use std::{
 use anyhow::{Context, Result};
 use holo_picture::ViewSpec;
 
-/// Least time between two recorded views: a script that shows them again has to draw each.
+/// Least time between two recorded views. A replay of the script has to draw each view.
 const EVERY: Duration = Duration::from_millis(100);
 
 /// Writes shown views as a script's lines.
@@ -20,7 +20,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// Creates the script. Views follow as they are shown.
+    /// Creates the script file. Views are added as they are shown.
     ///
     /// # Errors
     /// If the file cannot be created.
@@ -29,7 +29,7 @@ impl Record {
         Ok(Record { file, last: None })
     }
 
-    /// Notes that `view` is shown since `now`. Writes it if the eye rests or enough time has
+    /// Records that `view` is shown since `now`. Writes it if the eye rests or enough time has
     /// passed.
     ///
     /// # Errors
@@ -48,7 +48,7 @@ impl Record {
         Ok(())
     }
 
-    /// Writes the end.
+    /// Writes the last line, `quit`.
     ///
     /// # Errors
     /// If the file cannot be written.

@@ -1,4 +1,4 @@
-//! What a stage publishes: frames, and how things are.
+//! What a stage publishes: frames and its state.
 
 use std::{sync::Arc, time::Instant};
 
@@ -9,36 +9,36 @@ use tokio::sync::watch;
 
 use super::Front;
 
-/// A frame, and what it shows.
+/// A published frame with its view.
 #[derive(Debug)]
 pub struct Shown {
-    /// Its number: later frames have larger ones.
+    /// Its number. Numbers increase.
     pub number: u64,
-    /// Who sent the last input that it shows, and that one's number of it.
+    /// The last input that it shows: the sender, and the sender's number for the input.
     pub input: (u32, u64),
     /// The view.
     pub view: View,
     /// The view in Radiance's options.
     pub options: String,
-    /// Radiance and depth; fewer pixels than asked for while moving.
+    /// Radiance and depth. While the eye moves, the frame has fewer pixels.
     pub frame: Arc<Frame>,
-    /// Whether the eye rests, so that the frame has every pixel.
+    /// True if the eye rests and the frame has all its pixels.
     pub is_at_rest: bool,
-    /// How long the session took to look at the view, and the driver to draw it, seconds. While the
-    /// eye moves, how long it took to show earlier frames from here, and 0.
+    /// Time that the session took to evaluate the view, and the driver to draw it, seconds. While
+    /// the eye moves, the time to project earlier frames, and 0.
     pub took: [f64; 2],
-    /// When it was done.
+    /// When it was ready.
     pub done: Instant,
 }
 
 impl Shown {
-    /// Returns radiance and distance at shares of the picture from its left and from its top.
+    /// Returns radiance and distance at a place in the picture, in shares from its left and top.
     pub fn radiance_at(&self, x: f64, y: f64) -> Option<([f32; 3], f32)> {
         let at = self.pixel_at(x, y)?;
         Some((*self.frame.picture.pixels.get(at)?, *self.frame.depth.get(at)?))
     }
 
-    /// Returns how exact that is, if the driver says.
+    /// Returns the certainty at that place, if the driver knows it.
     pub fn certainty_at(&self, x: f64, y: f64) -> Option<Certainty> {
         self.frame.certainty.get(self.pixel_at(x, y)?).copied()
     }
@@ -50,45 +50,45 @@ impl Shown {
     }
 }
 
-/// How a stage is.
+/// The phase of a stage.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Phase {
-    /// It waits for the server or the scene: what for.
+    /// It waits for the server.
     #[default]
     Connecting,
-    /// As [`Connecting`](Self::Connecting), with a word about it.
+    /// It waits for the server or the scene, with a text about progress.
     Loading(String),
     /// It shows views.
     Running,
-    /// It has ended: why.
+    /// It has ended, for this reason.
     Ended(String),
 }
 
-/// How things are, besides the frame.
+/// The state of a stage, besides the frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct State {
-    /// What the stage does.
+    /// The phase.
     pub phase: Phase,
-    /// Whether no section covers anything of the view that one went to.
+    /// True if no section covers any part of the requested view.
     pub is_uncovered: bool,
-    /// Why that view is not shown otherwise, or is none.
+    /// Another reason why that view is not shown.
     pub trouble: Option<String>,
-    /// What somebody has to confirm by doing it once more.
+    /// A question that the user confirms by repeating the input.
     pub question: Option<String>,
-    /// Whether this program has started server and workers, and can end them.
+    /// True if this program started server and workers and can end them.
     pub has_crew: bool,
     /// The current view in Radiance's options, even if it cannot be shown.
     pub options: String,
     /// Eye, direction and up of that view.
     pub pose: [[f64; 3]; 3],
-    /// Whether the eye's height is locked.
+    /// True if the eye's height is locked.
     pub height_is_locked: bool,
-    /// The part of the picture that is traced first: shares from its left and top to its right and
-    /// bottom.
+    /// The part of the picture that is traced first: left, top, right and bottom, in shares of the
+    /// picture.
     pub focus: Option<[f64; 4]>,
-    /// Whether tracing is paused.
+    /// True if tracing is paused.
     pub is_paused: bool,
-    /// Whether the server traces, or only shows what is stored.
+    /// True if the server traces; false if it only shows what is stored.
     pub traces: bool,
     /// Samples that have arrived for the current view.
     pub view_samples: u64,
@@ -96,7 +96,7 @@ pub struct State {
     pub samples: u64,
     /// Samples traced per second.
     pub samples_per_second: f64,
-    /// Workers connected, if the server has said.
+    /// Number of connected workers, if the server has reported it.
     pub workers: Option<u32>,
     /// The driver's name.
     pub driver: &'static str,
@@ -108,12 +108,12 @@ pub struct State {
     pub up: [f64; 3],
 }
 
-/// Knows whether anybody takes frames.
+/// Knows whether any front end receives frames.
 #[derive(Clone)]
 pub struct Watched(pub Arc<watch::Sender<Option<Arc<Shown>>>>);
 
 impl Watched {
-    /// Returns whether anybody takes frames.
+    /// Returns whether any front end receives frames.
     pub fn is_watched(&self) -> bool {
         self.0.receiver_count() > 0
     }
@@ -131,7 +131,7 @@ impl Publisher {
         Publisher { front, number: 0 }
     }
 
-    /// Publishes how things are, if that has changed.
+    /// Publishes the state, if it has changed.
     pub fn state(&self, state: State) {
         self.front.state.send_if_modified(|before| {
             let is_new = **before != state;

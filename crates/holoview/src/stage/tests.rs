@@ -1,4 +1,4 @@
-//! A stage whose server goes and comes back.
+//! Tests of a stage whose server disconnects and comes back.
 
 use std::time::Duration;
 
@@ -12,10 +12,10 @@ use tokio::{net::TcpListener, time::timeout};
 use super::{Wishes, stage};
 use crate::{DriverArg, DriverArgs, PointArgs, ViewArgs, session::Connected};
 
-/// The limit of waits in real time. Only a hang reaches it.
+/// Longest wait in a test, in real time. Only a hang reaches it.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// A welcome with two sections, from its bytes in the protocol's golden files.
+/// Returns a welcome with two sections, decoded from the protocol's golden files.
 pub(crate) fn welcome() -> Welcome {
     let text = include_str!("../../../../proto/golden/control-welcome.hex");
     let digits = text.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
@@ -30,7 +30,7 @@ pub(crate) fn welcome() -> Welcome {
     }
 }
 
-/// Takes a display, and waits until it asks for a view.
+/// Accepts a display, and waits until it requests a view.
 async fn serve(listener: &TcpListener) -> (Inbox, Outbox) {
     let stream = timeout(LIMIT, listener.accept()).await.unwrap().unwrap().0;
     let (mut inbox, outbox, hello) = accept(stream).await.unwrap();
@@ -55,7 +55,7 @@ async fn a_lost_server_is_reached_again_and_asked_for_the_view() {
         tokio::task::spawn_blocking(move || stage.run()).await.unwrap()
     });
     for _ in 0..2 {
-        // It goes without a word, as one that was killed.
+        // The server closes the connection without a message, as if it had been killed.
         drop(serve(&listener).await);
     }
     shutdown.trigger();

@@ -1,24 +1,26 @@
-//! Shows earlier frames from where the eye is now: each pixel goes where its surface is seen.
+//! Projects earlier frames to the current position of the eye: each pixel moves to where its
+//! surface is seen from there.
 //!
-//! A driver takes longer to draw than a hand may wait. Between two of its frames, whoever walks sees
-//! such pictures. The render cache (Walter, Drettakis & Parker 1999) projects points the same way.
-//! What neither of two earlier frames saw is filled from the farther side beside it.
+//! A driver takes longer to draw than a person should wait. Between two of its frames, a person who
+//! walks sees such pictures. The render cache (Walter, Drettakis & Parker 1999) projects points the
+//! same way. Gaps that neither of two earlier frames fills take the farther of the surfaces beside
+//! them.
 //!
-//! What always holds:
-//! - Where a surface of an earlier frame hides another one, the nearer is shown.
-//! - A pixel of which a source knows something never turns black.
+//! Invariants:
+//! - Where two surfaces of an earlier frame overlap, the nearer one is shown.
+//! - A pixel that some source fills never turns black.
 
 use glam::{DVec3, Vec3};
 use holo_display::{Camera, Frame};
 use holo_picture::{View, ViewKind};
 
-/// A surface that is farther than another one by this factor lies behind it.
+/// A surface lies behind another one if it is farther by this factor.
 const BEHIND: f32 = 1.02;
 
-/// Share of pixels that may be missing before an older frame is looked at as well.
+/// Share of pixels that may be missing before an older frame is used too.
 const FEW: f64 = 0.002;
 
-/// A frame, and the view that it is of.
+/// A frame with its view.
 #[derive(Clone, Copy)]
 pub struct Source<'a> {
     /// The view.
@@ -27,10 +29,10 @@ pub struct Source<'a> {
     pub frame: &'a Frame,
 }
 
-/// Stands for no source pixel.
+/// Marks a pixel without a source.
 const NONE: u32 = u32::MAX;
 
-/// A pixel of the picture to be: the source and its pixel that it shows.
+/// A pixel of the new picture, with the source pixel that it shows.
 #[derive(Clone, Copy)]
 struct Target {
     depth: f32,
@@ -42,16 +44,16 @@ struct Target {
 
 const EMPTY: Target = Target { depth: f32::INFINITY, pixel: NONE, source: 0 };
 
-/// Returns whether frames of a view can be shown from elsewhere: of a perspective that shows the
-/// same part of the picture plane.
+/// Returns whether frames of `source` can be projected to `view`: both must be perspective views
+/// without clipping.
 pub fn can_show(source: &View, view: &View) -> bool {
     let is_perspective = |view: &View| view.kind == ViewKind::Perspective && !view.is_clipped();
     is_perspective(source) && is_perspective(view)
 }
 
-/// Returns what `view` shows of earlier frames, in a picture of `size` pixels; `None` if they saw
-/// nothing of it. The first source is preferred to the second one, and its counts of pixels hold for
-/// the result as well.
+/// Projects earlier frames to `view`, in a picture of `size` pixels. Returns `None` if they contain
+/// nothing of it. Earlier sources take precedence. The numbers of empty and uncovered pixels are
+/// those of the first source, scaled to `size`.
 pub fn warp(sources: &[Source<'_>], view: &View, size: (u32, u32)) -> Option<Frame> {
     let mut frame = Frame::black(size);
     let mut targets = vec![EMPTY; frame.depth.len()];
@@ -71,7 +73,7 @@ pub fn warp(sources: &[Source<'_>], view: &View, size: (u32, u32)) -> Option<Fra
             && target.pixel != NONE
         {
             *pixel = source.frame.picture.pixels[target.pixel as usize];
-            // Where nothing is known, its depth says so.
+            // A depth of 0 or less marks unknown light, and is kept.
             let known = source.frame.depth[target.pixel as usize];
             *depth = if known > 0.0 { target.depth } else { known };
         }
@@ -87,7 +89,7 @@ pub fn warp(sources: &[Source<'_>], view: &View, size: (u32, u32)) -> Option<Fra
     Some(frame)
 }
 
-/// Puts the pixels of a source where `view` sees them, where no other source did.
+/// Projects the pixels of a source into `view`, where no earlier source has filled a pixel.
 fn project(
     source: &Source<'_>,
     number: u32,
@@ -97,14 +99,14 @@ fn project(
 ) {
     let own = source.frame.picture.size();
     let (from, to) = (Camera::new(source.view, own), Camera::new(view, size));
-    // Along a source's row and column, in the camera of `view`.
+    // Steps along a source's row and column, in the camera of `view`.
     let turned = |vector: DVec3| to.to_camera(vector).as_vec3();
     let (right, up, forward) = (turned(from.right), turned(from.up), turned(from.forward));
     let origin = turned(from.eye - to.eye);
     let focal = (to.focal.0 as f32, to.focal.1 as f32);
     let centre = (to.centre.0 as f32, to.centre.1 as f32);
     let (width, height) = (size.0 as usize, size.1 as usize);
-    // Of a finer source some columns and rows suffice.
+    // If the source is finer than the picture, some of its columns and rows suffice.
     let step = |own: u32, size: u32| ((own + size / 4) / size.max(1)).max(1) as usize;
     let (across, down) = (step(own.0, size.0), step(own.1, size.1));
     let is_taken: Vec<bool> = if number == 0 {
@@ -119,7 +121,7 @@ fn project(
         for (column, &distance) in depths.iter().enumerate().skip(across / 2).step_by(across) {
             let x = (column as f32 + 0.5 - from.centre.0 as f32) / from.focal.0 as f32;
             let towards: Vec3 = start + x * right;
-            // Nothing known: as far as nothing hit.
+            // Pixels without a known distance move as if they were infinitely far.
             let is_known = distance > 0.0 && distance.is_finite();
             let (place, depth) = if is_known {
                 let place = origin + towards * (distance / towards.length());
@@ -147,8 +149,8 @@ fn project(
     }
 }
 
-/// Fills pixels that nothing was projected to, from the farther side beside them in their row. Rows
-/// without anything take what the nearest row has. Returns false if all rows hold nothing.
+/// Fills empty pixels from the farther of their neighbours in the row. Rows without any pixel copy
+/// the nearest row that has some. Returns false if all rows are empty.
 fn fill(targets: &mut [Target], (width, height): (u32, u32)) -> bool {
     let width = width as usize;
     let mut empty_rows = Vec::new();
@@ -172,7 +174,7 @@ fn fill(targets: &mut [Target], (width, height): (u32, u32)) -> bool {
     true
 }
 
-/// Fills a row's gaps. Returns false if it holds nothing at all.
+/// Fills a row's gaps. Returns false if the row is empty.
 fn fill_row(row: &mut [Target]) -> bool {
     let mut at = 0;
     while at < row.len() {
@@ -183,7 +185,7 @@ fn fill_row(row: &mut [Target]) -> bool {
         let end = (at..row.len()).find(|&next| row[next].pixel != NONE).unwrap_or(row.len());
         let left = at.checked_sub(1).map(|left| row[left]);
         let filling = match (left, row.get(end).copied()) {
-            // A surface that goes on: each half from its own side.
+            // Both sides belong to one surface, so each half continues its own side.
             (Some(left), Some(right)) if is_one(left.depth, right.depth) => {
                 let middle = at + (end - at) / 2;
                 row[at..middle].fill(left);
@@ -212,7 +214,7 @@ mod tests {
 
     const SIZE: (u32, u32) = (160, 90);
 
-    /// A wall at y = 4 whose radiance is a function of the place, and a near board before it.
+    /// Draws a wall at y = 4 whose radiance depends on the place, and a near board before it.
     fn scene(view: &View, size: (u32, u32)) -> Frame {
         let mut frame = Frame::black(size);
         for row in 0..size.1 {
@@ -241,7 +243,7 @@ mod tests {
         View::new(DVec3::new(x, 0.0, 0.0), direction, DVec3::Z, Some(60.0), None, SIZE).unwrap()
     }
 
-    /// The share of pixels that differ from the scene as it is seen from `view`.
+    /// Returns the share of pixels that differ from the scene as seen from `view`.
     fn wrong(shown: &Frame, view: &View) -> f64 {
         let truth = scene(view, shown.picture.size());
         let pairs = shown.picture.pixels.iter().zip(&truth.picture.pixels);

@@ -1,4 +1,4 @@
-//! The window's event loop: passes events to the model, and does what that answers.
+//! The window's event loop: passes events to the model, and carries out the model's effects.
 
 use std::{num::NonZeroU32, path::PathBuf, rc::Rc, sync::Arc, time::Instant};
 
@@ -33,12 +33,12 @@ const SENDER: u32 = 1;
 /// Pixels that a touchpad scrolls for one step of a wheel.
 const STEP_PIXELS: f64 = 100.0;
 
-/// A message of another thread to the event loop.
+/// A message from another thread to the event loop.
 #[derive(Debug)]
 pub enum Event {
     /// There is a new frame or state.
     News,
-    /// The session is over; why, if somebody has to know.
+    /// The session is over, with the reason if it failed.
     Over(Option<String>),
     /// A picture was saved, or could not be.
     Saved(Result<PathBuf>),
@@ -46,28 +46,30 @@ pub enum Event {
     Leave,
 }
 
-/// What a window needs.
+/// Everything that a window needs to open.
 pub struct Opening {
     /// The stage.
     pub front: Front,
-    /// Frames as they are seen.
+    /// Frames in display colours.
     pub seen: watch::Receiver<Option<Arc<Seen>>>,
-    /// How they are to look.
+    /// The look of frames.
     pub looks: watch::Sender<Look>,
-    /// Columns and rows to begin with, of a usual screen's pixels.
+    /// First width and height, in pixels of a usual screen.
     pub size: (u32, u32),
-    /// Gets the way to the event loop once the window is open, or why it cannot be.
+    /// Receives access to the event loop once the window is open, or the reason why it cannot be
+    /// opened.
     pub opened: oneshot::Sender<Result<EventLoopProxy<Event>>>,
     /// Called when the window is closed.
     pub closed: Box<dyn FnOnce() + Send>,
 }
 
-/// Shows a window until it is closed. To be called on the main thread: some systems want that.
+/// Shows a window until it is closed. Call it on the main thread, because some systems require
+/// that.
 pub fn show(opening: Opening) {
     let event_loop = match EventLoop::<Event>::with_user_event().build() {
         Ok(event_loop) => event_loop,
         Err(error) => {
-            // Whoever waited for the window may be gone.
+            // The receiver may have gone.
             let _ = opening.opened.send(Err(error.into()));
             return;
         }
@@ -107,7 +109,7 @@ struct App {
     opened: Option<oneshot::Sender<Result<EventLoopProxy<Event>>>>,
     /// Number of the last input.
     number: u64,
-    /// Why the window closes, if it cannot be shown any more.
+    /// Why the window must close, if it can no longer be shown.
     failed: Option<anyhow::Error>,
 }
 
@@ -142,7 +144,7 @@ impl Desk {
         buffer.present().map_err(failed)
     }
 
-    /// Has the mouse move the eye alone, or the cursor again.
+    /// Switches between a mouse that only moves the eye and a visible cursor.
     fn grab(&self, grabs: bool) -> Result<()> {
         self.window.set_cursor_visible(!grabs);
         if !grabs {
@@ -189,7 +191,7 @@ impl App {
         }
     }
 
-    /// Saves the latest frame, beside the event loop.
+    /// Saves the latest frame, on a separate thread.
     fn save(&mut self, kind: saved::Kind) {
         let Some(seen) = self.model.seen.clone() else { return };
         let proxy = self.proxy.clone();
@@ -197,7 +199,7 @@ impl App {
             let saved = std::env::current_dir()
                 .context("finding the current folder")
                 .and_then(|folder| saved::save(&seen, kind, &folder));
-            // The window may be closed by then.
+            // The window may have been closed meanwhile.
             let _ = proxy.send_event(Event::Saved(saved));
         });
     }
@@ -210,9 +212,9 @@ impl App {
 
     fn key(&mut self, event: &KeyEvent) -> Vec<Effect> {
         let PhysicalKey::Code(code) = event.physical_key else { return Vec::new() };
-        // The names are those of the W3C.
+        // Debug output of a key code is its W3C name.
         let name = format!("{code:?}");
-        // Enter and the like write signs that nobody sees.
+        // Enter and similar keys write control characters, which are not text.
         let sign = event.text.as_deref().filter(|text| !text.contains(char::is_control));
         let sign = sign.unwrap_or_default();
         match event.state {
@@ -275,7 +277,7 @@ impl App {
     }
 }
 
-/// Returns whether an input moves the eye at once, so that its latency can be measured.
+/// Returns whether an input moves the eye at once, so that latency can be measured.
 fn moves(input: &Input) -> bool {
     match input {
         Input::Hold(controls) => controls.moves(),
@@ -299,7 +301,7 @@ impl ApplicationHandler<Event> for App {
             event_loop.exit();
         }
         if let Some(sender) = self.opened.take() {
-            // Whoever waited for the window may be gone; then its end is on its way, too.
+            // The receiver may have gone; then the end of this window is on its way too.
             let _ = sender.send(opened);
         }
         self.send(self.model.wanted_size());
@@ -345,7 +347,7 @@ impl ApplicationHandler<Event> for App {
                 self.model.set_modifiers(Modifiers { ctrl: state.control_key(), other });
                 Vec::new()
             }
-            // The system makes up presses of what is held when the window gets the keyboard.
+            // The system repeats presses of held keys when the window gets the focus.
             WindowEvent::KeyboardInput { is_synthetic: true, event, .. }
                 if event.state == ElementState::Pressed =>
             {

@@ -1,6 +1,6 @@
-//! Pixels of a window, and drawing into them.
+//! The pixels of a window, and drawing into them.
 //!
-//! Whatever lies outside the canvas is cut off: callers need not ask.
+//! Everything outside the canvas is clipped, so callers need not check.
 
 use holo_picture::Image;
 use rayon::prelude::*;
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 /// A colour: red, green and blue, sRGB.
 pub type Color = [u8; 3];
 
-/// A place, in pixels from the left and from the top.
+/// A point, in pixels from the left and from the top.
 pub type Point = (f64, f64);
 
 /// A rectangle of pixels.
@@ -25,7 +25,7 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// Returns the largest rectangle of the shape of `inner` in the middle of `outer`.
+    /// Returns the largest rectangle with the proportions of `inner` in the middle of `outer`.
     pub fn fit(inner: (u32, u32), outer: (u32, u32)) -> Rect {
         let [iw, ih, ow, oh] =
             [inner.0, inner.1, outer.0, outer.1].map(|side| f64::from(side.max(1)));
@@ -35,26 +35,26 @@ impl Rect {
         Rect { x: middle(outer.0, width), y: middle(outer.1, height), width, height }
     }
 
-    /// Returns the rectangle without a margin on all sides.
+    /// Returns the rectangle, smaller by a margin on all sides.
     #[must_use]
     pub fn inset(self, by: i32) -> Rect {
         let side = |side: i32| (side - 2 * by).max(0);
         Rect { x: self.x + by, y: self.y + by, width: side(self.width), height: side(self.height) }
     }
 
-    /// Returns whether a place lies in it.
+    /// Returns whether a point lies in it.
     pub fn contains(&self, (x, y): Point) -> bool {
         let (u, v) = self.shares((x, y));
         (0.0..1.0).contains(&u) && (0.0..1.0).contains(&v)
     }
 
-    /// Returns the shares of its sides at which a place lies, from its left and from its top.
+    /// Returns a point's place in the rectangle, in shares of its sides from the left and top.
     pub fn shares(&self, (x, y): Point) -> Point {
         let share = |at: f64, from: i32, side: i32| (at - f64::from(from)) / f64::from(side.max(1));
         (share(x, self.x, self.width), share(y, self.y, self.height))
     }
 
-    /// Returns the place at shares of its sides.
+    /// Returns the point at shares of its sides.
     pub fn at(&self, (u, v): Point) -> Point {
         let at = |share: f64, from: i32, side: i32| f64::from(from) + share * f64::from(side);
         (at(u, self.x, self.width), at(v, self.y, self.height))
@@ -69,7 +69,7 @@ pub struct Canvas<'a> {
 }
 
 impl<'a> Canvas<'a> {
-    /// Returns a canvas over pixels; `None` if there are not as many as `size` says.
+    /// Returns a canvas over pixels; `None` if their number does not match `size`.
     pub fn new(pixels: &'a mut [u32], size: (u32, u32)) -> Option<Canvas<'a>> {
         let (width, height) = (size.0 as usize, size.1 as usize);
         let fits = width > 0 && pixels.len() == width * height;
@@ -81,12 +81,13 @@ impl<'a> Canvas<'a> {
         (self.width as i32, self.height as i32)
     }
 
-    /// Fills all of it.
+    /// Fills the whole canvas.
     pub fn clear(&mut self, color: Color) {
         self.pixels.fill(packed(color));
     }
 
-    /// Shows a picture in a rectangle. A picture of another size is scaled, blending neighbours.
+    /// Shows a picture in a rectangle. A picture of another size is scaled with linear
+    /// interpolation.
     pub fn picture(&mut self, image: &Image, to: Rect) {
         let (width, height) = (image.width as usize, image.height as usize);
         if image.rgb.len() != 3 * width * height || width == 0 || height == 0 {
@@ -126,7 +127,7 @@ impl<'a> Canvas<'a> {
         });
     }
 
-    /// Fills a rectangle, `share` of 1 over what is there.
+    /// Fills a rectangle with a colour of opacity `share`.
     pub fn fill(&mut self, rect: Rect, color: Color, share: f32) {
         let columns = self.columns(rect);
         for row in self.rows(rect) {
@@ -191,7 +192,7 @@ impl<'a> Canvas<'a> {
         self.polygon(&corners, color, 1.0);
     }
 
-    /// Draws a line one pixel wide, without steps.
+    /// Draws an antialiased line one pixel wide.
     pub fn line(&mut self, from: Point, to: Point, color: Color, share: f32) {
         let box_ = (self.width as f64, self.height as f64);
         let Some((from, to)) = cut(from, to, box_) else { return };
@@ -212,7 +213,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Lays a colour over one pixel.
+    /// Blends a colour over one pixel.
     pub fn blend(&mut self, x: i32, y: i32, color: Color, share: f32) {
         let (width, height) = self.size();
         if (0..width).contains(&x) && (0..height).contains(&y) {
@@ -231,7 +232,7 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// Two neighbours in a row of pixels, and the second one's share in 256ths.
+/// Two neighbouring source pixels, and the weight of the second one in 256ths.
 struct Blend {
     first: usize,
     second: usize,
@@ -239,7 +240,7 @@ struct Blend {
 }
 
 impl Blend {
-    /// Returns what the pixel `at` of `to` shows of a row of `from` pixels.
+    /// Returns the blend for pixel `at` of `to`, from a row of `from` pixels.
     fn at(at: i32, to: i32, from: usize) -> Blend {
         let last = from.saturating_sub(1);
         let place = (f64::from(at) + 0.5) * from as f64 / f64::from(to.max(1)) - 0.5;
@@ -265,8 +266,8 @@ fn blended(pixel: u32, color: Color, share: f32) -> u32 {
     mixed(pixel, packed(color), (share * 256.0) as u32)
 }
 
-/// Returns a colour between two, at `share` of 256 from the first. Red and blue are multiplied at
-/// once: a window of a fine screen has millions of pixels.
+/// Blends two colours; `share` of 256 is the weight of the second. Red and blue are multiplied
+/// together, because a window on a fine screen has millions of pixels.
 fn mixed(first: u32, second: u32, share: u32) -> u32 {
     const RED_BLUE: u32 = 0x00ff_00ff;
     const GREEN: u32 = 0x0000_ff00;
@@ -315,7 +316,7 @@ mod tests {
         let to = Rect { x: 1, y: 0, width: 2, height: 2 };
         let pixels = drawn((3, 2), |canvas| canvas.picture(&picture, to));
         assert_eq!(pixels, [0, 0x0001_0203, 0x0004_0506, 0, 0x0007_0809, 0x000a_0b0c]);
-        // Partly outside, the rest stays where it was.
+        // A picture that is partly outside is clipped and not moved.
         let to = Rect { x: -1, y: -1, width: 2, height: 2 };
         let pixels = drawn((2, 1), |canvas| canvas.picture(&picture, to));
         assert_eq!(pixels, [0x000a_0b0c, 0]);

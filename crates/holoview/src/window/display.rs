@@ -1,28 +1,28 @@
-//! How a person wants frames to look.
+//! A person's choices for the look of frames.
 
 use holo_picture::{Exposure, Look, Scale, ScaleError, Scaling, Tone};
 
 use crate::commands::Local;
 
-/// Most stops over or under the automatic or locked exposure.
+/// Most stops above or below the automatic or locked exposure.
 const MOST_STOPS: f32 = 8.0;
 
 /// The stops of one step.
 const STEP: f32 = 0.5;
 
-/// How frames look.
+/// The look of frames, as a person changes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Display {
-    /// Factor from radiance to display light; the exposure is automatic without it.
+    /// Locked factor from radiance to display light; automatic exposure if absent.
     pub locked: Option<f32>,
-    /// Stops brighter than that.
+    /// Stops brighter than that exposure.
     pub stops: f32,
-    /// Everything else.
+    /// The other parts of the look.
     rest: Look,
 }
 
 impl Display {
-    /// Returns a display that begins with a look.
+    /// Returns a display that starts with a look.
     pub fn new(look: Look) -> Display {
         let (locked, stops) = match look.exposure {
             Exposure::Factor(factor) => (Some(factor), 0.0),
@@ -41,8 +41,9 @@ impl Display {
         Look { exposure, ..self.rest }
     }
 
-    /// Does something that is about looks. `exposure` is the factor of the frame on the screen.
-    /// Returns whether it was done, or why it cannot be; `None` if it is about something else.
+    /// Performs an action on the look. `exposure` is the factor of the frame on the screen. Returns
+    /// whether it was done, or why it is impossible; `None` if the action does not concern the
+    /// look.
     pub fn act(&mut self, local: Local, exposure: Option<f32>) -> Option<Result<(), String>> {
         let stops = |stops: f32| stops.clamp(-MOST_STOPS, MOST_STOPS);
         match local {
@@ -91,13 +92,13 @@ impl Display {
         (format!("{locked}{stops}"), tone)
     }
 
-    /// Whether the tone mapping has one factor for all radiance.
+    /// Returns whether the tone mapping has one factor for all radiance.
     fn has_factor(&self) -> bool {
         matches!(self.rest.tone, Tone::Soft | Tone::Linear)
     }
 }
 
-/// Returns a linear scale for a logarithmic one, and a logarithmic one for a linear one.
+/// Switches a scale between linear and logarithmic.
 fn other_scale(scaling: Scaling) -> Result<Scaling, ScaleError> {
     Ok(match scaling {
         Scaling::Auto { log } => Scaling::Auto { log: !log },
@@ -114,7 +115,7 @@ mod tests {
     #[test]
     fn a_locked_exposure_is_the_one_on_the_screen_and_stops_go_on_from_it() {
         let mut display = Display::new(Look::default());
-        // A whole stop is an exact factor of 2.
+        // Two half stops are exactly a factor of 2.
         (0..2).for_each(|_| display.act(Local::Brighter, None).unwrap().unwrap());
         display.act(Local::Exposure, Some(0.5)).unwrap().unwrap();
         assert_eq!(display.look().exposure, Exposure::Factor(0.5));

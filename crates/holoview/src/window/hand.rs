@@ -1,4 +1,4 @@
-//! What pointers do: mouse buttons and fingers that move over the picture.
+//! Translates motions of the mouse and of fingers over the picture into inputs.
 
 use std::collections::BTreeMap;
 
@@ -7,22 +7,23 @@ use holo_picture::View;
 use super::canvas::{Point, Rect};
 use crate::stage::Input;
 
-/// Radians of a turn to a pixel while one looks without a pressed button.
+/// Radians per pixel while the mouse turns the eye without a pressed button.
 const LOOKING: f64 = 0.0025;
 
-/// Angles of a whole picture that is no perspective view, radians.
+/// Angles of the whole picture if the view is no perspective, radians.
 const OTHER_ANGLES: (f64, f64) = (1.0, 0.6);
 
-/// Share of a distance that one step of a wheel leaves.
+/// Share of the distance that remains after one step of the wheel.
 const STEP_LEAVES: f64 = 0.9;
 
 /// Most steps of a wheel in one event.
 const MOST_STEPS: f64 = 4.0;
 
-/// Least sides of a part of the picture that is traced first, in shares: less is a click.
+/// Least width and height of a part to trace first, in shares of the picture. A smaller one is a
+/// click.
 const LEAST_PART: f64 = 0.02;
 
-/// What a pressed button does.
+/// The effect of a pressed button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Drag {
     /// Turn in place.
@@ -36,7 +37,7 @@ pub enum Drag {
 /// The picture that pointers move over.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
-    /// Where it is.
+    /// Its place in the window.
     pub rect: Rect,
     /// Its angles, radians.
     pub angles: (f64, f64),
@@ -53,55 +54,55 @@ impl Target {
         Target { rect, angles }
     }
 
-    /// Returns where the cursor is in the picture, if it is.
+    /// Returns the cursor's place in the picture, if it is inside.
     pub fn cursor(&self, at: Point) -> Input {
         Input::Cursor(self.rect.contains(at).then(|| self.rect.shares(at)))
     }
 }
 
-/// A hand: the mouse and fingers.
+/// The state of the mouse and the fingers.
 #[derive(Clone, Debug, Default)]
 pub struct Hand {
-    /// Where the mouse is, while it is in the window.
+    /// Position of the mouse, while it is in the window.
     at: Option<Point>,
     drag: Option<Drag>,
-    /// Where a rectangle begins that is dragged out.
+    /// First corner of the rectangle that is being dragged.
     corner: Option<Point>,
     fingers: BTreeMap<u64, Point>,
 }
 
 impl Hand {
-    /// Returns where the mouse is.
+    /// Returns the position of the mouse.
     pub fn at(&self) -> Option<Point> {
         self.at
     }
 
-    /// Returns what a pressed button does.
+    /// Returns the effect of the pressed button.
     pub fn drag(&self) -> Option<Drag> {
         self.drag
     }
 
-    /// Notes that the mouse has left the window.
+    /// Records that the mouse has left the window.
     pub fn left(&mut self) {
         self.at = None;
     }
 
-    /// Notes that a button is pressed over the picture.
+    /// Records that a button is pressed over the picture.
     pub fn press(&mut self, drag: Drag) {
         self.drag = self.drag.or(Some(drag));
     }
 
-    /// Notes that a button is released.
+    /// Records that a button is released.
     pub fn release(&mut self, drag: Drag) {
         self.drag = self.drag.filter(|now| *now != drag);
     }
 
-    /// Notes that a rectangle is dragged out from where the mouse is.
+    /// Begins to drag a rectangle from the position of the mouse.
     pub fn begin_part(&mut self) {
         self.corner = self.at;
     }
 
-    /// Returns the part of the picture that is dragged out: its left, top, right and bottom.
+    /// Returns the part of the picture inside the dragged rectangle: left, top, right and bottom.
     pub fn part(&self, target: &Target) -> Option<[f64; 4]> {
         let inside = |(x, y): Point| (x.clamp(0.0, 1.0), y.clamp(0.0, 1.0));
         let (a, b) = self.corner.zip(self.at)?;
@@ -109,7 +110,7 @@ impl Hand {
         Some([a.0.min(b.0), a.1.min(b.1), a.0.max(b.0), a.1.max(b.1)])
     }
 
-    /// Ends the rectangle, if one is dragged out. Returns what it does.
+    /// Ends the rectangle, if one is being dragged. Returns the resulting input.
     pub fn end_part(&mut self, target: &Target) -> Option<Input> {
         let part = self.part(target);
         self.corner.take()?;
@@ -119,7 +120,7 @@ impl Hand {
         Some(Input::Focus(part.filter(is_large)))
     }
 
-    /// Returns what a motion of the mouse to a place does.
+    /// Returns the input for a motion of the mouse.
     pub fn move_to(&mut self, at: Point, target: &Target) -> Option<Input> {
         let before = self.at.replace(at);
         if self.corner.is_some() {
@@ -131,7 +132,7 @@ impl Hand {
         dragged(drag, before, at, target)
     }
 
-    /// Returns what a finger's touch or motion does.
+    /// Returns the input for a finger's touch or motion.
     pub fn finger(&mut self, finger: u64, at: Point, target: &Target) -> Vec<Input> {
         let Some(before) = self.fingers.insert(finger, at) else {
             return if self.fingers.len() == 1 { vec![target.cursor(at)] } else { Vec::new() };
@@ -143,19 +144,18 @@ impl Hand {
         }
     }
 
-    /// Notes that a finger is lifted.
+    /// Records that a finger is lifted.
     pub fn lift(&mut self, finger: u64) {
         self.fingers.remove(&finger);
     }
 }
 
-/// Returns what a motion does while one looks without a pressed button, by pixels to the right and
-/// down.
+/// Returns the input for a motion without a pressed button, in pixels to the right and down.
 pub fn looked(right: f64, down: f64) -> Input {
     Input::Turn(right * LOOKING, -down * LOOKING)
 }
 
-/// Returns what steps of a wheel do.
+/// Returns the input for steps of the wheel.
 pub fn wheeled(steps: f64) -> Input {
     Input::Wheel(steps.clamp(-MOST_STEPS, MOST_STEPS))
 }
@@ -169,15 +169,15 @@ fn dragged(drag: Drag, from: Point, to: Point, target: &Target) -> Option<Input>
     let (across, along) = target.angles;
     let half_turn = std::f64::consts::PI;
     Some(match drag {
-        // What was taken hold of stays under the hand.
+        // The grabbed point stays under the cursor.
         Drag::Turn => Input::Turn(-right * across, down * along),
         Drag::Orbit => Input::Orbit(right * half_turn, -down * half_turn / 2.0),
         Drag::Slide => Input::Slide(-right, down),
     })
 }
 
-/// Returns what one of two fingers does. Apart is towards what is between them, together is back.
-/// Both to one side shifts the picture.
+/// Returns the inputs for a motion of one of two fingers. Spreading approaches the point between
+/// the fingers, pinching backs off. A common motion shifts the picture.
 fn two_fingers(from: Point, to: Point, other: Point, target: &Target) -> Vec<Input> {
     let apart = |a: Point, b: Point| (a.0 - b.0).hypot(a.1 - b.1).max(1.0);
     let steps = (apart(to, other) / apart(from, other)).ln() / -STEP_LEAVES.ln();

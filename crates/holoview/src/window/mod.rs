@@ -1,12 +1,13 @@
 //! The window front end: draws frames and text into a window, without a GPU.
 //!
-//! - `model` answers events, `overlay` draws the model on a `canvas`. Both know no desktop.
-//! - `app` is the event loop, on the main thread: some systems allow it nowhere else.
-//! - `seen` makes frames visible on another thread.
+//! - `model` turns events into effects, and `overlay` draws the model on a `canvas`. Both are
+//!   independent of the desktop.
+//! - `app` is the event loop on the main thread, because some systems allow it nowhere else.
+//! - `seen` turns radiance into colours on another thread.
 //!
-//! What always holds:
+//! Invariants:
 //! - The event loop waits for neither the stage nor a tone mapping nor a file.
-//! - With nothing new, nothing is drawn.
+//! - Nothing is drawn unless something is new.
 
 mod app;
 mod canvas;
@@ -34,35 +35,36 @@ use crate::{
 };
 use app::{Event, Opening};
 
-/// Size of a window of which none was stated, in pixels of a usual screen.
+/// Default size of a window, in pixels of a usual screen.
 const SIZE: (u32, u32) = (1280, 720);
 
-/// What to do where no window can be opened.
+/// Advice if no window can be opened.
 const INSTEAD: &str = "walk in a browser instead of --window: say --http 127.0.0.1:8080 --no-open \
                        and open that address, from elsewhere through a tunnel; or write pictures \
                        with --headless";
 
-/// The main thread's part: it shows windows, because some systems allow that nowhere else.
+/// The main thread's end of the channel. The main thread shows windows, because some systems allow
+/// that nowhere else.
 pub struct Desk(mpsc::Receiver<Opening>);
 
-/// Asks the main thread for a window.
+/// The other end: requests a window from the main thread.
 pub struct Screen(mpsc::Sender<Opening>);
 
-/// Returns the two ends of the way to the main thread.
+/// Returns the two ends of the channel to the main thread.
 pub fn desk() -> (Screen, Desk) {
     let (sender, receiver) = mpsc::channel();
     (Screen(sender), Desk(receiver))
 }
 
 impl Desk {
-    /// Shows windows until the [`Screen`] is dropped. To be called on the main thread.
+    /// Shows windows until the [`Screen`] is dropped. Call it on the main thread.
     pub fn serve(self) {
         self.0.into_iter().for_each(app::show);
     }
 }
 
-/// Checks that a desktop could show a window. It finds most reasons early; opening the window finds
-/// the others.
+/// Checks that a desktop could show a window. It detects most obstacles early; opening the window
+/// detects the others.
 ///
 /// # Errors
 /// Why no window can be opened, and what to do instead.
@@ -92,10 +94,10 @@ fn find_desktop() -> Result<(), &'static str> {
     Ok(())
 }
 
-/// Shows a server's holodeck in a window until that is closed or `shutdown` is triggered. Closing
-/// the window triggers it.
+/// Shows a server's holodeck in a window until the window is closed or `shutdown` is triggered.
+/// Closing the window triggers `shutdown`.
 ///
-/// If the session fails, the window says why and stays until it is closed.
+/// If the session fails, the window shows the reason and stays until it is closed.
 ///
 /// # Errors
 /// If no window can be opened, or the server cannot be reached or is lost.
@@ -131,29 +133,29 @@ pub async fn run(
     };
     tokio::spawn(seen::see(front, wanted, sender, {
         let proxy = proxy.clone();
-        // A window that was closed needs no news.
+        // If the window has been closed, the message has no effect.
         move || _ = proxy.send_event(Event::News)
     }));
     tokio::spawn(async move {
         shutdown.wait().await;
         let _ = proxy.send_event(Event::Leave);
     });
-    // Drawing takes the processor for a while; sockets must not wait for it.
+    // Drawing keeps its thread busy, and sockets must not wait for it.
     let played = tokio::task::spawn_blocking(move || stage.run()).await?;
     ending.reason = played.as_ref().err().map(|error| format!("{error:#}."));
     played
 }
 
-/// Tells the window that the session is over, however it ends.
+/// Reports the end of the session to the window, however the session ends.
 struct Ending {
     proxy: EventLoopProxy<Event>,
-    /// Why, if somebody has to know.
+    /// The reason, if the session failed.
     reason: Option<String>,
 }
 
 impl Drop for Ending {
     fn drop(&mut self) {
-        // A window that was closed need not know.
+        // If the window has been closed, the message has no effect.
         let _ = self.proxy.send_event(Event::Over(self.reason.take()));
     }
 }

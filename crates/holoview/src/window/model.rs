@@ -1,4 +1,4 @@
-//! The window's model: what is shown besides frames, and what keys and pointers do.
+//! The window's model: what is shown besides frames, and the effects of keys and pointers.
 //!
 //! It draws nothing, and speaks to neither the desktop nor the stage. It answers events with
 //! [`Effect`]s.
@@ -26,28 +26,28 @@ use super::{
 };
 use crate::stage::{Input, State};
 
-/// A new size counts once it has stayed for so long: whoever drags a border passes many.
+/// A new size takes effect after this time, because dragging a border passes many sizes.
 const RESIZING: Duration = Duration::from_millis(150);
 
-/// Most pixels of a picture at rest: more would take long, and few see the difference.
+/// Most pixels of a picture at rest. More would take longer and hardly be visible.
 const MOST_PIXELS: f64 = 2.1e6;
 
-/// How long notices stay.
+/// Time for which a notice is shown.
 const NOTICE: Duration = Duration::from_secs(4);
 
-/// The eye counts as moving for so long after the last frame that moved.
+/// Time after the last moving frame during which the eye counts as moving.
 const MOVING: Duration = Duration::from_millis(180);
 
-/// What is to be done outside of the model.
+/// An effect outside the model.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Effect {
-    /// The stage gets an input.
+    /// The stage receives an input.
     Send(Input),
     /// Frames get another look.
     Look(Look),
-    /// The window fills the screen, or does not any more.
+    /// The window begins or ends filling the screen.
     FullScreen(bool),
-    /// The mouse moves the eye alone, or the cursor again.
+    /// The mouse only moves the eye, or is a cursor again.
     Grab(bool),
     /// The picture is saved.
     Save(Kind),
@@ -58,60 +58,60 @@ pub enum Effect {
 /// When the sections' grids are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Grids {
-    /// While the eye moves, and where nothing is known.
+    /// While the eye moves, and if little is known.
     #[default]
     Auto,
-    /// At all times.
+    /// Always.
     Always,
-    /// At no time.
+    /// Never.
     Never,
 }
 
-/// What is held beside keys.
+/// Modifier keys that are held.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Modifiers {
-    /// Whether Ctrl is held.
+    /// True if Ctrl is held.
     pub ctrl: bool,
-    /// Whether one is held whose combinations belong to the desktop.
+    /// True if a modifier is held whose combinations belong to the desktop.
     pub other: bool,
 }
 
-/// What is shown and hidden.
+/// The parts of the window that are shown or hidden.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Modes {
-    /// Whether the keys are shown.
+    /// True if the list of keys is shown.
     pub has_help: bool,
-    /// Whether the panel is shown.
+    /// True if the panel is shown.
     pub has_panel: bool,
-    /// Whether nothing but the picture is shown.
+    /// True if nothing except the picture is shown.
     pub is_bare: bool,
     /// When grids are drawn.
     pub grids: Grids,
-    /// Whether text is dark on light.
+    /// True for dark text on a light background.
     pub is_light: bool,
-    /// Whether the window fills the screen.
+    /// True if the window fills the screen.
     pub is_full: bool,
-    /// Whether the mouse turns the eye without a pressed button.
+    /// True if the mouse turns the eye without a pressed button.
     pub looks: bool,
 }
 
-/// See the module.
+/// The window's model; see the module.
 pub struct Model {
-    /// How the stage is.
+    /// The state of the stage.
     pub state: Arc<State>,
     /// The latest frame.
     pub seen: Option<Arc<Seen>>,
-    /// How frames look.
+    /// The look of frames.
     pub display: Display,
-    /// How fast they come.
+    /// Frame rate and latency.
     pub pace: Pace,
     /// Columns and rows of the window.
     pub size: (u32, u32),
-    /// Its pixels to one of a usual screen.
+    /// Its pixels per pixel of a usual screen.
     pub scale: f64,
     /// What is shown and hidden.
     pub modes: Modes,
-    /// Whether the person has done anything.
+    /// True if the person has done anything.
     pub has_acted: bool,
     /// Keys that are held down, by their places.
     held: BTreeSet<String>,
@@ -119,17 +119,17 @@ pub struct Model {
     modifiers: Modifiers,
     hand: Hand,
     notice: Option<(String, Option<Instant>)>,
-    /// When the stage hears of a new size.
+    /// When the stage is informed of a new size.
     resized: Option<Instant>,
-    /// When the window changes by itself.
+    /// When the window changes without an event.
     redraw: Option<Instant>,
     /// Number of the frame on the screen.
     presented: u64,
-    /// The line that is being typed, if one is.
+    /// The command line that is being typed, if any.
     typed: Option<String>,
-    /// Whether the person was asked whether to end.
+    /// True if the person was asked whether to quit.
     asks_to_quit: bool,
-    /// Whether the session is over; the window then stays only to say why.
+    /// True if the session is over and the window stays only to show the reason.
     is_over: bool,
     is_stale: bool,
 }
@@ -161,19 +161,19 @@ impl Model {
         }
     }
 
-    /// Returns where the picture is in the window.
+    /// Returns the picture's place in the window.
     pub fn picture(&self) -> Rect {
         let size = self.seen.as_ref().map_or(self.size, |seen| seen.shown.frame.picture.size());
         Rect::fit(size, self.size)
     }
 
-    /// Returns where the cursor is in the picture, if it is.
+    /// Returns the cursor's place in the picture, if it is inside.
     pub fn cursor(&self) -> Option<Point> {
         let picture = self.picture();
         self.hand.at().filter(|&at| picture.contains(at)).map(|at| picture.shares(at))
     }
 
-    /// Returns where the panel's parts are.
+    /// Returns the places of the panel's parts.
     pub fn panel(&self) -> Layout {
         Layout::new(self.size, self.scale, self.state.views.len())
     }
@@ -185,7 +185,7 @@ impl Model {
         question.or(own.map(|(text, _)| text.as_str())).or(self.state.trouble.as_deref())
     }
 
-    /// Returns the line that is being typed.
+    /// Returns the command line that is being typed.
     pub fn typed(&self) -> Option<&str> {
         self.typed.as_deref()
     }
@@ -195,23 +195,23 @@ impl Model {
         self.pace.since_moved(now).is_some_and(|since| since < MOVING)
     }
 
-    /// Returns whether the window has to be drawn anew, once.
+    /// Returns whether the window must be drawn again, and resets this.
     pub fn take_stale(&mut self) -> bool {
         std::mem::take(&mut self.is_stale)
     }
 
-    /// Has the window drawn anew.
+    /// Requests that the window is drawn again.
     pub fn touch(&mut self) {
         self.is_stale = true;
     }
 
-    /// Tells the person something for a while.
+    /// Shows a notice for a while.
     pub fn tell(&mut self, text: impl Into<String>, now: Instant) {
         self.notice = Some((text.into(), Some(now + NOTICE)));
         self.touch();
     }
 
-    /// Notes how the stage is.
+    /// Records the state of the stage.
     pub fn set_state(&mut self, state: Arc<State>) {
         if self.state != state {
             self.state = state;
@@ -219,7 +219,7 @@ impl Model {
         }
     }
 
-    /// Notes a new frame.
+    /// Records a new frame.
     pub fn set_seen(&mut self, seen: Arc<Seen>) {
         if self.seen.as_ref().is_none_or(|before| !Arc::ptr_eq(before, &seen)) {
             self.seen = Some(seen);
@@ -227,7 +227,7 @@ impl Model {
         }
     }
 
-    /// Notes that the screen shows the latest frame.
+    /// Records that the screen shows the latest frame.
     pub fn presented(&mut self, now: Instant) {
         if let Some(seen) = &self.seen
             && self.presented != seen.shown.number
@@ -240,7 +240,7 @@ impl Model {
         self.redraw = times.into_iter().flatten().min();
     }
 
-    /// Notes the end of the session. Without a reason, the window closes.
+    /// Records the end of the session. Without a reason, the window closes.
     pub fn end(&mut self, reason: Option<String>) -> Vec<Effect> {
         self.is_over = true;
         let Some(reason) = reason else { return vec![Effect::Leave] };
@@ -249,7 +249,7 @@ impl Model {
         Vec::new()
     }
 
-    /// Notes the window's size and scale.
+    /// Records the window's size and scale.
     pub fn resize(&mut self, size: (u32, u32), scale: f64, now: Instant) {
         if (size, scale) != (self.size, self.scale) {
             (self.size, self.scale) = (size, scale);
@@ -258,7 +258,7 @@ impl Model {
         }
     }
 
-    /// Returns the size that the picture should have: the window's, within reason.
+    /// Returns the size that the picture should have: the window's, with at most [`MOST_PIXELS`].
     pub fn wanted_size(&self) -> Input {
         let [width, height] = [self.size.0, self.size.1].map(f64::from);
         let share = (MOST_PIXELS / (width * height).max(1.0)).sqrt().min(1.0);
@@ -266,7 +266,7 @@ impl Model {
         Input::Size(side(width), side(height))
     }
 
-    /// Does what was put off until `now`.
+    /// Carries out what is due at `now`.
     pub fn wake(&mut self, now: Instant) -> Vec<Effect> {
         let is_over = |time: Option<Instant>| time.is_some_and(|time| time <= now);
         if is_over(self.redraw) {
@@ -284,7 +284,7 @@ impl Model {
         vec![Effect::Send(self.wanted_size())]
     }
 
-    /// Returns when [`wake`](Self::wake) has something to do next.
+    /// Returns when [`wake`](Self::wake) must be called next.
     pub fn next_change(&self) -> Option<Instant> {
         let notice = self.notice.as_ref().and_then(|(_, end)| *end);
         [self.redraw, self.resized, notice].into_iter().flatten().min()

@@ -1,14 +1,14 @@
-//! How fast frames follow a hand: measured at what the window shows.
+//! Measures frame rate and latency at the window.
 
 use std::{
     collections::{BTreeMap, VecDeque},
     time::{Duration, Instant},
 };
 
-/// Time over which frames are counted.
+/// Period over which frames are counted.
 const COUNTED: Duration = Duration::from_secs(1);
 
-/// Latencies whose median is told.
+/// Number of latencies that the median covers.
 const LATENCIES: usize = 60;
 
 /// Most inputs that wait for their frame. A further one replaces the oldest.
@@ -24,7 +24,7 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Notes that an input that changes the view was sent.
+    /// Records that an input that changes the view was sent.
     pub fn sent(&mut self, number: u64, now: Instant) {
         self.sent.insert(number, now);
         if self.sent.len() > MOST_WAITING {
@@ -32,7 +32,7 @@ impl Pace {
         }
     }
 
-    /// Notes that a new frame is shown: the last input that it shows, and whether the eye rests.
+    /// Records that a new frame is shown: the last input that it shows, and whether the eye rests.
     pub fn shown(&mut self, input: u64, is_at_rest: bool, now: Instant) {
         if let Some(sent) = self.sent.get(&input) {
             self.latencies.push_back(now.saturating_duration_since(*sent));
@@ -50,19 +50,19 @@ impl Pace {
         }
     }
 
-    /// Returns how long ago the last frame of a moving eye was shown.
+    /// Returns the time since the last frame of a moving eye was shown.
     pub fn since_moved(&self, now: Instant) -> Option<Duration> {
         self.moved.map(|moved| now.saturating_duration_since(moved))
     }
 
-    /// Returns the frames of the last second, if the eye moved in it.
+    /// Returns the number of frames in the last second, if the eye moved in it.
     pub fn frames_per_second(&self, now: Instant) -> Option<usize> {
         let frames = self.shown.iter().filter(|&&at| at + COUNTED >= now).count();
         let moves = self.since_moved(now).is_some_and(|since| since < COUNTED);
         (moves && frames > 3).then_some(frames)
     }
 
-    /// Returns when [`frames_per_second`](Self::frames_per_second) ends.
+    /// Returns when the result of [`frames_per_second`](Self::frames_per_second) becomes `None`.
     pub fn until(&self, now: Instant) -> Option<Instant> {
         self.moved.map(|moved| moved + COUNTED).filter(|&end| end > now)
     }
@@ -89,7 +89,7 @@ mod tests {
         pace.sent(3, at(50));
         pace.shown(2, false, at(40));
         assert_eq!(pace.latency(), Some(Duration::from_millis(30)));
-        // The same input again is no new latency.
+        // A second frame for the same input adds no latency.
         pace.shown(2, false, at(60));
         pace.shown(3, true, at(70));
         assert_eq!(pace.latencies, [30, 20].map(Duration::from_millis));

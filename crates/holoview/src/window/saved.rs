@@ -1,4 +1,4 @@
-//! Pictures that a person saves: as seen, or in radiance.
+//! Saves pictures to files: as seen, or as radiance.
 
 use std::{
     fs::OpenOptions,
@@ -14,19 +14,19 @@ use super::seen::Seen;
 /// A way to save a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Its colours as seen, with the legend, as `.png`.
+    /// Display colours with the legend, as `.png`.
     Seen,
-    /// Its radiance, as `.exr`.
+    /// Radiance, as `.exr`.
     Radiance,
 }
 
-/// Files of one kind in a folder at the most.
+/// Most files of one kind in a folder.
 const MOST_FILES: u32 = 100_000;
 
 /// Writes a frame to a new file, such as `holodeck-1.png`. Returns the file.
 ///
 /// # Errors
-/// If the picture cannot be encoded or the file not be written.
+/// If the picture cannot be encoded or the file cannot be written.
 pub fn save(seen: &Seen, kind: Kind, folder: &Path) -> Result<PathBuf> {
     let (end, bytes) = match kind {
         Kind::Seen => ("png", Image::clone(&seen.image).with_legend().png()?),

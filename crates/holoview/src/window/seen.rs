@@ -1,4 +1,5 @@
-//! Makes frames visible beside the window's thread, which so never waits for a tone mapping.
+//! Turns frames into display colours on a separate thread, so that the window never waits for a
+//! tone mapping.
 
 use std::{
     mem,
@@ -15,14 +16,14 @@ use crate::{
     stage::{Front, Shown},
 };
 
-/// Time between two looks at a frame at rest, while the eyes adapt to it.
+/// Interval between updates while eyes adapt to a frame at rest.
 const ADAPTS_EVERY: Duration = Duration::from_millis(80);
 
-/// Longest time that eyes adapt to a frame. From a thousandth of the light, what is left then is
-/// less than a step of a display's colours.
+/// Time that eyes adapt to a frame at rest. It is enough to adapt from a thousandth of the light to
+/// less than one step of a display's colours.
 const ADAPTING: Duration = Duration::from_secs(4);
 
-/// A frame as it is seen.
+/// A frame with its display colours.
 #[derive(Debug)]
 pub struct Seen {
     /// The frame.
@@ -31,12 +32,12 @@ pub struct Seen {
     pub image: Image,
 }
 
-/// Publishes what is seen of each frame, in the latest look, until the stage or the window is gone.
-/// Frames that come meanwhile are left out, except the last. Calls `wake` after each, and after
-/// each change of the stage's state.
+/// Publishes the display colours of each frame, in the latest look, until the stage or the window
+/// is gone. If frames arrive faster, only the latest is processed. Calls `wake` after each frame
+/// and after each change of the stage's state.
 ///
 /// # Errors
-/// If a frame cannot be shown, which is a fault of this program.
+/// If a frame cannot be turned into colours, which is a bug.
 pub async fn see(
     front: Front,
     mut looks: watch::Receiver<Look>,
@@ -44,7 +45,7 @@ pub async fn see(
     wake: impl Fn(),
 ) -> Result<()> {
     let (mut frames, mut states) = (front.frames.subscribe(), front.state.subscribe());
-    // What came before the subscription counts too.
+    // Values from before the subscription count too.
     frames.mark_changed();
     states.mark_changed();
     let mut viewer = Viewer::default();
@@ -83,18 +84,19 @@ pub async fn see(
     }
 }
 
-/// Eyes that adapt to a frame at rest.
+/// Progress of eyes that adapt to a frame at rest.
 struct Adapting {
     /// The frame's number.
     frame: u64,
-    /// When it is seen next.
+    /// When the colours are updated next.
     next: Instant,
-    /// When the eyes have adapted.
+    /// When adaptation ends.
     end: Instant,
 }
 
 impl Adapting {
-    /// Returns how eyes adapt after a frame was seen, the same way as before if `is_same`.
+    /// Returns the next state after a frame was seen. `None` if the frame is not at rest, the
+    /// colours stay the same (`is_same`), or the time is over.
     fn after(before: Option<Adapting>, shown: &Shown, is_same: bool) -> Option<Adapting> {
         let (now, frame) = (Instant::now(), shown.number);
         let end = before.filter(|before| before.frame == frame).map(|before| before.end);
@@ -131,7 +133,7 @@ mod tests {
             let frame = shown((8, 8), [radiance; 3], number);
             let at_rest = Look::default().show(&frame.frame.picture).exposure.unwrap();
             front.frames.send_replace(Some(Arc::new(frame)));
-            // A hundredth is less than one sees.
+            // A difference of a hundredth is invisible.
             let adapted = |seen: &Option<Arc<Seen>>| {
                 exposure(seen, number).is_some_and(|now| (now / at_rest - 1.0).abs() < 1e-2)
             };

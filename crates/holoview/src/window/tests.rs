@@ -1,4 +1,4 @@
-//! What the window's tests share.
+//! Helpers of the window's tests.
 
 use std::{sync::Arc, time::Instant};
 
@@ -15,7 +15,7 @@ pub fn view(size: (u32, u32)) -> View {
     spec.resolve(size).unwrap().0
 }
 
-/// A frame at rest of one radiance at distance 2.
+/// A frame at rest with uniform radiance at distance 2.
 pub fn shown(size: (u32, u32), radiance: [f32; 3], number: u64) -> Shown {
     let pixels = (size.0 * size.1) as usize;
     let mut frame = Frame::black(size);
@@ -27,7 +27,7 @@ pub fn shown(size: (u32, u32), radiance: [f32; 3], number: u64) -> Shown {
     Shown { number, input, view, options, frame, is_at_rest, took, done }
 }
 
-/// The same, as it is seen.
+/// The same frame in display colours.
 pub fn seen(size: (u32, u32), radiance: [f32; 3], look: &Look) -> Seen {
     let shown = shown(size, radiance, 1);
     let image = Viewer::default().see(&shown.frame.picture, look, Instant::now());

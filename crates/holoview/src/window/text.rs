@@ -1,13 +1,13 @@
-//! Text: signs of a fixed width, rasterised beforehand in four sizes.
+//! Text in a fixed-width font, rasterised in advance in four sizes.
 
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
 use super::canvas::{Canvas, Color};
 
-/// Height of a line where a pixel is a pixel.
+/// Height of a line at scale 1, pixels.
 const LINE: f64 = 20.0;
 
-/// Sizes that there are.
+/// Available sizes.
 const SIZES: [RasterHeight; 4] =
     [RasterHeight::Size16, RasterHeight::Size20, RasterHeight::Size24, RasterHeight::Size32];
 
@@ -15,11 +15,11 @@ const SIZES: [RasterHeight; 4] =
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Font {
     raster: RasterHeight,
-    /// Pixels of the window to one of a sign: 1, except on very fine screens.
+    /// Pixels of the window per pixel of a glyph: 1, except on very fine screens.
     factor: i32,
 }
 
-/// How heavy text is.
+/// Weight of text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weight {
     /// Usual text.
@@ -29,14 +29,14 @@ pub enum Weight {
 }
 
 impl Font {
-    /// Returns the font whose lines are about as high as they should be on a screen where `scale`
-    /// pixels are one of a usual screen.
+    /// Returns the font whose line height fits a screen with `scale` pixels per pixel of a usual
+    /// screen.
     pub fn for_scale(scale: f64) -> Font {
         let wanted = LINE * if scale.is_finite() { scale.clamp(0.5, 8.0) } else { 1.0 };
         let sizes = (1..=8).flat_map(|factor| SIZES.map(|raster| Font { raster, factor }));
         let off = |font: &Font| (f64::from(font.height()) - wanted).abs();
         let base = Font { raster: RasterHeight::Size20, factor: 1 };
-        // The first of two equally good fonts has finer signs, and is kept.
+        // If two fonts fit equally well, the first is kept, because its glyphs are finer.
         sizes.fold(base, |best, font| if off(&font) < off(&best) { font } else { best })
     }
 
@@ -56,7 +56,7 @@ impl Font {
     }
 }
 
-/// Writes a text whose first sign's upper left corner is at a place.
+/// Writes a text. The upper left corner of its first sign is at the given point.
 pub fn write(
     canvas: &mut Canvas,
     (font, weight): (Font, Weight),
@@ -87,7 +87,7 @@ pub fn write(
     }
 }
 
-/// Returns the signs that a text is written with: those that the font lacks are replaced.
+/// Returns the signs to write, with replacements for those that the font lacks.
 fn written(text: &str) -> impl Iterator<Item = char> {
     text.chars().flat_map(|sign| {
         let signs: &'static str = match sign {
@@ -108,7 +108,7 @@ fn written(text: &str) -> impl Iterator<Item = char> {
     })
 }
 
-/// Returns a text in lines of at most so many signs, cut between words where possible.
+/// Breaks a text into lines of at most `most` signs, between words if possible.
 pub fn wrapped(text: &str, most: usize) -> Vec<String> {
     let most = most.max(1);
     let mut lines = vec![String::new()];

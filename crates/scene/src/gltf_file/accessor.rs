@@ -1,7 +1,7 @@
 //! Numbers of a glTF file.
 //!
-//! Always true: no offset, stride or count of the file is believed. What does not lie in its buffer
-//! is an error, in words for people.
+//! Always true: every offset, stride and count is checked. Elements outside their buffer are an
+//! error, in words for people.
 
 use gltf::Accessor;
 use gltf::accessor::DataType;
@@ -55,7 +55,7 @@ fn unsigned(kind: DataType, bytes: &[u8]) -> u32 {
         (DataType::U8, &[a, ..]) => u32::from(a),
         (DataType::U16, &[a, b, ..]) => u32::from(u16::from_le_bytes([a, b])),
         (DataType::U32, &[a, b, c, d, ..]) => u32::from_le_bytes([a, b, c, d]),
-        // Named by no vertex.
+        // No vertex has this index.
         _ => u32::MAX,
     }
 }

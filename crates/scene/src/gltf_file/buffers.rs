@@ -36,7 +36,7 @@ impl Buffers {
         Ok(Buffers(buffers))
     }
 
-    /// Returns the bytes of a view. The error is for people.
+    /// Returns the bytes of a view. An error is a text for people.
     pub(super) fn view(&self, view: &gltf::buffer::View) -> Result<&[u8], String> {
         let buffer = self.0.get(view.buffer().index()).map_or(&[][..], Vec::as_slice);
         let end = view.offset().checked_add(view.length());

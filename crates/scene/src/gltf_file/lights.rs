@@ -14,7 +14,7 @@ use crate::limits::MAX_RADIANCE;
 use crate::text::excerpt;
 use crate::{Bsdf, MAX_SUNS, Material, Rgb, Sun};
 
-/// Luminous efficacy by which the project converts radiance to luminance, lm/W (Ward 1994).
+/// Luminous efficacy for converting radiance to luminance, lm/W (Ward 1994).
 pub(super) const EFFICACY: f64 = 179.0;
 
 /// Distance of a lamp's corners from its middle, metres.

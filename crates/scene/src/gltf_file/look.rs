@@ -1,4 +1,4 @@
-//! How textures lie on the surfaces of a glTF material.
+//! The placement of textures on the surfaces of a glTF material.
 
 use glam::{Mat2, Vec2};
 use gltf::texture::TextureTransform;
@@ -14,7 +14,7 @@ pub(super) struct Look {
     pub placement: Placement,
 }
 
-/// How a texture lies on a surface (`KHR_texture_transform`).
+/// The placement of a texture on a surface (`KHR_texture_transform`).
 #[derive(Clone, Copy, PartialEq)]
 pub(super) struct Placement {
     turn: Mat2,

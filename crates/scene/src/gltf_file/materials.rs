@@ -10,8 +10,8 @@
 //! | else | diffuse |
 //! | `alphaMode` `BLEND`, alpha < 0.5 | thin pane; a greater alpha is opaque |
 //!
-//! Metalness and roughness are the means of their texture here. Tracers take the same decisions at
-//! each point, with the texture's own values, for all materials but glass and clearcoats.
+//! Metalness and roughness are the means of their texture here. Tracers make the same decisions at
+//! each point from the texture's own values, for all materials except glass and clearcoats.
 //!
 //! Emission is in cd/m², which 179 lm/W converts to radiance. It is on both sides if the material
 //! is double sided.
@@ -39,7 +39,7 @@ pub(super) const READ_EXTENSIONS: [&str; 11] = [
     "KHR_texture_transform",
 ];
 
-/// Roughness below which a metal is a mirror, and from which a plastic is diffuse.
+/// Roughness below which a metal is a mirror, and roughness above which a plastic is diffuse.
 const MIRROR: f32 = 0.03;
 const DIFFUSE: f32 = 0.75;
 
@@ -74,7 +74,7 @@ pub(super) fn has_finish(material: &gltf::Material, made: &Material) -> bool {
     !is_clear && !has_coat && material.pbr_specular_glossiness().is_none()
 }
 
-/// Returns a number of `KHR_materials_clearcoat`; 0 if there is none.
+/// Returns a number of `KHR_materials_clearcoat`; 0 if the number is absent.
 fn clearcoat(material: &gltf::Material, name: &str) -> f32 {
     let coat = material.extension_value("KHR_materials_clearcoat");
     coat.and_then(|coat| coat.get(name)?.as_f64()).map_or(0.0, |number| number as f32)

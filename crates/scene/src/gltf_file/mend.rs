@@ -1,21 +1,21 @@
-//! What the crate `gltf` takes for granted without checking it.
+//! Repairs JSON whose harmless faults make the crate `gltf` refuse a file or panic.
 
 use gltf::Semantic;
 use gltf::json::Root;
 use gltf::json::image::MimeType;
 use gltf::json::validation::Checked;
 
-/// Makes a file's JSON such that the crate neither refuses nor panics over what does no harm.
+/// Repairs a file's JSON. The crate then neither refuses it nor panics because of harmless faults.
 ///
 /// # Errors
-/// In words for people, for what cannot be mended.
+/// Faults that cannot be repaired, in words for people.
 pub(super) fn mend(json: &mut Root) -> Result<(), String> {
     mend_images(json);
     mend_positions(json).map_err(|problem| format!("it is not valid glTF: {problem}"))
 }
 
-/// Gives images without a file a name that no file has, and those in buffers without a type the
-/// empty one: types are found from the bytes.
+/// Gives images without a file a name that no file has. Images in buffers without a type get the
+/// empty type, because types are determined from the bytes.
 fn mend_images(json: &mut Root) {
     for image in &mut json.images {
         if image.buffer_view.is_none() {
@@ -26,8 +26,8 @@ fn mend_images(json: &mut Root) {
     }
 }
 
-/// Checks that meshes name accessors that exist, and gives positions the bounds that the crate
-/// requires: some exporters leave them out, and nothing here uses them.
+/// Checks that meshes name existing accessors. Gives positions the bounds that the crate requires;
+/// some exporters omit them, and nothing here uses them.
 fn mend_positions(json: &mut Root) -> Result<(), String> {
     let wanted = Checked::Valid(Semantic::Positions);
     let primitives = json.meshes.iter().flat_map(|mesh| &mesh.primitives);

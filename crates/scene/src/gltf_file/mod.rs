@@ -5,7 +5,7 @@
 //!
 //! Always true:
 //! - Nodes are visited once, to a bounded depth: cyclic files are errors.
-//! - What is not represented is counted, and reported once for each kind.
+//! - Everything that the scene cannot represent is counted, and reported once for each kind.
 
 mod accessor;
 mod buffers;
@@ -34,8 +34,8 @@ use reading::Reading;
 
 pub(crate) const READER: Reader = Reader { recognises, read };
 
-/// Extensions without which a file that requires them has no shape. Files that require others open,
-/// and these are named.
+/// Extensions without which a file that requires them has no shape. Files that require other
+/// extensions open, and a warning names these.
 const PACKED_GEOMETRY: [&str; 3] =
     ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
 
@@ -72,7 +72,7 @@ fn read(source: Source) -> Result<Model, SceneError> {
         Some(scene) => {
             scene.nodes().try_for_each(|node| reading.node(&node, DMat4::IDENTITY, 0))?
         }
-        // Without scenes, a library of nodes: those that are nobody's children.
+        // A file without scenes is a library of nodes; those without a parent are read.
         None => {
             let children: Vec<usize> =
                 document.nodes().flat_map(|node| node.children().map(|c| c.index())).collect();
@@ -101,7 +101,7 @@ const GLB_HEADER_BYTES: u32 = 12;
 fn parse(path: &Path, bytes: &[u8]) -> Result<(gltf::Document, Option<Vec<u8>>), SceneError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let problem = |problem: String| SceneError::Gltf { path: path.to_owned(), problem };
-    // The crate takes it for granted that a .glb is no shorter than its header.
+    // The crate assumes that a .glb is no shorter than its header.
     if let Some(&[b'g', b'l', b'T', b'F', _, _, _, _, a, b, c, d]) = bytes.first_chunk() {
         let (length, found) = (u32::from_le_bytes([a, b, c, d]), bytes.len());
         if length < GLB_HEADER_BYTES || length as usize > found {
@@ -130,8 +130,8 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(gltf::Document, Option<Vec<u8>>),
     Ok((document, blob))
 }
 
-/// Returns whether a file that cannot be parsed is of the format's first version. There, lists are
-/// objects, and the binary part has no chunks.
+/// Returns whether a file that cannot be parsed has the format's first version. In that version,
+/// lists are objects, and the binary part has no chunks.
 fn is_first_version(bytes: &[u8]) -> bool {
     if let Some(&[b'g', b'l', b'T', b'F', version @ ..]) = bytes.first_chunk::<8>() {
         return u32::from_le_bytes(version) == 1;
@@ -147,7 +147,7 @@ fn is_first_version(bytes: &[u8]) -> bool {
     version.map_or_else(has_objects, of_first)
 }
 
-/// What the format says of all its files.
+/// Facts that the format fixes for all its files.
 fn about() -> About {
     let said = "glTF 2.0".to_owned();
     About {

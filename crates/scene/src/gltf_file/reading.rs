@@ -24,7 +24,7 @@ pub(super) struct Reading<'a> {
     pub looks: Vec<Look>,
     pub files: TextureFiles,
     pub visited: Vec<bool>,
-    /// What is not represented, with a count.
+    /// Parts of the file that the scene cannot represent, with counts.
     pub counts: BTreeMap<String, usize>,
     pub bytes: u64,
     pub watch: &'a mut dyn FnMut(LoadProgress),

@@ -12,7 +12,7 @@ use crate::texture::{MAX_TEXTURE_BYTES, Wrap, srgb_byte};
 use crate::texture_files::Use;
 
 impl Reading<'_> {
-    /// Reads the textures of a material. `is_finished` tells whether roughness and metalness
+    /// Reads the textures of a material. `is_finished` states whether roughness and metalness
     /// matter.
     pub(super) fn look(&mut self, material: &gltf::Material, is_finished: bool) -> Look {
         let pbr = material.pbr_metallic_roughness();
@@ -24,7 +24,7 @@ impl Reading<'_> {
         let finish = pbr.metallic_roughness_texture().filter(|_| is_finished);
         let normal = material.normal_texture();
         let mut look = Look::default();
-        // The crate knows no transform of a texture of normals: it is that of the colours.
+        // The crate reads no transform for a texture of normals; that of the colours is used.
         let colour = base.as_ref().map(lies).map(|(_, transform)| transform);
         let own = normal.as_ref().map(|n| (n.tex_coord(), colour.unwrap_or(None)));
         let [base_lies, glow_lies, finish_lies] =
@@ -160,7 +160,7 @@ impl Reading<'_> {
     }
 }
 
-/// Returns the set of coordinates that a texture uses, and how it lies.
+/// Returns the set of coordinates that a texture uses, and its transform.
 fn lies<'a>(info: &gltf::texture::Info<'a>) -> (u32, Option<TextureTransform<'a>>) {
     (info.tex_coord(), info.texture_transform())
 }

@@ -1,7 +1,7 @@
-//! How much work goes into records.
+//! Limits the work on records.
 //!
-//! Always true: the rays of records never exceed what samples have allowed by more than the records
-//! that threads are at. No clock decides: work is counted in rays and samples.
+//! Always true: the rays of records never exceed the number that samples have allowed by more than
+//! the records that are being made. No clock decides: work is counted in rays and samples.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
@@ -15,7 +15,7 @@ const FRACTION: u32 = 8;
 pub(super) struct Effort {
     /// Most rays of records for each sample that lacks a record, or [`UNLIMITED`].
     most: AtomicU32,
-    /// Whether the use of records decides about less than that.
+    /// True if the limit may be lower than `most`, according to the use of records.
     is_measured: AtomicBool,
     /// Samples that found records, of the latest [`WINDOW`] or more.
     served: AtomicU64,
@@ -66,7 +66,8 @@ impl Effort {
         let lacking = self.lacking.fetch_add(1, Ordering::Relaxed) + 1;
         let served = self.served.load(Ordering::Relaxed);
         if served + lacking >= WINDOW {
-            // Other threads may count meanwhile. What they lose is small beside the window.
+            // Other threads may count meanwhile. Counts that are lost in between are small compared
+            // with the window.
             self.served.store(served / 2, Ordering::Relaxed);
             self.lacking.store(lacking / 2, Ordering::Relaxed);
         }
@@ -81,8 +82,8 @@ impl Effort {
     }
 }
 
-/// Returns the rays of records that a sample without a record allows, if so many samples found
-/// records and so many did not.
+/// Returns the rays of records that a sample without a record allows. So many samples were served
+/// by records, and so many lacked one.
 ///
 /// Records may take as large a share of the time as the share of samples that they serve, but at
 /// least [`FIRST_SHARE`]. Large surfaces need few records, and much is served soon. In clutter a
@@ -90,7 +91,8 @@ impl Effort {
 fn rays_per_lacking(served: u64, lacking: u64) -> f64 {
     let share = served as f64 / (served + lacking) as f64;
     let time = share.max(FIRST_SHARE);
-    // Rays over samples whose times have that ratio; only those that lack records allow any.
+    // This is the ratio of rays to samples whose times have the ratio `time` : `1 - time`, divided
+    // among the samples that lack records.
     time / (1.0 - time) / RAY_COST / (1.0 - share)
 }
 
@@ -98,8 +100,8 @@ fn rays_per_lacking(served: u64, lacking: u64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Lets a scene's samples allow records of 300 rays, each of which serves a share of the rest.
-    /// Returns the share of work in records, and of samples served.
+    /// Simulates samples that allow records of 300 rays, each of which serves the share `serves` of
+    /// the remaining samples. Returns the share of work in records, and of samples served.
     fn simulate(samples: u64, serves: f64) -> (f64, f64) {
         let effort = Effort::unlimited();
         effort.set(16, true);

@@ -11,14 +11,14 @@
 //!   or continues as a path. So useful samples arrive from the first moment.
 //!
 //! Always true:
-//! - Results depend on the records only within the engine's accuracy, with one exception: paths
-//!   instead of records bring limited light from lamps over mirrors and glass
+//! - Results depend on the records only within the engine's accuracy, with one exception. Paths
+//!   that replace records bring only limited light from lamps over mirrors and glass
 //!   ([`MAX_LAMP_OVER_MEAN`]). Such samples stay until better ones replace them.
 //! - A record's number of rays and radius do not depend on the light that these rays bring, unless
 //!   it contradicts nearby records. Contradicting records all get a smaller radius.
-//! - So the expectation of interpolated light is that of paths, apart from two errors. One is what
-//!   gradients miss within a radius. The other is the limit on single rays: in a cabin with bottles
-//!   and mirrors it takes 0.2 % of the light of exact records and 1.5 % of that of coarse ones.
+//! - So the expectation of interpolated light is that of paths, except for two errors. One is what
+//!   gradients miss within a radius. The other is the limit on single rays. In a cabin with bottles
+//!   and mirrors, it removes 0.2 % of the light of exact records and 1.5 % of that of coarse ones.
 
 mod effort;
 mod gather;
@@ -50,7 +50,7 @@ use settings::*;
 /// Quantities that follow from the accuracy.
 #[derive(Clone, Copy, Debug)]
 struct Quality {
-    /// Relative error that is asked for.
+    /// Requested relative error.
     accuracy: f32,
     /// Radius of a record over the harmonic mean distance of what it sees.
     reach: f32,
@@ -73,7 +73,7 @@ pub(crate) struct Cached {
     store: Arc<Store>,
     quality: Quality,
     mirrors: Mirrors,
-    /// Whether mirrors or glass may focus light on surfaces.
+    /// True if mirrors or glass may focus light on surfaces.
     has_caustics: bool,
     effort: Effort,
     deviations: Deviations,
@@ -184,9 +184,9 @@ impl Cached {
         let rays = ((deviation / error).powi(2) as u32).clamp(MIN_RAYS, MAX_RAYS);
         let mut record = self.gather(engine, at, rays, kind, error);
         if kind == Kind::Exact {
-            // The radius must not depend on the record's own light, or records that are too bright
-            // would serve less of the surface than those that are too dark. Noisy records get a
-            // smaller radius, so that more neighbours take part.
+            // The radius must not depend on the record's own light. Otherwise records that are too
+            // bright would serve less of the surface than those that are too dark. Noisy records
+            // get a smaller radius, so that more neighbours take part.
             let reached = deviation / (record.rays as f32).sqrt();
             record.radius =
                 record.radius.min(gradient_limit(&pilot)) * (error / reached).clamp(0.25, 1.0);
@@ -201,12 +201,12 @@ impl Cached {
     }
 }
 
-/// What a path of this engine is followed for.
+/// The purpose of a path of this engine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     /// A sample for an eye.
     Eye,
-    /// The same after a surface that had no record.
+    /// The same, after a surface without a record.
     Path,
     /// An exact record.
     Record,

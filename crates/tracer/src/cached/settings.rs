@@ -1,9 +1,9 @@
 //! Constants of the engine `cached`. Measurements behind them: docs/notes/indirect-light.md.
 
-/// Relative error of indirect light unless another is asked for.
+/// Default relative error of indirect light.
 pub const DEFAULT_ACCURACY: f32 = 0.03;
 
-/// Least and greatest accuracy that can be asked for.
+/// Range of relative errors that can be requested.
 pub const ACCURACIES: std::ops::RangeInclusive<f32> = 0.002..=0.5;
 
 /// Number of smooth surfaces at which both reflection and transmission are followed. Only light
@@ -26,8 +26,8 @@ pub(super) enum Kind {
     Coarse = 1,
 }
 
-/// Least and greatest number of pilot rays, which decide how many rays a record needs. Fewer pilot
-/// rays often miss what is bright.
+/// Least and greatest number of pilot rays, which determine how many rays a record needs. Fewer
+/// pilot rays often miss what is bright.
 pub(super) const PILOT_RAYS: [[u32; 2]; 2] = [[64, 256], [32, 128]];
 
 /// Pilot rays over the rays that the record would need if their standard deviation was their mean.
@@ -41,13 +41,14 @@ pub(super) const MAX_RAYS: u32 = 1 << 13;
 
 /// Standard error over the accuracy, for a record of the greatest radius.
 ///
-/// A record of smaller radius serves less of the surface, by the square of its radius, and many of
-/// them share what an eye sees. The total error for a given effort is least if the number of rays
-/// grows in proportion (Neyman 1934, "On the Two Different Aspects of the Representative Method").
+/// A record of smaller radius serves less of the surface, in proportion to the square of its
+/// radius. An eye sees a mean over many of them. For a given effort, the total error is least if
+/// the number of rays grows in proportion to the area served (Neyman 1934, "On the Two Different
+/// Aspects of the Representative Method").
 ///
 /// No eye sees a coarse record, and thousands of rays do. But all records around a large coarse
-/// record depend on it. If light comes through a door, the few behind the door decide how bright
-/// all is here.
+/// record depend on that record. If light comes through a door, the few records behind the door
+/// determine the brightness of the whole room.
 pub(super) const ERROR: [f32; 2] = [0.5, 1.0];
 
 /// Greatest standard error over the accuracy: even a small exact record may fill an eye's view.
@@ -68,7 +69,7 @@ pub(super) const RADIUS_RATIO: f32 = 16.0;
 /// hemisphere.
 pub(super) const AIMED: f32 = 0.2;
 
-/// Of the rays of records that find no record, one in this many makes a coarse record.
+/// One in this many of the rays of records that find no record makes a coarse record.
 pub(super) const COARSE_PATIENCE: u32 = 8;
 
 /// Sum of weights below which a new record is made. With 0.3, single records decide about parts of
@@ -83,15 +84,15 @@ pub(super) const MIN_WEIGHT_WITHOUT_RECORD: f32 = 0.3;
 ///
 /// One such path in ten thousand is hundreds of times as bright as its surroundings, and shows
 /// until hundreds of samples outweigh it. The rays of records are limited too. The limit takes 0.03
-/// ± 0.01 % of the light in a cabin. In a small room with a large mirror it takes 1.4 ± 0.2 % of
-/// the first four samples of a pixel and 0.09 ± 0.01 % from the 64th on.
+/// ± 0.01 % of the light in a cabin. In a small room with a large mirror, it takes 1.4 ± 0.2 % of
+/// the light of a pixel's first four samples. From the 64th on it takes 0.09 ± 0.01 %.
 pub(super) const MAX_LAMP_OVER_MEAN: f32 = 8.0;
 
-/// Sum of weights above which no more records are looked up. What eyes see becomes smoother by
-/// more; what a hemisphere averages does not.
+/// Sum of weights above which no more records are looked up. More records make the light that eyes
+/// see smoother, but do not improve the mean over a hemisphere.
 pub(super) const ENOUGH_WEIGHT: [f32; 2] = [4.0, 1.0];
 
-/// Share of the time that records may always take, to find out how much they serve.
+/// Share of the time that records may always take, so that their use can be measured.
 pub(super) const FIRST_SHARE: f64 = 0.3;
 
 /// Time of a record's ray over that of a sample: 0.35 in the bundled interior.

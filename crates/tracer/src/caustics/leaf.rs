@@ -14,17 +14,17 @@ use crate::luminance::luminance;
 
 /// Most photons of a leaf.
 const MOST: usize = 32;
-/// Fewest photons of a leaf: fewer say little about where light comes from.
+/// Fewest photons of a leaf, because fewer do not show where light comes from.
 const LEAST: usize = 8;
-/// A photon stands for all directions up to that of its neighbour of this rank.
+/// The cone of a photon reaches to the direction of its neighbour of this rank.
 const NEIGHBOUR: usize = 3;
-/// Greatest and least cosine of the angle between these directions: 1° and 30°.
+/// Least and greatest cosine of a cone's half angle: those of 30° and 1°.
 const COSINES: (f32, f32) = (0.866, 0.999_85);
-/// A leaf is larger than the box of its photons, on each side by this share of the box,
+/// Margin of a leaf around the box of its photons, as a share of the box.
 const MARGIN: f32 = 0.15;
-/// and by this share of the scene.
+/// Further margin of a leaf, as a share of the scene.
 const THICKNESS: f32 = 1e-3;
-/// Added to the sides of that box for its area, over the same margin.
+/// Added to the sides of that box to compute its area, as a multiple of the scene's margin.
 const THINNEST: f32 = 0.01;
 /// Greatest share of samples that are aimed (docs/notes/path-tracing.md).
 const GREATEST_SHARE: f32 = 0.3;
@@ -180,7 +180,7 @@ impl Leaf {
         point.cmpge(self.low).all() && point.cmple(self.high).all()
     }
 
-    /// Returns a direction by two uniform numbers.
+    /// Returns a direction from two uniform numbers.
     #[inline]
     pub(super) fn choose(&self, point: Vec3, first: f64, second: f32) -> Option<Vec3> {
         let first = first as f32 * self.sums[self.count - 1];

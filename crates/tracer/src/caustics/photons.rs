@@ -1,4 +1,4 @@
-//! Light paths from lamps over what throws light, up to the first wide surface.
+//! Light paths from lamps over mirrors, glass and metal, up to the first wide surface.
 //!
 //! A path begins at a random point of a caster: a mirror, glass or narrow metal. The lamps are
 //! sampled from there, and the light goes on as the caster scatters it. So small casters get as
@@ -25,9 +25,9 @@ use crate::surface::Surface;
 const PATHS: u32 = 1 << 16;
 /// Most casters of a light path.
 const DEPTH: u32 = 12;
-/// Roughness from which metal and glass are too wide to be casters.
+/// Roughness above which metal and glass are too wide to be casters.
 const WIDE: f32 = 0.4;
-/// Light paths per area that begin at a pane, over those of other casters: it reflects little.
+/// Light paths per area that begin at a pane, relative to other casters. Panes reflect little.
 const PANES: f64 = 0.1;
 /// Seed of the light paths; any number will do.
 const SEED: u64 = 0x0CA5;
@@ -38,7 +38,7 @@ pub(super) struct Photon {
     pub point: Vec3,
     /// Normal on the side at which the light arrives.
     pub normal: Vec3,
-    /// The point from which the light seems to come, seen from places beside `point`.
+    /// The point from which the light seems to come, for observers near `point`.
     pub from: Vec3,
     /// Luminous flux without the factor of units: irradiance by luminance times area.
     pub flux: f32,
@@ -47,7 +47,7 @@ pub(super) struct Photon {
 /// The surfaces that throw light.
 #[derive(Debug)]
 pub(super) struct Casters {
-    /// Indexed by material; `None` for what is no caster.
+    /// Indexed by material; `None` for materials that are no casters.
     scatters: Vec<Option<Scatter>>,
     triangles: Vec<u32>,
     /// Sums of the triangles' shares of light paths.
@@ -163,7 +163,7 @@ impl Shooter<'_> {
             }
             sampler.turn(depth, Purpose::Scatter);
             let sampled = match scatter {
-                // Light that goes straight through is found without photons.
+                // Light that goes straight through a pane is found without photons.
                 Scatter::Pane { ior, .. } if depth == 0 => {
                     Sampled::delta(mirrored(wo), Vec3::splat(pane(wo.z, *ior)))?
                 }
@@ -185,8 +185,8 @@ impl Shooter<'_> {
             if !is_usable || !self.surfaces[material as usize].scatter.is_wide() {
                 return None;
             }
-            // Seen from beside, a large mirror shows the lamp in its own place behind it. A small
-            // one is seen itself.
+            // From a point nearby, a large mirror shows the lamp at its place behind the mirror. A
+            // small mirror is a source of its own.
             let caster = (scene.area(triangle) as f32).sqrt();
             let is_small = caster * length < light.lamp * hit.t;
             let distance = if is_small { hit.t } else { length };

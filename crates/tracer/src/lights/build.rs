@@ -11,9 +11,9 @@ use super::node::{Bound, Child, Node, WIDTH};
 
 /// Number of intervals per axis between which splits are considered.
 const BUCKETS: usize = 12;
-/// Depth from which groups are halved by number, so that no scene makes a deep tree.
+/// Least depth at which groups are halved by number, so that no scene makes a deep tree.
 const HALVING_DEPTH: usize = 24;
-/// Share of the coordinates by which a plane is lowered, for rounding.
+/// Relative amount that a plane is lowered, to allow for rounding.
 const SLACK: f32 = 4e-6;
 
 /// The emission of one triangle.

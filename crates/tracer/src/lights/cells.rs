@@ -1,10 +1,11 @@
 //! The lights that each part of a scene really receives light from.
 //!
-//! The tree's importances ignore walls: most of ninety lamps in six rooms are hidden, and of a
-//! group that reaches up to the vertex they see only the middle. This module divides space into
-//! cells, and each cell by the axis that surfaces face. A cell chooses among at most [`CLUSTERS`]
-//! subtrees by what probes on its surfaces received from each. Within a subtree the importances
-//! decide. A cell is estimated with shadow rays when a path first reaches it.
+//! The tree's importances ignore walls. With ninety lamps in six rooms, most lamps are hidden. For
+//! a group that reaches to the vertex, importances consider only its centre. This module divides
+//! space into cells, and each cell by the axis that surfaces face. A cell chooses among at most
+//! [`CLUSTERS`] subtrees, by the light that probes on its surfaces received from each. Within a
+//! subtree the importances decide. A cell is estimated with shadow rays when a path first reaches
+//! it.
 //!
 //! Always true: a cell is a function of the scene and its number, no matter which thread makes it,
 //! or when. Every cluster keeps a share ([`UNSEEN`]), even if no probe saw it.
@@ -54,7 +55,7 @@ const LEAST_COSINE: f32 = 0.1;
 /// Margin of the grid around the box of the emitters, over the box's longest side.
 const MARGIN: f32 = 0.25;
 
-/// What the surfaces of a cell receive.
+/// The light that the surfaces of a cell receive.
 #[derive(Debug)]
 pub(super) struct Cell {
     /// From all emitters: approximate irradiance, in the unit of the tree's powers.
@@ -130,8 +131,8 @@ impl Cell {
 }
 
 impl Cells {
-    /// Divides space into cells, for a tree and the irradiance of its sky. `None` if the tree is too
-    /// small to need them.
+    /// Divides space into cells, for a tree and the irradiance of its sky. `None` if the tree is
+    /// too small to need them.
     pub(super) fn new(
         tree: &Tree,
         sky: f32,

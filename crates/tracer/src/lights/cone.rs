@@ -14,7 +14,7 @@ pub(crate) struct Cone {
 impl Cone {
     /// Returns a cone that contains both (Pharr et al. 2023, §3.8.4).
     pub(crate) fn union(self, other: Self) -> Self {
-        // Of equal cones the result is exactly one of them, so that flat groups stay flat.
+        // The union of equal cones is exactly the same cone, so that flat groups stay flat.
         if self == other {
             return self;
         }
@@ -43,7 +43,7 @@ impl Cone {
     }
 
     /// Returns the cosine-weighted solid angle into which emitters with these normals emit (Conty
-    /// Estevez and Kulla 2018, eq. 1, with an emission of π/2 around each normal).
+    /// Estevez and Kulla 2018, eq. 1). Each normal has an emission of π/2 around it.
     pub(crate) fn measure(self) -> f32 {
         let (o, w) = (self.angle, (self.angle + FRAC_PI_2).min(PI));
         let (sin, cos) = o.sin_cos();

@@ -1,9 +1,9 @@
 //! Light sampling: choosing points on lights, and the density with which a direction would have
 //! been chosen.
 //!
-//! Emitting triangles are the leaves of a tree (Conty Estevez and Kulla 2018, "Importance Sampling
-//! of Many Lights with Adaptive Tree Splitting"; Pharr et al. 2023, §12.6). Sampling descends it by
-//! the light that each branch may bring to the vertex. The constant sky is one more light beside
+//! Emitting triangles are the leaves of a tree (Pharr et al. 2023, §12.6; Conty Estevez and Kulla
+//! 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting"). Sampling descends it
+//! by the light that each branch may bring to the vertex. The constant sky is one more light beside
 //! the tree.
 //!
 //! Always true: a light that could bring anything to the vertex has a positive probability, except
@@ -110,8 +110,8 @@ fn visible(scene: &Scene, mut emitters: Vec<u32>) -> Vec<u32> {
     emitters
 }
 
-/// Returns the mean luminance of a lamp's texture over its triangle, over that of white; 1 without a
-/// texture. At least a little, so that no part of a lamp is left to chance.
+/// Returns the mean luminance of a lamp's texture over its triangle, relative to that of white; 1
+/// without a texture. It is never 0, so that no part of a lamp is left to chance.
 fn mean_of_texture(scene: &Scene, triangle: u32) -> f64 {
     const STEPS: u32 = 4;
     const LEAST: f64 = 1e-3;
@@ -198,12 +198,12 @@ impl Lights {
         &self.tree.triangles
     }
 
-    /// Returns whether there is any light to sample.
+    /// Returns whether the scene has any light to sample.
     pub(crate) fn any(&self) -> bool {
         self.sky > 0.0 || !self.tree.nodes.is_empty()
     }
 
-    /// Returns whether all light comes from one flat quad or triangle, or there is none.
+    /// Returns whether all light comes from one flat quad or triangle, or the scene has no light.
     pub(crate) fn is_one(&self) -> bool {
         self.quad.is_some() || !self.any()
     }
@@ -269,14 +269,14 @@ impl Lights {
         }
     }
 
-    /// Returns the cell that decides, if there is one.
+    /// Returns the cell that a vertex uses, if any.
     #[inline]
     fn cell(&self, seen: &VertexLights) -> Option<(&Cells, &Cell)> {
         let cells = self.cells.as_ref()?;
         Some((cells, cells.get(&self.tree, seen.cell?)))
     }
 
-    /// Chooses a light by a uniform number in [0, 1). `None` if the descent ends at a node that
+    /// Chooses a light with a uniform number in [0, 1). `None` if the descent ends at a node that
     /// contributes nothing.
     #[inline]
     pub(crate) fn choose(&self, seen: &VertexLights, uniform: f64) -> Option<Chosen> {

@@ -149,9 +149,9 @@ impl Node {
         self.power[slot] * self.radius2[slot]
     }
 
-    /// Returns what each child may bring to a point, approximately as irradiance. It is the power
-    /// over the squared distance, times the greatest cosine at the emitters and about the greatest
-    /// at the surface.
+    /// Returns the light that each child may bring to a point, approximately as irradiance. It is
+    /// the power over the squared distance, times the greatest cosine at the emitters and about the
+    /// greatest at the surface.
     ///
     /// Obstacles are ignored. Choosing a quarter by power alone, for lamps behind nearby walls, was
     /// worse (docs/notes/path-tracing.md).

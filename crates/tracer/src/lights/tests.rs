@@ -66,8 +66,8 @@ fn choices_follow_the_stated_probabilities_which_sum_to_one() {
             let probabilities: Vec<f64> =
                 (0..count as u32).map(|t| f64::from(lights.probability(&seen, t))).collect();
             let emitters: f64 = probabilities.iter().sum();
-            // The rest of the probability belongs to descents that end without a light: the bounds
-            // of a group may promise more than any of its emitters gives.
+            // The rest of the probability belongs to descents that end without a light. They occur
+            // because the bounds of a group may promise more light than any of its emitters gives.
             let lost = 1.0 - emitters - f64::from(seen.sky);
             assert!(lost > -1e-4, "{count} {point} {normal}: {lost}");
             let n = 40_000;

@@ -2,11 +2,11 @@
 //! and by area if it is small.
 //!
 //! Sampling by solid angle follows Arvo 1995, "Stratified Sampling of Spherical Triangles", in the
-//! form of Peters 2021, "BRDF Importance Sampling for Polygonal Lights", §4.1. That form computes
-//! no angle but the solid angle.
+//! form of Peters 2021, "BRDF Importance Sampling for Polygonal Lights", §4.1. Apart from the solid
+//! angle, that form computes no angles.
 //!
-//! Always true: the choice and the density depend on the point and the triangle alone. f32 suffices
-//! for both, because a solid angle is used only if its triple product has not cancelled.
+//! Always true: the choice and the density depend only on the point and the triangle. f32 suffices
+//! for both, because the solid angle is used only if its triple product has not cancelled.
 
 use std::f32::consts::{PI, TAU};
 
@@ -15,16 +15,16 @@ use glam::Vec3;
 /// Solid angle, in steradians, above which points are sampled by solid angle. Below, areas are
 /// nearly as even, and cheaper (docs/notes/path-tracing.md).
 const LEAST: f32 = 0.03;
-/// Solid angle up to which points are sampled by it. Nearer to 2π the point lies in the triangle,
-/// for f32.
+/// Largest solid angle at which points are sampled by solid angle. At larger ones, close to 2π, the
+/// point lies in the triangle within the precision of f32.
 const MOST: f32 = 6.22;
 
-/// Cosine between two corners below which the point is close to the edge between them. At 1e-4 of
-/// an edge's length, 1 plus that cosine is only rounding; light was a tenth too dim along every
-/// corner of a room.
+/// Cosine between two corners below which the point is close to the edge between them. If the
+/// distance to the edge is 1e-4 of its length, 1 plus that cosine is only rounding. Light was then
+/// a tenth too dim along every corner of a room.
 const NEARLY_OPPOSITE: f32 = -0.9;
 
-/// How a triangle is sampled from a point.
+/// The way that a triangle is sampled from a point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Way {
     Area,
@@ -66,8 +66,8 @@ impl Aim {
             across: Vec3::ZERO,
             parameters: [0.0; 3],
         };
-        // If the corners are far away at similar distances, the solid angle is surely small. That
-        // saves a square root for each corner.
+        // If the corners are far away at similar distances, the solid angle is surely small. The
+        // test saves a square root for each corner.
         let farthest = lengths2[0].max(lengths2[1]).max(lengths2[2]);
         if doubled < 0.25 * LEAST * farthest
             && lengths2[0].min(lengths2[1]).min(lengths2[2]) > 0.5 * farthest
@@ -75,7 +75,7 @@ impl Aim {
             return aim;
         }
         let directions = [a / lengths2[0].sqrt(), b / lengths2[1].sqrt(), c / lengths2[2].sqrt()];
-        // As in Peters's form, triangles fan around the second corner. The first and third corner
+        // Triangles fan around the second corner, as in Peters's form. The first and third corner
         // are the two that are farthest apart.
         let dots = [
             directions[0].dot(directions[2]),

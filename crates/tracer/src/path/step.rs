@@ -11,14 +11,15 @@ use crate::sampled::Sampled;
 use crate::sampler::{Purpose, Sampler};
 use crate::shading;
 
-/// Number of scatterings, mirrors and glass not counted, from which roulette applies.
+/// Roulette applies from this number of scatterings on. Mirrors and glass do not count.
 const ROULETTE_SCATTERINGS: u32 = 2;
 /// Factor between a path's throughput and its probability of survival (docs/notes/path-tracing.md).
 const ROULETTE_FACTOR: f32 = 3.0;
-/// Number of surfaces from which roulette applies to all paths: mirrors and glass absorb little.
+/// Roulette applies to all paths from this number of surfaces on, because mirrors and glass absorb
+/// little.
 const ROULETTE_DEPTH: u32 = 5;
-/// Number of surfaces from which the greatest probability of survival is [`CEILING_OF_LONG`]: more
-/// than light meets in a white room before its lamp absorbs it.
+/// From this number of surfaces on, the greatest probability of survival is [`CEILING_OF_LONG`].
+/// Light in a white room meets fewer surfaces before its lamp absorbs it.
 const LONG: u32 = 300;
 const CEILING_OF_LONG: f32 = 0.99;
 
@@ -83,7 +84,7 @@ impl PathEngine {
         true
     }
 
-    /// Returns the factor by which a smooth normal dims a sampled direction; 1 on facets.
+    /// Returns the factor with which a smooth normal dims a sampled direction; 1 on facets.
     #[inline]
     pub(super) fn terminator(&self, vertex: &OutgoingVertex, sampled: &Sampled) -> f32 {
         if !self.is_shaded {
@@ -108,8 +109,8 @@ impl PathEngine {
         if let Some(beyond) = beyond.filter(|_| sampled.wi.z < 0.0) {
             path.inside = *beyond;
         }
-        // Light samples have also found what is straight ahead behind a pane. What a mirror shows
-        // they have found only if the mirror's images were sampled.
+        // Light samples have also found what is straight ahead behind a pane. They have found light
+        // in a mirror only if the mirror's images were sampled.
         let straight = matches!(scatter, Scatter::Pane { .. }) && sampled.wi.z < 0.0;
         let image_mirror = path
             .image_sampling

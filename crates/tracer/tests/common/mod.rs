@@ -36,7 +36,7 @@ impl Model {
         self.materials[material as usize].two_sided_emission = true;
     }
 
-    /// Adds a polygon. Its front is the side from which the corners run counter-clockwise.
+    /// Adds a polygon. Its front is the side from which the corners appear counter-clockwise.
     pub fn polygon(&mut self, corners: &[[f64; 3]], material: u32) {
         let base = self.positions.len() as u32;
         self.positions.extend(corners.iter().map(|&c| DVec3::from_array(c)));
@@ -122,9 +122,9 @@ pub fn estimate(tracer: &Tracer, origin: DVec3, direction: DVec3, paths: u64) ->
     Estimate { mean, error }
 }
 
-/// Checks that the estimate's expectation is `expected`: within 4.5 standard errors (by chance once
-/// in 150,000), and for estimates without variance within the f32 rounding of about twelve
-/// operations.
+/// Checks that the estimate's expectation is `expected` within 4.5 standard errors, which fails by
+/// chance once in 150,000. Estimates without variance may differ by the f32 rounding of about
+/// twelve operations.
 #[track_caller]
 pub fn expect(estimate: Estimate, expected: [f64; 3]) {
     for c in 0..3 {
@@ -135,8 +135,8 @@ pub fn expect(estimate: Estimate, expected: [f64; 3]) {
 }
 
 /// Returns the form factor of a polygon seen from a surface element at `x` with normal `n` (Lambert
-/// 1760): the share of the cosine-weighted hemisphere that it covers. The polygon must be wholly
-/// above the element's plane.
+/// 1760). This is the share of the cosine-weighted hemisphere that the polygon covers. The polygon
+/// must be wholly above the element's plane.
 pub fn form_factor(corners: &[[f64; 3]], x: DVec3, n: DVec3) -> f64 {
     let v: Vec<DVec3> = corners.iter().map(|&c| (DVec3::from_array(c) - x).normalize()).collect();
     let sum: f64 = (0..v.len())

@@ -1,13 +1,13 @@
-// The page of a session: sends what a person does, shows the frames that come.
+// The page of a session: sends a person's inputs, and shows the frames that arrive.
 'use strict';
 
 const $ = id => document.getElementById(id);
 const stage = $('stage'), picture = $('picture'), moving = $('moving'), overlay = $('overlay');
 const grid = overlay.getContext('2d');
 
-/** Most pixels of a picture at rest: more would take long, and few see the difference. */
+/** Most pixels of a picture at rest. More would take longer and hardly be visible. */
 const MOST_PIXELS = 2.1e6;
-/** A frame is moving if it came within so many milliseconds of one that moved. */
+/** The eye counts as moving for this many milliseconds after a frame that moved. */
 const MOVING = 180;
 
 let socket = null, retry = 400, client = 0, number = 0, drives = false, ended = false;
@@ -42,7 +42,7 @@ function say(what, more = {}) {
   return number;
 }
 
-/** Says something that changes the view: its latency is measured. */
+/** Sends an input that changes the view, and measures its latency. */
 function act(what, more) {
   const n = say(what, more);
   if (n && drives) {
@@ -73,7 +73,7 @@ function roles({ drives: now, clients }) {
 
 // ---- frames
 
-/** Frames are drawn one after the other, as they came. */
+/** Frames are drawn one after the other, in order of arrival. */
 let drawing = Promise.resolve();
 
 function frameCame(buffer) {
@@ -121,8 +121,8 @@ function draw(next, parts) {
 }
 
 /**
- * The canvas for a frame: that of pictures at rest, or a smaller one above it that the browser
- * enlarges. A frame of another size comes whole, so a canvas may change its size for it.
+ * Returns the canvas for a frame: that of pictures at rest, or a smaller one above it that the
+ * browser enlarges. A frame of another size arrives whole, so the canvas may change its size.
  */
 function canvasFor([width, height], isAtRest) {
   const has = canvas => canvas.width === width && canvas.height === height;
@@ -131,7 +131,7 @@ function canvasFor([width, height], isAtRest) {
   return canvas;
 }
 
-/** The canvas that is seen. */
+/** Returns the visible canvas. */
 function shown() { return moving.hidden ? picture : moving; }
 
 function measure(now) {
@@ -253,24 +253,24 @@ const plus = (a, b, f = 1) => [a[0] + f * b[0], a[1] + f * b[1], a[2] + f * b[2]
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = a => { const l = Math.hypot(...a) || 1; return a.map(x => x / l); };
 
-/** A point of a section, by shares of its axes. */
+/** Returns the point at shares of a section's axes. */
 function pointOf({ origin, axes }, [a, b, c]) {
   return plus(plus(plus(origin, axes[0], a), axes[1], b), axes[2], c);
 }
 
-/** Shares of a section's axes at which a point lies. */
+/** Returns a point's place in shares of a section's axes. */
 function sharesOf({ origin, axes: [a, b, c] }, point) {
   const d = minus(point, origin), volume = dot(a, cross(b, c));
   return [dot(d, cross(b, c)), dot(d, cross(c, a)), dot(d, cross(a, b))].map(x => x / volume);
 }
 
-/** Camera coordinates of a point: right, up, forward. */
+/** Returns a point's camera coordinates: right, up, forward. */
 function toCamera(view, point) {
   const d = minus(point, view.eye);
   return [dot(d, view.right), dot(d, view.up), dot(d, view.direction)];
 }
 
-/** The eye as it is now, even if its view cannot be shown. */
+/** Returns the eye's current pose, even if its view cannot be shown. */
 function eyeNow() {
   if (state && (state.uncovered || state.trouble) && state.pose) {
     const [eye, direction, up] = state.pose, right = unit(cross(direction, up));
@@ -300,7 +300,7 @@ function drawGrid() {
   const place = ([x, y, z]) => [
     corner[0] + sides[0] * (0.5 - view.shift[0] + x / z / view.extent[0]),
     corner[1] + sides[1] * (0.5 + view.shift[1] - y / z / view.extent[1])];
-  // All lines of a kind are one path: a stroke for each would take longer than the picture.
+  // All lines of a kind are one path. A stroke for each would take longer than the picture.
   const edges = new Path2D(), cells = new Path2D();
   const line = (path, from, to) => {
     let [a, b] = [toCamera(view, from), toCamera(view, to)];
@@ -428,7 +428,7 @@ $('plan').addEventListener('click', event => {
 
 // ---- keys
 
-/** All actions, as the server lists them, and each by its keys. */
+/** All actions in the server's order, and each action by its keys. */
 let actions = [], drivers = [];
 const actionOf = new Map();
 const held = new Set();
@@ -450,14 +450,14 @@ function learn({ actions: all, gestures, drivers: names }) {
   }));
 }
 
-/** Links to the picture as it is seen and in radiance, of the size that is wanted. */
+/** Sets the links to the picture, as it is seen and in radiance, at the chosen size. */
 function pictureLinks() {
   const size = $('t-size').value.trim().replace('×', 'x');
   const wish = /^\d+x\d+$/.test(size) ? `&size=${size}` : '';
   for (const end of ['png', 'exr', 'hdr']) $(`s-${end}`).href = `picture.${end}?client=${client}${wish}`;
 }
 
-/** Has the stage do what a line says. */
+/** Sends a command line to the stage. */
 function command(line) { act('command', { line }); }
 
 function sendHeld() {
@@ -485,7 +485,7 @@ function nextTone() {
   buttons[(buttons.findIndex(button => button.dataset.tone === display.tone) + 1) % buttons.length].click();
 }
 
-/** What this page does by itself. */
+/** Actions of the page itself. */
 const LOCAL = {
   grid: () => toggleGrid(), exposure: () => lockExposure(display.locked === null),
   brighter: () => stops(display.stops + 0.5), darker: () => stops(display.stops - 0.5),
@@ -496,7 +496,7 @@ const LOCAL = {
   theme: () => theme(), save: () => $('s-png').click(), help: () => $('help').showModal(), quit: () => $('quit').showModal(),
 };
 
-/** Does what an action says; `key` is the key that was pressed. */
+/** Performs an action; `key` is the key that was pressed. */
 function perform({ name, does }, key = '') {
   if (does === 'stage') command(name);
   else if (does === 'named_view') command(`view ${key.slice(-1)}`);
@@ -526,10 +526,10 @@ addEventListener('blur', () => { held.clear(); sendHeld(); });
 
 const pointers = new Map();
 let button = 0, cursorAt = 0;
-/** Where a rectangle begins that is dragged out, in shares of the picture. */
+/** First corner of the rectangle that is being dragged, in shares of the picture. */
 let corner = null;
 
-/** Shares of the picture under a pointer. */
+/** Returns a pointer's place in shares of the picture. */
 function shares(event) {
   const box = stage.getBoundingClientRect(), canvas = shown();
   const scale = Math.min(box.width / canvas.width, box.height / canvas.height);
@@ -537,7 +537,7 @@ function shares(event) {
   return [(event.clientX - box.left - (box.width - w) / 2) / w, (event.clientY - box.top - (box.height - h) / 2) / h];
 }
 
-/** Angles of the whole picture. */
+/** Returns the angles of the whole picture. */
 function angles() {
   if (!header || header.view.kind !== 'v') return [1, 0.6];
   return header.view.extent.map(side => 2 * Math.atan(side / 2));
@@ -577,7 +577,7 @@ stage.addEventListener('pointermove', event => {
   else if (button === 1) act('slide', { right: -dx, up: dy });
   else act('turn', { right: -dx * across, up: dy * along });
 });
-/** The rectangle between two corners, inside the picture: left, top, right, bottom. */
+/** Returns the rectangle between two corners, inside the picture: left, top, right, bottom. */
 function between(a, b) {
   const inside = x => Math.min(1, Math.max(0, x));
   return [Math.min(a[0], b[0]), Math.min(a[1], b[1]), Math.max(a[0], b[0]), Math.max(a[1], b[1])].map(inside);
@@ -609,7 +609,7 @@ for (const type of ['pointerup', 'pointercancel']) stage.addEventListener(type, 
 stage.addEventListener('pointerleave', () => say('cursor', { at: null }));
 stage.addEventListener('contextmenu', event => event.preventDefault());
 
-/** Two fingers: apart is towards what is between them, together is back; both sideways shift. */
+/** Two fingers: spreading approaches, pinching backs off, a common motion shifts the picture. */
 function twoFingers(event, before) {
   const other = [...pointers.values()].find(pointer => pointer.pointerId !== event.pointerId);
   const apart = (a, b) => Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY) || 1;
@@ -646,22 +646,22 @@ function toggleLook(part) {
   sendDisplay();
 }
 
-/** The number in a field, rounded as the server rounds it; NaN if there is none. */
+/** Returns the number in a field, rounded as on the server; NaN if the field has no number. */
 function numberIn(id) { return $(id).value.trim() === '' ? NaN : Math.fround(Number($(id).value.replace(',', '.'))); }
 
-/** Sends the scale of false colour and contours, if its range can be one. */
+/** Sends the scale of false colour and contours, if its range is valid. */
 function setScale(log, range) {
   const [least, most] = range || [0, 1];
   const isRange = least >= 0 && least < most && most < Infinity;
   if (!isRange) { notice('A range needs two numbers in cd/m², the smaller one first, such as 10 and 1000.', 5000); return; }
-  // The least number of which the server can take a logarithm.
+  // The least number whose logarithm the server can compute.
   if (range && log && least < 2 ** -126) { notice('A logarithmic scale cannot begin at 0: choose a low end above 0.', 5000); return; }
   Object.assign(display, { log, range });
   if (!display.false_color && !display.contours) display.false_color = true;
   sendDisplay();
 }
 
-/** Draws what the colours mean: a bar of them, and the ticks that have room for their labels. */
+/** Draws the legend: a bar of the colours, and the ticks that have room for their labels. */
 function drawLegend(legend) {
   const text = JSON.stringify(legend), box = $('legend');
   if (box.dataset.drawn === text) return;

@@ -1,4 +1,4 @@
-//! What people ask for: motion, views, orders, pictures.
+//! Follows people's inputs: motion, views, orders, pictures.
 
 use std::{path::PathBuf, sync::Arc, thread, time::Instant};
 
@@ -15,13 +15,13 @@ use crate::{
     },
 };
 
-/// Largest picture, pixels: four of a usual screen.
+/// Most pixels of a picture: four times those of a usual screen.
 const MOST_PIXELS: u64 = 1 << 23;
 
 const NO_CREW: &str = "this program has not started the server and the workers: whoever has can";
 
 impl Hand {
-    /// Does what somebody asks for.
+    /// Follows an input.
     pub(super) fn take(&mut self, input: Input) {
         let (under, towards) = self.under_cursor();
         let walker = &mut self.walker;
@@ -29,10 +29,10 @@ impl Hand {
             Input::Hold(controls) => {
                 let now = Instant::now();
                 if walker.controls.moves() && !controls.moves() {
-                    // Nothing more is to come of it.
+                    // The motion has ended, so the eye is at rest at once.
                     self.times.moved = now.checked_sub(REST).unwrap_or(now);
                 } else if !walker.controls.moves() {
-                    // What is held counts from now on.
+                    // The motion begins now, not at the last step.
                     self.times.advanced = now;
                 }
                 walker.controls = controls;
@@ -70,7 +70,7 @@ impl Hand {
         }
     }
 
-    /// Says for a while why something is not done.
+    /// Shows for a while why an input was refused.
     pub(super) fn refuse(&mut self, reason: String) {
         self.refusal = Some((reason, Instant::now()));
     }
@@ -82,7 +82,8 @@ impl Hand {
         }
     }
 
-    /// Asks whether all samples are to be forgotten, or ends for that if it has been asked.
+    /// Asks whether all samples are to be forgotten. If that question is open, ends in order to
+    /// start over.
     fn ask_to_start_over(&mut self) {
         if self.crew.is_none() {
             self.refuse(NO_CREW.to_owned());
@@ -93,7 +94,7 @@ impl Hand {
         }
     }
 
-    /// Writes a picture of the current view to a file, on a thread of its own.
+    /// Writes a picture of the current view to a file, on a separate thread.
     fn save(&mut self, path: PathBuf, size: Option<(u32, u32)>) {
         let reply = Reply::new(move |frame| {
             let path = path.clone();
@@ -125,7 +126,7 @@ impl Hand {
         }
     }
 
-    /// Goes to a view, or says why it is none.
+    /// Goes to a view, or reports why that is impossible.
     fn look(&mut self, change: &ViewSpec) {
         let view = self.walker.view().overridden_by(change);
         match view.resolve(self.size) {
@@ -137,7 +138,7 @@ impl Hand {
         }
     }
 
-    /// Goes to a view that the holodeck knows.
+    /// Goes to a named view of the holodeck.
     fn recall(&mut self, named: &Named) {
         let views = Arc::clone(&self.news.views);
         let found = match named {

@@ -1,7 +1,7 @@
-//! The hand: takes inputs, moves the eye, and shows at once what is known of where it is.
+//! The hand: receives inputs, moves the eye, and at once shows what is known from there.
 //!
-//! It waits for inputs and for nothing else. While the eye moves, it shows earlier frames from where
-//! the eye is ([`super::warp`]). The painter ([`super::painter`]) draws new ones meanwhile.
+//! It waits only for inputs. While the eye moves, it shows earlier frames from where the eye is
+//! ([`super::warp`]). Meanwhile the painter ([`super::painter`]) draws new ones.
 
 mod asked;
 
@@ -27,36 +27,35 @@ use super::{
 };
 use crate::Crew;
 
-/// The eye rests once it has not moved for so long. Inputs of a moving hand follow each other
-/// faster. Whoever moves on sees earlier frames until the frame at rest is done.
+/// The eye is at rest once it has not moved for this long. Inputs of a moving hand follow each
+/// other faster. A person who moves on sees earlier frames until the frame at rest is ready.
 const REST: Duration = Duration::from_millis(60);
 
 /// Least time between two frames while the eye moves.
 const FRAME: Duration = Duration::from_millis(20);
 
-/// Longest step of a motion, seconds: after a pause one moves on, not ahead.
+/// Longest step of a motion, seconds, so that the eye does not leap after a pause.
 const LONGEST_STEP: f64 = 0.25;
 
-/// Unknown share of a picture that is too much for a view to which one jumps: the picture before
-/// stays.
+/// After a jump, a picture with a greater unknown share is held back and the picture before stays.
 const MOST_UNKNOWN: f64 = 0.4;
 
-/// Time after a jump when any picture is shown.
+/// Time after a jump from which any picture is shown.
 const MOST_PATIENCE: Duration = Duration::from_secs(1);
 
-/// How often the state is published.
+/// Interval at which the state is published.
 const STATE: Duration = Duration::from_millis(250);
 
-/// Time over which the eye's motion is measured, to know where it will be.
+/// Time over which the eye's motion is measured, to predict where the eye will be.
 const MOTION: Duration = Duration::from_millis(100);
 
-/// Longest time for which the motion is taken to go on.
+/// Longest time for which the motion is extrapolated.
 const MOST_AHEAD: Duration = Duration::from_millis(250);
 
-/// How long it is said why something was not done.
+/// Time for which the reason of a refusal is shown.
 const REFUSAL: Duration = Duration::from_secs(8);
 
-/// How long a question waits for its answer.
+/// Time for which a question can be answered.
 const ANSWER: Duration = Duration::from_secs(15);
 
 const QUESTION: &str = "Start over? All samples of this holodeck are forgotten.";
@@ -66,40 +65,40 @@ pub struct Hand {
     walker: Walker,
     inputs: mpsc::Receiver<Numbered>,
     bell: Arc<Bell>,
-    /// The painter's desk, while there is one.
+    /// The painter's desk, while there is a painter.
     desk: Option<Desk>,
     crew: Option<Crew>,
-    /// When it was asked whether all samples are to be forgotten.
+    /// When the question whether to forget all samples was asked.
     question: Option<Instant>,
-    /// Why this ends, once it does.
+    /// Why the hand ends, once it does.
     ending: Option<Ending>,
     publisher: Publisher,
     record: Option<Record>,
-    /// The picture at rest, pixels at the most.
+    /// Most columns and rows of the picture at rest.
     size: (u32, u32),
     cursor: Option<(f64, f64)>,
     /// The part of the picture that is traced first, until the eye moves.
     focus: Option<[f64; 4]>,
-    /// The last input that was taken.
+    /// The last input that was processed.
     input: (u32, u64),
-    /// Why the last thing that was asked for is not done, and since when that is said.
+    /// Why the last refused input was refused, and since when the reason is shown.
     refusal: Option<(String, Instant)>,
     news: News,
     /// The size of frames while the eye moves.
     moving_size: Option<(u32, u32)>,
-    /// Frames that are shown from elsewhere while the eye moves, the newest first.
+    /// Frames that can be shown from elsewhere while the eye moves, the newest first.
     sources: VecDeque<Painted>,
-    /// A frame that is not shown yet, because it shows less than the one before.
+    /// A frame that is not shown yet, because too much of it is unknown.
     held_back: Option<Painted>,
-    /// How often the eye has gone somewhere without walking there.
+    /// Number of jumps of the eye to another view.
     jumps: u64,
-    /// Whether nothing is shown yet of where it went.
+    /// True if no picture has been shown since the last jump.
     awaits_jump: bool,
-    /// The last frame that was published.
+    /// The last published frame.
     last: Option<Arc<Shown>>,
-    /// Whether the painter has drawn a frame that it does not show yet.
+    /// True if the painter has drawn a frame that the last published one does not show.
     has_news: bool,
-    /// Where the eye was a moment ago.
+    /// Recent positions of the eye.
     trail: VecDeque<(Instant, Pose)>,
     times: Times,
     facts: State,
@@ -108,13 +107,13 @@ pub struct Hand {
 /// Why a hand has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// Somebody quits, or the painter has ended.
+    /// The user quits, or the painter has ended.
     Quit,
     /// All samples are to be forgotten.
     StartOver,
 }
 
-/// When things happened last.
+/// Times of the last events.
 struct Times {
     advanced: Instant,
     moved: Instant,
@@ -122,7 +121,7 @@ struct Times {
     /// When the last frame was published.
     frame: Instant,
     state: Instant,
-    /// How long the painter took for its last frame while the eye moved.
+    /// Time that the painter took for its last frame while the eye moved.
     painting: Duration,
 }
 
@@ -131,7 +130,7 @@ impl Hand {
     /// long.
     ///
     /// # Errors
-    /// If `first` is no view.
+    /// If `first` is malformed.
     pub fn new(
         first: ViewSpec,
         unit: f64,
@@ -146,7 +145,7 @@ impl Hand {
         let now = Instant::now();
         let times = Times {
             advanced: now,
-            // The first frame is to be there soon.
+            // The first frame is due at once.
             moved: now,
             jumped: now,
             frame: now,
@@ -182,8 +181,9 @@ impl Hand {
         })
     }
 
-    /// Shows views of a painter until somebody ends it or the painter ends. `facts` is what never
-    /// changes meanwhile. Returns how somebody has ended it.
+    /// Shows a painter's frames until the user ends it or the painter ends. `facts` is the part of
+    /// the state that stays constant meanwhile. Returns how the user has ended it; `None` if the
+    /// painter ended.
     ///
     /// # Errors
     /// If the walk cannot be recorded.
@@ -221,10 +221,10 @@ impl Hand {
         Ok(self.ending)
     }
 
-    /// Ends the record of the walk.
+    /// Ends the recording of the walk.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the file cannot be written.
     pub fn end(mut self) -> Result<()> {
         match &mut self.record {
             Some(record) => record.end(Instant::now()),
@@ -238,7 +238,7 @@ impl Hand {
         }
     }
 
-    /// Moves by what is held.
+    /// Moves the eye by the controls that are held down.
     fn advance(&mut self) {
         let now = Instant::now();
         let seconds = now.saturating_duration_since(self.times.advanced).as_secs_f64();
@@ -258,7 +258,7 @@ impl Hand {
         }
     }
 
-    /// Takes all inputs that wait, until one ends this.
+    /// Processes all waiting inputs, until one ends the session.
     fn take_inputs(&mut self) {
         while self.ending.is_none()
             && let Ok(Numbered { from, input }) = self.inputs.try_recv()
@@ -268,8 +268,8 @@ impl Hand {
         }
     }
 
-    /// Returns the point under the cursor, if a frame knows it, and the direction of its ray. In
-    /// the middle of the picture if the cursor is elsewhere.
+    /// Returns the point under the cursor, if a frame knows it, and the direction of its ray. If
+    /// the cursor is outside, the middle of the picture counts.
     fn under_cursor(&self) -> (Option<DVec3>, DVec3) {
         let Some(last) = &self.last else { return (None, self.walker.pose().direction) };
         let (x, y) = self.cursor.unwrap_or((0.5, 0.5));
@@ -283,8 +283,8 @@ impl Hand {
         self.walker.controls.moves() || self.times.moved.elapsed() < REST
     }
 
-    /// Says which view is wanted: while the eye moves, the one where it will be when the frame is
-    /// there.
+    /// Requests a view from the painter: while the eye moves, from where the eye will be when the
+    /// frame is ready.
     fn want(&self) {
         let is_moving = self.is_moving();
         let spec = if is_moving { self.ahead() } else { *self.walker.view() };
@@ -294,7 +294,7 @@ impl Hand {
         }
     }
 
-    /// Returns where the eye will be after the time that a frame takes, if it goes on so.
+    /// Returns where the eye will be after the duration of a frame, if its motion continues.
     fn ahead(&self) -> ViewSpec {
         let now = *self.walker.view();
         let Some((since, before)) = self.trail.front() else { return now };
@@ -307,7 +307,7 @@ impl Hand {
         if ahead.resolve(self.size).is_ok() { ahead } else { now }
     }
 
-    /// Takes what the painter has done.
+    /// Processes the painter's results.
     fn take_frames(&mut self, done: Done) -> Result<()> {
         self.news = done.news;
         if let Some(refusal) = done.refusal {
@@ -333,7 +333,8 @@ impl Hand {
         }
     }
 
-    /// Shows a frame of the painter, or keeps it to be shown from where the eye is by now.
+    /// Shows a frame of the painter. If the eye has moved, keeps it as a source for pictures from
+    /// the current position.
     fn show(&mut self, painted: Painted) -> Result<()> {
         self.awaits_jump = false;
         let is_of_now = painted.wanted.spec == *self.walker.view();
@@ -358,7 +359,7 @@ impl Hand {
         Ok(())
     }
 
-    /// Shows what is known from where the eye is, if that is not shown yet.
+    /// Shows what is known from the current position of the eye, unless that is shown already.
     fn show_from_here(&mut self) -> Result<()> {
         let Ok((view, full)) = self.walker.view().resolve(self.size) else { return Ok(()) };
         let shows = |last: &Arc<Shown>| last.view == view && (last.is_at_rest || !self.has_news);
@@ -399,7 +400,7 @@ impl Hand {
         }
     }
 
-    /// Returns until when the hand waits, unless the bell rings.
+    /// Returns when the hand must act next, unless the bell rings before.
     fn next_due(&self) -> Instant {
         let now = Instant::now();
         let is_shown = self.last.as_ref().is_some_and(|last| last.is_at_rest);
@@ -412,7 +413,7 @@ impl Hand {
         }
     }
 
-    /// Publishes how things are, unless that was done a moment ago.
+    /// Publishes the state, unless that was done a moment ago.
     fn publish_state(&mut self) {
         let now = Instant::now();
         if now < self.times.state + STATE {
@@ -444,7 +445,7 @@ impl Hand {
     }
 }
 
-/// Returns the share of a frame's pixels of which nothing is known.
+/// Returns the share of a frame's pixels without known light.
 fn unknown(frame: &Frame) -> f64 {
     frame.empty_pixels as f64 / frame.depth.len().max(1) as f64
 }

@@ -1,4 +1,4 @@
-//! What keys do, and the line that is typed.
+//! Effects of keys, and the command line that is typed.
 
 use std::time::Instant;
 
@@ -9,16 +9,16 @@ use crate::{
     stage::Input,
 };
 
-/// Longest line that is typed, bytes.
+/// Longest command line, bytes.
 const MOST_TYPED: usize = 1000;
 
 impl Model {
-    /// Notes what is held beside keys.
+    /// Records which modifier keys are held.
     pub fn set_modifiers(&mut self, modifiers: Modifiers) {
         self.modifiers = modifiers;
     }
 
-    /// Notes that the keyboard belongs to another window.
+    /// Records that the window has lost the keyboard.
     pub fn lose_focus(&mut self) -> Vec<Effect> {
         self.held.clear();
         let looks = std::mem::take(&mut self.modes.looks);
@@ -27,13 +27,14 @@ impl Model {
         effects
     }
 
-    /// Notes that a key is up.
+    /// Records that a key is released.
     pub fn release(&mut self, name: &str) -> Vec<Effect> {
         self.held.remove(name);
         self.hold()
     }
 
-    /// Returns what a key does: `name` by its place, `sign` by what it writes.
+    /// Returns the effects of a key: `name` is its place on the keyboard, `sign` the text that it
+    /// writes.
     pub fn press(&mut self, name: &str, sign: &str, repeats: bool, now: Instant) -> Vec<Effect> {
         let Modifiers { ctrl, other } = self.modifiers;
         if ctrl && name == "KeyQ" {
@@ -68,7 +69,7 @@ impl Model {
         }
     }
 
-    /// Takes a key into the line that is being typed.
+    /// Adds a key to the command line that is being typed.
     fn type_key(&mut self, name: &str, sign: &str, now: Instant) -> Vec<Effect> {
         self.touch();
         let Some(line) = &mut self.typed else { return Vec::new() };
@@ -82,7 +83,7 @@ impl Model {
                     return Vec::new();
                 }
                 let effects = self.command(&line, now);
-                // A line that is none can be mended.
+                // A wrong line stays, so that it can be corrected.
                 self.typed = effects.is_empty().then_some(line);
                 return effects;
             }
@@ -92,7 +93,7 @@ impl Model {
         Vec::new()
     }
 
-    /// Has the stage do what a line says.
+    /// Passes a command line to the stage.
     pub(super) fn command(&mut self, line: &str, now: Instant) -> Vec<Effect> {
         match commands::parse(line) {
             Ok(input) => self.send(input),
@@ -112,7 +113,7 @@ impl Model {
         self.send(Input::Hold(controls))
     }
 
-    /// Returns what this window does by itself.
+    /// Performs an action of the window itself, and returns its effects.
     fn act(&mut self, local: Local, now: Instant) -> Vec<Effect> {
         self.has_acted = true;
         let exposure = self.seen.as_ref().and_then(|seen| seen.image.exposure);
@@ -171,7 +172,7 @@ impl Model {
         self.tell(format!("Section grids: {when}."), now);
     }
 
-    /// Shows or hides what lies over the picture.
+    /// Shows or hides a part of the overlay.
     fn show(&mut self, local: Local) {
         let modes = &mut self.modes;
         let mode = match local {
@@ -184,7 +185,7 @@ impl Model {
         *mode = !*mode;
     }
 
-    /// Returns whether there is anything that Esc closes.
+    /// Returns whether something is open that Esc would close.
     fn has_open(&self) -> bool {
         let Modes { looks, has_help, is_full, .. } = self.modes;
         let has_own = looks || has_help || is_full || self.notice.is_some();

@@ -1,4 +1,4 @@
-//! What the mouse and fingers do.
+//! Effects of the mouse and of fingers.
 
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ use crate::{
 };
 
 impl Model {
-    /// Returns what a motion of the mouse to a place does.
+    /// Returns the effects of a motion of the mouse to a point.
     pub fn move_to(&mut self, at: Point) -> Vec<Effect> {
         if self.modes.looks {
             return Vec::new();
@@ -26,18 +26,18 @@ impl Model {
         input.map(|input| self.send(input)).unwrap_or_default()
     }
 
-    /// Returns what a motion of the mouse by some pixels does, wherever it is.
+    /// Returns the effects of a motion of the mouse by some pixels, wherever it is.
     pub fn move_by(&mut self, right: f64, down: f64) -> Vec<Effect> {
         if self.modes.looks { self.send(looked(right, down)) } else { Vec::new() }
     }
 
-    /// Notes that the mouse has left the window.
+    /// Records that the mouse has left the window.
     pub fn leave(&mut self) -> Vec<Effect> {
         self.hand.left();
         self.send(Input::Cursor(None))
     }
 
-    /// Returns what a pressed button does.
+    /// Returns the effects of a pressed button.
     pub fn button(&mut self, drag: Drag) -> Vec<Effect> {
         if std::mem::take(&mut self.modes.has_help) {
             self.touch();
@@ -59,7 +59,7 @@ impl Model {
         }
     }
 
-    /// Returns what a released button does.
+    /// Returns the effects of a released button.
     pub fn button_up(&mut self, drag: Drag) -> Vec<Effect> {
         self.hand.release(drag);
         let target = self.target();
@@ -67,12 +67,13 @@ impl Model {
         part.map(|input| self.send(input)).unwrap_or_default()
     }
 
-    /// Returns the part of the picture that is dragged out or traced first.
+    /// Returns the part of the picture that is being dragged, or else the part that is traced
+    /// first.
     pub fn focus(&self) -> Option<[f64; 4]> {
         self.hand.part(&self.target()).or(self.state.focus)
     }
 
-    /// Returns what a click on the panel does; `None` beside it.
+    /// Returns the effects of a click on the panel; `None` if the click is beside it.
     fn click(&mut self, at: Point) -> Option<Vec<Effect>> {
         let layout = self.panel();
         if self.modes.is_bare || !self.modes.has_panel || !layout.rect.contains(at) {
@@ -98,19 +99,19 @@ impl Model {
         self.hand.drag().is_some()
     }
 
-    /// Returns what steps of the wheel do.
+    /// Returns the effects of steps of the wheel.
     pub fn wheel(&mut self, steps: f64) -> Vec<Effect> {
         self.send(wheeled(steps))
     }
 
-    /// Returns what a finger that touches or moves does.
+    /// Returns the effects of a finger's touch or motion.
     pub fn finger(&mut self, finger: u64, at: Point) -> Vec<Effect> {
         let target = self.target();
         let inputs = self.hand.finger(finger, at, &target);
         inputs.into_iter().flat_map(|input| self.send(input)).collect()
     }
 
-    /// Notes that a finger is lifted.
+    /// Records that a finger is lifted.
     pub fn lift(&mut self, finger: u64) {
         self.hand.lift(finger);
     }

@@ -46,7 +46,7 @@ fn held_keys_move_until_they_are_up_or_the_keyboard_is_lost() {
     let mut model = model();
     let ahead = Controls { ahead: 1.0, ..Controls::default() };
     assert_eq!(press(&mut model, "KeyW", "w"), [Effect::Send(Input::Hold(ahead))]);
-    // A key that repeats is held all the same.
+    // A key that repeats counts as held.
     assert_eq!(model.press("KeyW", "w", true, Instant::now()), []);
     let still = [Effect::Send(Input::Hold(Controls::default()))];
     assert_eq!(model.release("KeyW"), still);
@@ -96,7 +96,7 @@ fn a_new_size_is_asked_for_once_it_has_stayed_for_a_while() {
     assert_eq!(end, now + Duration::from_millis(200) + RESIZING);
     assert_eq!(model.wake(end), [Effect::Send(Input::Size(1290, 720))]);
     assert_eq!(model.next_change(), None);
-    // A very fine screen gets fewer pixels, of its shape.
+    // A very fine screen gets fewer pixels in the same proportions.
     model.resize((7680, 4320), 3.0, now);
     let Input::Size(width, height) = model.wanted_size() else { panic!("no size") };
     assert!(f64::from(width * height) < 1.01 * MOST_PIXELS);
@@ -147,7 +147,7 @@ fn the_panel_takes_clicks_on_the_plan_and_on_views() {
     model.move_to(middle(&layout.views[0]));
     let effects = model.button(Drag::Turn);
     assert_eq!(effects, [Effect::Send(Input::Recall(Named::Number(1)))]);
-    // The keys have the same views.
+    // Keys go to the same views.
     assert_eq!(press(&mut model, "Digit1", "1"), effects);
 }
 
@@ -185,7 +185,7 @@ fn keys_and_the_table_of_actions_agree() {
             let mut own = furnished();
             let effects = press(&mut own, key, key);
             let acts = !effects.is_empty() || own.take_stale();
-            // Nothing is open that Esc could close, so the stage gets it.
+            // Esc has nothing to close, so it goes to the stage.
             assert!(acts, "{key} does nothing");
         }
     }

@@ -3,11 +3,11 @@
 use super::{Font, Page, Rect, Weight};
 use crate::commands::{ACTIONS, GESTURES};
 
-/// Keys that windows have besides.
+/// Additional keys of windows.
 const OF_WINDOWS: [(&str, &str); 2] = [("Enter", "type a line"), ("Ctrl Q", "quit at once")];
 
 impl Page<'_, '_> {
-    /// Lists the keys, in text as small as the window asks for.
+    /// Lists the keys, in a font that fits the window.
     pub(super) fn help(&mut self, scale: f64) {
         let (font, list) = HelpList::fitting(self.size(), scale);
         self.font = font;
@@ -43,7 +43,7 @@ struct HelpList {
 }
 
 impl HelpList {
-    /// Returns the largest font in which the list fits, and the list's layout in it.
+    /// Returns the largest font that lets the list fit, and the list's layout in that font.
     fn fitting(size: (i32, i32), scale: f64) -> (Font, HelpList) {
         let one = Font::for_scale(1.0);
         let signs = |text: &str| one.width_of(text) / one.width();
@@ -64,12 +64,12 @@ impl HelpList {
         (rows().count() as i32 + self.columns - 1) / self.columns
     }
 
-    /// Returns the signs from one column to the next.
+    /// Returns the distance between two columns, in signs.
     fn column(&self) -> i32 {
         self.key_signs + self.help_signs + 1
     }
 
-    /// Returns the width and height in pixels.
+    /// Returns width and height, pixels.
     fn size(&self, font: Font) -> (i32, i32) {
         let signs = self.columns * self.column() - 1;
         (signs * font.width() + font.height(), (self.rows() * 2 + 5) * font.height() / 2)

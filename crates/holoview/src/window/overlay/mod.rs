@@ -1,4 +1,4 @@
-//! What lies over the picture: a function of the window's model and the time.
+//! Everything drawn over the picture: a function of the window's model and the time.
 
 mod help;
 mod panel;
@@ -14,7 +14,7 @@ use super::{
     model::{Grids, Model},
     text::{self, Font, Weight},
 };
-use crate::{screen::visibly, stage::Phase};
+use crate::{screen::on_screen_threads, stage::Phase};
 use space::{Camera, Lost};
 
 /// Opacity of grids.
@@ -25,13 +25,13 @@ const WHILE_MOVING: f32 = 0.14;
 /// Grids are drawn if a greater share of the picture is unknown.
 const MOST_UNKNOWN: f64 = 0.5;
 
-/// Opacity of what text stands on.
+/// Opacity of the background of text.
 const GLASS: f32 = 0.86;
 
-/// What lines say.
+/// Examples of command lines.
 const LINES: &str = "keep NAME · view NAME · view -vp 1 2 3 · picture FILE.exr 1920x1080";
 
-/// Colours of what is drawn over the picture.
+/// Colours of the overlay.
 struct Theme {
     back: Color,
     text: Color,
@@ -67,7 +67,7 @@ pub fn draw(canvas: &mut Canvas, model: &Model, now: Instant) {
     page.canvas.clear(theme.back);
     let picture = model.picture();
     if let Some(seen) = &model.seen {
-        visibly(|| page.canvas.picture(&seen.image, picture));
+        on_screen_threads(|| page.canvas.picture(&seen.image, picture));
     }
     page.grids(model, picture, now);
     page.legend(model);
@@ -88,14 +88,14 @@ pub fn draw(canvas: &mut Canvas, model: &Model, now: Instant) {
     }
 }
 
-/// A canvas that is drawn on in one theme and one size.
+/// A canvas with a theme and a font size.
 struct Page<'a, 'b> {
     canvas: &'a mut Canvas<'b>,
     theme: &'static Theme,
     font: Font,
 }
 
-/// Words of one line: text, weight and colour.
+/// A piece of one line: text, weight and colour.
 type Word<'a> = (&'a str, Weight, Color);
 
 impl Page<'_, '_> {
@@ -103,7 +103,7 @@ impl Page<'_, '_> {
         self.canvas.size()
     }
 
-    /// Returns a length in tenths of a line's height.
+    /// Returns a length, given in tenths of a line's height.
     fn tenths(&self, tenths: i32) -> i32 {
         self.font.height() * tenths / 10
     }
@@ -112,7 +112,7 @@ impl Page<'_, '_> {
         text::write(self.canvas, (self.font, weight), at, text, color);
     }
 
-    /// Writes words after each other.
+    /// Writes pieces of text one after another.
     fn words(&mut self, (mut x, y): (i32, i32), words: &[Word]) {
         for (text, weight, color) in words {
             self.write((x, y), text, *weight, *color);
@@ -120,7 +120,7 @@ impl Page<'_, '_> {
         }
     }
 
-    /// Draws what text stands on, with a border.
+    /// Draws a background for text, with a border.
     fn glass(&mut self, rect: Rect, border: Option<Color>) {
         let radius = self.tenths(5);
         if let Some(border) = border {
@@ -130,7 +130,7 @@ impl Page<'_, '_> {
         self.canvas.rounded(rect, radius, self.theme.glass, GLASS);
     }
 
-    /// Draws lines of text in a box in the middle, from `top` on. Returns where it ends.
+    /// Draws lines of text in a centred box that starts at `top`. Returns the box's lower end.
     fn message(&mut self, top: i32, lines: &[String], border: Option<Color>) -> i32 {
         let (pad, high) = (self.tenths(6), self.font.height());
         let wide = lines.iter().map(|line| self.font.width_of(line)).max().unwrap_or(0);
@@ -144,7 +144,7 @@ impl Page<'_, '_> {
         top + height
     }
 
-    /// Returns a text in lines that the window has room for.
+    /// Breaks a text into lines that fit the window.
     fn wrapped(&self, text: &str) -> Vec<String> {
         let room = (self.size().0 - 4 * self.font.height()) / self.font.width();
         text::wrapped(text, room.clamp(10, 76) as usize)
@@ -211,7 +211,7 @@ impl Page<'_, '_> {
         }
     }
 
-    /// Says what to do first, until something is done.
+    /// Shows first instructions, until the person does something.
     fn welcome(&mut self, model: &Model) {
         if model.has_acted || model.seen.is_none() {
             return;
@@ -323,7 +323,7 @@ impl Page<'_, '_> {
         }
     }
 
-    /// Shows the line that is being typed, and what lines can say.
+    /// Shows the command line that is being typed, with examples.
     fn typed(&mut self, model: &Model) {
         let Some(line) = model.typed() else { return };
         let mut lines = self.wrapped(&format!("> {line}_"));
@@ -333,7 +333,7 @@ impl Page<'_, '_> {
     }
 }
 
-/// Returns how strong the grids of sections are drawn.
+/// Returns the opacity of the sections' grids.
 fn strength(model: &Model, now: Instant) -> f32 {
     let unknown = model.seen.as_ref().map_or(0.0, |seen| {
         let frame = &seen.shown.frame;

@@ -10,28 +10,28 @@ use crate::window::{canvas::Point, model::Model, text::Font};
 /// Signs in a line of the panel.
 const SIGNS: i32 = 36;
 
-/// Signs before a value.
+/// Width of the names before values, in signs.
 const NAME_SIGNS: i32 = 11;
 
 /// Lines above the plan: a heading, seven values and the plan's heading, with gaps.
 const LINES_ABOVE: i32 = 10;
 
-/// Lines that the plan is high at the most.
+/// Largest height of the plan, in lines.
 const PLAN_LINES: i32 = 14;
 
-/// Least height of a plan, in lines. A lower one shows nothing.
+/// Least height of the plan, in lines. A lower plan is not drawn.
 const LEAST_PLAN_LINES: i32 = 3;
 
-/// Named views at the most: those that have a key.
+/// Most named views: those with a key.
 const MOST_VIEWS: usize = 9;
 
-/// Length of the gaze on the plan, in the plan's size.
+/// Length of the view direction on the plan, as a share of the plan's size.
 const GAZE: f64 = 0.22;
 
 /// Where the parts of the panel are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layout {
-    /// All of it.
+    /// The whole panel.
     pub rect: Rect,
     /// The plan: a square.
     pub plan: Rect,
@@ -40,13 +40,13 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Returns the layout in a window of a size and scale, with so many named views.
+    /// Returns the layout in a window of a size and scale, with this many named views.
     pub fn new(size: (u32, u32), scale: f64, views: usize) -> Layout {
         let font = Font::for_scale(scale);
         let (high, margin) = (font.height(), font.height() * 7 / 10);
         let inner = SIGNS * font.width();
         let views = views.min(MOST_VIEWS) as i32;
-        // The plan gives way if the window is low.
+        // In a low window, the plan shrinks first.
         let lines = LINES_ABOVE + if views > 0 { views + 2 } else { 0 };
         let room = size.1 as i32 - 2 * margin - (lines + 2) * high;
         let side = inner.min(PLAN_LINES * high).min(room).max(0);
@@ -98,7 +98,7 @@ impl Page<'_, '_> {
         }
     }
 
-    /// Draws the sections from above, the eye and where it looks.
+    /// Draws the sections from above, the eye and its view direction.
     fn plan(&mut self, model: &Model, square: Rect) {
         let theme = self.theme;
         if square.width < LEAST_PLAN_LINES * self.font.height() {

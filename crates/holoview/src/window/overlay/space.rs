@@ -6,16 +6,16 @@ use holo_section::{SectionSpec, ViewClass};
 
 use crate::stage::State;
 
-/// Lines of a grid along one axis at the most.
+/// Most lines of a grid along one axis.
 const MOST_LINES: u32 = 64;
 
-/// Least depth of what is drawn, in edges of the first section.
+/// Nearest depth that is drawn, as a multiple of the first section's edge.
 const NEAREST: f64 = 1e-3;
 
-/// A section that is nearly ahead is within this sine of the view direction.
+/// A section counts as ahead if the sine of its angle to the view direction is less than this.
 const AHEAD: f64 = 0.2;
 
-/// Size of the picture at distance 1 of an eye whose view cannot be shown.
+/// Size of the picture at distance 1, for an eye whose view cannot be shown.
 const OTHER_EXTENT: (f64, f64) = (1.2, 0.7);
 
 /// An eye with a perspective picture.
@@ -39,12 +39,12 @@ pub struct Line {
     pub from: (f64, f64),
     /// The other.
     pub to: (f64, f64),
-    /// Whether it is an edge of the section.
+    /// True if it is an edge of the section.
     pub is_edge: bool,
 }
 
 impl Camera {
-    /// Returns the camera of a perspective view; `None` of another.
+    /// Returns the camera of a perspective view; `None` for other views.
     pub fn of_view(view: &View) -> Option<Camera> {
         (view.kind.letter() == 'v').then(|| Camera {
             eye: view.eye(),
@@ -64,8 +64,8 @@ impl Camera {
         Camera { eye, right, up, direction, extent: OTHER_EXTENT, shift: (0.0, 0.0) }
     }
 
-    /// Returns the camera of what the window shows: of the eye as it is now, even if its view
-    /// cannot be shown.
+    /// Returns the camera for the overlay. If the current view cannot be shown, this is the camera
+    /// of the eye's current pose.
     pub fn now(state: &State, view: Option<&View>) -> Option<Camera> {
         if state.is_uncovered || state.trouble.is_some() {
             return Some(Camera::of_pose(state.pose));
@@ -73,12 +73,12 @@ impl Camera {
         view.and_then(Camera::of_view)
     }
 
-    /// Returns the ends of what the eye sees on the level of a plan, as directions.
+    /// Returns the directions of the view's left and right borders on the plan.
     pub fn sides(&self) -> [DVec3; 2] {
         [-0.5, 0.5].map(|side| self.direction + self.right * (side * self.extent.0))
     }
 
-    /// Returns right, up and depth of a point.
+    /// Returns a point's coordinates: right, up and depth.
     fn local(&self, point: DVec3) -> DVec3 {
         let way = point - self.eye;
         DVec3::new(way.dot(self.right), way.dot(self.up), way.dot(self.direction))
@@ -89,7 +89,7 @@ impl Camera {
         (0.5 - self.shift.0 + x, 0.5 + self.shift.1 - y)
     }
 
-    /// Returns the lines of all sections' grids before the eye.
+    /// Returns the lines of all sections' grids in front of the eye.
     pub fn grids(&self, sections: &[SectionSpec]) -> Vec<Line> {
         let first = sections.first().map_or(1.0, |first| axes(first)[0].length());
         let near = NEAREST * first;
@@ -117,7 +117,7 @@ impl Camera {
 pub struct Lost {
     /// Clockwise angle of the arrow from straight up, radians; `None` if the section is ahead.
     pub turn: Option<f64>,
-    /// Whether the section is behind the eye.
+    /// True if the section is behind the eye.
     pub is_behind: bool,
     /// Its distance, scene units.
     pub distance: f64,
@@ -151,7 +151,7 @@ impl Lost {
 /// A plan: the scene from above.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// Directions that are right and up on the plan.
+    /// Directions that point right and up on the plan.
     u: DVec3,
     v: DVec3,
     /// Outlines of the sections, and whether each is an interior.
@@ -161,7 +161,7 @@ pub struct Plan {
     pub size: f64,
 }
 
-/// Empty share of the plan's size around it.
+/// Width of the margin around the plan, as a share of the plan's size.
 const MARGIN: f64 = 0.12;
 
 impl Plan {
@@ -193,7 +193,7 @@ impl Plan {
         let (width, height) = (most.0 - least.0, most.1 - least.1);
         let size = width.max(height);
         let is_sound = size.is_finite() && size > 0.0;
-        // The shorter side is in the middle.
+        // The shorter side is centred.
         let least = (least.0 - (size - width) / 2.0, least.1 - (size - height) / 2.0);
         is_sound.then_some(Plan { u, v, outlines, least, size })
     }
@@ -203,14 +203,14 @@ impl Plan {
         (at.dot(self.u), -at.dot(self.v))
     }
 
-    /// Returns shares of a square that shows the plan for a place on it.
+    /// Converts a place on the plan into shares of the square that shows it.
     pub fn place(&self, (x, y): (f64, f64)) -> (f64, f64) {
         let share =
             |at: f64, least: f64| ((at - least) / self.size + MARGIN) / (1.0 + 2.0 * MARGIN);
         (share(x, self.least.0), share(y, self.least.1))
     }
 
-    /// Returns the point over shares of that square, at the height of `eye`.
+    /// Returns the point for a place in that square, at the height of `eye`.
     pub fn point(&self, (x, y): (f64, f64), eye: DVec3) -> DVec3 {
         let at =
             |share: f64, least: f64| (share * (1.0 + 2.0 * MARGIN) - MARGIN) * self.size + least;
@@ -223,13 +223,13 @@ fn axes(section: &SectionSpec) -> [DVec3; 3] {
     section.axes.map(DVec3::from_array)
 }
 
-/// Returns a point of a section, by shares of its axes.
+/// Returns the point at shares of a section's axes.
 fn point(section: &SectionSpec, shares: DVec3) -> DVec3 {
     let [a, b, c] = axes(section);
     DVec3::from_array(section.origin) + a * shares.x + b * shares.y + c * shares.z
 }
 
-/// Returns the shares of a section's axes at which a point lies.
+/// Returns a point's place in shares of a section's axes.
 fn shares(section: &SectionSpec, at: DVec3) -> Option<DVec3> {
     let ([a, b, c], way) = (axes(section), at - DVec3::from_array(section.origin));
     let shares = DVec3::new(way.dot(b.cross(c)), way.dot(c.cross(a)), way.dot(a.cross(b)))
@@ -294,7 +294,7 @@ mod tests {
         State { sections, up: [0.0, 0.0, 1.0], ..State::default() }
     }
 
-    /// An eye that looks along y.
+    /// Returns a camera that looks along y.
     fn camera(x: f64, y: f64) -> Camera {
         Camera::of_pose([[x, y, 2.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     }
@@ -302,7 +302,7 @@ mod tests {
     #[test]
     fn a_grid_lies_where_its_corners_are_projected() {
         let lines = camera(2.0, -6.0).grids(&[cube(ViewClass::Exterior)]);
-        // 6 walls of 3 and 3 lines.
+        // 6 walls with 3 lines in each direction.
         assert_eq!(lines.len(), 36);
         assert_eq!(lines.iter().filter(|line| line.is_edge).count(), 24);
         let near = 0.5 - 2.0 / 6.0 / OTHER_EXTENT.0;
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_leaves_all_sections_is_shown_the_way_back() {
+    fn an_eye_outside_all_sections_is_shown_the_way_back() {
         let interior = state(ViewClass::Interior);
         assert_eq!(Lost::new(&camera(2.0, 2.0), &interior), None);
         let ahead = Lost::new(&camera(2.0, -8.0), &interior).unwrap();

@@ -41,7 +41,7 @@ fn bare_shows_the_picture_and_nothing_else() {
     assert!(change(&picture, &drawn(&model)) > 0.0, "the status line and a welcome");
     model.modes.is_bare = true;
     assert_eq!(change(&picture, &drawn(&model)), 0.0);
-    // Not even the panel. A notice is shown all the same.
+    // The panel is hidden too. Notices are still shown.
     model.modes.has_panel = true;
     assert_eq!(change(&picture, &drawn(&model)), 0.0);
     model.tell("Saved", Instant::now());

@@ -1,4 +1,4 @@
-//! What the window says, as text.
+//! Texts of the window.
 
 use std::time::Instant;
 
@@ -13,11 +13,11 @@ use crate::stage::{Phase, State};
 /// A part of the status line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// What is measured.
+    /// The value.
     pub value: String,
     /// Its unit.
     pub unit: &'static str,
-    /// Whether it is trouble.
+    /// True if it is trouble.
     pub is_bad: bool,
 }
 
@@ -66,7 +66,7 @@ pub fn status(state: &State, seen: Option<&Seen>, pace: &Pace, now: Instant) -> 
     fields
 }
 
-/// Returns what is under the cursor, or in the middle of the picture: names and values.
+/// Returns names and values for the point under the cursor, or in the middle of the picture.
 pub fn under_cursor(
     seen: Option<&Seen>,
     cursor: Option<(f64, f64)>,
@@ -75,7 +75,7 @@ pub fn under_cursor(
     let shown = seen.map(|seen| &seen.shown);
     let known = shown.and_then(|shown| shown.radiance_at(x, y));
     let certainty = shown.and_then(|shown| shown.certainty_at(x, y));
-    // Grey light has the luminance of its parts.
+    // The error is a radiance, converted to luminance as a grey light.
     let error = certainty.map(|certainty| luminance([certainty.error; 3]));
     let error = error.filter(|error| error.is_finite());
     let error = error.map_or_else(String::new, |error| format!(" ± {}", precise(error, 2)));
@@ -99,7 +99,7 @@ pub fn under_cursor(
     ]
 }
 
-/// Returns what the stage waits for or why it has ended, if it does not run.
+/// Returns what the stage waits for, or why it has ended; `None` while it runs.
 pub fn loading(state: &State, has_picture: bool) -> Option<String> {
     match &state.phase {
         Phase::Connecting => Some("Connecting to the server …".to_owned()),
@@ -113,7 +113,7 @@ pub fn loading(state: &State, has_picture: bool) -> Option<String> {
     }
 }
 
-/// Returns the way back to the sections in words.
+/// Describes the way back to the sections.
 pub fn lost(lost: &Lost) -> String {
     let distance = number(lost.distance, 4);
     let way = match lost {
@@ -124,7 +124,7 @@ pub fn lost(lost: &Lost) -> String {
     format!("Outside all sections: {way}. H goes home")
 }
 
-/// Returns a count in three digits.
+/// Formats a count with three digits.
 fn short(count: f64) -> String {
     for (unit, size) in [("G", 1e9), ("M", 1e6), ("k", 1e3)] {
         if count >= size {
@@ -138,7 +138,7 @@ fn precise(value: f32, count: i32) -> String {
     number(f64::from(value), count)
 }
 
-/// Returns a quantity in so many digits.
+/// Formats a quantity with this many digits.
 fn number(value: f64, count: i32) -> String {
     let size = value.abs();
     if value == 0.0 {
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_waited_for_is_said_until_there_is_a_picture() {
+    fn progress_is_shown_until_there_is_a_picture() {
         let phase = |phase| State { phase, ..State::default() };
         let loaded = loading(&phase(Phase::Loading("reading the scene".into())), false);
         assert_eq!(loaded.unwrap(), "Reading the scene …");
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn light_under_the_cursor_is_said_with_its_error() {
+    fn light_under_the_cursor_is_shown_with_its_error() {
         let say = |seen: &Seen| under_cursor(Some(seen), None).map(|(_, value)| value);
         let frame = shown((2, 2), [0.5; 3], 1);
         let look = Look::default();
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_back_is_said_in_words() {
+    fn the_way_back_is_described_in_words() {
         let at = |turn, is_behind| lost(&Lost { turn, is_behind, distance: 12.3456 });
         assert!(at(None, false).contains("ahead, 12.35 away"));
         assert!(at(Some(3.0), true).contains("behind you"));
