@@ -24,9 +24,9 @@ from scenes import Case, View
 
 SIZE = "1280x720"
 TRUTH_SIZE = "320x180"
-# The path tracer's pictures for which there is less time than a pass of all pixels takes.
-SMALL = "640x360"
-PASS = 5.0
+# The size of the path tracer's pictures by the seconds that it has: as many pixels as it can give a
+# path.
+TRACED_SIZES = {1.0: "320x180", 3.0: "640x360", 8.0: SIZE}
 # Paths of a pixel of each half of the truth.
 TRUTH_PATHS = 128
 FILL = 60
@@ -36,7 +36,7 @@ SHOWN = (0.2, 1.0, 5.0, 20.0)
 ASKED = tuple(sorted({*WANTED, *SHOWN}))
 STAY = ASKED[-1] + 0.5
 # Seconds of the path tracer.
-TRACED = (1.0, 3.0, 8.0)
+TRACED = tuple(TRACED_SIZES)
 # Decibels that a picture may be worse than the rival's if no denoiser is installed.
 BEHIND = 1.5
 PYOIDN = "pyoidn"
@@ -57,8 +57,8 @@ def rooms(bench: Bench) -> Part:
                 " noise taken off; *written* is when the picture was there; the first is asked at"
                 " 0.2 s, to be there by 0.35 s. *Path tracer* is `render --engine path --time`,"
                 " denoised by Open Image Denoise with albedo and normals; the scene's loading and"
-                " the denoiser's half second do not count. Where the time does not suffice for one"
-                f" path of every pixel, it makes a picture of {SMALL}, which is better here."
+                " the denoiser's half second do not count. Its pictures have as many pixels as it can give"
+                f" a path: {', '.join(f'{size} in {time:g} s' for time, size in TRACED_SIZES.items())}."
             ),
         ],
     )
@@ -80,7 +80,7 @@ def rooms(bench: Bench) -> Part:
                 time = f"{bench.seconds(seconds)}s"
                 picture, said = bench.render(
                     look, f"rival-{seconds:g}", "--time", time, "--denoise", library,
-                    size=SMALL if seconds < PASS else SIZE
+                    size=TRACED_SIZES[seconds]
                 )
                 alone[look.name, seconds] = picture
                 took[look.name, seconds] = said["seconds"]

@@ -255,6 +255,25 @@ pub fn filled(sums: &[Sums], width: u32) -> Vec<Sums> {
     (0..sums.len()).map(nearest).collect()
 }
 
+/// Returns the step of the finest grid of pixels that all have paths.
+pub fn finest_whole_grid(sums: &[Sums], size: (u32, u32)) -> u32 {
+    let steps = std::iter::successors(Some(1), |step| Some(2 * step));
+    let is_whole =
+        |step: &u32| grid(size, *step).iter().all(|&pixel| sums[pixel as usize].paths > 0);
+    steps.take_while(|&step| step < COARSEST).find(is_whole).unwrap_or(COARSEST)
+}
+
+/// Returns the size of a picture of squares of `step` pixels a side, and the sums of these squares.
+pub fn reduced(sums: &[Sums], (width, height): (u32, u32), step: u32) -> ((u32, u32), Vec<Sums>) {
+    let size = (width.div_ceil(step), height.div_ceil(step));
+    let mut squares = vec![Sums::default(); size.0 as usize * size.1 as usize];
+    for (pixel, sums) in (0..).zip(sums) {
+        let (column, row): (u32, u32) = (pixel % width, pixel / width);
+        squares[(row / step * size.0 + column / step) as usize].add(sums);
+    }
+    (size, squares)
+}
+
 /// Returns the step between blocks that are traced one after the other: about 0.618 of their
 /// number, and coprime to it. So a pass that ends early has spread its paths over the picture.
 fn stride(blocks: usize) -> usize {
@@ -355,6 +374,27 @@ mod tests {
             assert!(near.any(|other| cut[other].first == filled.first));
         }
         assert!(whole.iter().all(|sums| sums.paths > 0));
+    }
+
+    #[test]
+    fn squares_of_the_finest_whole_grid_have_all_paths() {
+        let mut steps = Vec::new();
+        for seconds in [0, 4, 8, 40] {
+            let sums = run(&job(false, Limit::Time(Duration::from_secs(seconds))));
+            let found = finest_whole_grid(&sums, SIZE);
+            steps.push(found);
+            let (size, squares) = reduced(&sums, SIZE, found);
+            assert_eq!(size, (SIZE.0.div_ceil(found), SIZE.1.div_ceil(found)));
+            assert!(squares.iter().all(|sums| sums.paths > 0), "{seconds}: {found}");
+            let paths = |sums: &[Sums]| sums.iter().map(|sums| sums.paths).sum::<u32>();
+            assert_eq!(paths(&squares), paths(&sums));
+            let light = |sums: &[Sums]| sums.iter().map(|sums| sums.first[1]).sum::<f64>();
+            assert!((light(&squares) - light(&sums)).abs() <= 1e-9 * light(&sums));
+        }
+        assert!(steps.is_sorted_by(|a, b| a >= b) && steps[0] > 1 && steps[3] == 1, "{steps:?}");
+        let (size, squares) = reduced(&[Sums { paths: 1, ..Sums::default() }; 15], (5, 3), 2);
+        assert_eq!(size, (3, 2));
+        assert_eq!(squares.iter().map(|sums| sums.paths).collect::<Vec<_>>(), [4, 4, 2, 2, 2, 1]);
     }
 
     #[test]

@@ -19,7 +19,7 @@ use crate::{
     arguments::picture_path,
     config::Config,
     opening::{Opened, Wanted, open},
-    passes::{Job, Limit, Progress, Sums, filled},
+    passes::{Job, Limit, Progress, Sums, filled, finest_whole_grid, reduced},
     scene_args::{SceneArgs, Usage, check_units, scene_path, settings},
 };
 
@@ -164,6 +164,28 @@ fn render(job: &Job, quiet: bool, shutdown: &Shutdown) -> Rendered {
 }
 
 impl Rendered {
+    fn picture_of(&self, sums: &[Sums], size: (u32, u32)) -> Picture {
+        let mut picture = Picture::new(size.0, size.1);
+        picture.view = Some(self.view);
+        picture.pixels = sums.iter().map(Sums::mean).collect();
+        picture
+    }
+
+    /// Returns the denoised picture. If the first pass was not whole, squares of pixels are denoised:
+    /// a denoiser takes what is the same in several pixels for detail.
+    fn denoised(&self, mut denoiser: Denoiser, raycaster: Arc<Raycaster>) -> Result<Picture> {
+        let step = finest_whole_grid(&self.sums, self.size);
+        let (size, squares) = reduced(&self.sums, self.size, step);
+        let mut small = self.picture_of(&squares, size);
+        denoise(&mut denoiser, raycaster, &mut small)?;
+        let mut picture = self.picture_of(&self.sums, self.size);
+        for (pixel, shown) in (0..).zip(&mut picture.pixels) {
+            let (column, row): (u32, u32) = (pixel % self.size.0, pixel / self.size.0);
+            *shown = small.pixels[(row / step * size.0 + column / step) as usize];
+        }
+        Ok(picture)
+    }
+
     fn write(
         &self,
         args: &Args,
@@ -171,15 +193,11 @@ impl Rendered {
         raycaster: Arc<Raycaster>,
         path: &Path,
     ) -> Result<()> {
-        let mut picture = Picture::new(self.size.0, self.size.1);
-        picture.view = Some(self.view);
         let filled = filled(&self.sums, self.size.0);
-        for (pixel, sums) in picture.pixels.iter_mut().zip(&filled) {
-            *pixel = sums.mean();
-        }
-        if let Some(mut denoiser) = denoiser {
-            denoise(&mut denoiser, raycaster, &mut picture)?;
-        }
+        let picture = match denoiser {
+            Some(denoiser) => self.denoised(denoiser, raycaster)?,
+            None => self.picture_of(&filled, self.size),
+        };
         let exposure = args.look.write(&picture, path)?;
         if let Some(path) = &args.se {
             let mut errors = Picture::new(self.size.0, self.size.1);
