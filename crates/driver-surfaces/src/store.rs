@@ -93,7 +93,9 @@ pub struct Store {
     /// Of 2 to this power samples one is kept.
     thinned: u32,
     round: u32,
+    /// Samples that were added, and those that are kept.
     samples: u64,
+    kept: usize,
 }
 
 impl Cube {
@@ -148,6 +150,7 @@ impl Store {
             thinned: 0,
             round: 1,
             samples: 0,
+            kept: 0,
         }
     }
 
@@ -164,17 +167,27 @@ impl Store {
 
     /// Returns the mean light of all samples.
     pub(crate) fn mean(&self) -> Vec3 {
-        let mut sums = Sums::default();
-        let buckets = self.shards.iter().flat_map(|shard| shard.values());
-        buckets.flat_map(|bucket| &bucket.faces).for_each(|(_, more)| sums.add(more));
-        sums.mean()
+        let of_shard = |shard: &FxHashMap<Cube, Bucket>| {
+            let mut sums = Sums::default();
+            let faces = shard.values().flat_map(|bucket| &bucket.faces);
+            faces.for_each(|(_, more)| sums.add(more));
+            sums
+        };
+        let sums: Vec<Sums> = self.shards.par_iter().map(of_shard).collect();
+        let mut all = Sums::default();
+        sums.iter().for_each(|more| all.add(more));
+        all.mean()
     }
 
     /// Returns how many samples are kept.
     #[must_use]
     pub fn kept(&self) -> usize {
+        self.kept
+    }
+
+    fn count_kept(&mut self) {
         let buckets = self.shards.iter().flat_map(|shard| shard.values());
-        buckets.map(|bucket| bucket.records.len()).sum()
+        self.kept = buckets.map(|bucket| bucket.records.len()).sum();
     }
 
     /// Adds placed samples.
@@ -182,17 +195,21 @@ impl Store {
         let dealt: Vec<Vec<Vec<(Cube, Record)>>> =
             placed.par_chunks(CHUNK).map(|chunk| self.deal(chunk)).collect();
         let (round, thinned) = (self.round, self.thinned);
-        self.shards.par_iter_mut().enumerate().for_each(|(number, shard)| {
+        let fill = |(number, shard): (usize, &mut FxHashMap<Cube, Bucket>)| {
+            let mut kept = 0;
             for &(cube, record) in dealt.iter().flat_map(|lists| &lists[number]) {
                 let make = || Bucket { round: AtomicU32::new(round), ..Bucket::default() };
                 let bucket = shard.entry(cube).or_insert_with(make);
                 if record.stays(thinned) {
                     bucket.add(record);
+                    kept += 1;
                 }
             }
-        });
+            kept
+        };
+        self.kept += self.shards.par_iter_mut().enumerate().map(fill).sum::<usize>();
         self.samples += placed.len() as u64;
-        if self.kept() > self.most_samples {
+        if self.kept > self.most_samples {
             self.shrink();
         }
     }
@@ -228,7 +245,8 @@ impl Store {
         for shard in &mut self.shards {
             shard.retain(|_, bucket| *bucket.round.get_mut() >= oldest);
         }
-        while self.kept() > most {
+        self.count_kept();
+        while self.kept > most {
             self.thinned += 1;
             let thinned = self.thinned;
             self.shards.par_iter_mut().flat_map_iter(|shard| shard.values_mut()).for_each(
@@ -237,6 +255,7 @@ impl Store {
                     bucket.records.shrink_to_fit();
                 },
             );
+            self.count_kept();
         }
     }
 
