@@ -1,7 +1,7 @@
 //! Whole-system tests: the built `holodeck` program is run as a person runs it, in processes of its
 //! own.
 //!
-//! This library is what the tests under `tests/` share. What always holds:
+//! This library is what the tests under `tests/` share. Invariants:
 //! - every process started here is killed by its id and waited for when its [`Process`] is dropped,
 //!   and ends by itself if the test's own process is gone;
 //! - every wait has a limit, and a test that passes one fails with what the process has said;

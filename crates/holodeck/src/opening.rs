@@ -1,7 +1,7 @@
 //! Opening a scene that says little about itself: its up axis, its unit, light, sections and views
 //! are chosen where nobody has named them.
 //!
-//! Always true: each choice is said once in words, with the option that overrides it.
+//! Invariants: each choice is said once in words, with the option that overrides it.
 
 use std::sync::Arc;
 

@@ -3,7 +3,7 @@
 //! Under a time limit, the first pass goes over ever finer grids of pixels. If it cannot be whole,
 //! pixels without a path show one nearby ([`filled`]).
 //!
-//! Always true:
+//! Invariants:
 //! - A pixel's value is a function of its number of paths (engine `path`).
 //! - A time limit ends the work after the block of pixels that a thread is at. So it holds however
 //!   long a pass takes, once one pixel in [`COARSEST`]² has a path.

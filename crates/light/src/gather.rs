@@ -1,6 +1,6 @@
 //! Gathering: rays over the hemisphere above a point, and the record that they make.
 //!
-//! Always true: the rays are stratified in rings of equal projected solid angle and in sectors. So
+//! Invariants: the rays are stratified in rings of equal projected solid angle and in sectors. So
 //! the mean radiance times π is an unbiased estimate of the irradiance. The gradients are those of
 //! Ward and Heckbert (1992, equations 2 and 3).
 

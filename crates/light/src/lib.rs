@@ -2,7 +2,7 @@
 //! Rubinstein and Clear 1988) with gradients (Ward and Heckbert 1992) and a visibility test between
 //! point and record.
 //!
-//! Always true: the light excludes the albedo of the surface that it falls on. It also excludes
+//! Invariants: the light excludes the albedo of the surface that it falls on. It also excludes
 //! light that comes straight from lamps and sky, which is sampled anew at every point.
 //!
 //! docs/notes/indirect-light.md compares this with other caches.

@@ -1,6 +1,6 @@
 //! The store: records in a spatial hash, which many threads read while others add to it.
 //!
-//! Always true:
+//! Invariants:
 //! - Readers never wait. Writers wait only for each other.
 //! - A record is stored at most once. Merging the same records again, in any order, changes
 //!   nothing.

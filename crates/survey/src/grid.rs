@@ -1,6 +1,6 @@
 //! A scene as cubic cells, each free or touched by a surface.
 //!
-//! Always true: surfaces are closed for steps between cells that share a face. Of two such cells on
+//! Invariants: surfaces are closed for steps between cells that share a face. Of two such cells on
 //! both sides of a surface, at least one is touched.
 
 use glam::DVec3;

@@ -6,7 +6,7 @@
 //! their number, and joins those that are left through doors. Without rooms the scene is an object,
 //! which is looked at from outside.
 //!
-//! Always true:
+//! Invariants:
 //! - Each guess comes with its reason, in words for people.
 //! - A result is a function of the scene, the frame and the stated unit: not of threads or clocks.
 //! - Memory is bounded by [`grid::MAX_CELLS`], time by the number of triangles and cells.
