@@ -107,8 +107,8 @@ mod tests {
                 one != other && (x - u).pow(2) + (y - v).pow(2) < 9
             })
         });
-        // Of independent pixels, 24 neighbours with chance 1/64 each: a third would have one so
-        // near.
+        // If pixels were independent, each of 24 neighbours would be chosen with probability 1/64,
+        // and a third of the pixels would have a chosen one so near.
         let share = near.count() as f64 / chosen.len() as f64;
         assert!(share < 0.05, "{share}");
     }

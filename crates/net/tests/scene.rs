@@ -1,4 +1,4 @@
-//! Scenes in pieces.
+//! Scenes that arrive in pieces.
 
 use holo_net::{NetError, SCENE_CHUNK_BYTES, SceneReceiver, absent};
 use holo_proto::{bulk::BlobChunk, control::SceneInfo, frame::MAX_BULK_BYTES};

@@ -155,8 +155,8 @@ mod tests {
                         "dimension {dimension}, {bits} bits"
                     );
                 }
-                // The polynomials of the exit cell's dimensions have degrees 2 and 3, so t = 1 + 2:
-                // every interval of 2^(bits-3) of volume has exactly 8 points.
+                // The polynomials of the exit cell's dimensions have degrees 2 and 3, so t = 1 + 2.
+                // Every interval of volume 2^(3-bits) then has exactly 8 points.
                 if bits >= 3 {
                     for c in 0..=bits - 3 {
                         assert!(counts(&points, [0, 0, c, bits - 3 - c]).iter().all(|&n| n == 8));

@@ -1,4 +1,4 @@
-//! The views where the eye stayed, for going back and forward.
+//! The views where the eye stayed, for walking back and forward through them.
 
 use holo_picture::ViewSpec;
 
