@@ -226,8 +226,8 @@ fn rooms(grid: &Grid, raycaster: &Raycaster, levels: &[Level], eye: f64) -> Vec<
     made.collect()
 }
 
-/// Takes the largest rectangles out of the masks of levels, in rows of `width`. Adds those whose
-/// shorter and longer sides have at least `sides` cells.
+/// Takes the largest rectangles out of the masks of levels, in rows of `width`. Adds those with at
+/// least `short` by `long` cells.
 fn take_largest(
     masks: &mut [Vec<bool>],
     width: usize,
