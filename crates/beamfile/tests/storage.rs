@@ -12,7 +12,7 @@ use common::{Model, assert_same, key, options, run, samples};
 use holo_beamfile::{BeamFile, DiskStorage, Error, Maker, Storage};
 use holo_section::Sample;
 
-/// A disk with room for so many bytes, which fails to sync when told to.
+/// A disk with limited room, which fails to sync on request.
 struct SmallDisk {
     disk: DiskStorage,
     room: Arc<AtomicU64>,

@@ -1,7 +1,7 @@
 //! The scanlines of a Radiance picture: flat, with old runs (1 1 1 count), or with new runs
 //! (channel by channel).
 //!
-//! Invariants: a reader consumes no more bytes than it is given, and fills exactly one row or
+//! Invariant: a reader consumes no more bytes than it is given, and fills exactly one row or
 //! fails.
 
 use crate::error::PictureError;
