@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn as_many_are_chosen_as_priority_says_and_never_too_many() {
+    fn pixels_are_chosen_in_proportion_to_priority_and_never_too_many() {
         let (width, height) = (200_usize, 160);
         // Left half four times the right half.
         let priority: Vec<u8> =

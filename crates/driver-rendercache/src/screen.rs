@@ -222,7 +222,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_kept_of_another_type_of_view_is_used_only_if_it_means_the_same() {
+    fn data_of_another_type_of_view_is_used_only_if_it_means_the_same() {
         let view = |words: &str| {
             View::parse_vf(&format!("-vp 0 0 0 {words}")).unwrap().resolve((48, 36)).unwrap().0
         };

@@ -59,7 +59,7 @@ fn rays_that_a_renderer_chose_by_itself_tend_to_the_box_filter_too() {
 }
 
 #[test]
-fn what_other_views_left_never_pushes_out_the_pixels_of_this_one() {
+fn samples_of_other_views_never_replace_the_pixels_of_this_one() {
     let size = (64, 48);
     let eye = view(DVec3::ZERO, 0.0, size);
     let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();

@@ -1,4 +1,4 @@
-//! `holodeck fill`: traces a scene into a file while nobody looks.
+//! `holodeck fill`: traces a scene into a file without a viewer.
 
 use std::{
     ffi::OsString,
@@ -23,7 +23,7 @@ use crate::{
     worker::{KeptWorker, NICE},
 };
 
-/// Trace a scene into a holodeck while nobody looks; started again, it goes on
+/// Trace a scene into a holodeck without a viewer; run again, it continues
 ///
 /// Once the file has enough samples, they are traced again with more paths: four times as many in
 /// each sweep over all beams. The samples get better, and the file's growth falls to a quarter each

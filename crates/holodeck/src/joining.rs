@@ -85,7 +85,7 @@ pub struct TokensArgs {
     /// The server's address in that string
     #[arg(long, value_name = "HOST:PORT", requires = "add")]
     public: Option<String>,
-    /// Revoke the token of this name: nobody joins with it any more
+    /// Revoke the token of this name: no worker or display can join with it any more
     #[arg(long, value_name = "NAME", conflicts_with = "add")]
     revoke: Option<String>,
     /// Folder of the certificate and the tokens [default: holodeck/server in the user's

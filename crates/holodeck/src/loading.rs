@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_load_says_how_far_it_is_and_how_fast() {
+    fn a_long_load_reports_progress_and_speed() {
         let progress = LoadProgress { bytes: 30 << 20, total_bytes: 120 << 20, triangles: 450_000 };
         assert_eq!(
             progress_words(Path::new("a.obj"), progress, 2.0),

@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_invitation_comes_back_from_its_text_and_a_damaged_one_says_where() {
+    fn an_invitation_survives_its_text_form_and_damage_names_the_wrong_part() {
         let token = Token { id: *b"12345678", secret: [0xfe; 32] };
         let invitation =
             Invitation { address: "[fe80::1]:7070".into(), fingerprint: [0xab; 32], token };

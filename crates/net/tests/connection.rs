@@ -115,7 +115,7 @@ async fn a_hostile_length_ends_the_connection_before_anything_is_read() {
 }
 
 #[tokio::test]
-async fn broken_messages_are_told_from_closed_connections() {
+async fn broken_messages_are_distinguished_from_closed_connections() {
     for (bytes, expected) in [
         (frame::encode(Kind::Hello, b"again").unwrap(), ProtoError::Kind(1)),
         (frame::encode(Kind::Samples, &[0; 17]).unwrap(), ProtoError::Trailing(1)),
@@ -208,7 +208,7 @@ async fn a_wait_for_a_message_that_is_given_up_loses_nothing() {
 }
 
 #[tokio::test]
-async fn what_is_queued_is_counted_until_the_system_has_it() {
+async fn queued_bytes_count_until_the_system_has_them() {
     let (mut client, (_inbox, outbox)) = raw_client().await;
     let payload = BlobChunk { offset: 0, bytes: vec![1; 8 << 20] }.encode();
     let frame = payload.len() + frame::HEADER_BYTES;
@@ -282,7 +282,7 @@ async fn a_side_that_never_reads_is_given_up() {
 }
 
 #[tokio::test]
-async fn what_was_queued_last_still_arrives_when_everything_is_dropped() {
+async fn the_last_queued_message_arrives_after_everything_is_dropped() {
     let ((mut inbox, _outbox), (theirs_in, theirs_out)) = pair().await;
     for _ in 0..20 {
         theirs_out.send(Kind::Samples, &samples(10_000).encode()).unwrap();

@@ -41,7 +41,7 @@ async fn a_worker_is_taken_and_welcomed() {
 }
 
 #[tokio::test]
-async fn whoever_is_refused_learns_why() {
+async fn refused_peers_receive_the_reason() {
     let (listener, address) = listener().await;
     let server = async {
         let (_inbox, outbox, hello) = accept(listener.accept().await.unwrap().0).await.unwrap();
@@ -56,7 +56,7 @@ async fn whoever_is_refused_learns_why() {
 }
 
 #[tokio::test]
-async fn other_versions_are_told_both_numbers_even_if_their_hello_has_grown() {
+async fn other_versions_receive_both_numbers_even_if_their_hello_has_grown() {
     for version in [0, PROTOCOL_VERSION + 1, u16::MAX] {
         let mut hello = Hello { version, role: Role::Worker, name: "later".into() }.encode();
         hello.extend([7; 100]);
@@ -73,7 +73,7 @@ async fn other_versions_are_told_both_numbers_even_if_their_hello_has_grown() {
 }
 
 #[tokio::test]
-async fn a_role_that_does_not_exist_is_told_so() {
+async fn an_unknown_role_is_refused_with_that_reason() {
     let mut hello = Hello::new(Role::Worker, "w").encode();
     hello[10] = 9;
     let (error, said) = said_to(&frame::encode(Kind::Hello, &hello).unwrap()).await;

@@ -70,7 +70,7 @@ fn refusal(client: Result<(), NetError>) -> String {
 }
 
 #[tokio::test]
-async fn who_holds_a_token_is_taken_in_the_roles_that_it_permits() {
+async fn holders_of_a_token_are_accepted_in_the_roles_that_it_permits() {
     let server = Server::new();
     let fingerprint = server.identity.fingerprint();
     let mut tokens = vec![(server.admin(), Rights::Admin)];
@@ -114,7 +114,7 @@ async fn a_token_that_was_revoked_or_guessed_opens_nothing() {
 }
 
 #[tokio::test]
-async fn a_server_with_another_certificate_is_told_nothing() {
+async fn a_server_with_another_certificate_receives_no_token() {
     let (server, other) = (Server::new(), Server::new());
     let (taken, client) =
         server.join(server.admin(), other.identity.fingerprint(), Role::Display).await;
@@ -123,7 +123,7 @@ async fn a_server_with_another_certificate_is_told_nothing() {
 }
 
 #[tokio::test]
-async fn who_does_not_encrypt_hears_how_to_join_and_nothing_else() {
+async fn a_peer_without_encryption_learns_how_to_join_and_nothing_else() {
     let server = Server::new();
     let (listener, address) = listener().await;
     let hello = frame::encode(Kind::Hello, &Hello::new(Role::Worker, "w").encode()).unwrap();

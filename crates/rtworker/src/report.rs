@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whoever_starts_a_worker_reads_what_it_writes() {
+    fn reports_of_a_worker_can_be_parsed_by_its_parent() {
         let loading = Report::Loading { share: 0.25, text: "fetching: 1 MiB of 4 MiB".to_owned() };
         for report in [loading, Report::Ready] {
             assert_eq!(Report::parse(&report.to_string()), Some(report));

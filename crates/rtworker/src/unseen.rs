@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_that_begin_at_the_exit_do_not_see_what_stands_inside() {
+    fn rays_that_begin_at_the_exit_do_not_see_objects_inside() {
         let triangle =
             [DVec3::new(0.4, 0.4, 0.5), DVec3::new(0.6, 0.4, 0.5), DVec3::new(0.5, 0.6, 0.5)];
         let raycaster = raycaster(&[triangle]);

@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lamp_lights_what_it_shines_on_and_nothing_behind_it() {
+    fn a_lamp_lights_surfaces_before_it_and_none_behind_it() {
         let lamp = Material { emission: [2.0; 3], ..Material::grey("lamp") };
         // In the box, the lamp lights all walls. Just above the lid, it shines into a gap.
         assert!(is_lit(2.0, 0.8, lamp.clone()));
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn what_shines_itself_is_not_dark() {
+    fn a_scene_whose_surface_shines_is_not_dark() {
         let points = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let lamp = Material { emission: [2.0; 3], ..Material::grey("lamp") };
         for (material, is_lit) in [(lamp, true), (Material::grey("wall"), false)] {

@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_is_as_wide_as_the_square_is_left() {
+    fn only_cells_in_squares_of_the_side_are_left() {
         let rows = ["..##.", ".####", "#####", "##..#"];
         let set = |rows: [&str; 4]| rows.concat().chars().map(|c| c == '#').collect::<Vec<_>>();
         assert_eq!(opened(&set(rows), 5, 1), set(rows));

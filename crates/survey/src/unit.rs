@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_storey_tells_the_unit() {
+    fn a_storey_determines_the_unit() {
         for (height, unit) in
             [(2.6, 1.0), (8.0, 0.3048), (96.0, 0.0254), (260.0, 0.01), (2600.0, 0.001)]
         {

@@ -149,7 +149,7 @@ fn boxes(survey: &Survey) -> Vec<(DVec3, [DVec3; 3])> {
 }
 
 #[test]
-fn who_walks_through_a_door_is_always_in_a_box() {
+fn a_walk_through_a_door_is_always_in_a_box() {
     for (name, model, y) in
         [("two rooms", flat(1.0, |p| p), 1.95), ("ten rooms", row_of_rooms(10, None), 1.45)]
     {

@@ -137,7 +137,7 @@ fn a_tenth_of_the_way_is_gone_in_a_tenth_of_a_second_whatever_the_frame_rate() {
 }
 
 #[test]
-fn nobody_glides_through_what_they_look_at() {
+fn gliding_never_passes_the_point() {
     let start = Pose { eye: DVec3::ZERO, direction: DVec3::X, up: DVec3::Z };
     let near = start.glide(DVec3::X, 1e3, 0.1);
     assert!((near.eye.x - 0.9).abs() < 1e-9);

@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_veil_of_even_light_gives_back_what_it_takes() {
+    fn a_veil_of_even_light_adds_as_much_as_it_removes() {
         let picture = picture(200, 100, |_, _| 3.0);
         let cells = fovea(&picture);
         let veil = Gaze::new(&picture, &cells).veil(&cells);
