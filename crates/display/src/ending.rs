@@ -28,7 +28,7 @@ const LINES: usize = 200_000;
 /// Lines tried for each section by a quick search.
 const FEW_LINES: usize = 40_000;
 
-/// Most beams that a quick search returns. A server finds so many in a file in about 20 ms.
+/// Most beams that a quick search returns. A server finds this many in a file in about 20 ms.
 const BEST_BEAMS: usize = 20_000;
 
 /// Most sections that get all these lines. More sections share the lines of this many, so that the

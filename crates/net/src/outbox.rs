@@ -131,9 +131,9 @@ impl WeakOutbox {
 
 /// The task that writes.
 ///
-/// It ends with the last [`Outbox`], at an empty frame, or when the other side is gone. It also ends
-/// when the other side has taken nothing for [`SILENCE`]: a process that hangs must not hold its
-/// connection's memory for ever.
+/// It ends with the last [`Outbox`], at an empty frame, or when the other side is gone. It also
+/// ends when the other side has taken nothing for [`SILENCE`]: a process that hangs must not hold
+/// its connection's memory for ever.
 struct Writer {
     stream: BufWriter<WriteHalf>,
     /// Bytes taken off the queue, counted in `queued` and not yet with the operating system.

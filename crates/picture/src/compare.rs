@@ -201,7 +201,7 @@ pub fn bias_interval(
 /// difference; 0 if noise explains everything.
 ///
 /// A block whose noise is as large as the error in question may still be the worst by chance. Use
-/// so many paths that noise is small.
+/// enough paths for small noise.
 ///
 /// # Errors
 /// As [`bias_interval`].

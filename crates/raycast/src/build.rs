@@ -199,8 +199,8 @@ impl Tree {
         }
     }
 
-    /// Collects up to eight subtrees that make up this one. The child of the greatest area is opened
-    /// first.
+    /// Collects up to eight subtrees that make up this one. The child of the greatest area is
+    /// opened first.
     fn children(&self, root: u32, children: &mut Vec<u32>) {
         children.clear();
         children.push(root);

@@ -1,7 +1,9 @@
-//! Chooses the code for this processor once: the same traversal with AVX-512, AVX2 or plain instructions.
+//! Chooses the code for this processor once: the same traversal with AVX-512, AVX2 or plain
+//! instructions.
 //!
-//! Invariants: the results are equal bit for bit. Triangles are tested by the same operations without fused multiply-add, boxes only
-//! decide what is tested, and equal distances are decided by the triangle's index.
+//! Invariant: the results are equal bit for bit. Triangles are tested by the same operations
+//! without fused multiply-add, boxes only decide what is tested, and equal distances are decided by
+//! the triangle's index.
 
 use crate::kernel::{Query, sweep, traverse};
 use crate::node::Hierarchy;

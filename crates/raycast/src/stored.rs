@@ -113,8 +113,8 @@ pub(crate) struct Stored {
     stack_need: usize,
 }
 
-/// Reads a hierarchy of a scene with so many triangles, whose geometry has this hash. `bytes` is
-/// the length of the input.
+/// Reads the hierarchy of a scene with this number of triangles and this hash of its geometry.
+/// `bytes` is the length of the input.
 pub(crate) fn read(
     input: &mut dyn Read,
     bytes: u64,

@@ -256,7 +256,7 @@ impl Section {
         Self::grid_near(axes, USUAL_BEAMS)
     }
 
-    /// Returns a grid for these axes with about so many beams.
+    /// Returns a grid for these axes with about `beams` beams.
     ///
     /// Its cells are as close to cubes as 4 to 24 cells along an axis allow. An axis of length 0
     /// gets 4 cells.

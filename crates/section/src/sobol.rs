@@ -2,8 +2,8 @@
 //!
 //! Direction numbers are those of Joe & Kuo (2008, new-joe-kuo-6). Scrambling is hash-based after
 //! Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020, with Vegdahl's constants. The
-//! order of points is not shuffled: every prefix is well spread, and a beam's samples go on where
-//! they stopped.
+//! order of points is not shuffled: every prefix is well spread, and a beam's samples continue
+//! where they stopped.
 
 use crate::hash::mix64;
 
