@@ -26,10 +26,10 @@ pub const MAX_VIEW_NAME: usize = 60;
 /// Most bytes of a view's options.
 pub const MAX_VIEW_OPTIONS: usize = 512;
 
-/// Most samples that a display asks for in one part: what comes before the samples of a new view.
+/// Most samples that a display requests in one part. A part delays the samples of a new view.
 pub const MAX_PART: u32 = 1 << 18;
 
-/// The way in which workers compute a ray's radiance and distance.
+/// The method by which workers compute a ray's radiance and distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Engine {
@@ -39,10 +39,10 @@ pub enum Engine {
     Cached,
 }
 
-/// Everything that decides a sample's radiance, besides the scene itself.
+/// Everything that determines a sample's radiance, except the scene itself.
 ///
-/// The file stores it: a holodeck is compared with pictures that were rendered with its own
-/// settings.
+/// The file stores it, because a holodeck is compared with pictures that were rendered with the
+/// same settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RenderSettings {
     /// The engine that traces.
@@ -56,11 +56,11 @@ pub struct RenderSettings {
     /// Absent in older files of other engines.
     #[serde(default = "any_accuracy")]
     pub accuracy: f32,
-    /// Makes the random numbers of two files different.
+    /// Seed that makes the random numbers of two files different.
     pub seed: u64,
-    /// Whether distances are to what flat mirrors and flat glass show, along the straightened ray
-    /// (Larson & Simmons 1999, §2.3, `VDISTANCE`). Otherwise they are to the mirror or glass.
-    /// Absent in older files: false.
+    /// True if the distance in flat mirrors and flat glass is that of the surface that they show,
+    /// along the straightened ray (Larson & Simmons 1999, §2.3, `VDISTANCE`). Otherwise it is that
+    /// of the mirror or glass. Absent in older files: false.
     #[serde(default)]
     pub virtual_distance: bool,
 }
@@ -92,30 +92,30 @@ pub struct SceneInfo {
     pub bytes: u64,
 }
 
-/// A description of the holodeck, for whoever was accepted.
+/// A description of the holodeck, for an accepted peer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Welcome {
     /// The server's name and version, for people.
     pub software: String,
     /// The sections, in the order of their numbers.
     pub sections: Vec<SectionSpec>,
-    /// How samples are traced.
+    /// The settings of samples.
     pub settings: RenderSettings,
     /// The scene.
     pub scene: SceneInfo,
-    /// The scene's up axis, for views that do not say.
+    /// The scene's up axis, for views that do not state one.
     pub up: [f64; 3],
     /// Named views, as Radiance view options. A display begins with the first.
     pub views: Vec<(String, String)>,
     /// Samples in the file.
     pub samples: u64,
-    /// False if the file is only shown: nothing is traced.
+    /// False if the file is only shown, and nothing is traced.
     pub tracing: bool,
     /// Radiance of rays that hit nothing, W·sr⁻¹·m⁻².
     pub sky: [f32; 3],
-    /// Whether workers look for beams that see nothing, and leave them untraced.
+    /// True if workers search for beams that see nothing, and do not trace them.
     pub skip_unseen: bool,
-    /// Metres per scene unit, positive: how fast somebody walks.
+    /// Metres per scene unit, positive. It determines the walking speed.
     pub unit: f64,
 }
 
@@ -148,7 +148,7 @@ impl Status {
     }
 }
 
-/// Returns a count with three figures and a unit.
+/// Returns a count with three digits and a unit.
 fn short(count: f64) -> String {
     match count {
         _ if count >= 1e9 => format!("{:.2} G", count / 1e9),
@@ -158,14 +158,14 @@ fn short(count: f64) -> String {
     }
 }
 
-/// Why a server ends a connection.
+/// The reason why a server ends a connection.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Farewell {
     /// The server ends in order.
     SessionOver,
     /// The peer broke the rules, or may no longer be there.
     Dropped {
-        /// What it did, for people.
+        /// The violation, for people.
         reason: String,
     },
 }
@@ -186,7 +186,7 @@ pub enum Control {
     Welcome(Box<Welcome>),
     /// Server to display: its figures.
     Status(Status),
-    /// Server to display: every stored sample of this view's beams has been sent.
+    /// Server to display: all stored samples of this view's beams have been sent.
     StoredSent {
         /// The view's number, as the display gave it.
         view: u32,
@@ -198,23 +198,23 @@ pub enum Control {
     },
     /// Server: leave.
     Bye(Farewell),
-    /// Either way: answer with `Pong` of the same number.
+    /// Either direction: answer with `Pong` of the same number.
     Ping(u64),
     /// The answer to a `Ping`.
     Pong(u64),
     /// Worker or display: send the packed scene.
     SceneWanted,
-    /// Worker: it has loaded the scene, and packets may come.
+    /// Worker: the scene is loaded, and packets may come.
     Ready {
         /// Number of threads that trace.
         threads: u16,
     },
-    /// Worker: it cannot go on.
+    /// Worker: it cannot continue.
     Failed {
-        /// Why, for people.
+        /// The reason, for people.
         reason: String,
     },
-    /// Display: stop tracing for this view, send what is under way, flush, then answer with
+    /// Display: stop tracing for this view, send all samples in progress, flush, then answer with
     /// `Settled`.
     Settle {
         /// The view's number.
@@ -222,12 +222,12 @@ pub enum Control {
     },
     /// Worker or display: send the records of indirect light, those that exist and all later ones.
     LightWanted,
-    /// Server to display, before the scene that it asked for: hash and length of the blob with the
-    /// scene's stand-ins ([`crate::stand_ins`]).
+    /// Server to display, before the requested scene: hash and length of the blob with the scene's
+    /// stand-ins ([`crate::stand_ins`]).
     StandIns(SceneInfo),
     /// Display: send the stand-ins, in pieces as for the scene.
     StandInsWanted,
-    /// Display: keep a view in the file, in place of one with the same name.
+    /// Display: store a view in the file, in place of one with the same name.
     KeepView {
         /// Its name: 1 to [`MAX_VIEW_NAME`] bytes.
         name: String,
@@ -235,19 +235,18 @@ pub enum Control {
         /// view of this name.
         options: String,
     },
-    /// Server to display: all named views, after one was kept or removed.
+    /// Server to display: all named views, after one was stored or removed.
     Views(Vec<(String, String)>),
-    /// Server to display: it has not done what was asked for.
+    /// Server to display: a request was refused.
     Refused {
-        /// Why, for people.
+        /// The reason, for people.
         reason: String,
     },
-    /// Administrator: say how the server fares.
+    /// Administrator: send a report on the server's state.
     ReportWanted,
-    /// Server to administrator: how it fares.
+    /// Server to administrator: the report.
     Report(Box<Report>),
-    /// Display: send stored samples that no view asked for. A display loads a whole file in such
-    /// parts.
+    /// Display: send stored samples without a view. A display loads a whole file in such parts.
     PartWanted {
         /// The section whose beams are sent.
         section: u16,
@@ -256,7 +255,7 @@ pub enum Control {
         /// About how many samples to send, at most [`MAX_PART`].
         samples: u32,
     },
-    /// Server to display: all samples of the part that it asked for have been sent.
+    /// Server to display: all samples of the requested part have been sent.
     PartSent {
         /// The section.
         section: u16,

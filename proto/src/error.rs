@@ -9,7 +9,7 @@ pub enum ProtoError {
     /// The first bytes are not a Holodeck hello.
     #[error("the other side does not speak the Holodeck protocol")]
     NotHolodeck,
-    /// The two programs are of different versions.
+    /// The two programs have different versions.
     #[error(
         "the other side speaks protocol version {theirs}, this program speaks {ours}; \
          run the same release on both machines"
@@ -41,12 +41,12 @@ pub enum ProtoError {
     Truncated {
         /// The part of the message that was being read.
         what: &'static str,
-        /// Bytes that it takes.
+        /// Bytes that this part takes.
         needed: u64,
-        /// Bytes that were there.
+        /// Bytes that were left.
         found: u64,
     },
-    /// The payload goes on after the message's end.
+    /// The payload continues after the message's end.
     #[error("{0} bytes are left over after a message")]
     Trailing(usize),
     /// More entries than a message may carry.
@@ -76,7 +76,7 @@ pub enum ProtoError {
     /// A sample kind that does not exist.
     #[error("unknown sample kind {0}")]
     SampleKind(u8),
-    /// Compressed bytes that do not give as many as the message says.
+    /// Compressed bytes that do not give the stated number of bytes.
     #[error("a compressed piece is damaged")]
     Compressed,
     /// A control message that bincode cannot decode.

@@ -1,5 +1,5 @@
-//! The handshake: who connects, and whether the server accepts it. Its layout never changes,
-//! whatever the protocol's version.
+//! The handshake: a peer introduces itself, and the server accepts or refuses it. Its layout is the
+//! same in all versions of the protocol.
 
 use crate::{PROTOCOL_VERSION, ProtoError};
 
@@ -16,19 +16,19 @@ pub enum Role {
     Worker = 1,
     /// Shows pictures: `holoview`.
     Display = 2,
-    /// Asks how the server fares: `holodeck status`.
+    /// Requests reports on the server's state: `holodeck status`.
     Admin = 3,
 }
 
-/// The first message from whoever connects.
+/// The first message of a peer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Hello {
     /// Its protocol version.
     pub version: u16,
     /// Its role.
     pub role: Role,
-    /// Its name for people: host and process. Decoding replaces control characters by spaces, as in
-    /// all texts.
+    /// The peer's name for people: host and process. Decoding replaces control characters by
+    /// spaces, as in all texts.
     pub name: String,
 }
 
@@ -46,7 +46,7 @@ fn put_text(out: &mut Vec<u8>, text: &str) {
     while !text.is_char_boundary(end) {
         end -= 1;
     }
-    // At most 512: fits u16.
+    // At most 512, so it fits `u16`.
     out.extend_from_slice(&(end as u16).to_le_bytes());
     out.extend_from_slice(&text.as_bytes()[..end]);
 }

@@ -9,11 +9,11 @@ pub const MAX_LIVE_WANTED_BYTES: u64 = 1 << 20;
 /// Longest hello or answer. It is small, because strangers send it.
 pub const MAX_HELLO_BYTES: u64 = 4096;
 
-/// What a frame carries.
+/// The content of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Kind {
-    /// [`crate::hello::Hello`], the first frame from whoever connects.
+    /// [`crate::hello::Hello`], the first frame of a peer.
     Hello = 1,
     /// [`crate::hello::Answer`], the first frame back.
     Answer = 2,
@@ -31,7 +31,7 @@ pub enum Kind {
     BlobChunk = 8,
     /// [`crate::bulk::Unseen`], server to display.
     Unseen = 9,
-    /// [`crate::bulk::Light`], worker to server, and server to whoever asked for light.
+    /// [`crate::bulk::Light`], worker to server, and server to peers that requested light.
     Light = 10,
     /// [`crate::bulk::RaysWanted`], display to server.
     Rays = 11,
@@ -43,7 +43,7 @@ pub enum Kind {
     LiveResults = 14,
     /// [`crate::bulk::LiveSamples`], server to display.
     LiveSamples = 15,
-    /// [`crate::proof::Challenge`], server to whoever connects from elsewhere.
+    /// [`crate::proof::Challenge`], server to a peer on another machine.
     Challenge = 16,
     /// [`crate::proof::Proof`], the answer to a challenge.
     Proof = 17,

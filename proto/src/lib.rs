@@ -2,13 +2,13 @@
 //! byte.
 //!
 //! This crate encodes and decodes; `holo-net` has the sockets. Invariants:
-//! - Nothing that came from outside is trusted. Every count is checked against the payload's length
-//!   and a named limit before memory is taken for it. A payload with bytes left over is refused.
+//! - Nothing from outside is trusted. Every count is checked against the payload's length and a
+//!   named limit before memory is allocated for it. A payload with bytes left over is refused.
 //! - Control messages ([`control`]) are bincode with fixed-size little-endian integers. Beams,
 //!   packets and samples ([`bulk`]) are nearly all of the traffic, so they are arrays of plain
 //!   data.
-//! - The first message of either side ([`hello`]) has a layout that no later version changes. So
-//!   two programs of different versions can always say that they are.
+//! - The first message of either side ([`hello`]) has a layout that no later version changes. Two
+//!   programs can therefore always report that their versions differ.
 
 #[cfg(target_endian = "big")]
 compile_error!(
@@ -28,7 +28,7 @@ pub mod stand_ins;
 pub use error::ProtoError;
 
 /// Returns a text from outside without control characters, so that it cannot steer the terminal
-/// that it is printed on.
+/// that prints it.
 pub(crate) fn printable(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
@@ -39,9 +39,8 @@ pub const PROTOCOL_VERSION: u16 = 7;
 /// Most rays in one packet: as many as fitted the original's packets of 512 bytes (Larson & Simmons
 /// 1999, §2.2, footnote 4).
 ///
-/// It is a good unit of work. The rays share their beam's set-up, and a lost packet costs little.
+/// A packet is a good unit of work: its rays share their beam's set-up, and losing it costs little.
 pub const MAX_RAYS_PER_PACKET: usize = 21;
 
-/// Least weight of a display's beam for which anything is traced. Of beams below it, only stored
-/// samples are sent.
+/// Least weight of a display's beam for tracing. For beams below it, only stored samples are sent.
 pub const LEAST_TRACED_WEIGHT: f32 = 1e-4;

@@ -1,12 +1,12 @@
-//! The proof that whoever connects from elsewhere holds a token. The layouts never change, as those
-//! of the handshake.
+//! The proof that a peer on another machine holds a token. The layouts never change, like those of
+//! the handshake.
 
 use crate::ProtoError;
 
 /// Bytes of a token's name.
 pub const TOKEN_ID_BYTES: usize = 8;
 
-/// Server to whoever connects: random bytes that it has never sent before.
+/// Server to a peer on another machine: random bytes that were never sent before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Challenge(pub [u8; 32]);
 
@@ -15,7 +15,7 @@ pub struct Challenge(pub [u8; 32]);
 pub struct Proof {
     /// The token's name.
     pub token: [u8; TOKEN_ID_BYTES],
-    /// HMAC-SHA256 with the token's secret of the challenge and of the hello's payload.
+    /// HMAC-SHA256 over the challenge and the hello's payload, with the token's secret.
     pub mac: [u8; 32],
 }
 
@@ -28,7 +28,7 @@ impl Challenge {
     /// Parses a payload.
     ///
     /// # Errors
-    /// If it does not have its length.
+    /// If the payload has a wrong length.
     pub fn decode(bytes: &[u8]) -> Result<Challenge, ProtoError> {
         exactly::<32>("challenge", bytes).map(Challenge)
     }
@@ -43,7 +43,7 @@ impl Proof {
     /// Parses a payload.
     ///
     /// # Errors
-    /// If it does not have its length.
+    /// If the payload has a wrong length.
     pub fn decode(bytes: &[u8]) -> Result<Proof, ProtoError> {
         let (token, mac) = bytes.split_at(bytes.len().min(TOKEN_ID_BYTES));
         Ok(Proof { token: exactly("token", token)?, mac: exactly("proof", mac)? })

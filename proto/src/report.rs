@@ -1,4 +1,4 @@
-//! Reports on a server's state, for administrators who ask for them.
+//! Reports on a server's state, for administrators.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,19 +9,19 @@ use crate::printable;
 pub struct Report {
     /// The server's name and version.
     pub software: String,
-    /// The file that it serves.
+    /// The path of the file that the server serves.
     pub file: String,
     /// The file's length, bytes.
     pub file_bytes: u64,
     /// Samples in the file and in memory.
     pub samples: u64,
-    /// Samples that were traced since the server began.
+    /// Samples traced since the server began.
     pub traced: u64,
     /// Samples per second from all workers, over the last few seconds.
     pub samples_per_second: f64,
     /// Beams that are known to see nothing.
     pub unseen_beams: u64,
-    /// Why samples wait in memory; empty if they do not.
+    /// The reason why samples wait in memory; empty if they do not wait.
     pub disk_error: String,
     /// The workers.
     pub workers: Vec<WorkerReport>,
@@ -36,21 +36,21 @@ pub struct Report {
 pub struct WorkerReport {
     /// Its name, for people.
     pub name: String,
-    /// The number by which the file knows its machine; 0 if it does not.
+    /// The file's number for the worker's machine; 0 if the file has none.
     pub maker: u16,
     /// Threads that trace; 0 while it loads.
     pub threads: u32,
-    /// Rays per second that it returns while it has work, by the server's clock.
+    /// Rays per second that the worker returns while it has work, by the server's clock.
     pub rays_per_second: f64,
-    /// Rays that it has returned.
+    /// Rays that the worker has returned.
     pub rays: u64,
-    /// Packets that it has.
+    /// Packets that the worker has now.
     pub packets: u32,
-    /// Packets that it has not returned in time.
+    /// Packets that the worker has not returned in time.
     pub late_packets: u32,
-    /// Seconds from giving a packet to its results, lately.
+    /// Recent time between sending a packet and receiving its results, seconds.
     pub latency: f64,
-    /// Bytes that wait to be sent to it.
+    /// Bytes that wait to be sent to the worker.
     pub queued_bytes: u64,
 }
 
@@ -61,9 +61,9 @@ pub struct DisplayReport {
     pub name: String,
     /// Beams of its view; 0 without a view.
     pub beams: u32,
-    /// Whether nothing is traced for it.
+    /// True if nothing is traced for the display.
     pub is_read_only: bool,
-    /// Bytes that wait to be sent to it.
+    /// Bytes that wait to be sent to the display.
     pub queued_bytes: u64,
 }
 
@@ -72,13 +72,14 @@ pub struct DisplayReport {
 pub struct FaultReport {
     /// Its name, for people.
     pub name: String,
-    /// The number by which the file knows its machine; 0 if it does not.
+    /// The file's number for the worker's machine; 0 if the file has none.
     pub maker: u16,
-    /// The name of the token by which it joined; empty on the server's machine.
+    /// The name of the token with which the worker joined; empty on the server's machine.
     pub token: String,
-    /// What differed.
+    /// A description of the difference.
     pub reason: String,
-    /// Whether it was dropped. It stays if nobody can say which of two workers is wrong.
+    /// True if the worker was dropped. It stays if the server cannot determine which of two workers
+    /// is wrong.
     pub is_dropped: bool,
 }
 

@@ -1,7 +1,7 @@
-//! Stand-ins: simpler scenes that displays use in place of the scene, for the views of a section.
-//! This is the blob that holds them, in the file and on the wire.
+//! The blob of stand-ins, in the file and on the wire. Stand-ins are simpler scenes that displays
+//! use in place of the scene, for the views of a section.
 //!
-//! Invariant: bytes that end early, go on too long, or have an unknown version or kind are refused.
+//! Invariant: a blob that ends early, is too long, or has an unknown version or kind is refused.
 //! The packed scenes themselves are not checked here.
 
 use crate::{ProtoError, control::MAX_SECTIONS};
@@ -13,10 +13,10 @@ const VERSION: u32 = 1;
 const HEAD: usize = 4;
 const STAND_IN_HEAD: usize = 12;
 
-/// What displays use a stand-in for.
+/// The use of a stand-in in displays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StandInKind {
-    /// Surfaces, in place of the scene's.
+    /// Surfaces that replace the scene's.
     Geometry,
     /// Invisible surfaces beyond which the geometry is incomplete.
     Portals,
@@ -25,9 +25,9 @@ pub enum StandInKind {
 /// One stand-in.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StandIn {
-    /// The section for whose views it is used.
+    /// The section whose views use the stand-in.
     pub section: u16,
-    /// What it is used for.
+    /// The use of the stand-in.
     pub kind: StandInKind,
     /// The packed scene.
     pub packed: Vec<u8>,

@@ -1,7 +1,7 @@
 """The gain of leaving out features that a scene lacks.
 
-Compares a picture of a scene without a feature and of the same scene with a trace of it that
-nobody sees.
+Compares a scene without a feature with the same scene and an invisible trace of the feature, by
+processor time and by picture.
 """
 
 from __future__ import annotations

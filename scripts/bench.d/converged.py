@@ -1,9 +1,9 @@
 """Converged pictures of our own tracer, for views without an independent reference.
 
-A picture is rendered in passes with seeds of their own. Each finished pass is kept, so that an
+A picture is rendered in passes with different seeds. Each finished pass is kept, so that an
 interrupted run continues where it stopped.
 
-Always true: a picture is named after its view, its paths and the bytes of its scene. A file under
+Invariants: a picture is named after its view, its paths and the bytes of its scene. A file under
 its final name is complete.
 """
 

@@ -1,7 +1,7 @@
 """Curved meshes in the Cornell box: is their light as clean as that of flat walls?
 
-Always true: only pixels that see the mesh alone, or no mesh, count. The truth's own noise, which
-its two halves show, is subtracted from the error.
+Invariants: only pixels that see the mesh alone, or no mesh, count. The truth's own noise is
+measured by its two halves, and subtracted from the error.
 """
 
 from __future__ import annotations

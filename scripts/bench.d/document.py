@@ -1,7 +1,7 @@
 """The document: figures as JSON, and Markdown made from them.
 
-Always true: the Markdown contains nothing that the JSON does not. Running a measurement again
-replaces its own part of both and no other.
+Invariants: everything in the Markdown is also in the JSON. Repeating a measurement replaces only
+its own part of both.
 """
 
 from __future__ import annotations

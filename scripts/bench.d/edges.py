@@ -1,4 +1,4 @@
-"""The same stored samples through every driver: error, and error at edges, over the number of
+"""Error of every driver from the same stored samples, over all pixels and at edges, by number of
 samples.
 """
 

@@ -1,6 +1,6 @@
-"""What measurements share: the programs, the scenes, and files that exist already.
+"""Shared by all measurements: the programs, the scenes, and existing files.
 
-Always true: a file or session is made once per run, by the first measurement that asks for it.
+Invariant: a file or session is made once per run, by the first measurement that needs it.
 """
 
 from __future__ import annotations

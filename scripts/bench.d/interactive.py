@@ -1,5 +1,5 @@
-"""The measure of the whole: a view never seen before, over time, against the tracer alone given the
-same time.
+"""The measure of the whole: a new view over time, compared with the tracer alone in the same
+time.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The measurements, one function each; `ALL` names them in the document's order.
 
-Always true: the program itself measures and compares. A measurement that finds nothing fails, and
-leaves no gap. Figures of the original and of other programs stand beside ours. They are from other
-runs, on other days, on a 2-core machine of the same kind.
+Invariants: the program itself measures and compares. A measurement without a result fails instead of
+leaving a gap. Figures of the original and of other programs are listed beside ours. They are from
+other runs, on other days, on a 2-core machine of the same kind.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The engine `cached` beside Radiance's rpict with its own indirect cache. For developers, because
 it installs pyradiance.
 
-Always true: both render the same triangles at the same size, filtered by a box, in one thread,
+Invariants: both render the same triangles at the same size, filtered by a box, in one thread,
 alternating. The processor seconds of both include their start, the scene, and the filling of their
 caches.
 """

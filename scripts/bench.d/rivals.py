@@ -1,6 +1,6 @@
 """The tracer beside Mitsuba 3, in one run. For developers, because it installs Mitsuba.
 
-Always true: both render the same OBJ file at the same size with the same number of paths,
+Invariants: both render the same OBJ file at the same size with the same number of paths,
 alternating. Neither the loading of scenes nor the compilation of Mitsuba's kernels counts.
 """
 

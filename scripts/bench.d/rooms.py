@@ -1,7 +1,7 @@
-"""Furnished rooms at the size that people look at, beside a path tracer with a denoiser.
+"""Furnished rooms at the usual size of a picture, beside a path tracer with a denoiser.
 
-Always true: all pictures are averaged down to the truth's size. The truth's own noise, which its
-two halves show, is subtracted from the error.
+Invariants: all pictures are averaged down to the truth's size. The truth's own noise is
+measured by its two halves, and subtracted from the error.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The scenes in ../shared come with converged pictures of an independent path tracer. Without them
 the bundled scenes are used and compared with long renders of this program. That measures noise,
-but not whether the tracer is right.
+but not the correctness of the tracer.
 """
 
 from __future__ import annotations

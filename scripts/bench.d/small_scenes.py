@@ -1,7 +1,7 @@
 """Small scenes for the comparison with other path tracers: Cornell boxes with a block of glass,
 mirror or rough metal, and an office.
 
-Always true: a scene has the same bytes each time. Glass is closed, and touches nothing.
+Invariants: a scene has the same bytes each time. Glass is closed, and touches nothing.
 """
 
 from __future__ import annotations

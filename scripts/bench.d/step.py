@@ -1,5 +1,5 @@
-"""A step within a room that was seen before, and the first view of a session, at the size that
-people look at.
+"""A step within a room that was visible before, and the first view of a session, at the usual size
+of a picture.
 """
 
 from __future__ import annotations

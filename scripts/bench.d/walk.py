@@ -1,7 +1,7 @@
 """Recorded walks with tracing in lockstep with frames: every driver's likeness to the converged
 pictures, by samples per frame, with and without noise.
 
-Always true: the results of a driver depend only on program, scene, walk and request. They are kept
+Invariants: the results of a driver depend only on program, scene, walk and request. They are kept
 under target/, so an interrupted run continues where it stopped.
 """
 

@@ -15,13 +15,13 @@ from document import Bar, Part, Table
 from harness import Bench
 from scenes import Case
 
-# Seconds that one looks before one walks.
+# Seconds of standing still before the walk.
 LOOKING = 10.0
 # Seconds of each kind of walking.
 WALKING = 6.0
 # Seconds between two inputs of a drag: a mouse's at 60 Hz, every other one.
 INPUTS = 1 / 30
-# Seconds over which the cost of doing nothing is measured.
+# Seconds over which the cost of an idle session is measured.
 IDLE = 10.0
 
 MOST_MEDIAN, MOST_LATE = 60.0, 120.0
@@ -31,7 +31,7 @@ MOST_FIRST = 3.0
 MOST_PAGE = 200_000
 MOST_IDLE = 0.02
 
-# Keeps what the page's frames were: number, when, whether at rest, width, how long its parts took.
+# Records the page's frames: number, time, rest or motion, width, and the times of its parts.
 KEEP = (
     "window.kept = []; const drawn = draw; draw = (next, parts) => { next.times.decode ="
     " performance.now() - next.came; drawn(next, parts); kept.push([next.frame, performance.now(),"

@@ -100,8 +100,8 @@ def main() -> None:
     import drjit as dr
 
     vertices, faces, materials = read_obj(path)
-    # As in this project, coordinates are relative to the scene's centre, where single precision is
-    # finest.
+    # Coordinates are relative to the scene's centre, as in this project. Single precision is finest
+    # there.
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     vertices = vertices - middle
     eye = np.array(view["vp"]) - middle

@@ -1,8 +1,9 @@
-//! A room of which every pixel is known, and a worker that answers for it instead of a tracer.
+//! A room with radiance in closed form, and a worker that computes samples of it instead of
+//! tracing.
 //!
-//! The room is a box that is looked at from inside, with another box in it if wanted. Red grows
-//! along x, green along y, blue along z, and every wall has a brightness of its own: a wall, an
-//! axis, a channel or a unit that is mistaken for another changes the picture.
+//! The room is a box seen from inside, optionally with another box in it. Red grows along x, green
+//! along y, blue along z, and every wall has a different brightness. If a program mistakes a wall,
+//! an axis, a channel or a unit for another, the picture changes.
 
 use std::{net::SocketAddr, time::Instant};
 
@@ -21,30 +22,30 @@ use crate::LIMIT;
 /// Brightness of the twelve walls: the room's (low x, high x, low y …), then the object's.
 const BRIGHTNESS: [f64; 12] = [1.0, 0.6, 0.4, 1.5, 0.25, 2.2, 3.5, 5.0, 0.16, 7.5, 0.1, 11.0];
 
-/// A box of walls around everything, and perhaps one in it.
+/// A room: a box seen from inside, optionally with an object, a box seen from outside.
 #[derive(Clone, Copy, Debug)]
 pub struct World {
     /// Low and high corner of the room.
     pub room: [DVec3; 2],
-    /// Low and high corner of what stands in it.
+    /// Low and high corner of the object.
     pub object: Option<[DVec3; 2]>,
-    /// How many times too far things are said to be: 1 but in a test of the tests.
+    /// Factor of all reported distances. It is 1, except in a test of the tests.
     pub stretch: f64,
 }
 
-/// What a ray meets.
+/// The hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// From the ray's origin, in its direction's lengths.
+    /// Distance from the ray's origin, in lengths of its direction.
     pub distance: f64,
     /// Number of the wall: the room's from 0 (low x, high x, low y …), the object's from 6.
     pub wall: usize,
-    /// Its radiance there.
+    /// Radiance of the wall at the hit.
     pub rgb: [f64; 3],
 }
 
 impl World {
-    /// The nearest wall from a point in the room along a direction.
+    /// Returns the nearest wall along a direction from a point in the room.
     pub fn hit(&self, origin: DVec3, direction: DVec3) -> Hit {
         let [leave, wall] = slabs(self.room, origin, direction)[1];
         let mut nearest = (leave, wall as usize);
@@ -60,7 +61,7 @@ impl World {
         Hit { distance, wall, rgb }
     }
 
-    /// The sample that a tracer should give for one ray of a section.
+    /// Returns the sample that a tracer should compute for a ray of a section.
     fn sample(
         &self,
         section: &Section,
@@ -122,11 +123,11 @@ fn nanoseconds(since: Instant) -> u32 {
     u32::try_from(since.elapsed().as_nanos()).unwrap_or(u32::MAX)
 }
 
-/// Where a line enters and leaves a box, each with its wall (2·axis + side).
+/// Returns the parameters where a line enters and leaves a box, each with its wall (2·axis + side).
 fn slabs([low, high]: [DVec3; 2], origin: DVec3, direction: DVec3) -> [[f64; 2]; 2] {
     let (mut enter, mut leave) = ([f64::NEG_INFINITY, 0.0], [f64::INFINITY, 0.0]);
     for axis in 0..3 {
-        // Along these two walls, it meets the box only between them.
+        // A line parallel to these two walls meets the box only between them.
         if direction[axis] == 0.0 {
             if !(low[axis]..high[axis]).contains(&origin[axis]) {
                 return [[f64::INFINITY, 0.0], [f64::NEG_INFINITY, 0.0]];
@@ -146,7 +147,7 @@ fn slabs([low, high]: [DVec3; 2], origin: DVec3, direction: DVec3) -> [[f64; 2];
     [enter, leave]
 }
 
-/// Joins a server as a worker that knows `world`, until the server says goodbye or goes.
+/// Joins a server as a worker with `world`, until the server says goodbye or closes the connection.
 pub async fn work(address: SocketAddr, world: World) {
     let (mut inbox, outbox, welcome) = join(address, Role::Worker).await;
     let sections: Vec<Section> =
@@ -174,7 +175,7 @@ pub async fn work(address: SocketAddr, world: World) {
     }
 }
 
-/// Connects in a role; gives the sections too.
+/// Connects in a role, and also returns the sections.
 pub async fn join(
     address: SocketAddr,
     role: Role,
@@ -184,36 +185,35 @@ pub async fn join(
     (inbox, outbox, welcome.sections)
 }
 
-/// How a picture compares with the room.
+/// The result of comparing a picture with the room.
 #[derive(Debug)]
 pub struct Verdict {
     /// Pixels compared: far enough from edges, and covered or traced live.
     pub compared: usize,
-    /// Of these, those whose colour is not to be found within two pixels: column, row, shown,
-    /// expected.
+    /// Compared pixels without a matching colour within two pixels: column, row, shown, expected.
     pub wrong: Vec<(u32, u32, [f64; 3], [f64; 3])>,
-    /// Mean relative error over what was compared.
+    /// Mean relative error over the compared pixels.
     pub mean_error: f64,
     /// Covered pixels.
     pub covered: usize,
     /// Pixels that no section covers.
     pub uncovered: usize,
-    /// Of these, those that are not exactly 0: traced live.
+    /// Uncovered pixels that are not exactly 0, so they were traced live.
     pub live: usize,
 }
 
-/// How far an edge must be for a pixel to be compared.
+/// Least distance, in pixels, of a compared pixel from an edge.
 const MARGIN: u32 = 3;
 
-/// Compares a picture with what is to be seen: a pixel must show a colour that the same wall has
-/// within two pixels of it, give or take 1.6 %: RGBE rounds a channel, without bias, by up to 0.8 %
-/// of the largest one, and a pixel is a mean of some.
+/// Compares a picture with the room. A pixel must have a colour that the same wall has within two
+/// pixels of it, within 1.6 %. RGBE rounds a channel, without bias, by up to 0.8 % of the largest
+/// one, and a pixel is a mean of several samples.
 ///
-/// Pixels with an edge, or the border of what the sections cover, within three pixels are left out:
-/// what is shown there depends on how samples are spread.
+/// Pixels within three pixels of an edge, or of the border of the covered part, are left out. Their
+/// colour depends on how samples are spread.
 pub fn compare(world: &World, sections: &[Section], view: &View, picture: &Picture) -> Verdict {
     let (width, height) = picture.size();
-    // Also around the picture: an edge just outside it is as near as one inside.
+    // Includes a margin around the picture, because an edge just outside is as near as one inside.
     let across = width + 2 * MARGIN;
     let at = |column: u32, row: u32| {
         let place = |index: u32| f64::from(index) - f64::from(MARGIN) + 0.5;
@@ -225,7 +225,7 @@ pub fn compare(world: &World, sections: &[Section], view: &View, picture: &Pictu
     let expected: Vec<(bool, Hit)> = (0..height + 2 * MARGIN)
         .flat_map(|row| (0..across).map(move |column| at(column, row)))
         .collect();
-    // All those up to `reach` pixels from one.
+    // Returns all pixels at most `reach` pixels from one.
     let around = |column: u32, row: u32, reach: u32| {
         let rows = row + MARGIN - reach..=row + MARGIN + reach;
         let columns = column + MARGIN - reach..=column + MARGIN + reach;

@@ -13,7 +13,7 @@ use tokio_tungstenite::tungstenite::{Message, WebSocket, client};
 
 use crate::{LIMIT, wait_until};
 
-/// Names under which systems install it.
+/// Names of the program on different systems.
 const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
 /// No window, no sandbox (tests may run as root), no traffic of its own.
@@ -34,7 +34,7 @@ pub struct Chromium {
     child: Child,
     page: WebSocket<TcpStream>,
     number: u64,
-    /// Removed when the browser has ended.
+    /// Removed after the browser has ended.
     _profile: TempDir,
 }
 
@@ -48,7 +48,7 @@ impl Chromium {
         Chromium::open_with(address, &[])
     }
 
-    /// The same, with more flags.
+    /// Opens `address` as [`open`](Chromium::open) does, with more flags.
     ///
     /// # Panics
     /// As [`Chromium::open`].
@@ -110,7 +110,7 @@ impl Chromium {
     pub fn reload_until(&mut self, expression: &str) {
         self.value("window.isOld = true");
         self.call("Page.reload", json!({}));
-        // While one page gives way to the other, Chromium evaluates nothing.
+        // While one page replaces the other, Chromium evaluates nothing.
         wait_until("the page loaded again", || {
             self.number += 1;
             let expression = format!("Boolean(!window.isOld && {expression})");
@@ -123,7 +123,7 @@ impl Chromium {
     /// Waits until an expression is true in the page.
     ///
     /// # Panics
-    /// After [`LIMIT`], with what the page shows.
+    /// After [`LIMIT`], with the page's content in the message.
     #[track_caller]
     pub fn wait(&mut self, expression: &str) {
         let start = std::time::Instant::now();
@@ -188,7 +188,7 @@ impl Chromium {
 
 impl Drop for Chromium {
     fn drop(&mut self) {
-        // A browser that has ended already needs neither.
+        // If the browser has ended already, both calls fail harmlessly.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -208,7 +208,7 @@ fn connect(port: u16, path: &str) -> WebSocket<TcpStream> {
     client(format!("ws://127.0.0.1:{port}{path}"), stream).expect("Chromium takes connections").0
 }
 
-/// Calls a method, and returns its whole answer. Events that come before it are left out.
+/// Calls a method, and returns its whole answer. Events before the answer are skipped.
 #[track_caller]
 fn answer(
     socket: &mut WebSocket<TcpStream>,

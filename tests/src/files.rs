@@ -1,4 +1,4 @@
-//! What a holodeck file holds, read apart from the program under test.
+//! Reads the content of a holodeck file independently of the program under test.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -13,13 +13,13 @@ pub struct Stored {
 }
 
 impl Stored {
-    /// How many samples there are.
+    /// Returns the number of samples.
     pub fn count(&self) -> u64 {
         self.beams.values().map(|samples| samples.len() as u64).sum()
     }
 
-    /// Checks that the numbers of every beam and kind are 0, 1, 2 … without a gap: that nothing
-    /// given out was lost, and nothing done twice.
+    /// Checks that the numbers of every beam and kind are 0, 1, 2 … without a gap. Then no work was
+    /// lost, and none was done twice.
     #[track_caller]
     pub fn assert_no_gaps(&self) {
         assert_eq!(
@@ -29,7 +29,8 @@ impl Stored {
         );
     }
 
-    /// The first beam and kind whose numbers are not 0, 1, 2 …, with the first number that is not.
+    /// Returns the first beam and kind whose numbers are not 0, 1, 2 …, with the first wrong
+    /// number.
     pub fn gap(&self) -> Option<(BeamKey, SampleKind, u32)> {
         self.beams.iter().find_map(|(&(key, kind), samples)| {
             let mut numbered = (0..).zip(samples);
@@ -38,13 +39,13 @@ impl Stored {
         })
     }
 
-    /// Whether the sample with this number is here.
+    /// Returns true if the file has the sample with this number.
     pub fn has(&self, key: BeamKey, kind: SampleKind, number: u32) -> bool {
         let samples = self.beams.get(&(key, kind));
         samples.is_some_and(|samples| samples.binary_search_by_key(&number, |s| s.0).is_ok())
     }
 
-    /// Checks that everything in `earlier` is still here, unchanged.
+    /// Checks that the file still has all samples of `earlier`, unchanged.
     #[track_caller]
     pub fn assert_contains(&self, earlier: &Stored) {
         for (name, samples) in &earlier.beams {
@@ -57,15 +58,15 @@ impl Stored {
     }
 }
 
-/// A beam of the first section.
+/// Returns a beam of the first section.
 pub fn beam(number: u64) -> BeamKey {
     BeamKey { section: 0, beam: BeamId(number) }
 }
 
-/// Every sample of a file, all checksums compared.
+/// Reads every sample of a file, and verifies all checksums.
 ///
 /// # Panics
-/// If it cannot be opened, or its own statistics do not agree with what is read.
+/// If the file cannot be opened, or if its own statistics do not agree with its samples.
 #[track_caller]
 pub fn stored(path: &Path) -> Stored {
     let file = BeamFile::open_read_only(path, 1 << 20).unwrap_or_else(|error| panic!("{error}"));

@@ -1,14 +1,14 @@
-//! Whole-system tests: the built `holodeck` program is run as a person runs it, in processes of its
-//! own.
+//! Whole-system tests: they run the built `holodeck` program as a person does, in separate
+//! processes.
 //!
-//! This library is what the tests under `tests/` share. What always holds:
-//! - every process started here is killed by its id and waited for when its [`Process`] is dropped,
-//!   and ends by itself if the test's own process is gone;
-//! - every wait has a limit, and a test that passes one fails with what the process has said;
-//! - nothing outside a test's temporary folder is read or written, the user's cache of scenes
-//!   included.
+//! The tests under `tests/` share this library. Invariants:
+//! - Every process started here is killed by its id and waited for when its [`Process`] is dropped.
+//!   It also ends by itself if the test's own process is gone.
+//! - Every wait has a limit. A test that exceeds it fails with the output of the process.
+//! - Nothing outside a test's temporary folder is read or written, including the user's cache of
+//!   scenes.
 
-// A library for tests alone: what goes wrong in it is a failed test.
+// This library is for tests alone, so a panic in it is a failed test.
 #![allow(clippy::expect_used, clippy::panic, clippy::unwrap_used)]
 
 pub mod analytic;
@@ -32,13 +32,13 @@ pub use xvfb::Desktop;
 
 use std::time::{Duration, Instant};
 
-/// The limit of every wait. Only a hang reaches it, however busy the machine is.
+/// The limit of every wait. Even on a busy machine, only a hang reaches it.
 pub const LIMIT: Duration = Duration::from_secs(120);
 
 /// Waits until `condition` gives a value.
 ///
 /// # Panics
-/// After [`LIMIT`], saying `what` was waited for.
+/// After [`LIMIT`], with `what` in the message.
 #[track_caller]
 pub fn wait_until<T>(what: &str, mut condition: impl FnMut() -> Option<T>) -> T {
     let start = Instant::now();
@@ -51,10 +51,11 @@ pub fn wait_until<T>(what: &str, mut condition: impl FnMut() -> Option<T>) -> T 
     }
 }
 
-/// Gives `attempt` 1 second, then 2, 4 … until its result is good, and returns the last result.
+/// Calls `attempt` with 1 second, then 2, 4 … until its result is good, and returns the last
+/// result.
 ///
-/// For programs that are told how long to work: a busy machine needs longer for the same work. A
-/// program that is wrong stays wrong after 64 seconds.
+/// It serves programs with a time limit, because a busy machine needs longer for the same work. A
+/// wrong program is still wrong after 64 seconds.
 pub fn patiently<T>(mut attempt: impl FnMut(u32) -> T, is_good: impl Fn(&T) -> bool) -> T {
     let mut seconds = 1;
     loop {

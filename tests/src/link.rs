@@ -1,5 +1,5 @@
-//! A link between clients and a server of this machine that is slow, far, loses packets, hangs or
-//! is cut.
+//! A link between clients and a server of this machine. It can be slow, have a delay, lose packets,
+//! hang, or be cut.
 
 use std::{
     io::{ErrorKind, Read, Write},
@@ -12,41 +12,40 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Bytes that are passed on at a time: about a packet.
+/// Bytes that are passed on together: about a packet.
 const PIECE: usize = 1024;
 
-/// Pieces under way in one direction of a connection.
+/// Most pieces in transit in one direction of a connection.
 const WINDOW: usize = 64;
 
-/// How long a sender waits before it sends a lost packet again: the least that Linux waits.
+/// Time after which a sender repeats a lost packet: the least value in Linux.
 const SENT_AGAIN: Duration = Duration::from_millis(200);
 
-/// How often a link that passes nothing on is looked at.
+/// Interval at which a link that passes nothing on is checked.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 
-/// How a link passes bytes on.
+/// The quality of a link.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Quality {
     /// Bytes per second from the server over each connection; 0 without a limit.
     pub rate: u64,
-    /// How long bytes are under way, in either direction.
+    /// Delay of bytes in either direction.
     pub delay: Duration,
-    /// Percent of pieces that are lost, and come once they are sent again. Later ones wait for
-    /// them.
+    /// Percent of pieces that are lost, and arrive after a repetition. Later ones wait for them.
     pub lost: u64,
-    /// What becomes of connections.
+    /// The state of connections.
     pub state: State,
 }
 
-/// What becomes of a link's connections.
+/// The state of a link's connections.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum State {
     /// Bytes pass.
     #[default]
     Open,
-    /// No byte passes, and no side hears why.
+    /// No byte passes, and neither side learns the reason.
     Hangs,
-    /// Every connection ends, and new ones at once.
+    /// Every connection ends, and new ones end at once.
     Cut,
 }
 
@@ -57,7 +56,7 @@ pub struct Link {
 }
 
 impl Link {
-    /// Makes a link to a server that passes everything on at once.
+    /// Makes a link to a server. At first, it passes everything on without delay.
     ///
     /// # Panics
     /// If no port is free.
@@ -79,18 +78,19 @@ impl Link {
         Link { address, quality }
     }
 
-    /// Where clients connect.
+    /// Returns the address for clients.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Changes how the link passes bytes on.
+    /// Changes the quality of the link.
     pub fn set(&self, quality: Quality) {
         *self.quality.lock().unwrap() = quality;
     }
 }
 
-/// Passes one direction of a connection on, by two threads: bytes may be under way between them.
+/// Passes on one direction of a connection, with two threads, because bytes may be in transit
+/// between them.
 fn join(from: &TcpStream, to: &TcpStream, quality: &Arc<Mutex<Quality>>, is_limited: bool) {
     let (Ok(from), Ok(to)) = (from.try_clone(), to.try_clone()) else { return };
     let (sender, pieces) = sync_channel(WINDOW);
@@ -99,11 +99,11 @@ fn join(from: &TcpStream, to: &TcpStream, quality: &Arc<Mutex<Quality>>, is_limi
     thread::spawn(move || give(to, &pieces, &theirs, is_limited));
 }
 
-/// Takes pieces from one side, and says when each arrives.
+/// Reads pieces from one side, and sets the time when each arrives.
 fn take(mut from: TcpStream, pieces: &SyncSender<(Instant, Vec<u8>)>, quality: &Mutex<Quality>) {
     let mut piece = [0; PIECE];
     let (mut last, mut random) = (Instant::now(), 1_u64);
-    // If it cannot be set, a link that is cut closes only with the next byte.
+    // If the time-out cannot be set, a link that is cut closes only with the next byte.
     let _ = from.set_read_timeout(Some(LOOK_EVERY));
     loop {
         let read = from.read(&mut piece);
@@ -130,7 +130,7 @@ fn take(mut from: TcpStream, pieces: &SyncSender<(Instant, Vec<u8>)>, quality: &
     let _ = from.shutdown(Shutdown::Read);
 }
 
-/// Gives pieces to the other side, each when it arrives.
+/// Writes pieces to the other side, each at its time of arrival.
 fn give(
     mut to: TcpStream,
     pieces: &Receiver<(Instant, Vec<u8>)>,
@@ -150,6 +150,6 @@ fn give(
             thread::sleep(Duration::from_secs_f64(piece.len() as f64 / rate as f64));
         }
     }
-    // The other direction ends, too. A side that has gone needs to hear nothing.
+    // The other direction ends, too. If that side is gone, the call fails harmlessly.
     let _ = to.shutdown(Shutdown::Both);
 }

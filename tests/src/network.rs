@@ -1,4 +1,4 @@
-//! Machines of a network, each a network namespace of this one, joined by a bridge.
+//! Machines of a network. Each is a network namespace of this machine, and a bridge joins them.
 
 use std::{
     fs::File,
@@ -9,20 +9,20 @@ use std::{
 
 use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
 
-/// Namespaces that are deleted with this value.
+/// A network whose namespaces are deleted when it is dropped.
 pub struct Network {
     prefix: String,
     hosts: usize,
 }
 
 impl Network {
-    /// Makes a network of so many machines; `None` if this process may not.
+    /// Makes a network of `hosts` machines; `None` if this process lacks the right.
     ///
     /// Machine *i* has the address 10.77.0.(*i* + 1).
     pub fn new(hosts: usize) -> Option<Network> {
         static NUMBER: AtomicU32 = AtomicU32::new(0);
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        // Dropped half-made, it takes away what is there.
+        // If a later step fails, dropping this value removes the existing parts.
         let network = Network { prefix: format!("holo{}x{number}", std::process::id()), hosts };
         network.make().then_some(network)
     }
@@ -49,18 +49,18 @@ impl Network {
             && ip(&["-n", &name, "link", "set", "wire", "up"])
     }
 
-    /// The name of a machine's namespace.
+    /// Returns the name of a machine's namespace.
     pub fn host(&self, host: usize) -> String {
         format!("{}h{host}", self.prefix)
     }
 
-    /// The address of a machine.
+    /// Returns the address of a machine.
     pub fn address(&self, host: usize) -> String {
         format!("10.77.0.{}", host + 1)
     }
 
-    /// Moves the calling thread to a machine. Its sockets and the processes that it starts are
-    /// there from now on.
+    /// Moves the calling thread to a machine. Sockets and processes that it creates later belong to
+    /// that machine.
     #[track_caller]
     pub fn enter(&self, host: usize) {
         let namespace = File::open(format!("/run/netns/{}", self.host(host)));
@@ -69,15 +69,15 @@ impl Network {
         move_into_link_name_space(namespace.as_fd(), kind).expect("one may enter it");
     }
 
-    /// Cuts a machine's wire, or mends it.
+    /// Cuts or restores a machine's wire.
     pub fn set_wire(&self, host: usize, is_up: bool) {
         let state = if is_up { "up" } else { "down" };
         let port = format!("port{host}");
         assert!(ip(&["-n", &self.switch(), "link", "set", &port, state]), "{port} {state}");
     }
 
-    /// Makes a machine's wire slow and lossy: what it sends takes so many milliseconds, and a
-    /// percentage never arrives. Returns false if the system cannot.
+    /// Makes a machine's wire slow and lossy. Data that it sends is delayed by `milliseconds`, and
+    /// `lost` percent never arrives. Returns false if the system does not support this.
     pub fn set_quality(&self, host: usize, milliseconds: u32, lost: u32) -> bool {
         let (delay, loss) = (format!("{milliseconds}ms"), format!("{lost}%"));
         let name = self.host(host);
@@ -103,7 +103,7 @@ fn ip(words: &[&str]) -> bool {
     runs("ip", words)
 }
 
-/// Whether a program is there and succeeds.
+/// Returns true if a program exists and succeeds.
 fn runs(program: &str, words: &[&str]) -> bool {
     Command::new(program).args(words).output().is_ok_and(|output| output.status.success())
 }

@@ -14,7 +14,7 @@ use crate::{
 /// fill every one of them.
 pub const CORNELL_SMALL_SECTION: &str = "0.6,0.6,-4 4.3,0,0 0,4.2,0 0,0,5 4,4,4";
 
-/// A test's own folder.
+/// A temporary folder of a test.
 pub struct Place {
     folder: TempDir,
 }
@@ -26,8 +26,8 @@ impl Default for Place {
 }
 
 impl Place {
-    /// An empty folder but for the bundled Cornell box, whose configuration asks for the engine
-    /// that is unbiased: samples are the same in every run.
+    /// Makes a folder with the bundled Cornell box alone. Its configuration selects the unbiased
+    /// engine, so that samples are the same in every run.
     pub fn new() -> Place {
         let folder = tempfile::tempdir().expect("a temporary folder can be made");
         holo_scenes::write(Bundled::Cornell, folder.path()).expect("the scene can be written");
@@ -37,33 +37,33 @@ impl Place {
         place
     }
 
-    /// A path in it.
+    /// Returns a path in the folder.
     pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    /// A path in it, as text for an argument.
+    /// Returns a path in the folder, as text for an argument.
     pub fn text(&self, name: &str) -> String {
         self.path(name).to_str().expect("temporary folders have plain names").to_owned()
     }
 
-    /// Writes a file into it.
+    /// Writes a file into the folder.
     pub fn write(&self, name: &str, content: &str) -> String {
         std::fs::write(self.path(name), content).expect("files can be written");
         self.text(name)
     }
 
-    /// The bundled scene's configuration.
+    /// Returns the path of the bundled scene's configuration.
     pub fn cornell(&self) -> String {
         self.text("cornell.toml")
     }
 
-    /// Starts the program with these words; `{}` in a word stands for this folder.
+    /// Starts the program with these arguments. `{}` in an argument stands for this folder.
     pub fn start(&self, words: &[&str]) -> Process {
         self.start_with(words, &[])
     }
 
-    /// Starts the program on a desktop of X, which has this name.
+    /// Starts the program on the X desktop of this name.
     pub fn start_on(&self, desktop: &str, words: &[&str]) -> Process {
         self.start_with(
             words,
@@ -82,7 +82,7 @@ impl Place {
         )
     }
 
-    /// Returns words with this folder in the place of `{}`.
+    /// Returns the arguments with this folder in place of `{}`.
     fn arguments(&self, words: &[&str]) -> Vec<OsString> {
         let folder = self.folder.path().to_str().expect("temporary folders have plain names");
         words.iter().map(|word| word.replace("{}", folder).into()).collect()
@@ -95,20 +95,20 @@ impl Place {
         Process::start(program().to_owned(), &words, &all)
     }
 
-    /// Runs the program with these words until it ends.
+    /// Runs the program with these arguments until it ends.
     #[track_caller]
     pub fn run(&self, words: &[&str]) -> Ended {
         self.start(words).wait()
     }
 
-    /// Makes a holodeck of the bundled box on the coarse grid, or goes on with it, with about so
-    /// many samples more.
+    /// Makes a holodeck of the bundled box on the coarse grid, or continues it, with about this
+    /// many further samples.
     #[track_caller]
     pub fn fill_small(&self, file: &str, samples: &str) -> Ended {
         self.fill_small_with(file, samples, &[])
     }
 
-    /// The same, with more words.
+    /// Does the same as [`fill_small`](Self::fill_small), with more arguments.
     #[track_caller]
     pub fn fill_small_with(&self, file: &str, samples: &str, words: &[&str]) -> Ended {
         let file = self.text(file);
@@ -152,15 +152,15 @@ impl Place {
     }
 }
 
-/// A server started by hand.
+/// A server that a test has started.
 pub struct Server {
     /// The process.
     pub process: Process,
-    /// Where it listens.
+    /// The address where the server listens.
     pub address: SocketAddr,
 }
 
-/// Where a server that was just started listens.
+/// Returns the address of a server that was just started.
 #[track_caller]
 pub fn listen_address(process: &mut Process) -> SocketAddr {
     process.wait_for_line("listening on ").parse().expect("the server prints its address")

@@ -15,7 +15,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use crate::{LIMIT, wait_until};
 
-/// How a process ended and what it said.
+/// The exit status and the output of a process.
 #[derive(Clone, Debug)]
 pub struct Ended {
     /// Exit status or signal.
@@ -27,25 +27,24 @@ pub struct Ended {
 }
 
 impl Ended {
-    /// The exit status; `None` if a signal ended it.
+    /// Returns the exit status; `None` if a signal ended the process.
     pub fn code(&self) -> Option<i32> {
         self.status.code()
     }
 
-    /// The signal that ended it.
+    /// Returns the signal that ended the process.
     pub fn signal(&self) -> Option<i32> {
         self.status.signal()
     }
 
-    /// Checks that it ended with status 0.
+    /// Checks that the process ended with status 0.
     #[track_caller]
     pub fn ok(self) -> Ended {
         assert!(self.status.success(), "{:?}\n{}\n{}", self.status, self.stdout, self.stderr);
         self
     }
 
-    /// Checks that it failed as programs here do, with this status and these words on standard
-    /// error.
+    /// Checks that the process failed in order, with this status and these words on standard error.
     #[track_caller]
     pub fn failed(self, code: i32, words: &[&str]) -> Ended {
         assert_eq!(self.code(), Some(code), "{}\n{}", self.stdout, self.stderr);
@@ -56,7 +55,7 @@ impl Ended {
         self
     }
 
-    /// The last line of standard output, as JSON.
+    /// Returns the last line of standard output, as JSON.
     #[track_caller]
     pub fn json(&self) -> serde_json::Value {
         let last = self.stdout.lines().last().unwrap_or_default();
@@ -64,7 +63,7 @@ impl Ended {
             .unwrap_or_else(|error| panic!("{error}: {}\n{}", self.stdout, self.stderr))
     }
 
-    /// All of standard output, as one JSON value.
+    /// Returns all of standard output, as one JSON value.
     #[track_caller]
     pub fn whole_json(&self) -> serde_json::Value {
         serde_json::from_str(&self.stdout)
@@ -74,7 +73,7 @@ impl Ended {
 
 type Text = Arc<Mutex<String>>;
 
-/// A running process; dropped, it is killed and waited for.
+/// A running process. Dropping it kills it and waits for its end.
 pub struct Process {
     child: Child,
     what: String,
@@ -84,8 +83,8 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts `program` with standard input kept open, so that processes told `--with-parent` end
-    /// with the test.
+    /// Starts `program`. Standard input stays open, so that processes with `--with-parent` end with
+    /// the test.
     pub fn start(
         program: PathBuf,
         arguments: &[impl AsRef<OsStr>],
@@ -108,39 +107,39 @@ impl Process {
         Process { child, what, stdout, stderr, readers }
     }
 
-    /// Writes a line to its standard input.
+    /// Writes a line to the process's standard input.
     ///
     /// # Panics
-    /// If it does not read it.
+    /// If the process does not read it.
     #[track_caller]
     pub fn write_line(&mut self, line: &str) {
         let input = self.child.stdin.as_mut().expect("it is piped");
         writeln!(input, "{line}").expect("the process reads its input");
     }
 
-    /// Its id.
+    /// Returns the process's id.
     pub fn id(&self) -> u32 {
         self.child.id()
     }
 
-    /// What it has said on standard output.
+    /// Returns the output so far on standard output.
     pub fn stdout(&self) -> String {
         self.stdout.lock().unwrap().clone()
     }
 
-    /// What it has said on standard error.
+    /// Returns the output so far on standard error.
     pub fn stderr(&self) -> String {
         self.stderr.lock().unwrap().clone()
     }
 
-    /// Waits until standard output has a line that begins so; gives its rest.
+    /// Waits until standard output has a line with this beginning. Returns the rest of the line.
     #[track_caller]
     pub fn wait_for_line(&mut self, beginning: &str) -> String {
         let start = Instant::now();
         loop {
             let ended = self.child.try_wait().expect("a child can be asked").is_some();
             let text = self.stdout();
-            // Only whole lines: the last one may be half-written.
+            // Only whole lines count, because the last one may be half-written.
             let whole = &text[..text.rfind('\n').map_or(0, |at| at + 1)];
             if let Some(rest) = whole.lines().find_map(|line| line.strip_prefix(beginning)) {
                 return rest.to_owned();
@@ -169,19 +168,19 @@ impl Process {
         );
     }
 
-    /// Whether it runs.
+    /// Returns true if the process runs.
     pub fn is_running(&mut self) -> bool {
         self.child.try_wait().expect("a child can be asked").is_none()
     }
 
-    /// Sends it a signal.
+    /// Sends a signal to the process.
     pub fn signal(&self, signal: Signal) {
         let id = Pid::from_child(&self.child);
         kill_process(id, signal)
             .unwrap_or_else(|error| panic!("signalling `{}`: {error}", self.what));
     }
 
-    /// Waits for its end.
+    /// Waits for the process to end.
     ///
     /// # Panics
     /// If it runs longer than [`LIMIT`].
@@ -202,7 +201,7 @@ impl Process {
         Ended { status, stdout: self.stdout(), stderr: self.stderr() }
     }
 
-    /// Asks it to end by `signal` and waits.
+    /// Sends `signal` to the process, and waits for its end.
     #[track_caller]
     pub fn end(self, signal: Signal) -> Ended {
         self.signal(signal);
@@ -212,7 +211,8 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // A process that has ended already needs neither; SIGKILL ends a stopped one too.
+        // If the process has ended already, both calls fail harmlessly. SIGKILL also ends a stopped
+        // process.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

@@ -1,4 +1,4 @@
-//! Finding the program under test, and the workspace.
+//! Finds the program under test, and the workspace.
 
 use std::{
     path::{Path, PathBuf},
@@ -6,26 +6,26 @@ use std::{
     sync::OnceLock,
 };
 
-/// The workspace's root folder.
+/// Returns the workspace's root folder.
 pub fn workspace() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
-/// The cargo that runs the tests, in the workspace's root.
+/// Returns a command for the cargo that runs the tests, in the workspace's root.
 pub fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(workspace());
     command
 }
 
-/// Returns the `holodeck` program under test: the one that `HOLODECK_PROGRAM` names, or else that
+/// Returns the `holodeck` program under test. `HOLODECK_PROGRAM` may name it. Otherwise it is that
 /// of the tests' own profile, beside the folder of the test's executable.
 ///
 /// Under cargo, the latter is built first, which takes no time if it is up to date. The tests share
 /// its libraries, and must not meet an older protocol.
 ///
 /// # Panics
-/// If it is not there and cannot be built.
+/// If the program does not exist and cannot be built.
 pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {

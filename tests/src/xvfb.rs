@@ -1,4 +1,4 @@
-//! A desktop without a screen: an X server in memory, its keys and its pixels.
+//! A desktop without a screen: an X server in memory, with its keys and pixels.
 
 use std::{
     io::{BufRead, BufReader},
@@ -19,15 +19,15 @@ use crate::wait_until;
 /// Symbol of the key Shift.
 const SHIFT: u32 = 0xffe1;
 
-/// Size of its screen.
+/// Size of the desktop's screen.
 const SCREEN: &str = "1280x720x24";
 
-/// A desktop, with nothing on it but what a test opens.
+/// An empty desktop for a test.
 pub struct Desktop {
     server: Child,
     connection: RustConnection,
     root: Window,
-    /// Its name, for the variable `DISPLAY`.
+    /// The desktop's name, for the variable `DISPLAY`.
     pub name: String,
 }
 
@@ -38,10 +38,10 @@ impl Default for Desktop {
 }
 
 impl Desktop {
-    /// Starts a desktop that only this machine reaches.
+    /// Starts a desktop that only this machine can reach.
     ///
     /// # Panics
-    /// If there is no Xvfb, or it does not start.
+    /// If Xvfb is missing or does not start.
     #[track_caller]
     pub fn new() -> Desktop {
         let mut server = Command::new("Xvfb")
@@ -61,14 +61,14 @@ impl Desktop {
         Desktop { server, connection, root, name }
     }
 
-    /// Waits for a program's window and gives it the keyboard.
+    /// Waits for a program's window, and gives it the keyboard focus.
     #[track_caller]
     pub fn window(&self) -> Window {
         let window = wait_until("a window", || {
             let windows = self.connection.query_tree(self.root).unwrap().reply().unwrap().children;
             windows.into_iter().find(|&window| {
                 let attributes = self.connection.get_window_attributes(window).unwrap().reply();
-                // Programs also make windows that are never seen.
+                // Programs also make windows that are never visible.
                 attributes.is_ok_and(|it| it.map_state == xproto::MapState::VIEWABLE)
             })
         });
@@ -90,7 +90,7 @@ impl Desktop {
         bytes.chunks_exact(4).flat_map(|pixel| [pixel[2], pixel[1], pixel[0]]).collect()
     }
 
-    /// Waits until a window's pixels are as wanted.
+    /// Waits until `wanted` is true for a window's pixels.
     #[track_caller]
     pub fn wait_for_pixels(&self, what: &str, window: Window, wanted: impl Fn(&[u8]) -> bool) {
         wait_until(what, || wanted(&self.pixels(window)).then_some(()));
@@ -144,7 +144,7 @@ impl Desktop {
         fake.unwrap().check().expect("the server takes synthesised input");
     }
 
-    /// Returns the key that writes a symbol, and whether that needs Shift.
+    /// Returns the key that writes a symbol, and true if it needs Shift.
     #[track_caller]
     fn code(&self, symbol: u32) -> (u8, bool) {
         let setup = self.connection.setup();
@@ -161,7 +161,7 @@ impl Desktop {
 
 impl Drop for Desktop {
     fn drop(&mut self) {
-        // A server that has ended already needs neither.
+        // If the server has ended already, both calls fail harmlessly.
         let _ = self.server.kill();
         let _ = self.server.wait();
     }

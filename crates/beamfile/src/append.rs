@@ -17,7 +17,8 @@ const MAX_PENDING_BYTES: u64 = 256 << 20;
 const BATCH_BYTES: u64 = 32 << 20;
 /// Samples that enter a batch at once. Longer appends are split, for the same reason.
 const APPEND_SAMPLES: usize = 1 << 20;
-/// Extents at which the directory counts as full. The rest is room for those that still wait.
+/// Number of extents at which the directory counts as full. The rest is room for extents that still
+/// wait.
 const MAX_EXTENTS: u64 = u32::MAX as u64 - (1 << 27);
 
 impl BeamFile {

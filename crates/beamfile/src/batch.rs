@@ -1,4 +1,4 @@
-//! Samples that were appended and are not yet on disk: what will become one block.
+//! Samples that were appended and are not yet on disk. They will become one block.
 //!
 //! Invariant: an active batch only grows. Once frozen it never changes, so readers share it without
 //! a lock.
@@ -18,7 +18,7 @@ pub(crate) struct Append {
     pub first: u32,
     /// Number of samples.
     pub count: u32,
-    /// Where its first sample is among the batch's samples.
+    /// Index of the first sample among the batch's samples.
     pub at: u32,
     /// The beam's next append in the batch.
     next: u32,
@@ -35,7 +35,7 @@ pub(crate) struct Body {
 
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
-    /// Counts up with every batch of the open file.
+    /// Number of the batch, rising with every batch of the open file.
     pub id: u64,
     appends: Vec<Append>,
     samples: Vec<Sample>,
@@ -61,7 +61,7 @@ impl Batch {
         self.appends.is_empty()
     }
 
-    /// Returns about how much memory it takes, in bytes.
+    /// Returns the approximate memory of the batch, in bytes.
     pub fn bytes(&self) -> u64 {
         (self.samples.len() * size_of::<Sample>() + self.appends.len() * 2 * size_of::<Append>())
             as u64

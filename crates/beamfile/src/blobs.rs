@@ -1,10 +1,10 @@
 //! Named byte strings in the file, such as the packed scene.
 //!
-//! A blob that cannot be made again is stored twice. Where a chunk of one copy is damaged, it is
-//! read from the other.
+//! A blob that cannot be made again is stored twice. If a chunk of one copy is damaged, it is read
+//! from the other.
 //!
-//! Invariant: replacing a blob is atomic. Reads give the old bytes until the first copy of the new
-//! ones is whole.
+//! Invariant: replacing a blob is atomic. Reads return the old bytes until the first copy of the
+//! new ones is complete.
 
 use crate::batch::Body;
 use crate::blob_list::PartBlock;
@@ -74,8 +74,8 @@ impl BeamFile {
 
     /// Returns the bytes stored under a name, if any.
     ///
-    /// Where a chunk of the newest copy is damaged, it is read from another copy. The damage is
-    /// then listed by [`BeamFile::damage`], and a writer stores the blob once more.
+    /// If a chunk of the newest copy is damaged, it is read from another copy. The damage is then
+    /// listed by [`BeamFile::damage`], and a writer stores the blob once more.
     ///
     /// # Errors
     /// [`Error::BlobDamaged`] if a chunk is damaged in every copy; [`Error::Io`] if the disk cannot
@@ -83,7 +83,7 @@ impl BeamFile {
     pub fn blob(&self, name: &str) -> Result<Option<Vec<u8>>> {
         let copies = self.shared.state().blobs.copies(name);
         let Some(newest) = copies.last() else { return Ok(None) };
-        // All parts are in the file, so that `total` is no more than the file holds.
+        // All parts are in the file, so `total` is at most the file's length.
         let mut bytes = vec![0; newest.total as usize];
         let mut damaged = Vec::new();
         let mut rest = bytes.as_mut_slice();

@@ -1,7 +1,7 @@
 //! The beams that were read last, up to a number of bytes (Larson & Simmons 1999, §2.2).
 //!
-//! Invariant: the cached beams never take more than the budget. Each is right only for the version
-//! at which it was read, and is given for no other.
+//! Invariant: the cached beams never take more than the budget. Each is valid only for the version
+//! at which it was read, and is never returned for another.
 
 use std::sync::Arc;
 

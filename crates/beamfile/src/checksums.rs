@@ -1,4 +1,4 @@
-//! Comparing blocks on disk with their checksums.
+//! Compares blocks on disk with their checksums.
 
 use std::io;
 
@@ -27,7 +27,7 @@ pub(crate) fn bad_chunks(storage: &dyn Storage, block: &Block) -> io::Result<Vec
     Ok(bad)
 }
 
-/// Returns the damage that the block's header or table took since it was read.
+/// Returns the damage to the block's header or table since they were read.
 pub(crate) fn block_damage(
     storage: &dyn Storage,
     file: &FileHeader,

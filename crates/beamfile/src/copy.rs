@@ -1,4 +1,4 @@
-//! Copying a file's samples into another one, except those of some makers.
+//! Copies a file's samples to another file, except those of some makers.
 
 use holo_section::{Run, Sample};
 
@@ -8,12 +8,12 @@ use crate::format::{CHUNK_BYTES, CHUNK_SAMPLES, Entry, FIRST_BLOCK, Table};
 use crate::scan::scan;
 use crate::{Maker, Result};
 
-/// Counts of a copy: samples taken and samples left out.
+/// Counts of copied samples and of samples left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Copied {
-    /// Samples copied, superseded ones included.
+    /// Copied samples, including superseded ones.
     pub samples: u64,
-    /// Samples left out because of their maker, superseded ones included.
+    /// Samples left out because of their maker, including superseded ones.
     pub left_out: u64,
 }
 

@@ -1,8 +1,7 @@
 //! The directory: where each beam's samples lie in the file, and how many there are.
 //!
-//! Invariant: an extent is listed only after its block is on disk. Counts run ahead of that: they
-//! include samples that are still in memory. The directory takes 28 bytes an extent and about 70 a
-//! beam.
+//! Invariant: an extent is listed only after its block is on disk. Counts also include samples that
+//! are still in memory. The directory takes 28 bytes per extent and about 70 per beam.
 
 use std::collections::hash_map::Entry as MapEntry;
 use std::sync::Arc;
@@ -82,7 +81,7 @@ pub(crate) struct Directory {
     pub beams: BeamMap<Beam>,
     pub blocks: Vec<Arc<Block>>,
     pub sections: Vec<SectionStats>,
-    /// Samples whose numbers were there already when they were counted.
+    /// Samples whose numbers existed already when they were counted.
     pub superseded: u64,
     /// The maker with the greatest number.
     pub last_maker: Maker,
@@ -110,8 +109,8 @@ impl Directory {
 
     /// Counts samples that were appended.
     ///
-    /// `older` gives the numbers that the beam has already. It is called only if the new ones may
-    /// be among them.
+    /// `older` returns the numbers that the beam has already. It is called only if the new numbers
+    /// may be among them.
     pub fn account(
         &mut self,
         key: BeamKey,
@@ -194,7 +193,8 @@ impl Directory {
     }
 }
 
-/// Returns how many of the numbers from `begin` to before `end` lie in at least one of `ranges`.
+/// Returns the number of integers from `begin` to before `end` that lie in at least one of
+/// `ranges`.
 fn covered(mut ranges: Vec<(u32, u32)>, begin: u32, end: u32) -> u32 {
     ranges.sort_unstable();
     let (mut at, mut total) = (begin, 0);

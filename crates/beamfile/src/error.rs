@@ -8,7 +8,7 @@ use holo_section::BeamKey;
 
 /// An error of a holodeck file.
 ///
-/// Damage inside a file is no error: it is left out and named ([`crate::Damage`]).
+/// Damage inside a file is no error. Damaged parts are left out and listed ([`crate::Damage`]).
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -17,7 +17,7 @@ pub enum Error {
     Io {
         /// The holodeck file.
         path: PathBuf,
-        /// What was being done.
+        /// The operation that failed.
         doing: &'static str,
         /// The system's reason.
         source: io::Error,
@@ -85,7 +85,7 @@ pub enum Error {
         path: PathBuf,
         /// Bytes waiting.
         pending: u64,
-        /// Why the last attempt failed.
+        /// The reason why the last attempt failed.
         reason: String,
     },
     /// Written data no longer reaches the file at the path. This handle can write no more.
@@ -93,7 +93,7 @@ pub enum Error {
     Lost {
         /// The holodeck file.
         path: PathBuf,
-        /// What became of it.
+        /// The kind of loss.
         how: FileLoss,
     },
     /// The writer's thread is gone. This handle can write no more.

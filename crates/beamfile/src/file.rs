@@ -15,8 +15,8 @@ use crate::{Error, Result};
 
 /// One open holodeck file: appends, reads through a cache, named blobs.
 ///
-/// Threads share it by reference or `Arc`. Dropping it writes what is pending, as far as the disk
-/// lets it; [`BeamFile::flush`] and [`BeamFile::close`] say whether that succeeded.
+/// Threads share it by reference or `Arc`. Dropping it writes pending samples if the disk permits.
+/// [`BeamFile::flush`] and [`BeamFile::close`] report failures.
 pub struct BeamFile {
     pub(crate) shared: Arc<Shared>,
     report: OpenReport,
@@ -54,7 +54,7 @@ impl BeamFile {
 
     /// Opens a file to read, also while another process writes it.
     ///
-    /// [`BeamFile::refresh`] takes in what the other process adds.
+    /// [`BeamFile::refresh`] reads the other process's additions.
     ///
     /// # Errors
     /// If the file cannot be read or is no holodeck.
@@ -66,8 +66,8 @@ impl BeamFile {
         Self::start(storage, path, opened, cache_bytes, true)
     }
 
-    /// Creates a file like [`BeamFile::create`], on a storage of the caller's. It takes no lock,
-    /// and uses `path` only in messages.
+    /// Creates a file like [`BeamFile::create`], on a storage of the caller. It takes no lock, and
+    /// uses `path` only in messages.
     ///
     /// # Errors
     /// The errors of [`BeamFile::create`].
@@ -80,8 +80,8 @@ impl BeamFile {
         Self::start(storage, path.as_ref(), opened, options.cache_bytes, false)
     }
 
-    /// Opens a file like [`BeamFile::open`], on a storage of the caller's. It takes no lock, and
-    /// uses `path` only in messages.
+    /// Opens a file like [`BeamFile::open`], on a storage of the caller. It takes no lock, and uses
+    /// `path` only in messages.
     ///
     /// # Errors
     /// The errors of [`BeamFile::open`].
@@ -125,7 +125,7 @@ impl BeamFile {
         &self.shared.path
     }
 
-    /// Returns what opening found, and what it left out.
+    /// Returns the report on opening the file, including the parts that were left out.
     pub fn report(&self) -> &OpenReport {
         &self.report
     }
@@ -135,7 +135,7 @@ impl BeamFile {
         &self.shared.header.layout
     }
 
-    /// Returns figures of the file as it is now.
+    /// Returns the current figures of the file.
     pub fn stats(&self) -> Stats {
         let file_bytes = self.shared.storage.length().unwrap_or(0);
         let state = self.shared.state();
@@ -163,20 +163,20 @@ impl BeamFile {
     /// Returns [`Error::Lost`] if the file was found deleted, moved, replaced or cut off. It does
     /// not wait for the disk.
     ///
-    /// Every block that is written and every [`BeamFile::flush`] looks at the file.
+    /// The file is checked with every written block and every [`BeamFile::flush`].
     pub fn lost(&self) -> Option<Error> {
         let state = self.shared.state();
         state.lost.map(|_| self.shared.not_written(&state))
     }
 
-    /// Writes what is pending and stops the writer.
+    /// Writes pending samples and stops the writer.
     ///
     /// # Errors
     /// The errors of [`BeamFile::flush`]. Samples that could not be written are then lost.
     pub fn close(mut self) -> Result<()> {
         let flushed = self.flush();
         self.stop();
-        // The writer's last attempt may have succeeded where flush did not.
+        // The writer's last attempt may have succeeded although the flush failed.
         let state = self.shared.state();
         let all_written = state.frozen.is_empty() && state.active.is_empty();
         if all_written && state.lost.is_none() { Ok(()) } else { flushed }
@@ -186,7 +186,7 @@ impl BeamFile {
         let Some(writer) = self.writer.take() else { return };
         self.shared.state().stop = true;
         self.shared.wake.notify_one();
-        // A writer that panicked has said so on standard error, and its samples are gone with it.
+        // A writer that panicked has reported it on standard error, and its samples are lost.
         let _ = writer.join();
     }
 }

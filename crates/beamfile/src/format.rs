@@ -50,7 +50,7 @@ const _: () = assert!(size_of::<Sample>() == SAMPLE_BYTES as usize && align_of::
 const _: () = assert!(size_of::<RawEntry>() == 32);
 const _: () = assert!(32 + 8 * MAX_SECTIONS <= HEADER_COPY_BYTES);
 
-/// Rounds `bytes` up to where a block or a payload may begin.
+/// Rounds `bytes` up to the next position where a block or a payload may begin.
 pub(crate) fn aligned(bytes: u64) -> u64 {
     bytes.next_multiple_of(BLOCK_ALIGNMENT)
 }
@@ -131,7 +131,7 @@ fn header_crc(used: &[u8]) -> u32 {
     crc.finalize()
 }
 
-/// What a block holds.
+/// The content of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum BlockKind {
     Samples,
@@ -229,7 +229,7 @@ pub(crate) struct Class {
     pub supersedes: bool,
     /// Paths averaged into each sample.
     pub paths: u16,
-    /// Who made the samples.
+    /// The maker of the samples.
     pub maker: Maker,
 }
 const _: () = assert!(size_of::<Class>() == 6);

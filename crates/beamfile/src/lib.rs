@@ -1,22 +1,23 @@
 //! The holodeck file: view rays on disk, and a least-recently-used cache of beams in front of it
 //! (Larson & Simmons 1999, §2.1 and §2.2).
 //!
-//! The file is a log of checksummed *blocks*. Appended samples wait in memory, and a thread of the
-//! file's own writes them as one block about every half second. A block is a run of *extents*,
-//! sorted by section and beam. An extent is consecutive samples of one beam. The directory of all
-//! extents is kept in memory. Opening the file rebuilds it from block headers and extent tables,
-//! without reading samples. `proto/SPEC.md`, section 8, draws the bytes.
+//! The file is a log of checksummed *blocks*. Appended samples wait in memory, and the file's own
+//! thread writes them as one block about every half second. A block is a run of *extents*, sorted
+//! by section and beam. An extent is consecutive samples of one beam. The directory of all extents
+//! is kept in memory. Opening the file rebuilds it from block headers and extent tables, without
+//! reading samples. `proto/SPEC.md`, section 8, draws the bytes.
 //!
 //! Invariants:
 //!
 //! - A block is written once and never changed. Its header is written after its body, so a block
-//!   with a header is whole.
+//!   with a header is complete.
 //! - Samples appended before a [`BeamFile::flush`] that returned `Ok` survive a killed process and
 //!   a power failure. Others are on disk within a second.
-//! - Samples reach a caller only after their checksum was compared. Damaged parts are named and
+//! - Samples reach a caller only after their checksum was compared. Damaged parts are listed and
 //!   left out; nothing else is lost with them.
-//! - One process writes the file (a lock on the file sees to it), any number read beside it.
-//! - This crate never looks inside a radiance: a sample is ten bytes.
+//! - One process writes the file, ensured by a lock on it. Any number of processes read it
+//!   meanwhile.
+//! - This crate never interprets a radiance. For it, a sample is ten bytes.
 
 mod append;
 mod appender;

@@ -27,7 +27,7 @@ pub(crate) type BadChunks = Vec<(u32, u32)>;
 struct Piece<'a> {
     /// Index of the plan.
     plan: usize,
-    /// Where in the beam's samples they go.
+    /// Index in the beam's samples where they are stored.
     to: usize,
     /// The block, and its number in the directory.
     id: u32,
@@ -40,8 +40,8 @@ struct Piece<'a> {
     end: u64,
 }
 
-/// Returns the beams in the order of the plans; or, if chunks that they need are damaged, these
-/// chunks.
+/// Returns the beams in the order of the plans. If chunks that they need are damaged, returns these
+/// chunks instead.
 pub(crate) fn load(
     storage: &dyn Storage,
     plans: &[Plan],
@@ -71,7 +71,7 @@ pub(crate) fn load(
     Ok(Ok(whole.collect()))
 }
 
-/// Returns the beams with what is in memory, and the pieces that are on disk, in the file's order.
+/// Returns the beams with their samples in memory, and the pieces on disk, in the file's order.
 fn plan_pieces(plans: &[Plan]) -> (Vec<Vec<Sample>>, Vec<Piece<'_>>) {
     let mut beams: Vec<Vec<Sample>> = Vec::with_capacity(plans.len());
     let mut pieces = Vec::new();
@@ -108,7 +108,7 @@ fn plan_pieces(plans: &[Plan]) -> (Vec<Vec<Sample>>, Vec<Piece<'_>>) {
     (beams, pieces)
 }
 
-/// Returns how many of the first pieces are read together, and the end of the last one's chunks.
+/// Returns the number of first pieces to read together, and the end of the last one's chunks.
 fn read_together(pieces: &[Piece]) -> (usize, u64) {
     let Some(first) = pieces.first() else { return (0, 0) };
     let (mut end, mut together) = (first.end, 1);

@@ -1,6 +1,6 @@
 //! Plans for reading beams.
 //!
-//! Invariant: a plan owns a share of everything that it refers to, so reading by it takes no lock.
+//! Invariant: a plan owns a share of everything that it refers to, so that reading takes no lock.
 
 use std::sync::Arc;
 
@@ -13,23 +13,23 @@ use crate::state::State;
 use crate::types::Maker;
 use crate::visible::{Offer, visible};
 
-/// Where the samples of a planned run are.
+/// The location of a planned run's samples.
 pub(crate) enum Location {
     /// On disk: in block number `id`, from sample `at` of its payload on.
     Disk { id: u32, block: Arc<Block>, at: u32 },
     /// In a batch that waits to be written, from its sample `at` on.
     Frozen { batch: Arc<Batch>, at: u32 },
-    /// Here: a copy of what is in the active batch.
+    /// A copy of samples of the active batch.
     Copied(Vec<Sample>),
 }
 
-/// A run that a read gives, and where its samples are.
+/// A run that a read returns, and the location of its samples.
 pub(crate) struct PlannedRun {
     pub run: Run,
     pub location: Location,
 }
 
-/// How to read one beam.
+/// A plan for reading one beam.
 pub(crate) struct Plan {
     pub key: BeamKey,
     /// The beam's version in the directory when the plan was made.
@@ -39,12 +39,12 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// Returns the number of samples that it reads.
+    /// Returns the number of samples that the plan reads.
     pub fn samples(&self) -> u64 {
         self.runs.iter().map(|planned| u64::from(planned.run.count)).sum()
     }
 
-    /// Returns the offset in the file of its first samples; 0 if all are in memory.
+    /// Returns the offset in the file of the plan's first samples; 0 if all are in memory.
     pub fn file_position(&self) -> u64 {
         let positions = self.runs.iter().filter_map(|planned| match &planned.location {
             Location::Disk { block, at, .. } => {
@@ -56,7 +56,7 @@ impl Plan {
     }
 }
 
-/// Where the samples of an [`Offer`] are: as [`Location`], before anything is copied.
+/// The location of an [`Offer`]'s samples, like [`Location`] but without copies.
 enum OfferedAt<'a> {
     Disk { id: u32, at: u32 },
     Frozen { batch: &'a Arc<Batch>, at: u32 },
@@ -68,7 +68,7 @@ fn run(key: BeamKey, class: Class, first: u32, count: u32) -> Run {
 }
 
 impl State {
-    /// Returns everything that was appended to a beam, oldest first, and where it is.
+    /// Returns everything that was appended to a beam, oldest first, with its location.
     fn offers(&self, key: BeamKey) -> (Vec<Offer>, Vec<(Class, OfferedAt<'_>)>) {
         let mut offers: Vec<Offer> = Vec::new();
         let mut places: Vec<(Class, OfferedAt)> = Vec::new();
@@ -94,7 +94,7 @@ impl State {
         (offers, places)
     }
 
-    /// Returns the runs that [`State::plan`] would read, in its order, and who made them.
+    /// Returns the runs that [`State::plan`] would read, in its order, and their makers.
     pub fn runs(&self, key: BeamKey) -> impl Iterator<Item = (Run, Maker)> {
         let (offers, places) = self.offers(key);
         visible(&offers).into_iter().map(move |seen| {
@@ -103,7 +103,8 @@ impl State {
         })
     }
 
-    /// Returns how to read a beam as it is now; `None` if nothing was ever appended to it.
+    /// Returns a plan for reading the present state of a beam; `None` if nothing was ever appended
+    /// to it.
     pub fn plan(&self, key: BeamKey) -> Option<Plan> {
         let version = self.directory.beams.get(&key)?.version;
         let (offers, places) = self.offers(key);

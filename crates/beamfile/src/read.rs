@@ -13,7 +13,7 @@ use crate::plan::Plan;
 use crate::state::State;
 use crate::types::{BeamSamples, Counts, Maker};
 
-/// Samples read together by [`BeamFile::read_many`], at most; and beams.
+/// Most samples and most beams that [`BeamFile::read_many`] reads together.
 const GROUP_SAMPLES: u64 = 400_000;
 const GROUP_BEAMS: usize = 8192;
 /// Beams looked up under one lock.
@@ -39,7 +39,7 @@ impl BeamFile {
     }
 
     /// Calls `sink` once for each beam: first those in memory, then the others in file order.
-    /// Neighbours in the file are read together. Stops when `sink` says so.
+    /// Neighbours in the file are read together. Stops when `sink` returns `Break`.
     ///
     /// # Errors
     /// If a beam does not exist (before the first call) or the disk cannot be read.
@@ -95,7 +95,7 @@ impl BeamFile {
         }
     }
 
-    /// Reads beams and puts them into the cache. Where it finds damage, it plans again without the
+    /// Reads beams and puts them into the cache. If it finds damage, it plans again without the
     /// damaged chunks.
     fn load_group(&self, mut plans: Vec<Plan>) -> Result<Vec<(BeamKey, Arc<BeamSamples>)>> {
         loop {
@@ -121,8 +121,8 @@ impl BeamFile {
 
     /// Returns the runs that a read of the beam would give now, without reading any sample.
     ///
-    /// They are in the same order, but runs that continue each other are not joined. Empty if the
-    /// beam has none.
+    /// The runs are in the same order, but runs that continue each other are not joined. Empty if
+    /// the beam has no samples.
     pub fn runs(&self, key: BeamKey) -> Vec<Run> {
         self.shared.state().runs(key).map(|(run, _)| run).collect()
     }

@@ -1,11 +1,11 @@
-//! Taking in what another process adds to the file.
+//! Reads additions of another process to the file.
 
 use crate::Result;
 use crate::file::BeamFile;
 use crate::scan::{Tail, scan};
 
 impl BeamFile {
-    /// Takes in the blocks that another process completed since, and returns their number.
+    /// Reads the blocks that another process has completed since, and returns their number.
     ///
     /// Returns 0 for a file that was not opened read-only.
     ///
@@ -30,7 +30,7 @@ impl BeamFile {
                 Ok(())
             },
         )?;
-        // Bytes at the end that were no block before may be one now.
+        // Bytes at the end that were no block before may be a block now.
         if let Tail::Damaged(tail) = &end.tail {
             damage.push(tail.clone());
         }

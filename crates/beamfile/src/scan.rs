@@ -1,4 +1,4 @@
-//! Finding the blocks of a file, also after damage.
+//! Finds the blocks of a file, also after damage.
 //!
 //! Invariant: a block that the scan passes on has an intact header, an intact table, and a payload
 //! within the file. The scan does not read payloads.
@@ -30,10 +30,11 @@ pub(crate) enum Tail {
     Damaged(Damage),
 }
 
-/// Where a scan ended.
+/// The end of a scan.
 #[derive(Debug)]
 pub(crate) struct ScanEnd {
-    /// The first byte after all blocks, and after damage before one: where a later scan goes on.
+    /// The position where a later scan continues: the first byte after all blocks or, after damage,
+    /// a position before a block.
     pub resume: u64,
     /// Sequence number of the last block.
     pub sequence: u64,

@@ -24,7 +24,7 @@ pub(crate) struct Shared {
     pub header: FileHeader,
     pub read_only: bool,
     state: Mutex<State>,
-    /// Signals to the writer that there is something to do.
+    /// Signals to the writer that it has work.
     pub wake: Condvar,
     /// Signals from the writer that a write was done, or failed.
     pub progress: Condvar,
@@ -32,9 +32,9 @@ pub(crate) struct Shared {
     cache: Mutex<Cache>,
 }
 
-/// Locks a mutex, also after a thread panicked with it.
+/// Locks a mutex, even if a thread panicked while it held the lock.
 ///
-/// A panic leaves the state sound, because the state changes in small steps that cannot panic
+/// A panic leaves the state intact, because the state changes in small steps that cannot panic
 /// half-way.
 pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
@@ -78,7 +78,7 @@ impl Shared {
         Error::Io { path: self.path.clone(), doing, source }
     }
 
-    /// Returns why samples could not be written.
+    /// Returns the error for samples that could not be written.
     pub fn not_written(&self, state: &State) -> Error {
         if let Some(how) = state.lost {
             return Error::Lost { path: self.path.clone(), how };
@@ -100,7 +100,7 @@ impl Shared {
         on.wait_timeout(state, time).unwrap_or_else(PoisonError::into_inner).0
     }
 
-    /// Waits until the writer did something, or a second has passed.
+    /// Waits until the writer makes progress, or a second has passed.
     pub fn wait_for_writer<'a>(&self, state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
         self.wait(&self.progress, state, Duration::from_secs(1))
     }
@@ -116,7 +116,7 @@ impl Shared {
         Ok(block)
     }
 
-    /// Checks that the file at the path is the one that is written, and that it is as long as the
+    /// Checks that the path still names the written file, and that the file is as long as the
     /// appender left it.
     pub fn check_file(&self, appender: &Appender) -> Result<()> {
         let bytes = self.storage.length().map_err(|error| self.io("reading its length", error))?;

@@ -21,9 +21,9 @@ use crate::{FileLoss, Result};
 pub(crate) struct State {
     pub directory: Directory,
     pub blobs: Blobs,
-    /// The batch that takes samples now.
+    /// The batch that receives samples now.
     pub active: Batch,
-    /// When the first samples of the active batch came.
+    /// Time of the first append to the active batch.
     pub active_since: Option<Instant>,
     /// Memory for the next batch.
     pub spare: Option<Batch>,
@@ -34,14 +34,14 @@ pub(crate) struct State {
     pub written: u64,
     /// Failed attempts to write so far.
     pub failures: u64,
-    /// Why the last attempt failed; `None` once one succeeds.
+    /// The reason why the last attempt failed; `None` once one succeeds.
     pub last_error: Option<String>,
-    /// True if a caller waits, so that the writer must not wait for its time.
+    /// True if a caller waits, so that the writer must write at once.
     pub hurry: bool,
     /// True if the writer must end once nothing is left to write.
     pub stop: bool,
     pub writer_gone: bool,
-    /// How the file was lost, if it is no longer the one at its path.
+    /// The kind of loss, if the path no longer names the file.
     pub lost: Option<FileLoss>,
     /// Damaged parts found so far.
     pub damage: Vec<Damage>,
@@ -54,12 +54,12 @@ impl State {
         Self { directory: Directory::new(sections), ..Self::default() }
     }
 
-    /// Returns the memory that samples not yet on disk take, in bytes.
+    /// Returns the memory of samples that are not yet on disk, in bytes.
     pub fn pending_bytes(&self) -> u64 {
         self.frozen_bytes + self.active.bytes()
     }
 
-    /// Closes the active batch, if it holds anything, so that it can be written.
+    /// Closes the active batch, if it has samples, so that it can be written.
     pub fn freeze(&mut self) {
         if self.active.is_empty() {
             return;
@@ -72,7 +72,7 @@ impl State {
         self.frozen.push_back(Arc::new(batch));
     }
 
-    /// Takes samples into memory and counts them.
+    /// Adds samples to memory and counts them.
     pub fn append(&mut self, key: BeamKey, class: Class, first: u32, samples: &[Sample]) {
         let (active, frozen) = (&self.active, &self.frozen);
         self.directory.account(key, class.kind, first, samples.len() as u32, |directory| {
@@ -115,7 +115,7 @@ impl State {
         Ok(())
     }
 
-    /// Notes chunks that do not match their checksums. From now on plans leave them out.
+    /// Marks chunks that do not match their checksums. From now on plans leave them out.
     pub fn mark_bad(&mut self, chunks: &[(u32, u32)]) {
         for &(id, chunk) in chunks {
             let Some(block) = self.directory.blocks.get(id as usize) else { continue };

@@ -10,10 +10,10 @@ pub trait Storage: Send + Sync {
     /// Fills `bytes` from `offset`.
     ///
     /// # Errors
-    /// The system's; `UnexpectedEof` if the file ends before.
+    /// The system's; `UnexpectedEof` if the file ends too early.
     fn read_exact_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<()>;
 
-    /// Writes all of `bytes` at `offset`, and makes the file longer where needed.
+    /// Writes all of `bytes` at `offset`, and makes the file longer if necessary.
     ///
     /// # Errors
     /// The system's. A part of the bytes may have been written.
@@ -37,7 +37,7 @@ pub trait Storage: Send + Sync {
     /// The system's.
     fn set_len(&self, bytes: u64) -> io::Result<()>;
 
-    /// Returns whether the path still names this file: false once it was deleted, moved or
+    /// Returns true if the path still names this file; false once the file was deleted, moved or
     /// replaced.
     fn is_at_its_path(&self) -> bool {
         true
@@ -46,8 +46,8 @@ pub trait Storage: Send + Sync {
 
 /// An ordinary file.
 ///
-/// It is never mapped into memory. Another process may cut it off, and whoever reads a map beyond
-/// the file's end is killed.
+/// It is never mapped into memory. Another process may truncate it, and a process that reads a map
+/// beyond the file's end is killed.
 #[derive(Debug)]
 pub struct DiskStorage {
     file: File,
@@ -62,10 +62,10 @@ impl DiskStorage {
 }
 
 impl Drop for DiskStorage {
-    /// Gives the lock back. If a file were only closed, it would stay locked while a child process
-    /// still has it open.
+    /// Releases the lock. Closing the file is not enough, because a child process may still have it
+    /// open.
     fn drop(&mut self) {
-        // A file without a lock gives an error, which does not matter.
+        // Without a lock this fails harmlessly.
         let _ = self.file.unlock();
     }
 }
@@ -97,7 +97,7 @@ impl Storage for DiskStorage {
             (Ok(_), Err(error)) => {
                 !matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
             }
-            // A disk that does not answer has lost nothing yet; writing to it says what is wrong.
+            // A disk that does not answer has lost nothing yet. A write will report its error.
             (Err(_), _) => true,
         }
     }

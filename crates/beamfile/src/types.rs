@@ -17,12 +17,12 @@ pub struct Counts {
     pub single: u32,
 }
 
-/// Who made samples: a number whose meaning the file's owner keeps. 0 if it is not known.
+/// The maker of samples: a number whose meaning the file's owner stores. 0 if the maker is unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Maker(pub u16);
 
 impl Maker {
-    /// The maker of samples whose maker is not known.
+    /// An unknown maker.
     pub const UNKNOWN: Maker = Maker(0);
 }
 
@@ -81,12 +81,13 @@ pub enum DamageKind {
     Samples,
     /// A chunk in one copy of the blob with this name.
     Blob(String),
-    /// A block at the end of the file that was never completed. Beside a writer: not yet.
+    /// A block at the end of the file that was never completed. If a writer is active, the block
+    /// may still be completed.
     TornTail,
 }
 
 impl Damage {
-    /// Returns how many samples are left out because of it, at most.
+    /// Returns the greatest number of samples that are left out because of this damage.
     ///
     /// Exact for [`DamageKind::Samples`]. For a whole block, it is the number that would fit into
     /// its bytes.
@@ -125,14 +126,14 @@ impl fmt::Display for Damage {
     }
 }
 
-/// What opening a file found.
+/// The report on opening a file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct OpenReport {
-    /// Whole blocks.
+    /// Complete blocks.
     pub blocks: u64,
     /// Extents in them.
     pub extents: u64,
-    /// Samples in them, superseded ones included.
+    /// Samples in them, including superseded ones.
     pub samples: u64,
     /// Damaged parts, in file order.
     pub damage: Vec<Damage>,
@@ -140,7 +141,7 @@ pub struct OpenReport {
     pub unfinished_blobs: Vec<String>,
 }
 
-/// How full one section is.
+/// Fill level of one section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SectionStats {
     /// Beams that hold a sample.
@@ -158,7 +159,7 @@ pub struct Stats {
     pub samples: u64,
     /// The same by section.
     pub sections: Vec<SectionStats>,
-    /// Samples that no read gives, because another sample of the same number counts. Each takes
+    /// Samples that no read returns, because another sample of the same number counts. Each takes
     /// ten bytes of the file.
     pub superseded: u64,
     /// Extents on disk.
@@ -167,12 +168,12 @@ pub struct Stats {
     pub cache_bytes: u64,
     /// Reads that found their beam in the cache.
     pub cache_hits: u64,
-    /// Reads that did not.
+    /// Reads that did not find their beam in the cache.
     pub cache_misses: u64,
     /// Memory that samples not yet on disk take, bytes.
     pub pending_bytes: u64,
     /// Number of damaged parts found so far, at opening and since.
     pub damage: u64,
-    /// Why the last write failed; `None` once a write succeeds.
+    /// The reason why the last write failed; `None` once a write succeeds.
     pub last_error: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! Comparing the whole file with its checksums.
+//! Compares the whole file with its checksums.
 
 use crate::checksums::{bad_chunks, block_damage};
 use crate::file::BeamFile;
@@ -7,10 +7,10 @@ use crate::{Result, open};
 
 impl BeamFile {
     /// Reads the whole file, compares it with its checksums, and returns every damaged part in file
-    /// order, also those that were known.
+    /// order, including known ones.
     ///
-    /// It does not look at samples that still wait in memory, nor at a torn tail, which
-    /// [`BeamFile::report`] names.
+    /// It ignores samples that still wait in memory, and a torn tail, which [`BeamFile::report`]
+    /// lists.
     ///
     /// # Errors
     /// If the disk cannot be read.

@@ -1,8 +1,8 @@
 //! The rule that decides which of several samples with the same number counts.
 //!
-//! Extents count in the order of their appends. One that supersedes replaces older samples; one
-//! that does not fills only free numbers. So work that was done twice changes nothing, and damage
-//! in a better sample uncovers the older one.
+//! Extents count in the order of their appends. An extent that supersedes replaces older samples,
+//! and any other extent fills only free numbers. Work that was done twice therefore changes
+//! nothing, and damage in a better sample uncovers the older one.
 
 use std::collections::BTreeMap;
 
@@ -23,8 +23,8 @@ pub(crate) struct Visible {
     pub count: u32,
 }
 
-/// Returns which of `offers` count, in the order (kind, number), every number once. The oldest
-/// offer comes first.
+/// Returns the runs of `offers` that count, in the order (kind, number), every number once. The
+/// oldest offer comes first.
 pub(crate) fn visible(offers: &[Offer]) -> Vec<Visible> {
     let mut order: Vec<usize> = (0..offers.len()).collect();
     order.sort_by_key(|&i| (offers[i].kind, offers[i].first));

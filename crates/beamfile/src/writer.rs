@@ -13,8 +13,8 @@ use crate::format::Entry;
 use crate::shared::Shared;
 use crate::state::State;
 
-/// Longest wait of samples before they are written. The write itself then still fits in the
-/// promised second, even on a slow disk.
+/// Longest wait of samples before they are written. Even on a slow disk, the write then ends within
+/// the promised second.
 const WRITE_INTERVAL: Duration = Duration::from_millis(400);
 const _: () = assert!(WRITE_INTERVAL.as_millis() <= 500, "samples must be on disk within a second");
 /// Pause after a failed write.
@@ -23,7 +23,7 @@ const RETRY_INTERVAL: Duration = Duration::from_millis(500);
 /// Extents listed under one lock, which takes well below a millisecond.
 const EXTENTS_TOGETHER: usize = 1024;
 
-/// Wakes those who wait for the writer when it ends, even by a panic.
+/// Wakes threads that wait for the writer when it ends, even by a panic.
 struct Gone<'a>(&'a Shared);
 
 impl Drop for Gone<'_> {
@@ -33,8 +33,8 @@ impl Drop for Gone<'_> {
     }
 }
 
-/// Runs the writer's thread: until it must stop and nothing is left to write, or writing fails for
-/// good.
+/// Runs the writer's thread. It ends when it must stop and nothing is left to write, or when
+/// writing fails for good.
 pub(crate) fn run(shared: &Arc<Shared>) {
     let _gone = Gone(shared);
     let mut failed_at: Option<Instant> = None;
@@ -67,7 +67,7 @@ pub(crate) fn run(shared: &Arc<Shared>) {
     }
 }
 
-/// Lists a block's extents, some at a time, so that appends and reads wait only for some.
+/// Lists a block's extents in small groups, so that appends and reads wait only briefly.
 fn list(shared: &Shared, block: Block, entries: &[Entry]) -> Result<()> {
     let id = shared.state().directory.add_block(Arc::new(block))?;
     let mut at = 0;

@@ -89,7 +89,7 @@ fn superseding_samples_replace_only_their_numbers_and_a_late_copy_changes_nothin
 }
 
 #[test]
-fn the_cache_stays_within_its_budget_and_keeps_what_was_used_last() {
+fn the_cache_stays_within_its_budget_and_keeps_recently_used_beams() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("test.holo");
     let budget = 50_000;
@@ -308,7 +308,7 @@ fn packets_of_two_makers_are_two_extents_and_one_run() {
 }
 
 #[test]
-fn a_copy_without_a_maker_has_what_the_others_made_and_what_that_one_had_superseded() {
+fn a_copy_without_a_maker_restores_the_samples_that_the_maker_superseded() {
     let (folder, _, file) = fresh();
     let [rough, better, other] = by_two_makers(&file);
     let copy = |name: &str, without: u16| {

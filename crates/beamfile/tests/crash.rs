@@ -15,7 +15,7 @@ use holo_beamfile::{BeamFile, Error, Maker};
 use holo_section::SampleKind;
 
 const CHILD: &str = "HOLO_BEAMFILE_TEST_CHILD";
-/// Set for a child that flushes. Without it, only the passing of time brings samples to the disk.
+/// Set for a child that flushes. Without it, samples reach the disk by time alone.
 const FLUSHES: &str = "HOLO_BEAMFILE_TEST_FLUSHES";
 const PACKET: u32 = 21;
 /// The beam that the child appends to last.
@@ -23,7 +23,7 @@ const LAST_BEAM: u64 = 9;
 
 /// The child: it appends packets to one beam after another, and never ends by itself.
 ///
-/// After each millisecond it notes how many samples of the last beam it has flushed.
+/// After each millisecond it records the number of flushed samples of the last beam.
 #[test]
 fn child_that_is_killed() {
     let Some(folder) = std::env::var_os(CHILD) else { return };
@@ -31,12 +31,12 @@ fn child_that_is_killed() {
     let file = BeamFile::open(folder.join("test.holo"), options()).unwrap();
     let mut log = fs::File::create(folder.join("log")).unwrap();
     let flushes = std::env::var_os(FLUSHES).is_some();
-    // A block may end between two beams. The child goes on where the last beam is, and gives the
-    // others some packets twice.
+    // A block may end between two beams. The child continues at the last beam's position, and
+    // appends some packets of the others twice.
     let begin = file.counts(key(0, LAST_BEAM)).uniform;
     let (mut next, mut flushed) = (begin, begin);
     for round in 0u32.. {
-        // So slowly that only time, not size, makes the writer write.
+        // Appends slowly, so that time and not size makes the writer write.
         for _ in 0..4 {
             for beam in 0..=LAST_BEAM {
                 let run = run(key(0, beam), next);
@@ -54,13 +54,13 @@ fn child_that_is_killed() {
     }
 }
 
-/// Samples of the last beam that the child has noted as flushed.
+/// Returns the number of samples of the last beam that the child has recorded as flushed.
 fn flushed(log: &Path) -> u32 {
     let text = fs::read_to_string(log).unwrap_or_default();
     text.lines().last().map_or(0, |line| line.parse().unwrap())
 }
 
-/// Samples of the last beam that are on disk.
+/// Returns the number of samples of the last beam that are on disk.
 fn on_disk(path: &Path) -> u32 {
     BeamFile::open_read_only(path, 0).unwrap().counts(key(0, LAST_BEAM)).uniform
 }

@@ -98,7 +98,7 @@ fn a_block_whose_header_was_not_yet_written_is_a_torn_tail() {
 }
 
 #[test]
-fn a_flipped_bit_is_named_and_costs_only_what_it_belongs_to() {
+fn a_flipped_bit_is_reported_and_loses_only_its_own_part() {
     let built = build(5, 60);
     let whole = built.models.last().unwrap();
     let bytes = fs::read(&built.path).unwrap();

@@ -58,7 +58,7 @@ fn samples_added_after_the_loss_are_an_error_and_not_silently_gone() {
         file.append(later, Maker::UNKNOWN, &samples(&later, 21, 0)).unwrap();
         assert!(is_lost(&file.flush().unwrap_err(), harm));
         assert!(is_lost(&file.lost().unwrap(), harm));
-        // The writer has stopped: nothing is taken that could not be written.
+        // The writer has stopped, and accepts no samples that could not be written.
         assert!(is_lost(
             &file.append(later, Maker::UNKNOWN, &samples(&later, 21, 0)).unwrap_err(),
             harm

@@ -85,7 +85,7 @@ proptest! {
         ..ProptestConfig::default()
     })]
     #[test]
-    fn a_file_gives_back_what_a_model_in_memory_gives(
+    fn a_file_returns_the_same_samples_as_a_model_in_memory(
         steps in prop::collection::vec(step(), 1..80),
     ) {
         let folder = tempfile::tempdir().unwrap();

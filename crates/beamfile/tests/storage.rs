@@ -12,7 +12,7 @@ use common::{Model, assert_same, key, options, run, samples};
 use holo_beamfile::{BeamFile, DiskStorage, Error, Maker, Storage};
 use holo_section::Sample;
 
-/// A disk with room for so many bytes, which fails to sync when told to.
+/// A disk with limited room, which fails to sync on request.
 struct SmallDisk {
     disk: DiskStorage,
     room: Arc<AtomicU64>,
@@ -64,7 +64,7 @@ fn small_disk(room: u64) -> (BeamFile, Bench) {
 }
 
 #[test]
-fn a_full_disk_keeps_samples_in_memory_says_so_and_goes_on_when_there_is_room() {
+fn a_full_disk_is_reported_and_samples_wait_in_memory_until_there_is_room() {
     for room in (32_768..34_500).step_by(61) {
         let (file, bench) = small_disk(32_768);
         let path = bench.folder.path().join("test.holo");
@@ -138,7 +138,7 @@ fn a_failed_replacement_of_a_blob_leaves_the_old_bytes_or_the_new_ones() {
 }
 
 #[test]
-fn what_waits_for_a_full_disk_is_bounded_and_an_append_beyond_it_is_refused() {
+fn samples_waiting_for_a_full_disk_are_bounded_and_further_appends_are_refused() {
     let (file, bench) = small_disk(32_768);
     let many = vec![<Sample as bytemuck::Zeroable>::zeroed(); 1 << 20];
     let mut taken = 0u32;

@@ -23,7 +23,7 @@ const HIGH: c_int = 6;
 type Object = *mut c_void;
 type Name = *const c_char;
 
-/// The functions that are used, as `oidn.h` of version 2 declares them.
+/// The library's functions that are used, as declared in `oidn.h` of version 2.
 pub struct Api {
     new_device: unsafe extern "C" fn(c_int) -> Object,
     set_device_bool: unsafe extern "C" fn(Object, Name, bool),
@@ -50,10 +50,10 @@ impl Api {
             path: path.to_owned(),
             reason: error.to_string(),
         };
-        // SAFETY: the user, or the system's search path, says that this is Open Image Denoise,
+        // SAFETY: the user, or the system's search path, states that this is Open Image Denoise,
         // whose initialisation has no precondition.
         let library = unsafe { Library::new(path) }.map_err(failed)?;
-        // SAFETY: each name has in `oidn.h` the type of the field that it is assigned to.
+        // SAFETY: each name has the type in `oidn.h` of the field that it is assigned to.
         let found = unsafe {
             Api {
                 new_device: *library.get(b"oidnNewDevice\0").map_err(failed)?,
@@ -76,7 +76,7 @@ impl Api {
     }
 }
 
-/// The processor, as the library uses it.
+/// The processor as a device of the library.
 pub struct Device {
     api: Api,
     object: Object,

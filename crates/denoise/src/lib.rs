@@ -1,6 +1,6 @@
 //! Open Image Denoise (OIDN 2), loaded at run time if it is installed.
 //!
-//! The program is not linked to the library, so it also runs on a machine without it.
+//! The program is not linked to the library, so it also runs on a machine without the library.
 //!
 //! Invariants:
 //! - Every call into the library is checked. A failure is an error and leaves the picture
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use api::{Api, Device, Filter};
 
-/// The library's name where it is installed as a package.
+/// File name of the library in an installed package.
 const NAME: &str = if cfg!(target_os = "macos") {
     "libOpenImageDenoise.2.dylib"
 } else if cfg!(windows) {
@@ -55,10 +55,11 @@ pub enum DenoiseError {
     },
 }
 
-/// How much work the library does.
+/// The effort of the library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
-    /// For pictures that somebody waits for. It takes 0.43 of the time, and loses 0.1 to 0.2 dB.
+    /// For pictures that a person waits for. Takes 0.43 of the time of [`High`](Self::High), and
+    /// loses 0.1 to 0.2 dB.
     Balanced,
     /// For pictures that are made once.
     High,
@@ -103,8 +104,9 @@ impl Denoiser {
         denoised
     }
 
-    /// Denoises `light`, in rows of `size.0` pixels: finite, not negative, of any unit. `albedo` is
-    /// between 0 and 1. `normals` are unit vectors, or 0 where there is no surface.
+    /// Denoises `light`, in rows of `size.0` pixels. Values are finite, not negative, and in any
+    /// unit. `albedo` is between 0 and 1. `normals` are unit vectors, or 0 where there is no
+    /// surface.
     ///
     /// # Errors
     /// If the sizes differ, or the library fails. `light` is then unchanged.

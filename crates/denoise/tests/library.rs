@@ -1,4 +1,4 @@
-//! The library where it is installed, and what is said where it is not.
+//! The denoiser with the library, and its error without.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -53,7 +53,7 @@ fn where_the_library_is_installed_noise_goes_and_edges_stay() {
     let before = error(&light);
     denoiser.denoise_light(&mut light, &normals, SIZE).unwrap();
     assert!(error(&light) < 0.1 * before, "{} of {before}", error(&light));
-    // Another size, and what does not fit.
+    // Pictures of another size, and wrong numbers of pixels.
     let mut few = vec![[1.0; 3]; 12];
     denoiser.denoise_light(&mut few, &[[0.0; 3]; 12], (4, 3)).unwrap();
     assert!(few.iter().flatten().all(|c| c.is_finite() && *c > 0.0), "{few:?}");

@@ -35,7 +35,7 @@ pub struct Camera {
 pub struct PixelWidth {
     /// The width at distance 1 along the axis; in a parallel view the width at any distance.
     pub width: f64,
-    /// Whether the width grows in proportion to the distance.
+    /// True if the width grows in proportion to the distance.
     pub grows: bool,
 }
 

@@ -30,8 +30,9 @@ enum Side {
 pub struct Candidate {
     /// The beam.
     pub key: BeamKey,
-    /// Distance from the eye to the section along the ray. For a section that contains the eye, the
-    /// length of the line inside it: the smaller of two such sections has the finer beams.
+    /// Distance from the eye to the section along the ray. For a section that contains the eye, it
+    /// is the length of the line inside, because the smaller of two such sections has the finer
+    /// beams.
     rank_distance: f64,
 }
 

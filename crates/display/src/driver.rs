@@ -11,11 +11,11 @@ pub enum Resolution {
     /// Every pixel of the picture.
     #[default]
     Full,
-    /// Every other column and row, enlarged to the whole picture. It serves views that follow each
-    /// other faster than full frames can be drawn, and the first picture of a view.
+    /// Every other column and row, enlarged to the whole picture. It serves glances: views that
+    /// follow each other faster than full frames can be drawn, and the first picture of a view.
     Half,
-    /// Every pixel of a view that is soon left. The front end has chosen as many pixels as the time
-    /// allows; a driver may trade accuracy for time.
+    /// Every pixel of a view that the eye will leave soon. The front end has chosen as many pixels
+    /// as the time allows. A driver may trade accuracy for time.
     Moving,
 }
 
@@ -36,7 +36,7 @@ pub struct Look {
     pub view: View,
     /// Width and height of the frame, pixels. [`View::resolve`] returns them and bounds them.
     pub size: (u32, u32),
-    /// The number of these pixels that are computed.
+    /// The part of these pixels that is computed.
     pub resolution: Resolution,
 }
 
@@ -81,7 +81,7 @@ pub trait Driver: Send {
         0
     }
 
-    /// Returns `beams` with weights that consider the samples which the driver already has.
+    /// Returns `beams` with weights that consider the driver's samples.
     ///
     /// The front end calls it before [`look`](Self::look), with the beams of the view to come. It
     /// must be quick, because the request to the server waits for it.
@@ -125,8 +125,8 @@ pub trait Driver: Send {
         false
     }
 
-    /// Does a piece of work that the next frame would do, or by which it is better. Returns whether
-    /// more is left. Called while nothing arrives.
+    /// Does a piece of work for the next frame in advance. Returns true if more is left. Called
+    /// while no samples arrive.
     fn prepare(&mut self) -> bool {
         false
     }
@@ -143,13 +143,13 @@ pub trait Driver: Send {
     fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt>;
 
     /// Returns the pixels that live rays can improve, by number, row by row from the top. No
-    /// section covers them, and their rays may hit something. None while the eye moves: such a view
-    /// is soon left.
+    /// section covers them, and their rays may hit something. Empty while the eye moves, because it
+    /// leaves the view soon.
     fn uncovered(&self) -> Vec<u32> {
         Vec::new()
     }
 
-    /// Returns whether [`wanted_rays`](Self::wanted_rays) ever returns any.
+    /// Returns true if [`wanted_rays`](Self::wanted_rays) may return rays.
     fn wants_rays(&self) -> bool {
         false
     }
@@ -160,7 +160,7 @@ pub trait Driver: Send {
     }
 
     /// Returns a search for beams that the view does not cross but whose stored samples are useful.
-    /// `None` if there are none.
+    /// `None` without such beams.
     fn surface_beams(&self, _search: Search) -> Option<BeamSearch> {
         None
     }

@@ -28,14 +28,14 @@ const LINES: usize = 200_000;
 /// Lines tried for each section by a quick search.
 const FEW_LINES: usize = 40_000;
 
-/// Most beams that a quick search returns. A server finds so many in a file in about 20 ms.
+/// Most beams that a quick search returns. A server finds this many in a file in about 20 ms.
 const BEST_BEAMS: usize = 20_000;
 
 /// Most sections that get all these lines. More sections share the lines of this many, so that the
 /// time does not grow with their number.
 const SECTIONS_IN_FULL: usize = 4;
 
-/// Fewest lines tried for each section, however many there are.
+/// Fewest lines for each section, however many sections there are.
 const LEAST_LINES: usize = 512;
 
 /// Gap between a ray's start and the point at which the line's weight is half, relative to the
@@ -87,8 +87,8 @@ pub fn beams_ending_on(
     found.into_iter().map(|(key, weight)| (key, useful(weight))).collect()
 }
 
-/// Tries `count` lines for each section. Returns the beams of these lines, each with a weight that
-/// grows with how likely its rays end on the points.
+/// Tries `count` lines for each section. Returns the beams of these lines. Their weights grow with
+/// the probability that their rays end on the points.
 fn by_lines(sections: &[Section], points: &[End], slack: f64, count: usize) -> Vec<(BeamKey, u32)> {
     if points.is_empty() {
         return Vec::new();
@@ -122,7 +122,7 @@ fn lines_per_section(count: usize, sections: usize) -> usize {
 /// Returns the beam and the weight of a line from a random point of the section to a random visible
 /// point. `None` if no ray of the beam can show the point.
 ///
-/// `near` is the gap at which the weight is half, scene units.
+/// `near` is the gap at which a line's weight is half, scene units.
 fn beam(section: &Section, points: &[End], line: u64, slack: f64, near: f64) -> Option<(u64, u32)> {
     let random = |salt: u64| (split_mix(line * 4 + salt) >> 11) as f64 / (1_u64 << 53) as f64;
     let end = points.get((random(0) * points.len() as f64) as usize)?;

@@ -13,7 +13,7 @@ use holo_picture::View;
 use holo_section::{BeamKey, Section, Viewpoint};
 use rayon::prelude::*;
 
-/// Fewest rays per side, however small the picture: fewer would miss beams.
+/// Fewest rays per side, even for small pictures, because fewer would miss beams.
 const MIN_RAYS_A_SIDE: u32 = 64;
 /// Most rays per side, so that a wrong size cannot take all memory or time of the machine.
 const MAX_RAYS_A_SIDE: u32 = 2048;

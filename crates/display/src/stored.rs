@@ -42,8 +42,8 @@ pub struct PlacedSection {
     cells: [DVec3; 3],
     /// The section's diagonal, scene units.
     pub diagonal: f64,
-    /// Whether another section contains the eye and this one does not. Something that this
-    /// section's rays do not see may then stand between it and the eye.
+    /// True if another section contains the eye and this one does not. An object that this
+    /// section's rays do not hit may then stand between the section and the eye.
     pub is_elsewhere: bool,
 }
 

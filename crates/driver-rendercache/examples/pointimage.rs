@@ -4,7 +4,7 @@
 //!
 //! Arguments, all optional: sides of pictures or WIDTHxHEIGHT, `--threads N`, `--samples N` a frame
 //! (8000), `--frames N`, and `--json` for one line a size. The camera walks and turns. Times are
-//! medians over frames, and the shortest frame's: on a busy machine that is nearer to the truth.
+//! medians over frames, and those of the shortest frame, which are more accurate on a busy machine.
 
 #[path = "../tests/scenes/mod.rs"]
 mod scenes;
@@ -17,7 +17,7 @@ use glam::DVec3;
 use holo_driver_rendercache::{Moment, PointImage, PointImageError, PointImageParams, Stage};
 use scenes::{answer, room, view};
 
-/// Frames in which the cache fills.
+/// Frames that fill the cache before measurements begin.
 const WARM_UP: usize = 24;
 
 /// Median and shortest time, milliseconds.

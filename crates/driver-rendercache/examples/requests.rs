@@ -1,5 +1,5 @@
-//! Compares the ways in which requests of the render cache become rays: exactly, as single rays
-//! that can be stored, or as weights of beams.
+//! Compares three ways to turn requests of the render cache into rays: exactly, as single rays that
+//! can be stored, and as weights of beams.
 //!
 //! The camera walks through a room known in closed form, with a few new samples for each frame.
 //!
@@ -21,14 +21,14 @@ const ROOM: DVec3 = DVec3::new(10.0, 8.0, 4.0);
 const BALL: DVec3 = DVec3::new(6.5, 4.6, 1.6);
 const SPREAD: f64 = 16.0;
 
-/// How requests become rays.
+/// A way to turn requests into rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Way {
-    /// Traced as they are: what a renderer without a holodeck does.
+    /// Rays are traced as requested, as by a renderer without a holodeck.
     Exactly,
     /// The nearest rays that can be stored.
     SingleRays,
-    /// Weights of the view's beams; any rays of these that pass the eye.
+    /// Weights of the view's beams. Any rays of these that pass the eye are traced.
     Beams,
 }
 
@@ -175,7 +175,7 @@ fn walk(way: Way, mismatch: usize) -> Result<[f64; 2], Box<dyn Error>> {
                 server.deal(section, &weighed, &Viewpoint { eye: now.vp.to_array(), radius }, count)
             }
         };
-        // As a display takes them: a ray that passes the eye is its pixel's own.
+        // A ray that passes the eye is its pixel's own, as in a display.
         samples.clear();
         for (beam, coords) in stored {
             let Some(pair) = section.cells(beam) else { continue };

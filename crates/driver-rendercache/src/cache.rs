@@ -47,12 +47,12 @@ pub struct PointImage {
     pub(crate) predicted: Option<View>,
     /// The number of the view.
     pub(crate) epoch: u32,
-    /// Whether any point may be a sample of the current view.
+    /// True if any point may be a sample of the current view.
     pub(crate) has_fresh: bool,
     pub(crate) noise: Noise,
     /// The number of frames so far; chooses the jitter.
     pub(crate) frames: u32,
-    /// Whether points or stages have changed since the picture was made.
+    /// True if points or stages have changed since the picture was made.
     is_dirty: bool,
     pub(crate) requests: Vec<Request>,
 }

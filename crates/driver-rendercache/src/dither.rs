@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn as_many_are_chosen_as_priority_says_and_never_too_many() {
+    fn pixels_are_chosen_in_proportion_to_priority_and_never_too_many() {
         let (width, height) = (200_usize, 160);
         // Left half four times the right half.
         let priority: Vec<u8> =
@@ -107,8 +107,8 @@ mod tests {
                 one != other && (x - u).pow(2) + (y - v).pow(2) < 9
             })
         });
-        // Of independent pixels, 24 neighbours with chance 1/64 each: a third would have one so
-        // near.
+        // If pixels were independent, each of 24 neighbours would be chosen with probability 1/64,
+        // and a third of the pixels would have a chosen one so near.
         let share = near.count() as f64 / chosen.len() as f64;
         assert!(share < 0.05, "{share}");
     }

@@ -13,7 +13,6 @@ use crate::map::far_depth;
 use crate::screen::{Screen, radius};
 use crate::{Moment, PointImage, PointImageParams, Sample};
 
-/// The driver's name.
 const NAME: &str = "pointimage";
 
 /// Share of the weight of a view's beams that is divided by requests. The rest is divided by the

@@ -1,7 +1,7 @@
 //! The results of a frame: the picture, and the rays that would improve the next picture most.
 //!
-//! A display can request the rays from a holoserver in two ways: as single rays of beams, and as
-//! weights of beams (Larson & Simmons 1999, §2.4.2).
+//! A display can request the rays from a holoserver as single rays of beams, or as weights of beams
+//! (Larson & Simmons 1999, §2.4.2).
 
 use std::collections::BTreeMap;
 
@@ -69,8 +69,9 @@ impl<'a> Frame<'a> {
         self.requests().filter_map(ray).collect()
     }
 
-    /// Returns a view's beams with `share` of their total weight (0 to 1) divided equally among the
-    /// requests of this frame, and the rest as before. The sum of the weights does not change.
+    /// Returns a view's beams with new weights. The requests of this frame share `share` of the
+    /// total weight (0 to 1) equally. The rest stays as before. The sum of the weights does not
+    /// change.
     ///
     /// Beams of requests for the predicted view are added. The result is ordered by section and
     /// beam, and names each beam once.

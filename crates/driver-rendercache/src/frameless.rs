@@ -62,8 +62,8 @@ impl Frameless {
         }
     }
 
-    /// Returns the next `count` rays of the newest view, each at a random place of its pixel: tag,
-    /// origin on the fore clipping surface, and direction of length 1.
+    /// Returns the next `count` rays of the newest view: tag, origin on the fore clipping surface,
+    /// and direction of length 1. Each passes a random place of its pixel.
     pub fn requests(
         &mut self,
         count: usize,

@@ -10,7 +10,6 @@ use crate::driver::surface_at;
 use crate::frameless::Frameless;
 use crate::screen::{Screen, radius};
 
-/// The driver's name.
 const NAME: &str = "frameless";
 
 /// Shows the newest sample of each pixel, whichever view the sample was for (Bishop, Fuchs,

@@ -22,11 +22,11 @@ pub(crate) struct Filter {
     per_weight: u8,
     /// Weight of the prefilter's mean, which the picture shows already, beside the points.
     prior: f32,
-    /// Whether gaps are filled.
+    /// True if gaps are filled.
     fills: bool,
-    /// Whether pixels with no point among 3×3 become 0.
+    /// True if pixels with no point among 3×3 become 0.
     black: bool,
-    /// Whether a pixel with a point shows this point alone.
+    /// True if a pixel with a point shows this point alone.
     points_alone: bool,
 }
 

@@ -52,7 +52,7 @@
 //! # Frameless rendering, `frameless`
 //!
 //! [`frameless::Frameless`] stores one radiance per pixel (Bishop, Fuchs, McMillan & Scher Zagier
-//! 1994): the mean of the pixel's samples for the newest view that has any. [`FramelessDriver`]
+//! 1994). It is the mean of the pixel's samples for the newest view with any. [`FramelessDriver`]
 //! runs it for a session.
 //!
 //! # Invariants

@@ -31,7 +31,7 @@ pub enum PointImageError {
     },
 }
 
-/// What a pixel shows if no point is near it.
+/// The content of a pixel without a point nearby.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EmptyPixels {
     /// The pixel shows what it showed before.
@@ -68,7 +68,7 @@ pub struct PointImageParams {
     pub stages: Stages,
     /// Points per pixel: 1 to 8. The papers keep "slightly more" than one (1999, §4.3).
     pub points_per_pixel: f64,
-    /// What pixels without points nearby show.
+    /// The content of pixels without points nearby.
     pub empty: EmptyPixels,
     /// Where pixels with a point are smoothed.
     pub smoothing: Smoothing,
@@ -105,7 +105,7 @@ pub struct PointImageParams {
     pub change_ageing: u8,
     /// Largest distance of those points from the changed one, pixels: 0 to 8.
     pub change_reach: u32,
-    /// How many times as fast points age if no pixel shows them (1999, §4.1): 1 to 16.
+    /// Factor of ageing for points that no pixel shows (1999, §4.1): 1 to 16.
     pub hidden_ageing: u8,
     /// Weight of the prefilter's mean beside the 3×3 filter, whose weights sum to at most 16: at
     /// least 0. In the papers it is 0.

@@ -50,7 +50,7 @@ pub(crate) struct Points {
     /// Mean radiance, packed.
     pub colour: Vec<u32>,
     pub age: Vec<u8>,
-    /// Whether the point is a sample of the current view.
+    /// True if the point is a sample of the current view.
     pub is_fresh: Vec<bool>,
     /// Number of points that the slot has held, modulo 256. A slot is reused after tens of frames
     /// at the earliest. So only a sample that is thousands of frames late could be confused.
@@ -62,7 +62,7 @@ pub(crate) struct Points {
     cursor: usize,
     /// Units of age that are still to be added.
     due: f64,
-    /// Whether some pixel shows the point. Used while points age.
+    /// True if some pixel shows the point. Used while points age.
     is_shown: Vec<bool>,
 }
 

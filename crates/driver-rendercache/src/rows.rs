@@ -15,8 +15,8 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Decodes `rows` of a picture that is `width` pixels wide, with `reach` more rows above and
-    /// below and `reach` more pixels at both ends of each row.
+    /// Decodes `rows` of a picture that is `width` pixels wide. Adds margins: `reach` rows above
+    /// and below, and `reach` pixels at both ends of each row.
     pub fn around(colours: &[u32], width: usize, rows: Range<usize>, reach: usize) -> Self {
         let (height, wide) = (colours.len() / width, width + 2 * reach);
         let mut pixels = vec![Vec4::ZERO; wide * (rows.len() + 2 * reach)];

@@ -54,7 +54,7 @@ pub(crate) enum Aim {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Request {
     pub aim: Aim,
-    /// Whether it is for the predicted view.
+    /// True if the ray is for the predicted view.
     pub predicted: bool,
     pub tag: Tag,
 }

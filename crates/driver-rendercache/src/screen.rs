@@ -1,9 +1,10 @@
-//! The view that a driver shows, and the pixels in which stored samples lie.
+//! The view that a driver shows, and the pixels of stored samples.
 //!
 //! Invariants:
 //! - A pixel that no section covers is 0. A pixel whose beam cannot hit anything shows the sky.
-//! - A sample is a pixel's own only if its ray passes the eye within the viewpoint radius plus one
-//!   step of ray coordinates, because stored rays lie on a lattice of such steps.
+//! - A sample is a pixel's own only if its ray passes near enough to the eye. The limit is the
+//!   viewpoint radius plus one step of ray coordinates, because stored rays lie on a lattice of
+//!   such steps.
 
 use std::{collections::HashSet, sync::Arc};
 
@@ -18,8 +19,8 @@ use crate::Place;
 /// pixel's footprint on the nearest surface.
 const SAMPLES_PER_PIXEL: f64 = 16.0;
 
-/// Least cosine of the angle between a parallel view's direction and a ray that hits nothing, for
-/// the ray to count for that view: about 6°, as in a cell of a coarse grid.
+/// Greatest angle, as a cosine, between a parallel view's direction and a ray without a hit that
+/// counts for the view. It is about 6°, as in a cell of a coarse grid.
 const ALONG: f64 = 0.995;
 
 /// Rows whose best beams one thread determines at a time.
@@ -35,7 +36,7 @@ pub(crate) struct Seen {
     pub radiance: [f32; 3],
     /// Distance from where the view's ray begins, scene units; infinite for nothing.
     pub distance: f32,
-    /// Whether its ray passes so near to the eye that it is the pixel's own.
+    /// True if its ray passes so near to the eye that the sample is the pixel's own.
     pub is_own: bool,
 }
 
@@ -221,7 +222,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_kept_of_another_type_of_view_is_used_only_if_it_means_the_same() {
+    fn data_of_another_type_of_view_is_used_only_if_it_means_the_same() {
         let view = |words: &str| {
             View::parse_vf(&format!("-vp 0 0 0 {words}")).unwrap().resolve((48, 36)).unwrap().0
         };

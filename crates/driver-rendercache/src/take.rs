@@ -219,8 +219,8 @@ impl PointImage {
             average(&mut details.mean, new.radiance, &mut details.count, most);
             self.points.colour[slot] = colour::encode(details.mean);
             if is_current {
-                // A pixel's mean needs rays all over the pixel, and this mean is of one point only.
-                // So it counts as one sample.
+                // A pixel's mean needs rays all over the pixel, and this mean has rays through one
+                // point only. So it counts as one sample.
                 (details.epoch, details.count) = (self.epoch, 1);
             }
         }

@@ -93,8 +93,8 @@ fn at_rest_other_pixels_light_fades_from_noisy_pictures() {
         cache.frame(&Moment { view, predicted: None, samples: &samples, wanted: 0 }).picture()
     });
     // Both have the same requests and samples. With n samples of each pixel, the two differ by 8/(n
-    // + 8) of the filter's change, which is less than 0.5. n is above 150, because an eighth of the
-    // requests are checks of points.
+    // + 8) of the filter's change, which is less than 0.5. Because an eighth of the requests check
+    // points, n is above 150.
     let differences =
         errors[0].pixels.iter().zip(&errors[1].pixels).map(|(a, b)| f64::from((a[0] - b[0]).abs()));
     let (sum, largest) =

@@ -85,8 +85,8 @@ fn points_behind_a_sparse_surface_are_culled_as_often_as_the_threshold_says() {
 }
 
 /// Turns by 90 degrees a second at 30 frames a second. Returns the share of pixels without a point
-/// among 3×3 in the whole picture, the same in columns that have just come into view, and the
-/// number of pixels in these columns.
+/// among 3×3, first in the whole picture, then in columns that have just come into view. The third
+/// value is the number of pixels in these columns.
 fn holes(prediction: bool) -> (f64, f64, usize) {
     let size = (160, 120);
     let pixels = size.0 * size.1;
@@ -135,10 +135,8 @@ fn prediction_asks_for_each_block_that_turns_into_view() {
     assert!(all_with < all_without);
     // Without prediction nothing can be there yet.
     assert_eq!(without, 1.0);
-    // With prediction, each block of 4×4 has one point at a random place. The window of 3×3 around
-    // the i-th pixel of a block has 3 columns in the block, or 2 in the block and 1 in its
-    // neighbour. The same holds for rows. The window is empty if no block's point falls into its
-    // part of it.
+    // The window of 3×3 around the i-th pixel of a block has 3 columns in the block. At the border,
+    // it has 2 in the block and 1 in the neighbour.
     let parts = |i| if i == 1 || i == 2 { [3.0, 0.0] } else { [2.0, 1.0] };
     let mut expected = 0.0;
     for (i, j) in (0..16).map(|pixel| (pixel % 4, pixel / 4)) {

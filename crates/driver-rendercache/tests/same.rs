@@ -92,7 +92,7 @@ fn a_picture_of_four_thousand_columns_works() {
 }
 
 #[test]
-fn bad_settings_say_what_is_wrong() {
+fn bad_settings_are_errors_with_a_reason() {
     let with = |change: fn(&mut PointImageParams)| {
         let mut params = PointImageParams::default();
         change(&mut params);

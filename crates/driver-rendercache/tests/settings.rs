@@ -213,7 +213,7 @@ fn a_change_makes_points_older_as_far_as_it_reaches() {
 }
 
 #[test]
-fn what_counts_as_a_change_is_chosen() {
+fn the_threshold_of_a_change_is_a_setting() {
     // A fifth brighter, with a noise of a tenth of the light, and as far behind.
     let brighter = point(20, 15, 0.6);
     let is_change = |change: fn(&mut PointImageParams), new| !gone_after(change, new).is_empty();

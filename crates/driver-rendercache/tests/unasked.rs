@@ -59,7 +59,7 @@ fn rays_that_a_renderer_chose_by_itself_tend_to_the_box_filter_too() {
 }
 
 #[test]
-fn what_other_views_left_never_pushes_out_the_pixels_of_this_one() {
+fn samples_of_other_views_never_replace_the_pixels_of_this_one() {
     let size = (64, 48);
     let eye = view(DVec3::ZERO, 0.0, size);
     let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
@@ -188,6 +188,6 @@ fn beams_are_wanted_where_pixels_want_rays_and_no_weight_is_lost() {
     assert!(left_after < 0.4 * left_before && right_after > 1.6 * right_before);
     let total = |beams: &[WantedBeam]| beams.iter().map(|beam| f64::from(beam.weight)).sum::<f64>();
     assert!((total(&weighed) / total(&beams) - 1.0).abs() < 1e-4);
-    // Nothing asked for: nothing changes.
+    // Without a request, nothing changes.
     assert_eq!(cache.frame(&moment(eye, &[], 0)).weigh(&sections, &beams, 0.75), beams);
 }

@@ -1,9 +1,9 @@
-//! Marks the pixels within two of an edge of what a view sees:
-//! `edges_of_view SCENE.obj "-vp … -vd … -vu … -vh …" 320x240` prints the picture's rows, `#` for
-//! such a pixel and `.` for others.
+//! Marks the pixels of a view that lie within two pixels of an edge. `edges_of_view SCENE.obj "-vp
+//! … -vd … -vu … -vh …" 320x240` prints the picture's rows, with `#` for such a pixel and `.` for
+//! others.
 //!
-//! An edge is where a neighbour shows another material, or a surface that does not continue this
-//! one's plane.
+//! A pixel is on an edge if a neighbour shows another material, or a surface that does not continue
+//! the plane.
 
 use glam::{DVec3, Vec3};
 use holo_picture::{View, ViewSpec};
@@ -12,10 +12,10 @@ use holo_scene::{LoadOptions, load};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Pixels on each side of an edge that count.
+/// Distance from an edge within which pixels are marked.
 const NEAR: usize = 2;
 
-/// What a pixel's middle sees: place relative to the eye, unit normal, material.
+/// The surface at a pixel's middle: place relative to the eye, unit normal, material.
 type Seen = Option<(Vec3, Vec3, u32)>;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -70,8 +70,8 @@ fn look(raycaster: &Raycaster, view: &View, column: usize, row: usize, size: (u3
     ))
 }
 
-/// Returns whether two neighbours show different materials, or the step between them leaves the
-/// planes of both by more than a pixel.
+/// Returns true if two neighbours show different materials, or if the step between them leaves both
+/// planes by more than a pixel.
 fn differ(a: Seen, b: Seen, view: &View, size: (u32, u32)) -> bool {
     let (Some((here, normal, material)), Some((there, other, its))) = (a, b) else {
         return a.is_some() != b.is_some();

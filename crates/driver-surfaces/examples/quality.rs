@@ -1,8 +1,9 @@
-//! Measures pictures of a file's samples and of live ones traced besides, and what they take.
+//! Draws pictures of a file's samples and of additional live samples, and measures their cost.
 //!
 //! `quality FILE.holo VIEW OUT [LIVE...]` writes OUT-LIVE-1280.pfm for each number of live samples,
-//! in rising order, and the same at half resolution. 0 is the file alone. The variable `OIDN` may
-//! name the library of Open Image Denoise. Times are of the processor, all threads together.
+//! in rising order, and the same at half resolution. The number 0 means the file's samples alone.
+//! The environment variable `OIDN` may name the library of Open Image Denoise. Times are processor
+//! time of all threads.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -36,7 +37,7 @@ fn fill(store: &mut Store, stored: &Stored, placer: &Placer) {
     println!("{} samples placed, {} kept", store.samples(), store.kept());
 }
 
-/// Rays of the view, spread evenly over it (Roberts' R2 sequence), each of one path.
+/// Returns rays of the view, spread evenly over it (Roberts' R2 sequence), each of one path.
 fn live(tracer: &Tracer, eye: &Eye, numbers: std::ops::Range<u64>) -> Vec<RaySample> {
     let trace = |n: u64| {
         let t = n as f64 + 0.5;

@@ -1,9 +1,9 @@
 //! Times the driver: samples inserted, views at rest, and views while the eye moves.
 //!
-//! `speed FILE.holo VIEW OUT` draws a named view of the file at 1280 × 720. Then it moves the eye by
-//! 2 cm a frame at half resolution, back to the view, and stops. It writes the first picture after
-//! the stop, OUT-stopped.pfm, and the refined one, OUT-refined.pfm. Times are of the processor, all
-//! threads together, and passed.
+//! `speed FILE.holo VIEW OUT` draws a named view of the file at 1280 × 720. Then it moves the eye
+//! by 2 cm per frame at half resolution, returns to the view, and stops. It writes the first
+//! picture after the stop, OUT-stopped.pfm, and the refined one, OUT-refined.pfm. It prints
+//! processor time of all threads, and elapsed time.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -15,10 +15,10 @@ use holo_picture::View;
 use std::time::Instant;
 use stored::{Stored, seconds};
 
-/// Frames while the eye moves.
+/// Frames drawn while the eye moves.
 const FRAMES: u32 = 20;
 
-/// Prints what some work takes, divided by `parts`.
+/// Prints the time of some work, divided by `parts`.
 fn timed(name: &str, parts: u32, unit: f64, work: impl FnOnce()) {
     let (start, before) = (Instant::now(), seconds());
     work();

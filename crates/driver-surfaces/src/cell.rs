@@ -1,41 +1,43 @@
-//! What samples in one place have in common, and exact sums over them.
+//! Groups samples by place and kind of surface, and sums them exactly.
 
 use glam::Vec3;
 use std::sync::LazyLock;
 
-/// Parts of a cube's face along one side into which normals are sorted: 54 ranges of about 30°.
+/// Divisions along each side of a cube's faces for sorting normals: 54 ranges of about 30°.
 const NORMALS: u64 = 3;
 
-/// The same for the directions in which light leaves glossy surfaces: 216 ranges of about 15°.
+/// Divisions for sorting the directions in which light leaves glossy surfaces: 216 ranges of about
+/// 15°.
 const DIRECTIONS: u64 = 6;
 
-/// Cosine between a normal and the middle of its range, at least, for samples to count.
+/// Least cosine between a surface's normal and the middle of a range for its samples to count.
 const SAME_SIDE: f32 = 0.5;
 
-/// Cosine between a direction and the middle of its range, at least, for samples to count.
+/// Least cosine between a direction and the middle of a range for its samples to count.
 const SAME_DIRECTION: f32 = 0.96;
 
-/// Sums over samples. Light is in fixed-point steps, times the sample's paths.
+/// Sums over samples. Each sample's light, in fixed-point steps, is multiplied by its number of
+/// paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sums {
-    /// Of light, by channel.
+    /// Sum of light, by channel.
     pub light: [u64; 3],
-    /// Of squared luminance, in units of 2^16 squared steps.
+    /// Sum of squared luminance, in units of 2^16 squared steps.
     pub square: u64,
-    /// Paths.
+    /// Number of paths.
     pub paths: u32,
-    /// Samples.
+    /// Number of samples.
     pub count: u32,
-    /// Luminance of the brightest sample, the bits of an `f32`.
+    /// Luminance of the brightest sample, as the bits of an `f32`.
     brightest: u32,
 }
 
 /// One sample's light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Light {
-    /// Whole numbers of fixed-point steps.
+    /// Light in whole fixed-point steps, by channel.
     pub rgb: [f32; 3],
-    /// How many paths it is the mean of.
+    /// Number of paths whose mean this is.
     pub paths: u32,
 }
 
@@ -56,7 +58,7 @@ impl Sums {
     pub(crate) fn of(light: &Light) -> Sums {
         let bright = luminance(light.rgb);
         let paths = u64::from(light.paths);
-        // Conversions of floats saturate.
+        // Conversions from floats to integers saturate.
         Sums {
             light: light.rgb.map(|c| (c as u64).saturating_mul(paths)),
             square: ((bright * bright / 65536.0) as u64).saturating_mul(paths),
@@ -91,23 +93,23 @@ pub(crate) fn luminance(rgb: [f32; 3]) -> f32 {
     0.265 * rgb[0] + 0.670 * rgb[1] + 0.065 * rgb[2]
 }
 
-/// What the samples of one side of a surface have in common besides their place: material, range
-/// of normals and, on glossy surfaces, range of directions.
+/// Properties that samples on one side of a surface share besides their place: material, range of
+/// normals and, on glossy surfaces, range of directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Face(u64);
 
 /// Bits of a face: 20 for the material, 6 for the normal, 8 for the direction.
 const FACE_BITS: u32 = 34;
 
-/// Bits of a place along one axis.
+/// Bits of a coordinate within a bucket.
 const PLACE_BITS: u32 = 10;
 
 /// Places along one side of a bucket.
 pub(crate) const PLACES: f32 = (1 << PLACE_BITS) as f32;
 
 impl Face {
-    /// Returns the face of a side with this unit normal. Light of a glossy one leaves against
-    /// `direction`, the way of the ray that meets it.
+    /// Returns the face of a side with this unit normal. For a glossy side, `direction` is that of
+    /// the ray that meets it; light leaves the opposite way.
     #[inline]
     pub fn new(normal: Vec3, material: u32, direction: Option<Vec3>) -> Face {
         let direction = direction.map_or(0, |direction| 1 + range(direction, DIRECTIONS));
@@ -120,8 +122,8 @@ impl Face {
         self.0
     }
 
-    /// Returns whether samples of this face are of use where a surface of this material is seen
-    /// with this normal, from this direction.
+    /// Returns true if samples of this face apply to a surface of this material and normal, seen
+    /// along this direction.
     #[inline]
     pub fn serves(self, normal: Vec3, material: u32, direction: Vec3) -> bool {
         let is_same = self.0 >> 14 == u64::from(material) & 0xf_ffff;
@@ -133,15 +135,15 @@ impl Face {
     }
 }
 
-/// A sample's place in its bucket, 1 part in [`PLACES`] along each axis, and its face.
+/// A sample's place in its bucket, in units of 1/[`PLACES`] along each axis, and its face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Key(pub u64);
 
 impl Key {
-    /// Returns the key of a point, given relative to the bucket's corner in places.
+    /// Returns the key of a point. `at` is relative to the bucket's corner, in places.
     #[inline]
     pub fn new(at: Vec3, face: Face) -> Key {
-        // Conversions of floats saturate.
+        // Conversions from floats to integers saturate.
         let [x, y, z] = at.to_array().map(|c| (c as u64).min((1 << PLACE_BITS) - 1));
         Key((face.0 << PLACE_BITS | x) << (2 * PLACE_BITS) | y << PLACE_BITS | z)
     }
@@ -163,7 +165,7 @@ impl Key {
 /// The middles of all ranges, by number.
 struct Middles {
     normals: [Vec3; 64],
-    /// The first one is not used.
+    /// Number 0 stands for no direction and is unused.
     directions: [Vec3; 256],
 }
 
@@ -179,8 +181,8 @@ static MIDDLES: LazyLock<Middles> = LazyLock::new(|| {
     middles
 });
 
-/// Returns which of 6 × `across`² parts of the sphere a direction lies in: the faces of a cube,
-/// divided.
+/// Returns the part of the sphere that a direction lies in. The 6 × `across`² parts are the faces
+/// of a cube, divided.
 #[inline]
 fn range(direction: Vec3, across: u64) -> u64 {
     let size = direction.abs();

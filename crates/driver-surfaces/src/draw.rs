@@ -1,6 +1,8 @@
-//! Pictures: brings the light of squares to every pixel, and multiplies it by the material.
+//! Draws pictures: interpolates the light of squares at every pixel, and multiplies it by the
+//! material.
 //!
-//! Invariant: a picture at rest is a function of the store and the view. Threads change no bit.
+//! Invariant: a picture at rest is a function of the store and the view. The number of threads
+//! changes no bit.
 
 use crate::cell::{Face, Sums, luminance};
 use crate::edges::{Edge, Piece};
@@ -14,37 +16,37 @@ use glam::Vec3;
 use holo_denoise::Denoiser;
 use rayon::prelude::*;
 
-/// What a view shows.
+/// A drawn view.
 #[derive(Clone, Debug)]
 pub struct Drawn {
     /// Radiance of each pixel, rows from the top.
     pub pixels: Vec<[f32; 3]>,
-    /// Standard error of each pixel's luminance; infinite where nothing is known.
+    /// Standard error of each pixel's luminance; infinite if nothing is known of the pixel.
     pub errors: Vec<f32>,
 }
 
-/// Mean numbers of samples per pixel from which squares have sides of 2 pixels and of 1 pixel.
+/// Mean samples per pixel from which squares have sides of 2 pixels, and of 1 pixel.
 const DENSE: [f32; 2] = [0.3, 4.0];
 
-/// How much the light of a piece may differ from that of the squares around it, relative to it.
+/// Expected relative difference between the light of a piece and that of the squares around it.
 const SPREAD: f32 = 0.1;
 
-/// The same if no square around sees its surface.
+/// The same if no square around the piece shows its surface.
 const WIDE_SPREAD: f32 = 0.5;
 
-/// Light for surfaces of which no pixel nearby knows any.
+/// Light for surfaces without known light in any pixel nearby.
 struct Around<'a> {
     store: &'a Store,
-    /// Of all samples: for surfaces of which nothing is known.
+    /// Mean of all samples, for surfaces of which nothing is known.
     mean: Vec3,
 }
 
-/// What a refined picture knows besides the light of its squares.
+/// Data for a refined picture besides the light of its squares.
 #[derive(Default)]
 struct Further<'a> {
     /// The sums of the view's pieces.
     pieces: &'a [Sums],
-    /// The light of what panes mirror.
+    /// The light that panes mirror.
     in_panes: Option<Layer>,
 }
 
@@ -52,10 +54,10 @@ struct Further<'a> {
 const NO_PANE: u32 = u32::MAX;
 
 impl Gathered {
-    /// Draws the view, and keeps the light that it finds in `known`. Squares have sides of
-    /// `least_step` pixels at least.
+    /// Draws the view, and stores the light found in `known`. Squares have sides of at least
+    /// `least_step` pixels.
     ///
-    /// Where no pixel nearby has light, `store` gives a mean over a larger place. A denoiser
+    /// If no pixel nearby has light, `store` provides a mean over a larger place. A denoiser
     /// replaces the filter's light, but not its standard errors.
     #[must_use]
     pub(crate) fn draw_and_learn(
@@ -79,7 +81,7 @@ impl Gathered {
         view.lit(store, &Layer { squares, lights }, &further)
     }
 
-    /// Returns the light of what panes mirror. `None` without panes.
+    /// Returns the light that panes mirror; `None` if the view has no panes.
     fn layer_of_panes(&self, view: &View, store: &Store, step: usize) -> Option<Layer> {
         if view.in_panes.is_empty() {
             return None;
@@ -104,7 +106,7 @@ impl Gathered {
         self.draw_and_learn((view, store), 1, denoiser, &mut Known::default())
     }
 
-    /// Returns the side of the squares that are filtered, pixels: fewer samples want wider ones.
+    /// Returns the side of the filtered squares, pixels. Squares are wider if samples are few.
     fn step(&self, view: &View) -> usize {
         let samples: f32 = self.pixels().par_iter().map(|sums| sums.count as f32).sum();
         let pixels = view.seen.iter().filter(|seen| seen.is_surface()).count();
@@ -120,8 +122,8 @@ impl Gathered {
 }
 
 impl View {
-    /// Returns the light that earlier pictures found, in squares of this side. `None` if more than a
-    /// share of the squares is unknown.
+    /// Returns the light that earlier pictures found, in squares of side `step`. `None` if more
+    /// than the share `unknown` of the squares is unknown.
     pub(crate) fn known(&self, known: &Known, step: usize, unknown: f32) -> Option<Layer> {
         let squares = Squares::new(|pixel| self.seen[pixel], self.size, step);
         let lights = known.lights(self, &squares, unknown)?;
@@ -133,7 +135,7 @@ impl View {
         self.lit(store, known, &Further::default())
     }
 
-    /// Draws the view with this light of its squares.
+    /// Draws the view with the light of `layer`.
     fn lit(&self, store: &Store, layer: &Layer, further: &Further) -> Drawn {
         let (width, height) = self.size;
         let around = &Around { store, mean: store.mean() };
@@ -143,7 +145,7 @@ impl View {
         rows.for_each(|(y, (pixels, errors))| {
             for x in 0..width {
                 let seen = &self.seen[y * width + x];
-                let light = self.brought(around, Some(layer), (x as f32, y as f32), seen);
+                let light = self.light_at(around, Some(layer), (x as f32, y as f32), seen);
                 (pixels[x], errors[x]) = self.painted(seen, light);
             }
         });
@@ -157,7 +159,7 @@ impl View {
         }
         let in_pane = |InPane { pixel, seen, .. }: &InPane| {
             let at = ((pixel % width) as f32, (pixel / width) as f32);
-            self.painted(seen, self.brought(around, further.in_panes.as_ref(), at, seen))
+            self.painted(seen, self.light_at(around, further.in_panes.as_ref(), at, seen))
         };
         let in_panes: Vec<_> = self.in_panes.par_iter().map(in_pane).collect();
         for (&InPane { pixel, share, .. }, (more, error)) in self.in_panes.iter().zip(in_panes) {
@@ -167,7 +169,7 @@ impl View {
         Drawn { pixels, errors }
     }
 
-    /// Returns what a surface shows in this light, and the standard error.
+    /// Returns the radiance of a surface in this light, and its standard error.
     fn painted(&self, seen: &Seen, light: Estimate) -> ([f32; 3], f32) {
         let (scale, radiance) = self.paint(seen);
         let unit = self.unit();
@@ -176,9 +178,9 @@ impl View {
         (colour, if seen.is_surface() { bright * light.error * unit } else { 0.0 })
     }
 
-    /// Returns the light at a point of the picture: of the squares around it that see its surface,
-    /// or else the mean light around.
-    fn brought(
+    /// Returns the light at a point of the picture: that of nearby squares that show the same
+    /// surface, or else the mean light around.
+    fn light_at(
         &self,
         around: &Around,
         layer: Option<&Layer>,
@@ -189,10 +191,10 @@ impl View {
             return Estimate::default();
         }
         let near = layer.and_then(|layer| layer.at(at, seen));
-        near.unwrap_or_else(|| self.wide(around, seen))
+        near.unwrap_or_else(|| self.mean_around(around, seen))
     }
 
-    /// Returns what a pixel on an edge shows, and its standard error.
+    /// Returns the radiance of a pixel on an edge, and its standard error.
     fn on_edge(
         &self,
         around: &Around,
@@ -210,20 +212,21 @@ impl View {
         (colour, error)
     }
 
-    /// Returns the light of a piece: that of squares around it, improved by its own samples.
+    /// Returns the light of a piece: that of squares around it, improved by the piece's own
+    /// samples.
     fn on_piece(&self, around: &Around, layer: &Layer, piece: &Piece, sums: &Sums) -> Estimate {
         if !piece.seen.is_surface() {
             return Estimate::default();
         }
         match layer.at(piece.at, &piece.seen) {
             Some(near) => near.improved(sums, SPREAD),
-            None => self.wide(around, &piece.seen).improved(sums, WIDE_SPREAD),
+            None => self.mean_around(around, &piece.seen).improved(sums, WIDE_SPREAD),
         }
     }
 
-    /// Returns the mean light around a surface. Where nothing is known, it is the mean of all light:
-    /// plausible beats black.
-    fn wide(&self, around: &Around, seen: &Seen) -> Estimate {
+    /// Returns the mean light around a surface. If nothing is known there, it is the mean of all
+    /// light, which is more plausible than black.
+    fn mean_around(&self, around: &Around, seen: &Seen) -> Estimate {
         if !seen.is_surface() {
             return Estimate::UNKNOWN;
         }

@@ -1,8 +1,8 @@
-//! The driver of a whole session: one store of light, and a view of it at a time.
+//! The driver of a whole session: one store of light, and one view of it at a time.
 //!
-//! Unlike other drivers it keeps every sample for the whole session. A frame at rest depends on the
-//! set of samples inserted since the session began, in any order. Only the first frame of a view may
-//! show the light that earlier frames found.
+//! Unlike other drivers it stores every sample for the whole session. A frame at rest depends on
+//! the set of samples inserted since the session began, in any order. Only the first frame of a
+//! view may show light that earlier frames found.
 
 use crate::draw::Drawn;
 use crate::edges::Looked;
@@ -22,58 +22,58 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// The driver's name.
 const NAME: &str = "surfaces";
 
-/// Bytes that samples take at most.
+/// Most bytes for samples.
 const MOST_BYTES: usize = 1 << 30;
 
-/// Bytes that live rays take at most.
+/// Most bytes for live rays.
 const MOST_LIVE_BYTES: usize = 1 << 27;
 
-/// Rounding of a sample's place, as a share of the scene's size: 0.2 mm in a house of 20 m.
+/// Rounding of a sample's place, relative to the scene's size: 0.2 mm in a house of 20 m.
 const FINEST: f64 = 1e-5;
 
-/// Samples that wait before they are placed together.
+/// Number of waiting samples at which they are placed together.
 const BATCH: usize = 1 << 16;
 
-/// Samples that are worth placing while no more arrive.
+/// Fewest waiting samples that are placed while no more arrive.
 const LEAST_BATCH: usize = 1 << 12;
 
-/// Pixels on edges that are looked into at once: some 10 ms of two cores.
+/// Pixels on edges that are examined in one go: about 10 ms on two cores.
 const EDGE_PIXELS: usize = 1 << 12;
 
-/// Shares of a frame that may be unknown in a frame of known light: while the eye moves or has just
-/// stopped, and in a glance.
+/// Greatest unknown share of a frame of known light, while the eye moves or has just stopped.
 const MOST_UNKNOWN: f32 = 0.5;
+
+/// The same in a glance.
 const FEW_UNKNOWN: f32 = 0.1;
 
-/// The least side of the squares that are filtered in a glance and while the eye moves, pixels. In
-/// the cabin at 480 × 360, squares of one pixel delay a glance by 0.3 s.
+/// Least side of the filtered squares in a glance and while the eye moves, pixels. In the cabin at
+/// 480 × 360, squares of one pixel delay a glance by 0.3 s.
 const LEAST_STEP: usize = 2;
 
-/// Pixels between points whose beams are looked for. Beams are many pixels wide, and finding them
-/// must not hold up the first picture.
+/// Distance in pixels between points whose beams are searched for. Beams are many pixels wide, and
+/// the search must not delay the first picture.
 const APART: usize = 4;
 
-/// How far behind a section's wall a point may seem to lie that lies on it, relative to the ray.
+/// How far behind a section's wall a point on that wall may seem to lie, relative to the ray.
 const SLACK: f64 = 0.01;
 
-/// Rounding of a live ray's distance, relative.
+/// Relative rounding of a live ray's distance.
 const LIVE_ROUNDING: f64 = 1e-5;
 
-/// Draws light that is kept on the scene's surfaces.
+/// Draws light that is stored on the scene's surfaces.
 pub struct SurfacesDriver {
     sections: Arc<[Section]>,
     raycaster: Arc<Raycaster>,
     materials: Arc<Materials>,
     denoiser: Option<Denoiser>,
     store: Store,
-    /// Rays that were traced for pixels which no section covers: no other pixel takes their light.
+    /// Samples traced for pixels that no section covers. Only those pixels show them.
     live: Store,
     /// Light that frames have found.
     known: Known,
-    /// Samples that are not in the store yet, and the beams that they belong to, in pieces.
+    /// Samples that are not in the store yet, and the beam of each range of them.
     waiting: Vec<Sample>,
     waiting_of: Vec<(BeamKey, u16, Range<usize>)>,
     shown: Option<Shown>,
@@ -83,40 +83,40 @@ pub struct SurfacesDriver {
 struct Shown {
     look: Look,
     view: View,
-    /// `None` until a frame needs it.
+    /// The sums of the view's samples; `None` until a frame needs them.
     gathered: Option<Gathered>,
-    /// Whether further frames are refined: pixels on edges are looked into, and frames are denoised.
-    /// A view's first frame is not, so that it is there soon.
+    /// If true, further frames are refined: pixels on edges have several rays, and frames are
+    /// denoised. A view's first frame is not refined, so that it appears soon.
     is_refined: bool,
     edges: Edges,
-    /// Known light, which is shown while the eye moves, and in the first frame of a glance and after
-    /// a stop, so that it is there soon.
+    /// Known light. It is shown while the eye moves, and in the first frame of a glance and after a
+    /// stop, so that these frames appear soon.
     known: Option<Layer>,
-    /// How the last frame at rest was refined. `None` before the first one.
+    /// Refinement of the last frame at rest; `None` before the first one.
     drawn: Option<Refined>,
     covered: Vec<bool>,
 }
 
-/// How far the view's pixels on edges were looked into.
+/// Progress of looking into the view's pixels on edges.
 enum Edges {
-    /// What these pixels see, as many as there are.
+    /// Results for the first of these pixels. The view does not have them yet.
     Some(Vec<Looked>),
-    /// All were, and the view has them.
+    /// All pixels are done, and the view has the results.
     All,
 }
 
 /// How a frame is refined.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Refined {
-    /// Whether it shows all samples, and not known light.
+    /// True if the frame shows all samples instead of known light.
     is_gathered: bool,
     is_denoised: bool,
     has_edges: bool,
 }
 
 impl SurfacesDriver {
-    /// Returns a driver that keeps light on the surfaces of `raycaster`'s scene. A denoiser is used
-    /// at rest.
+    /// Returns a driver that stores light on the surfaces of `raycaster`'s scene. A denoiser is
+    /// used at rest.
     pub fn new(
         sections: Arc<[Section]>,
         raycaster: Arc<Raycaster>,
@@ -138,12 +138,12 @@ impl SurfacesDriver {
         }
     }
 
-    /// Draws this geometry from now on, and forgets all samples.
+    /// Replaces the scene, and forgets all samples.
     pub(crate) fn change_scene(&mut self, raycaster: Arc<Raycaster>) {
         *self = Self::new(Arc::clone(&self.sections), raycaster, self.denoiser.take());
     }
 
-    /// Puts all samples that wait into the store.
+    /// Puts all waiting samples into the store.
     fn place_waiting(&mut self) {
         let placer = Placer::new(&self.raycaster, &self.materials);
         let place = |mut placed: Vec<Placed>,
@@ -161,10 +161,11 @@ impl SurfacesDriver {
         self.keep(&placed);
     }
 
-    /// Returns the pixels of the view that is shown. If there are live rays, it also returns the sums
-    /// that have them: pixels that no section covers are drawn from these.
+    /// Draws the current view. If there are live rays, also returns the sums that include them,
+    /// from which pixels outside all sections are drawn.
     ///
-    /// While the eye moves, light that earlier frames found is shown where it is known.
+    /// While the eye moves, the view shows light that earlier frames found, if enough of it is
+    /// known.
     fn drawn(&mut self) -> Option<(Drawn, Option<Gathered>)> {
         let shown = self.shown.as_ref()?;
         let Look { resolution, .. } = shown.look;
@@ -201,7 +202,7 @@ impl SurfacesDriver {
         Some((drawn, all))
     }
 
-    /// Puts placed samples into the store, and into the view that is shown.
+    /// Adds placed samples to the store, and to the current view.
     fn keep(&mut self, placed: &[Placed]) {
         self.store.add(placed);
         if let Some(Shown { view, gathered: Some(gathered), .. }) = &mut self.shown {
@@ -211,12 +212,12 @@ impl SurfacesDriver {
 }
 
 impl Refined {
-    /// Known light alone.
+    /// A frame of known light alone.
     const KNOWN: Refined = Refined { is_gathered: false, is_denoised: false, has_edges: false };
 }
 
 impl Shown {
-    /// Returns how a frame would be refined now.
+    /// Returns how a frame drawn now would be refined.
     fn refined(&self, has_denoiser: bool) -> Refined {
         let is_refined = self.is_refined && self.look.resolution == Resolution::Full;
         Refined {
@@ -226,7 +227,7 @@ impl Shown {
         }
     }
 
-    /// Looks into some pixels on edges. Returns whether more are left to be looked into.
+    /// Looks into some pixels on edges. Returns true if more are left.
     fn look_into_edges(&mut self, store: &Store) -> bool {
         let Edges::Some(looked) = &mut self.edges else { return false };
         looked.extend(self.view.look_into_some(looked.len(), EDGE_PIXELS));
@@ -239,7 +240,7 @@ impl Shown {
         false
     }
 
-    /// Returns the distance that a surface was seen at, scene units.
+    /// Returns the distance at which a surface is seen, scene units.
     fn distance(&self, seen: &Seen) -> f32 {
         if !seen.is_surface() {
             return self.view.way(seen).to_lamp;
@@ -251,7 +252,8 @@ impl Shown {
         self.view.seen.par_iter().map(|seen| self.distance(seen)).collect()
     }
 
-    /// Returns surface points that are seen, in the scene: of every [`APART`]th column and row.
+    /// Returns visible surface points, in the scene's coordinates: of every [`APART`]th column and
+    /// row.
     fn ends(&self, origin: DVec3) -> Vec<End> {
         let rows = self.view.seen.chunks(self.view.size.0.max(1)).step_by(APART);
         let seen = rows.flat_map(|row| row.iter().step_by(APART));
@@ -320,7 +322,7 @@ impl Driver for SurfacesDriver {
     }
 
     fn insert_unseen(&mut self, _beam: BeamKey) {
-        // The scene tells what such a beam shows.
+        // The scene shows what lies along such a beam.
     }
 
     fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
@@ -354,7 +356,7 @@ impl Driver for SurfacesDriver {
         let gathers = |shown: &&mut Shown| shown.look.resolution != Resolution::Moving;
         let Some(shown) = self.shown.as_mut().filter(gathers) else { return false };
         if shown.known.is_some() {
-            // What is gathered now would delay the first frame.
+            // Gathering now would delay the first frame.
             return false;
         }
         let refines = shown.is_refined && shown.look.resolution == Resolution::Full;
@@ -386,7 +388,7 @@ impl Driver for SurfacesDriver {
         let count = |is: &dyn Fn(usize) -> bool| (0..frame.depth.len()).filter(|&p| is(p)).count();
         frame.uncovered_pixels = count(&|pixel| !shown.covered[pixel]) as u64;
         let unknown = count(&|pixel| drawn.errors[pixel].is_infinite()) as u64;
-        // As bright as all that is known, if anything is.
+        // Unknown pixels have the mean of all known light, if there is any.
         let is_empty = self.store.samples() == 0;
         (frame.empty_pixels, frame.guessed_pixels) =
             if is_empty { (unknown, 0) } else { (0, unknown) };
@@ -429,7 +431,7 @@ impl Driver for SurfacesDriver {
             Some(shown) if shown.look.resolution == Resolution::Full => {
                 let mut pixels =
                     uncovered_pixels(&shown.covered, &shown.look.view, shown.look.size);
-                // The sky and lamps are known.
+                // The sky and lamps need no samples.
                 pixels.retain(|&pixel| shown.view.seen[pixel as usize].is_surface());
                 pixels
             }

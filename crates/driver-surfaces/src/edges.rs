@@ -1,4 +1,4 @@
-//! Pixels on edges: finds all that they see, by several rays through each.
+//! Pixels on edges: casts several rays through each to find everything that it shows.
 //!
 //! Invariant: the shares of a pixel's pieces add up to 1.
 
@@ -10,19 +10,19 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use std::ops::Range;
 
-/// Rays through a pixel whose first [`FIRST`] rays see several things.
+/// Rays through a pixel if its first [`FIRST`] rays see several things.
 const POINTS: usize = 16;
 
-/// Rays through every pixel on an edge.
+/// Rays through every pixel on an edge at first.
 const FIRST: usize = 8;
 
 /// Pixels whose rays are cast together.
 const TOGETHER: usize = MAX_TILE / FIRST;
 
-// Further rays take as much room as the first ones.
+// Further rays take as much room as the first ones, so one tile holds either.
 const _: () = assert!(POINTS == 2 * FIRST);
 
-/// A pixel that sees several things.
+/// A pixel that shows several things.
 #[derive(Clone, Debug)]
 pub struct Edge {
     /// The pixel's number.
@@ -31,55 +31,56 @@ pub struct Edge {
     pub pieces: Range<usize>,
 }
 
-/// One of the things that a pixel on an edge sees.
+/// One of the things that a pixel on an edge shows.
 #[derive(Clone, Copy, Debug)]
 pub struct Piece {
-    /// What it is.
+    /// The surface, or the lack of one.
     pub seen: Seen,
-    /// The share of the pixel that it takes.
+    /// The piece's share of the pixel.
     pub share: f32,
-    /// The middle of that share in the picture. The middle of the first pixel is at 0.
+    /// The middle of the piece in the picture, pixels. The middle of the first pixel is at 0.
     pub at: (f32, f32),
-    /// Whether its samples are summed apart from the pixel's: it is not what the pixel's middle
-    /// sees, and no mirror shows it.
+    /// True if the piece has its own sums: it is not what the pixel's middle shows, and is not seen
+    /// in a mirror.
     pub is_apart: bool,
 }
 
-/// A piece while the rays of its pixel are looked at.
+/// A piece while its pixel's rays are being followed.
 struct Found {
     shown: Shown,
     seen: Seen,
     points: usize,
-    /// The sum of the points' places in the pixel.
+    /// The sum of the places of its rays in the pixel.
     sum: (f32, f32),
 }
 
-/// All that a pixel on an edge sees.
+/// Everything that a pixel on an edge shows.
 pub(crate) struct Looked {
     pixel: usize,
     found: Vec<Found>,
     points: usize,
-    /// How many rays meet a pane first.
+    /// The number of rays that meet a pane first.
     at_panes: usize,
-    /// What the first of these shows mirrored.
+    /// The reflection in that pane along the first of these rays.
     in_pane: Option<Shown>,
 }
 
 impl View {
-    /// Casts several rays through each pixel on an edge, and takes what they see into the view.
+    /// Casts several rays through each pixel on an edge, and adds the results to the view.
     pub fn look_into_edges(&mut self) {
         let looked = self.look_into_some(0, usize::MAX);
         self.take_edges(looked);
     }
 
-    /// Casts several rays through some of the pixels on edges: from this one on, so many.
+    /// Casts several rays through at most `most` pixels on edges, beginning with number `first` of
+    /// them.
     pub(crate) fn look_into_some(&self, first: usize, most: usize) -> Vec<Looked> {
         let pixels = self.on_edges().get(first..).unwrap_or_default();
         let pixels = pixels[..most.min(pixels.len())].par_chunks(TOGETHER);
         pixels.flat_map_iter(|pixels| self.look_into(pixels)).collect()
     }
 
-    /// Takes what rays through all pixels on edges see, in the order of the pixels.
+    /// Adds the results for all pixels on edges to the view, in the order of the pixels.
     pub(crate) fn take_edges(&mut self, looked: Vec<Looked>) {
         let known = self.in_panes.iter().enumerate().map(|(number, pane)| (pane.pixel, number));
         let known: FxHashMap<usize, usize> = known.collect();
@@ -96,7 +97,7 @@ impl View {
         }
     }
 
-    /// Returns the numbers of the pixels that see something else than one around them, in order.
+    /// Returns the numbers of the pixels that differ from one of their neighbours, in rising order.
     pub(crate) fn on_edges(&self) -> &[usize] {
         self.on_edges.get_or_init(|| self.find_edges())
     }
@@ -144,7 +145,7 @@ impl View {
         looked
     }
 
-    /// Casts [`FIRST`] rays through each of these pixels, from this point on.
+    /// Casts [`FIRST`] rays through each of these pixels, beginning with point number `first`.
     fn look_at(&self, first: usize, looked: &mut [&mut Looked]) {
         let mut rays = [Ray::new(Vec3::ZERO, Vec3::ZERO); MAX_TILE];
         let mut befores = [0.0; MAX_TILE];
@@ -164,7 +165,7 @@ impl View {
         }
     }
 
-    /// Adds what a ray shows that begins at this distance from the eye.
+    /// Adds the result of a ray that begins at the distance `before` from the eye.
     fn look_along(
         &self,
         ray: &Ray,
@@ -191,7 +192,7 @@ impl View {
 }
 
 impl Looked {
-    /// Adds what a ray shows to the piece that shows the same, or makes a new one.
+    /// Adds a ray to the piece that shows the same, or to a new piece.
     fn add(&mut self, shown: Shown, (x, y): (f32, f32), width: f32) {
         let seen = match &shown {
             Shown::Surface(end) => seen(end, width, PLAIN),
@@ -219,8 +220,8 @@ impl Looked {
     }
 }
 
-/// Columns and rows of the points in their pixel, one in each. A random search found them. The
-/// shares of half planes that they report err by 3.7 % (rms); Sobol's points err by 4.5 %.
+/// Columns and rows of the points in a pixel. Each column and each row has one point. Found by
+/// random search: shares of half planes err by 3.7 % (rms), those by Sobol's points by 4.5 %.
 const PLACES: [(u8, u8); POINTS] = [
     (0, 1),
     (15, 11),
@@ -240,7 +241,7 @@ const PLACES: [(u8, u8); POINTS] = [
     (8, 10),
 ];
 
-/// Returns where a point of a pixel lies in it.
+/// Returns the position of a point in its pixel, from 0 to 1.
 fn place_of(point: usize) -> (f32, f32) {
     let (column, row) = PLACES[point];
     let part = |number: u8| (f32::from(number) + 0.5) / POINTS as f32;
@@ -253,7 +254,7 @@ mod tests {
 
     #[test]
     fn shares_of_half_planes_have_the_stated_error() {
-        // Lines through a square of side 1, by their angle and their distance from its middle.
+        // Lines through a square of side 1, by angle and distance from its middle.
         let (mut squares, mut count) = (0.0, 0.0);
         for number in 0..4000_u64 {
             let random = |salt: u64| (holo_display::split_mix(number ^ salt << 32) >> 40) as f32;

@@ -3,13 +3,13 @@
 use crate::cell::{Sums, luminance};
 use glam::Vec3;
 
-/// The number of samples from which a measured variance is believed.
+/// Weight of a prior variance, in samples: a measured variance counts for more from here on.
 const RELIABLE: f32 = 16.0;
 
-/// The least variance of samples, relative to their squared mean: a few may be alike by chance.
+/// Least variance of samples, relative to their squared mean, because a few may be alike by chance.
 const LEAST_VARIANCE: f32 = 0.2;
 
-/// Standard errors by which samples have to differ from an estimate to be another light.
+/// Number of standard errors beyond which samples are taken to show other light than the estimate.
 const SIGNIFICANT: f32 = 3.0;
 
 /// Sums over the samples of a square or of its neighbourhood, in fixed-point steps.
@@ -21,7 +21,7 @@ pub(crate) struct Lit {
     pub square: f32,
 }
 
-/// The light of a square, and the standard error of its luminance. Where the error is infinite,
+/// The light of a square, and the standard error of its luminance. If the error is infinite,
 /// nothing is known.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Estimate {
@@ -32,31 +32,31 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    /// Nothing is known.
+    /// Marks a square of which nothing is known.
     pub const UNKNOWN: Estimate =
         Estimate { light: Vec3::ZERO, error: f32::INFINITY, variance: 0.0 };
 
-    /// Returns light of which no sample is known: its error is as large.
+    /// Returns an estimate without any sample: its error is as large as the light.
     pub fn guessed(light: Vec3) -> Estimate {
         let error = luminance(light.to_array());
         Estimate { light, error, variance: error * error }
     }
 
-    /// Adds a share of another one.
+    /// Adds another estimate, multiplied by `share`.
     pub fn add(&mut self, share: f32, other: &Estimate) {
         self.light += share * other.light;
         self.error += share * other.error;
         self.variance += share * other.variance;
     }
 
-    /// Returns a sum divided by the total of its shares.
+    /// Returns a weighted sum divided by its total weight.
     pub fn divided(self, total: f32) -> Estimate {
         let Estimate { light, error, variance } = self;
         Estimate { light: light / total, error: error / total, variance: variance / total }
     }
 
-    /// Returns this estimate improved by samples of the same light. `spread` is how much that light
-    /// may differ from the estimate, relative to it, besides its error.
+    /// Returns this estimate improved by samples of the same light. `spread` is the expected
+    /// relative difference between that light and the estimate, besides the estimate's error.
     pub fn improved(&self, sums: &Sums, spread: f32) -> Estimate {
         if sums.count == 0 {
             return *self;
@@ -64,12 +64,12 @@ impl Estimate {
         let lit = Lit::new(sums);
         let (bright, own) = (luminance(self.light.to_array()), luminance(lit.mean().to_array()));
         let differs = (own - bright) * (own - bright);
-        // Few samples say little of their own variance.
+        // The variance of few samples is unreliable, so a prior counts as well.
         let spread_out = (lit.square - lit.count * own * own).max(0.0);
         let usual = RELIABLE * (self.variance + differs);
         let variance = (spread_out + usual) / (lit.count + RELIABLE);
         let noise = variance / lit.count;
-        // What differs by three standard errors is another light.
+        // A difference beyond three standard errors means other light, so the estimate counts less.
         let before = (self.error * self.error + spread * spread * bright * bright)
             .max(differs - SIGNIFICANT * SIGNIFICANT * noise)
             .max(0.0);
@@ -109,8 +109,8 @@ impl Lit {
         (self.square / self.count.max(1e-9) - bright * bright).max(least)
     }
 
-    /// Returns the variance of the mean. Few samples say little of their own variance, so `around`
-    /// counts too, that of one sample in a wide neighbourhood.
+    /// Returns the variance of the mean. The variance of few samples is unreliable, so `around`,
+    /// the variance of one sample in a wide neighbourhood, counts as well.
     pub fn variance(&self, around: f32) -> f32 {
         let own = luminance(self.mean().to_array());
         let own = (self.square - self.count * own * own).max(0.0);
@@ -125,7 +125,7 @@ mod tests {
 
     const BRIGHT: f32 = 1e6;
 
-    /// An estimate of 1 and its error, in units of [`BRIGHT`].
+    /// An estimate of 1 with this error and variance, in units of [`BRIGHT`].
     fn estimate(error: f32, variance: f32) -> Estimate {
         let light = Vec3::splat(BRIGHT);
         Estimate { light, error: error * BRIGHT, variance: variance * BRIGHT * BRIGHT }
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_that_agree_hardly_change_it_and_none_do_not() {
+    fn samples_that_agree_hardly_change_an_estimate() {
         assert_eq!(improved(&[]), 1.0);
         let little = improved(&[1.5, 0.7]);
         assert!((1.0..1.01).contains(&little), "{little}");
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn of_what_is_unknown_samples_tell_all() {
+    fn without_an_estimate_samples_decide_alone() {
         let mut sums = Sums::default();
         sums.add(&Sums::of(&Light { rgb: [BRIGHT; 3], paths: 1 }));
         let known = Estimate::UNKNOWN.improved(&sums, 0.5);

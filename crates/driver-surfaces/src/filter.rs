@@ -1,54 +1,56 @@
 //! The filter: smooths the light of squares of pixels along surfaces, as widely as its noise needs.
 //!
-//! It adds sums over ever wider neighbourhoods (à-trous). Each square takes the narrowest one with
-//! a small enough standard error. This happens twice. At first, weights depend on geometry alone. The
-//! second time they also depend on how much the light found at first differs, and a narrower
-//! neighbourhood counts only as far as it differs from the next wider one by more than noise.
+//! It sums over ever wider neighbourhoods (à-trous). Each square uses the narrowest one with a
+//! small enough standard error. There are two passes. In the first, weights depend on geometry
+//! alone. In the second, they also depend on differences of the light that the first found. There,
+//! a narrow neighbourhood counts only as far as it differs from the next wider one by more than
+//! noise.
 //!
-//! What always holds:
+//! Invariants:
 //! - No light crosses a crease or a sheet. Weights fall to 0 with the distance from either plane,
 //!   and are 0 between sides that face away from each other.
-//! - A sample brings at most a tenth of the light of its wide neighbourhood. The limit grows with
-//!   the number of samples, so the bias that it causes vanishes as they grow.
+//! - A sample contributes at most a tenth of the light of its wide neighbourhood. The limit grows
+//!   with the number of samples, so the bias that it causes vanishes as they grow.
 
 use crate::cell::{Sums, luminance};
 use crate::estimate::{Estimate, Lit};
+use crate::likely::LikelyLight;
 use crate::planes::{Geometry, Layout, Planes, Square, Weights};
 use crate::squares::Squares;
 use crate::store::Store;
-use crate::usual::Usual;
 use crate::view::{Seen, View};
 use glam::Vec3;
 use holo_denoise::Denoiser;
 use rayon::prelude::*;
 
-/// The number of neighbourhoods. Each is twice as wide as the one before.
+/// Number of neighbourhoods. Each is twice as wide as the one before.
 const SCALES: usize = 6;
 
-/// The most that a sample brings, as a share of the light of its wide neighbourhood.
+/// Most light of one sample, as a share of the light of its wide neighbourhood.
 const MOST_SHARE: f32 = 0.1;
 
-/// The weight of the picture's mean in the light around a sample, samples. Without it, a sample that
-/// is alone in its neighbourhood would have darkness around it, and count for nothing.
+/// Weight of the picture's mean in the light around a sample, in samples. Without it, a sample
+/// alone in its neighbourhood would have darkness around it, and would be cut to nothing.
 const MEAN_AROUND: f32 = 4.0;
 
-/// The weight of light that is likely in the widest neighbourhood, samples.
-const LIKELY: f32 = 2.0;
+/// Weight of the likely light in the widest neighbourhood, in samples.
+const LIKELY_WEIGHT: f32 = 2.0;
 
 /// Relative standard errors at which a neighbourhood begins to count and at which it counts fully,
-/// for the first and for the second time.
+/// for the first and the second pass.
 const NOISE: [[f32; 2]; 2] = [[0.35, 0.1], [0.1, 0.03]];
 
-/// The binary logarithm of the ratio of distances from edges at which two squares no longer count for
-/// each other: shadows lie along edges.
-const ALONG: f32 = 2.0;
+/// Binary logarithm of the ratio of distances from edges at which two squares no longer count for
+/// each other, because shadows lie along edges.
+const DIFFERENT_DISTANCE: f32 = 2.0;
 
-/// The natural logarithm of the ratio of light at which two squares no longer count for each other.
-/// Used the second time.
-const DIFFERENT: f32 = 0.5;
+/// Natural logarithm of the ratio of light at which two squares no longer count for each other, in
+/// the second pass.
+const DIFFERENT_LIGHT: f32 = 0.5;
 
-/// The share of the first error that the second light keeps: weights follow the light found first.
-const KEPT: f32 = 0.25;
+/// Share of the first pass's error that the second keeps, because its weights follow the first
+/// light.
+const FIRST_ERROR_SHARE: f32 = 0.25;
 
 /// Fixed-point steps that the denoiser sees as 1.
 const SCALE: f32 = 1024.0;
@@ -57,27 +59,28 @@ const SCALE: f32 = 1024.0;
 type Sum = Planes<5>;
 
 impl Squares {
-    /// Returns the number of scales that judge brightest samples: as many pixels at any step.
-    fn wide(&self) -> usize {
+    /// Returns the scale that judges brightest samples. It spans as many pixels at any step.
+    fn limiting_scale(&self) -> usize {
         if self.step == 4 { 4 } else { 5 }
     }
 
-    /// Returns the light of every square. If only `once`, for a denoiser that replaces the light
-    /// where samples are, the second time is left out.
+    /// Returns the light of every square. If `once`, the second pass is left out, because a
+    /// denoiser replaces the light of squares with samples.
     pub fn filter(&self, view: &View, store: &Store, sums: &[Sums], once: bool) -> Vec<Estimate> {
         let layout = self.layout();
         let geometry = self.geometry(&layout);
         let weights: Vec<Weights> =
             (0..SCALES).map(|scale| layout.weights(&geometry, self.step, 1 << scale)).collect();
         let edges = layout.edge_distances(&weights[0]);
-        let weights = layout.all_weights_by(&weights, &edges, ALONG);
+        let weights = layout.all_weights_by(&weights, &edges, DIFFERENT_DISTANCE);
         let raw = layout.planes(|at| Lit::new(&sums[at.number]).to_array());
-        let usual = (0..self.wide())
+        let around = (0..self.limiting_scale())
             .fold(raw.clone(), |lit, scale| layout.widened(&lit, 1 << scale, &weights[scale]));
-        let likely = Usual::new((view, store), self, &layout, &raw);
+        let likely = LikelyLight::new((view, store), self, &layout, &raw);
         let mean = luminance(likely.mean.to_array());
         let held = layout.planes(|at| {
-            hold_back(&raw.at(at).into(), &usual.at(at).into(), &sums[at.number], mean).to_array()
+            limit_brightest(&raw.at(at).into(), &around.at(at).into(), &sums[at.number], mean)
+                .to_array()
         });
         let mut scales = scales(&layout, held, &weights);
         let last = &scales[SCALES];
@@ -85,19 +88,20 @@ impl Squares {
             let [.., count, _] = last.at(at);
             likely.at(at, count).unwrap_or_default().to_array()
         });
-        let first = choose_all(&layout, &scales, &scales[self.wide()], NOISE[0], &[], &likely);
+        let first =
+            choose_all(&layout, &scales, &scales[self.limiting_scale()], NOISE[0], &[], &likely);
         if once {
             return first;
         }
         let bright =
             layout.planes(|at| [luminance(first[at.number].light.to_array()).max(1.0).ln()]);
-        let weights = layout.all_weights_by(&weights, &bright, DIFFERENT);
-        let wide = scales.swap_remove(self.wide());
+        let weights = layout.all_weights_by(&weights, &bright, DIFFERENT_LIGHT);
+        let wide = scales.swap_remove(self.limiting_scale());
         let scales = self::scales(&layout, scales.swap_remove(0), &weights);
         let details = details(&layout, &scales, &weights, &wide);
         let mut lights = choose_all(&layout, &scales, &wide, NOISE[1], &details, &likely);
         for (light, first) in lights.iter_mut().zip(&first) {
-            light.error = light.error.hypot(KEPT * first.error);
+            light.error = light.error.hypot(FIRST_ERROR_SHARE * first.error);
         }
         lights
     }
@@ -120,8 +124,8 @@ impl Squares {
         })
     }
 
-    /// Replaces filtered light by the denoised means of all samples. Where a square has none, its
-    /// filtered light is denoised. If the library fails, light stays filtered.
+    /// Replaces the filtered light by the denoised means of all samples. If a square has no
+    /// samples, its filtered light is denoised. If the library fails, the light stays filtered.
     pub fn denoise(&self, sums: &[Sums], lights: &mut [Estimate], denoiser: &mut Denoiser) {
         let mean = |(sums, filtered): (&Sums, &Estimate)| {
             let light = if sums.count > 0 { sums.mean() } else { filtered.light };
@@ -137,7 +141,7 @@ impl Squares {
     }
 }
 
-/// Returns the sums of all scales: first the narrowest, which are those of the squares.
+/// Returns the sums of all scales, from the squares' own sums to the widest.
 fn scales(layout: &Layout, of_squares: Sum, weights: &[Weights]) -> Vec<Sum> {
     let mut scales = vec![of_squares];
     for (scale, weights) in weights.iter().enumerate() {
@@ -146,8 +150,8 @@ fn scales(layout: &Layout, of_squares: Sum, weights: &[Weights]) -> Vec<Sum> {
     scales
 }
 
-/// Returns, for each scale but the widest, the detail of every square: a mean over the square and
-/// the 8 around it, by weight.
+/// Returns the detail of every square for each scale except the widest: a weighted mean over the
+/// square and the 8 around it.
 fn details(layout: &Layout, scales: &[Sum], weights: &[Weights], wide: &Sum) -> Vec<Planes<2>> {
     let variances = layout.planes(|at| [Lit::from(wide.at(at)).variance_around()]);
     let of_scale = |scale: usize| {
@@ -168,8 +172,8 @@ fn details(layout: &Layout, scales: &[Sum], weights: &[Weights], wide: &Sum) -> 
 }
 
 /// Returns the sums of a square with its brightest sample cut to a share of the light around. That
-/// sample itself does not raise its limit, but `mean` does, the mean luminance of the picture.
-fn hold_back(raw: &Lit, wide: &Lit, sums: &Sums, mean: f32) -> Lit {
+/// sample does not raise its own limit. `mean`, the mean luminance of the picture, does.
+fn limit_brightest(raw: &Lit, wide: &Lit, sums: &Sums, mean: f32) -> Lit {
     let bright = sums.brightest();
     let others = (wide.count - 1.0).max(0.0) + MEAN_AROUND;
     let light = (luminance(wide.light.to_array()) - bright).max(0.0) + MEAN_AROUND * mean;
@@ -186,18 +190,18 @@ fn hold_back(raw: &Lit, wide: &Lit, sums: &Sums, mean: f32) -> Lit {
     }
 }
 
-/// What the light of a scale says beyond the next wider one.
+/// The difference between the light of a scale and that of the next wider one.
 #[derive(Clone, Copy, Debug, Default)]
 struct Detail {
-    /// The square of the difference between both.
+    /// The square of the difference.
     difference: f32,
-    /// What noise alone would make of that square.
+    /// The expected square of the difference if it were noise alone.
     noise: f32,
 }
 
 impl Detail {
-    /// Returns a square's own detail, by the variance of one sample around. It is 0 where the
-    /// neighbourhood is too dark to judge noise. The wider sums contain the narrow ones.
+    /// Returns a square's own detail. `around` is the variance of one sample nearby. The detail is
+    /// 0 if the neighbourhood is too dark to judge noise. The wider sums contain the narrow ones.
     fn new(narrow: &Lit, wider: &Lit, around: f32) -> Detail {
         if narrow.count <= 0.0 || wider.count <= narrow.count {
             return Detail::default();
@@ -242,8 +246,9 @@ fn choose_all(
     lights
 }
 
-/// Returns the light of a square from its sums on all scales: of the narrowest one with little enough
-/// noise, and no more of it than its detail says. Without `details`, noise alone decides.
+/// Returns the light of a square from its sums on all scales. The narrowest scale with little
+/// enough noise counts, as far as its detail is significant. Without `details`, noise alone
+/// decides.
 fn choose(
     scales: &[Sum],
     at: Square,
@@ -263,15 +268,15 @@ fn choose(
     let variance = wide.variance_around();
     let mut light = last.mean();
     if likely != Vec3::ZERO {
-        light += LIKELY / (last.count + LIKELY) * (likely - light);
+        light += LIKELY_WEIGHT / (last.count + LIKELY_WEIGHT) * (likely - light);
     }
     let mut estimate = Estimate { light, error: last.variance(variance).sqrt(), variance };
-    // The square of what is lost by not taking the narrowest scale.
+    // The squared error from not using the narrowest scale.
     let mut blur = 0.0;
     for (number, scale) in scales[..scales.len() - 1].iter().enumerate().rev() {
         let lit = lit(scale);
         let own = lit.variance(variance).sqrt();
-        // Where all is black, so is every scale.
+        // A black neighbourhood has the range of the least float, so that nothing is divided by 0.
         let range = (high - low) * bright.max(f32::MIN_POSITIVE);
         let mut share = ((high * bright - own) / range).clamp(0.0, 1.0);
         if let Some([difference, noise]) = details.get(number).map(|details| details.at(at)) {

@@ -1,11 +1,11 @@
-//! Sums of a view's pixels: each sample on a surface that the view sees counts in one pixel, and in
-//! one more if a mirror shows it too. There are further sums for what panes mirror, and for the
-//! surfaces that pixels on edges see beside their middle. Panes that only such pixels see have none.
+//! Sums of a view's pixels. Each sample on a visible surface counts in one pixel, and in one more
+//! if a mirror shows it too. Reflections in panes have further sums, and so have surfaces that a
+//! pixel on an edge shows beside its middle. Panes that no pixel's middle sees have no sums.
 //!
-//! Noise is therefore independent from pixel to pixel, which the last filter relies on.
+//! Noise is therefore independent from pixel to pixel, as the filter assumes.
 //!
-//! Invariant: which sums a sample counts in is a function of the sample, the view, and whether the
-//! view has looked into its edges.
+//! Invariant: the sums in which a sample counts are a function of the sample, the view, and whether
+//! the view has looked into its edges.
 
 use crate::cell::{Face, Light, Sums};
 use crate::edges::{Edge, Piece};
@@ -19,32 +19,32 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Cubes whose samples are given to pixels together.
+/// Cubes whose samples are assigned to pixels together.
 const CUBES: usize = 16;
 
-/// Pixels whose surfaces are looked at together.
+/// Pixels whose surfaces are examined together.
 const PIXELS: usize = 1 << 14;
 
-/// Parts of the sums that are made at the same time.
+/// Parts of the sums that are added up in parallel.
 const PARTS: usize = 8;
 
-/// Pixels narrower than this share of a cube lie in cubes that their middles see.
+/// Share of a cube's width up to which a pixel's samples lie in cubes that pixels' middles see.
 const FINE: f32 = 0.25;
 
-/// Half cubes to each side of a pixel's middle in which its samples are looked for, at most.
+/// Most half cubes to each side of a pixel's middle in which its samples are searched for.
 const MOST_STEPS: f32 = 8.0;
 
-/// Sums whose numbers follow each other belong to one part.
+/// Consecutive sums that belong to one part.
 const STRIPE: usize = 1 << 12;
 
-/// The sums of a view's pixels, then those of what panes mirror, then those of its pieces.
+/// The sums of a view's pixels, followed by those of reflections in panes and those of pieces.
 #[derive(Clone, Debug)]
 pub struct Gathered {
     sums: Vec<Sums>,
     pixels: usize,
     panes: usize,
     owners: Arc<Owners>,
-    /// Samples for which the pieces of pixels will be asked.
+    /// Samples that may lie on pieces, until the view has looked into its edges.
     beside: Vec<Beside>,
 }
 
@@ -54,7 +54,7 @@ struct Claim {
     light: Light,
 }
 
-/// A sample in the direction of a pixel on an edge that does not lie on what its middle sees.
+/// A sample in the direction of a pixel on an edge, but not on the surface that its middle shows.
 #[derive(Clone, Copy, Debug)]
 struct Beside {
     pixel: usize,
@@ -66,7 +66,7 @@ struct Beside {
 /// The claims of some samples.
 #[derive(Default)]
 struct Claims {
-    /// By the part that their sums belong to.
+    /// Claims by the part that their sums belong to.
     parts: [Vec<Claim>; PARTS],
     beside: Vec<Beside>,
 }
@@ -93,7 +93,7 @@ impl Gathered {
         gathered
     }
 
-    /// Gathers the samples of the view's pieces, once it has looked into its edges.
+    /// Gathers the samples of the view's pieces, after the view has looked into its edges.
     pub fn look_into_edges(&mut self, view: &View, store: &Store) {
         self.sums.truncate(self.pixels + self.panes);
         self.sums.resize(self.pixels + self.panes + view.pieces.len(), Sums::default());
@@ -111,7 +111,7 @@ impl Gathered {
         self.take(view, store, &new);
     }
 
-    /// Returns these sums with the samples of a further store, which rounds places as the first one.
+    /// Returns these sums plus the samples of another store, which rounds places in the same way.
     #[must_use]
     pub(crate) fn with(&self, view: &View, further: &Store) -> Gathered {
         let mut all = self.clone();
@@ -119,7 +119,7 @@ impl Gathered {
         all
     }
 
-    /// Returns how many samples count, those twice that a mirror shows too.
+    /// Returns the number of samples that count. A sample that a mirror also shows counts twice.
     #[must_use]
     pub fn samples(&self) -> u64 {
         self.sums.par_iter().map(|sums| u64::from(sums.count)).sum()
@@ -130,18 +130,18 @@ impl Gathered {
         &self.sums[..self.pixels]
     }
 
-    /// Returns the sums of what panes mirror that the middles of pixels see.
+    /// Returns the sums of reflections in panes that the middles of pixels see.
     pub(crate) fn in_panes(&self) -> &[Sums] {
         &self.sums[self.pixels..][..self.panes]
     }
 
-    /// Returns the sums of all pieces of pixels on edges. Only those that are apart have samples.
+    /// Returns the sums of all pieces of pixels on edges. Only pieces that are apart have samples.
     pub(crate) fn pieces(&self) -> &[Sums] {
         &self.sums[self.pixels + self.panes..]
     }
 
-    /// Adds samples that have come since, for the same view. The sums are what
-    /// [`new`](Self::new) would make of all.
+    /// Adds samples that have come since, for the same view. The result equals [`new`](Self::new)
+    /// over all samples.
     pub fn add(&mut self, view: &View, placed: &[Placed]) {
         let grid = self.owners.grid;
         let of_samples = |samples: &[Placed]| {
@@ -182,7 +182,7 @@ impl Gathered {
         self.sum(claims);
     }
 
-    /// Adds the claims of a sample.
+    /// Adds the claims of one sample.
     #[inline]
     fn claim(
         &self,
@@ -209,7 +209,8 @@ impl Gathered {
         }
     }
 
-    /// Adds the claim of a sample in the direction of a pixel, if it lies on one of its pieces.
+    /// Adds the claim of a sample in the direction of a pixel, if the sample lies on one of the
+    /// pixel's pieces.
     fn claim_piece(
         &self,
         view: &View,
@@ -243,12 +244,12 @@ impl Gathered {
     }
 }
 
-/// Tells samples that cannot count in a pixel, at the price of one look into a small table.
+/// Rejects most samples that cannot count in a pixel, with one look into a small table.
 #[derive(Clone, Copy, Debug)]
 struct Gate {
-    /// How far from the eye the pixel's surface is.
+    /// Distance of the pixel's surface from the eye.
     distance: f32,
-    /// How far from that a sample may be.
+    /// Greatest difference from it for a sample to count.
     tolerance: f32,
 }
 
@@ -259,33 +260,33 @@ struct Owners {
     camera: Camera,
     eye: Vec3,
     turn: Mat3,
-    /// By pixel.
+    /// Gates by pixel.
     gates: Vec<Gate>,
-    /// By pixel: whether it lies on an edge.
+    /// For each pixel, true if it lies on an edge.
     on_edges: Vec<bool>,
-    /// The numbers of the pieces of pixels that have any apart. `None` until the view has looked
-    /// into its edges.
+    /// The pieces of each pixel that has any apart. `None` until the view has looked into its
+    /// edges.
     pieces: Option<FxHashMap<usize, Range<usize>>>,
-    /// The cubes of all that is seen.
+    /// The cubes of all visible surfaces.
     cubes: FxHashSet<Cube>,
-    /// What is seen in mirrors, by cube.
+    /// Surfaces visible in mirrors, by cube.
     mirrors: FxHashMap<Cube, Mirrored>,
 }
 
 /// A surface seen in a mirror, and the number of its sums.
 type InMirror = (usize, Seen);
 
-/// What mirrors and panes show of one cube, by place.
+/// Surfaces of one cube that mirrors and panes show, by place.
 #[derive(Clone, Debug)]
 struct Mirrored {
     /// Width of a place, scene units.
     width: f32,
-    /// What is shown of each place, in order of places.
+    /// The surfaces near each place, in order of places.
     shown: Vec<InMirror>,
     places: FxHashMap<u64, Range<u32>>,
 }
 
-/// What some pixels see.
+/// The surfaces that some pixels show.
 #[derive(Default)]
 struct Found {
     cubes: FxHashSet<Cube>,
@@ -331,8 +332,8 @@ impl Owners {
         owners
     }
 
-    /// Takes the pieces of a view that has looked into its edges. Returns the cubes that only they
-    /// see.
+    /// Adds the pieces of a view that has looked into its edges. Returns the cubes that only the
+    /// pieces show.
     fn look_into_edges(&mut self, view: &View) -> Vec<Cube> {
         let mut all = FxHashMap::default();
         let mut new = Vec::new();
@@ -348,8 +349,8 @@ impl Owners {
         new
     }
 
-    /// Returns the pixel in whose direction a point lies, and whether it lies about as far from the
-    /// eye as what the pixel sees.
+    /// Returns the pixel in whose direction a point lies, and true if the point is about as far
+    /// from the eye as the pixel's surface.
     #[inline]
     fn pixel(&self, view: &View, point: Vec3) -> Option<(usize, bool)> {
         let from_eye = self.turn * (point - self.eye);
@@ -362,8 +363,8 @@ impl Owners {
         Some((pixel, (from_eye.length() - gate.distance).abs() <= gate.tolerance))
     }
 
-    /// Returns whether samples at a point, on a face, show the light of a surface that is seen in
-    /// no mirror.
+    /// Returns true if samples at this point, on this face, lie on the surface `seen`, and no
+    /// mirror shows that surface.
     #[inline]
     fn is_on(&self, view: &View, seen: &Seen, point: Vec3, face: Face) -> bool {
         let way = view.way(seen);
@@ -374,7 +375,7 @@ impl Owners {
 }
 
 impl Found {
-    /// Returns what these pixels see, the sums of the first of which have the number `first`.
+    /// Returns the surfaces of these pixels. `first` is the number of the first one's sums.
     fn new(view: &View, grid: Grid, first: usize, seen: &[Seen]) -> Found {
         let mut found = Found::default();
         let mut last = None;
@@ -395,7 +396,7 @@ impl Found {
         found
     }
 
-    /// Adds the cubes of a pixel that is wider than they are, or nearly so.
+    /// Adds all cubes that a wide pixel may touch.
     fn add_footprint(&mut self, grid: Grid, eye: Vec3, seen: &Seen) {
         let along = (seen.point - eye).normalize_or_zero();
         let cosine = along.dot(seen.normal).abs();
@@ -436,7 +437,7 @@ impl Mirrored {
         Mirrored { width, shown, places }
     }
 
-    /// Returns the sums that a sample counts in.
+    /// Returns the number of the sums in which a sample counts.
     fn owner(&self, view: &View, point: Vec3, face: Face, unit: f32) -> Option<usize> {
         let Range { start, end } = *self.places.get(&place(point, self.width))?;
         let nearest =
@@ -449,7 +450,7 @@ impl Mirrored {
     }
 }
 
-/// Returns the number of the place of this width that a point lies in.
+/// Returns the number of the place that contains a point. Places are `width` wide.
 #[inline]
 fn place(point: Vec3, width: f32) -> u64 {
     let [x, y, z] = (point / width).to_array().map(|c| c.floor() as i64 as u64 & 0x1f_ffff);

@@ -1,10 +1,10 @@
-//! Light that earlier pictures found, kept by place: what a moving eye sees of it costs a look-up.
+//! Light that earlier pictures found, stored by place, so that a moving eye gets it by a look-up.
 //!
 //! Pictures at rest never read it.
 //!
-//! What always holds:
-//! - The light that was found last for a place counts.
-//! - At most twice [`MOST`] places are kept. Those found longest ago go first.
+//! Invariants:
+//! - A place has the light that was found last for it.
+//! - At most twice [`MOST_PLACES`] places are stored. Those found longest ago go first.
 
 use crate::cell::Face;
 use crate::estimate::Estimate;
@@ -15,11 +15,11 @@ use holo_display::split_mix;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-/// Places of one generation, 32 bytes each.
-const MOST: usize = 1 << 20;
+/// Places of one generation. Each takes 32 bytes.
+const MOST_PLACES: usize = 1 << 20;
 
-/// The least width of a place, pixels. Frames of known light have few pixels, and a mean over several
-/// is less noisy.
+/// Least width of a place, pixels. Frames of known light have few pixels, and a mean over several
+/// pixels is less noisy.
 const LEAST_SIDE: usize = 2;
 
 /// Light found by earlier pictures.
@@ -29,7 +29,8 @@ pub(crate) struct Known {
     old: FxHashMap<u64, Estimate>,
 }
 
-/// Returns the level of places as wide as a square: their width is 2 to this power.
+/// Returns the level of places about as wide as a square. Places of a level are 2 to this power
+/// wide.
 fn level_of(width: f32) -> i32 {
     width.max(f32::MIN_POSITIVE).log2().round() as i32
 }
@@ -42,7 +43,7 @@ fn number(place: IVec3, level: i32, face: Face) -> u64 {
 }
 
 impl Known {
-    /// Keeps what a picture found.
+    /// Stores the light that a picture found.
     pub fn learn(&mut self, view: &View, squares: &Squares, lights: &[Estimate]) {
         let mut sums: FxHashMap<u64, (Estimate, f32)> = FxHashMap::default();
         for (seen, light) in squares.seen.iter().zip(lights) {
@@ -56,14 +57,15 @@ impl Known {
             sum.0.add(1.0, light);
             sum.1 += 1.0;
         }
-        if self.young.len() + sums.len() > MOST {
+        if self.young.len() + sums.len() > MOST_PLACES {
             self.old = std::mem::take(&mut self.young);
         }
         self.young
             .extend(sums.into_iter().map(|(number, (sum, count))| (number, sum.divided(count))));
     }
 
-    /// Returns the light of all squares, if at most a share of them is unknown.
+    /// Returns the light of all squares. `None` if more than the share `unknown` of them is
+    /// unknown.
     pub fn lights(&self, view: &View, squares: &Squares, unknown: f32) -> Option<Vec<Estimate>> {
         let light = |seen: &Seen| {
             if !seen.is_surface() {
@@ -80,7 +82,7 @@ impl Known {
         (known as f32 >= (1.0 - unknown) * surfaces as f32).then_some(lights)
     }
 
-    /// Returns the light between the places around a point.
+    /// Returns the light at a point, interpolated between the places around it.
     fn around(&self, point: Vec3, level: i32, face: Face) -> Option<Estimate> {
         let at = point / (level as f32).exp2() - 0.5;
         let (low, share) = (at.floor().as_ivec3(), at - at.floor());
@@ -95,7 +97,7 @@ impl Known {
                 total += weight;
             }
         }
-        // A corner far away says little.
+        // A place whose middle is far away proves little.
         (total > 0.05).then(|| sum.divided(total))
     }
 }

@@ -1,24 +1,25 @@
-//! The driver `surfaces`: keeps light on the scene's surfaces, where it does not depend on the eye.
+//! The driver `surfaces`: stores light on the scene's surfaces, where it does not depend on the
+//! eye.
 //!
 //! 1. A [`Placer`] finds the surface of each sample once, when the sample arrives. It divides the
 //!    sample's radiance by what the material reflects.
-//! 2. A [`Store`] keeps these samples by place for the whole session.
-//! 3. A [`View`] finds what its pixels see, through mirrors and panes. At rest it looks into pixels
-//!    on edges.
-//! 4. [`Gathered`] sums the samples on seen surfaces, each in one pixel. Noise is then independent
-//!    from pixel to pixel.
-//! 5. A filter, or Open Image Denoise, smooths the sums of small squares of pixels. Pictures are
-//!    this light times the materials.
-//! 6. While the eye moves, light that earlier pictures found is looked up by place.
+//! 2. A [`Store`] stores these samples by place for the whole session.
+//! 3. A [`View`] finds what its pixels see, also through mirrors and panes. At rest, it casts
+//!    several rays through pixels on edges.
+//! 4. [`Gathered`] sums the samples on visible surfaces. Each sample counts in one pixel, so the
+//!    noise of different pixels is independent.
+//! 5. A filter, or Open Image Denoise, smooths the sums of small squares of pixels. A picture is
+//!    this light times the materials' reflectance.
+//! 6. While the eye moves, the driver looks up light by place that earlier pictures found.
 //!
-//! A [`StandInsDriver`] does the same for scenes that have simpler geometry for some sections.
+//! A [`StandInsDriver`] does the same for scenes with simpler geometry for some sections.
 //!
-//! `docs/notes/surface-light.md` has the figures of every filter that was tried.
+//! `docs/notes/surface-light.md` lists every filter that was tried, with figures.
 //!
-//! What always holds:
-//! - Sums are of integers: the order and the batches of samples change no bit of a picture.
-//! - A sample is placed once, when it arrives. Views come and go, the store stays.
-//! - No input, no output, no clocks.
+//! Invariants:
+//! - Sums are integers, so the order and the batches of samples change no bit of a picture.
+//! - A sample is placed once, when it arrives. The store outlives the views.
+//! - The crate does no input or output, and reads no clock.
 
 mod cell;
 mod draw;
@@ -28,6 +29,7 @@ mod estimate;
 mod filter;
 mod gather;
 mod known;
+mod likely;
 mod materials;
 mod place;
 mod planes;
@@ -36,7 +38,6 @@ mod squares;
 mod stand_ins;
 mod store;
 mod trail;
-mod usual;
 mod view;
 
 pub use cell::Sums;

@@ -1,51 +1,51 @@
-//! Materials as the store sees them: what radiance is divided by before it is kept, and multiplied
-//! by before it is shown.
+//! Materials as the store needs them: radiance is divided by a factor before it is stored, and
+//! multiplied by it before it is shown.
 //!
-//! Invariant: both are the same number, and it is never near 0.
+//! Invariant: both factors are the same number, which is never near 0.
 
 use holo_scene::{Bsdf, Material, Rgb, Scene};
 
-/// The least reflectance. A black surface shows nothing of the light on it.
+/// Least reflectance. Samples of a black surface show nothing of the light on it.
 const LEAST_REFLECTANCE: f32 = 0.02;
 
-/// The greatest GGX roughness of a metal that is shown as a mirror.
+/// Greatest GGX roughness of a metal that counts as a mirror.
 const SMOOTH_METAL: f32 = 0.05;
 
-/// The brightest light of the scene, in fixed-point steps.
+/// Brightest light of the scene, in fixed-point steps.
 const STEPS: f32 = (1_u64 << 26) as f32;
 
 /// How a surface shows light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Kind {
-    /// It keeps light, the same for all directions.
+    /// Stores light that is the same in all directions.
     Diffuse,
-    /// It keeps light for each range of directions.
+    /// Stores light for each range of directions.
     Glossy,
-    /// It mirrors rays, and this share of their light.
+    /// Mirrors rays and this share of their light. It stores no light.
     Mirror(Rgb),
-    /// It is a thin pane: rays go straight on, and are mirrored too.
+    /// A thin pane: rays go straight on, and are also reflected.
     Pane {
         /// Index of refraction.
         ior: f32,
-        /// The share of light that goes through.
+        /// The share of light that passes.
         transmittance: Rgb,
     },
 }
 
-/// A material as the store sees it.
+/// A material as the store needs it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Finish {
     pub kind: Kind,
-    /// 0 if stored light is all light that reaches a surface. Otherwise it depends on the material,
-    /// and this is one more than the material's number.
+    /// Surfaces share light only if this number is the same. It is 0 if the stored light does not
+    /// depend on the material, and otherwise the material's number plus one.
     pub light: u32,
     /// The ratio of radiance to stored light.
     pub reflectance: Rgb,
-    /// Radiance that the front emits. If `emits_back`, the back emits it too.
+    /// Radiance that the front emits, and also the back if `emits_back`.
     pub emission: Rgb,
     pub emits: bool,
     pub emits_back: bool,
-    /// The GGX roughness of metal that is no mirror.
+    /// The GGX roughness of a metal that is too rough for a mirror.
     pub rough: Option<f32>,
 }
 
@@ -54,13 +54,13 @@ pub(crate) struct Finish {
 pub struct Materials {
     pub(crate) finishes: Vec<Finish>,
     pub(crate) sky: Rgb,
-    /// The light of one fixed-point step, a power of two.
+    /// Light of one fixed-point step; a power of two.
     pub(crate) unit: f32,
 }
 
 impl Finish {
-    /// `is_even`: whether what the material reflects looks the same everywhere. Otherwise it is no
-    /// mirror to follow rays through.
+    /// Returns the finish of a material. If `is_even` is false, what it reflects varies from place
+    /// to place, and rays are not followed through it.
     fn new(material: &Material, is_even: bool) -> Finish {
         let at_least = |colour: Rgb| colour.map(|c| c.max(LEAST_REFLECTANCE));
         let (kind, reflectance) = match material.bsdf {
@@ -89,12 +89,12 @@ impl Finish {
         }
     }
 
-    /// Returns the ratio of radiance to stored light where a texture has this factor.
+    /// Returns the ratio of radiance to stored light if the texture has this factor.
     pub fn reflectance_by(&self, texture: Rgb) -> Rgb {
         std::array::from_fn(|c| (self.reflectance[c] * texture[c]).max(LEAST_REFLECTANCE))
     }
 
-    /// Returns whether this side emits light.
+    /// Returns true if this side emits light.
     pub fn shines(&self, front: bool) -> bool {
         self.emits && (front || self.emits_back)
     }
@@ -107,7 +107,7 @@ impl Materials {
         let suns = scene.suns.iter().flat_map(|sun| sun.irradiance);
         let lights = scene.materials.iter().flat_map(|m| m.emission).chain(scene.sky).chain(suns);
         let brightest = lights.fold(0.0, f32::max);
-        // A power of two scales without rounding.
+        // Scaling by a power of two does not round.
         let unit =
             if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { 1.0 / STEPS };
         let finish = |(id, material)| {
@@ -120,8 +120,8 @@ impl Materials {
     }
 }
 
-/// Returns the share of unpolarised light that a thin pane reflects at this cosine, over all passes
-/// between its faces.
+/// Returns the share of unpolarised light that a thin pane reflects at this cosine, including all
+/// reflections between its faces.
 pub(crate) fn pane_reflectance(cosine: f32, ior: f32) -> f32 {
     let inside = (1.0 - (1.0 - cosine * cosine) / (ior * ior)).max(0.0).sqrt();
     let parallel = (ior * cosine - inside) / (ior * cosine + inside);

@@ -1,9 +1,9 @@
 //! Places samples on surfaces: casts the short piece of a sample's ray around its stored distance.
 //!
-//! What always holds:
+//! Invariants:
 //! - Samples that arrive together do not influence each other.
-//! - A sample is left out if no surface lies near its stored distance, and if it shows a lamp or
-//!   the sky.
+//! - A sample is left out if no surface lies near its stored distance, or if it shows a lamp or the
+//!   sky.
 
 use crate::cell::{Face, Light};
 use crate::materials::{Kind, Materials};
@@ -12,14 +12,14 @@ use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
 use holo_section::{BeamId, Sample, Section, distance};
 
-/// The most light of a sample, in fixed-point steps: a thousand times the brightest lamp.
+/// Most light of a sample, in fixed-point steps: a thousand times the brightest lamp.
 const MOST_LIGHT: f32 = (1_u64 << 36) as f32;
 
-/// The relative rounding of distances.
+/// Relative rounding of stored distances.
 const ROUNDING: f64 = 2e-4;
 
-/// The least share of light that comes back through mirrors and panes. Samples with less say too
-/// little of the surface.
+/// Least share of light that comes back through mirrors and panes. Samples with a smaller share
+/// hardly depend on the surface.
 const LEAST_SHARE: f32 = 0.05;
 
 /// A sample as a ray of the scene.
@@ -29,13 +29,13 @@ pub struct RaySample {
     pub origin: DVec3,
     /// The ray's unit direction.
     pub direction: DVec3,
-    /// Distance to the first surface, scene units; infinite if there is none.
+    /// Distance to the first surface, scene units; infinite if the ray hits nothing.
     pub distance: f64,
-    /// The greatest error of that distance.
+    /// Greatest error of the distance, scene units.
     pub uncertainty: f64,
     /// Radiance, finite and not negative.
     pub radiance: [f32; 3],
-    /// The number of paths whose mean the radiance is.
+    /// Number of paths whose mean the radiance is.
     pub paths: u32,
 }
 
@@ -69,7 +69,7 @@ impl<'a> Placer<'a> {
         Self { raycaster, follower: Follower { raycaster, materials } }
     }
 
-    /// Appends a beam's samples to `placed`. A beam that the section does not have adds nothing.
+    /// Appends a beam's samples to `placed`. If the section has no such beam, nothing is added.
     pub fn place_beam(
         &self,
         section: &Section,
@@ -101,14 +101,14 @@ impl<'a> Placer<'a> {
         }
     }
 
-    /// Appends rays to `placed`.
+    /// Appends the samples of rays to `placed`.
     pub fn place_rays(&self, rays: &[RaySample], placed: &mut Vec<Placed>) {
         for rays in rays.chunks(MAX_TOGETHER) {
             self.place_together(rays.iter().filter(|ray| ray.distance.is_finite()), placed);
         }
     }
 
-    /// Appends at most [`MAX_TOGETHER`] rays, which are cast together.
+    /// Appends the samples of at most [`MAX_TOGETHER`] rays, which are cast together.
     fn place_together<'b>(
         &self,
         samples: impl Iterator<Item = &'b RaySample>,
@@ -130,7 +130,7 @@ impl<'a> Placer<'a> {
         }
     }
 
-    /// Returns the piece of a sample's ray that its surface lies on.
+    /// Returns the piece of a sample's ray in which its surface must lie.
     fn piece(&self, sample: &RaySample) -> Ray {
         let reach = 2.0 * sample.uncertainty + ROUNDING * sample.distance;
         let start = sample.origin + sample.direction * (sample.distance - reach);
@@ -138,7 +138,7 @@ impl<'a> Placer<'a> {
         Ray { t_max: 2.0 * reach as f32, ..Ray::new(start, sample.direction.as_vec3()) }
     }
 
-    /// Returns the sample whose ray hits this. `None` if it shows no light on a surface.
+    /// Returns the sample of a ray with this hit. `None` if it shows no light on a surface.
     fn on_surface(&self, ray: &Ray, hit: Hit, shown: Light) -> Option<Placed> {
         match self.follower.follow(*ray, hit, AtPanes::PassAll) {
             Shown::Surface(end) => self.on_end(&end, shown),

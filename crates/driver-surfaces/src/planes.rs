@@ -1,7 +1,7 @@
 //! Quantities of the squares of a picture, each in an array of its own, and sums over neighbours.
 //! The loops work on many squares at once.
 //!
-//! Invariant: results do not depend on the processor, nor on the number of threads.
+//! Invariant: results depend neither on the processor nor on the number of threads.
 
 use crate::squares::alike_at;
 use holo_cpu::{Isa, Kernel};
@@ -9,35 +9,35 @@ use rayon::prelude::*;
 use std::f32::consts::SQRT_2;
 use std::ops::Range;
 
-/// The number of squares around one.
+/// Number of squares around one.
 pub(crate) const AROUND: usize = 8;
 
-/// The directions of these squares: columns and rows.
+/// Directions to these squares: columns and rows.
 const SIDES: [(isize, isize); AROUND] =
     [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
 
-/// Distance from an edge that counts as far, squares.
+/// Greatest distance from an edge that is distinguished, squares.
 const FARTHEST: f32 = 32.0;
 
-/// The weight of a square at each side whose surface is the same.
+/// Weights of the squares around one, by direction, if they show the same surface.
 const KERNEL: [f32; AROUND] = [0.25, 0.5, 0.25, 0.5, 0.5, 0.25, 0.5, 0.25];
 
-/// `N` quantities of each square. A row's values of one quantity follow each other.
+/// `N` quantities of each square. Each row stores one quantity after the other.
 #[derive(Clone)]
 pub(crate) struct Planes<const N: usize> {
     width: usize,
     values: Vec<f32>,
 }
 
-/// Points (3), unit normals (3), widths and numbers of light of what squares see; all 0 where there is
-/// no surface.
+/// Points (3), unit normals (3), widths and numbers of light of the squares' surfaces; all 0 for a
+/// square without a surface.
 pub(crate) type Geometry = Planes<8>;
 
-/// The weights of the squares around each.
+/// Weights of the 8 squares around each square.
 pub(crate) type Weights = Planes<AROUND>;
 
 impl<const N: usize> Planes<N> {
-    /// Returns planes of this size: `fill` gets each row's number and its values, all 0.
+    /// Returns planes of this size. `fill` receives each row's number and its values, which are 0.
     fn by_rows(
         (width, height): (usize, usize),
         fill: impl Fn(usize, [&mut [f32]; N]) + Sync,
@@ -71,36 +71,37 @@ pub(crate) struct Square {
     pub row: usize,
 }
 
-/// Returns the planes of a row.
+/// Splits a row's values by quantity.
 fn parts<const N: usize>(row: &mut [f32], width: usize) -> [&mut [f32]; N] {
     let mut parts = row.chunks_exact_mut(width);
     std::array::from_fn(|_| parts.next().unwrap_or_default())
 }
 
-/// A picture's squares: their number, and in each row those between which all surfaces lie.
+/// The squares of a picture: their number, and the range in each row that contains all surfaces.
 pub(crate) struct Layout {
     pub size: (usize, usize),
     pub occupied: Vec<Range<usize>>,
 }
 
-/// A part of a row, and the squares at one side of it.
+/// A part of a row, and the squares at a distance from it in one direction.
 struct Stretch {
     side: usize,
     own: Range<usize>,
-    /// The row of those at the side, and their columns.
+    /// The row of these squares. `other` has their columns.
     row: usize,
     other: Range<usize>,
 }
 
 impl Layout {
-    /// Returns the squares of a row between which all its surfaces lie.
+    /// Returns the squares of a row within the range that contains all its surfaces.
     pub fn squares(&self, row: usize) -> impl Iterator<Item = Square> {
         let width = self.size.0;
         let square = move |column| Square { number: row * width + column, column, row };
         self.occupied[row].clone().map(square)
     }
 
-    /// Returns planes with what `find` returns for each square. They are 0 where no surface is.
+    /// Returns planes with the result of `find` for each square. Squares outside the occupied
+    /// ranges are 0.
     pub fn planes<const N: usize>(&self, find: impl Fn(Square) -> [f32; N] + Sync) -> Planes<N> {
         Planes::by_rows(self.size, |y, mut row| {
             for square in self.squares(y) {
@@ -111,7 +112,8 @@ impl Layout {
         })
     }
 
-    /// Returns the parts of a row that have squares at this distance inside the picture.
+    /// Returns the part of a row for each direction in which squares at this distance are inside
+    /// the picture.
     fn stretches(&self, y: usize, distance: usize) -> impl Iterator<Item = Stretch> {
         let ((width, height), occupied) = (self.size, self.occupied[y].clone());
         SIDES.into_iter().enumerate().filter_map(move |(side, (across, down))| {
@@ -125,7 +127,7 @@ impl Layout {
         })
     }
 
-    /// Returns weights by geometry alone. `step` is the side of a square in pixels.
+    /// Returns weights by geometry alone. `step` is the side of a square, pixels.
     pub fn weights(&self, geometry: &Geometry, step: usize, distance: usize) -> Weights {
         let isa = Isa::best();
         Planes::by_rows(self.size, |y, weights| {
@@ -143,7 +145,8 @@ impl Layout {
         })
     }
 
-    /// Returns the weights of all scales, each lowered by how much a value differs.
+    /// Returns the weights of all scales, lowered where values differ. See
+    /// [`weights_by`](Self::weights_by).
     pub fn all_weights_by(
         &self,
         weights: &[Weights],
@@ -156,8 +159,8 @@ impl Layout {
         weights.iter().enumerate().map(lowered).collect()
     }
 
-    /// Returns for each square the binary logarithm of 1 + its distance from an edge, in squares.
-    /// `weights` are those of the squares beside each.
+    /// Returns the binary logarithm of 1 + the distance from an edge, in squares, for each square.
+    /// `weights` are those at distance 1.
     pub fn edge_distances(&self, weights: &Weights) -> Planes<1> {
         let (width, height) = self.size;
         let mut distances = vec![FARTHEST; width * height];
@@ -167,7 +170,7 @@ impl Layout {
                 distances[square.number] = 0.0;
             }
         }
-        // Once from the top left, once from the bottom right.
+        // One pass from the top left and one from the bottom right find all distances.
         spread(&mut distances, width);
         distances.reverse();
         spread(&mut distances, width);
@@ -175,8 +178,7 @@ impl Layout {
         self.planes(|square| [(1.0 + distances[square.number]).log2()])
     }
 
-    /// Returns weights lowered by how much a value differs. They are 0 where it differs by
-    /// `difference`.
+    /// Returns weights lowered where values differ. They are 0 from a difference of `difference`.
     pub fn weights_by(
         &self,
         weights: &Weights,
@@ -199,7 +201,8 @@ impl Layout {
         })
     }
 
-    /// Returns the quantities of each square plus those of the squares around it, by weight.
+    /// Returns the quantities of each square plus the weighted quantities of the 8 squares around
+    /// it.
     pub fn widened<const N: usize>(
         &self,
         of_squares: &Planes<N>,
@@ -223,7 +226,7 @@ impl Layout {
     }
 }
 
-/// Lowers distances to what those of the squares before allow: to the left and above.
+/// Lowers each distance to what the squares to the left and above allow.
 fn spread(distances: &mut [f32], width: usize) {
     for number in 0..distances.len() {
         let column = number % width;
@@ -245,7 +248,7 @@ fn spread(distances: &mut [f32], width: usize) {
     }
 }
 
-/// Weighs squares at one side by where their surfaces lie.
+/// Computes weights of the squares in one direction by the places of their surfaces.
 struct Alike<'a> {
     here: [&'a [f32]; 8],
     there: [&'a [f32]; 8],
@@ -278,7 +281,7 @@ impl Kernel for Alike<'_> {
     }
 }
 
-/// Weighs squares at one side by how much a value differs.
+/// Lowers weights of the squares in one direction by the difference of a value.
 struct Differing<'a> {
     here: &'a [f32],
     there: &'a [f32],
@@ -301,7 +304,7 @@ impl Kernel for Differing<'_> {
     }
 }
 
-/// Adds one quantity of the squares at one side.
+/// Adds one quantity of the squares in one direction, by weight.
 struct Adding<'a> {
     sums: &'a mut [f32],
     more: &'a [f32],
@@ -324,7 +327,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_square_takes_those_around_it_inside_the_picture_by_weight() {
+    fn a_square_is_widened_by_weighted_squares_inside_the_picture() {
         let size @ (width, height) = (7, 5);
         let occupied = vec![0..7, 2..5, 0..0, 6..7, 0..7];
         let layout = Layout { size, occupied: occupied.clone() };

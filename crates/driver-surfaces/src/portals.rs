@@ -1,7 +1,7 @@
-//! Pixels that look through portals: invisible surfaces beyond which the geometry at hand lacks what
-//! the scene has (Larson & Simmons 1999, §2.4.4). Another driver draws them from samples alone.
+//! Pixels that look through portals: invisible surfaces beyond which the stand-in lacks parts of
+//! the scene (Larson & Simmons 1999, §2.4.4). Another driver draws these pixels from samples alone.
 //!
-//! Invariant: a portal behind a surface hides nothing, and is not seen through.
+//! Invariant: a portal behind a surface has no effect.
 
 use holo_display::{Driver, Frame};
 use holo_picture::View;
@@ -11,12 +11,11 @@ use rayon::prelude::*;
 /// Draws the pixels that look through portals.
 pub(crate) struct Beyond {
     pub driver: Box<dyn Driver>,
-    /// For each pixel, whether it looks through a portal.
+    /// For each pixel, true if it looks through a portal.
     pub pixels: Vec<bool>,
 }
 
-/// Returns, for each pixel of a picture, whether it looks through a portal at nothing that the
-/// geometry has.
+/// Returns, for each pixel of a picture, true if its ray hits a portal but none of the geometry.
 pub(crate) fn looking_beyond(
     geometry: &Raycaster,
     portals: &Raycaster,
@@ -39,7 +38,7 @@ pub(crate) fn looking_beyond(
 }
 
 impl Beyond {
-    /// Draws its pixels into a frame.
+    /// Copies the pixels that look through portals into a frame.
     pub fn paint(&mut self, frame: &mut Frame) {
         let drawn = self.driver.draw(&mut |_| {});
         for (pixel, _) in self.pixels.iter().enumerate().filter(|(_, is_beyond)| **is_beyond) {

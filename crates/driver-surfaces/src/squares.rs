@@ -1,15 +1,15 @@
-//! Squares of a picture: what they see, their sums, and their light at any point of the picture.
+//! Squares of a picture: their surfaces, their sums, and their light at any point of the picture.
 
 use crate::cell::Sums;
 use crate::estimate::Estimate;
 use crate::view::Seen;
 use rayon::prelude::*;
 
-/// The squares of a picture, and what each sees.
+/// The squares of a picture, and the surface of each.
 pub(crate) struct Squares {
     pub size: (usize, usize),
     pub seen: Vec<Seen>,
-    /// Pixels a side of a square.
+    /// Side of a square, pixels.
     pub step: usize,
 }
 
@@ -20,8 +20,8 @@ pub(crate) struct Layer {
 }
 
 impl Squares {
-    /// Returns the squares of `step` pixels a side of a picture of this size. `seen` returns what a
-    /// pixel sees.
+    /// Returns the squares of a picture of this size. Squares have sides of `step` pixels. `seen`
+    /// returns the surface of a pixel.
     pub fn new(
         seen: impl Fn(usize) -> Seen,
         (width, height): (usize, usize),
@@ -36,7 +36,8 @@ impl Squares {
         Squares { size, seen: (0..size.0 * size.1).map(of_square).collect(), step }
     }
 
-    /// Returns the sums of squares: of their pixels that see the same surface as the middle one.
+    /// Returns the sums of squares, each over its pixels that show the same surface as the middle
+    /// one.
     pub fn sums<'a>(
         &self,
         (width, height): (usize, usize),
@@ -66,11 +67,12 @@ impl Squares {
 }
 
 impl Layer {
-    /// Returns the light of the squares around a point of the picture that see its surface.
+    /// Returns the light at a point of the picture, from the squares around it that show the same
+    /// surface.
     pub fn at(&self, (x, y): (f32, f32), seen: &Seen) -> Option<Estimate> {
         let step = self.squares.step;
         let (width, height) = self.squares.size;
-        // In squares, from the middle of the first one.
+        // Position in squares, from the middle of the first one.
         let at = |pixel: f32| (pixel - (step / 2) as f32) / step as f32;
         let (across, down) = (at(x), at(y));
         let (left, top) = (across.floor(), down.floor());
@@ -100,8 +102,8 @@ impl Layer {
 
 /// Returns the weight of one point's light at another.
 ///
-/// It is 1 nearby on the same plane. It is 0 farther than `width` off the plane, beyond `reach`,
-/// and where normals differ by a right angle.
+/// The weight is 1 nearby on the same plane. It is 0 farther than `width` off the plane, beyond
+/// `reach`, and if normals differ by a right angle or more.
 #[inline]
 pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
     let plane = |seen: &Seen| (seen.point.to_array(), seen.normal.to_array());
@@ -111,8 +113,8 @@ pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
     alike_at(plane(here), plane(other), width, reach)
 }
 
-/// Returns [`alike`] of two points with their unit normals. A normal of length 0 stands for no
-/// surface.
+/// Returns the weight of [`alike`] for two points and their unit normals. A normal of length 0
+/// means that there is no surface.
 #[inline(always)]
 pub(crate) fn alike_at(
     (point, normal): ([f32; 3], [f32; 3]),

@@ -1,8 +1,8 @@
-//! The driver of scenes that have stand-ins: simpler geometry that is cast for views of some
-//! sections, and portals (Larson & Simmons 1999, §2.4.4).
+//! The driver of scenes with stand-ins: simpler geometry and portals that replace the scene in
+//! views of some sections (Larson & Simmons 1999, §2.4.4).
 //!
-//! Light lies on the geometry that was cast when its samples came. Each view therefore begins with
-//! none.
+//! Light is stored on the geometry that was cast when its samples came. Each view therefore begins
+//! without light.
 
 use crate::SurfacesDriver;
 use crate::portals::{Beyond, looking_beyond};
@@ -16,15 +16,15 @@ use holo_section::{BeamKey, Sample, Section};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Makes a driver that needs no scene: it draws what lies beyond portals.
+/// Makes a driver that needs no scene. It draws pixels that look through portals.
 pub type MakeDriver = Box<dyn Fn() -> Box<dyn Driver> + Send>;
 
 /// The stand-in of one section.
 #[derive(Clone, Debug, Default)]
 pub struct StandIn {
-    /// Simpler geometry, cast instead of the scene.
+    /// Simpler geometry that replaces the scene.
     pub geometry: Option<Arc<Raycaster>>,
-    /// Invisible surfaces beyond which the geometry says nothing.
+    /// Invisible surfaces beyond which the geometry is incomplete.
     pub portals: Option<Arc<Raycaster>>,
 }
 
@@ -33,14 +33,14 @@ pub struct StandIn {
 pub struct StandIns(pub BTreeMap<u16, StandIn>);
 
 impl StandIns {
-    /// Returns the stand-in for a view: that of the section that the view looks out of or into.
+    /// Returns the stand-in of the section that a view looks out of or into.
     fn of(&self, sections: &[Section], view: &View) -> StandIn {
         let stand_in = section_of(sections, view).and_then(|section| self.0.get(&section));
         stand_in.cloned().unwrap_or_default()
     }
 }
 
-/// Draws light that is kept on stand-ins while one view is shown.
+/// Draws light that is stored on stand-ins while one view is shown.
 pub struct StandInsDriver {
     sections: Arc<[Section]>,
     scene: Arc<Raycaster>,
@@ -48,12 +48,12 @@ pub struct StandInsDriver {
     make_beyond: MakeDriver,
     driver: SurfacesDriver,
     beyond: Option<Beyond>,
-    /// Width of the picture that is shown, pixels.
+    /// Width of the current picture, pixels.
     width: u32,
 }
 
 impl StandInsDriver {
-    /// Returns a driver that casts `scene` where no stand-in is.
+    /// Returns a driver that casts `scene` in views without a stand-in.
     pub fn new(
         sections: Arc<[Section]>,
         scene: Arc<Raycaster>,
@@ -94,7 +94,7 @@ impl Driver for StandInsDriver {
     }
 
     fn insert_unseen(&mut self, beam: BeamKey) {
-        // The geometry tells what such a beam shows, except beyond portals.
+        // The geometry shows what lies along such a beam, except beyond portals.
         if let Some(Beyond { driver, .. }) = &mut self.beyond {
             driver.insert_unseen(beam);
         }

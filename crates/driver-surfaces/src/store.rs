@@ -1,9 +1,10 @@
-//! All samples, in buckets by place: cubes of space, each with the samples on the surfaces in it.
+//! All samples, in buckets by place. Each bucket has the samples on the surfaces in a cube of
+//! space.
 //!
-//! What always holds:
-//! - What the store holds does not depend on the order in which samples came, while they fit.
-//! - Samples take at most the memory that they may. The buckets that no view looked at longest
-//!   go first. If all were looked at last, every other sample goes, whatever its light.
+//! Invariants:
+//! - While all samples fit, the content does not depend on the order in which they came.
+//! - Samples never exceed their share of memory. The buckets that no view has read for longest go
+//!   first. If all were read in the last round, every other sample goes, whatever its light.
 
 use crate::cell::{Face, Key, Light, PLACES, Sums};
 use crate::place::Placed;
@@ -16,13 +17,13 @@ use std::sync::atomic::{AtomicU32, Ordering};
 /// Parts of the store, each filled by one thread at a time.
 const SHARDS: usize = 64;
 
-/// Samples that are dealt to shards together.
+/// Samples that are sorted into shards together.
 const CHUNK: usize = 8192;
 
-/// Offset of the grid, in buckets: walls at round coordinates do not lie on the border of two.
+/// Offset of the grid, in buckets, so that walls at round coordinates do not lie on a border.
 const OFFSET: f32 = 0.3819;
 
-/// One sample: where it lies in its bucket, and its light.
+/// One sample: its place and face in its bucket, and its light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Record {
     pub key: Key,
@@ -35,7 +36,7 @@ pub(crate) struct Bucket {
     pub records: Vec<Record>,
     /// Sums of all samples, by face.
     faces: Vec<(Face, Sums)>,
-    /// The round in which the bucket was last looked at, or made.
+    /// The round in which the bucket was made or last read.
     round: AtomicU32,
 }
 
@@ -43,7 +44,7 @@ pub(crate) struct Bucket {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct Cube(u64);
 
-/// Where places, buckets and samples lie.
+/// Maps points to places and buckets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grid {
     /// Width of a place, scene units.
@@ -51,7 +52,7 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
-    /// Returns a place in buckets.
+    /// Returns a point in units of buckets.
     #[inline]
     fn place(self, point: Vec3) -> Vec3 {
         point / (self.unit * PLACES) + OFFSET
@@ -68,7 +69,7 @@ impl Grid {
         Cube::at(self.place(point))
     }
 
-    /// Returns a sample as its bucket keeps it.
+    /// Returns a sample's cube, and its record there.
     #[inline]
     pub fn record(self, sample: &Placed) -> (Cube, Record) {
         let place = self.place(sample.point);
@@ -90,7 +91,7 @@ pub struct Store {
     shards: Vec<FxHashMap<Cube, Bucket>>,
     grid: Grid,
     most_samples: usize,
-    /// Of 2 to this power samples one is kept.
+    /// One of 2^`thinned` samples is stored.
     thinned: u32,
     round: u32,
     /// Samples that were added, and those that are kept.
@@ -99,18 +100,18 @@ pub struct Store {
 }
 
 impl Cube {
-    /// Returns the cube that a place in buckets lies in.
+    /// Returns the cube that contains a place in units of buckets.
     #[inline]
     fn at(place: Vec3) -> Cube {
-        // Conversions of floats saturate.
+        // Conversions from floats to integers saturate.
         let [x, y, z] = place.floor().as_ivec3().to_array().map(|c| c as u64 & 0x1f_ffff);
         Cube(x << 42 | y << 21 | z)
     }
 
-    /// Returns the cube's lower corner, in buckets.
+    /// Returns the cube's lower corner, in units of buckets.
     #[inline]
     fn corner(self) -> Vec3 {
-        // Shifting up and down again restores the sign.
+        // Shifting up and down again extends the sign.
         let part = |shift: u32| ((self.0 >> shift & 0x1f_ffff) as i32) << 11 >> 11;
         IVec3::new(part(42), part(21), part(0)).as_vec3()
     }
@@ -128,7 +129,7 @@ impl Bucket {
 }
 
 impl Record {
-    /// Returns whether the sample stays when of 2 to this power samples one is kept.
+    /// Returns true if the sample stays when one of 2^`thinned` samples is stored.
     fn stays(&self, thinned: u32) -> bool {
         let [r, g, b] = self.light.rgb.map(|c| u64::from(c.to_bits()));
         let random = split_mix(split_mix(self.key.0) ^ split_mix(r << 32 | g) ^ b);
@@ -137,8 +138,8 @@ impl Record {
 }
 
 impl Store {
-    /// Returns an empty store that keeps at most this many bytes of samples. Places of samples are
-    /// rounded to `finest`, scene units.
+    /// Returns an empty store of at most this many bytes of samples. Places of samples are rounded
+    /// to `finest`, scene units.
     #[must_use]
     pub fn new(finest: f32, most_bytes: usize) -> Store {
         let shards = (0..SHARDS).map(|_| FxHashMap::default()).collect();
@@ -154,13 +155,13 @@ impl Store {
         }
     }
 
-    /// Returns how many samples were added.
+    /// Returns the number of samples that were added.
     #[must_use]
     pub fn samples(&self) -> u64 {
         self.samples
     }
 
-    /// Returns how many samples are kept at most.
+    /// Returns the greatest number of samples that fit.
     pub(crate) fn most_samples(&self) -> usize {
         self.most_samples
     }
@@ -179,7 +180,7 @@ impl Store {
         all.mean()
     }
 
-    /// Returns how many samples are kept.
+    /// Returns the number of stored samples.
     #[must_use]
     pub fn kept(&self) -> usize {
         self.kept
@@ -225,7 +226,7 @@ impl Store {
         lists
     }
 
-    /// Leaves three quarters of the samples that may be kept, or fewer.
+    /// Removes samples until at most three quarters of those that fit are left.
     fn shrink(&mut self) {
         let most = self.most_samples / 4 * 3;
         let mut rounds: Vec<(u32, usize)> = Vec::new();
@@ -259,13 +260,12 @@ impl Store {
         }
     }
 
-    /// Begins a round of looks: a bucket looked at in it is kept longer than those looked at only
-    /// before.
+    /// Begins a round. Buckets read in it outlive those last read in earlier rounds.
     pub fn begin_round(&mut self) {
         self.round += 1;
     }
 
-    /// Returns where samples lie.
+    /// Returns the grid of places.
     pub(crate) fn grid(&self) -> Grid {
         self.grid
     }
@@ -277,8 +277,8 @@ impl Store {
         Some(bucket)
     }
 
-    /// Returns the sums of all samples near a point that serve a surface. The nearer half of each
-    /// neighbouring bucket's share counts.
+    /// Returns the sums of all samples in the 8 buckets nearest to a point, on faces for which
+    /// `serves` is true.
     pub(crate) fn around(&self, point: Vec3, serves: impl Fn(Face) -> bool) -> Sums {
         let mut sums = Sums::default();
         let place = self.grid.place(point);

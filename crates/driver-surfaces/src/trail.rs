@@ -1,22 +1,22 @@
 //! Follows rays through mirrors and panes to the surface whose light they show.
 //!
-//! Invariant: where a ray ends is a function of the ray and the scene.
+//! Invariant: the end of a ray is a function of the ray and the scene.
 
 use crate::materials::{Finish, Kind, Materials, pane_reflectance};
 use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, spawn};
 use holo_scene::Rgb;
 
-/// The greatest number of mirrors and panes on a ray's way.
-const MOST: usize = 8;
+/// Most mirrors and panes along a ray.
+const MOST_SURFACES: usize = 8;
 
-/// A surface that a ray ends on.
+/// The surface where a ray ends.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct End {
     pub point: Vec3,
     /// The unit normal on the side that the ray meets.
     pub normal: Vec3,
-    /// Whether the ray meets the counter-clockwise side.
+    /// True if the ray meets the counter-clockwise side.
     pub front: bool,
     pub material: u32,
     /// The material's [`Finish::light`].
@@ -25,9 +25,9 @@ pub(crate) struct End {
     pub direction: Vec3,
     /// The share of the surface's light that comes back along the whole way.
     pub share: Rgb,
-    /// The length of the way, scene units.
+    /// The length of the whole way, scene units.
     pub length: f32,
-    /// Whether the way turns at a mirror or at a pane.
+    /// True if a mirror or a pane has turned the ray.
     pub is_mirrored: bool,
     pub hit: Hit,
 }
@@ -38,12 +38,12 @@ pub(crate) enum Shown {
     Surface(End),
     /// This share of the sky.
     Sky(Rgb),
-    /// Unknown: there are too many mirrors on the way.
+    /// Unknown because too many mirrors are on the way.
     Unknown,
 }
 
 impl Shown {
-    /// Returns the same at the end of a way that is longer by this.
+    /// Returns the same at the end of a way that is longer by `before`.
     pub fn farther(self, before: f32) -> Shown {
         match self {
             Shown::Surface(end) => Shown::Surface(End { length: end.length + before, ..end }),
@@ -52,13 +52,13 @@ impl Shown {
     }
 }
 
-/// What panes do with a ray.
+/// Treatment of a ray at panes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AtPanes {
-    /// They let it pass, with the share of light that passes.
+    /// They let it pass, and keep the share of light that is transmitted.
     Pass,
-    /// They let it pass, with the share of all light that they show. The reflection counts as if it
-    /// were as bright.
+    /// They let it pass, and keep the share that is transmitted or reflected. The reflection counts
+    /// as if it were as bright as the light behind the pane.
     PassAll,
     /// The first pane reflects it. Further ones let it pass.
     ReflectFirst,
@@ -80,12 +80,12 @@ impl<'a> Follower<'a> {
         self.raycaster.scene().material_ids[triangle as usize]
     }
 
-    /// Returns whether a ray hits a pane.
+    /// Returns true if the hit is on a pane.
     pub fn is_pane(&self, hit: Hit) -> bool {
         matches!(self.finish(self.material(hit.triangle)).kind, Kind::Pane { .. })
     }
 
-    /// Returns the surface that a ray hits.
+    /// Returns the surface at a hit.
     #[inline]
     pub fn end(&self, ray: &Ray, hit: Hit) -> End {
         let normal = self.raycaster.geometric_normal(hit.triangle);
@@ -105,20 +105,20 @@ impl<'a> Follower<'a> {
         }
     }
 
-    /// Returns the factor of the texture where a way ends, of what this wide a place shows; 1 without
-    /// one.
+    /// Returns the factor of the texture at the end of a way, as a mean over a place of this width;
+    /// 1 without a texture.
     pub fn texture(&self, end: &End, width: f32) -> Rgb {
         let Hit { triangle, u, v, .. } = end.hit;
         self.raycaster.scene().base_texture(triangle, u, v, width).unwrap_or([1.0; 3])
     }
 
-    /// Returns the factor of a lamp's texture where a way ends; 1 without one.
+    /// Returns the factor of a lamp's texture at the end of a way; 1 without a texture.
     pub fn glow(&self, end: &End, width: f32) -> Rgb {
         let Hit { triangle, u, v, .. } = end.hit;
         self.raycaster.scene().emission_texture(triangle, u, v, width).unwrap_or([1.0; 3])
     }
 
-    /// Returns whether a hit is on a surface without mirrors, lamps and textures.
+    /// Returns true if the hit is on a surface that is no mirror, pane or lamp and has no texture.
     #[inline]
     pub fn is_plain(&self, hit: Hit) -> bool {
         let finish = self.finish(self.material(hit.triangle));
@@ -126,12 +126,12 @@ impl<'a> Follower<'a> {
         is_diffuse && !self.raycaster.scene().has_texture(hit.triangle)
     }
 
-    /// Follows a ray from its first hit to a surface that keeps light.
+    /// Follows a ray from its first hit to a surface that stores light.
     pub fn follow(&self, mut ray: Ray, mut hit: Hit, mut panes: AtPanes) -> Shown {
         let mut share = [1.0; 3];
         let mut length = 0.0;
         let mut is_mirrored = false;
-        for _ in 0..MOST {
+        for _ in 0..MOST_SURFACES {
             let normal = self.raycaster.geometric_normal(hit.triangle);
             let cosine = ray.direction.dot(normal);
             let mirrored = ray.direction - 2.0 * cosine * normal;

@@ -1,6 +1,7 @@
-//! Finds what a view's pixels see, through mirrors and panes. Done once for a view.
+//! Finds the surfaces that a view's pixels show, also through mirrors and panes, once for each
+//! view.
 //!
-//! Invariant: what a pixel sees is a function of the view and the scene.
+//! Invariant: the surface of a pixel is a function of the view and the scene.
 
 use crate::cell::Face;
 use crate::edges::{Edge, Piece};
@@ -14,17 +15,17 @@ use holo_scene::Rgb;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
 
-/// The side of a tile of pixels whose rays are cast together.
+/// Side of a tile of pixels whose rays are cast together.
 const SIDE: usize = 8;
 const _: () = assert!(SIDE * SIDE == MAX_TILE);
 
-/// How much colours of the same pane or mirror differ between neighbouring pixels, relative to them.
+/// Greatest relative difference between colours of the same pane or mirror in neighbouring pixels.
 const SAME_COLOUR: f32 = 0.03;
 
-/// Stands for no material: the sky, or nothing.
+/// Stands for the sky, or nothing.
 pub(crate) const NO_MATERIAL: u32 = u32::MAX;
 
-/// The way of a surface that is seen through nothing, and has neither texture nor shine.
+/// Number of the way of a surface that is seen directly, has no texture, and does not shine.
 pub(crate) const PLAIN: u32 = 0;
 
 /// A surface point that a pixel sees, relative to the scene's origin.
@@ -34,41 +35,41 @@ pub struct Seen {
     pub point: Vec3,
     /// The unit normal on the side that is seen.
     pub normal: Vec3,
-    /// The width of a pixel there, scene units.
+    /// The width of a pixel at the point, scene units.
     pub width: f32,
-    /// The material's number; `u32::MAX` where there is no surface.
+    /// The material's number; `u32::MAX` if there is no surface.
     pub material: u32,
     /// Surfaces share light only if this number is the same.
     pub light: u32,
-    /// The number of its [`Way`]; 0 if it is seen through nothing, and has neither texture nor shine.
+    /// The number of its [`Way`]; 0 if it is seen directly, has no texture, and does not shine.
     pub way: u32,
 }
 
-/// What a pixel sees mirrored in a pane.
+/// A reflection in a pane that a pixel sees.
 #[derive(Clone, Copy, Debug)]
 pub struct InPane {
     /// The pixel's number.
     pub pixel: usize,
-    /// What the pane mirrors.
+    /// The reflected surface.
     pub seen: Seen,
     /// The share of the pixel that the pane takes.
     pub share: f32,
 }
 
-/// How a surface is seen that has a texture, shines, or lies behind mirrors or panes.
+/// The way to a surface that has a texture, shines, or is seen through mirrors or panes.
 #[derive(Clone, Copy, Debug)]
 pub struct Way {
     /// The share of the surface's light that comes back through mirrors and panes.
     pub share: Rgb,
     /// The factor of the surface's texture.
     pub texture: Rgb,
-    /// Further radiance: of the sky, or of a lamp.
+    /// Added radiance, of the sky or of a lamp.
     pub radiance: Rgb,
     /// The ray's unit direction when it meets the surface.
     pub direction: Vec3,
-    /// Distance to a lamp that is seen, scene units; infinite for all else.
+    /// Distance to the lamp that is seen, scene units; infinite if there is no lamp.
     pub to_lamp: f32,
-    /// Whether a mirror turned the ray. If not, the surface lies in the pixel's direction.
+    /// True if a mirror turned the ray. Otherwise the surface lies in the pixel's direction.
     pub is_mirrored: bool,
 }
 
@@ -78,9 +79,9 @@ pub struct View {
     pub(crate) raycaster: Arc<Raycaster>,
     materials: Arc<Materials>,
     eye: Eye,
-    /// The width of a pixel at distance 0, and by how much it grows with distance.
+    /// The width of a pixel at distance 0, and its growth per distance.
     footprint: (f32, f32),
-    /// Whether rays that meet nothing are black.
+    /// True if rays that hit nothing are black.
     clips_sky: bool,
     /// The number of columns and of rows.
     pub size: (usize, usize),
@@ -88,15 +89,15 @@ pub struct View {
     pub seen: Vec<Seen>,
     /// All ways, by number. The first one is not used.
     pub ways: Vec<Way>,
-    /// What pixels see mirrored in panes: first those whose middle sees a pane.
+    /// Reflections in panes, first those of pixels whose middle sees a pane.
     pub in_panes: Vec<InPane>,
-    /// How many pixels' middles see a pane.
+    /// Number of pixels whose middle sees a pane.
     pub(crate) panes_of_middles: usize,
     /// See [`on_edges`](Self::on_edges).
     pub(crate) on_edges: OnceLock<Vec<usize>>,
-    /// Pixels that see several things. Empty before [`look_into_edges`](Self::look_into_edges).
+    /// Pixels that show several things. Empty before [`look_into_edges`](Self::look_into_edges).
     pub edges: Vec<Edge>,
-    /// What these pixels see.
+    /// The pieces of these pixels.
     pub pieces: Vec<Piece>,
 }
 
@@ -112,7 +113,7 @@ impl Way {
 }
 
 impl Seen {
-    /// No surface.
+    /// Stands for no surface.
     pub const NOTHING: Seen = Seen {
         point: Vec3::ZERO,
         normal: Vec3::ZERO,
@@ -122,8 +123,8 @@ impl Seen {
         way: PLAIN,
     };
 
-    /// Returns how far a point lies from this one, if it lies on the same surface. Places of points
-    /// are rounded to `unit`.
+    /// Returns the distance of a point from this one, if both lie on the same surface. Points are
+    /// rounded to `unit`.
     #[inline]
     pub(crate) fn away(&self, point: Vec3, unit: f32) -> Option<f32> {
         let between = point - self.point;
@@ -132,7 +133,7 @@ impl Seen {
         (self.is_surface() && between.dot(self.normal).abs() < tolerance).then_some(away)
     }
 
-    /// Returns whether a surface differs from that of another ray, beside this one.
+    /// Returns true if this surface and that of a neighbouring ray differ.
     #[inline]
     pub(crate) fn differs(&self, other: &Seen) -> bool {
         self.material != other.material
@@ -140,24 +141,24 @@ impl Seen {
             || self.away(other.point, 0.0).is_none()
     }
 
-    /// Returns whether there is a surface.
+    /// Returns true if there is a surface.
     #[must_use]
     pub fn is_surface(&self) -> bool {
         self.material != NO_MATERIAL
     }
 }
 
-/// A pixel whose ray has to be followed further.
+/// A pixel whose ray is followed beyond its first hit.
 struct Special {
     pixel: usize,
     ray: Ray,
-    /// How far from the eye the ray begins.
+    /// Distance from the eye at which the ray begins.
     before: f32,
     hit: Option<Hit>,
 }
 
 impl View {
-    /// Casts the rays of all pixels. `size` is one that [`View::resolve`](Eye::resolve) returns.
+    /// Casts the rays of all pixels. `size` must come from [`View::resolve`](Eye::resolve).
     #[must_use]
     pub fn new(
         raycaster: Arc<Raycaster>,
@@ -201,8 +202,8 @@ impl View {
         Follower { raycaster: &self.raycaster, materials: &self.materials }
     }
 
-    /// Returns the ray through a point of the picture, in pixels from its left and from its top, and
-    /// how far from the eye it begins.
+    /// Returns the ray through a point of the picture, and its distance from the eye. The point is
+    /// in pixels from the left and from the top.
     pub(crate) fn ray(&self, column: f64, row: f64) -> (Ray, f32) {
         let (x, y) = (column / self.size.0 as f64, 1.0 - row / self.size.1 as f64);
         let nowhere = (Ray { t_max: 0.0, ..Ray::new(Vec3::ZERO, Vec3::ZERO) }, 0.0);
@@ -219,24 +220,24 @@ impl View {
         (Ray { t_max: (reach - skipped) as f32, ..ray }, before as f32)
     }
 
-    /// Returns the triangle that the middle of a pixel sees, through nothing. `None` for the sky.
+    /// Returns the first triangle along the ray of a pixel's middle. `None` for the sky.
     pub(crate) fn triangle(&self, pixel: usize) -> Option<u32> {
         let (x, y) = (pixel % self.size.0, pixel / self.size.0);
         let (ray, _) = self.ray(x as f64 + 0.5, y as f64 + 0.5);
         self.raycaster.nearest(&ray).map(|hit| hit.triangle)
     }
 
-    /// Returns what a ray of the view itself shows that meets nothing.
+    /// Returns the result for a pixel's ray that hits nothing.
     pub(crate) fn nothing(&self) -> Shown {
         if self.clips_sky { Shown::Unknown } else { Shown::Sky([1.0; 3]) }
     }
 
-    /// Returns the width of a pixel whose way to its surface has this length.
+    /// Returns the width of a pixel at the end of a way of this length.
     pub(crate) fn pixel_width(&self, length: f32) -> f32 {
         self.footprint.0 + self.footprint.1 * length
     }
 
-    /// Returns the length of a pixel's way to its surface.
+    /// Returns the length of the way from the eye to a pixel's surface.
     pub(crate) fn length(&self, seen: &Seen) -> f32 {
         let (width, grows) = self.footprint;
         if grows > 0.0 {
@@ -246,7 +247,7 @@ impl View {
         camera.sight(camera.to_camera(seen.point.as_dvec3() - eye).as_vec3()).length()
     }
 
-    /// Returns what a ray shows, with the way that it goes.
+    /// Returns the surface that a ray shows, and adds its way.
     pub(crate) fn seen_of(&mut self, shown: Shown) -> Seen {
         if let Shown::Surface(end) = &shown {
             let is_direct = end.share == [1.0; 3] && !end.is_mirrored;
@@ -257,7 +258,7 @@ impl View {
         self.special(shown)
     }
 
-    /// Notes what a pane mirrors into a share of a pixel.
+    /// Adds a reflection in a pane that takes this share of a pixel.
     pub(crate) fn add_in_pane(&mut self, pixel: usize, shown: Shown, share: f32) {
         let seen = self.special(shown);
         self.in_panes.push(InPane { pixel, seen, share });
@@ -344,13 +345,13 @@ impl View {
         at
     }
 
-    /// Returns how a surface is seen.
+    /// Returns the way to a surface.
     #[inline]
     pub(crate) fn way(&self, seen: &Seen) -> &Way {
         &self.ways[seen.way as usize]
     }
 
-    /// Returns whether two pixels beside each other see different things.
+    /// Returns true if two neighbouring pixels show different things.
     #[inline]
     pub(crate) fn differ(&self, one: &Seen, other: &Seen) -> bool {
         if one.way == other.way && !one.is_surface() && !other.is_surface() {
@@ -364,20 +365,21 @@ impl View {
         !is_same_way || (one.is_surface() || other.is_surface()) && one.differs(other)
     }
 
-    /// Returns the face that samples of a surface have.
+    /// Returns the face of a surface's samples.
     pub(crate) fn face(&self, seen: &Seen) -> Face {
         let is_glossy = self.follower().finish(seen.material).kind == Kind::Glossy;
         Face::new(seen.normal, seen.material, is_glossy.then(|| self.way(seen).direction))
     }
 
-    /// Returns the projection of points to pixels, and the eye relative to the scene's origin.
+    /// Returns the projection of points to pixels, and the eye's position relative to the scene's
+    /// origin.
     pub(crate) fn camera(&self) -> (Camera, DVec3) {
         let camera = Camera::new(&self.eye, (self.size.0 as u32, self.size.1 as u32));
         let eye = camera.eye - self.raycaster.scene().origin;
         (camera, eye)
     }
 
-    /// Returns the factor from light on a surface to what its pixel shows, and further radiance.
+    /// Returns the factor from a surface's light to its pixel's radiance, and the radiance to add.
     #[must_use]
     pub fn paint(&self, seen: &Seen) -> (Rgb, Rgb) {
         let way = &self.ways[seen.way as usize];
@@ -390,8 +392,8 @@ impl View {
         (scale, way.radiance)
     }
 
-    /// Returns each pixel's albedo, between 0 and 1, and its normal: what a denoiser wants to know of
-    /// a traced picture.
+    /// Returns each pixel's albedo, between 0 and 1, and its normal, for a denoiser of traced
+    /// pictures.
     #[must_use]
     pub fn features(&self) -> (Vec<Rgb>, Vec<[f32; 3]>) {
         let feature = |seen: &Seen| {
@@ -409,7 +411,7 @@ impl View {
     }
 }
 
-/// Returns whether colours are the same but for what a pane's angle changes from pixel to pixel.
+/// Returns true if colours agree within the effect of a pane's angle between neighbouring pixels.
 pub(crate) fn are_near(one: Rgb, other: Rgb) -> bool {
     one.iter().zip(other).all(|(a, b)| (a - b).abs() <= SAME_COLOUR * a.max(b))
 }

@@ -1,4 +1,4 @@
-//! The driver of a session: what it keeps from view to view, and what it refuses.
+//! The driver of a session: what it stores from view to view, and what it refuses.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -34,7 +34,7 @@ fn floor() -> (Arc<[Section]>, Arc<Raycaster>) {
     (Arc::from([section.unwrap()]), Arc::new(Raycaster::build(Arc::new(scene)).unwrap()))
 }
 
-/// Samples of beams all over, all of one radiance.
+/// Samples of beams spread over the section, all of one radiance.
 fn samples(section: &Section, count: u64) -> Vec<(BeamKey, Sample)> {
     let sample = |number: u64| {
         let random = holo_display::split_mix(number + 1);
@@ -61,7 +61,7 @@ fn draw(driver: &mut SurfacesDriver) -> Frame {
     driver.draw(&mut |_| {})
 }
 
-/// Does all that makes the next frame better.
+/// Does all work that improves the next frame.
 fn finish(driver: &mut SurfacesDriver) {
     while driver.prepare() {}
 }
@@ -110,7 +110,7 @@ fn a_moving_eye_sees_the_light_that_the_last_picture_found() {
     assert_eq!(moving.picture.pixels.len(), at_rest.picture.pixels.len());
     assert!((mean(&moving) / mean(&at_rest) - 1.0).abs() < 0.02);
     assert!(!driver.refines() && driver.uncovered().is_empty());
-    // Samples that come while the eye moves are seen at the next rest.
+    // Samples that come while the eye moves show at the next rest.
     let bright = |(beam, _): (BeamKey, Sample)| {
         let coords = RayCoords([9, 9, 9, 9]);
         let section = &sections[0];
@@ -139,7 +139,7 @@ fn a_glance_shows_known_light_first_unless_the_driver_settles() {
         samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
         driver.look(&look(DOWN, Resolution::Full)).unwrap();
         draw(&mut driver);
-        // Darkness of the same beams, of which no frame shows anything yet.
+        // Dark samples of the same beams, which no frame has shown yet.
         for (beam, sample) in samples {
             let distance = sample.distance(sections[0].diagonal());
             let dark = Sample::encode(sample.coords, [0.0; 3], distance, sections[0].diagonal(), 0);
@@ -158,7 +158,7 @@ fn a_glance_shows_known_light_first_unless_the_driver_settles() {
     };
     is_near(shown(DOWN, false), [1.0, 0.5]);
     is_near(shown(DOWN, true), [0.5, 0.5]);
-    // Nothing was seen there before.
+    // No view has shown this place before.
     is_near(shown("-vp 0 0 1 -vd 1 0 -1 -vu 0 0 1 -vh 20", false), [0.5, 0.5]);
 }
 
@@ -180,7 +180,7 @@ fn the_second_picture_at_rest_is_the_refined_one() {
     let second = draw(&mut driver).picture.pixels;
     assert!(!driver.refines() && first != second);
     assert_eq!(draw(&mut driver).picture.pixels, second);
-    // Further samples change it.
+    // Further samples change the picture.
     let before = second;
     for (beam, sample) in samples(&sections[0], 5_000) {
         let bright = [4.0 * LIGHT; 3];
@@ -195,7 +195,7 @@ fn the_second_picture_at_rest_is_the_refined_one() {
     driver.settle();
     finish(&mut driver);
     assert_eq!(draw(&mut driver).picture.pixels, second);
-    // So is the first one after a glance of which there was a picture.
+    // So is the first one after a glance that has shown a picture.
     driver.look(&look(WIDE, Resolution::Half)).unwrap();
     let glance = draw(&mut driver).picture.pixels;
     assert!(!driver.refines() && glance != second);
@@ -220,7 +220,7 @@ fn the_order_of_samples_changes_no_bit() {
 }
 
 #[test]
-fn what_is_prepared_between_samples_changes_no_bit() {
+fn preparing_between_samples_changes_no_bit() {
     let (sections, raycaster) = floor();
     let samples = samples(&sections[0], 40_000);
     let drawn = |prepares: bool| {
@@ -248,7 +248,7 @@ fn depth_under_a_pixel_is_that_of_the_surface() {
     driver.look(&look("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60", Resolution::Full)).unwrap();
     let middle = driver.surface_at(SIZE.0 / 2, SIZE.1 / 2).unwrap();
     assert!((middle.distance - 1.0).abs() < 1e-2, "{}", middle.distance);
-    // A parallel view from the same height, and one of a far eye.
+    // A parallel view from the same height, and one from a far eye.
     for (options, depth) in [
         ("-vtl -vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 2", 1.0),
         ("-vp 0 0 4000 -vd 0 0 -1 -vu 0 1 0 -vh 0.05", 4000.0),
@@ -267,7 +267,7 @@ fn clipping_surfaces_cut_the_scene_its_light_and_the_sky() {
     for (beam, sample) in samples(&sections[0], 60_000) {
         driver.insert(beam, 1, &[sample]);
     }
-    // The floor lies at a depth of 1: nearer than the fore surface, farther than the aft one.
+    // The floor lies at a depth of 1: nearer than the fore surface, and farther than the aft one.
     for (clip, shown) in [("-vo 2", [1.0; 3]), ("-va 0.5", [0.0; 3])] {
         let options = format!("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60 {clip}");
         driver.look(&look(&options, Resolution::Full)).unwrap();

@@ -1,4 +1,4 @@
-//! What pixels on edges show, and what mirrors and panes show.
+//! Pixels on edges, mirrors and panes.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -31,7 +31,7 @@ fn a_mirror_shows_the_light_of_what_it_mirrors() {
 fn a_pane_shows_what_it_mirrors_besides_what_is_behind() {
     let pane = Bsdf::ThinGlass { ior: 1.5, transmittance: [1.0; 3] };
     let (view, drawn) = seen_by(&walled_room(pane), &floor_rays(100, |_, _| 100.0), &to_wall());
-    // Behind the pane is the sky, of radiance 1; the bright floor is mirrored by some 8 %.
+    // The sky behind the pane has radiance 1. The pane reflects about 8 % of the bright floor.
     let mirrored: Vec<_> = view.in_panes.iter().filter(|pane| pane.seen.is_surface()).collect();
     assert!(mirrored.len() > 200, "{}", mirrored.len());
     for pane in mirrored {
@@ -44,7 +44,7 @@ fn a_pane_shows_what_it_mirrors_besides_what_is_behind() {
 fn pixels_on_edges_show_the_mean_of_what_they_see() {
     let raycaster = walled_room(Bsdf::Mirror { ks: [0.8; 3] });
     let (store, materials) = kept(&raycaster, &floor_rays(100, |_, _| 0.25));
-    // The floor's edge at x = 2 goes through pixels; the sky beyond has radiance 1.
+    // The floor's edge at x = 2 crosses pixels. The sky beyond has radiance 1.
     let at = DVec3::new(2.0, -1.0, 3.0);
     let down = DVec3::new(0.0, 0.0, -1.0);
     let eye = Eye::new(at, down, DVec3::new(0.1, 1.0, 0.0), Some(20.0), None, (64, 64)).unwrap();
@@ -54,7 +54,7 @@ fn pixels_on_edges_show_the_mean_of_what_they_see() {
     assert!(jagged.iter().all(|p| (p[1] - 0.25).abs() < 1e-3 || (p[1] - 1.0).abs() < 1e-3));
     view.look_into_edges();
     let smooth = draw(&view);
-    // Sixteen rays decide: of eight, no share is an odd number of sixteenths.
+    // Sixteen rays were cast: shares by eight rays are no odd number of sixteenths.
     let is_odd = |share: f32| (share * 16.0).round() as u32 % 2 == 1;
     assert!(view.pieces.iter().any(|piece| is_odd(piece.share)));
     let between = smooth.iter().filter(|p| p[1] > 0.3 && p[1] < 0.95).count();
@@ -81,7 +81,7 @@ fn pixels_between_two_materials_of_a_plane_are_edges() {
     let made = Scene::from_world(&positions, &triangles, &ids, vec![dark, light], [1.0; 3]);
     let raycaster = Arc::new(Raycaster::build(Arc::new(made.unwrap().0)).unwrap());
     let materials = Arc::new(Materials::new(raycaster.scene()));
-    // The border goes through the middles of a column of pixels.
+    // The border crosses the middles of a column of pixels.
     let (at, down) = (DVec3::new(0.027, 0.0, 3.0), DVec3::new(0.0, 0.0, -1.0));
     let eye = Eye::new(at, down, DVec3::Y, Some(60.0), None, (64, 64)).unwrap();
     let mut view = View::new(Arc::clone(&raycaster), materials, &eye, (64, 64));
@@ -113,10 +113,11 @@ fn a_strip_thinner_than_a_pixel_shows_its_own_light() {
     let materials = Arc::new(Materials::new(raycaster.scene()));
     let mut placed = Vec::new();
     Placer::new(&raycaster, &materials).place_rays(&rays, &mut placed);
-    // The store's cubes are two pixels wide. Pieces see the strip in some where no middle does.
+    // The store's cubes are two pixels wide. In some, pieces show the strip, but no middle does.
     let mut store = Store::new(1e-4, 64 << 20);
     store.add(&placed);
-    // Turned a little: middles of some pixels see the strip, so that the others are looked into.
+    // The eye is turned a little, so that the middles of some pixels show the strip and the others
+    // become edges.
     let (at, down, up) = (DVec3::Z * 3.0, DVec3::NEG_Z, DVec3::new(0.05, 1.0, 0.0));
     let eye = Eye::new(at, down, up, Some(60.0), None, (64, 64)).unwrap();
     let mut view = View::new(raycaster, materials, &eye, (64, 64));
@@ -137,7 +138,7 @@ fn a_strip_thinner_than_a_pixel_shows_its_own_light() {
 }
 
 #[test]
-fn when_edges_are_looked_into_and_when_samples_come_changes_no_bit() {
+fn the_order_of_edges_and_samples_changes_no_bit() {
     let raycaster = walled_room(Bsdf::Mirror { ks: [0.8; 3] });
     let sheet = room_with_sheet(0.5);
     let up = DVec3::new(0.1, 1.0, 0.0);
@@ -180,8 +181,8 @@ fn when_edges_are_looked_into_and_when_samples_come_changes_no_bit() {
 fn a_pane_mirrors_into_the_share_of_a_pixel_that_it_takes() {
     let raycaster = walled_room(Bsdf::ThinGlass { ior: 1.5, transmittance: [1.0; 3] });
     let (store, materials) = kept(&raycaster, &floor_rays(100, |_, _| 100.0));
-    // The pane ends at x = 2 before a sky of radiance 1, and below before the floor. The second eye
-    // sees that end half a pixel beside where the first one does.
+    // The pane ends at x = 2 before a sky of radiance 1, and below before the floor. For the second
+    // eye, that end lies half a pixel beside the first one's.
     let mut shares = Vec::new();
     for turned in [-0.11, -0.1135] {
         let (at, ahead) = (DVec3::new(2.3, -1.0, 2.2), DVec3::new(turned, 1.0, -0.5));
@@ -194,7 +195,7 @@ fn a_pane_mirrors_into_the_share_of_a_pixel_that_it_takes() {
             pane.share < 1.0 && rough[pane.pixel + 2][1] == 1.0 && pane.pixel < 64 * 56
         };
         for pane in view.in_panes.iter().filter(|pane| pane.seen.is_surface()).filter(beside_sky) {
-            // Pixels well inside the pane beside it show what all of it would show.
+            // Pixels well inside the pane show the reflection in full.
             let inside = rough[pane.pixel - 2][1];
             let expected = 1.0 + pane.share * (inside - 1.0);
             let shown = fine[pane.pixel][1];
@@ -217,7 +218,8 @@ fn a_pane_mirrors_the_light_of_what_it_mirrors() {
     let mirrored = |pixel: usize| lit.pixels[pixel][1] - unlit.pixels[pixel][1];
     let mut found = 0;
     for pane in view.in_panes.iter().filter(|pane| pane.seen.is_surface()) {
-        // The same angle on the darker side. A mean over a wide place would not tell them apart.
+        // The same angle on the darker side. A mean over a wide place would not distinguish the two
+        // sides.
         let (x, row) = (pane.pixel % 64, pane.pixel / 64);
         if (0.15..0.6).contains(&pane.seen.point.x) {
             let ratio = mirrored(pane.pixel) / mirrored(row * 64 + 63 - x);

@@ -1,4 +1,4 @@
-//! Noise, light that ends somewhere, and standard errors.
+//! Noise, borders of light, and standard errors.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -30,7 +30,7 @@ fn no_light_crosses_from_a_table_to_the_floor_below() {
     let rays = noisy(rays(150, |x, y| if on_sheet(x, y) { 0.8 } else { 0.02 }));
     let rays: Vec<_> = rays.into_iter().map(past_sheet).collect();
     let (view, drawn) = seen_by(&raycaster, &rays, &eye());
-    // The sheet hides the floor up to 0.6 from its middle.
+    // The sheet hides the floor up to 0.6 from the sheet's middle.
     let beside: Vec<f32> = (view.seen.iter().zip(drawn.pixels))
         .filter(|(seen, _)| seen.point.z < 0.1 && seen.point.truncate().abs().max_element() < 0.8)
         .map(|(_, pixel)| pixel[1])
@@ -41,7 +41,7 @@ fn no_light_crosses_from_a_table_to_the_floor_below() {
 
 #[test]
 fn where_samples_are_many_a_shadow_is_as_sharp_as_its_pixels() {
-    // The border goes through squares of pixels, not between them.
+    // The border crosses squares of pixels instead of running between them.
     let shadow = |x: f64, y: f64| halves(x - 0.08, y);
     let (view, drawn) = seen_by(&room(), &rays(600, shadow), &eye());
     let mut found = 0;
@@ -57,10 +57,10 @@ fn where_samples_are_many_a_shadow_is_as_sharp_as_its_pixels() {
 }
 
 #[test]
-fn of_few_samples_a_shadow_along_a_wall_keeps_its_light() {
+fn with_few_samples_a_shadow_along_a_wall_stays_dark() {
     let raycaster = walled_room(Bsdf::Diffuse { kd: [0.5; 3] });
     let shadow = |_: f64, y: f64| if y > 1.7 { 0.05 } else { 0.5 };
-    // One sample for some four pixels.
+    // About one sample for four pixels.
     let mut rays = noisy(floor_rays(60, shadow));
     rays.extend(noisy(wall_rays(60, 0.5)));
     let (view, drawn) = seen_by(&raycaster, &rays, &to_wall());
@@ -72,8 +72,8 @@ fn of_few_samples_a_shadow_along_a_wall_keeps_its_light() {
     assert!(shaded.len() > 30 && (0.03..0.12).contains(&mean), "{mean}, {}", shaded.len());
 }
 
-/// Draws noisy rays of this radiance. Returns the squares of errors, and which are within two
-/// standard errors, each as a mean over pixels away from all edges.
+/// Draws noisy rays of this radiance. Returns the mean squared relative error and the share of
+/// pixels within two standard errors, both over pixels away from all edges.
 fn errors_of(count: u32, radiance: impl Fn(f64, f64) -> f32 + Copy) -> (f32, f32) {
     let raycaster = walled_room(Bsdf::Diffuse { kd: [0.8; 3] });
     let (view, drawn) = seen_by(&raycaster, &noisy(floor_rays(count, radiance)), &eye());
@@ -92,7 +92,8 @@ fn errors_of(count: u32, radiance: impl Fn(f64, f64) -> f32 + Copy) -> (f32, f32
 
 #[test]
 fn many_samples_of_even_light_leave_less_noise_than_those_of_a_pixel() {
-    // 75 samples of a pixel of standard deviation 1 alone have a mean square error of 0.013.
+    // The mean of 75 samples of standard deviation 1, in one pixel, has a mean squared error of
+    // 0.013.
     let (even, _) = errors_of(600, |_, _| 0.25);
     assert!(even < 0.0013, "{even}");
 }
@@ -149,7 +150,7 @@ fn one_bright_sample_brings_less_than_its_light_and_many_bring_all() {
     let mut one = even.clone();
     one[3030].radiance = [25_000.0; 3];
     let excess = sum(&drawn(&raycaster, &[&one])) - quiet;
-    // Uncut, it would bring about twelve times the light of all others.
+    // Without the limit, it would contribute about twelve times the light of all others.
     assert!(excess > 0.0 && excess < 0.25 * quiet, "{excess} of {quiet}");
     let all = rays(100, |_, _| 25.0);
     let bright = sum(&drawn(&raycaster, &[&all]));

@@ -1,4 +1,4 @@
-//! Rough metal: what it shows of which nothing is known, and beside other surfaces.
+//! Rough metal: its likely light where nothing is known, and its border with other surfaces.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -13,9 +13,9 @@ use std::sync::Arc;
 const METAL: Bsdf = Bsdf::Conductor { ks: [0.5; 3], alpha: 0.1 };
 
 #[test]
-fn rough_metal_of_which_nothing_is_known_shows_the_light_of_what_it_mirrors() {
+fn rough_metal_without_samples_shows_the_light_that_it_mirrors() {
     let raycaster = walled_room(METAL);
-    // The floor is as bright as the sky. So whatever the metal mirrors has radiance 1.
+    // The floor is as bright as the sky, so the metal reflects radiance 1 everywhere.
     let (view, drawn) = seen_by(&raycaster, &floor_rays(200, |_, _| 1.0), &to_wall());
     let mut found = 0;
     for (seen, pixel) in view.seen.iter().zip(drawn.pixels).filter(|(seen, _)| seen.material == 1) {

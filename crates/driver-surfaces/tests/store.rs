@@ -1,4 +1,4 @@
-//! What the store keeps, and that the order of samples changes nothing.
+//! The store: what it keeps, and its independence of the order of samples.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -52,10 +52,10 @@ fn a_pixel_has_all_its_samples_however_wide_it_is() {
         store.add(&placed);
         Gathered::new(&view, &store).samples()
     };
-    // A pixel is 0.87 wide; a bucket 1.02 and 0.1.
+    // A pixel is 0.87 wide; buckets are 1.02 and 0.1 wide.
     let [wide, narrow] = [1e-3, 1e-4].map(samples);
     assert!(wide > 20_000, "{wide}");
-    // Rounding takes samples over the border of pixels.
+    // Rounding moves samples over the border of pixels.
     assert!(narrow.abs_diff(wide) * 50 < wide, "{narrow} of {wide}");
 }
 
@@ -90,7 +90,7 @@ fn samples_count_by_their_paths() {
 }
 
 #[test]
-fn what_is_not_known_is_as_bright_as_all_that_is() {
+fn unknown_pixels_are_as_bright_as_known_ones() {
     let raycaster = walled_room(Bsdf::Diffuse { kd: [0.8; 3] });
     let (view, drawn) = seen_by(&raycaster, &floor_rays(20, |_, _| 0.25), &to_wall());
     let mut on_wall = 0;
@@ -110,7 +110,7 @@ fn a_store_keeps_what_was_seen_last() {
     let placer = Placer::new(&raycaster, &materials);
     let mut placed = Vec::new();
     placer.place_rays(&rays(80, |_, _| 1.0), &mut placed);
-    // Apart by more than a bucket, of 0.1.
+    // Both halves are farther apart than the width of a bucket, 0.1.
     placed.retain(|sample| sample.point().x.abs() > 0.2);
     let (before, now): (Vec<_>, Vec<_>) =
         placed.into_iter().partition(|sample| sample.point().x < 0.0);
@@ -123,7 +123,7 @@ fn a_store_keeps_what_was_seen_last() {
 }
 
 #[test]
-fn of_a_view_with_too_many_samples_some_are_kept_whatever_their_light() {
+fn a_view_with_too_many_samples_keeps_some_whatever_their_light() {
     let raycaster = room();
     let materials = Arc::new(Materials::new(raycaster.scene()));
     let placer = Placer::new(&raycaster, &materials);
@@ -135,7 +135,7 @@ fn of_a_view_with_too_many_samples_some_are_kept_whatever_their_light() {
         assert!(store.kept() <= 6_400, "{} samples", store.kept());
     }
     assert!(store.kept() > 1_600, "{} samples", store.kept());
-    // The same samples in another order leave the same.
+    // The same samples in another order leave the same set.
     let mut other = Store::new(0.0001, 24 * 6_400);
     placed.reverse();
     placed.chunks(777).for_each(|part| other.add(part));

@@ -1,4 +1,4 @@
-//! Textures: light is divided by them where samples lie, and multiplied by them where pixels look.
+//! Textures: stored light is divided by them, and pixels multiply by them.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 const LIGHT: f32 = 0.8;
 
-/// A floor of 4 x 4 at height 0, with a texture of 16 x 16 squares, dark and bright by turns. `map`
-/// says of what the texture is a factor.
+/// A floor of 4 x 4 at height 0, with a texture of 16 x 16 dark and bright squares by turns. `map`
+/// names the property that the texture scales.
 fn floor(map: &str) -> Arc<Raycaster> {
     let folder = tempfile::tempdir().unwrap();
     let square = |x: u32, y: u32| if (x / 4 + y / 4).is_multiple_of(2) { 60 } else { 250 };
@@ -27,7 +27,7 @@ fn floor(map: &str) -> Arc<Raycaster> {
     Arc::new(Raycaster::build(Arc::new(scene)).unwrap())
 }
 
-/// What a look straight down at a place meets, and how wide the place is.
+/// Returns the triangle that a ray straight down hits, and the place on it.
 fn met(raycaster: &Raycaster, x: f64, y: f64) -> (u32, f32, f32) {
     let down = DVec3::new(0.0, 0.0, -1.0);
     let (ray, _) = raycaster.localize(DVec3::new(x, y, 3.0), down).unwrap();
@@ -68,7 +68,7 @@ fn a_texture_is_as_sharp_as_its_pixels_from_few_samples() {
         raycaster.scene().reflectance(triangle, u, v, width)[1]
     };
     let (view, pixels) = drawn(&raycaster, |x, y| LIGHT * reflectance(x, y, 0.0));
-    // A sample for 18 pixels.
+    // One sample for 18 pixels.
     let (mut least, mut most) = (f32::INFINITY, 0.0_f32);
     for (seen, pixel) in view.seen.iter().zip(&pixels) {
         let expected =

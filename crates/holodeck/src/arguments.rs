@@ -1,10 +1,10 @@
-//! Words of the command line that clap does not understand by itself.
+//! Rewrites words of the command line that clap does not understand by itself.
 
 use std::{ffi::OsString, iter::Peekable, path::PathBuf};
 
 use holo_picture::Format;
 
-/// Radiance's view options that take numbers, and how many.
+/// Radiance's view options with numbers, and how many each takes.
 const NUMBERS: [(&str, usize); 9] = [
     ("-vp", 3),
     ("-vd", 3),
@@ -17,8 +17,8 @@ const NUMBERS: [(&str, usize); 9] = [
     ("-va", 1),
 ];
 
-/// Rewrites view options that are written as in Radiance: `-vtc -vp 1 2 3` becomes
-/// `--vt=c --vp=1,2,3`. All other words stay.
+/// Rewrites view options that are written as in Radiance: `-vtc -vp 1 2 3` becomes `--vt=c
+/// --vp=1,2,3`. All other words stay the same.
 pub fn with_view_options(words: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let mut words = words.into_iter().peekable();
     let mut rewritten = Vec::new();
@@ -40,10 +40,10 @@ pub fn with_view_options(words: impl IntoIterator<Item = OsString>) -> Vec<OsStr
     rewritten
 }
 
-/// Takes up to `count` numbers off the words, and joins them by commas.
+/// Removes up to `count` numbers from the words, and joins them by commas.
 ///
-/// If there are too few, the option's own check reports the mistake. Numbers that have commas
-/// between them already are one word.
+/// If there are too few, the option's own check reports the mistake. Numbers with commas between
+/// them are one word already.
 fn numbers(words: &mut Peekable<impl Iterator<Item = OsString>>, count: usize) -> String {
     let mut found: Vec<String> = Vec::new();
     while found.len() < count {
@@ -57,9 +57,10 @@ fn numbers(words: &mut Peekable<impl Iterator<Item = OsString>>, count: usize) -
     found.join(",")
 }
 
-/// Parses the path of a picture to write: its ending must name a format, and its folder must exist.
+/// Parses the path of a picture to write. Its extension must name a format, and its folder must
+/// exist.
 ///
-/// So a mistake shows before the work and not after it.
+/// A mistake is thus reported before the work instead of after it.
 pub fn picture_path(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     if Format::of_path(&path).is_none() {

@@ -10,12 +10,12 @@ use holo_tracer::{Settings, Tracer};
 use crate::opening::Opened;
 use crate::passes::{Job, Limit};
 
-/// Width and height of the picture that decides, and its paths per pixel. The log-average of so
-/// many is within a few percent of a good picture's.
+/// Width and height of the picture that determines the brightness, and its paths per pixel. The
+/// log-average of so many paths is within a few percent of a good picture's.
 const SIZE: (u32, u32) = (64, 48);
 const PATHS: u32 = 16;
 
-/// Returns the factor from radiance to display light that suits the first view. `None` if that
+/// Returns the factor from radiance to display light that suits the first view. `None` if that view
 /// shows no light.
 ///
 /// # Errors

@@ -1,4 +1,5 @@
-//! `holodeck check`: what is odd about a model, how often, where, and what it does to pictures.
+//! `holodeck check`: lists the peculiarities of a model, with their number, place and effect on
+//! pictures.
 
 use std::path::PathBuf;
 
@@ -11,7 +12,7 @@ use crate::{
     scene_args::{SceneArgs, check_units},
 };
 
-/// Check a model: what is odd, how often, where, and what it does to pictures
+/// Check a model: lists what is odd, how often, where, and what it does to pictures
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  holodeck check house.obj --json")]
 pub struct Args {

@@ -1,4 +1,4 @@
-//! `holodeck compare`: how far a picture is from a reference.
+//! `holodeck compare`: measures the difference between a picture and a reference.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use anyhow::Result;
 use holo_picture::Picture;
 use serde::Serialize;
 
-/// Measure how far a picture is from a reference; exposures are divided out
+/// Measure the difference between a picture and a reference; exposures are divided out
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck compare view.pfm truth.pfm\n  \
     holodeck compare view.pfm truth.pfm --se view_se.pfm --reference-se truth_se.pfm")]

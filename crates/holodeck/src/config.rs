@@ -23,15 +23,15 @@ pub struct Config {
     pub unit: Option<Unit>,
     /// Radiance of the sky, W·sr⁻¹·m⁻².
     pub sky: Option<[f32; 3]>,
-    /// Whether lights shine from both sides.
+    /// True if lights shine from both sides.
     pub two_sided_lights: Option<bool>,
     /// Sections.
     pub section: Vec<Section>,
-    /// Most rooms that get a section when none is stated.
+    /// Most rooms that get a section if no section is stated.
     pub max_rooms: Option<usize>,
-    /// Most beams of all sections when none is stated.
+    /// Most beams of all sections if no section is stated.
     pub max_beams: Option<u64>,
-    /// Whether `--exterior` was said.
+    /// True if `--exterior` was given.
     #[serde(skip)]
     pub exterior: bool,
     /// Simpler scenes named on the command line, by section.
@@ -42,12 +42,12 @@ pub struct Config {
     pub portals: Vec<(usize, PathBuf)>,
     /// Views by name. A display begins with the first.
     pub view: Vec<View>,
-    /// Views of a file that exists, as Radiance options. They count if `view` is empty.
+    /// Views of an existing file, as Radiance options. They count if `view` is empty.
     #[serde(skip)]
     pub named_views: Vec<(String, String)>,
     /// `auto`, `on` or `off`.
     pub obstructions: Option<Obstructions>,
-    /// Whether distances are those of what flat mirrors and glass show.
+    /// True if the distances in flat mirrors and glass are those of the surfaces that they show.
     pub virtual_distance: Option<bool>,
     /// The engine that traces.
     pub engine: Option<Engine>,
@@ -59,11 +59,12 @@ pub struct Config {
     pub accuracy: Option<f32>,
     /// Threads that trace.
     pub threads: Option<u16>,
-    /// Memory for beams that are kept at hand, MiB.
+    /// Memory for beams that are kept in memory, MiB.
     pub cache: Option<u64>,
-    /// How long to fill, such as "8h".
+    /// Time to fill, such as "8h".
     pub time: Option<String>,
-    /// Samples that are enough, such as "60M": after that a fill makes them better.
+    /// Number of samples, such as "60M", after which a fill improves known samples instead of
+    /// adding new ones.
     pub enough: Option<String>,
     /// Seed of the random numbers.
     pub seed: Option<u64>,
@@ -74,7 +75,7 @@ pub struct Config {
 #[serde(try_from = "UpText")]
 pub struct Up(pub [f64; 3]);
 
-/// An up axis as people write it.
+/// An up axis as people write it in the file.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum UpText {
@@ -114,7 +115,7 @@ impl FromStr for Up {
 #[serde(try_from = "UnitText")]
 pub struct Unit(pub f64);
 
-/// A unit as people write it.
+/// A unit as people write it in the file.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum UnitText {
@@ -164,7 +165,7 @@ pub struct Section {
     pub axes: [[f64; 3]; 3],
     /// Cells along each axis.
     pub grid: Option<[u32; 3]>,
-    /// Whether one looks into it, and not out of it.
+    /// True if views look into the section from outside.
     #[serde(default)]
     pub exterior: bool,
     /// A simpler scene that displays use for this section's views, relative to this file.
@@ -184,7 +185,7 @@ impl Section {
     }
 }
 
-/// Whether what stands inside a section is seen: whether rays begin at the entry wall.
+/// Visibility of objects inside a section, which determines where rays begin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Obstructions {
@@ -255,7 +256,8 @@ impl Config {
     /// Reads a configuration. Paths in it are relative to its folder.
     ///
     /// # Errors
-    /// If it cannot be read or a key is unknown or of the wrong type, with the file and the line.
+    /// If the file cannot be read, or a key is unknown or has the wrong type. The error names the
+    /// file and the line.
     pub fn read(path: &Path) -> Result<Config> {
         let text =
             std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;

@@ -1,4 +1,4 @@
-//! The crew of a live session: a server and a worker, and what a person orders them to do.
+//! The crew of a live session: a server and a worker, and the orders that a person gives them.
 
 use std::{ffi::OsString, net::SocketAddr, path::PathBuf};
 
@@ -9,7 +9,7 @@ use tokio::sync::mpsc::UnboundedReceiver;
 
 use crate::{processes::Server, worker::KeptWorker};
 
-/// Processes of a live session.
+/// The processes of a live session.
 pub struct Crew {
     /// The holodeck.
     file: PathBuf,
@@ -22,14 +22,14 @@ pub struct Crew {
     giver: holo_view::Crew,
 }
 
-/// How the worker is started.
+/// Options of the worker.
 #[derive(Clone, Copy)]
 pub struct WorkerArgs {
-    /// Threads that trace; all cores without.
+    /// Threads that trace; all cores if `None`.
     pub threads: Option<u16>,
-    /// How much they give way to other programs.
+    /// Priority that the worker yields to other programs (`nice`).
     pub nice: u8,
-    /// Hides how far the worker has loaded.
+    /// Hides the worker's progress of loading.
     pub quiet: bool,
 }
 
@@ -37,7 +37,7 @@ impl Crew {
     /// Starts server and worker. The server gets `arguments` as well.
     ///
     /// # Errors
-    /// If one cannot be started.
+    /// If one of them cannot be started.
     pub async fn start(file: PathBuf, arguments: Vec<OsString>, how: WorkerArgs) -> Result<Crew> {
         let (server, worker) = begin(&file, &arguments, how).await?;
         let (giver, orders) = holo_view::crew();
@@ -49,7 +49,7 @@ impl Crew {
         self.server.address
     }
 
-    /// Returns what gives orders.
+    /// Returns the sender of orders.
     pub fn orders(&self) -> holo_view::Crew {
         self.giver.clone()
     }
@@ -62,7 +62,7 @@ impl Crew {
     /// Keeps server and worker alive, and follows orders, until `session` ends.
     ///
     /// # Errors
-    /// Whatever failed first.
+    /// The first failure of either process or of `session`.
     pub async fn keep(&mut self, session: impl Future<Output = Result<()>>) -> Result<()> {
         tokio::pin!(session);
         loop {
@@ -97,7 +97,7 @@ impl Crew {
         Ok(())
     }
 
-    /// Ends both; everything traced is stored.
+    /// Ends both processes. Everything traced is stored.
     ///
     /// # Errors
     /// If the server does not end in order.

@@ -1,4 +1,4 @@
-//! `holodeck` alone: the bundled scene, with everything on this machine.
+//! `holodeck` without a command: shows the bundled scene, with all processes on this machine.
 
 use std::{
     fmt::Write,
@@ -23,7 +23,7 @@ use crate::{
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  holodeck demo --time 60s --size 1280x720")]
 pub struct Args {
-    /// How long to trace: two thirds in the first room, the rest in the others
+    /// Time to trace: two thirds for the first room, the rest for the others
     #[arg(long, value_name = "TIME", default_value = "30s", value_parser = holo_view::parse_seconds)]
     time: f64,
     /// Folder for the scene, the holodeck and the pictures
@@ -43,13 +43,13 @@ impl Default for Args {
     }
 }
 
-/// When pictures of the first room are written, seconds after its first ray.
+/// Times of the first room's pictures, in seconds after its first ray.
 const PICTURES: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0];
 
-/// Share of the time that goes to the first room.
+/// Share of the time for the first room.
 const FIRST_ROOM: f64 = 2.0 / 3.0;
 
-/// Returns whether somebody sits before a screen that can show a browser.
+/// Returns true if a person sits before a screen that can show a browser.
 pub fn has_desktop() -> bool {
     let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let has_screen =
@@ -57,8 +57,8 @@ pub fn has_desktop() -> bool {
     has_screen && std::io::stdout().is_terminal()
 }
 
-/// Walks through the bundled house. Its file is kept, so that all of it is there again the next
-/// time.
+/// Walks through the bundled house. Its file is kept, so that the next walk begins with all its
+/// samples.
 pub async fn walk(front_end: FrontEnd) -> Result<()> {
     front_end.check()?;
     let out = Args::default().out;
@@ -78,7 +78,7 @@ fn house(folder: &Path) -> Result<Config> {
     let written = holo_scenes::write(Bundled::Interior, folder)
         .with_context(|| format!("writing to {name}"))?;
     let mut config = Config::read(&written.config)?;
-    // Records of so many small surfaces take longer than a demonstration does.
+    // Records for so many small surfaces take longer than a demonstration.
     config.engine = Some(Engine::Path);
     Ok(config)
 }
@@ -109,7 +109,7 @@ pub async fn run(args: Args) -> Result<()> {
     let config = house(&args.out)?;
     println!("scene: {}", args.out.join("interior.obj").display());
     let file = args.out.join("interior.holo");
-    // A demonstration shows how a picture comes about: it always begins with nothing.
+    // A demonstration shows how a picture emerges, so it always begins without samples.
     if file.exists() {
         std::fs::remove_file(&file).with_context(|| format!("removing {}", file.display()))?;
     }
@@ -141,12 +141,12 @@ fn script(views: &[View], time: f64, out: &Path) -> String {
     let first = if others == 0 { time } else { time * FIRST_ROOM };
     let other = (time - first) / others.max(1) as f64;
     for (index, view) in views.iter().enumerate() {
-        // A view begins when the one before has had its time.
+        // A view begins when the time of the previous one is over.
         let begin = [0.0, first, other][index.min(2)];
         // Writing to a text cannot fail.
         let _ = writeln!(script, "{begin} view {}", view.to_options());
         if index == 0 {
-            // A picture at the end has the room's own name.
+            // The picture at the end has the room's own name.
             for seconds in PICTURES.into_iter().filter(|&seconds| seconds <= first) {
                 let picture = out.join(format!("{seconds:03}s.png"));
                 let _ = writeln!(script, "{seconds} picture {}", picture.display());
@@ -160,7 +160,7 @@ fn script(views: &[View], time: f64, out: &Path) -> String {
     script
 }
 
-/// Returns what there is now, and what to do with it.
+/// Returns a text about the results and about what to do with them.
 fn farewell(out: &Path, file: &Path, names: &[&str]) -> String {
     format!(
         "pictures in {}: of the first room after 1 s of tracing (001s.png), 2 s and so on, \

@@ -3,7 +3,7 @@
 use holo_proto::control::{Engine, RenderSettings};
 use holo_scene::{Material, Scene};
 
-/// Returns what differs between two scenes, in words that name the option or the part.
+/// Returns the differences between two scenes, in words that name the option or the part.
 pub fn of_scenes(file: &Scene, now: &Scene) -> Vec<String> {
     let mut found = Vec::new();
     if file.sky != now.sky {
@@ -46,7 +46,7 @@ fn of_materials(file: &[Material], now: &[Material]) -> String {
     )
 }
 
-/// Returns what differs between two settings, in words that name the option.
+/// Returns the differences between two settings, in words that name the option.
 pub fn of_settings(file: &RenderSettings, now: &RenderSettings) -> Vec<String> {
     let bounces = |settings: &RenderSettings| {
         settings.bounces.map_or_else(|| "unlimited".to_owned(), |bounces| bounces.to_string())

@@ -1,4 +1,4 @@
-//! `holodeck fill`: trace a scene into a file with nobody looking.
+//! `holodeck fill`: traces a scene into a file without a viewer.
 
 use std::{
     ffi::OsString,
@@ -23,7 +23,7 @@ use crate::{
     worker::{KeptWorker, NICE},
 };
 
-/// Trace a scene into a holodeck while nobody looks; started again, it goes on
+/// Trace a scene into a holodeck without a viewer; run again, it continues
 ///
 /// Once the file has enough samples, they are traced again with more paths: four times as many in
 /// each sweep over all beams. The samples get better, and the file's growth falls to a quarter each
@@ -40,11 +40,11 @@ pub struct Args {
     /// The holodeck [default: the scene's name with .holo, in this folder]
     #[arg(short, value_name = "FILE.holo")]
     output: Option<PathBuf>,
-    /// Stop after tracing for so long, such as 30s, 10m or 8h; loading does not count [default: 1m
-    /// if neither --samples nor --disk is said]
+    /// Stop after tracing for this time, such as 30s, 10m or 8h; loading does not count [default:
+    /// 1m if neither --samples nor --disk is given]
     #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time)]
     time: Option<Duration>,
-    /// Stop after so many samples, such as 20M; those traced again count
+    /// Stop after this many samples, such as 20M; those traced again count
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     samples: Option<u64>,
     /// Stop before the file is longer than this, such as 500MB or 50GB
@@ -94,7 +94,7 @@ pub async fn run(args: Args) -> Result<()> {
         None => scene_path(&config)?.with_extension("holo").file_name().unwrap_or_default().into(),
     };
     let mut arguments = server_arguments(&args, &config, &output)?;
-    // It is only made, checked and closed here: the server writes it.
+    // The file is only made, checked and closed here, because the server writes it.
     let about = prepare::make(&output, &config, args.quiet)?.about.clone();
     let list = args.views.as_deref().map(|views| list_of_beams(views, &about)).transpose()?;
     if let Some(list) = &list {
@@ -107,7 +107,7 @@ pub async fn run(args: Args) -> Result<()> {
     let mut worker = KeptWorker::start(server.address, threads, NICE, args.quiet)?;
     let failed = tokio::select! {
         ended = server.process.wait() => ended.err(),
-        // Ctrl-C: the server stores everything and reports what it has.
+        // After Ctrl-C, the server stores everything and reports what it has.
         () = shutdown.wait() => None,
         error = worker.keep() => Some(error),
     };
@@ -158,7 +158,7 @@ fn server_arguments(args: &Args, config: &Config, output: &Path) -> Result<Vec<O
     Ok(arguments)
 }
 
-/// Writes the list of the beams that views in a file see. It lasts as long as the result.
+/// Writes the list of the beams that the views in a file see. The list lasts as long as the result.
 fn list_of_beams(views: &Path, about: &About) -> Result<NamedTempFile> {
     let beams = seen_beams(views, about)?;
     let mut file = NamedTempFile::new().context("making a temporary file")?;
@@ -166,7 +166,7 @@ fn list_of_beams(views: &Path, about: &About) -> Result<NamedTempFile> {
     Ok(file)
 }
 
-/// Returns what a fill did, for people.
+/// Returns the summary of a fill, for people.
 fn summary_words(summary: &Summary) -> String {
     format!(
         "{} samples added, {} made better, {} in all; {} ({} superseded), growing by about {}/h",

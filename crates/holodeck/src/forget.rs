@@ -1,4 +1,4 @@
-//! `holodeck forget`: what a worker has made is removed from a file.
+//! `holodeck forget`: removes the samples of some workers from a file.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use holo_beamfile::Maker;
 use holo_progress::HumanCount;
 use holo_server::{Forgotten, Holodeck};
 
-/// Remove from a holodeck what some workers have made
+/// Remove the samples of some workers from a holodeck
 ///
 /// `holodeck info` lists the workers of a file and their numbers; `holodeck status` names those
 /// that were dropped. A later fill traces the removed samples again.
@@ -17,7 +17,7 @@ pub struct Args {
     /// The holodeck; nothing else may write to it meanwhile
     #[arg(value_name = "FILE.holo")]
     file: PathBuf,
-    /// The number of a worker; may be repeated. 0 stands for all that are not known
+    /// The number of a worker; may be repeated. 0 stands for all unknown workers
     #[arg(long, value_name = "N", required = true)]
     worker: Vec<u16>,
     /// Report as JSON

@@ -1,4 +1,4 @@
-//! `holodeck info` and `verify`: what a file holds, and whether it is damaged.
+//! `holodeck info` and `verify`: show the content of a file, and check it for damage.
 
 use std::{
     collections::BTreeMap,
@@ -16,10 +16,10 @@ use serde::Serialize;
 
 use crate::prepare::SMALL_CACHE;
 
-/// A file that has not changed for so long has no writer.
+/// Time without a change after which a file has no writer.
 const QUIET: Duration = Duration::from_secs(2);
 
-/// How long a file is watched that is being written, to see how fast it grows.
+/// Time for which a file with a writer is watched, in order to measure its growth.
 const WATCHED: Duration = Duration::from_secs(2);
 
 /// Show what a holodeck holds; if it is being written, also how fast it grows (this takes 2
@@ -51,14 +51,14 @@ pub struct VerifyArgs {
 struct Info {
     file: PathBuf,
     bytes: u64,
-    /// Bytes among these of samples that better ones have replaced.
+    /// The part of these bytes for samples that better ones have replaced.
     superseded_bytes: u64,
-    /// Growth; 0 if nobody writes to it.
+    /// Growth; 0 if no process writes to the file.
     bytes_per_hour: f64,
     samples: u64,
     /// Number of samples by their paths.
     paths: BTreeMap<u16, u64>,
-    /// Who made the samples.
+    /// The makers of the samples.
     workers: Vec<WorkerInfo>,
     extents: u64,
     sections: Vec<SectionInfo>,
@@ -71,9 +71,9 @@ struct Info {
     views: Vec<(String, String)>,
     /// Factor from radiance to display light that pictures share.
     exposure: Option<f32>,
-    /// The choices that were made in place of missing options, and why.
+    /// The choices made in place of missing options, with their reasons.
     choices: Vec<String>,
-    /// Simpler scenes for displays: section, `geometry` or `portals`, and where it came from.
+    /// Simpler scenes for displays: section, `geometry` or `portals`, and the file's origin.
     stand_ins: Vec<(u16, String, String)>,
     up: [f64; 3],
     unit: f64,
@@ -87,7 +87,7 @@ struct SectionInfo {
     nonempty: u64,
     /// Beams that see nothing and are not traced.
     unseen: u64,
-    /// Their share of the section's importance: so much tracing is saved.
+    /// Share of the unseen beams in the section's importance, which is the share of tracing saved.
     unseen_share: f64,
     samples: u64,
     origin: [f64; 3],
@@ -96,12 +96,12 @@ struct SectionInfo {
     obstructions: bool,
 }
 
-/// A machine that has worked for the file; number 0 stands for all that are not known.
+/// A machine that has worked for the file. Number 0 stands for all unknown ones.
 #[derive(Serialize)]
 struct WorkerInfo {
     #[serde(flatten)]
     made_by: MadeBy,
-    /// Its samples. Those that better ones have replaced do not count.
+    /// The machine's samples, except those that better ones have replaced.
     samples: u64,
 }
 
@@ -166,8 +166,8 @@ fn collect(file: &Path) -> Result<Info> {
     })
 }
 
-/// Returns a file's present growth. A writer adds to it twice a second: a file that has not changed
-/// for longer has none.
+/// Returns a file's present growth. A writer appends twice a second, so a file that has not changed
+/// for longer has no writer.
 fn bytes_per_hour(file: &Path) -> std::io::Result<f64> {
     let before = file.metadata()?;
     if before.modified()?.elapsed().is_ok_and(|age| age > QUIET) {
@@ -182,9 +182,9 @@ fn bytes_per_hour(file: &Path) -> std::io::Result<f64> {
 /// Numbers of samples.
 #[derive(Default)]
 struct Numbers {
-    /// By their paths.
+    /// Samples by their number of paths.
     paths: BTreeMap<u16, u64>,
-    /// By who made them.
+    /// Samples by their maker.
     makers: BTreeMap<Maker, u64>,
 }
 
@@ -199,7 +199,7 @@ fn numbers(file: &BeamFile) -> Numbers {
     numbers
 }
 
-/// Returns everybody who has worked for the file, by number.
+/// Returns all workers of the file, by number.
 fn workers(holodeck: &Holodeck, samples: &BTreeMap<Maker, u64>) -> Vec<WorkerInfo> {
     let makers = holodeck.makers();
     let samples_of = |maker| samples.get(&maker).copied().unwrap_or(0);
@@ -224,7 +224,7 @@ fn unseen_shares(sections: &[Section], unseen: &UnseenBeams) -> Vec<f64> {
     shares
 }
 
-/// Returns what was damaged when the file was opened.
+/// Returns the damage that was found when the file was opened.
 fn damage(holodeck: &Holodeck) -> Vec<String> {
     let damage = holodeck.file.damage().into_iter().map(|damage| damage.to_string());
     damage.chain(holodeck.warnings.iter().cloned()).collect()

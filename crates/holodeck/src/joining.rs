@@ -1,4 +1,4 @@
-//! Several machines: whom a session takes from elsewhere, and how one joins.
+//! Sessions of several machines: options of a server for other machines, and tokens to join it.
 
 use std::{
     ffi::OsString,
@@ -8,7 +8,7 @@ use std::{
 use anyhow::{Context, Result, ensure};
 use holo_net::{Destination, Identity, Invitation, Rights};
 
-/// Whom a server takes from other machines.
+/// Options for workers and displays on other machines.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct ListenArgs {
     /// Take workers and displays from other machines at this address, such as 0.0.0.0:7070. The
@@ -34,8 +34,8 @@ pub struct ListenArgs {
 }
 
 impl ListenArgs {
-    /// Returns the server's arguments. Without any, it takes only processes of this machine, at any
-    /// free port.
+    /// Returns the server's arguments. Without options, the server accepts only processes of this
+    /// machine, at any free port.
     pub fn arguments(&self) -> Vec<OsString> {
         let listen = self.listen.clone().unwrap_or_else(|| "127.0.0.1:0".to_owned());
         let mut arguments: Vec<OsString> = vec!["--listen".into(), listen.into()];
@@ -57,8 +57,8 @@ impl ListenArgs {
     }
 }
 
-/// Returns how an administrator joins a server at an address of this machine. The server's
-/// certificate and tokens are in `folder`; `None` if they are not.
+/// Returns the address and the token with which an administrator joins a server on this machine.
+/// The server's certificate and tokens are in `folder`; `None` if the folder has none.
 ///
 /// # Errors
 /// If the files in the folder cannot be read.
@@ -85,7 +85,7 @@ pub struct TokensArgs {
     /// The server's address in that string
     #[arg(long, value_name = "HOST:PORT", requires = "add")]
     public: Option<String>,
-    /// Revoke the token of this name: nobody joins with it any more
+    /// Revoke the token of this name: no worker or display can join with it any more
     #[arg(long, value_name = "NAME", conflicts_with = "add")]
     revoke: Option<String>,
     /// Folder of the certificate and the tokens [default: holodeck/server in the user's

@@ -1,18 +1,18 @@
-//! How many rooms get a section, and how many beams all sections have.
+//! Limits the number of rooms with a section, and the number of beams of all sections.
 
 use holo_section::{Section, SectionSpec, ViewClass};
 use holo_survey::{Door, Survey};
 
 use crate::config::Config;
 
-/// Most rooms, if nothing else is said.
+/// Most rooms by default.
 const ROOMS: usize = 8;
 
-/// Most beams of all sections, if nothing else is said: enough rays for them take a few hours.
+/// Most beams of all sections by default. Enough rays for them take a few hours.
 const BEAMS: u64 = 2_000_000;
 
-/// Beams of a box in a door. One only passes through it, and rooms have stored what is seen from it
-/// but the door itself.
+/// Beams of a box in a door. A person only passes through it, and rooms store everything visible
+/// from it except the door itself.
 const DOOR_BEAMS: f64 = 20_000.0;
 
 /// Limits a survey to the rooms that the configuration allows, at least one, and to the doors for
@@ -40,7 +40,7 @@ pub fn door_grid(door: &Door) -> [u32; 3] {
     Section::grid_near(door.axes.map(|axis| axis.to_array()), DOOR_BEAMS)
 }
 
-/// Returns the number of beams of a section; 0 if it is none.
+/// Returns the number of beams of a section; 0 if the section is invalid.
 fn beams(axes: [[f64; 3]; 3], grid: [u32; 3]) -> u64 {
     let (origin, class) = ([0.0; 3], ViewClass::Interior);
     let section = Section::new(SectionSpec { origin, axes, grid, class, obstructions: false });
@@ -52,8 +52,8 @@ mod tests {
     use super::*;
     use crate::opening::{Wanted, open};
 
-    /// Returns the beams of each section that a flat of two rooms gets under a limit, and their
-    /// names.
+    /// Returns the number of beams of each section of a flat with two rooms under a limit, and the
+    /// sections' names.
     fn sections(max_beams: Option<u64>) -> (Vec<u64>, Vec<String>) {
         let folder = tempfile::tempdir().unwrap();
         let scene = holo_scenes::write_model("sketchup-flat", folder.path()).unwrap();

@@ -1,4 +1,4 @@
-//! Loading the scene: how far it is, and what is wrong with it.
+//! Loads the scene, and reports progress and warnings.
 
 use std::{path::Path, time::Instant};
 
@@ -9,8 +9,8 @@ use holo_survey::white_materials;
 
 use crate::{config::Config, scene_args::scene_path};
 
-/// Loads the configuration's scene. Warnings go to standard error, and unless `quiet`, how far it
-/// is.
+/// Loads the configuration's scene. Warnings go to standard error, and so does the progress unless
+/// `quiet`.
 ///
 /// # Errors
 /// If there is no scene or it cannot be loaded.
@@ -28,7 +28,7 @@ pub fn load(config: &Config, quiet: bool) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Loads the configuration's scene, and says nothing: the caller has the warnings.
+/// Loads the configuration's scene without output. The caller gets the warnings.
 pub fn load_quietly(config: &Config) -> Result<Loaded> {
     Ok(holo_scene::load(scene_path(config)?, &options(config))?)
 }
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_load_says_how_far_it_is_and_how_fast() {
+    fn a_long_load_reports_progress_and_speed() {
         let progress = LoadProgress { bytes: 30 << 20, total_bytes: 120 << 20, triangles: 450_000 };
         assert_eq!(
             progress_words(Path::new("a.obj"), progress, 2.0),

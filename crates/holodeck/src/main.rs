@@ -1,4 +1,4 @@
-//! `holodeck`: what a person types.
+//! `holodeck`: the program that people start.
 //!
 //! It starts the other processes by running itself with their name as first argument, so that this
 //! one program is enough.
@@ -39,7 +39,7 @@ use holo_view::{BrowserArgs, Screen};
 
 use view::FrontEnd;
 
-/// Stack of the thread that does the work, bytes: what systems give to the main thread.
+/// Stack of the thread that does the work, bytes: as large as a main thread's on usual systems.
 const STACK: usize = 8 << 20;
 
 /// An interactive ray cache: trace a scene's view rays once, and walk through it ever after
@@ -93,8 +93,8 @@ enum Command {
 }
 
 impl Command {
-    /// Returns the name under which a command reports errors. The three that run as processes of
-    /// their own have the names of these.
+    /// Returns the name under which a command reports errors. The three commands that run as
+    /// processes of their own use the processes' names.
     fn speaker(&self) -> &'static str {
         match self {
             Command::Holoserver(_) => "holoserver",
@@ -114,7 +114,7 @@ fn main() -> ExitCode {
     desk.serve();
     match work.map(std::thread::JoinHandle::join) {
         Ok(Ok(code)) => code,
-        // A panic has said what went wrong.
+        // The panic has printed its reason.
         Ok(Err(_)) => ExitCode::FAILURE,
         Err(error) => {
             eprintln!("holodeck: starting a thread: {error}");
@@ -123,7 +123,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Does what was typed, on a thread of its own.
+/// Executes the command line, on a separate thread.
 fn work(program: Program, screen: Screen) -> ExitCode {
     let speaker = program.command.as_ref().map_or("holodeck", Command::speaker);
     let runtime =
@@ -135,7 +135,7 @@ fn work(program: Program, screen: Screen) -> ExitCode {
             }
         };
     let result = runtime.block_on(run(program, screen));
-    // A thread that reads standard input would hold up an orderly end for ever.
+    // A thread that reads standard input would delay an orderly end for ever.
     runtime.shutdown_background();
     let is_usage =
         result.as_ref().is_err_and(|error| error.downcast_ref::<scene_args::Usage>().is_some());

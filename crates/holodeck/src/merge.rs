@@ -1,4 +1,4 @@
-//! `holodeck merge`: several files of one scene become one.
+//! `holodeck merge`: merges several files of one scene into one.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ use crate::prepare::SMALL_CACHE;
 
 /// Put the samples of several holodecks of one scene into one
 ///
-/// A sample that several files have is stored once: with the most paths. So a merge may be
+/// A sample in several files is stored once, with the most paths. A merge may therefore be
 /// repeated.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  holodeck merge room.holo part-0.holo part-1.holo part-2.holo")]

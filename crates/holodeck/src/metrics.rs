@@ -1,4 +1,4 @@
-//! A server's report as Prometheus reads it, as text and over HTTP.
+//! A server's report in the format of Prometheus, as text and over HTTP.
 
 use std::{net::SocketAddr, sync::atomic::AtomicU64};
 
@@ -17,7 +17,7 @@ use tokio::net::TcpListener;
 use crate::status::{Server, ask};
 
 /// Answers Prometheus at `/metrics` until a signal. Each answer is a new report of the server. If
-/// the server does not answer, Prometheus is told so.
+/// the server does not answer, Prometheus gets an error.
 ///
 /// # Errors
 /// If the address is not free.
@@ -45,7 +45,7 @@ type Number = Gauge<f64, AtomicU64>;
 /// The label of a metric of one worker or display.
 type Labels = Vec<(&'static str, String)>;
 
-/// Returns a report as Prometheus reads it.
+/// Returns a report in the format of Prometheus.
 pub fn text_of(report: &Report) -> Result<String> {
     let mut registry = Registry::with_prefix("holodeck");
     let mut add = |name: &str, help: &str, value: f64| {

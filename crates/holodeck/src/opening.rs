@@ -1,7 +1,6 @@
-//! Opening a scene that says little about itself: its up axis, its unit, light, sections and views
-//! are chosen where nobody has named them.
+//! Opens a scene, and chooses what is not stated: up axis, unit, light, sections and views.
 //!
-//! Always true: each choice is said once in words, with the option that overrides it.
+//! Invariant: each choice is reported once, with the option that overrides it.
 
 use std::sync::Arc;
 
@@ -18,29 +17,29 @@ use crate::{limit, loading, preview, scene_args::scene_path};
 /// Share of the scene's size between its bounds and the section around it, on each side.
 const MARGIN: f64 = 0.05;
 
-/// Number of triangles from which preparing them takes seconds, and is said.
+/// Number of triangles from which their preparation takes seconds, and is reported.
 const MANY: usize = 500_000;
 
-/// A scene with all that it needs to be shown.
+/// A scene with everything that is needed to show it.
 pub struct Opened {
     /// The scene.
     pub scene: Arc<Scene>,
-    /// Its up axis.
+    /// The scene's up axis.
     pub up: [f64; 3],
-    /// Metres in its unit.
+    /// Length of the scene's unit, metres.
     pub unit: f64,
-    /// Views by name; the first is where one begins.
+    /// Views by name. A session begins with the first.
     pub views: Vec<(String, String)>,
     /// Sections. Empty if only a picture is wanted.
     pub sections: Vec<config::Section>,
-    /// What was chosen and why, for people.
+    /// The choices and their reasons, for people.
     pub choices: Vec<String>,
     raycaster: Option<Arc<Raycaster>>,
     is_quiet: bool,
     survey: Option<Survey>,
 }
 
-/// What somebody needs of a scene.
+/// The parts of an opened scene that a command needs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Wanted {
     /// A view to begin with.
@@ -49,7 +48,7 @@ pub enum Wanted {
     Sections,
 }
 
-/// Opens the configuration's scene, and chooses what it leaves open.
+/// Opens the configuration's scene, and chooses what the configuration does not state.
 ///
 /// # Errors
 /// If there is no scene, or it cannot be loaded.
@@ -94,7 +93,8 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
     let has_lamps = features.emitters > 0;
     let may_be_dark = has_no_sky && features.suns == 0 && !opened.is_lit_by_lamps(has_lamps)?;
     let needs_sections = wanted == Wanted::Sections && opened.sections.is_empty();
-    // A dark scene is surveyed always: its rooms may need lamps, the same ones each time.
+    // A dark scene is always surveyed, because its rooms may need lamps, which must be the same
+    // each time.
     if needs_sections || opened.views.is_empty() || may_be_dark {
         let raycaster = opened.raycaster()?;
         let unit = config.unit.map(|unit| unit.0);
@@ -103,11 +103,12 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
         if unit.is_none() {
             opened.choices.push(format!("unit: {} (--unit mm|cm|m|in|ft)", survey.unit.reason));
         }
-        // Lamps in rooms are meant, however little they light.
+        // Lamps in rooms are intended, even if they light little.
         if may_be_dark && (!has_lamps || survey.rooms.is_empty()) {
             opened.light(raycaster, &survey)?;
         }
-        // After the light, which must be the same whatever is left out.
+        // The rooms are limited after the light is chosen, because the light must not depend on the
+        // limit.
         let found = survey.rooms.len();
         limit::apply(config, &mut survey);
         if needs_sections {
@@ -190,19 +191,20 @@ impl Opened {
         Ok(())
     }
 
-    /// Returns the survey, if one was needed.
+    /// Returns the survey, if one was made.
     pub fn survey(&self) -> Option<&Survey> {
         self.survey.as_ref()
     }
 
-    /// Prints what was chosen.
+    /// Prints the choices.
     pub fn say(&self, config: &Config) -> Result<()> {
         let name = scene_path(config)?.display();
         self.choices.iter().for_each(|choice| eprintln!("{name}: {choice}"));
         Ok(())
     }
 
-    /// `found` is the number of rooms before they were limited.
+    /// Chooses sections for the rooms of a survey. `found` is the number of rooms before they were
+    /// limited.
     fn choose_sections(&mut self, config: &Config, survey: &Survey, found: usize) -> Result<()> {
         let rooms: &[Room] = if config.exterior { &[] } else { &survey.rooms };
         if rooms.is_empty() {
@@ -262,7 +264,7 @@ fn counted(count: usize, one: &str, many: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { many })
 }
 
-/// Returns a section with nothing else said of it.
+/// Returns a section with default options.
 fn section(origin: DVec3, axes: [DVec3; 3], exterior: bool) -> config::Section {
     config::Section {
         name: None,
@@ -275,7 +277,8 @@ fn section(origin: DVec3, axes: [DVec3; 3], exterior: bool) -> config::Section {
     }
 }
 
-/// Returns the section around a scene, to look into. A flat scene, too, gets one with a volume.
+/// Returns the section around a scene, for views into it. Even a flat scene gets a section with a
+/// volume.
 fn around(scene: &Scene) -> Result<config::Section> {
     let (low, high) = scene.bounds();
     let margin = DVec3::splat(MARGIN * (high - low).max_element());
@@ -291,7 +294,7 @@ fn around(scene: &Scene) -> Result<config::Section> {
 pub fn rounded(value: f64, scale: f64) -> f64 {
     let step = 10f64.powf((scale.max(f64::MIN_POSITIVE)).log10().floor() - 4.0);
     let rounded = (value / step).round() * step;
-    // Decimal, so that it prints as it was rounded.
+    // Decimal places, so that the number prints as rounded.
     let places = (-step.log10()).max(0.0).round() as usize;
     format!("{rounded:.places$}").parse().unwrap_or(value) + 0.0
 }
@@ -373,7 +376,7 @@ mod tests {
             assert_eq!(has_doors, rooms > 1, "{name}: {said}");
             assert!(interior == rooms || rooms > 1 && interior > rooms, "{name}: {said}");
             assert_eq!(said.contains("preview sky"), !lit, "{name}: {said}");
-            // Without its MTL file, the panes of this one are walls.
+            // Without its MTL file, the panes of this scene are walls.
             let is_closed = name == "revit-flat";
             assert_eq!(said.contains("preview lamps"), is_closed, "{name}: {said}");
             assert_eq!(said.contains("preview sun"), rooms == 0, "{name}: {said}");
@@ -381,7 +384,7 @@ mod tests {
             assert_eq!(opened.scene.suns.len(), usize::from(has_suns), "{name}: {said}");
             let emitters = opened.scene.features().emitters;
             assert!(!is_closed || emitters == 2 * interior, "{name}: {said}");
-            // Whoever begins there sees something, and stands in the open.
+            // From the first view, something is visible, and the eye stands in the open.
             let mut view = holo_picture::ViewSpec::default();
             view.apply_line(&opened.views[0].1).unwrap();
             let mut opened = opened;
@@ -390,7 +393,7 @@ mod tests {
             let (ray, _) =
                 raycaster.localize(view.vp.unwrap(), view.vd.unwrap().normalize()).unwrap();
             let ahead = f64::from(raycaster.nearest(&ray).unwrap().t) * unit;
-            // The vase is looked at from as far as it is tall.
+            // A vase is viewed from at least its own height away.
             let least = if rooms == 0 { 0.1 } else { 0.3 };
             assert!(ahead > least, "{name}: {ahead} m to what is seen");
         }

@@ -1,12 +1,12 @@
-//! Passes of `holodeck render`: each adds paths to every pixel, until there are enough.
+//! Passes of `holodeck render`. Each adds paths to every pixel, until there are enough.
 //!
-//! Under a time limit, the first pass goes over ever finer grids of pixels. If it cannot be whole,
-//! pixels without a path show one nearby ([`filled`]).
+//! Under a time limit, the first pass goes over ever finer grids of pixels. If the time ends it
+//! early, pixels without a path copy a pixel nearby ([`filled`]).
 //!
-//! Always true:
+//! Invariants:
 //! - A pixel's value is a function of its number of paths (engine `path`).
-//! - A time limit ends the work after the block of pixels that a thread is at. So it holds however
-//!   long a pass takes, once one pixel in [`COARSEST`]² has a path.
+//! - A time limit ends the work after the block of pixels that a thread is tracing. The limit
+//!   therefore holds even for long passes, once one pixel in [`COARSEST`]² has a path.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -29,11 +29,11 @@ const PASS: u32 = 4;
 /// time limit: see [`Tracer::set_effort`].
 const EFFORT: u32 = 2;
 
-/// Share of a limited time in which records may be begun. Later ones would serve few samples.
+/// Share of the time limit during which records may be begun. Later ones would serve few samples.
 const RECORD_SHARE: f64 = 0.75;
 
-/// Least time that is left when a record is begun. The first of a scene makes a hundred coarse ones
-/// and takes up to a second.
+/// Least remaining time for a record to be begun. The first record of a scene makes a hundred
+/// coarse ones and takes up to a second.
 const RECORD_TIME: Duration = Duration::from_secs(1);
 
 /// A picture to be traced.
@@ -48,16 +48,16 @@ pub struct Job {
     pub seed: u64,
     /// Threads that trace.
     pub threads: usize,
-    /// What ends the work.
+    /// The end of the work.
     pub limit: Limit,
 }
 
-/// What ends the work, besides an interruption.
+/// The condition that ends the work, besides an interruption.
 #[derive(Clone, Copy, Debug)]
 pub enum Limit {
-    /// So many paths per pixel.
+    /// A number of paths per pixel.
     Paths(u32),
-    /// So much time since the work began.
+    /// A time since the work began.
     Time(Duration),
 }
 
@@ -66,20 +66,20 @@ pub enum Limit {
 pub struct Sums {
     /// Number of paths.
     pub paths: u32,
-    /// Of their radiances.
+    /// Sums of the paths' radiances.
     pub first: [f64; 3],
-    /// Of the squares of these.
+    /// Sums of the squares of these radiances.
     pub second: [f64; 3],
 }
 
-/// How far the work is.
+/// The progress of the work.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {
     /// Share of the limit that is used up, 0 to 1.
     pub share: f64,
-    /// Paths of every pixel.
+    /// Number of paths of every pixel.
     pub paths: u32,
-    /// Since the work began.
+    /// Time since the work began.
     pub elapsed: Duration,
 }
 
@@ -108,7 +108,8 @@ impl Job {
         loop {
             let count = match self.limit {
                 Limit::Paths(wanted) => PASS.min(wanted - paths),
-                // The least picture, as soon as possible: no sample waits for records of light.
+                // The first coarse picture must be ready soon, so no sample waits for records of
+                // light.
                 Limit::Time(_) if paths == 0 => 1,
                 Limit::Time(_) => PASS,
             };
@@ -137,7 +138,7 @@ impl Job {
         sums.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns whether the time is up.
+    /// Returns true if the time is up.
     fn is_late(&self, elapsed: Duration) -> bool {
         matches!(self.limit, Limit::Time(time) if elapsed >= time)
     }
@@ -184,7 +185,7 @@ impl Job {
             let [dx, dy] = jitter(path, turn);
             let x = (f64::from(column) + dx) / f64::from(self.size.0);
             let y = 1.0 - (f64::from(row) + dy) / f64::from(self.size.1);
-            // Corners of fisheyes have no direction: they are black.
+            // Corners of fisheyes have no direction, and stay black.
             let Some((origin, direction, reach)) = self.view.clipped_ray(x, y) else { continue };
             let traced = self.tracer.trace_path(origin, direction, turn, u64::from(path));
             if reach.is_finite() && traced.distance > reach {
@@ -233,7 +234,7 @@ fn grid((width, height): (u32, u32), step: u32) -> Vec<u32> {
     rows.flat_map(|row| columns().map(move |column| row * width + column)).collect()
 }
 
-/// Returns those pixels of a grid that a grid of twice its step lacks.
+/// Returns those pixels of a grid that are not in the grid of twice its step.
 fn between(size: (u32, u32), step: u32) -> Vec<u32> {
     let is_new = |pixel: &u32| {
         let (column, row) = (pixel % size.0, pixel / size.0);
@@ -242,8 +243,8 @@ fn between(size: (u32, u32), step: u32) -> Vec<u32> {
     grid(size, step).into_iter().filter(is_new).collect()
 }
 
-/// Returns the sums of a picture whose first pass was not whole: pixels without paths have those of
-/// a pixel to the left or above, the nearest that was traced.
+/// Returns the sums of a picture whose first pass was incomplete. A pixel without paths gets the
+/// sums of the nearest traced pixel to the left or above.
 pub fn filled(sums: &[Sums], width: u32) -> Vec<Sums> {
     let nearest = |pixel: usize| {
         let (column, row) = (pixel as u32 % width, pixel as u32 / width);
@@ -275,7 +276,7 @@ pub fn reduced(sums: &[Sums], (width, height): (u32, u32), step: u32) -> ((u32, 
 }
 
 /// Returns the step between blocks that are traced one after the other: about 0.618 of their
-/// number, and coprime to it. So a pass that ends early has spread its paths over the picture.
+/// number, and coprime to it. The paths of a pass that ends early are then spread over the picture.
 fn stride(blocks: usize) -> usize {
     let coprime = |step: &usize| {
         let (mut a, mut b) = (blocks, *step);
@@ -287,8 +288,8 @@ fn stride(blocks: usize) -> usize {
     ((blocks as f64 * 0.618) as usize..blocks).find(coprime).unwrap_or(1)
 }
 
-/// Returns where in the pixel path `index` goes: the R2 sequence (Roberts 2018), shifted by the
-/// pixel's own offset. Any number of paths is well spread over the box filter.
+/// Returns the position of path `index` in its pixel: the R2 sequence (Roberts 2018), shifted by
+/// the pixel's own offset. Any number of paths is well spread over the box filter.
 fn jitter(index: u32, turn: u64) -> [f64; 2] {
     /// Powers of the plastic number ρ: 1/ρ and 1/ρ².
     const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
@@ -330,7 +331,7 @@ mod tests {
         Job { tracer, view, size, seed: 1, threads: THREADS as usize, limit }
     }
 
-    /// Traces by a clock that goes on by a second whenever somebody reads it.
+    /// Traces with a clock that advances by a second at each reading.
     fn run(job: &Job) -> Vec<Sums> {
         let readings = AtomicU64::new(0);
         job.run(
@@ -342,7 +343,7 @@ mod tests {
 
     #[test]
     fn a_time_limit_ends_the_work_within_a_pass() {
-        // A thread reads the clock before each block; after each pass it is read twice.
+        // A thread reads the clock before each block. After each pass the clock is read twice.
         for seconds in [0, 1, 5, 20, 100] {
             let sums = run(&job(false, Limit::Time(Duration::from_secs(seconds))));
             assert!(sums.iter().all(|sums| sums.paths == 0 || sums.paths % PASS == 1));
@@ -366,7 +367,7 @@ mod tests {
             if cut[pixel].paths > 0 {
                 assert_eq!(filled.first, cut[pixel].first);
             }
-            // It is what some pixel of the same picture has, at most 15 away.
+            // The value is that of another pixel of the same picture, at most 15 away.
             let (column, row) = (pixel % 32, pixel / 32);
             let rows = row.saturating_sub(15)..=row;
             let mut near =

@@ -1,4 +1,4 @@
-//! From a scene and options to an open holodeck file.
+//! Makes and opens a holodeck file for a scene and options.
 
 use std::{
     collections::BTreeMap,
@@ -24,10 +24,10 @@ use crate::{
     scene_args::{check_units, scene_path, settings},
 };
 
-/// Memory for beams while a file is only made or looked into.
+/// Memory for beams while a file is only made or read.
 pub const SMALL_CACHE: u64 = 16 << 20;
 
-/// Records of indirect light are worth making if this share of a scene's surface is diffuse.
+/// Least share of diffuse surfaces for which records of indirect light are worthwhile.
 const DIFFUSE: f64 = 0.1;
 
 /// Makes a holodeck file. If it exists, only checks that it has this scene and these settings.
@@ -39,7 +39,7 @@ pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
     let existing = path.exists().then(|| Holodeck::open(path, SMALL_CACHE)).transpose()?;
     let mut opened = match &existing {
         None => open(config, Wanted::Sections, quiet)?,
-        // What was chosen for the file stays chosen.
+        // The choices stored in the file stay.
         Some(file) => open(&chosen_before(config, &file.about), Wanted::Sections, true)?,
     };
     let packed = opened.scene.pack();
@@ -70,7 +70,7 @@ pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
             check_same(path, file, &about, &opened.scene)?;
         }
     }
-    // If one of them is wrong, no file is made.
+    // If a stand-in is wrong, no file is made.
     let stand_ins = stand_ins(config, about.sections.len(), quiet)?;
     let mut holodeck = match existing {
         Some(holodeck) => holodeck,
@@ -81,14 +81,14 @@ pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
             Holodeck::create(path, about, &packed, SMALL_CACHE)?
         }
     };
-    // Stand-ins decide no sample, so those named now may replace those in the file.
+    // Stand-ins do not affect samples, so new ones may replace those in the file.
     if !stand_ins.is_empty() {
         holodeck.set_stand_ins(&stand_ins)?;
     }
     Ok(holodeck)
 }
 
-/// Returns a configuration in which what a file's maker left open is as it was chosen then.
+/// Returns the configuration, completed by the choices that were made when the file was created.
 fn chosen_before(config: &Config, about: &About) -> Config {
     let mut config = config.clone();
     config.up = config.up.or(Some(config::Up(about.up)));
@@ -111,11 +111,11 @@ fn chosen_before(config: &Config, about: &About) -> Config {
     config
 }
 
-/// Checks that a file holds samples of this scene, by these settings and sections.
+/// Checks that a file has samples of this scene, with these settings and sections.
 fn check_same(path: &Path, file: &Holodeck, now: &About, scene: &Scene) -> Result<()> {
     let name = path.display();
     if file.about.scene != now.scene {
-        // A damaged scene, or one of an earlier format, has nothing to compare.
+        // A damaged scene, or one in an earlier format, cannot be compared.
         let before = file.packed_scene().ok().and_then(|packed| Scene::unpack(&packed).ok());
         let found = before.map(|before| differences::of_scenes(&before, scene)).unwrap_or_default();
         let found =
@@ -135,8 +135,8 @@ fn check_same(path: &Path, file: &Holodeck, now: &About, scene: &Scene) -> Resul
     Ok(())
 }
 
-/// Loads the stand-ins for the scene, and says where each is from. The command line's come before
-/// those of the configuration's sections.
+/// Loads the stand-ins for the scene, and returns the origin of each. The command line's come
+/// before those of the configuration's sections.
 fn stand_ins(config: &Config, sections: usize, quiet: bool) -> Result<Vec<(StandIn, String)>> {
     let of = |kind: StandInKind| {
         let (name, given) = match kind {
@@ -171,8 +171,8 @@ fn stand_ins(config: &Config, sections: usize, quiet: bool) -> Result<Vec<(Stand
     of(StandInKind::Geometry).chain(of(StandInKind::Portals)).collect()
 }
 
-/// Returns the engine that makes clean samples soonest. Records of indirect light help if there is
-/// such light, and if enough surfaces are diffuse.
+/// Returns the engine that reaches clean samples soonest. Records of indirect light help if there
+/// is such light, and if enough surfaces are diffuse.
 fn engine_for(scene: &Scene, bounces: Option<u32>) -> Engine {
     let (mut diffuse, mut all) = (0.0, 0.0);
     for triangle in 0..scene.triangles.len() as u32 {

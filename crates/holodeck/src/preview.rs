@@ -1,5 +1,5 @@
-//! Light for scenes that are dark without it: a sky, lamps in rooms that no sky reaches, and a sun
-//! for objects without rooms.
+//! Adds light to dark scenes: a sky, lamps in rooms without a view of the sky, and a sun for
+//! objects without rooms.
 
 use anyhow::Result;
 use glam::{DVec3, Vec3};
@@ -7,31 +7,31 @@ use holo_raycast::{Ray, Raycaster};
 use holo_scene::{Bsdf, Material, Rgb, Scene, Sun};
 use holo_survey::{Room, Sight};
 
-/// Radiance of the sky that lights a scene in which nothing glows, W·sr⁻¹·m⁻².
+/// Radiance of the sky for a scene in which nothing glows, W·sr⁻¹·m⁻².
 const SKY: f32 = 1.0;
 
-/// Irradiance of a clear sky over that of the sun beside it.
+/// Ratio of the irradiance of a clear sky to that of its sun.
 const SKY_OVER_SUN: f32 = 0.2;
 
-/// Radiance of the lamps over the sky's: a panel of a twentieth of the ceiling is as bright as a
-/// window.
+/// Ratio of the lamps' radiance to the sky's. A panel of a twentieth of the ceiling is then as
+/// bright as a window.
 const LAMP_OVER_SKY: f32 = 10.0;
 
-/// Most rooms that get a lamp, the largest first.
+/// Most rooms with an added lamp, the largest first.
 const MOST_LAMPS: usize = 8;
 
-/// Share of a room's width and depth that its lamp has.
+/// Width and depth of a lamp, as shares of the room's.
 const SHARE: f64 = 0.25;
 
-/// Share of the way from the eye to the ceiling at which a lamp hangs.
+/// Height of a lamp, as a share of the way from the eye to the ceiling.
 const HEIGHT: f64 = 0.9;
 
-/// Directions that look for the sky, and the share of them that must find it.
+/// Number of directions in which the sky is searched for, and the share of them that must reach it.
 const DIRECTIONS: usize = 256;
 const ENOUGH: f64 = 0.01;
 
-/// Returns the radiance of the sky for a dark scene, and whether anything glows in it. The sky is
-/// as bright as what glows most, so that both are seen.
+/// Returns the radiance of the sky for a dark scene, and true if anything glows in the scene. The
+/// sky is as bright as the brightest glow, so that both are visible.
 pub fn sky(scene: &Scene) -> (Rgb, bool) {
     let triangles = 0..scene.triangles.len() as u32;
     let most = triangles.flat_map(|triangle| scene.material(triangle).emission).fold(0.0, f32::max);
@@ -41,14 +41,14 @@ pub fn sky(scene: &Scene) -> (Rgb, bool) {
     }
 }
 
-/// Returns a radiance as one writes it on the command line.
+/// Returns a radiance in the form of the command line.
 pub fn words(radiance: Rgb) -> String {
     let [r, g, b] = radiance.map(|c| crate::opening::rounded(f64::from(c), f64::from(c)));
     if r == g && g == b { format!("{r}") } else { format!("{r},{g},{b}") }
 }
 
-/// Returns a sun that shows the shape of an object that is looked at so: from above, the left and
-/// behind the viewer. It is as strong as a clear day's is beside this sky.
+/// Returns a sun that shows the shape of an object in this view. It shines from above, the left and
+/// behind the viewer. It is as strong beside this sky as on a clear day.
 pub fn sun(sight: &Sight, sky: Rgb) -> Sun {
     let right = sight.direction.cross(sight.up).normalize_or_zero();
     let towards = sight.up * 0.8 - right * 0.7 - sight.direction * 0.6;
@@ -56,14 +56,14 @@ pub fn sun(sight: &Sight, sky: Rgb) -> Sun {
     Sun { towards: towards.normalize_or(sight.up).as_vec3().to_array(), irradiance }
 }
 
-/// Returns the radiance of a sky that goes with these suns, for scenes that have no other.
+/// Returns the radiance of a sky that suits these suns, for scenes without a sky.
 pub fn sky_beside(suns: &[Sun]) -> [f32; 3] {
     let share = SKY_OVER_SUN / std::f32::consts::PI;
     std::array::from_fn(|k| share * suns.iter().map(|sun| sun.irradiance[k]).sum::<f32>())
 }
 
-/// Returns the scene with a lamp in each large room from which no sky is seen, and how many there
-/// are. `None` if every room sees it.
+/// Returns the scene with a lamp in each large room without a view of the sky, and the number of
+/// lamps. `None` if the sky is visible from every room.
 pub fn with_lamps(raycaster: &Raycaster, rooms: &[Room]) -> Result<Option<(Scene, usize)>> {
     let rooms = rooms.iter().take(MOST_LAMPS);
     let dark: Vec<&Room> = rooms.filter(|room| !sees_sky(raycaster, room)).collect();
@@ -106,7 +106,7 @@ pub fn with_lamps(raycaster: &Raycaster, rooms: &[Room]) -> Result<Option<(Scene
     Ok(Some((lit, dark.len())))
 }
 
-/// Returns whether enough of the sky is seen from the middle of a room. Panes hide nothing.
+/// Returns true if enough of the sky is visible from the middle of a room. Panes hide nothing.
 fn sees_sky(raycaster: &Raycaster, room: &Room) -> bool {
     let scene = raycaster.scene();
     let [across, along, up] = room.axes;
@@ -140,6 +140,6 @@ fn panel(raycaster: &Raycaster, room: &Room) -> [DVec3; 4] {
         .and_then(|(ray, skipped)| Some(skipped + f64::from(raycaster.nearest(&ray)?.t)));
     let middle = middle + up * (HEIGHT * ceiling.unwrap_or(height.length()));
     let (a, b) = (across * (SHARE * 0.5), along * (SHARE * 0.5));
-    // Across, along and up are right-handed: seen from below, this runs counter-clockwise.
+    // Across, along and up are right-handed, so this runs counter-clockwise as seen from below.
     [middle - a - b, middle - a + b, middle + a + b, middle + a - b]
 }

@@ -1,4 +1,4 @@
-//! Starting the other processes: this same program, with their name as first argument.
+//! Starts the other processes: this same program, with their name as first argument.
 
 use std::{
     collections::VecDeque,
@@ -16,23 +16,23 @@ use tokio::{
     time::timeout,
 };
 
-/// How long a process may take to end once it was asked: a server writes what it has.
+/// Longest time for a process to end after a request. A server must write its data.
 const END_TIME: Duration = Duration::from_secs(30);
 
-/// Lines on standard error that are kept as a process's last words.
+/// Number of lines of standard error that are reported if a process fails.
 const LAST_LINES: usize = 3;
 
-/// A process started here. It ends when its standard input does, and so with this process, however
-/// this one ends.
+/// A process started here. It ends when its standard input ends, and so with this process, even if
+/// this one is killed.
 pub struct Process {
     name: &'static str,
     child: Child,
-    /// Kept apart, because waiting for a child closes the input that it still holds.
+    /// Held separately, because waiting for a child closes the input that it still holds.
     input: Option<ChildStdin>,
 }
 
 impl Process {
-    /// Starts this program as `name`. Its standard output is piped to here.
+    /// Starts this program as `name`. Its standard output is piped to this process.
     pub fn start(name: &'static str, arguments: &[OsString], stderr: Stdio) -> Result<Process> {
         let program = std::env::current_exe().context("finding this program")?;
         let mut child = Command::new(program)
@@ -50,23 +50,23 @@ impl Process {
         Ok(Process { name, child, input })
     }
 
-    /// Returns the lines of its standard output.
+    /// Returns the lines of the process's standard output.
     pub fn output(&mut self) -> Result<Lines<BufReader<ChildStdout>>> {
         let output = self.child.stdout.take();
         Ok(lines(output.with_context(|| format!("reading the output of {}", self.name))?))
     }
 
-    /// Returns the lines of its standard error, if that is piped.
+    /// Returns the lines of the process's standard error, if that is piped.
     pub fn errors(&mut self) -> Option<Lines<BufReader<ChildStderr>>> {
         self.child.stderr.take().map(lines)
     }
 
-    /// Waits for its end. A call that is dropped half-way loses nothing.
+    /// Waits for the process to end. A call that is dropped half-way loses nothing.
     pub async fn ended(&mut self) -> Result<ExitStatus> {
         self.child.wait().await.with_context(|| format!("waiting for {}", self.name))
     }
 
-    /// Waits for its end.
+    /// Waits for the process to end.
     ///
     /// # Errors
     /// If its exit status is not 0.
@@ -78,7 +78,7 @@ impl Process {
         Ok(())
     }
 
-    /// Asks it to end, and waits.
+    /// Requests the process to end, and waits.
     ///
     /// # Errors
     /// If its exit status is not 0, or it had to be killed.
@@ -91,7 +91,7 @@ impl Process {
         bail!("{} did not end within {} seconds", self.name, END_TIME.as_secs());
     }
 
-    /// Ends it at once, whatever it does.
+    /// Ends the process at once.
     ///
     /// # Errors
     /// If the system does not end it.
@@ -104,7 +104,7 @@ fn lines<T: AsyncRead>(stream: T) -> Lines<BufReader<T>> {
     BufReader::new(stream).lines()
 }
 
-/// Passes lines on to standard error until they end. Returns the last of them.
+/// Copies lines to standard error until they end. Returns the last of them.
 pub async fn relay(mut lines: Lines<BufReader<ChildStderr>>) -> VecDeque<String> {
     let mut last = VecDeque::new();
     while let Ok(Some(line)) = lines.next_line().await {
@@ -121,18 +121,18 @@ pub async fn relay(mut lines: Lines<BufReader<ChildStderr>>) -> VecDeque<String>
 pub struct Server {
     /// The process.
     pub process: Process,
-    /// Where it listens.
+    /// The address where the server listens.
     pub address: SocketAddr,
-    /// The lines that it prints later, once it has ended.
+    /// The lines that the server prints later, available once it has ended.
     pub output: JoinHandle<Vec<String>>,
 }
 
 impl Server {
-    /// Starts a server and waits until it takes connections. The arguments say where it listens. It
-    /// prints the string by which others join, if they may.
+    /// Starts a server, and waits until it accepts connections. The arguments state where it
+    /// listens. If other machines may join, it prints the string to join with.
     ///
     /// # Errors
-    /// If it cannot be started or ends at once; it then says why on standard error.
+    /// If it cannot be started or ends at once. It then reports the reason on standard error.
     pub async fn start(arguments: Vec<OsString>) -> Result<Server> {
         let mut process = Process::start("holoserver", &arguments, Stdio::inherit())?;
         let mut output = process.output()?;

@@ -1,4 +1,4 @@
-//! `holodeck render`: a picture straight from the tracer, with which holodecks are compared.
+//! `holodeck render`: traces a picture directly, as a reference for holodecks.
 
 use std::{
     path::{Path, PathBuf},
@@ -42,11 +42,12 @@ pub struct Args {
     /// Paths per pixel
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     spp: Option<u32>,
-    /// As many paths as fit into this time, such as 60s; loading does not count [default: 10s]
+    /// Trace for this time, such as 60s, with as many paths as fit; loading does not count
+    /// [default: 10s]
     #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time, conflicts_with = "spp")]
     time: Option<Duration>,
     /// Denoise the picture by Open Image Denoise. `auto`: if it is installed; `off`; or the file of
-    /// its library. Denoised pictures have a bias that nobody states
+    /// its library. The bias of denoised pictures is unknown
     #[arg(long, value_name = "auto|off|FILE", default_value = "off")]
     denoise: DenoiseArg,
     /// Also write every pixel's standard error to this file, as if its paths were independent
@@ -81,7 +82,7 @@ pub async fn run(args: Args) -> Result<()> {
         None => scene_path(&config)?.with_extension("png").file_name().unwrap_or_default().into(),
     };
     args.look.check(&output).map_err(Usage)?;
-    // Before anything is traced, which may take hours.
+    // Load it first, because tracing may take hours.
     let denoiser = args.denoise.load(Quality::High)?;
     let (mut opened, view, size) = open_view(&args, &config)?;
     let settings = settings(&config, Engine::Path);
@@ -103,14 +104,14 @@ pub async fn run(args: Args) -> Result<()> {
     rendered.write(&args, denoiser, raycaster, &output)
 }
 
-/// Opens the scene, and returns it with the view and the size of the picture. A view that people
-/// state in full needs no other.
+/// Opens the scene, and returns it with the view and the size of the picture. If the view is stated
+/// in full, no other is needed.
 fn open_view(args: &Args, config: &Config) -> Result<(Opened, View, (u32, u32))> {
     let stated = args.view.spec(&config.views()).ok();
     let is_whole = stated.is_some_and(|view| view.vp.is_some() && view.vd.is_some());
     let mut config = config.clone();
     if is_whole && config.views().is_empty() {
-        // No view has to be looked for.
+        // A stated view makes the search for views unnecessary.
         config.named_views = vec![("stated".to_owned(), String::new())];
     }
     let opened = open(&config, Wanted::View, args.quiet)?;
@@ -123,7 +124,7 @@ fn open_view(args: &Args, config: &Config) -> Result<(Opened, View, (u32, u32))>
         spec.apply_line(first)?;
     }
     let stated = args.view.spec(&opened.views)?;
-    // The first view's place does not suit another direction, nor its up another place.
+    // The first view's place does not suit another direction, nor its up vector another place.
     if stated.vp.is_some() {
         spec.vu = up;
     }
@@ -135,7 +136,7 @@ fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// A picture that was traced.
+/// A traced picture.
 struct Rendered {
     view: View,
     size: (u32, u32),
@@ -144,7 +145,7 @@ struct Rendered {
     nonfinite: u64,
 }
 
-/// Traces until there are enough paths, the time is up, or Ctrl-C.
+/// Traces until there are enough paths, the time is up, or Ctrl-C is pressed.
 fn render(job: &Job, quiet: bool, shutdown: &Shutdown) -> Rendered {
     let start = Instant::now();
     let mut meter = Meter::new(quiet);

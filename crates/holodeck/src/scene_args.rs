@@ -1,4 +1,4 @@
-//! Options for what is traced: the scene, its sections, the engine.
+//! Options for tracing: the scene, its sections, the engine.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use holo_proto::control::{Engine, RenderSettings};
 
 use crate::config::{self, Config, Obstructions};
 
-/// The error of somebody who called the program wrongly: exit status 2.
+/// Wrong usage of the program: exit status 2.
 #[derive(Debug)]
 pub struct Usage(pub String);
 
@@ -20,7 +20,7 @@ impl std::fmt::Display for Usage {
 
 impl std::error::Error for Usage {}
 
-/// What is traced.
+/// Options for the scene and its sections.
 #[derive(Args, Clone, Debug, Default)]
 pub struct SceneArgs {
     /// Read scene, sections, views and settings from this file; options override it
@@ -41,20 +41,21 @@ pub struct SceneArgs {
     /// Make sections to look into from outside, not to look out of
     #[arg(long)]
     pub exterior: bool,
-    /// If no section is stated: how many rooms get one, the largest first [default: 8]
+    /// If no section is stated: number of rooms that get one, the largest first [default: 8]
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
     pub max_rooms: Option<usize>,
-    /// If no section is stated: how many beams all of them may have. Small rooms and then doors are
-    /// left out [default: 2M]
+    /// If no section is stated: number of beams that all sections may have. Small rooms and then
+    /// doors are left out [default: 2M]
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     pub max_beams: Option<u64>,
-    /// Whether what stands inside sections is seen [default: auto]
+    /// Whether objects inside sections are visible [default: auto]
     #[arg(long, value_enum)]
     pub obstructions: Option<Obstructions>,
-    /// Which way is up: y, z or a direction [default: said by the file, or guessed with a reason]
+    /// The up direction: y, z or a direction [default: as the file states, or guessed with a
+    /// reason]
     #[arg(long, value_name = "y|z|X,Y,Z", allow_hyphen_values = true)]
     pub up: Option<config::Up>,
-    /// How long the scene's unit is [default: said by the file, or guessed with a reason]
+    /// The length of the scene's unit [default: as the file states, or guessed with a reason]
     #[arg(long, value_name = "mm|cm|m|in|ft|METRES")]
     pub unit: Option<config::Unit>,
     /// Surround the scene with a sky of this radiance, such as 1,1,1
@@ -63,11 +64,11 @@ pub struct SceneArgs {
     /// Let lights shine from both sides
     #[arg(long)]
     pub two_sided_lights: bool,
-    /// What traces: `path` (unbiased) or `cached` (clean samples, with indirect light within
+    /// The engine: `path` (unbiased) or `cached` (clean samples, with indirect light within
     /// --accuracy) [default: for `render` path, else cached if there are diffuse surfaces]
     #[arg(long, value_parser = parse_engine)]
     pub engine: Option<Engine>,
-    /// Limit indirect light to so many bounces; 0 is direct light only [default: no limit]
+    /// Limit indirect light to this many bounces; 0 is direct light only [default: no limit]
     #[arg(long, value_name = "N")]
     pub bounces: Option<u32>,
     /// Paths averaged into one sample [default: 1]
@@ -76,8 +77,8 @@ pub struct SceneArgs {
     /// Relative error of indirect light that --engine cached aims at [default: 0.03]
     #[arg(long, value_name = "SHARE", value_parser = parse_accuracy)]
     pub accuracy: Option<f32>,
-    /// In flat mirrors and glass, store the distance of what they show. Reflections get sharper in
-    /// motion, but their edges may break up
+    /// In flat mirrors and glass, store the distance of the surfaces that they show. Reflections
+    /// get sharper in motion, but their edges may break up
     #[arg(long)]
     pub virtual_distance: bool,
     /// Seed of the random numbers [default: 0]
@@ -89,7 +90,7 @@ impl SceneArgs {
     /// Returns the configuration file, overridden by these options.
     ///
     /// # Errors
-    /// If the file cannot be read or is wrong.
+    /// If the file cannot be read or has an error.
     pub fn resolve(&self, scene: Option<&PathBuf>) -> Result<Config> {
         let mut config = self.config.as_deref().map(Config::read).transpose()?.unwrap_or_default();
         config.scene = scene.cloned().or(config.scene);
@@ -119,7 +120,7 @@ impl SceneArgs {
     }
 }
 
-/// Returns how samples are traced. `engine` is for a configuration that names none.
+/// Returns the settings of samples. `engine` is the default for a configuration without an engine.
 pub fn settings(config: &Config, engine: Engine) -> RenderSettings {
     RenderSettings {
         engine: config.engine.unwrap_or(engine),
@@ -206,7 +207,7 @@ fn parse_section(text: &str) -> Result<config::Section, String> {
 /// Returns the path of the scene.
 ///
 /// # Errors
-/// If there is none.
+/// If the configuration has no scene.
 pub fn scene_path(config: &Config) -> Result<&PathBuf> {
     let path = config.scene.as_ref();
     path.ok_or_else(|| {

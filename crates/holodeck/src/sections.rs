@@ -1,4 +1,4 @@
-//! `holodeck sections`: where a scene's rooms are, as options and as a plan.
+//! `holodeck sections`: prints a scene's rooms as options, and draws a plan.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! The beams that given views see: what `fill --views` fills.
+//! The beams that given views see, for `fill --views`.
 
 use std::{fs, path::Path};
 
@@ -9,11 +9,11 @@ use holo_picture::View;
 use holo_section::Section;
 use holo_server::{About, BeamList};
 
-/// The picture that a view is taken for if it does not state both angles, pixels.
+/// Picture size assumed for a view that does not state both angles, pixels.
 const SIZE: (u32, u32) = (1280, 720);
 
-/// Returns the beams that the rays of views belong to. The file has a view in each line, as
-/// Radiance's view files do. Empty lines and those that begin with `#` are skipped.
+/// Returns the beams that the rays of views belong to. Each line of the file has a view, as in
+/// Radiance's view files. Empty lines and those that begin with `#` are skipped.
 ///
 /// # Errors
 /// If the file cannot be read, a line is no view, or no view sees a beam.

@@ -1,4 +1,4 @@
-//! `holodeck status`: how a running server fares, for people and for other programs.
+//! `holodeck status`: shows the state of a running server, for people and for other programs.
 
 use std::{fmt::Write, path::PathBuf};
 
@@ -13,7 +13,7 @@ use holo_proto::{
 
 use crate::{joining, metrics};
 
-/// Show how a running server fares: its file, its workers and its displays
+/// Show the state of a running server: its file, its workers and its displays
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck status --connect 127.0.0.1:7070\n  \
     holodeck status --connect 127.0.0.1:7070 --prometheus")]
@@ -37,7 +37,7 @@ pub struct Args {
     /// Print the text that Prometheus reads
     #[arg(long)]
     prometheus: bool,
-    /// Go on, and answer Prometheus at http://HOST:PORT/metrics. On this machine alone
+    /// Keep running, and answer Prometheus at http://HOST:PORT/metrics. On this machine alone
     #[arg(long, value_name = "HOST:PORT", conflicts_with_all = ["json", "prometheus"])]
     serve: Option<String>,
 }
@@ -61,20 +61,20 @@ pub async fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-/// A server to ask.
+/// A server that is queried.
 #[derive(Clone)]
 pub struct Server {
-    /// Where it is.
+    /// The server's address.
     destination: Destination,
-    /// Where its certificate and tokens are, if it is one of this user's.
+    /// Folder of the server's certificate and tokens, if the server is this user's own.
     identity: Option<PathBuf>,
 }
 
-/// Asks a server how it fares.
+/// Requests a server's report.
 pub async fn ask(server: &Server) -> Result<Report> {
     let connect = |to| holo_net::connect(to, Role::Admin, "holodeck status");
     let mut connected = connect(server.destination.clone()).await;
-    // A server for other machines refuses those that prove nothing, even on this machine.
+    // A server for other machines refuses connections without a token, even on this machine.
     if matches!(connected, Err(NetError::Refused(_)))
         && let Some(own) = joining::own(&server.destination, server.identity.as_deref())?
     {
@@ -92,7 +92,7 @@ pub async fn ask(server: &Server) -> Result<Report> {
     }
 }
 
-/// Returns a report for people.
+/// Returns a report as a table for people.
 fn table(report: &Report) -> String {
     let mut text = format!(
         "{}: {} samples, {}; {} traced, {}/s; {} beams see nothing\n",

@@ -1,4 +1,4 @@
-//! `holodeck view`, `replay` and `picture`: a viewer, with a server and workers as far as needed.
+//! `holodeck view`, `replay` and `picture`: run a viewer, with a server and workers as needed.
 
 use std::{ffi::OsString, net::SocketAddr, path::PathBuf};
 
@@ -17,7 +17,7 @@ use crate::{
     worker::NICE_BESIDE_DISPLAY,
 };
 
-/// How a session is shown and followed.
+/// Options for showing and following a session.
 #[derive(clap::Args, Clone)]
 pub struct SessionArgs {
     #[command(flatten)]
@@ -40,7 +40,7 @@ pub struct SessionArgs {
     /// picture FILE, with PART,…, without PART,… (of the render cache), quit
     #[arg(long, value_name = "FILE")]
     script: Option<PathBuf>,
-    /// Without a script: stay for so long, such as 20s
+    /// Without a script: end after this time, such as 20s
     #[arg(long, value_name = "TIME", default_value = "0", value_parser = holo_view::parse_seconds)]
     time: f64,
     /// Write a picture to this file at the end (.exr .hdr .pfm .png)
@@ -73,8 +73,8 @@ impl SessionArgs {
         }
     }
 
-    /// Refuses what would do nothing. `keeps` says whether traced samples go to a file that stays,
-    /// and `example` is a command that would do something.
+    /// Refuses options without any effect. `keeps` is true if traced samples go to a file that
+    /// stays, and `example` is a command that has an effect.
     fn check(&self, keeps: bool, example: &str) -> Result<(), Usage> {
         self.driver.check().map_err(Usage)?;
         self.look.look().map_err(Usage)?;
@@ -90,7 +90,7 @@ impl SessionArgs {
         Ok(())
     }
 
-    /// Refuses what a session does not do in which somebody walks.
+    /// Refuses options that do not apply to a session in which a person walks.
     fn check_walk(&self, example: &str) -> Result<(), Usage> {
         let said = [
             ("--script", self.script.is_some()),
@@ -106,10 +106,10 @@ impl SessionArgs {
         }
     }
 
-    /// Returns what shows the session.
+    /// Returns the front end of the session.
     ///
     /// # Errors
-    /// If it cannot be shown here.
+    /// If it cannot run here.
     fn front_end(&self, screen: Screen) -> Result<FrontEnd> {
         let front_end = if self.headless {
             FrontEnd::Script
@@ -123,31 +123,31 @@ impl SessionArgs {
     }
 }
 
-/// What shows a session.
+/// The front end of a session.
 pub enum FrontEnd {
     /// A page in a browser.
     Browser(BrowserArgs),
     /// A window.
     Window {
-        /// The file that the walk is recorded in, as a script.
+        /// The file in which the walk is recorded, as a script.
         record: Option<PathBuf>,
-        /// The way to the thread that windows belong to.
+        /// Connection to the thread that windows belong to.
         screen: Screen,
     },
-    /// Nothing: a script is followed.
+    /// Nothing is shown, and a script is followed.
     Script,
 }
 
 impl FrontEnd {
-    /// Checks early that a session can be shown so, before anything else is done for it.
+    /// Checks that this front end can run here, before the session is prepared.
     ///
     /// # Errors
-    /// Why it cannot.
+    /// The reason why it cannot.
     pub fn check(&self) -> Result<()> {
         if let FrontEnd::Window { .. } = self { holo_view::check_desktop() } else { Ok(()) }
     }
 
-    /// Shows a session until it ends. A script's seconds begin when `ready` says so.
+    /// Shows a session until it ends. A script's time begins when `ready` completes.
     async fn show(
         self,
         config: holo_view::Config,
@@ -221,7 +221,7 @@ pub async fn view(args: ViewCommand, screen: Screen) -> Result<()> {
         return session.run(|address| args.session.viewer(address)).await;
     }
     let config = args.scene_args.resolve(args.what.as_ref())?;
-    // Without a name, samples live only as long as the session.
+    // Without a name, samples exist only as long as the session.
     let temporary = tempfile::tempdir().context("making a temporary folder")?;
     let file = args.keep.clone().unwrap_or_else(|| temporary.path().join("session.holo"));
     drop(prepare::make(&file, &config, quiet)?);
@@ -230,31 +230,31 @@ pub async fn view(args: ViewCommand, screen: Screen) -> Result<()> {
     session.run(|address| args.session.viewer(address)).await
 }
 
-/// A viewer in this process, with a server and a worker in others.
+/// A viewer in this process, with a server and a worker in other processes.
 pub struct LiveSession {
-    /// The holodeck.
+    /// The holodeck's path.
     pub file: PathBuf,
     /// Threads that trace.
     pub threads: Option<u16>,
     /// Memory for beams, MiB.
     pub cache: Option<u64>,
-    /// Hides how far the worker has loaded.
+    /// Hides the worker's progress of loading.
     pub quiet: bool,
-    /// Whom the server takes from other machines.
+    /// Options for workers and displays on other machines.
     pub listen: ListenArgs,
-    /// What shows the session.
+    /// The front end of the session.
     pub front_end: FrontEnd,
 }
 
 impl LiveSession {
-    /// Starts server and worker, runs the viewer that `viewer` makes for the server's address, and
-    /// ends all of them.
+    /// Starts server and worker, runs a viewer, and ends all of them. `viewer` makes the viewer's
+    /// options for the server's address.
     ///
     /// The viewer prepares the scene while the worker does. Its script starts once the worker is
-    /// ready, so that its seconds are seconds of tracing. A page or window is there at once.
+    /// ready, so that its seconds are seconds of tracing. A page or window opens at once.
     ///
     /// # Errors
-    /// Whatever failed first.
+    /// The first failure.
     pub async fn run(self, viewer: impl FnOnce(SocketAddr) -> holo_view::Config) -> Result<()> {
         let mut arguments: Vec<OsString> = vec!["--quiet".into()];
         arguments.extend(self.listen.arguments());
@@ -271,7 +271,7 @@ impl LiveSession {
         tokio::spawn(async move {
             tokio::select! {
                 () = is_ready => {
-                    // A viewer that has failed meanwhile does not listen any more.
+                    // A viewer that has failed meanwhile no longer receives.
                     let _ = sender.send(());
                 }
                 () = shutdown_before.wait() => {}

@@ -1,4 +1,4 @@
-//! The worker of a fill or a session: started again whenever it dies.
+//! The worker of a fill or a session, which is restarted whenever it dies.
 
 use std::{
     collections::VecDeque,
@@ -22,30 +22,30 @@ use tokio::{
 
 use crate::processes::{Process, relay};
 
-/// How much local workers give way to other programs.
+/// Priority that local workers yield to other programs (`nice`).
 pub const NICE: u8 = 5;
 
-/// How much they give way to a display: drawing and encoding get nine tenths of a core for which
-/// both compete. More would starve workers beside a busy program.
+/// Priority that local workers yield to a display: drawing and encoding get nine tenths of a core
+/// for which both compete. With more, workers would starve beside a busy program.
 pub const NICE_BESIDE_DISPLAY: u8 = 10;
 
-/// A worker that traced for less than this died quickly: its next life may be as short.
+/// Time of tracing below which a death counts as quick, because the next life may be as short.
 const QUICK: Duration = Duration::from_secs(10);
 
-/// Quick deaths in a row after which it is not started again.
+/// Number of quick deaths in a row after which the worker is not restarted.
 const MAX_QUICK_DEATHS: u32 = 5;
 
 /// The pause after the first death. It doubles with every quick death.
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
 
-/// A worker process that is started again when it dies.
+/// A worker process that is restarted when it dies.
 pub struct KeptWorker {
     arguments: Vec<OsString>,
     life: Option<Life>,
     deaths: Deaths,
     ready: watch::Sender<bool>,
     meter: Meter,
-    /// False once somebody has ended it.
+    /// False once the worker was ended on purpose.
     is_wanted: bool,
 }
 
@@ -58,8 +58,8 @@ struct Life {
 }
 
 impl KeptWorker {
-    /// Starts a worker, on all cores unless `threads` says otherwise. It shows how far it has
-    /// loaded, unless `quiet`.
+    /// Starts a worker, on all cores unless `threads` states a number. It shows its progress of
+    /// loading unless `quiet`.
     ///
     /// # Errors
     /// If it cannot be started.
@@ -92,15 +92,15 @@ impl KeptWorker {
         let mut ready = self.ready.subscribe();
         async move {
             if ready.wait_for(|ready| *ready).await.is_err() {
-                // The worker was given up, and whoever keeps it reports why.
+                // The worker was given up, and `keep` reports the reason.
                 future::pending().await
             }
         }
     }
 
-    /// Keeps the worker alive. Returns why it was given up.
+    /// Keeps the worker alive. Returns the reason when it is given up.
     ///
-    /// A worker that ends in order ends with its server, which the caller watches. So every end
+    /// A worker ends in order only with its server, which the caller watches. Every end therefore
     /// counts as a death here.
     pub async fn keep(&mut self) -> Error {
         if !self.is_wanted {
@@ -142,7 +142,7 @@ impl KeptWorker {
         }
     }
 
-    /// Ends the worker if it runs, and has [`keep`](Self::keep) start another one.
+    /// Ends the worker if it runs, and lets [`keep`](Self::keep) start another one.
     ///
     /// # Errors
     /// If the system does not end it.
@@ -152,7 +152,7 @@ impl KeptWorker {
         Ok(())
     }
 
-    /// Returns the error for a worker that is given up.
+    /// Returns the error for a worker that was given up.
     async fn last_death(&mut self, status: ExitStatus) -> Error {
         let words = match self.life.take() {
             Some(life) => life.last_words.await.unwrap_or_default(),
@@ -166,7 +166,8 @@ impl KeptWorker {
         )
     }
 
-    /// Asks the worker to end, and waits. Its samples are stored: trouble is only reported.
+    /// Requests the worker to end, and waits. Its samples are already stored, so failures are only
+    /// printed.
     pub async fn end(self) {
         if let Some(mut life) = self.life
             && let Err(error) = life.process.end().await
@@ -190,7 +191,7 @@ impl Life {
         Ok(Life { process, output, last_words, ready: None })
     }
 
-    /// Follows its reports until it ends.
+    /// Follows the worker's reports until it ends.
     async fn watch(
         &mut self,
         meter: &mut Meter,
@@ -210,11 +211,11 @@ impl Life {
                 _ => {}
             }
         }
-        // Its output has ended, and so has the process, or it is about to.
+        // The output has ended, so the process has ended or is about to.
         self.process.ended().await
     }
 
-    /// Returns for how long it was ready to trace.
+    /// Returns the time since the worker was ready to trace.
     fn traced(&self) -> Duration {
         self.ready.map_or(Duration::ZERO, |ready| ready.elapsed())
     }
@@ -227,8 +228,8 @@ struct Deaths {
 }
 
 impl Deaths {
-    /// Returns the pause before the next start, after a life that traced for so long; `None` after
-    /// too many quick deaths in a row.
+    /// Returns the pause before the next start, after a life that traced for this time. `None`
+    /// after too many quick deaths in a row.
     fn pause_after(&mut self, traced: Duration) -> Option<Duration> {
         self.quick = if traced < QUICK { self.quick + 1 } else { 0 };
         let doublings = self.quick.saturating_sub(1);
@@ -249,7 +250,7 @@ mod tests {
             [0, 0, 9].map(|traced| seconds(pause(traced))),
             [Some(0.5), Some(1.0), Some(2.0)]
         );
-        // A whole night of deaths is no reason to stop if there is work done between them.
+        // Even many deaths in a night are no reason to give up if the worker traces between them.
         for _ in 0..1000 {
             assert_eq!(seconds(pause(600)), Some(0.5));
         }

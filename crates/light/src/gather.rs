@@ -1,7 +1,7 @@
 //! Gathering: rays over the hemisphere above a point, and the record that they make.
 //!
-//! Always true: the rays are stratified in rings of equal projected solid angle and in sectors. So
-//! the mean radiance times π is an unbiased estimate of the irradiance. The gradients are those of
+//! Invariants: the rays are stratified in sectors, and in rings of equal projected solid angle. The
+//! mean radiance times π is then an unbiased estimate of the irradiance. The gradients are those of
 //! Ward and Heckbert (1992, equations 2 and 3).
 
 use std::f32::consts::{PI, TAU};
@@ -15,7 +15,7 @@ use crate::record::{Record, luminance};
 pub struct Arrival {
     /// Radiance that arrives along the ray.
     pub radiance: Vec3,
-    /// Distance to the first surface; infinity if there is none.
+    /// Distance to the first surface; infinity if the ray hits nothing.
     pub distance: f32,
 }
 
@@ -34,14 +34,15 @@ pub struct Source {
 /// Limits the light of each ray to a share `most` of the light of all rays; an infinite share
 /// limits nothing.
 ///
-/// One in thousands of records meets something rare and very bright, such as a lamp in a bottle.
-/// Alone, that ray would make a wall brighter by a quarter over the radius of the record. The light
-/// that the limit removes is equally rare. A ray may always bring a few times the mean.
+/// One in thousands of records has a ray that hits something rare and very bright, such as a lamp
+/// in a bottle. Alone, that ray would make a wall brighter by a quarter over the radius of the
+/// record. The light that the limit removes is equally rare. The limit is never below a few times
+/// the mean.
 pub fn limit_outliers(arrivals: &mut [Arrival], most: f32) {
     /// Iterations of limiting and summing.
     const ROUNDS: usize = 4;
-    /// The least limit, over the mean of all rays. In even light, a record has so few rays that
-    /// each brings more than the share.
+    /// Least limit, relative to the mean of all rays. In even light, a record with few rays would
+    /// otherwise exceed the share with each of them.
     const FAIR: f32 = 4.0;
     if most.is_infinite() {
         return;
@@ -153,8 +154,8 @@ impl Hemisphere {
             nearest = nearest.min(arrival.distance);
         }
         let mean = luminance(sum) / count;
-        // Half the squared difference of neighbours is the variance within a stratum, or more. So
-        // differences between strata count as noise, but less than in the variance of all rays
+        // Half the squared difference of neighbours is at least the variance within a stratum.
+        // Differences between strata count as noise, but less than in the variance of all rays
         // (Wolter 1984, "An Investigation of Some Estimators of Variance for Systematic Sampling").
         let differences =
             (0..rings).flat_map(|j| (0..sectors).map(move |k| (j, k, (k + 1) % sectors)));

@@ -1,9 +1,9 @@
-//! Indirect light on surfaces, shared by everyone who traces a scene: irradiance caching (Ward,
+//! Indirect light on surfaces, shared by all workers that trace a scene: irradiance caching (Ward,
 //! Rubinstein and Clear 1988) with gradients (Ward and Heckbert 1992) and a visibility test between
 //! point and record.
 //!
-//! Always true: the light excludes the albedo of the surface that it falls on. It also excludes
-//! light that comes straight from lamps and sky, which is sampled anew at every point.
+//! Invariants: stored light excludes the albedo of the surface that it falls on. It also excludes
+//! direct light from lamps and sky, which is sampled at every point.
 //!
 //! docs/notes/indirect-light.md compares this with other caches.
 

@@ -3,9 +3,9 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-/// Standard errors of both records above which their difference is a contradiction. With 2, records
-/// that are too bright by chance lose so much of the surface that a bedroom is 0.3 % too dark. With
-/// 3 there is no such bias.
+/// Number of standard errors, of both records together, beyond which a difference is a
+/// contradiction. With 2, records that are too bright by chance lose so much of the surface that a
+/// bedroom is 0.3 % too dark. With 3 there is no such bias.
 const CONTRADICTION: f32 = 3.0;
 
 /// Irradiance by indirect light at a point, its gradients, and its radius of use (Ward and Heckbert
@@ -22,7 +22,7 @@ pub struct Record {
     pub radius: f32,
     /// Unit normal on the lit side.
     pub normal: [f32; 3],
-    /// Distance to the nearest surface that the record's rays met; infinity if none did.
+    /// Distance to the nearest surface that the record's rays hit; infinity if they hit nothing.
     pub nearest: f32,
     /// Irradiance in W·m⁻² per channel.
     pub irradiance: [f32; 3],
@@ -42,7 +42,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// Returns whether a tracer could have made the record: it is finite, its radius is positive,
+    /// Returns true if a tracer could have made the record: it is finite, its radius is positive,
     /// its normal has unit length, and no light is negative.
     #[must_use]
     pub fn is_valid(&self) -> bool {

@@ -1,6 +1,6 @@
 //! The store: records in a spatial hash, which many threads read while others add to it.
 //!
-//! Always true:
+//! Invariants:
 //! - Readers never wait. Writers wait only for each other.
 //! - A record is stored at most once. Merging the same records again, in any order, changes
 //!   nothing.
@@ -24,21 +24,21 @@ const CHUNK: usize = 1 << 12;
 const HEADS: usize = 1 << 18;
 /// Number of list entries in one allocation.
 const NODES: usize = 1 << 14;
-/// Most cells that a record lies in.
+/// Most cells that contain a record.
 const CELLS: usize = 8;
 /// Number of levels of the grid. The cells of each are twice as wide as those of the level before.
 const LEVELS: usize = 24;
 /// The end of a list.
 const NONE: u32 = u32::MAX;
-/// Least cosine between normals for which a record is used: about 12 degrees.
+/// Least cosine between normals for which a record is used, about 12 degrees.
 const LEAST_COSINE: f32 = 0.978;
 
-/// Greatest distance of a point from a record's plane, over the distance between them, if both face
-/// the same way.
+/// Greatest distance of a point from a record's plane, relative to their distance, if both face the
+/// same way.
 const LEVEL: f32 = 0.02;
 
-/// Distance within which nothing stands between a point and a record, over the distance to the
-/// nearest surface that the record's rays met.
+/// Distance within which nothing can stand between a point and a record, relative to the distance
+/// of the nearest surface that the record's rays hit.
 const CERTAINLY_SEEN: f32 = 0.5;
 
 #[derive(Debug, Default)]
@@ -46,7 +46,7 @@ struct Slot {
     record: OnceLock<Record>,
     /// Bits of the current radius.
     radius: AtomicU32,
-    /// Whether another process made the record.
+    /// True if another process made the record.
     received: AtomicBool,
 }
 
@@ -71,7 +71,7 @@ pub struct Store {
     writer: Mutex<Writer>,
 }
 
-/// The light that a store knows at a point.
+/// The light that a store has for a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Found {
     /// Irradiance by indirect light, W·m⁻² per channel.
@@ -104,13 +104,13 @@ impl Store {
         self.count.load(Ordering::Acquire) as usize
     }
 
-    /// Returns whether there are no records.
+    /// Returns true if there are no records.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Returns whether the store is full.
+    /// Returns true if the store is full.
     #[must_use]
     pub fn is_full(&self) -> bool {
         self.len() == MAX_RECORDS
@@ -127,11 +127,11 @@ impl Store {
     /// Adds a record. Returns `false` if it is not valid, exists already, or the store is full.
     ///
     /// Its radius and those of its neighbours are first made consistent. No radius exceeds another
-    /// by more than the distance between the two, so that neighbours learn what one record saw
-    /// nearby (Křivánek et al. 2006, "Making Radiance and Irradiance Caching Practical"). If two
-    /// records of one kind contradict each other, neither reaches far beyond the other.
+    /// by more than the distance between the two, so that a surface near one record also limits its
+    /// neighbours (Křivánek et al. 2006, "Making Radiance and Irradiance Caching Practical"). If
+    /// two records of one kind contradict each other, neither reaches far beyond the other.
     ///
-    /// `hidden` returns whether something stands between the new record and another; such records
+    /// `hidden` returns true if something stands between the new record and another. Such records
     /// do not affect each other.
     pub fn insert(&self, record: Record, hidden: impl FnMut(&Record) -> bool) -> bool {
         self.add(record, false, hidden)
@@ -228,10 +228,10 @@ impl Store {
     }
 
     /// Returns the indirect light at a point, on the side of `normal`, from the records that may be
-    /// used there. `None` if there are none.
+    /// used there. `None` without such records.
     ///
-    /// The look-up stops once the weights of the records add up to `enough`. `hidden` returns
-    /// whether something stands between the point and a record; it is called last, because it is
+    /// The look-up stops once the weights of the records add up to `enough`. `hidden` returns true
+    /// if something stands between the point and a record. It is called last, because it is
     /// expensive.
     #[must_use]
     pub fn irradiance(
@@ -244,8 +244,8 @@ impl Store {
         self.irradiance_around(point, [normal; 2], enough, hidden)
     }
 
-    /// Returns the same for a bumpy surface: records are those of its mean normal, and their light is
-    /// predicted around the second normal (Ward and Heckbert 1992, §4).
+    /// Returns the same for a bumpy surface. Records are chosen by its mean normal, and their light
+    /// is predicted for the second normal (Ward and Heckbert 1992, §4).
     #[must_use]
     pub fn irradiance_around(
         &self,
@@ -263,8 +263,8 @@ impl Store {
             if distance >= radius || cosine < LEAST_COSINE {
                 return true;
             }
-            // A point off the record's plane is on another surface, or beyond a step. It may be as
-            // far off as the surface turns on the way.
+            // A point off the record's plane is on another surface, or beyond a step. The tolerance
+            // grows with the angle between the normals.
             let bend = (LEVEL + (1.0 - cosine * cosine).max(0.0).sqrt()) * distance;
             if offset.dot(other).abs().max(offset.dot(normal).abs()) > bend.min(0.1 * radius) {
                 return true;

@@ -57,12 +57,12 @@ fn a_single_bright_ray_does_not_dominate_a_record() {
     };
     let (fair, held) = (gather(20.0, 0.03), gather(400.0, 0.03));
     assert_eq!(fair, gather(20.0, f32::INFINITY), "light within the share does not change");
-    // It may bring at most a share of itself and 999 others.
+    // The limit is a share of the light of this ray and 999 others.
     let brought = (held - 999.0).dot(Vec3::new(0.265, 0.670, 0.065));
     assert!((brought / (999.0 + brought) - 0.03).abs() < 1e-3, "{brought}");
     assert!(((held.x - 999.0) / (held.z - 999.0) - 4.0).abs() < 1e-2, "its hue stays");
     assert_eq!(gather(0.0, 0.03), Vec3::splat(999.0));
-    // 64 rays bring 1/64 each.
+    // Each of 64 rays contributes 1/64.
     let even = [Arrival { radiance: Vec3::ONE, distance: 1.0 }; 64];
     let mut few = even;
     limit_outliers(&mut few, 0.002);
@@ -77,11 +77,11 @@ fn a_single_bright_ray_does_not_dominate_a_record() {
 
 #[test]
 fn rotation_gradients_are_those_of_a_sky_with_a_slope() {
-    // A sky of 1 + x. When the surface turns by a towards x, the cosine's derivative is sin θ cos
-    // φ, and ∫ sin θ cos φ (1 + sin θ cos φ) dω = 2π/3.
+    // A sky of 1 + x. If the surface turns by a towards x, the cosine's derivative is sin θ cos φ,
+    // and ∫ sin θ cos φ (1 + sin θ cos φ) dω = 2π/3.
     let record = gathered(4096, |d| (1.0 + d.x, 1.0));
     assert!((record.irradiance[0] - PI).abs() < 1e-3);
-    // Turned towards +x: (old normal × new normal) is z × x = y.
+    // For a turn towards +x, (old normal × new normal) is z × x = y.
     let turn = Vec3::from(record.turn[0]);
     assert!((turn.y - 2.0 * PI / 3.0).abs() < 0.02 * PI && turn.x.abs() < 1e-3, "{turn}");
 }
@@ -104,8 +104,8 @@ fn translation_gradients_are_those_of_a_half_bright_ceiling() {
     }
 }
 
-/// A small flat source: its light at the origin and beside it, and on a surface that is turned
-/// slightly, to first order.
+/// Tests the light of a small flat source at the origin and beside it, and on a slightly turned
+/// surface, to first order.
 #[test]
 fn a_small_source_has_exact_gradients() {
     let (at, normal) = (Vec3::new(0.4, -0.7, 1.1), Vec3::new(-0.5, 0.3, -1.0).normalize());
@@ -144,8 +144,7 @@ fn a_small_source_has_exact_gradients() {
     assert!((record.error - 1.0).abs() < 1e-5, "{}", record.error);
 }
 
-/// The spread of records of one point, each with its own random numbers, is at most their stated
-/// error.
+/// Records of one point with different random numbers vary at most by their stated error.
 #[test]
 fn the_stated_error_is_that_of_the_record() {
     let mut state = 1_u64;
@@ -249,7 +248,7 @@ fn no_light_comes_through_a_wall_without_thickness() {
     for x in [-0.01, -0.1, -0.5, -1.0] {
         assert_eq!(found_at(&store, &raycaster, &local(&raycaster, x, 0.1), Vec3::Z), None, "{x}");
     }
-    // Nor on the other side of the floor.
+    // The same holds on the other side of the floor.
     let point = local(&raycaster, 0.5, 0.0);
     assert_eq!(found_at(&store, &raycaster, &point, Vec3::NEG_Z), None);
 }

@@ -1,10 +1,11 @@
-//! Addresses: of this machine, and others, which are for encrypted connections only.
+//! Parses and finds addresses: of this machine, and of others, which are for encrypted connections
+//! only.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
 
 use crate::NetError;
 
-/// Addresses that no machine has, and to which every machine with a way out has a route.
+/// Addresses that no machine has. Every machine connected to the outside has a route to them.
 const DOCUMENTATION_V4: Ipv4Addr = Ipv4Addr::new(192, 0, 2, 1);
 const DOCUMENTATION_V6: Ipv6Addr = Ipv6Addr::new(0x2001, 0xdb8, 0, 0, 0, 0, 0, 1);
 
@@ -29,9 +30,9 @@ pub fn any_address(text: &str) -> Result<SocketAddr, NetError> {
     Ok(addresses.into_iter().find(|address| address.ip().is_loopback()).unwrap_or(first))
 }
 
-/// Returns the address at which other machines reach a server that listens at `address`. If that is
-/// every address, it is the one from which this machine reaches the outside. A machine of a network
-/// that leads nowhere else has no such address: then it is the first one in that network.
+/// Returns the address at which other machines reach a server that listens at `address`. If the
+/// server listens at every address, this is the machine's source address towards the outside. In an
+/// isolated network, it is the machine's first address in that network.
 pub fn seen_from_outside(address: SocketAddr) -> SocketAddr {
     if !address.ip().is_unspecified() {
         return address;
@@ -40,13 +41,13 @@ pub fn seen_from_outside(address: SocketAddr) -> SocketAddr {
     SocketAddr::new(ip.unwrap_or(Ipv4Addr::LOCALHOST.into()), address.port())
 }
 
-/// Returns this machine's address on its way to the outside, of the same family as `address`.
+/// Returns this machine's source address towards the outside, of the same family as `address`.
 fn own_address_on_the_way_out(address: SocketAddr) -> Option<IpAddr> {
     let (any, outside): (SocketAddr, SocketAddr) = match address {
         SocketAddr::V4(_) => ((Ipv4Addr::UNSPECIFIED, 0).into(), (DOCUMENTATION_V4, 9).into()),
         SocketAddr::V6(_) => ((Ipv6Addr::UNSPECIFIED, 0).into(), (DOCUMENTATION_V6, 9).into()),
     };
-    // Connecting a UDP socket sends nothing: the system only chooses a way.
+    // Connecting a UDP socket sends nothing. The system only chooses a route.
     let socket = UdpSocket::bind(any).ok()?;
     socket.connect(outside).ok()?;
     Some(socket.local_addr().ok()?.ip())

@@ -1,18 +1,18 @@
-//! What can go wrong on a connection.
+//! Errors of a connection.
 
 use std::{io, net::SocketAddr, path::PathBuf};
 
 use holo_proto::ProtoError;
 use thiserror::Error;
 
-/// Why a connection could not be made or has ended.
+/// The reason why a connection could not be made, or has ended.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum NetError {
     /// The address does not parse or resolve.
     #[error("`{0}` is not an address; write HOST:PORT, such as 127.0.0.1:7070")]
     Address(String),
-    /// Another machine is reached by invitation only.
+    /// The address belongs to another machine, which needs an invitation.
     #[error(
         "{0} is not a loopback address: servers on other machines are joined by the string that \
          they print (holodeck://…)"
@@ -24,7 +24,7 @@ pub enum NetError {
          prints (holodeck://HOST:PORT/FINGERPRINT/TOKEN)"
     )]
     Invitation(&'static str),
-    /// The server is another one, or has another certificate.
+    /// The server is a different one, or has a new certificate.
     #[error(
         "the server's certificate is not the one that the joining string names: it is another \
          server, or somebody is in between; ask for its present string"
@@ -37,16 +37,16 @@ pub enum NetError {
     #[error(transparent)]
     Io(#[from] io::Error),
     /// The other side broke the protocol.
-    // Not marked as its source: the message has it already.
+    // Not marked as its source, because the message already contains it.
     #[error("protocol error: {0}")]
     Proto(ProtoError),
-    /// The server does not take us.
+    /// The server refuses this peer.
     #[error("the server refused: {0}")]
     Refused(String),
     /// The other side closed the connection.
     #[error("the connection was closed by the other side")]
     Closed,
-    /// Nothing came for [`crate::SILENCE`].
+    /// Nothing arrived for [`crate::SILENCE`].
     #[error("the other side has been silent for {} seconds", crate::SILENCE.as_secs())]
     Silent,
     /// The handshake did not finish.
@@ -58,7 +58,7 @@ pub enum NetError {
     /// The scene that arrived is not the one announced.
     #[error("the scene received does not have the announced {0}")]
     Scene(&'static str),
-    /// The server has no such scene to send, or it is damaged.
+    /// The server does not have this scene, or its copy is damaged.
     #[error("the server cannot read the scene that was asked for, and has said why")]
     Absent,
 }

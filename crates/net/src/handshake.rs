@@ -1,4 +1,4 @@
-//! Who connects, and whether the server takes it.
+//! The handshake: a peer introduces itself, and the server accepts or refuses it.
 
 use holo_proto::{
     ProtoError,
@@ -25,14 +25,15 @@ use crate::{
 /// 3.1 or later.
 const TLS_HANDSHAKE: u8 = 0x16;
 
-// The third byte of a hello's frame is 0: of its length. The third byte of TLS is not.
+// The third byte of a hello's frame is a byte of its length, and is 0. The third byte of TLS is
+// not.
 const _: () = assert!(MAX_HELLO_BYTES < 1 << 16);
 
-/// Why a peer that does not encrypt is not taken.
+/// The reason for refusing a peer that does not encrypt.
 const UNENCRYPTED: &str =
     "connections here are encrypted; join by the string that the server prints (holodeck://…)";
 
-/// Connects to a server and is taken by it in `role`.
+/// Connects to a server in `role`, and waits until the server accepts.
 ///
 /// # Errors
 /// Any [`NetError`]; [`NetError::Refused`] carries the server's reason.
@@ -53,7 +54,7 @@ pub async fn connect(
     timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)?
 }
 
-/// As [`connect`], over anything that carries bytes to a server of this process.
+/// Connects as [`connect`] does, over any byte stream to a server of this process.
 ///
 /// # Errors
 /// As [`connect`].
@@ -66,7 +67,7 @@ pub async fn connect_over(
     timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)?
 }
 
-/// Says who we are, proves that we hold the token, if there is one, and is taken.
+/// Introduces this peer, proves that it holds the token if there is one, and waits for acceptance.
 async fn introduce(
     (mut reader, outbox): (FrameReader, Outbox),
     role: Role,
@@ -105,7 +106,7 @@ async fn open(address: impl ToSocketAddrs) -> Result<TcpStream, NetError> {
     Ok(stream)
 }
 
-/// Proves to a server that we hold a token.
+/// Proves to a server that this peer holds a token.
 async fn prove(
     reader: &mut FrameReader,
     outbox: &Outbox,
@@ -115,7 +116,7 @@ async fn prove(
     let (kind, payload) = reader.frame_of_either(Kind::Challenge, Kind::Answer).await?;
     if kind == Kind::Answer {
         accepted(&payload)?;
-        // Whoever asks for no proof is not the server that the token is of.
+        // A server that asks for no proof is not the one that issued the token.
         return Err(ProtoError::NotHolodeck.into());
     }
     let challenge = Challenge::decode(&payload)?;
@@ -131,8 +132,7 @@ fn accepted(answer: &[u8]) -> Result<(), NetError> {
     }
 }
 
-/// Reads the hello of whoever has connected on this machine. A side of another version is refused
-/// with a reason.
+/// Reads the hello of a peer on this machine. A peer of another version is refused with a reason.
 ///
 /// The caller then decides, and calls [`welcome`] or [`refuse`].
 ///
@@ -143,7 +143,7 @@ pub async fn accept(stream: TcpStream) -> Result<(Inbox, Outbox, Hello), NetErro
     greet(start(tls::plain(stream))).await
 }
 
-/// As [`accept`], over anything that carries bytes from a peer of this process.
+/// Reads a hello as [`accept`] does, over any byte stream from a peer of this process.
 ///
 /// # Errors
 /// Any [`NetError`].
@@ -153,7 +153,7 @@ pub async fn accept_over(
     greet(start(tls::split(stream))).await
 }
 
-/// Reads the hello of whoever is at the other end.
+/// Reads the hello of the peer.
 async fn greet(
     (mut reader, outbox): (FrameReader, Outbox),
 ) -> Result<(Inbox, Outbox, Hello), NetError> {
@@ -162,8 +162,8 @@ async fn greet(
     Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello))
 }
 
-/// Reads the hello of whoever has connected from anywhere, over an encrypted connection, and has it
-/// prove that it holds a token. Whoever does not, or may not have its role, is refused.
+/// Reads the hello of a peer on any machine over an encrypted connection, and lets it prove that it
+/// holds a token. A peer without that proof, or without the right to its role, is refused.
 ///
 /// # Errors
 /// Any [`NetError`].
@@ -195,8 +195,8 @@ pub async fn accept_secure(
     Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello, access))
 }
 
-/// Returns whether the first bytes from a peer may begin TLS. If fewer than three come at once, TLS
-/// decides what they are.
+/// Returns true if the first bytes from a peer may begin TLS. If fewer than three arrive at once,
+/// TLS itself checks them.
 async fn begins_encrypted(stream: &TcpStream) -> Result<bool, NetError> {
     let mut first = [0; 3];
     let peeked = stream.peek(&mut first).await?;
@@ -204,7 +204,7 @@ async fn begins_encrypted(stream: &TcpStream) -> Result<bool, NetError> {
     Ok(first.first().is_none_or(|byte| *byte == TLS_HANDSHAKE) && first.get(2) != Some(&0))
 }
 
-/// Tells a peer that speaks the protocol, but not encrypted, how to join.
+/// Refuses a peer that speaks the protocol without encryption, and reports to it how to join.
 async fn refuse_unencrypted(stream: TcpStream) -> Result<NetError, NetError> {
     let (mut reader, outbox) = start(tls::plain(stream));
     read_hello(&mut reader, &outbox).await?;
@@ -213,7 +213,7 @@ async fn refuse_unencrypted(stream: TcpStream) -> Result<NetError, NetError> {
     Ok(NetError::Refused(UNENCRYPTED.to_owned()))
 }
 
-/// Reads a hello: its bytes, and what they say.
+/// Reads a hello. Returns its bytes and their content.
 async fn read_hello(
     reader: &mut FrameReader,
     outbox: &Outbox,
@@ -229,8 +229,8 @@ async fn read_hello(
     }
 }
 
-/// Has the other side prove that it holds a token. Returns what the token permits; `None` if it
-/// proves nothing.
+/// Lets the other side prove that it holds a token. Returns the token's permissions; `None` without
+/// a valid proof.
 async fn check_proof(
     reader: &mut FrameReader,
     outbox: &Outbox,
@@ -248,7 +248,7 @@ async fn check_proof(
     }))
 }
 
-/// Takes whoever has connected, says what the holodeck is, and pings it from now on.
+/// Accepts a peer, sends it the holodeck's description, and pings it from now on.
 ///
 /// # Errors
 /// [`ProtoError::TooLong`] if the welcome is longer than a control message may be.
@@ -260,17 +260,16 @@ pub fn welcome(outbox: &Outbox, welcome: Welcome) -> Result<(), ProtoError> {
     Ok(())
 }
 
-/// Tells whoever has connected why it is not taken. The connection ends when the halves are
-/// dropped.
+/// Refuses a peer with a reason. The connection ends when the halves are dropped.
 pub fn refuse(outbox: &Outbox, reason: &str) {
-    // A hello's answer always fits its frame: texts are cut to size.
+    // The answer to a hello always fits its frame, because texts are truncated.
     let _ = outbox.send(Kind::Answer, &Answer::Refused(reason.to_owned()).encode());
 }
 
-/// Sends small messages at once.
+/// Disables Nagle's algorithm.
 fn at_once(stream: &TcpStream) {
-    // Packets are small and somebody waits for each: Nagle's delay would show. If it cannot be
-    // switched off, everything still works.
+    // Packets are small and the other side waits for each, so Nagle's delay would be noticeable.
+    // Without this option, everything still works.
     let _ = stream.set_nodelay(true);
 }
 

@@ -1,5 +1,5 @@
-//! What a server shows and asks for between machines: its certificate, and the tokens that it
-//! knows. Both are files in a folder that only their owner can read.
+//! A server's identity for other machines: its certificate, and the tokens that it accepts. Both
+//! are files in a folder that only their owner can read.
 
 use std::{
     fs::{self, File, OpenOptions},
@@ -25,7 +25,7 @@ use tokio_rustls::{
 
 use crate::{NetError, Rights, Token};
 
-/// The file of a certificate that was made.
+/// File name of a generated certificate.
 const CERTIFICATE: &str = "certificate.der";
 
 /// A server's certificate and tokens.
@@ -37,8 +37,8 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Opens the identity in a folder. Makes one there if there is none: a certificate, and a token
-    /// with all rights.
+    /// Opens the identity in a folder. If the folder has none, makes a certificate and a token with
+    /// all rights.
     ///
     /// # Errors
     /// [`NetError::Identity`] if it cannot be read, written or used.
@@ -62,9 +62,9 @@ impl Identity {
         folder.join(CERTIFICATE).exists().then(|| Identity::open(folder)).transpose()
     }
 
-    /// Opens an identity with a certificate of its owner's: PEM files of a certificate, which
-    /// others may follow that sign it, and of its key. The tokens are in `folder`; if there are
-    /// none, one with all rights is made.
+    /// Opens an identity with the owner's certificate. `certificate` is a PEM file of the
+    /// certificate, optionally followed by those that sign it. `key` is a PEM file of its key. The
+    /// tokens are in `folder`. If there are no tokens, one with all rights is made.
     ///
     /// # Errors
     /// [`NetError::Identity`] if a file cannot be read, written or used, or the key is not the
@@ -85,7 +85,8 @@ impl Identity {
         Identity::new(folder, chain, secret).map_err(|error| fail(certificate, error))
     }
 
-    /// Returns an identity of a certificate, those that sign it, and its key; or why there is none.
+    /// Returns the identity of a certificate, those that sign it, and its key. The error states why
+    /// that is impossible.
     fn new(
         folder: &Path,
         chain: Vec<CertificateDer<'static>>,
@@ -120,8 +121,8 @@ impl Identity {
         &self.acceptor
     }
 
-    /// Returns the tokens, with what each permits, the oldest first. They are read anew each time,
-    /// so that one that was revoked opens nothing from then on.
+    /// Returns the tokens and their permissions, the oldest first. They are read from the file each
+    /// time, so that a revoked token is useless at once.
     ///
     /// # Errors
     /// [`NetError::Identity`] if they cannot be read.
@@ -150,7 +151,7 @@ impl Identity {
         Ok(token)
     }
 
-    /// Revokes the token of this name. Returns whether there was one.
+    /// Revokes the token of this name. Returns true if there was one.
     ///
     /// # Errors
     /// [`NetError::Identity`] if the others cannot be written.
@@ -178,7 +179,7 @@ fn make_tokens(folder: &Path) -> io::Result<()> {
     write_tokens(&folder.join("tokens"), &[(new_token()?, Rights::Admin)])
 }
 
-/// Makes a certificate, last: it says that all is there.
+/// Makes a certificate. It is written last, because its file marks the identity as complete.
 fn make_certificate(folder: &Path) -> io::Result<()> {
     let made = rcgen::generate_simple_self_signed(vec!["holodeck".to_owned()]);
     let made = made.map_err(io::Error::other)?;
@@ -190,7 +191,7 @@ fn new_token() -> io::Result<Token> {
     Ok(Token { id: random()?, secret: random()? })
 }
 
-/// Returns random bytes that nobody can guess.
+/// Returns cryptographically random bytes.
 pub(crate) fn random<const N: usize>() -> io::Result<[u8; N]> {
     let mut bytes = [0; N];
     let filled = SystemRandom::new().fill(&mut bytes);
@@ -204,7 +205,7 @@ pub(crate) fn sha256(bytes: &[u8]) -> [u8; 32] {
     hash
 }
 
-/// Returns the key with which a token's holder proves it.
+/// Returns the key that a token's holder uses in proofs.
 pub(crate) fn key(token: &Token) -> hmac::Key {
     hmac::Key::new(hmac::HMAC_SHA256, &token.secret)
 }
@@ -215,7 +216,7 @@ fn write_tokens(path: &Path, tokens: &[(Token, Rights)]) -> io::Result<()> {
     write(path, lines.as_bytes())
 }
 
-/// Writes a file that only its owner can read, whole or not at all.
+/// Writes a file that only its owner can read. The file appears whole or not at all.
 fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let temporary = path.with_extension(format!("{}.part", std::process::id()));
     let open =

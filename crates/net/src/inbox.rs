@@ -1,4 +1,4 @@
-//! The receiving half of a connection: a task reads the socket, whatever its owner is busy with.
+//! The receiving half of a connection: a task reads the socket, even while its owner is busy.
 
 use std::io::ErrorKind;
 
@@ -16,17 +16,17 @@ use tokio::{
 
 use crate::{KEEP_ALIVE, Message, NetError, SILENCE, outbox::WeakOutbox, tls::ReadHalf};
 
-/// Messages that a server reads before they are taken. A peer that sends more waits.
+/// Messages of a peer that a server reads in advance. A peer that sends more waits.
 pub(crate) const FROM_A_PEER: usize = 1;
 
-/// Messages that others read before they are taken. A server's are about 1 MiB at most, so these are
-/// 64 MiB. Whoever prepares a scene for a minute takes nothing, and must go on answering pings.
+/// Messages of a server that others read in advance. They have about 1 MiB at most, so these are 64
+/// MiB. A display that prepares a scene for a minute must still answer pings.
 pub(crate) const FROM_THE_SERVER: usize = 64;
 
 /// The receiving half: messages that a task has read from the socket.
 ///
-/// The task answers the other side's keep-alive pings at once. So a process that builds a scene
-/// for a minute still shows that it lives. Dropping the inbox ends the task.
+/// The task answers the other side's keep-alive pings at once. A process that builds a scene for a
+/// minute therefore still shows that it is alive. Dropping the inbox ends the task.
 #[derive(Debug)]
 pub struct Inbox {
     messages: mpsc::Receiver<Result<Message, NetError>>,
@@ -34,8 +34,8 @@ pub struct Inbox {
 }
 
 impl Inbox {
-    /// Starts the task. It answers pings through `outbox`, which it does not keep open. It reads at
-    /// most `ahead` messages before they are taken.
+    /// Starts the task. It answers pings through `outbox`, and does not keep the outbox open. It
+    /// reads at most `ahead` messages in advance.
     pub(crate) fn start(reader: FrameReader, outbox: WeakOutbox, ahead: usize) -> Inbox {
         let (sender, messages) = mpsc::channel(ahead);
         let task = tokio::spawn(read(reader, outbox, sender)).abort_handle();
@@ -58,7 +58,7 @@ impl Drop for Inbox {
     }
 }
 
-/// Reads messages until the connection ends or the inbox is gone.
+/// Reads messages until the connection ends or the inbox is dropped.
 async fn read(
     mut reader: FrameReader,
     outbox: WeakOutbox,
@@ -74,7 +74,7 @@ async fn read(
                 }
                 continue;
             }
-            // Its arrival was all it had to say.
+            // A keep-alive pong has no other content.
             Ok(Message::Control(Control::Pong(KEEP_ALIVE))) => continue,
             _ => {}
         }
@@ -95,11 +95,12 @@ impl FrameReader {
         FrameReader { reader: BufReader::with_capacity(1 << 16, socket) }
     }
 
-    /// Reads a frame that must be of this kind. A handshake reads nothing else, and nothing longer.
+    /// Reads a frame of the given kind, and refuses others. A handshake reads nothing else, and
+    /// nothing longer.
     pub(crate) async fn frame_of(&mut self, kind: Kind) -> Result<Vec<u8>, NetError> {
         match self.header().await {
             Ok(header) if header.kind == kind => self.payload(header).await,
-            // A browser, for example: its first bytes are no frame.
+            // The peer is a browser, for example, whose first bytes are no frame.
             Ok(_) | Err(NetError::Proto(ProtoError::Kind(_))) => {
                 Err(ProtoError::NotHolodeck.into())
             }
@@ -107,7 +108,7 @@ impl FrameReader {
         }
     }
 
-    /// Reads a frame that must be of one of two kinds.
+    /// Reads a frame of one of two kinds, and refuses others.
     pub(crate) async fn frame_of_either(
         &mut self,
         one: Kind,
@@ -138,13 +139,13 @@ impl FrameReader {
         Ok(payload)
     }
 
-    /// Fills `room`. A long message on a slow line is not silence: every byte that arrives is a
+    /// Fills `room`. A long message on a slow line is not silence, because every byte counts as a
     /// sign of life.
     async fn fill(&mut self, mut room: &mut [u8]) -> Result<(), NetError> {
         while !room.is_empty() {
             let read = timeout(SILENCE, self.reader.read(room)).await;
             let read = match read.map_err(|_| NetError::Silent)? {
-                // An encrypted connection that ends without a farewell.
+                // An encrypted connection may end without a closing message.
                 Err(error) if error.kind() == ErrorKind::UnexpectedEof => 0,
                 read => read?,
             };

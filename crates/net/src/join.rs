@@ -1,4 +1,5 @@
-//! Where a server is, and what proves both sides to each other: one string that the server prints.
+//! Joining strings: the address of a server, and the secrets by which both sides prove their
+//! identity. A server prints its string.
 //!
 //! Between machines, the string is `holodeck://HOST:PORT/FINGERPRINT/TOKEN`. The fingerprint is the
 //! SHA-256 of the server's certificate, and the token is a name and a secret. Both are base64 for
@@ -17,18 +18,19 @@ const SCHEME: &str = "holodeck://";
 /// Bytes of a token's secret.
 pub(crate) const SECRET_BYTES: usize = 32;
 
-/// What holders of a token may do.
+/// The rights of a token's holder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rights {
-    /// Everything: trace, look, and ask how the server fares.
+    /// Everything: trace, view, and request the server's status.
     Admin,
-    /// Trace and look; the server traces for them. The string that a server prints permits this.
+    /// Trace and view; the server traces for the holder. The string that a server prints has these
+    /// rights.
     Member,
     /// Trace.
     Worker,
-    /// Look; the server traces for them.
+    /// View; the server traces for the holder.
     Display,
-    /// Look at what is stored, and at what is traced for others.
+    /// View stored samples, and samples that are traced for others.
     ReadOnly,
 }
 
@@ -42,7 +44,7 @@ impl Rights {
         ("read-only", Rights::ReadOnly),
     ];
 
-    /// Returns whether a peer with these rights may have this role.
+    /// Returns true if a peer with these rights may have this role.
     pub fn permits(self, role: Role) -> bool {
         match role {
             Role::Worker => matches!(self, Rights::Admin | Rights::Member | Rights::Worker),
@@ -70,16 +72,16 @@ impl FromStr for Rights {
     }
 }
 
-/// What a peer may do, and why.
+/// The rights of a peer, and their origin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Access {
-    /// What it may do.
+    /// The peer's rights.
     pub rights: Rights,
-    /// The name of its token; none on this machine.
+    /// The name of the peer's token; `None` on this machine.
     pub token: Option<String>,
 }
 
-/// A name and a secret.
+/// A token: a name and a secret.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Token {
     pub(crate) id: [u8; TOKEN_ID_BYTES],
@@ -124,7 +126,7 @@ pub struct Invitation {
     pub address: String,
     /// SHA-256 of the server's certificate.
     pub fingerprint: [u8; 32],
-    /// What the invited proves.
+    /// The token of the invited peer.
     pub token: Token,
 }
 
@@ -163,9 +165,9 @@ impl FromStr for Invitation {
 /// A server to connect to.
 #[derive(Clone, Debug)]
 pub enum Destination {
-    /// On this machine.
+    /// A server on this machine.
     Loopback(SocketAddr),
-    /// By invitation.
+    /// A server on another machine, by invitation.
     Invited(Box<Invitation>),
 }
 
@@ -202,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_invitation_comes_back_from_its_text_and_a_damaged_one_says_where() {
+    fn an_invitation_survives_its_text_form_and_damage_names_the_wrong_part() {
         let token = Token { id: *b"12345678", secret: [0xfe; 32] };
         let invitation =
             Invitation { address: "[fe80::1]:7070".into(), fingerprint: [0xab; 32], token };

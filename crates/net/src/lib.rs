@@ -1,13 +1,13 @@
 //! Protocol sockets: frames over TCP, the handshake, limits and time-outs.
 //!
 //! No other crate opens a protocol socket. Invariants:
-//! - Memory for a frame is taken only after its length was checked against its kind. Before the
+//! - Memory for a frame is allocated only after its length was checked against its kind. Before the
 //!   handshake is done, nothing longer than a hello is read.
-//! - The server pings everyone every [`PING_EVERY`], and the tasks that own the sockets send and
+//! - The server pings all peers every [`PING_EVERY`]. The tasks that own the sockets send and
 //!   answer these pings. Neither a long computation nor a long transfer looks like silence.
-//! - A connection ends if nothing arrives for [`SILENCE`], or if the other side takes nothing for
-//!   as long. The other side then hangs or has vanished.
-//! - Sending never blocks. Frames queue in an [`Outbox`], whose owner watches
+//! - A connection ends if nothing arrives for [`SILENCE`], or if the other side reads nothing for
+//!   that time. The other side then hangs or has vanished.
+//! - Sending never blocks. Frames queue in an [`Outbox`], whose owner monitors
 //!   [`Outbox::queued_bytes`].
 //! - Without encryption, only loopback addresses are used. Other connections are TLS 1.3. The
 //!   client knows the server's certificate by its fingerprint, and proves that it holds a token.
@@ -39,17 +39,18 @@ pub use shutdown::Shutdown;
 
 use std::time::Duration;
 
-/// A connection silent for so long is dead. The server pings every [`PING_EVERY`], so live ones
-/// never are. A process on a machine that swaps may stall for some seconds and must survive that.
+/// Time of silence after which a connection is dead. The server pings every [`PING_EVERY`], so live
+/// ones are never silent that long. A process on a machine that swaps may stall for some seconds
+/// and must survive.
 pub const SILENCE: Duration = Duration::from_secs(15);
 
-/// How often the server pings.
+/// Interval between the server's pings.
 pub const PING_EVERY: Duration = Duration::from_secs(2);
 
-/// The longest handshake. It takes round trips, not seconds; whoever connects and says nothing
-/// holds a socket no longer than this.
+/// Longest time for a handshake. It takes round trips, not seconds. A peer that connects and sends
+/// nothing holds a socket no longer than this.
 pub const HANDSHAKE_TIME: Duration = Duration::from_secs(5);
 
-/// The number of pings that keep a connection alive. Socket tasks send and answer them. A ping of
-/// any other number is a message like others: its pong says that everything before it was handled.
+/// Number of the pings that keep a connection alive. Socket tasks send and answer them. A ping with
+/// any other number is an ordinary message: its pong reports that everything before it was handled.
 const KEEP_ALIVE: u64 = 0;

@@ -1,4 +1,4 @@
-//! What may arrive on a connection after its handshake.
+//! Messages that may arrive on a connection after its handshake.
 
 use holo_proto::{
     ProtoError,

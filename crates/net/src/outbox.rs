@@ -46,7 +46,8 @@ impl Outbox {
         Outbox { queue, queued }
     }
 
-    /// Queues a frame. A frame to a side that has gone is dropped: the inbox reports the end.
+    /// Queues a frame. A frame to a peer that has gone is dropped, because the inbox reports the
+    /// end.
     ///
     /// # Errors
     /// [`ProtoError::TooLong`] if the payload must be split.
@@ -68,9 +69,10 @@ impl Outbox {
         self.send(Kind::Control, &message.encode()?)
     }
 
-    /// Closes the connection once what is queued by now is written. Later frames are dropped.
+    /// Closes the connection once all frames queued so far are written. Later frames are dropped.
     pub fn end(&self) {
-        // An empty frame, which nothing else is. If the queue is closed, so is the connection.
+        // An empty frame marks the end; no other frame is empty. If the queue is closed, so is the
+        // connection.
         let _ = self.queue.send(Vec::new());
     }
 
@@ -79,7 +81,7 @@ impl Outbox {
         self.queued.load(Ordering::Relaxed)
     }
 
-    /// Returns true once nothing sent can arrive any more.
+    /// Returns true once no frame can arrive any more.
     pub fn is_closed(&self) -> bool {
         self.queue.is_closed()
     }
@@ -100,7 +102,7 @@ impl Outbox {
                 let Some(outbox) = weak.upgrade().filter(|outbox| !outbox.is_closed()) else {
                     return;
                 };
-                // Whatever waits in the queue shows as well that this side lives.
+                // Other frames in the queue also show that this side is alive.
                 if outbox.queued_bytes() == 0 {
                     // A ping is far below a frame's limit.
                     let _ = outbox.control(&Control::Ping(KEEP_ALIVE));
@@ -129,9 +131,9 @@ impl WeakOutbox {
 
 /// The task that writes.
 ///
-/// It ends with the last [`Outbox`], at an empty frame, or when the other side is gone. It also ends
-/// when the other side has taken nothing for [`SILENCE`]: a process that hangs must not hold its
-/// connection's memory for ever.
+/// It ends with the last [`Outbox`], at an empty frame, or when the other side is gone. It also
+/// ends when the other side has taken nothing for [`SILENCE`]: a process that hangs must not hold
+/// its connection's memory for ever.
 struct Writer {
     stream: BufWriter<WriteHalf>,
     /// Bytes taken off the queue, counted in `queued` and not yet with the operating system.
@@ -144,7 +146,7 @@ impl Writer {
         if self.write_all(&mut frames).await.is_ok() {
             let _ = timeout(SILENCE, self.stream.shutdown()).await;
         }
-        // What cannot be sent any more is not queued either.
+        // Frames that cannot be sent any more no longer count as queued.
         frames.close();
         while let Some(frame) = frames.recv().await {
             self.in_hand += frame.len();
@@ -156,7 +158,8 @@ impl Writer {
         while let Some(frame) = frames.recv().await {
             let mut next = Some(frame);
             let mut is_last = false;
-            // Everything that waits goes out together. Then flush, because somebody waits for it.
+            // All waiting frames go out together. A flush follows, because the other side waits for
+            // them.
             while let Some(frame) = next {
                 is_last = frame.is_empty();
                 self.in_hand += frame.len();
@@ -184,8 +187,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Takes what the operating system has by now off the count. The last `of_this_frame` bytes of
-    /// the present frame are not even in the buffer.
+    /// Reduces the count by the bytes that the operating system has taken. The last `of_this_frame`
+    /// bytes of the present frame are not in the buffer yet.
     fn count(&mut self, of_this_frame: usize) {
         let left = self.stream.buffer().len() + of_this_frame;
         self.queued.fetch_sub(self.in_hand.saturating_sub(left), Ordering::Relaxed);

@@ -1,4 +1,5 @@
-//! Reaching a server that is not there yet, or has just gone: with growing pauses.
+//! Connects to a server that is not running yet, or has just ended, with growing pauses between
+//! attempts.
 
 use std::time::Duration;
 
@@ -7,17 +8,17 @@ use tokio::time::{Instant, sleep};
 
 use crate::{Destination, Inbox, NetError, Outbox, connect};
 
-/// The pause after the first attempt. A server that is being started is there soon.
+/// Pause after the first attempt. A server that is just starting is ready soon.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 
-/// The longest pause: long enough that 256 peers of a server that is gone are no burden.
+/// Longest pause. 256 peers of a server that is gone are then no burden.
 const LONGEST_PAUSE: Duration = Duration::from_secs(8);
 
-/// Connects as [`connect`] does. While nobody answers, it tries again for `patience`, with pauses
-/// that double. Calls `waiting` before each pause.
+/// Connects as [`connect`] does. If no server answers, tries again for `patience`, with pauses that
+/// double. Calls `waiting` before each pause.
 ///
 /// # Errors
-/// As [`connect`]. A server that answers and refuses is not asked again.
+/// As [`connect`]. If a server answers and refuses, there is no other attempt.
 pub async fn reach(
     server: &Destination,
     role: Role,
@@ -36,7 +37,7 @@ pub async fn reach(
         if left.is_zero() {
             return Err(error);
         }
-        // The last attempt comes when patience ends.
+        // The last attempt is made when `patience` ends.
         let next = pause.min(left);
         waiting(&error, next);
         sleep(next).await;

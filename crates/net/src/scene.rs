@@ -1,18 +1,18 @@
-//! Fetching a blob, such as the packed scene: in pieces, bounded by what was announced.
+//! Receives a blob, such as the packed scene, in pieces, within the announced size.
 
 use holo_proto::{bulk::BlobChunk, control::SceneInfo};
 
 use crate::NetError;
 
-/// Bytes of a blob in one message: small enough that other messages slip in between.
+/// Bytes of a blob in one message, so few that other messages can be sent in between.
 pub const SCENE_CHUNK_BYTES: usize = 1 << 20;
 
-/// Largest blob taken from a server: a scene of 1.6 · 10⁸ triangles.
+/// Largest blob that a peer accepts: a scene of 1.6 · 10⁸ triangles.
 const MAX_SCENE_BYTES: u64 = 4 << 30;
 
 /// Returns the piece that a server sends in place of a blob that it does not have.
 ///
-/// It is empty. Whoever asked need not guess from a delay whether the blob will come.
+/// The piece is empty. The receiver then need not guess from a delay that the blob will not come.
 pub fn absent() -> BlobChunk {
     BlobChunk { offset: 0, bytes: Vec::new() }
 }
@@ -25,10 +25,11 @@ pub struct SceneReceiver {
 }
 
 impl SceneReceiver {
-    /// Returns a receiver for the blob announced. It takes no memory before pieces arrive.
+    /// Returns a receiver for the blob announced. It allocates no memory before pieces arrive.
     ///
     /// # Errors
-    /// [`NetError::Scene`] for a blob that is too large, or empty: no piece of it would ever come.
+    /// [`NetError::Scene`] for a blob that is too large, or empty, because no piece of it would
+    /// ever come.
     pub fn new(info: &SceneInfo) -> Result<SceneReceiver, NetError> {
         if info.bytes > MAX_SCENE_BYTES {
             return Err(NetError::Scene("size: it is too large"));
@@ -39,7 +40,7 @@ impl SceneReceiver {
         Ok(SceneReceiver { bytes: Vec::new(), expected: info.bytes })
     }
 
-    /// Takes the next piece. Returns true once the blob is complete.
+    /// Adds the next piece. Returns true once the blob is complete.
     ///
     /// # Errors
     /// [`NetError::Absent`] if the server does not have the blob; [`NetError::Scene`] for a piece
@@ -59,12 +60,12 @@ impl SceneReceiver {
         Ok(self.bytes.len() as u64 == self.expected)
     }
 
-    /// Returns how much has arrived, in bytes.
+    /// Returns the number of bytes received so far.
     pub fn received(&self) -> u64 {
         self.bytes.len() as u64
     }
 
-    /// Returns the blob's bytes. Whoever uses them checks their hash.
+    /// Returns the blob's bytes. The caller must check their hash.
     pub fn into_bytes(self) -> Vec<u8> {
         self.bytes
     }

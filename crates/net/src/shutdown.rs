@@ -1,10 +1,10 @@
-//! One way for every process to be asked to end.
+//! A request to end that every process receives in the same way.
 
 use std::sync::Arc;
 
 use tokio::sync::watch;
 
-/// What shells show for a process that was interrupted.
+/// Exit status that shells show for an interrupted process.
 const INTERRUPTED: i32 = 130;
 
 /// A request to end, shared by all parts of a process: once triggered it stays so.
@@ -41,8 +41,8 @@ impl Shutdown {
         let _ = self.sender.subscribe().wait_for(|&triggered| triggered).await;
     }
 
-    /// Triggers on Ctrl-C and on SIGTERM. With `with_parent`, also when standard input ends: a
-    /// process that another one started leaves with it, even if that one was killed.
+    /// Triggers on Ctrl-C and on SIGTERM. With `with_parent`, also triggers when standard input
+    /// ends. A child process then ends with its parent, even if the parent was killed.
     ///
     /// A second Ctrl-C or SIGTERM ends the process at once, with status 130, because an orderly end
     /// may wait for a disk that hangs.

@@ -1,4 +1,4 @@
-//! Encrypted connections. The client trusts one certificate: the one whose fingerprint it was told.
+//! Encrypted connections. The client trusts one certificate, by its fingerprint.
 
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ pub(crate) fn split(
     (Box::new(read), Box::new(write))
 }
 
-/// Encrypts a connection as its server.
+/// Encrypts a connection, as the server.
 pub(crate) async fn serve(
     stream: TcpStream,
     identity: &Identity,
@@ -46,7 +46,7 @@ pub(crate) async fn serve(
     Ok(split(identity.acceptor().accept(stream).await?))
 }
 
-/// Encrypts a connection as its client, if the server's certificate has this fingerprint.
+/// Encrypts a connection, as the client, if the server's certificate has this fingerprint.
 pub(crate) async fn connect(
     stream: TcpStream,
     fingerprint: [u8; 32],
@@ -59,7 +59,7 @@ pub(crate) async fn connect(
         .dangerous()
         .with_custom_certificate_verifier(pinned)
         .with_no_client_auth();
-    // The certificate is known by its fingerprint: the name in it decides nothing.
+    // The fingerprint identifies the certificate. The name in it has no meaning.
     let name = ServerName::try_from("holodeck").map_err(std::io::Error::other)?;
     let connected = TlsConnector::from(Arc::new(config)).connect(name, stream).await;
     connected.map(split).map_err(|error| {
@@ -71,7 +71,8 @@ pub(crate) async fn connect(
     })
 }
 
-/// Accepts the certificate with one fingerprint. That the server has its key is checked as always.
+/// Accepts the one certificate with this fingerprint. The proof that the server has the key is
+/// checked as usual.
 #[derive(Debug)]
 struct Pinned {
     fingerprint: [u8; 32],
@@ -100,7 +101,7 @@ impl ServerCertVerifier for Pinned {
         _certificate: &CertificateDer<'_>,
         _signature: &DigitallySignedStruct,
     ) -> Result<HandshakeSignatureValid, Error> {
-        // Neither side speaks it.
+        // Neither side supports TLS 1.2.
         Err(CertificateError::BadSignature.into())
     }
 

@@ -1,4 +1,4 @@
-//! Frames in and out of a connection, and how it ends.
+//! Frames in both directions of a connection, and the connection's end.
 
 mod common;
 
@@ -52,7 +52,7 @@ async fn an_ended_connection_sends_what_was_queued_and_nothing_more() {
         theirs_out.control(&Control::Ping(number)).unwrap();
     }
     theirs_out.end();
-    // Somebody who still has a clone neither sends more nor keeps the connection open.
+    // The owner of a clone can send no more, and does not keep the connection open.
     other.control(&Control::Ping(1001)).unwrap();
     for number in 1..=1000 {
         assert_eq!(inbox.next().await.unwrap(), ping(number));
@@ -103,7 +103,7 @@ async fn a_hostile_length_ends_the_connection_before_anything_is_read() {
     let (mut client, (mut inbox, _outbox)) = raw_client().await;
     let header = [0xff, 0xff, 0xff, 0xff, Kind::Samples as u8, 0, 0, 0];
     client.write_all(&header).await.unwrap();
-    // Nothing follows the header: whoever waited for the payload would wait until silence is
+    // Nothing follows the header. A reader that waited for the payload would wait until silence is
     // noticed.
     let error = timeout(SOON, inbox.next()).await.unwrap().unwrap_err();
     let refused = ProtoError::TooLong {
@@ -115,7 +115,7 @@ async fn a_hostile_length_ends_the_connection_before_anything_is_read() {
 }
 
 #[tokio::test]
-async fn broken_messages_are_told_from_closed_connections() {
+async fn broken_messages_are_distinguished_from_closed_connections() {
     for (bytes, expected) in [
         (frame::encode(Kind::Hello, b"again").unwrap(), ProtoError::Kind(1)),
         (frame::encode(Kind::Samples, &[0; 17]).unwrap(), ProtoError::Trailing(1)),
@@ -129,7 +129,7 @@ async fn broken_messages_are_told_from_closed_connections() {
         let error = timeout(SOON, inbox.next()).await.unwrap().unwrap_err();
         assert!(matches!(&error, NetError::Proto(found) if *found == expected), "{error}");
     }
-    // Closed within a frame.
+    // The connection closes within a frame.
     let (mut client, (mut inbox, _outbox)) = raw_client().await;
     client
         .write_all(&frame::encode(Kind::Samples, &samples(9).encode()).unwrap()[..50])
@@ -178,7 +178,7 @@ async fn a_side_that_is_busy_for_minutes_is_not_silent_and_loses_nothing() {
     for offset in 0..32 {
         outbox.send(Kind::BlobChunk, &piece(offset).encode()).unwrap();
     }
-    // It takes no message out of its inbox, as a display that builds a scene does.
+    // The peer takes no message out of its inbox, as a display that builds a scene.
     let heard = timeout(10 * SILENCE, inbox.next()).await;
     assert!(heard.is_err(), "neither a message nor an end: {heard:?}");
     assert!(start.elapsed() >= 10 * SILENCE && !outbox.is_closed());
@@ -208,7 +208,7 @@ async fn a_wait_for_a_message_that_is_given_up_loses_nothing() {
 }
 
 #[tokio::test]
-async fn what_is_queued_is_counted_until_the_system_has_it() {
+async fn queued_bytes_count_until_the_system_has_them() {
     let (mut client, (_inbox, outbox)) = raw_client().await;
     let payload = BlobChunk { offset: 0, bytes: vec![1; 8 << 20] }.encode();
     let frame = payload.len() + frame::HEADER_BYTES;
@@ -216,7 +216,7 @@ async fn what_is_queued_is_counted_until_the_system_has_it() {
         outbox.send(Kind::BlobChunk, &payload).unwrap();
     }
     assert_eq!(outbox.queued_bytes(), 4 * frame, "the task that writes has not run yet");
-    // Nobody reads: the system's buffers take some, not all.
+    // The peer reads nothing. The system's buffers hold some frames, but not all.
     until(|| outbox.queued_bytes() < 4 * frame).await;
     tokio::time::pause();
     assert!(timeout(SILENCE / 2, outbox.drained()).await.is_err(), "drained waits");
@@ -235,7 +235,7 @@ async fn drained_means_that_even_the_shortest_message_has_left() {
         outbox.control(&Control::Ping(number)).unwrap();
         outbox.drained().await;
         let mut frame = [0; 20];
-        // In the system's hands, so that it is there to read without anything else running.
+        // The system already has the bytes, so they can be read without any other task.
         assert_eq!(client.try_read(&mut frame).ok(), Some(20), "message {number}");
     }
 }
@@ -265,7 +265,8 @@ async fn a_side_that_never_reads_is_given_up() {
     }
     until(|| outbox.queued_bytes() < 2 * payload.len()).await;
     tokio::time::pause();
-    // The system's buffers may take some more. From then on, nothing happens until it is given up.
+    // The system's buffers may take some more. Then nothing happens until the connection is given
+    // up.
     let (mut left, mut since) = (outbox.queued_bytes(), Instant::now());
     while !outbox.is_closed() && since.elapsed() < 2 * SILENCE {
         assert!(left > 0);
@@ -281,7 +282,7 @@ async fn a_side_that_never_reads_is_given_up() {
 }
 
 #[tokio::test]
-async fn what_was_queued_last_still_arrives_when_everything_is_dropped() {
+async fn the_last_queued_message_arrives_after_everything_is_dropped() {
     let ((mut inbox, _outbox), (theirs_in, theirs_out)) = pair().await;
     for _ in 0..20 {
         theirs_out.send(Kind::Samples, &samples(10_000).encode()).unwrap();

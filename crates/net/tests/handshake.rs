@@ -1,4 +1,4 @@
-//! Whom a server takes, whom it refuses with a reason, and whom it drops.
+//! Peers that a server accepts, refuses with a reason, or drops.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod common;
@@ -17,13 +17,13 @@ use tokio::{
     time::{Instant, timeout},
 };
 
-/// Returns what the server says to a client that sends these bytes and then waits.
+/// Returns the server's answer to a client that sends these bytes and then waits.
 async fn said_to(bytes: &[u8]) -> (NetError, Vec<u8>) {
     let (mut client, server) = raw().await;
     client.write_all(bytes).await.unwrap();
     let error = accept(server).await.map(|(.., hello)| hello).unwrap_err();
     let mut said = Vec::new();
-    // The server's side is dropped: the answer, if any, is followed by the end.
+    // The server's side is dropped, so the connection ends after its answer, if any.
     timeout(SOON, client.read_to_end(&mut said)).await.expect("the connection ends").unwrap();
     (error, said)
 }
@@ -41,7 +41,7 @@ async fn a_worker_is_taken_and_welcomed() {
 }
 
 #[tokio::test]
-async fn whoever_is_refused_learns_why() {
+async fn refused_peers_receive_the_reason() {
     let (listener, address) = listener().await;
     let server = async {
         let (_inbox, outbox, hello) = accept(listener.accept().await.unwrap().0).await.unwrap();
@@ -56,7 +56,7 @@ async fn whoever_is_refused_learns_why() {
 }
 
 #[tokio::test]
-async fn other_versions_are_told_both_numbers_even_if_their_hello_has_grown() {
+async fn other_versions_receive_both_numbers_even_if_their_hello_has_grown() {
     for version in [0, PROTOCOL_VERSION + 1, u16::MAX] {
         let mut hello = Hello { version, role: Role::Worker, name: "later".into() }.encode();
         hello.extend([7; 100]);
@@ -73,7 +73,7 @@ async fn other_versions_are_told_both_numbers_even_if_their_hello_has_grown() {
 }
 
 #[tokio::test]
-async fn a_role_that_does_not_exist_is_told_so() {
+async fn an_unknown_role_is_refused_with_that_reason() {
     let mut hello = Hello::new(Role::Worker, "w").encode();
     hello[10] = 9;
     let (error, said) = said_to(&frame::encode(Kind::Hello, &hello).unwrap()).await;
@@ -137,7 +137,7 @@ async fn a_client_that_dribbles_gets_no_more_time() {
     tokio::time::pause();
     let start = Instant::now();
     let dribble = tokio::spawn(async move {
-        // Each byte is a sign of life, but a hello takes none to think about.
+        // Each byte is a sign of life, but a hello may not take this long.
         for byte in frame::encode(Kind::Hello, &Hello::new(Role::Worker, "slow").encode()).unwrap()
         {
             tokio::time::sleep(Duration::from_secs(1)).await;
@@ -148,7 +148,7 @@ async fn a_client_that_dribbles_gets_no_more_time() {
     });
     let error = accept(server).await.map(|(.., hello)| hello).unwrap_err();
     assert!(matches!(error, NetError::Handshake), "{error}");
-    // The clock jumps from one timer to the next: one byte's time is its grain.
+    // The clock jumps from one timer to the next, so times are multiples of one byte's time.
     assert!(start.elapsed() <= HANDSHAKE_TIME + Duration::from_secs(1), "{:?}", start.elapsed());
     dribble.abort();
 }

@@ -1,4 +1,4 @@
-//! Servers that come late, and those that never come.
+//! Servers that start late, and servers that never start.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod common;

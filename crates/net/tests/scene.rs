@@ -1,4 +1,4 @@
-//! Scenes in pieces.
+//! Scenes that arrive in pieces.
 
 use holo_net::{NetError, SCENE_CHUNK_BYTES, SceneReceiver, absent};
 use holo_proto::{bulk::BlobChunk, control::SceneInfo, frame::MAX_BULK_BYTES};
@@ -44,7 +44,7 @@ fn pieces_out_of_order_twice_empty_or_too_long_are_refused() {
 }
 
 #[test]
-fn an_empty_first_piece_says_that_there_is_none() {
+fn an_empty_first_piece_means_that_there_is_no_scene() {
     let mut receiver = SceneReceiver::new(&info(10)).unwrap();
     assert!(matches!(receiver.take(&absent()), Err(NetError::Absent)));
     assert_eq!(BlobChunk::decode(&absent().encode()).unwrap(), absent(), "it can be sent");

@@ -1,4 +1,4 @@
-//! Connections between machines: encrypted, and only for those who hold a token.
+//! Encrypted connections between machines, for holders of a token only.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod common;
@@ -35,7 +35,7 @@ impl Server {
         self.identity.tokens().unwrap()[0].0
     }
 
-    /// Has somebody with a token connect, trusting this fingerprint. Returns how it went on both
+    /// Connects a peer with a token that trusts this fingerprint. Returns the results of both
     /// sides.
     async fn join(
         &self,
@@ -55,7 +55,7 @@ impl Server {
             assert_eq!(access.token, Some(token_name));
             Ok(access.rights)
         };
-        // Through its text, as people carry it.
+        // The invitation goes through its text, as between people.
         let destination = Destination::parse(&invitation.to_string()).unwrap();
         let (server, client) = tokio::join!(server, connect(destination, role, "tester"));
         (server, client.map(|(_, _, told)| assert_eq!(told, welcome())))
@@ -70,7 +70,7 @@ fn refusal(client: Result<(), NetError>) -> String {
 }
 
 #[tokio::test]
-async fn who_holds_a_token_is_taken_in_the_roles_that_it_permits() {
+async fn holders_of_a_token_are_accepted_in_the_roles_that_it_permits() {
     let server = Server::new();
     let fingerprint = server.identity.fingerprint();
     let mut tokens = vec![(server.admin(), Rights::Admin)];
@@ -100,7 +100,7 @@ async fn a_token_that_was_revoked_or_guessed_opens_nothing() {
     assert!(server.identity.revoke_token(&revoked.name()).unwrap());
     // The right name with another secret, and a token of another server.
     let mut guessed = server.admin().to_string();
-    // Of the last letter, only the first two bits count.
+    // Only the first two bits of the last letter count.
     let last = if guessed.ends_with('A') { "Q" } else { "A" };
     guessed.replace_range(guessed.len() - 1.., last);
     let guessed: Token = guessed.parse().unwrap();
@@ -114,7 +114,7 @@ async fn a_token_that_was_revoked_or_guessed_opens_nothing() {
 }
 
 #[tokio::test]
-async fn a_server_with_another_certificate_is_told_nothing() {
+async fn a_server_with_another_certificate_receives_no_token() {
     let (server, other) = (Server::new(), Server::new());
     let (taken, client) =
         server.join(server.admin(), other.identity.fingerprint(), Role::Display).await;
@@ -123,7 +123,7 @@ async fn a_server_with_another_certificate_is_told_nothing() {
 }
 
 #[tokio::test]
-async fn who_does_not_encrypt_hears_how_to_join_and_nothing_else() {
+async fn a_peer_without_encryption_learns_how_to_join_and_nothing_else() {
     let server = Server::new();
     let (listener, address) = listener().await;
     let hello = frame::encode(Kind::Hello, &Hello::new(Role::Worker, "w").encode()).unwrap();

@@ -1,4 +1,4 @@
-//! Being asked to end.
+//! Requests to end a process.
 
 mod common;
 

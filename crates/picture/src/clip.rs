@@ -6,7 +6,7 @@
 //! vector, and in fisheyes spheres around the eye. Objects before the fore surface are ignored.
 //! Beyond the aft surface everything is black, the sky too.
 //!
-//! Always true: the aft surface, if there is one, is beyond the fore surface. The fore surface is
+//! Invariants: the aft surface, if there is one, is beyond the fore surface. The fore surface is
 //! not behind the eye.
 
 use crate::kind::ViewKind;
@@ -25,8 +25,8 @@ pub enum Clip {
 }
 
 impl View {
-    /// Returns the point from which distances are measured: the eye. For a parallel view, it is the
-    /// centre of the plane on which rays begin, the fore clipping plane.
+    /// Returns the origin of distances: the eye. For a parallel view, it is the centre of the fore
+    /// clipping plane, where rays begin.
     #[inline]
     pub fn eye(&self) -> DVec3 {
         if self.kind.has_eye() || self.vo == 0.0 { self.vp } else { self.vp + self.vd * self.vo }

@@ -12,8 +12,8 @@ use std::fmt;
 /// Weights of the channels in a relative luminance (Rec. 709).
 const REC709: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Factor of the reference's median above which pixels are left out of the bias: a lamp in view
-/// would hide everything else.
+/// Factor of the reference's median above which pixels do not count for the bias, because a lamp in
+/// view would hide everything else.
 const LAMP: f64 = 20.0;
 
 /// Percentile of the reference's luminance that a display shows as white.
@@ -147,7 +147,7 @@ pub fn compare(picture: &Picture, reference: &Picture) -> Result<Measures, Compa
     let dim = dim_pixels(&lr, &sorted);
     let white = percentile(&sorted, WHITE) + 1e-9;
     let shown = |value: f32| (f64::from(value) / white).clamp(0.0, 1.0).powf(1.0 / 2.2);
-    // As compare.py, clips each channel at the percentile of the luminance.
+    // Each channel is clipped at the percentile of the luminance, as in compare.py.
     let both = picture.pixels.as_flattened().iter().zip(reference.pixels.as_flattened());
     let display = mean(both.map(|(a, r)| (shown(*a) - shown(*r)).powi(2)));
 
@@ -173,7 +173,7 @@ pub fn compare(picture: &Picture, reference: &Picture) -> Result<Measures, Compa
 /// linearised ratio, which is accurate if the reference's mean is known to a few per cent.
 ///
 /// # Errors
-/// As [`compare()`]; standard errors that are negative or of another size.
+/// As [`compare()`], or if standard errors are negative or have another size.
 pub fn bias_interval(
     picture: &Picture,
     picture_error: Option<&Picture>,
@@ -201,7 +201,7 @@ pub fn bias_interval(
 /// difference; 0 if noise explains everything.
 ///
 /// A block whose noise is as large as the error in question may still be the worst by chance. Use
-/// so many paths that noise is small.
+/// enough paths for small noise.
 ///
 /// # Errors
 /// As [`bias_interval`].
@@ -226,9 +226,9 @@ pub fn worst_block_beyond_noise(
 /// Returns the largest relative difference between displayed 16×16 blocks of lit pixels. It
 /// measures flicker between two pictures of a view.
 ///
-/// The luminance of a displayed block is a mean in which everything above the reference's 95th
-/// percentile is white, as in [`Measures::psnr_disp`]. So a pixel at a lamp's edge that shows more
-/// of the lamp counts at most as white.
+/// Before the mean of a block, everything above the reference's 95th percentile becomes white, as
+/// in [`Measures::psnr_disp`]. So a pixel at a lamp's edge that shows more of the lamp counts at
+/// most as white.
 ///
 /// # Errors
 /// As [`compare()`].
@@ -296,7 +296,7 @@ impl Lit {
     }
 }
 
-/// Returns the squared standard errors of luminances; zeros if there are none.
+/// Returns the squared standard errors of luminances; zeros without standard errors.
 fn variances(
     error: Option<&Picture>,
     which: &'static str,
@@ -372,8 +372,8 @@ fn worst_block(la: &[f64], lr: &[f64], dim: &[bool], width: usize) -> f64 {
     lit_blocks(lr, dim, width).map(error).fold(0.0, f64::max)
 }
 
-/// Returns, for each lit block, its pixels that are not lamps. A lit block is whole, has at least
-/// half its pixels without lamps, and their mean in the reference is above 5 % of the picture's.
+/// Returns, for each lit block, its pixels that are not lamps. A lit block is whole, and at least
+/// half of its pixels are without lamps. Their mean in the reference is above 5 % of the picture's.
 fn lit_blocks(lr: &[f64], dim: &[bool], width: usize) -> impl Iterator<Item = Vec<usize>> {
     let floor = 0.05 * masked_mean(lr, dim);
     let height = lr.len() / width;

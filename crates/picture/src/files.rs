@@ -1,7 +1,7 @@
 //! Picture files: formats, and reading and writing of whole files. Every error names the file.
 //!
-//! Always true: memory is allocated only for a size within [`MAX_PIXELS`]. If the format allows it,
-//! only pixels that exist are counted. A file that is written appears whole or not at all.
+//! Invariants: memory is allocated only for a size within [`MAX_PIXELS`]. If the format allows it,
+//! only pixels present in the file are counted. A file that is written appears whole or not at all.
 
 mod hdr;
 mod hdr_pixels;
@@ -60,8 +60,7 @@ impl Format {
 }
 
 impl Picture {
-    /// Reads a picture. The first bytes decide about the format; the extension decides only if they
-    /// do not.
+    /// Reads a picture. The first bytes determine the format, or else the extension.
     ///
     /// - `.hdr`, `.pic`: Radiance RGBE, flat or with either run-length encoding. `EXPOSURE=` and
     ///   `COLORCORR=` are divided out, `VIEW=` is kept.
@@ -69,7 +68,7 @@ impl Picture {
     /// - `.exr`: R, G and B of the first layer that has them.
     ///
     /// # Errors
-    /// The file cannot be read, is of another format, is damaged, or has more than [`MAX_PIXELS`]
+    /// The file cannot be read, has another format, is damaged, or has more than [`MAX_PIXELS`]
     /// pixels. The error names the file.
     pub fn read(path: impl AsRef<Path>) -> Result<Picture, PictureError> {
         read(path.as_ref())
@@ -149,7 +148,7 @@ impl Image {
     /// Writes the image as a `.png`, without its legend. The file appears whole or not at all.
     ///
     /// # Errors
-    /// As [`Image::png`], or a failure of the disk. The error names the file.
+    /// The errors of [`Image::png`], or a failure of the disk. The error names the file.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), PictureError> {
         let path = path.as_ref();
         let written = self.png().and_then(|bytes| write_whole(path, &bytes));

@@ -12,7 +12,7 @@
 //! | `a` angular fisheye | angle from the centre | angle to 360° | angle to 360° |
 //! | `h` hemispherical fisheye | sine of the angle from the centre | angle to 180° | angle to 180° |
 //!
-//! Always true: [`ViewKind::direction`] is the inverse of [`ViewKind::plane`]. Local coordinates
+//! Invariants: [`ViewKind::direction`] is the inverse of [`ViewKind::plane`]. Local coordinates
 //! are right, up and forward.
 
 use crate::view_error::ViewError;
@@ -117,7 +117,8 @@ impl ViewKind {
         })
     }
 
-    /// Returns the option's value for a size of a side on the plane; `None` if there is none.
+    /// Returns the option's value for a size of a side on the plane; `None` if the type does not
+    /// allow that size.
     pub(crate) fn option_value(self, (_, axis): (&'static str, usize), extent: f64) -> Option<f64> {
         // The largest possible square must not fail because of rounding.
         let within = |most: f64| (extent <= most * (1.0 + 1e-12)).then(|| extent.min(most));

@@ -7,7 +7,7 @@
 //! - [`Look`]: how a display shows radiance: exposure, tones, false colours, contours.
 //! - [`compare()`] and [`bias_interval`]: measure the difference between a picture and a reference.
 //!
-//! Always true: a [`View`] is finite and not degenerate. A picture that was read has the file's
+//! Invariants: a [`View`] is finite and not degenerate. A picture that was read has the file's
 //! exposure divided out, and at most [`MAX_PIXELS`] pixels.
 
 mod clip;

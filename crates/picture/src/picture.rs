@@ -1,6 +1,6 @@
 //! A picture of linear radiance in memory.
 //!
-//! Always true: row 0 is the top row. Values are radiance in W·sr⁻¹·m⁻² per RGB channel, whatever
+//! Invariants: row 0 is the top row. Values are radiance in W·sr⁻¹·m⁻² per RGB channel, whatever
 //! the exposure of a file was.
 
 use crate::error::PictureError;
@@ -25,7 +25,7 @@ pub struct Picture {
     pub pixels: Vec<[f32; 3]>,
     /// The view of the picture, if known.
     pub view: Option<View>,
-    /// The factor by which a `.hdr` file multiplies radiance (its `EXPOSURE=`), kept to be written
+    /// The exposure of a `.hdr` file (`EXPOSURE=`), a factor of its radiance, for writing the file
     /// again. `pixels` never contain it.
     pub exposure: f32,
 }

@@ -1,7 +1,7 @@
 //! A view: the eye's position, direction and field of view, and the ray of every point of its
 //! picture.
 //!
-//! Always true: a [`View`] is finite and not degenerate. Its axes are orthonormal, and both sides
+//! Invariants: a [`View`] is finite and not degenerate. Its axes are orthonormal, and both sides
 //! of its picture are valid for its type. Its parameters can be read like fields but never changed.
 
 use crate::kind::{ACROSS, ALONG, ViewKind};

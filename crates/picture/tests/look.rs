@@ -166,7 +166,7 @@ fn dark_places_lose_their_colour_for_an_eye_only() {
 }
 
 #[test]
-fn a_lamp_veils_what_is_near_it_for_an_eye_only() {
+fn a_lamp_veils_its_surroundings_for_an_eye_only() {
     let lamp = |level: f32| {
         picture(320, 200, move |column, row| {
             let near = column.abs_diff(160) < 4 && row.abs_diff(100) < 4;
@@ -222,7 +222,7 @@ fn contours_lie_where_luminance_crosses_a_label() {
 }
 
 #[test]
-fn what_is_automatic_changes_slowly_from_frame_to_frame() {
+fn automatic_values_change_slowly_from_frame_to_frame() {
     let room = |lamp: bool| {
         picture(320, 200, move |column, row| {
             let level = if lamp && column < 160 { 500.0 } else { 0.05 };

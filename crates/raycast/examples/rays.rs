@@ -8,9 +8,9 @@
 //! `--triangles 10000000` takes a few GB and a minute. Times are processor seconds of the thread
 //! where the system reports them (Linux), so other programs do not count.
 //!
-//! `--dump` writes scene and rays for `scripts/embree-bench`, little-endian: the counts of
-//! vertices, triangles, incoherent rays and beam rays (u32), then positions (3 f32), triangles (3
-//! u32) and rays (origin, direction, t_min, t_max: 8 f32).
+//! `--dump` writes scene and rays for `scripts/embree-bench`, little-endian. The counts of
+//! vertices, triangles, incoherent rays and beam rays (u32) come first. Positions (3 f32),
+//! triangles (3 u32) and rays (origin, direction, t_min, t_max: 8 f32) follow.
 
 use std::error::Error;
 use std::io::{BufWriter, Write};
@@ -50,8 +50,8 @@ impl Random {
         Vec3::new(self.unit(), self.unit(), self.unit()) - 0.5
     }
 
-    /// Chooses a cell of a wall of the cube from -½ to ½, and returns a function that gives points
-    /// of it.
+    /// Chooses a cell of a wall of the cube from -½ to ½. Returns a function that makes random
+    /// points of the cell.
     fn cell(&mut self) -> impl Fn(&mut Self) -> Vec3 + use<> {
         let (axis, side) = ((self.unit() * 3.0) as usize, (self.unit() * 2.0).floor() - 0.5);
         let corner = [(self.unit() * GRID).floor(), (self.unit() * GRID).floor()];

@@ -1,5 +1,5 @@
 //! Traces rays that are difficult for ray tracers against closed meshes. Counts rays that hit
-//! nothing (leaks) and rays whose result is NaN. Exits with 1 if there are any.
+//! nothing (leaks) and rays whose result is NaN. Exits with 1 if the count is not 0.
 //!
 //! `cargo run --release -p holo-raycast --example stress -- [RAYS]` (a million; 100000000 takes
 //! minutes)

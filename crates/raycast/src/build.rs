@@ -1,7 +1,7 @@
 //! Builds the hierarchy: obvhs makes a binary tree, which is then collapsed to eight children a
 //! node.
 //!
-//! Always true: every triangle is in a leaf. Every box contains its triangles with a margin of
+//! Invariants: every triangle is in a leaf. Every box contains its triangles with a margin of
 //! [`PAD`] times the scene's reach. A traversal needs at most [`LARGE_STACK`] stack entries,
 //! because a balanced tree replaces a tree that is too deep.
 
@@ -29,9 +29,9 @@ const PAD: f32 = 1.0 / (1 << 19) as f32;
 /// padding must exceed the least step of a [`Node`].
 const LEAST_PAD: f32 = 1e-25;
 
-/// Number of boxes up to which the preset is followed. Beyond, pairs are looked for less far, and the
-/// share of reinsertions falls as the number grows: the seconds that both take would be waited for,
-/// and what they gain is small (docs/notes/ray-casting.md).
+/// Number of boxes up to which the preset is followed. Beyond it, pairs are searched for less far,
+/// and the share of reinsertions falls as the number grows. Both would delay the opening of a scene
+/// for little gain (docs/notes/ray-casting.md).
 const LARGE: usize = 200_000;
 
 /// Fewest triangles of a node and of a block on average. Scenes whose triangles were split may have
@@ -96,7 +96,7 @@ fn binary(facets: &[Facet]) -> Bvh2 {
     bvh
 }
 
-/// A binary tree in which children come after their parents.
+/// A binary tree. Children come after their parents.
 struct Tree {
     nodes: Vec<TreeNode>,
 }
@@ -185,8 +185,8 @@ impl Tree {
         Self { nodes }
     }
 
-    /// Collects the triangles of a subtree, each once: a split triangle may be there twice. Both lists
-    /// are reused, because allocating them takes longer than a leaf.
+    /// Collects the triangles of a subtree, each once, because a split triangle may be there twice.
+    /// Both lists are reused, because allocating them takes longer than a leaf.
     fn triangles(&self, root: u32, pending: &mut Vec<u32>, found: &mut Vec<u32>) {
         pending.push(root);
         found.clear();
@@ -199,8 +199,8 @@ impl Tree {
         }
     }
 
-    /// Collects up to eight subtrees that make up this one. The child of the greatest area is opened
-    /// first.
+    /// Collects up to eight subtrees that make up this one. The child of the greatest area is
+    /// opened first.
     fn children(&self, root: u32, children: &mut Vec<u32>) {
         children.clear();
         children.push(root);
@@ -268,7 +268,8 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
-    /// Returns facets whose centres crowd towards one point; agglomeration makes a chain of them.
+    /// Returns facets whose centres crowd towards one point, which agglomeration makes into a
+    /// chain.
     fn chain(count: usize) -> Vec<Facet> {
         let facet = |i: usize| {
             let x = 0.8_f32.powi(i as i32);

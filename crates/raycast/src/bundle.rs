@@ -1,6 +1,6 @@
 //! Rays of one eye through neighbouring pixels, and the pyramid around them.
 //!
-//! Always true: the pyramid is wider than its rays by more than the rounding of the tests, so it
+//! Invariant: the pyramid is wider than its rays by more than the rounding of the tests. It
 //! excludes no box or triangle that a ray may meet.
 
 use crate::node::{Block, LANES, Node, ROW, WIDTH};
@@ -12,14 +12,14 @@ use crate::{MAX_TILE, Ray};
 /// Margin of the pyramid, as a share of the scene's size and of distances: about fifty roundings.
 pub(crate) const SLACK: f32 = 4e-6;
 
-/// Slope that is taken as 0: rays move by less than the margin.
+/// Slope that counts as 0, because rays move by less than the margin.
 const LEAST_SLOPE: f32 = 1e-7;
 
 /// Number of rows of rays.
 pub(crate) const ROWS: usize = MAX_TILE / ROW;
 
-/// A side of the pyramid against one side of a box. `(row * step + origin + shift) * factor` bounds
-/// the distances along the main axis at which a ray may be in the box.
+/// A side of the pyramid, compared with one side of a box. `(row * step + origin + shift) * factor`
+/// bounds the distances along the main axis at which a ray may be in the box.
 #[derive(Clone, Copy)]
 struct Side {
     axis: usize,
@@ -27,7 +27,7 @@ struct Side {
     row: usize,
     shift: f32,
     factor: f32,
-    /// Whether it is a lower bound.
+    /// True if it is a lower bound.
     is_lower: bool,
 }
 
@@ -53,8 +53,8 @@ pub(crate) struct Bundle<'a> {
 }
 
 impl<'a> Bundle<'a> {
-    /// Makes a bundle. `None` if the rays do not begin at one point near the scene, differ in their
-    /// main axis, or if one of them cannot hit anything.
+    /// Makes a bundle. `None` if the rays have different main axes, do not begin at one point near
+    /// the scene, or cannot all hit something.
     #[inline(always)]
     pub(crate) fn new(rays: &'a [Ray], reach: f32) -> Option<Self> {
         let first = rays.first()?;
@@ -124,7 +124,7 @@ impl<'a> Bundle<'a> {
         let mut sides = [along(near, -slack * sign, true); 6];
         sides[1] = along(near + 1, slack * sign, false);
         for (other, &(low, high)) in slopes.iter().enumerate() {
-            // Neither may be 0; this makes the pyramid wider.
+            // Neither may be 0. The change makes the pyramid wider.
             let low = if low.abs() < LEAST_SLOPE { -LEAST_SLOPE } else { low };
             let high = if high.abs() < LEAST_SLOPE { LEAST_SLOPE } else { high };
             let axis = axes[other];

@@ -1,7 +1,9 @@
-//! Chooses the code for this processor once: the same traversal with AVX-512, AVX2 or plain instructions.
+//! Chooses the code for this processor once: the same traversal with AVX-512, AVX2 or plain
+//! instructions.
 //!
-//! Always true: the results are equal bit for bit. Triangles are tested by the same operations without fused multiply-add, boxes only
-//! decide what is tested, and equal distances are decided by the triangle's index.
+//! Invariant: the results are equal bit for bit. Triangles are tested by the same operations
+//! without fused multiply-add, boxes only decide what is tested, and equal distances are decided by
+//! the triangle's index.
 
 use crate::kernel::{Query, sweep, traverse};
 use crate::node::Hierarchy;
@@ -12,12 +14,13 @@ use crate::tile::{Bundle, traverse_tile};
 use crate::x86::{Avx2, Avx512};
 use crate::{Hit, NO_TRIANGLE, Ray};
 
-/// Stack of ordinary hierarchies; small, since it is cleared for every ray. Half of it gained 1 to 2 %, but is too small for 10⁶ triangles.
+/// Stack of ordinary hierarchies. It is small because it is cleared for every ray. Half of it
+/// gained 1 to 2 %, but is too small for 10⁶ triangles.
 pub(crate) const SMALL_STACK: usize = 96;
 /// Stack of the deepest hierarchies that are accepted.
 pub(crate) const LARGE_STACK: usize = 512;
 
-/// How to trace on this processor.
+/// The instruction set for tracing on this processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Isa {
     Portable,
@@ -38,7 +41,7 @@ impl Isa {
         Self::Portable
     }
 
-    /// All that this processor has.
+    /// Returns all instruction sets of this processor.
     #[cfg(test)]
     pub(crate) fn all() -> Vec<Self> {
         let mut all = vec![Self::Portable];
@@ -49,7 +52,8 @@ impl Isa {
         all
     }
 
-    /// The triangle of any hit. Apart from `trace`, so that where it is need not be computed.
+    /// Returns the triangle of any hit. Separate from `trace`, so that the place of the hit need
+    /// not be computed.
     #[inline]
     #[allow(unsafe_code)]
     pub(crate) fn any(self, hierarchy: &Hierarchy, query: &Query) -> Option<u32> {
@@ -64,7 +68,7 @@ impl Isa {
         }
     }
 
-    /// Nearest hit.
+    /// Returns the nearest hit.
     #[inline]
     #[allow(unsafe_code)]
     pub(crate) fn trace(self, hierarchy: &Hierarchy, query: &Query) -> Option<Hit> {
@@ -81,7 +85,8 @@ impl Isa {
 }
 
 impl Isa {
-    /// Nearest hits of at most [`MAX_TILE`](crate::MAX_TILE) rays from one eye. `false` if they are not.
+    /// Finds the nearest hits of at most [`MAX_TILE`](crate::MAX_TILE) rays from one eye. Returns
+    /// `false` if they are not from one eye.
     #[allow(unsafe_code)]
     pub(crate) fn trace_tile(
         self,
@@ -101,7 +106,8 @@ impl Isa {
         }
     }
 
-    /// Nearest hits of at most [`RAYS`] queries; `best` has [`Query::nothing`] of each.
+    /// Finds the nearest hits of at most [`RAYS`] queries. `best` must have [`Query::nothing`] of
+    /// each.
     #[allow(unsafe_code)]
     pub(crate) fn trace_many(
         self,

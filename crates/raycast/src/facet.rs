@@ -1,6 +1,6 @@
 //! Facets: the triangles of a scene, checked, with their normals.
 //!
-//! Always true: every coordinate is finite and at most [`MAX_COORDINATE`].
+//! Invariant: every coordinate is finite and at most [`MAX_COORDINATE`].
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! Hierarchies that are kept on disk, so that a large scene opens sooner the next time.
+//! Hierarchies stored on disk, so that a large scene opens sooner the next time.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use crate::facet::BuildError;
 use crate::raycaster::Raycaster;
 use crate::stored;
 
-/// Number of triangles from which a hierarchy is kept. Fewer are built within 50 ms.
+/// Number of triangles from which a hierarchy is stored. Fewer are built within 50 ms.
 const MANY: usize = 100_000;
 
 /// A folder of hierarchies, each under the hash of its scene's geometry.
@@ -21,16 +21,16 @@ pub struct Hierarchies {
 }
 
 impl Hierarchies {
-    /// Returns the hierarchies in the folder given, or in the user's cache folder. Without either,
-    /// nothing is kept.
+    /// Returns the hierarchies in `folder`, or else in the user's cache folder. Without either,
+    /// nothing is stored.
     #[must_use]
     pub fn new(folder: Option<PathBuf>) -> Hierarchies {
         Hierarchies { files: KeptFiles::new(folder, "hierarchy"), many: MANY }
     }
 
-    /// Prepares a scene for casting rays. Takes the hierarchy that was kept, or builds it and keeps
-    /// it if the scene is large. If a hierarchy was kept but cannot be used, the second value is
-    /// the reason, for people.
+    /// Prepares a scene for casting rays. Reads the stored hierarchy, or builds it and stores it if
+    /// the scene is large. If a stored hierarchy cannot be used, the second value is the reason,
+    /// for people.
     ///
     /// # Errors
     /// As [`Raycaster::build`]. A hierarchy that cannot be read or written is no error.
@@ -46,7 +46,7 @@ impl Hierarchies {
         };
         let (mut is_read, mut unused) = (false, None);
         let raycaster = thread::scope(|scope| {
-            // It is read while the facets are made.
+            // The file is read while the facets are made.
             let reading = scope.spawn(read);
             Raycaster::build_unless(scene, |facets| {
                 let read = reading.join().ok()??.and_then(|stored| stored.over(facets));

@@ -1,6 +1,6 @@
 //! Traversal of the hierarchy: from the root, nearest child first, with a stack of fixed size.
 //!
-//! Always true: a box test is conservative. The computed far distance is stretched by the rounding
+//! Invariants: a box test is conservative. The computed far distance is stretched by the rounding
 //! of the three operations of a slab test (Ize 2013, "Robust BVH Ray Traversal"). Boxes are padded
 //! for the rounding of the triangle test.
 
@@ -34,9 +34,9 @@ impl Query {
 
 /// Finds the nearest hit by testing all triangles of a small scene, or with `ANY` some hit.
 ///
-/// There are no branches until it is known which triangles may be hit. Processors cannot predict
-/// the branches of the hierarchy: on the 32 triangles of the Cornell box, a path takes 24 to 30 %
-/// less time than with it.
+/// There are no branches before the candidate triangles are known. A processor cannot predict the
+/// branches of a hierarchy. On the 32 triangles of the Cornell box, a path takes 24 to 30 % less
+/// time than with a hierarchy.
 #[inline(always)]
 pub(crate) fn sweep<S: Simd, const ANY: bool>(
     simd: S,
@@ -81,8 +81,8 @@ pub(crate) fn traverse<S: Simd, const STACK: usize, const ANY: bool>(
     }
 }
 
-/// Visits `current` and determines what to visit next. Returns whether there is anything; with
-/// `ANY`, false after a hit.
+/// Visits `current` and determines what to visit next. Returns false if nothing is left, or with
+/// `ANY` after a hit.
 ///
 /// With `ALONE`, no other ray computes while memory for this one arrives, so all entered children
 /// are fetched at once.

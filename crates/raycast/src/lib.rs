@@ -1,17 +1,17 @@
-//! Ray casting: the nearest hit along a ray, whether anything is in the way, and the surface at a
-//! hit.
+//! Casts rays: finds the nearest hit along a ray, tests whether anything is in the way, and
+//! computes the surface at a hit.
 //!
 //! A [`Raycaster`] holds an 8-wide bounding volume hierarchy over the triangles of a
 //! [`Scene`](holo_scene::Scene). It traces rays one at a time, or the rays of a beam or of
 //! neighbouring pixels together. In scenes of at most 64 triangles, a single ray is tested against
 //! all of them. Coordinates are the scene's f32 coordinates, relative to `scene.origin`.
 //!
-//! Always true:
+//! Invariants:
 //! - A closed mesh does not leak. Adjacent triangles are tested with exactly opposite edge
 //!   functions (Woop, Benthin, Wald 2013), and boxes are padded for every rounding in that test.
 //! - Results do not depend on the processor, or on whether rays are traced alone or together.
-//!   Triangles are tested with the same roundings everywhere, boxes are conservative, and of
-//!   triangles at the same distance the one of least index wins.
+//!   Triangles are tested with the same roundings everywhere, boxes are conservative, and the
+//!   triangle of least index wins if distances are equal.
 //! - Any bit pattern is an acceptable ray. A ray with a NaN, an infinite or zero direction, or an
 //!   infinite origin hits nothing.
 //! - Both sides of a triangle are hit.
@@ -60,9 +60,9 @@ pub const MAX_TILE: usize = 64;
 pub struct Ray {
     /// The point at which t is 0.
     pub origin: Vec3,
-    /// Of unit length if `t` is to be a distance; other lengths scale `t`.
+    /// Direction; `t` is a distance if its length is 1, and a multiple of the length otherwise.
     pub direction: Vec3,
-    /// Hits at `t <= t_min` do not count; values below 0 are taken as 0.
+    /// Hits at `t <= t_min` do not count; values below 0 count as 0.
     pub t_min: f32,
     /// Hits at `t >= t_max` do not count; may be infinite.
     pub t_max: f32,

@@ -1,7 +1,7 @@
 //! Memory layout of the hierarchy: nodes of eight children in two cache lines, leaves of four
 //! triangles in three.
 //!
-//! Always true: in exact arithmetic, a decoded box contains the box that was encoded. An unused
+//! Invariants: in exact arithmetic, a decoded box contains the box that was encoded. An unused
 //! lane of a leaf holds NaN, which no ray hits. An unused child has an empty box. Rounding may let
 //! a ray from far away enter it; it refers to block 0, which is harmless.
 //!
@@ -34,8 +34,8 @@ pub(crate) struct Node {
     pub origin: [f32; 3],
     /// The size of one unit of a byte, by axis: a power of two.
     pub step: [f32; 3],
-    /// By axis, three rows: least, greatest and again least coordinate of each child. So near and
-    /// far bounds are 16 consecutive bytes for either sign of a direction.
+    /// Three rows by axis: least, greatest and again least coordinate of each child. Near and far
+    /// bounds are thus 16 consecutive bytes for either sign of a direction.
     pub bounds: [[[u8; WIDTH]; 3]; 3],
     /// The index of a node, or [`LEAF`] and the index of a block.
     pub children: [u32; WIDTH],

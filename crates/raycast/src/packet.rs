@@ -1,12 +1,12 @@
 //! Traces the rays of a beam together: a node is loaded once for all rays that enter it, and its
 //! children are prefetched.
 //!
-//! Always true: each ray's result has the same bits as if the ray were traced alone. The ray meets
+//! Invariants: each ray's result has the same bits as if the ray were traced alone. The ray meets
 //! the same boxes and triangles in the same tests. Only the order differs, and results do not
 //! depend on it.
 //!
-//! Gains of tracing together are in docs/notes/ray-casting.md. Rays in all directions lose time on
-//! small scenes: trace those alone.
+//! Gains of tracing together are in docs/notes/ray-casting.md. On small scenes, rays in all
+//! directions are faster alone.
 
 use crate::Hit;
 use crate::kernel::{Query, advance, prefetch};
@@ -24,8 +24,8 @@ struct Pending {
     near: f32,
 }
 
-/// Subtrees that at most so many rays enter are traversed by each ray alone. Testing a box for many
-/// rays no longer pays.
+/// Number of rays from which a subtree is visited by all of them together. For fewer, testing a box
+/// for many rays does not pay.
 const SINGLE_RAYS: u32 = 4;
 /// Rays that are traversed in turns, so that memory for one arrives while others compute.
 const AT_ONCE: usize = 8;

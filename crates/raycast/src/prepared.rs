@@ -1,4 +1,4 @@
-//! A ray as the tests of boxes and triangles use it.
+//! A ray in the form that the tests of boxes and triangles use.
 
 use glam::Vec3;
 
@@ -6,7 +6,8 @@ use glam::Vec3;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prepared {
     pub origin: [f32; 3],
-    /// Finite, not 0 in any axis, and so small that its product with any coordinate is finite.
+    /// Reciprocals of the direction: finite, not 0, and so small that products with any coordinate
+    /// are finite.
     pub inverse: [f32; 3],
     /// 1 for an axis along which the direction is negative: the first row of `Node::bounds` to use.
     pub reversed: [usize; 3],
@@ -19,7 +20,7 @@ pub(crate) struct Prepared {
     pub direction: [f32; 3],
 }
 
-/// Squared lengths of acceptable directions; for others, inverses and products overflow.
+/// Squared lengths of acceptable directions. For others, inverses and products overflow.
 pub(crate) const LENGTH_SQUARED: std::ops::Range<f32> = 1e-24..1e24;
 
 impl Prepared {
@@ -48,7 +49,7 @@ impl Prepared {
         Some(prepared)
     }
 
-    /// Prepares a ray that meets no boxes: `inverse` and `reversed` mean nothing.
+    /// Prepares a ray for triangles only: `inverse` and `reversed` have no meaning.
     #[inline(always)]
     pub(crate) fn for_triangles(origin: Vec3, direction: Vec3) -> Option<Self> {
         // The range test rejects a direction with NaN or infinity.

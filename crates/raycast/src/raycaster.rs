@@ -15,7 +15,7 @@ use crate::simd::RAYS;
 use crate::surface::{SurfacePoint, interpolate, keep_off_edges, spawn};
 use crate::{Hit, MAX_TILE, MAX_TOGETHER, NO_TRIANGLE, Ray};
 
-/// Most cut-out parts that a ray passes; behind them it meets nothing. A tree has some dozens.
+/// Most cut-out parts that a ray passes. After that many it hits nothing. A tree has some dozens.
 const MAX_CUT_OUTS: usize = 1024;
 
 /// Answers ray queries on one scene. Threads share it by `Arc`.
@@ -27,7 +27,7 @@ pub struct Raycaster {
     isa: Isa,
     /// Half the side of the cube around the scene's origin that contains all vertices.
     reach: f32,
-    /// Whether surfaces have parts that are cut out, and that rays pass.
+    /// True if parts of surfaces are cut out, so that rays pass there.
     has_cut_outs: bool,
 }
 
@@ -41,7 +41,7 @@ impl Raycaster {
         Self::build_unless(scene, |_| None)
     }
 
-    /// Takes the hierarchy that `read` returns for the scene's facets, or else builds it.
+    /// Uses the hierarchy that `read` returns for the scene's facets, or else builds it.
     pub(crate) fn build_unless(
         scene: Arc<Scene>,
         read: impl FnOnce(&[Facet]) -> Option<Hierarchy>,
@@ -56,8 +56,8 @@ impl Raycaster {
         Ok(Self { scene, facets, hierarchy, isa: Isa::detect(), reach, has_cut_outs })
     }
 
-    /// Gives the scene this sky and these suns instead of its own. The hierarchy stays: they have no
-    /// place.
+    /// Replaces the sky and the suns of the scene. The hierarchy stays, because sky and suns have
+    /// no place in it.
     ///
     /// # Errors
     /// As [`Scene::with_suns`].
@@ -192,8 +192,8 @@ impl Raycaster {
     /// Returns whether anything separates two nearby points on surfaces, each seen from the side of
     /// its normal.
     ///
-    /// Both ends are lifted off the surface by a twentieth of their distance, so that a surface
-    /// between them that is not quite flat is no obstacle.
+    /// Both ends are lifted off the surface by a twentieth of the distance between them. A slightly
+    /// uneven surface is then no obstacle.
     #[must_use]
     pub fn parted(&self, from: &SurfacePoint, normal: Vec3, to: Vec3, to_normal: Vec3) -> bool {
         let lift = 0.05 * from.point.distance(to) + 4.0 * from.error.max_element();
@@ -202,8 +202,8 @@ impl Raycaster {
         self.occluded(&Ray { origin, direction, t_min: 0.0, t_max: 1.0 })
     }
 
-    /// Returns the unit normal on the side from which the triangle's vertices run
-    /// counter-clockwise; 0 for a triangle without area.
+    /// Returns the unit normal on the counter-clockwise side of a triangle; 0 for a triangle
+    /// without area.
     ///
     /// # Panics
     /// If the scene has no such triangle.
@@ -308,7 +308,7 @@ impl Raycaster {
         if self.has_cut_outs { self.not_cut_out(ray, skip, hit) } else { Some(hit) }
     }
 
-    /// Returns a hit, or if the surface is cut out there, the next one that is not.
+    /// Returns `hit`, or the next one if the surface is cut out there.
     #[cold]
     fn not_cut_out(&self, ray: &Ray, skip: [u32; 2], mut hit: Hit) -> Option<Hit> {
         let mut rest = *ray;
@@ -322,7 +322,7 @@ impl Raycaster {
         None
     }
 
-    /// Returns the first hit with surfaces as if nothing were cut out of them.
+    /// Returns the first hit, as if nothing were cut out of surfaces.
     #[inline]
     fn query_whole(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
         if self.is_far(ray) {

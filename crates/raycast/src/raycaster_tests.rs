@@ -1,4 +1,4 @@
-//! Tests that all ways to ask the same query give the same bits.
+//! Tests that all forms of a query give the same bits.
 
 use super::*;
 use holo_scene::Material;

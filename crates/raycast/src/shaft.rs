@@ -1,4 +1,4 @@
-//! Shafts: whether any ray of a bundle can meet anything at all (after Haines & Wallace 1991,
+//! Shafts: tests whether any ray of a bundle can meet anything at all (after Haines & Wallace 1991,
 //! "Shaft Culling for Efficient Ray-Cast Radiosity").
 //!
 //! A shaft is all rays from a point of one parallelogram through a point of another. The rays sweep
@@ -7,7 +7,7 @@
 //! box or triangle is outside a body if some plane separates them. The planes tested are those that
 //! bound the body, and those that bound the box or triangle.
 //!
-//! Always true: "no" is proved, in f64 and with a margin far above the rounding of f32 rays. "Yes"
+//! Invariants: "no" is proved, in f64 and with a margin far above the rounding of f32 rays. "Yes"
 //! may be wrong.
 
 use glam::DVec3;
@@ -25,8 +25,8 @@ const MARGIN: f64 = 4e-6;
 /// Rounding of f64 world coordinates, before the scene's origin is subtracted.
 const WORLD_MARGIN: f64 = 1e-14;
 
-/// Sine of the angle by which a plane may lean into a body that it bounds. This is rounding, far
-/// below [`MARGIN`] at any distance within the scene.
+/// Sine of the greatest angle between a plane and a body that it bounds. The angle is due to
+/// rounding, far below [`MARGIN`] at any distance within the scene.
 const LEAN: f64 = 1e-12;
 
 /// Rays from any point of one parallelogram through any point of another, in world coordinates.
@@ -36,7 +36,7 @@ pub struct Shaft {
     pub from: [DVec3; 4],
     /// Corners of the second one, in order around it.
     pub through: [DVec3; 4],
-    /// Whether objects between the parallelograms count; otherwise the rays begin at the second
+    /// True if objects between the parallelograms count. Otherwise the rays begin at the second
     /// one.
     pub between: bool,
 }
@@ -95,8 +95,8 @@ impl Body {
         }
     }
 
-    /// Returns the least value of `normal` · x over the body; `None` if there is none. `normal` has
-    /// unit length.
+    /// Returns the least value of `normal` · x over the body; `None` if it is unbounded. `normal`
+    /// has unit length.
     fn least(&self, normal: DVec3) -> Option<f64> {
         let bounded = self.directions.iter().all(|direction| normal.dot(*direction) >= -LEAN);
         bounded.then(|| {
@@ -122,7 +122,7 @@ impl Body {
         }
         let [a, b, c] = triangle;
         let Some(normal) = (b - a).cross(c - a).try_normalize() else { return true };
-        // Is all of the body on one side of the triangle's plane?
+        // Is the whole body on one side of the triangle's plane?
         let level = [a, b, c].map(|vertex| normal.dot(vertex));
         let (low, high) = (
             level.into_iter().fold(f64::MAX, f64::min),
@@ -245,9 +245,9 @@ mod tests {
     #[test]
     fn the_plane_of_a_large_triangle_separates_it_from_a_shaft() {
         let body = widening();
-        // The plane passes by s below the second square's edge x = 1, and rises less steeply from
-        // there than the shaft's side z = (x + 1)/2. The triangle extends across all planes of the
-        // shaft.
+        // The plane passes below the second square's edge x = 1, by s. From there it rises less
+        // steeply than the shaft's side z = (x + 1)/2. The triangle extends across all planes of
+        // the shaft.
         let corner = |x: f64, y: f64, s: f64| DVec3::new(x, y, 0.4 * (x - 1.0) + 1.0 - s);
         let slope = |s| [corner(-50.0, -90.0, s), corner(90.0, -90.0, s), corner(20.0, 180.0, s)];
         assert!(!body.may_meet_triangle(slope(2.0)));

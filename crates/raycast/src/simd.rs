@@ -1,6 +1,6 @@
 //! Operations on many boxes or triangles at once, for each instruction set.
 //!
-//! Always true: [`Simd::edge_signs`] and its variants give the same bits everywhere.
+//! Invariants: [`Simd::edge_signs`] and its variants give the same bits everywhere.
 //! [`Simd::enter`] need not: it is conservative in any rounding, and entering more boxes than
 //! necessary does not change a result.
 

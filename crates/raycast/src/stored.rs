@@ -1,6 +1,6 @@
-//! A hierarchy as bytes, so that a scene that was open before need not build it again.
+//! A hierarchy as bytes, so that a scene that was opened before need not be built again.
 //!
-//! Numbers are in the machine's own byte order: the bytes never leave it.
+//! Numbers are in the machine's own byte order, because the bytes never leave the machine.
 //!
 //! ```text
 //! 0         8      magic "holobvh\n"
@@ -14,10 +14,10 @@
 //! 88+128N   16·B   the triangles of each block, 4 × u32; 2³²-1 for an unused lane
 //! ```
 //!
-//! Vertices are not stored: blocks are filled from the scene. So no bytes can move a triangle.
+//! Vertices are not stored. Blocks are filled from the scene, so that no bytes can move a triangle.
 //!
-//! Always true: a hierarchy that is read belongs to the scene. Each of its nodes is reached at most
-//! once. A traversal needs no more stack than there is.
+//! Invariants: a hierarchy that is read belongs to the scene. Each of its nodes is reached at most
+//! once. A traversal needs at most [`LARGE_STACK`] stack entries.
 
 use std::fmt;
 use std::io::{self, Read, Write};
@@ -32,7 +32,7 @@ use crate::node::{Block, Hierarchy, LANES, LEAF, Node, WIDTH};
 
 const MAGIC: [u8; 8] = *b"holobvh\n";
 
-/// To be increased whenever the format changes, or `build` makes other hierarchies.
+/// Increase this when the format changes, or when `build` makes other hierarchies.
 const VERSION: u32 = 1;
 
 /// Most nodes and blocks of a hierarchy for each triangle. Spatial splits refer to a triangle more
@@ -113,8 +113,8 @@ pub(crate) struct Stored {
     stack_need: usize,
 }
 
-/// Reads a hierarchy of a scene with so many triangles, whose geometry has this hash. `bytes` is
-/// the length of the input.
+/// Reads the hierarchy of a scene with this number of triangles and this hash of its geometry.
+/// `bytes` is the length of the input.
 pub(crate) fn read(
     input: &mut dyn Read,
     bytes: u64,

@@ -1,4 +1,4 @@
-//! Stored hierarchies: what is written is read, and nothing else is.
+//! Stored hierarchies: reading returns what was written, and refuses everything else.
 
 use super::*;
 use crate::build;
@@ -35,7 +35,7 @@ fn read_all(bytes: &[u8], facets: &[Facet]) -> Result<Hierarchy, StoredError> {
     read(&mut &bytes[..], bytes.len() as u64, facets.len(), GEOMETRY)?.over(facets)
 }
 
-/// Sets the hash of the content, as whoever wants to be believed would.
+/// Sets the hash of the content, as a forger would.
 fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     let content = hash(&bytes[size_of::<Header>()..], &[]);
     bytes[56..88].copy_from_slice(&content);
@@ -75,7 +75,7 @@ fn other_versions_other_scenes_and_cut_files_are_named() {
         assert_eq!(refused(&bytes[..end]), StoredError::Damaged);
     }
     assert_eq!(refused(&[&bytes[..], &[0]].concat()), StoredError::Damaged);
-    // Lengths that would take much memory.
+    // Lengths that would need much memory.
     assert_eq!(refused(&with(19, 255)), StoredError::Damaged);
     assert_eq!(refused(&with(23, 255)), StoredError::Damaged);
 }

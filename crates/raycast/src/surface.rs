@@ -1,7 +1,7 @@
 //! Points on surfaces with a bound on their rounding error, and rays that start there without
 //! meeting their own surface.
 //!
-//! Always true: the exact point on the triangle lies within `error` of the stated point in every
+//! Invariants: the exact point on the triangle lies within `error` of the stated point in every
 //! axis. A spawned origin lies on the side of the plane that its direction goes to (Pharr, Jakob,
 //! Humphreys 2023, §6.8.5 and §6.8.6). No distance here is tuned to a scene's size.
 
@@ -20,7 +20,7 @@ pub struct SurfacePoint {
     pub point: Vec3,
     /// Bound on the rounding of `point`, by axis.
     pub error: Vec3,
-    /// Unit geometric normal, counter-clockwise side.
+    /// Unit geometric normal on the counter-clockwise side.
     pub normal: Vec3,
     /// Index into `scene.triangles`.
     pub triangle: u32,
@@ -37,12 +37,12 @@ pub(crate) fn interpolate([a, b, c]: [Vec3; 3], u: f32, v: f32) -> (Vec3, Vec3) 
     (point, error)
 }
 
-/// Distance that a point keeps from its triangle's edges, over its rounding error. A ray's origin
-/// between two faces that meet at 7° is then still within both.
+/// Distance of a point from its triangle's edges, in units of its rounding. A ray's origin between
+/// two faces that meet at 7° is then still within both.
 const OFF_EDGES: f32 = 16.0;
 
-/// Returns the least barycentric coordinate that keeps points of this triangle [`OFF_EDGES`]
-/// roundings off its edges. At most 1/8, for slivers narrower than that.
+/// Returns the least barycentric coordinate of points that are [`OFF_EDGES`] roundings off this
+/// triangle's edges. At most 1/8, for slivers narrower than that.
 pub(crate) fn edge_margin([a, b, c]: [Vec3; 3]) -> f32 {
     let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
     // The error of `interpolate`. A small triangle far from the origin has only the rounding of its
@@ -69,8 +69,8 @@ pub(crate) fn keep_off_edges(u: f32, v: f32, margin: f32) -> (f32, f32) {
     (u / sum, v / sum)
 }
 
-/// Returns the origin for a ray that leaves `point` (known within `error`) towards `direction`, on
-/// the correct side of the point's plane (Pharr et al. 2023, §6.8.6).
+/// Returns the origin of a ray that leaves `point` towards `direction`, on the correct side of the
+/// point's plane (Pharr et al. 2023, §6.8.6). `error` bounds the error of `point`.
 ///
 /// All are relative to the scene's origin. `normal` has unit length and may be that of either side.
 #[must_use]

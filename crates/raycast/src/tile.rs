@@ -1,9 +1,9 @@
 //! Traces rays of one eye through neighbouring pixels. Boxes and triangles are tested against the
 //! pyramid around all rays; remaining triangles are tested with sixteen rays at a time.
 //!
-//! Always true: each ray's result has the same bits as if the ray were traced alone. The pyramid is
-//! wider than its rays by more than the rounding of the tests, so it excludes no box or triangle
-//! that a ray may meet. Triangles are tested by the same operations with the same roundings.
+//! Invariants: each ray's result has the same bits as if the ray were traced alone. The pyramid is
+//! wider than its rays by more than the rounding of the tests. It excludes no box or triangle that
+//! a ray may meet. Triangles are tested by the same operations with the same roundings.
 
 use crate::bundle::{ROWS, SLACK, greater};
 use crate::node::{Block, Hierarchy, LANES, LEAF, ROW, WIDTH};
@@ -14,7 +14,7 @@ use crate::{Hit, NO_TRIANGLE};
 
 pub(crate) use crate::bundle::Bundle;
 
-/// Number of rays of a row from which hits are computed together.
+/// Number of candidate rays in a row from which their hits are computed together.
 const MANY: u32 = 3;
 
 /// The nearest hits so far, as a structure of arrays. Without a hit there is no triangle, and `t`

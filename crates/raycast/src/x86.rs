@@ -1,6 +1,6 @@
 //! The operations of [`Simd`] for AVX2 and AVX-512.
 //!
-//! Always true: [`Avx2`] and [`Avx512`] exist only if the processor has these instructions.
+//! Invariants: [`Avx2`] and [`Avx512`] exist only if the processor has these instructions.
 //! Products and sums of edge functions are rounded one by one, as in
 //! [`Portable`](crate::simd::Portable). Box tests may use fused operations.
 //!
@@ -17,7 +17,7 @@ use crate::node::{Block, Node, ROW, Row, WIDTH};
 use crate::prepared::Prepared;
 use crate::simd::{EdgeSigns, Limits, Near, RAYS, RayBytes, STRETCH, Simd, stack_scalar};
 
-// There are no closures below. A closure lacks the target features of its function, so its
+// The functions below have no closures. A closure lacks the target features of its function, so its
 // instructions become calls, which is three times slower.
 
 /// Proof that the processor has AVX2, FMA, BMI1 and BMI2.
@@ -72,7 +72,7 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn edge_signs(self, block: &Block, ray: &Prepared) -> EdgeSigns {
-        // SAFETY: `self` proves AVX2. Every load is of four lanes of one vertex.
+        // SAFETY: `self` proves AVX2. Every load reads four lanes of one vertex.
         unsafe {
             let [kx, ky, kz] = ray.axes;
             let (rx, ry, rz) =
@@ -114,7 +114,7 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn edge_signs_of_row(self, row: &Row, ray: &Prepared) -> EdgeSigns {
-        // SAFETY: `self` proves AVX2. Loads are of lanes 0 to 7 and 8 to 15 of a vertex, aligned to
+        // SAFETY: `self` proves AVX2. Loads read lanes 0 to 7 and 8 to 15 of a vertex, aligned to
         // 32 bytes.
         unsafe {
             let [kx, ky, kz] = ray.axes;
@@ -150,7 +150,7 @@ impl Simd for Avx2 {
         shear_x: &[f32; ROW],
         shear_y: &[f32; ROW],
     ) -> EdgeSigns {
-        // SAFETY: `self` proves AVX2. Loads are of the first and the last eight of sixteen numbers.
+        // SAFETY: `self` proves AVX2. Loads read the first and the last eight of sixteen numbers.
         unsafe {
             let (mut inside, mut on_edge) = (0, 0);
             for half in 0..2 {
@@ -236,7 +236,7 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn prefetch_node(self, node: &Node) {
         let start: *const Node = node;
-        // SAFETY: prefetching has no effect on memory, and both lines are of the node.
+        // SAFETY: prefetching has no effect on memory, and both lines belong to the node.
         unsafe {
             _mm_prefetch::<_MM_HINT_T0>(start.cast());
             _mm_prefetch::<_MM_HINT_T0>(start.cast::<i8>().add(64));
@@ -246,7 +246,7 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn prefetch_block(self, block: &Block) {
         let start: *const Block = block;
-        // SAFETY: prefetching has no effect on memory, and the three lines are of the block.
+        // SAFETY: prefetching has no effect on memory, and the three lines belong to the block.
         unsafe {
             _mm_prefetch::<_MM_HINT_T0>(start.cast());
             _mm_prefetch::<_MM_HINT_T0>(start.cast::<i8>().add(64));
@@ -255,8 +255,8 @@ impl Simd for Avx2 {
     }
 }
 
-/// Returns the triangles or rays of eight whose edge functions have one sign, and those of which
-/// one is 0, from the sheared vertices.
+/// Returns two masks of eight triangles or rays, from the sheared vertices. In the first, all edge
+/// functions have one sign or are 0. In the second, some edge function is 0.
 ///
 /// # Safety
 /// The processor has AVX2.

@@ -301,7 +301,7 @@ fn rays_traced_together_find_the_same_hits_as_alone() {
 }
 
 #[test]
-fn of_triangles_at_the_same_distance_the_first_wins() {
+fn the_first_of_two_triangles_at_the_same_distance_wins() {
     let mut random = Random(18);
     let mut mesh = Mesh::soup(2_000, 0.2, &mut random);
     let copies = mesh.triangles.clone();

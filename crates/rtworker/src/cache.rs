@@ -1,4 +1,4 @@
-//! Scenes that servers have sent, kept on disk under the hash of their content.
+//! Scenes of servers, stored on disk under the hash of their content.
 
 use std::{io::Read, path::PathBuf};
 
@@ -11,13 +11,13 @@ use holo_scene::{KeptFiles, Scene};
 pub struct SceneCache(KeptFiles);
 
 impl SceneCache {
-    /// Returns the cache in the folder given, or in the user's cache folder. Without either, it
-    /// keeps nothing.
+    /// Returns the cache in `folder`, or else in the user's cache folder. Without either, nothing
+    /// is stored.
     pub fn new(folder: Option<PathBuf>) -> SceneCache {
         SceneCache(KeptFiles::new(folder, "scene"))
     }
 
-    /// Returns the scene, if it is here and whole.
+    /// Returns the scene, if it is stored and undamaged.
     pub fn get(&self, info: &SceneInfo) -> Option<Scene> {
         let (file, _) = self.0.open(&info.hash).filter(|(_, bytes)| *bytes == info.bytes)?;
         let mut packed = Vec::with_capacity(usize::try_from(info.bytes).ok()?);
@@ -25,13 +25,14 @@ impl SceneCache {
         unpack(&packed, info).ok()
     }
 
-    /// Keeps a scene for the next time. If the disk is full or read-only, it will be fetched again.
+    /// Stores a scene for the next time. If the disk is full or read-only, the scene will be
+    /// fetched again.
     pub fn put(&self, info: &SceneInfo, packed: &[u8]) {
         self.0.put(&info.hash, |file| file.write_all(packed));
     }
 }
 
-/// Returns the scene in these bytes.
+/// Decodes a scene.
 ///
 /// # Errors
 /// If they are not the bytes announced, or not a scene.

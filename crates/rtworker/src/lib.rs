@@ -3,7 +3,7 @@
 //!
 //! Invariants:
 //! - The scene comes from the server, so no shared disk is needed. One copy serves all threads.
-//! - A packet alone determines its rays: traced again, it holds the same rays.
+//! - A packet alone determines its rays. Traced again, it has the same rays.
 #![forbid(unsafe_code)]
 
 mod cache;
@@ -65,7 +65,7 @@ pub struct Config {
 pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
     let server = Destination::parse(&config.connect)?;
     if config.nice > 0 {
-        // Only politeness: where it is not allowed, tracing goes on all the same.
+        // If the system refuses, tracing continues at normal priority.
         let _ = rustix::process::nice(config.nice);
     }
     let mut worker = session::Worker::new(&config);
@@ -99,7 +99,7 @@ async fn serve(
 ) -> Result<Farewell> {
     let patience = Duration::try_from_secs_f64(config.retry).unwrap_or_default();
     let connection = match session::reach(server, patience).await {
-        // Not a lost connection, but one never made: the caller must not try for ever.
+        // The connection was never established, so the caller must not try for ever.
         Err(NetError::Io(error)) => {
             return Err(anyhow::Error::msg(error.to_string()))
                 .with_context(|| format!("no holoserver answers at {server} (is it running?)"));
@@ -114,7 +114,7 @@ async fn serve(
     worker.session(connection).await
 }
 
-/// Prints a line that is news only to whoever has started this program by hand.
+/// Prints a line for a person who has started this program by hand.
 fn chat(config: &Config, text: &str) {
     if !config.with_parent {
         say(config, text);

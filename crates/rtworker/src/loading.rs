@@ -1,4 +1,4 @@
-//! From a server's welcome to a tracer: the scene from the cache, or from the server.
+//! Loads the scene after a server's welcome, from the cache or from the server, and makes a tracer.
 
 use std::{
     future::Future,
@@ -21,10 +21,10 @@ use crate::{
     unexpected::unexpected,
 };
 
-/// The time between two reports of a step that does not say how far it is.
+/// Time between two reports of a step without known progress.
 const STEP_EVERY: Duration = Duration::from_secs(1);
 
-/// The tracer of the last session, and where scenes are kept.
+/// The tracer of the last session, and the stored scenes.
 pub struct Loader {
     cache: Arc<SceneCache>,
     hierarchies: Hierarchies,
@@ -33,15 +33,15 @@ pub struct Loader {
 }
 
 impl Loader {
-    /// Returns a loader that has nothing yet.
+    /// Returns a loader without a tracer.
     pub fn new(cache: SceneCache, hierarchies: Hierarchies, reporter: Reporter) -> Loader {
         Loader { cache: Arc::new(cache), hierarchies, loaded: None, reporter }
     }
 
     /// Returns the tracer for the server's scene and settings.
     ///
-    /// It is the one from before, or made from a scene in the cache, or from one that the server
-    /// sends.
+    /// It is the last session's tracer if that fits. Otherwise it is made from a scene in the
+    /// cache, or from one that the server sends.
     pub async fn tracer(
         &mut self,
         inbox: &mut Inbox,
@@ -93,7 +93,7 @@ impl Loader {
         self.step(&text, unpacked).await?
     }
 
-    /// Takes the scene's pieces as they arrive.
+    /// Receives the pieces of the scene.
     async fn fetch(&mut self, inbox: &mut Inbox, info: &SceneInfo) -> Result<Vec<u8>> {
         let mut receiver = SceneReceiver::new(info)?;
         let start = Instant::now();
@@ -114,7 +114,7 @@ impl Loader {
         }
     }
 
-    /// Waits for a step and reports every second that it is under way.
+    /// Waits for a step, and reports every second that it is in progress.
     async fn step<T>(&mut self, text: &str, work: impl Future<Output = T>) -> T {
         tokio::pin!(work);
         let mut tick = tokio::time::interval(STEP_EVERY);

@@ -19,19 +19,20 @@ use tokio::sync::mpsc;
 
 use crate::unseen::UnseenCache;
 
-/// Packets that a thread takes at a time. They are few, so that the threads end together. With one,
-/// threads would often wait for each other at the queue.
+/// Packets that a thread takes at a time. They are few, so that the threads end together. If a
+/// thread took only one, threads would often wait for each other at the queue.
 const TAKE: usize = 4;
 
 /// Rays for records of indirect light, for each sample in a place without records, while a display
-/// waits. Two thirds of the time go into records while most samples lack them.
+/// waits. While most samples lack records, two thirds of the time go into records.
 const EFFORT: u32 = 2;
 
-/// The most while nobody waits. Nine tenths of the time go into records where these serve nearly all
-/// samples, so that few samples of a file are noisy. Where they serve few, less time does.
+/// The same while no display waits. If records serve nearly all samples, nine tenths of the time go
+/// into records, so that few samples of a file are noisy. If records serve few samples, less time
+/// does.
 const EFFORT_UNWATCHED: u32 = 16;
 
-/// Makes the random numbers of live rays differ from those of samples, whose kinds are 0 to 2.
+/// Distinguishes the random numbers of live rays from those of samples, whose kinds are 0 to 2.
 const LIVE_SALT: u64 = 3 << 56;
 
 /// A packet of a beam, with the viewpoint that it refers to.
@@ -39,7 +40,7 @@ const LIVE_SALT: u64 = 3 << 56;
 pub struct BeamJob {
     /// The packet. Its beam exists.
     pub packet: Packet,
-    /// The point that the rays must pass, and how near, if any.
+    /// The sphere that the rays must pass, if any.
     pub viewpoint: Option<Viewpoint>,
     /// The holodeck's seed.
     pub seed: u64,
@@ -54,24 +55,24 @@ pub enum Job {
     Live(LivePacket, u64),
 }
 
-/// A packet that is finished.
+/// A finished packet.
 #[derive(Debug)]
 pub enum Finished {
-    /// It was traced: what goes on the wire, and the samples in the order of their numbers.
+    /// A traced packet: its message, and the samples in the order of their numbers.
     Traced(Traced, Vec<Sample>),
-    /// It was not traced, because no ray of its beam hits anything: the packet's number.
+    /// The number of a packet that was not traced, because no ray of its beam hits anything.
     Unseen(u64),
-    /// Live rays were traced: what goes on the wire, and the hits in the order of the rays.
+    /// Traced live rays: their message, and the hits in the order of the rays.
     Live(Traced, Vec<LiveHit>),
 }
 
-/// What all threads of a session trace.
+/// The task of all threads of a session.
 pub struct Task {
     /// The engine, with the scene.
     pub tracer: Arc<Tracer>,
     /// The holodeck's sections.
     pub sections: Arc<[Section]>,
-    /// Which beams see nothing; `None` if every beam is traced.
+    /// Answers whether beams are unseen; `None` if every beam is traced.
     pub unseen: Option<UnseenCache>,
 }
 
@@ -89,13 +90,13 @@ struct Shared {
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, Queue> {
-        // The queue is only pushed to and popped from, so a thread that panicked leaves it whole.
+        // The queue is only pushed to and popped from, so a thread that panics leaves it intact.
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// The threads of one session. Dropping it forgets what is queued, and waits for what is being
-/// traced.
+/// The threads of one session. Dropping the pool discards the queue, and waits for packets that are
+/// being traced.
 pub struct Pool {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
@@ -123,7 +124,7 @@ impl Pool {
         Ok(pool)
     }
 
-    /// Queues jobs, after those that are there.
+    /// Appends jobs to the queue.
     pub fn push(&self, jobs: impl IntoIterator<Item = Job>) {
         self.shared.lock().jobs.extend(jobs);
         self.shared.more.notify_all();
@@ -139,7 +140,7 @@ impl Drop for Pool {
         }
         self.shared.more.notify_all();
         for thread in self.threads.drain(..) {
-            // A thread that panicked has said so on standard error.
+            // A thread that panicked has reported it on standard error.
             let _ = thread.join();
         }
     }
@@ -178,7 +179,7 @@ fn trace(job: &Job, task: &Task) -> Option<Finished> {
 
 fn trace_live(packet: &LivePacket, seed: u64, tracer: &Tracer) -> Finished {
     let start = Instant::now();
-    // A display waits for them.
+    // A display waits for live rays.
     tracer.set_effort(EFFORT);
     let hits: Vec<LiveHit> =
         packet.rays.iter().map(|ray| live_hit(tracer, ray, seed, packet.paths)).collect();
@@ -191,7 +192,8 @@ fn live_hit(tracer: &Tracer, ray: &LiveRay, seed: u64, paths: u16) -> LiveHit {
     let (origin, direction) =
         (DVec3::from_array(ray.origin), DVec3::from_array(ray.direction).normalize());
     let traced = tracer.trace_paths(origin, direction, seed, 0..u64::from(paths));
-    // A display may ask for rays from anywhere, even where numbers overflow: it sees nothing there.
+    // A display may request rays from anywhere, even from places where numbers overflow. Such rays
+    // are black.
     let usable = |x: f32| if x.is_finite() { x.max(0.0) } else { 0.0 };
     let distance = if traced.distance >= 0.0 { traced.distance as f32 } else { f32::INFINITY };
     LiveHit { radiance: traced.radiance.map(usable), distance }
@@ -214,7 +216,7 @@ fn trace_beam(job: &BeamJob, task: &Task) -> Option<Finished> {
         task.tracer.set_measured_effort(EFFORT_UNWATCHED);
     }
     let sampler = section.beam_sampler(index, beam, job.viewpoint.as_ref())?;
-    // Samples of all kinds have the same numbers, but their random numbers must differ.
+    // Samples of all kinds have the same numbers, but need different random numbers.
     let salt = job.seed ^ ((job.packet.kind() as u64) << 56);
     let samples = (first..first + u32::from(count))
         .zip(0..)
@@ -235,7 +237,7 @@ fn trace_beam(job: &BeamJob, task: &Task) -> Option<Finished> {
     ))
 }
 
-/// Traces one sample: the ray at `coords`, from where the section lets rays begin.
+/// Traces one sample: the ray at `coords`, from the point where tracing begins in the section.
 fn sample(
     tracer: &Tracer,
     section: &Section,
@@ -252,7 +254,7 @@ fn sample(
         seed,
         0..u64::from(paths),
     );
-    // The distance counts from the entry point, wherever the ray begins.
+    // The distance counts from the entry point, even if tracing begins elsewhere.
     Sample::encode(
         coords,
         traced.radiance,

@@ -1,4 +1,4 @@
-//! What a worker reports while it loads: to people, or to the program that started it.
+//! Reports of a worker while it loads, to people or to the program that started it.
 
 use std::{
     fmt,
@@ -7,20 +7,20 @@ use std::{
 
 use holo_progress::{HumanBytes, Meter};
 
-/// How often a program that started this one gets a report.
+/// Interval between reports to the program that started this one.
 const REPORT_EVERY: Duration = Duration::from_millis(200);
 
 /// One line on the standard output of a worker that another program has started.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Report {
-    /// It loads the scene.
+    /// The worker is loading the scene.
     Loading {
-        /// How much of this step is done, 0 to 1.
+        /// Finished share of this step, 0 to 1.
         share: f64,
-        /// What it does, for people.
+        /// Name of this step, for people.
         text: String,
     },
-    /// It is ready to trace.
+    /// The worker is ready to trace.
     Ready,
 }
 
@@ -44,20 +44,20 @@ impl Report {
     }
 }
 
-/// Where reports go.
+/// The receiver of reports.
 #[derive(Debug)]
 pub enum Reporter {
     /// To people: a bar, or lines on standard error.
     People(Box<Meter>),
     /// To the program that started this one: lines on standard output.
     Parent {
-        /// When the last one went out.
+        /// Time of the last report.
         last: Option<Instant>,
     },
 }
 
 impl Reporter {
-    /// Returns a reporter; with `quiet`, people hear nothing.
+    /// Returns a reporter. With `quiet`, nothing is reported to people.
     pub fn new(with_parent: bool, quiet: bool) -> Reporter {
         if with_parent {
             Reporter::Parent { last: None }
@@ -79,7 +79,7 @@ impl Reporter {
         }
     }
 
-    /// Reports that tracing may begin.
+    /// Reports that tracing can begin.
     pub fn ready(&mut self) {
         match self {
             Reporter::People(meter) => meter.finish(),
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whoever_starts_a_worker_reads_what_it_writes() {
+    fn reports_of_a_worker_can_be_parsed_by_its_parent() {
         let loading = Report::Loading { share: 0.25, text: "fetching: 1 MiB of 4 MiB".to_owned() };
         for report in [loading, Report::Ready] {
             assert_eq!(Report::parse(&report.to_string()), Some(report));

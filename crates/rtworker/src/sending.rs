@@ -1,4 +1,4 @@
-//! What goes back to the server: finished packets, and records of indirect light.
+//! Sends results to the server: finished packets, and records of indirect light.
 
 use std::{sync::Arc, time::Duration};
 
@@ -16,17 +16,18 @@ use crate::pool::Finished;
 /// Most packets in one message: 5,000 samples, some milliseconds of work.
 const MAX_RESULTS: usize = 256;
 
-/// How long finished packets wait for others before they are sent, unless there are many.
+/// Time for which finished packets wait for others, unless there are many.
 const GATHER: Duration = Duration::from_millis(1);
 
-/// How often new records of light are sent. Another worker may make the same record meanwhile.
+/// Interval at which new records of light are sent. Meanwhile, another worker may make the same
+/// record.
 const SHARE_EVERY: Duration = Duration::from_millis(5);
 
 /// Most records in one message: a megabyte.
 const SHARED_RECORDS: usize = 1 << 13;
 
-/// Sends finished packets until the pool is gone: many in a message when they come fast, at once
-/// when they come slowly. Records of light go before the packets that they were made for.
+/// Sends finished packets until the pool is gone. Packets that finish in quick succession share a
+/// message. Records of light go before the packets that they were made for.
 pub async fn send_results(
     mut results: mpsc::UnboundedReceiver<Finished>,
     outbox: Outbox,
@@ -34,7 +35,8 @@ pub async fn send_results(
 ) {
     let mut batch = Vec::with_capacity(MAX_RESULTS);
     loop {
-        // A packet in a place without records takes long. Others can use its records before.
+        // A packet in a place without records takes long, and other packets can use its records
+        // before it ends.
         let wait = if light.is_some() { SHARE_EVERY } else { Duration::MAX };
         let received = tokio::time::timeout(wait, results.recv_many(&mut batch, MAX_RESULTS)).await;
         if let Some(light) = &mut light
@@ -86,8 +88,8 @@ fn send_batch(batch: &mut Vec<Finished>, outbox: &Outbox) -> Result<(), ProtoErr
     Ok(())
 }
 
-/// Records of light that the server may not have: those from before the connection, which the
-/// server may have lost, and those made since.
+/// Records of light that the server may lack: those made before the connection, because the server
+/// may have lost them, and those made since.
 pub struct NewLight {
     store: Arc<Store>,
     before: usize,
@@ -95,7 +97,7 @@ pub struct NewLight {
 }
 
 impl NewLight {
-    /// Returns all records that are in the store now, and those to come.
+    /// Returns all records of the store, including those to come.
     pub fn new(store: Arc<Store>) -> NewLight {
         let before = store.len();
         NewLight { store, before, next: 0 }

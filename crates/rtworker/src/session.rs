@@ -1,4 +1,4 @@
-//! One connection to a server: load the scene, then trace what comes.
+//! One connection to a server: loads the scene, then traces packets.
 
 use std::{sync::Arc, time::Duration};
 
@@ -26,27 +26,27 @@ use crate::{
     unseen::UnseenCache,
 };
 
-/// A connection that the server has taken.
+/// A connection that the server has accepted.
 pub type Connection = (Inbox, Outbox, Welcome);
 
-/// Connects as a worker. While nobody answers, it tries again for `patience`.
+/// Connects as a worker. If no server answers, tries again for `patience`.
 pub async fn reach(server: &Destination, patience: Duration) -> Result<Connection, NetError> {
     let system = rustix::system::uname();
     let (host, process) = (system.nodename().to_string_lossy(), std::process::id());
-    // The server tells machines apart by what comes before the process.
+    // The server identifies machines by the part of the name before the process.
     let name = format!("rtworker on {host} #{process}");
-    // The caller has said that it tries.
+    // The caller has reported the attempt.
     holo_net::reach(server, Role::Worker, &name, patience, |_, _| {}).await
 }
 
-/// What stays from one connection to the next.
+/// The state that survives from one connection to the next.
 pub struct Worker {
     threads: u16,
     loader: Loader,
 }
 
 impl Worker {
-    /// Returns a worker that has loaded nothing.
+    /// Returns a worker without a scene.
     pub fn new(config: &Config) -> Worker {
         let cores = std::thread::available_parallelism()
             .map_or(1, |n| u16::try_from(n.get()).unwrap_or(u16::MAX));
@@ -57,7 +57,7 @@ impl Worker {
         Worker { threads: config.threads.unwrap_or(cores).max(1), loader }
     }
 
-    /// Works until the server says goodbye, and returns why.
+    /// Works until the server says goodbye, and returns the reason.
     pub async fn session(&mut self, (mut inbox, outbox, welcome): Connection) -> Result<Farewell> {
         let sections =
             welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();
@@ -103,14 +103,14 @@ impl Worker {
                 break Err(error);
             }
         };
-        // Waiting for the threads must not hold up the runtime.
+        // Waiting for the threads must not block the runtime.
         tokio::task::spawn_blocking(move || drop(pool)).await?;
         sender.abort();
         ended
     }
 }
 
-/// Takes a message of the server: work for the pool, or records of light.
+/// Processes a message of the server: work for the pool, or records of light.
 fn take(
     message: Message,
     pool: &Pool,
@@ -136,7 +136,7 @@ fn take(
     Ok(())
 }
 
-/// Returns the jobs of a message. It checks that every beam exists, so that the threads need not.
+/// Returns the jobs of a message. Checks here that every beam exists, so that the threads need not.
 fn jobs(work: &Work, sections: &[Section], seed: u64) -> Result<Vec<Job>> {
     work.packets
         .iter()

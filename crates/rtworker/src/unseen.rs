@@ -1,6 +1,6 @@
-//! Whether a beam sees anything: worked out once for each, before its first ray is traced.
+//! Determines whether a beam sees anything, once for each beam, before its first ray is traced.
 //!
-//! Invariant: an unseen beam has no ray that hits anything beyond where its section lets rays
+//! Invariant: no ray of an unseen beam hits anything beyond the point where its section lets rays
 //! begin.
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -8,12 +8,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use holo_raycast::{Raycaster, Shaft};
 use holo_section::{BeamId, CellIndex, CellPair, DVec3, Section, ViewClass};
 
-/// Answers that are remembered, of 8 bytes each. A view has thousands of beams, and most sections
-/// have fewer than this.
+/// Number of stored answers, of 8 bytes each. A view has thousands of beams, and most sections have
+/// fewer than this.
 const ANSWERS: usize = 1 << 20;
 
-/// Answers for beams, shared by all threads. Two beams may share a slot; the answer for the one
-/// that lost it is worked out again.
+/// Answers for beams, shared by all threads. Two beams may share a slot. The answer that was
+/// overwritten is computed again.
 pub struct UnseenCache(Box<[AtomicU64]>);
 
 impl UnseenCache {
@@ -22,7 +22,7 @@ impl UnseenCache {
         UnseenCache((0..ANSWERS).map(|_| AtomicU64::new(0)).collect())
     }
 
-    /// Returns whether no ray of the beam hits anything.
+    /// Returns true if no ray of the beam hits anything.
     pub fn is_unseen(
         &self,
         raycaster: &Raycaster,
@@ -47,7 +47,7 @@ impl UnseenCache {
     }
 }
 
-/// Returns the shaft of all rays of a beam, from where its section lets them begin.
+/// Returns the shaft of all rays of a beam, from the points where its section lets them begin.
 pub fn shaft(section: &Section, pair: CellPair) -> Shaft {
     let spec = section.spec();
     // The same rule as in `Section::trace_start`.
@@ -146,7 +146,7 @@ mod tests {
         let cache = UnseenCache::new();
         let (mut unseen, mut seen, mut doubtful) = (0, 0, 0);
         for round in 0..80u16 {
-            // Scenes of all sizes and in all places: from a thimble far away to a city.
+            // Scenes have all sizes and places, from a thimble far away to a city.
             let size = 10f64.powf(random.unit() * 6.0 - 3.0);
             let away = size * 10f64.powf(random.unit() * 4.0);
             let place = random.vector(away);
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_that_begin_at_the_exit_do_not_see_what_stands_inside() {
+    fn rays_that_begin_at_the_exit_do_not_see_objects_inside() {
         let triangle =
             [DVec3::new(0.4, 0.4, 0.5), DVec3::new(0.6, 0.4, 0.5), DVec3::new(0.5, 0.6, 0.5)];
         let raycaster = raycaster(&[triangle]);

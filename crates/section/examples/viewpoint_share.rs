@@ -20,7 +20,7 @@ const RAYS: u32 = 20_000;
 /// Samples of a packet.
 const PACKET: u32 = 21;
 
-/// Where the eye is, as shares of the section's axes.
+/// Places of the eye, as shares of the section's axes.
 const PLACES: [(&str, [f64; 3]); 6] = [
     ("at the centre", [0.5, 0.5, 0.5]),
     ("off the centre", [0.31, 0.62, 0.43]),
@@ -64,7 +64,7 @@ struct Share {
     near: u32,
     /// Rays in all.
     rays: u32,
-    /// Beams of which no ray passes near enough, so that theirs are spread over the whole beam.
+    /// Beams without any ray near enough to the eye. Their rays are spread over the whole beam.
     uniform: u32,
 }
 

@@ -42,8 +42,8 @@ impl CellIndex {
     }
 }
 
-/// Returns the axes of a wall's two cell directions: for walls 0 to 5, 1 1 2 2 0 0 and
-/// 2 2 0 0 1 1.
+/// Returns the axes of a wall's two cell directions. The first axes of walls 0 to 5 are 1 1 2 2 0
+/// 0, the second ones 2 2 0 0 1 1.
 pub(crate) fn wall_directions(wall: u8) -> (usize, usize) {
     let axis = usize::from(wall / 2);
     ((axis + 1) % 3, (axis + 2) % 3)

@@ -1,7 +1,7 @@
 //! Distance codes: 16 bits, linear up to the section's diagonal, then logarithmic (Larson & Simmons
 //! 1999, §2.1).
 //!
-//! Invariants: encoding is monotone, and every code decodes to a distance that encodes to it.
+//! Invariant: encoding is monotone, and every code decodes to a distance that encodes to it.
 
 /// The code for a ray that hits nothing.
 pub const NOTHING_HIT: u16 = u16::MAX;

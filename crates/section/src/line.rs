@@ -1,4 +1,4 @@
-//! The cells and byte positions in which a line meets a section.
+//! Finds the cells and byte positions where a line meets a section.
 //!
 //! Invariant: a boundary belongs to exactly one side. A position on the border of two cells belongs
 //! to the upper cell, one on a section's upper border to the last cell. A line that only touches

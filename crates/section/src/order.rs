@@ -23,7 +23,7 @@ impl BeamOrder {
         BeamOrder { beams, key, half_bits: bits.div_ceil(2).max(1) }
     }
 
-    /// Returns the beam at `position`, modulo the number of beams; beam 0 if there are none.
+    /// Returns the beam at `position`, modulo the number of beams; beam 0 if that number is 0.
     pub fn at(&self, position: u64) -> BeamId {
         if self.beams == 0 {
             return BeamId(0);

@@ -20,8 +20,8 @@ impl Linear {
     }
 }
 
-/// Returns the part of the unit square in which every one of `constraints` is at least 0, as the
-/// vertices of a convex polygon. None if that part is empty.
+/// Returns the part of the unit square where every one of `constraints` is at least 0, as the
+/// vertices of a convex polygon. Empty if there is no such part.
 pub(crate) fn clip_unit_square(constraints: &[Linear]) -> Vec<Point> {
     let mut polygon = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     for &constraint in constraints {
@@ -115,7 +115,7 @@ mod tests {
     fn sampling_is_uniform_over_the_region() {
         // The region is the square without a diagonal band: two disjoint parts. Points are a
         // midpoint grid in (s, t). The share of points in a box must equal its share of the area.
-        // The map is piecewise smooth, so the grid's error is of the order of 1/1000.
+        // The map is piecewise smooth, so the grid's error is about 1/1000.
         let band = 0.2;
         let parts = [
             clip_unit_square(&[Linear([1.0, -1.0, -band])]),

@@ -58,8 +58,7 @@ pub(crate) struct Proximity {
     /// Half the diagonal of a byte position of the near cell, world units. Rounding moves a ray's
     /// end by no more.
     half_step: f64,
-    /// Radius of the disk in which the eye is jittered, world units: the radius less the rounding
-    /// of positions to bytes.
+    /// Radius of the eye's jitter, world units: `radius` less the rounding of positions to bytes.
     jitter: f64,
     region: Region,
 }
@@ -117,8 +116,8 @@ impl Proximity {
         self.best(sequence, number).0
     }
 
-    /// Returns the ray of the first place that is good enough, or the nearest ray; and its distance
-    /// from the eye.
+    /// Returns the ray of the first place that is good enough, or else the nearest ray; and its
+    /// distance from the eye.
     fn best(&self, sequence: &ScrambledSobol, number: u32) -> (RayCoords, f64) {
         let good = self.radius.max(ROUNDING * self.half_step);
         let mut best = self.nearby_ray(sequence.point(number));

@@ -20,8 +20,8 @@ fn exp2i(exponent: i32) -> f64 {
 /// Negative and NaN channels become 0, and channels above [`MAX_CHANNEL`] become that. Colours
 /// below 2⁻¹²⁸ become black.
 ///
-/// The largest channel is rounded to nearest. The others are rounded up or down at random, by the
-/// 32 uniform bits of `dither`, so that their expectation is exact to 2⁻³² of a step.
+/// The largest channel is rounded to nearest. The 32 uniform bits of `dither` round the others up
+/// or down at random. Their expectation is then exact to 2⁻³² of a step.
 pub fn encode(rgb: [f32; 3], dither: u32) -> [u8; 4] {
     let rgb = rgb.map(|v| if v > 0.0 { v.min(MAX_CHANNEL) } else { 0.0 });
     let largest =

@@ -57,7 +57,7 @@ impl Sample {
     }
 }
 
-/// How a sample's ray was chosen within its beam.
+/// The choice of a sample's ray within its beam.
 #[repr(u8)]
 #[derive(Copy, Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum SampleKind {

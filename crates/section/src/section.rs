@@ -34,7 +34,7 @@ const MAX_UNCERTAINTY: f64 = 0.45;
 const MAX_COORDINATE: f64 = 1e60;
 const MIN_LENGTH: f64 = 1e-60;
 
-/// Which side of the section its views are on (Larson & Simmons 1999, §2.1).
+/// The side of a section where its views are (Larson & Simmons 1999, §2.1).
 #[derive(Serialize, Deserialize, Copy, Clone, Debug, PartialEq, Eq, Hash)]
 pub enum ViewClass {
     /// Views look out of the section.
@@ -52,13 +52,13 @@ pub struct SectionSpec {
     pub axes: [[f64; 3]; 3],
     /// Cells along each axis, 1 to [`MAX_GRID`].
     pub grid: [u32; 3],
-    /// Which side of the section its views are on.
+    /// The side of the section where its views are.
     pub class: ViewClass,
-    /// Whether geometry inside the section is visible: see [`Section::trace_start`].
+    /// True if geometry inside the section is visible: see [`Section::trace_start`].
     pub obstructions: bool,
 }
 
-/// Why a section is refused.
+/// The reason why a section is refused.
 #[derive(Error, Debug, Clone, PartialEq)]
 pub enum SectionError {
     /// A coordinate is not a number, or too large.
@@ -237,7 +237,7 @@ impl Section {
             .fold(0.0, f64::max);
         let heights = heights(axes);
         let height = heights.into_iter().fold(f64::INFINITY, f64::min);
-        // Written so that NaN, the height of zero or underflowed axes, is refused, too.
+        // This form also refuses NaN, the height of zero or underflowed axes.
         if !heights.into_iter().all(|h| h >= MIN_FLATNESS * diagonal && h >= MIN_LENGTH) {
             return Err(SectionError::Degenerate { axes: spec.axes, height, diagonal });
         }
@@ -256,7 +256,7 @@ impl Section {
         Self::grid_near(axes, USUAL_BEAMS)
     }
 
-    /// Returns a grid for these axes with about so many beams.
+    /// Returns a grid for these axes with about `beams` beams.
     ///
     /// Its cells are as close to cubes as 4 to 24 cells along an axis allow. An axis of length 0
     /// gets 4 cells.

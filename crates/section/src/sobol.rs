@@ -2,8 +2,8 @@
 //!
 //! Direction numbers are those of Joe & Kuo (2008, new-joe-kuo-6). Scrambling is hash-based after
 //! Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020, with Vegdahl's constants. The
-//! order of points is not shuffled: every prefix is well spread, and a beam's samples go on where
-//! they stopped.
+//! order of points is not shuffled: every prefix is well spread, and a beam's samples continue
+//! where they stopped.
 
 use crate::hash::mix64;
 
@@ -155,8 +155,8 @@ mod tests {
                         "dimension {dimension}, {bits} bits"
                     );
                 }
-                // The polynomials of the exit cell's dimensions have degrees 2 and 3, so t = 1 + 2:
-                // every interval of 2^(bits-3) of volume has exactly 8 points.
+                // The polynomials of the exit cell's dimensions have degrees 2 and 3, so t = 1 + 2.
+                // Every interval of volume 2^(3-bits) then has exactly 8 points.
                 if bits >= 3 {
                     for c in 0..=bits - 3 {
                         assert!(counts(&points, [0, 0, c, bits - 3 - c]).iter().all(|&n| n == 8));

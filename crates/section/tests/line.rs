@@ -1,6 +1,6 @@
 //! From rays to lines and back: ray coordinates are exact, and lines meet sections where geometry
 //! says.
-// For the tests' helpers: in tests themselves they are allowed anyway.
+// Clippy allows these in tests, but not in the tests' helpers.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod common;
@@ -58,8 +58,8 @@ fn a_stored_ray_is_found_again_exactly() {
 
 #[test]
 fn a_grazing_ray_is_found_again_exactly() {
-    // Both ends lie within a few steps of the edge that their walls share; or one does, and the
-    // other is as far away as possible.
+    // In some rays, both ends lie within a few steps of the edge that their walls share. In others,
+    // one end does, and the other is as far away as possible.
     let mut rng = Rng(2);
     for section in all_sections() {
         let grid = section.spec().grid;
@@ -209,7 +209,8 @@ fn a_boundary_belongs_to_exactly_one_side() {
     let hit = unit_line([-1.0, 0.5, 0.25], [1.0, 0.0, 0.0]).unwrap();
     assert_eq!((hit.pair.entry, hit.coords.0[0]), (CellIndex { wall: 0, u: 1, v: 0 }, 0));
     assert_eq!((hit.entry_t, hit.exit_t), (1.0, 2.0));
-    // A line in the plane that two sections share is in exactly one of them, whichever way it runs.
+    // A line in the plane that two sections share belongs to exactly one of them, in either
+    // direction.
     let upper = section([1.0, 0.0, 0.0], UNIT, [2; 3]);
     for direction in [DVec3::Y, -DVec3::Z, DVec3::new(0.0, 0.3, 0.4)] {
         let origin = DVec3::new(1.0, 0.3, 0.3);

@@ -1,5 +1,5 @@
 //! Rays that pass near an eye (Larson & Simmons 1999, Appendix A).
-// For the tests' helpers: in tests themselves they are allowed anyway.
+// Clippy allows these in tests, but not in the tests' helpers.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod common;
@@ -162,7 +162,8 @@ fn limited_rays_are_spread_evenly_over_all_that_the_eye_sees_through_the_beam() 
                     .flat_map(|u| (v.saturating_sub(1)..=(v + 1).min(15)).map(move |v| u * 16 + v));
                 if seen[i] == 256 {
                     open_boxes += 1;
-                    // As even as random samples at least, at 5 standard deviations (Poisson).
+                    // Rays are at least as even as random samples, at 5 standard deviations
+                    // (Poisson).
                     let expected = 256.0 * share;
                     let miss = (f64::from(counts[i]) - expected).abs();
                     assert!(
@@ -202,8 +203,8 @@ fn positions_are_uniform_over_the_visible_part() {
         counts[usize::from(c[2] >> 5) * 8 + usize::from(c[3] >> 5)] += 1;
         assert!((63..=192).contains(&c[0]) && (63..=192).contains(&c[1]), "{c:?}");
     }
-    // With a low-discrepancy sequence every box is within 25 % of its share of 64. Of random
-    // samples the standard deviation is 12 %.
+    // With a low-discrepancy sequence every box is within 25 % of its share of 64. For random
+    // samples, the standard deviation would be 12 %.
     assert!(counts.iter().all(|&n| (48..=80).contains(&n)), "{counts:?}");
 }
 
@@ -221,7 +222,7 @@ fn a_radius_of_a_cells_size_does_not_pile_rays_up_at_the_borders() {
     for place in 0..4 {
         let mut strips = [0u32; 16];
         (0..n).for_each(|number| strips[usize::from(sampler.coords(number).0[place] >> 4)] += 1);
-        // The eye lies well inside a beam as wide as the radius, so no strip of a 16th of a cell
+        // The eye lies well inside a beam as wide as the radius. No strip of a 16th of a cell then
         // gets three times its share.
         assert!(strips.iter().all(|&count| count < 3 * n / 16), "coordinate {place}: {strips:?}");
     }

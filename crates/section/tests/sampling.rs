@@ -1,5 +1,5 @@
 //! Uniform rays of a beam: spread over it, and different from beam to beam.
-// For the tests' helpers: in tests themselves they are allowed anyway.
+// Clippy allows these in tests, but not in the tests' helpers.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod common;
@@ -57,8 +57,8 @@ fn over_many_beams_each_sample_is_uniform_in_every_coordinate_and_pair_of_coordi
 #[test]
 fn over_many_beams_two_samples_are_independent_within_their_strata() {
     // Samples 0 and 1 lie in different halves of each coordinate. Within the halves they are
-    // independent. So three things are uniform together: which half, the top 3 bits of one's
-    // position in its half, and the top 4 bits of the other's.
+    // independent. Three things are therefore uniform together: the half, the top 3 bits of one
+    // position in its half, and the top 4 bits of the other.
     let section = cornell();
     let beams = 1u64 << 16;
     for a in 0..4 {
@@ -97,6 +97,6 @@ fn a_prefix_fills_a_beam_better_than_chance() {
     }
     let empty = seen.iter().filter(|&&s| !s).count();
     println!("empty boxes: {empty} of 4096");
-    // Of random samples, the standard deviation is below 25 boxes.
+    // For random samples, the standard deviation is below 25 boxes.
     assert!(empty < 1507 - 10 * 25, "{empty} of 4096 boxes are empty");
 }

@@ -1,4 +1,4 @@
-//! Cutting polygons off at the faces of a box (Sutherland & Hodgman 1974).
+//! Clips polygons to a box (Sutherland & Hodgman 1974).
 
 use glam::DVec3;
 
@@ -17,7 +17,7 @@ pub(crate) fn to_box(triangle: [DVec3; 3], size: DVec3) -> Vec<DVec3> {
     polygon
 }
 
-/// Returns the part of a convex polygon in which `height` is not negative.
+/// Returns the part of a convex polygon in which `height` is at least 0.
 fn cut(polygon: &[DVec3], height: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
     let mut kept = Vec::with_capacity(polygon.len() + 1);
     for (i, &to) in polygon.iter().enumerate() {

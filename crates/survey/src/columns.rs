@@ -1,8 +1,8 @@
-//! Free runs of cells in the columns of a grid: floor to ceiling.
+//! Runs of free cells in the columns of a grid, from floor to ceiling.
 
 use crate::grid::Grid;
 
-/// Free cells of one column that stand on a touched one.
+/// Free cells of one column above a touched cell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run {
     pub x: u32,
@@ -11,7 +11,7 @@ pub(crate) struct Run {
     pub from: u32,
     /// The cell above the highest free one.
     pub to: u32,
-    /// Whether a touched cell ends it above.
+    /// True if a touched cell ends the run above.
     pub roofed: bool,
 }
 
@@ -49,8 +49,8 @@ fn push(runs: &mut Vec<Run>, x: usize, y: usize, floor: Option<usize>, to: usize
 }
 
 /// Returns the commonest height of a storey in cells, from floor to ceiling. Heights within 15 % of
-/// each other count together, each by its volume: there is much space below tables and in walls,
-/// but it is low. `None` without a roof.
+/// each other count together, each by its volume, because spaces below tables and in walls are many
+/// but low. `None` without a roof.
 pub(crate) fn storey(runs: &[Run]) -> Option<f64> {
     let mut volume: Vec<f64> = Vec::new();
     for run in runs.iter().filter(|run| run.roofed && run.height() >= 3) {

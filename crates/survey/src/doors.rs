@@ -1,8 +1,8 @@
-//! Doors: boxes that join the boxes of rooms, so that whoever walks from room to room is always in
-//! one of them.
+//! Doors: boxes that join the boxes of rooms, so that a person who walks from room to room is
+//! always in a box.
 //!
-//! All ways from room to room are found by one flood fill. The shortest that join rooms not yet
-//! joined are kept (Kruskal's algorithm), and covered by boxes as wide as the passage allows.
+//! One flood fill finds all ways from room to room. The shortest ways that join rooms not yet
+//! joined are kept (Kruskal's algorithm). Boxes as wide as the passage allows cover them.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -13,16 +13,18 @@ use crate::rectangle::Rectangle;
 /// Least width of a passage, as a share of the eye's height: 0.4 m for a person.
 const LEAST_WIDTH: f64 = 0.25;
 
-/// Greatest width of a box in a passage. A wider one costs samples, and the rooms see as much.
+/// Greatest width of a box in a passage. A wider box costs samples and shows no more than the rooms
+/// do.
 const MOST_WIDTH: f64 = 0.75;
 
-/// Longest way between two boxes that is joined: thick walls, and furniture beside a door.
+/// Longest way between two boxes that is joined: through thick walls, or past furniture beside a
+/// door.
 const LONGEST: f64 = 2.5;
 
 /// Most boxes of one way.
 const MOST_BOXES: usize = 4;
 
-/// No box: a place that no flood has reached.
+/// Stands for no box: no flood has reached the place.
 const NONE: usize = usize::MAX;
 
 /// Returns boxes that join rooms of one storey, in the order of their ways' lengths. `eye` is the
@@ -44,7 +46,7 @@ pub(crate) fn joints(grid: &Grid, level: &Level, rooms: &[Rectangle], eye: f64) 
     joints
 }
 
-/// The places of a storey where one may stand.
+/// The places of a storey where a person may stand.
 struct Free {
     mask: Vec<bool>,
     size: [usize; 2],
@@ -53,7 +55,7 @@ struct Free {
 /// The shortest way from one room to another.
 struct Way {
     rooms: [usize; 2],
-    /// Neighbouring places, from room to room.
+    /// Neighbouring places on the way, from room to room.
     places: Vec<[usize; 2]>,
 }
 
@@ -66,15 +68,15 @@ impl Free {
         at[0] < self.size[0] && at[1] < self.size[1] && self.mask[self.index(at)]
     }
 
-    /// Returns the free places beside one. The two along each axis follow each other.
+    /// Returns the free places beside one: first both along one axis, then both along the other.
     fn beside(&self, at: [usize; 2]) -> impl Iterator<Item = [usize; 2]> {
         let [x, y] = at;
         let around = [[x.wrapping_sub(1), y], [x + 1, y], [x, y.wrapping_sub(1)], [x, y + 1]];
         around.into_iter().filter(|&at| self.is_free(at))
     }
 
-    /// Returns the shortest way between the rooms of each pair that meet when all are flooded from
-    /// at once, the shortest first.
+    /// Floods from all rooms at once. Returns the shortest way between each pair of rooms whose
+    /// floods meet, the shortest first.
     fn ways(&self, rooms: &[Rectangle], longest: usize) -> Vec<Way> {
         let mut flood = vec![(NONE, 0, [0; 2]); self.mask.len()];
         let mut queue = VecDeque::new();
@@ -126,8 +128,8 @@ impl Free {
         found.into_iter().map(way).collect()
     }
 
-    /// Covers a way by free boxes that overlap by a place: the ends of a way lie in rooms. `None`
-    /// if it is too narrow, or takes too many boxes.
+    /// Covers a way by free boxes that overlap by a place. The ends of a way lie in rooms. `None`
+    /// if the way is too narrow, or needs too many boxes.
     fn boxes(&self, way: &[[usize; 2]], covered: &[Rectangle], eye: f64) -> Option<Vec<Rectangle>> {
         let mut boxes: Vec<Rectangle> = Vec::new();
         let is_covered = |at: &[usize; 2]| covered.iter().any(|rectangle| rectangle.contains(*at));
@@ -136,7 +138,7 @@ impl Free {
             if boxes.len() == MOST_BOXES {
                 return None;
             }
-            // From the covered place before, so that boxes overlap.
+            // Begin at the covered place before, so that boxes overlap.
             let first = next.saturating_sub(1);
             let mut found = Rectangle { low: way[first], high: way[first] };
             let mut last = first;
@@ -167,7 +169,7 @@ impl Free {
         Some(boxes)
     }
 
-    /// Widens a rectangle to both sides while it is free there, up to `most` places a side.
+    /// Widens a rectangle to both sides where it is free, up to `most` places on each side.
     fn widened(&self, rectangle: Rectangle, most: usize) -> Rectangle {
         let mut found = rectangle;
         loop {

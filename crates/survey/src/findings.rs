@@ -1,40 +1,39 @@
-//! What is odd about a scene: how often, where, and what it does to pictures.
+//! Peculiarities of a scene: their number, their place, and their effect on pictures.
 
 use std::collections::HashMap;
 
 use glam::Vec3;
 use holo_scene::{Bsdf, Material, Scene};
 
-/// Something odd.
+/// A peculiarity of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// What it is, such as `open edges`.
+    /// Its kind, such as `open edges`.
     pub kind: &'static str,
-    /// How many there are.
+    /// The number of cases.
     pub count: usize,
-    /// World coordinates of the first.
+    /// World coordinates of the first case.
     pub at: Option<[f64; 3]>,
-    /// The material of the first, if it is about materials.
+    /// The material of the first case, if the finding is about materials.
     pub material: Option<String>,
-    /// What it does to pictures.
+    /// Its effect on pictures.
     pub means: &'static str,
 }
 
-/// Triangles that are smaller than this share of the scene's size are very small, and parts below
-/// the second.
+/// Shares of the scene's size below which triangles and parts are very small.
 const TINY: f32 = 1e-6;
 const SMALL_PART: f64 = 1e-4;
 
-/// Triangles that alone are as long as this share of the scene, if all others are within a tenth.
+/// Share of the scene's size from which a triangle is very large, if all others are within a tenth.
 const LONG: f64 = 0.5;
 
-/// Albedo from which a closed room stays noisy for long.
+/// Albedo from which a closed room stays noisy for a long time.
 const WHITE: f32 = 0.95;
 
-/// An edge between two places, whichever way it is walked.
+/// An edge between two places, the same in both directions.
 type Edge = [[u32; 3]; 2];
 
-/// Returns what is odd about a scene, in a fixed order.
+/// Returns the peculiarities of a scene, in a fixed order.
 #[must_use]
 pub fn findings(scene: &Scene) -> Vec<Finding> {
     let mut found = Vec::new();
@@ -45,7 +44,7 @@ pub fn findings(scene: &Scene) -> Vec<Finding> {
     found
 }
 
-/// Returns the bytes that a scene takes in memory, textures included.
+/// Returns the memory of a scene in bytes, including textures.
 #[must_use]
 pub fn memory(scene: &Scene) -> usize {
     let shading = scene.shading.as_ref().map_or(0, |shading| {
@@ -58,7 +57,7 @@ pub fn memory(scene: &Scene) -> usize {
 }
 
 fn bits(p: Vec3) -> [u32; 3] {
-    // Adding 0 makes -0 and 0 one place.
+    // Adding 0 makes -0 and 0 the same place.
     (p + Vec3::ZERO).to_array().map(f32::to_bits)
 }
 
@@ -88,7 +87,7 @@ fn duplicates(scene: &Scene, found: &mut Vec<Finding>) {
     push(found, "duplicate faces", count, first.and_then(|t| place(scene, t)), None, means);
 }
 
-/// How a triangle's edges are walked by their faces.
+/// The directions in which faces traverse an edge.
 #[derive(Default)]
 struct Walked {
     forwards: u32,
@@ -107,7 +106,7 @@ fn edges(scene: &Scene, found: &mut Vec<Finding>) {
             if from < to { edge.forwards += 1 } else { edge.backwards += 1 }
         }
     }
-    // The first by its triangle, because the order of a hash map is none.
+    // The first is chosen by its triangle, because a hash map has no order.
     let sum = |is_odd: fn(&Walked) -> bool| {
         let odd = walked.values().filter(|edge| is_odd(edge));
         let first = odd.clone().map(|edge| edge.triangle).min();
@@ -147,7 +146,7 @@ fn sizes(scene: &Scene, found: &mut Vec<Finding>) {
     push(found, "very small parts", small_parts.len(), first, None, means);
 }
 
-/// Finds a few faces that are much larger than all else, such as a ground plane.
+/// Finds a few faces that are much larger than everything else, such as a ground plane.
 fn very_large(scene: &Scene, size: f64, found: &mut Vec<Finding>) {
     const MOST: usize = 16;
     let is_long = |&t: &u32| {
@@ -173,7 +172,8 @@ fn extent_of(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
     points.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
 }
 
-/// Returns the triangles that hang together by their corners' places, each part in order.
+/// Returns the parts of a scene whose triangles share corners. The triangles of each part are in
+/// order.
 fn parts(scene: &Scene) -> Vec<Vec<u32>> {
     let mut number: HashMap<[u32; 3], u32> = HashMap::new();
     let mut parent: Vec<u32> = Vec::new();
@@ -208,8 +208,8 @@ fn parts(scene: &Scene) -> Vec<Vec<u32>> {
     parts
 }
 
-/// Returns the names and albedos of diffuse materials on faces that absorb hardly any light: their
-/// albedo is at least 0.95, and no paint's is.
+/// Returns the names and albedos of diffuse materials that are used and absorb hardly any light.
+/// Their albedo is at least 0.95, which no paint reaches.
 #[must_use]
 pub fn white_materials(scene: &Scene) -> Vec<(&str, f32)> {
     let albedo = |material: &Material| match material.bsdf {
@@ -218,7 +218,7 @@ pub fn white_materials(scene: &Scene) -> Vec<(&str, f32)> {
     };
     let mut used = vec![false; scene.materials.len()];
     scene.material_ids.iter().for_each(|&id| used[id as usize] = true);
-    // Under a texture, and under colours of corners, white is a factor.
+    // With a texture, or with colours of corners, white is only a factor.
     let is_factor = |id: usize| {
         scene.shading.as_ref().is_some_and(|shading| {
             let has_texture = shading.maps.get(id).is_some_and(|maps| maps.base.is_some());

@@ -1,13 +1,13 @@
-//! Directions of a scene as a person in it calls them.
+//! Directions of a scene as a person in it names them.
 
 use glam::DVec3;
 
 /// Right, ahead and up: unit vectors at right angles, right-handed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// To the right of who looks ahead.
+    /// To the right of a person who looks ahead.
     pub right: DVec3,
-    /// Level, away from who looks at the front of an object.
+    /// Level, in the direction of a person who looks at the front of an object.
     pub ahead: DVec3,
     /// Up.
     pub up: DVec3,
@@ -15,7 +15,7 @@ pub struct Frame {
 
 impl Frame {
     /// Makes the frame for an up direction of any length. `ahead` is +y if z is up and -z if y is
-    /// up, as exporters turn their models. A direction without length counts as +z.
+    /// up, as exporters orient their models. A direction without length counts as +z.
     #[must_use]
     pub fn new(up: DVec3) -> Frame {
         let up = up.try_normalize().unwrap_or(DVec3::Z);

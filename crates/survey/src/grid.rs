@@ -1,7 +1,7 @@
 //! A scene as cubic cells, each free or touched by a surface.
 //!
-//! Always true: surfaces are closed for steps between cells that share a face. Of two such cells on
-//! both sides of a surface, at least one is touched.
+//! Invariant: no step between cells that share a face crosses a surface. If a surface lies between
+//! two such cells, at least one of them is touched.
 
 use glam::DVec3;
 use holo_raycast::Raycaster;
@@ -19,7 +19,8 @@ const MAX_SIDE: f64 = 400.0;
 /// below a house.
 const OUTLIERS: f64 = 0.01;
 
-/// Factor by which the bounds must exceed the corners without outliers to be cut to these.
+/// Least ratio of the bounds to the extent without outliers for the bounds to be cut to that
+/// extent.
 const FAR: f64 = 4.0;
 
 /// The cells of a scene, in local coordinates relative to the scene's origin.
@@ -45,7 +46,7 @@ impl Grid {
         if size.max_element() <= 0.0 || !size.is_finite() {
             return None;
         }
-        // A flat scene, too, gets cells.
+        // A flat scene needs cells, too.
         let thick = size.max(DVec3::splat(size.max_element() * 0.01));
         let volume = thick.x * thick.y * thick.z;
         let cell = (volume / MAX_CELLS).cbrt().max(thick.max_element() / MAX_SIDE);

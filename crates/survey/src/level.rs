@@ -1,4 +1,4 @@
-//! Storeys: the places of one level where eyes can be, and which of them are indoors.
+//! Storeys: the places of one level where eyes can be, and those among them that are indoors.
 
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
@@ -9,23 +9,23 @@ use holo_raycast::{Ray, Raycaster};
 use crate::columns::Run;
 use crate::grid::Grid;
 
-/// Directions in which a place looks around.
+/// Directions that are probed from a place.
 const DIRECTIONS: usize = 26;
 
-/// A place is indoors if so many of its directions meet something.
+/// Share of a place's directions that must hit something for the place to be indoors.
 const ENCLOSED: f64 = 0.62;
 
-/// Most places of a level that look around. Others take the answer of a neighbour.
+/// Most places of a level that are probed. Others get the result of a neighbour.
 const MAX_PROBES: usize = 4000;
 
-/// Share of places above a level floor from which a region may be a room.
+/// Share of places above a level floor from which on a region may be a room.
 const FLAT: f64 = 0.6;
 
-/// Share of back faces seen from which a region may be the inside of a solid.
+/// Share of back faces in sight from which on a region may be the inside of a solid.
 const BACKS: f64 = 0.55;
 
-/// Numbers of materials and of triangles in sight that make even a region of back faces a room. A
-/// cuboid has twelve triangles, and may have a material on each side.
+/// Numbers of materials and of triangles in sight that make a region a room in spite of its back
+/// faces. A cuboid has twelve triangles, and may have a material on each side.
 const FURNISHED: usize = 3;
 const MORE_THAN_A_BOX: usize = 13;
 
@@ -33,13 +33,13 @@ const MORE_THAN_A_BOX: usize = 13;
 pub(crate) struct Level {
     /// The cell at eye height.
     pub eye: usize,
-    /// For each place, the free cells around the eye: lowest, and the one above the highest.
+    /// The free cells around the eye at each place: the lowest, and the one above the highest.
     pub runs: Vec<Option<(u32, u32)>>,
-    /// Places in rooms.
+    /// True for each place in a room.
     pub indoors: Vec<bool>,
 }
 
-/// What a place sees around it.
+/// Counts of what is visible around a place.
 #[derive(Default)]
 struct Seen {
     hits: usize,
@@ -53,11 +53,11 @@ struct Seen {
 /// Heights in cells.
 #[derive(Clone, Copy)]
 pub(crate) struct Heights {
-    /// Eyes above floors.
+    /// Height of eyes above floors.
     pub eye: u32,
-    /// What must be free below eyes, above chairs and beds.
+    /// Height below eyes that must be free. It leaves room for chairs and beds.
     pub below: u32,
-    /// How much floors of one storey may differ.
+    /// Greatest difference between floors of one storey.
     pub slack: u32,
 }
 
@@ -83,7 +83,7 @@ pub(crate) fn levels(
         let Some(floor) = commonest.filter(|&floor| floors[floor] > 0) else { break };
         let floor = floor as u32;
         let eye = floor + heights.eye;
-        // Also above furniture. Whoever stands on a table is on no storey of its own.
+        // Places above furniture count, too: a table is no storey of its own.
         let is_here = |run: &Run| {
             (run.from + heights.below..run.to).contains(&eye) && run.from + heights.slack >= floor
         };
@@ -112,7 +112,8 @@ impl Level {
         self.indoors.iter().filter(|&&is_indoors| is_indoors).count()
     }
 
-    /// Returns the places in rooms that are `margin` cells away from all others.
+    /// Returns true for each place in a room that is at least `margin` cells away from places
+    /// outside rooms.
     pub(crate) fn away_from_walls(&self, grid: &Grid, margin: usize) -> Vec<bool> {
         let [depth, width, _] = grid.size;
         let mut mask = self.indoors.clone();
@@ -130,7 +131,7 @@ impl Level {
         mask
     }
 
-    /// Decides which places are in rooms.
+    /// Determines which places are in rooms.
     fn find_rooms(&mut self, grid: &Grid, raycaster: &Raycaster) {
         let width = grid.size[1];
         let count = self.runs.iter().filter(|run| run.is_some()).count();
@@ -143,7 +144,7 @@ impl Level {
         let mut inside = vec![false; self.runs.len()];
         let free = self.runs.iter().enumerate().filter_map(|(place, run)| run.map(|_| place));
         for place in free {
-            // The first free place of a square looks around for all of it.
+            // The first free place of a square is probed for the whole square.
             let corner = probed(place);
             let answer = seen[corner].get_or_insert_with(|| {
                 look_around(grid, raycaster, grid.middle([place / width, place % width, self.eye]))
@@ -191,7 +192,7 @@ fn look_around(grid: &Grid, raycaster: &Raycaster, from: DVec3) -> Seen {
         let is_back = normal.dot(world) > 0.0;
         seen.hits += 1;
         seen.backs += usize::from(is_back);
-        // Who looks at the back of a glowing shell stands inside it.
+        // The back of a glowing shell is visible only from inside it.
         seen.has_lamp |= material.emits() && (!is_back || material.two_sided_emission);
         seen.materials.insert(id);
         seen.triangles.insert(hit.triangle);
@@ -202,7 +203,7 @@ fn look_around(grid: &Grid, raycaster: &Raycaster, from: DVec3) -> Seen {
     seen
 }
 
-/// Returns directions that are spread evenly (a spiral), the first of them straight down.
+/// Returns evenly spread directions (a spiral), the first of them straight down.
 fn directions() -> impl Iterator<Item = DVec3> {
     let golden = PI * (3.0 - 5f64.sqrt());
     (0..DIRECTIONS).map(move |i| {
@@ -213,7 +214,7 @@ fn directions() -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// Returns the connected regions of set places in rows of `width`.
+/// Returns the connected regions of set places, in rows of `width`.
 fn regions(mask: &[bool], width: usize) -> Vec<Vec<usize>> {
     let mut left = mask.to_vec();
     let mut regions = Vec::new();

@@ -1,14 +1,15 @@
-//! Survey: what a person would see at first sight in a scene that says nothing about itself. Which
-//! way is up, how long its unit is, where its rooms are, and where to stand.
+//! Surveys a scene without metadata, and determines what a person would see at first sight: the up
+//! direction, the length of the unit, the rooms, and where to stand.
 //!
-//! A [`Frame`] says which way is up. [`Survey::new`] divides the scene into cells, finds the places
-//! where a person's eyes can be, and puts boxes into the rooms among them. [`Survey::limit`] limits
-//! their number, and joins those that are left through doors. Without rooms the scene is an object,
-//! which is looked at from outside.
+//! A [`Frame`] states which way is up. [`Survey::new`] divides the scene into cells, finds the
+//! places where a person's eyes can be, and puts boxes into the rooms among them. [`Survey::limit`]
+//! limits their number, and joins the remaining ones through doors. A scene without rooms is an
+//! object, and its view is from outside.
 //!
-//! Always true:
+//! Invariants:
 //! - Each guess comes with its reason, in words for people.
-//! - A result is a function of the scene, the frame and the stated unit: not of threads or clocks.
+//! - A result is a function of the scene, the frame and the stated unit. It does not depend on
+//!   threads or clocks.
 //! - Memory is bounded by [`grid::MAX_CELLS`], time by the number of triangles and cells.
 
 mod clip;
@@ -36,10 +37,10 @@ pub use sight::Sight;
 pub use unit::{Unit, unit_words};
 pub use up::guess_up;
 
-/// Something that was chosen, and why.
+/// A value that was guessed, and the reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guess<T> {
-    /// What was chosen.
+    /// The guessed value.
     pub value: T,
     /// The reason, for people.
     pub reason: String,

@@ -1,22 +1,22 @@
-//! How much of a scene its own lamps light.
+//! Measures how much of a scene its own lamps light.
 
 use holo_raycast::{Raycaster, SurfacePoint};
 use holo_scene::{Bsdf, Scene};
 
-/// Points on surfaces, each of which looks for lamps.
+/// Number of points on surfaces from which lamps are searched for.
 const POINTS: usize = 512;
 
-/// Points on lamps, chosen in proportion to their light from so many spread by area and brightness.
-/// A texture may be dark nearly everywhere.
+/// Number of points on lamps. They are chosen in proportion to their light from more points spread
+/// by area and brightness, because a texture may be dark nearly everywhere.
 const LAMP_POINTS: usize = 32;
 const CANDIDATES: usize = 8192;
 
-/// Share of the scene's surface that its own lamps must reach. A lamp before a closed object reaches
-/// up to half of it, and all of the ground. Lamps that reach less glow, and light little: eyes of
-/// figures, displays of devices.
+/// Share of the scene's surface that its own lamps must reach. A lamp before a closed object
+/// reaches up to half of the object, and all of the ground. Lamps that reach less are mere
+/// decoration, such as eyes of figures or displays of devices.
 const ENOUGH: f64 = 1.0 / 3.0;
 
-/// Least product of the cosines at both ends: light that grazes does not count.
+/// Least product of the cosines at both ends, because grazing light hardly counts.
 const LEAST_COSINES: f32 = 0.01;
 
 /// A point of a lamp.
@@ -25,8 +25,8 @@ struct LampPoint {
     is_two_sided: bool,
 }
 
-/// Returns whether enough of the scene's surface shines, or is reached by light from lamps without
-/// detours. `false` without lamps. Glass is no obstacle.
+/// Returns true if enough of the scene's surface shines or is reached by direct light from lamps.
+/// False without lamps. Glass is no obstacle.
 #[must_use]
 pub fn is_lit_by_lamps(raycaster: &Raycaster) -> bool {
     let lamps = lamp_points(raycaster);
@@ -74,7 +74,7 @@ fn lamp_points(raycaster: &Raycaster) -> Vec<LampPoint> {
     in_proportion(&weights, LAMP_POINTS).into_iter().map(lamp).collect()
 }
 
-/// Returns how brightly a point shines.
+/// Returns the brightness of a point on a lamp.
 fn glow(scene: &Scene, triangle: u32, u: f32, v: f32) -> f64 {
     let texture = scene.emission_texture(triangle, u, v, 0.0).map_or(1.0, sum);
     texture * sum(scene.material(triangle).emission)
@@ -104,7 +104,7 @@ fn spread(scene: &Scene, count: usize, weight: impl Fn(u32) -> f64) -> Vec<(u32,
     chosen.map(point).collect()
 }
 
-/// Returns `count` indices, each as often as its weight demands. Empty if all weights are 0.
+/// Returns `count` indices, each as often as its weight requires. Empty if all weights are 0.
 fn in_proportion(weights: &[f64], count: usize) -> Vec<usize> {
     let total: f64 = weights.iter().sum();
     if total.is_nan() || total <= 0.0 {
@@ -127,8 +127,8 @@ mod tests {
     use holo_scene::Material;
     use std::sync::Arc;
 
-    /// A closed box of `side` around the origin, whose faces look outwards, and a lamp above or
-    /// below its lid.
+    /// Returns the result for a closed box of `side` around the origin, whose faces look outwards,
+    /// and a lamp above or below its lid.
     fn is_lit(side: f64, lamp_height: f64, lamp: Material) -> bool {
         let corner = |k: usize| {
             DVec3::from_array([k & 1, k >> 1 & 1, k >> 2].map(|c| (c as f64 - 0.5) * side))
@@ -139,7 +139,7 @@ mod tests {
         let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
         let mut triangles: Vec<[u32; 3]> = quads.into_iter().flat_map(halves).collect();
         let mut ids = vec![0; triangles.len()];
-        // It shines down.
+        // The lamp shines down.
         positions.extend(
             [[0.0, 0.0], [0.0, 0.1], [0.1, 0.1], [0.1, 0.0]]
                 .map(|[x, y]| DVec3::new(x, y, lamp_height)),
@@ -152,18 +152,18 @@ mod tests {
     }
 
     #[test]
-    fn a_lamp_lights_what_it_shines_on_and_nothing_behind_it() {
+    fn a_lamp_lights_surfaces_before_it_and_none_behind_it() {
         let lamp = Material { emission: [2.0; 3], ..Material::grey("lamp") };
-        // In the box it lights all walls. On the lid it touches, it shines into a gap.
+        // In the box, the lamp lights all walls. Just above the lid, it shines into a gap.
         assert!(is_lit(2.0, 0.8, lamp.clone()));
         assert!(!is_lit(2.0, 1.001, lamp.clone()));
-        // From above it lights the lid alone, a sixth of the box.
+        // High above, it lights the lid alone, a sixth of the box.
         assert!(!is_lit(2.0, 3.0, lamp));
         assert!(!is_lit(2.0, 0.8, Material::grey("no lamp")));
     }
 
     #[test]
-    fn what_shines_itself_is_not_dark() {
+    fn a_scene_whose_surface_shines_is_not_dark() {
         let points = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let lamp = Material { emission: [2.0; 3], ..Material::grey("lamp") };
         for (material, is_lit) in [(lamp, true), (Material::grey("wall"), false)] {

@@ -1,4 +1,4 @@
-//! Words in the names of materials that tell what a surface is.
+//! Recognises surfaces by words in the names of their materials.
 
 /// Words of surfaces that lie level, in the languages of common exporters.
 const LEVEL: [&str; 20] = [
@@ -24,7 +24,7 @@ const LEVEL: [&str; 20] = [
     "pavimento",
 ];
 
-/// Returns whether a name says that its surface lies level.
+/// Returns true if a name means a level surface.
 pub(crate) fn is_level(name: &str) -> bool {
     let lower = name.to_lowercase();
     let mut words = lower.split(|c: char| !c.is_alphabetic());

@@ -39,8 +39,8 @@ const LEAST_WIDTH: usize = 480;
 
 impl Survey {
     /// Draws the storeys with rooms, one below the other from the top storey on. Walls and
-    /// furniture at eye height are dark, rooms and what joins them are coloured, and a dot with a
-    /// line is a view. `None` without rooms.
+    /// furniture at eye height are dark, rooms and doors are coloured, and a dot with a line is a
+    /// view. `None` without rooms.
     #[must_use]
     pub fn plan(&self) -> Option<Plan> {
         let grid = self.grid.as_ref().filter(|_| !self.rooms.is_empty())?;
@@ -56,7 +56,7 @@ impl Survey {
             let level = &self.levels[n];
             for y in 0..along * zoom {
                 for x in 0..width {
-                    // Ahead is up in the plan.
+                    // Ahead is upwards in the plan.
                     let at = [x / zoom, along - 1 - y / zoom];
                     let index = at[0] * along + at[1];
                     let is_solid = grid.column(at[0], at[1])[level.eye];

@@ -1,6 +1,6 @@
 //! The largest rectangle in a mask.
 
-/// Cells from `low` to `high`, both within.
+/// Cells from `low` to `high`, inclusive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Rectangle {
     pub low: [usize; 2],
@@ -13,12 +13,12 @@ impl Rectangle {
         (self.high[0] + 1 - self.low[0]) * (self.high[1] + 1 - self.low[1])
     }
 
-    /// Returns whether it holds a cell.
+    /// Returns true if the rectangle contains a cell.
     pub(crate) fn contains(self, at: [usize; 2]) -> bool {
         (0..2).all(|axis| (self.low[axis]..=self.high[axis]).contains(&at[axis]))
     }
 
-    /// Returns the least rectangle that holds a cell, too.
+    /// Returns the least rectangle that also contains this cell.
     pub(crate) fn with(self, at: [usize; 2]) -> Rectangle {
         let (low, high) = (self.low, self.high);
         Rectangle {
@@ -34,10 +34,10 @@ impl Rectangle {
     }
 }
 
-/// Returns the largest rectangle of set cells in rows of `width`; the first of equal ones.
+/// Returns the largest rectangle of set cells, in rows of `width`. Among equal ones, the first.
 pub(crate) fn largest(mask: &[bool], width: usize) -> Option<Rectangle> {
     let mut best: Option<Rectangle> = None;
-    // Number of set cells that end at the present row, in each column.
+    // Number of set cells that end at the present row, by column.
     let mut depths = vec![0usize; width];
     for (row, cells) in mask.chunks_exact(width).enumerate() {
         for (depth, &set) in depths.iter_mut().zip(cells) {
@@ -64,7 +64,7 @@ pub(crate) fn largest(mask: &[bool], width: usize) -> Option<Rectangle> {
     best
 }
 
-/// Returns the set cells that are in a square of `side` set cells, in rows of `width`.
+/// Returns the set cells that lie in a square of set cells with this side, in rows of `width`.
 pub(crate) fn opened(mask: &[bool], width: usize, side: usize) -> Vec<bool> {
     // The side of the largest square that ends at each cell.
     let mut squares = vec![0usize; mask.len()];
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_is_as_wide_as_the_square_is_left() {
+    fn only_cells_in_squares_of_the_side_are_left() {
         let rows = ["..##.", ".####", "#####", "##..#"];
         let set = |rows: [&str; 4]| rows.concat().chars().map(|c| c == '#').collect::<Vec<_>>();
         assert_eq!(opened(&set(rows), 5, 1), set(rows));

@@ -1,4 +1,4 @@
-//! Rooms: boxes at eye height that are free, brought in from walls and furniture.
+//! Rooms: free boxes at eye height, at a distance from walls and furniture.
 
 use glam::DVec3;
 use holo_raycast::Raycaster;
@@ -17,20 +17,22 @@ use crate::unit::{Unit, by_extent, by_storey, unit_words};
 /// Height of eyes above floors, metres.
 const EYE: f64 = 1.6;
 
-/// Height of eyes in storeys that are too low for a person, as in doll's houses.
+/// Height of eyes as a share of the storey's height, if storeys are too low for a person, as in
+/// doll's houses.
 const EYE_SHARE: f64 = 0.55;
 
-/// Height of the lowest storeys, metres, if the unit is known: doll's houses are 1:12. Lower ones
-/// are the insides of things.
+/// Least height of a storey, metres, if the unit is known. Doll's houses are 1:12; lower spaces are
+/// the insides of things.
 const LEAST_STOREY: f64 = 0.18;
 
-/// How far floors of one storey may differ, as a share of the eye's height: steps and thresholds.
+/// Greatest difference between floors of one storey, as a share of the eye's height, for steps and
+/// thresholds.
 const STEPS: f64 = 0.25;
 
-/// Distance that boxes keep from walls and furniture, as a share of the eye's height.
+/// Distance of boxes from walls and furniture, as a share of the eye's height.
 const OFF_WALLS: f64 = 0.1;
 
-/// How far boxes reach below and above the eye, as shares of its height.
+/// Extents of boxes below and above the eye, as shares of the eye's height.
 const BELOW: f64 = 0.35;
 const ABOVE: f64 = 0.25;
 
@@ -39,15 +41,16 @@ const ABOVE: f64 = 0.25;
 const LEAST_SIDE: f64 = 0.35;
 const LEAST_AREA: f64 = 0.03;
 
-/// Least area of the largest room, in squares of the eye's height: a bathroom has more. Without
-/// such a room the scene is an object, and its free places are below wings or between legs.
+/// Least area of the largest room, in squares of the eye's height. Bathrooms are larger. Without
+/// such a room the scene is an object, whose free places are, for example, below wings or between
+/// legs.
 const LEAST_LARGEST: f64 = 1.0;
 
-/// Width of places that are not doors, as a share of the eye's height. Boxes keep off the jambs, so
-/// that a door of 1.1 m is narrower.
+/// Least width of places that are not doors, as a share of the eye's height. Boxes keep off the
+/// jambs, so a door of 1.1 m is narrower than this.
 const DOOR: f64 = 0.5;
 
-/// Most rooms that are found. [`Survey::limit`] takes fewer.
+/// Most rooms that are searched for. [`Survey::limit`] reduces their number.
 const MAX_ROOMS: usize = 64;
 
 /// A free box at eye height.
@@ -57,7 +60,7 @@ pub struct Room {
     pub origin: DVec3,
     /// The three edges from that corner.
     pub axes: [DVec3; 3],
-    /// The view along its longest sight line.
+    /// The view along the box's longest sight line.
     pub sight: Sight,
     /// Index of its storey, from below.
     pub level: usize,
@@ -88,9 +91,9 @@ pub struct Survey {
     pub rooms: Vec<Room>,
     /// Boxes that join the rooms; none before [`Survey::limit`]. Those of short ways come first.
     pub doors: Vec<Door>,
-    /// The length of the scene's unit. If it was stated, it is that.
+    /// The length of the scene's unit, stated or guessed.
     pub unit: Guess<Unit>,
-    /// A view of the whole from outside.
+    /// A view of the whole scene from outside.
     pub outside: Sight,
     pub(crate) levels: Vec<Level>,
     pub(crate) grid: Option<Grid>,
@@ -101,8 +104,8 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// Surveys a scene. `unit` is the unit that a person has stated, in metres. Otherwise it
-    /// follows from what its file says, the height of its rooms, the habits of the program that
+    /// Surveys a scene. `unit` is the unit that a person has stated, in metres. Without one, it
+    /// follows from the scene's file, the height of its rooms, the usual unit of the program that
     /// wrote it, or the scene's size.
     #[must_use]
     pub fn new(raycaster: &Raycaster, frame: Frame, unit: Option<Unit>, about: &About) -> Survey {
@@ -151,7 +154,7 @@ impl Survey {
         Survey { rooms, doors, unit, outside, levels, grid, eye, origin }
     }
 
-    /// Forgets all but the `most` largest rooms, and joins these through doors.
+    /// Removes all rooms except the `most` largest, and joins these through doors.
     pub fn limit(&mut self, most: usize) {
         self.rooms.truncate(most);
         self.doors.clear();
@@ -167,8 +170,8 @@ impl Survey {
         }
     }
 
-    /// Returns the views of the survey by name: one for each room, the largest first, or the one
-    /// from outside.
+    /// Returns the views of the survey by name: one for each room, the largest first, or else the
+    /// one from outside.
     #[must_use]
     pub fn views(&self) -> Vec<(String, Sight)> {
         let rooms = self.rooms.iter().enumerate();
@@ -178,7 +181,8 @@ impl Survey {
     }
 }
 
-/// Returns what is stated of the unit, by a person or else by the file, and what is usual.
+/// Returns the unit that a person or else the file has stated, and the usual one for the program
+/// that wrote the file.
 fn known_unit(unit: Option<Unit>, about: &About) -> (Option<Guess<Unit>>, Option<Guess<Unit>>) {
     let said = |said: &Said<Unit>, how: &str| {
         Guess::new(said.value, format!("{}, {how} `{}`", unit_words(said.value), said.words))
@@ -205,7 +209,7 @@ fn rooms(grid: &Grid, raycaster: &Raycaster, levels: &[Level], eye: f64) -> Vec<
     let mut left: Vec<Vec<bool>> =
         levels.iter().map(|level| level.away_from_walls(grid, margin)).collect();
     let mut found: Vec<(usize, Rectangle)> = Vec::new();
-    // Wide places first. Otherwise, a box through doors in a row might be the largest.
+    // Wide places come first. Otherwise, a box through several doors in a row might be the largest.
     let width = (DOOR * eye / grid.cell).ceil() as usize;
     let mut wide: Vec<Vec<bool>> =
         left.iter().map(|mask| opened(mask, grid.size[1], width)).collect();
@@ -222,8 +226,8 @@ fn rooms(grid: &Grid, raycaster: &Raycaster, levels: &[Level], eye: f64) -> Vec<
     made.collect()
 }
 
-/// Takes the largest rectangles out of the masks of levels, in rows of `width`, and adds those
-/// whose shorter and longer side have at least so many cells.
+/// Takes the largest rectangles out of the masks of levels, in rows of `width`. Adds those with at
+/// least `short` by `long` cells.
 fn take_largest(
     masks: &mut [Vec<bool>],
     width: usize,
@@ -251,7 +255,7 @@ fn take_largest(
     }
 }
 
-/// Returns how many cells boxes reach below and above the eye.
+/// Returns the extents of boxes below and above the eye, in cells.
 fn reach(grid: &Grid, eye: f64) -> (u32, u32) {
     ((BELOW * eye / grid.cell) as u32, (ABOVE * eye / grid.cell) as u32)
 }
@@ -263,7 +267,7 @@ fn heights(grid: &Grid, level: &Level, rectangle: Rectangle, reach: (u32, u32)) 
     let (mut low, mut high) = (eye.saturating_sub(reach.0), eye + reach.1 + 1);
     for [x, y] in rectangle.places() {
         if let Some((from, to)) = level.runs[x * grid.size[1] + y] {
-            // A cell of distance from floors and ceilings, too.
+            // Keep a cell of distance from floors and ceilings, too.
             (low, high) =
                 (low.max((from + 1).min(eye)), high.min(to.saturating_sub(1).max(eye + 1)));
         }

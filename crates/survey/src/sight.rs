@@ -1,4 +1,4 @@
-//! Where to stand, and where to look.
+//! Chooses where to stand, and where to look.
 
 use std::f64::consts::TAU;
 
@@ -10,7 +10,7 @@ use crate::frame::Frame;
 use crate::grid::Grid;
 use crate::rectangle::Rectangle;
 
-/// A view that was chosen.
+/// A chosen view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sight {
     /// World coordinates of the eye.
@@ -27,24 +27,25 @@ pub struct Sight {
 const IN_ROOM: f64 = 75.0;
 const OF_OBJECT: f64 = 45.0;
 
-/// Share of a room's sides that eyes keep from its ends. A wall right beside the eye fills an edge
-/// of the picture, and hardly any stored ray sees it as flatly.
+/// Distance of eyes from a room's ends, as a share of its sides. A wall right beside the eye fills
+/// an edge of the picture, and hardly any stored ray hits it at such a grazing angle.
 const INSET: f64 = 0.08;
 
-/// Level directions that each place tries.
+/// Level directions that are tried from each place.
 const AROUND: usize = 48;
 
-/// Number of directions on each side of a view that count: up to its edges.
+/// Number of directions on each side of a view's middle that count, up to its edges.
 const FAN: usize = 5;
 
 /// Most places that are tried.
 const MAX_PLACES: usize = 120;
 
-/// Downward slope of a view in a room: floors say more than ceilings.
+/// Downward slope of a view in a room, because floors show more than ceilings.
 const DOWN: f64 = 0.08;
 
 /// Returns the view along the longest sight lines of a rectangle at eye height, relative to the
-/// scene's origin. All lines of a view count, so it is not one through a gap between chairs.
+/// scene's origin. All lines within the view count, so that a single line through a gap between
+/// chairs does not decide.
 pub(crate) fn in_room(grid: &Grid, raycaster: &Raycaster, room: Rectangle, eye: usize) -> Sight {
     let inset = |axis: usize| (INSET * (room.high[axis] - room.low[axis]) as f64).round() as usize;
     let room = Rectangle {
@@ -57,7 +58,7 @@ pub(crate) fn in_room(grid: &Grid, raycaster: &Raycaster, room: Rectangle, eye: 
     let on_stride = |[x, y]: [usize; 2]| {
         (x - room.low[0]).is_multiple_of(stride) && (y - room.low[1]).is_multiple_of(stride)
     };
-    // The corners of the room see most of it.
+    // From its corners, most of the room is visible.
     let corners = [room.low, [room.low[0], room.high[1]], [room.high[0], room.low[1]], room.high];
     for [x, y] in corners.into_iter().chain(room.places().filter(|&place| on_stride(place))) {
         let from = grid.middle([x, y, eye]);
@@ -69,7 +70,7 @@ pub(crate) fn in_room(grid: &Grid, raycaster: &Raycaster, room: Rectangle, eye: 
         let lengths: Vec<f64> = (0..AROUND)
             .map(|i| {
                 let ray = Ray::new(origin, grid.frame.to_world(level(i)).as_vec3());
-                // A look out of a window is worth something, but it is not the room.
+                // A look out of a window counts a little, but it does not show the room.
                 raycaster.nearest(&ray).map_or(0.3 * farthest, |hit| f64::from(hit.t).min(farthest))
             })
             .collect();
@@ -94,8 +95,8 @@ pub(crate) fn in_room(grid: &Grid, raycaster: &Raycaster, room: Rectangle, eye: 
     }
 }
 
-/// Directions that views from outside try, in the frame's axes, the usual one first: from the
-/// front, the right and above; from other sides; and from high above.
+/// Directions of views from outside, in the frame's axes. The usual one comes first: from the
+/// front, the right and above. Then come other sides, and one from high above.
 const OUTSIDE: [[f64; 3]; 6] = [
     [-0.5, 0.85, -0.38],
     [0.5, 0.85, -0.38],
@@ -105,21 +106,24 @@ const OUTSIDE: [[f64; 3]; 6] = [
     [-0.95, 0.2, -0.2],
 ];
 
-/// Share of the most surface that any of them shows from which the first one is taken.
+/// The first direction is used if it shows at least this share of the most surface that any
+/// direction shows.
 const SHOWN: f64 = 0.4;
 
-/// Most triangles that decide.
+/// Most triangles that are examined.
 const MAX_SAMPLED: usize = 100_000;
 
-/// Share of the picture that an object fills at most, and height over width of the widest pictures.
+/// Greatest share of the picture that an object fills, and height over width of the widest
+/// pictures.
 const FILLED: f64 = 0.9;
 const WIDE: f64 = 9.0 / 16.0;
 
-/// Least distance from the middle of a scene, in its diagonals: outside of a section around it.
+/// Least distance from the middle of a scene, in its diagonals, so that the eye is outside of a
+/// section around it.
 const LEAST_DISTANCE: f64 = 0.6;
 
-/// Returns a view of the whole scene from outside. It is the usual one unless that looks along the
-/// surfaces, as at the edge of a board.
+/// Returns a view of the whole scene from outside. It is the usual one, unless that shows surfaces
+/// edge-on, such as a board from its side.
 pub(crate) fn from_outside(frame: &Frame, scene: &Scene) -> Sight {
     let towards = OUTSIDE.map(|towards| frame.to_world(DVec3::from_array(towards).normalize()));
     let shown = towards.map(|towards| shown(scene, towards));
@@ -142,7 +146,7 @@ pub(crate) fn from_outside(frame: &Frame, scene: &Scene) -> Sight {
     Sight { eye: middle - direction * distance, direction, up: frame.up, angle: OF_OBJECT }
 }
 
-/// Returns the area that surfaces cover in a parallel view, each on its own.
+/// Returns the area that surfaces cover in a parallel view, without occlusion.
 fn shown(scene: &Scene, direction: DVec3) -> f64 {
     let stride = scene.triangles.len().div_ceil(MAX_SAMPLED).max(1);
     let area = |triangle: usize| {

@@ -1,11 +1,11 @@
-//! How long a scene's unit is.
+//! Guesses the length of a scene's unit.
 
 use crate::Guess;
 
 /// Metres in one unit of length.
 pub type Unit = f64;
 
-/// Units that models come in: metres, name, and what a storey measures in it.
+/// Usual units of models: metres, name, and the height of a storey in the unit.
 const UNITS: [(Unit, &str, std::ops::Range<f64>); 5] = [
     (1.0, "metres", 1.9..6.0),
     (0.3048, "feet", 6.5..18.0),
@@ -14,20 +14,20 @@ const UNITS: [(Unit, &str, std::ops::Range<f64>); 5] = [
     (0.001, "millimetres", 1900.0..6000.0),
 ];
 
-/// Returns a unit's name, or its length.
+/// Returns a unit's name, or else its length in metres.
 #[must_use]
 pub fn unit_words(unit: Unit) -> String {
     let known = UNITS.iter().find(|(metres, ..)| (metres / unit - 1.0).abs() < 1e-6);
     known.map_or_else(|| format!("units of {unit} m"), |(_, name, _)| (*name).to_owned())
 }
 
-/// Guesses the unit by the height of storeys.
+/// Guesses the unit from the height of storeys.
 pub(crate) fn by_storey(height: f64) -> Option<Guess<Unit>> {
     let (unit, name, _) = UNITS.iter().find(|(_, _, storeys)| storeys.contains(&height))?;
     Some(Guess::new(*unit, format!("{name}, because rooms are {height:.3} units high")))
 }
 
-/// Guesses the unit by the longest extent of a scene, an object perhaps.
+/// Guesses the unit from the longest extent of a scene, which may be an object.
 pub(crate) fn by_extent(extent: f64) -> Guess<Unit> {
     let unit = match extent {
         300.0..3000.0 => 0.01,
@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_storey_tells_the_unit() {
+    fn a_storey_determines_the_unit() {
         for (height, unit) in
             [(2.6, 1.0), (8.0, 0.3048), (96.0, 0.0254), (260.0, 0.01), (2600.0, 0.001)]
         {

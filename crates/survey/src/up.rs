@@ -1,4 +1,4 @@
-//! Which way is up.
+//! Guesses the up direction.
 
 use glam::DVec3;
 use holo_scene::{About, Material, Said, Scene};
@@ -8,12 +8,12 @@ use crate::{Guess, names};
 /// Share of an area that must agree on an axis.
 const AGREED: f64 = 0.75;
 
-/// A scene is lower than wide if its height is below this share of its lesser width.
+/// Ratio of height to lesser width below which a scene is lower than wide.
 const LOW: f64 = 0.67;
 
-/// Returns the up axis of a scene. In this order: what its file states, what materials called floor
-/// or ceiling show, where lamps shine, what its program usually has, which way the scene is low,
-/// and else +y, as in most model files.
+/// Returns the up axis of a scene. It follows, in this order, from the statement of its file, the
+/// normals of materials called floor or ceiling, the directions of lamps, the usual axis of its
+/// program, or the direction in which the scene is low. Otherwise it is +y, as in most model files.
 #[must_use]
 pub fn guess_up(scene: &Scene, about: &About) -> Guess<DVec3> {
     let said = |up: &Said<[f64; 3]>, how: &str| {
@@ -34,8 +34,8 @@ fn name(axis: DVec3) -> &'static str {
     if axis == DVec3::Y { "y" } else { "z" }
 }
 
-/// Returns the sums of area times the normal's components, over triangles of some materials, and
-/// the total area. `fold` is applied to each component.
+/// Returns the sum of area times the normal's components over triangles of some materials, and
+/// their total area. `fold` is applied to each component.
 fn normals(
     scene: &Scene,
     of: impl Fn(&Material) -> bool,

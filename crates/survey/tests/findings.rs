@@ -1,4 +1,4 @@
-//! What `findings` finds in small scenes with one fault each.
+//! Findings in small scenes with one fault each.
 
 #![allow(clippy::unwrap_used)]
 
@@ -6,7 +6,7 @@ use glam::DVec3;
 use holo_scene::{Bsdf, Material, Scene};
 use holo_survey::findings;
 
-/// A closed tetrahedron at a place, outside in front.
+/// A closed tetrahedron at a place, with its fronts outside.
 fn tetrahedron(at: f64, size: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|p| p * size + DVec3::X * at);
     (corners.to_vec(), vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])

@@ -81,8 +81,8 @@ impl Model {
     }
 }
 
-/// Two rooms of 5 by 4 and 3 by 4 metres with a door between, and a table in the larger one.
-/// Lengths are multiplied by `scale`, and the axes turned by `turn`.
+/// Two rooms of 5 by 4 and 3 by 4 metres with a door between them, and a table in the larger one.
+/// Lengths are multiplied by `scale`, and `turn` rotates the axes.
 fn flat(scale: f64, turn: fn(DVec3) -> DVec3) -> Model {
     let mut model = Model::default();
     let wall = model.material("plaster", 0.0);
@@ -112,8 +112,8 @@ fn rooms_are_free_boxes_at_eye_height_the_largest_first() {
 }
 
 /// Returns `count` rooms of 3 by 3 metres in a row, with a door of 0.9 metres from each to the
-/// next; only the door between the rooms of this index and the next is shut. The first room is
-/// longer by a metre, the second by half of one.
+/// next. Only the door after the room of index `shut` is closed. The first room is longer by a
+/// metre, the second by half a metre.
 fn row_of_rooms(count: usize, shut: Option<usize>) -> Model {
     let mut model = Model::default();
     let wall = model.material("plaster", 0.0);
@@ -149,7 +149,7 @@ fn boxes(survey: &Survey) -> Vec<(DVec3, [DVec3; 3])> {
 }
 
 #[test]
-fn who_walks_through_a_door_is_always_in_a_box() {
+fn a_walk_through_a_door_is_always_in_a_box() {
     for (name, model, y) in
         [("two rooms", flat(1.0, |p| p), 1.95), ("ten rooms", row_of_rooms(10, None), 1.45)]
     {
@@ -171,7 +171,7 @@ fn who_walks_through_a_door_is_always_in_a_box() {
             let eye = DVec3::new(low + (high - low) * f64::from(step) / 1000.0, y, 1.6);
             assert!(boxes.iter().any(|(o, axes)| is_in(eye, *o, *axes)), "{name}: {eye}");
         }
-        // Who stands in a door looks at the jambs from within a box of their width.
+        // A box in a door is as wide as the door, so that an eye within it sees the jambs.
         for door in &survey.doors {
             assert!(door.axes[1].y > 0.6 && door.axes[1].y < 0.9, "{name}: {door:?}");
             assert!(door.axes[0].x < 1.3, "{name}: {door:?}");
@@ -266,7 +266,7 @@ fn objects_have_no_rooms_and_are_seen_whole_from_outside() {
     let mut post = Model::default();
     post.material("wood", 0.0);
     post.cuboid(DVec3::ZERO, DVec3::new(0.1, 0.1, 7.0), false, 0);
-    // Each side has a material, as in many a test model.
+    // Each side has a material, as in some test models.
     let mut dice = Model::default();
     dice.cuboid(DVec3::ZERO, DVec3::splat(3.0), false, 0);
     dice.ids = (0..12).map(|triangle| triangle / 2).collect();
@@ -300,13 +300,13 @@ fn no_board_is_looked_at_along_its_surface() {
 
 #[test]
 fn the_inside_of_a_device_is_no_room_even_if_it_glows() {
-    // A case of 12 cm in a file of metres, whose emission is on both sides.
+    // A case of 12 cm in a file in metres, emitting on both sides.
     let mut device = Model::default();
     let case = device.material("case", 1.0);
     device.cuboid(DVec3::ZERO, DVec3::new(0.12, 0.06, 0.05), false, case);
     device.materials[0].two_sided_emission = true;
     assert!(device.survey(DVec3::Z, Some(1.0)).0.rooms.is_empty());
-    // A larger one glows outwards only.
+    // A larger lantern glows outwards only.
     let mut lantern = Model::default();
     let glass = lantern.material("glass", 1.0);
     lantern.cuboid(DVec3::ZERO, DVec3::new(4.0, 3.0, 2.5), false, glass);
@@ -326,7 +326,7 @@ fn a_lamp_in_a_box_makes_it_a_room_whichever_way_its_faces_look() {
 fn a_distant_ground_plane_does_not_hide_the_house() {
     let mut model = flat(1.0, |p| p);
     let grass = model.material("meadow", 0.0);
-    // Trinkets along the walls: most corners of a scene are in its house.
+    // Small objects along the walls: most corners of the scene are in its house.
     for k in 0..200 {
         let (x, up) = (0.05 + 0.039 * f64::from(k), f64::from(k % 3) * 1.2);
         let y = if k % 2 == 0 { 0.05 } else { 3.9 };

@@ -1,4 +1,4 @@
-//! The views where the eye stayed, for going back and forward.
+//! The views where the eye stayed, for walking back and forward through them.
 
 use holo_picture::ViewSpec;
 
@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn one_goes_back_and_forward_and_a_new_view_forgets_what_came_after() {
+    fn walking_back_and_forward_works_and_a_new_view_forgets_later_ones() {
         let mut history = History::default();
         history.leave(view(1.0));
         history.leave(view(2.0));

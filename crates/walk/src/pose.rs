@@ -27,15 +27,15 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Moves towards `point` for `seconds`, by a tenth of the distance in 0.1 s, or away from it if
-    /// `seconds` is negative. The direction does not change, so the point keeps its place in the
+    /// Moves towards `point` for `seconds`, by a tenth of the distance in 0.1 s. If `seconds` is
+    /// negative, moves away. The direction does not change, so the point keeps its place in the
     /// picture. The eye never comes closer than `nearest`.
     #[must_use]
     pub fn glide(self, point: DVec3, seconds: f64, nearest: f64) -> Pose {
         let way = point - self.eye;
         let distance = way.length();
         let next = distance * GLIDE_LEFT.powf(seconds / GLIDE_SECONDS);
-        // Whoever is nearer already may leave, but comes no nearer.
+        // If the eye is nearer already, it may move away but not closer.
         let next = if seconds > 0.0 { next.max(nearest.min(distance)) } else { next };
         let eye = point - way.normalize_or_zero() * next;
         Pose { eye: if eye.is_finite() { eye } else { self.eye }, ..self }
@@ -96,7 +96,7 @@ impl Pose {
             return DQuat::IDENTITY;
         }
         let height = self.direction.dot(self.up).clamp(-1.0, 1.0).asin();
-        // A view that is steeper already may only become less steep.
+        // If the view is steeper already, it may only become less steep.
         let steepest = STEEPEST.max(height.abs());
         let tilt = (height + up).clamp(-steepest, steepest) - height;
         let tilt = DQuat::from_axis_angle(self.right(), tilt);

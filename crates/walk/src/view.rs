@@ -3,7 +3,7 @@
 use glam::DVec3;
 use holo_picture::ViewSpec;
 
-/// Number of significant digits. Nobody sees a millionth of a building.
+/// Number of significant digits. A millionth of a building is invisible.
 const DIGITS: i32 = 7;
 
 /// Returns the stated parts of a view as Radiance's options, such as `-vtv -vp 1 2 1.6 -vd 0 1 0
@@ -28,14 +28,14 @@ fn triple(name: &str, value: DVec3) -> String {
 
 /// Rounds a number to [`DIGITS`] digits of `largest`.
 fn rounded(value: f64, largest: f64) -> f64 {
-    // The cast saturates: of 0 the logarithm is negative infinity.
+    // The cast saturates, because the logarithm of 0 is negative infinity.
     let digits = (DIGITS - 1).saturating_sub(largest.log10().floor() as i32);
     if !(-300..300).contains(&digits) {
         return value;
     }
     let (up, down) = (10f64.powi(digits.abs()), value);
     let rounded = if digits < 0 { (down / up).round() * up } else { (down * up).round() / up };
-    // Not -0, which reads as a riddle.
+    // Turns -0 into 0.
     rounded + 0.0
 }
 

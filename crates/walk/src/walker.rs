@@ -21,7 +21,7 @@ const WHEEL_SECONDS: f64 = 0.1;
 /// The controls that are held down. Numbers are from -1 to 1 unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Controls {
-    /// Ahead on the level plane; negative: back.
+    /// Ahead on the level plane; backwards if negative.
     pub ahead: f64,
     /// To the right.
     pub right: f64,
@@ -31,7 +31,7 @@ pub struct Controls {
     pub turn: f64,
     /// Look upwards.
     pub tilt: f64,
-    /// Towards the point under the cursor; negative: away from it.
+    /// Towards the point under the cursor; away from it if negative.
     pub glide: f64,
     /// Around the point under the cursor, to the right.
     pub around: f64,
@@ -58,7 +58,7 @@ impl Default for Controls {
 }
 
 impl Controls {
-    /// Returns whether any control that moves the eye is held.
+    /// Returns true if any control that moves the eye is held.
     pub fn moves(&self) -> bool {
         Controls { pace: 1.0, ..*self } != Controls::default()
     }
@@ -75,7 +75,7 @@ pub struct Walker {
     metre: f64,
     /// The controls that are held down.
     pub controls: Controls,
-    /// Whether the eye's height is locked, so that no motion changes it.
+    /// True if the eye's height is locked, so that no motion changes it.
     pub height_is_locked: bool,
     /// The view where the eye last stayed, until it moves again.
     stayed: Option<ViewSpec>,
@@ -116,7 +116,7 @@ impl Walker {
     }
 
     /// Moves for `seconds` by the controls that are held. `under` is the point under the cursor, if
-    /// known, and `towards` the direction of the ray under the cursor. Returns whether the eye
+    /// known, and `towards` the direction of the ray under the cursor. Returns true if the eye
     /// moved.
     pub fn advance(&mut self, seconds: f64, under: Option<DVec3>, towards: DVec3) -> bool {
         let held = self.controls;
@@ -150,7 +150,8 @@ impl Walker {
         self.go(self.orbited(self.pose, point, right, up))
     }
 
-    /// Moves towards the point under the cursor by steps of a wheel; negative: away from it.
+    /// Moves towards the point under the cursor by steps of a wheel, or away from it if `steps` is
+    /// negative.
     pub fn wheel(&mut self, steps: f64, under: Option<DVec3>, towards: DVec3) -> bool {
         let point = self.target(under, towards);
         let seconds = (steps * WHEEL_SECONDS).clamp(-2.0, 2.0);
@@ -184,7 +185,7 @@ impl Walker {
         view.is_some_and(|view| self.set(view))
     }
 
-    /// Goes to the view from which [`back`](Self::back) came.
+    /// Undoes [`back`](Self::back).
     pub fn forward(&mut self) -> bool {
         let view = self.history.forward(self.spec);
         view.is_some_and(|view| self.set(view))

@@ -1,4 +1,5 @@
-//! How one moves: geometry that must hold for every pose, and paces that do not depend on frames.
+//! Motions of the eye: geometry that must hold for every pose, and paces that do not depend on
+//! frames.
 
 #![allow(clippy::expect_used, clippy::panic, clippy::unwrap_used)]
 
@@ -136,11 +137,11 @@ fn a_tenth_of_the_way_is_gone_in_a_tenth_of_a_second_whatever_the_frame_rate() {
 }
 
 #[test]
-fn nobody_glides_through_what_they_look_at() {
+fn gliding_never_passes_the_point() {
     let start = Pose { eye: DVec3::ZERO, direction: DVec3::X, up: DVec3::Z };
     let near = start.glide(DVec3::X, 1e3, 0.1);
     assert!((near.eye.x - 0.9).abs() < 1e-9);
-    // Whoever is nearer already stays, and may leave.
+    // If the eye is nearer already, it stays there, and may move away.
     let nearer = Pose { eye: DVec3::X * 0.95, ..start };
     assert_eq!(nearer.glide(DVec3::X, 1.0, 0.1).eye.x, 0.95);
     assert!(nearer.glide(DVec3::X, -1.0, 0.1).eye.x < 0.95);
@@ -148,14 +149,14 @@ fn nobody_glides_through_what_they_look_at() {
 
 #[test]
 fn walking_is_level_at_a_persons_pace_in_metres() {
-    // Looking down steeply: one walks on all the same.
+    // A view that looks down steeply walks as fast as a level one.
     let mut spec = ViewSpec::default();
     spec.apply_line("-vp 0 0 1600 -vd 0 1 -2 -vu 0 0 1").unwrap();
     let mut walker = Walker::new(spec, 0.001).unwrap();
     walker.controls = Controls { ahead: 1.0, ..Controls::default() };
     assert!(walker.advance(1.0, None, DVec3::X));
     assert!(walker.pose().eye.distance(DVec3::new(0.0, 1400.0, 1600.0)) < 1e-6);
-    // Two ways at once are no faster than one.
+    // Diagonal motion is no faster than straight motion.
     walker.controls = Controls { ahead: 1.0, right: 1.0, ..Controls::default() };
     let before = walker.pose().eye;
     walker.advance(1.0, None, DVec3::X);

@@ -1,5 +1,5 @@
-//! Live rays: rays that are in no section. They are traced for one display, shown there, and never
-//! stored.
+//! Live rays: rays that belong to no section. They are traced for one display, shown there, and
+//! never stored.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -11,7 +11,7 @@ pub const MAX_LIVE_RAYS: usize = 1 << 14;
 
 /// Most live rays of one view that a display may have sent without an answer. They take 4 MB.
 ///
-/// Workers get work for 150 ms ahead, so the rays traced next must be here by then.
+/// Workers get work for 150 ms in advance, so the server must have the next rays by then.
 pub const MAX_LIVE_RAYS_HELD: usize = 1 << 16;
 
 /// Greatest difference of a direction's squared length from 1.
@@ -25,7 +25,8 @@ pub struct LiveRay {
     pub origin: [f64; 3],
     /// Its direction, of length 1.
     pub direction: [f64; 3],
-    /// The display's name for it, repeated in its sample. Its random numbers depend on it.
+    /// The display's name for the ray, repeated in its sample. The ray's random numbers depend on
+    /// it.
     pub number: u64,
 }
 const _: () = assert!(size_of::<LiveRay>() == 56);
@@ -47,13 +48,14 @@ impl LiveRay {
 
 /// Display to server: rays to trace without storing them.
 ///
-/// They come after those of earlier messages for the same view, and replace those of other views.
+/// They are traced after those of earlier messages for the same view, and replace those of other
+/// views.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LiveWanted {
-    /// The view that they are for: the number of its first request, even if it was requested again
-    /// under others.
+    /// The view of the rays: the number of its first request, even if it was requested again under
+    /// other numbers.
     pub view: u32,
-    /// Number of pixels of the view that need live rays. It decides their share of the tracing.
+    /// Number of pixels of the view that need live rays. It determines their share of the tracing.
     pub pixels: u32,
     /// The rays, at most [`MAX_LIVE_RAYS`].
     pub rays: Vec<LiveRay>,
@@ -175,9 +177,9 @@ impl LiveWork {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct LiveHit {
-    /// Radiance, finite and not negative.
+    /// Radiance; finite and not negative.
     pub radiance: [f32; 3],
-    /// Distance from the ray's origin to the surface that it hit, not negative. Infinite if it hit
+    /// Distance from the ray's origin to the surface that it hit, not negative; infinite if it hit
     /// nothing.
     pub distance: f32,
 }
@@ -198,7 +200,7 @@ impl LiveHit {
 pub struct LiveResults {
     /// The packets, in the order of their hits.
     pub packets: Vec<Traced>,
-    /// One for each ray of each packet, in their order.
+    /// The results, one for each ray of each packet, in the order of the rays.
     pub hits: Vec<LiveHit>,
 }
 
@@ -243,7 +245,7 @@ const _: () = assert!(size_of::<LiveSample>() == 24);
 /// Server to display: the results of its live rays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LiveSamples {
-    /// The view that they are for.
+    /// The view of the rays.
     pub view: u32,
     /// The results.
     pub samples: Vec<LiveSample>,

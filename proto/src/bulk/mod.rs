@@ -22,7 +22,7 @@ pub use work::{Packet, Work};
 
 use crate::{MAX_RAYS_PER_PACKET, ProtoError};
 
-/// Two numbers with which a message begins: counts, or a view and a count.
+/// The two numbers at the beginning of a message: counts, or a view and a count.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct Head {
@@ -54,8 +54,7 @@ impl RawViewpoint {
     }
 }
 
-/// Takes records off a payload. A record that is not there is an error before memory is taken for
-/// it.
+/// Reads records from a payload. A missing record is an error before memory is allocated for it.
 struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
@@ -87,7 +86,7 @@ fn put<T: Pod>(out: &mut Vec<u8>, record: &T) {
     out.extend_from_slice(bytemuck::bytes_of(record));
 }
 
-/// Checks that a list has as many entries as the records before it say.
+/// Checks that a list has as many entries as the records before it state.
 fn expect_total<T>(what: &'static str, said: u64, list: &[T]) -> Result<(), ProtoError> {
     let (bytes, found) = (size_of::<T>() as u64, list.len() as u64);
     if said == found {

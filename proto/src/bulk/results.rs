@@ -9,9 +9,9 @@ use crate::ProtoError;
 /// Worker to server: the results of packets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Results {
-    /// The packets traced, in the order of their samples.
+    /// The traced packets, in the order of their samples.
     pub packets: Vec<Traced>,
-    /// Samples of all packets traced, one after the other.
+    /// Samples of all traced packets, one after the other.
     pub samples: Vec<Sample>,
     /// Ids of packets that were not traced because their beams are unseen: no ray of them hits
     /// anything.
@@ -24,7 +24,7 @@ pub struct Results {
 pub struct Traced {
     /// The packet's id.
     pub id: u64,
-    /// Number of samples: as many as the packet asked for.
+    /// Number of samples: as many as in the packet.
     pub count: u32,
     /// Time that one thread took, nanoseconds. Longer times are `u32::MAX`.
     pub nanoseconds: u32,

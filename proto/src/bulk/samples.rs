@@ -9,24 +9,24 @@ use crate::ProtoError;
 /// Most samples of a run in a [`Samples`] message.
 pub const MAX_RUN: u32 = 1 << 20;
 
-/// The source of samples that a display gets.
+/// The source of samples for a display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Source {
     /// The file.
     Stored = 0,
-    /// A worker, just now.
+    /// A worker, moments ago.
     Traced = 1,
-    /// The file, as a part that no view asked for.
+    /// The file, as a part without a view.
     Part = 2,
 }
 
 /// Server to display: samples for a view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Samples {
-    /// The view that they are for. For [`Source::Part`], any number.
+    /// The view of the samples. For [`Source::Part`], any number.
     pub view: u32,
-    /// Where they come from.
+    /// The source of the samples.
     pub source: Source,
     /// The runs, in the order of their samples.
     pub runs: Vec<Run>,

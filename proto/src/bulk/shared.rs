@@ -7,11 +7,10 @@ pub use holo_light::Record;
 use super::{Head, Reader, put};
 use crate::{ProtoError, frame::MAX_BULK_BYTES};
 
-/// The most bytes that a compressed byte stands for, in blocks of LZ4.
+/// Most bytes that one compressed byte can stand for, in blocks of LZ4.
 const MOST_EXPANSION: usize = 255;
 
-/// Records of indirect light. A receiver may merge them twice or in another order; it changes
-/// nothing.
+/// Records of indirect light. A receiver may merge them twice or in another order without effect.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Light {
     /// The records, all valid.
@@ -64,7 +63,8 @@ impl BlobChunk {
         self.payload(&self.bytes)
     }
 
-    /// As [`BlobChunk::encode`], with compressed bytes if that is shorter.
+    /// Returns the payload as [`BlobChunk::encode`] does, with compressed bytes if they are
+    /// shorter.
     pub fn encode_compressed(&self) -> Vec<u8> {
         let compressed = lz4_flex::block::compress(&planes(&self.bytes));
         let is_shorter = compressed.len() < self.bytes.len();
@@ -83,8 +83,9 @@ impl BlobChunk {
     /// Parses a payload.
     ///
     /// # Errors
-    /// - [`ProtoError::Truncated`] if the head is not whole.
-    /// - [`ProtoError::Compressed`] if the bytes are not as many as the head says, or damaged.
+    /// - [`ProtoError::Truncated`] if the head is incomplete.
+    /// - [`ProtoError::Compressed`] if the bytes are damaged, or if their number differs from the
+    ///   head.
     pub fn decode(payload: &[u8]) -> Result<BlobChunk, ProtoError> {
         let (head, bytes) = payload.split_first_chunk::<12>().ok_or(ProtoError::Truncated {
             what: "blob chunk",
@@ -117,10 +118,10 @@ fn decompressed(block: &[u8], length: usize) -> Result<Vec<u8>, ProtoError> {
 }
 
 /// Returns the bytes in another order: the first of each four, then the second, the third and the
-/// fourth. What is left over comes last.
+/// fourth. The remainder comes last.
 ///
-/// Neighbouring numbers differ in their low bytes and share their high ones. So packed scenes get
-/// shorter by factors of 2.3 to 4.3, and of 1.3 to 2.3 without this.
+/// Neighbouring numbers differ in their low bytes and share their high ones. Packed scenes
+/// therefore get shorter by factors of 2.3 to 4.3, compared with 1.3 to 2.3 without this.
 fn planes(bytes: &[u8]) -> Vec<u8> {
     let (words, rest) = bytes.as_chunks::<4>();
     let mut planes = Vec::with_capacity(bytes.len());

@@ -1,4 +1,4 @@
-//! The wishes of a display, display to server: a view's beams, and single rays.
+//! Requests of a display to the server: a view's beams, and single rays.
 
 use bytemuck::{Pod, Zeroable};
 use holo_section::{BeamId, BeamKey, RayCoords, Viewpoint};
@@ -11,9 +11,10 @@ use crate::ProtoError;
 pub struct WantedBeam {
     /// The beam.
     pub key: BeamKey,
-    /// The number of pixels that it serves, positive.
+    /// The number of pixels that the beam serves, positive.
     pub weight: f32,
-    /// How many of the beam's samples the display has; [`u16::MAX`] stands for all larger numbers.
+    /// Number of the beam's samples that the display has; [`u16::MAX`] stands for all larger
+    /// numbers.
     pub held: u16,
 }
 
@@ -30,8 +31,8 @@ const _: () = assert!(size_of::<RawWantedBeam>() == 16);
 /// Display to server: a view, by the beams that it crosses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewRequest {
-    /// The display's number for the view, greater than those of earlier views. The same number
-    /// again only changes the viewpoint: stored samples are not sent twice.
+    /// The display's number for the view, greater than those of earlier views. A request with the
+    /// same number only changes the viewpoint, and stored samples are not sent twice.
     pub view: u32,
     /// The eye, and the greatest distance of rays from it (Larson & Simmons 1999, Appendix A).
     pub viewpoint: Viewpoint,
@@ -97,11 +98,11 @@ const _: () = assert!(size_of::<RawWantedRay>() == 16);
 
 /// Display to server: the single rays that its view wants most, the most wanted first.
 ///
-/// They replace the rays of the display's previous such message that no worker has got yet. They
-/// are traced before the view's beams.
+/// They replace the rays of the display's previous message of this kind that no worker has received
+/// yet. They are traced before the view's beams.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RaysWanted {
-    /// The view that they are for. The server ignores rays for any view but the present one.
+    /// The view of the rays. The server ignores rays for any view except the present one.
     pub view: u32,
     /// The rays.
     pub rays: Vec<WantedRay>,

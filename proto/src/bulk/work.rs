@@ -22,13 +22,13 @@ pub struct Packet {
     pub paths: u16,
     /// Index into [`Work::viewpoints`], less than 65534. `None` if rays need not pass near an eye.
     pub viewpoint: Option<u16>,
-    /// The positions of its rays, `count` of them and then zeros, if a display asked for single
-    /// rays. It then has no viewpoint.
+    /// The positions of its rays, `count` of them and then zeros, if a display requested single
+    /// rays. The packet then has no viewpoint.
     pub rays: Option<[RayCoords; MAX_RAYS_PER_PACKET]>,
 }
 
 impl Packet {
-    /// Returns how its rays are chosen.
+    /// Returns the kind of its samples.
     pub fn kind(&self) -> SampleKind {
         match (self.rays, self.viewpoint) {
             (Some(_), _) => SampleKind::SingleRay,
@@ -37,7 +37,7 @@ impl Packet {
         }
     }
 
-    /// Returns the samples that it asks for.
+    /// Returns the samples of the packet.
     pub fn run(&self) -> Run {
         let Packet { key, first, count, paths, .. } = *self;
         Run { key, kind: self.kind(), first, count: u32::from(count), paths }
@@ -134,8 +134,8 @@ impl RawPacket {
         }
     }
 
-    /// Checks a packet of a message with so many viewpoints. If its rays are single ones, it takes
-    /// their positions off `rays`.
+    /// Checks a packet of a message with this many viewpoints. If its rays are single ones, removes
+    /// their positions from `rays`.
     fn parse(
         self,
         viewpoints: usize,

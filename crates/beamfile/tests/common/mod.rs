@@ -49,7 +49,7 @@ pub fn samples(run: &Run, count: u32, tag: u32) -> Vec<Sample> {
 /// A sample's bytes, and its paths.
 pub type Truth = (Vec<u8>, u16);
 
-/// The file as it ought to be: by beam, then by (kind, number).
+/// The expected content of a file: by beam, then by (kind, number).
 #[derive(Clone, Default)]
 pub struct Model(pub BTreeMap<BeamKey, BTreeMap<(u8, u32), Truth>>);
 
@@ -70,7 +70,7 @@ impl Model {
     }
 }
 
-/// Everything that a file gives, by `read`.
+/// Returns the content of a file, by `read`.
 pub fn contents(file: &BeamFile) -> Model {
     let mut model = Model::default();
     for (section, &beams) in (0..).zip(&LAYOUT) {
@@ -96,13 +96,13 @@ pub fn contents(file: &BeamFile) -> Model {
     model
 }
 
-/// The file gives exactly what the model has.
+/// Checks that a file has exactly the content of the model.
 pub fn assert_same(file: &BeamFile, model: &Model) {
     let found = contents(file);
     assert!(found.0 == model.0, "found {} samples of {}", found.len(), model.len());
 }
 
-/// Nothing that the file gives differs from the model; gives the numbers that are missing.
+/// Checks that no content of a file differs from the model. Returns the missing numbers.
 pub fn missing(file: &BeamFile, model: &Model) -> Vec<(BeamKey, u8, u32)> {
     let found = contents(file);
     for (key, numbers) in &found.0 {

@@ -41,7 +41,7 @@ pub fn view(eye: [f64; 3], towards: [f64; 3], vh: f64, size: (u32, u32)) -> View
     View::new(eye, towards - eye, DVec3::Z, Some(vh), None, size).unwrap()
 }
 
-/// Returns the radiance and the distance that a ray sees, from its origin and unit direction. The
+/// Returns the radiance that a ray shows and its distance, from its origin and unit direction. The
 /// distance is infinite if the ray hits nothing.
 pub type Scene = fn(DVec3, DVec3) -> ([f32; 3], f64);
 

@@ -114,7 +114,7 @@ pub fn squared_error(shown: &Picture, truth: &[f32]) -> f64 {
     squares.sum::<f64>() / truth.len() as f64
 }
 
-/// Runs `work` on so many threads and returns its result.
+/// Runs `work` on `threads` threads and returns its result.
 pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
 }

@@ -1,4 +1,4 @@
-//! What the examples read from a file, and the processor's clock.
+//! Reads the examples' input from a file, and the processor's clock.
 
 use holo_beamfile::{BeamFile, BeamSamples};
 use holo_picture::View;
@@ -8,7 +8,7 @@ use holo_section::{BeamKey, Section, SectionSpec};
 use rustix::time::{ClockId, clock_gettime};
 use std::sync::Arc;
 
-/// Columns and rows of pictures whose size is not given.
+/// Columns and rows of a picture without a given size.
 const SIZE: (u32, u32) = (1280, 720);
 
 #[derive(serde::Deserialize)]
@@ -27,8 +27,8 @@ pub struct Stored {
 }
 
 impl Stored {
-    /// Reads everything from the file at `path`. The view is one of its names, or Radiance's options.
-    /// A size may follow, as in `living@320x240`.
+    /// Reads everything from the file at `path`. `view` is the name of one of the file's views, or
+    /// Radiance's options. A size may follow, as in `living@320x240`.
     pub fn read(path: &str, view: &str) -> Stored {
         let file = BeamFile::open_read_only(path, 1 << 30).unwrap();
         let about: About =
@@ -56,7 +56,7 @@ impl Stored {
     }
 }
 
-/// Returns the seconds of the processor so far, all threads together.
+/// Returns the processor time so far in seconds, all threads together.
 pub fn seconds() -> f64 {
     let time = clock_gettime(ClockId::ProcessCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9

@@ -1,4 +1,4 @@
-//! Rooms that are known, and rays in them.
+//! Simple rooms, and rays in them.
 
 #![allow(dead_code, reason = "each test file uses its own part")]
 
@@ -9,7 +9,7 @@ use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 use std::sync::Arc;
 
-/// Returns a store of these rays' samples, and the scene's materials.
+/// Returns a store with these rays' samples, and the scene's materials.
 pub fn kept(raycaster: &Arc<Raycaster>, rays: &[RaySample]) -> (Store, Arc<Materials>) {
     let materials = Arc::new(Materials::new(raycaster.scene()));
     let mut placed = Vec::new();
@@ -62,7 +62,7 @@ pub fn rays(count: u32, radiance: impl Fn(f64, f64) -> f32) -> Vec<RaySample> {
     .collect()
 }
 
-/// The same ray to a sheet at height 0.5, or past it to the floor.
+/// Lets a ray end on a sheet at height 0.5, or past the sheet on the floor.
 pub fn past_sheet(ray: RaySample) -> RaySample {
     let distance = if on_sheet(ray.origin.x, ray.origin.y) { 1.5 } else { 2.0 };
     RaySample { distance, ..ray }
@@ -91,7 +91,7 @@ pub fn to_wall() -> Eye {
     Eye::new(at, ahead, DVec3::Z, Some(40.0), None, (64, 64)).unwrap()
 }
 
-/// A store of these rays' samples, and what an eye sees then.
+/// Returns what an eye sees of these rays' samples.
 pub fn seen_by(raycaster: &Arc<Raycaster>, rays: &[RaySample], eye: &Eye) -> (View, Drawn) {
     let (store, materials) = kept(raycaster, rays);
     let view = View::new(Arc::clone(raycaster), materials, eye, (64, 64));
@@ -116,12 +116,13 @@ pub fn wall_rays(count: u32, radiance: f32) -> Vec<RaySample> {
     forward.collect()
 }
 
-/// What a light of 0.2 on the left and 0.8 on the right makes of a place.
+/// Radiance of a light of 0.2 on the left and of 0.8 on the right.
 pub fn halves(x: f64, _: f64) -> f32 {
     if x < 0.0 { 0.2 } else { 0.8 }
 }
 
-/// The same rays, of which every other one at random is black and the others twice as bright.
+/// Returns the same rays with noise: half of them at random are black, and the others twice as
+/// bright.
 pub fn noisy(rays: Vec<RaySample>) -> Vec<RaySample> {
     let noise = |(number, ray): (u64, RaySample)| {
         let factor = if holo_display::split_mix(number) & 1 == 0 { 0.0 } else { 2.0 };

@@ -1,5 +1,5 @@
 //! Connections for tests, on loopback.
-// Helpers are tests, too, and each test file uses some of them.
+// Helpers are not tests for clippy, and each test file uses some of them.
 #![allow(dead_code, clippy::unwrap_used, clippy::panic)]
 
 use std::net::SocketAddr;
@@ -46,7 +46,7 @@ pub async fn listener() -> (TcpListener, SocketAddr) {
     (listener, address)
 }
 
-/// A raw connection: what the client writes and reads, and what `accept` is given.
+/// A raw connection: the client's stream, and the stream to pass to `accept`.
 pub async fn raw() -> (TcpStream, TcpStream) {
     let (listener, address) = listener().await;
     let (client, server) = tokio::join!(TcpStream::connect(address), listener.accept());

@@ -1,7 +1,7 @@
 //! Radiance pictures: text header, resolution line, RGBE pixels (Ward, "Real Pixels", Graphics Gems
 //! II; Radiance's `filefmts.pdf` and `color.c`).
 //!
-//! Always true: a pixel's value is (mantissa + ½)·2^(exponent - 136), divided by the product of all
+//! Invariants: a pixel's value is (mantissa + ½)·2^(exponent - 136), divided by the product of all
 //! `EXPOSURE=` and, by channel, `COLORCORR=` lines. Memory grows with decoded rows, never with the
 //! sizes in the header.
 

@@ -1,7 +1,7 @@
 //! The scanlines of a Radiance picture: flat, with old runs (1 1 1 count), or with new runs
 //! (channel by channel).
 //!
-//! Always true: a reader consumes no more bytes than it is given, and fills exactly one row or
+//! Invariant: a reader consumes no more bytes than it is given, and fills exactly one row or
 //! fails.
 
 use crate::error::PictureError;
@@ -28,7 +28,7 @@ impl Fault {
     }
 }
 
-/// Reads one row. `rle`: the width allows the newer encoding.
+/// Reads one row. `rle` is true if the width allows the newer encoding.
 pub(super) fn read_row(rest: &mut &[u8], row: &mut [[u8; 4]], rle: bool) -> Result<(), Fault> {
     match rest {
         // A length of 2^15 or more is impossible; Radiance then takes these four bytes as a pixel.
@@ -81,7 +81,7 @@ fn read_old(rest: &mut &[u8], row: &mut [[u8; 4]]) -> Result<(), Fault> {
         if shift > 16 {
             return Err(Fault::Encoding("a run is longer than any row"));
         }
-        // As in Radiance, a run ends at the end of the row.
+        // A run ends at the end of the row, as in Radiance.
         let end = row.len().min(at + (usize::from(pixel[3]) << shift));
         row[at..end].fill(last);
         (at, shift) = (end, shift + 8);

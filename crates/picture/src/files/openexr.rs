@@ -1,7 +1,7 @@
 //! OpenEXR: R, G and B as 32-bit floats, written with lossless compression. The view is the text
 //! attribute `VIEW`.
 //!
-//! Always true: sizes and channels of the header are bounded before any pixel is decoded.
+//! Invariant: sizes and channels of the header are bounded before any pixel is decoded.
 
 use crate::error::PictureError;
 use crate::picture::Picture;

@@ -1,6 +1,6 @@
 //! Display values to the bytes of an sRGB display, by tables.
 //!
-//! Always true: bytes are exactly those of the rounded transfer function, and more light never
+//! Invariants: bytes are exactly those of the rounded transfer function, and more light never
 //! gives a smaller byte. Black and NaN give 0, infinity gives 255.
 
 use std::sync::LazyLock;
@@ -9,8 +9,8 @@ use std::sync::LazyLock;
 /// Above, they bend towards 1, so that a lamp keeps some shape instead of clipping.
 const SHOULDER: f64 = 0.6;
 
-/// Bits of a float that do not choose the table's entry. The 7 bits of the mantissa that are left
-/// make entries of at most 0.8 %, less than the step between any two bytes.
+/// Bits of a float that do not choose the table's entry. The other 7 bits of the mantissa make
+/// entries at most 0.8 % wide, less than the step between any two bytes.
 const REST_BITS: u32 = 16;
 
 /// Entries of the table, one for each choice of exponent and 7 mantissa bits.

@@ -18,7 +18,7 @@ const LIGHTNESS: [f64; 2] = [0.24, 0.95];
 /// Hue of the first and the last colour, in degrees.
 const HUE: [f64; 2] = [305.0, 105.0];
 
-/// Greatest chroma. Colours that sRGB lacks get as much as it has.
+/// Greatest chroma. If sRGB lacks a colour, its chroma is reduced until sRGB has it.
 const CHROMA: f64 = 0.16;
 
 /// Colours from the low end of a scale to its high one, sRGB.
@@ -65,8 +65,9 @@ mod tests {
     use super::*;
     use crate::look::bytes::linear;
 
-    /// What people see who lack one kind of cones, in linear sRGB (Machado, Oliveira & Fernandes
-    /// 2009, "A Physiologically-based Model for Simulation of Color Vision Deficiency", Table 1).
+    /// Colours as seen by people without one kind of cones, in linear sRGB (Machado, Oliveira &
+    /// Fernandes 2009, Table 1, "A Physiologically-based Model for Simulation of Color Vision
+    /// Deficiency").
     const BLINDNESS: [[[f64; 3]; 3]; 4] = [
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
         [

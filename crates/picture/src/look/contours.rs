@@ -7,9 +7,9 @@ use crate::picture::{Picture, luminance};
 
 /// Draws the contours of a picture over its image.
 ///
-/// A pixel is on a line if the legend's lines part its neighbours, left from right or upper from
-/// lower. Lines have the colours of their luminance. Over false colours they are white where these
-/// are dark, and black elsewhere.
+/// A pixel is on a line if one of the legend's luminances lies between those of its left and right
+/// or its upper and lower neighbours. Lines have the colours of their luminance. Over false
+/// colours, lines are white on dark colours and black on others.
 pub(super) fn draw(picture: &Picture, legend: &Legend, over_colors: bool, rgb: &mut [u8]) {
     let levels: Vec<f32> = legend.ticks.iter().map(|tick| tick.luminance).collect();
     let colors: Vec<[u8; 3]> = legend
@@ -42,7 +42,7 @@ pub(super) fn draw(picture: &Picture, legend: &Legend, over_colors: bool, rgb: &
             let right = here[(column + 1).min(width - 1)];
             let (up, down) = (upper[column], lower[column]);
             if left != right || up != down {
-                // The highest of the lines between the neighbours.
+                // The highest of the lines that lie between the neighbours.
                 let highest = if left != right { left.max(right) } else { up.max(down) };
                 shown.copy_from_slice(&colors[usize::from(highest) - 1]);
             }

@@ -1,7 +1,7 @@
 //! Tone curves by histogram adjustment (Larson, Rushmeier & Piatko 1997, "A Visibility Matching
 //! Tone Reproduction Operator for High Dynamic Range Scenes").
 //!
-//! Always true: a curve never falls, and stays within the range of the display. A curve of a camera
+//! Invariants: a curve never falls, and stays within the range of the display. A curve of a camera
 //! never rises faster than light does, so it shows no contrast greater than that of the scene.
 
 use std::array;
@@ -26,7 +26,7 @@ pub(super) const KEY: f64 = 0.18;
 /// Octaves in one bin.
 const BIN: f64 = 1.0 / BINS_PER_OCTAVE as f64;
 
-/// Largest number of rounds in which the ceiling of the eye follows the curve.
+/// Most rounds that make the ceiling of the eye follow the curve.
 const ROUNDS: u32 = 40;
 
 /// Change of the curve, in octaves, below which the rounds end.
@@ -65,7 +65,7 @@ impl Curve {
             };
             let most: Vec<f64> = bins.weights.iter().zip(&rises).map(most).collect();
             let Some(next) = bins.share_out(&most) else { return Self::as_steep_as_seen(seen) };
-            // Half steps: the ceiling falls where the curve rises, so whole ones may swing.
+            // Steps are halved: the ceiling falls if the curve rises, so whole steps may oscillate.
             let change = rises.iter().zip(&next).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             rises.iter_mut().zip(&next).for_each(|(rise, next)| *rise = 0.5 * (*rise + next));
             if change < STEADY * BIN {
@@ -128,7 +128,7 @@ impl Curve {
         low + (high - low) * (place - bin as f32)
     }
 
-    /// Makes the table by which pixels are shown, `gain` times as bright.
+    /// Makes the table that maps pixels to the display, `gain` times as bright.
     pub fn table(&self, gain: f32) -> Table {
         let value = |entry: usize| {
             let luminance = f32::from_bits((entry as u32) << REST_BITS);
@@ -180,7 +180,7 @@ impl Bins {
         None
     }
 
-    /// Returns the curve that rises so many octaves in each bin, and nowhere else.
+    /// Returns the curve that rises in each bin by this many octaves, and nowhere else.
     fn curve(&self, rises: &[f64]) -> Curve {
         let (mut edges, mut shown) = (vec![-RANGE as f32], -RANGE);
         let mut next = self.weights.iter().zip(rises).peekable();
@@ -193,8 +193,8 @@ impl Bins {
         Curve { edges }
     }
 
-    /// Returns the factor that shows the log-average as a grey card. It gives way if that keeps all
-    /// of the scene within the display.
+    /// Returns the factor that shows the log-average as a grey card. The factor changes if that
+    /// keeps all of the scene within the display.
     fn factor(&self, seen: &Histogram) -> Curve {
         let grey = (KEY * (1.0 - 1.0 / DYNAMIC_RANGE) + 1.0 / DYNAMIC_RANGE).log2();
         let wanted = grey - seen.log_average().unwrap_or(0.0);
@@ -283,7 +283,7 @@ mod tests {
 
     #[test]
     fn evenly_spread_luminances_are_shown_on_a_straight_line() {
-        // As many pixels in each octave: equalisation is linear in the logarithm.
+        // Each octave has as many pixels, so equalisation is linear in the logarithm.
         let histogram = seen((0..=1600).map(|i| (2_f64.powf(-4.0 + 0.01 * f64::from(i)), 1)));
         let curve = Curve::camera(&histogram);
         for log in -3..=11_i16 {
@@ -295,7 +295,8 @@ mod tests {
 
     #[test]
     fn a_scene_with_less_contrast_is_multiplied() {
-        // Two levels, a factor of 4 apart: so they are on the display, around the grey card.
+        // The two levels are a factor of 4 apart, so both are within the display, around the grey
+        // card.
         let curve = Curve::camera(&seen([(10.0, 100), (40.0, 100)]));
         let [dark, light] = [10.0_f32, 40.0].map(|level| curve.at(level.log2()).exp2());
         assert!((light / dark - 4.0).abs() < 1e-3, "{dark} {light}");

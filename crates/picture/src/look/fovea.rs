@@ -131,8 +131,8 @@ impl Gaze {
         Raster { values, ..*cells }
     }
 
-    /// Returns the width in pixels of the finest detail that the eye sees in each cell, at least 1:
-    /// half a cycle of the finest grating that it resolves there (§5.3).
+    /// Returns the width in pixels of the finest detail that the eye sees in each cell, at least 1.
+    /// It is half a cycle of the finest grating that the eye resolves there (§5.3).
     pub fn details(&self, cells: &Raster<Vec3>) -> Raster<f32> {
         let detail = |(&light, &pixel): (&Vec3, &f32)| {
             let half_cycle = (FOVEA as f32) / (2.0 * eye::acuity(luminance(light.into())));
@@ -143,7 +143,7 @@ impl Gaze {
     }
 }
 
-/// Returns light under a veil. The light that the eye scatters away is taken off.
+/// Returns light under a veil, without the light that the eye scatters away.
 #[inline]
 pub(super) fn under(veil: Vec3, light: Vec3) -> Vec3 {
     light * (1.0 - SCATTERED) + veil
@@ -167,7 +167,7 @@ impl Blur {
         Blur { levels }
     }
 
-    /// Returns the light at a place with details of so many pixels.
+    /// Returns the light at a place, with details `detail` pixels wide.
     #[inline]
     pub fn at(&self, x: f32, y: f32, detail: f32) -> Vec3 {
         let level = detail.log2().clamp(0.0, (self.levels.len() - 1) as f32);
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_veil_of_even_light_gives_back_what_it_takes() {
+    fn a_veil_of_even_light_adds_as_much_as_it_removes() {
         let picture = picture(200, 100, |_, _| 3.0);
         let cells = fovea(&picture);
         let veil = Gaze::new(&picture, &cells).veil(&cells);

@@ -1,6 +1,6 @@
 //! A histogram of the luminances of a picture, on a logarithmic scale.
 //!
-//! Always true: all sums are integers, so neither the order of pixels nor the number of threads
+//! Invariants: all sums are integers, so neither the order of pixels nor the number of threads
 //! changes a bit. Black, infinite and NaN luminances do not count.
 
 use rayon::prelude::*;

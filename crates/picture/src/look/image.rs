@@ -14,7 +14,7 @@ pub struct Image {
     pub height: u32,
     /// Red, green and blue of each pixel, in rows from the top.
     pub rgb: Vec<u8>,
-    /// The meaning of false colours and contours, if there are any.
+    /// The meaning of false colours and contours, if the image has them.
     pub legend: Option<Legend>,
     /// The factor that radiance was multiplied by, for tones that have one.
     pub exposure: Option<f32>,
@@ -23,7 +23,7 @@ pub struct Image {
 /// Least height of a picture that gets a legend, in pixels.
 const LEAST_HEIGHT: u32 = 64;
 
-/// Height of a picture whose legend is drawn one pixel to a pixel.
+/// Height of a picture whose legend has one pixel per pixel of a letter.
 const UNIT_HEIGHT: u32 = 400;
 
 /// Least distance of two labels, over the height of a letter.

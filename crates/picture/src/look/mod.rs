@@ -5,7 +5,7 @@
 //!   of colours change smoothly. [`Look::follow`] uses it.
 //! - [`Legend`]: the meaning of colours, as data or drawn beside the picture.
 //!
-//! Always true: an image depends neither on the number of threads nor on the order of work. More
+//! Invariants: an image depends neither on the number of threads nor on the order of work. More
 //! light never gives a smaller byte with the tones `linear`, `soft` and `camera`. Radiance that is
 //! negative or NaN is black, and infinite radiance is white.
 
@@ -76,9 +76,9 @@ pub struct Look {
     pub exposure: Exposure,
     /// Conversion of radiance to tones.
     pub tone: Tone,
-    /// Whether false colours show luminance instead of tones.
+    /// True if false colours show luminance instead of tones.
     pub false_color: bool,
-    /// Whether lines of equal luminance are drawn.
+    /// True if lines of equal luminance are drawn.
     pub contours: bool,
     /// The scale of false colours and contours.
     pub scaling: Scaling,
@@ -96,7 +96,7 @@ impl Default for Look {
     }
 }
 
-/// The light to which a look has adapted. It belongs to one sequence of frames.
+/// The light that a look has adapted to. It belongs to one sequence of frames.
 #[derive(Clone, Debug, Default)]
 pub struct Adaptation {
     /// Binary logarithm of the automatic exposure.
@@ -220,7 +220,7 @@ impl Look {
         });
     }
 
-    /// Returns the factor by which display light differs from the automatic one.
+    /// Returns the ratio of display light to the automatic one.
     fn gain(&self) -> f32 {
         match self.exposure {
             Exposure::Stops(stops) if stops.is_finite() => stops.clamp(-60.0, 60.0).exp2(),

@@ -1,6 +1,6 @@
 //! Scales of luminance: the place of each luminance between the ends of a legend.
 //!
-//! Always true: the ends of a [`Scale`] are finite and differ. Those of a logarithmic one are
+//! Invariants: the ends of a [`Scale`] are finite and differ. Those of a logarithmic one are
 //! positive.
 
 use super::histogram::{Histogram, log2};
@@ -46,7 +46,7 @@ pub enum Scaling {
     /// A linear scale begins at 0, a logarithmic one at the 1st percentile, rounded down, but at
     /// most four decades below its end.
     Auto {
-        /// Whether the scale is logarithmic.
+        /// True if the scale is logarithmic.
         log: bool,
     },
     /// A fixed scale.
@@ -62,7 +62,7 @@ impl Scale {
         if !(least >= 0.0 && least < most && most.is_finite()) {
             return Err(ScaleError::Range(least, most));
         }
-        // Logarithms are of normal numbers.
+        // Logarithms need normal numbers.
         if log && least < f32::MIN_POSITIVE {
             return Err(ScaleError::LogOfZero);
         }

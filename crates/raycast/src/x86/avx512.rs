@@ -8,7 +8,7 @@ use crate::node::{Block, Node, ROW, Row, WIDTH};
 use crate::prepared::Prepared;
 use crate::simd::{EdgeSigns, Limits, Near, RayBytes, STRETCH, Simd};
 
-// As in the parent module, there are no closures.
+// There are no closures, for the reason given in the parent module.
 
 impl Simd for Avx512 {
     /// Puts near distances in the lower half of a register and negated far ones in the upper half,
@@ -87,7 +87,7 @@ impl Simd for Avx512 {
 
     #[inline(always)]
     fn edge_signs_of_row(self, row: &Row, ray: &Prepared) -> EdgeSigns {
-        // SAFETY: `self` proves AVX-512. Loads are of the 64 bytes of a vertex, aligned to them.
+        // SAFETY: `self` proves AVX-512. Loads read the 64 bytes of a vertex, aligned to 64.
         unsafe {
             let [kx, ky, kz] = ray.axes;
             let (rx, ry, rz) =
@@ -115,7 +115,7 @@ impl Simd for Avx512 {
         shear_x: &[f32; ROW],
         shear_y: &[f32; ROW],
     ) -> EdgeSigns {
-        // SAFETY: `self` proves AVX-512. Loads are of sixteen numbers.
+        // SAFETY: `self` proves AVX-512. Loads read sixteen numbers.
         unsafe {
             let (sx, sy) = (_mm512_loadu_ps(shear_x.as_ptr()), _mm512_loadu_ps(shear_y.as_ptr()));
             let mut x = [_mm512_setzero_ps(); 3];
@@ -216,8 +216,7 @@ impl Simd for Avx512 {
     }
 }
 
-/// Returns the triangles or rays of sixteen whose edge functions have one sign, and those of which
-/// one is 0, from the sheared vertices.
+/// Returns the signs of the edge functions of sixteen triangles or rays, from the sheared vertices.
 ///
 /// # Safety
 /// The processor has AVX-512 F and DQ.

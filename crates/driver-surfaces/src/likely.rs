@@ -1,7 +1,7 @@
-//! Light that is likely on a square of which samples say little: the mean light of the picture
-//! around it or, on rough metal, the light of what it mirrors.
+//! Likely light of squares with too few samples: the mean light of the picture around them or, on
+//! rough metal, the light that it mirrors.
 //!
-//! Invariant: it is a function of the view, the squares' sums, and the store.
+//! Invariant: likely light is a function of the view, the squares' sums, and the store.
 
 use crate::cell::{Face, luminance};
 use crate::planes::{Layout, Planes, Square};
@@ -13,24 +13,24 @@ use glam::Vec3;
 use holo_display::split_mix;
 use holo_raycast::{Ray, spawn};
 
-/// The side of a tile of the picture, pixels.
+/// Side of a tile of the picture, pixels.
 const TILE: usize = 32;
 
-/// Samples that need no likely light.
-const ENOUGH: f32 = 64.0;
+/// Number of samples from which no likely light is needed.
+const ENOUGH_SAMPLES: f32 = 64.0;
 
-/// The weight of the whole picture's mean in a tile's, samples.
-const PICTURE: f32 = 4.0;
+/// Weight of the whole picture's mean in a tile's mean, in samples.
+const PICTURE_WEIGHT: f32 = 4.0;
 
-/// Rays that rough metal mirrors, for one square.
+/// Mirrored rays for one square of rough metal.
 const RAYS: u64 = 8;
 
-/// The most light that such a ray brings, times the mean of the picture: a few rays must not show
+/// Most light along such a ray, relative to the mean of the picture, so that a few rays do not show
 /// single small lamps.
-const MOST: f32 = 8.0;
+const MOST_RAY_LIGHT: f32 = 8.0;
 
 /// Mean light of a picture and of its tiles, fixed-point steps.
-pub(crate) struct Usual<'a> {
+pub(crate) struct LikelyLight<'a> {
     view: &'a View,
     store: &'a Store,
     squares: &'a Squares,
@@ -44,14 +44,14 @@ pub(crate) struct Usual<'a> {
     pub mean: Vec3,
 }
 
-impl<'a> Usual<'a> {
-    /// Takes the squares' sums: light (3), samples, and squares of luminance.
+impl<'a> LikelyLight<'a> {
+    /// Computes the means. `sums` has the light (3), samples and squared luminance of each square.
     pub fn new(
         (view, store): (&'a View, &'a Store),
         squares: &'a Squares,
         layout: &Layout,
         sums: &Planes<5>,
-    ) -> Usual<'a> {
+    ) -> LikelyLight<'a> {
         let side = (TILE / squares.step).max(1);
         let size = (squares.size.0.div_ceil(side), squares.size.1.div_ceil(side));
         let mut tiles = vec![[0.0; 4]; size.0 * size.1];
@@ -64,29 +64,29 @@ impl<'a> Usual<'a> {
             all.iter_mut().zip(tile).for_each(|(sum, more)| *sum += f64::from(*more));
         }
         let mean = [0, 1, 2].map(|c| (all[c] / all[3].max(1.0)) as f32);
-        Usual { view, store, squares, size, side, tiles, mean: Vec3::from_array(mean) }
+        LikelyLight { view, store, squares, size, side, tiles, mean: Vec3::from_array(mean) }
     }
 
-    /// Returns the light that is likely on a square whose widest neighbourhood has this many
-    /// samples. `None` if they are enough, or if nothing is near.
+    /// Returns the likely light of a square whose widest neighbourhood has this many samples.
+    /// `None` if there are enough samples, or none near.
     pub fn at(&self, square: Square, samples: f32) -> Option<Vec3> {
         let seen = &self.squares.seen[square.number];
-        if !seen.is_surface() || samples >= ENOUGH {
+        if !seen.is_surface() || samples >= ENOUGH_SAMPLES {
             return None;
         }
         self.mirrored(seen).or_else(|| (samples > 0.0).then(|| self.around(square)))
     }
 
-    /// Returns the mean light of the picture around a square, by the tiles around it.
+    /// Returns the mean light of the picture around a square, interpolated between tiles.
     fn around(&self, square: Square) -> Vec3 {
         let at = |number: usize| (number as f32 + 0.5) / self.side as f32 - 0.5;
         let (across, down) = (at(square.column), at(square.row));
         let (left, top) = (across.floor(), down.floor());
-        let mut light = PICTURE * self.mean;
-        let mut samples = PICTURE;
+        let mut light = PICTURE_WEIGHT * self.mean;
+        let mut samples = PICTURE_WEIGHT;
         for (row, v) in [(top, 1.0 - (down - top)), (top + 1.0, down - top)] {
             for (column, u) in [(left, 1.0 - (across - left)), (left + 1.0, across - left)] {
-                // Conversions of floats saturate.
+                // Conversions from floats to integers saturate.
                 let row = (row as usize).min(self.size.1 - 1);
                 let column = (column as usize).min(self.size.0 - 1);
                 let [r, g, b, count] = self.tiles[row * self.size.0 + column];
@@ -97,7 +97,8 @@ impl<'a> Usual<'a> {
         light / samples
     }
 
-    /// Returns the light that rough metal mirrors, by a few rays. `None` for other surfaces.
+    /// Returns the light that rough metal mirrors, as a mean over a few rays. `None` for other
+    /// surfaces.
     fn mirrored(&self, seen: &Seen) -> Option<Vec3> {
         let alpha = self.view.follower().finish(seen.material).rough?;
         let direction = self.view.way(seen).direction;
@@ -106,7 +107,7 @@ impl<'a> Usual<'a> {
         let first = (random >> 40) as f32 / (1 << 24) as f32;
         let (across, along) = seen.normal.any_orthonormal_pair();
         let ray = |number: u64| {
-            // Normals of facets as GGX has them (Walter et al. 2007, §5.2).
+            // Facet normals are distributed by GGX (Walter et al. 2007, §5.2).
             let share = (number as f32 + 0.5) / RAYS as f32;
             let turn = std::f32::consts::TAU * (first + 0.618_034 * number as f32);
             let tangent = alpha * (share / (1.0 - share)).sqrt();
@@ -121,7 +122,8 @@ impl<'a> Usual<'a> {
         (count > 0.0).then(|| sum / count)
     }
 
-    /// Returns the light that comes from a direction, by means over the places where it begins.
+    /// Returns the light that comes from a direction, from the store's means at the surface where
+    /// it begins.
     fn light_along(&self, seen: &Seen, direction: Vec3) -> Option<Vec3> {
         if direction.dot(seen.normal) <= 0.0 {
             return None;
@@ -153,7 +155,7 @@ impl<'a> Usual<'a> {
             }
             Shown::Unknown => return None,
         };
-        let most = MOST * luminance(self.mean.to_array());
+        let most = MOST_RAY_LIGHT * luminance(self.mean.to_array());
         let bright = luminance(light.to_array());
         Some(if bright > most { light * (most / bright) } else { light })
     }
