@@ -1,6 +1,6 @@
 //! The building: rooms, walls with openings, floors, windows and doors.
 //!
-//! Always true: walls, floor and ceiling are solids that meet without gaps, so light enters only
+//! Invariant: walls, floor and ceiling are solids that meet without gaps, so light enters only
 //! through windows. They do not intrude into the space of a [`Room`].
 
 use crate::material::{

@@ -1,6 +1,6 @@
 //! Sections and views of the interior, and its configuration file for `holodeck --config`.
 //!
-//! Always true: each room has one section, clear of walls and furniture. The eye of every view lies
+//! Invariant: each room has one section, clear of walls and furniture. The eye of every view lies
 //! inside a section.
 
 use std::fmt::Write;

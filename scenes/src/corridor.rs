@@ -1,6 +1,6 @@
 //! A corridor with a bend that gets its light only through an open door, in metres, +Z up.
 //!
-//! Always true: the lamp hangs on the room's side of the door's wall and shines away from it. Both
+//! Invariant: the lamp hangs on the room's side of the door's wall and shines away from it. Both
 //! arms of the corridor lie behind its plane, so nothing in them is lit directly.
 
 use std::fmt::Write;

@@ -1,7 +1,7 @@
 //! The bundled scenes: a Cornell box, a corridor that is lit only indirectly, and a furnished
 //! interior; and models as other programs write them. This crate generates all of them.
 //!
-//! Always true: a scene has the same bytes each time that it is made. It is closed except for its
+//! Invariant: a scene has the same bytes each time that it is made. It is closed except for its
 //! windows. Lights shine on the counter-clockwise side of their faces, into the rooms.
 
 mod building;

@@ -1,6 +1,6 @@
 //! The materials of the interior, for an MTL library.
 //!
-//! Always true: reflectances lie within [0, 1]. `illum 3` is a mirror (Ns ≥ 999) or a rough metal,
+//! Invariant: reflectances lie within [0, 1]. `illum 3` is a mirror (Ns ≥ 999) or a rough metal,
 //! `illum 4` a thin pane, `illum 7` solid glass; everything else is diffuse. Radiances of lights
 //! are in W·sr⁻¹·m⁻²: luminous flux / 179 / (π · area).
 

@@ -1,6 +1,6 @@
 //! Triangle meshes of furniture: points, faces, and the material of each face.
 //!
-//! Always true: faces are counter-clockwise seen from outside, even after affine maps with a
+//! Invariant: faces are counter-clockwise seen from outside, even after affine maps with a
 //! negative determinant. So lamps shine outwards, and glass knows its inside.
 
 use crate::material::Material;

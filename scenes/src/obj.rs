@@ -1,6 +1,6 @@
 //! Writing objects as OBJ text.
 //!
-//! Always true: coordinates are whole multiples of 10 µm. Triangles that this rounding flattens and
+//! Invariant: coordinates are whole multiples of 10 µm. Triangles that this rounding flattens and
 //! unused points are not written.
 
 use crate::rooms::Object;

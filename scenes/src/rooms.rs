@@ -1,6 +1,6 @@
 //! The furnished rooms.
 //!
-//! Always true: the middle of every room, from about one metre up, is free, because the sections of
+//! Invariant: the middle of every room, from about one metre up, is free, because the sections of
 //! the holodeck lie there.
 
 use crate::building::{

@@ -1,7 +1,7 @@
 //! The shapes that furniture is made of: boxes, boxes with rounded edges, cushions, lathed parts,
 //! tubes, sheets.
 //!
-//! Always true: closed shapes face outwards. A shape stands on z = 0, centred in x and y, unless
+//! Invariant: closed shapes face outwards. A shape stands on z = 0, centred in x and y, unless
 //! its documentation says otherwise.
 
 use crate::material::Material;

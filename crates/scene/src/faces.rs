@@ -1,6 +1,6 @@
 //! The line and the material of each triangle of an OBJ file.
 //!
-//! Always true: runs are in the order of their triangles, and each has at least one face.
+//! Invariant: runs are in the order of their triangles, and each has at least one face.
 
 /// Faces on consecutive lines with the same material and number of corners, as most are.
 struct Run {

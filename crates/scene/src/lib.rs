@@ -8,7 +8,7 @@
 //! are sent to workers and stored in a holodeck file. [`Scene::unpack`] reads those bytes without
 //! trusting them.
 //!
-//! Always true:
+//! Invariants:
 //! - A [`Scene`] is valid. Every index is in range, every number is finite and within [`limits`],
 //!   every triangle has an area, and every albedo lies in [0, 1].
 //! - Text and bytes from outside give a clear error or a valid scene, never a panic. Every count is

@@ -1,6 +1,6 @@
 //! Files that a model names: found in the model's folder, whatever the exporter wrote.
 //!
-//! Always true: a file outside the model's folder is never read. A model from elsewhere must not
+//! Invariant: a file outside the model's folder is never read. A model from elsewhere must not
 //! choose which files of this machine are opened.
 
 use std::fs::File;

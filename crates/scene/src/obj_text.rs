@@ -7,7 +7,7 @@
 //! each line and remembers lines and materials. It passes on only `v` with three numbers and `f`
 //! with three or more vertices.
 //!
-//! Always true:
+//! Invariants:
 //! - Numbers that are passed on are finite and within [`MAX_COORDINATE`], and indices are in range
 //!   at their line.
 //! - A vertex that cannot be read keeps its number; faces that name it are left out.

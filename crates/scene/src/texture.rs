@@ -1,6 +1,6 @@
 //! Textures: pictures on surfaces, decoded once, with smaller copies for views from a distance.
 //!
-//! Always true:
+//! Invariants:
 //! - The encoded file is kept: it is smaller than its texels, and packs without loss.
 //! - A picture larger than [`MAX_SIDE`] is halved until it fits, so memory is bounded.
 //! - Colours are linear when they are looked up.

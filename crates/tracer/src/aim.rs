@@ -2,7 +2,7 @@
 //! caustics ([`caustics`](crate::caustics)), in addition to the directions that the material
 //! samples.
 //!
-//! Always true: one sample combines all ways of choosing its direction (Veach 1997, §9.2.4, balance
+//! Invariant: one sample combines all ways of choosing its direction (Veach 1997, §9.2.4, balance
 //! heuristic), so any sources and caustics give the same expectation. A vertex without sources and
 //! caustics uses no random numbers for this and costs nothing.
 

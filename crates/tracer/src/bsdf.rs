@@ -4,7 +4,7 @@
 //! 0`. Light travels to `wo` (towards the eye) and comes from `wi`. Values include the cosine at
 //! `wi`.
 //!
-//! Always true: `sample` returns value over density of its own `wi` as weight. No opaque material
+//! Invariant: `sample` returns value over density of its own `wi` as weight. No opaque material
 //! reflects more than arrives. Radiance that is transmitted into a solid is divided by the square
 //! of the relative index (Walter et al. 2007, §5.1). Mitsuba 3's `dielectric` does the same in
 //! radiance mode.

@@ -9,7 +9,7 @@
 //! A photon remembers a point that it seems to come from. So a leaf's directions change from place
 //! to place as reflections do.
 //!
-//! Always true: the photons are a function of the scene alone, and only decide where samples go. A
+//! Invariant: the photons are a function of the scene alone, and only decide where samples go. A
 //! density counts only if the ray hits a surface that throws light ([`Caustics::may_show`]). It is
 //! then the density of [`CausticVertex::choose`]. A scene without surfaces that throw light pays
 //! nothing.

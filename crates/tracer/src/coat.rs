@@ -9,7 +9,7 @@
 //! coat's inside reflects 1 - (1 - Ē) / n². So `kd` is the colour that is seen, inner reflections
 //! included, as in Mitsuba 3's `roughplastic` without `nonlinear`.
 //!
-//! Always true: the coat is reciprocal and reflects at most what arrives, and all of it if `kd` and
+//! Invariant: the coat is reciprocal and reflects at most what arrives, and all of it if `kd` and
 //! `ks` are 1. This holds because E is tabulated for the lobe that is sampled; Fresnel's term for
 //! the smooth surface would not do.
 

@@ -4,7 +4,7 @@
 //! (π L̄) (Kulla and Conty 2017; Hill 2018). F = ks² (1 - L̄) / (1 - ks L̄) is the reflectance
 //! after several facets.
 //!
-//! Always true: it is reciprocal, and reflects all that arrives if `ks` is 1.
+//! Invariant: it is reciprocal, and reflects all that arrives if `ks` is 1.
 
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;

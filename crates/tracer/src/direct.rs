@@ -1,7 +1,7 @@
 //! Direct light at one vertex: samples of the lights, and the densities needed to combine them with
 //! samples of the material.
 //!
-//! Always true: both sides use the same density functions.
+//! Invariant: both sides use the same density functions.
 
 use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};

@@ -6,7 +6,7 @@
 //! no ray is needed to determine what a mirror can show. Records of the engine `cached` aim some of
 //! their rays at images.
 //!
-//! Always true: aimed rays account for exactly one reflection by a mirror or pane of a known plane.
+//! Invariant: aimed rays account for exactly one reflection by a mirror or pane of a known plane.
 //! Any number of panes may come before and after it. They are combined with hemisphere rays that
 //! find the same light (Veach 1997, §9.2.2). A scene without such planes pays nothing.
 

@@ -6,7 +6,7 @@
 //! reflects (1 - t) L(wo) L(wi) / (π L̄) of the flux. It transmits t L(wo) L(wi) / (π L̄ of b) to
 //! side b.
 //!
-//! Always true: both sides scatter exactly the flux that arrives, up to the error of the tables.
+//! Invariant: both sides scatter exactly the flux that arrives, up to the error of the tables.
 //! The product of f(wo, wi) and n² of `wi`'s side is symmetric in wo and wi (Veach 1997, §5.2).
 //! This holds because t L̄ n² is the same for both sides.
 

@@ -8,7 +8,7 @@
 //! not lost. Indices of refraction apply between the solids that really touch: bubbles in glass,
 //! water in a glass (module `medium`).
 //!
-//! Always true:
+//! Invariants:
 //! - The engine `path` gives a [`Traced`] that is a function of (scene, settings, ray, seed): not
 //!   of threads, processor or order.
 //! - Radiance is finite and not negative. A path whose estimate is not finite contributes 0 and is

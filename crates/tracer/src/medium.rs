@@ -18,7 +18,7 @@
 //! its own material. A path crosses surfaces that touch as one. An opaque surface that touches the
 //! boundary of a solid hides it.
 //!
-//! Always true: a boundary is the same from both sides, because what fills a point does not depend
+//! Invariant: a boundary is the same from both sides, because what fills a point does not depend
 //! on the path that leads there. At most [`DEPTH`] materials are counted at a point; further ones
 //! are ignored. A surface that is not closed has no inside: an eye is never inside it, and a path
 //! is inside from crossing it on.

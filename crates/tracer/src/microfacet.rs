@@ -5,7 +5,7 @@
 //! (Heitz 2014, eq. 99). They are separable for transmitted light, because the heights on the two
 //! sides are different (Walter et al. 2007, eq. 23).
 //!
-//! Always true: directions are local, normals point up (z > 0), and a sampled normal is visible
+//! Invariant: directions are local, normals point up (z > 0), and a sampled normal is visible
 //! from `wo`.
 
 use std::f32::consts::{PI, TAU};

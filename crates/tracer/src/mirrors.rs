@@ -1,6 +1,6 @@
 //! Flat mirrors and panes, grouped by the planes that they lie in.
 //!
-//! Always true: a triangle belongs to at most one plane. Mirrors that are too small, too narrow or
+//! Invariant: a triangle belongs to at most one plane. Mirrors that are too small, too narrow or
 //! curved belong to none. A scene without flat mirrors and panes has no planes.
 
 use std::collections::HashMap;

@@ -1,6 +1,6 @@
 //! Panes of thin glass between a surface and a lamp: shadow rays continue behind them.
 //!
-//! Always true: the share that a pane passes is the share left of a path that goes straight through
+//! Invariant: the share that a pane passes is the share left of a path that goes straight through
 //! it. Everything else blocks, including solid glass. A scene without panes pays nothing, and
 //! neither does a shadow ray without panes on its way.
 

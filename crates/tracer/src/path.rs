@@ -2,7 +2,7 @@
 //!
 //! Direct light is sampled twice at each surface: towards the lights and by the material.
 //!
-//! Always true:
+//! Invariants:
 //! - The mean over seeds is the solution of the rendering equation for the settings' `bounces`, up
 //!   to f32 rounding.
 //! - The power heuristic (Veach 1997, §9.2.4) combines light that both ways can find. Light that

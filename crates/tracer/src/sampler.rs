@@ -17,7 +17,7 @@
 //!
 //! If a path branches, branch j of n uses the numbers of path n·path + j.
 //!
-//! Always true: a number depends only on (seed, path, branch, vertex, purpose, position). So a path
+//! Invariant: a number depends only on (seed, path, branch, vertex, purpose, position). So a path
 //! that ends earlier has the same numbers up to its end. Take any aligned block of 2^k paths of one
 //! seed, and divide a pair's square into 2^k strata of any shape. Each stratum then contains
 //! exactly one point. The point of a single path is uniform. Points of different seeds, vertices,

@@ -7,7 +7,7 @@
 //! become the leaves of a second light tree. Wide materials aim a share of their samples at it. One
 //! sample combines both ways of finding a point there (Veach 1997, §9.2.4, balance heuristic).
 //!
-//! Always true: the set of sources is a function of the scene alone. It only decides where samples
+//! Invariant: the set of sources is a function of the scene alone. It only decides where samples
 //! go: any set of triangles and powers gives the same expectation. Emitters are never secondary
 //! sources. A scene without secondary sources pays nothing.
 

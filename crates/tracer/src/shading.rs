@@ -1,6 +1,6 @@
 //! Textures, smooth normals and textures of normals where a path meets a surface.
 //!
-//! Always true:
+//! Invariants:
 //! - A scene without them calls none of these functions ([`PathEngine::is_shaded`]).
 //! - A smooth normal alone never lets a direction pass a surface. Light and paths stay on their
 //!   side of the triangle.

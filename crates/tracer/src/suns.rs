@@ -1,6 +1,6 @@
 //! Suns: discs in the sky that light samples find, and sharp reflections too.
 //!
-//! Always true: a sun counts only after a path has been scattered with a density. Eyes see the sky
+//! Invariant: a sun counts only after a path has been scattered with a density. Eyes see the sky
 //! in its place, directly and in mirrors, as displays draw it. A scene without suns pays nothing.
 
 use glam::Vec3;

@@ -6,7 +6,7 @@
 //! It ends at the first diffuse, glossy, emitting or curved surface. A point that far along the
 //! first ray is the image of that surface, except that refraction by glass is ignored.
 //!
-//! Always true: there is no randomness, so all samples of a surface agree. The distance is never
+//! Invariant: there is no randomness, so all samples of a surface agree. The distance is never
 //! less than the first surface's. A scene without flat smooth surfaces has no [`VirtualDistance`]
 //! and pays nothing.
 

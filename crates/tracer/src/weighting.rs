@@ -1,6 +1,6 @@
 //! Divides direct light between samples of the lights and samples of the material.
 //!
-//! Always true: the weights are those of the power heuristic (Veach 1997, §9.2.2 and §9.2.4), for n
+//! Invariant: the weights are those of the power heuristic (Veach 1997, §9.2.2 and §9.2.4), for n
 //! samples of the lights and one of the material.
 
 /// How direct light is found. Tests compare the three: each is unbiased if no material is specular.

@@ -1,6 +1,6 @@
 //! Lamps: luminous surfaces and their holders.
 //!
-//! Always true: a luminous face points away from its housing. No light stands behind glass.
+//! Invariant: a luminous face points away from its housing. No light stands behind glass.
 
 use crate::material::{
     BRASS, BULB, CEILING, CERAMIC, FABRIC_DARK, FLAME, GLOBE, INK, LINEN, Material, PANEL, SHADE,

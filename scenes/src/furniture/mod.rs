@@ -1,6 +1,6 @@
 //! Furniture, one kind per file.
 //!
-//! Always true: coordinates are in metres, +z is up, and things stand on z = 0. Things against a
+//! Invariant: coordinates are in metres, +z is up, and things stand on z = 0. Things against a
 //! wall have their back at y = 0, face +y and are centred in x. Free-standing things are centred on
 //! the z axis. Things that hang from a ceiling hang from z = 0.
 

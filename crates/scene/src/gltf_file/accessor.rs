@@ -1,6 +1,6 @@
 //! Numbers of a glTF file.
 //!
-//! Always true: every offset, stride and count is checked. Elements outside their buffer are an
+//! Invariant: every offset, stride and count is checked. Elements outside their buffer are an
 //! error, in words for people.
 
 use gltf::Accessor;

@@ -3,7 +3,7 @@
 //! The crate `gltf` reads and validates the JSON. Buffers are read here, because every offset and
 //! length in a file is a claim that must be checked.
 //!
-//! Always true:
+//! Invariants:
 //! - Nodes are visited once, to a bounded depth: cyclic files are errors.
 //! - Everything that the scene cannot represent is counted, and reported once for each kind.
 

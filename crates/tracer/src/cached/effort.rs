@@ -1,6 +1,6 @@
 //! Limits the work on records.
 //!
-//! Always true: the rays of records never exceed the number that samples have allowed by more than
+//! Invariant: the rays of records never exceed the number that samples have allowed by more than
 //! the records that are being made. No clock decides: work is counted in rays and samples.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};

@@ -10,7 +10,7 @@
 //!   bounded ([`Cached::set_effort`]). A sample that may not make a record uses few records nearby
 //!   or continues as a path. So useful samples arrive from the first moment.
 //!
-//! Always true:
+//! Invariants:
 //! - Results depend on the records only within the engine's accuracy, with one exception. Paths
 //!   that replace records bring only limited light from lamps over mirrors and glass
 //!   ([`MAX_LAMP_OVER_MEAN`]). Such samples stay until better ones replace them.

@@ -1,6 +1,6 @@
 //! Photons by place: a tree whose leaves hold photons that lie side by side.
 //!
-//! Always true: [`Leaf::density`] is the density of [`Leaf::choose`], per solid angle, and has the
+//! Invariant: [`Leaf::density`] is the density of [`Leaf::choose`], per solid angle, and has the
 //! integral 1 over all directions.
 
 use std::f32::consts::{PI, TAU};

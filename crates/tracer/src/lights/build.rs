@@ -1,7 +1,7 @@
 //! Building the light tree. Groups are split where the surface-area-orientation heuristic is least
 //! (Conty Estevez and Kulla 2018, §4.4), into up to eight at a time.
 //!
-//! Always true: every emitter is in exactly one leaf. The tree has at most about 60 levels, because
+//! Invariant: every emitter is in exactly one leaf. The tree has at most about 60 levels, because
 //! groups deep in the tree are halved by number.
 
 use glam::Vec3;

@@ -7,7 +7,7 @@
 //! subtree the importances decide. A cell is estimated with shadow rays when a path first reaches
 //! it.
 //!
-//! Always true: a cell is a function of the scene and its number, no matter which thread makes it,
+//! Invariant: a cell is a function of the scene and its number, no matter which thread makes it,
 //! or when. Every cluster keeps a share ([`UNSEEN`]), even if no probe saw it.
 
 use std::sync::{Arc, OnceLock};

@@ -6,7 +6,7 @@
 //! by the light that each branch may bring to the vertex. The constant sky is one more light beside
 //! the tree.
 //!
-//! Always true: a light that could bring anything to the vertex has a positive probability, except
+//! Invariant: a light that could bring anything to the vertex has a positive probability, except
 //! by rounding at its horizon. A light that cannot has probability 0, unless it is the only one.
 //! Choosing and [`Lights::probability`] agree within f32 rounding. The cost grows with the
 //! logarithm of the number of lights.

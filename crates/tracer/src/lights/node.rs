@@ -1,7 +1,7 @@
 //! Nodes of the light tree: eight children as a structure of arrays, so that vector instructions
 //! weigh all of them at once.
 //!
-//! Always true: an importance is finite and not negative. It is 0 for unused children, for children
+//! Invariant: an importance is finite and not negative. It is 0 for unused children, for children
 //! wholly below the surface's horizon, and for children none of whose emitters faces the point.
 
 use glam::Vec3;

@@ -1,6 +1,6 @@
 //! The light tree: its emitters, and the choice of one by a descent.
 //!
-//! Always true: a choice leaves a random number uniform, so that it can be used again.
+//! Invariant: a choice leaves a random number uniform, so that it can be used again.
 
 use glam::Vec3;
 

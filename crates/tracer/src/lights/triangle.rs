@@ -5,7 +5,7 @@
 //! form of Peters 2021, "BRDF Importance Sampling for Polygonal Lights", §4.1. Apart from the solid
 //! angle, that form computes no angles.
 //!
-//! Always true: the choice and the density depend only on the point and the triangle. f32 suffices
+//! Invariant: the choice and the density depend only on the point and the triangle. f32 suffices
 //! for both, because the solid angle is used only if its triple product has not cancelled.
 
 use std::f32::consts::{PI, TAU};
