@@ -16,6 +16,7 @@
 //! - Samples reach a caller only after their checksum was compared. Damaged parts are named and
 //!   left out; nothing else is lost with them.
 //! - One process writes the file (a lock on the file sees to it), any number read beside it.
+//! - Samples of an earlier generation are never taken for those of the present one, and never lost.
 //! - This crate never looks inside a radiance: a sample is ten bytes.
 
 mod append;
