@@ -52,6 +52,9 @@ pub enum Input {
     /// Forget all samples. The first time, the stage asks ([`State::question`](super::State)); the
     /// second one is the answer.
     StartOver,
+    /// Go on with the scene as its file is now. The first time, the stage asks, as for
+    /// [`StartOver`](Self::StartOver).
+    Restart,
     /// Not to do what the stage asked about.
     Cancel,
     /// Draw with another driver.

@@ -75,6 +75,8 @@ pub struct State {
     pub trouble: Option<String>,
     /// What somebody has to confirm by doing it once more.
     pub question: Option<String>,
+    /// The line that confirms it.
+    pub answer: Option<&'static str>,
     /// Whether this program has started server and workers, and can end them.
     pub has_crew: bool,
     /// The current view in Radiance's options, even if it cannot be shown.
