@@ -357,6 +357,13 @@ fn traced() -> Any {
     Any::Samples(Samples { view: 8, source: Source::Traced, runs: vec![run], samples: samples() })
 }
 
+fn earlier() -> Any {
+    let kind = SampleKind::Uniform;
+    let run = Run { key: key(0, 5), kind, first: 70, count: 2, paths: 1 };
+    let samples = samples().into_iter().take(2).collect();
+    Any::Samples(Samples { view: 8, source: Source::Earlier, runs: vec![run], samples })
+}
+
 fn cases() -> Vec<(&'static str, Any)> {
     let number = 0x1122_3344_5566_7788;
     let mut cases = vec![
@@ -431,13 +438,19 @@ fn cases() -> Vec<(&'static str, Any)> {
                 view: 7,
                 viewpoint: Viewpoint { eye: [0.5, -0.25, 1.75], radius: 0.001 },
                 beams: vec![
-                    WantedBeam { key: key(0, 0x01_0203_0405), weight: 12.5, held: 42 },
-                    WantedBeam { key: key(1023, 9), weight: 0.125, held: u16::MAX },
+                    WantedBeam {
+                        key: key(0, 0x01_0203_0405),
+                        weight: 12.5,
+                        held: 42,
+                        has_earlier: false,
+                    },
+                    WantedBeam { key: key(1023, 9), weight: 0.125, held: 9, has_earlier: true },
                 ],
             }),
         ),
         ("samples-stored", stored()),
         ("samples-traced", traced()),
+        ("samples-earlier", earlier()),
         (
             "unseen",
             Any::Unseen(Unseen { view: 7, beams: vec![key(0, 0x01_0203_0405), key(1023, 9)] }),

@@ -386,7 +386,8 @@ fn wrong_numbers_in_bulk_messages_are_named() {
     assert!(samples(0, 0, MAX_RUN, 1, 0).is_ok());
     assert!(matches!(samples(0, 0, MAX_RUN + 1, 1, 0), Err(ProtoError::TooMany { .. })));
     assert!(matches!(samples(0, 0, 0, 1, 0), Err(ProtoError::TooMany { found: 0, .. })));
-    assert!(matches!(samples(3, 0, 1, 1, 0), Err(ProtoError::Number(_))));
+    assert!(samples(3, u32::MAX - 2, 2, 1, 0).is_ok());
+    assert!(matches!(samples(4, 0, 1, 1, 0), Err(ProtoError::Number(_))));
     assert!(matches!(samples(1, u32::MAX - 1, 2, 1, 0), Err(ProtoError::Number(_))));
     assert!(matches!(samples(1, 0, 1, 0, 0), Err(ProtoError::Number(_))));
     assert_eq!(samples(1, 0, 1, 1, 3), Err(ProtoError::SampleKind(3)));

@@ -95,10 +95,10 @@ impl Batch {
         &self.samples[at as usize..(at + count) as usize]
     }
 
-    /// Returns the batch's extents and its block's body.
+    /// Returns the batch's extents and its block's body, as samples of a generation.
     ///
     /// Extents are in the order (beam, kind, time). Appends that continue each other are joined.
-    pub fn body(&self) -> (Vec<Entry>, Body) {
+    pub fn body(&self, generation: u32) -> (Vec<Entry>, Body) {
         let mut order: Vec<_> =
             self.appends.iter().enumerate().map(|(i, a)| (a.key, a.class.kind, i)).collect();
         order.sort_unstable();
@@ -111,7 +111,7 @@ impl Batch {
                 Some(e) if e.key == key && e.class == class && e.first + e.count == first => {
                     e.count += count;
                 }
-                _ => entries.push(Entry { key, class, first, count }),
+                _ => entries.push(Entry { key, class, first, count, generation }),
             }
         }
         let mut table = Vec::with_capacity(entries.len() * 32 + payload.len() / 1000 + 4);

@@ -21,8 +21,8 @@ impl BeamFile {
     /// Appends all samples on this file's disk to another file, in their order, except those whose
     /// maker `keep` refuses.
     ///
-    /// Samples that a refused one had superseded count again. Damaged samples are left out. Blobs
-    /// are not copied.
+    /// They keep their generations. Samples that a refused one had superseded count again. Damaged
+    /// samples are left out. Blobs are not copied.
     ///
     /// # Errors
     /// If this file cannot be read, or the other one cannot be written or lacks a beam.
@@ -64,6 +64,12 @@ impl BeamFile {
         for entry in entries {
             let (begin, end) = (at, at + entry.count);
             at = end;
+            to.begin_generation(entry.generation)?;
+            if to.generation() != entry.generation {
+                // A file never goes back to an earlier generation.
+                copied.left_out += u64::from(entry.count);
+                continue;
+            }
             if !keep(entry.class.maker) {
                 copied.left_out += u64::from(entry.count);
                 continue;

@@ -135,6 +135,28 @@ impl BeamFile {
         &self.shared.header.layout
     }
 
+    /// Returns the present generation: that of samples that are appended now.
+    pub fn generation(&self) -> u32 {
+        self.shared.state().directory.generation
+    }
+
+    /// Begins a generation of samples, unless the file has it or a later one. Samples that are
+    /// there keep their places but lose their numbers: [`BeamFile::read_earlier`] still reads them,
+    /// and other functions ignore them.
+    ///
+    /// The file says so only with the first sample of the new generation. Its owner must note the
+    /// generation elsewhere, and begin it again after opening the file.
+    ///
+    /// # Errors
+    /// As [`BeamFile::flush`]: what is pending still belongs to the generation before.
+    pub fn begin_generation(&self, generation: u32) -> Result<()> {
+        if generation > self.generation() {
+            self.flush()?;
+            self.shared.state().directory.begin(generation);
+        }
+        Ok(())
+    }
+
     /// Returns the current figures of the file.
     pub fn stats(&self) -> Stats {
         let file_bytes = self.shared.storage.length().unwrap_or(0);
@@ -144,6 +166,7 @@ impl BeamFile {
             file_bytes,
             samples: state.directory.sections.iter().map(|section| section.samples).sum(),
             sections: state.directory.sections.clone(),
+            earlier: state.directory.earlier_samples,
             superseded: state.directory.superseded,
             extents: state.directory.extents(),
             cache_bytes: cache.bytes,

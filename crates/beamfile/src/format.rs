@@ -251,6 +251,8 @@ pub(crate) struct Entry {
     pub class: Class,
     pub first: u32,
     pub count: u32,
+    /// The generation of the scene that the samples were traced in.
+    pub generation: u32,
 }
 
 #[repr(C)]
@@ -264,7 +266,8 @@ struct RawEntry {
     count: [u8; 4],
     paths: [u8; 2],
     maker: [u8; 2],
-    zero: [u8; 8],
+    generation: [u8; 4],
+    zero: [u8; 4],
 }
 
 impl Entry {
@@ -278,7 +281,8 @@ impl Entry {
             count: self.count.to_le_bytes(),
             paths: self.class.paths.to_le_bytes(),
             maker: self.class.maker.0.to_le_bytes(),
-            zero: [0; 8],
+            generation: self.generation.to_le_bytes(),
+            zero: [0; 4],
         };
         table.extend_from_slice(bytemuck::bytes_of(&raw));
     }
@@ -297,6 +301,7 @@ impl Entry {
             },
             first: u32::from_le_bytes(raw.first),
             count: u32::from_le_bytes(raw.count),
+            generation: u32::from_le_bytes(raw.generation),
         };
         let sound = entry.count > 0
             && entry.first.checked_add(entry.count).is_some()

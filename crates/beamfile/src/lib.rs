@@ -17,6 +17,7 @@
 //!   left out; nothing else is lost with them.
 //! - One process writes the file, ensured by a lock on it. Any number of processes read it
 //!   meanwhile.
+//! - Samples of an earlier generation are never taken for those of the present one, and never lost.
 //! - This crate never interprets a radiance. For it, a sample is ten bytes.
 
 mod append;

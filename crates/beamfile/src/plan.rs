@@ -94,6 +94,29 @@ impl State {
         (offers, places)
     }
 
+    /// Returns how to read a beam's samples of its newest earlier generation; `None` if there are
+    /// none. All of them are on disk.
+    pub fn plan_earlier(&self, key: BeamKey) -> Option<Plan> {
+        let mut offers: Vec<Offer> = Vec::new();
+        let mut places = Vec::new();
+        for extent in self.directory.earlier_extents_of(key) {
+            let Class { kind, supersedes, .. } = extent.class;
+            for (skip, count) in self.intact(extent.block, extent.at, extent.count) {
+                offers.push(Offer { kind, supersedes, first: extent.first + skip, count });
+                places.push((extent.class, extent.block, extent.at + skip));
+            }
+        }
+        let runs = visible(&offers).into_iter().map(|seen| {
+            let (class, id, at) = places[seen.offer];
+            let at = at + (seen.first - offers[seen.offer].first);
+            let block = Arc::clone(&self.directory.blocks[id as usize]);
+            let location = Location::Disk { id, block, at };
+            PlannedRun { run: run(key, class, seen.first, seen.count), location }
+        });
+        let runs: Vec<PlannedRun> = runs.collect();
+        (!runs.is_empty()).then_some(Plan { key, version: 0, runs })
+    }
+
     /// Returns the runs that [`State::plan`] would read, in its order, and their makers.
     pub fn runs(&self, key: BeamKey) -> impl Iterator<Item = (Run, Maker)> {
         let (offers, places) = self.offers(key);

@@ -87,6 +87,49 @@ impl BeamFile {
         Ok(())
     }
 
+    /// Calls `sink` for each beam that has samples of an earlier generation, in file order, with
+    /// those of its newest one. Stops when `sink` says so. The cache has no part in it.
+    ///
+    /// # Errors
+    /// If a beam does not exist (before the first call) or the disk cannot be read.
+    pub fn read_earlier(
+        &self,
+        keys: &[BeamKey],
+        sink: &mut dyn FnMut(BeamKey, Arc<BeamSamples>) -> ControlFlow<()>,
+    ) -> Result<()> {
+        keys.iter().try_for_each(|&key| self.check(key))?;
+        for some in keys.chunks(LOOKUP_BEAMS) {
+            let state = self.shared.state();
+            let mut plans: Vec<Plan> =
+                some.iter().filter_map(|&key| state.plan_earlier(key)).collect();
+            drop(state);
+            plans.sort_by_cached_key(|plan| (plan.file_position(), plan.key));
+            let beams = loop {
+                let loaded = load(&*self.shared.storage, &plans)
+                    .map_err(|error| self.shared.io("reading samples", error))?;
+                match loaded {
+                    Ok(beams) => break beams,
+                    Err(bad) => {
+                        let mut state = self.shared.state();
+                        state.mark_bad(&bad);
+                        plans = plans.iter().filter_map(|p| state.plan_earlier(p.key)).collect();
+                    }
+                }
+            };
+            for (plan, samples) in plans.iter().zip(beams) {
+                if sink(plan.key, samples).is_break() {
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns how many samples a beam has of its newest earlier generation.
+    pub fn count_earlier(&self, key: BeamKey) -> u64 {
+        self.shared.state().directory.earlier_of(key)
+    }
+
     /// Returns the beam as it is now, if it is in the cache or has no samples.
     fn cached(&self, state: &State, key: BeamKey) -> Option<Arc<BeamSamples>> {
         match state.directory.beams.get(&key) {

@@ -103,7 +103,13 @@ impl State {
             Table::Samples(entries) => {
                 let mut at = 0;
                 for entry in &entries {
-                    let Entry { key, class, first, count } = *entry;
+                    let Entry { key, class, first, count, generation } = *entry;
+                    self.directory.begin(generation);
+                    if generation < self.directory.generation {
+                        // No writer goes back to an earlier generation.
+                        at += count;
+                        continue;
+                    }
                     self.directory.account(key, class.kind, first, count, |directory| {
                         directory.numbers_of(key, class.kind).collect()
                     });

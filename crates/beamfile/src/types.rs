@@ -159,6 +159,9 @@ pub struct Stats {
     pub samples: u64,
     /// The same by section.
     pub sections: Vec<SectionStats>,
+    /// Samples of earlier generations that
+    /// [`BeamFile::read_earlier`](crate::BeamFile::read_earlier) reads.
+    pub earlier: u64,
     /// Samples that no read returns, because another sample of the same number counts. Each takes
     /// ten bytes of the file.
     pub superseded: u64,

@@ -39,7 +39,9 @@ pub(crate) fn run(shared: &Arc<Shared>) {
     let _gone = Gone(shared);
     let mut failed_at: Option<Instant> = None;
     while let Some(batch) = next_batch(shared, failed_at) {
-        let (entries, body) = batch.body();
+        // It does not change while samples wait.
+        let generation = shared.state().directory.generation;
+        let (entries, body) = batch.body(generation);
         let written = shared.write_block(&body, "writing samples");
         let result = written.and_then(|block| list(shared, block, &entries));
         let mut state = shared.state();

@@ -331,3 +331,56 @@ fn a_copy_without_a_maker_restores_the_samples_that_the_maker_superseded() {
     assert_eq!(second.read(rough.key).unwrap().samples, samples(&better, 5, 1));
     assert_eq!(second.count(other.key), 0);
 }
+
+/// Returns the samples that a beam shows of an earlier generation.
+fn earlier(file: &BeamFile, beam: BeamKey) -> Vec<holo_section::Sample> {
+    let mut found = Vec::new();
+    file.read_earlier(&[beam], &mut |_, samples| {
+        found.extend_from_slice(&samples.samples);
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    found
+}
+
+#[test]
+fn a_new_generation_numbers_its_samples_anew_and_the_earlier_ones_stay() {
+    let (folder, path, file) = fresh();
+    let (one, two) = (run(key(0, 4), 0), run(key(0, 5), 0));
+    for run in [one, two] {
+        file.append(run, Maker(1), &samples(&run, 30, 1)).unwrap();
+    }
+    // It is in the cache.
+    assert_eq!(file.read(one.key).unwrap().samples.len(), 30);
+    let reader = BeamFile::open_read_only(&path, 1 << 20).unwrap();
+    file.begin_generation(1).unwrap();
+    assert_eq!((file.generation(), file.stats().samples, file.stats().earlier), (1, 0, 60));
+    assert!(file.read(one.key).unwrap().samples.is_empty() && file.runs(one.key).is_empty());
+    assert_eq!((file.counts(one.key), file.count(one.key)), (Counts::default(), 0));
+    assert_eq!(earlier(&file, one.key), samples(&one, 30, 1));
+    for packet in [0, 10] {
+        let run = Run { first: packet, ..one };
+        file.append(run, Maker(2), &samples(&run, 10, 2)).unwrap();
+    }
+    file.flush().unwrap();
+    reader.refresh().unwrap();
+    let copy = BeamFile::create(folder.path().join("copy"), options()).unwrap();
+    file.copy_samples(&copy, &|_| true).unwrap();
+    let check = |file: &BeamFile| {
+        assert_eq!(file.read(one.key).unwrap().samples, samples(&one, 20, 2));
+        assert_eq!(earlier(file, one.key), samples(&one, 30, 1));
+        assert_eq!(earlier(file, two.key), samples(&two, 30, 1));
+        assert_eq!((file.generation(), file.count(one.key), file.count(two.key)), (1, 20, 0));
+        assert_eq!((file.count_earlier(one.key), file.stats().samples), (30, 20));
+    };
+    [&file, &reader, &copy].into_iter().for_each(check);
+    drop(file);
+    let file = BeamFile::open(&path, options()).unwrap();
+    check(&file);
+    // Of two earlier generations, each beam shows the newer one that it has.
+    file.begin_generation(2).unwrap();
+    assert_eq!(earlier(&file, one.key), samples(&one, 20, 2));
+    assert_eq!(earlier(&file, two.key), samples(&two, 30, 1));
+    file.begin_generation(1).unwrap();
+    assert_eq!(file.generation(), 2);
+}

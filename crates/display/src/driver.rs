@@ -106,6 +106,18 @@ pub trait Driver: Send {
     /// beams.
     fn insert(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]);
 
+    /// Inserts samples of the scene before an edit. They are shown where few others are.
+    fn insert_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
+        self.insert(beam, paths, samples);
+    }
+
+    /// Takes out samples that [`insert_earlier`](Self::insert_earlier) was given with the same
+    /// arguments. They may be a part of those inserted at once. Returns whether the driver can do
+    /// that; if not, they stay.
+    fn remove_earlier(&mut self, _beam: BeamKey, _paths: u16, _samples: &[Sample]) -> bool {
+        false
+    }
+
     /// Marks a beam as unseen: none of its rays can hit anything.
     fn insert_unseen(&mut self, beam: BeamKey);
 

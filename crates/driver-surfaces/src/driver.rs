@@ -73,10 +73,21 @@ pub struct SurfacesDriver {
     live: Store,
     /// Light that frames have found.
     known: Known,
-    /// Samples that are not in the store yet, and the beam of each range of them.
-    waiting: Vec<Sample>,
-    waiting_of: Vec<(BeamKey, u16, Range<usize>)>,
+    /// Samples that are not in the store yet.
+    waiting: Waits,
+    /// The same of samples of the scene before an edit.
+    earlier: Waits,
+    /// Samples among those that are still in the store and must leave it.
+    leaving: Waits,
     shown: Option<Shown>,
+}
+
+/// Samples that wait to be placed together.
+#[derive(Default)]
+struct Waits {
+    samples: Vec<Sample>,
+    /// The beams and paths that they belong to, in pieces.
+    pieces: Vec<(BeamKey, u16, Range<usize>)>,
 }
 
 /// The view that is shown.
@@ -114,6 +125,36 @@ struct Refined {
     has_edges: bool,
 }
 
+impl Waits {
+    fn push(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
+        let begin = self.samples.len();
+        self.samples.extend_from_slice(samples);
+        self.pieces.push((beam, paths, begin..self.samples.len()));
+    }
+
+    /// Returns the places of all samples, which wait no more.
+    fn take_placed(
+        &mut self,
+        sections: &[Section],
+        raycaster: &Raycaster,
+        materials: &Materials,
+    ) -> Vec<Placed> {
+        let Waits { samples, pieces } = self;
+        let placer = Placer::new(raycaster, materials);
+        let place = |mut placed: Vec<Placed>,
+                     (key, paths, range): &(BeamKey, u16, Range<usize>)| {
+            if let Some(section) = sections.get(usize::from(key.section)) {
+                placer.place_beam(section, key.beam, *paths, &samples[range.clone()], &mut placed);
+            }
+            placed
+        };
+        let placed: Vec<Vec<Placed>> = pieces.par_iter().fold(Vec::new, place).collect();
+        samples.clear();
+        pieces.clear();
+        placed.concat()
+    }
+}
+
 impl SurfacesDriver {
     /// Returns a driver that stores light on the surfaces of `raycaster`'s scene. A denoiser is
     /// used at rest.
@@ -132,8 +173,9 @@ impl SurfacesDriver {
             store: Store::new(finest, MOST_BYTES),
             live: Store::new(finest, MOST_LIVE_BYTES),
             known: Known::default(),
-            waiting: Vec::new(),
-            waiting_of: Vec::new(),
+            waiting: Waits::default(),
+            earlier: Waits::default(),
+            leaving: Waits::default(),
             shown: None,
         }
     }
@@ -143,22 +185,25 @@ impl SurfacesDriver {
         *self = Self::new(Arc::clone(&self.sections), raycaster, self.denoiser.take());
     }
 
-    /// Puts all waiting samples into the store.
+    /// Puts all waiting samples into the store, and removes those that must leave it.
     fn place_waiting(&mut self) {
-        let placer = Placer::new(&self.raycaster, &self.materials);
-        let place = |mut placed: Vec<Placed>,
-                     (key, paths, range): &(BeamKey, u16, Range<usize>)| {
-            if let Some(section) = self.sections.get(usize::from(key.section)) {
-                let samples = &self.waiting[range.clone()];
-                placer.place_beam(section, key.beam, *paths, samples, &mut placed);
-            }
-            placed
-        };
-        let placed: Vec<Vec<Placed>> = self.waiting_of.par_iter().fold(Vec::new, place).collect();
-        let placed = placed.concat();
-        self.waiting.clear();
-        self.waiting_of.clear();
+        let placed = self.waiting.take_placed(&self.sections, &self.raycaster, &self.materials);
         self.keep(&placed);
+        if self.earlier.samples.is_empty() && self.leaving.samples.is_empty() {
+            return;
+        }
+        let [earlier, leaving] = [&mut self.earlier, &mut self.leaving]
+            .map(|waits| waits.take_placed(&self.sections, &self.raycaster, &self.materials));
+        self.store.add_earlier(&earlier);
+        // Whatever was rounded when they came is rounded in the same way again.
+        self.store.remove_earlier(&leaving);
+        self.has_faded();
+    }
+
+    /// Notes that what was found by earlier samples is no longer right.
+    fn has_faded(&mut self) {
+        self.known = Known::default();
+        self.shown.iter_mut().for_each(|shown| shown.gathered = None);
     }
 
     /// Draws the current view. If there are live rays, also returns the sums that include them,
@@ -204,7 +249,9 @@ impl SurfacesDriver {
 
     /// Adds placed samples to the store, and to the current view.
     fn keep(&mut self, placed: &[Placed]) {
-        self.store.add(placed);
+        if self.store.add(placed) {
+            self.has_faded();
+        }
         if let Some(Shown { view, gathered: Some(gathered), .. }) = &mut self.shown {
             gathered.add(view, placed);
         }
@@ -313,12 +360,22 @@ impl Driver for SurfacesDriver {
     }
 
     fn insert(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
-        let begin = self.waiting.len();
-        self.waiting.extend_from_slice(samples);
-        self.waiting_of.push((beam, paths, begin..self.waiting.len()));
-        if self.waiting.len() >= BATCH {
+        self.waiting.push(beam, paths, samples);
+        if self.waiting.samples.len() >= BATCH {
             self.place_waiting();
         }
+    }
+
+    fn insert_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
+        self.earlier.push(beam, paths, samples);
+        if self.earlier.samples.len() >= BATCH {
+            self.place_waiting();
+        }
+    }
+
+    fn remove_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) -> bool {
+        self.leaving.push(beam, paths, samples);
+        true
     }
 
     fn insert_unseen(&mut self, _beam: BeamKey) {
@@ -349,7 +406,8 @@ impl Driver for SurfacesDriver {
     }
 
     fn prepare(&mut self) -> bool {
-        if self.waiting.len() >= LEAST_BATCH {
+        let waits = [&self.waiting, &self.earlier, &self.leaving];
+        if waits.iter().any(|waits| waits.samples.len() >= LEAST_BATCH) {
             self.place_waiting();
         }
         let store = &self.store;

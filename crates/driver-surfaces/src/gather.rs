@@ -172,7 +172,7 @@ impl Gathered {
             for &cube in cubes {
                 let Some(bucket) = store.bucket(cube) else { continue };
                 let mirrored = self.owners.mirrors.get(&cube);
-                for record in &bucket.records {
+                for record in bucket.records() {
                     self.claim(view, (cube, record), mirrored, &mut claims);
                 }
             }

@@ -2,7 +2,8 @@
 //! space.
 //!
 //! Invariants:
-//! - While all samples fit, the content does not depend on the order in which they came.
+//! - While all samples fit, the content does not depend on the order in which they came. Earlier
+//!   samples go by their own random numbers and by how many present ones came.
 //! - Samples never exceed their share of memory. The buckets that no view has read for longest go
 //!   first. If all were read in the last round, every other sample goes, whatever its light.
 
@@ -11,7 +12,8 @@ use crate::place::Placed;
 use glam::{IVec3, Vec3};
 use holo_display::split_mix;
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
+use std::mem::take;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Parts of the store, each filled by one thread at a time.
@@ -19,6 +21,11 @@ const SHARDS: usize = 64;
 
 /// Samples that are sorted into shards together.
 const CHUNK: usize = 8192;
+
+/// So many present samples on a face in a bucket replace all earlier ones there. Fewer leave one
+/// of 2 to the power of their number. So light of the scene before goes wherever it is seen, even
+/// if it came in beams that are not traced again.
+const REPLACED: u32 = 16;
 
 /// Offset of the grid, in buckets, so that walls at round coordinates do not lie on a border.
 const OFFSET: f32 = 0.3819;
@@ -30,12 +37,20 @@ pub(crate) struct Record {
     pub light: Light,
 }
 
+/// Samples, and their sums.
+#[derive(Debug, Default)]
+struct Samples {
+    records: Vec<Record>,
+    /// Sums of all samples, by face.
+    faces: Vec<(Face, Sums)>,
+}
+
 /// The samples on the surfaces in a cube of space.
 #[derive(Debug, Default)]
 pub(crate) struct Bucket {
-    pub records: Vec<Record>,
-    /// Sums of all samples, by face.
-    faces: Vec<(Face, Sums)>,
+    present: Samples,
+    /// Samples of the scene before an edit. Each present sample on their face halves their number.
+    earlier: Samples,
     /// The round in which the bucket was made or last read.
     round: AtomicU32,
 }
@@ -117,7 +132,7 @@ impl Cube {
     }
 }
 
-impl Bucket {
+impl Samples {
     fn add(&mut self, record: Record) {
         let (face, sums) = (record.key.face(), Sums::of(&record.light));
         match self.faces.iter_mut().find(|(known, _)| *known == face) {
@@ -126,14 +141,82 @@ impl Bucket {
         }
         self.records.push(record);
     }
+
+    /// Leaves some of the samples. Returns whether others went.
+    fn retain(&mut self, stays: impl FnMut(&Record) -> bool) -> bool {
+        let before = self.records.len();
+        self.records.retain(stays);
+        let is_less = self.records.len() < before;
+        if is_less {
+            // The greatest of a sum's samples is known only from all of them.
+            self.faces.clear();
+            take(&mut self.records).into_iter().for_each(|record| self.add(record));
+        }
+        is_less
+    }
+
+    /// Returns how many samples came for a face.
+    fn count(&self, face: Face) -> u32 {
+        let known = self.faces.iter().find(|(known, _)| *known == face);
+        known.map_or(0, |(_, sums)| sums.count)
+    }
 }
 
+impl Bucket {
+    /// Returns all samples.
+    pub fn records(&self) -> impl Iterator<Item = &Record> {
+        self.present.records.iter().chain(&self.earlier.records)
+    }
+
+    fn faces(&self) -> impl Iterator<Item = &(Face, Sums)> {
+        self.present.faces.iter().chain(&self.earlier.faces)
+    }
+
+    fn len(&self) -> usize {
+        self.present.records.len() + self.earlier.records.len()
+    }
+
+    /// Leaves of the earlier samples those that still count. Returns whether others went.
+    fn fade(&mut self) -> bool {
+        let Bucket { present, earlier, .. } = self;
+        !earlier.records.is_empty()
+            && earlier.retain(|record| record.lasts(present.count(record.key.face())))
+    }
+
+    /// Takes out earlier samples, each as often as is stated. Returns whether there were any.
+    fn remove(&mut self, leaving: &mut FxHashMap<Bits, u32>) -> bool {
+        self.earlier.retain(|record| match leaving.get_mut(&record.bits()) {
+            Some(left) if *left > 0 => {
+                *left -= 1;
+                false
+            }
+            _ => true,
+        })
+    }
+}
+
+/// What makes a record equal to another one.
+type Bits = (u64, [u32; 4]);
+
 impl Record {
+    fn bits(&self) -> Bits {
+        let [r, g, b] = self.light.rgb.map(f32::to_bits);
+        (self.key.0, [r, g, b, self.light.paths])
+    }
+
     /// Returns true if the sample stays when one of 2^`thinned` samples is stored.
     fn stays(&self, thinned: u32) -> bool {
+        self.random() & ((1 << thinned) - 1) == 0
+    }
+
+    /// Returns whether an earlier sample counts beside so many present ones.
+    fn lasts(&self, present: u32) -> bool {
+        present < REPLACED && self.random().leading_zeros() >= present
+    }
+
+    fn random(&self) -> u64 {
         let [r, g, b] = self.light.rgb.map(|c| u64::from(c.to_bits()));
-        let random = split_mix(split_mix(self.key.0) ^ split_mix(r << 32 | g) ^ b);
-        random & ((1 << thinned) - 1) == 0
+        split_mix(split_mix(self.key.0) ^ split_mix(r << 32 | g) ^ b)
     }
 }
 
@@ -170,7 +253,7 @@ impl Store {
     pub(crate) fn mean(&self) -> Vec3 {
         let of_shard = |shard: &FxHashMap<Cube, Bucket>| {
             let mut sums = Sums::default();
-            let faces = shard.values().flat_map(|bucket| &bucket.faces);
+            let faces = shard.values().flat_map(Bucket::faces);
             faces.for_each(|(_, more)| sums.add(more));
             sums
         };
@@ -188,31 +271,83 @@ impl Store {
 
     fn count_kept(&mut self) {
         let buckets = self.shards.iter().flat_map(|shard| shard.values());
-        self.kept = buckets.map(|bucket| bucket.records.len()).sum();
+        self.kept = buckets.map(Bucket::len).sum();
     }
 
-    /// Adds placed samples.
-    pub fn add(&mut self, placed: &[Placed]) {
+    /// Adds placed samples. Returns true if earlier ones have gone.
+    pub fn add(&mut self, placed: &[Placed]) -> bool {
+        self.put(placed, |bucket| &mut bucket.present)
+    }
+
+    /// Adds placed samples of the scene before an edit, as far as they still count.
+    pub fn add_earlier(&mut self, placed: &[Placed]) {
+        self.put(placed, |bucket| &mut bucket.earlier);
+    }
+
+    fn put(
+        &mut self,
+        placed: &[Placed],
+        kind: impl Fn(&mut Bucket) -> &mut Samples + Sync,
+    ) -> bool {
         let dealt: Vec<Vec<Vec<(Cube, Record)>>> =
             placed.par_chunks(CHUNK).map(|chunk| self.deal(chunk)).collect();
         let (round, thinned) = (self.round, self.thinned);
         let fill = |(number, shard): (usize, &mut FxHashMap<Cube, Bucket>)| {
             let mut kept = 0;
+            let mut fading: FxHashSet<Cube> = FxHashSet::default();
             for &(cube, record) in dealt.iter().flat_map(|lists| &lists[number]) {
                 let make = || Bucket { round: AtomicU32::new(round), ..Bucket::default() };
                 let bucket = shard.entry(cube).or_insert_with(make);
                 if record.stays(thinned) {
-                    bucket.add(record);
+                    kind(bucket).add(record);
                     kept += 1;
+                    if !bucket.earlier.records.is_empty() {
+                        fading.insert(cube);
+                    }
                 }
             }
-            kept
+            // All of them, and not only until the first that has faded.
+            let faded = fading.iter().filter_map(|cube| shard.get_mut(cube)?.fade().then_some(()));
+            (kept, faded.count() > 0)
         };
-        self.kept += self.shards.par_iter_mut().enumerate().map(fill).sum::<usize>();
+        let (kept, faded) = self
+            .shards
+            .par_iter_mut()
+            .enumerate()
+            .map(fill)
+            .reduce(|| (0, false), |a, b| (a.0 + b.0, a.1 | b.1));
+        self.kept += kept;
+        if faded {
+            self.count_kept();
+        }
         self.samples += placed.len() as u64;
         if self.kept > self.most_samples {
             self.shrink();
         }
+        faded
+    }
+
+    /// Takes out samples of the scene before an edit, one for each given. Those that have gone are
+    /// ignored. Returns whether there were any.
+    pub fn remove_earlier(&mut self, placed: &[Placed]) -> bool {
+        let dealt = self.deal(placed);
+        let clear = |(shard, records): (&mut FxHashMap<Cube, Bucket>, Vec<(Cube, Record)>)| {
+            let mut leaving: FxHashMap<Cube, FxHashMap<Bits, u32>> = FxHashMap::default();
+            for (cube, record) in records {
+                *leaving.entry(cube).or_default().entry(record.bits()).or_default() += 1;
+            }
+            let removed = leaving.into_iter().filter_map(|(cube, mut leaving)| {
+                shard.get_mut(&cube)?.remove(&mut leaving).then_some(())
+            });
+            removed.count() > 0
+        };
+        self.samples = self.samples.saturating_sub(placed.len() as u64);
+        let removed =
+            self.shards.par_iter_mut().zip(dealt).map(clear).reduce(|| false, |a, b| a | b);
+        if removed {
+            self.count_kept();
+        }
+        removed
     }
 
     /// Returns the records of some samples, by shard.
@@ -231,7 +366,7 @@ impl Store {
         let most = self.most_samples / 4 * 3;
         let mut rounds: Vec<(u32, usize)> = Vec::new();
         for bucket in self.shards.iter().flat_map(|shard| shard.values()) {
-            rounds.push((bucket.round.load(Ordering::Relaxed), bucket.records.len()));
+            rounds.push((bucket.round.load(Ordering::Relaxed), bucket.len()));
         }
         rounds.sort_unstable_by_key(|&(round, _)| std::cmp::Reverse(round));
         let (mut oldest, mut kept) = (self.round, 0);
@@ -252,8 +387,10 @@ impl Store {
             let thinned = self.thinned;
             self.shards.par_iter_mut().flat_map_iter(|shard| shard.values_mut()).for_each(
                 |bucket| {
-                    bucket.records.retain(|record| record.stays(thinned));
-                    bucket.records.shrink_to_fit();
+                    for Samples { records, .. } in [&mut bucket.present, &mut bucket.earlier] {
+                        records.retain(|record| record.stays(thinned));
+                        records.shrink_to_fit();
+                    }
                 },
             );
             self.count_kept();
@@ -287,7 +424,7 @@ impl Store {
                 Vec3::new((corner & 1) as f32, (corner >> 1 & 1) as f32, (corner >> 2) as f32);
             let cube = Cube::at(place - 0.5 + side);
             if let Some(bucket) = self.bucket(cube) {
-                let faces = bucket.faces.iter().filter(|(face, _)| serves(*face));
+                let faces = bucket.faces().filter(|(face, _)| serves(*face));
                 faces.for_each(|(_, more)| sums.add(more));
             }
         }

@@ -275,3 +275,63 @@ fn clipping_surfaces_cut_the_scene_its_light_and_the_sky() {
         assert!(frame.picture.pixels.iter().all(|pixel| *pixel == shown), "{clip}");
     }
 }
+
+#[test]
+fn light_of_the_scene_before_an_edit_is_shown_until_new_light_comes() {
+    let (sections, raycaster) = floor();
+    let new = || {
+        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        driver.look(&look(DOWN, Resolution::Full)).unwrap();
+        driver
+    };
+    let all = samples(&sections[0], 400_000);
+    let (old, present) = all.split_at(all.len() / 3);
+    // The floor was painted since.
+    let diagonal = sections[0].diagonal();
+    let before = |(beam, sample): &(BeamKey, Sample)| {
+        let distance = sample.distance(diagonal);
+        (*beam, Sample::encode(sample.coords, [3.0 * LIGHT, 0.0, 0.0], distance, diagonal, 0))
+    };
+    let old: Vec<_> = old.iter().map(before).collect();
+    let shown = |driver: &mut SurfacesDriver| {
+        draw(driver);
+        finish(driver);
+        draw(driver).picture.pixels
+    };
+    let green = |pixels: &[[f32; 3]]| {
+        pixels.iter().map(|pixel| f64::from(pixel[1])).sum::<f64>() / pixels.len() as f64
+    };
+    let insert = |driver: &mut SurfacesDriver, samples: &[(BeamKey, Sample)]| {
+        samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
+    };
+    let insert_earlier = |driver: &mut SurfacesDriver| {
+        old.iter().for_each(|(beam, sample)| driver.insert_earlier(*beam, 1, &[*sample]));
+    };
+    let mut driver = new();
+    insert_earlier(&mut driver);
+    let mut last = green(&shown(&mut driver));
+    assert_eq!(last, 0.0, "only the light before is known");
+    // It goes with each new sample, though none of its own beams are traced.
+    let mut begin = 0;
+    for end in [present.len() / 20, present.len() / 8, present.len()] {
+        insert(&mut driver, &present[begin..end]);
+        let now = green(&shown(&mut driver));
+        assert!(now > last, "{now} after {last}");
+        (begin, last) = (end, now);
+    }
+    let (mut other, mut without) = (new(), new());
+    insert(&mut other, present);
+    insert_earlier(&mut other);
+    assert_eq!(shown(&mut driver), shown(&mut other), "the order does not matter");
+    insert(&mut without, present);
+    let expected = shown(&mut without);
+    assert!(green(&expected) - last < 0.01 * green(&expected), "{last}");
+    for (beam, sample) in &old {
+        assert!(driver.remove_earlier(*beam, 1, &[*sample]));
+    }
+    assert_eq!(shown(&mut driver), expected, "nothing of it is left");
+    for driver in [&mut driver, &mut without] {
+        driver.look(&look(ASIDE, Resolution::Full)).unwrap();
+    }
+    assert_eq!(shown(&mut driver), shown(&mut without));
+}

@@ -138,6 +138,6 @@ fn a_view_with_too_many_samples_keeps_some_whatever_their_light() {
     // The same samples in another order leave the same set.
     let mut other = Store::new(0.0001, 24 * 6_400);
     placed.reverse();
-    placed.chunks(777).for_each(|part| other.add(part));
+    placed.chunks(777).for_each(|part| _ = other.add(part));
     assert_eq!(other.kept(), store.kept());
 }

@@ -2,17 +2,26 @@
 
 use std::{ffi::OsString, net::SocketAddr, path::PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use holo_server::Holodeck;
-use holo_view::CrewOrder;
-use tokio::sync::mpsc::UnboundedReceiver;
+use holo_view::{CrewOrder, Restarted};
+use tokio::{
+    sync::{mpsc::UnboundedReceiver, oneshot},
+    task::JoinHandle,
+};
 
-use crate::{processes::Server, worker::KeptWorker};
+use crate::{config::Config, prepare::Edited, processes::Server, worker::KeptWorker};
 
 /// The processes of a live session.
 pub struct Crew {
     /// The holodeck.
     file: PathBuf,
+    /// How its scene can be read again. `None`: as the file says.
+    scene: Option<Config>,
+    /// The scene that is being read again, and who wants it.
+    reading: Option<(JoinHandle<Result<Edited>>, Answer)>,
+    /// The scene that was read again.
+    edited: Option<Edited>,
     /// Further arguments of the server.
     arguments: Vec<OsString>,
     how: WorkerArgs,
@@ -21,6 +30,9 @@ pub struct Crew {
     orders: UnboundedReceiver<CrewOrder>,
     giver: holo_view::Crew,
 }
+
+/// Takes the answer to whoever wants a scene to be read again.
+type Answer = oneshot::Sender<Result<()>>;
 
 /// Options of the worker.
 #[derive(Clone, Copy)]
@@ -38,10 +50,16 @@ impl Crew {
     ///
     /// # Errors
     /// If one of them cannot be started.
-    pub async fn start(file: PathBuf, arguments: Vec<OsString>, how: WorkerArgs) -> Result<Crew> {
+    pub async fn start(
+        file: PathBuf,
+        scene: Option<Config>,
+        arguments: Vec<OsString>,
+        how: WorkerArgs,
+    ) -> Result<Crew> {
         let (server, worker) = begin(&file, &arguments, how).await?;
         let (giver, orders) = holo_view::crew();
-        Ok(Crew { file, arguments, how, server, worker, orders, giver })
+        let (reading, edited) = (None, None);
+        Ok(Crew { file, scene, reading, edited, arguments, how, server, worker, orders, giver })
     }
 
     /// Returns where the server listens.
@@ -70,6 +88,7 @@ impl Crew {
                 result = &mut session => return result,
                 error = self.worker.keep() => return Err(error),
                 Err(error) = self.server.process.wait() => return Err(error),
+                read = finished(&mut self.reading) => self.take_scene(read),
                 Some(order) = self.orders.recv() => self.follow(order).await?,
             }
         }
@@ -79,6 +98,18 @@ impl Crew {
         match order {
             CrewOrder::KillWorkers => self.worker.kill().await,
             CrewOrder::RestartWorkers => self.worker.restart().await,
+            CrewOrder::ReadScene(answer) => {
+                let (file, scene) = (self.file.clone(), self.scene.clone());
+                let read = tokio::task::spawn_blocking(move || Edited::read(&file, scene.as_ref()));
+                // Whoever asked before gets no answer.
+                self.reading = Some((read, answer));
+                Ok(())
+            }
+            CrewOrder::Restart(answer) => {
+                let trouble = self.restart().await?;
+                let _ = answer.send(Ok(Restarted { address: self.server.address, trouble }));
+                Ok(())
+            }
             CrewOrder::StartOver(answer) => {
                 self.start_over().await?;
                 // A session that has ended meanwhile needs no answer.
@@ -86,6 +117,34 @@ impl Crew {
                 Ok(())
             }
         }
+    }
+
+    /// Keeps a scene that was read again, and says that it can be used; or why not.
+    fn take_scene(&mut self, (read, answer): (Result<Edited>, Answer)) {
+        let read = read.map(|edited| self.edited = Some(edited));
+        let read = read.context("the scene stays as it is");
+        let words = read.as_ref().err().map(|error| format!("{error:#}"));
+        // A session that has ended meanwhile needs no answer. One that goes on has it before the
+        // words are read, and takes the next restart.
+        let _ = answer.send(read);
+        words.iter().for_each(|words| eprintln!("{words}"));
+    }
+
+    /// Goes on with the scene that was read again. Returns why the file has the scene before, if
+    /// it does, or what is odd of the edited one.
+    async fn restart(&mut self) -> Result<Option<String>> {
+        let Some(edited) = self.edited.take() else { return Ok(None) };
+        self.worker.kill().await?;
+        self.server.process.end().await?;
+        let file = self.file.clone();
+        let restarted = tokio::task::spawn_blocking(move || edited.restart(&file)).await?;
+        let trouble = restarted.unwrap_or_else(|error| {
+            let words = format!("the scene stays as it is: {error:#}");
+            eprintln!("{words}");
+            Some(words)
+        });
+        (self.server, self.worker) = begin(&self.file, &self.arguments, self.how).await?;
+        Ok(trouble)
     }
 
     async fn start_over(&mut self) -> Result<()> {
@@ -105,6 +164,18 @@ impl Crew {
         let ended = self.server.process.end().await;
         self.worker.end().await;
         ended
+    }
+}
+
+/// Returns the scene that is being read, once it is; never if none is.
+async fn finished(
+    reading: &mut Option<(JoinHandle<Result<Edited>>, Answer)>,
+) -> (Result<Edited>, Answer) {
+    let Some((read, _)) = reading else { return std::future::pending().await };
+    let read = read.await.map_err(anyhow::Error::from).flatten();
+    match reading.take() {
+        Some((_, answer)) => (read, answer),
+        None => std::future::pending().await,
     }
 }
 

@@ -15,7 +15,7 @@ use holo_view::{DriverArgs, LookArgs, PointArgs, ViewArgs};
 use crate::{
     config::{Config, View},
     joining::ListenArgs,
-    prepare,
+    prepare::{self, OtherScene},
     view::{FrontEnd, LiveSession},
 };
 
@@ -64,10 +64,18 @@ pub async fn walk(front_end: FrontEnd) -> Result<()> {
     let out = Args::default().out;
     let config = house(&out)?;
     let file = out.join("interior.holo");
-    drop(prepare::make(&file, &config, true)?);
+    drop(prepare::make(&file, &config, OtherScene::Refuse, true)?);
     eprintln!("everything is kept in {}", file.display());
     let listen = ListenArgs::default();
-    let session = LiveSession { file, threads: None, cache: None, quiet: true, listen, front_end };
+    let session = LiveSession {
+        file,
+        scene: Some(config),
+        threads: None,
+        cache: None,
+        quiet: true,
+        listen,
+        front_end,
+    };
     session.run(|address| viewer(address, None, None)).await
 }
 
@@ -113,12 +121,13 @@ pub async fn run(args: Args) -> Result<()> {
     if file.exists() {
         std::fs::remove_file(&file).with_context(|| format!("removing {}", file.display()))?;
     }
-    drop(prepare::make(&file, &config, false)?);
+    drop(prepare::make(&file, &config, OtherScene::Refuse, false)?);
     let path = args.out.join("script.txt");
     std::fs::write(&path, script(&config.view, args.time, &args.out))
         .with_context(|| format!("writing {}", path.display()))?;
     let session = LiveSession {
         file: file.clone(),
+        scene: None,
         threads: args.threads,
         cache: None,
         quiet: false,

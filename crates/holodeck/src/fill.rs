@@ -16,7 +16,7 @@ use tempfile::NamedTempFile;
 use crate::{
     config::Config,
     joining::ListenArgs,
-    prepare,
+    prepare::{self, OtherScene},
     processes::Server,
     scene_args::{SceneArgs, Usage, scene_path},
     seen::seen_beams,
@@ -64,6 +64,9 @@ pub struct Args {
     shard: Option<Shard>,
     #[command(flatten)]
     scene_args: SceneArgs,
+    /// If the file was made of the scene before an edit: go on with the scene as it is now
+    #[arg(long)]
+    restart: bool,
     /// Threads that trace [default: one per core]
     #[arg(long, value_name = "N")]
     threads: Option<u16>,
@@ -95,7 +98,9 @@ pub async fn run(args: Args) -> Result<()> {
     };
     let mut arguments = server_arguments(&args, &config, &output)?;
     // The file is only made, checked and closed here, because the server writes it.
-    let about = prepare::make(&output, &config, args.quiet)?.about.clone();
+    let about = prepare::make(&output, &config, OtherScene::of_option(args.restart), args.quiet)?
+        .about
+        .clone();
     let list = args.views.as_deref().map(|views| list_of_beams(views, &about)).transpose()?;
     if let Some(list) = &list {
         arguments.extend(["--beams".into(), list.path().into()]);

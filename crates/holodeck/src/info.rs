@@ -56,6 +56,10 @@ struct Info {
     /// Growth; 0 if no process writes to the file.
     bytes_per_hour: f64,
     samples: u64,
+    /// How often the scene was replaced by an edited one.
+    generation: u32,
+    /// Samples of scenes before. Displays show them until new ones come.
+    earlier_samples: u64,
     /// Number of samples by their paths.
     paths: BTreeMap<u16, u64>,
     /// The makers of the samples.
@@ -143,6 +147,8 @@ fn collect(file: &Path) -> Result<Info> {
         paths: numbers.paths,
         workers: workers(&holodeck, &numbers.makers),
         samples: stats.samples,
+        generation: about.generation,
+        earlier_samples: stats.earlier,
         extents: stats.extents,
         sections: sections.collect(),
         settings: about.settings,
@@ -250,6 +256,13 @@ pub fn info(args: &InfoArgs) -> Result<()> {
         println!(
             "superseded: {} of samples that better ones have replaced",
             HumanBytes(info.superseded_bytes)
+        );
+    }
+    if info.generation > 0 {
+        println!(
+            "generation {}: {} samples of the scene before, shown until new ones come",
+            info.generation,
+            HumanCount(info.earlier_samples)
         );
     }
     let paths =

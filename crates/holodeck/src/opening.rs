@@ -34,6 +34,8 @@ pub struct Opened {
     pub sections: Vec<config::Section>,
     /// The choices and their reasons, for people.
     pub choices: Vec<String>,
+    /// What of its file is left out or odd, for people.
+    pub warnings: Vec<String>,
     raycaster: Option<Arc<Raycaster>>,
     is_quiet: bool,
     survey: Option<Survey>,
@@ -53,7 +55,7 @@ pub enum Wanted {
 /// # Errors
 /// If there is no scene, or it cannot be loaded.
 pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
-    let Loaded { mut scene, about, .. } = loading::load(config, quiet)?;
+    let Loaded { mut scene, about, warnings, .. } = loading::load(config, quiet)?;
     let mut choices = Vec::new();
     let features = scene.features();
     let has_no_sky = !features.sky && config.sky.is_none();
@@ -86,6 +88,7 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
         views,
         sections: config.section.clone(),
         choices,
+        warnings: warnings.iter().map(ToString::to_string).collect(),
         raycaster: None,
         is_quiet: quiet,
         survey: None,

@@ -13,7 +13,7 @@ use holo_proto::{
 };
 use holo_scene::{Bsdf, Scene};
 use holo_section::{Section, SectionSpec, ViewClass};
-use holo_server::{About, Holodeck, Limits};
+use holo_server::{About, Holodeck, Limits, Reading};
 
 use crate::{
     brightness,
@@ -30,11 +30,33 @@ pub const SMALL_CACHE: u64 = 16 << 20;
 /// Least share of diffuse surfaces for which records of indirect light are worthwhile.
 const DIFFUSE: f64 = 0.1;
 
-/// Makes a holodeck file. If it exists, only checks that it has this scene and these settings.
+/// What becomes of a file that was made of another scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OtherScene {
+    /// It stays as it is: an error.
+    Refuse,
+    /// It goes on with the scene as it is now.
+    Restart,
+}
+
+impl OtherScene {
+    /// Returns what `--restart` asks for.
+    pub fn of_option(restart: bool) -> OtherScene {
+        if restart { OtherScene::Restart } else { OtherScene::Refuse }
+    }
+}
+
+/// Makes a holodeck file. If it exists, only checks that it has these settings and, unless
+/// `other_scene` says otherwise, this scene.
 ///
 /// # Errors
 /// If the scene cannot be loaded, the file cannot be written, or it has another scene.
-pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
+pub fn make(
+    path: &Path,
+    config: &Config,
+    other_scene: OtherScene,
+    quiet: bool,
+) -> Result<Holodeck> {
     check_units(config)?;
     let existing = path.exists().then(|| Holodeck::open(path, SMALL_CACHE)).transpose()?;
     let mut opened = match &existing {
@@ -52,6 +74,14 @@ pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
     about.unit = opened.unit;
     about.limits = Some(Limits::of(&opened.scene));
     about.views.clone_from(&opened.views);
+    about.reading = Some(reading(config)?);
+    let is_other = existing.as_ref().is_some_and(|file| file.about.scene != about.scene);
+    if is_other && other_scene == OtherScene::Restart {
+        // It must not be open for writing twice.
+        drop(existing);
+        Edited::read(path, Some(config))?.restart(path)?;
+        return Holodeck::open(path, SMALL_CACHE);
+    }
     match &existing {
         None => {
             about.exposure = brightness::of_first_view(&mut opened, about.settings.bounces)?;
@@ -88,6 +118,130 @@ pub fn make(path: &Path, config: &Config, quiet: bool) -> Result<Holodeck> {
     Ok(holodeck)
 }
 
+/// An edited scene, with which a file can go on.
+pub struct Edited {
+    about: About,
+    packed: Vec<u8>,
+    stand_ins: Vec<(StandIn, String)>,
+    /// What differs from the scene before, for people.
+    differences: String,
+    warnings: Vec<String>,
+}
+
+impl Edited {
+    /// Reads a file's scene again: by `config`, or as the file says if there is none.
+    ///
+    /// # Errors
+    /// If the scene cannot be used, is as before, or the file cannot go on with it.
+    pub fn read(path: &Path, config: Option<&Config>) -> Result<Edited> {
+        let file = Holodeck::open_read_only(path, SMALL_CACHE)?;
+        let config = config.map_or_else(|| config_of(path, &file.about), |c| Ok(c.clone()))?;
+        let mut opened = open(&chosen_before(&config, &file.about), Wanted::Sections, true)?;
+        let packed = opened.scene.pack();
+        let name = scene_path(&config)?.display().to_string();
+        let usual = file.about.settings.engine;
+        let settings = settings(&config, usual);
+        let sections = sections(&config, &opened)?;
+        let mut about = About::new(sections, settings, &packed, name.clone());
+        ensure!(
+            about.scene != file.about.scene,
+            "{name} is as it was: edit it, save it, and restart then"
+        );
+        (about.up, about.unit, about.sky) = (opened.up, opened.unit, opened.scene.sky);
+        about.limits = Some(Limits::of(&opened.scene));
+        about.views.clone_from(&opened.views);
+        about.reading = Some(reading(&config)?);
+        about.exposure = file.about.exposure;
+        about.choices.clone_from(&file.about.choices);
+        about.stand_ins.clone_from(&file.about.stand_ins);
+        about
+            .suits(&file.about)
+            .with_context(|| format!("{} cannot go on with this scene", path.display()))?;
+        let stand_ins = stand_ins(&config, file.sections.len(), true)?;
+        let differences = differences_of(&file, &opened.scene);
+        let warnings = std::mem::take(&mut opened.warnings);
+        Ok(Edited { about, packed, stand_ins, differences, warnings })
+    }
+
+    /// Goes on with it in a file that nobody else writes, and says so. Returns what of the scene is
+    /// odd, for people who do not look at the terminal.
+    ///
+    /// # Errors
+    /// If the file cannot be written; it then has the scene before.
+    pub fn restart(&self, path: &Path) -> Result<Option<String>> {
+        Holodeck::restart(path, &self.about, &self.packed)
+            .with_context(|| format!("restarting {}", path.display()))?;
+        if !self.stand_ins.is_empty() {
+            Holodeck::open(path, SMALL_CACHE)?.set_stand_ins(&self.stand_ins)?;
+        }
+        eprintln!(
+            "{} goes on with the edited scene{}. Samples of the scene before are shown until new \
+             ones come",
+            path.display(),
+            self.differences
+        );
+        let more = match self.warnings.len() {
+            0 | 1 => String::new(),
+            many => format!("; the terminal has all {many} warnings"),
+        };
+        Ok(self
+            .warnings
+            .first()
+            .map(|first| format!("the edited scene is in use, but {first}{more}")))
+    }
+}
+
+/// Returns how a configuration's scene is read.
+fn reading(config: &Config) -> Result<Reading> {
+    let path = scene_path(config)?;
+    Ok(Reading {
+        path: std::path::absolute(path)
+            .with_context(|| format!("looking for {}", path.display()))?,
+        sky: config.sky,
+        two_sided_lights: config.two_sided_lights,
+        obstructions: config.obstructions.and_then(|obstructions| match obstructions {
+            Obstructions::Auto => None,
+            Obstructions::On => Some(true),
+            Obstructions::Off => Some(false),
+        }),
+    })
+}
+
+/// Returns the configuration by which a file was made.
+fn config_of(path: &Path, about: &About) -> Result<Config> {
+    let name = path.display();
+    let reading = about.reading.as_ref().with_context(|| {
+        format!(
+            "{name} does not say how its scene was read. Open the scene itself: holodeck view {} \
+             --keep {name} --restart, with the options that it was opened with",
+            about.source
+        )
+    })?;
+    let Reading { path, sky, two_sided_lights, obstructions } = reading.clone();
+    let settings = &about.settings;
+    Ok(Config {
+        scene: Some(path),
+        sky,
+        two_sided_lights,
+        obstructions: obstructions.map(|on| if on { Obstructions::On } else { Obstructions::Off }),
+        engine: Some(settings.engine),
+        bounces: settings.bounces,
+        paths_per_sample: Some(settings.paths_per_sample),
+        accuracy: Some(settings.accuracy),
+        seed: Some(settings.seed),
+        virtual_distance: Some(settings.virtual_distance),
+        ..Config::default()
+    })
+}
+
+/// Returns what differs between a file's scene and another one: nothing, or `: ` and what it is.
+fn differences_of(file: &Holodeck, scene: &Scene) -> String {
+    // A damaged scene, or one of an earlier format, has nothing to compare.
+    let before = file.packed_scene().ok().and_then(|packed| Scene::unpack(&packed).ok());
+    let found = before.map(|before| differences::of_scenes(&before, scene)).unwrap_or_default();
+    if found.is_empty() { String::new() } else { format!(": {}", found.join("; ")) }
+}
+
 /// Returns the configuration, completed by the choices that were made when the file was created.
 fn chosen_before(config: &Config, about: &About) -> Config {
     let mut config = config.clone();
@@ -115,12 +269,11 @@ fn chosen_before(config: &Config, about: &About) -> Config {
 fn check_same(path: &Path, file: &Holodeck, now: &About, scene: &Scene) -> Result<()> {
     let name = path.display();
     if file.about.scene != now.scene {
-        // A damaged scene, or one in an earlier format, cannot be compared.
-        let before = file.packed_scene().ok().and_then(|packed| Scene::unpack(&packed).ok());
-        let found = before.map(|before| differences::of_scenes(&before, scene)).unwrap_or_default();
-        let found =
-            if found.is_empty() { String::new() } else { format!(": {}", found.join("; ")) };
-        bail!("{name} was made of another scene{found}. Name another file, or delete it");
+        let found = differences_of(file, scene);
+        bail!(
+            "{name} was made of another scene{found}. Say --restart to go on with the scene as it \
+             is now, name another file, or delete it"
+        );
     }
     let found = differences::of_settings(&file.about.settings, &now.settings);
     ensure!(

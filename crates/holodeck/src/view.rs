@@ -10,9 +10,10 @@ use tokio::sync::oneshot;
 
 use crate::{
     arguments::picture_path,
+    config::Config,
     crew::{Crew, WorkerArgs},
     joining::ListenArgs,
-    prepare::{self, SMALL_CACHE},
+    prepare::{self, Edited, OtherScene, SMALL_CACHE},
     scene_args::{SceneArgs, Usage},
     worker::NICE_BESIDE_DISPLAY,
 };
@@ -189,6 +190,9 @@ pub struct ViewCommand {
     session: SessionArgs,
     #[command(flatten)]
     scene_args: SceneArgs,
+    /// If the file was made of the scene before an edit: go on with the scene as it is now
+    #[arg(long, conflicts_with = "join")]
+    restart: bool,
     /// Threads that trace [default: one per core]
     #[arg(long, value_name = "N")]
     threads: Option<u16>,
@@ -217,16 +221,23 @@ pub async fn view(args: ViewCommand, screen: Screen) -> Result<()> {
     if let Some(file) = args.what.as_ref().filter(|_| is_holodeck) {
         let (threads, cache) = (args.threads, args.cache);
         let file = file.clone();
-        let session = LiveSession { file, threads, cache, quiet, listen, front_end };
+        if args.restart {
+            let again = file.clone();
+            tokio::task::spawn_blocking(move || Edited::read(&again, None)?.restart(&again))
+                .await??;
+        }
+        let scene = None;
+        let session = LiveSession { file, scene, threads, cache, quiet, listen, front_end };
         return session.run(|address| args.session.viewer(address)).await;
     }
     let config = args.scene_args.resolve(args.what.as_ref())?;
     // Without a name, samples exist only as long as the session.
     let temporary = tempfile::tempdir().context("making a temporary folder")?;
     let file = args.keep.clone().unwrap_or_else(|| temporary.path().join("session.holo"));
-    drop(prepare::make(&file, &config, quiet)?);
+    drop(prepare::make(&file, &config, OtherScene::of_option(args.restart), quiet)?);
     let (threads, cache) = (args.threads.or(config.threads), args.cache.or(config.cache));
-    let session = LiveSession { file, threads, cache, quiet, listen, front_end };
+    let scene = Some(config);
+    let session = LiveSession { file, scene, threads, cache, quiet, listen, front_end };
     session.run(|address| args.session.viewer(address)).await
 }
 
@@ -234,6 +245,8 @@ pub async fn view(args: ViewCommand, screen: Screen) -> Result<()> {
 pub struct LiveSession {
     /// The holodeck's path.
     pub file: PathBuf,
+    /// How the scene can be read again. `None`: as the file says.
+    pub scene: Option<Config>,
     /// Threads that trace.
     pub threads: Option<u16>,
     /// Memory for beams, MiB.
@@ -265,7 +278,8 @@ impl LiveSession {
         shutdown.on_signals(false)?;
         let (threads, nice, quiet) = (self.threads, NICE_BESIDE_DISPLAY, self.quiet);
         let mut crew =
-            Crew::start(self.file, arguments, WorkerArgs { threads, nice, quiet }).await?;
+            Crew::start(self.file, self.scene, arguments, WorkerArgs { threads, nice, quiet })
+                .await?;
         let (sender, ready) = oneshot::channel();
         let (is_ready, shutdown_before) = (crew.worker_is_ready(), shutdown.clone());
         tokio::spawn(async move {

@@ -170,7 +170,8 @@ async fn traced(admin: &mut Peer) -> u64 {
 }
 
 fn view(number: u32, first: u64, beams: u64) -> Vec<u8> {
-    let wanted = |number| WantedBeam { key: beam(number), weight: 1.0, held: 0 };
+    let wanted =
+        |number| WantedBeam { key: beam(number), weight: 1.0, held: 0, has_earlier: false };
     let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
     let beams = (first..first + beams).map(wanted).collect();
     ViewRequest { view: number, viewpoint, beams }.encode()

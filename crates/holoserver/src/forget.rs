@@ -55,6 +55,7 @@ impl Holodeck {
     fn copy_without(&self, fresh: &Path, makers: &[Maker]) -> Result<Forgotten> {
         let new = self.without_samples(fresh)?;
         let copied = self.file.copy_samples(&new.file, &|maker| !makers.contains(&maker))?;
+        new.file.begin_generation(self.about.generation)?;
         let known = self.makers();
         let made = || known.iter().filter(|made| makers.contains(&Maker(made.id)));
         // Claims and records of unknown workers are not counted.

@@ -26,22 +26,29 @@ use crate::{
 
 /// Name of the blob that holds [`About`], as JSON, so that people and other programs can read it.
 const ABOUT: &str = "holodeck";
-/// Name of the blob that holds the packed scene.
+/// Name of the blob that holds the packed scene, of the first generation.
 const SCENE: &str = "scene";
-/// Name of the blob that holds the beams that see nothing.
+/// Name of the blob that holds the beams that see nothing, in the scene of the first generation.
 const UNSEEN: &str = "unseen";
 /// Name of the blob that holds the named views, as JSON, once one was kept.
 const VIEWS: &str = "views";
 /// Name of the blob that holds the stand-ins.
 const STAND_INS: &str = "stand-ins";
-/// Version of [`About`].
+/// Version of [`About`] of a file with one generation.
 const FORMAT: u32 = 1;
+/// The same of a file with several. Programs that know one would take samples of an earlier scene
+/// for those of the present one.
+const FORMAT_OF_GENERATIONS: u32 = 2;
 
 /// The description of a holodeck: everything except its samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct About {
-    /// Version of this record, 1.
+    /// Version of this record: 1, or 2 from the second generation on.
     pub format: u32,
+    /// How often the scene was replaced by an edited one: samples of lower generations are of
+    /// earlier scenes.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub generation: u32,
     /// The sections, in the order of their numbers.
     pub sections: Vec<SectionSpec>,
     /// How samples are traced.
@@ -70,6 +77,35 @@ pub struct About {
     /// Limits that the scene sets; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<Limits>,
+    /// How the scene can be read again; absent in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reading: Option<Reading>,
+}
+
+/// How a scene was read from its file, so that it can be read again.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Reading {
+    /// The file, from the root.
+    pub path: PathBuf,
+    /// The sky that was stated in place of the file's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sky: Option<[f32; 3]>,
+    /// Whether it was stated that lights shine from both sides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub two_sided_lights: Option<bool>,
+    /// Whether what stands inside sections is seen, if that was stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub obstructions: Option<bool>,
+}
+
+/// Returns whether a generation is the first one, which descriptions do not state.
+fn is_first(generation: &u32) -> bool {
+    *generation == 0
+}
+
+/// Returns the name of a blob that each generation has for itself.
+fn of_generation(name: &str, generation: u32) -> String {
+    if generation == 0 { name.to_owned() } else { format!("{name}-{generation}") }
 }
 
 /// Simpler scenes that displays use, by section.
@@ -91,6 +127,7 @@ impl About {
     ) -> About {
         About {
             format: FORMAT,
+            generation: 0,
             sections,
             settings,
             scene: SceneInfo {
@@ -106,8 +143,46 @@ impl About {
             choices: Vec::new(),
             stand_ins: None,
             limits: None,
+            reading: None,
         }
     }
+}
+
+impl About {
+    /// Checks that a file with the description `old` can go on with the scene that this one
+    /// describes. Whether what stands inside a section is seen may differ: rays pass through the
+    /// same cells.
+    ///
+    /// # Errors
+    /// What differs, and what to do.
+    pub fn suits(&self, old: &About) -> Result<()> {
+        let places = |about: &About| {
+            let place = |spec: &SectionSpec| SectionSpec { obstructions: false, ..spec.clone() };
+            about.sections.iter().map(place).collect::<Vec<_>>()
+        };
+        ensure!(
+            places(self) == places(old),
+            "the sections differ from those of the file, and its samples lie in these: name \
+             another file, or delete it"
+        );
+        ensure!(
+            self.settings == old.settings,
+            "the file was traced with other settings: name another file, or delete it"
+        );
+        Ok(())
+    }
+}
+
+/// Writes a scene and then its description, which makes it the file's scene.
+fn write_scene(file: &BeamFile, about: &About, packed_scene: &[u8]) -> Result<()> {
+    ensure!(
+        Scene::content_hash(packed_scene) == about.scene.hash,
+        "the description is of another scene"
+    );
+    file.put_blob(&of_generation(SCENE, about.generation), packed_scene)?;
+    // A crash before this leaves the scene before, and an unused blob.
+    file.put_blob(ABOUT, serde_json::to_string_pretty(about)?.as_bytes())?;
+    Ok(file.flush()?)
 }
 
 /// An open holodeck.
@@ -156,10 +231,24 @@ impl Holodeck {
         let sections = sections(&about)?;
         let layout = sections.iter().map(Section::beam_count).collect();
         let file = BeamFile::create(path, Options { cache_bytes, layout })?;
-        file.put_blob(SCENE, packed_scene)?;
-        file.put_blob(ABOUT, serde_json::to_string_pretty(&about)?.as_bytes())?;
-        file.flush()?;
+        write_scene(&file, &about, packed_scene)?;
         Ok(Self::new(path, about, sections, file, true))
+    }
+
+    /// Replaces the scene of a file by an edited one, which `about` describes. The samples that are
+    /// there belong to an earlier generation from now on: displays show them until new ones come.
+    /// Unseen beams and records of indirect light are found anew.
+    ///
+    /// # Errors
+    /// If `about` does not [suit](About::suits) the file, it is no holodeck, another process writes
+    /// to it, or the disk fails. The file then has the scene that it had.
+    pub fn restart(path: &Path, about: &About, packed_scene: &[u8]) -> Result<()> {
+        let old = Self::open(path, 0)?;
+        about.suits(&old.about)?;
+        let generation =
+            old.about.generation.checked_add(1).context("there is no generation left")?;
+        let about = About { format: FORMAT_OF_GENERATIONS, generation, ..about.clone() };
+        write_scene(&old.file, &about, packed_scene)
     }
 
     /// Replaces a file by one with the same description and scene, and without samples.
@@ -194,6 +283,7 @@ impl Holodeck {
         file: BeamFile,
         writable: bool,
     ) -> Holodeck {
+        let generation = about.generation;
         Holodeck {
             plausible: Plausible::new(&about, &sections),
             views: Mutex::new(about.views.clone()),
@@ -208,7 +298,7 @@ impl Holodeck {
             unseen: RwLock::default(),
             unseen_saved: Mutex::default(),
             light: RwLock::default(),
-            light_saved: Mutex::default(),
+            light_saved: Mutex::new(Saved::none(generation)),
             makers: RwLock::default(),
             makers_saved: Mutex::default(),
         }
@@ -239,11 +329,17 @@ impl Holodeck {
             format!("{}: the description of its sections is damaged", path.display())
         })?;
         ensure!(
-            about.format == FORMAT,
+            [FORMAT, FORMAT_OF_GENERATIONS].contains(&about.format),
             "{}: this program does not know format {}",
             path.display(),
             about.format
         );
+        ensure!(
+            file.generation() <= about.generation,
+            "{}: the description of its present scene is lost",
+            path.display()
+        );
+        file.begin_generation(about.generation)?;
         let sections = sections(&about)?;
         let mut about = about;
         if let Some(views) = file.blob(VIEWS)? {
@@ -267,7 +363,7 @@ impl Holodeck {
     }
 
     fn load_light(&mut self) {
-        let (saved, light, warnings) = Saved::load(&self.file);
+        let (saved, light, warnings) = Saved::load(&self.file, self.about.generation);
         self.light_saved = Mutex::new(saved);
         self.light = RwLock::new(light);
         self.warnings.extend(warnings);
@@ -281,7 +377,8 @@ impl Holodeck {
     }
 
     fn load_unseen(&self) -> Result<()> {
-        if let Some(bytes) = self.file.blob(UNSEEN)?.filter(|_| self.skip_unseen) {
+        let name = of_generation(UNSEEN, self.about.generation);
+        if let Some(bytes) = self.file.blob(&name)?.filter(|_| self.skip_unseen) {
             let unseen = UnseenBeams::decode(&bytes, &self.sections)?;
             *self.unseen_saved.lock().unwrap_or_else(PoisonError::into_inner) = unseen.changes();
             *self.unseen_mut() = unseen;
@@ -295,6 +392,11 @@ impl Holodeck {
     /// If the disk cannot be read.
     pub fn refresh(&self) -> Result<()> {
         if !self.writable && self.file.refresh()? > 0 {
+            ensure!(
+                self.file.generation() == self.about.generation,
+                "{} has an edited scene by now: open it again",
+                self.path.display()
+            );
             // If the list is damaged, the one from before is still true.
             let _ = self.load_unseen();
         }
@@ -323,7 +425,7 @@ impl Holodeck {
             }
             (unseen.changes(), unseen.encode())
         };
-        self.file.put_blob_once(UNSEEN, &bytes)?;
+        self.file.put_blob_once(&of_generation(UNSEEN, self.about.generation), &bytes)?;
         *saved = changes;
         Ok(())
     }
@@ -396,7 +498,8 @@ impl Holodeck {
             return Ok(Arc::clone(scene));
         }
         let name = self.path.display();
-        let packed = self.file.blob(SCENE)?.with_context(|| format!("{name} holds no scene"))?;
+        let blob = of_generation(SCENE, self.about.generation);
+        let packed = self.file.blob(&blob)?.with_context(|| format!("{name} holds no scene"))?;
         let packed: Arc<[u8]> = packed.into();
         ensure!(
             Scene::content_hash(&packed) == self.about.scene.hash,

@@ -46,7 +46,7 @@ use clap::Args;
 pub use file_size::outlive_file_size_limit;
 pub use forget::Forgotten;
 use holo_net::{Invitation, Shutdown};
-pub use holodeck::{About, Holodeck};
+pub use holodeck::{About, Holodeck, Reading};
 pub use light::LightRecords;
 use serde::{Deserialize, Serialize};
 use tracing::info;

@@ -13,10 +13,10 @@ use rustc_hash::FxHashSet;
 
 use crate::events::ConnectionId;
 
-/// The blobs of records are named so, followed by a number. New records go into a new blob, so that
-/// none is written twice. Blobs `light/0/0/` to `light-3/0/0/` come from earlier versions. Their
-/// records have another meaning and are ignored.
-const BLOBS: &str = "light-4/0/0/";
+/// The names of blobs of records begin so. The generation of the scene follows, a slash, and a
+/// number. New records go into a new blob, so that none is written twice. Blobs `light/0/0/` to
+/// `light-3/0/0/` come from earlier versions. Their records have another meaning and are ignored.
+const BLOBS: &str = "light-4/0/";
 
 /// Most records in one blob: half of what a message may hold.
 const BLOB_RECORDS: usize = 1 << 16;
@@ -79,11 +79,11 @@ impl LightRecords {
 
     /// Returns the records from number `from` on as blobs: names, of numbers from `blob` on, and
     /// bytes.
-    fn blobs(&self, from: usize, blob: usize) -> Vec<(String, Vec<u8>)> {
+    fn blobs(&self, generation: u32, from: usize, blob: usize) -> Vec<(String, Vec<u8>)> {
         let chunks = self.records[from..].chunks(BLOB_RECORDS).enumerate();
         chunks
             .map(|(at, records)| {
-                (format!("{BLOBS}{}", blob + at), Light { records: records.to_vec() }.encode())
+                (name(generation, blob + at), Light { records: records.to_vec() }.encode())
             })
             .collect()
     }
@@ -92,30 +92,43 @@ impl LightRecords {
 /// The number of records that are in the file.
 #[derive(Debug, Default)]
 pub(crate) struct Saved {
+    /// The generation that they are of.
+    generation: u32,
     records: usize,
     /// The number of the next blob.
     next_blob: usize,
 }
 
 impl Saved {
-    /// Reads all records in a file. Returns a warning for each blob that is damaged.
-    pub fn load(file: &BeamFile) -> (Saved, LightRecords, Vec<String>) {
+    /// Returns that a new file has none.
+    pub fn none(generation: u32) -> Saved {
+        Saved { generation, ..Saved::default() }
+    }
+
+    /// Reads all records of a generation in a file. Returns a warning for each blob that is
+    /// damaged.
+    pub fn load(file: &BeamFile, generation: u32) -> (Saved, LightRecords, Vec<String>) {
+        let prefix = format!("{BLOBS}{generation}/");
         let mut blobs: Vec<usize> = file
             .blob_names()
             .iter()
-            .filter_map(|name| name.strip_prefix(BLOBS)?.parse().ok())
+            .filter_map(|name| name.strip_prefix(&prefix)?.parse().ok())
             .collect();
         blobs.sort_unstable();
         let (mut records, mut warnings) = (LightRecords::default(), Vec::new());
         for blob in &blobs {
-            match read(file, *blob) {
+            match read(file, &name(generation, *blob)) {
                 Ok(light) => _ = records.merge(None, &light.records),
                 Err(error) => warnings
                     .push(format!("records of indirect light are lost, and made again: {error:#}")),
             }
         }
         (
-            Saved { records: records.len(), next_blob: blobs.last().map_or(0, |last| last + 1) },
+            Saved {
+                generation,
+                records: records.len(),
+                next_blob: blobs.last().map_or(0, |last| last + 1),
+            },
             records,
             warnings,
         )
@@ -129,7 +142,7 @@ impl Saved {
     /// Returns what [`write`](Self::write) must write. This is quick, because the records are
     /// locked meanwhile.
     pub fn missing(&self, records: &LightRecords) -> (usize, Vec<(String, Vec<u8>)>) {
-        (records.len(), records.blobs(self.records, self.next_blob))
+        (records.len(), records.blobs(self.generation, self.records, self.next_blob))
     }
 
     /// Writes what the file does not have. Waits for the disk.
@@ -147,9 +160,13 @@ impl Saved {
     }
 }
 
-fn read(file: &BeamFile, blob: usize) -> Result<Light> {
-    let name = format!("{BLOBS}{blob}");
-    let bytes = file.blob(&name)?.with_context(|| format!("blob {name} is missing"))?;
+/// Returns the name of a blob of records.
+fn name(generation: u32, blob: usize) -> String {
+    format!("{BLOBS}{generation}/{blob}")
+}
+
+fn read(file: &BeamFile, name: &str) -> Result<Light> {
+    let bytes = file.blob(name)?.with_context(|| format!("blob {name} is missing"))?;
     ensure!(!bytes.is_empty(), "blob {name} is empty");
     Light::decode(&bytes).with_context(|| format!("blob {name}"))
 }
@@ -181,19 +198,21 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.holo");
         let file = BeamFile::create(&path, Options { cache_bytes: 0, layout: vec![1] }).unwrap();
-        let (mut saved, mut light, _) = Saved::load(&file);
+        let (mut saved, mut light, _) = Saved::load(&file, 0);
         for ids in [0..3, 3..4, 4..BLOB_RECORDS as u64 + 10] {
             light.merge(None, &ids.map(record).collect::<Vec<_>>());
             let missing = saved.missing(&light);
             saved.write(&file, missing).unwrap();
             assert_eq!(saved.records(), light.len());
         }
-        let (again, read, warnings) = Saved::load(&file);
+        let (again, read, warnings) = Saved::load(&file, 0);
         assert_eq!((read.records, warnings), (light.records, vec![]));
         assert_eq!((again.records, again.next_blob), (saved.records, saved.next_blob));
-        file.put_blob(&format!("{BLOBS}1"), b"no records at all").unwrap();
-        let (_, read, warnings) = Saved::load(&file);
+        file.put_blob(&name(0, 1), b"no records at all").unwrap();
+        let (_, read, warnings) = Saved::load(&file, 0);
         assert_eq!((read.len(), warnings.len()), (BLOB_RECORDS + 9, 1), "{warnings:?}");
+        let (_, read, warnings) = Saved::load(&file, 1);
+        assert!(read.is_empty() && warnings.is_empty(), "each generation has its own");
     }
 
     #[test]

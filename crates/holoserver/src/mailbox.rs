@@ -211,7 +211,7 @@ mod tests {
     fn view(view: u32, beams: usize) -> Message {
         let key = BeamKey { section: 0, beam: BeamId(0) };
         let viewpoint = Viewpoint { eye: [0.0; 3], radius: f64::from(view) };
-        let beams = vec![WantedBeam { key, weight: 1.0, held: 0 }; beams];
+        let beams = vec![WantedBeam { key, weight: 1.0, held: 0, has_earlier: false }; beams];
         Message::View(ViewRequest { view, viewpoint, beams })
     }
 

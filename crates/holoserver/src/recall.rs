@@ -19,6 +19,7 @@ use holo_progress::said_once;
 use holo_proto::{
     ProtoError,
     bulk::{BlobChunk, MAX_RUN, Samples, Source, Unseen},
+    fading,
     frame::Kind,
 };
 use holo_section::{BeamId, BeamKey, Run};
@@ -53,8 +54,10 @@ pub struct Recall {
     pub holodeck: Arc<Holodeck>,
     pub outbox: Outbox,
     pub view: u32,
-    /// The beams, and their weights.
+    /// The beams of which it lacks samples, and their weights.
     pub keys: Vec<(BeamKey, f32)>,
+    /// The same of samples of an earlier generation.
+    pub earlier: Vec<(BeamKey, f32)>,
     /// The display's newest view: reading for an older one ends.
     pub newest: Arc<AtomicU32>,
 }
@@ -87,6 +90,15 @@ impl Recall {
             Sender::new(&self.holodeck, &self.outbox, (self.view, Source::Stored), &is_wanted);
         for keys in by_weight(&self.keys) {
             sender.send_beams(&keys)?;
+            if !self.is_wanted() {
+                break;
+            }
+        }
+        sender.finish()?;
+        let mut sender =
+            Sender::new(&self.holodeck, &self.outbox, (self.view, Source::Earlier), &is_wanted);
+        for keys in by_weight(&self.earlier) {
+            sender.send_earlier(&keys)?;
             if !self.is_wanted() {
                 break;
             }
@@ -133,15 +145,21 @@ impl Part {
     fn send(&self) -> Result<Option<u64>> {
         let beams = self.holodeck.sections[usize::from(self.section)].beam_count();
         let end = beams.min(self.first.saturating_add(BEAMS_PER_PART));
-        let mut keys = Vec::new();
+        let file = &self.holodeck.file;
+        let (mut keys, mut earlier) = (Vec::new(), Vec::new());
         let mut samples = 0;
         let mut next = self.first;
         while next < end && samples < u64::from(self.samples) {
             let key = BeamKey { section: self.section, beam: BeamId(next) };
-            let stored = self.holodeck.file.count(key);
+            let stored = file.count(key);
             if stored > 0 {
                 keys.push(key);
                 samples += stored;
+            }
+            let lasting = lasting(file.count_earlier(key), stored);
+            if lasting > 0 {
+                earlier.push(key);
+                samples += lasting;
             }
             next += 1;
         }
@@ -149,8 +167,22 @@ impl Part {
         let mut sender = Sender::new(&self.holodeck, &self.outbox, (0, Source::Part), &is_wanted);
         sender.send_beams(&keys)?;
         sender.finish()?;
+        let mut sender =
+            Sender::new(&self.holodeck, &self.outbox, (0, Source::Earlier), &is_wanted);
+        sender.send_earlier(&earlier)?;
+        sender.finish()?;
         Ok((next < beams).then_some(next))
     }
+}
+
+/// Returns how many of a beam's earlier samples still count beside so many present ones.
+pub fn lasting(earlier: u64, present: u64) -> u64 {
+    // A beam has at most 2³² samples of a kind.
+    let ranks = 0..u32::try_from(earlier).unwrap_or(u32::MAX);
+    if present >= u64::from(fading::ENOUGH) {
+        return 0;
+    }
+    fading::lasting(ranks, present).map(|ranks| ranks.len() as u64).sum()
 }
 
 /// Sends samples of beams, many in one message.
@@ -188,6 +220,42 @@ impl<'a> Sender<'a> {
             }
         })?;
         sent
+    }
+
+    /// Sends the samples of an earlier generation that still count in some beams. The last ones
+    /// wait for more.
+    fn send_earlier(&mut self, keys: &[BeamKey]) -> Result<()> {
+        let usual = self.holodeck.about.settings.paths_per_sample;
+        let file = &self.holodeck.file;
+        let mut sent = Ok(());
+        file.read_earlier(keys, &mut |key, beam| {
+            sent = self.add_earlier(&beam, file.count(key), usual);
+            if sent.is_err() || !(self.is_wanted)() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        })?;
+        sent
+    }
+
+    fn add_earlier(&mut self, beam: &BeamSamples, present: u64, usual: u16) -> Result<()> {
+        let mut rank = 0u32;
+        for (run, samples) in beam.iter() {
+            let paths = run.paths.min(usual);
+            let (first, end) = (rank, rank.saturating_add(samples.len() as u32));
+            rank = end;
+            for ranks in fading::lasting(first..end, present) {
+                let part = &samples[(ranks.start - first) as usize..(ranks.end - first) as usize];
+                let count = ranks.len() as u32;
+                self.message.runs.push(Run { first: ranks.start, count, paths, ..*run });
+                self.message.samples.extend_from_slice(part);
+                if self.message.samples.len() >= SAMPLES_PER_MESSAGE {
+                    self.send()?;
+                }
+            }
+        }
+        Ok(())
     }
 
     fn add(&mut self, beam: &BeamSamples, usual: u16) -> Result<()> {

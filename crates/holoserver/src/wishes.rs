@@ -273,8 +273,12 @@ mod tests {
 
     #[test]
     fn of_more_beams_than_fit_the_heaviest_stay_and_in_order() {
-        let wanted =
-            |i: u64| WantedBeam { key: key(i), weight: ((i * 37) % 101) as f32 + 1.0, held: 0 };
+        let wanted = |i: u64| WantedBeam {
+            key: key(i),
+            weight: ((i * 37) % 101) as f32 + 1.0,
+            held: 0,
+            has_earlier: false,
+        };
         let mut beams: Vec<_> = (0..101).map(wanted).collect();
         let all = beams.clone();
         keep_heaviest(&mut beams, 101);

@@ -65,7 +65,8 @@ fn worker(server: SocketAddr, packets: usize) -> JoinHandle<()> {
 
 fn view_of(display: usize, view: u32) -> Vec<u8> {
     let first = display as u64 * BEAMS / 2 + u64::from(view) * 20_000;
-    let wanted = |number| WantedBeam { key: beam(number), weight: 1.0, held: 0 };
+    let wanted =
+        |number| WantedBeam { key: beam(number), weight: 1.0, held: 0, has_earlier: false };
     let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
     let beams = (first..first + BEAMS).map(wanted).collect();
     ViewRequest { view, viewpoint, beams }.encode()

@@ -15,6 +15,20 @@ pub enum CrewOrder {
     RestartWorkers,
     /// Forgets all samples. The answer is the address of a server without samples.
     StartOver(oneshot::Sender<Result<SocketAddr>>),
+    /// Reads the scene's file again, while everything goes on. Answers once the scene is known to
+    /// differ and to be usable.
+    ReadScene(oneshot::Sender<Result<()>>),
+    /// Goes on with the scene that was read. Answers with the address of a server that has it.
+    Restart(oneshot::Sender<Result<Restarted>>),
+}
+
+/// A server that was started again.
+#[derive(Debug)]
+pub struct Restarted {
+    /// Where it listens.
+    pub address: SocketAddr,
+    /// Why it has the same scene as before, or what is odd of its scene, for people.
+    pub trouble: Option<String>,
 }
 
 /// Gives orders to a crew.
@@ -47,5 +61,24 @@ impl Crew {
         let (sender, answer) = oneshot::channel();
         let _ = self.0.send(CrewOrder::StartOver(sender));
         answer.blocking_recv().context("nobody is there to start over")?
+    }
+
+    /// Reads the scene's file again, while everything goes on. The answer comes once that is done;
+    /// an error is for people.
+    pub fn read_scene(&self) -> oneshot::Receiver<Result<()>> {
+        let (sender, answer) = oneshot::channel();
+        let _ = self.0.send(CrewOrder::ReadScene(sender));
+        answer
+    }
+
+    /// Goes on with the scene that was [read](Self::read_scene), and waits until a server is there
+    /// that has it. Blocks.
+    ///
+    /// # Errors
+    /// If no server can be started.
+    pub fn restart(&self) -> Result<Restarted> {
+        let (sender, answer) = oneshot::channel();
+        let _ = self.0.send(CrewOrder::Restart(sender));
+        answer.blocking_recv().context("nobody is there to restart")?
     }
 }

@@ -37,7 +37,7 @@ pub use args::{
     SmoothingArg, ToneArg, ViewArgs, parse_size,
 };
 pub use browser::{BrowserArgs, run as run_in_browser};
-pub use crew::{Crew, CrewOrder, crew};
+pub use crew::{Crew, CrewOrder, Restarted, crew};
 pub use denoised::denoise;
 pub use holo_denoise::{Denoiser, Quality};
 pub use report::{PictureReport, StageTime};

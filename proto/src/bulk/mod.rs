@@ -17,7 +17,7 @@ pub use live::{
 pub use results::{Results, Traced};
 pub use samples::{MAX_RUN, Samples, Source, Unseen};
 pub use shared::{BlobChunk, Light, Record};
-pub use view::{RaysWanted, ViewRequest, WantedBeam, WantedRay};
+pub use view::{MAX_HELD, RaysWanted, ViewRequest, WantedBeam, WantedRay};
 pub use work::{Packet, Work};
 
 use crate::{MAX_RAYS_PER_PACKET, ProtoError};

@@ -19,6 +19,9 @@ pub enum Source {
     Traced = 1,
     /// The file, as a part without a view.
     Part = 2,
+    /// The file: samples of an earlier generation, as far as they still count
+    /// ([`crate::fading`]). Their numbers are ranks in their beam, and their view is any.
+    Earlier = 3,
 }
 
 /// Server to display: samples for a view.
@@ -86,6 +89,7 @@ impl Samples {
             0 => Source::Stored,
             1 => Source::Traced,
             2 => Source::Part,
+            3 => Source::Earlier,
             _ => return Err(ProtoError::Number("the source of samples")),
         };
         let runs = raw.into_iter().map(parse_run).collect::<Result<Vec<_>, _>>()?;

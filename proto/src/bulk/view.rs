@@ -13,10 +13,18 @@ pub struct WantedBeam {
     pub key: BeamKey,
     /// The number of pixels that the beam serves, positive.
     pub weight: f32,
-    /// Number of the beam's samples that the display has; [`u16::MAX`] stands for all larger
-    /// numbers.
+    /// Number of the beam's samples of the present generation that the display has, at most
+    /// [`MAX_HELD`], which stands for all larger numbers.
     pub held: u16,
+    /// Whether the display has the beam's samples of an earlier generation.
+    pub has_earlier: bool,
 }
+
+/// Greatest number of samples that [`WantedBeam::held`] states.
+pub const MAX_HELD: u16 = (1 << 15) - 1;
+
+/// Bit that states [`WantedBeam::has_earlier`].
+const EARLIER: u16 = 1 << 15;
 
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
@@ -46,7 +54,9 @@ impl ViewRequest {
         let mut out = Vec::with_capacity(40 + self.beams.len() * 16);
         put(&mut out, &Head { first: self.view, second: self.beams.len() as u32 });
         put(&mut out, &RawViewpoint::new(&self.viewpoint));
-        for &WantedBeam { key: BeamKey { section, beam }, weight, held } in &self.beams {
+        for &WantedBeam { key, weight, held, has_earlier } in &self.beams {
+            let BeamKey { section, beam } = key;
+            let held = held.min(MAX_HELD) | if has_earlier { EARLIER } else { 0 };
             put(&mut out, &RawWantedBeam { beam: beam.0, weight, section, held });
         }
         out
@@ -70,7 +80,8 @@ impl ViewRequest {
             .map(|raw| WantedBeam {
                 key: BeamKey { section: raw.section, beam: BeamId(raw.beam) },
                 weight: raw.weight,
-                held: raw.held,
+                held: raw.held & MAX_HELD,
+                has_earlier: raw.held & EARLIER != 0,
             })
             .collect();
         Ok(ViewRequest { view: counts.first, viewpoint, beams })

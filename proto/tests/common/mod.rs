@@ -68,9 +68,15 @@ pub fn results() -> impl Strategy<Value = Results> {
 }
 
 pub fn view() -> impl Strategy<Value = ViewRequest> {
-    let wanted = (key(), prop::num::f32::POSITIVE | prop::num::f32::NORMAL, any::<u16>())
-        .prop_filter("finite", |(_, weight, _)| weight.is_finite() && *weight != 0.0)
-        .prop_map(|(key, weight, held)| WantedBeam { key, weight: weight.abs(), held });
+    let wanted =
+        (key(), prop::num::f32::POSITIVE | prop::num::f32::NORMAL, 0..=MAX_HELD, any::<bool>())
+            .prop_filter("finite", |(_, weight, ..)| weight.is_finite() && *weight != 0.0)
+            .prop_map(|(key, weight, held, has_earlier)| WantedBeam {
+                key,
+                weight: weight.abs(),
+                held,
+                has_earlier,
+            });
     (any::<u32>(), viewpoint(), vec(wanted, 0..30))
         .prop_map(|(view, viewpoint, beams)| ViewRequest { view, viewpoint, beams })
 }
@@ -82,7 +88,12 @@ pub fn samples() -> impl Strategy<Value = Samples> {
         Just(SampleKind::SingleRay)
     ];
     let run = (key(), kind, 0..u32::MAX - 50, 1..=u16::MAX, vec(sample(), 1..50));
-    let source = prop_oneof![Just(Source::Stored), Just(Source::Traced), Just(Source::Part)];
+    let source = prop_oneof![
+        Just(Source::Stored),
+        Just(Source::Traced),
+        Just(Source::Part),
+        Just(Source::Earlier)
+    ];
     (any::<u32>(), source, vec(run, 0..8)).prop_map(|(view, source, runs)| Samples {
         view,
         source,

@@ -327,7 +327,7 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
     let mut shown = Samples::new();
     let beams = (0..7680)
         .step_by(2)
-        .map(|number| WantedBeam { key: beam(number), weight: 1e-5, held: 0 })
+        .map(|number| WantedBeam { key: beam(number), weight: 1e-5, held: 0, has_earlier: false })
         .collect();
     let viewpoint = Viewpoint { eye: [2.7, 2.7, -2.0], radius: 1.0 };
     runtime.block_on(async {

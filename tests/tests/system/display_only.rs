@@ -107,7 +107,8 @@ fn a_display_is_sent_no_beam_of_which_it_holds_all_samples() {
         (key, [0, count - 1, count][at % 3] as u16)
     };
     let held: BTreeMap<BeamKey, u16> = all.iter().enumerate().map(held).collect();
-    let wanted = |(&key, &held): (&BeamKey, &u16)| WantedBeam { key, weight: 1.0, held };
+    let wanted =
+        |(&key, &held): (&BeamKey, &u16)| WantedBeam { key, weight: 1.0, held, has_earlier: false };
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let mut arrived = BTreeMap::new();
     for (key, count) in runtime.block_on(sent(server.address, held.iter().map(wanted).collect())) {
@@ -128,7 +129,8 @@ fn a_display_is_sent_the_beams_that_it_wants_most_first() {
     let weight = |at: usize| [1e-5, 20.0, 0.3][at % 3];
     let weights: BTreeMap<BeamKey, f32> =
         keys.into_iter().enumerate().map(|(at, key)| (key, weight(at))).collect();
-    let wanted = |(&key, &weight): (&BeamKey, &f32)| WantedBeam { key, weight, held: 0 };
+    let wanted =
+        |(&key, &weight): (&BeamKey, &f32)| WantedBeam { key, weight, held: 0, has_earlier: false };
     let server = place.server("a.holo", &["--display-only"]);
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let arrived = runtime.block_on(sent(server.address, weights.iter().map(wanted).collect()));

@@ -149,6 +149,7 @@ fn displays_that_break_the_rules_are_dropped() {
                     key: BeamKey { section, beam: BeamId(beam) },
                     weight,
                     held: 0,
+                    has_earlier: false,
                 }],
             }
             .encode()

@@ -222,7 +222,7 @@ impl Peer {
     /// Looks at one beam, for which some fifty rays are dealt and no more, because workers here do
     /// not trace.
     fn look(&self, view: u32) {
-        let beams = vec![WantedBeam { key: beam(400), weight: 0.05, held: 0 }];
+        let beams = vec![WantedBeam { key: beam(400), weight: 0.05, held: 0, has_earlier: false }];
         let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
         self.send(Kind::View, ViewRequest { view, viewpoint, beams }.encode());
     }

@@ -24,6 +24,7 @@ mod metrics;
 mod network;
 mod processes;
 mod render_cache;
+mod restart;
 mod samples;
 mod session;
 mod several_machines;

@@ -147,7 +147,12 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
     runtime.block_on(async {
         let (mut inbox, outbox, _) = join(server.address, Role::Display).await;
         let beams = [400, 2000]
-            .map(|number| WantedBeam { key: beam(number), weight: 1.0, held: 0 })
+            .map(|number| WantedBeam {
+                key: beam(number),
+                weight: 1.0,
+                held: 0,
+                has_earlier: false,
+            })
             .to_vec();
         let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
         let view = ViewRequest { view: 1, viewpoint, beams }.encode();

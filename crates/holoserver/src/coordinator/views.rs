@@ -8,7 +8,7 @@ use std::{
 use anyhow::{Result, ensure};
 use holo_progress::said_once;
 use holo_proto::{
-    bulk::{RaysWanted, ViewRequest, WantedBeam},
+    bulk::{MAX_HELD, RaysWanted, ViewRequest, WantedBeam},
     control::Control,
 };
 use tracing::error;
@@ -17,7 +17,7 @@ use super::Coordinator;
 use crate::{
     assignment::{Assignment, Purpose},
     events::{ConnectionId, Event},
-    recall::{Part, Recall},
+    recall::{Part, Recall, lasting},
     wishes::{Wishes, keep_heaviest, most_beams},
 };
 
@@ -37,11 +37,15 @@ impl Coordinator {
             return Ok(());
         }
         let file = &self.holodeck.file;
-        let mut keys = Vec::new();
-        let beams = request.beams.iter().map(|&WantedBeam { key, weight, held }| {
+        let (mut keys, mut earlier) = (Vec::new(), Vec::new());
+        let beams = request.beams.iter().map(|wanted| {
+            let &WantedBeam { key, weight, held, has_earlier } = wanted;
             let stored = file.count(key);
-            if held == 0 || held == u16::MAX || stored > u64::from(held) {
+            if held == 0 || held == MAX_HELD || stored > u64::from(held) {
                 keys.push((key, weight));
+            }
+            if !has_earlier && lasting(file.count_earlier(key), stored) > 0 {
+                earlier.push((key, weight));
             }
             (key, weight, stored)
         });
@@ -52,6 +56,7 @@ impl Coordinator {
             outbox: display.outbox.clone(),
             view: request.view,
             keys,
+            earlier,
             newest: Arc::clone(&display.newest),
         };
         display.wishes = Some(wishes);

@@ -132,7 +132,8 @@ async fn look(
     view: u32,
     seen: &mut Samples,
 ) -> Result<(), NetError> {
-    let wanted = |number| WantedBeam { key: beam(number), weight: 1.0, held: 0 };
+    let wanted =
+        |number| WantedBeam { key: beam(number), weight: 1.0, held: 0, has_earlier: false };
     let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
     let beams = plan.beams_of(view).map(wanted).collect();
     outbox.send(Kind::View, &ViewRequest { view, viewpoint, beams }.encode())?;

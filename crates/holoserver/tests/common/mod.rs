@@ -33,7 +33,8 @@ pub async fn in_time<T>(what: impl Future<Output = T>) -> T {
 
 /// A request for a view of the first beams.
 pub fn view(view: u32, beams: u64) -> Vec<u8> {
-    let wanted = |number| WantedBeam { key: beam(number), weight: 1.0, held: 0 };
+    let wanted =
+        |number| WantedBeam { key: beam(number), weight: 1.0, held: 0, has_earlier: false };
     let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
     ViewRequest { view, viewpoint, beams: (0..beams).map(wanted).collect() }.encode()
 }

@@ -391,6 +391,7 @@ pub fn state(state: &State) -> String {
         "uncovered": state.is_uncovered,
         "trouble": state.trouble,
         "question": state.question,
+        "answer": state.answer,
         "crew": state.has_crew,
         "views": *state.views,
         "options": state.options,

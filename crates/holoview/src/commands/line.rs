@@ -17,7 +17,7 @@ const MOST_NAME: usize = 60;
 /// All command lines, as help for people.
 const LINES: &str = "home, back, forward, view OPTIONS, view NAME, go X Y Z, lock, unlock, \
     size WxH, pause, resume, kill workers, restart workers, driver NAME, keep NAME, forget NAME, \
-    picture FILE, picture FILE WxH, start over (twice), cancel, quit";
+    picture FILE, picture FILE WxH, restart (twice), start over (twice), cancel, quit";
 
 /// Parses a command line.
 ///
@@ -37,6 +37,7 @@ pub fn parse(line: &str) -> Result<Input, String> {
         "resume" => Some(Input::Pause(false)),
         "kill workers" => Some(Input::KillWorkers),
         "restart workers" => Some(Input::RestartWorkers),
+        "restart" => Some(Input::Restart),
         "start over" => Some(Input::StartOver),
         "cancel" => Some(Input::Cancel),
         "quit" => Some(Input::Quit),
@@ -119,6 +120,7 @@ mod tests {
             ("pause", Input::Pause(true)),
             ("resume", Input::Pause(false)),
             ("kill workers", Input::KillWorkers),
+            ("restart", Input::Restart),
             ("start over", Input::StartOver),
             ("driver quadtree", Input::Driver(DriverArg::Quadtree)),
             ("view 3", Input::Recall(Named::Number(3))),

@@ -66,21 +66,34 @@ pub enum Asked {
 impl CurrentView {
     /// Passes samples to the driver, except those that it already has.
     pub fn insert(&mut self, driver: &mut dyn Driver, message: &Samples) {
-        if message.source != Source::Part {
+        if !matches!(message.source, Source::Part | Source::Earlier) {
             let seconds = self.since.elapsed().as_secs_f64();
             self.counts.first_samples.get_or_insert(seconds);
         }
         for (run, samples) in message.iter() {
+            if message.source == Source::Earlier {
+                let present = self.received.count(run.key);
+                self.counts.stored += self.received.earlier.insert(driver, run, samples, present);
+                continue;
+            }
             for fresh in self.received.add(run) {
                 let count = fresh.len() as u64;
                 driver.insert(run.key, run.paths, &samples[fresh]);
+                self.received.earlier.note(run.key, count);
                 match message.source {
                     Source::Traced => self.counts.traced += count,
                     Source::Stored => self.counts.stored += count,
-                    Source::Part => self.counts.parts += count,
+                    Source::Part | Source::Earlier => self.counts.parts += count,
                 }
             }
         }
+    }
+
+    /// Takes the samples of an earlier generation out of the driver that no longer count.
+    pub fn fade(&mut self, driver: &mut dyn Driver) {
+        let mut earlier = std::mem::take(&mut self.received.earlier);
+        earlier.fade(driver, |key| self.received.count(key));
+        self.received.earlier = earlier;
     }
 
     /// Passes live rays to the driver, if they were requested for this view.

@@ -158,8 +158,12 @@ impl Session {
         let diagonal = sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
         let nearest = GUESSED_DISTANCE * diagonal;
         let beams = self.driver.weigh(&look, beams)?;
-        let wanted =
-            beams.iter().map(|beam| WantedBeam { key: beam.key, weight: beam.weight, held: 0 });
+        let wanted = beams.iter().map(|beam| WantedBeam {
+            key: beam.key,
+            weight: beam.weight,
+            held: 0,
+            has_earlier: false,
+        });
         let wanted: Vec<WantedBeam> = wanted.collect();
         self.request_number += 1;
         let before = self.current.take();
@@ -356,8 +360,12 @@ impl Session {
     /// Requests all stored samples that are useful to the view.
     pub(super) fn ask_for_all(&mut self) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
-        let also =
-            |&(key, useful): &UsefulBeam| WantedBeam { key, weight: STORED_ONLY * useful, held: 0 };
+        let also = |&(key, useful): &UsefulBeam| WantedBeam {
+            key,
+            weight: STORED_ONLY * useful,
+            held: 0,
+            has_earlier: false,
+        };
         let mut wanted = current.wanted.clone();
         wanted.extend(current.also.iter().map(also));
         // The sort is stable, so `dedup` keeps the view's own weight of a beam.
@@ -389,7 +397,10 @@ impl Session {
     ) -> Result<()> {
         let radius = self.driver.viewpoint_radius(&look.view, look.size, nearest);
         let viewpoint = viewpoint(&self.choice.sections, &look.view, radius);
-        beams.iter_mut().for_each(|beam| beam.held = received.held(beam.key));
+        for beam in &mut beams {
+            beam.held = received.held(beam.key);
+            beam.has_earlier = received.earlier.has(beam.key);
+        }
         if let Some(part) = self.focus {
             concentrate(&self.choice.sections, look, part, &mut beams);
         }

@@ -15,6 +15,7 @@ mod control;
 mod current_view;
 mod default_view;
 mod demand;
+mod earlier;
 mod focus;
 mod incoming;
 mod live;
@@ -258,6 +259,21 @@ impl Session {
     /// # Errors
     /// If the server does not settle, or is lost.
     pub fn settle(&mut self) -> Result<()> {
+        self.settle_once()?;
+        let Some(current) = &mut self.current else { return Ok(()) };
+        current.fade(self.driver.as_mut());
+        if current.received.earlier.is_stuck(true) {
+            // Only a new driver of this kind shows none. Nothing more is traced for that.
+            let was_paused = std::mem::replace(&mut self.is_paused, true);
+            let again = self.make_driver().and_then(|()| self.settle_once());
+            self.is_paused = was_paused;
+            again?;
+        }
+        self.finish_view();
+        Ok(())
+    }
+
+    fn settle_once(&mut self) -> Result<()> {
         self.look_closely()?;
         let loads = self.loads_whole_file() && !self.is_walked;
         let Some(current) = &mut self.current else { return Ok(()) };
@@ -277,7 +293,6 @@ impl Session {
         if self.wait_for(Instant::now() + SETTLE_TIME, true)? == Waited::TimeUp {
             bail!("the server has not settled for {} seconds", SETTLE_TIME.as_secs());
         }
-        self.finish_view();
         Ok(())
     }
 
@@ -346,10 +361,17 @@ impl Session {
         match message {
             Message::Samples(samples) => {
                 let counts = |current: &&mut CurrentView| {
-                    samples.source == Source::Part || is_of(current, samples.view)
+                    matches!(samples.source, Source::Part | Source::Earlier)
+                        || is_of(current, samples.view)
                 };
                 if let Some(current) = current.filter(counts) {
                     current.insert(driver, &samples);
+                    if current.received.earlier.is_due() {
+                        current.fade(driver);
+                    }
+                    if current.received.earlier.is_stuck(false) {
+                        self.make_driver()?;
+                    }
                 }
             }
             Message::Unseen(unseen) => {

@@ -1,14 +1,19 @@
 //! Records which samples have arrived. A sample that is stored while stored samples are being sent
 //! may arrive twice: from the file and from the worker.
 
+use holo_proto::bulk::MAX_HELD;
 use holo_section::{BeamKey, Run};
 use rustc_hash::FxHashMap;
+
+use super::earlier::Earlier;
 
 /// Sample numbers received, by beam.
 #[derive(Default)]
 pub struct Received {
     beams: FxHashMap<BeamKey, OfBeam>,
     samples: u64,
+    /// Samples of an earlier generation. They have no numbers.
+    pub earlier: Earlier,
 }
 
 /// The received samples of a beam.
@@ -20,10 +25,14 @@ struct OfBeam {
 }
 
 impl Received {
-    /// Returns how many samples of a beam have arrived, at most [`u16::MAX`].
+    /// Returns how many samples of a beam have arrived.
+    pub fn count(&self, key: BeamKey) -> u64 {
+        self.beams.get(&key).map_or(0, |beam| beam.count)
+    }
+
+    /// Returns how many samples of a beam have arrived, at most [`MAX_HELD`].
     pub fn held(&self, key: BeamKey) -> u16 {
-        let count = self.beams.get(&key).map_or(0, |beam| beam.count);
-        u16::try_from(count).unwrap_or(u16::MAX)
+        u16::try_from(self.count(key)).unwrap_or(MAX_HELD).min(MAX_HELD)
     }
 
     /// Returns how many samples have arrived.

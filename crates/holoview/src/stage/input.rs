@@ -54,6 +54,9 @@ pub enum Input {
     /// Forget all samples. The first time, the stage asks for confirmation
     /// ([`State::question`](super::State)); the second time confirms.
     StartOver,
+    /// Go on with the scene as its file is now. The first time, the stage asks, as for
+    /// [`StartOver`](Self::StartOver).
+    Restart,
     /// Answer the stage's question with no.
     Cancel,
     /// Draw with another driver.

@@ -127,6 +127,12 @@ impl Stage {
                     loading("starting over");
                     Some(again.connect(crew.start_over()?)?)
                 }
+                (Ok(()), Some(Ending::Restart), Some(crew)) => {
+                    loading("going on with the edited scene");
+                    let restarted = crew.restart()?;
+                    restarted.trouble.into_iter().for_each(|trouble| hand.refuse(trouble));
+                    Some(again.connect(restarted.address)?)
+                }
                 // A server started by this program ends with the session; any other server may come
                 // back.
                 (Err(error), None, None) if is_lost(&error) => {

@@ -75,6 +75,8 @@ pub struct State {
     pub trouble: Option<String>,
     /// A question that the user confirms by repeating the input.
     pub question: Option<String>,
+    /// The line that confirms it.
+    pub answer: Option<&'static str>,
     /// True if this program started server and workers and can end them.
     pub has_crew: bool,
     /// The current view in Radiance's options, even if it cannot be shown.

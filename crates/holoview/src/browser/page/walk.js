@@ -206,10 +206,11 @@ function showState() {
   $('b-pause').disabled = !state.traces;
   listViews();
   if (!corner) showFocus(state.focus);
-  for (const id of ['b-kill', 'b-restart', 'b-over']) $(id).disabled = !state.crew;
+  for (const id of ['b-kill', 'b-restart', 'b-scene', 'b-over']) $(id).disabled = !state.crew;
   if (document.activeElement !== $('l-driver')) $('l-driver').value = state.driver;
   if (state.question && drives && !$('question').open) {
     $('question-text').textContent = state.question;
+    $('question').dataset.answer = state.answer;
     $('question').showModal();
   } else if (!state.question && $('question').open) $('question').close('no');
   if (trouble) notice(trouble, 0, 'trouble');
@@ -802,7 +803,7 @@ $('f-scale').addEventListener('submit', event => {
 });
 $('r-stops').oninput = () => stops(Number($('r-stops').value));
 $('question').addEventListener('close', () => {
-  if ($('question').returnValue === 'yes') command('start over'); else if (state && state.question) command('cancel');
+  if ($('question').returnValue === 'yes') command($('question').dataset.answer); else if (state && state.question) command('cancel');
 });
 $('l-driver').onchange = () => { command(`driver ${$('l-driver').value}`); stage.focus(); };
 $('t-size').oninput = pictureLinks;

@@ -2,11 +2,13 @@
 
 use std::{path::PathBuf, sync::Arc, thread, time::Instant};
 
+use anyhow::anyhow;
 use glam::DVec3;
 use holo_picture::ViewSpec;
 use holo_walk::Walker;
+use tokio::sync::oneshot;
 
-use super::{ANSWER, Ending, Hand, REST};
+use super::{ANSWER, Ending, Hand, Question, REST};
 use crate::{
     Crew,
     stage::{
@@ -54,7 +56,8 @@ impl Hand {
             Input::Size(width, height) => self.resize((width, height)),
             Input::KillWorkers => self.order_crew(Crew::kill_workers),
             Input::RestartWorkers => self.order_crew(Crew::restart_workers),
-            Input::StartOver => self.ask_to_start_over(),
+            Input::StartOver => self.ask(Question::StartOver),
+            Input::Restart => self.ask(Question::Restart),
             Input::Cancel => {
                 (self.question, self.refusal, self.focus) = (None, None, None);
             }
@@ -71,7 +74,7 @@ impl Hand {
     }
 
     /// Shows for a while why an input was refused.
-    pub(super) fn refuse(&mut self, reason: String) {
+    pub fn refuse(&mut self, reason: String) {
         self.refusal = Some((reason, Instant::now()));
     }
 
@@ -82,15 +85,32 @@ impl Hand {
         }
     }
 
-    /// Asks whether all samples are to be forgotten. If that question is open, ends in order to
-    /// start over.
-    fn ask_to_start_over(&mut self) {
-        if self.crew.is_none() {
-            self.refuse(NO_CREW.to_owned());
-        } else if self.question.take().is_some_and(|asked| asked.elapsed() < ANSWER) {
+    /// Asks a question. If that question is open, does what it is about.
+    fn ask(&mut self, question: Question) {
+        let Some(crew) = &self.crew else { return self.refuse(NO_CREW.to_owned()) };
+        let is_answer =
+            |(asked, since): (Question, Instant)| asked == question && since.elapsed() < ANSWER;
+        if !self.question.take().is_some_and(is_answer) {
+            self.question = Some((question, Instant::now()));
+        } else if question == Question::StartOver {
             self.ending = Some(Ending::StartOver);
-        } else {
-            self.question = Some(Instant::now());
+        } else if self.scene_read.is_none() {
+            self.scene_read = Some(crew.read_scene());
+        }
+    }
+
+    /// Ends to go on with a scene that was read again, or says why it cannot be used.
+    pub(super) fn take_scene(&mut self) {
+        let Some(answer) = &mut self.scene_read else { return };
+        let read = match answer.try_recv() {
+            Err(oneshot::error::TryRecvError::Empty) => return,
+            Err(oneshot::error::TryRecvError::Closed) => Err(anyhow!("nobody reads the scene")),
+            Ok(read) => read,
+        };
+        self.scene_read = None;
+        match read {
+            Ok(()) => self.ending = Some(Ending::Restart),
+            Err(error) => self.refuse(format!("{error:#}")),
         }
     }
 

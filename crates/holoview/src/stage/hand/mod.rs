@@ -16,6 +16,7 @@ use glam::DVec3;
 use holo_display::Frame;
 use holo_picture::{View, ViewSpec};
 use holo_walk::{Pose, Walker};
+use tokio::sync::oneshot;
 
 use super::{
     bell::Bell,
@@ -58,7 +59,38 @@ const REFUSAL: Duration = Duration::from_secs(8);
 /// Time for which a question can be answered.
 const ANSWER: Duration = Duration::from_secs(15);
 
-const QUESTION: &str = "Start over? All samples of this holodeck are forgotten.";
+/// What is said while a scene is read again.
+const READING: &str = "reading the scene again; the one before is shown until then";
+
+/// What somebody has to confirm by doing it once more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Question {
+    /// Whether all samples are to be forgotten.
+    StartOver,
+    /// Whether the scene is to be read again.
+    Restart,
+}
+
+impl Question {
+    /// Returns the question, for people.
+    fn words(self) -> &'static str {
+        match self {
+            Question::StartOver => "Start over? All samples of this holodeck are forgotten.",
+            Question::Restart => {
+                "Restart with the scene as its file is now? If it was edited, the samples of the \
+                 scene before give way to new ones."
+            }
+        }
+    }
+
+    /// Returns the line that confirms it.
+    fn answer(self) -> &'static str {
+        match self {
+            Question::StartOver => "start over",
+            Question::Restart => "restart",
+        }
+    }
+}
 
 /// Takes inputs and shows frames.
 pub struct Hand {
@@ -68,8 +100,10 @@ pub struct Hand {
     /// The painter's desk, while there is a painter.
     desk: Option<Desk>,
     crew: Option<Crew>,
-    /// When the question whether to forget all samples was asked.
-    question: Option<Instant>,
+    /// The open question, and when it was asked.
+    question: Option<(Question, Instant)>,
+    /// The answer of the crew that reads the scene again.
+    scene_read: Option<oneshot::Receiver<Result<()>>>,
     /// Why the hand ends, once it does.
     ending: Option<Ending>,
     publisher: Publisher,
@@ -111,6 +145,8 @@ pub enum Ending {
     Quit,
     /// All samples are to be forgotten.
     StartOver,
+    /// An edited scene was read, with which the session is to go on.
+    Restart,
 }
 
 /// Times of the last events.
@@ -159,6 +195,7 @@ impl Hand {
             desk: None,
             crew: wishes.crew.clone(),
             question: None,
+            scene_read: None,
             ending: None,
             publisher,
             record: wishes.record.as_deref().map(Record::create).transpose()?,
@@ -195,10 +232,11 @@ impl Hand {
         loop {
             let before = *self.walker.view();
             if self.ending.is_none() {
+                self.take_scene();
                 self.take_inputs();
                 match self.ending {
                     Some(Ending::Quit) => self.order(Order::Quit),
-                    Some(Ending::StartOver) => self.order(Order::Leave),
+                    Some(Ending::StartOver | Ending::Restart) => self.order(Order::Leave),
                     None => {}
                 }
             }
@@ -421,15 +459,18 @@ impl Hand {
         }
         self.times.state = now;
         self.refusal.take_if(|(_, since)| since.elapsed() >= REFUSAL);
-        self.question = self.question.filter(|asked| asked.elapsed() < ANSWER);
+        self.question = self.question.filter(|(_, since)| since.elapsed() < ANSWER);
+        let reading = self.scene_read.as_ref().map(|_| READING.to_owned());
+        let refusal = self.refusal.as_ref().map(|(refusal, _)| refusal.clone());
         let pose = self.walker.pose();
         let news = self.news.clone();
         self.publisher.state(State {
             is_uncovered: news.is_uncovered,
-            trouble: news.trouble.or_else(|| self.refusal.clone().map(|(refusal, _)| refusal)),
+            trouble: news.trouble.or(reading).or(refusal),
             views: news.views,
             focus: self.focus,
-            question: self.question.map(|_| QUESTION.to_owned()),
+            question: self.question.map(|(question, _)| question.words().to_owned()),
+            answer: self.question.map(|(question, _)| question.answer()),
             has_crew: self.crew.is_some(),
             options: holo_walk::options(self.walker.view()),
             pose: [pose.eye, pose.direction, pose.up].map(|vector| vector.to_array()),
