@@ -1,5 +1,6 @@
 //! Tests advice that is given before any work is done.
 
+use holo_beamfile::{BeamFile, Options};
 use holo_net::Message;
 use holo_picture::Picture;
 use holo_proto::{
@@ -135,7 +136,11 @@ fn a_scene_that_cannot_be_read_is_named_and_nobody_waits_for_it() {
     };
     let settings = RenderSettings::default();
     let about = About::new(vec![spec], settings, b"the scene", "a room".into());
-    drop(Holodeck::create(&place.path("a.holo"), about, b"another", 0).unwrap());
+    drop(Holodeck::create(&place.path("a.holo"), about, b"the scene", 0).unwrap());
+    let file =
+        BeamFile::open(place.path("a.holo"), Options { cache_bytes: 0, layout: vec![] }).unwrap();
+    file.put_blob("scene", b"another").unwrap();
+    drop(file);
     let server = place.server("a.holo", &["--quiet"]);
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {

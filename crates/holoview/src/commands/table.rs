@@ -145,7 +145,7 @@ pub const ACTIONS: &[Action] = &[
     on("pause", &["KeyP"], "P", "pause tracing, resume", PAUSE),
     on("kill workers", &["Delete"], "Del", "kill the workers", Does::Stage),
     on("restart workers", &["Insert"], "Ins", "start the workers again", Does::Stage),
-    on("restart", &["F9"], "F9", "load the edited scene (asks first)", Does::Stage),
+    on("restart", &["F9"], "F9", "load the edited scene", Does::Stage),
     on("start over", &["Backspace"], "Backspace", "forget all samples (asks first)", Does::Stage),
     on("cancel", &["Escape"], "Esc", "cancel, close", Does::Stage),
     on("driver", &["KeyY"], "Y", "next driver", Does::Local(Local::NextDriver)),
