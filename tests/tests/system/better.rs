@@ -272,6 +272,8 @@ fn better_packets_of_dead_workers_are_dealt_again() {
     let server = improving(&place, &["--samples", "70k"]);
     let killed = place.worker(server.address, &[]);
     wait_for_better(&place.path("a.holo"), 1000);
+    // So that it leaves packets for others.
+    killed.signal(Signal::STOP);
     // This worker takes packets, does nothing with them, and goes.
     let idle = tokio::runtime::Runtime::new().unwrap();
     let (mut inbox, outbox, _) = idle.block_on(join(server.address, Role::Worker));
