@@ -89,10 +89,14 @@ impl Session {
         self.status.as_ref().map_or(self.welcome.samples, |status| status.samples)
     }
 
+    /// Returns how many samples are here, of all views and parts.
+    pub fn samples_here(&self) -> u64 {
+        self.current.as_ref().map_or(0, |current| current.received.samples())
+    }
+
     /// Returns how many of the file's samples are not here.
     fn missing(&self) -> u64 {
-        let here = self.current.as_ref().map_or(0, |current| current.received.samples());
-        self.stored().saturating_sub(here)
+        self.stored().saturating_sub(self.samples_here())
     }
 
     /// Returns whether others have stored many samples since the file was loaded.

@@ -341,9 +341,11 @@ impl Painter {
     /// Returns whether there are so few samples of the view that a sketch shows all of them.
     fn is_sketchy(&self, full: (u32, u32)) -> bool {
         let pixels = f64::from(full.0) * f64::from(full.1);
-        !self.session.has_whole_file()
-            && self.samples() as f64 / pixels < SKETCHY
-            && self.times.moved.elapsed() < SKETCHING
+        let samples = match self.session.has_whole_file() {
+            true => self.session.samples_here(),
+            false => self.samples(),
+        };
+        samples as f64 / pixels < SKETCHY && self.times.moved.elapsed() < SKETCHING
     }
 
     fn next_redraw(&self) -> Instant {
