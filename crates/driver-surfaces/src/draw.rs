@@ -122,11 +122,23 @@ impl Gathered {
 }
 
 impl View {
-    /// Returns the light that earlier pictures found, in squares of side `step`. `None` if more
-    /// than the share `unknown` of the squares is unknown.
-    pub(crate) fn known(&self, known: &Known, step: usize, unknown: f32) -> Option<Layer> {
+    /// Returns the light that earlier pictures found, in squares of side `step`, and elsewhere the
+    /// mean light around. `None` if more than the share `unknown` of the squares is unknown.
+    pub(crate) fn known(
+        &self,
+        (store, known): (&Store, &Known),
+        step: usize,
+        unknown: f32,
+    ) -> Option<Layer> {
         let squares = Squares::new(|pixel| self.seen[pixel], self.size, step);
-        let lights = known.lights(self, &squares, unknown)?;
+        let mut lights = known.lights(self, &squares, unknown)?;
+        // For squares and not for pixels, because looking around takes long.
+        let around = &Around { store, mean: store.mean() };
+        lights.par_iter_mut().zip(&squares.seen).for_each(|(light, seen)| {
+            if light.error.is_infinite() {
+                *light = self.mean_around(around, seen);
+            }
+        });
         Some(Layer { squares, lights })
     }
 

@@ -340,10 +340,11 @@ impl Driver for SurfacesDriver {
         let is_refined = self.shown.as_ref().is_some_and(glanced);
         let moved = |shown: &Shown| shown.look.resolution == Resolution::Moving;
         let has_stopped = self.shown.as_ref().is_some_and(moved);
+        let lit = (&self.store, &self.known);
         let known = match look.resolution {
-            Resolution::Moving => view.known(&self.known, 2, MOST_UNKNOWN),
-            Resolution::Half => view.known(&self.known, 2, FEW_UNKNOWN),
-            Resolution::Full if has_stopped => view.known(&self.known, 4, MOST_UNKNOWN),
+            Resolution::Moving => view.known(lit, 2, MOST_UNKNOWN),
+            Resolution::Half => view.known(lit, 2, FEW_UNKNOWN),
+            Resolution::Full if has_stopped => view.known(lit, 4, MOST_UNKNOWN),
             Resolution::Full => None,
         };
         self.shown = Some(Shown {
