@@ -138,14 +138,17 @@ impl Peer {
         self.outbox.send(kind, payload).unwrap();
     }
 
-    /// Waits for a message.
+    /// Waits for a message. Others that come meanwhile do not make the wait longer.
     pub async fn wait_for(&mut self, wanted: impl Fn(&Message) -> bool) -> Message {
-        loop {
-            let message = in_time(self.inbox.next()).await.expect("the server lives");
-            if wanted(&message) {
-                return message;
+        in_time(async {
+            loop {
+                let message = self.inbox.next().await.expect("the server lives");
+                if wanted(&message) {
+                    return message;
+                }
             }
-        }
+        })
+        .await
     }
 
     /// Waits for packets.
@@ -169,14 +172,19 @@ impl Peer {
 
     /// Waits for the end, and returns the reason that was given.
     pub async fn expelled(&mut self) -> Option<String> {
-        let mut said = None;
-        loop {
-            match in_time(self.inbox.next()).await {
-                Ok(Message::Control(Control::Bye(farewell))) => said = Some(farewell.to_string()),
-                Ok(_) => {}
-                Err(_) => return said,
+        in_time(async {
+            let mut said = None;
+            loop {
+                match self.inbox.next().await {
+                    Ok(Message::Control(Control::Bye(farewell))) => {
+                        said = Some(farewell.to_string());
+                    }
+                    Ok(_) => {}
+                    Err(_) => return said,
+                }
             }
-        }
+        })
+        .await
     }
 }
 
