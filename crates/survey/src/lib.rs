@@ -21,6 +21,7 @@ pub mod grid;
 mod level;
 mod lit;
 mod names;
+mod outside;
 mod plan;
 mod rectangle;
 mod rooms;

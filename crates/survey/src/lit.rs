@@ -1,5 +1,6 @@
 //! Measures how much of a scene its own lamps light.
 
+use glam::Vec3;
 use holo_raycast::{Raycaster, SurfacePoint};
 use holo_scene::{Bsdf, Scene};
 
@@ -29,33 +30,62 @@ struct LampPoint {
 /// False without lamps. Glass is no obstacle.
 #[must_use]
 pub fn is_lit_by_lamps(raycaster: &Raycaster) -> bool {
-    let lamps = lamp_points(raycaster);
+    let lamps = Lamps::new(raycaster);
     let scene = raycaster.scene();
     let points = spread(scene, POINTS, |triangle| area(scene, triangle));
-    let is_lit = |&(triangle, u, v): &(u32, f32, f32)| {
-        if glow(scene, triangle, u, v) > 0.0 {
-            return true;
-        }
-        let from = raycaster.surface(triangle, u, v);
-        lamps.iter().any(|lamp| reaches(raycaster, lamp, &from))
-    };
-    points.iter().filter(|point| is_lit(point)).count() as f64 >= ENOUGH * POINTS as f64
-        && !lamps.is_empty()
+    let lit = points.into_iter().filter(|&point| lamps.light(raycaster, point, None)).count();
+    lit as f64 >= ENOUGH * POINTS as f64 && !lamps.points.is_empty()
 }
 
-fn reaches(raycaster: &Raycaster, lamp: &LampPoint, from: &SurfacePoint) -> bool {
-    let away = (from.point - lamp.point.point).normalize_or_zero();
-    let (at_lamp, here) = (lamp.point.normal.dot(away), from.normal.dot(away));
-    let shines_there = at_lamp > 0.0 || lamp.is_two_sided;
-    if !shines_there || (at_lamp * here).abs() < LEAST_COSINES {
-        return false;
+/// Points on a scene's lamps.
+pub(crate) struct Lamps {
+    points: Vec<LampPoint>,
+}
+
+impl Lamps {
+    pub(crate) fn new(raycaster: &Raycaster) -> Lamps {
+        Lamps { points: lamp_points(raycaster) }
     }
-    let scene = raycaster.scene();
-    let is_clear = |triangle| {
-        let bsdf = scene.material(triangle).bsdf;
-        matches!(bsdf, Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. })
-    };
-    raycaster.blocker(from, &lamp.point).is_none_or(is_clear)
+
+    /// Returns true if a point of a triangle shines, or if direct light reaches it. With `seen`, a
+    /// direction of view, only the visible side counts.
+    pub(crate) fn light(
+        &self,
+        raycaster: &Raycaster,
+        (triangle, u, v): (u32, f32, f32),
+        seen: Option<Vec3>,
+    ) -> bool {
+        let scene = raycaster.scene();
+        let point = raycaster.surface(triangle, u, v);
+        let side = seen.map(|direction| -direction.dot(point.normal));
+        let is_front = side.is_none_or(|side| side > 0.0);
+        if (is_front || scene.material(triangle).two_sided_emission)
+            && glow(scene, triangle, u, v) > 0.0
+        {
+            return true;
+        }
+        self.points.iter().any(|lamp| lamp.reaches(raycaster, &point, side))
+    }
+}
+
+impl LampPoint {
+    /// Returns true if this point lights `to`: on the side of its normal if `side` is positive, on
+    /// the other if it is negative, on either if there is none. Glass passes light through.
+    fn reaches(&self, raycaster: &Raycaster, to: &SurfacePoint, side: Option<f32>) -> bool {
+        let away = (to.point - self.point.point).normalize_or_zero();
+        let (at_lamp, here) = (self.point.normal.dot(away), to.normal.dot(away));
+        let shines_there = at_lamp > 0.0 || self.is_two_sided;
+        let is_on_side = side.is_none_or(|side| side * here < 0.0);
+        if !shines_there || !is_on_side || (at_lamp * here).abs() < LEAST_COSINES {
+            return false;
+        }
+        let scene = raycaster.scene();
+        let is_clear = |triangle| {
+            let bsdf = scene.material(triangle).bsdf;
+            matches!(bsdf, Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. })
+        };
+        raycaster.blocker(to, &self.point).is_none_or(is_clear)
+    }
 }
 
 fn lamp_points(raycaster: &Raycaster) -> Vec<LampPoint> {

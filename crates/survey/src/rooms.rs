@@ -10,6 +10,7 @@ use crate::doors::joints;
 use crate::frame::Frame;
 use crate::grid::Grid;
 use crate::level::{Heights, Level, levels};
+use crate::outside::from_outside;
 use crate::rectangle::{Rectangle, largest, opened};
 use crate::sight::{self, Sight};
 use crate::unit::{Unit, by_extent, by_storey, unit_words};
@@ -112,7 +113,7 @@ impl Survey {
         let scene = raycaster.scene();
         let (unit, usual) = known_unit(unit, about);
         let (low, high) = scene.bounds();
-        let outside = sight::from_outside(&frame, scene);
+        let outside = from_outside(&frame, raycaster);
         let extent = (high - low).max_element();
         let Some(grid) = Grid::new(raycaster, frame) else {
             let unit = unit.or(usual).unwrap_or_else(|| by_extent(extent));

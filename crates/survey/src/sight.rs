@@ -1,12 +1,10 @@
-//! Chooses where to stand, and where to look.
+//! Chooses where to stand in a room, and where to look.
 
 use std::f64::consts::TAU;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use holo_raycast::{Ray, Raycaster};
-use holo_scene::Scene;
 
-use crate::frame::Frame;
 use crate::grid::Grid;
 use crate::rectangle::Rectangle;
 
@@ -23,9 +21,8 @@ pub struct Sight {
     pub angle: f64,
 }
 
-/// Horizontal angles of views in rooms and of objects, degrees.
+/// Horizontal angle of views in rooms, degrees.
 const IN_ROOM: f64 = 75.0;
-const OF_OBJECT: f64 = 45.0;
 
 /// Distance of eyes from a room's ends, as a share of its sides. A wall right beside the eye fills
 /// an edge of the picture, and hardly any stored ray hits it at such a grazing angle.
@@ -93,65 +90,4 @@ pub(crate) fn in_room(grid: &Grid, raycaster: &Raycaster, room: Rectangle, eye: 
         up: grid.frame.up,
         angle: IN_ROOM,
     }
-}
-
-/// Directions of views from outside, in the frame's axes. The usual one comes first: from the
-/// front, the right and above. Then come other sides, and one from high above.
-const OUTSIDE: [[f64; 3]; 6] = [
-    [-0.5, 0.85, -0.38],
-    [0.5, 0.85, -0.38],
-    [-0.5, -0.85, -0.38],
-    [0.85, -0.5, -0.38],
-    [-0.3, 0.5, -0.9],
-    [-0.95, 0.2, -0.2],
-];
-
-/// The first direction is used if it shows at least this share of the most surface that any
-/// direction shows.
-const SHOWN: f64 = 0.4;
-
-/// Most triangles that are examined.
-const MAX_SAMPLED: usize = 100_000;
-
-/// Greatest share of the picture that an object fills, and height over width of the widest
-/// pictures.
-const FILLED: f64 = 0.9;
-const WIDE: f64 = 9.0 / 16.0;
-
-/// Least distance from the middle of a scene, in its diagonals, so that the eye is outside of a
-/// section around it.
-const LEAST_DISTANCE: f64 = 0.6;
-
-/// Returns a view of the whole scene from outside. It is the usual one, unless that shows surfaces
-/// edge-on, such as a board from its side.
-pub(crate) fn from_outside(frame: &Frame, scene: &Scene) -> Sight {
-    let towards = OUTSIDE.map(|towards| frame.to_world(DVec3::from_array(towards).normalize()));
-    let shown = towards.map(|towards| shown(scene, towards));
-    let most = shown.into_iter().fold(0.0, f64::max);
-    let enough = |&number: &usize| shown[number] >= SHOWN * most;
-    let direction = towards[(0..towards.len()).find(enough).unwrap_or(0)];
-    let right = direction.cross(frame.up).normalize_or(frame.up.any_orthonormal_vector());
-    let above = right.cross(direction);
-    let (low, high) = scene.bounds();
-    let middle = (low + high) * 0.5;
-    let slope = (0.5 * OF_OBJECT.to_radians()).tan() * FILLED;
-    let distance = scene.triangles.as_flattened().iter().map(|&corner| {
-        let corner = Vec3::from(scene.positions[corner as usize]).as_dvec3();
-        let from_middle = scene.origin + corner - middle;
-        let across = from_middle.dot(right).abs() / slope;
-        let up = from_middle.dot(above).abs() / (slope * WIDE);
-        across.max(up) - from_middle.dot(direction)
-    });
-    let distance = distance.fold(LEAST_DISTANCE * low.distance(high), f64::max);
-    Sight { eye: middle - direction * distance, direction, up: frame.up, angle: OF_OBJECT }
-}
-
-/// Returns the area that surfaces cover in a parallel view, without occlusion.
-fn shown(scene: &Scene, direction: DVec3) -> f64 {
-    let stride = scene.triangles.len().div_ceil(MAX_SAMPLED).max(1);
-    let area = |triangle: usize| {
-        let [a, b, c] = scene.corners(triangle as u32).map(|corner| corner.as_dvec3());
-        (b - a).cross(c - a).dot(direction).abs()
-    };
-    (0..scene.triangles.len()).step_by(stride).map(area).sum()
 }

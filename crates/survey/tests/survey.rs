@@ -299,6 +299,30 @@ fn no_board_is_looked_at_along_its_surface() {
 }
 
 #[test]
+fn a_lit_box_is_looked_at_through_its_open_side() {
+    for open in 0..4 {
+        let (sin, cos) = [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][open];
+        let mut stage = Model::default();
+        let (wall, lamp) = (stage.material("wall", 0.0), stage.material("lamp", 5.0));
+        stage.cuboid(DVec3::splat(-1.0), DVec3::splat(1.0), true, wall);
+        // Without the side at y = -1. The lamp below the lid shines down.
+        let is_open = |triangle: &[u32; 3]| {
+            triangle.iter().all(|&corner| stage.positions[corner as usize].y == -1.0)
+        };
+        stage.triangles = stage.triangles.iter().filter(|t| !is_open(t)).copied().collect();
+        stage.ids.truncate(stage.triangles.len());
+        let corners = [[-0.3, -0.3], [-0.3, 0.3], [0.3, 0.3], [0.3, -0.3]];
+        stage.quad(corners.map(|[x, y]| DVec3::new(x, y, 0.9)), lamp);
+        let turn = |p: DVec3| DVec3::new(p.x * cos - p.y * sin, p.x * sin + p.y * cos, p.z);
+        stage.positions.iter_mut().for_each(|p| *p = turn(*p));
+        let (survey, _) = stage.survey(DVec3::Z, None);
+        let ahead = turn(DVec3::Y).dot(survey.outside.direction);
+        assert!(ahead > 0.4, "{open}: {:?}", survey.outside);
+        assert!(shows_all(&stage, &survey.outside));
+    }
+}
+
+#[test]
 fn the_inside_of_a_device_is_no_room_even_if_it_glows() {
     // A case of 12 cm in a file in metres, emitting on both sides.
     let mut device = Model::default();
