@@ -178,7 +178,7 @@ impl Opened {
             false => Vec::new(),
         };
         if !suns.is_empty() {
-            let words = "light: a preview sun over the viewer's shoulder, because it has no rooms";
+            let words = "light: a preview sun over the viewer's shoulder, because it has no closed rooms";
             self.choices.push(format!("{words} (--sky R,G,B)"));
         }
         self.raycaster = None;
@@ -211,7 +211,7 @@ impl Opened {
     fn choose_sections(&mut self, config: &Config, survey: &Survey, found: usize) -> Result<()> {
         let rooms: &[Room] = if config.exterior { &[] } else { &survey.rooms };
         if rooms.is_empty() {
-            let how = if config.exterior { "as stated" } else { "because it has no rooms" };
+            let how = if config.exterior { "as stated" } else { "because it has no closed rooms" };
             self.choices.push(format!("section: around the scene, {how} (--section)"));
             self.sections = vec![around(&self.scene)?];
             return Ok(());

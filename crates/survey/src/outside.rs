@@ -34,6 +34,19 @@ const UNLIT: f64 = 0.1;
 /// Number of rays along each side of a parallel view.
 const RAYS: usize = 32;
 
+/// Distance of the rays' origins from the middle of the scene, relative to half of its depth.
+const START: f64 = 1.1;
+
+/// Depth, as a share of the scene's, from which a hit is deep inside. A side is open if at least
+/// these shares of the rays through it hit anything, and hit something deep inside. A slanted board
+/// has no open side, because a quarter of it is that deep.
+const DEEP: f64 = 0.75;
+const CLOSED: f64 = 0.9;
+const OPEN: f64 = 0.5;
+
+/// Least depth behind an open side, as a share of the scene's diagonal.
+const LEAST_DEPTH: f64 = 0.1;
+
 /// Horizontal angle of views, degrees.
 const ANGLE: f64 = 45.0;
 
@@ -45,30 +58,54 @@ const WIDE: f64 = 9.0 / 16.0;
 /// section around it.
 const LEAST_DISTANCE: f64 = 0.6;
 
-/// Returns a view of the whole scene from outside. It has the usual direction, unless that shows
-/// surfaces edge-on, such as a board from its side, or dark ones, such as the back of a box whose
-/// lamp shines inside.
-pub(crate) fn from_outside(frame: &Frame, raycaster: &Raycaster) -> Sight {
-    let features = raycaster.scene().features();
+/// Returns a view of the whole scene from outside. It looks through the scene's open side, if there
+/// is one. Otherwise it has the usual direction, unless that shows surfaces edge-on, such as a board
+/// from its side, or dark ones, such as the back of a screen before a lamp.
+pub(crate) fn from_outside(frame: &Frame, raycaster: &Raycaster, open: Option<&Look>) -> Sight {
+    let scene = raycaster.scene();
+    if let Some(look) = open {
+        return look.whole(frame, scene);
+    }
+    let features = scene.features();
     // A sky or a sun lights what lamps do not.
     let lamps = (!features.sky && features.suns == 0).then(|| Lamps::new(raycaster));
-    let looks = DIRECTIONS.map(|direction| Look::new(frame, DVec3::from_array(direction)));
+    let looks = DIRECTIONS.map(|direction| Look::new(frame, direction));
     let shown = looks.each_ref().map(|look| look.shown(raycaster, lamps.as_ref()));
     let most = shown.into_iter().fold(0.0, f64::max);
     let best = shown.iter().position(|&shown| shown == most).unwrap_or(0);
-    looks[if shown[0] >= SHOWN * most { 0 } else { best }].whole(frame, raycaster.scene())
+    looks[if shown[0] >= SHOWN * most { 0 } else { best }].whole(frame, scene)
+}
+
+/// Returns the look through the missing side of a scene such as a doll's house or a stage: from
+/// there, level rays hit surfaces, most of them deep inside.
+pub(crate) fn open_side(frame: &Frame, raycaster: &Raycaster) -> Option<Look> {
+    let half = half_extent(raycaster.scene());
+    let is_open = |look: &Look| {
+        if half.dot(look.direction.abs()) < LEAST_DEPTH * half.length() {
+            return false;
+        }
+        let (mut hits, mut deep) = (0, 0);
+        look.cast(raycaster, |depth, _| {
+            hits += 1;
+            deep += u32::from(depth > DEEP);
+        });
+        let all = (RAYS * RAYS) as f64;
+        f64::from(hits) > CLOSED * all && f64::from(deep) > OPEN * all
+    };
+    let level = DIRECTIONS.into_iter().filter(|[.., up]| *up == 0.0);
+    level.map(|direction| Look::new(frame, direction)).find(is_open)
 }
 
 /// A direction of view, and the directions to the right and upwards in the picture.
-struct Look {
+pub(crate) struct Look {
     direction: DVec3,
     right: DVec3,
     above: DVec3,
 }
 
 impl Look {
-    fn new(frame: &Frame, towards: DVec3) -> Look {
-        let direction = frame.to_world(towards.normalize());
+    fn new(frame: &Frame, towards: [f64; 3]) -> Look {
+        let direction = frame.to_world(DVec3::from_array(towards).normalize());
         let right = direction.cross(frame.up).normalize_or(frame.up.any_orthonormal_vector());
         Look { direction, right, above: right.cross(direction) }
     }
@@ -76,26 +113,33 @@ impl Look {
     /// Returns the area that surfaces cover in a parallel view. Those that no lamp lights count
     /// less if `lamps` are given.
     fn shown(&self, raycaster: &Raycaster, lamps: Option<&Lamps>) -> f64 {
+        let seen = Some(self.direction.as_vec3());
+        let mut values = 0.0;
+        self.cast(raycaster, |_, hit| {
+            let is_lit = |lamps: &Lamps| lamps.light(raycaster, (hit.triangle, hit.u, hit.v), seen);
+            values += if lamps.is_none_or(is_lit) { 1.0 } else { UNLIT };
+        });
+        let half = half_extent(raycaster.scene());
+        values * half.dot(self.right.abs()) * half.dot(self.above.abs())
+    }
+
+    /// Casts a square of parallel rays that covers the scene's bounds. Reports each hit, and its
+    /// depth behind the foremost point of the bounds as a share of their depth.
+    fn cast(&self, raycaster: &Raycaster, mut report: impl FnMut(f64, Hit)) {
         let (low, high) = raycaster.scene().bounds();
-        let half = (high - low) * 0.5;
-        let extent = |axis: DVec3| half.dot(axis.abs());
-        let (across, up) = (self.right * extent(self.right), self.above * extent(self.above));
-        let start = (low + high) * 0.5 - self.direction * (1.01 * half.length());
+        let half = half_extent(raycaster.scene());
+        let [across, up, depth] = [self.right, self.above, self.direction]
+            .map(|axis| axis * half.dot(axis.abs()).max(f64::MIN_POSITIVE));
+        let start = (low + high) * 0.5 - depth * START;
         let place = |i: usize| (i as f64 + 0.5) / RAYS as f64 * 2.0 - 1.0;
-        let value = |x: f64, y: f64| {
+        for (x, y) in (0..RAYS).flat_map(|y| (0..RAYS).map(move |x| (place(x), place(y)))) {
             let local = raycaster.localize(start + across * x + up * y, self.direction);
-            let hit = local.and_then(|(ray, _)| raycaster.nearest(&ray));
-            let is_lit = |lamps: &Lamps, hit: &Hit| {
-                lamps.light(raycaster, (hit.triangle, hit.u, hit.v), Some(self.direction.as_vec3()))
-            };
-            hit.map_or(0.0, |hit| match lamps {
-                Some(lamps) if !is_lit(lamps, &hit) => UNLIT,
-                _ => 1.0,
-            })
-        };
-        let row = |y: usize| (0..RAYS).map(|x| value(place(x), place(y))).sum::<f64>();
-        let values: f64 = (0..RAYS).map(row).sum();
-        values * across.length() * up.length()
+            let hit = local.and_then(|(ray, skipped)| Some((raycaster.nearest(&ray)?, skipped)));
+            if let Some((hit, skipped)) = hit {
+                let distance = (f64::from(hit.t) + skipped) / depth.length();
+                report((distance - (START - 1.0)) * 0.5, hit);
+            }
+        }
     }
 
     /// Returns the view in this direction from as far as the whole scene needs.
@@ -114,4 +158,10 @@ impl Look {
         let eye = middle - self.direction * distance;
         Sight { eye, direction: self.direction, up: frame.up, angle: ANGLE }
     }
+}
+
+/// Half of the scene's extent along each axis.
+fn half_extent(scene: &Scene) -> DVec3 {
+    let (low, high) = scene.bounds();
+    (high - low) * 0.5
 }

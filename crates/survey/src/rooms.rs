@@ -10,7 +10,7 @@ use crate::doors::joints;
 use crate::frame::Frame;
 use crate::grid::Grid;
 use crate::level::{Heights, Level, levels};
-use crate::outside::from_outside;
+use crate::outside::{from_outside, open_side};
 use crate::rectangle::{Rectangle, largest, opened};
 use crate::sight::{self, Sight};
 use crate::unit::{Unit, by_extent, by_storey, unit_words};
@@ -88,7 +88,8 @@ pub struct Door {
 
 /// The rooms of a scene and where to stand.
 pub struct Survey {
-    /// Free boxes, the largest first. Empty for an object on its own.
+    /// Free boxes, the largest first. Empty for an object on its own, and for a scene that is open
+    /// on one side.
     pub rooms: Vec<Room>,
     /// Boxes that join the rooms; none before [`Survey::limit`]. Those of short ways come first.
     pub doors: Vec<Door>,
@@ -113,7 +114,8 @@ impl Survey {
         let scene = raycaster.scene();
         let (unit, usual) = known_unit(unit, about);
         let (low, high) = scene.bounds();
-        let outside = from_outside(&frame, raycaster);
+        let open_side = open_side(&frame, raycaster);
+        let outside = from_outside(&frame, raycaster, open_side.as_ref());
         let extent = (high - low).max_element();
         let Some(grid) = Grid::new(raycaster, frame) else {
             let unit = unit.or(usual).unwrap_or_else(|| by_extent(extent));
@@ -144,7 +146,8 @@ impl Survey {
             false => levels(&grid, raycaster, &runs, heights),
         };
         let mut rooms = rooms(&grid, raycaster, &levels, eye);
-        if rooms.first().is_some_and(|room| room.area() < LEAST_LARGEST * eye * eye) {
+        let is_too_small = |room: &Room| room.area() < LEAST_LARGEST * eye * eye;
+        if rooms.first().is_some_and(is_too_small) || open_side.is_some() {
             rooms.clear();
         }
         let unit = unit.unwrap_or_else(|| {
