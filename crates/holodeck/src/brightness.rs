@@ -12,7 +12,7 @@ use crate::passes::{Job, Limit};
 
 /// Width and height of the picture that determines the brightness, and its paths per pixel. The
 /// log-average of so many paths is within a few percent of a good picture's.
-const SIZE: (u32, u32) = (64, 48);
+const SIZE: (u32, u32) = (40, 30);
 const PATHS: u32 = 16;
 
 /// Returns the factor from radiance to display light that suits the first view. `None` if that view

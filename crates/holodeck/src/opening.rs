@@ -118,7 +118,7 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
             opened.choose_sections(config, &survey, found)?;
         }
         if opened.views.is_empty() {
-            opened.choose_views(config, &survey);
+            opened.choose_views(config, &survey)?;
         }
         opened.survey = Some(survey);
     } else if let Some(said) = about.unit.filter(|_| config.unit.is_none()) {
@@ -174,11 +174,12 @@ impl Opened {
             ),
         });
         let suns = match survey.rooms.is_empty() {
-            true => vec![preview::sun(&survey.outside, sky)],
+            true => vec![preview::sun(&survey.outside(&raycaster), sky)],
             false => Vec::new(),
         };
         if !suns.is_empty() {
-            let words = "light: a preview sun over the viewer's shoulder, because it has no closed rooms";
+            let words =
+                "light: a preview sun over the viewer's shoulder, because it has no closed rooms";
             self.choices.push(format!("{words} (--sky R,G,B)"));
         }
         self.raycaster = None;
@@ -247,10 +248,11 @@ impl Opened {
         Ok(())
     }
 
-    fn choose_views(&mut self, config: &Config, survey: &Survey) {
+    fn choose_views(&mut self, config: &Config, survey: &Survey) -> Result<()> {
+        let raycaster = self.raycaster()?;
         let views = match config.exterior {
-            true => vec![("outside".to_owned(), survey.outside)],
-            false => survey.views(),
+            true => vec![("outside".to_owned(), survey.outside(&raycaster))],
+            false => survey.views(&raycaster),
         };
         self.views = views.into_iter().map(|(name, sight)| (name, sight_options(&sight))).collect();
         if let Some((name, options)) = self.views.first() {
@@ -260,6 +262,7 @@ impl Opened {
             };
             self.choices.push(format!("view: {name}, {options}{more} (--vp, --vd)"));
         }
+        Ok(())
     }
 }
 

@@ -30,11 +30,7 @@ struct LampPoint {
 /// False without lamps. Glass is no obstacle.
 #[must_use]
 pub fn is_lit_by_lamps(raycaster: &Raycaster) -> bool {
-    let lamps = Lamps::new(raycaster);
-    let scene = raycaster.scene();
-    let points = spread(scene, POINTS, |triangle| area(scene, triangle));
-    let lit = points.into_iter().filter(|&point| lamps.light(raycaster, point, None)).count();
-    lit as f64 >= ENOUGH * POINTS as f64 && !lamps.points.is_empty()
+    Lamps::new(raycaster).suffice(raycaster)
 }
 
 /// Points on a scene's lamps.
@@ -45,6 +41,14 @@ pub(crate) struct Lamps {
 impl Lamps {
     pub(crate) fn new(raycaster: &Raycaster) -> Lamps {
         Lamps { points: lamp_points(raycaster) }
+    }
+
+    /// Returns true if enough of the scene's surface shines or is reached by direct light.
+    pub(crate) fn suffice(&self, raycaster: &Raycaster) -> bool {
+        let scene = raycaster.scene();
+        let points = spread(scene, POINTS, |triangle| area(scene, triangle));
+        let lit = points.into_iter().filter(|&point| self.light(raycaster, point, None)).count();
+        lit as f64 >= ENOUGH * POINTS as f64 && !self.points.is_empty()
     }
 
     /// Returns true if a point of a triangle shines, or if direct light reaches it. With `seen`, a

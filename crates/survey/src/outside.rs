@@ -67,8 +67,9 @@ pub(crate) fn from_outside(frame: &Frame, raycaster: &Raycaster, open: Option<&L
         return look.whole(frame, scene);
     }
     let features = scene.features();
-    // A sky or a sun lights what lamps do not.
+    // A sky or a sun lights what lamps do not. A scene that is dark without one will get it.
     let lamps = (!features.sky && features.suns == 0).then(|| Lamps::new(raycaster));
+    let lamps = lamps.filter(|lamps| lamps.suffice(raycaster));
     let looks = DIRECTIONS.map(|direction| Look::new(frame, direction));
     let shown = looks.each_ref().map(|look| look.shown(raycaster, lamps.as_ref()));
     let most = shown.into_iter().fold(0.0, f64::max);

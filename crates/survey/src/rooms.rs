@@ -1,5 +1,7 @@
 //! Rooms: free boxes at eye height, at a distance from walls and furniture.
 
+use std::cell::OnceCell;
+
 use glam::DVec3;
 use holo_raycast::Raycaster;
 use holo_scene::{About, Said};
@@ -10,7 +12,7 @@ use crate::doors::joints;
 use crate::frame::Frame;
 use crate::grid::Grid;
 use crate::level::{Heights, Level, levels};
-use crate::outside::{from_outside, open_side};
+use crate::outside::{Look, from_outside, open_side};
 use crate::rectangle::{Rectangle, largest, opened};
 use crate::sight::{self, Sight};
 use crate::unit::{Unit, by_extent, by_storey, unit_words};
@@ -95,8 +97,9 @@ pub struct Survey {
     pub doors: Vec<Door>,
     /// The length of the scene's unit, stated or guessed.
     pub unit: Guess<Unit>,
-    /// A view of the whole scene from outside.
-    pub outside: Sight,
+    frame: Frame,
+    open_side: Option<Look>,
+    outside: OnceCell<Sight>,
     pub(crate) levels: Vec<Level>,
     pub(crate) grid: Option<Grid>,
     /// Height of eyes above floors, in scene units.
@@ -114,8 +117,7 @@ impl Survey {
         let scene = raycaster.scene();
         let (unit, usual) = known_unit(unit, about);
         let (low, high) = scene.bounds();
-        let open_side = open_side(&frame, raycaster);
-        let outside = from_outside(&frame, raycaster, open_side.as_ref());
+        let (open_side, outside) = (open_side(&frame, raycaster), OnceCell::new());
         let extent = (high - low).max_element();
         let Some(grid) = Grid::new(raycaster, frame) else {
             let unit = unit.or(usual).unwrap_or_else(|| by_extent(extent));
@@ -123,6 +125,8 @@ impl Survey {
                 rooms: Vec::new(),
                 doors: Vec::new(),
                 unit,
+                frame,
+                open_side,
                 outside,
                 levels: Vec::new(),
                 grid: None,
@@ -155,7 +159,7 @@ impl Survey {
             by_storey.or(usual).unwrap_or_else(|| by_extent(extent))
         });
         let (doors, grid, origin) = (Vec::new(), Some(grid), scene.origin);
-        Survey { rooms, doors, unit, outside, levels, grid, eye, origin }
+        Survey { rooms, doors, unit, frame, open_side, outside, levels, grid, eye, origin }
     }
 
     /// Removes all rooms except the `most` largest, and joins these through doors.
@@ -177,11 +181,19 @@ impl Survey {
     /// Returns the views of the survey by name: one for each room, the largest first, or else the
     /// one from outside.
     #[must_use]
-    pub fn views(&self) -> Vec<(String, Sight)> {
+    pub fn views(&self, raycaster: &Raycaster) -> Vec<(String, Sight)> {
         let rooms = self.rooms.iter().enumerate();
         let views: Vec<_> =
             rooms.map(|(n, room)| (format!("room {}", n + 1), room.sight)).collect();
-        if views.is_empty() { vec![("outside".to_owned(), self.outside)] } else { views }
+        if views.is_empty() { vec![("outside".to_owned(), self.outside(raycaster))] } else { views }
+    }
+
+    /// Returns a view of the whole scene from outside. Later calls return the same, even if the
+    /// scene has got light since.
+    #[must_use]
+    pub fn outside(&self, raycaster: &Raycaster) -> Sight {
+        let find = || from_outside(&self.frame, raycaster, self.open_side.as_ref());
+        *self.outside.get_or_init(find)
     }
 }
 

@@ -190,7 +190,7 @@ fn rooms_behind_a_wall_without_a_door_are_not_joined() {
 
 #[test]
 fn a_limit_keeps_the_largest_rooms_and_the_doors_between_them() {
-    let (mut survey, _) = row_of_rooms(10, None).survey(DVec3::Z, None);
+    let (mut survey, raycaster) = row_of_rooms(10, None).survey(DVec3::Z, None);
     assert_eq!(survey.rooms.len(), 10);
     let area = |n: usize| survey.rooms[n].axes[0].x * survey.rooms[n].axes[1].y;
     assert!((1..10).all(|n| area(n) <= area(n - 1)));
@@ -198,7 +198,7 @@ fn a_limit_keeps_the_largest_rooms_and_the_doors_between_them() {
     assert_eq!((survey.rooms.len(), survey.doors.len()), (2, 1));
     let from = |n: usize| survey.rooms[n].origin.x;
     assert!(from(0) < 1.0 && (4.0..5.0).contains(&from(1)), "the two at the end are longer");
-    assert_eq!(survey.views().len(), 2);
+    assert_eq!(survey.views(&raycaster).len(), 2);
     survey.limit(1);
     assert!(survey.doors.is_empty());
 }
@@ -223,7 +223,7 @@ fn a_room_is_seen_along_its_longest_line_from_within() {
     let (ray, _) = raycaster.localize(sight.eye, sight.direction).unwrap();
     let ahead = raycaster.nearest(&Ray { t_max: f32::INFINITY, ..ray }).unwrap().t;
     assert!(ahead > 4.5, "{ahead}");
-    assert_eq!(survey.views()[0], ("room 1".to_owned(), sight));
+    assert_eq!(survey.views(&raycaster)[0], ("room 1".to_owned(), sight));
 }
 
 #[test]
@@ -272,9 +272,9 @@ fn objects_have_no_rooms_and_are_seen_whole_from_outside() {
     dice.ids = (0..12).map(|triangle| triangle / 2).collect();
     (0..6).for_each(|side| _ = dice.material(&format!("side {side}"), 0.0));
     for model in [ball, crate_of_wood, post, dice] {
-        let (survey, _) = model.survey(DVec3::Z, None);
+        let (survey, raycaster) = model.survey(DVec3::Z, None);
         assert!(survey.rooms.is_empty() && survey.plan().is_none());
-        let (name, sight) = &survey.views()[0];
+        let (name, sight) = &survey.views(&raycaster)[0];
         assert_eq!(name, "outside");
         assert!(shows_all(&model, sight), "{sight:?}");
     }
@@ -290,10 +290,10 @@ fn no_board_is_looked_at_along_its_surface() {
             let side = DVec3::new(cos, sin, 0.0);
             let up = DVec3::new(-sin * tilt, cos * tilt, 1.0).normalize();
             board.quad([DVec3::ZERO, side, side + up, up], 0);
-            let (survey, _) = board.survey(DVec3::Z, None);
-            let shown = side.cross(up).dot(survey.outside.direction).abs();
+            let (survey, raycaster) = board.survey(DVec3::Z, None);
+            let shown = side.cross(up).dot(survey.outside(&raycaster).direction).abs();
             assert!(shown > 0.3, "{turn} {tilt}: {shown}");
-            assert!(shows_all(&board, &survey.outside));
+            assert!(shows_all(&board, &survey.outside(&raycaster)));
         }
     }
 }
@@ -315,10 +315,14 @@ fn a_box_is_looked_at_through_its_open_side() {
         stage.quad(corners.map(|[x, y]| DVec3::new(x, y, 0.9)), lamp);
         let turn = |p: DVec3| DVec3::new(p.x * cos - p.y * sin, p.x * sin + p.y * cos, p.z);
         stage.positions.iter_mut().for_each(|p| *p = turn(*p));
-        let (survey, _) = stage.survey(DVec3::Z, None);
-        let ahead = turn(DVec3::Y).dot(survey.outside.direction);
-        assert!(survey.rooms.is_empty() && ahead > 0.999, "{open}: {:?}", survey.outside);
-        assert!(shows_all(&stage, &survey.outside));
+        let (survey, raycaster) = stage.survey(DVec3::Z, None);
+        let ahead = turn(DVec3::Y).dot(survey.outside(&raycaster).direction);
+        assert!(
+            survey.rooms.is_empty() && ahead > 0.999,
+            "{open}: {:?}",
+            survey.outside(&raycaster)
+        );
+        assert!(shows_all(&stage, &survey.outside(&raycaster)));
     }
 }
 

@@ -1,6 +1,8 @@
 //! The path tracer of one scene: its materials, lights and settings.
 
+use std::panic::resume_unwind;
 use std::sync::Arc;
+use std::thread;
 
 use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
@@ -58,9 +60,15 @@ impl PathEngine {
         let nesting = Nesting::new(scene);
         let is_specular = nesting.is_some() || surfaces.iter().any(|s| s.scatter.is_delta());
         let lights_find_all = direct == Direct::Both && lights.is_one() && !is_specular;
+        // Each takes 0.1 s or more, and somebody may be waiting for the first picture.
+        let (secondary, caustics) = thread::scope(|scope| {
+            let caustics = scope.spawn(|| Caustics::find(raycaster, &surfaces, &lights, &panes));
+            let secondary = SecondarySources::find(raycaster, &surfaces, &lights);
+            (secondary, caustics.join().unwrap_or_else(|panic| resume_unwind(panic)))
+        });
         Self {
-            secondary: SecondarySources::find(raycaster, &surfaces, &lights),
-            caustics: Caustics::find(raycaster, &surfaces, &lights, &panes),
+            secondary,
+            caustics,
             surfaces,
             lights,
             panes,
