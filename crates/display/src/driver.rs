@@ -128,6 +128,10 @@ pub trait Driver: Send {
     /// Reports that all stored samples of the view have arrived.
     fn settle(&mut self) {}
 
+    /// Reports that the next frame is for a file. It may take longer than one that is displayed,
+    /// after which the eye may move on.
+    fn draw_for_file(&mut self) {}
+
     /// Draws the frame. Calls `stage_ended` with the name of each stage as it ends, so that the
     /// caller can measure the stages. Drivers without stages never call it.
     fn draw(&mut self, stage_ended: &mut dyn FnMut(&'static str)) -> Frame;

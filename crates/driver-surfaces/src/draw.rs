@@ -4,6 +4,7 @@
 //! Invariant: a picture at rest is a function of the store and the view. The number of threads
 //! changes no bit.
 
+use crate::behind::BehindPanes;
 use crate::cell::{Face, Sums, luminance};
 use crate::edges::{Edge, Piece};
 use crate::estimate::Estimate;
@@ -27,6 +28,10 @@ pub struct Drawn {
 
 /// Mean samples per pixel from which squares have sides of 2 pixels, and of 1 pixel.
 const DENSE: [f32; 2] = [0.3, 4.0];
+
+/// Share of pixels with samples from which a denoiser makes better pictures from all pixels than
+/// from squares of 2 × 2. It takes four times as long.
+const COVERED: f32 = 0.7;
 
 /// Expected relative difference between the light of a piece and that of the squares around it.
 const SPREAD: f32 = 0.1;
@@ -54,8 +59,8 @@ struct Further<'a> {
 const NO_PANE: u32 = u32::MAX;
 
 impl Gathered {
-    /// Draws the view, and stores the light found in `known`. Squares have sides of at least
-    /// `least_step` pixels.
+    /// Draws the view, and stores the light found in `known`. `step` is the side of the filtered
+    /// squares, pixels.
     ///
     /// If no pixel nearby has light, `store` provides a mean over a larger place. A denoiser
     /// replaces the filter's light, but not its standard errors.
@@ -63,20 +68,24 @@ impl Gathered {
     pub(crate) fn draw_and_learn(
         &self,
         (view, store): (&View, &Store),
-        least_step: usize,
+        step: usize,
         denoiser: Option<&mut Denoiser>,
         known: &mut Known,
     ) -> Drawn {
-        let step = self.step(view).max(least_step);
         let squares = Squares::new(|pixel| view.seen[pixel], view.size, step);
         let pixels = self.pixels();
-        let sums = squares.sums(view.size, |pixel| Some((&view.seen[pixel], &pixels[pixel])));
-        let mut lights = squares.filter(view, store, &sums, denoiser.is_some());
+        let mut sums = squares.sums(view.size, |pixel| Some((&view.seen[pixel], &pixels[pixel])));
+        let in_panes = self.layer_of_panes(view, store, step);
+        let behind = in_panes.as_ref().map_or_else(BehindPanes::default, |in_panes| {
+            let around = &Around { store, mean: store.mean() };
+            let unknown = |seen: &Seen| view.mean_around(around, seen);
+            BehindPanes::new(view, &squares, in_panes, unknown, &mut sums)
+        });
+        let mut lights = squares.filter((view, store), &sums, &behind, denoiser.is_some());
         if let Some(denoiser) = denoiser {
-            squares.denoise(&sums, &mut lights, denoiser);
+            squares.denoise(&sums, &behind, &mut lights, denoiser);
         }
         known.learn(view, &squares, &lights);
-        let in_panes = self.layer_of_panes(view, store, step);
         let further = Further { pieces: self.pieces(), in_panes };
         view.lit(store, &Layer { squares, lights }, &further)
     }
@@ -96,24 +105,31 @@ impl Gathered {
         };
         let seen = |pixel| of_pixel(pixel).map_or(Seen::NOTHING, |(seen, _)| *seen);
         let squares = Squares::new(seen, view.size, step);
-        let lights = squares.filter(view, store, &squares.sums(view.size, of_pixel), false);
+        let sums = squares.sums(view.size, of_pixel);
+        let lights = squares.filter((view, store), &sums, &BehindPanes::default(), false);
         Some(Layer { squares, lights })
     }
 
     /// Draws the view at rest.
     #[must_use]
     pub fn draw(&self, view: &View, store: &Store, denoiser: Option<&mut Denoiser>) -> Drawn {
-        self.draw_and_learn((view, store), 1, denoiser, &mut Known::default())
+        let step = self.step(view, denoiser.is_some());
+        self.draw_and_learn((view, store), step, denoiser, &mut Known::default())
     }
 
-    /// Returns the side of the filtered squares, pixels. Squares are wider if samples are few.
-    fn step(&self, view: &View) -> usize {
-        let samples: f32 = self.pixels().par_iter().map(|sums| sums.count as f32).sum();
-        let pixels = view.seen.iter().filter(|seen| seen.is_surface()).count();
-        let dense = samples / pixels.max(1) as f32;
+    /// Returns the side of the filtered squares, pixels. Squares are wider if samples are few. If
+    /// `is_final`, a denoiser is used, and nobody waits for the picture in order to move on.
+    pub(crate) fn step(&self, view: &View, is_final: bool) -> usize {
+        let of_pixels = self.pixels().par_iter().zip(&view.seen);
+        let (samples, covered, pixels) = of_pixels
+            .filter(|(_, seen)| seen.is_surface())
+            .map(|(sums, _)| (u64::from(sums.count), usize::from(sums.count > 0), 1))
+            .reduce(|| (0, 0, 0), |a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2));
+        let pixels = pixels.max(1) as f32;
+        let dense = samples as f32 / pixels;
         if dense < DENSE[0] {
             4
-        } else if dense < DENSE[1] {
+        } else if dense < DENSE[1] && !(is_final && covered as f32 >= COVERED * pixels) {
             2
         } else {
             1
@@ -231,6 +247,8 @@ impl View {
             return Estimate::default();
         }
         match layer.at(piece.at, &piece.seen) {
+            // Samples through panes also contain what the panes mirror.
+            Some(near) if self.way(&piece.seen).pane > 0.0 => near,
             Some(near) => near.improved(sums, SPREAD),
             None => self.mean_around(around, &piece.seen).improved(sums, WIDE_SPREAD),
         }

@@ -99,6 +99,8 @@ struct Shown {
     /// If true, further frames are refined: pixels on edges have several rays, and frames are
     /// denoised. A view's first frame is not refined, so that it appears soon.
     is_refined: bool,
+    /// True if the next frame is for a file.
+    is_for_file: bool,
     edges: Edges,
     /// Known light. It is shown while the eye moves, and in the first frame of a glance and after a
     /// stop, so that these frames appear soon.
@@ -231,14 +233,16 @@ impl SurfacesDriver {
         let (view, store) = (&shown.view, &self.store);
         let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));
         let mut denoiser = self.denoiser.as_mut().filter(|_| refined.is_denoised);
-        let again = denoiser.as_deref_mut();
         let least = if resolution == Resolution::Full { 1 } else { LEAST_STEP };
+        let is_final = std::mem::take(&mut shown.is_for_file) && denoiser.is_some();
+        let step = |gathered: &Gathered| gathered.step(view, is_final).max(least);
         let seen = (view, store);
-        let mut drawn = gathered.draw_and_learn(seen, least, again, &mut self.known);
+        let mut drawn =
+            gathered.draw_and_learn(seen, step(gathered), denoiser.as_deref_mut(), &mut self.known);
         let has_live = self.live.samples() > 0 && shown.covered.contains(&false);
         let all = has_live.then(|| gathered.with(view, &self.live));
         if let Some(all) = &all {
-            let with_live = all.draw_and_learn(seen, least, denoiser, &mut self.known);
+            let with_live = all.draw_and_learn(seen, step(all), denoiser, &mut self.known);
             for pixel in (0..drawn.pixels.len()).filter(|&pixel| !shown.covered[pixel]) {
                 drawn.pixels[pixel] = with_live.pixels[pixel];
                 drawn.errors[pixel] = with_live.errors[pixel];
@@ -352,6 +356,7 @@ impl Driver for SurfacesDriver {
             view,
             gathered: None,
             is_refined,
+            is_for_file: false,
             edges: Edges::Some(Vec::new()),
             known,
             drawn: None,
@@ -398,6 +403,10 @@ impl Driver for SurfacesDriver {
         let mut placed = Vec::with_capacity(rays.len());
         Placer::new(&self.raycaster, &self.materials).place_rays(&rays, &mut placed);
         self.live.add(&placed);
+    }
+
+    fn draw_for_file(&mut self) {
+        self.shown.iter_mut().for_each(|shown| shown.is_for_file = true);
     }
 
     fn settle(&mut self) {

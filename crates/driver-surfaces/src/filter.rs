@@ -12,6 +12,7 @@
 //! - A sample contributes at most a tenth of the light of its wide neighbourhood. The limit grows
 //!   with the number of samples, so the bias that it causes vanishes as they grow.
 
+use crate::behind::BehindPanes;
 use crate::cell::{Sums, luminance};
 use crate::estimate::{Estimate, Lit};
 use crate::likely::LikelyLight;
@@ -64,9 +65,15 @@ impl Squares {
         if self.step == 4 { 4 } else { 5 }
     }
 
-    /// Returns the light of every square. If `once`, the second pass is left out, because a
-    /// denoiser replaces the light of squares with samples.
-    pub fn filter(&self, view: &View, store: &Store, sums: &[Sums], once: bool) -> Vec<Estimate> {
+    /// Returns the light of every square. `behind` tells which squares lie behind panes. If `once`,
+    /// the second pass is left out, because a denoiser replaces the light of squares with samples.
+    pub fn filter(
+        &self,
+        (view, store): (&View, &Store),
+        sums: &[Sums],
+        behind: &BehindPanes,
+        once: bool,
+    ) -> Vec<Estimate> {
         let layout = self.layout();
         let geometry = self.geometry(&layout);
         let weights: Vec<Weights> =
@@ -79,8 +86,9 @@ impl Squares {
         let likely = LikelyLight::new((view, store), self, &layout, &raw);
         let mean = luminance(likely.mean.to_array());
         let held = layout.planes(|at| {
-            limit_brightest(&raw.at(at).into(), &around.at(at).into(), &sums[at.number], mean)
-                .to_array()
+            let (own, around) = (raw.at(at).into(), around.at(at).into());
+            let held = limit_brightest(&own, &around, &sums[at.number], mean);
+            behind.taken_out(at.number, held).to_array()
         });
         let mut scales = scales(&layout, held, &weights);
         let last = &scales[SCALES];
@@ -126,12 +134,21 @@ impl Squares {
 
     /// Replaces the filtered light by the denoised means of all samples. If a square has no
     /// samples, its filtered light is denoised. If the library fails, the light stays filtered.
-    pub fn denoise(&self, sums: &[Sums], lights: &mut [Estimate], denoiser: &mut Denoiser) {
-        let mean = |(sums, filtered): (&Sums, &Estimate)| {
-            let light = if sums.count > 0 { sums.mean() } else { filtered.light };
-            (light / SCALE).to_array()
+    pub fn denoise(
+        &self,
+        sums: &[Sums],
+        behind: &BehindPanes,
+        lights: &mut [Estimate],
+        denoiser: &mut Denoiser,
+    ) {
+        let mean = |number: usize| {
+            let light = match &sums[number] {
+                Sums { count: 0, .. } => lights[number].light,
+                sums => behind.of(number).map_or(sums.mean(), |pane| pane.light(sums.mean())),
+            };
+            (light.max(Vec3::ZERO) / SCALE).to_array()
         };
-        let mut pixels: Vec<[f32; 3]> = sums.iter().zip(&*lights).map(mean).collect();
+        let mut pixels: Vec<[f32; 3]> = (0..sums.len()).map(mean).collect();
         let normals: Vec<[f32; 3]> = self.seen.iter().map(|seen| seen.normal.to_array()).collect();
         if denoiser.denoise_light(&mut pixels, &normals, self.size).is_ok() {
             for (light, pixel) in lights.iter_mut().zip(pixels) {
@@ -290,6 +307,8 @@ fn choose(
         }
     }
     estimate.error = (estimate.error * estimate.error + blur).sqrt();
+    // Behind panes, noise may leave less than nothing.
+    estimate.light = estimate.light.max(Vec3::ZERO);
     estimate
 }
 

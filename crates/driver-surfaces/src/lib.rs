@@ -21,6 +21,7 @@
 //! - A sample is placed once, when it arrives. The store outlives the views.
 //! - The crate does no input or output, and reads no clock.
 
+mod behind;
 mod cell;
 mod draw;
 mod driver;

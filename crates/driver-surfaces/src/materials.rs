@@ -6,7 +6,7 @@
 use holo_scene::{Bsdf, Material, Rgb, Scene};
 
 /// Least reflectance. Samples of a black surface show nothing of the light on it.
-const LEAST_REFLECTANCE: f32 = 0.02;
+pub(crate) const LEAST_REFLECTANCE: f32 = 0.02;
 
 /// Greatest GGX roughness of a metal that counts as a mirror.
 const SMOOTH_METAL: f32 = 0.05;

@@ -107,6 +107,10 @@ impl Driver for StandInsDriver {
         }
     }
 
+    fn draw_for_file(&mut self) {
+        self.driver.draw_for_file();
+    }
+
     fn settle(&mut self) {
         self.driver.settle();
     }

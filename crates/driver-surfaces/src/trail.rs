@@ -29,6 +29,8 @@ pub(crate) struct End {
     pub length: f32,
     /// True if a mirror or a pane has turned the ray.
     pub is_mirrored: bool,
+    /// The share of light that the first pane on the way reflects; 0 without a pane.
+    pub pane: f32,
     pub hit: Hit,
 }
 
@@ -101,6 +103,7 @@ impl<'a> Follower<'a> {
             share: [1.0; 3],
             length: hit.t,
             is_mirrored: false,
+            pane: 0.0,
             hit,
         }
     }
@@ -131,6 +134,7 @@ impl<'a> Follower<'a> {
         let mut share = [1.0; 3];
         let mut length = 0.0;
         let mut is_mirrored = false;
+        let mut pane = 0.0;
         for _ in 0..MOST_SURFACES {
             let normal = self.raycaster.geometric_normal(hit.triangle);
             let cosine = ray.direction.dot(normal);
@@ -139,12 +143,13 @@ impl<'a> Follower<'a> {
                 Kind::Diffuse | Kind::Glossy => {
                     let end = self.end(&ray, hit);
                     let length = length + hit.t;
-                    return Shown::Surface(End { share, length, is_mirrored, ..end });
+                    return Shown::Surface(End { share, length, is_mirrored, pane, ..end });
                 }
                 Kind::Mirror(ks) => (ks, mirrored),
                 Kind::Pane { ior, transmittance } => {
                     let reflected = pane_reflectance(cosine.abs(), ior);
                     let passes = transmittance.map(|t| t * (1.0 - reflected));
+                    pane = if pane > 0.0 { pane } else { reflected };
                     match panes {
                         AtPanes::Pass => (passes, ray.direction),
                         AtPanes::PassAll => (passes.map(|p| p + reflected), ray.direction),

@@ -71,6 +71,8 @@ pub struct Way {
     pub to_lamp: f32,
     /// True if a mirror turned the ray. Otherwise the surface lies in the pixel's direction.
     pub is_mirrored: bool,
+    /// The share of light that the first pane on the way reflects; 0 without a pane.
+    pub pane: f32,
 }
 
 /// The surfaces of a view.
@@ -109,6 +111,7 @@ impl Way {
         direction: Vec3::ZERO,
         to_lamp: f32::INFINITY,
         is_mirrored: false,
+        pane: 0.0,
     };
 }
 
@@ -326,9 +329,9 @@ impl View {
         match shown {
             Shown::Surface(end) => {
                 let finish = self.follower().finish(end.material);
-                let End { share, direction, is_mirrored, .. } = end;
+                let End { share, direction, is_mirrored, pane, .. } = end;
                 let width = self.pixel_width(end.length);
-                how = Way { share, direction, is_mirrored, ..how };
+                how = Way { share, direction, is_mirrored, pane, ..how };
                 if finish.shines(end.front) {
                     let emission = times(finish.emission, self.follower().glow(&end, width));
                     how.radiance = times(end.share, emission);

@@ -245,3 +245,72 @@ fn a_pane_mirrors_light_without_its_noise() {
     let square = errors.iter().map(|error| error * error).sum::<f32>() / errors.len() as f32;
     assert!(errors.len() > 200 && square < 0.02, "{square}");
 }
+
+#[test]
+fn samples_through_a_pane_count_what_it_mirrors_once() {
+    let (behind, room) = (0.05, 1.0);
+    let raycaster = room_with_window();
+    let materials = Arc::new(Materials::new(raycaster.scene()));
+    let eye = to_wall();
+    let view = View::new(Arc::clone(&raycaster), materials, &eye, (64, 64));
+    // The pixels through which a pane shows the backdrop, and mirrors the floor.
+    let panes = view.in_panes.iter().filter(|pane| pane.seen.is_surface());
+    let panes: Vec<usize> =
+        panes.map(|pane| pane.pixel).filter(|&pixel| view.seen[pixel].is_surface()).collect();
+    let share = |pixel: usize| {
+        let way = view.ways[view.seen[pixel].way as usize];
+        (way.share[1], way.pane)
+    };
+    let ray = |number: usize, pixel: usize, radiance: f32| {
+        let jitter = |shift: u32| {
+            let bits = holo_display::split_mix(number as u64) >> shift & 0xffff;
+            bits as f64 / 65536.0
+        };
+        let x = ((pixel % 64) as f64 + jitter(0)) / 64.0;
+        let y = 1.0 - ((pixel / 64) as f64 + jitter(16)) / 64.0;
+        let (origin, direction) = eye.ray(x, y);
+        let distance = (2.0 - origin.y) / direction.y;
+        let radiance = [radiance; 3];
+        RaySample { origin, direction, distance, uncertainty: 1e-6, radiance, paths: 1 }
+    };
+    let total = |pixel: usize| share(pixel).0 * behind + share(pixel).1 * room;
+    let even = |_: usize, pixel: usize| total(pixel);
+    // A path follows what the pane lets pass or what it mirrors, each half of the time.
+    let either = |number: usize, pixel: usize| match number % 2 {
+        0 => 2.0 * share(pixel).0 * behind,
+        _ => 2.0 * share(pixel).1 * room,
+    };
+    let shown = |radiance: &dyn Fn(usize, usize) -> f32| {
+        let mut rays = floor_rays(100, |_, _| room);
+        let numbered = (0..16 * panes.len()).map(|number| {
+            let pixel = panes[number / 16];
+            ray(number, pixel, radiance(number, pixel))
+        });
+        rays.extend(numbered);
+        let (_, drawn) = seen_by(&raycaster, &rays, &eye);
+        let shown: f32 = panes.iter().map(|&pixel| drawn.pixels[pixel][1] / total(pixel)).sum();
+        shown / panes.len() as f32
+    };
+    assert!(panes.len() > 200, "{}", panes.len());
+    for shown in [shown(&even), shown(&either)] {
+        assert!((shown - 1.0).abs() < 0.03, "{shown}");
+    }
+}
+
+/// A floor of albedo 0.5 before a pane, with a backdrop of the same albedo 1 m behind the pane.
+fn room_with_window() -> Arc<Raycaster> {
+    let square = |half: f64, y: f64| {
+        [(-half, 0.0), (half, 0.0), (half, 2.0 * half), (-half, 2.0 * half)]
+            .map(|(x, z)| DVec3::new(x, y, z))
+    };
+    let floor =
+        [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)].map(|(x, y)| DVec3::new(x, y, 0.0));
+    let positions: Vec<DVec3> = [floor, square(2.0, 2.0), square(4.0, 3.0)].concat();
+    let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7], [8, 9, 10], [8, 10, 11]];
+    let (mut grey, mut pane) = (Material::grey("grey"), Material::grey("pane"));
+    grey.bsdf = Bsdf::Diffuse { kd: [0.5; 3] };
+    pane.bsdf = Bsdf::ThinGlass { ior: 1.5, transmittance: [1.0; 3] };
+    let ids = [0, 0, 1, 1, 0, 0];
+    let made = Scene::from_world(&positions, &triangles, &ids, vec![grey, pane], [0.0; 3]);
+    Arc::new(Raycaster::build(Arc::new(made.unwrap().0)).unwrap())
+}

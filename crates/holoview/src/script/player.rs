@@ -183,7 +183,7 @@ fn begins_with_view(next: &Next) -> bool {
 
 /// Draws the session's view, writes it to `path`, and returns the report.
 fn write_picture(session: &mut Session, path: PathBuf, look: &LookArgs) -> Result<PictureReport> {
-    let (frame, stages) = session.draw();
+    let (frame, stages) = session.draw_for_file();
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }

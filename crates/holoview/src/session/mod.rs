@@ -226,6 +226,12 @@ impl Session {
         (frame, stages)
     }
 
+    /// Draws as [`draw`](Self::draw) does, as well as the driver can.
+    pub fn draw_for_file(&mut self) -> (Frame, Vec<StageTime>) {
+        self.driver.draw_for_file();
+        self.draw()
+    }
+
     /// Returns whether drawing again would improve the frame without any new samples.
     pub fn refines(&self) -> bool {
         self.driver.refines()

@@ -448,7 +448,7 @@ impl Painter {
                 self.session.wait(end.min(Instant::now() + NEWS))?;
             }
             self.session.finish_view();
-            reply.give(Arc::new(self.session.draw().0));
+            reply.give(Arc::new(self.session.draw_for_file().0));
         }
         self.looked = None;
         Ok(())

@@ -1,0 +1,94 @@
+//! Light of surfaces behind panes.
+//!
+//! A sample through a pane shows what is behind the pane and what the pane mirrors. The store holds
+//! its whole radiance as light of the surface behind. Pictures show both apart, so the mirrored
+//! light is taken out of the sums of each square.
+//!
+//! Invariant: without panes, nothing is computed.
+
+use crate::cell::{Sums, luminance};
+use crate::estimate::{Estimate, Lit};
+use crate::materials::LEAST_REFLECTANCE;
+use crate::squares::{Layer, Squares};
+use crate::view::{Seen, View};
+use glam::Vec3;
+
+/// Least share of light that a pane is taken to let pass, so that nothing is divided by 0.
+const LEAST_PASSED: f32 = 0.01;
+
+/// Turns the stored light of a square behind a pane into that of the surface alone.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BehindPane {
+    /// Light that the pane lets pass or mirrors, relative to what it lets pass.
+    share: Vec3,
+    /// The mirrored light, as light of the surface behind.
+    mirrored: Vec3,
+}
+
+/// What to take out of each square; nothing without panes.
+#[derive(Default)]
+pub(crate) struct BehindPanes(Vec<Option<BehindPane>>);
+
+impl BehindPane {
+    /// Returns the light of the surface alone, which noise may make negative.
+    pub fn light(&self, light: Vec3) -> Vec3 {
+        self.share * light - self.mirrored
+    }
+
+    fn lit(&self, lit: &Lit) -> Lit {
+        if lit.count <= 0.0 {
+            return *lit;
+        }
+        let (before, light) = (lit.mean(), self.light(lit.mean()));
+        let bright = |light: Vec3| luminance(light.to_array());
+        let variance = (lit.square / lit.count - bright(before) * bright(before)).max(0.0);
+        let share = bright(self.share);
+        let square = share * share * variance + bright(light) * bright(light);
+        Lit { light: lit.count * light, square: lit.count * square, ..*lit }
+    }
+}
+
+impl BehindPanes {
+    /// Finds what panes mirror into each square. `in_panes` has the mirrored light of the same
+    /// squares. `unknown` returns the light of a mirrored surface without known light. Squares in
+    /// which a pane mirrors a lamp lose their `sums`, because single samples decide about them.
+    pub fn new(
+        view: &View,
+        squares: &Squares,
+        in_panes: &Layer,
+        unknown: impl Fn(&Seen) -> Estimate,
+        sums: &mut [Sums],
+    ) -> BehindPanes {
+        let of_square = |number: usize| {
+            let (seen, mirrored) = (&squares.seen[number], &in_panes.squares.seen[number]);
+            let way = view.way(seen);
+            if !seen.is_surface() || way.is_mirrored || way.pane <= 0.0 {
+                return None;
+            }
+            let known = in_panes.lights[number];
+            let light = if known.error.is_finite() { known } else { unknown(mirrored) }.light;
+            let (scale, radiance) = view.paint(mirrored);
+            let passes = Vec3::from_array(way.share).max(Vec3::splat(LEAST_PASSED));
+            let through = Vec3::from_array(view.paint(seen).0).max(passes * LEAST_REFLECTANCE);
+            let shown = Vec3::from_array(scale) * light + Vec3::from_array(radiance) / view.unit();
+            let share = Vec3::ONE + way.pane / passes;
+            Some(BehindPane { share, mirrored: shown / through })
+        };
+        for (sums, seen) in sums.iter_mut().zip(&in_panes.squares.seen) {
+            if view.way(seen).to_lamp.is_finite() {
+                *sums = Sums::default();
+            }
+        }
+        BehindPanes((0..squares.seen.len()).map(of_square).collect())
+    }
+
+    /// Returns what to take out of a square.
+    pub fn of(&self, square: usize) -> Option<&BehindPane> {
+        self.0.get(square)?.as_ref()
+    }
+
+    /// Returns a square's sums without mirrored light.
+    pub fn taken_out(&self, square: usize, lit: Lit) -> Lit {
+        self.of(square).map_or(lit, |behind| behind.lit(&lit))
+    }
+}
