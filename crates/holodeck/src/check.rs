@@ -52,10 +52,10 @@ pub fn run(args: &Args) -> Result<()> {
             "low": low.to_array(), "high": high.to_array(), "memory_bytes": memory,
             "findings": findings, "warnings": warnings,
         });
-        println!("{report}");
+        holo_progress::print_line!("{report}");
         return Ok(());
     }
-    println!(
+    holo_progress::print_line!(
         "{} triangles, {} materials, {} in memory without its hierarchy",
         HumanCount(scene.triangles.len() as u64),
         scene.materials.len(),
@@ -66,11 +66,16 @@ pub fn run(args: &Args) -> Result<()> {
             .at
             .map_or_else(String::new, |[x, y, z]| format!(", first at {x:.3} {y:.3} {z:.3}"));
         let of = found.material.as_ref().map_or_else(String::new, |name| format!(" of `{name}`"));
-        println!("{}: {}{of}{place}: {}", found.kind, HumanCount(found.count as u64), found.means);
+        holo_progress::print_line!(
+            "{}: {}{of}{place}: {}",
+            found.kind,
+            HumanCount(found.count as u64),
+            found.means
+        );
     }
-    warnings.iter().for_each(|warning| println!("{warning}"));
+    warnings.iter().for_each(|warning| holo_progress::print_line!("{warning}"));
     if findings.is_empty() && warnings.is_empty() {
-        println!("nothing odd");
+        holo_progress::print_line!("nothing odd");
     }
     Ok(())
 }

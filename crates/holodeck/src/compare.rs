@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> Result<()> {
         ),
     };
     if args.json {
-        println!(
+        holo_progress::print_line!(
             "{}",
             serde_json::to_string(&Report {
                 measures,
@@ -78,13 +78,13 @@ pub fn run(args: &Args) -> Result<()> {
         );
         return Ok(());
     }
-    print!("{measures} worst_block_shown={worst_block_shown:.5}");
+    let mut text = format!("{measures} worst_block_shown={worst_block_shown:.5}");
     if let Some(away) = worst_block_away {
-        print!(" worst_block_away={away:.5}");
+        text += &format!(" worst_block_away={away:.5}");
     }
     if let Some((half, worst)) = bias_99.zip(worst_block_beyond_noise) {
-        print!(" bias_99=±{half:.5} worst_block_beyond_noise={worst:.5}");
+        text += &format!(" bias_99=±{half:.5} worst_block_beyond_noise={worst:.5}");
     }
-    println!();
+    holo_progress::print_line!("{text}");
     Ok(())
 }

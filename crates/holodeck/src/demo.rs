@@ -115,7 +115,7 @@ fn viewer(
 /// See [`Args`].
 pub async fn run(args: Args) -> Result<()> {
     let config = house(&args.out)?;
-    println!("scene: {}", args.out.join("interior.obj").display());
+    holo_progress::print_line!("scene: {}", args.out.join("interior.obj").display());
     let file = args.out.join("interior.holo");
     // A demonstration shows how a picture emerges, so it always begins without samples.
     if file.exists() {
@@ -136,7 +136,7 @@ pub async fn run(args: Args) -> Result<()> {
     };
     session.run(|address| viewer(address, Some(args.size), Some(path))).await?;
     let names: Vec<&str> = config.view.iter().map(|view| view.name.as_str()).collect();
-    println!("{}", farewell(&args.out, &file, &names));
+    holo_progress::print_line!("{}", farewell(&args.out, &file, &names));
     Ok(())
 }
 

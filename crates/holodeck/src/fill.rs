@@ -125,9 +125,9 @@ pub async fn run(args: Args) -> Result<()> {
     let lines = server.output.await?;
     let last = lines.last().map(String::as_str).unwrap_or_default();
     if args.json {
-        println!("{last}");
+        holo_progress::print_line!("{last}");
     } else if let Ok(summary) = serde_json::from_str::<Summary>(last) {
-        println!("{}: {}", output.display(), summary_words(&summary));
+        holo_progress::print_line!("{}: {}", output.display(), summary_words(&summary));
     }
     Ok(())
 }

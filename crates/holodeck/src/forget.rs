@@ -30,16 +30,26 @@ pub fn run(args: &Args) -> Result<()> {
     let makers: Vec<Maker> = args.worker.iter().map(|&number| Maker(number)).collect();
     let forgotten = Holodeck::forget(&args.file, &makers)?;
     if args.json {
-        println!("{}", serde_json::to_string(&forgotten)?);
+        holo_progress::print_line!("{}", serde_json::to_string(&forgotten)?);
         return Ok(());
     }
     let Forgotten { samples, unseen, light_records, left } = forgotten;
-    println!("{} samples removed, {} are left", HumanCount(samples), HumanCount(left));
+    holo_progress::print_line!(
+        "{} samples removed, {} are left",
+        HumanCount(samples),
+        HumanCount(left)
+    );
     if unseen > 0 {
-        println!("{} beams that see nothing must be found again", HumanCount(unseen));
+        holo_progress::print_line!(
+            "{} beams that see nothing must be found again",
+            HumanCount(unseen)
+        );
     }
     if light_records > 0 {
-        println!("{} records of indirect light must be made again", HumanCount(light_records));
+        holo_progress::print_line!(
+            "{} records of indirect light must be made again",
+            HumanCount(light_records)
+        );
     }
     Ok(())
 }

@@ -240,26 +240,29 @@ fn damage(holodeck: &Holodeck) -> Vec<String> {
 pub fn info(args: &InfoArgs) -> Result<()> {
     let info = collect(&args.file)?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&info)?);
+        holo_progress::print_line!("{}", serde_json::to_string_pretty(&info)?);
         return Ok(());
     }
-    println!(
+    holo_progress::print_line!(
         "{}: {}, {} samples",
         args.file.display(),
         HumanBytes(info.bytes),
         HumanCount(info.samples)
     );
     if info.bytes_per_hour > 0.0 {
-        println!("being written: growing by about {}/h", HumanBytes(info.bytes_per_hour as u64));
+        holo_progress::print_line!(
+            "being written: growing by about {}/h",
+            HumanBytes(info.bytes_per_hour as u64)
+        );
     }
     if info.superseded_bytes > 0 {
-        println!(
+        holo_progress::print_line!(
             "superseded: {} of samples that better ones have replaced",
             HumanBytes(info.superseded_bytes)
         );
     }
     if info.generation > 0 {
-        println!(
+        holo_progress::print_line!(
             "generation {}: {} samples of the scene before, shown until new ones come",
             info.generation,
             HumanCount(info.earlier_samples)
@@ -267,10 +270,10 @@ pub fn info(args: &InfoArgs) -> Result<()> {
     }
     let paths =
         info.paths.iter().map(|(paths, samples)| format!("{} have {paths}", HumanCount(*samples)));
-    println!("paths per sample: {}", paths.collect::<Vec<_>>().join(", "));
+    holo_progress::print_line!("paths per sample: {}", paths.collect::<Vec<_>>().join(", "));
     for WorkerInfo { made_by, samples } in &info.workers {
         let token = made_by.token.as_ref().map_or_else(String::new, |t| format!(", token {t}"));
-        println!(
+        holo_progress::print_line!(
             "worker {} ({}{token}): {} samples, {} beams that see nothing",
             made_by.id,
             made_by.name,
@@ -278,7 +281,7 @@ pub fn info(args: &InfoArgs) -> Result<()> {
             HumanCount(made_by.claims)
         );
     }
-    println!("scene: {}", info.scene.source);
+    holo_progress::print_line!("scene: {}", info.scene.source);
     let bounces =
         info.settings.bounces.map_or("unlimited bounces".to_owned(), |n| format!("{n} bounces"));
     let engine = match info.settings.engine {
@@ -286,12 +289,15 @@ pub fn info(args: &InfoArgs) -> Result<()> {
         Engine::Cached => "cached",
     };
     let distances = if info.settings.virtual_distance { ", virtual distances" } else { "" };
-    println!(
+    holo_progress::print_line!(
         "engine: {engine}, {bounces}, {} paths per new sample{distances}",
         info.settings.paths_per_sample
     );
     if info.light_records > 0 {
-        println!("indirect light: {} records", HumanCount(info.light_records as u64));
+        holo_progress::print_line!(
+            "indirect light: {} records",
+            HumanCount(info.light_records as u64)
+        );
     }
     for (index, section) in info.sections.iter().enumerate() {
         let [w, d, h] = section.grid;
@@ -300,7 +306,7 @@ pub fn info(args: &InfoArgs) -> Result<()> {
             ViewClass::Interior => "interior",
             ViewClass::Exterior => "exterior",
         };
-        println!(
+        holo_progress::print_line!(
             "section {index}: {class}, grid {w}x{d}x{h}, obstructions {obstructions}, {} of {} beams \
              hold {} samples, {} see nothing",
             HumanCount(section.nonempty),
@@ -310,16 +316,16 @@ pub fn info(args: &InfoArgs) -> Result<()> {
         );
     }
     for (section, kind, source) in &info.stand_ins {
-        println!("section {section}: {kind} from {source}");
+        holo_progress::print_line!("section {section}: {kind} from {source}");
     }
     for choice in &info.choices {
-        println!("chosen: {choice}");
+        holo_progress::print_line!("chosen: {choice}");
     }
     for (name, options) in &info.views {
-        println!("view {name}: {options}");
+        holo_progress::print_line!("view {name}: {options}");
     }
     for damage in &info.damage {
-        println!("damaged: {damage}");
+        holo_progress::print_line!("damaged: {damage}");
     }
     Ok(())
 }
@@ -338,15 +344,18 @@ pub fn verify(args: &VerifyArgs) -> Result<()> {
         damage.push(said_once(error.as_ref()));
     }
     if args.json {
-        println!("{}", serde_json::json!({ "file": args.file, "damage": damage }));
+        holo_progress::print_line!(
+            "{}",
+            serde_json::json!({ "file": args.file, "damage": damage })
+        );
     } else {
         for damage in &damage {
-            println!("{damage}");
+            holo_progress::print_line!("{damage}");
         }
     }
     if damage.is_empty() {
         if !args.json {
-            println!("{}: whole", args.file.display());
+            holo_progress::print_line!("{}: whole", args.file.display());
         }
         return Ok(());
     }

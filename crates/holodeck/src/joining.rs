@@ -111,12 +111,12 @@ pub fn tokens(args: &TokensArgs) -> Result<()> {
     if let (Some(rights), Some(address)) = (args.add, &args.public) {
         let token = identity.add_token(rights)?;
         let (address, fingerprint) = (address.clone(), identity.fingerprint());
-        println!("join with {}", Invitation { address, fingerprint, token });
+        holo_progress::print_line!("join with {}", Invitation { address, fingerprint, token });
     } else if let Some(name) = &args.revoke {
         ensure!(identity.revoke_token(name)?, "no token has the name `{name}`");
     } else {
         for (token, rights) in identity.tokens()? {
-            println!("{} {rights}", token.name());
+            holo_progress::print_line!("{} {rights}", token.name());
         }
     }
     Ok(())

@@ -43,14 +43,14 @@ pub fn run(args: &Args) -> Result<()> {
         let doing = || format!("merging {} into {}", path.display(), args.into.display());
         let merged = into.merge(&part).with_context(doing)?;
         if !args.quiet && !args.json {
-            println!("{}: {}", path.display(), words(&merged));
+            holo_progress::print_line!("{}: {}", path.display(), words(&merged));
         }
         total.added += merged.added;
         total.better += merged.better;
         total.known += merged.known;
     }
     if args.json {
-        println!("{}", serde_json::to_string(&total)?);
+        holo_progress::print_line!("{}", serde_json::to_string(&total)?);
     }
     Ok(())
 }

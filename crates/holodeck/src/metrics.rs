@@ -26,7 +26,7 @@ pub async fn serve(server: Server, address: SocketAddr) -> Result<()> {
     let listener = listener.with_context(|| format!("listening at {address}"))?;
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;
-    println!("metrics at http://{}/metrics", listener.local_addr()?);
+    holo_progress::print_line!("metrics at http://{}/metrics", listener.local_addr()?);
     let answer = move || {
         let server = server.clone();
         async move {

@@ -138,7 +138,7 @@ impl Server {
         let mut output = process.output()?;
         let mut line = output.next_line().await?;
         if let Some(join) = line.as_ref().filter(|line| line.starts_with("join with ")) {
-            println!("{join}");
+            holo_progress::print_line!("{join}");
             line = output.next_line().await?;
         }
         let address = line.as_deref().and_then(|line| line.strip_prefix("listening on "));

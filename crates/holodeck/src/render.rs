@@ -219,13 +219,17 @@ impl Rendered {
                 "picture": path, "spp": least, "paths": paths, "seconds": seconds,
                 "paths_per_second": rate, "nonfinite_paths": self.nonfinite, "exposure": exposure,
             });
-            println!("{report}");
+            holo_progress::print_line!("{report}");
         } else if !args.quiet {
             let count = if least == most { most.to_string() } else { format!("{least} to {most}") };
             let (output, rate) = (path.display(), rate / 1e6);
-            println!("{output}: {count} paths per pixel in {seconds:.1} s, {rate:.2} M/s");
+            holo_progress::print_line!(
+                "{output}: {count} paths per pixel in {seconds:.1} s, {rate:.2} M/s"
+            );
             if let Some(factor) = exposure {
-                println!("{output}: radiance times {factor:.4} (--exposure ={factor:.4})");
+                holo_progress::print_line!(
+                    "{output}: radiance times {factor:.4} (--exposure ={factor:.4})"
+                );
             }
         }
         Ok(())

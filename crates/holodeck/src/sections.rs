@@ -44,14 +44,14 @@ pub fn run(args: &Args) -> Result<()> {
             "exterior": opened.sections.iter().any(|section| section.exterior),
             "views": opened.views, "choices": opened.choices,
         });
-        println!("{report}");
+        holo_progress::print_line!("{report}");
     } else {
         if !args.quiet {
             opened.say(&config)?;
         }
         for section in &opened.sections {
             let exterior = if section.exterior { " --exterior" } else { "" };
-            println!("--section \"{}\"{exterior}", section.to_option());
+            holo_progress::print_line!("--section \"{}\"{exterior}", section.to_option());
         }
     }
     let Some(path) = &args.output else { return Ok(()) };

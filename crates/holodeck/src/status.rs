@@ -57,7 +57,7 @@ pub async fn run(args: Args) -> Result<()> {
     } else {
         table(&report)
     };
-    print!("{text}");
+    holo_progress::print(format_args!("{text}"));
     Ok(())
 }
 

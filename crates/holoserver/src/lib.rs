@@ -310,9 +310,9 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) 
 
 fn say_ready(ready: Ready) {
     if let Some(invitation) = ready.invitation {
-        println!("join with {invitation}");
+        holo_progress::print_line!("join with {invitation}");
     }
-    println!("listening on {}", ready.address);
+    holo_progress::print_line!("listening on {}", ready.address);
 }
 
 /// Runs the whole program: [`run`] until a signal. It prints the address on standard output.
@@ -329,7 +329,7 @@ pub async fn run_until_signal(config: Config) -> Result<()> {
     // any free port.
     let summary = run(config, shutdown, say_ready).await?;
     if json {
-        println!("{}", serde_json::to_string(&summary)?);
+        holo_progress::print_line!("{}", serde_json::to_string(&summary)?);
     }
     Ok(())
 }

@@ -1,10 +1,12 @@
-//! Messages of programs to people: progress, and errors.
+//! Messages of programs to people: progress, errors, and results.
 //!
-//! Invariant: everything goes to standard error, so that results on standard output stay clean.
+//! Invariant: results alone go to standard output. Everything else goes to standard error.
 
 mod failure;
 mod meter;
+mod output;
 
 pub use failure::{exit_code, said_once};
 pub use indicatif::{HumanBytes, HumanCount};
 pub use meter::Meter;
+pub use output::print;

@@ -73,7 +73,10 @@ impl Reporter {
             Reporter::Parent { last } => {
                 if last.is_none_or(|last| last.elapsed() >= REPORT_EVERY) {
                     *last = Some(Instant::now());
-                    println!("{}", Report::Loading { share, text: text.to_owned() });
+                    holo_progress::print_line!(
+                        "{}",
+                        Report::Loading { share, text: text.to_owned() }
+                    );
                 }
             }
         }
@@ -83,7 +86,7 @@ impl Reporter {
     pub fn ready(&mut self) {
         match self {
             Reporter::People(meter) => meter.finish(),
-            Reporter::Parent { .. } => println!("{}", Report::Ready),
+            Reporter::Parent { .. } => holo_progress::print_line!("{}", Report::Ready),
         }
     }
 }

@@ -5,6 +5,20 @@ use holo_section::Section;
 use holo_tests::Place;
 
 #[test]
+fn a_reader_that_stops_early_is_no_error() {
+    let place = Place::new();
+    place.fill_small("a.holo", "1k").ok();
+    for options in [&[][..], &["--json"]] {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let mut command = std::process::Command::new(holo_tests::program());
+        let ended = command.arg("info").arg(place.path("a.holo")).args(options).stdout(writer);
+        let ended = ended.output().unwrap();
+        assert!(ended.status.success() && ended.stderr.is_empty(), "{ended:?}");
+    }
+}
+
+#[test]
 fn wrong_usage_ends_with_status_2() {
     let place = Place::new();
     let cases: [(&[&str], &[&str]); 14] = [

@@ -69,7 +69,7 @@ pub async fn run(config: Config, args: BrowserArgs, shutdown: Shutdown) -> Resul
         session::Connected::new(server, driver, config.points.clone(), shutdown.clone()).await?;
     let wishes = Wishes { view: config.view, record: args.record, crew: config.crew };
     let (stage, front) = stage(connected, wishes);
-    println!("http://{address}/");
+    holo_progress::print_line!("http://{address}/");
     if !args.no_open {
         open(&format!("http://{address}/"));
     }

@@ -124,7 +124,7 @@ impl Player {
         }
         let report = write_picture(&mut self.session, path.to_owned(), &self.config.look)?;
         if self.config.json {
-            println!("{}", serde_json::to_string(&report)?);
+            holo_progress::print_line!("{}", serde_json::to_string(&report)?);
         } else {
             self.meter.say(&report.to_string());
         }
@@ -149,7 +149,7 @@ impl Player {
                 "distance": distance.filter(|distance| distance.is_finite()),
                 "triangle": triangle,
             });
-            println!("{line}");
+            holo_progress::print_line!("{line}");
         } else {
             let [red, green, blue] = radiance;
             let distance = match distance {
@@ -157,7 +157,7 @@ impl Player {
                 Some(_) => "nothing hit".to_owned(),
                 None => "nothing known".to_owned(),
             };
-            println!(
+            holo_progress::print_line!(
                 "{column} {row}: radiance {red} {green} {blue} W/sr/m², luminance {luminance} \
                  cd/m², {distance}"
             );
