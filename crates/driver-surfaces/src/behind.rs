@@ -1,8 +1,8 @@
 //! Light of surfaces behind panes.
 //!
 //! A sample through a pane shows what is behind the pane and what the pane mirrors. The store holds
-//! its whole radiance as light of the surface behind. Pictures show both apart, so the mirrored
-//! light is taken out of the sums of each square.
+//! its whole radiance as light of the surface behind. Pictures add the mirrored light from its own
+//! sums. So it is first subtracted from the sums of the squares behind the pane.
 //!
 //! Invariant: without panes, nothing is computed.
 
@@ -25,7 +25,7 @@ pub(crate) struct BehindPane {
     mirrored: Vec3,
 }
 
-/// What to take out of each square; nothing without panes.
+/// The mirrored light in each square. Empty without panes.
 #[derive(Default)]
 pub(crate) struct BehindPanes(Vec<Option<BehindPane>>);
 
@@ -50,8 +50,9 @@ impl BehindPane {
 
 impl BehindPanes {
     /// Finds what panes mirror into each square. `in_panes` has the mirrored light of the same
-    /// squares. `unknown` returns the light of a mirrored surface without known light. Squares in
-    /// which a pane mirrors a lamp lose their `sums`, because single samples decide about them.
+    /// squares. `unknown` returns the light of a mirrored surface without known light. If a
+    /// pane mirrors a lamp into a square, the square loses its `sums`, because they depend on a few
+    /// very bright samples.
     pub fn new(
         view: &View,
         squares: &Squares,

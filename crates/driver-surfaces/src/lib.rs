@@ -8,8 +8,9 @@
 //!    several rays through pixels on edges.
 //! 4. [`Gathered`] sums the samples on visible surfaces. Each sample counts in one pixel, so the
 //!    noise of different pixels is independent.
-//! 5. A filter, or Open Image Denoise, smooths the sums of small squares of pixels. A picture is
-//!    this light times the materials' reflectance.
+//! 5. A filter, or Open Image Denoise, smooths the sums of small squares of pixels. Squares behind
+//!    panes first lose the light that the panes mirror. A picture is the smooth light times the
+//!    materials' reflectance.
 //! 6. While the eye moves, the driver looks up light by place that earlier pictures found.
 //!
 //! A [`StandInsDriver`] does the same for scenes with simpler geometry for some sections.

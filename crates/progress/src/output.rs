@@ -4,8 +4,9 @@ use std::fmt::Arguments;
 use std::io::{ErrorKind, Write, stdout};
 use std::process::exit;
 
-/// Prints results. If nobody reads them any more, as in `holodeck info … | head -3`, this ends the
-/// process with status 0. If they cannot be written, it prints the reason and ends it with status 1.
+/// Prints results. If the reader has closed the pipe, as in `holodeck info … | head -3`, this ends
+/// the process with status 0. If results cannot be written for another reason, it prints the reason
+/// and ends the process with status 1.
 pub fn print(results: Arguments<'_>) {
     let mut output = stdout().lock();
     match output.write_fmt(results).and_then(|()| output.flush()) {

@@ -73,8 +73,8 @@ impl Lamps {
 }
 
 impl LampPoint {
-    /// Returns true if this point lights `to`: on the side of its normal if `side` is positive, on
-    /// the other if it is negative, on either if there is none. Glass passes light through.
+    /// Returns true if this point lights `to`. Glass passes light through. If `side` is positive,
+    /// only the side of `to`'s normal counts. If it is negative, only the other side counts.
     fn reaches(&self, raycaster: &Raycaster, to: &SurfacePoint, side: Option<f32>) -> bool {
         let away = (to.point - self.point.point).normalize_or_zero();
         let (at_lamp, here) = (self.point.normal.dot(away), to.normal.dot(away));

@@ -28,7 +28,7 @@ const DIRECTIONS: [[f64; 3]; 10] = [
 /// direction shows.
 const SHOWN: f64 = 0.5;
 
-/// Value of surfaces that are in view but that no lamp lights directly, relative to lit ones.
+/// Value of visible surfaces without direct light, relative to lit ones.
 const UNLIT: f64 = 0.1;
 
 /// Number of rays along each side of a parallel view.
@@ -37,9 +37,9 @@ const RAYS: usize = 32;
 /// Distance of the rays' origins from the middle of the scene, relative to half of its depth.
 const START: f64 = 1.1;
 
-/// Depth, as a share of the scene's, from which a hit is deep inside. A side is open if at least
-/// these shares of the rays through it hit anything, and hit something deep inside. A slanted board
-/// has no open side, because a quarter of it is that deep.
+/// A hit is deep inside beyond this share of the scene's depth. A side is open if at least the share
+/// `CLOSED` of the rays through it hit anything, and the share `OPEN` of them deep inside. A slanted
+/// board has no open side, because only a quarter of it is that deep.
 const DEEP: f64 = 0.75;
 const CLOSED: f64 = 0.9;
 const OPEN: f64 = 0.5;
@@ -59,8 +59,8 @@ const WIDE: f64 = 9.0 / 16.0;
 const LEAST_DISTANCE: f64 = 0.6;
 
 /// Returns a view of the whole scene from outside. It looks through the scene's open side, if there
-/// is one. Otherwise it has the usual direction, unless that shows surfaces edge-on, such as a board
-/// from its side, or dark ones, such as the back of a screen before a lamp.
+/// is one. Otherwise it has the usual direction. It has another one if the usual one shows surfaces
+/// edge-on, such as a board from its side, or dark ones, such as the back of a screen before a lamp.
 pub(crate) fn from_outside(frame: &Frame, raycaster: &Raycaster, open: Option<&Look>) -> Sight {
     let scene = raycaster.scene();
     if let Some(look) = open {
@@ -77,8 +77,8 @@ pub(crate) fn from_outside(frame: &Frame, raycaster: &Raycaster, open: Option<&L
     looks[if shown[0] >= SHOWN * most { 0 } else { best }].whole(frame, scene)
 }
 
-/// Returns the look through the missing side of a scene such as a doll's house or a stage: from
-/// there, level rays hit surfaces, most of them deep inside.
+/// Returns the look through the missing side of a scene, such as a doll's house or a stage. Level
+/// rays through that side hit surfaces, most of them deep inside.
 pub(crate) fn open_side(frame: &Frame, raycaster: &Raycaster) -> Option<Look> {
     let half = half_extent(raycaster.scene());
     let is_open = |look: &Look| {
