@@ -284,8 +284,10 @@ fn the_page_s_button_loads_the_edited_scene() {
     // The lamp's light is yellow, and most walls are white.
     let [red, _, blue] = colour(browser);
     assert!(red > 20.0 && red > 1.5 * blue, "{red} {blue}");
-    // Somebody has left the first view.
+    // Somebody has left the first view, and chosen another driver.
     let view = changes_view(browser, |browser| browser.drag((640, 360), (660, 360), 1));
+    session.write_line("driver quadtree");
+    browser.wait("state.driver === 'quadtree'");
 
     // All paint is blue from now on.
     let before = std::fs::read_to_string(place.path("cornell.mtl")).unwrap();
@@ -302,6 +304,7 @@ fn the_page_s_button_loads_the_edited_scene() {
         (blue > 1.5 * red && blue > 20.0).then_some(())
     });
     browser.wait("state.phase === 'running' && state.workers === 1");
+    browser.wait("state.driver === 'quadtree'");
     assert_eq!(options(browser), view);
     session.wait_for_error("goes on with the edited scene");
     session.write_line("quit");

@@ -3,7 +3,7 @@
 use holo_picture::{Picture, luminance};
 use holo_tests::{Place, Process, wait_until};
 
-use super::{of_scene, restart, shown, truth, walk};
+use super::{VIEW, of_scene, restart, shown, taken, truth, walk};
 
 /// A red block before the back wall, where the lamp shines on it, at this x.
 fn with_block(model: &str, x: f64) -> String {
@@ -28,13 +28,39 @@ fn is_red(pixel: [f32; 3]) -> bool {
     pixel[0] > 0.02 && pixel[1] < 0.3 * pixel[0]
 }
 
+/// Where the block is before it is moved, and after.
+const BEFORE: f64 = 1.0;
+const AFTER: f64 = 3.2;
+
 /// Two pictures of the scene, between which the block has moved.
 struct Places {
+    /// The scene without the block.
+    model: String,
     before: Picture,
     after: Picture,
 }
 
 impl Places {
+    /// Traces both. The block is at its place before afterwards.
+    fn of(place: &Place) -> Places {
+        let model = std::fs::read_to_string(place.path("cornell.obj")).unwrap();
+        let traced = |x| {
+            place.write("cornell.obj", &with_block(&model, x));
+            truth(place, "truth.pfm")
+        };
+        let (after, before) = (traced(AFTER), traced(BEFORE));
+        let places = Places { model, before, after };
+        assert!(places.pixels().iter().all(|pixels| pixels.len() > 100));
+        let unlike = places.unlike(&places.before, &places.after);
+        assert_eq!(unlike[0], 1.0, "the pixels are of two places");
+        places
+    }
+
+    /// Puts the block at this x.
+    fn put(&self, place: &Place, x: f64) {
+        place.write("cornell.obj", &with_block(&self.model, x));
+    }
+
     /// The pixels that show the block in only one of the two pictures: in that before, and in that
     /// after.
     fn pixels(&self) -> [Vec<usize>; 2] {
@@ -46,8 +72,8 @@ impl Places {
         [only(|before, after| before && !after), only(|before, after| after && !before)]
     }
 
-    /// How much a picture differs from another one at the two places of the block: the largest share of
-    /// pixels that show red in only one of them, and the largest relative difference of light.
+    /// How much a picture differs from another one at the two places of the block: the largest share
+    /// of pixels that show red in only one of them, and the largest relative difference of light.
     fn unlike(&self, picture: &Picture, truth: &Picture) -> [f64; 2] {
         let mut most = [0.0f64; 2];
         for place in self.pixels() {
@@ -66,16 +92,7 @@ impl Places {
 /// it at the one before: except for this share of its pixels, and of its light.
 fn moves(driver: &str, except: [f64; 2]) {
     let place = Place::new();
-    let model = std::fs::read_to_string(place.path("cornell.obj")).unwrap();
-    let put = |x| place.write("cornell.obj", &with_block(&model, x));
-    put(3.2);
-    let after = truth(&place, "after.pfm");
-    put(1.0);
-    let places = Places { before: truth(&place, "before.pfm"), after };
-    assert!(places.pixels().iter().all(|pixels| pixels.len() > 100));
-    let unlike = places.unlike(&places.before, &places.after);
-    assert_eq!(unlike[0], 1.0, "the pixels are of two places");
-
+    let places = Places::of(&place);
     let mut session = walk(&place, &[&of_scene()[..], &["--driver", driver]].concat());
     let wait_for = |truth: &Picture, session: &mut Process| {
         wait_until(&format!("the block at its place, with the driver {driver}"), || {
@@ -84,7 +101,7 @@ fn moves(driver: &str, except: [f64; 2]) {
         });
     };
     wait_for(&places.before, &mut session);
-    put(3.2);
+    places.put(&place, AFTER);
     restart(&mut session);
     session.wait_for_error("goes on with the edited scene");
     wait_for(&places.after, &mut session);
@@ -98,4 +115,35 @@ fn surfaces_show_an_object_where_it_was_moved_and_nothing_where_it_was() {
 #[test]
 fn a_quadtree_shows_an_object_where_it_was_moved_and_little_where_it_was() {
     moves("quadtree", [0.1, 0.1]);
+}
+
+#[test]
+fn a_replay_after_a_move_shows_new_samples_alone_once_enough_have_come() {
+    let place = Place::new();
+    let places = Places::of(&place);
+    let fill = |samples: &str, more: &[&str]| {
+        place.fill_small_with("a.holo", samples, &[&["--bounces", "0"], more].concat());
+    };
+    let unlike = |driver: &str| {
+        let picture = taken(&place, |path| {
+            let words = ["picture", "{}/a.holo", "-q", "-o", path, "--driver", driver];
+            place.run(&[&words[..], &VIEW].concat()).ok();
+        });
+        places.unlike(&picture, &places.after)
+    };
+    fill("1M", &[]);
+    places.put(&place, AFTER);
+    fill("5k", &["--restart"]);
+    // Samples of the scene before are still shown: by a quadtree at their own places, and by
+    // surfaces as the light of what is there now.
+    let [red, _] = unlike("quadtree");
+    assert!(red > 0.8, "{red}");
+    let [_, light] = unlike("surfaces");
+    assert!(light > 0.2, "{light}");
+    // As many new ones as old ones: no old one is left.
+    fill("1M", &[]);
+    let [red, light] = unlike("quadtree");
+    assert!(red < 0.05 && light < 0.05, "{red} {light}");
+    let [red, light] = unlike("surfaces");
+    assert!(red < 0.02 && light < 0.03, "{red} {light}");
 }
