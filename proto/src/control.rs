@@ -168,6 +168,8 @@ pub enum Farewell {
         /// The violation, for people.
         reason: String,
     },
+    /// The server ends, and another one takes its place: the peer may connect again.
+    StartsAgain,
 }
 
 impl fmt::Display for Farewell {
@@ -175,6 +177,7 @@ impl fmt::Display for Farewell {
         f.write_str(match self {
             Farewell::SessionOver => "the session is over",
             Farewell::Dropped { reason } => reason,
+            Farewell::StartsAgain => "the server starts again",
         })
     }
 }

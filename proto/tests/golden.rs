@@ -394,6 +394,7 @@ fn cases() -> Vec<(&'static str, Any)> {
             "control-dropped",
             Any::Control(Control::Bye(Farewell::Dropped { reason: "late".into() })),
         ),
+        ("control-starts-again", Any::Control(Control::Bye(Farewell::StartsAgain))),
         ("control-ping", Any::Control(Control::Ping(number))),
         ("control-pong", Any::Control(Control::Pong(number))),
         ("control-scene-wanted", Any::Control(Control::SceneWanted)),

@@ -254,7 +254,7 @@ fn each_kind_of_frame_has_its_limit_at_both_ends() {
 #[test]
 fn a_refusal_of_any_version_is_read_and_an_acceptance_only_of_this_one() {
     let mut refused = Answer::Refused("no".into()).encode();
-    refused[8..10].copy_from_slice(&9u16.to_le_bytes());
+    refused[8..10].copy_from_slice(&(PROTOCOL_VERSION + 1).to_le_bytes());
     assert_eq!(Answer::decode(&refused), Ok(Answer::Refused("no".into())));
     let mut accepted = Answer::Accepted.encode();
     assert_eq!(Answer::decode(&accepted), Ok(Answer::Accepted));
@@ -264,10 +264,10 @@ fn a_refusal_of_any_version_is_read_and_an_acceptance_only_of_this_one() {
         Err(ProtoError::NotHolodeck),
         "no such answer in this version"
     );
-    accepted[8..10].copy_from_slice(&9u16.to_le_bytes());
+    accepted[8..10].copy_from_slice(&(PROTOCOL_VERSION + 1).to_le_bytes());
     assert_eq!(
         Answer::decode(&accepted),
-        Err(ProtoError::Version { ours: PROTOCOL_VERSION, theirs: 9 })
+        Err(ProtoError::Version { ours: PROTOCOL_VERSION, theirs: PROTOCOL_VERSION + 1 })
     );
 }
 

@@ -10,7 +10,9 @@ use tokio::{
     task::JoinHandle,
 };
 
-use crate::{config::Config, prepare::Edited, processes::Server, worker::KeptWorker};
+use crate::{
+    config::Config, joining::ListenArgs, prepare::Edited, processes::Server, worker::KeptWorker,
+};
 
 /// The processes of a live session.
 pub struct Crew {
@@ -22,6 +24,8 @@ pub struct Crew {
     reading: Option<(JoinHandle<Result<Edited>>, Answer)>,
     /// The scene that was read again.
     edited: Option<Edited>,
+    /// Where the server listens.
+    listen: ListenArgs,
     /// Further arguments of the server.
     arguments: Vec<OsString>,
     how: WorkerArgs,
@@ -46,20 +50,37 @@ pub struct WorkerArgs {
 }
 
 impl Crew {
-    /// Starts server and worker. The server gets `arguments` as well.
+    /// Starts server and worker, and prints the string to join with if other machines may join. The
+    /// server gets `arguments` as well.
     ///
     /// # Errors
     /// If one of them cannot be started.
     pub async fn start(
         file: PathBuf,
         scene: Option<Config>,
+        mut listen: ListenArgs,
         arguments: Vec<OsString>,
         how: WorkerArgs,
     ) -> Result<Crew> {
-        let (server, worker) = begin(&file, &arguments, how).await?;
+        let (server, worker) = begin(&file, &listen, &arguments, how).await?;
+        server.invite();
+        // Whoever joins expects a server that starts again at the same address.
+        listen.stay_at(server.address, server.invitation.as_ref())?;
         let (giver, orders) = holo_view::crew();
         let (reading, edited) = (None, None);
-        Ok(Crew { file, scene, reading, edited, arguments, how, server, worker, orders, giver })
+        Ok(Crew {
+            file,
+            scene,
+            reading,
+            edited,
+            listen,
+            arguments,
+            how,
+            server,
+            worker,
+            orders,
+            giver,
+        })
     }
 
     /// Returns where the server listens.
@@ -135,7 +156,7 @@ impl Crew {
     async fn restart(&mut self) -> Result<Option<String>> {
         let Some(edited) = self.edited.take() else { return Ok(None) };
         self.worker.kill().await?;
-        self.server.process.end().await?;
+        self.server.process.end_to_start_again().await?;
         let file = self.file.clone();
         let restarted = tokio::task::spawn_blocking(move || edited.restart(&file)).await?;
         let trouble = restarted.unwrap_or_else(|error| {
@@ -143,16 +164,18 @@ impl Crew {
             eprintln!("{words}");
             Some(words)
         });
-        (self.server, self.worker) = begin(&self.file, &self.arguments, self.how).await?;
+        (self.server, self.worker) =
+            begin(&self.file, &self.listen, &self.arguments, self.how).await?;
         Ok(trouble)
     }
 
     async fn start_over(&mut self) -> Result<()> {
         self.worker.kill().await?;
-        self.server.process.end().await?;
+        self.server.process.end_to_start_again().await?;
         let file = self.file.clone();
         tokio::task::spawn_blocking(move || Holodeck::start_over(&file)).await??;
-        (self.server, self.worker) = begin(&self.file, &self.arguments, self.how).await?;
+        (self.server, self.worker) =
+            begin(&self.file, &self.listen, &self.arguments, self.how).await?;
         Ok(())
     }
 
@@ -181,10 +204,12 @@ async fn finished(
 
 async fn begin(
     file: &PathBuf,
+    listen: &ListenArgs,
     arguments: &[OsString],
     how: WorkerArgs,
 ) -> Result<(Server, KeptWorker)> {
     let mut all: Vec<OsString> = vec![file.into()];
+    all.extend(listen.arguments());
     all.extend_from_slice(arguments);
     let server = Server::start(all).await?;
     let worker = KeptWorker::start(server.address, how.threads, how.nice, how.quiet)?;

@@ -108,6 +108,7 @@ pub async fn run(args: Args) -> Result<()> {
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;
     let mut server = Server::start(arguments).await?;
+    server.invite();
     let threads = args.threads.or(config.threads);
     let mut worker = KeptWorker::start(server.address, threads, NICE, args.quiet)?;
     let failed = tokio::select! {

@@ -2,11 +2,12 @@
 
 use std::{
     ffi::OsString,
+    net::SocketAddr,
     path::{Path, PathBuf},
 };
 
 use anyhow::{Context, Result, ensure};
-use holo_net::{Destination, Identity, Invitation, Rights};
+use holo_net::{Destination, Identity, Invitation, NetError, Rights};
 
 /// Options for workers and displays on other machines.
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -15,6 +16,9 @@ pub struct ListenArgs {
     /// string to join with is printed
     #[arg(long, value_name = "HOST:PORT")]
     listen: Option<String>,
+    /// Encrypt connections and ask for a token even on this machine, as for a tunnel
+    #[arg(long, requires = "listen")]
+    secure: bool,
     /// The address in the printed string, if others see this machine under another one
     #[arg(long, value_name = "HOST:PORT", requires = "listen")]
     public: Option<String>,
@@ -39,6 +43,9 @@ impl ListenArgs {
     pub fn arguments(&self) -> Vec<OsString> {
         let listen = self.listen.clone().unwrap_or_else(|| "127.0.0.1:0".to_owned());
         let mut arguments: Vec<OsString> = vec!["--listen".into(), listen.into()];
+        if self.secure {
+            arguments.push("--secure".into());
+        }
         if let Some(public) = &self.public {
             arguments.extend(["--public".into(), public.into()]);
         }
@@ -54,6 +61,29 @@ impl ListenArgs {
             }
         }
         arguments
+    }
+
+    /// If any free port was allowed, states the one that a server has taken. The server listens on
+    /// this machine at `address`, and others join by `invitation`.
+    ///
+    /// # Errors
+    /// If an address does not parse.
+    pub fn stay_at(
+        &mut self,
+        address: SocketAddr,
+        invitation: Option<&Invitation>,
+    ) -> Result<(), NetError> {
+        let Some(listen) = &self.listen else { return Ok(()) };
+        let mut taken = holo_net::any_address(listen)?;
+        // A public address may have another port.
+        if taken.port() == 0 && self.public.is_none() {
+            taken.set_port(match invitation {
+                Some(invitation) => holo_net::any_address(&invitation.address)?.port(),
+                None => address.port(),
+            });
+            self.listen = Some(taken.to_string());
+        }
+        Ok(())
     }
 }
 

@@ -9,8 +9,9 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
+use holo_net::{AGAIN, Invitation};
 use tokio::{
-    io::{AsyncBufReadExt, AsyncRead, BufReader, Lines},
+    io::{AsyncBufReadExt, AsyncRead, AsyncWriteExt, BufReader, Lines},
     process::{Child, ChildStderr, ChildStdin, ChildStdout, Command},
     task::JoinHandle,
     time::timeout,
@@ -83,7 +84,23 @@ impl Process {
     /// # Errors
     /// If its exit status is not 0, or it had to be killed.
     pub async fn end(&mut self) -> Result<()> {
-        drop(self.input.take());
+        self.end_after("").await
+    }
+
+    /// Requests the process to end because it is started again, and waits.
+    ///
+    /// # Errors
+    /// As [`end`](Self::end).
+    pub async fn end_to_start_again(&mut self) -> Result<()> {
+        self.end_after(AGAIN).await
+    }
+
+    /// Writes the last words of standard input, ends it, and waits for the process.
+    async fn end_after(&mut self, words: &str) -> Result<()> {
+        if let Some(mut input) = self.input.take() {
+            // A process that no longer reads has ended, or is killed below.
+            let _ = input.write_all(words.as_bytes()).await;
+        }
         if let Ok(ended) = timeout(END_TIME, self.wait()).await {
             return ended;
         }
@@ -121,15 +138,17 @@ pub async fn relay(mut lines: Lines<BufReader<ChildStderr>>) -> VecDeque<String>
 pub struct Server {
     /// The process.
     pub process: Process,
-    /// The address where the server listens.
+    /// The address where the server listens on this machine.
     pub address: SocketAddr,
+    /// What others join with, if they may.
+    pub invitation: Option<Invitation>,
     /// The lines that the server prints later, available once it has ended.
     pub output: JoinHandle<Vec<String>>,
 }
 
 impl Server {
     /// Starts a server, and waits until it accepts connections. The arguments state where it
-    /// listens. If other machines may join, it prints the string to join with.
+    /// listens.
     ///
     /// # Errors
     /// If it cannot be started or ends at once. It then reports the reason on standard error.
@@ -137,8 +156,9 @@ impl Server {
         let mut process = Process::start("holoserver", &arguments, Stdio::inherit())?;
         let mut output = process.output()?;
         let mut line = output.next_line().await?;
-        if let Some(join) = line.as_ref().filter(|line| line.starts_with("join with ")) {
-            holo_progress::print_line!("{join}");
+        let mut invitation = None;
+        if let Some(join) = line.as_deref().and_then(|line| line.strip_prefix("join with ")) {
+            invitation = Some(join.parse()?);
             line = output.next_line().await?;
         }
         let address = line.as_deref().and_then(|line| line.strip_prefix("listening on "));
@@ -153,6 +173,13 @@ impl Server {
             }
             lines
         });
-        Ok(Server { process, address, output })
+        Ok(Server { process, address, invitation, output })
+    }
+
+    /// Prints the string to join with, if other machines may join.
+    pub fn invite(&self) {
+        if let Some(invitation) = &self.invitation {
+            holo_progress::print_line!("join with {invitation}");
+        }
     }
 }

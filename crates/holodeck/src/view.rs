@@ -270,16 +270,14 @@ impl LiveSession {
     /// The first failure.
     pub async fn run(self, viewer: impl FnOnce(SocketAddr) -> holo_view::Config) -> Result<()> {
         let mut arguments: Vec<OsString> = vec!["--quiet".into()];
-        arguments.extend(self.listen.arguments());
         if let Some(cache) = self.cache {
             arguments.extend(["--cache".into(), cache.to_string().into()]);
         }
         let shutdown = Shutdown::new();
         shutdown.on_signals(false)?;
         let (threads, nice, quiet) = (self.threads, NICE_BESIDE_DISPLAY, self.quiet);
-        let mut crew =
-            Crew::start(self.file, self.scene, arguments, WorkerArgs { threads, nice, quiet })
-                .await?;
+        let how = WorkerArgs { threads, nice, quiet };
+        let mut crew = Crew::start(self.file, self.scene, self.listen, arguments, how).await?;
         let (sender, ready) = oneshot::channel();
         let (is_ready, shutdown_before) = (crew.worker_is_ready(), shutdown.clone());
         tokio::spawn(async move {

@@ -82,6 +82,9 @@ const STALLED_BYTES: u64 = 64 << 20;
 /// checksums.
 const PACKET_BYTES: usize = 64;
 
+/// Longest time that the end waits until the peers have read what was sent to them.
+const FAREWELL: Duration = Duration::from_secs(1);
+
 /// Options of filling the file while no display wants anything.
 #[derive(Clone, Debug)]
 pub struct FillOptions {
@@ -125,6 +128,8 @@ pub struct Coordinator {
     damage: DamageReport,
     /// True if the disk fails and many samples wait for it.
     stalled: bool,
+    /// What everyone is told at the end.
+    farewell: Farewell,
 }
 
 impl Coordinator {
@@ -171,14 +176,21 @@ impl Coordinator {
             saver: Saver::new(),
             damage,
             stalled: false,
+            farewell: Farewell::SessionOver,
         }
     }
 
     /// Serves until the goal is reached or a shutdown is requested, and then stores everything.
+    /// `doors` ends the taking of connections: whoever is told to come back must not reach this
+    /// server again.
     ///
     /// # Errors
     /// If samples cannot be stored.
-    pub async fn run(mut self, mut events: UnboundedReceiver<Event>) -> Result<Totals> {
+    pub async fn run(
+        mut self,
+        mut events: UnboundedReceiver<Event>,
+        doors: impl Future<Output = ()>,
+    ) -> Result<Totals> {
         loop {
             match timeout(TICK, events.recv()).await {
                 Ok(Some(event)) => {
@@ -205,7 +217,7 @@ impl Coordinator {
             }
             self.report();
         }
-        self.finish()
+        self.finish(doors).await
     }
 
     /// Returns whether nothing is left that could still arrive.
@@ -216,15 +228,25 @@ impl Coordinator {
     }
 
     /// Stores everything and says goodbye.
-    fn finish(mut self) -> Result<Totals> {
+    async fn finish(mut self, doors: impl Future<Output = ()>) -> Result<Totals> {
         self.saver.finish(&self.holodeck);
         let flushed = self.holodeck.writable.then(|| self.holodeck.file.flush()).transpose();
-        let bye = Control::Bye(Farewell::SessionOver);
+        doors.await;
+        let bye = Control::Bye(self.farewell.clone());
         let workers = self.workers.values().map(|worker| &worker.outbox);
         let displays = self.displays.values().map(|display| &display.outbox);
-        for outbox in workers.chain(displays).chain(self.admins.values()) {
+        let peers = workers.chain(displays).chain(self.admins.values());
+        let peers: Vec<Outbox> = peers.cloned().collect();
+        for outbox in &peers {
             let _ = outbox.control(&bye);
         }
+        let drained = async {
+            for outbox in &peers {
+                outbox.drained().await;
+            }
+        };
+        // A peer that reads too slowly finds its connection closed.
+        let _ = timeout(FAREWELL, drained).await;
         self.progress.finish();
         self.damage.print_new(&self.holodeck.file);
         flushed?;
@@ -303,7 +325,10 @@ impl Coordinator {
                 }
             }
             Event::ViewKept { id, result } => self.view_kept(id, result),
-            Event::Shutdown => self.schedule.end(),
+            Event::Shutdown(farewell) => {
+                self.farewell = farewell;
+                self.schedule.end();
+            }
         }
         Ok(())
     }

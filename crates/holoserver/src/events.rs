@@ -6,7 +6,7 @@ use std::sync::{
 };
 
 use holo_net::{Access, Outbox};
-use holo_proto::hello::Hello;
+use holo_proto::{control::Farewell, hello::Hello};
 
 use crate::mailbox::Mailbox;
 
@@ -37,6 +37,6 @@ pub enum Event {
     Flushed { id: ConnectionId, view: u32 },
     /// A view was kept for a display, or not: all views, or why not.
     ViewKept { id: ConnectionId, result: Result<Vec<(String, String)>, String> },
-    /// The server must end.
-    Shutdown,
+    /// The server must end, with these words to everyone.
+    Shutdown(Farewell),
 }

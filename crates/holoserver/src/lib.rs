@@ -45,7 +45,8 @@ use anyhow::Result;
 use clap::Args;
 pub use file_size::outlive_file_size_limit;
 pub use forget::Forgotten;
-use holo_net::{Invitation, Shutdown};
+use holo_net::{Ending, Invitation, Shutdown};
+use holo_proto::control::Farewell;
 pub use holodeck::{About, Holodeck, Reading};
 pub use light::LightRecords;
 use serde::{Deserialize, Serialize};
@@ -282,15 +283,18 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) 
     let coordinator = Coordinator::new(Arc::clone(&holodeck), events.clone(), fill, goal, progress);
     let mut listening = doors.listen(&holodeck, &events);
     let watching = tokio::spawn(async move {
-        shutdown.wait().await;
+        let farewell = match shutdown.ending().await {
+            Ending::ForGood => Farewell::SessionOver,
+            Ending::ToStartAgain => Farewell::StartsAgain,
+        };
         // If the coordinator has ended, nothing is left to end.
-        let _ = events.send(Event::Shutdown);
+        let _ = events.send(Event::Shutdown(farewell));
     });
     // Not one of the runtime's threads: it may wait for the disk when memory for samples runs out.
     let runtime = tokio::runtime::Handle::current();
-    let decide = move || runtime.block_on(coordinator.run(receiver));
+    let doors = async move { listening.shutdown().await };
+    let decide = move || runtime.block_on(coordinator.run(receiver, doors));
     let totals = tokio::task::spawn_blocking(decide).await?;
-    listening.abort_all();
     watching.abort();
     // Time for the farewells to leave.
     tokio::time::sleep(Duration::from_millis(50)).await;

@@ -46,6 +46,9 @@ pub enum NetError {
     /// The other side closed the connection.
     #[error("the connection was closed by the other side")]
     Closed,
+    /// The server has ended, and another one takes its place.
+    #[error("the server starts again")]
+    StartsAgain,
     /// Nothing arrived for [`crate::SILENCE`].
     #[error("the other side has been silent for {} seconds", crate::SILENCE.as_secs())]
     Silent,
@@ -61,6 +64,17 @@ pub enum NetError {
     /// The server does not have this scene, or its copy is damaged.
     #[error("the server cannot read the scene that was asked for, and has said why")]
     Absent,
+}
+
+impl NetError {
+    /// Returns whether a connection has ended without a fault of either side, so that the same
+    /// server may be reached again.
+    pub fn is_lost(&self) -> bool {
+        matches!(
+            self,
+            NetError::Closed | NetError::StartsAgain | NetError::Silent | NetError::Io(_)
+        )
+    }
 }
 
 impl From<ProtoError> for NetError {

@@ -4,7 +4,7 @@ use std::io::ErrorKind;
 
 use holo_proto::{
     ProtoError,
-    control::Control,
+    control::{Control, Farewell},
     frame::{HEADER_BYTES, Header, Kind},
 };
 use tokio::{
@@ -45,8 +45,8 @@ impl Inbox {
     /// Returns the next message. A call that is dropped half-way (`select!`) loses nothing.
     ///
     /// # Errors
-    /// [`NetError::Closed`], [`NetError::Silent`], [`NetError::Io`] or [`NetError::Proto`]; the
-    /// connection is then over.
+    /// [`NetError::Closed`], [`NetError::StartsAgain`], [`NetError::Silent`], [`NetError::Io`] or
+    /// [`NetError::Proto`]; the connection is then over.
     pub async fn next(&mut self) -> Result<Message, NetError> {
         self.messages.recv().await.unwrap_or(Err(NetError::Closed))
     }
@@ -65,7 +65,7 @@ async fn read(
     messages: mpsc::Sender<Result<Message, NetError>>,
 ) {
     loop {
-        let message = reader.message().await;
+        let mut message = reader.message().await;
         match message {
             Ok(Message::Control(Control::Ping(KEEP_ALIVE))) => {
                 if let Some(outbox) = outbox.upgrade() {
@@ -76,6 +76,10 @@ async fn read(
             }
             // A keep-alive pong has no other content.
             Ok(Message::Control(Control::Pong(KEEP_ALIVE))) => continue,
+            // Whatever waits for a message must connect anew, as after a lost connection.
+            Ok(Message::Control(Control::Bye(Farewell::StartsAgain))) => {
+                message = Err(NetError::StartsAgain);
+            }
             _ => {}
         }
         let over = message.is_err();

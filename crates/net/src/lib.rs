@@ -33,9 +33,9 @@ pub use inbox::Inbox;
 pub use join::{Access, Destination, Invitation, Rights, Token};
 pub use message::Message;
 pub use outbox::Outbox;
-pub use reach::reach;
+pub use reach::{RETURN_TIME, reach};
 pub use scene::{SCENE_CHUNK_BYTES, SceneReceiver, absent};
-pub use shutdown::Shutdown;
+pub use shutdown::{AGAIN, Ending, Shutdown};
 
 use std::time::Duration;
 

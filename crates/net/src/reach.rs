@@ -14,6 +14,10 @@ const FIRST_PAUSE: Duration = Duration::from_millis(250);
 /// Longest pause. 256 peers of a server that is gone are then no burden.
 const LONGEST_PAUSE: Duration = Duration::from_secs(8);
 
+/// Longest time that a server takes to start again, about. It reads the directory of a large file,
+/// and writes a large scene.
+pub const RETURN_TIME: Duration = Duration::from_secs(300);
+
 /// Connects as [`connect`] does. If no server answers, tries again for `patience`, with pauses that
 /// double. Calls `waiting` before each pause.
 ///

@@ -297,3 +297,13 @@ async fn the_last_queued_message_arrives_after_everything_is_dropped() {
     assert_eq!(inbox.next().await.unwrap(), Message::Control(Control::Bye(Farewell::SessionOver)));
     assert!(matches!(inbox.next().await, Err(NetError::Closed)));
 }
+
+#[tokio::test]
+async fn a_server_that_starts_again_ends_the_connection_after_all_that_it_has_sent() {
+    let ((mut inbox, _outbox), (_theirs_in, theirs_out)) = pair().await;
+    theirs_out.send(Kind::Samples, &samples(10).encode()).unwrap();
+    theirs_out.control(&Control::Bye(Farewell::StartsAgain)).unwrap();
+    assert_eq!(inbox.next().await.unwrap(), Message::Samples(samples(10)));
+    let error = inbox.next().await.unwrap_err();
+    assert!(matches!(error, NetError::StartsAgain) && error.is_lost(), "{error}");
+}

@@ -19,7 +19,7 @@ use std::{path::PathBuf, time::Duration};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use holo_net::{Destination, NetError, Shutdown};
+use holo_net::{Destination, NetError, RETURN_TIME, Shutdown};
 use holo_proto::control::Farewell;
 pub use report::Report;
 
@@ -42,7 +42,8 @@ pub struct Config {
     /// Give way to other programs by this much (0 to 19)
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(i32).range(0..=19))]
     pub nice: i32,
-    /// How long to try to reach the server, at the start and after a lost connection
+    /// How long to try to reach the server, at the start and after a lost connection. A server that
+    /// starts again has at least five minutes
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
     pub retry: f64,
     /// Folder for scenes that servers have sent, and their hierarchies [default: holodeck/scenes in
@@ -69,23 +70,30 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
         let _ = rustix::process::nice(config.nice);
     }
     let mut worker = session::Worker::new(&config);
+    let retry = Duration::try_from_secs_f64(config.retry).unwrap_or_default();
+    let mut patience = retry;
     loop {
         let lost = tokio::select! {
-            ended = serve(&mut worker, &config, &server) => match ended {
-                Ok(farewell @ Farewell::SessionOver) => {
-                    chat(&config, &format!("leaving: {farewell}"));
-                    return Ok(());
-                }
+            ended = serve(&mut worker, &config, &server, patience) => match ended {
                 Ok(Farewell::Dropped { reason }) => {
                     bail!("the server has dropped this worker: {reason}")
+                }
+                Ok(farewell) => {
+                    chat(&config, &format!("leaving: {farewell}"));
+                    return Ok(());
                 }
                 Err(error) => error,
             },
             () = shutdown.wait() => return Ok(()),
         };
         match lost.downcast_ref::<NetError>() {
-            Some(NetError::Closed | NetError::Silent | NetError::Io(_)) => {
+            Some(NetError::StartsAgain) => {
+                say(&config, &format!("{lost}; trying to reach it"));
+                patience = retry.max(RETURN_TIME);
+            }
+            Some(error) if error.is_lost() => {
                 say(&config, &format!("lost the server ({lost}); trying to reach it again"));
+                patience = retry;
             }
             _ => return Err(lost.context(format!("working for {server}"))),
         }
@@ -96,8 +104,8 @@ async fn serve(
     worker: &mut session::Worker,
     config: &Config,
     server: &Destination,
+    patience: Duration,
 ) -> Result<Farewell> {
-    let patience = Duration::try_from_secs_f64(config.retry).unwrap_or_default();
     let connection = match session::reach(server, patience).await {
         // The connection was never established, so the caller must not try for ever.
         Err(NetError::Io(error)) => {

@@ -57,7 +57,8 @@ impl Worker {
         Worker { threads: config.threads.unwrap_or(cores).max(1), loader }
     }
 
-    /// Works until the server says goodbye, and returns the reason.
+    /// Works until the server says goodbye, and returns the reason. A server that starts again is
+    /// an error, as a lost one is.
     pub async fn session(&mut self, (mut inbox, outbox, welcome): Connection) -> Result<Farewell> {
         let sections =
             welcome.sections.iter().cloned().map(Section::new).collect::<Result<Arc<[_]>, _>>();

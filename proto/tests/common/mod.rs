@@ -278,6 +278,7 @@ pub fn control() -> impl Strategy<Value = Control> {
         any::<u32>().prop_map(|view| Control::Settled { view }),
         Just(Control::Bye(Farewell::SessionOver)),
         text().prop_map(|reason| Control::Bye(Farewell::Dropped { reason })),
+        Just(Control::Bye(Farewell::StartsAgain)),
         any::<u64>().prop_map(Control::Ping),
         any::<u64>().prop_map(Control::Pong),
         Just(Control::SceneWanted),

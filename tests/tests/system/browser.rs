@@ -36,11 +36,18 @@ fn options(browser: &mut Chromium) -> String {
 /// The mean of the colours that the page shows, from 0 to 255.
 #[track_caller]
 fn brightness(browser: &mut Chromium) -> f64 {
+    colour(browser).iter().sum::<f64>() / 3.0
+}
+
+/// The mean of red, green and blue that the page shows, from 0 to 255.
+#[track_caller]
+fn colour(browser: &mut Chromium) -> [f64; 3] {
     let mean = "(() => { const p = document.getElementById('picture'); \
         const d = p.getContext('2d').getImageData(0, 0, p.width, p.height).data; \
-        let sum = 0; for (let i = 0; i < d.length; i += 4) sum += d[i] + d[i + 1] + d[i + 2]; \
-        return sum / d.length * 4 / 3; })()";
-    browser.value(mean).as_f64().unwrap()
+        const sum = [0, 0, 0]; \
+        for (let i = 0; i < d.length; i++) if (i % 4 < 3) sum[i % 4] += d[i]; \
+        return sum.map(sum => sum / d.length * 4); })()";
+    serde_json::from_value(browser.value(mean)).unwrap()
 }
 
 #[test]
@@ -263,6 +270,45 @@ fn buttons_keys_and_lines_command_a_session() {
     let info = place.run(&["info", "{}/a.holo", "--json"]).ok().whole_json();
     let views = info["views"].as_array().unwrap();
     assert_eq!(views.last().unwrap()[0], "the corner");
+}
+
+#[test]
+fn the_page_s_button_loads_the_edited_scene() {
+    let place = Place::new();
+    let words = ["view", "--no-open", "--threads", "1", "--bounces", "0", "--config"];
+    let scene = ["{}/cornell.toml", "--section", CORNELL_SMALL_SECTION];
+    let mut session = place.start(&[&words[..], &scene, &VIEW].concat());
+    let browser = &mut Chromium::open(&address(&mut session));
+    browser.wait("state && state.workers === 1 && state.view_samples > 20000");
+    wait_for_rest(browser);
+    // The lamp's light is yellow, and most walls are white.
+    let [red, _, blue] = colour(browser);
+    assert!(red > 20.0 && red > 1.5 * blue, "{red} {blue}");
+    // Somebody has left the first view, and chosen another driver.
+    let view = changes_view(browser, |browser| browser.drag((640, 360), (660, 360), 1));
+    session.write_line("driver quadtree");
+    browser.wait("state.driver === 'quadtree'");
+
+    // All paint is blue from now on.
+    let before = std::fs::read_to_string(place.path("cornell.mtl")).unwrap();
+    let lines = before.lines().map(|line| match line.starts_with("Kd ") {
+        true => "Kd 0.02 0.02 0.8",
+        false => line,
+    });
+    place.write("cornell.mtl", &lines.collect::<Vec<_>>().join("\n"));
+    browser.value("document.getElementById('b-scene').click()");
+    browser.wait("document.getElementById('question').open");
+    browser.value("document.querySelector('#question button[value=yes]').click()");
+    wait_until("a blue picture", || {
+        let [red, _, blue] = colour(browser);
+        (blue > 1.5 * red && blue > 20.0).then_some(())
+    });
+    browser.wait("state.phase === 'running' && state.workers === 1");
+    browser.wait("state.driver === 'quadtree'");
+    assert_eq!(options(browser), view);
+    session.wait_for_error("goes on with the edited scene");
+    session.write_line("quit");
+    session.wait().ok();
 }
 
 #[test]

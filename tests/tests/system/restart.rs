@@ -1,5 +1,8 @@
 //! A scene is edited while somebody walks in it, or between two fills.
 
+mod joined;
+mod moved;
+
 use std::{
     path::Path,
     sync::atomic::{AtomicU32, Ordering},
@@ -46,6 +49,15 @@ struct Truths {
 }
 
 impl Truths {
+    /// Traces the scene in both paints. It is white afterwards.
+    fn of(place: &Place) -> Truths {
+        let white = truth(place, "white.pfm");
+        edit(place, WHITE, PAINTED);
+        let painted = truth(place, "painted.pfm");
+        edit(place, PAINTED, WHITE);
+        Truths { white, painted }
+    }
+
     /// Whether a picture is clearly that of one paint: much nearer to it than the two are to each
     /// other.
     fn is(&self, picture: &Picture, painted: bool) -> bool {
@@ -70,17 +82,29 @@ fn of_scene() -> [&'static str; 8] {
 
 /// Waits until the session shows one of the paints.
 fn wait_to_see(place: &Place, session: &mut Process, truths: &Truths, painted: bool) {
-    /// Each picture has its own name, so that it is not taken for one before.
-    static PICTURES: AtomicU32 = AtomicU32::new(0);
     wait_until(&format!("the picture of the scene, painted: {painted}"), || {
-        let number = PICTURES.fetch_add(1, Ordering::Relaxed);
-        let path = place.text(&format!("shown-{number}.pfm"));
+        truths.is(&shown(place, session), painted).then_some(())
+    });
+}
+
+/// What the session shows now.
+fn shown(place: &Place, session: &mut Process) -> Picture {
+    taken(place, |path| {
         session.write_line(&format!("picture {path} {SIZE}"));
         session.wait_for_error(&format!("wrote {path}"));
-        let picture = Picture::read(Path::new(&path)).unwrap();
-        std::fs::remove_file(&path).unwrap();
-        truths.is(&picture, painted).then_some(())
-    });
+    })
+}
+
+/// A picture that is written to a new file.
+fn taken(place: &Place, write: impl FnOnce(&str)) -> Picture {
+    /// Each picture has its own name, so that it is not taken for one before.
+    static PICTURES: AtomicU32 = AtomicU32::new(0);
+    let number = PICTURES.fetch_add(1, Ordering::Relaxed);
+    let path = place.text(&format!("shown-{number}.pfm"));
+    write(&path);
+    let picture = Picture::read(Path::new(&path)).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    picture
 }
 
 fn restart(session: &mut Process) {
@@ -91,11 +115,7 @@ fn restart(session: &mut Process) {
 #[test]
 fn an_edited_scene_is_loaded_into_a_session_and_its_light_replaces_that_of_the_one_before() {
     let place = Place::new();
-    let white = truth(&place, "white.pfm");
-    edit(&place, WHITE, PAINTED);
-    let truths = Truths { white, painted: truth(&place, "painted.pfm") };
-    edit(&place, PAINTED, WHITE);
-
+    let truths = Truths::of(&place);
     let session = &mut walk(&place, &of_scene());
     wait_to_see(&place, session, &truths, false);
     // A scene that is as before, and one that cannot be read: the session goes on.
@@ -126,9 +146,8 @@ fn a_session_that_is_killed_right_after_a_restart_goes_on_where_it_was() {
     let place = Place::new();
     place.fill_small_with("a.holo", "100k", &["--bounces", "0"]);
     let before = stored(&place.path("a.holo"));
-    let white = truth(&place, "white.pfm");
+    let truths = Truths::of(&place);
     edit(&place, WHITE, PAINTED);
-    let truths = Truths { white, painted: truth(&place, "painted.pfm") };
     // The file says how its scene is read.
     let mut session = walk(&place, &["{}/a.holo"]);
     restart(&mut session);

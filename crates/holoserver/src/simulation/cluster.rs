@@ -11,7 +11,7 @@ use std::{
 };
 
 use holo_net::{Access, Inbox, NetError, Outbox, Rights, accept_over, connect_over};
-use holo_proto::hello::Role;
+use holo_proto::{control::Farewell, hello::Role};
 use tokio::{
     io::DuplexStream,
     sync::mpsc::{UnboundedSender, unbounded_channel},
@@ -55,7 +55,7 @@ impl Cluster {
         let progress = Progress::new(&holodeck.file.stats(), true);
         let coordinator =
             Coordinator::new(Arc::clone(&holodeck), events.clone(), fill, goal, progress);
-        let deciding = tokio::spawn(coordinator.run(receiver));
+        let deciding = tokio::spawn(coordinator.run(receiver, std::future::ready(())));
         self.serve_by(Some(Shared::new(Arc::clone(&holodeck), events.clone())));
         Life { holodeck, events, deciding }
     }
@@ -64,7 +64,7 @@ impl Cluster {
     pub async fn end(&self, life: Life, ask: bool) -> Totals {
         let Life { holodeck, events, deciding } = life;
         if ask {
-            events.send(Event::Shutdown).unwrap();
+            events.send(Event::Shutdown(Farewell::SessionOver)).unwrap();
         }
         let totals = timeout(FOR_EVER, deciding).await.expect("it ends").unwrap().unwrap();
         self.serve_by(None);

@@ -6,6 +6,7 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
+use holo_net::{NetError, RETURN_TIME};
 use holo_picture::{ViewSpec, luminance};
 use holo_progress::Meter;
 use serde_json::json;
@@ -17,7 +18,7 @@ use super::{
 };
 use crate::{
     Config, LookArgs, PictureReport,
-    session::{Connected, Session, Waited},
+    session::{Again, Connected, Session, Waited},
 };
 
 /// Interval at which a typed script is checked for new lines.
@@ -35,17 +36,21 @@ pub fn play(
     ready: oneshot::Receiver<()>,
 ) -> Result<()> {
     let meter = Meter::new(config.quiet || config.json);
+    let again = connected.again();
     let Some(mut session) = connected.begin(|text| meter.say(text))? else { return Ok(()) };
     if ready.blocking_recv().is_err() {
         return Ok(());
     }
-    session.start_clock();
+    session.start_clock(Instant::now());
     let duration = script.duration();
-    Player { session, config, meter, duration }.follow(script)
+    Player { session, again, shown: None, config, meter, duration }.follow(script)
 }
 
 struct Player {
     session: Session,
+    again: Again,
+    /// The view that is shown.
+    shown: Option<ViewSpec>,
     config: Config,
     meter: Meter,
     /// Seconds that the script takes; 0 if unknown.
@@ -97,7 +102,29 @@ impl Player {
     }
 
     fn show(&mut self, spec: &ViewSpec) -> Result<()> {
+        self.shown = Some(*spec);
         self.session.show(spec, self.config.view.size())
+    }
+
+    /// Goes on with a server that starts again, where another one would be an error. Returns whether
+    /// there is a session; there is none if the user ends the wait.
+    fn reach_again(&mut self, ended: anyhow::Error) -> Result<bool> {
+        if !matches!(ended.downcast_ref(), Some(NetError::StartsAgain)) {
+            return Err(ended);
+        }
+        let Player { again, meter, session, .. } = self;
+        meter.say("the server starts again; trying to reach it");
+        let Some(connected) = again.reach(RETURN_TIME, |text| meter.say(text))? else {
+            return Ok(false);
+        };
+        let start = session.start();
+        let Some(begun) = connected.begin(|text| meter.say(text))? else { return Ok(false) };
+        *session = begun;
+        session.start_clock(start);
+        if let Some(shown) = self.shown {
+            self.show(&shown)?;
+        }
+        Ok(true)
     }
 
     /// Waits until `deadline` and shows progress.
@@ -106,7 +133,14 @@ impl Player {
         const TICK: Duration = Duration::from_millis(500);
         loop {
             let next = deadline.min(Instant::now() + TICK);
-            match self.session.wait(next)? {
+            let waited = match self.session.wait(next) {
+                Ok(waited) => waited,
+                Err(error) => match self.reach_again(error)? {
+                    true => Waited::TimeUp,
+                    false => Waited::Stop,
+                },
+            };
+            match waited {
                 Waited::TimeUp if Instant::now() < deadline => {}
                 waited => return Ok(waited),
             }
@@ -167,7 +201,11 @@ impl Player {
 
     /// Waits until everything under way has arrived and is stored, and writes the last picture.
     fn end(&mut self) -> Result<()> {
-        self.session.settle()?;
+        while let Err(error) = self.session.settle() {
+            if !self.reach_again(error)? {
+                return Ok(());
+            }
+        }
         self.meter.finish();
         match self.config.output.clone() {
             Some(path) if self.session.has_view() => self.picture(&path),

@@ -69,21 +69,24 @@ impl Again {
         runtime.block_on(Connected::new(address, args, points, shutdown))
     }
 
-    /// Connects again to the same server after the connection was lost. Retries with growing
-    /// pauses. Returns `None` if the user ends the session meanwhile. Blocks as
+    /// Connects again to the same server after the connection was lost. Retries for `patience`,
+    /// with growing pauses. Returns `None` if the user ends the session meanwhile. Blocks as
     /// [`connect`](Self::connect) does.
     ///
     /// # Errors
-    /// The errors of [`Connected::new`], if the server answers and refuses.
-    pub fn reach(&self, mut waiting: impl FnMut(&str)) -> Result<Option<Connected>> {
+    /// The errors of [`Connected::new`], if the server answers and refuses, or `patience` ends.
+    pub fn reach(
+        &self,
+        patience: Duration,
+        mut waiting: impl FnMut(&str),
+    ) -> Result<Option<Connected>> {
         let Again { server, args, points, shutdown, runtime } = self.clone();
         runtime.block_on(async {
             let name = name();
-            let reached =
-                holo_net::reach(&server, Role::Display, &name, Duration::MAX, |_, pause| {
-                    let seconds = pause.as_secs_f64();
-                    waiting(&format!("lost the server; trying to reach it again in {seconds} s"));
-                });
+            let reached = holo_net::reach(&server, Role::Display, &name, patience, |_, pause| {
+                let seconds = pause.as_secs_f64();
+                waiting(&format!("lost the server; trying to reach it again in {seconds} s"));
+            });
             let connection = tokio::select! {
                 reached = reached => reached,
                 () = shutdown.wait() => return Ok(None),

@@ -45,7 +45,7 @@ use crate::{
     report::StageTime,
 };
 use ahead::Ahead;
-pub use connect::{Connected, Waker};
+pub use connect::{Again, Connected, Waker};
 pub use current_view::Counts;
 use current_view::{Asked, CurrentView};
 pub use default_view::default_view;
@@ -148,9 +148,9 @@ impl Session {
         self.current.as_ref().map_or(self.start, |current| current.since)
     }
 
-    /// Starts counting the session's seconds now.
-    pub fn start_clock(&mut self) {
-        self.start = Instant::now();
+    /// Counts the session's seconds from `start`.
+    pub fn start_clock(&mut self, start: Instant) {
+        self.start = start;
     }
 
     /// Returns when the session's seconds began.

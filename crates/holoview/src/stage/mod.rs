@@ -26,6 +26,7 @@ pub(crate) mod tests;
 use std::{
     sync::{Arc, mpsc},
     thread,
+    time::Duration,
 };
 
 use anyhow::{Context, Result, anyhow};
@@ -37,7 +38,7 @@ pub use shown::{Phase, Shown, State};
 
 use crate::{
     Crew,
-    session::{Connected, Session},
+    session::{Again, Connected, Session, Waker},
 };
 use bell::Bell;
 use hand::{Ending, Hand};
@@ -107,8 +108,8 @@ impl Stage {
             let phase = Phase::Loading(text.to_owned());
             front.state.send_modify(|state| Arc::make_mut(state).phase = phase);
         };
-        let (again, waker) = (connected.again(), connected.waker());
-        let Some(session) = connected.begin(loading)? else { return Ok(()) };
+        let again = connected.again();
+        let Some((session, waker)) = begin(connected, loading)? else { return Ok(()) };
         let stated = wishes.view.spec(session.named_views())?;
         let first = session.first_view()?.overridden_by(&stated);
         let (unit, ringing) = (session.unit(), Arc::clone(&bell));
@@ -122,43 +123,55 @@ impl Stage {
             let painter = painter.context("starting a thread")?;
             let played = hand.play(desk, facts);
             let painted = painter.join().map_err(|_| anyhow!("drawing failed: see above"))?;
-            let connected = match (painted, played?, &wishes.crew) {
+            next = match (painted, played?, &wishes.crew) {
                 (Ok(()), Some(Ending::StartOver), Some(crew)) => {
                     loading("starting over");
-                    Some(again.connect(crew.start_over()?)?)
+                    begin(again.connect(crew.start_over()?)?, loading)?
                 }
                 (Ok(()), Some(Ending::Restart), Some(crew)) => {
                     loading("going on with the edited scene");
                     let restarted = crew.restart()?;
                     restarted.trouble.into_iter().for_each(|trouble| hand.refuse(trouble));
-                    Some(again.connect(restarted.address)?)
+                    begin(again.connect(restarted.address)?, loading)?
                 }
                 // A server started by this program ends with the session; any other server may come
                 // back.
                 (Err(error), None, None) if is_lost(&error) => {
-                    loading("lost the server; trying to reach it again");
-                    again.reach(loading)?
+                    loading(&format!("{error:#}; trying to reach it again"));
+                    reach(&again, loading)?
                 }
                 (painted, ..) => {
                     painted?;
                     None
                 }
             };
-            if let Some(connected) = connected {
-                let waker = connected.waker();
-                next = connected.begin(loading)?.map(|session| (session, waker));
-            }
         }
         hand.end()
     }
 }
 
-/// Returns whether a session has ended because the connection broke without a message from the
-/// server.
+/// Begins a session. Returns `None` if the user ends the wait for its scene.
+fn begin(connected: Connected, loading: impl Fn(&str)) -> Result<Option<(Session, Waker)>> {
+    let waker = connected.waker();
+    Ok(connected.begin(loading)?.map(|session| (session, waker)))
+}
+
+/// Begins a session with a server that was lost, once it is back. Returns `None` if the user ends
+/// the wait.
+fn reach(again: &Again, loading: impl Fn(&str)) -> Result<Option<(Session, Waker)>> {
+    loop {
+        let Some(connected) = again.reach(Duration::MAX, &loading)? else { return Ok(None) };
+        match begin(connected, &loading) {
+            Err(error) if is_lost(&error) => {}
+            begun => return begun,
+        }
+    }
+}
+
+/// Returns whether a session has ended because the connection broke, or because the server starts
+/// again.
 fn is_lost(error: &anyhow::Error) -> bool {
-    let error = error.downcast_ref::<NetError>();
-    error
-        .is_some_and(|error| matches!(error, NetError::Closed | NetError::Silent | NetError::Io(_)))
+    error.downcast_ref().is_some_and(NetError::is_lost)
 }
 
 /// Returns the part of the state that is constant during a session.

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use holo_net::{Inbox, Message, Outbox, Shutdown, accept};
 use holo_proto::{
-    control::{Control, Welcome},
+    control::{Control, Farewell, Welcome},
     hello::Role,
 };
 use tokio::{net::TcpListener, time::timeout};
@@ -41,7 +41,7 @@ async fn serve(listener: &TcpListener) -> (Inbox, Outbox) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_lost_server_is_reached_again_and_asked_for_the_view() {
+async fn a_server_that_is_lost_or_starts_again_is_reached_and_asked_for_the_view() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let shutdown = Shutdown::new();
@@ -57,6 +57,9 @@ async fn a_lost_server_is_reached_again_and_asked_for_the_view() {
     for _ in 0..2 {
         // The server closes the connection without a message, as if it had been killed.
         drop(serve(&listener).await);
+        let (_inbox, outbox) = serve(&listener).await;
+        outbox.control(&Control::Bye(Farewell::StartsAgain)).unwrap();
+        outbox.drained().await;
     }
     shutdown.trigger();
     drop(listener);

@@ -52,7 +52,10 @@ impl Hand {
             Input::Forward => self.jump(Walker::forward),
             Input::LockHeight(lock) => walker.height_is_locked = lock,
             Input::Pause(pause) => self.order(Order::Pause(pause)),
-            Input::Driver(driver) => self.order(Order::Driver(driver)),
+            Input::Driver(driver) => {
+                self.driver = Some(driver);
+                self.order(Order::Driver(driver));
+            }
             Input::Size(width, height) => self.resize((width, height)),
             Input::KillWorkers => self.order_crew(Crew::kill_workers),
             Input::RestartWorkers => self.order_crew(Crew::restart_workers),

@@ -26,7 +26,7 @@ use super::{
     shown::{Publisher, Shown, State},
     warp::{Source, can_show, warp},
 };
-use crate::Crew;
+use crate::{Crew, DriverArg};
 
 /// The eye is at rest once it has not moved for this long. Inputs of a moving hand follow each
 /// other faster. A person who moves on sees earlier frames until the frame at rest is ready.
@@ -102,6 +102,8 @@ pub struct Hand {
     crew: Option<Crew>,
     /// The open question, and when it was asked.
     question: Option<(Question, Instant)>,
+    /// The driver that the user has chosen last.
+    driver: Option<DriverArg>,
     /// The answer of the crew that reads the scene again.
     scene_read: Option<oneshot::Receiver<Result<()>>>,
     /// Why the hand ends, once it does.
@@ -195,6 +197,7 @@ impl Hand {
             desk: None,
             crew: wishes.crew.clone(),
             question: None,
+            driver: None,
             scene_read: None,
             ending: None,
             publisher,
@@ -228,6 +231,13 @@ impl Hand {
         (self.desk, self.facts, self.ending) = (Some(desk), facts, None);
         (self.sources, self.held_back, self.has_news) = (VecDeque::new(), None, false);
         self.walker.stay();
+        // A new session has the driver of the options, and traces.
+        if let Some(driver) = self.driver {
+            self.order(Order::Driver(driver));
+        }
+        if self.news.is_paused {
+            self.order(Order::Pause(true));
+        }
         self.want();
         loop {
             let before = *self.walker.view();
