@@ -5,21 +5,18 @@
 //! view may show light that earlier frames found.
 
 use crate::draw::Drawn;
-use crate::edges::Looked;
 use crate::known::Known;
 use crate::place::Placed;
-use crate::squares::Layer;
-use crate::{Gathered, Materials, Placer, RaySample, Seen, Store, View};
-use glam::DVec3;
+use crate::shown::{Edges, Refined, Shown};
+use crate::waits::Waits;
+use crate::{Gathered, Materials, Placer, RaySample, Store, View};
 use holo_denoise::Denoiser;
 use holo_display::{
-    BeamSearch, Certainty, Driver, DriverError, End, Frame, LiveSample, Look, Resolution, Search,
+    BeamSearch, Certainty, Driver, DriverError, Frame, LiveSample, Look, Resolution, Search,
     SurfaceAt, beams_ending_on, covered, uncovered_pixels,
 };
 use holo_raycast::Raycaster;
 use holo_section::{BeamKey, Sample, Section};
-use rayon::prelude::*;
-use std::ops::Range;
 use std::sync::Arc;
 
 const NAME: &str = "surfaces";
@@ -39,9 +36,6 @@ const BATCH: usize = 1 << 16;
 /// Fewest waiting samples that are placed while no more arrive.
 const LEAST_BATCH: usize = 1 << 12;
 
-/// Pixels on edges that are examined in one go: about 10 ms on two cores.
-const EDGE_PIXELS: usize = 1 << 12;
-
 /// Greatest unknown share of a frame of known light, while the eye moves or has just stopped.
 const MOST_UNKNOWN: f32 = 0.5;
 
@@ -51,10 +45,6 @@ const FEW_UNKNOWN: f32 = 0.1;
 /// Least side of the filtered squares in a glance and while the eye moves, pixels. In the cabin at
 /// 480 × 360, squares of one pixel delay a glance by 0.3 s.
 const LEAST_STEP: usize = 2;
-
-/// Distance in pixels between points whose beams are searched for. Beams are many pixels wide, and
-/// the search must not delay the first picture.
-const APART: usize = 4;
 
 /// How far behind a section's wall a point on that wall may seem to lie, relative to the ray.
 const SLACK: f64 = 0.01;
@@ -80,81 +70,6 @@ pub struct SurfacesDriver {
     /// Samples among those that are still in the store and must leave it.
     leaving: Waits,
     shown: Option<Shown>,
-}
-
-/// Samples that wait to be placed together.
-#[derive(Default)]
-struct Waits {
-    samples: Vec<Sample>,
-    /// The beams and paths that they belong to, in pieces.
-    pieces: Vec<(BeamKey, u16, Range<usize>)>,
-}
-
-/// The view that is shown.
-struct Shown {
-    look: Look,
-    view: View,
-    /// The sums of the view's samples; `None` until a frame needs them.
-    gathered: Option<Gathered>,
-    /// If true, further frames are refined: pixels on edges have several rays, and frames are
-    /// denoised. A view's first frame is not refined, so that it appears soon.
-    is_refined: bool,
-    /// True if the next frame is for a file.
-    is_for_file: bool,
-    edges: Edges,
-    /// Known light. It is shown while the eye moves, and in the first frame of a glance and after a
-    /// stop, so that these frames appear soon.
-    known: Option<Layer>,
-    /// Refinement of the last frame at rest; `None` before the first one.
-    drawn: Option<Refined>,
-    covered: Vec<bool>,
-}
-
-/// Progress of looking into the view's pixels on edges.
-enum Edges {
-    /// Results for the first of these pixels. The view does not have them yet.
-    Some(Vec<Looked>),
-    /// All pixels are done, and the view has the results.
-    All,
-}
-
-/// How a frame is refined.
-#[derive(Clone, Copy, PartialEq, Eq)]
-struct Refined {
-    /// True if the frame shows all samples instead of known light.
-    is_gathered: bool,
-    is_denoised: bool,
-    has_edges: bool,
-}
-
-impl Waits {
-    fn push(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
-        let begin = self.samples.len();
-        self.samples.extend_from_slice(samples);
-        self.pieces.push((beam, paths, begin..self.samples.len()));
-    }
-
-    /// Returns the places of all samples, which wait no more.
-    fn take_placed(
-        &mut self,
-        sections: &[Section],
-        raycaster: &Raycaster,
-        materials: &Materials,
-    ) -> Vec<Placed> {
-        let Waits { samples, pieces } = self;
-        let placer = Placer::new(raycaster, materials);
-        let place = |mut placed: Vec<Placed>,
-                     (key, paths, range): &(BeamKey, u16, Range<usize>)| {
-            if let Some(section) = sections.get(usize::from(key.section)) {
-                placer.place_beam(section, key.beam, *paths, &samples[range.clone()], &mut placed);
-            }
-            placed
-        };
-        let placed: Vec<Vec<Placed>> = pieces.par_iter().fold(Vec::new, place).collect();
-        samples.clear();
-        pieces.clear();
-        placed.concat()
-    }
 }
 
 impl SurfacesDriver {
@@ -191,7 +106,7 @@ impl SurfacesDriver {
     fn place_waiting(&mut self) {
         let placed = self.waiting.take_placed(&self.sections, &self.raycaster, &self.materials);
         self.keep(&placed);
-        if self.earlier.samples.is_empty() && self.leaving.samples.is_empty() {
+        if self.earlier.len() == 0 && self.leaving.len() == 0 {
             return;
         }
         let [earlier, leaving] = [&mut self.earlier, &mut self.leaving]
@@ -262,60 +177,6 @@ impl SurfacesDriver {
     }
 }
 
-impl Refined {
-    /// A frame of known light alone.
-    const KNOWN: Refined = Refined { is_gathered: false, is_denoised: false, has_edges: false };
-}
-
-impl Shown {
-    /// Returns how a frame drawn now would be refined.
-    fn refined(&self, has_denoiser: bool) -> Refined {
-        let is_refined = self.is_refined && self.look.resolution == Resolution::Full;
-        Refined {
-            is_gathered: true,
-            is_denoised: has_denoiser && is_refined,
-            has_edges: matches!(self.edges, Edges::All),
-        }
-    }
-
-    /// Looks into some pixels on edges. Returns true if more are left.
-    fn look_into_edges(&mut self, store: &Store) -> bool {
-        let Edges::Some(looked) = &mut self.edges else { return false };
-        looked.extend(self.view.look_into_some(looked.len(), EDGE_PIXELS));
-        if looked.len() < self.view.on_edges().len() {
-            return true;
-        }
-        self.view.take_edges(std::mem::take(looked));
-        self.edges = Edges::All;
-        self.gathered.iter_mut().for_each(|known| known.look_into_edges(&self.view, store));
-        false
-    }
-
-    /// Returns the distance at which a surface is seen, scene units.
-    fn distance(&self, seen: &Seen) -> f32 {
-        if !seen.is_surface() {
-            return self.view.way(seen).to_lamp;
-        }
-        self.view.length(seen)
-    }
-
-    fn depth(&self) -> Vec<f32> {
-        self.view.seen.par_iter().map(|seen| self.distance(seen)).collect()
-    }
-
-    /// Returns visible surface points, in the scene's coordinates: of every [`APART`]th column and
-    /// row.
-    fn ends(&self, origin: DVec3) -> Vec<End> {
-        let rows = self.view.seen.chunks(self.view.size.0.max(1)).step_by(APART);
-        let seen = rows.flat_map(|row| row.iter().step_by(APART));
-        let end = |seen: &Seen| End {
-            point: origin + seen.point.as_dvec3(),
-            normal: Some(seen.normal.as_dvec3()),
-        };
-        seen.filter(|seen| seen.is_surface()).map(end).collect()
-    }
-}
-
 impl Driver for SurfacesDriver {
     fn name(&self) -> &'static str {
         NAME
@@ -367,14 +228,14 @@ impl Driver for SurfacesDriver {
 
     fn insert(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
         self.waiting.push(beam, paths, samples);
-        if self.waiting.samples.len() >= BATCH {
+        if self.waiting.len() >= BATCH {
             self.place_waiting();
         }
     }
 
     fn insert_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
         self.earlier.push(beam, paths, samples);
-        if self.earlier.samples.len() >= BATCH {
+        if self.earlier.len() >= BATCH {
             self.place_waiting();
         }
     }
@@ -417,7 +278,7 @@ impl Driver for SurfacesDriver {
 
     fn prepare(&mut self) -> bool {
         let waits = [&self.waiting, &self.earlier, &self.leaving];
-        if waits.iter().any(|waits| waits.samples.len() >= LEAST_BATCH) {
+        if waits.iter().any(|waits| waits.len() >= LEAST_BATCH) {
             self.place_waiting();
         }
         let store = &self.store;

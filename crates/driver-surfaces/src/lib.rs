@@ -36,11 +36,13 @@ mod materials;
 mod place;
 mod planes;
 mod portals;
+mod shown;
 mod squares;
 mod stand_ins;
 mod store;
 mod trail;
 mod view;
+mod waits;
 
 pub use cell::Sums;
 pub use draw::Drawn;

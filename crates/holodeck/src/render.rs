@@ -179,7 +179,8 @@ impl Rendered {
         let (size, squares) = reduced(&self.sums, self.size, step);
         let mut small = self.picture_of(&squares, size);
         denoise(&mut denoiser, raycaster, &mut small)?;
-        let mut picture = self.picture_of(&self.sums, self.size);
+        let mut picture = Picture::new(self.size.0, self.size.1);
+        picture.view = small.view;
         for (pixel, shown) in (0..).zip(&mut picture.pixels) {
             let (column, row): (u32, u32) = (pixel % self.size.0, pixel / self.size.0);
             *shown = small.pixels[(row / step * size.0 + column / step) as usize];

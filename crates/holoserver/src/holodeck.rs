@@ -1,5 +1,5 @@
-//! A holodeck on disk: the beam file, and in it everything that a server, a worker and a display
-//! need to know.
+//! A holodeck on disk: the beam file with its samples, and what is stored beside them: the
+//! description, the scene, named views, unseen beams, records of indirect light, and makers.
 
 use std::{
     path::{Path, PathBuf},
@@ -8,170 +8,25 @@ use std::{
 
 use anyhow::{Context, Result, bail, ensure};
 use holo_beamfile::{BeamFile, Options};
-use holo_proto::{
-    control::{MAX_SECTIONS, MAX_VIEWS, RenderSettings, SceneInfo, Welcome},
-    stand_ins::{self, StandIn, StandInKind},
-};
+use holo_proto::control::{MAX_VIEWS, Welcome};
 use holo_scene::Scene;
-use holo_section::{Section, SectionSpec};
-use serde::{Deserialize, Serialize};
+use holo_section::Section;
 
 use crate::{
+    about::About,
     forget::beside,
     light::{LightRecords, Saved},
     makers::Makers,
-    plausible::{Limits, Plausible},
+    plausible::Plausible,
     unseen::UnseenBeams,
 };
 
-/// Name of the blob that holds [`About`], as JSON, so that people and other programs can read it.
-const ABOUT: &str = "holodeck";
 /// Name of the blob that holds the packed scene, of the first generation.
 const SCENE: &str = "scene";
 /// Name of the blob that holds the beams that see nothing, in the scene of the first generation.
 const UNSEEN: &str = "unseen";
 /// Name of the blob that holds the named views, as JSON, once one was kept.
 const VIEWS: &str = "views";
-/// Name of the blob that holds the stand-ins.
-const STAND_INS: &str = "stand-ins";
-/// Version of [`About`] of a file with one generation.
-const FORMAT: u32 = 1;
-/// The same of a file with several. Programs that know one would take samples of an earlier scene
-/// for those of the present one.
-const FORMAT_OF_GENERATIONS: u32 = 2;
-
-/// The description of a holodeck: everything except its samples.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct About {
-    /// Version of this record: 1, or 2 from the second generation on.
-    pub format: u32,
-    /// How often the scene was replaced by an edited one: samples of lower generations are of
-    /// earlier scenes.
-    #[serde(default, skip_serializing_if = "is_first")]
-    pub generation: u32,
-    /// The sections, in the order of their numbers.
-    pub sections: Vec<SectionSpec>,
-    /// How samples are traced.
-    pub settings: RenderSettings,
-    /// The packed scene's hash and length.
-    pub scene: SceneInfo,
-    /// Where the scene came from, for people.
-    pub source: String,
-    /// The scene's up axis, in the scene's coordinates.
-    pub up: [f64; 3],
-    /// Radiance of rays that hit nothing, W·sr⁻¹·m⁻².
-    pub sky: [f32; 3],
-    /// Metres per scene unit.
-    pub unit: f64,
-    /// Named views, as Radiance view options; the first is where a display begins.
-    pub views: Vec<(String, String)>,
-    /// Factor from radiance to display light that pictures share, so that they can be compared.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub exposure: Option<f32>,
-    /// The choices that were made in place of missing options, and why, for people.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub choices: Vec<String>,
-    /// Simpler scenes that displays use in place of the scene, if some exist.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub stand_ins: Option<AboutStandIns>,
-    /// Limits that the scene sets; absent in files of earlier versions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub limits: Option<Limits>,
-    /// How the scene can be read again; absent in files of earlier versions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reading: Option<Reading>,
-}
-
-/// How a scene was read from its file, so that it can be read again.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Reading {
-    /// The file, from the root.
-    pub path: PathBuf,
-    /// The sky that was stated in place of the file's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sky: Option<[f32; 3]>,
-    /// Whether it was stated that lights shine from both sides.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub two_sided_lights: Option<bool>,
-    /// Whether what stands inside sections is seen, if that was stated.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub obstructions: Option<bool>,
-}
-
-/// Returns whether a generation is the first one, which descriptions do not state.
-fn is_first(generation: &u32) -> bool {
-    *generation == 0
-}
-
-/// Returns the name of a blob that each generation has for itself.
-fn of_generation(name: &str, generation: u32) -> String {
-    if generation == 0 { name.to_owned() } else { format!("{name}-{generation}") }
-}
-
-/// Simpler scenes that displays use, by section.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct AboutStandIns {
-    /// Hash and length of the blob that holds them.
-    pub blob: SceneInfo,
-    /// For each: the section, `geometry` or `portals`, and where it came from, for people.
-    pub sources: Vec<(u16, String, String)>,
-}
-
-impl About {
-    /// Returns a record of the present format, with defaults where nothing is said.
-    pub fn new(
-        sections: Vec<SectionSpec>,
-        settings: RenderSettings,
-        packed_scene: &[u8],
-        source: String,
-    ) -> About {
-        About {
-            format: FORMAT,
-            generation: 0,
-            sections,
-            settings,
-            scene: SceneInfo {
-                hash: Scene::content_hash(packed_scene),
-                bytes: packed_scene.len() as u64,
-            },
-            source,
-            up: [0.0, 0.0, 1.0],
-            sky: [0.0; 3],
-            unit: 1.0,
-            views: Vec::new(),
-            exposure: None,
-            choices: Vec::new(),
-            stand_ins: None,
-            limits: None,
-            reading: None,
-        }
-    }
-}
-
-impl About {
-    /// Checks that a file with the description `old` can go on with the scene that this one
-    /// describes. Whether what stands inside a section is seen may differ: rays pass through the
-    /// same cells.
-    ///
-    /// # Errors
-    /// What differs, and what to do.
-    pub fn suits(&self, old: &About) -> Result<()> {
-        let places = |about: &About| {
-            let place = |spec: &SectionSpec| SectionSpec { obstructions: false, ..spec.clone() };
-            about.sections.iter().map(place).collect::<Vec<_>>()
-        };
-        ensure!(
-            places(self) == places(old),
-            "the sections differ from those of the file, and its samples lie in these: name \
-             another file, or delete it"
-        );
-        ensure!(
-            self.settings == old.settings,
-            "the file was traced with other settings: name another file, or delete it"
-        );
-        Ok(())
-    }
-}
 
 /// Writes a scene and then its description, which makes it the file's scene.
 fn write_scene(file: &BeamFile, about: &About, packed_scene: &[u8]) -> Result<()> {
@@ -179,9 +34,9 @@ fn write_scene(file: &BeamFile, about: &About, packed_scene: &[u8]) -> Result<()
         Scene::content_hash(packed_scene) == about.scene.hash,
         "the description is of another scene"
     );
-    file.put_blob(&of_generation(SCENE, about.generation), packed_scene)?;
+    file.put_blob(&about.own_blob(SCENE), packed_scene)?;
     // A crash before this leaves the scene before, and an unused blob.
-    file.put_blob(ABOUT, serde_json::to_string_pretty(about)?.as_bytes())?;
+    about.write(file)?;
     Ok(file.flush()?)
 }
 
@@ -228,7 +83,7 @@ impl Holodeck {
         packed_scene: &[u8],
         cache_bytes: u64,
     ) -> Result<Holodeck> {
-        let sections = sections(&about)?;
+        let sections = about.checked_sections()?;
         let layout = sections.iter().map(Section::beam_count).collect();
         let file = BeamFile::create(path, Options { cache_bytes, layout })?;
         write_scene(&file, &about, packed_scene)?;
@@ -245,10 +100,7 @@ impl Holodeck {
     pub fn restart(path: &Path, about: &About, packed_scene: &[u8]) -> Result<()> {
         let old = Self::open(path, 0)?;
         about.suits(&old.about)?;
-        let generation =
-            old.about.generation.checked_add(1).context("there is no generation left")?;
-        let about = About { format: FORMAT_OF_GENERATIONS, generation, ..about.clone() };
-        write_scene(&old.file, &about, packed_scene)
+        write_scene(&old.file, &about.after(&old.about)?, packed_scene)
     }
 
     /// Replaces a file by one with the same description and scene, and without samples.
@@ -269,9 +121,7 @@ impl Holodeck {
     /// If it exists or cannot be written, or this one cannot be read.
     pub fn without_samples(&self, path: &Path) -> Result<Holodeck> {
         let new = Self::create(path, self.about.clone(), &self.packed_scene()?, 0)?;
-        if let Some(stand_ins) = self.stand_ins()? {
-            new.file.put_blob(STAND_INS, &stand_ins)?;
-        }
+        self.copy_stand_ins(&new)?;
         new.file.flush()?;
         Ok(new)
     }
@@ -322,26 +172,9 @@ impl Holodeck {
     }
 
     fn from_file(path: &Path, file: BeamFile, writable: bool) -> Result<Holodeck> {
-        let about = file.blob(ABOUT)?;
-        let about = about
-            .with_context(|| format!("{} holds no description of its sections", path.display()))?;
-        let about: About = serde_json::from_slice(&about).with_context(|| {
-            format!("{}: the description of its sections is damaged", path.display())
-        })?;
-        ensure!(
-            [FORMAT, FORMAT_OF_GENERATIONS].contains(&about.format),
-            "{}: this program does not know format {}",
-            path.display(),
-            about.format
-        );
-        ensure!(
-            file.generation() <= about.generation,
-            "{}: the description of its present scene is lost",
-            path.display()
-        );
+        let mut about = About::read(&file, path)?;
         file.begin_generation(about.generation)?;
-        let sections = sections(&about)?;
-        let mut about = about;
+        let sections = about.checked_sections()?;
         if let Some(views) = file.blob(VIEWS)? {
             about.views = serde_json::from_slice(&views).with_context(|| {
                 format!("{}: the list of named views is damaged", path.display())
@@ -377,7 +210,7 @@ impl Holodeck {
     }
 
     fn load_unseen(&self) -> Result<()> {
-        let name = of_generation(UNSEEN, self.about.generation);
+        let name = self.about.own_blob(UNSEEN);
         if let Some(bytes) = self.file.blob(&name)?.filter(|_| self.skip_unseen) {
             let unseen = UnseenBeams::decode(&bytes, &self.sections)?;
             *self.unseen_saved.lock().unwrap_or_else(PoisonError::into_inner) = unseen.changes();
@@ -425,7 +258,7 @@ impl Holodeck {
             }
             (unseen.changes(), unseen.encode())
         };
-        self.file.put_blob_once(&of_generation(UNSEEN, self.about.generation), &bytes)?;
+        self.file.put_blob_once(&self.about.own_blob(UNSEEN), &bytes)?;
         *saved = changes;
         Ok(())
     }
@@ -498,7 +331,7 @@ impl Holodeck {
             return Ok(Arc::clone(scene));
         }
         let name = self.path.display();
-        let blob = of_generation(SCENE, self.about.generation);
+        let blob = self.about.own_blob(SCENE);
         let packed = self.file.blob(&blob)?.with_context(|| format!("{name} holds no scene"))?;
         let packed: Arc<[u8]> = packed.into();
         ensure!(
@@ -506,57 +339,6 @@ impl Holodeck {
             "{name}: the scene is damaged, or not the one that the samples were traced in"
         );
         Ok(Arc::clone(self.scene.get_or_init(|| packed)))
-    }
-
-    /// Replaces the stand-ins for the scene. Each comes with a text that says where it is from.
-    ///
-    /// # Errors
-    /// If one is for a section that does not exist, or they cannot be written.
-    pub fn set_stand_ins(&mut self, parts: &[(StandIn, String)]) -> Result<()> {
-        let known = |section: u16| usize::from(section) < self.sections.len();
-        if let Some((part, source)) = parts.iter().find(|(part, _)| !known(part.section)) {
-            bail!(
-                "{source} is for section {}, but there are only {} (the first is 0)",
-                part.section,
-                self.sections.len()
-            );
-        }
-        let source = |(part, source): &(StandIn, String)| {
-            let kind = match part.kind {
-                StandInKind::Geometry => "geometry",
-                StandInKind::Portals => "portals",
-            };
-            (part.section, kind.to_owned(), source.clone())
-        };
-        let sources = parts.iter().map(source).collect();
-        let bytes =
-            stand_ins::encode(&parts.iter().map(|(part, _)| part.clone()).collect::<Vec<_>>());
-        let blob = SceneInfo { hash: Scene::content_hash(&bytes), bytes: bytes.len() as u64 };
-        let about = Some(AboutStandIns { blob, sources });
-        if self.about.stand_ins != about {
-            self.file.put_blob(STAND_INS, &bytes)?;
-            self.about.stand_ins = about;
-            self.file.put_blob(ABOUT, serde_json::to_string_pretty(&self.about)?.as_bytes())?;
-        }
-        Ok(())
-    }
-
-    /// Returns the blob of the stand-ins, if some exist.
-    ///
-    /// # Errors
-    /// If it is damaged on disk.
-    pub fn stand_ins(&self) -> Result<Option<Arc<[u8]>>> {
-        let Some(about) = &self.about.stand_ins else { return Ok(None) };
-        let name = self.path.display();
-        let bytes = self
-            .file
-            .blob(STAND_INS)?
-            .with_context(|| format!("{name}: the stand-ins for the scene are missing"))?;
-        ensure!(
-            Scene::content_hash(&bytes) == about.blob.hash,
-            "{name}: the stand-ins for the scene are damaged"
-        );
-        Ok(Some(bytes.into()))
     }
 
     /// Returns the welcome that the server sends to a new connection.
@@ -575,19 +357,4 @@ impl Holodeck {
             unit: self.about.unit,
         }
     }
-}
-
-fn sections(about: &About) -> Result<Arc<[Section]>> {
-    ensure!(!about.sections.is_empty(), "a holodeck needs at least one section");
-    ensure!(
-        about.sections.len() <= MAX_SECTIONS,
-        "{} sections are more than the {MAX_SECTIONS} that a holodeck may have",
-        about.sections.len()
-    );
-    about
-        .sections
-        .iter()
-        .enumerate()
-        .map(|(index, spec)| Section::new(spec.clone()).with_context(|| format!("section {index}")))
-        .collect()
 }

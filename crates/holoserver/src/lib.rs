@@ -5,6 +5,7 @@
 //! and then by tracing. With workers and no display it fills the file in batch order. Without
 //! workers it only shows what is stored. Anyone may come and go at any time.
 
+mod about;
 mod allotment;
 mod assignment;
 mod audits;
@@ -35,19 +36,21 @@ mod schedule;
 mod shard;
 #[cfg(test)]
 mod simulation;
+mod stand_ins;
 mod unseen;
 mod wishes;
 mod workers;
 
 use std::{net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
 
+pub use about::{About, Reading};
 use anyhow::Result;
 use clap::Args;
 pub use file_size::outlive_file_size_limit;
 pub use forget::Forgotten;
 use holo_net::{Ending, Invitation, Shutdown};
 use holo_proto::control::Farewell;
-pub use holodeck::{About, Holodeck, Reading};
+pub use holodeck::Holodeck;
 pub use light::LightRecords;
 use serde::{Deserialize, Serialize};
 use tracing::info;

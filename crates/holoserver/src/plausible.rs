@@ -20,7 +20,7 @@ use holo_section::{Sample, Section, distance, rgbe};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::holodeck::About;
+use crate::about::About;
 
 /// Limits that a scene sets, stored in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -86,24 +86,18 @@ impl Recall {
         self.holodeck.refresh().context("looking for what another process has added")?;
         self.send_unseen()?;
         let is_wanted = || self.is_wanted();
-        let mut sender =
-            Sender::new(&self.holodeck, &self.outbox, (self.view, Source::Stored), &is_wanted);
-        for keys in by_weight(&self.keys) {
-            sender.send_beams(&keys)?;
-            if !self.is_wanted() {
-                break;
+        for (source, beams) in [(Source::Stored, &self.keys), (Source::Earlier, &self.earlier)] {
+            let mut sender =
+                Sender::new(&self.holodeck, &self.outbox, (self.view, source), &is_wanted);
+            for keys in by_weight(beams) {
+                sender.send_beams(&keys)?;
+                if !self.is_wanted() {
+                    break;
+                }
             }
+            sender.finish()?;
         }
-        sender.finish()?;
-        let mut sender =
-            Sender::new(&self.holodeck, &self.outbox, (self.view, Source::Earlier), &is_wanted);
-        for keys in by_weight(&self.earlier) {
-            sender.send_earlier(&keys)?;
-            if !self.is_wanted() {
-                break;
-            }
-        }
-        sender.finish()
+        Ok(())
     }
 
     /// Sends which of the view's beams see nothing. The coordinator sends those found later.
@@ -164,13 +158,11 @@ impl Part {
             next += 1;
         }
         let is_wanted = || !self.outbox.is_closed();
-        let mut sender = Sender::new(&self.holodeck, &self.outbox, (0, Source::Part), &is_wanted);
-        sender.send_beams(&keys)?;
-        sender.finish()?;
-        let mut sender =
-            Sender::new(&self.holodeck, &self.outbox, (0, Source::Earlier), &is_wanted);
-        sender.send_earlier(&earlier)?;
-        sender.finish()?;
+        for (source, keys) in [(Source::Part, keys), (Source::Earlier, earlier)] {
+            let mut sender = Sender::new(&self.holodeck, &self.outbox, (0, source), &is_wanted);
+            sender.send_beams(&keys)?;
+            sender.finish()?;
+        }
         Ok((next < beams).then_some(next))
     }
 }
@@ -190,6 +182,9 @@ struct Sender<'a> {
     holodeck: &'a Holodeck,
     outbox: &'a Outbox,
     message: Samples,
+    /// Most paths that are stated for a sample. Displays weigh samples by their paths, but equal
+    /// weights make better pictures: docs/notes/weights.md.
+    usual_paths: u16,
     /// Returns whether the display still wants these samples.
     is_wanted: &'a dyn Fn() -> bool,
 }
@@ -202,47 +197,37 @@ impl<'a> Sender<'a> {
         is_wanted: &'a dyn Fn() -> bool,
     ) -> Sender<'a> {
         let message = Samples { view, source, runs: Vec::new(), samples: Vec::new() };
-        Sender { holodeck, outbox, message, is_wanted }
+        let usual_paths = holodeck.about.settings.paths_per_sample;
+        Sender { holodeck, outbox, message, usual_paths, is_wanted }
     }
 
-    /// Sends all samples of some beams, those in memory first. The last ones wait for more.
+    /// Sends samples of some beams: all of the present generation, those in memory first, or those
+    /// of an earlier generation that still count. The last ones wait for more.
     fn send_beams(&mut self, keys: &[BeamKey]) -> Result<()> {
-        // Displays weigh samples by their paths. Equal weights make better pictures, so the usual
-        // number is sent for all samples: docs/notes/weights.md.
-        let usual = self.holodeck.about.settings.paths_per_sample;
-        let mut sent = Ok(());
-        self.holodeck.file.read_many(keys, &mut |_, beam| {
-            sent = self.add(&beam, usual);
-            if sent.is_err() || !(self.is_wanted)() {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
-        })?;
-        sent
-    }
-
-    /// Sends the samples of an earlier generation that still count in some beams. The last ones
-    /// wait for more.
-    fn send_earlier(&mut self, keys: &[BeamKey]) -> Result<()> {
-        let usual = self.holodeck.about.settings.paths_per_sample;
         let file = &self.holodeck.file;
+        let is_earlier = self.message.source == Source::Earlier;
         let mut sent = Ok(());
-        file.read_earlier(keys, &mut |key, beam| {
-            sent = self.add_earlier(&beam, file.count(key), usual);
+        let mut send = |key: BeamKey, beam: Arc<BeamSamples>| {
+            sent =
+                if is_earlier { self.add_earlier(&beam, file.count(key)) } else { self.add(&beam) };
             if sent.is_err() || !(self.is_wanted)() {
                 ControlFlow::Break(())
             } else {
                 ControlFlow::Continue(())
             }
-        })?;
+        };
+        if is_earlier {
+            file.read_earlier(keys, &mut send)?;
+        } else {
+            file.read_many(keys, &mut send)?;
+        }
         sent
     }
 
-    fn add_earlier(&mut self, beam: &BeamSamples, present: u64, usual: u16) -> Result<()> {
+    fn add_earlier(&mut self, beam: &BeamSamples, present: u64) -> Result<()> {
         let mut rank = 0u32;
         for (run, samples) in beam.iter() {
-            let paths = run.paths.min(usual);
+            let paths = run.paths.min(self.usual_paths);
             let (first, end) = (rank, rank.saturating_add(samples.len() as u32));
             rank = end;
             for ranks in fading::lasting(first..end, present) {
@@ -258,12 +243,12 @@ impl<'a> Sender<'a> {
         Ok(())
     }
 
-    fn add(&mut self, beam: &BeamSamples, usual: u16) -> Result<()> {
+    fn add(&mut self, beam: &BeamSamples) -> Result<()> {
         for (run, samples) in beam.iter() {
             let mut first = run.first;
             for part in samples.chunks(MAX_RUN as usize) {
                 let count = part.len() as u32;
-                let paths = run.paths.min(usual);
+                let paths = run.paths.min(self.usual_paths);
                 self.message.runs.push(Run { first, count, paths, ..*run });
                 self.message.samples.extend_from_slice(part);
                 first += count;

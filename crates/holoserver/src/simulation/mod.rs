@@ -24,10 +24,7 @@ use tokio::{
 };
 
 use crate::{
-    Goal,
-    coordinator::FillOptions,
-    holodeck::{About, Holodeck},
-    progress::Totals,
+    Goal, about::About, coordinator::FillOptions, holodeck::Holodeck, progress::Totals,
     shard::Share,
 };
 use cluster::{Cluster, FOR_EVER};

@@ -25,9 +25,10 @@ use tokio::{
 
 use super::{
     eyes::Eyes,
+    from_page::{self, Asked},
     hub::{Guest, Hub, Seen},
-    messages::{self, Asked, Framed, Times},
     screen::{Screen, Update},
+    to_page::{self, Framed, Times},
 };
 use crate::stage::{Input, Phase, Shown};
 
@@ -64,7 +65,7 @@ pub async fn connect(upgrade: WebSocketUpgrade, State(hub): State<Arc<Hub>>) -> 
         let Some(guest) = hub.enter() else {
             let mut sink = sink;
             // If the client has gone, the message has no effect.
-            let _ = sink.send(text(messages::error("too many people look already"))).await;
+            let _ = sink.send(text(to_page::error("too many people look already"))).await;
             return;
         };
         let wanted = watch::Sender::new(Wanted::default());
@@ -103,7 +104,7 @@ impl Reader<'_> {
         let mut garbage = 0;
         while let Some(Ok(message)) = self.stream.next().await {
             let parsed = match message {
-                Message::Text(text) => messages::parse(&text),
+                Message::Text(text) => from_page::parse(&text),
                 Message::Binary(_) => Err("messages are texts".to_owned()),
                 Message::Close(_) => return,
                 Message::Ping(_) | Message::Pong(_) => continue,
@@ -112,7 +113,7 @@ impl Reader<'_> {
                 Ok((number, asked)) => self.take(number, asked),
                 Err(reason) => {
                     garbage += 1;
-                    Some(messages::error(&reason))
+                    Some(to_page::error(&reason))
                 }
             };
             if let Some(answer) = answer {
@@ -141,11 +142,11 @@ impl Reader<'_> {
                     });
                     let shown = self.hub.latest();
                     let under = shown.zip(cursor);
-                    answer = under.and_then(|(shown, at)| messages::under_cursor(&shown, at));
+                    answer = under.and_then(|(shown, at)| to_page::under_cursor(&shown, at));
                 }
                 let is_driver = self.hub.drives(self.guest.number);
                 if is_driver && !self.hub.front.inputs.send(self.guest.number, number, input) {
-                    answer = Some(messages::error("too many inputs at once: some were lost"));
+                    answer = Some(to_page::error("too many inputs at once: some were lost"));
                 }
             }
         }
@@ -221,7 +222,7 @@ impl<'a> Writer<'a> {
         let mut roles = self.hub.roles();
         states.mark_changed();
         roles.mark_changed();
-        self.send(text(messages::hello(self.guest.number))).await?;
+        self.send(text(to_page::hello(self.guest.number))).await?;
         let mut has_facts = false;
         let mut sent_at = Instant::now();
         loop {
@@ -244,9 +245,9 @@ impl<'a> Writer<'a> {
                     let state = states.borrow_and_update().clone();
                     if !has_facts && state.phase == Phase::Running {
                         has_facts = true;
-                        self.send(text(messages::facts(&state))).await?;
+                        self.send(text(to_page::facts(&state))).await?;
                     }
-                    self.send(text(messages::state(&state))).await?;
+                    self.send(text(to_page::state(&state))).await?;
                     if matches!(state.phase, Phase::Ended(_)) {
                         return self.send(Message::Close(None)).await;
                     }
@@ -257,7 +258,7 @@ impl<'a> Writer<'a> {
                         let roles = roles.borrow_and_update();
                         (roles.driver == Some(self.guest.number), roles.clients.len())
                     };
-                    self.send(text(messages::roles(drives, clients))).await?;
+                    self.send(text(to_page::roles(drives, clients))).await?;
                 }
                 Some(answer) = answers.recv() => self.send(text(answer)).await?,
                 () = sleep_until(adapts.into()), if is_free && self.adapts.is_some() => {}

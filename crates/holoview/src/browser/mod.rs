@@ -10,14 +10,15 @@
 mod client;
 mod encode;
 mod eyes;
+mod from_page;
 mod guard;
 mod hub;
-mod messages;
 mod page;
 mod saved;
 mod screen;
 #[cfg(test)]
 mod tests;
+mod to_page;
 
 use std::{path::PathBuf, process::Stdio, sync::Arc};
 

@@ -1,0 +1,109 @@
+//! The view that the driver shows, with what it knows of it: its sums, its pixels on edges, and how
+//! far its frames are refined.
+
+use glam::DVec3;
+use holo_display::{End, Look, Resolution};
+use rayon::prelude::*;
+
+use crate::edges::Looked;
+use crate::squares::Layer;
+use crate::{Gathered, Seen, Store, View};
+
+/// Pixels on edges that are examined in one go: about 10 ms on two cores.
+const EDGE_PIXELS: usize = 1 << 12;
+
+/// Distance in pixels between points whose beams are searched for. Beams are many pixels wide, and
+/// the search must not delay the first picture.
+const APART: usize = 4;
+
+/// The view that is shown.
+pub(crate) struct Shown {
+    pub(crate) look: Look,
+    pub(crate) view: View,
+    /// The sums of the view's samples; `None` until a frame needs them.
+    pub(crate) gathered: Option<Gathered>,
+    /// If true, further frames are refined: pixels on edges have several rays, and frames are
+    /// denoised. A view's first frame is not refined, so that it appears soon.
+    pub(crate) is_refined: bool,
+    /// True if the next frame is for a file.
+    pub(crate) is_for_file: bool,
+    pub(crate) edges: Edges,
+    /// Known light. It is shown while the eye moves, and in the first frame of a glance and after a
+    /// stop, so that these frames appear soon.
+    pub(crate) known: Option<Layer>,
+    /// Refinement of the last frame at rest; `None` before the first one.
+    pub(crate) drawn: Option<Refined>,
+    pub(crate) covered: Vec<bool>,
+}
+
+/// Progress of looking into the view's pixels on edges.
+pub(crate) enum Edges {
+    /// Results for the first of these pixels. The view does not have them yet.
+    Some(Vec<Looked>),
+    /// All pixels are done, and the view has the results.
+    All,
+}
+
+/// How a frame is refined.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Refined {
+    /// True if the frame shows all samples instead of known light.
+    is_gathered: bool,
+    pub(crate) is_denoised: bool,
+    has_edges: bool,
+}
+
+impl Refined {
+    /// A frame of known light alone.
+    pub(crate) const KNOWN: Refined =
+        Refined { is_gathered: false, is_denoised: false, has_edges: false };
+}
+
+impl Shown {
+    /// Returns how a frame drawn now would be refined.
+    pub(crate) fn refined(&self, has_denoiser: bool) -> Refined {
+        let is_refined = self.is_refined && self.look.resolution == Resolution::Full;
+        Refined {
+            is_gathered: true,
+            is_denoised: has_denoiser && is_refined,
+            has_edges: matches!(self.edges, Edges::All),
+        }
+    }
+
+    /// Looks into some pixels on edges. Returns true if more are left.
+    pub(crate) fn look_into_edges(&mut self, store: &Store) -> bool {
+        let Edges::Some(looked) = &mut self.edges else { return false };
+        looked.extend(self.view.look_into_some(looked.len(), EDGE_PIXELS));
+        if looked.len() < self.view.on_edges().len() {
+            return true;
+        }
+        self.view.take_edges(std::mem::take(looked));
+        self.edges = Edges::All;
+        self.gathered.iter_mut().for_each(|known| known.look_into_edges(&self.view, store));
+        false
+    }
+
+    /// Returns the distance at which a surface is seen, scene units.
+    pub(crate) fn distance(&self, seen: &Seen) -> f32 {
+        if !seen.is_surface() {
+            return self.view.way(seen).to_lamp;
+        }
+        self.view.length(seen)
+    }
+
+    pub(crate) fn depth(&self) -> Vec<f32> {
+        self.view.seen.par_iter().map(|seen| self.distance(seen)).collect()
+    }
+
+    /// Returns visible surface points, in the scene's coordinates: of every [`APART`]th column and
+    /// row.
+    pub(crate) fn ends(&self, origin: DVec3) -> Vec<End> {
+        let rows = self.view.seen.chunks(self.view.size.0.max(1)).step_by(APART);
+        let seen = rows.flat_map(|row| row.iter().step_by(APART));
+        let end = |seen: &Seen| End {
+            point: origin + seen.point.as_dvec3(),
+            normal: Some(seen.normal.as_dvec3()),
+        };
+        seen.filter(|seen| seen.is_surface()).map(end).collect()
+    }
+}

@@ -1,0 +1,217 @@
+//! The description of a holodeck: what a server, a worker and a display need to know about its
+//! samples.
+//!
+//! It is a blob of the file. With each edit of the scene, a new one takes its place.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use anyhow::{Context, Result, ensure};
+use holo_beamfile::BeamFile;
+use holo_proto::control::{MAX_SECTIONS, RenderSettings, SceneInfo};
+use holo_scene::Scene;
+use holo_section::{Section, SectionSpec};
+use serde::{Deserialize, Serialize};
+
+use crate::plausible::Limits;
+
+/// Name of the blob that holds [`About`], as JSON, so that people and other programs can read it.
+const ABOUT: &str = "holodeck";
+/// Version of [`About`] of a file with one generation.
+const FORMAT: u32 = 1;
+/// The same of a file with several. Programs that know one would take samples of an earlier scene
+/// for those of the present one.
+const FORMAT_OF_GENERATIONS: u32 = 2;
+
+/// The description of a holodeck: everything except its samples.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct About {
+    /// Version of this record: 1, or 2 from the second generation on.
+    pub format: u32,
+    /// How often the scene was replaced by an edited one: samples of lower generations are of
+    /// earlier scenes.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub generation: u32,
+    /// The sections, in the order of their numbers.
+    pub sections: Vec<SectionSpec>,
+    /// How samples are traced.
+    pub settings: RenderSettings,
+    /// The packed scene's hash and length.
+    pub scene: SceneInfo,
+    /// Where the scene came from, for people.
+    pub source: String,
+    /// The scene's up axis, in the scene's coordinates.
+    pub up: [f64; 3],
+    /// Radiance of rays that hit nothing, W·sr⁻¹·m⁻².
+    pub sky: [f32; 3],
+    /// Metres per scene unit.
+    pub unit: f64,
+    /// Named views, as Radiance view options; the first is where a display begins.
+    pub views: Vec<(String, String)>,
+    /// Factor from radiance to display light that pictures share, so that they can be compared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure: Option<f32>,
+    /// The choices that were made in place of missing options, and why, for people.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub choices: Vec<String>,
+    /// Simpler scenes that displays use in place of the scene, if some exist.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stand_ins: Option<AboutStandIns>,
+    /// Limits that the scene sets; absent in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<Limits>,
+    /// How the scene can be read again; absent in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reading: Option<Reading>,
+}
+
+/// How a scene was read from its file, so that it can be read again.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Reading {
+    /// The file, from the root.
+    pub path: PathBuf,
+    /// The sky that was stated in place of the file's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sky: Option<[f32; 3]>,
+    /// Whether it was stated that lights shine from both sides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub two_sided_lights: Option<bool>,
+    /// Whether what stands inside sections is seen, if that was stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub obstructions: Option<bool>,
+}
+
+/// Simpler scenes that displays use, by section.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AboutStandIns {
+    /// Hash and length of the blob that holds them.
+    pub blob: SceneInfo,
+    /// For each: the section, `geometry` or `portals`, and where it came from, for people.
+    pub sources: Vec<(u16, String, String)>,
+}
+
+impl About {
+    /// Returns a record of the present format, with defaults where nothing is said.
+    pub fn new(
+        sections: Vec<SectionSpec>,
+        settings: RenderSettings,
+        packed_scene: &[u8],
+        source: String,
+    ) -> About {
+        About {
+            format: FORMAT,
+            generation: 0,
+            sections,
+            settings,
+            scene: SceneInfo {
+                hash: Scene::content_hash(packed_scene),
+                bytes: packed_scene.len() as u64,
+            },
+            source,
+            up: [0.0, 0.0, 1.0],
+            sky: [0.0; 3],
+            unit: 1.0,
+            views: Vec::new(),
+            exposure: None,
+            choices: Vec::new(),
+            stand_ins: None,
+            limits: None,
+            reading: None,
+        }
+    }
+
+    /// Reads the description of a file that is at `path`.
+    ///
+    /// # Errors
+    /// If there is none, it is damaged, or it is of a later format or an earlier generation.
+    pub(crate) fn read(file: &BeamFile, path: &Path) -> Result<About> {
+        let path = path.display();
+        let about = file.blob(ABOUT)?;
+        let about =
+            about.with_context(|| format!("{path} holds no description of its sections"))?;
+        let about: About = serde_json::from_slice(&about)
+            .with_context(|| format!("{path}: the description of its sections is damaged"))?;
+        ensure!(
+            [FORMAT, FORMAT_OF_GENERATIONS].contains(&about.format),
+            "{path}: this program does not know format {}",
+            about.format
+        );
+        ensure!(
+            file.generation() <= about.generation,
+            "{path}: the description of its present scene is lost"
+        );
+        Ok(about)
+    }
+
+    /// Writes the description into a file, in place of the one that is there.
+    ///
+    /// # Errors
+    /// If the disk fails.
+    pub(crate) fn write(&self, file: &BeamFile) -> Result<()> {
+        Ok(file.put_blob(ABOUT, serde_json::to_string_pretty(self)?.as_bytes())?)
+    }
+
+    /// Returns this description for the generation that follows the one of `old`.
+    ///
+    /// # Errors
+    /// If `old` has the last generation.
+    pub(crate) fn after(&self, old: &About) -> Result<About> {
+        let generation = old.generation.checked_add(1).context("there is no generation left")?;
+        Ok(About { format: FORMAT_OF_GENERATIONS, generation, ..self.clone() })
+    }
+
+    /// Returns the name of a blob that each generation has for itself.
+    pub(crate) fn own_blob(&self, name: &str) -> String {
+        match self.generation {
+            0 => name.to_owned(),
+            generation => format!("{name}-{generation}"),
+        }
+    }
+
+    /// Returns the sections, checked.
+    ///
+    /// # Errors
+    /// If there is none, there are too many, or one is not valid.
+    pub(crate) fn checked_sections(&self) -> Result<Arc<[Section]>> {
+        let count = self.sections.len();
+        ensure!(count > 0, "a holodeck needs at least one section");
+        ensure!(
+            count <= MAX_SECTIONS,
+            "{count} sections are more than the {MAX_SECTIONS} that a holodeck may have"
+        );
+        let section = |(index, spec): (usize, &SectionSpec)| {
+            Section::new(spec.clone()).with_context(|| format!("section {index}"))
+        };
+        self.sections.iter().enumerate().map(section).collect()
+    }
+
+    /// Checks that a file with the description `old` can go on with the scene that this one
+    /// describes. Whether what stands inside a section is seen may differ: rays pass through the
+    /// same cells.
+    ///
+    /// # Errors
+    /// What differs, and what to do.
+    pub fn suits(&self, old: &About) -> Result<()> {
+        let places = |about: &About| {
+            let place = |spec: &SectionSpec| SectionSpec { obstructions: false, ..spec.clone() };
+            about.sections.iter().map(place).collect::<Vec<_>>()
+        };
+        ensure!(
+            places(self) == places(old),
+            "the sections differ from those of the file, and its samples lie in these: name \
+             another file, or delete it"
+        );
+        ensure!(
+            self.settings == old.settings,
+            "the file was traced with other settings: name another file, or delete it"
+        );
+        Ok(())
+    }
+}
+
+/// Returns whether a generation is the first one, which descriptions do not state.
+fn is_first(generation: &u32) -> bool {
+    *generation == 0
+}
