@@ -6,6 +6,7 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
+use holo_display::Frame;
 use holo_net::{NetError, RETURN_TIME};
 use holo_picture::{ViewSpec, luminance};
 use holo_progress::Meter;
@@ -18,8 +19,13 @@ use super::{
 };
 use crate::{
     Config, LookArgs, PictureReport,
+    report::StageTime,
     session::{Again, Connected, Session, Waited},
 };
+
+/// Time after which a picture of a view may take seconds longer. Earlier pictures show what is known
+/// at their moment.
+const PATIENT: Duration = Duration::from_secs(5);
 
 /// Interval at which a typed script is checked for new lines.
 const TYPED_TICK: Duration = Duration::from_millis(20);
@@ -89,7 +95,10 @@ impl Player {
                     spec = spec.overridden_by(&change);
                     self.show(&spec)?;
                 }
-                Command::Picture(path) => self.picture(&path)?,
+                Command::Picture(path) => {
+                    let can_wait = self.session.since().elapsed() >= PATIENT;
+                    self.picture(&path, can_wait)?;
+                }
                 Command::Probe(column, row) => self.probe(column, row)?,
                 Command::Switch { parts, on } => {
                     parts.iter().try_for_each(|part| self.session.switch(part, on))?;
@@ -152,11 +161,12 @@ impl Player {
     }
 
     /// Writes the current view with the samples that have arrived.
-    fn picture(&mut self, path: &Path) -> Result<()> {
+    fn picture(&mut self, path: &Path, can_wait: bool) -> Result<()> {
         if !self.session.has_view() {
             bail!("there is no view to take a picture of");
         }
-        let report = write_picture(&mut self.session, path.to_owned(), &self.config.look)?;
+        let drawn = if can_wait { self.session.draw_for_file() } else { self.session.draw() };
+        let report = write_picture(&self.session, path.to_owned(), &self.config.look, drawn)?;
         if self.config.json {
             holo_progress::print_line!("{}", serde_json::to_string(&report)?);
         } else {
@@ -208,7 +218,7 @@ impl Player {
         }
         self.meter.finish();
         match self.config.output.clone() {
-            Some(path) if self.session.has_view() => self.picture(&path),
+            Some(path) if self.session.has_view() => self.picture(&path, true),
             _ => Ok(()),
         }
     }
@@ -219,9 +229,13 @@ fn begins_with_view(next: &Next) -> bool {
         if seconds.unwrap_or(0.0) == 0.0)
 }
 
-/// Draws the session's view, writes it to `path`, and returns the report.
-fn write_picture(session: &mut Session, path: PathBuf, look: &LookArgs) -> Result<PictureReport> {
-    let (frame, stages) = session.draw_for_file();
+/// Writes a frame of the session's view to `path`, and returns the report.
+fn write_picture(
+    session: &Session,
+    path: PathBuf,
+    look: &LookArgs,
+    (frame, stages): (Frame, Vec<StageTime>),
+) -> Result<PictureReport> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
