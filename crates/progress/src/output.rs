@@ -19,7 +19,7 @@ pub fn print(results: Arguments<'_>) {
     }
 }
 
-/// Prints a line of results. See [`print`].
+/// Prints a line of results. See [`print()`].
 #[macro_export]
 macro_rules! print_line {
     ($($text:tt)*) => {

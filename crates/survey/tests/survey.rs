@@ -327,6 +327,28 @@ fn a_box_is_looked_at_through_its_open_side() {
 }
 
 #[test]
+fn a_screen_before_a_lamp_is_looked_at_from_its_lit_side() {
+    for lit in [-1.0, 1.0] {
+        let mut stage = Model::default();
+        let (grey, lamp) = (stage.material("grey", 0.0), stage.material("lamp", 5.0));
+        let square = |half: f64, y: f64| {
+            [(-half, -half), (half, -half), (half, half), (-half, half)]
+                .map(|(x, z)| DVec3::new(x, y, z))
+        };
+        stage.quad(square(1.0, 0.0), grey);
+        let mut corners = square(0.1, 0.8 * lit);
+        // The first corners face -y.
+        if lit < 0.0 {
+            corners.reverse();
+        }
+        stage.quad(corners, lamp);
+        let (survey, raycaster) = stage.survey(DVec3::Z, None);
+        let towards = survey.outside(&raycaster).direction.y * lit;
+        assert!(towards < -0.3, "{lit}: {towards}");
+    }
+}
+
+#[test]
 fn the_inside_of_a_device_is_no_room_even_if_it_glows() {
     // A case of 12 cm in a file in metres, emitting on both sides.
     let mut device = Model::default();
