@@ -80,6 +80,14 @@ pub(crate) struct Beam {
     pub samples: u64,
 }
 
+impl Beam {
+    /// Returns true if every number below the next free ones is taken. Better samples of such a
+    /// beam are counted without a look at its extents, which took two thirds of opening a file.
+    fn has_all_numbers(&self) -> bool {
+        self.next.iter().map(|&next| u64::from(next)).sum::<u64>() == self.samples
+    }
+}
+
 #[derive(Debug, Default)]
 pub(crate) struct Directory {
     /// By beam, what the present generation has.
@@ -164,6 +172,9 @@ impl Directory {
                 beam.next[usize::from(kind)] = first + count;
                 self.sections[usize::from(key.section)].samples += u64::from(count);
                 return;
+            }
+            Some(beam) if beam.has_all_numbers() => {
+                (first + count).min(beam.next[usize::from(kind)]) - first
             }
             Some(_) => covered(older(self), first, first + count),
             None => 0,
