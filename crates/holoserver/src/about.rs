@@ -30,8 +30,8 @@ const FORMAT_OF_GENERATIONS: u32 = 2;
 pub struct About {
     /// Version of this record: 1, or 2 from the second generation on.
     pub format: u32,
-    /// How often the scene was replaced by an edited one: samples of lower generations are of
-    /// earlier scenes.
+    /// The number of times that an edited scene has replaced the scene. Samples with lower numbers
+    /// show earlier scenes.
     #[serde(default, skip_serializing_if = "is_first")]
     pub generation: u32,
     /// The sections, in the order of their numbers.
@@ -125,7 +125,8 @@ impl About {
     /// Reads the description of a file that is at `path`.
     ///
     /// # Errors
-    /// If there is none, it is damaged, or it is of a later format or an earlier generation.
+    /// If the file has no description, or if the description is damaged, has a later format, or
+    /// belongs to an earlier generation.
     pub(crate) fn read(file: &BeamFile, path: &Path) -> Result<About> {
         let path = path.display();
         let about = file.blob(ABOUT)?;

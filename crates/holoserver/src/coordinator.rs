@@ -128,7 +128,7 @@ pub struct Coordinator {
     damage: DamageReport,
     /// True if the disk fails and many samples wait for it.
     stalled: bool,
-    /// What everyone is told at the end.
+    /// The farewell that all peers get at the end.
     farewell: Farewell,
 }
 

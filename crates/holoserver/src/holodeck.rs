@@ -1,5 +1,5 @@
-//! A holodeck on disk: the beam file with its samples, and what is stored beside them: the
-//! description, the scene, named views, unseen beams, records of indirect light, and makers.
+//! A holodeck on disk: the beam file with its samples. The file also stores the description, the
+//! scene, named views, unseen beams, records of indirect light, and makers.
 
 use std::{
     path::{Path, PathBuf},

@@ -336,6 +336,9 @@ fn a_screen_before_a_lamp_is_looked_at_from_its_lit_side() {
                 .map(|(x, z)| DVec3::new(x, y, z))
         };
         stage.quad(square(1.0, 0.0), grey);
+        // A screen of one triangle fills half of the bounds, so no side counts as open.
+        stage.triangles.pop();
+        stage.ids.pop();
         let mut corners = square(0.1, 0.8 * lit);
         // The first corners face -y.
         if lit < 0.0 {
