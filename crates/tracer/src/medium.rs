@@ -23,11 +23,14 @@
 //! are ignored. A surface that is not closed has no inside: an eye is never inside it, and a path
 //! is inside from crossing it on.
 
+mod boxes;
+
 use std::sync::Arc;
 
+use boxes::Boxes;
 use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, NO_TRIANGLE, Ray, Raycaster, SurfacePoint, spawn};
-use holo_scene::{Bsdf, Scene};
+use holo_scene::{Bsdf, Material, Scene};
 
 use crate::bsdf::{SAME_INDEX, Scatter};
 use crate::interface::Interface;
@@ -93,9 +96,8 @@ struct Solid {
 pub(crate) struct Nesting {
     /// Indexed by material; `None` for materials that are not solids.
     solids: Vec<Option<Solid>>,
-    /// Bounds of all surfaces of solids, relative to the scene's origin.
-    low: DVec3,
-    high: DVec3,
+    /// Contain all closed surfaces of solids, relative to the scene's origin.
+    boxes: Boxes,
     /// Rough interfaces, sorted by key: the bits of the roughness, and of the index on the
     /// clockwise side over that on the other.
     rough: Vec<((u32, u32), Arc<Interface>)>,
@@ -113,25 +115,21 @@ pub(crate) enum Crossing {
 impl Nesting {
     /// Finds the solids of a scene. `None` if the scene has none; then this module costs nothing.
     pub(crate) fn new(scene: &Scene) -> Option<Self> {
-        let mut solids = vec![None; scene.materials.len()];
-        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for (triangle, &material) in (0_u32..).zip(&scene.material_ids) {
-            let Bsdf::Dielectric { ior, transmittance, alpha } =
-                scene.materials[material as usize].bsdf
-            else {
-                continue;
-            };
-            solids[material as usize] =
-                Some(Solid { ior, alpha, transmittance: transmittance.into() });
-            for corner in scene.corners(triangle) {
-                (low, high) = (low.min(corner), high.max(corner));
+        let solid = |material: &Material| match material.bsdf {
+            Bsdf::Dielectric { ior, transmittance, alpha } => {
+                Some(Solid { ior, alpha, transmittance: transmittance.into() })
             }
-        }
-        if low.x > high.x {
+            _ => None,
+        };
+        let solids: Vec<Option<Solid>> = scene.materials.iter().map(solid).collect();
+        let triangles = (0..).zip(&scene.material_ids);
+        let of_solids = triangles.filter(|&(_, &material)| solids[material as usize].is_some());
+        let boxes = Boxes::new(of_solids.map(|(triangle, _)| scene.corners(triangle)));
+        if boxes.is_empty() {
             return None;
         }
         let rough = rough_interfaces(&solids);
-        Some(Self { solids, low: low.as_dvec3(), high: high.as_dvec3(), rough })
+        Some(Self { solids, boxes, rough })
     }
 
     /// Returns the material that fills a point; `None` for air.
@@ -181,13 +179,12 @@ impl Nesting {
     /// They are counted along one ray and along the opposite one. For closed surfaces the counts
     /// agree; other surfaces are ignored.
     pub(crate) fn at(&self, raycaster: &Raycaster, eye: DVec3) -> Inside {
-        let local = eye - raycaster.scene().origin;
+        let local = (eye - raycaster.scene().origin).as_vec3();
         let mut inside = Inside::default();
-        if !(local.cmpge(self.low).all() && local.cmple(self.high).all()) {
+        if !self.boxes.contain(local) {
             return inside;
         }
-        let [Some(ahead), Some(behind)] =
-            [PROBE, -PROBE].map(|d| self.around(raycaster, local.as_vec3(), d))
+        let [Some(ahead), Some(behind)] = [PROBE, -PROBE].map(|d| self.around(raycaster, local, d))
         else {
             return inside;
         };
