@@ -18,6 +18,7 @@ mod input;
 mod painter;
 mod record;
 mod shown;
+mod sketch;
 mod warp;
 
 #[cfg(test)]

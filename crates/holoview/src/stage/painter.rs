@@ -13,7 +13,7 @@ use holo_display::{Frame, Look, Resolution};
 use holo_net::NetError;
 use holo_picture::{View, ViewSpec};
 
-use super::{Watched, bell::Bell, detail::Detail, input::Reply};
+use super::{Watched, bell::Bell, detail::Detail, input::Reply, sketch::Sketching};
 use crate::{
     args::DriverArg,
     session::{Session, Uncovered, Waited, Waker},
@@ -37,13 +37,6 @@ const RENDER_PATIENCE: Duration = Duration::from_secs(3);
 
 /// A picture at rest is drawn again at once when this many times as many samples have arrived.
 const MANY_MORE: u64 = 2;
-
-/// A picture at rest with fewer samples per pixel is a sketch. A sketch has fewer pixels, because
-/// they suffice for so few samples.
-const SKETCHY: f64 = 0.15;
-
-/// Time at rest after which a picture has all its pixels, however few samples there are.
-const SKETCHING: Duration = Duration::from_secs(2);
 
 /// Interval at which the painter checks for news from the server while it rests.
 const NEWS: Duration = Duration::from_millis(100);
@@ -205,7 +198,8 @@ pub struct Painter {
     times: Times,
     /// Samples that had arrived when the last frame was drawn.
     drawn_samples: u64,
-    /// True if the last picture at rest was a sketch, with fewer pixels than requested.
+    sketching: Sketching,
+    /// True if the last picture at rest was a sketch.
     is_sketch: bool,
     news: News,
 }
@@ -253,6 +247,7 @@ impl Painter {
             drawn: None,
             times,
             drawn_samples: 0,
+            sketching: Sketching::default(),
             is_sketch: false,
             news: News::default(),
         };
@@ -335,17 +330,16 @@ impl Painter {
 
     /// Returns whether the last picture was a sketch and a full picture is due.
     fn is_overdue_sketch(&self) -> bool {
-        self.is_sketch && self.times.moved.elapsed() >= SKETCHING
+        self.is_sketch && Sketching::is_over(self.times.moved.elapsed())
     }
 
-    /// Returns whether there are so few samples of the view that a sketch shows all of them.
-    fn is_sketchy(&self, full: (u32, u32)) -> bool {
-        let pixels = f64::from(full.0) * f64::from(full.1);
+    /// Returns how many samples of the view there are per pixel of a picture of size `full`.
+    fn samples_per_pixel(&self, full: (u32, u32)) -> f64 {
         let samples = match self.session.has_whole_file() {
             true => self.session.samples_here(),
             false => self.samples(),
         };
-        samples as f64 / pixels < SKETCHY && self.times.moved.elapsed() < SKETCHING
+        samples as f64 / (f64::from(full.0) * f64::from(full.1))
     }
 
     fn next_redraw(&self) -> Instant {
@@ -387,7 +381,10 @@ impl Painter {
         if !self.drawn.as_ref().is_some_and(is_same) {
             self.times.moved = begin;
         }
-        let has_few = is_moving || self.is_sketchy(full);
+        self.sketching.note(is_moving, wanted.jumps);
+        let is_sketch = !is_moving
+            && self.sketching.suits(self.samples_per_pixel(full), self.times.moved.elapsed());
+        let has_few = is_moving || is_sketch;
         let size = match has_few {
             true if is_moving => self.detail.size(full),
             true => (full.0.div_ceil(2), full.1.div_ceil(2)),
@@ -414,7 +411,7 @@ impl Painter {
         let end = Instant::now();
         let took = [looked - begin, end - looked];
         (self.times.frame, self.times.drawn_in) = (end, end - begin);
-        self.is_sketch = has_few && !is_moving;
+        self.is_sketch = is_sketch;
         if is_moving && frame.samples_used > 0 {
             self.detail.note(size, full, self.times.drawn_in.as_secs_f64());
         }

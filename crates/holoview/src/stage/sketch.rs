@@ -1,0 +1,64 @@
+//! Decides whether a picture at rest is a sketch: a picture with fewer pixels, because they suffice
+//! for the few samples that there are.
+
+use std::time::Duration;
+
+/// A sketch has fewer samples than this for each pixel of the full picture.
+const FEW: f64 = 0.15;
+
+/// Time at rest after which a picture has all its pixels, however few samples there are.
+const LONGEST: Duration = Duration::from_secs(2);
+
+/// Knows how the eye came to its view.
+#[derive(Default)]
+pub struct Sketching {
+    /// Number of jumps of the eye so far.
+    jumps: u64,
+    /// True if the eye has moved since its last jump. A picture at rest then shows light that was
+    /// found on the way, so it needs no sketch.
+    has_moved: bool,
+}
+
+impl Sketching {
+    /// Records that a view is requested after so many jumps of the eye.
+    pub fn note(&mut self, is_moving: bool, jumps: u64) {
+        let has_jumped = jumps != self.jumps;
+        *self = Sketching { jumps, has_moved: is_moving || (self.has_moved && !has_jumped) };
+    }
+
+    /// Returns whether the picture of a view that has rested for some time is to be a sketch.
+    pub fn suits(&self, samples_per_pixel: f64, rested: Duration) -> bool {
+        !self.has_moved && samples_per_pixel < FEW && !Sketching::is_over(rested)
+    }
+
+    /// Returns whether a view has rested for too long for a sketch.
+    pub fn is_over(rested: Duration) -> bool {
+        rested >= LONGEST
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SOON: Duration = Duration::from_millis(100);
+
+    #[test]
+    fn a_new_view_with_few_samples_is_a_sketch_for_a_limited_time() {
+        let mut sketching = Sketching::default();
+        sketching.note(false, 0);
+        assert!(sketching.suits(0.01, SOON));
+        assert!(!sketching.suits(1.0, SOON));
+        assert!(!sketching.suits(0.01, LONGEST));
+    }
+
+    #[test]
+    fn after_a_walk_every_picture_has_all_pixels_until_the_eye_jumps() {
+        let mut sketching = Sketching::default();
+        sketching.note(true, 0);
+        sketching.note(false, 0);
+        assert!(!sketching.suits(0.01, SOON));
+        sketching.note(false, 1);
+        assert!(sketching.suits(0.01, SOON));
+    }
+}
