@@ -16,12 +16,21 @@ const CPU: c_int = 1;
 /// `OIDN_FORMAT_FLOAT3`.
 const FLOAT3: c_int = 3;
 
+/// `OIDN_ERROR_CANCELLED`.
+const CANCELLED: c_int = 6;
+
 /// `OIDN_QUALITY_BALANCED` and `OIDN_QUALITY_HIGH`.
 const BALANCED: c_int = 5;
 const HIGH: c_int = 6;
 
 type Object = *mut c_void;
 type Name = *const c_char;
+
+/// `OIDNProgressMonitorFunction`: the progress so far, to whether the filter goes on.
+type Monitor = unsafe extern "C" fn(*mut c_void, f64) -> bool;
+
+/// Returns whether a filter goes on.
+pub type GoesOn<'a> = &'a (dyn Fn() -> bool + Sync);
 
 /// The library's functions that are used, as declared in `oidn.h` of version 2.
 pub struct Api {
@@ -36,6 +45,7 @@ pub struct Api {
         unsafe extern "C" fn(Object, Name, *mut c_void, c_int, usize, usize, usize, usize, usize),
     set_filter_bool: unsafe extern "C" fn(Object, Name, bool),
     set_filter_int: unsafe extern "C" fn(Object, Name, c_int),
+    set_monitor: unsafe extern "C" fn(Object, Option<Monitor>, *mut c_void),
     commit_filter: unsafe extern "C" fn(Object),
     execute_filter: unsafe extern "C" fn(Object),
     release_filter: unsafe extern "C" fn(Object),
@@ -66,6 +76,9 @@ impl Api {
                 set_image: *library.get(b"oidnSetSharedFilterImage\0").map_err(failed)?,
                 set_filter_bool: *library.get(b"oidnSetFilterBool\0").map_err(failed)?,
                 set_filter_int: *library.get(b"oidnSetFilterInt\0").map_err(failed)?,
+                set_monitor: *library
+                    .get(b"oidnSetFilterProgressMonitorFunction\0")
+                    .map_err(failed)?,
                 commit_filter: *library.get(b"oidnCommitFilter\0").map_err(failed)?,
                 execute_filter: *library.get(b"oidnExecuteFilter\0").map_err(failed)?,
                 release_filter: *library.get(b"oidnReleaseFilter\0").map_err(failed)?,
@@ -114,7 +127,11 @@ impl Device {
         let mut message: Name = std::ptr::null();
         // SAFETY: the device exists; the message is written if there is an error.
         let code = unsafe { (self.api.device_error)(self.object, &raw mut message) };
-        if code == 0 { Ok(()) } else { Err(DenoiseError::Library(text(message, code))) }
+        match code {
+            0 => Ok(()),
+            CANCELLED => Err(DenoiseError::Ended),
+            _ => Err(DenoiseError::Library(text(message, code))),
+        }
     }
 
     fn error(&self, otherwise: &str) -> DenoiseError {
@@ -168,7 +185,8 @@ impl Filter {
         Ok(filter)
     }
 
-    /// Filters a picture. All four have `size.0 * size.1` pixels.
+    /// Filters a picture. All four have `size.0 * size.1` pixels. The library asks `goes_on` many
+    /// times, from any of its threads, and ends early once it returns false.
     pub fn run(
         &mut self,
         colour: &[[f32; 3]],
@@ -176,6 +194,7 @@ impl Filter {
         normals: &[[f32; 3]],
         output: &mut [[f32; 3]],
         (width, height): (usize, usize),
+        mut goes_on: GoesOn<'_>,
     ) -> Result<(), DenoiseError> {
         let images = [
             (c"color", colour.as_ptr().cast_mut()),
@@ -192,16 +211,30 @@ impl Filter {
                 (api.set_image)(self.object, name.as_ptr(), pixels, FLOAT3, width, height, 0, 0, 0);
             }
         }
-        // SAFETY: the filter exists, and its images were set above.
+        // SAFETY: the filter exists, and its images were set above. `goes_on` outlives the run, after
+        // which the monitor is removed.
         unsafe {
             (api.set_filter_bool)(self.object, c"hdr".as_ptr(), true);
             (api.set_filter_bool)(self.object, c"cleanAux".as_ptr(), true);
             (api.set_filter_int)(self.object, c"quality".as_ptr(), self.quality);
+            let asked = (&raw mut goes_on).cast();
+            (api.set_monitor)(self.object, Some(monitor), asked);
             (api.commit_filter)(self.object);
             (api.execute_filter)(self.object);
+            (api.set_monitor)(self.object, None, std::ptr::null_mut());
         }
         self.device.check()
     }
+}
+
+/// Asks the [`GoesOn`] that `asked` points to.
+///
+/// # Safety
+/// `asked` is valid, and only read.
+unsafe extern "C" fn monitor(asked: *mut c_void, _progress: f64) -> bool {
+    // SAFETY: as stated above.
+    let goes_on = unsafe { &*asked.cast::<GoesOn<'_>>() };
+    goes_on()
 }
 
 impl Drop for Filter {

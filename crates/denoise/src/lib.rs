@@ -13,6 +13,7 @@ mod api;
 
 use std::path::{Path, PathBuf};
 
+pub use api::GoesOn;
 use api::{Api, Device, Filter};
 
 /// File name of the library in an installed package.
@@ -41,6 +42,9 @@ pub enum DenoiseError {
     /// The library reports a failure.
     #[error("Open Image Denoise: {0}")]
     Library(String),
+    /// The caller has ended the work.
+    #[error("denoising was ended early")]
+    Ended,
     /// The number of pixels does not match the size.
     #[error("{found} pixels of {what} for a picture of {width} x {height}")]
     Size {
@@ -96,26 +100,28 @@ impl Denoiser {
         light: &mut [[f32; 3]],
         normals: &[[f32; 3]],
         size: (usize, usize),
+        goes_on: GoesOn<'_>,
     ) -> Result<(), DenoiseError> {
         let mut grey = std::mem::take(&mut self.grey);
         grey.resize(light.len(), [0.5; 3]);
-        let denoised = self.denoise(light, &grey, normals, size);
+        let denoised = self.denoise(light, &grey, normals, size, goes_on);
         self.grey = grey;
         denoised
     }
 
     /// Denoises `light`, in rows of `size.0` pixels. Values are finite, not negative, and in any
     /// unit. `albedo` is between 0 and 1. `normals` are unit vectors, or 0 where there is no
-    /// surface.
+    /// surface. Ends early once `goes_on` returns false.
     ///
     /// # Errors
-    /// If the sizes differ, or the library fails. `light` is then unchanged.
+    /// If the sizes differ, the library fails, or the work ends early. `light` is then unchanged.
     pub fn denoise(
         &mut self,
         light: &mut [[f32; 3]],
         albedo: &[[f32; 3]],
         normals: &[[f32; 3]],
         size: (usize, usize),
+        goes_on: GoesOn<'_>,
     ) -> Result<(), DenoiseError> {
         let (width, height) = size;
         let lengths =
@@ -130,7 +136,7 @@ impl Denoiser {
         }
         self.output.clear();
         self.output.resize(light.len(), [0.0; 3]);
-        self.filter.run(light, albedo, normals, &mut self.output, size)?;
+        self.filter.run(light, albedo, normals, &mut self.output, size, goes_on)?;
         light.copy_from_slice(&self.output);
         Ok(())
     }

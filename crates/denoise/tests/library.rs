@@ -4,9 +4,12 @@
 
 use std::path::Path;
 
-use holo_denoise::{DenoiseError, Denoiser, Quality};
+use holo_denoise::{DenoiseError, Denoiser, GoesOn, Quality};
 
 const SIZE: (usize, usize) = (64, 48);
+
+/// Work that nobody ends early.
+const GOES_ON: GoesOn<'_> = &|| true;
 
 #[test]
 fn a_library_that_is_not_there_is_named() {
@@ -51,12 +54,20 @@ fn where_the_library_is_installed_noise_goes_and_edges_stay() {
         light.iter().enumerate().map(off).sum::<f64>() / light.len() as f64
     };
     let before = error(&light);
-    denoiser.denoise_light(&mut light, &normals, SIZE).unwrap();
+    denoiser.denoise_light(&mut light, &normals, SIZE, GOES_ON).unwrap();
     assert!(error(&light) < 0.1 * before, "{} of {before}", error(&light));
     // Pictures of another size, and wrong numbers of pixels.
     let mut few = vec![[1.0; 3]; 12];
-    denoiser.denoise_light(&mut few, &[[0.0; 3]; 12], (4, 3)).unwrap();
+    denoiser.denoise_light(&mut few, &[[0.0; 3]; 12], (4, 3), GOES_ON).unwrap();
     assert!(few.iter().flatten().all(|c| c.is_finite() && *c > 0.0), "{few:?}");
-    let wrong = denoiser.denoise_light(&mut few, &[[0.0; 3]; 11], (4, 3));
+    let wrong = denoiser.denoise_light(&mut few, &[[0.0; 3]; 11], (4, 3), GOES_ON);
     assert!(matches!(wrong, Err(DenoiseError::Size { what: "normals", found: 11, .. })));
+    // Work that is ended early leaves the picture, and the denoiser works again afterwards.
+    let noise = noisy();
+    let mut light = noise.clone();
+    let ended = denoiser.denoise_light(&mut light, &normals, SIZE, &|| false);
+    assert!(matches!(ended, Err(DenoiseError::Ended)), "{ended:?}");
+    assert!(light == noise);
+    denoiser.denoise_light(&mut light, &normals, SIZE, GOES_ON).unwrap();
+    assert!(error(&light) < 0.1 * before);
 }

@@ -3,7 +3,7 @@
 use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample};
 
-use crate::{BeamSearch, Frame, LiveSample, Search, WantedBeam, viewpoint_radius};
+use crate::{BeamSearch, Frame, Interrupt, LiveSample, Search, WantedBeam, viewpoint_radius};
 
 /// The number of pixels that a driver computes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -131,6 +131,10 @@ pub trait Driver: Send {
     /// Reports that the next frame is for a file. It may take longer than one that is displayed,
     /// after which the eye may move on.
     fn draw_for_file(&mut self) {}
+
+    /// Gives the driver a signal. While it is set, a frame at rest may end early, with nothing in
+    /// it. Drivers that draw fast ignore it.
+    fn end_early_by(&mut self, _interrupt: Interrupt) {}
 
     /// Draws the frame. Calls `stage_ended` with the name of each stage as it ends, so that the
     /// caller can measure the stages. Drivers without stages never call it.

@@ -17,6 +17,7 @@ mod covered;
 mod driver;
 mod ending;
 mod frame;
+mod interrupt;
 mod live;
 mod random;
 mod select;
@@ -29,6 +30,7 @@ pub use covered::{covered, uncovered_pixels};
 pub use driver::{Driver, DriverError, Look, Resolution, SurfaceAt};
 pub use ending::{BeamSearch, End, Search, UsefulBeam, beams_ending_on};
 pub use frame::{Certainty, Frame};
+pub use interrupt::Interrupt;
 pub use live::LiveSample;
 pub use random::{mix, pair, split_mix};
 pub use select::{

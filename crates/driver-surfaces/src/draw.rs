@@ -15,10 +15,11 @@ use crate::store::Store;
 use crate::view::{InPane, Seen, View};
 use glam::Vec3;
 use holo_denoise::Denoiser;
+use holo_display::Interrupt;
 use rayon::prelude::*;
 
 /// A drawn view.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Drawn {
     /// Radiance of each pixel, rows from the top.
     pub pixels: Vec<[f32; 3]>,
@@ -63,7 +64,7 @@ impl Gathered {
     /// squares, pixels.
     ///
     /// If no pixel nearby has light, `store` provides a mean over a larger place. A denoiser
-    /// replaces the filter's light, but not its standard errors.
+    /// replaces the filter's light, but not its standard errors. `None` if it was interrupted.
     #[must_use]
     pub(crate) fn draw_and_learn(
         &self,
@@ -71,30 +72,39 @@ impl Gathered {
         step: usize,
         denoiser: Option<&mut Denoiser>,
         known: &mut Known,
-    ) -> Drawn {
+        interrupt: &Interrupt,
+    ) -> Option<Drawn> {
         let squares = Squares::new(|pixel| view.seen[pixel], view.size, step);
         let pixels = self.pixels();
         let mut sums = squares.sums(view.size, |pixel| Some((&view.seen[pixel], &pixels[pixel])));
-        let in_panes = self.layer_of_panes(view, store, step);
+        let in_panes = match view.in_panes.is_empty() {
+            true => None,
+            false => Some(self.layer_of_panes(view, store, step, interrupt)?),
+        };
         let behind = in_panes.as_ref().map_or_else(BehindPanes::default, |in_panes| {
             let around = &Around { store, mean: store.mean() };
             let unknown = |seen: &Seen| view.mean_around(around, seen);
             BehindPanes::new(view, &squares, in_panes, unknown, &mut sums)
         });
-        let mut lights = squares.filter((view, store), &sums, &behind, denoiser.is_some());
+        let mut lights =
+            squares.filter((view, store), &sums, &behind, denoiser.is_some(), interrupt)?;
         if let Some(denoiser) = denoiser {
-            squares.denoise(&sums, &behind, &mut lights, denoiser);
+            squares.denoise(&sums, &behind, &mut lights, denoiser, interrupt);
         }
+        interrupt.check()?;
         known.learn(view, &squares, &lights);
         let further = Further { pieces: self.pieces(), in_panes };
-        view.lit(store, &Layer { squares, lights }, &further)
+        Some(view.lit(store, &Layer { squares, lights }, &further))
     }
 
-    /// Returns the light that panes mirror; `None` if the view has no panes.
-    fn layer_of_panes(&self, view: &View, store: &Store, step: usize) -> Option<Layer> {
-        if view.in_panes.is_empty() {
-            return None;
-        }
+    /// Returns the light that panes mirror. `None` if it was interrupted.
+    fn layer_of_panes(
+        &self,
+        view: &View,
+        store: &Store,
+        step: usize,
+        interrupt: &Interrupt,
+    ) -> Option<Layer> {
         let mut panes = vec![NO_PANE; view.seen.len()];
         for (number, pane) in (0..).zip(&view.in_panes[..view.panes_of_middles]) {
             panes[pane.pixel] = number;
@@ -106,7 +116,8 @@ impl Gathered {
         let seen = |pixel| of_pixel(pixel).map_or(Seen::NOTHING, |(seen, _)| *seen);
         let squares = Squares::new(seen, view.size, step);
         let sums = squares.sums(view.size, of_pixel);
-        let lights = squares.filter((view, store), &sums, &BehindPanes::default(), false);
+        let lights =
+            squares.filter((view, store), &sums, &BehindPanes::default(), false, interrupt)?;
         Some(Layer { squares, lights })
     }
 
@@ -114,7 +125,10 @@ impl Gathered {
     #[must_use]
     pub fn draw(&self, view: &View, store: &Store, denoiser: Option<&mut Denoiser>) -> Drawn {
         let step = self.step(view, denoiser.is_some());
-        self.draw_and_learn((view, store), step, denoiser, &mut Known::default())
+        let (known, interrupt) = (&mut Known::default(), &Interrupt::default());
+        let drawn = self.draw_and_learn((view, store), step, denoiser, known, interrupt);
+        // Nobody else has the interrupt, so there is a picture.
+        drawn.unwrap_or_default()
     }
 
     /// Returns the side of the filtered squares, pixels. Squares are wider if samples are few. If

@@ -12,8 +12,8 @@ use crate::waits::Waits;
 use crate::{Gathered, Materials, Placer, RaySample, Store, View};
 use holo_denoise::Denoiser;
 use holo_display::{
-    BeamSearch, Certainty, Driver, DriverError, Frame, LiveSample, Look, Resolution, Search,
-    SurfaceAt, beams_ending_on, covered, uncovered_pixels,
+    BeamSearch, Certainty, Driver, DriverError, Frame, Interrupt, LiveSample, Look, Resolution,
+    Search, SurfaceAt, beams_ending_on, covered, uncovered_pixels,
 };
 use holo_raycast::Raycaster;
 use holo_section::{BeamKey, Sample, Section};
@@ -70,6 +70,8 @@ pub struct SurfacesDriver {
     /// Samples among those that are still in the store and must leave it.
     leaving: Waits,
     shown: Option<Shown>,
+    /// Ends the drawing of frames at rest.
+    interrupt: Interrupt,
 }
 
 impl SurfacesDriver {
@@ -94,6 +96,7 @@ impl SurfacesDriver {
             earlier: Waits::default(),
             leaving: Waits::default(),
             shown: None,
+            interrupt: Interrupt::default(),
         }
     }
 
@@ -127,7 +130,7 @@ impl SurfacesDriver {
     /// from which pixels outside all sections are drawn.
     ///
     /// While the eye moves, the view shows light that earlier frames found, if enough of it is
-    /// known.
+    /// known. `None` without a view, or if the frame was interrupted.
     fn drawn(&mut self) -> Option<(Drawn, Option<Gathered>)> {
         let shown = self.shown.as_ref()?;
         let Look { resolution, .. } = shown.look;
@@ -143,26 +146,31 @@ impl SurfacesDriver {
         self.place_waiting();
         let shown = self.shown.as_mut()?;
         let refined = shown.refined(self.denoiser.is_some());
-        shown.is_refined |= resolution != Resolution::Moving;
-        shown.drawn = Some(refined);
+        let is_for_file = std::mem::take(&mut shown.is_for_file);
+        let never = Interrupt::default();
+        let can_end_early = resolution != Resolution::Moving && !is_for_file;
+        let interrupt = if can_end_early { &self.interrupt } else { &never };
         let (view, store) = (&shown.view, &self.store);
         let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));
         let mut denoiser = self.denoiser.as_mut().filter(|_| refined.is_denoised);
         let least = if resolution == Resolution::Full { 1 } else { LEAST_STEP };
-        let is_final = std::mem::take(&mut shown.is_for_file) && denoiser.is_some();
+        let is_final = is_for_file && denoiser.is_some();
         let step = |gathered: &Gathered| gathered.step(view, is_final).max(least);
         let seen = (view, store);
-        let mut drawn =
-            gathered.draw_and_learn(seen, step(gathered), denoiser.as_deref_mut(), &mut self.known);
+        let known = &mut self.known;
+        let (step_of, first) = (step(gathered), denoiser.as_deref_mut());
+        let mut drawn = gathered.draw_and_learn(seen, step_of, first, known, interrupt)?;
         let has_live = self.live.samples() > 0 && shown.covered.contains(&false);
         let all = has_live.then(|| gathered.with(view, &self.live));
         if let Some(all) = &all {
-            let with_live = all.draw_and_learn(seen, step(all), denoiser, &mut self.known);
+            let with_live = all.draw_and_learn(seen, step(all), denoiser, known, interrupt)?;
             for pixel in (0..drawn.pixels.len()).filter(|&pixel| !shown.covered[pixel]) {
                 drawn.pixels[pixel] = with_live.pixels[pixel];
                 drawn.errors[pixel] = with_live.errors[pixel];
             }
         }
+        shown.is_refined |= resolution != Resolution::Moving;
+        shown.drawn = Some(refined);
         Some((drawn, all))
     }
 
@@ -268,6 +276,10 @@ impl Driver for SurfacesDriver {
 
     fn draw_for_file(&mut self) {
         self.shown.iter_mut().for_each(|shown| shown.is_for_file = true);
+    }
+
+    fn end_early_by(&mut self, interrupt: Interrupt) {
+        self.interrupt = interrupt;
     }
 
     fn settle(&mut self) {

@@ -22,6 +22,7 @@ use crate::store::Store;
 use crate::view::{Seen, View};
 use glam::Vec3;
 use holo_denoise::Denoiser;
+use holo_display::Interrupt;
 use rayon::prelude::*;
 
 /// Number of neighbourhoods. Each is twice as wide as the one before.
@@ -67,19 +68,22 @@ impl Squares {
 
     /// Returns the light of every square. `behind` tells which squares lie behind panes. If `once`,
     /// the second pass is left out, because a denoiser replaces the light of squares with samples.
+    /// `None` if it was interrupted.
     pub fn filter(
         &self,
         (view, store): (&View, &Store),
         sums: &[Sums],
         behind: &BehindPanes,
         once: bool,
-    ) -> Vec<Estimate> {
+        interrupt: &Interrupt,
+    ) -> Option<Vec<Estimate>> {
         let layout = self.layout();
         let geometry = self.geometry(&layout);
         let weights: Vec<Weights> =
             (0..SCALES).map(|scale| layout.weights(&geometry, self.step, 1 << scale)).collect();
         let edges = layout.edge_distances(&weights[0]);
         let weights = layout.all_weights_by(&weights, &edges, DIFFERENT_DISTANCE);
+        interrupt.check()?;
         let raw = layout.planes(|at| Lit::new(&sums[at.number]).to_array());
         let around = (0..self.limiting_scale())
             .fold(raw.clone(), |lit, scale| layout.widened(&lit, 1 << scale, &weights[scale]));
@@ -90,7 +94,9 @@ impl Squares {
             let held = limit_brightest(&own, &around, &sums[at.number], mean);
             behind.taken_out(at.number, held).to_array()
         });
+        interrupt.check()?;
         let mut scales = scales(&layout, held, &weights);
+        interrupt.check()?;
         let last = &scales[SCALES];
         let likely = layout.planes(|at| {
             let [.., count, _] = last.at(at);
@@ -99,19 +105,21 @@ impl Squares {
         let first =
             choose_all(&layout, &scales, &scales[self.limiting_scale()], NOISE[0], &[], &likely);
         if once {
-            return first;
+            return Some(first);
         }
         let bright =
             layout.planes(|at| [luminance(first[at.number].light.to_array()).max(1.0).ln()]);
         let weights = layout.all_weights_by(&weights, &bright, DIFFERENT_LIGHT);
+        interrupt.check()?;
         let wide = scales.swap_remove(self.limiting_scale());
         let scales = self::scales(&layout, scales.swap_remove(0), &weights);
+        interrupt.check()?;
         let details = details(&layout, &scales, &weights, &wide);
         let mut lights = choose_all(&layout, &scales, &wide, NOISE[1], &details, &likely);
         for (light, first) in lights.iter_mut().zip(&first) {
             light.error = light.error.hypot(FIRST_ERROR_SHARE * first.error);
         }
-        lights
+        Some(lights)
     }
 
     fn layout(&self) -> Layout {
@@ -133,14 +141,17 @@ impl Squares {
     }
 
     /// Replaces the filtered light by the denoised means of all samples. If a square has no
-    /// samples, its filtered light is denoised. If the library fails, the light stays filtered.
+    /// samples, its filtered light is denoised. If the library fails or is interrupted, the light
+    /// stays filtered.
     pub fn denoise(
         &self,
         sums: &[Sums],
         behind: &BehindPanes,
         lights: &mut [Estimate],
         denoiser: &mut Denoiser,
+        interrupt: &Interrupt,
     ) {
+        let goes_on = || !interrupt.is_set();
         let mean = |number: usize| {
             let light = match &sums[number] {
                 Sums { count: 0, .. } => lights[number].light,
@@ -150,7 +161,7 @@ impl Squares {
         };
         let mut pixels: Vec<[f32; 3]> = (0..sums.len()).map(mean).collect();
         let normals: Vec<[f32; 3]> = self.seen.iter().map(|seen| seen.normal.to_array()).collect();
-        if denoiser.denoise_light(&mut pixels, &normals, self.size).is_ok() {
+        if denoiser.denoise_light(&mut pixels, &normals, self.size, &goes_on).is_ok() {
             for (light, pixel) in lights.iter_mut().zip(pixels) {
                 light.light = Vec3::from_array(pixel).max(Vec3::ZERO) * SCALE;
             }

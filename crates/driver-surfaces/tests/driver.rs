@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use glam::DVec3;
-use holo_display::{Driver, Frame, Look, Resolution};
+use holo_display::{Driver, Frame, Interrupt, Look, Resolution};
 use holo_driver_surfaces::SurfacesDriver;
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
@@ -238,6 +238,31 @@ fn preparing_between_samples_changes_no_bit() {
         (draw(&mut driver).picture.pixels, draw(&mut driver).picture.pixels)
     };
     assert!(drawn(true) == drawn(false));
+}
+
+#[test]
+fn a_signal_ends_frames_at_rest_and_no_others() {
+    let (sections, raycaster) = floor();
+    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let interrupt = Interrupt::default();
+    driver.end_early_by(interrupt.clone());
+    for (beam, sample) in samples(&sections[0], 20_000) {
+        driver.insert(beam, 1, &[sample]);
+    }
+    let pixels = (SIZE.0 * SIZE.1) as usize;
+    driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    let undisturbed = draw(&mut driver).picture.pixels;
+    interrupt.set();
+    assert!(draw(&mut driver).picture.pixels.len() < pixels, "the frame ended early");
+    driver.draw_for_file();
+    assert_eq!(draw(&mut driver).picture.pixels.len(), pixels, "a picture for a file is whole");
+    driver.look(&look(WIDE, Resolution::Moving)).unwrap();
+    assert_eq!(draw(&mut driver).picture.pixels.len(), pixels, "frames go on while the eye moves");
+    interrupt.clear();
+    driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    // The first frame after a move may show known light.
+    driver.settle();
+    assert!(draw(&mut driver).picture.pixels == undisturbed);
 }
 
 #[test]

@@ -22,7 +22,7 @@ pub fn denoise(
     let materials = Arc::new(Materials::new(raycaster.scene()));
     let view = View::new(raycaster, materials, &eye, (picture.width, picture.height));
     let (albedo, normals) = view.features();
-    denoiser.denoise(&mut picture.pixels, &albedo, &normals, view.size)?;
+    denoiser.denoise(&mut picture.pixels, &albedo, &normals, view.size, &|| true)?;
     picture.pixels.iter_mut().flatten().for_each(|c| *c = c.max(0.0));
     Ok(())
 }

@@ -24,12 +24,19 @@ const MANY_NEW: f64 = 0.1;
 /// The least time between two loads of the file.
 const LOAD_EVERY: Duration = Duration::from_secs(30);
 
+/// For so long after the first request, parts follow each other without a pause. Meanwhile little is
+/// traced, because millions of stored samples arrive in the time in which a worker traces some
+/// hundred thousand.
+const EAGER: Duration = Duration::from_secs(3);
+
 /// Progress of loading the file.
 pub struct Ahead {
     /// For each section, the number of the next beam to load. `None` once all are loaded.
     next: Vec<Option<u64>>,
     /// When the part under way was requested.
     asked: Option<Instant>,
+    /// When the first part was requested.
+    began: Option<Instant>,
     /// True if loading was restarted after that part was requested.
     is_stale: bool,
     /// When the next part may be requested.
@@ -44,6 +51,7 @@ impl Ahead {
         Ahead {
             next: vec![Some(0); sections],
             asked: None,
+            began: None,
             is_stale: false,
             resumes: Instant::now(),
             missing: 0,
@@ -138,7 +146,9 @@ impl Session {
         let eye = current.look.view.vp;
         let part = self.ahead.part(&self.choice.sections, eye);
         if let Some((section, first)) = part.filter(|_| self.ahead.asked.is_none()) {
-            self.ahead.asked = Some(Instant::now());
+            let now = Instant::now();
+            self.ahead.asked = Some(now);
+            self.ahead.began.get_or_insert(now);
             let section = u16::try_from(section)?;
             self.outbox.control(&Control::PartWanted { section, first, samples })?;
         }
@@ -146,8 +156,8 @@ impl Session {
     }
 
     /// Records that a part has arrived. The next one is requested after as long a time as this one
-    /// took, so that tracing and drawing get their share. Returns true if the session is settling
-    /// and this was the last part.
+    /// took, so that tracing and drawing get their share, except in the first seconds. Returns true
+    /// if the session is settling and this was the last part.
     pub(super) fn part_sent(&mut self, section: u16, next: Option<u64>) -> Result<bool> {
         let now = Instant::now();
         let is_stale = std::mem::take(&mut self.ahead.is_stale);
@@ -156,7 +166,8 @@ impl Session {
             *of_section = next;
         }
         let took = self.ahead.asked.take().map_or(Duration::ZERO, |asked| now - asked);
-        self.ahead.resumes = now + took;
+        let is_eager = self.ahead.began.is_some_and(|began| now < began + EAGER);
+        self.ahead.resumes = if is_eager { now } else { now + took };
         if self.ahead.is_done() {
             self.ahead.resumes = now + LOAD_EVERY;
             self.ahead.missing = self.missing();

@@ -7,6 +7,7 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
+use holo_display::Interrupt;
 use holo_net::{Destination, Inbox, Message, NetError, Outbox, Shutdown};
 use holo_progress::HumanBytes;
 use holo_proto::{
@@ -213,10 +214,13 @@ impl Connected {
                 Arrived::Stop => return Ok(None),
             }
         }
-        let driver = self.choice.make(scene.as_deref());
+        let mut driver = self.choice.make(scene.as_deref());
+        let interrupt = Interrupt::default();
+        driver.end_early_by(interrupt.clone());
         let sections = self.choice.sections.len();
         Ok(Some(Session {
             driver,
+            interrupt,
             scene,
             welcome: self.welcome,
             choice: self.choice,

@@ -32,7 +32,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use holo_display::{Driver, Frame, SurfaceAt};
+use holo_display::{Driver, Frame, Interrupt, SurfaceAt};
 use holo_net::{Message, Outbox};
 use holo_picture::ViewSpec;
 use holo_proto::{
@@ -67,6 +67,8 @@ pub struct Session {
     welcome: Welcome,
     choice: DriverChoice,
     driver: Box<dyn Driver>,
+    /// Ends the drawing of a frame at rest.
+    interrupt: Interrupt,
     /// The scene, once it has arrived.
     scene: Option<Box<LoadedScene>>,
     outbox: Outbox,
@@ -230,6 +232,11 @@ impl Session {
     pub fn draw_for_file(&mut self) -> (Frame, Vec<StageTime>) {
         self.driver.draw_for_file();
         self.draw()
+    }
+
+    /// Returns the signal that ends the drawing of a frame at rest. That frame has nothing in it.
+    pub fn interrupt(&self) -> Interrupt {
+        self.interrupt.clone()
     }
 
     /// Returns whether drawing again would improve the frame without any new samples.
@@ -436,6 +443,7 @@ impl Session {
     /// Creates the chosen driver again, and shows it the current view.
     fn make_driver(&mut self) -> Result<()> {
         self.driver = self.choice.make(self.scene.as_deref());
+        self.driver.end_early_by(self.interrupt.clone());
         self.ahead.restart();
         if let Some(current) = &mut self.current {
             current.received = Received::default();

@@ -9,7 +9,7 @@ use std::{
 };
 
 use anyhow::Result;
-use holo_display::{Frame, Look, Resolution};
+use holo_display::{Frame, Interrupt, Look, Resolution};
 use holo_net::NetError;
 use holo_picture::{View, ViewSpec};
 
@@ -132,6 +132,8 @@ struct Papers {
 pub struct Desk {
     papers: Arc<Mutex<Papers>>,
     waker: Waker,
+    /// Ends the drawing of a frame at rest, which a request makes useless.
+    interrupt: Interrupt,
 }
 
 /// The painter's results since the hand last looked.
@@ -166,6 +168,7 @@ impl Desk {
     }
 
     fn wake(&self, mut papers: MutexGuard<'_, Papers>) {
+        self.interrupt.set();
         if !std::mem::replace(&mut papers.is_woken, true) {
             self.waker.wake();
         }
@@ -188,6 +191,8 @@ impl Desk {
 pub struct Painter {
     session: Session,
     papers: Arc<Mutex<Papers>>,
+    /// Set by the desk when it wakes the painter.
+    interrupt: Interrupt,
     bell: Arc<Bell>,
     watched: Watched,
     detail: Detail,
@@ -234,12 +239,14 @@ impl Painter {
         watched: Watched,
     ) -> (Painter, Desk) {
         let papers = Arc::<Mutex<Papers>>::default();
-        let desk = Desk { papers: Arc::clone(&papers), waker };
+        let interrupt = session.interrupt();
+        let desk = Desk { papers: Arc::clone(&papers), waker, interrupt: interrupt.clone() };
         let now = Instant::now();
         let times = Times { moved: now, frame: now, drawn_in: Duration::ZERO };
         let painter = Painter {
             session,
             papers,
+            interrupt,
             bell,
             watched,
             detail: Detail::default(),
@@ -267,6 +274,8 @@ impl Painter {
             let (wanted, orders) = {
                 let mut papers = lock(&self.papers);
                 papers.is_woken = false;
+                // Whatever is requested from now on interrupts again.
+                self.interrupt.clear();
                 (papers.wanted.clone(), std::mem::take(&mut papers.orders))
             };
             for order in orders {
@@ -403,6 +412,11 @@ impl Painter {
         let looked = Instant::now();
         self.drawn_samples = self.arrived();
         let (mut frame, _) = self.session.draw();
+        if !is_moving && self.interrupt.is_set() {
+            // The frame may have nothing in it. Another view is requested, or this one again.
+            (self.looked, self.drawn) = (None, None);
+            return Ok(());
+        }
         if frame.samples_used == 0 {
             // Without any sample, all pixels are guessed, and a guess does not count as known
             // light.
