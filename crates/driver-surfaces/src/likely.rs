@@ -1,5 +1,5 @@
-//! Likely light of squares with too few samples: the mean light of the picture around them or, on
-//! rough metal, the light that it mirrors.
+//! Likely light of squares with too few samples: the mean light of the picture around them. On
+//! rough metal, it is the light that the metal mirrors; on solid glass, the light behind it.
 //!
 //! Invariant: likely light is a function of the view, the squares' sums, and the store.
 
@@ -24,6 +24,9 @@ const PICTURE_WEIGHT: f32 = 4.0;
 
 /// Mirrored rays for one square of rough metal.
 const RAYS: u64 = 8;
+
+/// Most surfaces of solid glass that a ray crosses.
+const MOST_CROSSED: usize = 16;
 
 /// Most light along such a ray, relative to the mean of the picture, so that a few rays do not show
 /// single small lamps.
@@ -74,7 +77,8 @@ impl<'a> LikelyLight<'a> {
         if !seen.is_surface() || samples >= ENOUGH_SAMPLES {
             return None;
         }
-        self.mirrored(seen).or_else(|| (samples > 0.0).then(|| self.around(square)))
+        let special = self.mirrored(seen).or_else(|| self.behind(seen));
+        special.or_else(|| (samples > 0.0).then(|| self.around(square)))
     }
 
     /// Returns the mean light of the picture around a square, interpolated between tiles.
@@ -114,7 +118,7 @@ impl<'a> LikelyLight<'a> {
             let facet =
                 (seen.normal + tangent * (turn.cos() * across + turn.sin() * along)).normalize();
             let mirrored = direction - 2.0 * direction.dot(facet) * facet;
-            self.light_along(seen, mirrored)
+            self.light_towards(seen, mirrored)
         };
         let lights = (0..RAYS).filter_map(ray);
         let (sum, count) =
@@ -122,16 +126,36 @@ impl<'a> LikelyLight<'a> {
         (count > 0.0).then(|| sum / count)
     }
 
-    /// Returns the light that comes from a direction, from the store's means at the surface where
-    /// it begins.
-    fn light_along(&self, seen: &Seen, direction: Vec3) -> Option<Vec3> {
-        if direction.dot(seen.normal) <= 0.0 {
-            return None;
+    /// Returns the light behind solid glass, as if the glass did not bend the ray. `None` for other
+    /// surfaces.
+    fn behind(&self, seen: &Seen) -> Option<Vec3> {
+        let mut share = Vec3::from_array(self.view.follower().finish(seen.material).clear?);
+        let mut ray = ray_from(seen, self.view.way(seen).direction);
+        for _ in 0..MOST_CROSSED {
+            let follower = self.view.follower();
+            let hit = follower.raycaster.nearest(&ray);
+            let clear = hit.and_then(|hit| follower.finish(follower.material(hit.triangle)).clear);
+            let (Some(hit), Some(clear)) = (hit, clear) else {
+                return self.light_along(ray).map(|light| share * light);
+            };
+            share *= Vec3::from_array(clear);
+            let normal = follower.raycaster.geometric_normal(hit.triangle);
+            let (at, error) = follower.raycaster.surface_point(&hit);
+            ray = Ray::new(spawn(at, error, normal, ray.direction), ray.direction);
         }
+        None
+    }
+
+    /// Returns the light that reaches the front of a surface from a direction.
+    fn light_towards(&self, seen: &Seen, direction: Vec3) -> Option<Vec3> {
+        (direction.dot(seen.normal) > 0.0).then(|| self.light_along(ray_from(seen, direction)))?
+    }
+
+    /// Returns the light that comes back along a ray, from the store's means at the surface where
+    /// it begins.
+    fn light_along(&self, ray: Ray) -> Option<Vec3> {
         let view = self.view;
         let follower = view.follower();
-        let origin = spawn(seen.point, Vec3::splat(1e-3 * seen.width), seen.normal, direction);
-        let ray = Ray::new(origin, direction);
         let unit = view.unit();
         let shown = match follower.raycaster.nearest(&ray) {
             Some(hit) => follower.follow(ray, hit, AtPanes::PassAll),
@@ -159,4 +183,10 @@ impl<'a> LikelyLight<'a> {
         let bright = luminance(light.to_array());
         Some(if bright > most { light * (most / bright) } else { light })
     }
+}
+
+/// Returns a ray that leaves a surface in a direction, on either side.
+fn ray_from(seen: &Seen, direction: Vec3) -> Ray {
+    let origin = spawn(seen.point, Vec3::splat(1e-3 * seen.width), seen.normal, direction);
+    Ray::new(origin, direction)
 }

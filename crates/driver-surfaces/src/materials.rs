@@ -47,6 +47,8 @@ pub(crate) struct Finish {
     pub emits_back: bool,
     /// The GGX roughness of a metal that is too rough for a mirror.
     pub rough: Option<f32>,
+    /// The share of light that passes each surface of solid glass.
+    pub clear: Option<Rgb>,
 }
 
 /// The materials of a scene, and the unit of light.
@@ -84,6 +86,10 @@ impl Finish {
             rough: match (kind, material.bsdf) {
                 (Kind::Glossy, Bsdf::Conductor { alpha, .. }) => Some(alpha),
                 (Kind::Glossy, Bsdf::Mirror { .. }) => Some(SMOOTH_METAL),
+                _ => None,
+            },
+            clear: match material.bsdf {
+                Bsdf::Dielectric { transmittance, .. } => Some(transmittance),
                 _ => None,
             },
         }

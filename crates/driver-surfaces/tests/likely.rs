@@ -1,4 +1,5 @@
-//! Rough metal: its likely light where nothing is known, and its border with other surfaces.
+//! Rough metal and solid glass: their likely light where nothing is known, and their border with
+//! other surfaces.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -23,6 +24,34 @@ fn rough_metal_without_samples_shows_the_light_that_it_mirrors() {
         found += 1;
     }
     assert!(found > 1000, "{found} pixels see metal");
+}
+
+#[test]
+fn solid_glass_without_samples_shows_the_light_behind_it() {
+    let square = |half: f64, height: f64| {
+        [(-half, -half), (half, -half), (half, half), (-half, half)]
+            .map(|(x, y)| DVec3::new(x, y, height))
+    };
+    // Two faces of a slab lie above the floor.
+    let positions = [square(2.0, 0.0), square(0.5, 0.5), square(0.5, 0.45)].concat();
+    let faces: Vec<[u32; 3]> =
+        (0..3).flat_map(|k| [[0, 1, 2], [0, 2, 3]].map(|f| f.map(|c| c + 4 * k))).collect();
+    let (mut floor, mut glass) = (Material::grey("floor"), Material::grey("glass"));
+    floor.bsdf = Bsdf::Diffuse { kd: [0.5; 3] };
+    glass.bsdf = Bsdf::Dielectric { ior: 1.5, transmittance: [0.9, 0.8, 0.7], alpha: 0.0 };
+    let materials = vec![floor, glass];
+    let made = Scene::from_world(&positions, &faces, &[0, 0, 1, 1, 1, 1], materials, [1.0; 3]);
+    let raycaster = Arc::new(Raycaster::build(Arc::new(made.unwrap().0)).unwrap());
+    let (view, drawn) = seen_by(&raycaster, &floor_rays(200, |_, _| 0.4), &eye());
+    let mut found = 0;
+    for (seen, pixel) in view.seen.iter().zip(drawn.pixels).filter(|(seen, _)| seen.material == 1) {
+        for (shown, passed) in pixel.into_iter().zip([0.9_f32, 0.8, 0.7]) {
+            let expected = 0.4 * passed * passed;
+            assert!((shown / expected - 1.0).abs() < 0.02, "{pixel:?} at {:?}", seen.point);
+        }
+        found += 1;
+    }
+    assert!(found > 100, "{found} pixels see glass");
 }
 
 #[test]
