@@ -126,12 +126,17 @@ impl Face {
     /// along this direction.
     #[inline]
     pub fn serves(self, normal: Vec3, material: u32, direction: Vec3) -> bool {
-        let is_same = self.0 >> 14 == u64::from(material) & 0xf_ffff;
-        let middles = &*MIDDLES;
-        is_same
-            && middles.normals[(self.0 >> 8 & 63) as usize].dot(normal) > SAME_SIDE
+        self.is_on(normal, material)
             && (self.0 & 255 == 0
-                || middles.directions[(self.0 & 255) as usize].dot(direction) > SAME_DIRECTION)
+                || MIDDLES.directions[(self.0 & 255) as usize].dot(direction) > SAME_DIRECTION)
+    }
+
+    /// Returns true if samples of this face lie on a surface of this material and normal, whatever
+    /// direction it is seen along.
+    #[inline]
+    pub fn is_on(self, normal: Vec3, material: u32) -> bool {
+        self.0 >> 14 == u64::from(material) & 0xf_ffff
+            && MIDDLES.normals[(self.0 >> 8 & 63) as usize].dot(normal) > SAME_SIDE
     }
 }
 

@@ -1,5 +1,6 @@
 //! Likely light of squares with too few samples: the mean light of the picture around them. On
-//! rough metal, it is the light that the metal mirrors; on solid glass, the light behind it.
+//! rough metal, it is the light that the metal mirrors; on solid glass, the light behind it; on
+//! coated surfaces, the mean light of samples from all directions.
 //!
 //! Invariant: likely light is a function of the view, the squares' sums, and the store.
 
@@ -78,6 +79,7 @@ impl<'a> LikelyLight<'a> {
             return None;
         }
         let special = self.mirrored(seen).or_else(|| self.behind(seen));
+        let special = special.or_else(|| self.all_around(seen));
         special.or_else(|| (samples > 0.0).then(|| self.around(square)))
     }
 
@@ -144,6 +146,14 @@ impl<'a> LikelyLight<'a> {
             ray = Ray::new(spawn(at, error, normal, ray.direction), ray.direction);
         }
         None
+    }
+
+    /// Returns the mean light of samples from all directions on a coated surface, most of whose
+    /// light is diffuse. `None` for other surfaces, and without samples.
+    fn all_around(&self, seen: &Seen) -> Option<Vec3> {
+        let is_coated = self.view.follower().finish(seen.material).is_coated;
+        let sums = || self.store.around(seen.point, |face| face.is_on(seen.normal, seen.material));
+        is_coated.then(sums).filter(|sums| sums.count > 0).map(|sums| sums.mean())
     }
 
     /// Returns the light that reaches the front of a surface from a direction.

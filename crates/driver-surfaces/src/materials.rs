@@ -47,6 +47,8 @@ pub(crate) struct Finish {
     pub emits_back: bool,
     /// The GGX roughness of a metal that is too rough for a mirror.
     pub rough: Option<f32>,
+    /// True if a clear coat covers a diffuse surface.
+    pub is_coated: bool,
     /// The share of light that passes each surface of solid glass.
     pub clear: Option<Rgb>,
 }
@@ -88,6 +90,7 @@ impl Finish {
                 (Kind::Glossy, Bsdf::Mirror { .. }) => Some(SMOOTH_METAL),
                 _ => None,
             },
+            is_coated: matches!(material.bsdf, Bsdf::Coated { .. }),
             clear: match material.bsdf {
                 Bsdf::Dielectric { transmittance, .. } => Some(transmittance),
                 _ => None,

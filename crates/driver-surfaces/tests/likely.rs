@@ -1,5 +1,5 @@
-//! Rough metal and solid glass: their likely light where nothing is known, and their border with
-//! other surfaces.
+//! Rough metal, solid glass and coated surfaces: their likely light where nothing is known, and
+//! their border with other surfaces.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -7,6 +7,7 @@ mod common;
 
 use common::*;
 use glam::DVec3;
+use holo_picture::View as Eye;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 use std::sync::Arc;
@@ -52,6 +53,23 @@ fn solid_glass_without_samples_shows_the_light_behind_it() {
         found += 1;
     }
     assert!(found > 100, "{found} pixels see glass");
+}
+
+#[test]
+fn a_coated_surface_shows_what_is_known_of_it_from_other_directions() {
+    let coated = Bsdf::Coated { kd: [0.3; 3], ks: [1.0; 3], ior: 1.5, alpha: 0.1 };
+    let raycaster = walled_room(coated);
+    // The wall was only seen from the front. The floor is much brighter.
+    let known = [wall_rays(200, 0.25), floor_rays(200, |_, _| 2.0)].concat();
+    let (at, ahead) = (DVec3::new(-1.5, 0.5, 1.0), DVec3::new(1.0, 0.8, 0.0));
+    let eye = Eye::new(at, ahead, DVec3::Z, Some(40.0), None, (64, 64)).unwrap();
+    let (view, drawn) = seen_by(&raycaster, &known, &eye);
+    let mut found = 0;
+    for (seen, pixel) in view.seen.iter().zip(drawn.pixels).filter(|(seen, _)| seen.material == 1) {
+        assert!((pixel[1] / 0.25 - 1.0).abs() < 0.1, "{pixel:?} at {:?}", seen.point);
+        found += 1;
+    }
+    assert!(found > 1000, "{found} pixels see the wall");
 }
 
 #[test]
