@@ -35,6 +35,15 @@ fn level_of(width: f32) -> i32 {
     width.max(f32::MIN_POSITIVE).log2().round() as i32
 }
 
+/// Returns the face by which light is stored. On a coat it does not depend on the direction, because
+/// the eye moves through many ranges of directions, and most of the light is diffuse.
+fn face_of(view: &View, seen: &Seen) -> Face {
+    match view.follower().finish(seen.material).is_coated {
+        true => Face::new(seen.normal, seen.material, None),
+        false => view.face(seen),
+    }
+}
+
 /// Returns the number of a place of this level, on this face.
 fn number(place: IVec3, level: i32, face: Face) -> u64 {
     let [x, y, z] = place.to_array().map(|c| u64::from(c as u32));
@@ -53,7 +62,7 @@ impl Known {
             let width = seen.width * squares.step.max(LEAST_SIDE) as f32;
             let level = level_of(width);
             let place = (seen.point / (level as f32).exp2()).floor().as_ivec3();
-            let sum = sums.entry(number(place, level, view.face(seen))).or_default();
+            let sum = sums.entry(number(place, level, face_of(view, seen))).or_default();
             sum.0.add(1.0, light);
             sum.1 += 1.0;
         }
@@ -71,7 +80,7 @@ impl Known {
             if !seen.is_surface() {
                 return Estimate::UNKNOWN;
             }
-            let (face, level) = (view.face(seen), level_of(seen.width * squares.step as f32));
+            let (face, level) = (face_of(view, seen), level_of(seen.width * squares.step as f32));
             let found = [level, level + 1, level - 1, level + 2];
             let found = found.into_iter().find_map(|level| self.around(seen.point, level, face));
             found.unwrap_or(Estimate::UNKNOWN)

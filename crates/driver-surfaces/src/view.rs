@@ -10,7 +10,7 @@ use crate::trail::{AtPanes, End, Follower, Shown};
 use glam::{DVec3, Vec3};
 use holo_display::Camera;
 use holo_picture::View as Eye;
-use holo_raycast::{Hit, MAX_TILE, Ray, Raycaster};
+use holo_raycast::{MAX_TILE, Ray, Raycaster};
 use holo_scene::Rgb;
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
@@ -151,13 +151,20 @@ impl Seen {
     }
 }
 
-/// A pixel whose ray is followed beyond its first hit.
-struct Special {
-    pixel: usize,
-    ray: Ray,
-    /// Distance from the eye at which the ray begins.
-    before: f32,
-    hit: Option<Hit>,
+/// The ways of some rows of pixels, and the reflections in panes that these see. Numbers of ways
+/// count from 1.
+#[derive(Default)]
+struct Band {
+    ways: Vec<Way>,
+    in_panes: Vec<InPane>,
+}
+
+impl Band {
+    /// Adds the way to a surface. Returns the surface with the way's number.
+    fn add(&mut self, (seen, way): (Seen, Way)) -> Seen {
+        self.ways.push(way);
+        Seen { way: self.ways.len() as u32, ..seen }
+    }
 }
 
 impl View {
@@ -190,13 +197,13 @@ impl View {
             pieces: Vec::new(),
         };
         let mut seen = vec![Seen::NOTHING; size.0 * size.1];
-        let special: Vec<Special> = seen
+        let bands: Vec<Band> = seen
             .par_chunks_mut(size.0 * SIDE)
             .enumerate()
-            .flat_map_iter(|(part, rows)| view.cast_rows(part * SIDE, rows))
+            .map(|(part, rows)| view.cast_rows(part * SIDE, rows))
             .collect();
         view.seen = seen;
-        view.follow_special(&special);
+        view.take_bands(bands);
         view.panes_of_middles = view.in_panes.len();
         view
     }
@@ -258,19 +265,21 @@ impl View {
                 return seen(end, self.pixel_width(end.length), PLAIN);
             }
         }
-        self.special(shown)
+        self.with_way(self.seen_along(shown))
     }
 
     /// Adds a reflection in a pane that takes this share of a pixel.
     pub(crate) fn add_in_pane(&mut self, pixel: usize, shown: Shown, share: f32) {
-        let seen = self.special(shown);
+        let seen = self.with_way(self.seen_along(shown));
         self.in_panes.push(InPane { pixel, seen, share });
     }
 
-    fn cast_rows(&self, top: usize, rows: &mut [Seen]) -> Vec<Special> {
+    /// Casts the rays of `rows`, which begin at row `top`.
+    fn cast_rows(&self, top: usize, rows: &mut [Seen]) -> Band {
         let width = self.size.0;
         let count = rows.len() / width;
-        let mut special = Vec::new();
+        let follower = self.follower();
+        let mut band = Band::default();
         for left in (0..width).step_by(SIDE) {
             let across = SIDE.min(width - left);
             let mut rays = [Ray::new(Vec3::ZERO, Vec3::ZERO); MAX_TILE];
@@ -285,47 +294,60 @@ impl View {
             for number in 0..used {
                 let at = number / across * width + left + number % across;
                 let (ray, before, hit) = (rays[number], befores[number], hits[number]);
-                let plain = hit.and_then(|hit| {
-                    let follower = self.follower();
-                    follower.is_plain(hit).then(|| follower.end(&ray, hit))
-                });
-                match plain {
-                    Some(end) => {
-                        rows[at] = seen(&end, self.pixel_width(before + end.length), PLAIN);
-                    }
-                    None => special.push(Special { pixel: top * width + at, ray, before, hit }),
+                let Some(hit) = hit else {
+                    rows[at] = band.add(self.seen_along(self.nothing()));
+                    continue;
+                };
+                if follower.is_plain(hit) {
+                    let end = follower.end(&ray, hit);
+                    rows[at] = seen(&end, self.pixel_width(before + end.length), PLAIN);
+                    continue;
+                }
+                let follow =
+                    |panes| self.seen_along(follower.follow(ray, hit, panes).farther(before));
+                rows[at] = band.add(follow(AtPanes::Pass));
+                if follower.is_pane(hit) {
+                    let seen = band.add(follow(AtPanes::ReflectFirst));
+                    band.in_panes.push(InPane { pixel: top * width + at, seen, share: 1.0 });
                 }
             }
         }
-        special.sort_unstable_by_key(|special| special.pixel);
-        special
+        band.in_panes.sort_unstable_by_key(|pane| pane.pixel);
+        band
     }
 
-    fn follow_special(&mut self, special: &[Special]) {
-        let follower = self.follower();
-        let shown: Vec<(Shown, Option<Shown>)> = special
-            .par_iter()
-            .map(|&Special { ray, before, hit, .. }| {
-                let Some(hit) = hit else { return (self.nothing(), None) };
-                let through = follower.follow(ray, hit, AtPanes::Pass).farther(before);
-                let mirrored = || follower.follow(ray, hit, AtPanes::ReflectFirst).farther(before);
-                let in_pane = follower.is_pane(hit).then(mirrored);
-                (through, in_pane)
-            })
-            .collect();
-        for (special, (through, in_pane)) in special.iter().zip(shown) {
-            self.seen[special.pixel] = self.special(through);
-            if let Some(in_pane) = in_pane {
-                self.add_in_pane(special.pixel, in_pane, 1.0);
-            }
+    /// Takes the ways of all bands, which are in the order of rows.
+    fn take_bands(&mut self, bands: Vec<Band>) {
+        let mut count = 0;
+        let before = |band: &Band| {
+            let before = count;
+            count += band.ways.len();
+            before as u32
+        };
+        let befores: Vec<u32> = bands.iter().map(before).collect();
+        let number =
+            |seen: &mut Seen, before| seen.way += if seen.way == PLAIN { 0 } else { before };
+        let rows = self.seen.par_chunks_mut(self.size.0 * SIDE).zip(&befores);
+        rows.for_each(|(rows, &before)| rows.iter_mut().for_each(|seen| number(seen, before)));
+        self.ways.reserve(count);
+        for (mut band, before) in bands.into_iter().zip(befores) {
+            band.in_panes.iter_mut().for_each(|pane| number(&mut pane.seen, before));
+            self.in_panes.append(&mut band.in_panes);
+            self.ways.append(&mut band.ways);
         }
     }
 
-    fn special(&mut self, shown: Shown) -> Seen {
-        let way = self.ways.len() as u32;
+    /// Adds the way to a surface. Returns the surface with the way's number.
+    fn with_way(&mut self, (seen, way): (Seen, Way)) -> Seen {
+        self.ways.push(way);
+        Seen { way: self.ways.len() as u32 - 1, ..seen }
+    }
+
+    /// Returns the surface that a ray shows, and the way to it. The way has no number yet.
+    fn seen_along(&self, shown: Shown) -> (Seen, Way) {
         let times = |a: Rgb, b: Rgb| [0, 1, 2].map(|channel: usize| a[channel] * b[channel]);
         let mut how = Way::PLAIN;
-        let mut at = Seen { way, ..Seen::NOTHING };
+        let mut at = Seen::NOTHING;
         match shown {
             Shown::Surface(end) => {
                 let finish = self.follower().finish(end.material);
@@ -338,14 +360,13 @@ impl View {
                     how.to_lamp = end.length;
                 } else {
                     how.texture = self.follower().texture(&end, width);
-                    at = seen(&end, width, way);
+                    at = seen(&end, width, PLAIN);
                 }
             }
             Shown::Sky(share) => how.radiance = times(share, self.materials.sky),
             Shown::Unknown => {}
         }
-        self.ways.push(how);
-        at
+        (at, how)
     }
 
     /// Returns the way to a surface.
