@@ -17,10 +17,14 @@ const LIGHT: f32 = 0.8;
 
 /// A floor of 8 × 8 at height 0, and a section of 2 × 2 × 2 above its middle.
 fn floor() -> (Arc<[Section]>, Arc<Raycaster>) {
+    floor_of(Bsdf::Diffuse { kd: [ALBEDO; 3] })
+}
+
+fn floor_of(bsdf: Bsdf) -> (Arc<[Section]>, Arc<Raycaster>) {
     let corner = |x: f64, y: f64| DVec3::new(x, y, 0.0);
     let positions = [corner(-4.0, -4.0), corner(4.0, -4.0), corner(4.0, 4.0), corner(-4.0, 4.0)];
     let mut grey = Material::grey("floor");
-    grey.bsdf = Bsdf::Diffuse { kd: [ALBEDO; 3] };
+    grey.bsdf = bsdf;
     let triangles = [[0, 1, 2], [0, 2, 3]];
     let (scene, _) =
         Scene::from_world(&positions, &triangles, &[0, 0], vec![grey], [1.0; 3]).unwrap();
@@ -128,6 +132,28 @@ fn a_moving_eye_sees_the_light_that_the_last_picture_found() {
     assert!((mean(&draw(&mut driver)) / mean(&at_rest) - 1.0).abs() < 0.02);
     assert!(driver.refines());
     assert!(mean(&draw(&mut driver)) > 1.5 * mean(&at_rest));
+}
+
+#[test]
+fn known_light_of_a_coat_serves_an_eye_that_moves_round_it() {
+    let coat = Bsdf::Coated { kd: [ALBEDO; 3], ks: [1.0; 3], ior: 1.5, alpha: 0.1 };
+    let (sections, raycaster) = floor_of(coat);
+    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let samples = samples(&sections[0], 60_000);
+    samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
+    driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    draw(&mut driver);
+    // Dark samples of the same beams, which no frame has shown yet.
+    for (beam, sample) in samples {
+        let distance = sample.distance(sections[0].diagonal());
+        let dark = Sample::encode(sample.coords, [0.0; 3], distance, sections[0].diagonal(), 0);
+        driver.insert(beam, 1, &[dark]);
+    }
+    let aslant = "-vp 0 -1 1 -vd 0 1 -1 -vu 0 0 1 -vh 30";
+    driver.look(&look(aslant, Resolution::Moving)).unwrap();
+    let pixels = draw(&mut driver).picture.pixels;
+    let known = pixels.iter().filter(|pixel| (pixel[1] / LIGHT - 1.0).abs() < 0.02).count();
+    assert!(10 * known > 9 * pixels.len(), "{known} of {} pixels", pixels.len());
 }
 
 #[test]
