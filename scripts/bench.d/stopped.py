@@ -68,6 +68,9 @@ def turn_and_stop(browser: Chromium, seconds: float) -> tuple[View, float, Pixel
     time.sleep(seconds)
     browser.key("KeyE", False)
     browser.wait("window.first")
+    # Tracing is paused, so that the file does not get many more samples than the frame had.
+    browser.key("KeyP", True)
+    browser.key("KeyP", False)
     options, exposure = browser.value("[window.first.options, window.first.exposure]")
     size = [int(side) for side in TRUTH_SIZE.split("x")]
     sums = browser.value(f"{AVERAGED}({size})")
