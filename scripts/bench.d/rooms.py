@@ -218,12 +218,16 @@ def truth(bench: Bench, look: Case) -> tuple[Pixels, Pixels]:
     return halves[0], halves[1]
 
 
-def read(path: Path, size: str = TRUTH_SIZE) -> Pixels:
-    """Returns a picture's pixels, rows from the bottom, averaged down to the truth's size."""
+def read(path: Path, size: str = TRUTH_SIZE, most: float = math.inf) -> Pixels:
+    """Returns a picture's pixels, rows from the bottom, averaged down to the truth's size. What is
+    brighter than `most` counts as that.
+    """
     data = path.read_bytes()
     head = data.split(b"\n", 3)
     width, height = (int(side) for side in head[1].split())
     values = array("f", head[3])
+    if most < math.inf:
+        values = array("f", (min(value, most) for value in values))
     columns, rows = (int(side) for side in size.split("x"))
     step = width // columns
     pixels = []
@@ -253,13 +257,22 @@ def shown(pixels: Pixels, white: float) -> list[float]:
     return [min(max(c / white, 0.0), 1.0) ** (1 / 2.2) for pixel in pixels for c in pixel]
 
 
-def decibels(picture: Path, halves: tuple[Pixels, Pixels], size: str = TRUTH_SIZE) -> float:
-    """Returns the display PSNR of a picture, the truth's noise taken off."""
+def decibels(
+    picture: Path, halves: tuple[Pixels, Pixels], size: str = TRUTH_SIZE, most: float = math.inf
+) -> float:
+    """Returns the display PSNR of a picture, the truth's noise taken off. What is brighter than
+    `most` counts as that.
+    """
+    return decibels_of(read(picture, size, most), halves)
+
+
+def decibels_of(pixels: Pixels, halves: tuple[Pixels, Pixels]) -> float:
+    """Returns the display PSNR of pixels of the truth's size, the truth's noise taken off."""
     middle = mean(halves)
     level = white(middle)
     true, one, other = (shown(pixels, level) for pixels in (middle, *halves))
     noise = sum((a - b) ** 2 for a, b in zip(one, other)) / 4
-    error = sum((a - b) ** 2 for a, b in zip(shown(read(picture, size), level), true)) - noise
+    error = sum((a - b) ** 2 for a, b in zip(shown(pixels, level), true)) - noise
     return -10 * math.log10(max(error, 1e-6) / len(true))
 
 

@@ -65,7 +65,7 @@ impl Crew {
         let (server, worker) = begin(&file, &listen, &arguments, how).await?;
         server.invite();
         // Whoever joins expects a server that starts again at the same address.
-        listen.stay_at(server.address, server.invitation.as_ref())?;
+        listen.stay_at(server.outside.as_ref().map_or(server.address, |outside| outside.address));
         let (giver, orders) = holo_view::crew();
         let (reading, edited) = (None, None);
         Ok(Crew {

@@ -7,7 +7,7 @@ use std::{
 };
 
 use anyhow::{Context, Result, ensure};
-use holo_net::{Destination, Identity, Invitation, NetError, Rights};
+use holo_net::{Destination, Identity, Invitation, Rights};
 
 /// Options for workers and displays on other machines.
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -63,27 +63,12 @@ impl ListenArgs {
         arguments
     }
 
-    /// If any free port was allowed, states the one that a server has taken. The server listens on
-    /// this machine at `address`, and others join by `invitation`.
-    ///
-    /// # Errors
-    /// If an address does not parse.
-    pub fn stay_at(
-        &mut self,
-        address: SocketAddr,
-        invitation: Option<&Invitation>,
-    ) -> Result<(), NetError> {
-        let Some(listen) = &self.listen else { return Ok(()) };
-        let mut taken = holo_net::any_address(listen)?;
-        // A public address may have another port.
-        if taken.port() == 0 && self.public.is_none() {
-            taken.set_port(match invitation {
-                Some(invitation) => holo_net::any_address(&invitation.address)?.port(),
-                None => address.port(),
-            });
-            self.listen = Some(taken.to_string());
+    /// If any free port was allowed, states the one that a server has taken by listening at
+    /// `address`. The next server then listens there too.
+    pub fn stay_at(&mut self, address: SocketAddr) {
+        if self.listen.is_some() {
+            self.listen = Some(address.to_string());
         }
-        Ok(())
     }
 }
 

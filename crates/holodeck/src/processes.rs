@@ -9,7 +9,8 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
-use holo_net::{AGAIN, Invitation};
+use holo_net::AGAIN;
+use holo_server::Outside;
 use tokio::{
     io::{AsyncBufReadExt, AsyncRead, AsyncWriteExt, BufReader, Lines},
     process::{Child, ChildStderr, ChildStdin, ChildStdout, Command},
@@ -140,8 +141,8 @@ pub struct Server {
     pub process: Process,
     /// The address where the server listens on this machine.
     pub address: SocketAddr,
-    /// What others join with, if they may.
-    pub invitation: Option<Invitation>,
+    /// Where others join, if they may.
+    pub outside: Option<Outside>,
     /// The lines that the server prints later, available once it has ended.
     pub output: JoinHandle<Vec<String>>,
 }
@@ -155,17 +156,23 @@ impl Server {
     pub async fn start(arguments: Vec<OsString>) -> Result<Server> {
         let mut process = Process::start("holoserver", &arguments, Stdio::inherit())?;
         let mut output = process.output()?;
-        let mut line = output.next_line().await?;
-        let mut invitation = None;
-        if let Some(join) = line.as_deref().and_then(|line| line.strip_prefix("join with ")) {
-            invitation = Some(join.parse()?);
-            line = output.next_line().await?;
-        }
-        let address = line.as_deref().and_then(|line| line.strip_prefix("listening on "));
-        let Some(Ok(address)) = address.map(str::parse) else {
-            process.wait().await?;
-            bail!("the server did not say where it listens");
+        let (mut invitation, mut elsewhere) = (None, None);
+        let address = loop {
+            let line = output.next_line().await?;
+            let line = line.as_deref().unwrap_or_default();
+            if let Some(join) = line.strip_prefix("join with ") {
+                invitation = Some(join.parse()?);
+            } else if let Some(address) = line.strip_prefix("listening for other machines on ") {
+                elsewhere = Some(address.parse()?);
+            } else if let Some(address) = line.strip_prefix("listening on ") {
+                break address.parse()?;
+            } else {
+                process.wait().await?;
+                bail!("the server did not say where it listens");
+            }
         };
+        let outside = invitation.zip(elsewhere);
+        let outside = outside.map(|(invitation, address)| Outside { address, invitation });
         let output = tokio::spawn(async move {
             let mut lines = Vec::new();
             while let Ok(Some(line)) = output.next_line().await {
@@ -173,13 +180,14 @@ impl Server {
             }
             lines
         });
-        Ok(Server { process, address, invitation, output })
+        Ok(Server { process, address, outside, output })
     }
 
-    /// Prints the string to join with, if other machines may join.
+    /// Prints the string to join with and the address, if other machines may join.
     pub fn invite(&self) {
-        if let Some(invitation) = &self.invitation {
+        if let Some(Outside { address, invitation }) = &self.outside {
             holo_progress::print_line!("join with {invitation}");
+            holo_progress::print_line!("listening for other machines on {address}");
         }
     }
 }

@@ -21,8 +21,8 @@ use crate::plausible::Limits;
 const ABOUT: &str = "holodeck";
 /// Version of [`About`] of a file with one generation.
 const FORMAT: u32 = 1;
-/// The same of a file with several. Programs that know one would take samples of an earlier scene
-/// for those of the present one.
+/// Version of [`About`] of a file with several generations. A program that knows only the other
+/// version must refuse the file, because it would count samples of an earlier scene.
 const FORMAT_OF_GENERATIONS: u32 = 2;
 
 /// The description of a holodeck: everything except its samples.
@@ -189,11 +189,11 @@ impl About {
     }
 
     /// Checks that a file with the description `old` can go on with the scene that this one
-    /// describes. Whether what stands inside a section is seen may differ: rays pass through the
-    /// same cells.
+    /// describes. The two may differ in whether rays hit what stands inside sections, because the
+    /// rays are the same.
     ///
     /// # Errors
-    /// What differs, and what to do.
+    /// If it cannot go on. The error says what differs, and what the user can do.
     pub fn suits(&self, old: &About) -> Result<()> {
         let places = |about: &About| {
             let place = |spec: &SectionSpec| SectionSpec { obstructions: false, ..spec.clone() };

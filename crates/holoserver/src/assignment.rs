@@ -28,7 +28,7 @@ pub struct Assignment {
     pub display: Option<ConnectionId>,
     /// What its samples are for.
     pub purpose: Purpose,
-    /// A worker that does not get it, unless there is no other.
+    /// A worker that gets it only if there is no other.
     pub not_for: Option<ConnectionId>,
 }
 

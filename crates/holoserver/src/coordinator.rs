@@ -266,8 +266,8 @@ impl Coordinator {
         }
     }
 
-    /// Returns the file's length once everything under way is stored, at most; 0 if the goal does
-    /// not depend on it.
+    /// Returns the greatest length that the file can have once everything under way is stored. 0 if
+    /// the goal does not depend on it.
     fn coming_bytes(&self) -> u64 {
         if self.schedule.goal.disk.is_none() {
             return 0;
@@ -301,7 +301,8 @@ impl Coordinator {
         sections.into_iter().all(|(at, section)| unseen.count_in(at) == section.beam_count())
     }
 
-    /// Handles an event. Only a failing disk is an error: the rest ends with the one who caused it.
+    /// Handles an event. Only a failing disk is an error. Any other fault ends the connection that
+    /// caused it.
     fn handle(&mut self, event: Event) -> Result<()> {
         match event {
             Event::Joined { id, hello, access, outbox, mailbox } => {

@@ -10,7 +10,7 @@ use anyhow::{Context, Result};
 use holo_net::{Identity, Invitation, Rights};
 use tokio::{net::TcpListener, sync::mpsc::UnboundedSender, task::JoinSet};
 
-use crate::{Config, Ready, events::Event, holodeck::Holodeck, listen};
+use crate::{Config, Outside, Ready, events::Event, holodeck::Holodeck, listen};
 
 /// Listening sockets.
 pub struct Doors {
@@ -21,8 +21,8 @@ pub struct Doors {
 }
 
 impl Doors {
-    /// Listens where the options say. A server for other machines also listens at any free port of
-    /// this one: for the worker and the viewer that are started with it.
+    /// Listens where the options say. A server for other machines also listens at a free loopback
+    /// port, for the worker and the viewer that are started with it.
     ///
     /// # Errors
     /// If an address is not free, or the certificate and tokens cannot be made or read.
@@ -30,7 +30,7 @@ impl Doors {
         let address = holo_net::any_address(&config.listen)?;
         if address.ip().is_loopback() && !config.secure {
             let local = bind(address).await?;
-            let ready = Ready { address: local.local_addr()?, invitation: None };
+            let ready = Ready { address: local.local_addr()?, outside: None };
             return Ok(Doors { ready, local, outside: None });
         }
         let outside = bind(address).await?;
@@ -43,9 +43,11 @@ impl Doors {
         };
         let identity = tokio::task::spawn_blocking(open).await??;
         let local = bind((Ipv4Addr::LOCALHOST, 0).into()).await?;
-        let seen = holo_net::seen_from_outside(outside.local_addr()?).to_string();
+        let address = outside.local_addr()?;
+        let seen = holo_net::seen_from_outside(address).to_string();
         let invitation = invitation(&identity, config.public.clone().unwrap_or(seen))?;
-        let ready = Ready { address: local.local_addr()?, invitation: Some(invitation) };
+        let ready =
+            Ready { address: local.local_addr()?, outside: Some(Outside { address, invitation }) };
         Ok(Doors { ready, local, outside: Some((outside, identity)) })
     }
 

@@ -35,7 +35,7 @@ fn write_scene(file: &BeamFile, about: &About, packed_scene: &[u8]) -> Result<()
         "the description is of another scene"
     );
     file.put_blob(&about.own_blob(SCENE), packed_scene)?;
-    // A crash before this leaves the scene before, and an unused blob.
+    // After a crash before this, the file has its former scene, and a blob that nothing uses.
     about.write(file)?;
     Ok(file.flush()?)
 }

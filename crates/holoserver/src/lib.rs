@@ -248,7 +248,16 @@ pub struct Ready {
     /// On this machine, without encryption.
     pub address: SocketAddr,
     /// From elsewhere, if it does.
-    pub invitation: Option<Invitation>,
+    pub outside: Option<Outside>,
+}
+
+/// Where a server takes connections from other machines.
+#[derive(Clone, Debug)]
+pub struct Outside {
+    /// The address that it listens at. Others may see this machine under another one.
+    pub address: SocketAddr,
+    /// What others join with.
+    pub invitation: Invitation,
 }
 
 /// Serves a holodeck until its goal is reached or `shutdown` is triggered. It calls `ready` once it
@@ -316,8 +325,9 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) 
 }
 
 fn say_ready(ready: Ready) {
-    if let Some(invitation) = ready.invitation {
+    if let Some(Outside { address, invitation }) = ready.outside {
         holo_progress::print_line!("join with {invitation}");
+        holo_progress::print_line!("listening for other machines on {address}");
     }
     holo_progress::print_line!("listening on {}", ready.address);
 }

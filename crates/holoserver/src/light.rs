@@ -92,7 +92,7 @@ impl LightRecords {
 /// The number of records that are in the file.
 #[derive(Debug, Default)]
 pub(crate) struct Saved {
-    /// The generation that they are of.
+    /// The generation of the scene that they belong to.
     generation: u32,
     records: usize,
     /// The number of the next blob.

@@ -54,7 +54,8 @@ impl Pace {
         (self.seconds > 0.0).then(|| self.work / self.seconds)
     }
 
-    /// Returns how long a packet may take that is the last of `ahead` work.
+    /// Returns how long a packet may take. `ahead` is the work that the worker has, up to and
+    /// including the packet.
     pub fn deadline(&self, ahead: f64) -> Duration {
         let Some(rate) = self.rate() else { return FIRST_DEADLINE };
         let expected = PATIENCE * ahead / rate.max(1e-9);

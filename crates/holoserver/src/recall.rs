@@ -56,7 +56,7 @@ pub struct Recall {
     pub view: u32,
     /// The beams of which it lacks samples, and their weights.
     pub keys: Vec<(BeamKey, f32)>,
-    /// The same of samples of an earlier generation.
+    /// The beams of which it lacks samples of an earlier generation, and their weights.
     pub earlier: Vec<(BeamKey, f32)>,
     /// The display's newest view: reading for an older one ends.
     pub newest: Arc<AtomicU32>,

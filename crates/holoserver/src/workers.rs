@@ -28,8 +28,8 @@ use tokio::time::Instant;
 /// traces that first.
 const AHEAD: Duration = Duration::from_millis(120);
 
-/// Factor on [`AHEAD`] up to which a worker's own statement of its speed is believed. Measured
-/// returns may understate the speed, because the server had less to give.
+/// A worker's own statement of its speed is believed up to this multiple of the measured speed. The
+/// measured speed may be too low, because the server had less work to give.
 const BELIEVED: f64 = 4.0;
 
 /// Fewest rays ahead for each thread, also while a worker's speed is not known: four packets. With

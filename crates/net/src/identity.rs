@@ -85,8 +85,8 @@ impl Identity {
         Identity::new(folder, chain, secret).map_err(|error| fail(certificate, error))
     }
 
-    /// Returns the identity of a certificate, those that sign it, and its key. The error states why
-    /// that is impossible.
+    /// Returns the identity of a certificate and its key. `chain` is the certificate, followed by
+    /// those that sign it. The error says why they cannot be used.
     fn new(
         folder: &Path,
         chain: Vec<CertificateDer<'static>>,

@@ -19,8 +19,8 @@ use crate::{KEEP_ALIVE, Message, NetError, SILENCE, outbox::WeakOutbox, tls::Rea
 /// Messages of a peer that a server reads in advance. A peer that sends more waits.
 pub(crate) const FROM_A_PEER: usize = 1;
 
-/// Messages of a server that others read in advance. They have about 1 MiB at most, so these are 64
-/// MiB. A display that prepares a scene for a minute must still answer pings.
+/// Messages of a server that its peers read in advance: 64 MiB, because each has at most about
+/// 1 MiB. A display that prepares a scene for a minute must still answer pings.
 pub(crate) const FROM_THE_SERVER: usize = 64;
 
 /// The receiving half: messages that a task has read from the socket.

@@ -7,8 +7,8 @@ use tokio::sync::watch;
 /// Exit status that shells show for an interrupted process.
 const INTERRUPTED: i32 = 130;
 
-/// The line on standard input by which a parent says that it starts the process again. Standard
-/// input then ends.
+/// A line of standard input. A parent that is about to start the process again writes this line and
+/// then ends the input.
 pub const AGAIN: &str = "again\n";
 
 /// A request to end, shared by all parts of a process: once triggered it stays so.

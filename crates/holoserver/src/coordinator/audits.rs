@@ -17,7 +17,7 @@ use crate::{
 const MAX_FAULTS: usize = 64;
 
 impl Coordinator {
-    /// Has a packet that a worker has traced traced again by another one, now and then.
+    /// Begins to check a traced packet now and then: another worker traces it again.
     pub(super) fn audit(&mut self, id: ConnectionId, traced: &Assignment, samples: &[Sample]) {
         let workers = &self.workers;
         let ready = || workers.iter().filter(|(_, w)| w.is_ready()).map(|(&id, _)| id).collect();
@@ -77,8 +77,8 @@ impl Coordinator {
         }
     }
 
-    /// Returns why a machine may not work here: what was found broken stays so until the server is
-    /// started again.
+    /// Returns why a machine may not work here, if it was found broken. It may work again once the
+    /// server was started again.
     pub(super) fn fault_of(&self, maker: Maker) -> Option<String> {
         let is_it = |fault: &&FaultReport| fault.is_dropped && fault.maker == maker.0;
         let fault = self.faults.iter().find(is_it).filter(|_| maker != Maker::UNKNOWN)?;

@@ -28,9 +28,9 @@ pub struct Display {
     pub recalling: bool,
     /// True while a part of the file that no view requested is being sent.
     pub is_sending_part: bool,
-    /// If it settles: the last packet that was given out before. Later ones do not delay it,
-    /// because a file that is filled at the same time always has some of the view's beams under
-    /// way.
+    /// The last packet that was given out before it began to settle; `None` if it does not settle.
+    /// Later packets do not delay it. While the file is filled, some of the view's beams are always
+    /// under way.
     pub settling: Option<u64>,
 }
 

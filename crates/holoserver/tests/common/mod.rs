@@ -90,7 +90,8 @@ impl Place {
             sender.send(ready).unwrap();
         });
         let task = tokio::spawn(run);
-        let Ready { address, invitation } = in_time(ready).await.unwrap();
+        let Ready { address, outside } = in_time(ready).await.unwrap();
+        let invitation = outside.map(|outside| outside.invitation);
         Server { address, invitation, shutdown, task }
     }
 }

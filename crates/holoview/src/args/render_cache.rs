@@ -82,6 +82,14 @@ pub enum EmptyArg {
 }
 
 impl PointArgs {
+    /// Switches a part on or off for drivers that are made from now on.
+    pub fn switch(&mut self, part: &str, on: bool) {
+        self.without.retain(|without| without != part);
+        if !on {
+            self.without.push(part.to_owned());
+        }
+    }
+
     /// Returns the driver's parameters.
     pub fn params(&self) -> PointImageParams {
         let mut stages = Stages::ALL;

@@ -47,9 +47,10 @@ pub fn play(
     if ready.blocking_recv().is_err() {
         return Ok(());
     }
-    session.start_clock(Instant::now());
+    let since = Instant::now();
+    session.start_clock(since);
     let duration = script.duration();
-    Player { session, again, shown: None, config, meter, duration }.follow(script)
+    Player { session, again, shown: None, since, config, meter, duration }.follow(script)
 }
 
 struct Player {
@@ -57,6 +58,8 @@ struct Player {
     again: Again,
     /// The view that is shown.
     shown: Option<ViewSpec>,
+    /// The start of the script's seconds: when the view was first shown.
+    since: Instant,
     config: Config,
     meter: Meter,
     /// Seconds that the script takes; 0 if unknown.
@@ -85,8 +88,7 @@ impl Player {
                 }
             };
             if let Some(seconds) = step.seconds
-                && self.wait(self.session.since() + Duration::from_secs_f64(seconds))?
-                    == Waited::Stop
+                && self.wait(self.since + Duration::from_secs_f64(seconds))? == Waited::Stop
             {
                 break;
             }
@@ -112,7 +114,9 @@ impl Player {
 
     fn show(&mut self, spec: &ViewSpec) -> Result<()> {
         self.shown = Some(*spec);
-        self.session.show(spec, self.config.view.size())
+        self.session.show(spec, self.config.view.size())?;
+        self.since = self.session.since();
+        Ok(())
     }
 
     /// Goes on with a server that starts again, where another one would be an error. Returns whether
@@ -121,18 +125,22 @@ impl Player {
         if !matches!(ended.downcast_ref(), Some(NetError::StartsAgain)) {
             return Err(ended);
         }
-        let Player { again, meter, session, .. } = self;
+        let Player { again, meter, session, since, .. } = self;
         meter.say("the server starts again; trying to reach it");
+        // Parts that the script has switched off stay off.
+        again.points.clone_from(session.points());
         let Some(connected) = again.reach(RETURN_TIME, |text| meter.say(text))? else {
             return Ok(false);
         };
-        let start = session.start();
+        let (start, since) = (session.start(), *since);
         let Some(begun) = connected.begin(|text| meter.say(text))? else { return Ok(false) };
         *session = begun;
         session.start_clock(start);
         if let Some(shown) = self.shown {
             self.show(&shown)?;
         }
+        // The script's seconds continue.
+        self.since = since;
         Ok(true)
     }
 
@@ -259,4 +267,70 @@ fn write_picture(
         exposure,
         stages,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+    use holo_net::Shutdown;
+    use holo_proto::control::{Control, Farewell};
+    use tokio::{net::TcpListener, time::timeout};
+
+    use super::*;
+    use crate::stage::tests::{LIMIT, serve};
+
+    /// The options of `holoview`.
+    #[derive(Parser)]
+    struct Options {
+        #[command(flatten)]
+        config: Config,
+    }
+
+    /// Draws, and returns whether the prefilter ran.
+    fn filters(player: &mut Player) -> bool {
+        // If nothing has changed, the driver computes nothing.
+        for on in [false, true] {
+            player.session.switch("depth-cull", on).unwrap();
+        }
+        player.session.draw().1.iter().any(|time| time.stage == "Prefilter")
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn parts_that_are_off_and_the_script_s_seconds_outlast_a_server_that_starts_again() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let options = ["holoview", "--driver", "pointimage", "--size", "32x24", "--quiet"];
+        let Options { config } = Options::parse_from(options);
+        let (driver, points) = (config.driver.clone(), config.points.clone());
+        let shutdown = Shutdown::new();
+        let connecting = Connected::new(address, driver, points, shutdown.clone());
+        let playing = tokio::spawn(async move {
+            let connected = connecting.await.unwrap();
+            tokio::task::spawn_blocking(move || {
+                let again = connected.again();
+                let session = connected.begin(|_| {}).unwrap().unwrap();
+                let view = session.first_view().unwrap();
+                let (since, meter) = (Instant::now(), Meter::new(true));
+                let mut player =
+                    Player { session, again, shown: None, since, config, meter, duration: 0.0 };
+                player.show(&view).unwrap();
+                assert!(filters(&mut player));
+                player.session.switch("prefilter", false).unwrap();
+                let since = player.since;
+                assert_eq!(player.wait(Instant::now() + LIMIT).unwrap(), Waited::Stop);
+                assert!(!filters(&mut player));
+                player.session.switch("prefilter", true).unwrap();
+                assert!(filters(&mut player));
+                assert!(player.since == since && player.session.since() > since);
+            })
+            .await
+            .unwrap();
+        });
+        let (_inbox, outbox) = serve(&listener).await;
+        outbox.control(&Control::Bye(Farewell::StartsAgain)).unwrap();
+        outbox.drained().await;
+        let _again = serve(&listener).await;
+        shutdown.trigger();
+        timeout(LIMIT, playing).await.unwrap().unwrap();
+    }
 }

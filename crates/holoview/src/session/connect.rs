@@ -55,7 +55,8 @@ pub struct Connected {
 pub struct Again {
     server: Destination,
     args: DriverArgs,
-    points: PointArgs,
+    /// Options of the render cache for the next session.
+    pub points: PointArgs,
     shutdown: Shutdown,
     runtime: tokio::runtime::Handle,
 }

@@ -41,6 +41,7 @@ use holo_proto::{
 };
 
 use crate::{
+    args::PointArgs,
     drivers::{DriverChoice, LoadedScene, SceneUse},
     report::StageTime,
 };
@@ -193,18 +194,24 @@ impl Session {
         self.current.is_some()
     }
 
-    /// Switches a part of the driver on or off.
+    /// Switches a part of the driver on or off. It stays so if the session makes its driver again.
     ///
     /// # Errors
     /// If the driver has no such part.
     pub fn switch(&mut self, part: &str, on: bool) -> Result<()> {
-        if self.driver.switch(part, on) {
-            return Ok(());
+        if !self.driver.switch(part, on) {
+            bail!(
+                "driver {} has no part `{part}` to switch; `--driver pointimage` has parts",
+                self.driver.name()
+            );
         }
-        bail!(
-            "driver {} has no part `{part}` to switch; `--driver pointimage` has parts",
-            self.driver.name()
-        )
+        self.choice.points.switch(part, on);
+        Ok(())
+    }
+
+    /// Returns the options of the render cache, with the parts that are switched off.
+    pub fn points(&self) -> &PointArgs {
+        &self.choice.points
     }
 
     /// Draws the current view with the samples that have arrived, and measures the driver's stages.

@@ -13,7 +13,7 @@ use super::{Wishes, stage};
 use crate::{DriverArg, DriverArgs, PointArgs, ViewArgs, session::Connected};
 
 /// Longest wait in a test, in real time. Only a hang reaches it.
-const LIMIT: Duration = Duration::from_secs(60);
+pub(crate) const LIMIT: Duration = Duration::from_secs(60);
 
 /// Returns a welcome with two sections, decoded from the protocol's golden files.
 pub(crate) fn welcome() -> Welcome {
@@ -31,7 +31,7 @@ pub(crate) fn welcome() -> Welcome {
 }
 
 /// Accepts a display, and waits until it requests a view.
-async fn serve(listener: &TcpListener) -> (Inbox, Outbox) {
+pub(crate) async fn serve(listener: &TcpListener) -> (Inbox, Outbox) {
     let stream = timeout(LIMIT, listener.accept()).await.unwrap().unwrap().0;
     let (mut inbox, outbox, hello) = accept(stream).await.unwrap();
     assert_eq!(hello.role, Role::Display);

@@ -79,3 +79,27 @@ fn joined_workers_and_displays_go_on_with_the_edited_scene_and_after_starting_ov
     display.wait().failed(1, &["the session is over"]);
     script.wait().failed(1, &["the session is over"]);
 }
+
+#[test]
+fn a_session_on_any_free_port_with_a_public_address_starts_again_at_the_same_port() {
+    let place = Place::new();
+    let words = ["view", "--no-open", "--threads", "1", "--listen", "127.0.0.1:0", "--secure"];
+    let public = ["--public", "holodeck.invalid:1", "--identity", "{}/identity"];
+    let mut session = place.start(&[&words[..], &public, &of_scene(), &VIEW].concat());
+    let join = session.wait_for_line("join with ");
+    let address = session.wait_for_line("listening for other machines on ");
+    // The router in between is left out.
+    let join = join.replace("holodeck.invalid:1", &address);
+    let other = Place::new();
+    let worker = other.start(&["rtworker", "--join", &join, "--threads", "1", "--with-parent"]);
+    wait_for_worker(&worker, 1);
+    session.write_line("start over");
+    session.write_line("start over");
+    wait_for_worker(&worker, 2);
+    edit(&place, WHITE, PAINTED);
+    restart(&mut session);
+    wait_for_worker(&worker, 3);
+    session.write_line("quit");
+    session.wait().ok();
+    worker.wait().ok();
+}
