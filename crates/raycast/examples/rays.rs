@@ -136,13 +136,14 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
 
 fn dump(path: &PathBuf, scene: &Scene, sets: [&[Ray]; 2]) -> Result<(), Box<dyn Error>> {
     let mut file = BufWriter::new(std::fs::File::create(path)?);
-    for count in [scene.positions.len(), scene.triangles.len(), sets[0].len(), sets[1].len()] {
+    let own = scene.own();
+    for count in [own.positions.len(), own.triangles.len(), sets[0].len(), sets[1].len()] {
         file.write_all(&u32::try_from(count)?.to_le_bytes())?;
     }
-    for value in scene.positions.iter().flatten() {
+    for value in own.positions.iter().flatten() {
         file.write_all(&value.to_le_bytes())?;
     }
-    for index in scene.triangles.iter().flatten() {
+    for index in own.triangles.iter().flatten() {
         file.write_all(&index.to_le_bytes())?;
     }
     for ray in sets.into_iter().flatten() {
@@ -231,7 +232,7 @@ fn measure(name: &str, scene: Scene, arguments: &Arguments) -> Result<(), Box<dy
         ("beam_together", together(&beams)),
         ("beam_occluded", occluded(&beams)),
     ];
-    let triangles = scene.triangles.len();
+    let triangles = scene.triangles().len();
     if arguments.json {
         let fields: String = rows
             .iter()

@@ -5,6 +5,7 @@
 use std::fmt;
 
 use glam::Vec3;
+use holo_scene::Geometry;
 use rayon::prelude::*;
 
 use crate::surface::edge_margin;
@@ -61,11 +62,9 @@ pub(crate) struct Facet {
     pub margin: f32,
 }
 
-/// Returns the facets of a scene's triangles, in the same order.
-pub(crate) fn facets(
-    positions: &[[f32; 3]],
-    triangles: &[[u32; 3]],
-) -> Result<Vec<Facet>, BuildError> {
+/// Returns the facets of triangles, in the same order.
+pub(crate) fn facets(geometry: &Geometry) -> Result<Vec<Facet>, BuildError> {
+    let Geometry { positions, triangles, .. } = *geometry;
     if triangles.len() > MAX_TRIANGLES {
         return Err(BuildError::TooManyTriangles(triangles.len()));
     }
@@ -92,4 +91,22 @@ pub(crate) fn facets(
     let mut facets = holo_cpu::reserved(triangles.len());
     facets.par_extend(triangles.par_iter().map(facet));
     Ok(facets)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_that_cannot_be_traced_are_refused_with_their_number() {
+        let refused = |positions: &[[f32; 3]]| {
+            let geometry = Geometry { positions, triangles: &[[0, 1, 2]], material_ids: &[0] };
+            facets(&geometry).err()
+        };
+        let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        assert_eq!(refused(&corners), None);
+        assert_eq!(refused(&corners[..2]), Some(BuildError::Index { triangle: 0 }));
+        let not_finite = [[0.0; 3], [f32::NAN, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        assert_eq!(refused(&not_finite), Some(BuildError::Coordinate { triangle: 0 }));
+    }
 }

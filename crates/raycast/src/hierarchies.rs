@@ -35,11 +35,11 @@ impl Hierarchies {
     /// # Errors
     /// As [`Raycaster::build`]. A hierarchy that cannot be read or written is no error.
     pub fn prepare(&self, scene: Arc<Scene>) -> Result<(Raycaster, Option<String>), BuildError> {
-        if scene.triangles.len() < self.many {
+        if scene.triangles().len() < self.many {
             return Ok((Raycaster::build(scene)?, None));
         }
         let geometry = scene.geometry_hash();
-        let triangles = scene.triangles.len();
+        let triangles = scene.triangles().len();
         let read = || {
             let (mut file, bytes) = self.files.open(&geometry)?;
             Some(stored::read(&mut file, bytes, triangles, geometry))

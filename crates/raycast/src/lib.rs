@@ -81,7 +81,7 @@ impl Ray {
 pub struct Hit {
     /// Ray parameter; the distance if the direction has unit length.
     pub t: f32,
-    /// Index into `scene.triangles`.
+    /// Number of the scene's triangle.
     pub triangle: u32,
     /// Barycentric weight of the triangle's second vertex, 0 to 1.
     pub u: f32,

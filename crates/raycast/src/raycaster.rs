@@ -46,7 +46,7 @@ impl Raycaster {
         scene: Arc<Scene>,
         read: impl FnOnce(&[Facet]) -> Option<Hierarchy>,
     ) -> Result<Self, BuildError> {
-        let facets = facets(&scene.positions, &scene.triangles)?;
+        let facets = facets(&scene.own())?;
         let reach = facets
             .iter()
             .flat_map(|f| f.vertices)

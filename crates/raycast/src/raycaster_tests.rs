@@ -47,7 +47,7 @@ fn small_scenes_give_the_same_bits_as_the_hierarchy() {
                 let (from, to) = (point() * 2.0, point());
                 if i % 4 == 0 {
                     Ray::new(
-                        Vec3::from(raycaster.scene().positions[i % count as usize]) - Vec3::X,
+                        Vec3::from(raycaster.scene().own().positions[i % count as usize]) - Vec3::X,
                         Vec3::X,
                     )
                 } else {

@@ -57,7 +57,7 @@ pub use load::{LoadOptions, Loaded, load, load_watched};
 pub use material::{Bsdf, Material, Rgb};
 pub use model::LoadProgress;
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
-pub use scene::{Features, Scene};
+pub use scene::{Features, Geometry, Scene};
 pub use shading::{
     CUT_OUT, Channel, CutOut, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral, Shading, WHITE,
     from_octahedral, to_octahedral,

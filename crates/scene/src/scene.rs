@@ -5,14 +5,14 @@
 use crate::inside::OpenBox;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::material::is_radiance;
-use crate::{Bsdf, Material, Rgb, SceneError, Shading, Sun};
+use crate::{Bsdf, Maps, Material, Rgb, SceneError, Shading, Sun, WHITE};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
+use std::ops::Range;
 
-/// Triangles with materials, around an origin.
+/// Triangles with materials, around an origin. Triangles are numbered from 0.
 ///
-/// Fields are public for reading. A scene whose fields were changed is checked again when it is
-/// packed and unpacked.
+/// A scene whose public fields were changed is checked again when it is packed and unpacked.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Scene {
@@ -20,11 +20,11 @@ pub struct Scene {
     /// bounds.
     pub origin: DVec3,
     /// Corners of triangles, relative to `origin`, in scene units.
-    pub positions: Vec<[f32; 3]>,
+    pub(crate) positions: Vec<[f32; 3]>,
     /// Three indices into `positions` for each triangle, counter-clockwise seen from the front.
-    pub triangles: Vec<[u32; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
     /// An index into `materials` for each triangle.
-    pub material_ids: Vec<u32>,
+    pub(crate) material_ids: Vec<u32>,
     /// The materials of surfaces.
     pub materials: Vec<Material>,
     /// Radiance of the sky, the same in every direction, W·sr⁻¹·m⁻².
@@ -33,6 +33,17 @@ pub struct Scene {
     pub suns: Vec<Sun>,
     /// Normals, textures and colours of corners, if the scene has some.
     pub shading: Option<Box<Shading>>,
+}
+
+/// Triangles as a scene stores them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geometry<'a> {
+    /// Corners of triangles.
+    pub positions: &'a [[f32; 3]],
+    /// Three indices into `positions` for each triangle.
+    pub triangles: &'a [[u32; 3]],
+    /// An index into the scene's materials for each triangle.
+    pub material_ids: &'a [u32],
 }
 
 /// The features that a scene uses. Materials that no triangle has do not count.
@@ -189,10 +200,78 @@ impl Scene {
         Ok(())
     }
 
+    /// Returns the numbers of all triangles.
+    #[must_use]
+    pub fn triangles(&self) -> Range<u32> {
+        0..self.triangles.len() as u32
+    }
+
+    /// Returns the scene's triangles, relative to the origin.
+    #[must_use]
+    pub fn own(&self) -> Geometry<'_> {
+        Geometry {
+            positions: &self.positions,
+            triangles: &self.triangles,
+            material_ids: &self.material_ids,
+        }
+    }
+
+    /// Returns the corners of all triangles, relative to the origin. A corner that several
+    /// triangles share comes once.
+    pub fn points(&self) -> impl Iterator<Item = Vec3> {
+        self.positions.iter().map(|&position| position.into())
+    }
+
+    /// Returns the memory of positions, triangles and material ids in bytes.
+    #[must_use]
+    pub fn geometry_bytes(&self) -> usize {
+        size_of_val(&self.positions[..])
+            + size_of_val(&self.triangles[..])
+            + size_of_val(&self.material_ids[..])
+    }
+
+    /// Returns whether all triangles of two scenes are at the same places.
+    #[must_use]
+    pub fn has_same_geometry(&self, other: &Scene) -> bool {
+        (self.origin, &self.positions, &self.triangles)
+            == (other.origin, &other.positions, &other.triangles)
+    }
+
+    /// Adds triangles of a new material. `corners` are relative to the origin; a corner's index
+    /// counts from the first one. The triangles have no texture and no smooth normals.
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn with_faces(
+        mut self,
+        corners: &[[f32; 3]],
+        triangles: &[[u32; 3]],
+        material: Material,
+    ) -> Result<Scene, SceneError> {
+        let first = self.positions.len() as u32;
+        self.positions.extend_from_slice(corners);
+        let moved = triangles.iter().map(|triangle| triangle.map(|corner| first + corner));
+        self.triangles.extend(moved);
+        self.material_ids.resize(self.triangles.len(), self.materials.len() as u32);
+        self.materials.push(material);
+        if let Some(shading) = &mut self.shading {
+            let resized = |length: usize, count: usize| if length == 0 { 0 } else { count };
+            let (triangles, materials) = (self.triangles.len(), self.materials.len());
+            shading.uvs.resize(resized(shading.uvs.len(), triangles), [[0.0; 2]; 3]);
+            // Equal normals are those of facets.
+            shading.normals.resize(resized(shading.normals.len(), triangles), [[0; 2]; 3]);
+            shading.colours.resize(resized(shading.colours.len(), triangles), [WHITE; 3]);
+            shading.maps.resize(resized(shading.maps.len(), materials), Maps::default());
+        }
+        self.validate()?;
+        Ok(self)
+    }
+
     /// Returns the corners of a triangle, relative to the origin.
     ///
     /// # Panics
     /// If there is no such triangle.
+    #[inline]
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.triangles[triangle as usize]
             .map(|corner| Vec3::from_array(self.positions[corner as usize]))
@@ -221,8 +300,24 @@ impl Scene {
     ///
     /// # Panics
     /// If there is no such triangle.
+    #[inline]
     pub fn material(&self, triangle: u32) -> &Material {
-        &self.materials[self.material_ids[triangle as usize] as usize]
+        &self.materials[self.material_id(triangle) as usize]
+    }
+
+    /// Returns the index of a triangle's material.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[must_use]
+    #[inline]
+    pub fn material_id(&self, triangle: u32) -> u32 {
+        self.material_ids[triangle as usize]
+    }
+
+    /// Returns the index of each triangle's material.
+    pub fn material_ids(&self) -> impl Iterator<Item = u32> {
+        self.material_ids.iter().copied()
     }
 
     /// Returns the lowest and highest world coordinates of the triangles; the origin twice if the

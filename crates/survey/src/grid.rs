@@ -39,8 +39,8 @@ impl Grid {
     /// Makes the grid of a scene. `None` if it has no triangle or is a point.
     pub(crate) fn new(raycaster: &Raycaster, frame: Frame) -> Option<Grid> {
         let scene = raycaster.scene();
-        let local = |p: &[f32; 3]| frame.to_local(glam::Vec3::from(*p).as_dvec3());
-        let points: Vec<DVec3> = scene.positions.iter().map(local).collect();
+        let local = |p: glam::Vec3| frame.to_local(p.as_dvec3());
+        let points: Vec<DVec3> = scene.points().map(local).collect();
         let (low, high) = extent(&points)?;
         let size = high - low;
         if size.max_element() <= 0.0 || !size.is_finite() {
@@ -55,8 +55,8 @@ impl Grid {
         let size = counts.to_array().map(|n| n as usize);
         let touched = vec![false; size.iter().product()];
         let mut grid = Grid { frame, low, cell, size, touched };
-        for triangle in &scene.triangles {
-            grid.touch(triangle.map(|corner| points[corner as usize]));
+        for triangle in scene.triangles() {
+            grid.touch(scene.corners(triangle).map(local));
         }
         Some(grid)
     }

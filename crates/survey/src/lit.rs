@@ -126,7 +126,7 @@ fn area(scene: &Scene, triangle: u32) -> f64 {
 /// Returns `count` points on triangles, in proportion to the triangles' weights: triangle and
 /// barycentric weights. Empty if all weights are 0.
 fn spread(scene: &Scene, count: usize, weight: impl Fn(u32) -> f64) -> Vec<(u32, f32, f32)> {
-    let weights: Vec<f64> = (0..scene.triangles.len() as u32).map(weight).collect();
+    let weights: Vec<f64> = scene.triangles().map(weight).collect();
     let chosen = in_proportion(&weights, count).into_iter().enumerate();
     let point = |(number, triangle): (usize, usize)| {
         // The plastic number's sequence (Roberts 2018), folded into the triangle.

@@ -115,7 +115,7 @@ impl Nesting {
     pub(crate) fn new(scene: &Scene) -> Option<Self> {
         let mut solids = vec![None; scene.materials.len()];
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for (triangle, &material) in (0_u32..).zip(&scene.material_ids) {
+        for (triangle, material) in (0_u32..).zip(scene.material_ids()) {
             let Bsdf::Dielectric { ior, transmittance, alpha } =
                 scene.materials[material as usize].bsdf
             else {
@@ -210,7 +210,7 @@ impl Nesting {
         for _ in 0..MAX_PASSED {
             let Some(hit) = raycaster.nearest_from(&ray, from) else { return Some(inside) };
             let point = raycaster.surface(hit.triangle, hit.u, hit.v);
-            let material = raycaster.scene().material_ids[hit.triangle as usize];
+            let material = raycaster.scene().material_id(hit.triangle);
             let mut pass = |material: u32, normal: Vec3| {
                 if self.solids[material as usize].is_some() {
                     // The ray leaves what a path towards the point would enter.
@@ -334,16 +334,15 @@ fn touching(
     let error = point.error * TOUCH;
     let near = spawn(point.point, error, point.normal, -direction);
     let far = spawn(point.point, error, point.normal, direction);
-    let material_ids = &raycaster.scene().material_ids;
+    let material = |triangle: u32| raycaster.scene().material_id(triangle);
     let side = |normal: Vec3| direction.dot(normal) < 0.0;
-    let mut seen = [(material_ids[point.triangle as usize], side(point.normal)); TOUCHING + 1];
+    let mut seen = [(material(point.triangle), side(point.normal)); TOUCHING + 1];
     let mut count = 1;
     let mut segment = Ray { origin: near, direction: far - near, t_min: 0.0, t_max: 1.0 };
     let mut from = point.triangle;
     for _ in 0..2 * TOUCHING {
         let Some(hit) = raycaster.nearest_from(&segment, from) else { return };
-        let (material, normal) =
-            (material_ids[hit.triangle as usize], raycaster.geometric_normal(hit.triangle));
+        let (material, normal) = (material(hit.triangle), raycaster.geometric_normal(hit.triangle));
         let this = (material, side(normal));
         if hit.triangle != point.triangle && !seen[..count].contains(&this) {
             if count > TOUCHING {
