@@ -62,6 +62,15 @@ pub(crate) struct Facet {
     pub margin: f32,
 }
 
+impl Facet {
+    pub(crate) fn new(vertices: [Vec3; 3]) -> Facet {
+        // In f64, because the normal of a sliver is a difference of nearly equal products.
+        let [a, b, c] = vertices.map(|v| v.as_dvec3());
+        let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
+        Facet { vertices, normal, margin: edge_margin(vertices) }
+    }
+}
+
 /// Returns the facets of triangles, in the same order.
 pub(crate) fn facets(geometry: &Geometry) -> Result<Vec<Facet>, BuildError> {
     let Geometry { positions, triangles, .. } = *geometry;
@@ -80,13 +89,8 @@ pub(crate) fn facets(geometry: &Geometry) -> Result<Vec<Facet>, BuildError> {
     if let Some(problem) = triangles.par_iter().enumerate().find_map_first(problem) {
         return Err(problem);
     }
-    let facet = |indices: &[u32; 3]| {
-        let vertices = indices.map(|index| Vec3::from(positions[index as usize]));
-        // In f64, because the normal of a sliver is a difference of nearly equal products.
-        let [a, b, c] = vertices.map(|v| v.as_dvec3());
-        let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
-        Facet { vertices, normal, margin: edge_margin(vertices) }
-    };
+    let facet =
+        |indices: &[u32; 3]| Facet::new(indices.map(|index| Vec3::from(positions[index as usize])));
     // On all cores: half of the time is the system's clearing of new memory.
     let mut facets = holo_cpu::reserved(triangles.len());
     facets.par_extend(triangles.par_iter().map(facet));
