@@ -148,7 +148,7 @@ impl Look {
         let (low, high) = scene.bounds();
         let middle = (low + high) * 0.5;
         let slope = (0.5 * ANGLE.to_radians()).tan() * FILLED;
-        let distance = scene.triangles().flat_map(|t| scene.corners(t)).map(|corner| {
+        let distance = scene.points().map(|corner| {
             let from_middle = scene.origin + corner.as_dvec3() - middle;
             let across = from_middle.dot(self.right).abs() / slope;
             let up = from_middle.dot(self.above).abs() / (slope * WIDE);

@@ -166,8 +166,10 @@ impl Mirrors {
         let face = |t: u32| face(t).filter(|_| scene.is_plain(t));
         // The largest first, so that the many small triangles of a curved mirror do not displace a
         // flat mirror.
-        let mut shining: Vec<(f64, u32, Face)> =
-            scene.triangles().filter_map(|t| Some((scene.area(t), t, face(t)?))).collect();
+        let mut shining: Vec<(f64, u32, Face)> = scene
+            .triangles()
+            .filter_map(|t| face(t).map(|face| (scene.area(t), t, face)))
+            .collect();
         shining.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let mut found: Vec<(Plane, Vec<(u32, Face)>)> = Vec::new();
         for (area, triangle, face) in shining {
