@@ -211,7 +211,7 @@ fn the_interior_loads_without_a_warning_and_its_sections_are_empty() {
     assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
     // As many as in the mesh, except for slivers that rounding to 10 µm flattens.
     let made = triangles().count();
-    let read = loaded.scene.triangles.len();
+    let read = loaded.scene.triangles().len();
     assert!(read <= made && read > made - made / 500, "{read} of {made}");
     assert_eq!(loaded.scene.materials.len(), ALL.len(), "a material is defined but not used");
     let features = loaded.scene.features();
@@ -242,7 +242,7 @@ fn cornell_loads_and_has_the_published_measurements() {
     let written = write(Bundled::Cornell, dir.path()).unwrap();
     let loaded = load(&written.obj, &LoadOptions::default()).unwrap();
     assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
-    assert_eq!((loaded.scene.triangles.len(), loaded.scene.materials.len()), (32, 4));
+    assert_eq!((loaded.scene.triangles().len(), loaded.scene.materials.len()), (32, 4));
     let features = loaded.scene.features();
     assert!(features.diffuse && !features.mirror && !features.sky);
     assert_eq!(features.emitters, 2);
@@ -301,7 +301,7 @@ fn the_corridor_is_small_closed_and_loads_without_a_warning() {
     let written = write(Bundled::Corridor, dir.path()).unwrap();
     let loaded = load(&written.obj, &LoadOptions::default()).unwrap();
     assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
-    assert_eq!(loaded.scene.triangles.len(), 70);
+    assert_eq!(loaded.scene.triangles().len(), 70);
     let all = corridor_triangles();
     let random = &mut crate::random::Random::new(2);
     for from in
@@ -382,7 +382,7 @@ fn models_are_read_whole_and_have_the_same_bytes_each_time() {
         crate::write_model(name, folder.path()).unwrap();
         assert!(bytes == std::fs::read(&file).unwrap(), "{name}");
         let loaded = load(&file, &LoadOptions::default()).unwrap();
-        assert!(loaded.scene.triangles.len() > 40, "{name}");
+        assert!(loaded.scene.triangles().len() > 40, "{name}");
         let features = loaded.scene.features();
         assert!(features.smooth, "{name}: its vase is round");
         let has_tiles = !["rhino-vase", "revit-flat"].contains(&name);

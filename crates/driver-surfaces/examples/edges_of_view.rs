@@ -66,7 +66,7 @@ fn look(raycaster: &Raycaster, view: &View, column: usize, row: usize, size: (u3
     Some((
         place,
         raycaster.geometric_normal(hit.triangle),
-        raycaster.scene().material_ids[hit.triangle as usize],
+        raycaster.scene().material_id(hit.triangle),
     ))
 }
 

@@ -79,7 +79,7 @@ impl<'a> Follower<'a> {
     }
 
     pub fn material(&self, triangle: u32) -> u32 {
-        self.raycaster.scene().material_ids[triangle as usize]
+        self.raycaster.scene().material_id(triangle)
     }
 
     /// Returns true if the hit is on a pane.

@@ -47,7 +47,7 @@ pub fn run(args: &Args) -> Result<()> {
             })
             .collect();
         let report = json!({
-            "triangles": scene.triangles.len(), "materials": scene.materials.len(),
+            "triangles": scene.triangles().len(), "materials": scene.materials.len(),
             "textures": scene.shading.as_ref().map_or(0, |shading| shading.textures.len()),
             "low": low.to_array(), "high": high.to_array(), "memory_bytes": memory,
             "findings": findings, "warnings": warnings,
@@ -57,7 +57,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     holo_progress::print_line!(
         "{} triangles, {} materials, {} in memory without its hierarchy",
-        HumanCount(scene.triangles.len() as u64),
+        HumanCount(scene.triangles().len() as u64),
         scene.materials.len(),
         HumanBytes(memory as u64)
     );

@@ -9,17 +9,15 @@ pub fn of_scenes(file: &Scene, now: &Scene) -> Vec<String> {
     if file.sky != now.sky {
         found.push(format!("the sky is {} in the file, and {} now (--sky)", rgb(file), rgb(now)));
     }
-    if file.triangles.len() != now.triangles.len() {
-        let (before, after) = (file.triangles.len(), now.triangles.len());
+    if file.triangles().len() != now.triangles().len() {
+        let (before, after) = (file.triangles().len(), now.triangles().len());
         found.push(format!("the file's scene has {before} triangles, and this one {after}"));
-    } else if (file.origin, &file.positions, &file.triangles)
-        != (now.origin, &now.positions, &now.triangles)
-    {
+    } else if !file.has_same_geometry(now) {
         found.push("triangles have moved".to_owned());
     }
     if file.materials != now.materials {
         found.push(of_materials(&file.materials, &now.materials));
-    } else if file.material_ids != now.material_ids {
+    } else if !file.material_ids().eq(now.material_ids()) {
         found.push("triangles have other materials".to_owned());
     }
     found

@@ -138,7 +138,7 @@ impl Opened {
         if let Some(raycaster) = &self.raycaster {
             return Ok(raycaster.clone());
         }
-        let triangles = self.scene.triangles.len();
+        let triangles = self.scene.triangles().len();
         if triangles >= MANY {
             let text = format!("preparing {} triangles for tracing", HumanCount(triangles as u64));
             Meter::new(self.is_quiet).say(&text);

@@ -328,7 +328,7 @@ fn stand_ins(config: &Config, sections: usize, quiet: bool) -> Result<Vec<(Stand
 /// is such light, and if enough surfaces are diffuse.
 fn engine_for(scene: &Scene, bounces: Option<u32>) -> Engine {
     let (mut diffuse, mut all) = (0.0, 0.0);
-    for triangle in 0..scene.triangles.len() as u32 {
+    for triangle in scene.triangles() {
         let area = scene.area(triangle);
         all += area;
         if matches!(scene.material(triangle).bsdf, Bsdf::Diffuse { kd } if kd != [0.0; 3]) {

@@ -33,7 +33,7 @@ const ENOUGH: f64 = 0.01;
 /// Returns the radiance of the sky for a dark scene, and true if anything glows in the scene. The
 /// sky is as bright as the brightest glow, so that both are visible.
 pub fn sky(scene: &Scene) -> (Rgb, bool) {
-    let triangles = 0..scene.triangles.len() as u32;
+    let triangles = scene.triangles();
     let most = triangles.flat_map(|triangle| scene.material(triangle).emission).fold(0.0, f32::max);
     match most > 0.0 {
         true => ([most; 3], true),
@@ -71,38 +71,20 @@ pub fn with_lamps(raycaster: &Raycaster, rooms: &[Room]) -> Result<Option<(Scene
         return Ok(None);
     }
     let scene: &Scene = raycaster.scene();
-    let (mut positions, mut triangles) = (scene.positions.clone(), scene.triangles.clone());
-    let (mut ids, mut materials) = (scene.material_ids.clone(), scene.materials.clone());
-    let lamp = materials.len() as u32;
-    materials.push(Material {
+    let lamp = Material {
         name: "preview lamp".to_owned(),
         bsdf: Bsdf::Diffuse { kd: [0.0; 3] },
         emission: scene.sky.map(|c| c * LAMP_OVER_SKY),
         two_sided_emission: false,
-    });
-    for room in &dark {
-        let first = positions.len() as u32;
-        let panel = panel(raycaster, room);
-        positions.extend(panel.map(|p| (p - scene.origin).as_vec3().to_array()));
-        triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
-        ids.extend([lamp; 2]);
-    }
-    let lit = Scene::new(scene.origin, positions, triangles, ids, materials, scene.sky)?
-        .with_suns(scene.suns.clone())?;
-    let shading = scene.shading.as_deref().cloned().map(|mut shading| {
-        let (triangles, materials) = (lit.triangles.len(), lit.materials.len());
-        // Equal normals are those of facets.
-        let resize = |length: usize, count: usize| if length == 0 { 0 } else { count };
-        shading.uvs.resize(resize(shading.uvs.len(), triangles), [[0.0; 2]; 3]);
-        shading.normals.resize(resize(shading.normals.len(), triangles), [[0; 2]; 3]);
-        shading.colours.resize(resize(shading.colours.len(), triangles), [holo_scene::WHITE; 3]);
-        shading.maps.resize(resize(shading.maps.len(), materials), Default::default());
-        shading
-    });
-    let lit = match shading {
-        Some(shading) => lit.with_shading(shading)?,
-        None => lit,
     };
+    let panels = dark.iter().flat_map(|room| panel(raycaster, room));
+    let corners: Vec<[f32; 3]> =
+        panels.map(|corner| (corner - scene.origin).as_vec3().to_array()).collect();
+    let faces: Vec<[u32; 3]> = (0..corners.len() as u32)
+        .step_by(4)
+        .flat_map(|first| [[first, first + 1, first + 2], [first, first + 2, first + 3]])
+        .collect();
+    let lit = scene.clone().with_faces(&corners, &faces, lamp)?;
     Ok(Some((lit, dark.len())))
 }
 

@@ -2,11 +2,13 @@
 //! together; nearest hit and occlusion.
 //!
 //! `cargo run --release -p holo-raycast --example rays -- [--json] [--obj FILE] [--triangles N,N…]
-//! [--rays N] [--dump FOLDER]`
+//! [--rays N] [--dump FOLDER] [--flatten]`
 //!
-//! Without `--obj`, the scenes are closed displaced spheres of about 10³ to 10⁶ triangles.
+//! Without `--obj`, which reads any model file, the scenes are closed displaced spheres of about 10³ to 10⁶ triangles.
 //! `--triangles 10000000` takes a few GB and a minute. Times are processor seconds of the thread
 //! where the system reports them (Linux), so other programs do not count.
+//!
+//! `--flatten` makes a copy of a shared mesh for each of its instances.
 //!
 //! `--dump` writes scene and rays for `scripts/embree-bench`, little-endian. The counts of
 //! vertices, triangles, incoherent rays and beam rays (u32) come first. Positions (3 f32),
@@ -107,6 +109,7 @@ struct Arguments {
     triangles: Vec<usize>,
     rays: usize,
     dump: Option<PathBuf>,
+    flatten: bool,
 }
 
 fn arguments() -> Result<Arguments, Box<dyn Error>> {
@@ -116,12 +119,14 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
         triangles: vec![1_000, 10_000, 100_000, 1_000_000],
         rays: 1_000_000,
         dump: None,
+        flatten: false,
     };
     let mut given = std::env::args().skip(1);
     while let Some(name) = given.next() {
         let mut value = || given.next().ok_or(format!("{name} needs a value"));
         match name.as_str() {
             "--json" => parsed.json = true,
+            "--flatten" => parsed.flatten = true,
             "--obj" => parsed.obj = Some(value()?.into()),
             "--triangles" => {
                 parsed.triangles = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?
@@ -136,13 +141,14 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
 
 fn dump(path: &PathBuf, scene: &Scene, sets: [&[Ray]; 2]) -> Result<(), Box<dyn Error>> {
     let mut file = BufWriter::new(std::fs::File::create(path)?);
-    for count in [scene.positions.len(), scene.triangles.len(), sets[0].len(), sets[1].len()] {
+    let own = scene.own();
+    for count in [own.positions.len(), own.triangles.len(), sets[0].len(), sets[1].len()] {
         file.write_all(&u32::try_from(count)?.to_le_bytes())?;
     }
-    for value in scene.positions.iter().flatten() {
+    for value in own.positions.iter().flatten() {
         file.write_all(&value.to_le_bytes())?;
     }
-    for index in scene.triangles.iter().flatten() {
+    for index in own.triangles.iter().flatten() {
         file.write_all(&index.to_le_bytes())?;
     }
     for ray in sets.into_iter().flatten() {
@@ -231,7 +237,7 @@ fn measure(name: &str, scene: Scene, arguments: &Arguments) -> Result<(), Box<dy
         ("beam_together", together(&beams)),
         ("beam_occluded", occluded(&beams)),
     ];
-    let triangles = scene.triangles.len();
+    let triangles = scene.triangles().len();
     if arguments.json {
         let fields: String = rows
             .iter()
@@ -257,7 +263,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         let name = path
             .file_stem()
             .map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned());
-        return measure(&name, holo_scene::load(path, &Default::default())?.scene, &arguments);
+        let scene = holo_scene::load(path, &Default::default())?.scene;
+        let scene = if arguments.flatten { scene.flattened() } else { scene };
+        return measure(&name, scene, &arguments);
     }
     for &triangles in &arguments.triangles {
         measure(&format!("sphere{triangles}"), bumpy_sphere(triangles)?, &arguments)?;

@@ -23,11 +23,11 @@ use crate::node::{Block, Hierarchy, LANES, LEAF, Node, SmallScene, WIDTH};
 /// sheared. The error is at most 5 · 2⁻²⁴ of the distance, which is within 3 reaches. Spatial
 /// splits end boxes at points that were interpolated in f32. The stretch in the box test covers the
 /// first error too; this padding does not rely on it.
-const PAD: f32 = 1.0 / (1 << 19) as f32;
+pub(crate) const PAD: f32 = 1.0 / (1 << 19) as f32;
 
 /// Least padding. A scene whose vertices are all 0 still needs boxes that are not empty, and the
 /// padding must exceed the least step of a [`Node`].
-const LEAST_PAD: f32 = 1e-25;
+pub(crate) const LEAST_PAD: f32 = 1e-25;
 
 /// Number of boxes up to which the preset is followed. Beyond it, pairs are searched for less far,
 /// and the share of reinsertions falls as the number grows. Both would delay the opening of a scene
@@ -44,15 +44,39 @@ pub(crate) fn hierarchy(facets: &[Facet], reach: f32) -> Hierarchy {
     if facets.is_empty() {
         return Hierarchy::default();
     }
-    let pad = (reach * PAD).max(LEAST_PAD);
-    let tree = Tree::from_obvhs(&binary(facets));
-    let mut hierarchy = collapse(&tree, facets, pad);
-    if hierarchy.stack_need > LARGE_STACK {
-        hierarchy = collapse(&Tree::balanced(facets), facets, pad);
-    }
+    let mut hierarchy = padded(facets, (reach * PAD).max(LEAST_PAD));
     hierarchy.few =
         SmallScene::new(facets.iter().map(|f| f.vertices.map(|v| v.to_array())).collect());
     hierarchy
+}
+
+/// Builds the hierarchy over facets, at least one, with boxes padded by `pad`.
+pub(crate) fn padded(facets: &[Facet], pad: f32) -> Hierarchy {
+    let hierarchy = collapse(&Tree::from_obvhs(&binary(facets)), facets, pad);
+    match hierarchy.stack_need > LARGE_STACK {
+        true => collapse(&Tree::balanced(&boxes(facets)), facets, pad),
+        false => hierarchy,
+    }
+}
+
+/// Builds a hierarchy over boxes, at least one. Leaves are references to single boxes: [`LEAF`] and
+/// the index.
+pub(crate) fn over_boxes(boxes: &[Aabb], pad: f32) -> Hierarchy {
+    let collapse = |tree: &Tree| {
+        let mut hierarchy = Hierarchy::default();
+        collapse_to(&mut hierarchy, tree, 1, pad, |_, index| index[0]);
+        hierarchy
+    };
+    let indices = (0..boxes.len() as u32).collect();
+    let hierarchy = collapse(&Tree::from_obvhs(&agglomerated(boxes, indices)));
+    match hierarchy.stack_need > LARGE_STACK {
+        true => collapse(&Tree::balanced(boxes)),
+        false => hierarchy,
+    }
+}
+
+fn boxes(facets: &[Facet]) -> Vec<Aabb> {
+    facets.iter().map(bounds).collect()
 }
 
 fn bounds(facet: &Facet) -> Aabb {
@@ -64,7 +88,7 @@ fn bounds(facet: &Facet) -> Aabb {
 /// check of the whole tree. Other presets were tried: docs/notes/ray-casting.md.
 fn binary(facets: &[Facet]) -> Bvh2 {
     let params = BvhBuildParams::slow_build();
-    let mut boxes: Vec<Aabb> = facets.iter().map(bounds).collect();
+    let mut boxes = boxes(facets);
     let mut indices: Vec<u32> = (0..facets.len() as u32).collect();
     if params.pre_split {
         let triangles: Vec<Triangle> = facets
@@ -81,19 +105,30 @@ fn binary(facets: &[Facet]) -> Bvh2 {
         let mean = (sum / boxes.len() as f64) as f32;
         split_aabbs_preset(&mut boxes, &mut indices, &triangles, mean, largest);
     }
+    let mut bvh = agglomerated(&boxes, indices);
+    bvh.uses_spatial_splits = params.pre_split;
+    optimize(&mut bvh, boxes.len());
+    bvh
+}
+
+/// Joins boxes that are near each other.
+fn agglomerated(boxes: &[Aabb], indices: Vec<u32>) -> Bvh2 {
+    let params = BvhBuildParams::slow_build();
     let is_large = boxes.len() > LARGE;
     let distance = if is_large { PlocSearchDistance::Low } else { params.ploc_search_distance };
-    let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(
+    PlocBuilder::with_capacity(boxes.len()).build(
         distance,
-        &boxes,
+        boxes,
         indices,
         params.sort_precision,
         params.search_depth_threshold,
-    );
-    bvh.uses_spatial_splits = params.pre_split;
-    let share = (LARGE as f32 / boxes.len() as f32).min(1.0);
-    ReinsertionOptimizer::default().run(&mut bvh, params.reinsertion_batch_ratio * share, None);
-    bvh
+    )
+}
+
+fn optimize(bvh: &mut Bvh2, boxes: usize) {
+    let ratio = BvhBuildParams::slow_build().reinsertion_batch_ratio;
+    let share = (LARGE as f32 / boxes as f32).min(1.0);
+    ReinsertionOptimizer::default().run(bvh, ratio * share, None);
 }
 
 /// A binary tree. Children come after their parents.
@@ -147,11 +182,10 @@ impl Tree {
 
     /// Builds a tree by halving the number of triangles along the widest axis of their centres. It
     /// is never deeper than log₂ of the number of triangles.
-    fn balanced(facets: &[Facet]) -> Self {
-        let boxes: Vec<Aabb> = facets.iter().map(bounds).collect();
-        let mut order: Vec<u32> = (0..facets.len() as u32).collect();
-        let mut ranges = std::iter::once(0..facets.len()).collect::<Vec<_>>();
-        let mut nodes = Vec::with_capacity(2 * facets.len());
+    fn balanced(boxes: &[Aabb]) -> Self {
+        let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
+        let mut ranges = std::iter::once(0..boxes.len()).collect::<Vec<_>>();
+        let mut nodes = Vec::with_capacity(2 * boxes.len());
         while let Some(range) = ranges.get(nodes.len()).cloned() {
             let mut whole = Aabb::empty();
             let mut centres = Aabb::empty();
@@ -200,13 +234,13 @@ impl Tree {
     }
 
     /// Collects up to eight subtrees that make up this one. The child of the greatest area is
-    /// opened first.
-    fn children(&self, root: u32, children: &mut Vec<u32>) {
+    /// opened first; those of at most `lanes` triangles are not.
+    fn children(&self, root: u32, lanes: usize, children: &mut Vec<u32>) {
         children.clear();
         children.push(root);
         while children.len() < WIDTH {
             let widest = (0..children.len())
-                .filter(|&i| self.nodes[children[i] as usize].references as usize > LANES)
+                .filter(|&i| self.nodes[children[i] as usize].references as usize > lanes)
                 .max_by(|&i, &j| {
                     let area = |i: usize| self.nodes[children[i] as usize].half_area();
                     area(i).total_cmp(&area(j))
@@ -226,6 +260,22 @@ fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
         blocks: holo_cpu::reserved(facets.len() / FACETS_OF_BLOCK),
         ..Hierarchy::default()
     };
+    collapse_to(&mut hierarchy, tree, LANES, pad, |blocks, triangles| {
+        blocks.push(block(triangles, facets));
+        (blocks.len() - 1) as u32
+    });
+    hierarchy
+}
+
+/// Fills a hierarchy with the nodes of a tree. `leaf` returns the reference to a leaf of at most
+/// `lanes` triangles.
+fn collapse_to(
+    hierarchy: &mut Hierarchy,
+    tree: &Tree,
+    lanes: usize,
+    pad: f32,
+    leaf: impl Fn(&mut Vec<Block>, &[u32]) -> u32,
+) {
     hierarchy.nodes.push(Node::EMPTY);
     // Depth first, so that a subtree is contiguous in memory.
     let mut pending = vec![(0_u32, 0_usize, 1_usize)];
@@ -234,13 +284,12 @@ fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
     while let Some((root, index, depth)) = pending.pop() {
         hierarchy.stack_need = hierarchy.stack_need.max(depth * (WIDTH - 1) + WIDTH);
         boxes.clear();
-        tree.children(root, &mut children);
+        tree.children(root, lanes, &mut children);
         for (slot, &child) in children.iter().enumerate() {
             let source = &tree.nodes[child as usize];
-            let reference = if source.references as usize <= LANES {
+            let reference = if source.references as usize <= lanes {
                 tree.triangles(child, &mut below, &mut triangles);
-                hierarchy.blocks.push(block(&triangles, facets));
-                LEAF | (hierarchy.blocks.len() - 1) as u32
+                LEAF | leaf(&mut hierarchy.blocks, &triangles)
             } else {
                 hierarchy.nodes.push(Node::EMPTY);
                 let node = hierarchy.nodes.len() - 1;
@@ -252,7 +301,6 @@ fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
         }
         hierarchy.nodes[index].set_boxes(&boxes);
     }
-    hierarchy
 }
 
 fn block(triangles: &[u32], facets: &[Facet]) -> Block {
@@ -293,7 +341,7 @@ mod tests {
     #[test]
     fn every_triangle_is_in_a_leaf_and_inside_the_boxes_above_it() {
         let facets = chain(300);
-        for tree in [Tree::from_obvhs(&binary(&facets)), Tree::balanced(&facets)] {
+        for tree in [Tree::from_obvhs(&binary(&facets)), Tree::balanced(&boxes(&facets))] {
             let h = collapse(&tree, &facets, 1e-6);
             assert_eq!(references(&h), (0..300).collect::<Vec<_>>());
             // Split triangles extend beyond their boxes; these are too small to be split.
@@ -326,7 +374,7 @@ mod tests {
     #[test]
     fn a_balanced_tree_never_exceeds_the_stack() {
         let facets = chain(3000);
-        let h = collapse(&Tree::balanced(&facets), &facets, 1e-6);
+        let h = collapse(&Tree::balanced(&boxes(&facets)), &facets, 1e-6);
         assert_eq!(references(&h).len(), 3000);
         // There are 3000 / 4 leaves, and a node opens at least two levels of a balanced tree.
         assert!(h.stack_need <= (WIDTH - 1) * 12 + 1, "{}", h.stack_need);

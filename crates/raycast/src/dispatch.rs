@@ -5,6 +5,7 @@
 //! without fused multiply-add, boxes only decide what is tested, and equal distances are decided by
 //! the triangle's index.
 
+use crate::instances::{Instances, traverse_instances};
 use crate::kernel::{Query, sweep, traverse};
 use crate::node::Hierarchy;
 use crate::packet::traverse_many;
@@ -13,6 +14,7 @@ use crate::tile::{Bundle, traverse_tile};
 #[cfg(target_arch = "x86_64")]
 use crate::x86::{Avx2, Avx512};
 use crate::{Hit, NO_TRIANGLE, Ray};
+use holo_scene::Instance;
 
 /// Stack of ordinary hierarchies. It is small because it is cleared for every ray. Half of it
 /// gained 1 to 2 %, but is too small for 10⁶ triangles.
@@ -125,6 +127,58 @@ impl Isa {
             Self::Avx512(simd) => unsafe { avx512_many(simd, hierarchy, queries, best) },
         }
     }
+}
+
+impl Isa {
+    /// Replaces `best` by the nearest hit on an instance that is nearer, or with `ANY` by some hit.
+    #[allow(unsafe_code)]
+    pub(crate) fn trace_instances<const ANY: bool>(
+        self,
+        hierarchies: &Instances,
+        instances: &[Instance],
+        query: &Query,
+        best: &mut Hit,
+    ) {
+        match self {
+            Self::Portable => {
+                traverse_instances::<_, ANY>(Portable, hierarchies, instances, query, best);
+            }
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: the value proves that the processor has AVX2 and FMA.
+            Self::Avx2(simd) => unsafe {
+                avx2_instances::<ANY>(simd, hierarchies, instances, query, best);
+            },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: the value proves that the processor has these parts of AVX-512.
+            Self::Avx512(simd) => unsafe {
+                avx512_instances::<ANY>(simd, hierarchies, instances, query, best);
+            },
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2")]
+fn avx2_instances<const ANY: bool>(
+    simd: Avx2,
+    hierarchies: &Instances,
+    instances: &[Instance],
+    query: &Query,
+    best: &mut Hit,
+) {
+    traverse_instances::<_, ANY>(simd, hierarchies, instances, query, best);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,avx512f,avx512vl,avx512bw,avx512dq")]
+fn avx512_instances<const ANY: bool>(
+    simd: Avx512,
+    hierarchies: &Instances,
+    instances: &[Instance],
+    query: &Query,
+    best: &mut Hit,
+) {
+    traverse_instances::<_, ANY>(simd, hierarchies, instances, query, best);
 }
 
 #[inline(always)]

@@ -5,6 +5,7 @@
 use std::fmt;
 
 use glam::Vec3;
+use holo_scene::Geometry;
 use rayon::prelude::*;
 
 use crate::surface::edge_margin;
@@ -61,11 +62,18 @@ pub(crate) struct Facet {
     pub margin: f32,
 }
 
-/// Returns the facets of a scene's triangles, in the same order.
-pub(crate) fn facets(
-    positions: &[[f32; 3]],
-    triangles: &[[u32; 3]],
-) -> Result<Vec<Facet>, BuildError> {
+impl Facet {
+    pub(crate) fn new(vertices: [Vec3; 3]) -> Facet {
+        // In f64, because the normal of a sliver is a difference of nearly equal products.
+        let [a, b, c] = vertices.map(|v| v.as_dvec3());
+        let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
+        Facet { vertices, normal, margin: edge_margin(vertices) }
+    }
+}
+
+/// Returns the facets of triangles, in the same order.
+pub(crate) fn facets(geometry: &Geometry) -> Result<Vec<Facet>, BuildError> {
+    let Geometry { positions, triangles, .. } = *geometry;
     if triangles.len() > MAX_TRIANGLES {
         return Err(BuildError::TooManyTriangles(triangles.len()));
     }
@@ -81,15 +89,28 @@ pub(crate) fn facets(
     if let Some(problem) = triangles.par_iter().enumerate().find_map_first(problem) {
         return Err(problem);
     }
-    let facet = |indices: &[u32; 3]| {
-        let vertices = indices.map(|index| Vec3::from(positions[index as usize]));
-        // In f64, because the normal of a sliver is a difference of nearly equal products.
-        let [a, b, c] = vertices.map(|v| v.as_dvec3());
-        let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3();
-        Facet { vertices, normal, margin: edge_margin(vertices) }
-    };
+    let facet =
+        |indices: &[u32; 3]| Facet::new(indices.map(|index| Vec3::from(positions[index as usize])));
     // On all cores: half of the time is the system's clearing of new memory.
     let mut facets = holo_cpu::reserved(triangles.len());
     facets.par_extend(triangles.par_iter().map(facet));
     Ok(facets)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_that_cannot_be_traced_are_refused_with_their_number() {
+        let refused = |positions: &[[f32; 3]]| {
+            let geometry = Geometry { positions, triangles: &[[0, 1, 2]], material_ids: &[0] };
+            facets(&geometry).err()
+        };
+        let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        assert_eq!(refused(&corners), None);
+        assert_eq!(refused(&corners[..2]), Some(BuildError::Index { triangle: 0 }));
+        let not_finite = [[0.0; 3], [f32::NAN, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        assert_eq!(refused(&not_finite), Some(BuildError::Coordinate { triangle: 0 }));
+    }
 }

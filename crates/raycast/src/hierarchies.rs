@@ -10,7 +10,8 @@ use crate::facet::BuildError;
 use crate::raycaster::Raycaster;
 use crate::stored;
 
-/// Number of triangles from which a hierarchy is stored. Fewer are built within 50 ms.
+/// Number of triangles, without those of instances, from which a hierarchy is stored. Fewer are
+/// built within 50 ms. The hierarchies of shared meshes are built each time.
 const MANY: usize = 100_000;
 
 /// A folder of hierarchies, each under the hash of its scene's geometry.
@@ -35,11 +36,11 @@ impl Hierarchies {
     /// # Errors
     /// As [`Raycaster::build`]. A hierarchy that cannot be read or written is no error.
     pub fn prepare(&self, scene: Arc<Scene>) -> Result<(Raycaster, Option<String>), BuildError> {
-        if scene.triangles.len() < self.many {
+        let triangles = scene.own().triangles.len();
+        if triangles < self.many {
             return Ok((Raycaster::build(scene)?, None));
         }
         let geometry = scene.geometry_hash();
-        let triangles = scene.triangles.len();
         let read = || {
             let (mut file, bytes) = self.files.open(&geometry)?;
             Some(stored::read(&mut file, bytes, triangles, geometry))

@@ -2,7 +2,8 @@
 //! computes the surface at a hit.
 //!
 //! A [`Raycaster`] holds an 8-wide bounding volume hierarchy over the triangles of a
-//! [`Scene`](holo_scene::Scene). It traces rays one at a time, or the rays of a beam or of
+//! [`Scene`](holo_scene::Scene). Shared meshes have hierarchies of their own, and their instances
+//! another one (module `instances`). It traces rays one at a time, or the rays of a beam or of
 //! neighbouring pixels together. In scenes of at most 64 triangles, a single ray is tested against
 //! all of them. Coordinates are the scene's f32 coordinates, relative to `scene.origin`.
 //!
@@ -15,14 +16,15 @@
 //! - Any bit pattern is an acceptable ray. A ray with a NaN, an infinite or zero direction, or an
 //!   infinite origin hits nothing.
 //! - Both sides of a triangle are hit.
-//! - A query does not allocate and does not panic. It visits each node of the hierarchy at most
-//!   once.
+//! - A query does not allocate and does not panic. It visits each node of a hierarchy at most once,
+//!   or once for each instance.
 
 mod build;
 mod bundle;
 mod dispatch;
 mod facet;
 mod hierarchies;
+mod instances;
 mod kernel;
 mod node;
 mod packet;
@@ -81,7 +83,7 @@ impl Ray {
 pub struct Hit {
     /// Ray parameter; the distance if the direction has unit length.
     pub t: f32,
-    /// Index into `scene.triangles`.
+    /// Number of the scene's triangle.
     pub triangle: u32,
     /// Barycentric weight of the triangle's second vertex, 0 to 1.
     pub u: f32,

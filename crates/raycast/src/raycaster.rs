@@ -8,6 +8,7 @@ use holo_scene::{Rgb, Scene, SceneError, Sun};
 use crate::build;
 use crate::dispatch::Isa;
 use crate::facet::{BuildError, Facet, facets};
+use crate::instances::{self, Instances};
 use crate::kernel::Query;
 use crate::node::Hierarchy;
 use crate::prepared::Prepared;
@@ -23,7 +24,10 @@ const MAX_CUT_OUTS: usize = 1024;
 pub struct Raycaster {
     scene: Arc<Scene>,
     facets: Vec<Facet>,
+    /// Over the triangles that belong to no instance; `facets` has these alone.
     hierarchy: Hierarchy,
+    /// Hierarchies of shared meshes, if the scene has instances.
+    instances: Option<Box<Instances>>,
     isa: Isa,
     /// Half the side of the cube around the scene's origin that contains all vertices.
     reach: f32,
@@ -41,19 +45,29 @@ impl Raycaster {
         Self::build_unless(scene, |_| None)
     }
 
-    /// Uses the hierarchy that `read` returns for the scene's facets, or else builds it.
+    /// Uses the hierarchy that `read` returns for the scene's own facets, or else builds it.
     pub(crate) fn build_unless(
         scene: Arc<Scene>,
         read: impl FnOnce(&[Facet]) -> Option<Hierarchy>,
     ) -> Result<Self, BuildError> {
-        let facets = facets(&scene.positions, &scene.triangles)?;
+        let facets = facets(&scene.own())?;
         let reach = facets
             .iter()
             .flat_map(|f| f.vertices)
             .fold(0.0, |reach: f32, v| reach.max(v.abs().max_element()));
-        let hierarchy = read(&facets).unwrap_or_else(|| build::hierarchy(&facets, reach));
+        let boxes = instances::boxes(&scene);
+        let reach = boxes.iter().fold(reach, |reach, bounds| {
+            reach.max(bounds.min.abs().max(bounds.max.abs()).max_element())
+        });
+        let mut hierarchy = read(&facets).unwrap_or_else(|| build::hierarchy(&facets, reach));
+        let mut instances = None;
+        if !boxes.is_empty() {
+            instances = Some(Box::new(Instances::build(&scene, &boxes, reach)?));
+            // Without boxes of its own, a query could not go on to the instances.
+            hierarchy.few = None;
+        }
         let has_cut_outs = scene.has_cut_outs();
-        Ok(Self { scene, facets, hierarchy, isa: Isa::detect(), reach, has_cut_outs })
+        Ok(Self { scene, facets, hierarchy, instances, isa: Isa::detect(), reach, has_cut_outs })
     }
 
     /// Replaces the sky and the suns of the scene. The hierarchy stays, because sky and suns have
@@ -128,6 +142,12 @@ impl Raycaster {
             }
         }
         self.isa.trace_many(&self.hierarchy, &queries[..count], &mut best);
+        if let Some(instances) = &self.instances {
+            for (query, best) in queries[..count].iter().zip(&mut best) {
+                let list = self.scene.instances();
+                self.isa.trace_instances::<false>(instances, list, query, best);
+            }
+        }
         for (slot, best) in slots[..count].iter().zip(best) {
             hits[*slot] = (best.triangle != NO_TRIANGLE).then_some(best);
         }
@@ -147,7 +167,14 @@ impl Raycaster {
     pub fn nearest_tile(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         for (rays, hits) in rays.chunks(MAX_TILE).zip(hits.chunks_mut(MAX_TILE)) {
             let used = rays.len().min(hits.len());
-            if !self.isa.trace_tile(&self.hierarchy, self.reach, &rays[..used], &mut hits[..used]) {
+            if self.instances.is_some()
+                || !self.isa.trace_tile(
+                    &self.hierarchy,
+                    self.reach,
+                    &rays[..used],
+                    &mut hits[..used],
+                )
+            {
                 self.nearest_many(rays, hits);
             } else if self.has_cut_outs {
                 for (ray, hit) in rays.iter().zip(hits.iter_mut()) {
@@ -210,7 +237,7 @@ impl Raycaster {
     #[must_use]
     #[inline]
     pub fn geometric_normal(&self, triangle: u32) -> Vec3 {
-        self.facets[triangle as usize].normal
+        self.facet(triangle, |facet| facet.normal)
     }
 
     /// Returns the three vertices of a triangle.
@@ -220,7 +247,7 @@ impl Raycaster {
     #[must_use]
     #[inline]
     pub fn vertices(&self, triangle: u32) -> [Vec3; 3] {
-        self.facets[triangle as usize].vertices
+        self.facet(triangle, |facet| facet.vertices)
     }
 
     /// Returns the point of a hit, and a bound on its error by axis.
@@ -230,7 +257,7 @@ impl Raycaster {
     #[must_use]
     #[inline]
     pub fn surface_point(&self, hit: &Hit) -> (Vec3, Vec3) {
-        interpolate(self.facets[hit.triangle as usize].vertices, hit.u, hit.v)
+        self.facet(hit.triangle, |facet| interpolate(facet.vertices, hit.u, hit.v))
     }
 
     /// Returns the point at barycentrics `u`, `v` of a triangle, exact up to rounding. Use it for
@@ -242,7 +269,7 @@ impl Raycaster {
     #[must_use]
     #[inline]
     pub fn point(&self, triangle: u32, u: f32, v: f32) -> Vec3 {
-        interpolate(self.facets[triangle as usize].vertices, u, v).0
+        self.facet(triangle, |facet| interpolate(facet.vertices, u, v).0)
     }
 
     /// Returns point, error bound and normal at barycentrics `u`, `v` of a triangle.
@@ -255,10 +282,11 @@ impl Raycaster {
     #[must_use]
     #[inline]
     pub fn surface(&self, triangle: u32, u: f32, v: f32) -> SurfacePoint {
-        let facet = &self.facets[triangle as usize];
-        let (u, v) = keep_off_edges(u, v, facet.margin);
-        let (point, error) = interpolate(facet.vertices, u, v);
-        SurfacePoint { point, error, normal: facet.normal, triangle }
+        self.facet(triangle, |facet| {
+            let (u, v) = keep_off_edges(u, v, facet.margin);
+            let (point, error) = interpolate(facet.vertices, u, v);
+            SurfacePoint { point, error, normal: facet.normal, triangle }
+        })
     }
 
     /// Converts a world ray to the scene's f32 coordinates. Returns the ray and the distance along
@@ -327,10 +355,50 @@ impl Raycaster {
     fn query_whole(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
         if self.is_far(ray) {
             let (near, skipped) = self.brought_near(ray)?;
-            let hit = self.isa.trace(&self.hierarchy, &self.prepare(&near, skip)?)?;
+            let hit = self.trace(&self.prepare(&near, skip)?)?;
             return Some(Hit { t: (f64::from(hit.t) + skipped) as f32, ..hit });
         }
-        self.isa.trace(&self.hierarchy, &self.prepare(ray, skip)?)
+        self.trace(&self.prepare(ray, skip)?)
+    }
+
+    #[inline]
+    fn trace(&self, query: &Query) -> Option<Hit> {
+        let hit = self.isa.trace(&self.hierarchy, query);
+        match &self.instances {
+            None => hit,
+            Some(instances) => self.with_instances::<false>(instances, query, hit),
+        }
+    }
+
+    /// Returns the nearer one of a hit and the nearest hit on instances, or with `ANY` some hit.
+    #[cold]
+    fn with_instances<const ANY: bool>(
+        &self,
+        instances: &Instances,
+        query: &Query,
+        hit: Option<Hit>,
+    ) -> Option<Hit> {
+        let mut best = hit.unwrap_or(query.nothing());
+        self.isa.trace_instances::<ANY>(instances, self.scene.instances(), query, &mut best);
+        (best.triangle != NO_TRIANGLE).then_some(best)
+    }
+
+    /// Reads the facet of a triangle.
+    ///
+    /// # Panics
+    /// If the scene has no such triangle.
+    #[inline]
+    fn facet<T>(&self, triangle: u32, read: impl Fn(&Facet) -> T) -> T {
+        match self.facets.get(triangle as usize) {
+            Some(facet) => read(facet),
+            None => self.facet_of_instance(triangle, read),
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn facet_of_instance<T>(&self, triangle: u32, read: impl Fn(&Facet) -> T) -> T {
+        read(&Facet::new(self.scene.corners(triangle)))
     }
 
     #[inline]
@@ -338,13 +406,21 @@ impl Raycaster {
         if self.has_cut_outs {
             return self.query(ray, skip).map(|hit| hit.triangle);
         }
-        let any = |ray: &Ray| {
-            self.prepare(ray, skip).and_then(|query| self.isa.any(&self.hierarchy, &query))
-        };
+        let any = |ray: &Ray| self.prepare(ray, skip).and_then(|query| self.any_of(&query));
         if self.is_far(ray) {
             self.brought_near(ray).and_then(|(near, _)| any(&near))
         } else {
             any(ray)
+        }
+    }
+
+    #[inline]
+    fn any_of(&self, query: &Query) -> Option<u32> {
+        match (self.isa.any(&self.hierarchy, query), &self.instances) {
+            (None, Some(instances)) => {
+                self.with_instances::<true>(instances, query, None).map(|hit| hit.triangle)
+            }
+            (any, _) => any,
         }
     }
 
@@ -386,8 +462,13 @@ impl Raycaster {
         ))
     }
 
-    /// Returns the hierarchy, and half the side of the cube around the scene's origin that contains
-    /// all vertices.
+    /// Returns the hierarchies of shared meshes.
+    pub(crate) fn instances(&self) -> Option<&Instances> {
+        self.instances.as_deref()
+    }
+
+    /// Returns the hierarchy of triangles that belong to no instance, and half the side of the cube
+    /// around the scene's origin that contains all vertices.
     pub(crate) fn hierarchy(&self) -> (&Hierarchy, f32) {
         (&self.hierarchy, self.reach)
     }
@@ -417,3 +498,7 @@ fn query(prepared: Option<Prepared>, ray: &Ray, skip: [u32; 2]) -> Option<Query>
 #[cfg(test)]
 #[path = "raycaster_tests.rs"]
 mod tests;
+
+#[cfg(test)]
+#[path = "instances_tests.rs"]
+mod instances_tests;

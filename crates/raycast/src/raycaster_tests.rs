@@ -3,7 +3,7 @@
 use super::*;
 use holo_scene::Material;
 
-fn random() -> impl FnMut() -> Vec3 {
+pub(super) fn random() -> impl FnMut() -> Vec3 {
     let mut state = 7_u64;
     let mut unit = move || {
         state =
@@ -29,9 +29,9 @@ fn soup(count: u32, mut point: impl FnMut() -> Vec3) -> Raycaster {
     Raycaster::build(Arc::new(scene.expect("valid"))).expect("built")
 }
 
-type Bits = Option<(u32, u32, u32, u32)>;
+pub(super) type Bits = Option<(u32, u32, u32, u32)>;
 
-fn bits(hit: Option<Hit>) -> Bits {
+pub(super) fn bits(hit: Option<Hit>) -> Bits {
     hit.map(|h| (h.t.to_bits(), h.triangle, h.u.to_bits(), h.v.to_bits()))
 }
 
@@ -47,7 +47,7 @@ fn small_scenes_give_the_same_bits_as_the_hierarchy() {
                 let (from, to) = (point() * 2.0, point());
                 if i % 4 == 0 {
                     Ray::new(
-                        Vec3::from(raycaster.scene().positions[i % count as usize]) - Vec3::X,
+                        Vec3::from(raycaster.scene().own().positions[i % count as usize]) - Vec3::X,
                         Vec3::X,
                     )
                 } else {

@@ -11,6 +11,7 @@
 //! may be wrong.
 
 use glam::DVec3;
+use holo_scene::Placement;
 
 use crate::Raycaster;
 use crate::node::{Hierarchy, LANES, LEAF, WIDTH};
@@ -143,7 +144,7 @@ impl Raycaster {
     #[must_use]
     pub fn may_hit(&self, shaft: &Shaft) -> bool {
         let (hierarchy, reach) = self.hierarchy();
-        if hierarchy.nodes.is_empty() {
+        if hierarchy.nodes.is_empty() && self.instances().is_none() {
             return false;
         }
         let origin = self.scene().origin;
@@ -173,25 +174,55 @@ impl Raycaster {
     }
 
     fn meets(&self, body: &Body) -> bool {
-        let (hierarchy, _) = self.hierarchy();
-        // The root is node 0.
-        let mut stack = vec![0];
-        while let Some(child) = stack.pop() {
-            if child & LEAF != 0 {
-                let met = |triangle| {
-                    body.may_meet_triangle(self.vertices(triangle).map(|vertex| vertex.as_dvec3()))
-                };
-                if triangles(hierarchy, child).any(met) {
-                    return true;
-                }
-            } else {
-                let met = children(hierarchy, child)
-                    .filter(|(low, high, _)| body.may_meet_box(*low, *high));
-                stack.extend(met.map(|(.., child)| child));
-            }
+        let met = |triangle| {
+            body.may_meet_triangle(self.vertices(triangle).map(|vertex| vertex.as_dvec3()))
+        };
+        let (own, _) = self.hierarchy();
+        let may_meet_box = |low, high| body.may_meet_box(low, high);
+        if find(own, may_meet_box, |leaf| triangles(own, leaf).any(met)) {
+            return true;
         }
-        false
+        let Some(instances) = self.instances() else { return false };
+        find(&instances.top, may_meet_box, |index| {
+            let instance = &self.scene().instances()[index as usize];
+            let mesh = instances.mesh(index);
+            let may_meet_placed = |low, high| {
+                let (low, high) = placed(&instance.placement, low, high);
+                body.may_meet_box(low, high)
+            };
+            find(mesh, may_meet_placed, |leaf| {
+                triangles(mesh, leaf).any(|triangle| met(instance.first_triangle + triangle))
+            })
+        })
     }
+}
+
+/// Returns whether `met` is true for a leaf in boxes for which `enters` is true.
+fn find(
+    hierarchy: &Hierarchy,
+    enters: impl Fn(DVec3, DVec3) -> bool,
+    met: impl Fn(u32) -> bool,
+) -> bool {
+    // The root is node 0.
+    let mut stack: Vec<u32> = (0..hierarchy.nodes.len().min(1) as u32).collect();
+    while let Some(child) = stack.pop() {
+        if child & LEAF == 0 {
+            let entered = children(hierarchy, child).filter(|(low, high, _)| enters(*low, *high));
+            stack.extend(entered.map(|(.., child)| child));
+        } else if met(child & !LEAF) {
+            return true;
+        }
+    }
+    false
+}
+
+/// Returns the box around a placed box.
+fn placed(placement: &Placement, low: DVec3, high: DVec3) -> (DVec3, DVec3) {
+    let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
+    let rows = placement.rows().map(|[x, y, z, sum]| (DVec3::new(x, y, z), sum));
+    let middle = DVec3::from_array(rows.map(|(row, sum)| row.dot(middle) + sum));
+    let half = DVec3::from_array(rows.map(|(row, _)| row.abs().dot(half)));
+    (middle - half, middle + half)
 }
 
 /// Returns the boxes of a node's children, and references to their contents.
@@ -203,7 +234,7 @@ fn children(hierarchy: &Hierarchy, node: u32) -> impl Iterator<Item = (DVec3, DV
 
 /// Returns the triangles of a leaf.
 fn triangles(hierarchy: &Hierarchy, leaf: u32) -> impl Iterator<Item = u32> {
-    let block = &hierarchy.blocks[(leaf & !LEAF) as usize];
+    let block = &hierarchy.blocks[leaf as usize];
     (0..LANES).filter_map(|lane| block.used(lane))
 }
 

@@ -24,7 +24,7 @@ const GEOMETRY: [u8; 32] = [3; 32];
 
 fn built(triangles: usize) -> (Vec<Facet>, Hierarchy, Vec<u8>) {
     let scene = scene(triangles);
-    let facets = facets(&scene.positions, &scene.triangles).unwrap();
+    let facets = facets(&scene.own()).unwrap();
     let hierarchy = build::hierarchy(&facets, 50.0);
     let mut bytes = Vec::new();
     write(&hierarchy, triangles, GEOMETRY, &mut bytes).unwrap();

@@ -22,7 +22,7 @@ pub struct SurfacePoint {
     pub error: Vec3,
     /// Unit geometric normal on the counter-clockwise side.
     pub normal: Vec3,
-    /// Index into `scene.triangles`.
+    /// Number of the scene's triangle.
     pub triangle: u32,
 }
 

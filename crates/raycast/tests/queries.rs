@@ -3,12 +3,9 @@
 
 mod common;
 
-use std::sync::Arc;
-
 use common::{Mesh, Random};
 use glam::{DVec3, Vec3};
-use holo_raycast::{BuildError, NO_TRIANGLE, Ray, Raycaster, SurfacePoint};
-use holo_scene::{Material, Scene};
+use holo_raycast::{NO_TRIANGLE, Ray, Raycaster, SurfacePoint};
 use proptest::prelude::*;
 
 /// Returns the nearest hit in f64 (Möller and Trumbore 1997), and how far inside the triangle it is
@@ -207,31 +204,6 @@ fn segments_between_surfaces_ignore_both_surfaces() {
         assert_eq!((open.blocker(&from, &to), open.blocker(&to, &from)), (None, None));
         assert!(closed.blocker(&from, &to).is_some() && closed.blocker(&to, &from).is_some());
     }
-}
-
-#[test]
-fn scenes_that_cannot_be_traced_are_refused_with_the_triangle() {
-    let scene = Scene::new(
-        DVec3::ZERO,
-        vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
-        vec![[0, 1, 2]],
-        vec![0],
-        vec![Material::grey("m")],
-        [0.0; 3],
-    )
-    .expect("valid");
-    let mut out_of_range = scene.clone();
-    out_of_range.triangles[0][2] = 3;
-    assert_eq!(
-        Raycaster::build(Arc::new(out_of_range)).err(),
-        Some(BuildError::Index { triangle: 0 })
-    );
-    let mut not_finite = scene;
-    not_finite.positions[1][0] = f32::NAN;
-    assert_eq!(
-        Raycaster::build(Arc::new(not_finite)).err(),
-        Some(BuildError::Coordinate { triangle: 0 })
-    );
 }
 
 /// Returns the bits of a hit.

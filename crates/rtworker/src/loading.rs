@@ -56,7 +56,7 @@ impl Loader {
         }
         self.loaded = None;
         let scene = self.scene(inbox, outbox, info).await?;
-        let triangles = HumanCount(scene.triangles.len() as u64);
+        let triangles = HumanCount(scene.triangles().len() as u64);
         let text = format!("preparing {triangles} triangles for tracing");
         let hierarchies = self.hierarchies.clone();
         let build = tokio::task::spawn_blocking(move || build(scene, &hierarchies, settings));

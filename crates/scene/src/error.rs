@@ -107,6 +107,14 @@ pub enum SceneError {
     /// A triangle has no area (in `f64`, from its `f32` corners), so it has no normal.
     #[error("triangle {0} has no area")]
     NoArea(usize),
+    /// An instance of a mesh is not possible.
+    #[error("instance {instance}: {problem}")]
+    Instance {
+        /// The instance.
+        instance: usize,
+        /// What is wrong.
+        problem: &'static str,
+    },
     /// A material has an impossible value.
     #[error("material `{name}`: {problem}")]
     Material {
@@ -161,6 +169,12 @@ pub enum PackedError {
     /// The bytes of the materials are malformed.
     #[error("material {0} is malformed")]
     Material(usize),
+    /// The bytes of meshes and instances are malformed.
+    #[error("its instances are malformed")]
+    Instances,
+    /// An instance has an impossible place.
+    #[error("instance {0} is not finite, flat or stretched beyond 1e6")]
+    Placement(usize),
     /// The bytes of normals and textures are malformed.
     #[error("its normals or textures are malformed")]
     Shading,

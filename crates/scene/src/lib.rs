@@ -1,7 +1,8 @@
 //! Scenes: reads model files (OBJ/MTL, glTF 2.0) into a validated, packed [`Scene`] and determines
 //! which features it uses.
 //!
-//! A [`Scene`] is a set of triangles, each with a material. Coordinates are f32 around an `f64`
+//! A [`Scene`] is a set of triangles, each with a material. Triangles of meshes that occur several
+//! times are stored once, and have a number in each [`Instance`]. Coordinates are f32 around an `f64`
 //! origin, so a building at map coordinates loses no precision. [`load()`] reads a scene from a
 //! file: `tobj` parses OBJ after each line has been checked, and `gltf` parses glTF.
 //! [`Scene::pack`] makes the bytes that
@@ -17,11 +18,13 @@
 //!   scene cannot represent.
 //! - `pack` is canonical: a scene has one packing, and `unpack` accepts nothing else.
 
+mod assemble;
 mod error;
 mod faces;
 mod gltf_file;
 mod header;
 mod inside;
+mod instances;
 mod kept;
 mod libraries;
 pub mod limits;
@@ -38,7 +41,9 @@ mod obj_ignored;
 mod obj_model;
 mod obj_text;
 pub mod pack;
+mod pack_instances;
 mod pack_shading;
+mod placement;
 mod polygon;
 mod scene;
 mod shaded;
@@ -52,12 +57,14 @@ mod warnings;
 
 pub use error::{PackedError, SceneError};
 pub use header::{About, Camera, Said};
+pub use instances::Instance;
 pub use kept::KeptFiles;
 pub use load::{LoadOptions, Loaded, load, load_watched};
 pub use material::{Bsdf, Material, Rgb};
 pub use model::LoadProgress;
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
-pub use scene::{Features, Scene};
+pub use placement::{MAX_STRETCH, Placement, coordinate, greatest};
+pub use scene::{Features, Geometry, Scene};
 pub use shading::{
     CUT_OUT, Channel, CutOut, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral, Shading, WHITE,
     from_octahedral, to_octahedral,

@@ -9,6 +9,12 @@ pub const MAX_TRIANGLES: usize = 1 << 28;
 /// Most positions of a scene; the same as [`MAX_TRIANGLES`].
 pub const MAX_POSITIONS: usize = 1 << 28;
 
+/// Most meshes that instances share; as many as materials.
+pub const MAX_MESHES: usize = 1 << 16;
+
+/// Most instances of meshes in a scene: 3.1 GB of records.
+pub const MAX_INSTANCES: usize = 1 << 24;
+
 /// Most materials of a scene. A CAD model has hundreds; a material per triangle is an exporter's
 /// mistake.
 pub const MAX_MATERIALS: usize = 1 << 16;

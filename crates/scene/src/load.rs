@@ -4,9 +4,10 @@
 //! left out or replaced, with a count, and with the line if the format has lines. A missing
 //! material is grey diffuse 0.5.
 
+use crate::assemble::{Assembled, assemble};
 use crate::model::{LoadProgress, Reader, Source};
 use crate::warnings::{Warning, Warnings};
-use crate::{About, Rgb, Scene, SceneError, Shading, gltf_file, obj_model};
+use crate::{About, Rgb, Scene, SceneError, gltf_file, obj_model};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::path::Path;
@@ -60,27 +61,24 @@ pub fn load_watched(
 ) -> Result<Loaded, SceneError> {
     let mut warnings = Warnings::default();
     let source = Source { path, options, watch, warnings: &mut warnings };
-    let model = (reader_for(path)?.read)(source)?;
-    if let Some(instead) = model.instead {
+    let mut model = (reader_for(path)?.read)(source)?;
+    if let Some(instead) = model.instead.take() {
         return Err(SceneError::Empty { path: path.to_owned(), instead });
     }
-    let (scene, left_out) = Scene::from_world(
-        &model.positions,
-        &model.triangles,
-        &model.material_ids,
-        model.materials,
-        options.sky,
-    )?;
-    if let Some(&first) = left_out.first() {
-        let text = format!("triangles without area are left out ({} in the file)", left_out.len());
-        warnings.push(path, model.lines.line(first), text);
+    let about = std::mem::take(&mut model.about);
+    let lines = std::mem::take(&mut model.lines);
+    let Assembled { scene, left_out, left_out_of_meshes } = assemble(model, options.sky)?;
+    let count = left_out.len() + left_out_of_meshes;
+    if count > 0 {
+        let line = left_out.first().and_then(|&first| lines.line(first));
+        let text = format!("triangles without area are left out ({count} in the file)");
+        warnings.push(path, line, text);
     }
-    if scene.triangles.is_empty() {
-        let instead = format!("none of its triangles ({}) has an area", left_out.len());
+    if scene.triangles().is_empty() {
+        let instead = format!("none of its triangles ({count}) has an area");
         return Err(SceneError::Empty { path: path.to_owned(), instead });
     }
-    let scene = scene.with_shading(without(model.shading, &left_out))?.with_suns(model.suns)?;
-    Ok(Loaded { scene, warnings: warnings.finish(path), about: model.about })
+    Ok(Loaded { scene, warnings: warnings.finish(path), about })
 }
 
 /// All readers. The last one accepts every file. If it cannot read the file, its error names the
@@ -101,19 +99,4 @@ fn reader_for(path: &Path) -> Result<Reader, SceneError> {
     }
     let found = READERS.into_iter().find(|reader| (reader.recognises)(&first, path));
     Ok(found.unwrap_or(obj_model::READER))
-}
-
-/// Removes triangles from a shading.
-fn without(mut shading: Shading, left_out: &[usize]) -> Shading {
-    fn keep<T>(all: &mut Vec<T>, left_out: &[usize]) {
-        let (mut triangle, mut left_out) = (0, left_out.iter().peekable());
-        all.retain(|_| {
-            triangle += 1;
-            left_out.next_if(|&&out| out == triangle - 1).is_none()
-        });
-    }
-    keep(&mut shading.uvs, left_out);
-    keep(&mut shading.normals, left_out);
-    keep(&mut shading.colours, left_out);
-    shading
 }

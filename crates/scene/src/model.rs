@@ -4,10 +4,10 @@
 
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 
 use crate::warnings::Warnings;
-use crate::{About, LoadOptions, Material, SceneError, Shading, Sun};
+use crate::{About, Geometry, LoadOptions, Material, SceneError, Shading, Sun};
 
 /// The contents of a file, in world coordinates.
 #[derive(Default)]
@@ -21,10 +21,35 @@ pub(crate) struct Model {
     pub shading: Shading,
     pub suns: Vec<Sun>,
     pub about: About,
+    /// Meshes that several nodes share, in their own coordinates.
+    pub meshes: Vec<SharedMesh>,
+    /// Indices into `meshes`, and maps to world coordinates.
+    pub placements: Vec<(u32, DMat4)>,
     /// The line of each triangle, for messages. Empty if the format has no lines.
     pub lines: crate::faces::Faces,
     /// The file's real format, for people, if it has no triangle.
     pub instead: Option<String>,
+}
+
+/// A mesh in its own coordinates.
+#[derive(Default)]
+pub(crate) struct SharedMesh {
+    pub positions: Vec<[f32; 3]>,
+    pub triangles: Vec<[u32; 3]>,
+    /// An index into the model's materials for each triangle.
+    pub material_ids: Vec<u32>,
+    /// Attributes of `triangles`.
+    pub shading: Shading,
+}
+
+impl SharedMesh {
+    pub(crate) fn geometry(&self) -> Geometry<'_> {
+        Geometry {
+            positions: &self.positions,
+            triangles: &self.triangles,
+            material_ids: &self.material_ids,
+        }
+    }
 }
 
 /// The part of a file that has been read.

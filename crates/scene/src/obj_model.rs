@@ -32,7 +32,6 @@ fn read(source: Source) -> Result<Model, SceneError> {
     };
     Ok(Model {
         shading,
-        suns: Vec::new(),
         positions: obj.positions,
         triangles: obj.triangles,
         material_ids,
@@ -40,6 +39,7 @@ fn read(source: Source) -> Result<Model, SceneError> {
         about,
         lines: obj.faces,
         instead: obj.instead,
+        ..Model::default()
     })
 }
 

@@ -5,7 +5,7 @@
 //! ```text
 //! offset          bytes  what
 //! 0               8      magic "holoscn\n" (the newline shows transfers that translate line ends)
-//! 8               4      version, u32: 1 or 2
+//! 8               4      version, u32: 1, 2 or 3
 //! 12              4      zero
 //! 16              8      P, number of positions, u64
 //! 24              8      T, number of triangles, u64
@@ -40,6 +40,20 @@
 //! Version 2 follows the materials with normals, textures, colours and suns. Scenes without them
 //! have version 1.
 //!
+//! Scenes with instances have version 3. Their arrays begin with the triangles that belong to no
+//! instance, and those of the meshes follow. The triangles of a mesh count its own positions from
+//! 0, in its own coordinates. Meshes and instances follow the materials. All that version 2 adds
+//! comes after them; its flags may then be 0.
+//!
+//! ```text
+//! 0               4      K, number of meshes, u32: at least 1
+//! 4               4      I, number of instances, u32: at least 1
+//! 8               8·K    numbers of positions and triangles of each mesh, u32 each
+//! 8 + 8K          100·I  instances: mesh, u32, and the rows of its map, 3 × 4 × f64
+//! ```
+//!
+//! The part of version 2:
+//!
 //! ```text
 //! 0               4      flags, u32: bit 0 texture coordinates, bit 1 normals, bit 2 normal maps
 //!                        or finishes, bit 3 colours of corners, bit 4 suns, bit 5 least opacities
@@ -73,6 +87,7 @@
 //! a valid scene or an error for any bytes.
 
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
+use crate::pack_instances::{pack_instances, unpack_instances};
 use crate::pack_shading::{pack_shading, unpack_shading};
 use crate::{Bsdf, Material, PackedError, Rgb, Scene, SceneError, Shading};
 use bytemuck::{Pod, Zeroable};
@@ -81,12 +96,15 @@ use glam::DVec3;
 /// The first bytes of a packed scene.
 pub const MAGIC: [u8; 8] = *b"holoscn\n";
 
-/// The versions of the format that this program writes and reads: of plain scenes, and of scenes
-/// with normals or textures.
+/// The versions of the format that this program writes and reads: of plain scenes, of scenes with
+/// normals or textures, and of scenes with instances.
 pub const VERSION: u32 = 1;
 
 /// See [`VERSION`].
 pub const SHADED_VERSION: u32 = 2;
+
+/// See [`VERSION`].
+pub const SHARED_VERSION: u32 = 3;
 
 /// Bytes of a packed scene before its arrays.
 pub const HEADER_BYTES: usize = 88;
@@ -135,7 +153,11 @@ impl Scene {
             pack_material(material, &mut materials);
         }
         let is_plain = self.shading.is_none() && self.suns.is_empty();
-        let version = if is_plain { VERSION } else { SHADED_VERSION };
+        let version = match (&self.shared, is_plain) {
+            (Some(_), _) => SHARED_VERSION,
+            (None, true) => VERSION,
+            (None, false) => SHADED_VERSION,
+        };
         let header = Header {
             magic: MAGIC,
             version: version.to_le_bytes(),
@@ -159,7 +181,10 @@ impl Scene {
             .for_each(|t| packed.extend_from_slice(bytemuck::bytes_of(&t.map(u32::to_le_bytes))));
         self.material_ids.iter().for_each(|id| packed.extend_from_slice(&id.to_le_bytes()));
         packed.extend_from_slice(&materials);
-        if !is_plain {
+        if let Some(shared) = &self.shared {
+            pack_instances(shared, &mut packed);
+        }
+        if version != VERSION {
             pack_shading(
                 self.shading.as_deref().unwrap_or(&Shading::default()),
                 &self.suns,
@@ -182,7 +207,7 @@ impl Scene {
         }
         let (header, rest) = split::<Header>(packed).ok_or(too_short)?;
         let version = u32::from_le_bytes(header.version);
-        if version != VERSION && version != SHADED_VERSION {
+        if ![VERSION, SHADED_VERSION, SHARED_VERSION].contains(&version) {
             return Err(PackedError::Version { found: version, known: VERSION }.into());
         }
         if header.reserved != [0; 4] || header.padding != [0; 4] {
@@ -198,7 +223,7 @@ impl Scene {
         // At most 12·2²⁸ + 16·2²⁸ + 2²⁷. This fits into u64, and into usize once it equals a
         // length.
         let expected = 12 * positions as u64 + 16 * triangles as u64 + material_bytes as u64;
-        let has_shading = version == SHADED_VERSION;
+        let has_shading = version != VERSION;
         if (rest.len() as u64) < expected || (!has_shading && rest.len() as u64 != expected) {
             let (expected, found) = (expected + HEADER_BYTES as u64, packed.len() as u64);
             return Err(PackedError::Length { expected, found }.into());
@@ -206,8 +231,12 @@ impl Scene {
         let (position_bytes, rest) = rest.split_at(12 * positions);
         let (triangle_bytes, rest) = rest.split_at(12 * triangles);
         let (id_bytes, rest) = rest.split_at(4 * triangles);
-        let (material_bytes, shading_bytes) = rest.split_at(material_bytes);
-        let scene = Scene::new(
+        let (material_bytes, mut rest) = rest.split_at(material_bytes);
+        let instances = match version {
+            SHARED_VERSION => Some(unpack_instances(&mut rest, positions, triangles)?),
+            _ => None,
+        };
+        let scene = Scene::unchecked(
             DVec3::from_array(header.origin.map(f64::from_le_bytes)),
             bytemuck::cast_slice::<u8, Words3>(position_bytes)
                 .iter()
@@ -223,26 +252,36 @@ impl Scene {
                 .collect(),
             unpack_materials(material_bytes, materials)?,
             header.sky.map(f32::from_le_bytes),
-        )?;
+        );
+        let scene = match instances {
+            Some(instances) => instances.share(scene)?,
+            None => scene.validated()?,
+        };
         if !has_shading {
             return Ok(scene);
         }
-        let (shading, suns) = unpack_shading(shading_bytes, triangles, materials)?;
+        let (shading, suns) = unpack_shading(rest, triangles, materials)?;
         let scene = scene.with_shading(shading)?.with_suns(suns)?;
         // A plain scene has another packing.
-        match scene.shading.is_none() && scene.suns.is_empty() {
+        match scene.shading.is_none() && scene.suns.is_empty() && scene.shared.is_none() {
             true => Err(PackedError::Shading.into()),
             false => Ok(scene),
         }
     }
 
-    /// Returns the BLAKE3 hash of the positions and triangles, in this machine's byte order. Scenes
+    /// Returns the BLAKE3 hash of the positions, triangles and instances, in this machine's byte
+    /// order. Scenes
     /// that differ in materials or light alone have the same.
     pub fn geometry_hash(&self) -> [u8; 32] {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&(self.positions.len() as u64).to_ne_bytes());
         hasher.update(bytemuck::cast_slice(&self.positions));
         hasher.update(bytemuck::cast_slice(&self.triangles));
+        if let Some(shared) = &self.shared {
+            let mut instances = Vec::new();
+            pack_instances(shared, &mut instances);
+            hasher.update(&instances);
+        }
         *hasher.finalize().as_bytes()
     }
 
@@ -262,7 +301,7 @@ fn bounded(what: &'static str, count: [u8; 8], limit: usize) -> Result<usize, Sc
 }
 
 /// Returns the plain-old-data value at the beginning of `bytes`, and the rest.
-fn split<T: Pod>(bytes: &[u8]) -> Option<(T, &[u8])> {
+pub(crate) fn split<T: Pod>(bytes: &[u8]) -> Option<(T, &[u8])> {
     let (head, rest) = bytes.split_at_checked(size_of::<T>())?;
     Some((bytemuck::pod_read_unaligned(head), rest))
 }

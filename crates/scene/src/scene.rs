@@ -3,16 +3,18 @@
 //! A [`Scene`] is valid: only [`Scene::new`] and [`Scene::from_world`] make one.
 
 use crate::inside::OpenBox;
+use crate::instances::Shared;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::material::is_radiance;
-use crate::{Bsdf, Material, Rgb, SceneError, Shading, Sun};
+use crate::{Bsdf, Maps, Material, Rgb, SceneError, Shading, Sun, WHITE};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
+use std::iter::repeat_n;
+use std::ops::Range;
 
-/// Triangles with materials, around an origin.
+/// Triangles with materials, around an origin. Triangles are numbered from 0.
 ///
-/// Fields are public for reading. A scene whose fields were changed is checked again when it is
-/// packed and unpacked.
+/// A scene whose public fields were changed is checked again when it is packed and unpacked.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Scene {
@@ -20,11 +22,11 @@ pub struct Scene {
     /// bounds.
     pub origin: DVec3,
     /// Corners of triangles, relative to `origin`, in scene units.
-    pub positions: Vec<[f32; 3]>,
+    pub(crate) positions: Vec<[f32; 3]>,
     /// Three indices into `positions` for each triangle, counter-clockwise seen from the front.
-    pub triangles: Vec<[u32; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
     /// An index into `materials` for each triangle.
-    pub material_ids: Vec<u32>,
+    pub(crate) material_ids: Vec<u32>,
     /// The materials of surfaces.
     pub materials: Vec<Material>,
     /// Radiance of the sky, the same in every direction, W·sr⁻¹·m⁻².
@@ -33,6 +35,19 @@ pub struct Scene {
     pub suns: Vec<Sun>,
     /// Normals, textures and colours of corners, if the scene has some.
     pub shading: Option<Box<Shading>>,
+    /// Instances of meshes, if the scene has some.
+    pub(crate) shared: Option<Box<Shared>>,
+}
+
+/// Triangles as a scene stores them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geometry<'a> {
+    /// Corners of triangles.
+    pub positions: &'a [[f32; 3]],
+    /// Three indices into `positions` for each triangle.
+    pub triangles: &'a [[u32; 3]],
+    /// An index into the scene's materials for each triangle.
+    pub material_ids: &'a [u32],
 }
 
 /// The features that a scene uses. Materials that no triangle has do not count.
@@ -81,11 +96,20 @@ impl Scene {
         materials: Vec<Material>,
         sky: Rgb,
     ) -> Result<Scene, SceneError> {
-        let (suns, shading) = (Vec::new(), None);
-        let scene =
-            Scene { origin, positions, triangles, material_ids, materials, sky, suns, shading };
-        scene.validate()?;
-        Ok(scene)
+        Scene::unchecked(origin, positions, triangles, material_ids, materials, sky).validated()
+    }
+
+    /// Makes a scene that is still to be validated.
+    pub(crate) fn unchecked(
+        origin: DVec3,
+        positions: Vec<[f32; 3]>,
+        triangles: Vec<[u32; 3]>,
+        material_ids: Vec<u32>,
+        materials: Vec<Material>,
+        sky: Rgb,
+    ) -> Scene {
+        let (suns, shading, shared) = (Vec::new(), None, None);
+        Scene { origin, positions, triangles, material_ids, materials, sky, suns, shading, shared }
     }
 
     /// Makes a scene from positions in world coordinates. They are recentred on their bounds.
@@ -101,30 +125,27 @@ impl Scene {
         materials: Vec<Material>,
         sky: Rgb,
     ) -> Result<(Scene, Vec<usize>), SceneError> {
-        check_limit("positions", positions.len(), MAX_POSITIONS)?;
-        check_limit("triangles", triangles.len(), MAX_TRIANGLES)?;
+        let (low, high) = world_bounds(positions, triangles)?;
+        let origin = if triangles.is_empty() { DVec3::ZERO } else { low + (high - low) * 0.5 };
+        Scene::around(origin, positions, triangles, material_ids, materials, sky)
+    }
+
+    /// Makes a scene as [`from_world`](Self::from_world), around this origin. The triangles' corners
+    /// exist.
+    pub(crate) fn around(
+        origin: DVec3,
+        positions: &[DVec3],
+        triangles: &[[u32; 3]],
+        material_ids: &[u32],
+        materials: Vec<Material>,
+        sky: Rgb,
+    ) -> Result<(Scene, Vec<usize>), SceneError> {
         if triangles.len() != material_ids.len() {
             return Err(SceneError::MaterialIdCount {
                 triangles: triangles.len(),
                 material_ids: material_ids.len(),
             });
         }
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for (id, triangle) in triangles.iter().enumerate() {
-            for &corner in triangle {
-                let count = positions.len();
-                let &position = positions
-                    .get(corner as usize)
-                    .ok_or(SceneError::PositionIndex { triangle: id, index: corner, count })?;
-                if !(position.abs().max_element() <= MAX_COORDINATE && position.is_finite()) {
-                    return Err(SceneError::Position(corner as usize));
-                }
-                low = low.min(position);
-                high = high.max(position);
-            }
-        }
-        let origin = if triangles.is_empty() { DVec3::ZERO } else { low + (high - low) * 0.5 };
-
         const UNUSED: u32 = u32::MAX;
         let mut renumbered = vec![UNUSED; positions.len()];
         let mut kept_positions: Vec<[f32; 3]> = Vec::new();
@@ -153,6 +174,11 @@ impl Scene {
         Ok((scene, left_out))
     }
 
+    pub(crate) fn validated(self) -> Result<Scene, SceneError> {
+        self.validate()?;
+        Ok(self)
+    }
+
     fn validate(&self) -> Result<(), SceneError> {
         check_limit("positions", self.positions.len(), MAX_POSITIONS)?;
         check_limit("triangles", self.triangles.len(), MAX_TRIANGLES)?;
@@ -168,20 +194,17 @@ impl Scene {
         if triangles != material_ids {
             return Err(SceneError::MaterialIdCount { triangles, material_ids });
         }
-        for (id, (triangle, &material)) in self.triangles.iter().zip(&self.material_ids).enumerate()
-        {
-            let count = self.positions.len();
-            if let Some(&index) = triangle.iter().find(|&&i| i as usize >= count) {
-                return Err(SceneError::PositionIndex { triangle: id, index, count });
-            }
-            let count = self.materials.len();
-            if material as usize >= count {
-                return Err(SceneError::MaterialIndex { triangle: id, index: material, count });
-            }
-            if doubled_area_normal(self.corners(id as u32)).is_none() {
-                return Err(SceneError::NoArea(id));
-            }
+        let own = self.own();
+        self.check_indices(own)?;
+        self.meshes().try_for_each(|mesh| self.check_indices(mesh))?;
+        if let Some(bad) = (0..own.triangles.len()).find(|&id| {
+            let corners =
+                own.triangles[id].map(|corner| Vec3::from(own.positions[corner as usize]));
+            doubled_area_normal(corners).is_none()
+        }) {
+            return Err(SceneError::NoArea(bad));
         }
+        self.validate_instances()?;
         self.materials.iter().try_for_each(Material::validate)?;
         if !is_radiance(self.sky) {
             return Err(SceneError::Sky);
@@ -189,13 +212,126 @@ impl Scene {
         Ok(())
     }
 
+    /// Checks that positions and materials of triangles exist.
+    fn check_indices(&self, geometry: Geometry) -> Result<(), SceneError> {
+        let Geometry { positions, triangles, material_ids } = geometry;
+        for (triangle, (corners, &material)) in triangles.iter().zip(material_ids).enumerate() {
+            let count = positions.len();
+            if let Some(&index) = corners.iter().find(|&&i| i as usize >= count) {
+                return Err(SceneError::PositionIndex { triangle, index, count });
+            }
+            let count = self.materials.len();
+            if material as usize >= count {
+                return Err(SceneError::MaterialIndex { triangle, index: material, count });
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the numbers of all triangles, those of instances included.
+    #[must_use]
+    pub fn triangles(&self) -> Range<u32> {
+        0..self.shared.as_ref().map_or(self.triangles.len() as u32, |shared| shared.triangles)
+    }
+
+    /// Returns the triangles that belong to no instance, relative to the origin. They have the
+    /// first numbers.
+    #[must_use]
+    pub fn own(&self) -> Geometry<'_> {
+        match &self.shared {
+            None => Geometry {
+                positions: &self.positions,
+                triangles: &self.triangles,
+                material_ids: &self.material_ids,
+            },
+            Some(shared) => self.part(&shared.own),
+        }
+    }
+
+    /// Returns the corners of all triangles, relative to the origin. A corner that several
+    /// triangles share comes once.
+    pub fn points(&self) -> impl Iterator<Item = Vec3> {
+        let own = self.own().positions.iter().map(|&position| position.into());
+        own.chain(self.shared_points())
+    }
+
+    /// Returns the memory of positions, triangles and material ids in bytes.
+    #[must_use]
+    pub fn geometry_bytes(&self) -> usize {
+        size_of_val(&self.positions[..])
+            + size_of_val(&self.triangles[..])
+            + size_of_val(&self.material_ids[..])
+            + size_of_val(self.instances())
+    }
+
+    /// Returns whether all triangles of two scenes are at the same places.
+    #[must_use]
+    pub fn has_same_geometry(&self, other: &Scene) -> bool {
+        (self.origin, &self.positions, &self.triangles, &self.shared)
+            == (other.origin, &other.positions, &other.triangles, &other.shared)
+    }
+
+    /// Adds triangles of a new material. `corners` are relative to the origin; a corner's index
+    /// counts from the first one. The triangles have no texture and no smooth normals.
+    ///
+    /// # Errors
+    /// As [`Scene::new`].
+    pub fn with_faces(
+        mut self,
+        corners: &[[f32; 3]],
+        triangles: &[[u32; 3]],
+        material: Material,
+    ) -> Result<Scene, SceneError> {
+        // The arrays of shared meshes come after the scene's own triangles.
+        fn add<T: Clone>(all: &mut Vec<T>, at: usize, new: impl IntoIterator<Item = T>) {
+            let at = at.min(all.len());
+            all.splice(at..at, new);
+        }
+        let (positions, at) = (self.own().positions.len(), self.own().triangles.len());
+        let (first, count) = (positions as u32, triangles.len());
+        add(&mut self.positions, positions, corners.iter().copied());
+        let moved = triangles.iter().map(|triangle| triangle.map(|corner| first + corner));
+        add(&mut self.triangles, at, moved);
+        add(&mut self.material_ids, at, repeat_n(self.materials.len() as u32, count));
+        self.materials.push(material);
+        if let Some(shading) = &mut self.shading {
+            let added = |is_empty: bool| if is_empty { 0 } else { count };
+            let (uvs, normals) = (added(shading.uvs.is_empty()), added(shading.normals.is_empty()));
+            let colours = added(shading.colours.is_empty());
+            add(&mut shading.uvs, at, repeat_n([[0.0; 2]; 3], uvs));
+            // Equal normals are those of facets.
+            add(&mut shading.normals, at, repeat_n([[0; 2]; 3], normals));
+            add(&mut shading.colours, at, repeat_n([WHITE; 3], colours));
+            if !shading.maps.is_empty() {
+                shading.maps.push(Maps::default());
+            }
+        }
+        if let Some(shared) = &mut self.shared {
+            shared.shift(corners.len(), count)?;
+        }
+        self.validated()
+    }
+
     /// Returns the corners of a triangle, relative to the origin.
     ///
     /// # Panics
     /// If there is no such triangle.
+    #[inline]
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
-        self.triangles[triangle as usize]
-            .map(|corner| Vec3::from_array(self.positions[corner as usize]))
+        match &self.shared {
+            None => self.triangles[triangle as usize]
+                .map(|corner| Vec3::from_array(self.positions[corner as usize])),
+            Some(shared) => self.placed_corners(shared, triangle),
+        }
+    }
+
+    /// Returns the index of a triangle in the scene's arrays.
+    #[inline]
+    pub(crate) fn stored(&self, triangle: u32) -> usize {
+        match &self.shared {
+            None => triangle as usize,
+            Some(shared) => self.located(shared, triangle).0,
+        }
     }
 
     /// Returns the unit normal of a triangle, on the side from which its corners appear
@@ -221,21 +357,39 @@ impl Scene {
     ///
     /// # Panics
     /// If there is no such triangle.
+    #[inline]
     pub fn material(&self, triangle: u32) -> &Material {
-        &self.materials[self.material_ids[triangle as usize] as usize]
+        &self.materials[self.material_id(triangle) as usize]
+    }
+
+    /// Returns the index of a triangle's material.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[must_use]
+    #[inline]
+    pub fn material_id(&self, triangle: u32) -> u32 {
+        self.material_ids[self.stored(triangle)]
+    }
+
+    /// Returns the index of each triangle's material.
+    pub fn material_ids(&self) -> impl Iterator<Item = u32> {
+        self.own().material_ids.iter().copied().chain(self.shared_material_ids())
     }
 
     /// Returns the lowest and highest world coordinates of the triangles; the origin twice if the
     /// scene is empty.
     pub fn bounds(&self) -> (DVec3, DVec3) {
-        if self.triangles.is_empty() {
+        if self.triangles().is_empty() {
             return (self.origin, self.origin);
         }
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for &corner in self.triangles.as_flattened() {
-            let position = Vec3::from_array(self.positions[corner as usize]);
-            low = low.min(position);
-            high = high.max(position);
+        let own = self.own();
+        let corners = own.triangles.as_flattened().iter();
+        let corners = corners.map(|&corner| Vec3::from_array(own.positions[corner as usize]));
+        for corner in corners.chain(self.shared_points()) {
+            low = low.min(corner);
+            high = high.max(corner);
         }
         (self.origin + low.as_dvec3(), self.origin + high.as_dvec3())
     }
@@ -244,15 +398,15 @@ impl Scene {
     pub fn emitters(&self) -> impl Iterator<Item = u32> + '_ {
         let emits: Vec<bool> = self.materials.iter().map(Material::emits).collect();
         (0u32..)
-            .zip(&self.material_ids)
-            .filter(move |&(_, &m)| emits[m as usize])
+            .zip(self.material_ids())
+            .filter(move |&(_, m)| emits[m as usize])
             .map(|(triangle, _)| triangle)
     }
 
     /// Returns the kinds of surfaces and lights in the scene.
     pub fn features(&self) -> Features {
         let mut triangles_of = vec![0usize; self.materials.len()];
-        for &material in &self.material_ids {
+        for material in self.material_ids() {
             triangles_of[material as usize] += 1;
         }
         let mut features = Features {
@@ -291,18 +445,47 @@ impl Scene {
     /// more than the rounding of stored positions (2⁻²⁴ of the largest coordinate). So a section
     /// that fits a room exactly is empty. A parallelepiped without volume has no interior.
     pub fn geometry_inside(&self, origin: DVec3, axes: [DVec3; 3]) -> bool {
-        let extent = self.positions.iter().flatten().fold(0.0f32, |most, c| most.max(c.abs()));
+        let extent = self.points().fold(0.0f32, |most, p| most.max(p.abs().max_element()));
         // Half a unit in the last place: the most that rounding to f32 moves a coordinate.
         let rounding = f64::from(extent) * f64::from(f32::EPSILON) * 0.5;
         let Some(open_box) = OpenBox::new(origin - self.origin, axes, rounding) else {
             return false;
         };
-        (0..self.triangles.len() as u32)
-            .any(|t| open_box.meets(self.corners(t).map(Vec3::as_dvec3)))
+        self.triangles().any(|t| open_box.meets(self.corners(t).map(Vec3::as_dvec3)))
     }
 }
 
-fn check_limit(what: &'static str, count: usize, limit: usize) -> Result<(), SceneError> {
+/// Returns the least and greatest corner of triangles in world coordinates.
+pub(crate) fn world_bounds(
+    positions: &[DVec3],
+    triangles: &[[u32; 3]],
+) -> Result<(DVec3, DVec3), SceneError> {
+    check_limit("positions", positions.len(), MAX_POSITIONS)?;
+    check_limit("triangles", triangles.len(), MAX_TRIANGLES)?;
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for (triangle, corners) in triangles.iter().enumerate() {
+        for &index in corners {
+            let count = positions.len();
+            let &position = positions.get(index as usize).ok_or(SceneError::PositionIndex {
+                triangle,
+                index,
+                count,
+            })?;
+            if !(position.abs().max_element() <= MAX_COORDINATE && position.is_finite()) {
+                return Err(SceneError::Position(index as usize));
+            }
+            low = low.min(position);
+            high = high.max(position);
+        }
+    }
+    Ok((low, high))
+}
+
+pub(crate) fn check_limit(
+    what: &'static str,
+    count: usize,
+    limit: usize,
+) -> Result<(), SceneError> {
     if count > limit {
         return Err(SceneError::Limit { what, count: count as u64, limit: limit as u64 });
     }
@@ -311,7 +494,7 @@ fn check_limit(what: &'static str, count: usize, limit: usize) -> Result<(), Sce
 
 /// Returns the normal of a triangle, whose length is twice its area. `None` if that is zero within
 /// the rounding of `f64`.
-fn doubled_area_normal([a, b, c]: [Vec3; 3]) -> Option<DVec3> {
+pub(crate) fn doubled_area_normal([a, b, c]: [Vec3; 3]) -> Option<DVec3> {
     let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
     let (ab, ac) = (b - a, c - a);
     let normal = ab.cross(ac);

@@ -2,7 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
-use crate::shading::{Channel, CutOut, Maps, Shading, WHITE, from_octahedral};
+use crate::instances::Shared;
+use crate::shading::{Channel, CutOut, Maps, Octahedral, Shading, WHITE, from_octahedral};
 use crate::texture::linear_table;
 use crate::{Bsdf, Rgb, Scene, SceneError};
 
@@ -139,7 +140,7 @@ impl Scene {
         let map = maps.normal?;
         let [x, y, z, _] = self.look_up(shading, map.texture, triangle, [u, v], footprint);
         let [x, y] = [x, y].map(|c| (2.0 * c - 1.0) * map.strength);
-        let [right, up] = self.picture_axes(triangle, &shading.uvs[triangle as usize], normal)?;
+        let [right, up] = self.picture_axes(triangle, &self.uvs(shading, triangle)?, normal)?;
         (right * x + up * y + normal * (2.0 * z - 1.0).max(0.05)).try_normalize()
     }
 
@@ -164,7 +165,8 @@ impl Scene {
     pub fn is_cut_out(&self, triangle: u32, u: f32, v: f32) -> bool {
         let Some((shading, maps)) = self.maps(triangle) else { return false };
         let Some(CutOut { texture, least }) = maps.cut_out else { return false };
-        let uv = coordinates(&shading.uvs[triangle as usize], [u, v]);
+        let Some(uvs) = self.uvs(shading, triangle) else { return false };
+        let uv = coordinates(&uvs, [u, v]);
         shading.textures[texture as usize].at(uv.to_array(), 0.0)[3] < least
     }
 
@@ -182,8 +184,7 @@ impl Scene {
     #[must_use]
     #[inline]
     pub fn smooth_normal(&self, triangle: u32, u: f32, v: f32) -> Option<Vec3> {
-        let normals = &self.shading.as_ref()?.normals;
-        let [a, b, c] = *normals.get(triangle as usize)?;
+        let [a, b, c] = self.normals(self.shading.as_ref()?, triangle)?;
         if a == b && b == c {
             // The normal of all corners: the facet's own, or nearly.
             return None;
@@ -195,7 +196,7 @@ impl Scene {
     #[inline]
     fn maps(&self, triangle: u32) -> Option<(&Shading, &Maps)> {
         let shading = self.shading.as_ref()?;
-        let maps = shading.maps.get(self.material_ids[triangle as usize] as usize)?;
+        let maps = shading.maps.get(self.material_id(triangle) as usize)?;
         Some((shading, maps))
     }
 
@@ -208,7 +209,7 @@ impl Scene {
         at: [f32; 2],
         footprint: f32,
     ) -> [f32; 4] {
-        let uvs = &shading.uvs[triangle as usize];
+        let uvs = &self.uvs(shading, triangle).unwrap_or_default();
         let share =
             if footprint > 0.0 { footprint * self.texture_density(triangle, uvs) } else { 0.0 };
         let uv = coordinates(uvs, at).to_array();
@@ -234,8 +235,57 @@ impl Scene {
     /// Returns the colours of a triangle's corners, unless all are white.
     #[inline]
     fn colours(&self, triangle: u32) -> Option<[[u8; 3]; 3]> {
-        let colours = self.shading.as_ref()?.colours.get(triangle as usize)?;
-        Some(*colours).filter(|colours| *colours != [WHITE; 3])
+        let colours = self.colours_of(self.shading.as_ref()?, triangle)?;
+        Some(colours).filter(|colours| *colours != [WHITE; 3])
+    }
+
+    /// Returns the texture coordinates of a triangle's corners.
+    #[inline]
+    pub(crate) fn uvs(&self, shading: &Shading, triangle: u32) -> Option<[[f32; 2]; 3]> {
+        match &self.shared {
+            None => shading.uvs.get(triangle as usize).copied(),
+            Some(shared) => self.attribute(shared, &shading.uvs, triangle),
+        }
+    }
+
+    /// Returns the normals of a triangle's corners.
+    #[inline]
+    pub(crate) fn normals(&self, shading: &Shading, triangle: u32) -> Option<[Octahedral; 3]> {
+        match &self.shared {
+            None => shading.normals.get(triangle as usize).copied(),
+            Some(shared) => self.placed_normals(shared, shading, triangle),
+        }
+    }
+
+    /// Returns the colours of a triangle's corners.
+    #[inline]
+    pub(crate) fn colours_of(&self, shading: &Shading, triangle: u32) -> Option<[[u8; 3]; 3]> {
+        match &self.shared {
+            None => shading.colours.get(triangle as usize).copied(),
+            Some(shared) => self.attribute(shared, &shading.colours, triangle),
+        }
+    }
+
+    /// Returns an attribute of the corners of a triangle in a scene with instances.
+    #[cold]
+    fn attribute<T: Copy>(&self, shared: &Shared, all: &[[T; 3]], triangle: u32) -> Option<[T; 3]> {
+        let (stored, instance) = self.located(shared, triangle);
+        let corners = *all.get(stored)?;
+        Some(instance.map_or(corners, |instance| instance.placement.ordered(corners)))
+    }
+
+    #[cold]
+    fn placed_normals(
+        &self,
+        shared: &Shared,
+        shading: &Shading,
+        triangle: u32,
+    ) -> Option<[Octahedral; 3]> {
+        let (stored, instance) = self.located(shared, triangle);
+        let normals = *shading.normals.get(stored)?;
+        let Some(instance) = instance else { return Some(normals) };
+        let corners = self.mesh_corners(shared, instance, stored);
+        Some(instance.placement.normals(corners, normals))
     }
 
     /// Returns sides of the texture per scene unit, the mean over directions on a triangle.

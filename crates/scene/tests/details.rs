@@ -125,7 +125,7 @@ fn polygons_keep_the_colours_of_their_corners() {
         obj("v 0 0 0 0 0 0\nv 4 0 0 1 0 0\nv 4 4 0 1 1 0\nv 3 1 0 0.75 0.25 0\nv 0 4 0 0 1 0\n\
          f 1 2 3 4 5\n");
     let scene = &loaded.scene;
-    for t in 0..scene.triangles.len() as u32 {
+    for t in scene.triangles() {
         for (k, [u, v]) in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].into_iter().enumerate() {
             let at = scene.corners(t)[k] + scene.origin.as_vec3();
             let expected = [at.x / 4.0, at.y / 4.0].map(|byte| {

@@ -65,7 +65,7 @@ fn problem(json: &str) -> String {
 
 fn corners(scene: &Scene) -> Vec<[DVec3; 3]> {
     let place = |p: Vec3| (p.as_dvec3() + scene.origin).round();
-    (0..scene.triangles.len() as u32).map(|t| scene.corners(t).map(place)).collect()
+    scene.triangles().map(|t| scene.corners(t).map(place)).collect()
 }
 
 /// Returns the scattering of a material with these members, and warnings.
@@ -234,9 +234,7 @@ fn cameras_are_views_and_lights_are_lamps_of_their_intensity() {
         let lamps: Vec<u32> = scene
             .emitters()
             .filter(|&t| {
-                let same = |other: &u32| {
-                    scene.material_ids[*other as usize] == scene.material_ids[t as usize]
-                };
+                let same = |other: &u32| scene.material_id(*other) == scene.material_id(t);
                 scene.emitters().filter(same).count() == count
             })
             .collect();
@@ -383,7 +381,7 @@ fn files_that_require_unknown_extensions_open_if_their_shape_is_there() {
         "materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}],
         "textures":[{"extensions":{"KHR_texture_basisu":{"source":0}}}],"images":[{"uri":"a.ktx2"}]"#;
     let loaded = load(&triangle(more)).unwrap();
-    assert_eq!(loaded.scene.triangles.len(), 1);
+    assert_eq!(loaded.scene.triangles().len(), 1);
     let said = messages(&loaded).join("\n");
     for words in
         ["`KHR_texture_basisu` is ignored (1)", "textures without a picture in PNG or JPEG"]
@@ -397,7 +395,7 @@ fn triangles_that_name_no_vertex_are_left_out_and_counted() {
     let json = triangle(GREY)
         .replace(r#""componentType":5121,"count":3"#, r#""componentType":5121,"count":4"#);
     let fan = json.replace(r#""indices":1"#, r#""mode":6,"indices":1"#);
-    assert_eq!(load(&fan).unwrap().scene.triangles.len(), 1);
+    assert_eq!(load(&fan).unwrap().scene.triangles().len(), 1);
     let loaded = load(
         &json
             .replace(r#""byteOffset":36,"byteLength":4"#, r#""byteOffset":35,"byteLength":6"#)

@@ -14,7 +14,7 @@ const SQUARE: &str = "v 0 0 0\nv 2 0 0\nv 2 4 0\nv 0 4 0\n";
 /// Returns the world coordinates of the corners of all triangles.
 fn world(scene: &Scene) -> Vec<[DVec3; 3]> {
     let corner = |p: glam::Vec3| p.as_dvec3() + scene.origin;
-    (0..scene.triangles.len() as u32).map(|t| scene.corners(t).map(corner)).collect()
+    scene.triangles().map(|t| scene.corners(t).map(corner)).collect()
 }
 
 #[test]
@@ -22,10 +22,10 @@ fn a_square_is_two_triangles_around_its_centre() {
     let scene = load(format!("{SQUARE}f 1 2 3 4\n")).unwrap().scene;
     assert_eq!(scene.origin, DVec3::new(1.0, 2.0, 0.0));
     assert_eq!(
-        scene.positions,
+        scene.own().positions,
         [[-1.0, -2.0, 0.0], [1.0, -2.0, 0.0], [1.0, 2.0, 0.0], [-1.0, 2.0, 0.0]]
     );
-    assert_eq!(scene.triangles, [[0, 1, 2], [0, 2, 3]]);
+    assert_eq!(scene.own().triangles, [[0, 1, 2], [0, 2, 3]]);
     assert_eq!(scene.bounds(), (DVec3::ZERO, DVec3::new(2.0, 4.0, 0.0)));
     assert_eq!((scene.area(0), scene.normal(1)), (4.0, glam::Vec3::Z));
 }
@@ -81,14 +81,14 @@ fn blanks_line_ends_comments_continuations_and_the_byte_order_mark_do_not_matter
 #[test]
 fn bytes_that_are_not_utf8_are_allowed_in_comments() {
     let obj = [b"# caf\xe9\n".as_slice(), SQUARE.as_bytes(), b"f 1 2 3\n"].concat();
-    assert_eq!(load(obj).unwrap().scene.triangles.len(), 1);
+    assert_eq!(load(obj).unwrap().scene.triangles().len(), 1);
 }
 
 #[test]
 fn a_concave_polygon_is_covered_once() {
     let obj = "v 0 0 0\nv 2 1 0\nv 0 2 0\nv 0.5 1 0\nf 1 2 3 4\n";
     let scene = load(obj).unwrap().scene;
-    assert_eq!(scene.triangles.len(), 2);
+    assert_eq!(scene.triangles().len(), 2);
     assert_eq!(scene.area(0) + scene.area(1), 1.5);
     assert!((0..2).all(|t| scene.normal(t) == glam::Vec3::Z));
 }
@@ -126,12 +126,12 @@ fn more_faces_than_are_parsed_at_once_keep_their_corners_and_materials() {
     for (n, triangle, material) in expected {
         assert!(corners[at..at + n].iter().all(|&found| found == triangle), "{triangle:?}");
         assert!(
-            scene.material_ids[at..at + n].iter().all(|&found| found == material),
+            scene.own().material_ids[at..at + n].iter().all(|&found| found == material),
             "{triangle:?}"
         );
         at += n;
     }
-    assert_eq!((corners.len(), scene.positions.len()), (at, 8));
+    assert_eq!((corners.len(), scene.own().positions.len()), (at, 8));
 }
 
 /// A triangle that is always read, before statements that cannot be.
@@ -162,7 +162,7 @@ fn what_cannot_be_read_is_left_out_with_its_line_and_a_count() {
     ];
     for (statement, problem) in cases {
         let loaded = load(format!("{GOOD}{statement}\n{statement}\n")).unwrap();
-        assert_eq!(loaded.scene.triangles.len(), 1, "{statement}");
+        assert_eq!(loaded.scene.triangles().len(), 1, "{statement}");
         let expected = format!("s.obj:5: {problem}; it is left out (2 lines)");
         assert!(messages(&loaded).contains(&expected), "{statement}: {:?}", messages(&loaded));
     }
@@ -187,7 +187,7 @@ fn a_face_may_name_vertices_of_later_lines() {
     let scene = load(obj).unwrap().scene;
     let [o, x, y, z] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     assert_eq!(world(&scene), [[o, x, y], [o, x, z]]);
-    let names = scene.material_ids.iter().map(|&id| scene.materials[id as usize].name.as_str());
+    let names = scene.material_ids().map(|id| scene.materials[id as usize].name.as_str());
     assert_eq!(names.collect::<Vec<_>>(), ["b", "a"]);
 }
 
@@ -239,7 +239,7 @@ fn ignored_statements_give_one_warning_with_the_first_line() {
          g a\no b\ns off\n"
     );
     let loaded = load(obj).unwrap();
-    assert_eq!(loaded.scene.triangles.len(), 1);
+    assert_eq!(loaded.scene.triangles().len(), 1);
     let expected = [
         "s.obj:12: lines and points (`l`, `p`) are ignored (2 lines)",
         "s.obj:14: `curv` is unknown and ignored (2 lines)",
@@ -253,7 +253,7 @@ fn ignored_statements_give_one_warning_with_the_first_line() {
 #[test]
 fn unused_vertices_do_not_move_the_origin() {
     let scene = load(format!("v 1e9 0 0\n{SQUARE}f 2 3 4\n")).unwrap().scene;
-    assert_eq!((scene.origin, scene.positions.len()), (DVec3::new(1.0, 2.0, 0.0), 3));
+    assert_eq!((scene.origin, scene.own().positions.len()), (DVec3::new(1.0, 2.0, 0.0), 3));
 }
 
 #[test]
@@ -309,7 +309,7 @@ fn faces_share_a_material_by_name_and_unknown_ones_are_grey() {
         "{SQUARE}mtllib s.mtl\nf 1 2 3\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\nusemtl a\nf 2 3 4\nusemtl unused\n"
     );
     let loaded = load_with(obj, "newmtl a\nKd 0.25 0.5 0.75\n", &LoadOptions::default()).unwrap();
-    assert_eq!(loaded.scene.material_ids, [0, 1, 2, 1]);
+    assert_eq!(loaded.scene.own().material_ids, [0, 1, 2, 1]);
     let names: Vec<_> = loaded.scene.materials.iter().map(|m| m.name.as_str()).collect();
     assert_eq!(names, ["default", "a", "b"]);
     assert_eq!(loaded.scene.materials[2].bsdf, holo_scene::Bsdf::Diffuse { kd: [0.5; 3] });
@@ -367,7 +367,7 @@ fn a_face_of_very_many_corners_is_left_out() {
     let corners = |count: usize| format!("{SQUARE}f 1 2 3\nf{}\n", " 1 2 3 4".repeat(count / 4));
     let most = holo_scene::limits::MAX_CORNERS;
     let loaded = load(corners(most + 4)).unwrap();
-    assert_eq!(loaded.scene.triangles.len(), 1);
+    assert_eq!(loaded.scene.triangles().len(), 1);
     let said = messages(&loaded).join("\n");
     assert!(said.contains("`f` takes at most 65536 corners; it is left out"), "{said}");
 }
@@ -417,16 +417,16 @@ proptest! {
         }
         prop_assume!(!triangles.is_empty());
         let scene = load(&obj).unwrap().scene;
-        prop_assert_eq!(scene.triangles.len(), triangles.len());
+        prop_assert_eq!(scene.triangles().len(), triangles.len());
         for (a, b) in world(&scene).iter().flatten().zip(triangles.iter().flatten()) {
             // Relative coordinates are at most 100; this is half a unit of f32 there.
             prop_assert!((*a - *b).abs().max_element() <= 100.0 * 2f64.powi(-24) * 1.001, "{} {}", a, b);
         }
-        let read: Vec<_> = scene.material_ids.iter().map(|&id| &scene.materials[id as usize].name).collect();
+        let read: Vec<_> = scene.material_ids().map(|id| &scene.materials[id as usize].name).collect();
         prop_assert_eq!(read, names.iter().collect::<Vec<_>>());
         // Every used point exists once, whatever groups and materials use it.
         let used: std::collections::HashSet<_> = triangles.iter().flatten().map(|p| p.to_array().map(f64::to_bits)).collect();
-        prop_assert_eq!(scene.positions.len(), used.len());
+        prop_assert_eq!(scene.own().positions.len(), used.len());
     }
 
     /// Any text gives a valid scene or an error.

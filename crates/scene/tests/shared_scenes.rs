@@ -27,7 +27,7 @@ fn the_cornell_box_is_loaded_completely() {
     let loaded = load("cornell/cornell.obj");
     let scene = loaded.scene;
     assert_eq!(loaded.warnings, []);
-    assert_eq!((scene.triangles.len(), scene.materials.len()), (32, 4));
+    assert_eq!((scene.triangles().len(), scene.materials.len()), (32, 4));
     let features = scene.features();
     assert!(features.diffuse && !features.mirror && !features.sky);
     assert_eq!(features.emitters, 2);
@@ -45,7 +45,7 @@ fn the_cornell_box_is_loaded_completely() {
 fn the_cabin_is_loaded_completely() {
     let scene = load("cabin/cabin.obj").scene;
     assert_eq!(scene.materials.len(), 26);
-    assert_eq!(scene.triangles.len(), 298_947);
+    assert_eq!(scene.triangles().len(), 298_947);
     let features = scene.features();
     assert!(features.diffuse && features.mirror && features.thin_glass && !features.coated);
     assert_eq!(Scene::unpack(&scene.pack()).unwrap(), scene);

@@ -53,7 +53,7 @@ pub fn memory(scene: &Scene) -> usize {
             [24 * shading.uvs.len(), 12 * shading.normals.len(), 9 * shading.colours.len()];
         corners.iter().sum::<usize>() + textures
     });
-    12 * scene.positions.len() + 16 * scene.triangles.len() + shading
+    scene.geometry_bytes() + shading
 }
 
 fn bits(p: Vec3) -> [u32; 3] {
@@ -67,7 +67,7 @@ fn place(scene: &Scene, triangle: u32) -> Option<[f64; 3]> {
 }
 
 fn all(scene: &Scene) -> std::ops::Range<u32> {
-    0..scene.triangles.len() as u32
+    scene.triangles()
 }
 
 fn duplicates(scene: &Scene, found: &mut Vec<Finding>) {
@@ -155,7 +155,7 @@ fn very_large(scene: &Scene, size: f64, found: &mut Vec<Finding>) {
         f64::from((high - low).max_element()) > LONG * size
     };
     let long: Vec<u32> = all(scene).filter(is_long).take(MOST + 1).collect();
-    if long.is_empty() || long.len() > MOST || long.len() == scene.triangles.len() {
+    if long.is_empty() || long.len() > MOST || long.len() == scene.triangles().len() {
         return;
     }
     let others = all(scene).filter(|t| !is_long(t)).flat_map(|t| scene.corners(t));
@@ -184,7 +184,7 @@ fn parts(scene: &Scene) -> Vec<Vec<u32>> {
         }
         at
     }
-    let mut of_triangle = Vec::with_capacity(scene.triangles.len());
+    let mut of_triangle = Vec::with_capacity(scene.triangles().len());
     for triangle in all(scene) {
         let corners = scene.corners(triangle).map(|corner| {
             let next = parent.len() as u32;
@@ -217,7 +217,7 @@ pub fn white_materials(scene: &Scene) -> Vec<(&str, f32)> {
         _ => 0.0,
     };
     let mut used = vec![false; scene.materials.len()];
-    scene.material_ids.iter().for_each(|&id| used[id as usize] = true);
+    scene.material_ids().for_each(|id| used[id as usize] = true);
     // With a texture, or with colours of corners, white is only a factor.
     let is_factor = |id: usize| {
         scene.shading.as_ref().is_some_and(|shading| {
@@ -233,7 +233,7 @@ pub fn white_materials(scene: &Scene) -> Vec<(&str, f32)> {
 
 fn materials(scene: &Scene, found: &mut Vec<Finding>) {
     let mut used = vec![false; scene.materials.len()];
-    scene.material_ids.iter().for_each(|&id| used[id as usize] = true);
+    scene.material_ids().for_each(|id| used[id as usize] = true);
     let count = |is_odd: &dyn Fn(usize) -> bool| {
         let odd: Vec<usize> = (0..scene.materials.len()).filter(|&id| is_odd(id)).collect();
         (odd.len(), odd.first().map(|&id| scene.materials[id].name.clone()))

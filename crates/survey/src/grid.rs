@@ -3,8 +3,9 @@
 //! Invariant: no step between cells that share a face crosses a surface. If a surface lies between
 //! two such cells, at least one of them is touched.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
+use holo_scene::Scene;
 
 use crate::clip;
 use crate::frame::Frame;
@@ -39,9 +40,8 @@ impl Grid {
     /// Makes the grid of a scene. `None` if it has no triangle or is a point.
     pub(crate) fn new(raycaster: &Raycaster, frame: Frame) -> Option<Grid> {
         let scene = raycaster.scene();
-        let local = |p: &[f32; 3]| frame.to_local(glam::Vec3::from(*p).as_dvec3());
-        let points: Vec<DVec3> = scene.positions.iter().map(local).collect();
-        let (low, high) = extent(&points)?;
+        let local = |p: Vec3| frame.to_local(p.as_dvec3());
+        let (low, high) = extent(&points(scene, local))?;
         let size = high - low;
         if size.max_element() <= 0.0 || !size.is_finite() {
             return None;
@@ -55,8 +55,8 @@ impl Grid {
         let size = counts.to_array().map(|n| n as usize);
         let touched = vec![false; size.iter().product()];
         let mut grid = Grid { frame, low, cell, size, touched };
-        for triangle in &scene.triangles {
-            grid.touch(triangle.map(|corner| points[corner as usize]));
+        for triangle in scene.triangles() {
+            grid.touch(scene.corners(triangle).map(local));
         }
         Some(grid)
     }
@@ -99,6 +99,35 @@ impl Grid {
     pub(crate) fn middle(&self, at: [usize; 3]) -> DVec3 {
         self.low + (DVec3::from_array(at.map(|c| c as f64)) + 0.5) * self.cell
     }
+}
+
+/// Most corners of a scene with instances whose extent is determined. All of them would take more
+/// memory than the scene.
+const MOST_OF_INSTANCES: usize = 1 << 20;
+
+/// Returns the corners of a scene in local coordinates. If instances make them too many, these are
+/// the outermost ones and an even selection.
+fn points(scene: &Scene, local: impl Fn(Vec3) -> DVec3) -> Vec<DVec3> {
+    let all = || scene.points().map(&local);
+    if scene.instances().is_empty() {
+        return all().collect();
+    }
+    let mut outermost: [Option<DVec3>; 6] = [None; 6];
+    let mut count = 0;
+    for point in all() {
+        count += 1;
+        for axis in 0..3 {
+            let [low, high] = [2 * axis, 2 * axis + 1];
+            if outermost[low].is_none_or(|least| point[axis] < least[axis]) {
+                outermost[low] = Some(point);
+            }
+            if outermost[high].is_none_or(|most| point[axis] > most[axis]) {
+                outermost[high] = Some(point);
+            }
+        }
+    }
+    let selection = all().step_by(count / MOST_OF_INSTANCES + 1);
+    selection.chain(outermost.into_iter().flatten()).collect()
 }
 
 /// Returns the least and greatest coordinates, without a few corners that lie far outside.

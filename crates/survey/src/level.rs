@@ -187,7 +187,7 @@ fn look_around(grid: &Grid, raycaster: &Raycaster, from: DVec3) -> Seen {
         let world = grid.frame.to_world(direction).as_vec3();
         let Some(hit) = raycaster.nearest(&Ray::new(origin, world)) else { continue };
         let normal = raycaster.geometric_normal(hit.triangle);
-        let id = scene.material_ids[hit.triangle as usize];
+        let id = scene.material_id(hit.triangle);
         let material = &scene.materials[id as usize];
         let is_back = normal.dot(world) > 0.0;
         seen.hits += 1;

@@ -105,7 +105,7 @@ fn lamp_points(raycaster: &Raycaster) -> Vec<LampPoint> {
         let is_two_sided = scene.material(triangle).two_sided_emission;
         LampPoint { point: raycaster.surface(triangle, u, v), is_two_sided }
     };
-    in_proportion(&weights, LAMP_POINTS).into_iter().map(lamp).collect()
+    in_proportion(weights.iter().copied(), LAMP_POINTS).into_iter().map(lamp).collect()
 }
 
 /// Returns the brightness of a point on a lamp.
@@ -125,9 +125,12 @@ fn area(scene: &Scene, triangle: u32) -> f64 {
 
 /// Returns `count` points on triangles, in proportion to the triangles' weights: triangle and
 /// barycentric weights. Empty if all weights are 0.
-fn spread(scene: &Scene, count: usize, weight: impl Fn(u32) -> f64) -> Vec<(u32, f32, f32)> {
-    let weights: Vec<f64> = (0..scene.triangles.len() as u32).map(weight).collect();
-    let chosen = in_proportion(&weights, count).into_iter().enumerate();
+fn spread(
+    scene: &Scene,
+    count: usize,
+    weight: impl Fn(u32) -> f64 + Clone,
+) -> Vec<(u32, f32, f32)> {
+    let chosen = in_proportion(scene.triangles().map(weight), count).into_iter().enumerate();
     let point = |(number, triangle): (usize, usize)| {
         // The plastic number's sequence (Roberts 2018), folded into the triangle.
         let number = number as f32;
@@ -139,13 +142,14 @@ fn spread(scene: &Scene, count: usize, weight: impl Fn(u32) -> f64) -> Vec<(u32,
 }
 
 /// Returns `count` indices, each as often as its weight requires. Empty if all weights are 0.
-fn in_proportion(weights: &[f64], count: usize) -> Vec<usize> {
-    let total: f64 = weights.iter().sum();
+fn in_proportion(weights: impl Iterator<Item = f64> + Clone, count: usize) -> Vec<usize> {
+    // Twice, because all weights of a scene with instances would take more memory than the scene.
+    let total: f64 = weights.clone().sum();
     if total.is_nan() || total <= 0.0 {
         return Vec::new();
     }
     let (mut chosen, mut before) = (Vec::with_capacity(count), 0.0);
-    for (index, weight) in weights.iter().enumerate() {
+    for (index, weight) in weights.enumerate() {
         before += weight;
         while chosen.len() < count && (chosen.len() as f64 + 0.5) * total < before * count as f64 {
             chosen.push(index);
@@ -209,7 +213,7 @@ mod tests {
 
     #[test]
     fn indices_come_as_often_as_their_weights_demand() {
-        assert_eq!(in_proportion(&[1.0, 0.0, 2.0, 1.0], 8), [0, 0, 2, 2, 2, 2, 3, 3]);
-        assert!(in_proportion(&[0.0; 3], 8).is_empty());
+        assert_eq!(in_proportion([1.0, 0.0, 2.0, 1.0].into_iter(), 8), [0, 0, 2, 2, 2, 2, 3, 3]);
+        assert!(in_proportion([0.0; 3].into_iter(), 8).is_empty());
     }
 }

@@ -1,6 +1,6 @@
 //! Chooses a view of a whole scene from outside.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use holo_raycast::{Hit, Raycaster};
 use holo_scene::Scene;
 
@@ -148,9 +148,8 @@ impl Look {
         let (low, high) = scene.bounds();
         let middle = (low + high) * 0.5;
         let slope = (0.5 * ANGLE.to_radians()).tan() * FILLED;
-        let distance = scene.triangles.as_flattened().iter().map(|&corner| {
-            let corner = Vec3::from(scene.positions[corner as usize]).as_dvec3();
-            let from_middle = scene.origin + corner - middle;
+        let distance = scene.points().map(|corner| {
+            let from_middle = scene.origin + corner.as_dvec3() - middle;
             let across = from_middle.dot(self.right).abs() / slope;
             let up = from_middle.dot(self.above).abs() / (slope * WIDE);
             across.max(up) - from_middle.dot(self.direction)

@@ -43,10 +43,10 @@ fn normals(
 ) -> (DVec3, f64) {
     let wanted: Vec<bool> = scene.materials.iter().map(of).collect();
     let (mut sum, mut total) = (DVec3::ZERO, 0.0);
-    for (triangle, &material) in scene.material_ids.iter().enumerate() {
+    for (triangle, material) in (0_u32..).zip(scene.material_ids()) {
         if wanted[material as usize] {
-            let area = scene.area(triangle as u32);
-            sum += fold(scene.normal(triangle as u32).as_dvec3()) * area;
+            let area = scene.area(triangle);
+            sum += fold(scene.normal(triangle).as_dvec3()) * area;
             total += area;
         }
     }

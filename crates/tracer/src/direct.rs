@@ -221,7 +221,7 @@ impl LitVertex<'_> {
         // bright.
         let towards = self.raycaster.point(triangle, u, v) - self.point.point;
         let light = self.raycaster.surface(triangle, u, v);
-        let material = self.raycaster.scene().material_ids[triangle as usize];
+        let material = self.raycaster.scene().material_id(triangle);
         let emitter = &self.engine.surfaces[material as usize];
         let distance2 = towards.length_squared();
         if distance2 == 0.0 {

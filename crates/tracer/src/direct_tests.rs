@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 
@@ -44,10 +44,9 @@ fn scene(floor: Bsdf, sky: [f32; 3]) -> Arc<Scene> {
 /// solid plate of glass lies beside them.
 fn glazed(floor: Bsdf, sky: [f32; 3]) -> Arc<Scene> {
     let open = scene(floor, sky);
-    let mut positions: Vec<DVec3> =
-        open.positions.iter().map(|p| Vec3::from(*p).as_dvec3() + open.origin).collect();
-    let mut triangles: Vec<[u32; 3]> = open.triangles.clone();
-    let mut ids: Vec<u32> = open.material_ids.clone();
+    let mut positions: Vec<DVec3> = open.points().map(|p| p.as_dvec3() + open.origin).collect();
+    let mut triangles: Vec<[u32; 3]> = open.own().triangles.to_vec();
+    let mut ids: Vec<u32> = open.own().material_ids.to_vec();
     let mut materials = open.materials.clone();
     let mut quad = |corners: [[f64; 3]; 4], id: u32| {
         let base = positions.len() as u32;
@@ -112,12 +111,11 @@ fn one_lamp_alone_gives_the_direct_light_of_a_diffuse_room_without_samples_of_it
         let scene = scene(floor, [0.0; 3]);
         let mut materials = scene.materials.clone();
         materials[2].emission = [0.0; 3];
-        let positions: Vec<DVec3> =
-            scene.positions.iter().map(|p| Vec3::from(*p).as_dvec3() + scene.origin).collect();
+        let positions: Vec<DVec3> = scene.points().map(|p| p.as_dvec3() + scene.origin).collect();
         let (scene, _) = Scene::from_world(
             &positions,
-            &scene.triangles,
-            &scene.material_ids,
+            scene.own().triangles,
+            scene.own().material_ids,
             materials,
             [0.0; 3],
         )

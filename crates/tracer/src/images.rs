@@ -109,7 +109,7 @@ impl<'a> Images<'a> {
         let distance2 = towards.length_squared();
         let cosine = -towards.dot(lamp) / distance2.sqrt();
         let surface = &self.raycaster.scene().materials
-            [self.raycaster.scene().material_ids[triangle as usize] as usize];
+            [self.raycaster.scene().material_id(triangle) as usize];
         if !(cosine > 0.0 || surface.two_sided_emission && cosine < 0.0) {
             return None;
         }

@@ -194,8 +194,7 @@ fn straight(
     for _ in 0..8 {
         let Some(hit) = raycaster.nearest_from(&ray(from, direction), from.triangle) else { break };
         from = raycaster.surface(hit.triangle, hit.u, hit.v);
-        let surface =
-            &engine.surfaces[raycaster.scene().material_ids[hit.triangle as usize] as usize];
+        let surface = &engine.surfaces[raycaster.scene().material_id(hit.triangle) as usize];
         if surface.emits {
             return if direction.dot(from.normal) < 0.0 { share } else { 0.0 };
         }

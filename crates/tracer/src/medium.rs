@@ -122,8 +122,8 @@ impl Nesting {
             _ => None,
         };
         let solids: Vec<Option<Solid>> = scene.materials.iter().map(solid).collect();
-        let triangles = (0..).zip(&scene.material_ids);
-        let of_solids = triangles.filter(|&(_, &material)| solids[material as usize].is_some());
+        let triangles = (0..).zip(scene.material_ids());
+        let of_solids = triangles.filter(|&(_, material)| solids[material as usize].is_some());
         let boxes = Boxes::new(of_solids.map(|(triangle, _)| scene.corners(triangle)));
         if boxes.is_empty() {
             return None;
@@ -207,7 +207,7 @@ impl Nesting {
         for _ in 0..MAX_PASSED {
             let Some(hit) = raycaster.nearest_from(&ray, from) else { return Some(inside) };
             let point = raycaster.surface(hit.triangle, hit.u, hit.v);
-            let material = raycaster.scene().material_ids[hit.triangle as usize];
+            let material = raycaster.scene().material_id(hit.triangle);
             let mut pass = |material: u32, normal: Vec3| {
                 if self.solids[material as usize].is_some() {
                     // The ray leaves what a path towards the point would enter.
@@ -331,16 +331,15 @@ fn touching(
     let error = point.error * TOUCH;
     let near = spawn(point.point, error, point.normal, -direction);
     let far = spawn(point.point, error, point.normal, direction);
-    let material_ids = &raycaster.scene().material_ids;
+    let material = |triangle: u32| raycaster.scene().material_id(triangle);
     let side = |normal: Vec3| direction.dot(normal) < 0.0;
-    let mut seen = [(material_ids[point.triangle as usize], side(point.normal)); TOUCHING + 1];
+    let mut seen = [(material(point.triangle), side(point.normal)); TOUCHING + 1];
     let mut count = 1;
     let mut segment = Ray { origin: near, direction: far - near, t_min: 0.0, t_max: 1.0 };
     let mut from = point.triangle;
     for _ in 0..2 * TOUCHING {
         let Some(hit) = raycaster.nearest_from(&segment, from) else { return };
-        let (material, normal) =
-            (material_ids[hit.triangle as usize], raycaster.geometric_normal(hit.triangle));
+        let (material, normal) = (material(hit.triangle), raycaster.geometric_normal(hit.triangle));
         let this = (material, side(normal));
         if hit.triangle != point.triangle && !seen[..count].contains(&this) {
             if count > TOUCHING {

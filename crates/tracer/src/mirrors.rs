@@ -155,9 +155,7 @@ pub(crate) struct Mirrors {
 impl Mirrors {
     /// Finds the planes of mirrors and panes.
     pub(crate) fn find(scene: &Scene, surfaces: &[Surface]) -> Self {
-        Self::find_with(scene, |t| {
-            Face::of(&surfaces[scene.material_ids[t as usize] as usize].scatter)
-        })
+        Self::find_with(scene, |t| Face::of(&surfaces[scene.material_id(t) as usize].scatter))
     }
 
     /// Finds the planes of the triangles for which `face` returns a reflection.
@@ -168,8 +166,9 @@ impl Mirrors {
         let face = |t: u32| face(t).filter(|_| scene.is_plain(t));
         // The largest first, so that the many small triangles of a curved mirror do not displace a
         // flat mirror.
-        let mut shining: Vec<(f64, u32, Face)> = (0..scene.triangles.len() as u32)
-            .filter_map(|t| Some((scene.area(t), t, face(t)?)))
+        let mut shining: Vec<(f64, u32, Face)> = scene
+            .triangles()
+            .filter_map(|t| face(t).map(|face| (scene.area(t), t, face)))
             .collect();
         shining.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let mut found: Vec<(Plane, Vec<(u32, Face)>)> = Vec::new();

@@ -124,7 +124,7 @@ impl Panes {
 
     #[inline]
     fn at(&self, raycaster: &Raycaster, triangle: u32) -> Option<Pane> {
-        *self.materials.get(raycaster.scene().material_ids[triangle as usize] as usize)?
+        *self.materials.get(raycaster.scene().material_id(triangle) as usize)?
     }
 
     /// Implements [`between`](Self::between) for a segment that at least one pane crosses.

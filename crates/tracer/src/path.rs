@@ -202,7 +202,7 @@ impl PathEngine {
                 break;
             };
             let point = raycaster.surface(hit.triangle, hit.u, hit.v);
-            let material = raycaster.scene().material_ids[hit.triangle as usize];
+            let material = raycaster.scene().material_id(hit.triangle);
             let surface = &self.surfaces[material as usize];
             let crossing = self
                 .nesting

@@ -137,7 +137,7 @@ impl SecondarySources {
         let scene = raycaster.scene();
         let strength: Vec<f64> =
             scene.materials.iter().map(|m| f64::from(luminance(m.emission))).collect();
-        let power = |t: u32| strength[scene.material_ids[t as usize] as usize] * scene.area(t);
+        let power = |t: u32| strength[scene.material_id(t) as usize] * scene.area(t);
         let emitters = lights.triangles();
         let mut sums = Vec::with_capacity(emitters.len());
         let mut total = 0.0;
@@ -162,7 +162,7 @@ impl SecondarySources {
         }
         let tree = brightest(scene, &outgoing, total / f64::from(PATHS))?
             .with_cells(raycaster, &Arc::new(Panes::closed()));
-        let mut members = vec![0; scene.triangles.len().div_ceil(64)];
+        let mut members = vec![0; scene.triangles().len().div_ceil(64)];
         tree.triangles().iter().for_each(|&t| members[t as usize / 64] |= 1 << (t % 64));
         Some(Self { tree, members })
     }
@@ -198,9 +198,9 @@ fn brightest(
         let center = (corners[0] + corners[1] + corners[2]) / 3.0;
         let cube = (center / side).floor().as_ivec3().to_array();
         // A triangle that is larger than a cube is a patch of its own.
-        if is_large(t) { (cube, u32::MAX - t) } else { (cube, scene.material_ids[t as usize]) }
+        if is_large(t) { (cube, u32::MAX - t) } else { (cube, scene.material_id(t)) }
     };
-    let candidates = || (0..scene.triangles.len() as u32).filter(|&t| !scene.material(t).emits());
+    let candidates = || scene.triangles().filter(|&t| !scene.material(t).emits());
     // Numbered in the order of triangles, so that sums do not depend on the hash map.
     let mut numbers = HashMap::new();
     let mut patches: Vec<Patch> = Vec::new();
@@ -258,11 +258,11 @@ fn follow(
     sampler: &mut Sampler,
     outgoing: &mut impl FnMut(u32, usize, f32),
 ) {
-    let material_ids = &raycaster.scene().material_ids;
+    let surface = |triangle: u32| &surfaces[raycaster.scene().material_id(triangle) as usize];
     let (u, v) = triangle(sampler.two());
     let mut point = raycaster.surface(emitter, u, v);
     let mut normal = point.normal;
-    if surfaces[material_ids[emitter as usize] as usize].two_sided && sampler.one() < 0.5 {
+    if surface(emitter).two_sided && sampler.one() < 0.5 {
         normal = -normal;
     }
     let mut direction = Frame::new(normal).to_world(cosine_hemisphere(sampler.two()));
@@ -278,7 +278,7 @@ fn follow(
             return;
         }
         sampler.turn(depth, Purpose::Scatter);
-        let scatter = &surfaces[material_ids[hit.triangle as usize] as usize].scatter;
+        let scatter = &surface(hit.triangle).scatter;
         let Some(sampled) = scatter.sample(wo, front, sampler) else { return };
         share *= luminance(sampled.weight.to_array()).min(1.0);
         if sampled.wi.z > 0.0 {

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 use std::io::Cursor;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use holo_scene::{Bsdf, CutOut, Maps, Material, Scene, Shading, Texture, Wrap, to_octahedral};
 
 use crate::{Settings, Tracer};
@@ -29,7 +29,7 @@ fn sphere(around: u32, smooth: bool, bsdf: Bsdf, sky: [f32; 3]) -> Scene {
         return scene;
     }
     let normal = |t: u32| scene.corners(t).map(|c| to_octahedral(c.normalize()));
-    let normals = (0..scene.triangles.len() as u32).map(normal).collect();
+    let normals = scene.triangles().map(normal).collect();
     scene.with_shading(Shading { normals, ..Shading::default() }).unwrap()
 }
 
@@ -89,14 +89,13 @@ fn smooth_normals_hide_facets() {
     // of 24 facets, and is continuous on a smooth ball.
     let lit = |smooth: bool| {
         let ball = sphere(24, smooth, Bsdf::Diffuse { kd: [0.8; 3] }, [0.0; 3]);
-        let mut positions: Vec<DVec3> =
-            ball.positions.iter().map(|p| Vec3::from(*p).as_dvec3() + ball.origin).collect();
-        let mut triangles = ball.triangles.clone();
+        let mut positions: Vec<DVec3> = ball.points().map(|p| p.as_dvec3() + ball.origin).collect();
+        let mut triangles = ball.own().triangles.to_vec();
         let first = positions.len() as u32;
         let side = [[20.0, -1.0, 9.0], [20.0, 1.0, 9.0], [20.0, 1.0, 11.0], [20.0, -1.0, 11.0]];
         positions.extend(side.map(DVec3::from));
         triangles.extend([[first, first + 2, first + 1], [first, first + 3, first + 2]]);
-        let mut ids = ball.material_ids.clone();
+        let mut ids = ball.own().material_ids.to_vec();
         ids.extend([1, 1]);
         let lamp =
             Material { emission: [1000.0; 3], two_sided_emission: true, ..Material::grey("lamp") };

@@ -21,7 +21,7 @@ pub(crate) struct Surface {
 /// Returns the materials of a scene, in order.
 pub(crate) fn surfaces(scene: &Scene) -> Vec<Surface> {
     let mut used = vec![false; scene.materials.len()];
-    scene.material_ids.iter().for_each(|&m| used[m as usize] = true);
+    scene.material_ids().for_each(|m| used[m as usize] = true);
     let (mut tables, mut varied) = (Tables::default(), VariedTables::default());
     let finish = |id: usize| scene.shading.as_ref()?.maps.get(id)?.finish;
     scene

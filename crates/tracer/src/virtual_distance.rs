@@ -56,22 +56,17 @@ impl VirtualDistance {
             .collect();
         let is_even = |m: u32| scene.has_even_finish(m as usize);
         let mut flat: Vec<bool> =
-            scene.material_ids.iter().map(|&m| smooth[m as usize] && is_even(m)).collect();
+            scene.material_ids().map(|m| smooth[m as usize] && is_even(m)).collect();
         // Triangles by edge and material. Edges are compared by position, because files repeat
         // vertices.
         let mut sides: HashMap<(u32, [[u32; 3]; 2]), Vec<u32>> = HashMap::new();
-        for triangle in
-            (0..flat.len() as u32).filter(|&t| smooth[scene.material_ids[t as usize] as usize])
-        {
+        for triangle in (0..flat.len() as u32).filter(|&t| smooth[scene.material_id(t) as usize]) {
             let corners =
                 scene.corners(triangle).map(|c| (c + Vec3::ZERO).to_array().map(f32::to_bits));
             for k in 0..3 {
                 let mut edge = [corners[k], corners[(k + 1) % 3]];
                 edge.sort_unstable();
-                sides
-                    .entry((scene.material_ids[triangle as usize], edge))
-                    .or_default()
-                    .push(triangle);
+                sides.entry((scene.material_id(triangle), edge)).or_default().push(triangle);
             }
         }
         for triangles in sides.values() {
@@ -103,7 +98,7 @@ impl VirtualDistance {
         for _ in 0..MAX_PASSED {
             let Some(found) = hit else { return f64::INFINITY };
             let point = raycaster.surface(found.triangle, found.u, found.v);
-            let material = scene.material_ids[found.triangle as usize];
+            let material = scene.material_id(found.triangle);
             let surface = &engine.surfaces[material as usize];
             let crossing = engine
                 .nesting

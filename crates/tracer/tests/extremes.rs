@@ -211,7 +211,7 @@ fn faces_without_area_are_left_out_and_named() {
     let (scene, dropped) =
         Scene::from_world(&positions, &triangles, &[0; 3], vec![material], [0.0; 3])
             .expect("valid");
-    assert_eq!((dropped, scene.triangles.len()), (vec![0, 1], 1));
+    assert_eq!((dropped, scene.triangles().len()), (vec![0, 1], 1));
     assert!(Tracer::new(scene.into(), Settings::default()).is_ok());
 }
 

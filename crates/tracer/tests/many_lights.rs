@@ -147,7 +147,7 @@ fn an_integrating_sphere_has_the_irradiance_of_its_closed_form() {
     let light = model.material(Bsdf::Diffuse { kd: [rho; 3] }, [2.0; 3]);
     sphere(&mut model, n, [wall, light], |i, _| i < 8);
     let scene = model.scene();
-    let area: f64 = (0..scene.triangles.len() as u32).map(|t| scene.area(t)).sum();
+    let area: f64 = scene.triangles().map(|t| scene.area(t)).sum();
     let emitting: f64 = scene.emitters().map(|t| scene.area(t)).sum();
     assert!(scene.emitters().count() > 1_500);
     let rho = f64::from(rho);

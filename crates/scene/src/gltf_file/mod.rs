@@ -14,6 +14,7 @@ mod look;
 mod materials;
 mod mend;
 mod reading;
+mod sharing;
 mod textures;
 
 use std::collections::BTreeMap;
@@ -28,7 +29,7 @@ use crate::model::{LoadProgress, Model, Reader, Source};
 use crate::named_file::read_file;
 use crate::text::excerpt;
 use crate::texture_files::TextureFiles;
-use crate::{About, SceneError, WHITE, smooth};
+use crate::{About, SceneError, Shading, WHITE, smooth};
 use buffers::Buffers;
 use reading::Reading;
 
@@ -62,31 +63,22 @@ fn read(source: Source) -> Result<Model, SceneError> {
         looks: Vec::new(),
         files: TextureFiles::default(),
         visited: vec![false; document.nodes().len()],
+        sharing: sharing::plan(&document),
+        placed: 0,
         counts: BTreeMap::new(),
         bytes: bytes.len() as u64,
         watch,
     };
     reading.note_extensions(&document);
-    let scene = document.default_scene().or_else(|| document.scenes().next());
-    match scene {
-        Some(scene) => {
-            scene.nodes().try_for_each(|node| reading.node(&node, DMat4::IDENTITY, 0))?
-        }
-        // A file without scenes is a library of nodes; those without a parent are read.
-        None => {
-            let children: Vec<usize> =
-                document.nodes().flat_map(|node| node.children().map(|c| c.index())).collect();
-            for node in document.nodes().filter(|node| !children.contains(&node.index())) {
-                reading.node(&node, DMat4::IDENTITY, 0)?;
-            }
-        }
+    for node in sharing::roots(&document) {
+        reading.node(&node, DMat4::IDENTITY, 0)?;
     }
     for (what, count) in &reading.counts {
         warnings.push(path, None, format!("{what} ({count})"));
     }
     reading.finish_shading();
     let mut model = reading.model;
-    if model.triangles.is_empty() {
+    if model.triangles.is_empty() && model.placements.is_empty() {
         let meshes = document.meshes().len();
         model.instead =
             Some(format!("it is glTF whose meshes ({meshes}) have no triangle in view"));
@@ -189,16 +181,14 @@ impl Reading<'_> {
             return Err(self.problem(format!("the transform of node {name} is not finite")));
         }
         if let Some(mesh) = node.mesh() {
-            for primitive in mesh.primitives() {
-                let mesh_name = mesh.name().map_or_else(|| mesh.index().to_string(), excerpt);
-                self.primitive(&primitive, matrix).map_err(|error| match error {
-                    SceneError::Gltf { path, problem } => {
-                        let problem = format!("node {name}, mesh {mesh_name}: {problem}");
-                        SceneError::Gltf { path, problem }
-                    }
-                    other => other,
-                })?;
-            }
+            let mesh_name = mesh.name().map_or_else(|| mesh.index().to_string(), excerpt);
+            self.mesh(&mesh, matrix).map_err(|error| match error {
+                SceneError::Gltf { path, problem } => {
+                    let problem = format!("node {name}, mesh {mesh_name}: {problem}");
+                    SceneError::Gltf { path, problem }
+                }
+                other => other,
+            })?;
         }
         if let Some(camera) = node.camera() {
             self.camera(&camera, &name, matrix);
@@ -206,9 +196,16 @@ impl Reading<'_> {
         if let Some(light) = node.light() {
             lights::add(self, &light, matrix);
         }
-        let triangles = self.model.triangles.len() as u64;
+        let triangles = (self.model.triangles.len() + self.placed) as u64;
         (self.watch)(LoadProgress { bytes: self.bytes, total_bytes: self.bytes, triangles });
         node.children().try_for_each(|child| self.node(&child, matrix, depth + 1))
+    }
+
+    fn mesh(&mut self, mesh: &gltf::Mesh, matrix: DMat4) -> Result<(), SceneError> {
+        if self.share(mesh, matrix)? {
+            return Ok(());
+        }
+        mesh.primitives().try_for_each(|primitive| self.primitive(&primitive, matrix))
     }
 
     fn primitive(&mut self, primitive: &gltf::Primitive, matrix: DMat4) -> Result<(), SceneError> {
@@ -233,10 +230,10 @@ impl Reading<'_> {
         };
         let first = self.model.positions.len();
         if first + positions.len() > MAX_POSITIONS
-            || self.model.triangles.len() + indices.len() > MAX_TRIANGLES
+            || self.model.triangles.len() + self.placed + indices.len() > MAX_TRIANGLES
         {
             let limit = MAX_TRIANGLES as u64;
-            let count = (self.model.triangles.len() + indices.len()) as u64;
+            let count = (self.model.triangles.len() + self.placed + indices.len()) as u64;
             return Err(SceneError::Limit { what: "triangles", count, limit });
         }
         let material = self.material(&primitive.material())?;
@@ -309,23 +306,38 @@ impl Reading<'_> {
         Ok(id)
     }
 
-    /// Completes the attributes of triangles that have none.
+    /// Completes the attributes of triangles that have none. An attribute that only some triangles
+    /// have becomes one of all, those of shared meshes included.
     fn finish_shading(&mut self) {
-        if !self.model.shading.normals.is_empty() {
+        let Model { shading: own, meshes, .. } = &self.model;
+        let shadings = || meshes.iter().map(|mesh| &mesh.shading).chain([own]);
+        let is_curved = shadings().any(|shading| shading.normals.iter().any(smooth::is_curved));
+        let is_coloured = shadings().any(|shading| !shading.colours.is_empty());
+        if is_curved {
             self.fill_normals();
+            self.model.meshes.iter_mut().for_each(Self::fill_normals_of);
         }
-        let shading = &mut self.model.shading;
-        if !shading.colours.is_empty() {
-            shading.colours.resize(self.model.triangles.len(), [WHITE; 3]);
+        let textures = std::mem::take(&mut self.files.textures);
+        let finish = |shading: &mut Shading, triangles: usize| {
+            if is_coloured {
+                shading.colours.resize(triangles, [WHITE; 3]);
+            }
+            if !is_curved {
+                shading.normals.clear();
+            }
+            if !textures.is_empty() {
+                shading.uvs.resize(triangles, [[0.0; 2]; 3]);
+            }
+        };
+        finish(&mut self.model.shading, self.model.triangles.len());
+        self.model
+            .meshes
+            .iter_mut()
+            .for_each(|mesh| finish(&mut mesh.shading, mesh.triangles.len()));
+        if !textures.is_empty() {
+            self.model.shading.maps = self.looks.iter().map(|look| look.maps).collect();
         }
-        if !shading.normals.iter().any(smooth::is_curved) {
-            shading.normals.clear();
-        }
-        shading.textures = std::mem::take(&mut self.files.textures);
-        if !shading.textures.is_empty() {
-            shading.uvs.resize(self.model.triangles.len(), [[0.0; 2]; 3]);
-            shading.maps = self.looks.iter().map(|look| look.maps).collect();
-        }
+        self.model.shading.textures = textures;
     }
 
     fn camera(&mut self, camera: &gltf::Camera, node: &str, matrix: DMat4) {

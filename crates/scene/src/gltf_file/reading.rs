@@ -7,6 +7,7 @@ use glam::Vec3;
 
 use super::buffers::Buffers;
 use super::look::Look;
+use super::sharing::Sharing;
 use crate::limits::MAX_MATERIALS;
 use crate::model::{LoadProgress, Model};
 use crate::texture_files::TextureFiles;
@@ -24,6 +25,10 @@ pub(super) struct Reading<'a> {
     pub looks: Vec<Look>,
     pub files: TextureFiles,
     pub visited: Vec<bool>,
+    /// Whether nodes share a mesh, by its index.
+    pub sharing: Vec<Sharing>,
+    /// Number of triangles of all instances of shared meshes.
+    pub placed: usize,
     /// Parts of the file that the scene cannot represent, with counts.
     pub counts: BTreeMap<String, usize>,
     pub bytes: u64,

@@ -196,7 +196,7 @@ impl Gathering<'_> {
             .filter(|hit| cosine > 0.0 && is_above && hit.triangle == target.triangle)?;
         let radiance = self.radiance(Some(hit), direction, sampler);
         let irradiance = radiance * (cosine / self.density(Some(&hit), cosine));
-        let material = self.raycaster.scene().material_ids[target.triangle as usize] as usize;
+        let material = self.raycaster.scene().material_id(target.triangle) as usize;
         let diffuse = self.policy.engine.surfaces[material].scatter.is_wide();
         let normal = diffuse.then_some(target.normal);
         irradiance.is_finite().then_some(Source { irradiance, towards, normal })
@@ -214,7 +214,7 @@ impl Gathering<'_> {
         if cosine <= 0.0 {
             return None;
         }
-        let material = self.raycaster.scene().material_ids[image.triangle as usize] as usize;
+        let material = self.raycaster.scene().material_id(image.triangle) as usize;
         let radiance = self.policy.engine.emission_at(
             self.raycaster,
             image.triangle,

@@ -309,8 +309,8 @@ fn gradient_limit(record: &Record) -> f32 {
 /// Returns the longest side of the scene's bounds.
 fn scene_size(raycaster: &Raycaster) -> f32 {
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for &vertex in &raycaster.scene().positions {
-        (low, high) = (low.min(vertex.into()), high.max(vertex.into()));
+    for vertex in raycaster.scene().points() {
+        (low, high) = (low.min(vertex), high.max(vertex));
     }
     (high - low).max_element().max(f32::MIN_POSITIVE)
 }

@@ -213,7 +213,7 @@ impl Leaf {
 /// Returns the mean irradiance of a scene's surfaces, by luminance.
 fn ambient(scene: &Scene) -> f32 {
     let (mut power, mut area) = (0.0, 0.0);
-    for t in 0..scene.triangles.len() as u32 {
+    for t in scene.triangles() {
         let material = scene.material(t);
         let sides = if material.two_sided_emission { 2.0 } else { 1.0 };
         power += sides * f64::from(luminance(material.emission)) * scene.area(t);

@@ -81,10 +81,10 @@ impl Casters {
             scatters,
             triangles: Vec::new(),
             sums: Vec::new(),
-            members: vec![0; scene.triangles.len().div_ceil(64)],
+            members: vec![0; scene.triangles().len().div_ceil(64)],
         };
         let mut sum = 0.0;
-        for (t, &material) in (0_u32..).zip(&scene.material_ids) {
+        for (t, material) in (0_u32..).zip(scene.material_ids()) {
             let Some(scatter) = &casters.scatters[material as usize] else { continue };
             sum += scene.area(t) * share(scatter);
             casters.triangles.push(t);
@@ -100,7 +100,7 @@ impl Casters {
     }
 
     fn scatter(&self, scene: &Scene, triangle: u32) -> Option<&Scatter> {
-        self.scatters[scene.material_ids[triangle as usize] as usize].as_ref()
+        self.scatters[scene.material_id(triangle) as usize].as_ref()
     }
 }
 
@@ -180,7 +180,7 @@ impl Shooter<'_> {
                 light = Arriving { point: met, back: -direction, weight, length, ..light };
                 continue;
             }
-            let material = scene.material_ids[hit.triangle as usize];
+            let material = scene.material_id(hit.triangle);
             let is_usable = weight > 0.0 && weight.is_finite();
             if !is_usable || !self.surfaces[material as usize].scatter.is_wide() {
                 return None;
@@ -226,7 +226,7 @@ impl Shooter<'_> {
         let towards = on_lamp.point - point.point;
         let length = towards.length();
         let back = towards.try_normalize()?;
-        let emitter = &self.surfaces[scene.material_ids[lamp as usize] as usize];
+        let emitter = &self.surfaces[scene.material_id(lamp) as usize];
         let cosine = -back.dot(on_lamp.normal);
         if !(cosine > 0.0 || emitter.two_sided && cosine < 0.0) {
             return None;

@@ -143,7 +143,7 @@ fn first_of_quad(scene: &Scene, triangles: &[u32]) -> Option<f32> {
             let corners = scene.corners(b);
             let common = scene.corners(a).iter().filter(|c| corners.contains(c)).count();
             let is_flat = scene.normal(a).dot(scene.normal(b)) > FLAT;
-            let is_even = scene.material_ids[a as usize] == scene.material_ids[b as usize]
+            let is_even = scene.material_id(a) == scene.material_id(b)
                 && [a, b].iter().all(|&t| mean_of_texture(scene, t) == 1.0);
             let (first, second) = (scene.area(a), scene.area(b));
             let share = (first / (first + second)) as f32;
@@ -156,7 +156,7 @@ fn first_of_quad(scene: &Scene, triangles: &[u32]) -> Option<f32> {
 impl Lights {
     pub(crate) fn new(scene: &Scene) -> Self {
         let strength: Vec<f32> = scene.materials.iter().map(|m| luminance(m.emission)).collect();
-        let material = |t: u32| scene.material_ids[t as usize] as usize;
+        let material = |t: u32| scene.material_id(t) as usize;
         let triangles =
             visible(scene, scene.emitters().filter(|&t| strength[material(t)] > 0.0).collect());
         let power =

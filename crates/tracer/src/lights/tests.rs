@@ -129,8 +129,8 @@ fn only_lights_that_can_contribute_have_a_probability() {
         for t in 0..3000 {
             let [a, b, c] = scene.corners(t);
             let facing = scene.normal(t).dot(point - a);
-            let front = scene.materials[scene.material_ids[t as usize] as usize].two_sided_emission
-                || facing > 0.0;
+            let front =
+                scene.materials[scene.material_id(t) as usize].two_sided_emission || facing > 0.0;
             let height = [a, b, c].iter().map(|v| normal.dot(v - point)).fold(f32::MIN, f32::max);
             let probability = lights.probability(&seen, t);
             let clear = 1e-3 * (1.0 + point.length());
@@ -167,7 +167,7 @@ fn choices_follow_the_irradiance_of_lights() {
             let [a, b, c] = scene.corners(t);
             let towards = ((a + b + c) / 3.0 - point).as_dvec3();
             let cosine = -scene.normal(t).as_dvec3().dot(towards.normalize());
-            let two_sided = scene.material_ids[t as usize] == 1;
+            let two_sided = scene.material_id(t) == 1;
             let emitted = if two_sided { cosine.abs() } else { cosine.max(0.0) };
             let received = normal.as_dvec3().dot(towards.normalize()).max(0.0);
             let e = scene.area(t) * emitted * received / towards.length_squared();

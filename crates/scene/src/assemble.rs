@@ -1,0 +1,146 @@
+//! Makes a scene of what a reader found in a file.
+
+use glam::{DMat4, DVec3, Vec3};
+
+use crate::model::{Model, SharedMesh};
+use crate::placement::Placement;
+use crate::scene::{Geometry, doubled_area_normal, world_bounds};
+use crate::{Rgb, Scene, SceneError, Shading};
+
+/// A scene, and the triangles of the model that were left out because they have no area.
+pub(crate) struct Assembled {
+    pub scene: Scene,
+    /// Triangles of [`Model::triangles`], in order.
+    pub left_out: Vec<usize>,
+    /// Number of triangles of shared meshes that were left out, each once.
+    pub left_out_of_meshes: usize,
+}
+
+/// Makes a scene of a model.
+pub(crate) fn assemble(mut model: Model, sky: Rgb) -> Result<Assembled, SceneError> {
+    let left_out_of_meshes = model.meshes.iter_mut().map(without_flat_triangles).sum();
+    let (mut low, mut high) = world_bounds(&model.positions, &model.triangles)?;
+    for (mesh, matrix) in &model.placements {
+        for &position in &model.meshes[*mesh as usize].positions {
+            let place = matrix.transform_point3(Vec3::from(position).as_dvec3());
+            (low, high) = (low.min(place), high.max(place));
+        }
+    }
+    let origin = if low.x > high.x { DVec3::ZERO } else { low + (high - low) * 0.5 };
+    let instances = instances(&mut model, origin);
+    let Model { positions, triangles, material_ids, materials, shading, meshes, .. } = model;
+    let (scene, left_out) =
+        Scene::around(origin, &positions, &triangles, &material_ids, materials, sky)?;
+    drop((positions, triangles, material_ids));
+    let geometry: Vec<Geometry> = meshes.iter().map(SharedMesh::geometry).collect();
+    let scene = scene.with_instances(&geometry, &instances)?;
+    let mut shading = without(shading, &left_out);
+    for mesh in meshes {
+        shading.uvs.extend(mesh.shading.uvs);
+        shading.normals.extend(mesh.shading.normals);
+        shading.colours.extend(mesh.shading.colours);
+    }
+    let scene = scene.with_shading(shading)?.with_suns(model.suns)?;
+    Ok(Assembled { scene, left_out, left_out_of_meshes })
+}
+
+/// Leaves out a mesh's triangles without area and the positions that it does not use. Returns the
+/// number of triangles that were left out.
+fn without_flat_triangles(mesh: &mut SharedMesh) -> usize {
+    let corners =
+        |triangle: [u32; 3]| triangle.map(|corner| Vec3::from(mesh.positions[corner as usize]));
+    let is_flat =
+        |&triangle: &usize| doubled_area_normal(corners(mesh.triangles[triangle])).is_none();
+    let flat: Vec<usize> = (0..mesh.triangles.len()).filter(is_flat).collect();
+    keep(&mut mesh.triangles, &flat);
+    keep(&mut mesh.material_ids, &flat);
+    mesh.shading = without(std::mem::take(&mut mesh.shading), &flat);
+    let mut number = vec![u32::MAX; mesh.positions.len()];
+    let mut used = Vec::with_capacity(mesh.positions.len());
+    for corner in mesh.triangles.as_flattened_mut() {
+        let number = &mut number[*corner as usize];
+        if *number == u32::MAX {
+            *number = used.len() as u32;
+            used.push(mesh.positions[*corner as usize]);
+        }
+        *corner = *number;
+    }
+    mesh.positions = used;
+    flat.len()
+}
+
+/// Returns the instances, with places relative to an origin. Placements with a triangle that
+/// rounding leaves without area are copied to the model's own triangles. Removes meshes without an
+/// instance.
+fn instances(model: &mut Model, origin: DVec3) -> Vec<(u32, Placement)> {
+    let mut instances = Vec::with_capacity(model.placements.len());
+    for (mesh, matrix) in std::mem::take(&mut model.placements) {
+        let source = &model.meshes[mesh as usize];
+        let has_area = |placement: &Placement| {
+            let place = |corner: u32| placement.point(source.positions[corner as usize]);
+            source.triangles.iter().all(|t| doubled_area_normal(t.map(place)).is_some())
+        };
+        match placement(matrix, origin).filter(has_area) {
+            Some(_) if source.triangles.is_empty() => {}
+            Some(placement) => instances.push((mesh, placement)),
+            None => copy(model, mesh as usize, matrix),
+        }
+    }
+    let mut number = vec![None; model.meshes.len()];
+    let mut used = Vec::new();
+    for (mesh, _) in &mut instances {
+        let old = std::mem::replace(mesh, 0) as usize;
+        *mesh = *number[old].get_or_insert_with(|| {
+            used.push(std::mem::take(&mut model.meshes[old]));
+            used.len() as u32 - 1
+        });
+    }
+    model.meshes = used;
+    instances
+}
+
+/// Returns the placement of a matrix to world coordinates. `None` if it is not possible.
+pub(crate) fn placement(matrix: DMat4, origin: DVec3) -> Option<Placement> {
+    let sum = matrix.w_axis.truncate() - origin;
+    Placement::new(
+        [0, 1, 2]
+            .map(|axis| [matrix.x_axis[axis], matrix.y_axis[axis], matrix.z_axis[axis], sum[axis]]),
+    )
+}
+
+/// Adds a copy of a mesh to the model's own triangles.
+fn copy(model: &mut Model, mesh: usize, matrix: DMat4) {
+    let Some(placement) = placement(matrix, DVec3::ZERO) else { return };
+    let mesh = &model.meshes[mesh];
+    let first = model.positions.len() as u32;
+    let place = |&p: &[f32; 3]| matrix.transform_point3(Vec3::from(p).as_dvec3());
+    model.positions.extend(mesh.positions.iter().map(place));
+    let moved = |t: &[u32; 3]| placement.ordered(t.map(|corner| first + corner));
+    model.triangles.extend(mesh.triangles.iter().map(moved));
+    model.material_ids.extend(&mesh.material_ids);
+    let (to, from) = (&mut model.shading, &mesh.shading);
+    to.uvs.extend(from.uvs.iter().map(|&uvs| placement.ordered(uvs)));
+    to.colours.extend(from.colours.iter().map(|&colours| placement.ordered(colours)));
+    let normals = mesh.triangles.iter().zip(&from.normals);
+    to.normals.extend(normals.map(|(corners, &normals)| {
+        let corners = corners.map(|corner| mesh.positions[corner as usize]);
+        placement.normals(corners, normals)
+    }));
+}
+
+/// Removes triangles from a shading.
+fn without(mut shading: Shading, left_out: &[usize]) -> Shading {
+    keep(&mut shading.uvs, left_out);
+    keep(&mut shading.normals, left_out);
+    keep(&mut shading.colours, left_out);
+    shading
+}
+
+/// Removes the values of triangles that are left out.
+fn keep<T>(all: &mut Vec<T>, left_out: &[usize]) {
+    let (mut triangle, mut left_out) = (0, left_out.iter().peekable());
+    all.retain(|_| {
+        triangle += 1;
+        left_out.next_if(|&&out| out == triangle - 1).is_none()
+    });
+}

@@ -1,0 +1,299 @@
+//! Meshes that occur several times in a scene. Their geometry is stored once.
+//!
+//! The arrays of a [`Scene`] begin with its own triangles, and those of shared meshes follow. The
+//! number of a triangle hides this: own triangles have the first numbers, and then those of each
+//! instance follow in its mesh's order. A scene and its [`flattened`](Scene::flattened) form have
+//! the same triangles with the same numbers.
+//!
+//! Invariants:
+//! - Every triangle of every instance has an area, and its corners are within
+//!   [`limits`](crate::limits).
+//! - Every mesh has an instance, and triangles use all of its positions.
+
+use std::ops::Range;
+
+use glam::Vec3;
+
+use crate::limits::{MAX_COORDINATE, MAX_INSTANCES, MAX_MESHES, MAX_TRIANGLES};
+use crate::placement::Placement;
+use crate::scene::{Geometry, check_limit, doubled_area_normal};
+use crate::{Scene, SceneError};
+
+/// A mesh at a place in the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instance {
+    /// The mesh, in the order of [`Scene::meshes`].
+    pub mesh: u32,
+    /// The number of its first triangle.
+    pub first_triangle: u32,
+    /// The place.
+    pub placement: Placement,
+}
+
+/// The part of a scene's arrays that belongs to a mesh. Triangles count their corners from the
+/// mesh's first position.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Part {
+    pub positions: Range<usize>,
+    pub triangles: Range<usize>,
+}
+
+/// All instances of a scene, at least one.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Shared {
+    pub own: Part,
+    pub meshes: Vec<Part>,
+    pub instances: Vec<Instance>,
+    /// Number of triangles of the scene.
+    pub triangles: u32,
+}
+
+impl Shared {
+    /// Returns where a triangle is stored, and its instance if it belongs to one.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    fn locate(&self, triangle: u32) -> (usize, Option<&Instance>) {
+        assert!(triangle < self.triangles, "there is no triangle {triangle}");
+        if (triangle as usize) < self.own.triangles.end {
+            return (triangle as usize, None);
+        }
+        let after = self.instances.partition_point(|one| one.first_triangle <= triangle);
+        let instance = &self.instances[after - 1];
+        let first = self.meshes[instance.mesh as usize].triangles.start;
+        (first + (triangle - instance.first_triangle) as usize, Some(instance))
+    }
+
+    /// Makes room for further triangles of the scene's own.
+    pub(crate) fn shift(&mut self, positions: usize, triangles: usize) -> Result<(), SceneError> {
+        let total = self.triangles as usize + triangles;
+        check_limit("triangles of instances", total, MAX_TRIANGLES)?;
+        self.triangles = total as u32;
+        self.own.positions.end += positions;
+        self.own.triangles.end += triangles;
+        for part in &mut self.meshes {
+            part.positions = part.positions.start + positions..part.positions.end + positions;
+            part.triangles = part.triangles.start + triangles..part.triangles.end + triangles;
+        }
+        self.instances.iter_mut().for_each(|one| one.first_triangle += triangles as u32);
+        Ok(())
+    }
+}
+
+impl Scene {
+    /// Adds instances of meshes that refer to this scene's materials. Instances are pairs of a
+    /// mesh's index and a place. Without instances, the scene stays as it is.
+    ///
+    /// Normals and textures are added afterwards. They have a value for each stored triangle: those
+    /// of the scene come first, and those of each mesh follow.
+    ///
+    /// # Errors
+    /// As [`Scene::new`]; also if the scene already has instances or [`Shading`](crate::Shading),
+    /// if a mesh does not exist or is empty, or if there are more than [`limits`](crate::limits)
+    /// allow.
+    pub fn with_instances(
+        mut self,
+        meshes: &[Geometry],
+        instances: &[(u32, Placement)],
+    ) -> Result<Scene, SceneError> {
+        if instances.is_empty() {
+            return Ok(self);
+        }
+        let mut parts = Vec::with_capacity(meshes.len());
+        let own = Part { positions: 0..self.positions.len(), triangles: 0..self.triangles.len() };
+        for mesh in meshes {
+            let (position, triangle) = (self.positions.len(), self.triangles.len());
+            self.positions.extend_from_slice(mesh.positions);
+            self.triangles.extend_from_slice(mesh.triangles);
+            self.material_ids.extend_from_slice(mesh.material_ids);
+            parts.push(Part {
+                positions: position..self.positions.len(),
+                triangles: triangle..self.triangles.len(),
+            });
+        }
+        self.share(own, parts, instances)
+    }
+
+    /// Makes the last parts of the scene's arrays shared meshes.
+    pub(crate) fn share(
+        mut self,
+        own: Part,
+        meshes: Vec<Part>,
+        instances: &[(u32, Placement)],
+    ) -> Result<Scene, SceneError> {
+        let problem = |instance, problem| Err(SceneError::Instance { instance, problem });
+        check_limit("meshes", meshes.len(), MAX_MESHES)?;
+        check_limit("instances", instances.len(), MAX_INSTANCES)?;
+        if self.shared.is_some() || self.shading.is_some() {
+            return problem(0, "the scene already has instances, normals or textures");
+        }
+        let mut placed = Vec::with_capacity(instances.len());
+        let mut is_used = vec![false; meshes.len()];
+        let mut triangles = own.triangles.end;
+        for (id, &(mesh, placement)) in instances.iter().enumerate() {
+            let Some(part) = meshes.get(mesh as usize) else {
+                return problem(id, "its mesh does not exist");
+            };
+            is_used[mesh as usize] = true;
+            placed.push(Instance { mesh, first_triangle: triangles as u32, placement });
+            // Both are at most 2²⁸.
+            triangles += part.triangles.len();
+            check_limit("triangles of instances", triangles, MAX_TRIANGLES)?;
+        }
+        let is_empty = |part: &Part| part.triangles.is_empty() || part.positions.is_empty();
+        if meshes.iter().any(is_empty) || is_used.contains(&false) {
+            return problem(0, "a mesh is empty or has no instance");
+        }
+        let triangles = triangles as u32;
+        self.shared = Some(Box::new(Shared { own, meshes, instances: placed, triangles }));
+        self.validated()
+    }
+
+    /// Checks the triangles of instances.
+    pub(crate) fn validate_instances(&self) -> Result<(), SceneError> {
+        let Some(shared) = &self.shared else { return Ok(()) };
+        for mesh in self.meshes() {
+            let mut is_used = vec![false; mesh.positions.len()];
+            mesh.triangles.as_flattened().iter().for_each(|&c| is_used[c as usize] = true);
+            if is_used.contains(&false) {
+                let problem = "its mesh has a position that no triangle uses";
+                return Err(SceneError::Instance { instance: 0, problem });
+            }
+        }
+        let within = |corner: Vec3| f64::from(corner.abs().max_element()) <= MAX_COORDINATE;
+        for (id, instance) in shared.instances.iter().enumerate() {
+            for (corners, triangle) in self.corners_of(instance).zip(instance.first_triangle..) {
+                if !corners.into_iter().all(within) {
+                    let problem = "a corner is not finite or too far away";
+                    return Err(SceneError::Instance { instance: id, problem });
+                }
+                if doubled_area_normal(corners).is_none() {
+                    return Err(SceneError::NoArea(triangle as usize));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the meshes that instances share, in their own coordinates.
+    pub fn meshes(&self) -> impl ExactSizeIterator<Item = Geometry<'_>> {
+        let meshes = self.shared.as_ref().map_or(&[][..], |shared| &shared.meshes);
+        meshes.iter().map(|part| self.part(part))
+    }
+
+    /// Returns the instances of shared meshes, in the order of their triangles.
+    #[must_use]
+    pub fn instances(&self) -> &[Instance] {
+        self.shared.as_ref().map_or(&[], |shared| &shared.instances)
+    }
+
+    pub(crate) fn part(&self, part: &Part) -> Geometry<'_> {
+        Geometry {
+            positions: &self.positions[part.positions.clone()],
+            triangles: &self.triangles[part.triangles.clone()],
+            material_ids: &self.material_ids[part.triangles.clone()],
+        }
+    }
+
+    fn mesh_of(&self, shared: &Shared, instance: &Instance) -> Geometry<'_> {
+        self.part(&shared.meshes[instance.mesh as usize])
+    }
+
+    fn corners_of<'a>(&'a self, instance: &'a Instance) -> impl Iterator<Item = [Vec3; 3]> + 'a {
+        let meshes = self.shared.iter().map(|shared| self.mesh_of(shared, instance));
+        meshes.flat_map(move |mesh| {
+            let place = |corner: u32| instance.placement.point(mesh.positions[corner as usize]);
+            mesh.triangles
+                .iter()
+                .map(move |&corners| instance.placement.ordered(corners.map(place)))
+        })
+    }
+
+    /// Returns the corners of all instances, each once.
+    pub(crate) fn shared_points(&self) -> impl Iterator<Item = Vec3> {
+        self.shared.iter().flat_map(|shared| &shared.instances).flat_map(|instance| {
+            let positions = self.shared.iter().flat_map(|s| self.mesh_of(s, instance).positions);
+            positions.map(|&position| instance.placement.point(position))
+        })
+    }
+
+    /// Returns the materials of all triangles of instances.
+    pub(crate) fn shared_material_ids(&self) -> impl Iterator<Item = u32> {
+        self.shared.iter().flat_map(|shared| {
+            let ids = |instance| self.mesh_of(shared, instance).material_ids.iter().copied();
+            shared.instances.iter().flat_map(ids)
+        })
+    }
+
+    /// Returns where a triangle is stored, and its instance if it belongs to one.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn located<'a>(
+        &self,
+        shared: &'a Shared,
+        triangle: u32,
+    ) -> (usize, Option<&'a Instance>) {
+        shared.locate(triangle)
+    }
+
+    /// Returns the corners of a triangle of a scene with instances.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn placed_corners(&self, shared: &Shared, triangle: u32) -> [Vec3; 3] {
+        let (stored, instance) = shared.locate(triangle);
+        let corners = self.triangles[stored];
+        match instance {
+            None => corners.map(|corner| Vec3::from(self.positions[corner as usize])),
+            Some(instance) => {
+                let mesh = self.mesh_of(shared, instance);
+                let place = |corner: u32| instance.placement.point(mesh.positions[corner as usize]);
+                instance.placement.ordered(corners.map(place))
+            }
+        }
+    }
+
+    /// Returns a triangle's corners in its mesh.
+    pub(crate) fn mesh_corners(
+        &self,
+        shared: &Shared,
+        instance: &Instance,
+        stored: usize,
+    ) -> [[f32; 3]; 3] {
+        let mesh = self.mesh_of(shared, instance);
+        self.triangles[stored].map(|corner| mesh.positions[corner as usize])
+    }
+
+    /// Returns the same scene with a copy of the mesh for each instance. Its triangles have the
+    /// same numbers, places, materials and attributes.
+    #[must_use]
+    pub fn flattened(&self) -> Scene {
+        let Some(shared) = &self.shared else { return self.clone() };
+        let own = self.own();
+        let (mut positions, mut triangles) = (own.positions.to_vec(), own.triangles.to_vec());
+        for instance in &shared.instances {
+            let (mesh, first) = (self.mesh_of(shared, instance), positions.len() as u32);
+            let placement = &instance.placement;
+            positions.extend(mesh.positions.iter().map(|&p| placement.point(p).to_array()));
+            let moved = mesh.triangles.iter().map(|t| placement.ordered(t.map(|c| first + c)));
+            triangles.extend(moved);
+        }
+        let shading = self.shading.as_ref().map(|shading| {
+            let mut flat = shading.clone();
+            flat.uvs = self.triangles().filter_map(|t| self.uvs(shading, t)).collect();
+            flat.normals = self.triangles().filter_map(|t| self.normals(shading, t)).collect();
+            flat.colours = self.triangles().filter_map(|t| self.colours_of(shading, t)).collect();
+            flat
+        });
+        Scene {
+            origin: self.origin,
+            positions,
+            triangles,
+            material_ids: self.material_ids().collect(),
+            materials: self.materials.clone(),
+            sky: self.sky,
+            suns: self.suns.clone(),
+            shading,
+            shared: None,
+        }
+    }
+}
