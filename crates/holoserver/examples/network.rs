@@ -96,8 +96,8 @@ async fn serve(place: &Place, is_secure: bool, is_filling: bool) -> (Server, Des
             (config.fill, config.secure, config.identity) = (is_filling, is_secure, Some(identity));
         })
         .await;
-    let there = match &server.outside {
-        Some(outside) => Destination::Invited(Box::new(outside.invitation.clone())),
+    let there = match &server.invitation {
+        Some(invitation) => Destination::Invited(Box::new(invitation.clone())),
         None => Destination::Loopback(server.address),
     };
     (server, there)
