@@ -17,7 +17,7 @@ from scenes import Case, View
 # Seconds of turning before the eye stops.
 TURNING = 1.0
 # Paths of a pixel of each half of the truth.
-TRUTH_PATHS = 256
+TRUTH_PATHS = 64
 
 # Shows light in proportion, and keeps the exposure, so that a page's pixels say what radiance they
 # stand for. Copies the first frame at rest that follows one in motion.
