@@ -132,8 +132,8 @@ pub trait Driver: Send {
     /// after which the eye may move on.
     fn draw_for_file(&mut self) {}
 
-    /// Gives the driver a signal. While it is set, a frame at rest may end early, with nothing in
-    /// it. Drivers that draw fast ignore it.
+    /// Gives the driver a signal. While it is set, a frame at rest may end early, with a single
+    /// pixel, except a view's first one. Drivers that draw fast ignore it.
     fn end_early_by(&mut self, _interrupt: Interrupt) {}
 
     /// Draws the frame. Calls `stage_ended` with the name of each stage as it ends, so that the

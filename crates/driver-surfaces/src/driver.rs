@@ -148,7 +148,8 @@ impl SurfacesDriver {
         let refined = shown.refined(self.denoiser.is_some());
         let is_for_file = std::mem::take(&mut shown.is_for_file);
         let never = Interrupt::default();
-        let can_end_early = resolution != Resolution::Moving && !is_for_file;
+        let is_first = shown.drawn.is_none();
+        let can_end_early = resolution != Resolution::Moving && !is_for_file && !is_first;
         let interrupt = if can_end_early { &self.interrupt } else { &never };
         let (view, store) = (&shown.view, &self.store);
         let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));

@@ -390,7 +390,7 @@ impl Painter {
         if !self.drawn.as_ref().is_some_and(is_same) {
             self.times.moved = begin;
         }
-        self.sketching.note(is_moving, wanted.jumps);
+        self.sketching.note(&wanted.spec, wanted.jumps);
         let is_sketch = !is_moving
             && self.sketching.suits(self.samples_per_pixel(full), self.times.moved.elapsed());
         let has_few = is_moving || is_sketch;
@@ -412,8 +412,8 @@ impl Painter {
         let looked = Instant::now();
         self.drawn_samples = self.arrived();
         let (mut frame, _) = self.session.draw();
-        if !is_moving && self.interrupt.is_set() {
-            // The frame may have nothing in it. Another view is requested, or this one again.
+        if frame.depth.len() < size.0 as usize * size.1 as usize {
+            // The frame was interrupted. Another view is requested, or this one again.
             (self.looked, self.drawn) = (None, None);
             return Ok(());
         }

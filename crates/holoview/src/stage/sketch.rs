@@ -3,6 +3,8 @@
 
 use std::time::Duration;
 
+use holo_picture::ViewSpec;
+
 /// A sketch has fewer samples than this for each pixel of the full picture.
 const FEW: f64 = 0.15;
 
@@ -12,8 +14,8 @@ const LONGEST: Duration = Duration::from_secs(2);
 /// Knows how the eye came to its view.
 #[derive(Default)]
 pub struct Sketching {
-    /// Number of jumps of the eye so far.
-    jumps: u64,
+    /// The last view that was requested, and the number of jumps of the eye until then.
+    last: Option<(ViewSpec, u64)>,
     /// True if the eye has moved since its last jump. A picture at rest then shows light that was
     /// found on the way, so it needs no sketch.
     has_moved: bool,
@@ -21,9 +23,10 @@ pub struct Sketching {
 
 impl Sketching {
     /// Records that a view is requested after so many jumps of the eye.
-    pub fn note(&mut self, is_moving: bool, jumps: u64) {
-        let has_jumped = jumps != self.jumps;
-        *self = Sketching { jumps, has_moved: is_moving || (self.has_moved && !has_jumped) };
+    pub fn note(&mut self, spec: &ViewSpec, jumps: u64) {
+        let before = self.last.replace((*spec, jumps));
+        let before = before.filter(|(_, before)| *before == jumps);
+        self.has_moved = before.is_some_and(|(before, _)| self.has_moved || before != *spec);
     }
 
     /// Returns whether the picture of a view that has rested for some time is to be a sketch.
@@ -39,6 +42,8 @@ impl Sketching {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     const SOON: Duration = Duration::from_millis(100);
@@ -46,7 +51,9 @@ mod tests {
     #[test]
     fn a_new_view_with_few_samples_is_a_sketch_for_a_limited_time() {
         let mut sketching = Sketching::default();
-        sketching.note(false, 0);
+        // The same view may be requested more than once.
+        sketching.note(&view(0.0), 0);
+        sketching.note(&view(0.0), 0);
         assert!(sketching.suits(0.01, SOON));
         assert!(!sketching.suits(1.0, SOON));
         assert!(!sketching.suits(0.01, LONGEST));
@@ -55,10 +62,17 @@ mod tests {
     #[test]
     fn after_a_walk_every_picture_has_all_pixels_until_the_eye_jumps() {
         let mut sketching = Sketching::default();
-        sketching.note(true, 0);
-        sketching.note(false, 0);
+        sketching.note(&view(0.0), 0);
+        sketching.note(&view(0.1), 0);
+        sketching.note(&view(0.1), 0);
         assert!(!sketching.suits(0.01, SOON));
-        sketching.note(false, 1);
+        sketching.note(&view(5.0), 1);
+        sketching.note(&view(5.0), 1);
         assert!(sketching.suits(0.01, SOON));
+    }
+
+    /// Returns a view from this far along the x axis.
+    fn view(x: f64) -> ViewSpec {
+        ViewSpec { vp: Some(DVec3::X * x), ..ViewSpec::default() }
     }
 }
