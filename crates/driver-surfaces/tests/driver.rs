@@ -61,6 +61,15 @@ fn look(options: &str, resolution: Resolution) -> Look {
     Look { view, size, resolution }
 }
 
+/// Inserts dark samples along the same rays, which no frame has shown yet.
+fn insert_dark(driver: &mut SurfacesDriver, section: &Section, samples: &[(BeamKey, Sample)]) {
+    for (beam, sample) in samples {
+        let distance = sample.distance(section.diagonal());
+        let dark = Sample::encode(sample.coords, [0.0; 3], distance, section.diagonal(), 0);
+        driver.insert(*beam, 1, &[dark]);
+    }
+}
+
 fn draw(driver: &mut SurfacesDriver) -> Frame {
     driver.draw(&mut |_| {})
 }
@@ -143,12 +152,7 @@ fn known_light_of_a_coat_serves_an_eye_that_moves_round_it() {
     samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
     driver.look(&look(DOWN, Resolution::Full)).unwrap();
     draw(&mut driver);
-    // Dark samples of the same beams, which no frame has shown yet.
-    for (beam, sample) in samples {
-        let distance = sample.distance(sections[0].diagonal());
-        let dark = Sample::encode(sample.coords, [0.0; 3], distance, sections[0].diagonal(), 0);
-        driver.insert(beam, 1, &[dark]);
-    }
+    insert_dark(&mut driver, &sections[0], &samples);
     let aslant = "-vp 0 -1 1 -vd 0 1 -1 -vu 0 0 1 -vh 30";
     driver.look(&look(aslant, Resolution::Moving)).unwrap();
     let pixels = draw(&mut driver).picture.pixels;
@@ -165,12 +169,7 @@ fn a_glance_shows_known_light_first_unless_the_driver_settles() {
         samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
         driver.look(&look(DOWN, Resolution::Full)).unwrap();
         draw(&mut driver);
-        // Dark samples of the same beams, which no frame has shown yet.
-        for (beam, sample) in samples {
-            let distance = sample.distance(sections[0].diagonal());
-            let dark = Sample::encode(sample.coords, [0.0; 3], distance, sections[0].diagonal(), 0);
-            driver.insert(beam, 1, &[dark]);
-        }
+        insert_dark(&mut driver, &sections[0], &samples);
         driver.look(&look(options, Resolution::Half)).unwrap();
         if settles {
             driver.settle();
