@@ -35,8 +35,8 @@ fn level_of(width: f32) -> i32 {
     width.max(f32::MIN_POSITIVE).log2().round() as i32
 }
 
-/// Returns the face by which light is stored. On a coat it does not depend on the direction, because
-/// the eye moves through many ranges of directions, and most of the light is diffuse.
+/// Returns the face by which light is stored. The face of a coat has no direction: the eye moves
+/// through many ranges of directions, and most of a coat's light is diffuse.
 fn face_of(view: &View, seen: &Seen) -> Face {
     match view.follower().finish(seen.material).is_coated {
         true => Face::new(seen.normal, seen.material, None),

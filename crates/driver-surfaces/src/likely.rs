@@ -1,6 +1,8 @@
-//! Likely light of squares with too few samples: the mean light of the picture around them. On
-//! rough metal, it is the light that the metal mirrors; on solid glass, the light behind it; on
-//! coated surfaces, the mean light of samples from all directions.
+//! Likely light of squares with too few samples. It depends on the surface:
+//! - on rough metal, the light that the metal mirrors;
+//! - on solid glass, the light behind it;
+//! - on coated surfaces, the mean light of samples from all directions;
+//! - on others, the mean light of the picture around them.
 //!
 //! Invariant: likely light is a function of the view, the squares' sums, and the store.
 

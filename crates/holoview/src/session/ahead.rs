@@ -155,9 +155,9 @@ impl Session {
         Ok(())
     }
 
-    /// Records that a part has arrived. The next one is requested after as long a time as this one
-    /// took, so that tracing and drawing get their share, except in the first seconds. Returns true
-    /// if the session is settling and this was the last part.
+    /// Records that a part has arrived. After the first seconds, the next one is requested only
+    /// after a pause as long as this one took, so that tracing and drawing get their share. Returns
+    /// true if the session is settling and this was the last part.
     pub(super) fn part_sent(&mut self, section: u16, next: Option<u64>) -> Result<bool> {
         let now = Instant::now();
         let is_stale = std::mem::take(&mut self.ahead.is_stale);

@@ -410,13 +410,13 @@ impl Painter {
             return Ok(());
         }
         let looked = Instant::now();
-        self.drawn_samples = self.arrived();
+        let samples = self.arrived();
         let (mut frame, _) = self.session.draw();
         if frame.depth.len() < size.0 as usize * size.1 as usize {
-            // The frame was interrupted. Another view is requested, or this one again.
-            (self.looked, self.drawn) = (None, None);
+            // The frame was interrupted. If the view stays, the frame is still due.
             return Ok(());
         }
+        self.drawn_samples = samples;
         if frame.samples_used == 0 {
             // Without any sample, all pixels are guessed, and a guess does not count as known
             // light.
