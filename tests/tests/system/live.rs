@@ -327,6 +327,9 @@ fn live_rays_survive_their_worker_go_to_who_asked_alone_and_end_with_the_view() 
         // Another view's rays take their places; if a view is requested again, it keeps them.
         display.ask(1, &rays(0..50));
         display.look(2);
+        // The server has dealt with all of the above. Otherwise, the worker could get beams only.
+        display.wait_for_stored(2).await;
+        other.wait_for_stored(1).await;
 
         // This worker takes all of them and dies.
         let mut first = Peer::join(server.address, Role::Worker).await;
