@@ -8,6 +8,7 @@
 
 use crate::cell::{Sums, luminance};
 use crate::estimate::{Estimate, Lit};
+use crate::filter::OfSquares;
 use crate::materials::LEAST_REFLECTANCE;
 use crate::squares::{Layer, Squares};
 use crate::view::{Seen, View};
@@ -58,7 +59,7 @@ impl BehindPanes {
         squares: &Squares,
         in_panes: &Layer,
         unknown: impl Fn(&Seen) -> Estimate,
-        sums: &mut [Sums],
+        sums: &mut OfSquares,
     ) -> BehindPanes {
         let of_square = |number: usize| {
             let (seen, mirrored) = (&squares.seen[number], &in_panes.squares.seen[number]);
@@ -75,9 +76,11 @@ impl BehindPanes {
             let share = Vec3::ONE + way.pane / passes;
             Some(BehindPane { share, mirrored: shown / through })
         };
-        for (sums, seen) in sums.iter_mut().zip(&in_panes.squares.seen) {
-            if view.way(seen).to_lamp.is_finite() {
-                *sums = Sums::default();
+        for sums in std::iter::once(&mut sums.towards_eye).chain(&mut sums.from_all) {
+            for (sums, seen) in sums.iter_mut().zip(&in_panes.squares.seen) {
+                if view.way(seen).to_lamp.is_finite() {
+                    *sums = Sums::default();
+                }
             }
         }
         BehindPanes((0..squares.seen.len()).map(of_square).collect())

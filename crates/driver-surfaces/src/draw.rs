@@ -8,6 +8,7 @@ use crate::behind::BehindPanes;
 use crate::cell::{Face, Sums, luminance};
 use crate::edges::{Edge, Piece};
 use crate::estimate::Estimate;
+use crate::filter::OfSquares;
 use crate::gather::Gathered;
 use crate::known::Known;
 use crate::squares::{Layer, Squares};
@@ -76,7 +77,13 @@ impl Gathered {
     ) -> Option<Drawn> {
         let squares = Squares::new(|pixel| view.seen[pixel], view.size, step);
         let pixels = self.pixels();
-        let mut sums = squares.sums(view.size, |pixel| Some((&view.seen[pixel], &pixels[pixel])));
+        let mut sums = OfSquares {
+            towards_eye: squares.sums(view.size, |at| Some((&view.seen[at], &pixels[at]))),
+            from_all: self.has_coats().then(|| {
+                let all = |at| Some((&view.seen[at], self.of_all_directions(at)));
+                squares.sums(view.size, all)
+            }),
+        };
         let in_panes = match view.in_panes.is_empty() {
             true => None,
             false => Some(self.layer_of_panes(view, store, step, interrupt)?),
@@ -86,11 +93,12 @@ impl Gathered {
             let unknown = |seen: &Seen| view.mean_around(around, seen);
             BehindPanes::new(view, &squares, in_panes, unknown, &mut sums)
         });
-        let mut lights =
+        let filtered =
             squares.filter((view, store), &sums, &behind, denoiser.is_some(), interrupt)?;
-        if let Some(denoiser) = denoiser {
-            squares.denoise(&sums, &behind, &mut lights, denoiser, interrupt);
-        }
+        let lights = match denoiser {
+            Some(denoiser) => squares.denoise(&sums, &behind, filtered, denoiser, interrupt),
+            None => filtered.total(),
+        };
         interrupt.check()?;
         known.learn(view, &squares, &lights);
         let further = Further { pieces: self.pieces(), in_panes };
@@ -115,10 +123,10 @@ impl Gathered {
         };
         let seen = |pixel| of_pixel(pixel).map_or(Seen::NOTHING, |(seen, _)| *seen);
         let squares = Squares::new(seen, view.size, step);
-        let sums = squares.sums(view.size, of_pixel);
-        let lights =
-            squares.filter((view, store), &sums, &BehindPanes::default(), false, interrupt)?;
-        Some(Layer { squares, lights })
+        let sums = OfSquares { towards_eye: squares.sums(view.size, of_pixel), from_all: None };
+        let behind = BehindPanes::default();
+        let filtered = squares.filter((view, store), &sums, &behind, false, interrupt)?;
+        Some(Layer { squares, lights: filtered.total() })
     }
 
     /// Draws the view at rest.

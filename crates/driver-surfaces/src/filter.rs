@@ -14,6 +14,7 @@
 
 use crate::behind::BehindPanes;
 use crate::cell::{Sums, luminance};
+use crate::coats::{Towards, mean_of_samples};
 use crate::estimate::{Estimate, Lit};
 use crate::likely::LikelyLight;
 use crate::planes::{Geometry, Layout, Planes, Square, Weights};
@@ -60,6 +61,34 @@ const SCALE: f32 = 1024.0;
 /// The sums of each square: light (3), count, square.
 type Sum = Planes<5>;
 
+/// The sums of all squares.
+pub(crate) struct OfSquares {
+    /// Over samples that count for the view.
+    pub towards_eye: Vec<Sums>,
+    /// On coats over samples from all directions, and elsewhere the same. `None` without coats.
+    pub from_all: Option<Vec<Sums>>,
+}
+
+/// Filtered light of all squares.
+pub(crate) struct Filtered {
+    /// The light, on coats the mean of all directions.
+    pub lights: Vec<Estimate>,
+    /// What coats send towards the eye beyond it. Empty without coats.
+    pub beyond: Vec<Estimate>,
+}
+
+impl Filtered {
+    /// Returns the light towards the eye.
+    pub fn total(self) -> Vec<Estimate> {
+        let mut lights = self.lights;
+        for (light, beyond) in lights.iter_mut().zip(&self.beyond) {
+            light.light = (light.light + beyond.light).max(Vec3::ZERO);
+            light.error = light.error.hypot(beyond.error);
+        }
+        lights
+    }
+}
+
 impl Squares {
     /// Returns the scale that judges brightest samples. It spans as many pixels at any step.
     fn limiting_scale(&self) -> usize {
@@ -72,11 +101,12 @@ impl Squares {
     pub fn filter(
         &self,
         (view, store): (&View, &Store),
-        sums: &[Sums],
+        OfSquares { towards_eye, from_all }: &OfSquares,
         behind: &BehindPanes,
         once: bool,
         interrupt: &Interrupt,
-    ) -> Option<Vec<Estimate>> {
+    ) -> Option<Filtered> {
+        let sums = from_all.as_ref().unwrap_or(towards_eye);
         let layout = self.layout();
         let geometry = self.geometry(&layout);
         let weights: Vec<Weights> =
@@ -85,15 +115,25 @@ impl Squares {
         let weights = layout.all_weights_by(&weights, &edges, DIFFERENT_DISTANCE);
         interrupt.check()?;
         let raw = layout.planes(|at| Lit::new(&sums[at.number]).to_array());
-        let around = (0..self.limiting_scale())
-            .fold(raw.clone(), |lit, scale| layout.widened(&lit, 1 << scale, &weights[scale]));
         let likely = LikelyLight::new((view, store), self, &layout, &raw);
-        let mean = luminance(likely.mean.to_array());
-        let held = layout.planes(|at| {
-            let (own, around) = (raw.at(at).into(), around.at(at).into());
-            let held = limit_brightest(&own, &around, &sums[at.number], mean);
-            behind.taken_out(at.number, held).to_array()
+        let held = |raw: &Sum, sums: &[Sums]| {
+            let around = (0..self.limiting_scale())
+                .fold(raw.clone(), |lit, scale| layout.widened(&lit, 1 << scale, &weights[scale]));
+            let mean = luminance(likely.mean.to_array());
+            layout.planes(|at| {
+                let (own, around) = (raw.at(at).into(), around.at(at).into());
+                let held = limit_brightest(&own, &around, &sums[at.number], mean);
+                behind.taken_out(at.number, held).to_array()
+            })
+        };
+        let towards_eye = from_all.as_ref().map(|_| {
+            let raw = layout.planes(|at| match self.shows_coat(view, at.number) {
+                true => Lit::new(&towards_eye[at.number]).to_array(),
+                false => [0.0; 5],
+            });
+            held(&raw, towards_eye)
         });
+        let held = held(&raw, sums);
         interrupt.check()?;
         let mut scales = scales(&layout, held, &weights);
         interrupt.check()?;
@@ -105,7 +145,11 @@ impl Squares {
         let first =
             choose_all(&layout, &scales, &scales[self.limiting_scale()], NOISE[0], &[], &likely);
         if once {
-            return Some(first);
+            let beyond = towards_eye.map(|towards_eye| {
+                let eye = self::scales(&layout, towards_eye, &weights);
+                self.beyond(view, &layout, &Towards { eye: &eye, all: &scales }, &first)
+            });
+            return Some(Filtered { lights: first, beyond: beyond.unwrap_or_default() });
         }
         let bright =
             layout.planes(|at| [luminance(first[at.number].light.to_array()).max(1.0).ln()]);
@@ -119,7 +163,35 @@ impl Squares {
         for (light, first) in lights.iter_mut().zip(&first) {
             light.error = light.error.hypot(FIRST_ERROR_SHARE * first.error);
         }
-        Some(lights)
+        interrupt.check()?;
+        let beyond = towards_eye.map(|towards_eye| {
+            let eye = self::scales(&layout, towards_eye, &weights);
+            self.beyond(view, &layout, &Towards { eye: &eye, all: &scales }, &lights)
+        });
+        Some(Filtered { lights, beyond: beyond.unwrap_or_default() })
+    }
+
+    /// Returns what samples towards the eye show beyond the light from all directions; 0 for
+    /// squares that show no coat.
+    fn beyond(
+        &self,
+        view: &View,
+        layout: &Layout,
+        towards: &Towards,
+        lights: &[Estimate],
+    ) -> Vec<Estimate> {
+        let (width, height) = layout.size;
+        let mut beyond = vec![Estimate::default(); width * height];
+        beyond.par_chunks_mut(width).enumerate().for_each(|(row, beyond)| {
+            for at in layout.squares(row).filter(|at| self.shows_coat(view, at.number)) {
+                beyond[at.column] = towards.beyond(at, &lights[at.number]);
+            }
+        });
+        beyond
+    }
+
+    fn shows_coat(&self, view: &View, square: usize) -> bool {
+        view.shows_coat(&self.seen[square])
     }
 
     fn layout(&self) -> Layout {
@@ -145,27 +217,37 @@ impl Squares {
     /// stays filtered.
     pub fn denoise(
         &self,
-        sums: &[Sums],
+        OfSquares { towards_eye, from_all }: &OfSquares,
         behind: &BehindPanes,
-        lights: &mut [Estimate],
+        filtered: Filtered,
         denoiser: &mut Denoiser,
         interrupt: &Interrupt,
-    ) {
+    ) -> Vec<Estimate> {
         let goes_on = || !interrupt.is_set();
-        let mean = |number: usize| {
-            let light = match &sums[number] {
-                Sums { count: 0, .. } => lights[number].light,
-                sums => behind.of(number).map_or(sums.mean(), |pane| pane.light(sums.mean())),
+        let of_samples = |number: usize| {
+            let own = &towards_eye[number];
+            match (from_all, filtered.beyond.get(number)) {
+                (Some(all), Some(beyond)) => mean_of_samples(own, &all[number], beyond),
+                _ => (own.count > 0).then(|| own.mean()),
+            }
+        };
+        let means: Vec<Option<Vec3>> = (0..towards_eye.len()).map(of_samples).collect();
+        let mut lights = filtered.total();
+        let light = |(number, mean): (usize, &Option<Vec3>)| {
+            let light = match mean {
+                None => lights[number].light,
+                Some(mean) => behind.of(number).map_or(*mean, |pane| pane.light(*mean)),
             };
             (light.max(Vec3::ZERO) / SCALE).to_array()
         };
-        let mut pixels: Vec<[f32; 3]> = (0..sums.len()).map(mean).collect();
+        let mut pixels: Vec<[f32; 3]> = means.iter().enumerate().map(light).collect();
         let normals: Vec<[f32; 3]> = self.seen.iter().map(|seen| seen.normal.to_array()).collect();
         if denoiser.denoise_light(&mut pixels, &normals, self.size, &goes_on).is_ok() {
             for (light, pixel) in lights.iter_mut().zip(pixels) {
                 light.light = Vec3::from_array(pixel).max(Vec3::ZERO) * SCALE;
             }
         }
+        lights
     }
 }
 

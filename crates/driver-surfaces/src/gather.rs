@@ -37,12 +37,17 @@ const MOST_STEPS: f32 = 8.0;
 /// Consecutive sums that belong to one part.
 const STRIPE: usize = 1 << 12;
 
-/// The sums of a view's pixels, followed by those of reflections in panes and those of pieces.
+/// Stands for no coat.
+const NO_COAT: u32 = u32::MAX;
+
+/// The sums of a view's pixels, followed by those of reflections in panes, those of coats, and
+/// those of pieces.
 #[derive(Clone, Debug)]
 pub struct Gathered {
     sums: Vec<Sums>,
     pixels: usize,
     panes: usize,
+    coats: usize,
     owners: Arc<Owners>,
     /// Samples that may lie on pieces, until the view has looked into its edges.
     beside: Vec<Beside>,
@@ -84,8 +89,9 @@ impl Gathered {
     pub fn new(view: &View, store: &Store) -> Gathered {
         let owners = Arc::new(Owners::new(view, store.grid()));
         let (pixels, panes) = (view.seen.len(), view.panes_of_middles);
-        let sums = vec![Sums::default(); pixels + panes];
-        let mut gathered = Gathered { sums, pixels, panes, owners, beside: Vec::new() };
+        let coats = owners.coats.iter().filter(|coat| **coat != NO_COAT).count();
+        let sums = vec![Sums::default(); pixels + panes + coats];
+        let mut gathered = Gathered { sums, pixels, panes, coats, owners, beside: Vec::new() };
         gathered.take_all(view, store);
         if !view.edges.is_empty() {
             gathered.look_into_edges(view, store);
@@ -95,8 +101,9 @@ impl Gathered {
 
     /// Gathers the samples of the view's pieces, after the view has looked into its edges.
     pub fn look_into_edges(&mut self, view: &View, store: &Store) {
-        self.sums.truncate(self.pixels + self.panes);
-        self.sums.resize(self.pixels + self.panes + view.pieces.len(), Sums::default());
+        let others = self.pixels + self.panes + self.coats;
+        self.sums.truncate(others);
+        self.sums.resize(others + view.pieces.len(), Sums::default());
         let new = Arc::make_mut(&mut self.owners).look_into_edges(view);
         let beside = std::mem::take(&mut self.beside);
         let claims = beside.par_chunks(4096).map(|samples| {
@@ -122,7 +129,9 @@ impl Gathered {
     /// Returns the number of samples that count. A sample that a mirror also shows counts twice.
     #[must_use]
     pub fn samples(&self) -> u64 {
-        self.sums.par_iter().map(|sums| u64::from(sums.count)).sum()
+        let [before, coats] = [self.pixels + self.panes, self.coats];
+        let counted = self.sums[..before].par_iter().chain(&self.sums[before + coats..]);
+        counted.map(|sums| u64::from(sums.count)).sum()
     }
 
     /// Returns the sums of all pixels.
@@ -135,9 +144,20 @@ impl Gathered {
         &self.sums[self.pixels..][..self.panes]
     }
 
+    /// Returns true if a pixel's middle shows a coat.
+    pub(crate) fn has_coats(&self) -> bool {
+        self.coats > 0
+    }
+
+    /// Returns the sums of a pixel from all directions if it shows a coat, and its own otherwise.
+    pub(crate) fn of_all_directions(&self, pixel: usize) -> &Sums {
+        let coat = self.owners.coat(pixel).map(|coat| self.pixels + self.panes + coat);
+        &self.sums[coat.unwrap_or(pixel)]
+    }
+
     /// Returns the sums of all pieces of pixels on edges. Only pieces that are apart have samples.
     pub(crate) fn pieces(&self) -> &[Sums] {
-        &self.sums[self.pixels + self.panes..]
+        &self.sums[self.pixels + self.panes + self.coats..]
     }
 
     /// Adds samples that have come since, for the same view. The result equals [`new`](Self::new)
@@ -195,7 +215,15 @@ impl Gathered {
         let (point, face) = (owners.grid.point(cube, record.key), record.key.face());
         let light = record.light;
         if let Some((pixel, is_near)) = owners.pixel(view, point) {
-            if is_near && owners.is_on(view, &view.seen[pixel], point, face) {
+            let seen = &view.seen[pixel];
+            if is_near
+                && let Some(coat) = owners.coat(pixel)
+                && face.is_on(seen.normal, seen.material)
+                && seen.away(point, owners.grid.unit).is_some()
+            {
+                claims.push(self.pixels + self.panes + coat, light);
+            }
+            if is_near && owners.is_on(view, seen, point, face) {
                 claims.push(pixel, light);
             } else if owners.pieces.is_some() {
                 self.claim_piece(view, pixel, (point, face), light, claims);
@@ -225,7 +253,7 @@ impl Gathered {
             *is_apart && self.owners.is_on(view, seen, point, face)
         };
         if let Some(piece) = pieces.and_then(|pieces| pieces.clone().find(is_on)) {
-            claims.push(self.pixels + self.panes + piece, light);
+            claims.push(self.pixels + self.panes + self.coats + piece, light);
         }
     }
 
@@ -264,6 +292,8 @@ struct Owners {
     gates: Vec<Gate>,
     /// For each pixel, true if it lies on an edge.
     on_edges: Vec<bool>,
+    /// The number of each pixel's coat, or [`NO_COAT`]. Empty without coats.
+    coats: Vec<u32>,
     /// The pieces of each pixel that has any apart. `None` until the view has looked into its
     /// edges.
     pieces: Option<FxHashMap<usize, Range<usize>>>,
@@ -307,6 +337,7 @@ impl Owners {
             turn,
             gates: gates(view, eye.as_vec3(), grid.unit),
             on_edges,
+            coats: number_coats(view),
             pieces: None,
             cubes: FxHashSet::default(),
             mirrors: FxHashMap::default(),
@@ -361,6 +392,12 @@ impl Owners {
         let pixel = y as usize * view.size.0 + x as usize;
         let gate = &self.gates[pixel];
         Some((pixel, (from_eye.length() - gate.distance).abs() <= gate.tolerance))
+    }
+
+    /// Returns the number of the coat that a pixel shows.
+    #[inline]
+    fn coat(&self, pixel: usize) -> Option<usize> {
+        self.coats.get(pixel).filter(|coat| **coat != NO_COAT).map(|coat| *coat as usize)
     }
 
     /// Returns true if samples at this point, on this face, lie on the surface `seen`, and no
@@ -448,6 +485,23 @@ impl Mirrored {
             });
         nearest.min_by(|(a, i), (b, j)| a.total_cmp(b).then(i.cmp(j))).map(|(_, owner)| owner)
     }
+}
+
+/// Returns the number of each pixel's coat, or [`NO_COAT`]. Empty without coats. Coats that mirrors
+/// show have no number.
+fn number_coats(view: &View) -> Vec<u32> {
+    if !view.seen.par_iter().any(|seen| view.shows_coat(seen)) {
+        return Vec::new();
+    }
+    let mut coats = 0;
+    let number = |seen: &Seen| {
+        if !view.shows_coat(seen) {
+            return NO_COAT;
+        }
+        coats += 1;
+        coats - 1
+    };
+    view.seen.iter().map(number).collect()
 }
 
 /// Returns the number of the place that contains a point. Places are `width` wide.

@@ -24,6 +24,7 @@
 
 mod behind;
 mod cell;
+mod coats;
 mod draw;
 mod driver;
 mod edges;

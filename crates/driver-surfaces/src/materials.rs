@@ -76,7 +76,12 @@ impl Finish {
             Bsdf::Conductor { ks, alpha } if alpha <= SMOOTH_METAL => (Kind::Mirror(ks), [1.0; 3]),
             Bsdf::Conductor { ks, .. } => (Kind::Glossy, at_least(ks)),
             Bsdf::ThinGlass { ior, transmittance } => (Kind::Pane { ior, transmittance }, [1.0; 3]),
-            Bsdf::Dielectric { .. } | Bsdf::Coated { .. } => (Kind::Glossy, [1.0; 3]),
+            Bsdf::Dielectric { .. } => (Kind::Glossy, [1.0; 3]),
+            Bsdf::Coated { kd, ks, ior, .. } => {
+                let coat = ((ior - 1.0) / (ior + 1.0)).powi(2);
+                let both = |c: usize| kd[c] + coat * (ks[c] - kd[c]);
+                (Kind::Glossy, at_least([0, 1, 2].map(both)))
+            }
         };
         Finish {
             kind,

@@ -375,6 +375,14 @@ impl View {
         &self.ways[seen.way as usize]
     }
 
+    /// Returns true if the surface has a clear coat over a diffuse base, and no mirror shows it.
+    #[inline]
+    pub(crate) fn shows_coat(&self, seen: &Seen) -> bool {
+        seen.is_surface()
+            && self.follower().finish(seen.material).is_coated
+            && !self.way(seen).is_mirrored
+    }
+
     /// Returns true if two neighbouring pixels show different things.
     #[inline]
     pub(crate) fn differ(&self, one: &Seen, other: &Seen) -> bool {

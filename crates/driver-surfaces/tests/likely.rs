@@ -7,12 +7,23 @@ mod common;
 
 use common::*;
 use glam::DVec3;
+use holo_driver_surfaces::RaySample;
 use holo_picture::View as Eye;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 use std::sync::Arc;
 
 const METAL: Bsdf = Bsdf::Conductor { ks: [0.5; 3], alpha: 0.1 };
+
+const COATED: Bsdf = Bsdf::Coated { kd: [0.3; 3], ks: [1.0; 3], ior: 1.5, alpha: 0.1 };
+
+/// An eye that sees the wall from the side.
+const BESIDE_WALL: DVec3 = DVec3::new(-1.5, 0.5, 1.0);
+
+fn beside_wall() -> Eye {
+    let ahead = DVec3::new(1.0, 0.8, 0.0);
+    Eye::new(BESIDE_WALL, ahead, DVec3::Z, Some(40.0), None, (64, 64)).unwrap()
+}
 
 #[test]
 fn rough_metal_without_samples_shows_the_light_that_it_mirrors() {
@@ -57,16 +68,53 @@ fn solid_glass_without_samples_shows_the_light_behind_it() {
 
 #[test]
 fn a_coated_surface_shows_what_is_known_of_it_from_other_directions() {
-    let coated = Bsdf::Coated { kd: [0.3; 3], ks: [1.0; 3], ior: 1.5, alpha: 0.1 };
-    let raycaster = walled_room(coated);
+    let raycaster = walled_room(COATED);
     // The wall was only seen from the front. The floor is much brighter.
     let known = [wall_rays(200, 0.25), floor_rays(200, |_, _| 2.0)].concat();
-    let (at, ahead) = (DVec3::new(-1.5, 0.5, 1.0), DVec3::new(1.0, 0.8, 0.0));
-    let eye = Eye::new(at, ahead, DVec3::Z, Some(40.0), None, (64, 64)).unwrap();
-    let (view, drawn) = seen_by(&raycaster, &known, &eye);
+    let (view, drawn) = seen_by(&raycaster, &known, &beside_wall());
     let mut found = 0;
     for (seen, pixel) in view.seen.iter().zip(drawn.pixels).filter(|(seen, _)| seen.material == 1) {
         assert!((pixel[1] / 0.25 - 1.0).abs() < 0.1, "{pixel:?} at {:?}", seen.point);
+        found += 1;
+    }
+    assert!(found > 1000, "{found} pixels see the wall");
+}
+
+#[test]
+fn a_coat_shows_details_that_are_known_from_other_directions() {
+    // A shadow on the wall was only seen from the front.
+    let in_shadow = |ray: RaySample| RaySample {
+        radiance: ray.radiance.map(|c| c * halves(ray.origin.x, 0.0)),
+        ..ray
+    };
+    let known: Vec<RaySample> = wall_rays(200, 1.0).into_iter().map(in_shadow).collect();
+    let (view, drawn) = seen_by(&walled_room(COATED), &known, &beside_wall());
+    let mut found = 0;
+    for (seen, pixel) in view.seen.iter().zip(drawn.pixels) {
+        let x = f64::from(seen.point.x);
+        if seen.material == 1 && (0.1..0.5).contains(&x.abs()) {
+            let expected = halves(x, 0.0);
+            assert!((pixel[1] / expected - 1.0).abs() < 0.15, "{pixel:?} at {:?}", seen.point);
+            found += 1;
+        }
+    }
+    assert!(found > 200, "{found} pixels see the wall beside the shadow's edge");
+}
+
+#[test]
+fn a_coat_shows_what_it_sends_towards_the_eye() {
+    // Towards the eye, the wall is twice as bright as towards the front.
+    let towards_eye = |ray: &RaySample| {
+        let between = ray.origin + ray.distance * ray.direction - BESIDE_WALL;
+        let (direction, distance) = (between.normalize(), between.length());
+        RaySample { origin: BESIDE_WALL, direction, distance, radiance: [0.5; 3], ..*ray }
+    };
+    let front = wall_rays(200, 0.25);
+    let known: Vec<RaySample> = front.iter().map(towards_eye).chain(front.clone()).collect();
+    let (view, drawn) = seen_by(&walled_room(COATED), &known, &beside_wall());
+    let mut found = 0;
+    for (seen, pixel) in view.seen.iter().zip(drawn.pixels).filter(|(seen, _)| seen.material == 1) {
+        assert!((pixel[1] / 0.5 - 1.0).abs() < 0.1, "{pixel:?} at {:?}", seen.point);
         found += 1;
     }
     assert!(found > 1000, "{found} pixels see the wall");
