@@ -71,9 +71,6 @@ fn is_edge(picture: &Picture, pixel: usize) -> bool {
         .any(|(column, row)| beside(column, row).iter().zip(own).any(|(a, b)| (a - b).abs() > 0.1))
 }
 
-/// Most rays of a pixel whose noise is compared with that of `render`.
-const MOST_COMPARED: u64 = 16;
-
 #[test]
 fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_for_them() {
     let place = Place::new();
@@ -145,9 +142,7 @@ fn pixels_that_no_section_covers_are_as_good_as_render_and_no_sample_is_stored_f
         // from the side, whether covered or not.
         let is_compared =
             |pixel: usize| !covered[pixel] && (driver == "surfaces" || !is_edge(&truth, pixel));
-        // With many rays, what drivers interpolate exceeds the noise, so `render` has no more than
-        // `MOST_COMPARED`.
-        let same = render(rays.min(MOST_COMPARED), "2", "same.pfm");
+        let same = render(rays, "2", "same.pfm");
         let [shown, same] = [&live, &same].map(|picture| error(picture, &truth, is_compared));
         println!(
             "{driver}: {rays} rays a pixel, squared error {shown:.2e}, of `render` {same:.2e}"
