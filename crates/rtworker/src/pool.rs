@@ -188,10 +188,12 @@ fn trace_live(packet: &LivePacket, seed: u64, tracer: &Tracer) -> Finished {
 }
 
 fn live_hit(tracer: &Tracer, ray: &LiveRay, seed: u64, paths: u16) -> LiveHit {
-    let seed = holo_section::seed(0, BeamId(ray.number), 0) ^ seed ^ LIVE_SALT;
+    let (pixel, round) = LiveRay::pixel_and_round(ray.number);
+    let seed = holo_section::seed(0, BeamId(pixel.into()), 0) ^ seed ^ LIVE_SALT;
+    let (first, paths) = (u64::from(round) * u64::from(paths), u64::from(paths));
     let (origin, direction) =
         (DVec3::from_array(ray.origin), DVec3::from_array(ray.direction).normalize());
-    let traced = tracer.trace_paths(origin, direction, seed, 0..u64::from(paths));
+    let traced = tracer.trace_paths(origin, direction, seed, first..first + paths);
     // A display may request rays from anywhere, even from places where numbers overflow. Such rays
     // are black.
     let usable = |x: f32| if x.is_finite() { x.max(0.0) } else { 0.0 };
@@ -262,4 +264,63 @@ fn sample(
         section.diagonal(),
         seed as u32,
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use holo_scene::{Bsdf, Material, Scene};
+    use holo_tracer::Settings;
+
+    const PIXELS: u32 = 400;
+    const ROUNDS: u32 = 64;
+
+    /// A floor of 4 × 4 at height 0 below a lamp of 1 × 1 at height 1.
+    fn lit_floor() -> Tracer {
+        let square = |half: f64, height: f64| {
+            [(-half, -half), (half, -half), (half, half), (-half, half)]
+                .map(|(x, y)| DVec3::new(x, y, height))
+        };
+        let positions = [square(2.0, 0.0), square(0.5, 1.0)].concat();
+        let triangles = [[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]];
+        let (mut floor, mut lamp) = (Material::grey("floor"), Material::grey("lamp"));
+        floor.bsdf = Bsdf::Diffuse { kd: [0.5; 3] };
+        lamp.emission = [10.0; 3];
+        let materials = vec![floor, lamp];
+        let made = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1], materials, [0.0; 3]);
+        let settings = Settings { bounces: Some(0), ..Settings::default() };
+        Tracer::new(Arc::new(made.unwrap().0), settings).unwrap()
+    }
+
+    /// Returns the mean over pixels of their means over all rounds, and the variance of the latter.
+    fn of_pixels(tracer: &Tracer, number: impl Fn(u32, u32) -> u64) -> (f64, f64) {
+        let ray = |number| LiveRay {
+            origin: [0.7, 0.2, 0.5],
+            direction: DVec3::NEG_Z.to_array(),
+            number,
+        };
+        let radiance = |number| f64::from(live_hit(tracer, &ray(number), 5, 1).radiance[1]);
+        let of_pixel = |pixel| {
+            (0..ROUNDS).map(|round| radiance(number(pixel, round))).sum::<f64>() / f64::from(ROUNDS)
+        };
+        let means: Vec<f64> = (0..PIXELS).map(of_pixel).collect();
+        let count = f64::from(PIXELS);
+        let mean = means.iter().sum::<f64>() / count;
+        let squares = means.iter().map(|own| (own - mean) * (own - mean)).sum::<f64>();
+        (mean, squares / (count - 1.0))
+    }
+
+    #[test]
+    fn live_rays_of_one_pixel_are_stratified_and_have_the_same_expectation() {
+        let tracer = lit_floor();
+        let (mean, variance) = of_pixels(&tracer, LiveRay::number);
+        let independent = |pixel, round| LiveRay::number(PIXELS + pixel * ROUNDS + round, 0);
+        let (expected, variance_alone) = of_pixels(&tracer, independent);
+        let error = ((variance + variance_alone) / f64::from(PIXELS)).sqrt();
+        assert!((mean - expected).abs() < 4.5 * error, "{mean} {expected} ± {error}");
+        // Without strata, a ratio of variances of 400 pixels is below 0.63 once in 10^5 runs.
+        assert!(variance < 0.63 * variance_alone, "{variance} {variance_alone}");
+        // The same number gives the same ray.
+        assert_eq!(of_pixels(&tracer, LiveRay::number), (mean, variance));
+    }
 }

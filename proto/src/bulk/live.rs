@@ -25,13 +25,25 @@ pub struct LiveRay {
     pub origin: [f64; 3],
     /// Its direction, of length 1.
     pub direction: [f64; 3],
-    /// The display's name for the ray, repeated in its sample. The ray's random numbers depend on
-    /// it.
+    /// The display's name for the ray, repeated in its sample: see [`number`](Self::number).
     pub number: u64,
 }
 const _: () = assert!(size_of::<LiveRay>() == 56);
 
 impl LiveRay {
+    /// Returns the number of a pixel's ray; its first ray has round 0. The random numbers of rays
+    /// of one pixel are stratified together, and those of different pixels are independent.
+    #[must_use]
+    pub fn number(pixel: u32, round: u32) -> u64 {
+        u64::from(round) << 32 | u64::from(pixel)
+    }
+
+    /// Returns the pixel and the round of a number.
+    #[must_use]
+    pub fn pixel_and_round(number: u64) -> (u32, u32) {
+        (number as u32, (number >> 32) as u32)
+    }
+
     fn check(&self) -> Result<(), ProtoError> {
         if !self.origin.iter().all(|x| x.is_finite()) {
             return Err(ProtoError::Number("a ray's origin"));

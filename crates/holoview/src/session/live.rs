@@ -35,7 +35,7 @@ pub struct LiveRays {
     pixels: Vec<u32>,
     /// Step from one pixel to the next. It has no common divisor with the number of pixels.
     stride: u64,
-    /// Number of the next ray. Each round has one ray through each pixel.
+    /// Rays so far. Each round has one ray through each pixel.
     next: u64,
     under_way: FxHashSet<u64>,
     /// Number of rays that have arrived.
@@ -77,7 +77,7 @@ impl LiveRays {
         let last = self.pixels.len() as u64 * MAX_ROUNDS;
         let mut rays = Vec::new();
         while rays.len() < room.min(MAX_LIVE_RAYS) && self.next < last {
-            let number = self.next;
+            let number = self.number(self.next);
             self.next += 1;
             // At the border of a fisheye, a point of a pixel may have no ray.
             if let Some((origin, direction, _)) = self.ray(number) {
@@ -112,15 +112,21 @@ impl LiveRays {
         fresh
     }
 
+    /// Returns the number of the ray after `rays` others.
+    fn number(&self, rays: u64) -> u64 {
+        let count = self.pixels.len() as u64;
+        let (round, place) = (rays / count, rays % count);
+        LiveRay::number(self.pixels[(place * self.stride % count) as usize], round as u32)
+    }
+
     /// Returns a ray's origin, its direction, and the distance at which the view ends.
     fn ray(&self, number: u64) -> Option<(DVec3, DVec3, f64)> {
-        let count = self.pixels.len() as u64;
-        let (round, place) = (number / count, number % count);
-        let pixel = self.pixels[(place * self.stride % count) as usize];
+        let (pixel, round) = LiveRay::pixel_and_round(number);
         let (column, row) = (f64::from(pixel % self.size.0), f64::from(pixel / self.size.0));
         let random = split_mix(u64::from(pixel) + 1);
         let begin = [random >> 32, random & 0xffff_ffff].map(|bits| bits as f64 / 4_294_967_296.0);
-        let [right, down] = [0, 1].map(|axis| (begin[axis] + STEPS[axis] * round as f64).fract());
+        let [right, down] =
+            [0, 1].map(|axis| (begin[axis] + STEPS[axis] * f64::from(round)).fract());
         let (width, height) = (f64::from(self.size.0), f64::from(self.size.1));
         let (origin, direction, reach) =
             self.view.clipped_ray((column + right) / width, 1.0 - (row + down) / height)?;
