@@ -1,15 +1,17 @@
 //! The light of coats that depends on the direction.
 //!
-//! Most of a coat's light is diffuse, and few samples leave it towards the eye. So the filter finds
-//! the mean light of samples from all directions first. This module adds what samples towards the
-//! eye show beyond it, as far as it is more than noise.
+//! Most of a coat's light is diffuse, and only few of its samples have a direction near the view's.
+//! So the filter first finds the mean light of samples from all directions. This module finds how
+//! the light towards the eye differs from that mean, if it differs by more than noise.
 //!
 //! Invariant: without coats, nothing is computed.
 
 use crate::cell::{Sums, luminance};
 use crate::estimate::{Estimate, Lit};
-use crate::planes::{Planes, Square};
+use crate::planes::{Layout, Planes, Square};
+use crate::view::{Seen, View};
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Expected difference between the light towards the eye and the mean of all directions, relative
 /// to that mean.
@@ -21,22 +23,40 @@ const SIGNIFICANT: f32 = 2.0;
 /// Number of samples from which a difference counts by half. A few samples may agree by chance.
 const CONFIRMED: f32 = 64.0;
 
-/// The sums of a square and its neighbourhoods over samples towards the eye, and over those from
-/// all directions, by the same weights.
-pub(crate) struct Towards<'a> {
-    /// From the squares' own sums to the widest.
-    pub eye: &'a [Planes<5>],
-    pub all: &'a [Planes<5>],
+/// The sums of squares and of their neighbourhoods by the same weights, from the squares' own sums
+/// to the widest.
+pub(crate) struct CoatScales<'a> {
+    /// Over samples towards the eye.
+    pub towards_eye: &'a [Planes<5>],
+    /// Over samples from all directions.
+    pub from_all: &'a [Planes<5>],
 }
 
-impl Towards<'_> {
-    /// Returns what samples towards the eye show beyond the mean of all directions. `light` is
-    /// that mean.
-    pub fn beyond(&self, at: Square, light: &Estimate) -> Estimate {
+impl CoatScales<'_> {
+    /// Returns for each square what its coat sends towards the eye beyond the mean of all
+    /// directions, and 0 for squares that show no coat. `lights` are these means.
+    pub fn beyond(
+        &self,
+        (view, seen): (&View, &[Seen]),
+        layout: &Layout,
+        lights: &[Estimate],
+    ) -> Vec<Estimate> {
+        let (width, height) = layout.size;
+        let mut beyond = vec![Estimate::default(); width * height];
+        beyond.par_chunks_mut(width).enumerate().for_each(|(row, beyond)| {
+            for at in layout.squares(row).filter(|at| view.shows_coat(&seen[at.number])) {
+                beyond[at.column] = self.of_square(at, &lights[at.number]);
+            }
+        });
+        beyond
+    }
+
+    /// Returns the same for one square. `light` is its mean of all directions.
+    fn of_square(&self, at: Square, light: &Estimate) -> Estimate {
         let bright = luminance(light.light.to_array());
         let mut beyond =
             Estimate { light: Vec3::ZERO, error: SPREAD * bright, variance: light.variance };
-        for (eye, all) in self.eye.iter().zip(self.all).rev() {
+        for (eye, all) in self.towards_eye.iter().zip(self.from_all).rev() {
             let (eye, all) = (Lit::from(eye.at(at)), Lit::from(all.at(at)));
             if eye.count <= 0.0 {
                 continue;
@@ -54,8 +74,9 @@ impl Towards<'_> {
     }
 }
 
-/// Returns the mean light of a square's samples: of those towards the eye, and of those from all
-/// directions with what is `beyond` added. Each counts by its noise. `None` without samples.
+/// Returns the light of a square that shows a coat, from its own samples only, for a denoiser. The
+/// mean of those towards the eye and the mean of all, with `beyond` added, each count by the
+/// inverse of their noise. `None` without samples.
 pub(crate) fn mean_of_samples(eye: &Sums, all: &Sums, beyond: &Estimate) -> Option<Vec3> {
     if all.count == 0 {
         return None;

@@ -97,7 +97,7 @@ impl Gathered {
             squares.filter((view, store), &sums, &behind, denoiser.is_some(), interrupt)?;
         let lights = match denoiser {
             Some(denoiser) => squares.denoise(&sums, &behind, filtered, denoiser, interrupt),
-            None => filtered.total(),
+            None => filtered.lights,
         };
         interrupt.check()?;
         known.learn(view, &squares, &lights);
@@ -126,7 +126,7 @@ impl Gathered {
         let sums = OfSquares { towards_eye: squares.sums(view.size, of_pixel), from_all: None };
         let behind = BehindPanes::default();
         let filtered = squares.filter((view, store), &sums, &behind, false, interrupt)?;
-        Some(Layer { squares, lights: filtered.total() })
+        Some(Layer { squares, lights: filtered.lights })
     }
 
     /// Draws the view at rest.

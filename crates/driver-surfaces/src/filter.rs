@@ -14,7 +14,7 @@
 
 use crate::behind::BehindPanes;
 use crate::cell::{Sums, luminance};
-use crate::coats::{Towards, mean_of_samples};
+use crate::coats::{CoatScales, mean_of_samples};
 use crate::estimate::{Estimate, Lit};
 use crate::likely::LikelyLight;
 use crate::planes::{Geometry, Layout, Planes, Square, Weights};
@@ -65,27 +65,26 @@ type Sum = Planes<5>;
 pub(crate) struct OfSquares {
     /// Over samples that count for the view.
     pub towards_eye: Vec<Sums>,
-    /// On coats over samples from all directions, and elsewhere the same. `None` without coats.
+    /// Over samples from all directions on coats, and as above elsewhere. `None` without coats.
     pub from_all: Option<Vec<Sums>>,
 }
 
 /// Filtered light of all squares.
 pub(crate) struct Filtered {
-    /// The light, on coats the mean of all directions.
+    /// The light towards the eye.
     pub lights: Vec<Estimate>,
-    /// What coats send towards the eye beyond it. Empty without coats.
+    /// The part of it that coats send beyond the mean of all directions. Empty without coats.
     pub beyond: Vec<Estimate>,
 }
 
 impl Filtered {
-    /// Returns the light towards the eye.
-    pub fn total(self) -> Vec<Estimate> {
-        let mut lights = self.lights;
-        for (light, beyond) in lights.iter_mut().zip(&self.beyond) {
+    /// Adds `beyond` to the mean light of all directions.
+    fn new(mut lights: Vec<Estimate>, beyond: Vec<Estimate>) -> Filtered {
+        for (light, beyond) in lights.iter_mut().zip(&beyond) {
             light.light = (light.light + beyond.light).max(Vec3::ZERO);
             light.error = light.error.hypot(beyond.error);
         }
-        lights
+        Filtered { lights, beyond }
     }
 }
 
@@ -127,7 +126,7 @@ impl Squares {
             })
         };
         let towards_eye = from_all.as_ref().map(|_| {
-            let raw = layout.planes(|at| match self.shows_coat(view, at.number) {
+            let raw = layout.planes(|at| match view.shows_coat(&self.seen[at.number]) {
                 true => Lit::new(&towards_eye[at.number]).to_array(),
                 false => [0.0; 5],
             });
@@ -144,12 +143,15 @@ impl Squares {
         });
         let first =
             choose_all(&layout, &scales, &scales[self.limiting_scale()], NOISE[0], &[], &likely);
-        if once {
+        let with_coats = |lights: Vec<Estimate>, from_all: &[Sum], weights: &[Weights]| {
             let beyond = towards_eye.map(|towards_eye| {
-                let eye = self::scales(&layout, towards_eye, &weights);
-                self.beyond(view, &layout, &Towards { eye: &eye, all: &scales }, &first)
+                let towards_eye = &self::scales(&layout, towards_eye, weights);
+                CoatScales { towards_eye, from_all }.beyond((view, &self.seen), &layout, &lights)
             });
-            return Some(Filtered { lights: first, beyond: beyond.unwrap_or_default() });
+            Filtered::new(lights, beyond.unwrap_or_default())
+        };
+        if once {
+            return Some(with_coats(first, &scales, &weights));
         }
         let bright =
             layout.planes(|at| [luminance(first[at.number].light.to_array()).max(1.0).ln()]);
@@ -164,34 +166,7 @@ impl Squares {
             light.error = light.error.hypot(FIRST_ERROR_SHARE * first.error);
         }
         interrupt.check()?;
-        let beyond = towards_eye.map(|towards_eye| {
-            let eye = self::scales(&layout, towards_eye, &weights);
-            self.beyond(view, &layout, &Towards { eye: &eye, all: &scales }, &lights)
-        });
-        Some(Filtered { lights, beyond: beyond.unwrap_or_default() })
-    }
-
-    /// Returns what samples towards the eye show beyond the light from all directions; 0 for
-    /// squares that show no coat.
-    fn beyond(
-        &self,
-        view: &View,
-        layout: &Layout,
-        towards: &Towards,
-        lights: &[Estimate],
-    ) -> Vec<Estimate> {
-        let (width, height) = layout.size;
-        let mut beyond = vec![Estimate::default(); width * height];
-        beyond.par_chunks_mut(width).enumerate().for_each(|(row, beyond)| {
-            for at in layout.squares(row).filter(|at| self.shows_coat(view, at.number)) {
-                beyond[at.column] = towards.beyond(at, &lights[at.number]);
-            }
-        });
-        beyond
-    }
-
-    fn shows_coat(&self, view: &View, square: usize) -> bool {
-        view.shows_coat(&self.seen[square])
+        Some(with_coats(lights, &scales, &weights))
     }
 
     fn layout(&self) -> Layout {
@@ -219,28 +194,26 @@ impl Squares {
         &self,
         OfSquares { towards_eye, from_all }: &OfSquares,
         behind: &BehindPanes,
-        filtered: Filtered,
+        Filtered { mut lights, beyond }: Filtered,
         denoiser: &mut Denoiser,
         interrupt: &Interrupt,
     ) -> Vec<Estimate> {
         let goes_on = || !interrupt.is_set();
         let of_samples = |number: usize| {
             let own = &towards_eye[number];
-            match (from_all, filtered.beyond.get(number)) {
-                (Some(all), Some(beyond)) => mean_of_samples(own, &all[number], beyond),
-                _ => (own.count > 0).then(|| own.mean()),
+            match from_all {
+                Some(all) => mean_of_samples(own, &all[number], &beyond[number]),
+                None => (own.count > 0).then(|| own.mean()),
             }
         };
-        let means: Vec<Option<Vec3>> = (0..towards_eye.len()).map(of_samples).collect();
-        let mut lights = filtered.total();
-        let light = |(number, mean): (usize, &Option<Vec3>)| {
-            let light = match mean {
+        let light = |number: usize| {
+            let light = match of_samples(number) {
                 None => lights[number].light,
-                Some(mean) => behind.of(number).map_or(*mean, |pane| pane.light(*mean)),
+                Some(mean) => behind.of(number).map_or(mean, |pane| pane.light(mean)),
             };
             (light.max(Vec3::ZERO) / SCALE).to_array()
         };
-        let mut pixels: Vec<[f32; 3]> = means.iter().enumerate().map(light).collect();
+        let mut pixels: Vec<[f32; 3]> = (0..towards_eye.len()).map(light).collect();
         let normals: Vec<[f32; 3]> = self.seen.iter().map(|seen| seen.normal.to_array()).collect();
         if denoiser.denoise_light(&mut pixels, &normals, self.size, &goes_on).is_ok() {
             for (light, pixel) in lights.iter_mut().zip(pixels) {

@@ -34,6 +34,7 @@ mod gather;
 mod known;
 mod likely;
 mod materials;
+mod owners;
 mod place;
 mod planes;
 mod portals;
