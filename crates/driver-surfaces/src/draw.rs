@@ -49,10 +49,16 @@ struct Around<'a> {
 }
 
 /// Data for a refined picture besides the light of its squares.
-#[derive(Default)]
 struct Further<'a> {
     /// The sums of the view's pieces.
     pieces: &'a [Sums],
+    /// The light that panes mirror.
+    in_panes: Option<&'a Layer>,
+}
+
+/// Light that earlier pictures found.
+pub(crate) struct KnownLight {
+    layer: Layer,
     /// The light that panes mirror.
     in_panes: Option<Layer>,
 }
@@ -101,7 +107,7 @@ impl Gathered {
         };
         interrupt.check()?;
         known.learn(view, &squares, &lights);
-        let further = Further { pieces: self.pieces(), in_panes };
+        let further = Further { pieces: self.pieces(), in_panes: in_panes.as_ref() };
         Some(view.lit(store, &Layer { squares, lights }, &further))
     }
 
@@ -113,10 +119,7 @@ impl Gathered {
         step: usize,
         interrupt: &Interrupt,
     ) -> Option<Layer> {
-        let mut panes = vec![NO_PANE; view.seen.len()];
-        for (number, pane) in (0..).zip(&view.in_panes[..view.panes_of_middles]) {
-            panes[pane.pixel] = number;
-        }
+        let panes = view.panes_of_pixels();
         let of_pixel = |pixel: usize| {
             let pane = panes[pixel] as usize;
             Some((&view.in_panes.get(pane)?.seen, self.in_panes().get(pane)?))
@@ -167,9 +170,27 @@ impl View {
         (store, known): (&Store, &Known),
         step: usize,
         unknown: f32,
-    ) -> Option<Layer> {
+    ) -> Option<KnownLight> {
         let squares = Squares::new(|pixel| self.seen[pixel], self.size, step);
-        let mut lights = known.lights(self, &squares, unknown)?;
+        let lights = known.lights(self, &squares, unknown)?;
+        let in_panes = (!self.in_panes.is_empty()).then(|| {
+            let panes = self.panes_of_pixels();
+            let in_pane = |pixel: usize| self.in_panes.get(panes[pixel] as usize);
+            let seen = |pixel| in_pane(pixel).map_or(Seen::NOTHING, |pane| pane.seen);
+            let squares = Squares::new(seen, self.size, step);
+            let unknown = vec![Estimate::UNKNOWN; squares.seen.len()];
+            self.with_light_around(store, squares, unknown)
+        });
+        Some(KnownLight { layer: self.with_light_around(store, squares, lights), in_panes })
+    }
+
+    /// Returns squares with this light, or with the mean light around where it is unknown.
+    fn with_light_around(
+        &self,
+        store: &Store,
+        squares: Squares,
+        mut lights: Vec<Estimate>,
+    ) -> Layer {
         // For squares and not for pixels, because looking around takes long.
         let around = &Around { store, mean: store.mean() };
         lights.par_iter_mut().zip(&squares.seen).for_each(|(light, seen)| {
@@ -177,12 +198,23 @@ impl View {
                 *light = self.mean_around(around, seen);
             }
         });
-        Some(Layer { squares, lights })
+        Layer { squares, lights }
+    }
+
+    /// Returns the number of the reflection in a pane that each pixel's middle shows; [`NO_PANE`]
+    /// without a pane.
+    fn panes_of_pixels(&self) -> Vec<u32> {
+        let mut panes = vec![NO_PANE; self.seen.len()];
+        for (number, pane) in (0..).zip(&self.in_panes[..self.panes_of_middles]) {
+            panes[pane.pixel] = number;
+        }
+        panes
     }
 
     /// Draws the view from known light.
-    pub(crate) fn draw_known(&self, store: &Store, known: &Layer) -> Drawn {
-        self.lit(store, known, &Further::default())
+    pub(crate) fn draw_known(&self, store: &Store, known: &KnownLight) -> Drawn {
+        let further = Further { pieces: &[], in_panes: known.in_panes.as_ref() };
+        self.lit(store, &known.layer, &further)
     }
 
     /// Draws the view with the light of `layer`.
@@ -209,7 +241,7 @@ impl View {
         }
         let in_pane = |InPane { pixel, seen, .. }: &InPane| {
             let at = ((pixel % width) as f32, (pixel / width) as f32);
-            self.painted(seen, self.light_at(around, further.in_panes.as_ref(), at, seen))
+            self.painted(seen, self.light_at(around, further.in_panes, at, seen))
         };
         let in_panes: Vec<_> = self.in_panes.par_iter().map(in_pane).collect();
         for (&InPane { pixel, share, .. }, (more, error)) in self.in_panes.iter().zip(in_panes) {

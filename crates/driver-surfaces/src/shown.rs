@@ -5,8 +5,8 @@ use glam::DVec3;
 use holo_display::{End, Look, Resolution};
 use rayon::prelude::*;
 
+use crate::draw::KnownLight;
 use crate::edges::Looked;
-use crate::squares::Layer;
 use crate::{Gathered, Seen, Store, View};
 
 /// Pixels on edges that are examined in one go: about 10 ms on two cores.
@@ -30,7 +30,7 @@ pub(crate) struct Shown {
     pub(crate) edges: Edges,
     /// Known light. It is shown while the eye moves, and in the first frame of a glance and after a
     /// stop, so that these frames appear soon.
-    pub(crate) known: Option<Layer>,
+    pub(crate) known: Option<KnownLight>,
     /// Refinement of the last frame at rest; `None` before the first one.
     pub(crate) drawn: Option<Refined>,
     pub(crate) covered: Vec<bool>,

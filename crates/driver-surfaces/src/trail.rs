@@ -130,46 +130,111 @@ impl<'a> Follower<'a> {
     }
 
     /// Follows a ray from its first hit to a surface that stores light.
-    pub fn follow(&self, mut ray: Ray, mut hit: Hit, mut panes: AtPanes) -> Shown {
-        let mut share = [1.0; 3];
-        let mut length = 0.0;
-        let mut is_mirrored = false;
-        let mut pane = 0.0;
-        for _ in 0..MOST_SURFACES {
-            let normal = self.raycaster.geometric_normal(hit.triangle);
-            let cosine = ray.direction.dot(normal);
-            let mirrored = ray.direction - 2.0 * cosine * normal;
-            let (colour, onward) = match self.finish(self.material(hit.triangle)).kind {
-                Kind::Diffuse | Kind::Glossy => {
-                    let end = self.end(&ray, hit);
-                    let length = length + hit.t;
-                    return Shown::Surface(End { share, length, is_mirrored, pane, ..end });
-                }
-                Kind::Mirror(ks) => (ks, mirrored),
-                Kind::Pane { ior, transmittance } => {
-                    let reflected = pane_reflectance(cosine.abs(), ior);
-                    let passes = transmittance.map(|t| t * (1.0 - reflected));
-                    pane = if pane > 0.0 { pane } else { reflected };
-                    match panes {
-                        AtPanes::Pass => (passes, ray.direction),
-                        AtPanes::PassAll => (passes.map(|p| p + reflected), ray.direction),
-                        AtPanes::ReflectFirst => {
-                            panes = AtPanes::Pass;
-                            ([reflected; 3], mirrored)
-                        }
-                    }
-                }
-            };
-            is_mirrored |= onward != ray.direction;
-            share = [0, 1, 2].map(|channel| share[channel] * colour[channel]);
-            length += hit.t;
-            let (at, error) = self.raycaster.surface_point(&hit);
-            ray = Ray::new(spawn(at, error, normal, onward), onward);
-            match self.raycaster.nearest_from(&ray, hit.triangle) {
-                Some(next) => hit = next,
-                None => return Shown::Sky(share),
+    pub fn follow(&self, ray: Ray, hit: Hit, panes: AtPanes) -> Shown {
+        let mut trail = Trail::new(ray, hit, panes);
+        loop {
+            if let Some(shown) = trail.advance(self) {
+                return shown;
+            }
+            let next = self.raycaster.nearest_from(&trail.ray, trail.hit.triangle);
+            if let Some(shown) = trail.meet(next) {
+                return shown;
             }
         }
-        Shown::Unknown
+    }
+
+    /// Follows many rays as [`follow`](Self::follow) does, and gives what each shows to `ended`
+    /// with its index. Their rays are cast together, which is faster.
+    pub fn follow_many(&self, trails: &mut [Trail], mut ended: impl FnMut(usize, Shown)) {
+        let mut active: Vec<usize> = (0..trails.len()).collect();
+        let (mut rays, mut from, mut hits) = (Vec::new(), Vec::new(), Vec::new());
+        while !active.is_empty() {
+            active.retain(|&number| match trails[number].advance(self) {
+                Some(shown) => {
+                    ended(number, shown);
+                    false
+                }
+                None => true,
+            });
+            rays.clear();
+            rays.extend(active.iter().map(|&number| trails[number].ray));
+            from.clear();
+            from.extend(active.iter().map(|&number| trails[number].hit.triangle));
+            hits.clear();
+            hits.resize(active.len(), None);
+            self.raycaster.nearest_many_from(&rays, &from, &mut hits);
+            let mut hits = hits.iter();
+            active.retain(|&number| {
+                let shown = trails[number].meet(hits.next().copied().flatten());
+                let goes_on = shown.is_none();
+                shown.into_iter().for_each(|shown| ended(number, shown));
+                goes_on
+            });
+        }
+    }
+}
+
+/// A ray on its way through mirrors and panes.
+pub(crate) struct Trail {
+    ray: Ray,
+    hit: Hit,
+    panes: AtPanes,
+    share: Rgb,
+    length: f32,
+    is_mirrored: bool,
+    pane: f32,
+    surfaces: usize,
+}
+
+impl Trail {
+    /// Returns a ray at its first hit.
+    pub fn new(ray: Ray, hit: Hit, panes: AtPanes) -> Trail {
+        let (share, length, is_mirrored, pane, surfaces) = ([1.0; 3], 0.0, false, 0.0, 0);
+        Trail { ray, hit, panes, share, length, is_mirrored, pane, surfaces }
+    }
+
+    /// Moves the ray from its hit on, if this is a mirror or a pane. Returns what it shows if it
+    /// ends here.
+    fn advance(&mut self, follower: &Follower) -> Option<Shown> {
+        let hit = self.hit;
+        let normal = follower.raycaster.geometric_normal(hit.triangle);
+        let cosine = self.ray.direction.dot(normal);
+        let mirrored = self.ray.direction - 2.0 * cosine * normal;
+        let (colour, onward) = match follower.finish(follower.material(hit.triangle)).kind {
+            Kind::Diffuse | Kind::Glossy => {
+                let end = follower.end(&self.ray, hit);
+                let Trail { share, is_mirrored, pane, .. } = *self;
+                let length = self.length + hit.t;
+                return Some(Shown::Surface(End { share, length, is_mirrored, pane, ..end }));
+            }
+            Kind::Mirror(ks) => (ks, mirrored),
+            Kind::Pane { ior, transmittance } => {
+                let reflected = pane_reflectance(cosine.abs(), ior);
+                let passes = transmittance.map(|t| t * (1.0 - reflected));
+                self.pane = if self.pane > 0.0 { self.pane } else { reflected };
+                match self.panes {
+                    AtPanes::Pass => (passes, self.ray.direction),
+                    AtPanes::PassAll => (passes.map(|p| p + reflected), self.ray.direction),
+                    AtPanes::ReflectFirst => {
+                        self.panes = AtPanes::Pass;
+                        ([reflected; 3], mirrored)
+                    }
+                }
+            }
+        };
+        self.is_mirrored |= onward != self.ray.direction;
+        self.share = [0, 1, 2].map(|channel| self.share[channel] * colour[channel]);
+        self.length += hit.t;
+        let (at, error) = follower.raycaster.surface_point(&hit);
+        self.ray = Ray::new(spawn(at, error, normal, onward), onward);
+        None
+    }
+
+    /// Takes the next hit. Returns what the ray shows if it does not go on.
+    fn meet(&mut self, hit: Option<Hit>) -> Option<Shown> {
+        let Some(hit) = hit else { return Some(Shown::Sky(self.share)) };
+        self.hit = hit;
+        self.surfaces += 1;
+        (self.surfaces == MOST_SURFACES).then_some(Shown::Unknown)
     }
 }

@@ -6,7 +6,7 @@
 use crate::cell::Face;
 use crate::edges::{Edge, Piece};
 use crate::materials::{Kind, Materials};
-use crate::trail::{AtPanes, End, Follower, Shown};
+use crate::trail::{AtPanes, End, Follower, Shown, Trail};
 use glam::{DVec3, Vec3};
 use holo_display::Camera;
 use holo_picture::View as Eye;
@@ -280,6 +280,7 @@ impl View {
         let count = rows.len() / width;
         let follower = self.follower();
         let mut band = Band::default();
+        let (mut trails, mut of_trails) = (Vec::new(), Vec::new());
         for left in (0..width).step_by(SIDE) {
             let across = SIDE.min(width - left);
             let mut rays = [Ray::new(Vec3::ZERO, Vec3::ZERO); MAX_TILE];
@@ -291,6 +292,8 @@ impl View {
             }
             let used = across * count;
             self.raycaster.nearest_tile(&rays[..used], &mut hits[..used]);
+            trails.clear();
+            of_trails.clear();
             for number in 0..used {
                 let at = number / across * width + left + number % across;
                 let (ray, before, hit) = (rays[number], befores[number], hits[number]);
@@ -303,14 +306,22 @@ impl View {
                     rows[at] = seen(&end, self.pixel_width(before + end.length), PLAIN);
                     continue;
                 }
-                let follow =
-                    |panes| self.seen_along(follower.follow(ray, hit, panes).farther(before));
-                rows[at] = band.add(follow(AtPanes::Pass));
+                trails.push(Trail::new(ray, hit, AtPanes::Pass));
+                of_trails.push((at, before, false));
                 if follower.is_pane(hit) {
-                    let seen = band.add(follow(AtPanes::ReflectFirst));
-                    band.in_panes.push(InPane { pixel: top * width + at, seen, share: 1.0 });
+                    trails.push(Trail::new(ray, hit, AtPanes::ReflectFirst));
+                    of_trails.push((at, before, true));
                 }
             }
+            follower.follow_many(&mut trails, |number, shown| {
+                let (at, before, is_reflected) = of_trails[number];
+                let seen = band.add(self.seen_along(shown.farther(before)));
+                if is_reflected {
+                    band.in_panes.push(InPane { pixel: top * width + at, seen, share: 1.0 });
+                } else {
+                    rows[at] = seen;
+                }
+            });
         }
         band.in_panes.sort_unstable_by_key(|pane| pane.pixel);
         band
