@@ -1,6 +1,8 @@
-//! A writer that is killed.
+//! A writer that is killed. It is alone in its process: a child that has not yet begun its program
+//! shares the locks of all files that are open.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+#[path = "it/common/mod.rs"]
 mod common;
 
 use std::fs;

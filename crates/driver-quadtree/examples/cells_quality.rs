@@ -6,7 +6,7 @@
 //! processor time of drawing it. The error is display PSNR as `holodeck compare` computes it, dB.
 
 mod clock;
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/it/common/mod.rs"]
 mod common;
 
 use common::*;

@@ -6,7 +6,7 @@
 //! quadtree's. Processor time of all threads in ms, the mean of some rounds.
 
 mod clock;
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/it/common/mod.rs"]
 mod common;
 
 use common::*;

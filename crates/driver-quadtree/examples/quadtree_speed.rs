@@ -7,7 +7,7 @@
 //! it. With `--json`, one line for each kind of samples.
 
 mod clock;
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/it/common/mod.rs"]
 mod common;
 
 use common::*;

@@ -6,7 +6,7 @@
 //! (8000), `--frames N`, and `--json` for one line a size. The camera walks and turns. Times are
 //! medians over frames, and those of the shortest frame, which are more accurate on a busy machine.
 
-#[path = "../tests/scenes/mod.rs"]
+#[path = "../tests/it/scenes/mod.rs"]
 mod scenes;
 
 use std::collections::BTreeMap;

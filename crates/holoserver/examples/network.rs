@@ -16,7 +16,7 @@
 //!   0.5 ms a ray. It gives the median and the 99th percentile.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/it/common/mod.rs"]
 mod common;
 
 use std::{

@@ -1,6 +1,8 @@
-//! The server's memory while many displays want more beams than fit.
+//! The server's memory while many displays want more beams than fit. It is alone in its process,
+//! because it counts all allocations.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+#[path = "it/common/mod.rs"]
 mod common;
 
 use common::{Peer, Place, run, view};

@@ -1,5 +1,6 @@
-//! Requests to end a process.
+//! Requests to end a process. It is alone in its process, because it sends a signal to it.
 
+#[path = "it/common/mod.rs"]
 mod common;
 
 use std::process::Command;

@@ -4,12 +4,12 @@
 //! `cargo run --release -p holo-raycast --example stress -- [RAYS]` (a million; 100000000 takes
 //! minutes)
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/it/common/mod.rs"]
 mod common;
-#[path = "../tests/common/stress.rs"]
-mod stress;
 
 use std::error::Error;
+
+use common::stress;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let rays: u64 = std::env::args().nth(1).map_or(Ok(1_000_000), |count| count.parse())?;

@@ -1,0 +1,10 @@
+//! Tests of the public interface, in one program: each one compiles the same generic code again.
+
+mod drivers;
+mod frameless;
+mod noise;
+mod pictures;
+mod same;
+mod scenes;
+mod settings;
+mod unasked;

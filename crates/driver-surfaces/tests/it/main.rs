@@ -1,0 +1,9 @@
+//! Tests of the public interface, in one program: each one compiles the same generic code again.
+
+mod common;
+mod driver;
+mod edges;
+mod filter;
+mod likely;
+mod store;
+mod texture;

@@ -1,0 +1,177 @@
+//! Workers that return wrong samples: compared with others, dropped, named, and forgotten.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::collections::BTreeSet;
+
+use crate::common::{Peer, Place, Server, in_time, results, run, work_as_named, work_named};
+use holo_beamfile::Maker;
+use holo_net::Message;
+use holo_proto::{
+    bulk::{Results, Work},
+    control::{Control, Farewell},
+    hello::Role,
+    report::Report,
+};
+use holo_section::Sample;
+use holo_server::Holodeck;
+
+async fn report(server: &Server) -> Report {
+    let mut admin = Peer::join(server.address, Role::Admin).await;
+    admin.outbox.control(&Control::ReportWanted).unwrap();
+    let is_report = |message: &Message| matches!(message, Message::Control(Control::Report(_)));
+    match admin.wait_for(is_report).await {
+        Message::Control(Control::Report(report)) => *report,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The right samples, four times as bright.
+fn bright(work: &Work) -> Results {
+    let mut results = results(&work.packets, true);
+    for sample in &mut results.samples {
+        let [red, green, blue, exponent] = sample.rgbe;
+        *sample = Sample::from_codes(
+            sample.coords,
+            [red, green, blue, exponent + 2],
+            sample.distance_code(),
+        );
+    }
+    results
+}
+
+#[test]
+fn a_worker_whose_light_is_wrong_is_dropped_named_kept_out_and_forgotten() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|config| config.fill = true).await;
+        let sound: Vec<_> = ["a", "b", "c"]
+            .into_iter()
+            .map(|name| tokio::spawn(work_named(server.address, name)))
+            .collect();
+        let broken = work_as_named(server.address, "rtworker on d #7", bright);
+        let reason = in_time(broken).await.expect("it is told why").to_string();
+        assert!(
+            reason.contains("red light is") && reason.contains("times that of others"),
+            "{reason}"
+        );
+
+        let again = in_time(work_as_named(server.address, "rtworker on d #8", bright)).await;
+        assert!(
+            again.unwrap().to_string().contains("its machine seems to be broken"),
+            "another process of it"
+        );
+        let report = report(&server).await;
+        let [fault] = &report.faults[..] else { panic!("{report:?}") };
+        assert!(fault.is_dropped && fault.name == "rtworker on d #7" && fault.maker > 0);
+        assert_eq!(report.workers.len(), 3, "the sound ones stay");
+        assert!(report.workers.iter().all(|worker| worker.maker != fault.maker));
+        server.end().await;
+        for worker in sound {
+            in_time(worker).await.unwrap();
+        }
+
+        let bad = |sample: &Sample| sample.rgbe[3] == 130;
+        let (wrong, all) = count(&place, bad);
+        assert!(wrong > 0 && wrong < all, "{wrong} of {all}");
+        let forgotten = Holodeck::forget(&place.file(), &[Maker(fault.maker)]).unwrap();
+        assert_eq!((forgotten.samples, forgotten.left), (wrong, all - wrong));
+        assert_eq!(count(&place, bad), (0, all - wrong));
+        let twice = Holodeck::forget(&place.file(), &[Maker(fault.maker)]).unwrap_err();
+        assert!(twice.to_string().contains("knows no worker"), "{twice}");
+        let others = Holodeck::open_read_only(&place.file(), 0).unwrap();
+        let names: BTreeSet<_> = others.makers().iter().map(|maker| maker.name.clone()).collect();
+        assert_eq!(names, ["a", "b", "c"].map(str::to_owned).into());
+
+        // The numbers that are missing are traced first.
+        let numbers = |place: &Place| {
+            let holodeck = Holodeck::open_read_only(&place.file(), 0).unwrap();
+            let mut holes = 0;
+            holodeck.file.for_each_beam(&mut |key, samples| {
+                holes += u64::from(holodeck.file.counts(key).uniform) - samples;
+            });
+            holes
+        };
+        let holes = numbers(&place);
+        assert!(holes > 0);
+        let server = place
+            .serve(|config| {
+                config.fill = true;
+                config.samples = Some(wrong);
+            })
+            .await;
+        let worker = tokio::spawn(work_named(server.address, "a"));
+        server.ended().await;
+        in_time(worker).await.unwrap();
+        assert!(numbers(&place) < holes, "{} of {holes}", numbers(&place));
+    });
+}
+
+/// Returns how many samples of a file are such, and how many it has.
+fn count(place: &Place, is_such: impl Fn(&Sample) -> bool) -> (u64, u64) {
+    let holodeck = Holodeck::open_read_only(&place.file(), 0).unwrap();
+    let mut keys = Vec::new();
+    holodeck.file.for_each_beam(&mut |key, _| keys.push(key));
+    let beams = keys.iter().map(|&key| holodeck.file.read(key).unwrap());
+    beams.fold((0, 0), |(such, all), beam| {
+        let found = beam.samples.iter().filter(|sample| is_such(sample)).count() as u64;
+        (such + found, all + beam.samples.len() as u64)
+    })
+}
+
+#[test]
+fn of_two_workers_that_differ_both_stay_and_the_report_says_so() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|config| config.fill = true).await;
+        let workers = [
+            tokio::spawn(async move { work_as_named(server.address, "a", bright).await }),
+            tokio::spawn(async move {
+                work_as_named(server.address, "b", |work| results(&work.packets, true)).await
+            }),
+        ];
+        let faults = loop {
+            let report = report(&server).await;
+            assert!(report.faults.iter().all(|fault| !fault.is_dropped), "{report:?}");
+            if !report.faults.is_empty() {
+                break report.faults;
+            }
+        };
+        assert!(!faults[0].is_dropped && faults[0].reason.contains("a third worker"), "{faults:?}");
+        server.end().await;
+        for worker in workers {
+            assert_eq!(in_time(worker).await.unwrap(), Some(Farewell::SessionOver));
+        }
+    });
+}
+
+#[test]
+fn what_a_worker_finds_to_see_nothing_is_forgotten_with_its_samples() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|config| config.fill = true).await;
+        let claims = |work: &Work| Results {
+            unseen: work.packets.iter().map(|packet| packet.id).collect(),
+            ..Results::default()
+        };
+        let claimer = tokio::spawn(async move { work_as_named(server.address, "a", claims).await });
+        while report(&server).await.unseen_beams == 0 {}
+        server.end().await;
+        in_time(claimer).await.unwrap();
+        let unseen = || Holodeck::open_read_only(&place.file(), 0).unwrap().unseen().count();
+        let found = unseen();
+        assert!(found > 0);
+        let server = place
+            .serve(|config| {
+                config.fill = true;
+                config.samples = Some(1);
+            })
+            .await;
+        let worker = tokio::spawn(work_named(server.address, "b"));
+        assert!(server.ended().await.added > 0);
+        in_time(worker).await.unwrap();
+        let kept = Holodeck::forget(&place.file(), &[Maker(2)]).unwrap();
+        assert_eq!((kept.unseen, unseen()), (0, found), "another worker found them");
+        let forgotten = Holodeck::forget(&place.file(), &[Maker(1)]).unwrap();
+        assert_eq!((forgotten.unseen, unseen()), (found, 0));
+    });
+}

@@ -1,0 +1,121 @@
+//! Parts of a file that no view requested: over real sockets, from a server in this process.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use std::collections::HashSet;
+
+use crate::common::{self, Peer, Place, run, view};
+use holo_net::Message;
+use holo_proto::{
+    bulk::Source,
+    control::{Control, MAX_PART},
+    frame::Kind,
+    hello::Role,
+};
+use holo_section::{BeamKey, SampleKind};
+
+/// Returns the names of a part's samples, and the number of the next beam.
+async fn part(
+    display: &mut Peer,
+    first: u64,
+    samples: u32,
+) -> (Vec<(BeamKey, SampleKind, u32)>, Option<u64>) {
+    display.outbox.control(&Control::PartWanted { section: 0, first, samples }).unwrap();
+    let mut names = Vec::new();
+    loop {
+        let is_of = |message: &Message| {
+            matches!(message, Message::Samples(samples) if samples.source == Source::Part)
+                || matches!(message, Message::Control(Control::PartSent { .. }))
+        };
+        match display.wait_for(is_of).await {
+            Message::Samples(samples) => {
+                for (run, _) in samples.iter() {
+                    names
+                        .extend((run.first..run.first + run.count).map(|n| (run.key, run.kind, n)));
+                }
+            }
+            Message::Control(Control::PartSent { section: 0, next }) => return (names, next),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn the_parts_of_a_section_are_all_of_its_samples_each_once() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|_| {}).await;
+        let worker = tokio::spawn(common::work(server.address));
+        let mut display = Peer::join(server.address, Role::Display).await;
+        display.send(Kind::View, &view(1, 300));
+        display.samples(3000).await;
+        display.outbox.control(&Control::Settle { view: 1 }).unwrap();
+        let settled = Message::Control(Control::Settled { view: 1 });
+        display.wait_for(|message| *message == settled).await;
+        drop(display);
+        server.end().await;
+        worker.await.unwrap();
+
+        // Nothing is traced any more.
+        let server = place.serve(|_| {}).await;
+        let mut display = Peer::join(server.address, Role::Display).await;
+        let (mut names, mut next, mut parts) = (Vec::new(), Some(0), 0);
+        while let Some(first) = next {
+            let (more, then) = part(&mut display, first, 500).await;
+            assert!(then.is_none_or(|then| then > first));
+            names.extend(more);
+            (next, parts) = (then, parts + 1);
+        }
+        assert!(parts > 5, "{parts}");
+        assert_eq!(names.len() as u64, display.welcome.samples);
+        assert_eq!(names.iter().collect::<HashSet<_>>().len(), names.len());
+        let (whole, end) = part(&mut display, 0, MAX_PART).await;
+        assert_eq!((whole, end), (names, None));
+        drop(display);
+        server.end().await;
+    });
+}
+
+/// Requests a part of each of these sections, all at once. Returns why the server ends the
+/// connection; `None` if it sends every part.
+async fn refusal(display: &mut Peer, sections: &[u16]) -> Option<String> {
+    for &section in sections {
+        let part = Control::PartWanted { section, first: 0, samples: MAX_PART };
+        display.outbox.control(&part).unwrap();
+    }
+    let is_answer = |message: &Message| {
+        matches!(message, Message::Control(Control::PartSent { .. } | Control::Bye(_)))
+    };
+    for _ in sections {
+        if let Message::Control(Control::Bye(why)) = display.wait_for(is_answer).await {
+            return Some(why.to_string());
+        }
+    }
+    None
+}
+
+#[test]
+fn who_asks_for_two_parts_at_once_or_for_another_section_is_sent_away() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|_| {}).await;
+        let mut display = Peer::join(server.address, Role::Display).await;
+        let why = refusal(&mut display, &[1]).await.expect("it is sent away");
+        assert!(why.contains("it asked for a section that does not exist"), "{why}");
+        // The file is empty, so the first part may be sent before the second request is read.
+        let mut refused = None;
+        for _ in 0..100 {
+            let mut display = Peer::join(server.address, Role::Display).await;
+            refused = refusal(&mut display, &[0, 0]).await;
+            if refused.is_some() {
+                break;
+            }
+        }
+        let why = refused.expect("it is sent away");
+        assert!(why.contains("it asked for a part of the file before"), "{why}");
+        // Others are served on, also from beyond the last beam.
+        let mut display = Peer::join(server.address, Role::Display).await;
+        assert_eq!(part(&mut display, u64::MAX, 10).await, (vec![], None));
+        drop(display);
+        server.end().await;
+    });
+}

@@ -1,0 +1,7 @@
+//! Tests of the public interface, in one program: each one compiles the same generic code again.
+
+mod common;
+mod queries;
+mod shaft;
+mod stress;
+mod watertight;

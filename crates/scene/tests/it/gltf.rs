@@ -1,0 +1,424 @@
+//! Tests glTF files: geometry, materials, cameras, lights, and files with false counts and offsets.
+
+#![allow(clippy::unwrap_used)]
+
+use crate::common::messages;
+use base64::Engine as _;
+use glam::{DVec3, Vec3};
+use holo_scene::{Bsdf, LoadOptions, Loaded, Scene, SceneError};
+use proptest::prelude::*;
+
+/// Positions of a triangle, indices as bytes, and one sparse replacement.
+fn buffer() -> Vec<u8> {
+    let positions = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let mut bytes: Vec<u8> = positions.iter().flat_map(|c| c.to_le_bytes()).collect();
+    bytes.extend([0u8, 1, 2, 0]);
+    bytes.extend([0.0f32, 2.0, 0.0].iter().flat_map(|c| c.to_le_bytes()));
+    bytes.extend([2u8, 0, 0, 0]);
+    bytes
+}
+
+/// The buffer, views and accessors of every test, as members of a glTF object.
+fn arrays() -> String {
+    let bytes = buffer();
+    let data = base64::engine::general_purpose::STANDARD.encode(&bytes);
+    format!(
+        r#""asset":{{"version":"2.0"}},
+        "buffers":[{{"byteLength":{},"uri":"data:application/octet-stream;base64,{data}"}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":4}},
+            {{"buffer":0,"byteOffset":40,"byteLength":12}},{{"buffer":0,"byteOffset":52,"byteLength":4}}],
+        "accessors":[
+            {{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}},
+            {{"bufferView":1,"componentType":5121,"count":3,"type":"SCALAR"}},
+            {{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,2,0],
+              "sparse":{{"count":1,"indices":{{"bufferView":3,"componentType":5121}},"values":{{"bufferView":2}}}}}}]"#,
+        bytes.len()
+    )
+}
+
+/// One triangle on one node, with other members.
+fn triangle(more: &str) -> String {
+    format!(
+        r#"{{{},"meshes":[{{"name":"tri","primitives":[{{"attributes":{{"POSITION":0}},"indices":1,"material":0}}]}}],
+        "nodes":[{{"mesh":0}}],"scenes":[{{"nodes":[0]}}],"scene":0,{more}}}"#,
+        arrays()
+    )
+}
+
+fn load_named(name: &str, bytes: &[u8]) -> Result<Loaded, SceneError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    std::fs::write(&path, bytes).unwrap();
+    holo_scene::load(&path, &LoadOptions::default())
+}
+
+fn load(json: &str) -> Result<Loaded, SceneError> {
+    load_named("s.gltf", json.as_bytes())
+}
+
+fn problem(json: &str) -> String {
+    let error = load(json).unwrap_err().to_string();
+    error.split_once("s.gltf: ").unwrap().1.to_owned()
+}
+
+fn corners(scene: &Scene) -> Vec<[DVec3; 3]> {
+    let place = |p: Vec3| (p.as_dvec3() + scene.origin).round();
+    scene.triangles().map(|t| scene.corners(t).map(place)).collect()
+}
+
+/// Returns the scattering of a material with these members, and warnings.
+fn material(members: &str) -> (holo_scene::Material, Vec<String>) {
+    let loaded = load(&triangle(&format!(r#""materials":[{{"name":"m",{members}}}]"#))).unwrap();
+    (loaded.scene.materials[0].clone(), messages(&loaded))
+}
+
+const GREY: &str =
+    r#""materials":[{"pbrMetallicRoughness":{"roughnessFactor":1,"metallicFactor":0}}]"#;
+
+#[test]
+fn nodes_place_meshes_and_a_mirrored_one_keeps_its_front() {
+    let nodes = r#""nodes":[{"children":[1,2],"translation":[10,0,0]},{"mesh":0,"scale":[2,2,2]},
+        {"mesh":0,"scale":[-1,1,1]}]"#;
+    let json = triangle(GREY).replace(r#""nodes":[{"mesh":0}]"#, nodes);
+    let loaded = load(&json).unwrap();
+    let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+    let expected = [
+        [at(10.0, 0.0), at(12.0, 0.0), at(10.0, 2.0)],
+        [at(10.0, 0.0), at(10.0, 1.0), at(9.0, 0.0)],
+    ];
+    assert_eq!(corners(&loaded.scene), expected);
+    assert!((0..2).all(|t| loaded.scene.normal(t) == Vec3::Z));
+    assert_eq!(loaded.about.up.unwrap().value, [0.0, 1.0, 0.0]);
+    assert_eq!(loaded.about.unit.unwrap().value, 1.0);
+}
+
+#[test]
+fn sparse_accessors_strips_and_fans_are_read() {
+    let with =
+        |from: &str, to: &str| corners(&load(&triangle(GREY).replace(from, to)).unwrap().scene);
+    let sparse = with(r#""POSITION":0"#, r#""POSITION":2"#);
+    assert_eq!(sparse[0][2], DVec3::new(0.0, 2.0, 0.0));
+    let plain = with("", "");
+    for mode in [r#""mode":5,"indices":1"#, r#""mode":6,"indices":1"#] {
+        assert_eq!(with(r#""indices":1"#, mode), plain);
+    }
+    assert_eq!(with(r#""indices":1,"#, ""), plain, "without indices, in order");
+    assert_eq!(with(r#","min":[0,0,0],"max":[1,1,0]"#, ""), plain, "without bounds");
+}
+
+#[test]
+fn binary_files_and_files_with_buffers_beside_them_are_the_same_scene() {
+    let plain = load(&triangle(GREY)).unwrap().scene;
+    let json = triangle(GREY);
+    let uri = &json[json.find(r#","uri""#).unwrap()..json.find("}],\n").unwrap()];
+    let mut text = json.replace(uri, "");
+    text += &" ".repeat(text.len().next_multiple_of(4) - text.len());
+    let binary = buffer();
+    let mut glb = b"glTF\x02\0\0\0".to_vec();
+    glb.extend((12 + 8 + text.len() + 8 + binary.len()).to_le_bytes()[..4].iter());
+    for (bytes, kind) in [(text.as_bytes(), b"JSON"), (&binary, b"BIN\0")] {
+        glb.extend(&bytes.len().to_le_bytes()[..4]);
+        glb.extend(kind);
+        glb.extend(bytes);
+    }
+    assert_eq!(load_named("s.glb", &glb).unwrap().scene, plain);
+    assert_eq!(load_named("misnamed.obj", &glb).unwrap().scene, plain, "contents decide");
+    for length in 0..12_u8 {
+        glb[8..12].copy_from_slice(&[length, 0, 0, 0]);
+        let error = load_named("s.glb", &glb).unwrap_err().to_string();
+        assert!(error.contains(&format!("it says that it has {length} bytes")), "{error}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.gltf");
+    std::fs::write(folder.path().join("my mesh.bin"), &binary).unwrap();
+    std::fs::write(&path, json.replace(uri, r#","uri":"my%20mesh.bin""#)).unwrap();
+    assert_eq!(holo_scene::load(&path, &LoadOptions::default()).unwrap().scene, plain);
+    std::fs::write(&path, json.replace(uri, r#","uri":"../my%20mesh.bin""#)).unwrap();
+    std::fs::rename(folder.path().join("my mesh.bin"), folder.path().join("other.bin")).unwrap();
+    let error = holo_scene::load(&path, &LoadOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("is not in its folder"), "{error}");
+}
+
+#[test]
+fn materials_are_those_of_the_table() {
+    let pbr = |members: &str| {
+        format!(r#""pbrMetallicRoughness":{{"baseColorFactor":[0.5,0.25,1,1],{members}}}"#)
+    };
+    let base = [0.5, 0.25, 1.0];
+    let white = [1.0; 3];
+    let plastic = Bsdf::Coated { kd: base, ks: white, ior: 1.5, alpha: 0.25 };
+    let plain = pbr(r#""metallicFactor":0,"roughnessFactor":1"#);
+    let glass =
+        r#""KHR_materials_transmission":{"transmissionFactor":1},"KHR_materials_ior":{"ior":1.25}"#;
+    let volume = r#""KHR_materials_volume":{"thicknessFactor":2,"attenuationDistance":1,"attenuationColor":[0.5,1,1]}"#;
+    let cases = [
+        (plain.clone(), Bsdf::Diffuse { kd: base }),
+        (pbr(r#""metallicFactor":0,"roughnessFactor":0.5"#), plastic),
+        (
+            pbr(r#""metallicFactor":1,"roughnessFactor":0.5"#),
+            Bsdf::Conductor { ks: base, alpha: 0.25 },
+        ),
+        (pbr(r#""metallicFactor":1,"roughnessFactor":0"#), Bsdf::Mirror { ks: base }),
+        (
+            format!(
+                r#"{plain},"extensions":{{"KHR_materials_clearcoat":{{"clearcoatFactor":1,"clearcoatRoughnessFactor":0.5}}}}"#
+            ),
+            plastic,
+        ),
+        (
+            format!(r#"{},"extensions":{{{glass}}}"#, pbr(r#""roughnessFactor":0"#)),
+            Bsdf::ThinGlass { ior: 1.25, transmittance: base },
+        ),
+        (
+            format!(r#"{},"extensions":{{{glass},{volume}}}"#, pbr(r#""roughnessFactor":0"#)),
+            Bsdf::Dielectric { ior: 1.25, transmittance: [0.25, 0.25, 1.0], alpha: 0.0 },
+        ),
+    ];
+    for (members, expected) in cases {
+        let (material, warnings) = material(&members);
+        assert_eq!((material.bsdf, warnings), (expected, vec![]), "{members}");
+    }
+    let (veil, warnings) =
+        material(&format!(r#""alphaMode":"BLEND",{}"#, plain.replace("1,1]", "1,0.25]")));
+    let transmittance = [0.375, 0.1875, 0.75];
+    assert_eq!(veil.bsdf, Bsdf::ThinGlass { ior: 1.5, transmittance });
+    assert_eq!(
+        warnings,
+        ["s.gltf: blended materials are taken as panes below an alpha of a half (1)"]
+    );
+}
+
+#[test]
+fn emission_is_a_luminance_and_shines_on_both_sides_if_the_material_does() {
+    let lamp = r#""emissiveFactor":[1,0.5,0],"extensions":{"KHR_materials_emissive_strength":{"emissiveStrength":179}}"#;
+    let (one, _) = material(lamp);
+    assert_eq!((one.emission, one.two_sided_emission), ([1.0, 0.5, 0.0], false));
+    assert!(material(&format!(r#"{lamp},"doubleSided":true"#)).0.two_sided_emission);
+}
+
+#[test]
+fn cameras_are_views_and_lights_are_lamps_of_their_intensity() {
+    let more = format!(
+        r#"{GREY},"cameras":[{{"type":"perspective","perspective":{{"yfov":0.5,"znear":0.1}}}}],
+        "extensionsUsed":["KHR_lights_punctual","VENDOR_x"],
+        "extensions":{{"KHR_lights_punctual":{{"lights":[{{"type":"point","intensity":179}},
+            {{"type":"spot","intensity":179,"spot":{{"outerConeAngle":0.5}}}},{{"type":"directional"}}]}}}}"#
+    );
+    let light = |n: usize| format!(r#"{{"extensions":{{"KHR_lights_punctual":{{"light":{n}}}}}}}"#);
+    let nodes = format!(
+        r#""nodes":[{{"mesh":0,"children":[1,2,3,4]}},{{"name":"eye","camera":0,"translation":[1,2,3]}},{},{},{}]"#,
+        light(0),
+        light(1),
+        light(2)
+    );
+    let loaded = load(&triangle(&more).replace(r#""nodes":[{"mesh":0}]"#, &nodes)).unwrap();
+    let [camera] = &loaded.about.cameras[..] else { panic!("{:?}", loaded.about) };
+    assert_eq!(
+        (camera.name.as_str(), camera.eye, camera.direction),
+        ("eye", [1.0, 2.0, 3.0], [0.0, 0.0, -1.0])
+    );
+    assert!((camera.height - 0.5f64.to_degrees()).abs() < 1e-4);
+    let warnings = messages(&loaded);
+    for part in ["VENDOR_x", "directional", "point lights", "spot lights"] {
+        assert!(
+            warnings.iter().any(|w| w.contains(part) && w.ends_with("(1)")),
+            "{part}: {warnings:?}"
+        );
+    }
+    // Intensity along -z in W/sr: radiance times the projected area of what shines there.
+    let scene = &loaded.scene;
+    let towards = Vec3::Z;
+    let intensity = |count: usize| -> f64 {
+        let lamps: Vec<u32> = scene
+            .emitters()
+            .filter(|&t| {
+                let same = |other: &u32| scene.material_id(*other) == scene.material_id(t);
+                scene.emitters().filter(same).count() == count
+            })
+            .collect();
+        let seen = lamps
+            .iter()
+            .map(|&t| scene.area(t) * f64::from((-scene.normal(t)).dot(towards)).max(0.0));
+        seen.sum::<f64>() * f64::from(scene.material(lamps[0]).emission[0])
+    };
+    assert!((intensity(2) - 1.0).abs() < 1e-4, "the spot, along its axis: {}", intensity(2));
+    // Along an axis, an octahedron shows more than its mean: 2 over √3.
+    assert!((intensity(8) - 2.0 / 3f64.sqrt()).abs() < 1e-4, "{}", intensity(8));
+}
+
+#[test]
+fn false_counts_and_offsets_are_refused_with_the_place() {
+    let json = triangle(GREY);
+    let cases = [
+        (
+            json.replace(r#""byteLength":36"#, r#""byteLength":3600"#),
+            "ends beyond its buffer, which has 56 bytes",
+        ),
+        (
+            json.replace(r#""count":3,"type":"VEC3""#, r#""count":30,"type":"VEC3""#),
+            "accessor 0 of 30 elements is longer than its 36 bytes",
+        ),
+        (
+            json.replace(r#"{"mesh":0}"#, r#"{"mesh":0,"children":[0]}"#),
+            "node 0 has two parents, or is its own descendant",
+        ),
+        (json.replace(r#""mesh":0}"#, r#""mesh":7}"#), "it is not valid glTF"),
+        (
+            json.replace(
+                r#""asset""#,
+                r#""extensionsRequired":["KHR_draco_mesh_compression"],"asset""#,
+            ),
+            "it requires `KHR_draco_mesh_compression`",
+        ),
+        (json.replace("base64,", "base64,*"), "its base64 data are damaged"),
+        (
+            json.replace(r#""type":"VEC3""#, r#""type":"VEC2""#),
+            "accessor 0 has 2 components, and 3 are needed",
+        ),
+        (
+            json.replace(r#""nodes":[{"mesh":0}]"#, r#""nodes":[{}]"#),
+            "no triangle in it: it is glTF whose meshes (1) have no triangle in view",
+        ),
+        (json.replace(r#""POSITION":0"#, r#""POSITION":9"#), "a mesh names accessor 9 of 3"),
+        ("{".to_owned(), "it is not valid glTF"),
+        (
+            r#"{"asset":{"version":"1.0"},"meshes":{"box":{"primitives":[]}}}"#.to_owned(),
+            "it is glTF 1.0, which is not read: export it as glTF 2.0",
+        ),
+        (r#"{"meshes":{"box":{"primitives":[]}}}"#.to_owned(), "it is glTF 1.0"),
+    ];
+    for (json, expected) in cases {
+        let found = problem(&json);
+        assert!(found.contains(expected), "{expected}: {found}");
+    }
+    assert!(
+        problem(&json.replace(r#""count":3,"type":"VEC3""#, r#""count":30,"type":"VEC3""#))
+            .starts_with("node 0, mesh tri: ")
+    );
+}
+
+#[test]
+fn textures_lie_as_their_transform_says_and_masks_are_cut_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.png");
+    let texels = vec![255, 0, 0, 255, 0, 0, 255, 0];
+    image::RgbaImage::from_raw(2, 1, texels).unwrap().save(&path).unwrap();
+    let file = base64::engine::general_purpose::STANDARD.encode(std::fs::read(&path).unwrap());
+    // The corner at (1, 0, 0) lies at u = 1 of the texture, and the others at 0.
+    let load = |transform: &str, mode: &str| {
+        let more = format!(
+            r#""images":[{{"uri":"data:image/png;base64,{file}"}}],"samplers":[{{"wrapS":33071}}],
+            "textures":[{{"source":0,"sampler":0}}],
+            "materials":[{{{mode}"pbrMetallicRoughness":{{"metallicFactor":0,"baseColorFactor":[0.5,1,1,1],
+              "baseColorTexture":{{"index":0{transform}}}}}}}]"#
+        );
+        let json = triangle(&more).replace(r#""POSITION":0"#, r#""POSITION":0,"TEXCOORD_0":0"#);
+        load(&json).unwrap()
+    };
+    let scene = load("", "").scene;
+    assert_eq!(scene.reflectance(0, 0.0, 0.0, 0.0), [0.5, 0.0, 0.0]);
+    assert_eq!(scene.reflectance(0, 1.0, 0.0, 0.0), [0.0, 0.0, 1.0]);
+    assert!(!scene.has_cut_outs());
+    let moved = r#","extensions":{"KHR_texture_transform":{"offset":[0.5,0],"scale":[-0.5,1]}}"#;
+    let scene = load(moved, r#""alphaMode":"MASK","#).scene;
+    assert_eq!(scene.reflectance(0, 1.0, 0.0, 0.0), [0.5, 0.0, 0.0]);
+    assert!(!scene.is_cut_out(0, 1.0, 0.0));
+    // Opacity falls from 1 to 0 between the middles of the texels.
+    for (mode, least) in [
+        (r#""alphaMode":"MASK","#, 0.5),
+        (r#""alphaMode":"MASK","alphaCutoff":0.2,"#, 0.2),
+        (r#""alphaMode":"MASK","alphaCutoff":0.8,"#, 0.8),
+    ] {
+        let scene = load("", mode).scene;
+        for opacity in [0.1, 0.3, 0.6, 0.9] {
+            let u = 0.75 - 0.5 * opacity;
+            assert_eq!(scene.is_cut_out(0, u, 0.0), opacity < least, "{mode} {opacity}");
+        }
+        assert_eq!(Scene::unpack(&scene.pack()).unwrap(), scene);
+    }
+}
+
+#[test]
+fn normals_turn_with_their_node() {
+    let normals = triangle(GREY).replace(r#""POSITION":0"#, r#""POSITION":0,"NORMAL":0"#);
+    let flat = load(&normals).unwrap().scene;
+    // Positions as normals: 0, x and y. The first is the facet's.
+    let near = |found: Option<Vec3>, expected: Vec3| found.unwrap().distance(expected) < 2e-4;
+    assert!(near(flat.smooth_normal(0, 0.0, 0.0), Vec3::Z));
+    assert!(near(flat.smooth_normal(0, 1.0, 0.0), Vec3::X));
+    let turned = normals.replace(
+        r#""nodes":[{"mesh":0}]"#,
+        r#""nodes":[{"mesh":0,"rotation":[0,0,0.70710678,0.70710678]}]"#,
+    );
+    let turned = load(&turned).unwrap().scene;
+    assert!(near(turned.smooth_normal(0, 1.0, 0.0), Vec3::Y));
+}
+
+#[test]
+fn pictures_without_a_file_or_a_type_are_left_out_or_found_by_their_bytes() {
+    let textured = |image: &str| {
+        let material = r#""materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}]"#;
+        let more = format!(r#"{material},"textures":[{{"source":0}}],"images":[{image}]"#);
+        load(&triangle(&more)).unwrap()
+    };
+    for (image, problem) in [
+        ("{}", "it names no file"),
+        (r#"{"mimeType":"image/png"}"#, "it names no file"),
+        (r#"{"bufferView":0}"#, "format could not be determined"),
+    ] {
+        let loaded = textured(image);
+        let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+        assert!(said.join("\n").contains(problem), "{image}: {said:?}");
+        assert!(loaded.scene.shading.is_none(), "{image}");
+    }
+}
+
+#[test]
+fn files_that_require_unknown_extensions_open_if_their_shape_is_there() {
+    let more = r#""extensionsRequired":["KHR_texture_basisu"],"extensionsUsed":["KHR_texture_basisu"],
+        "materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}],
+        "textures":[{"extensions":{"KHR_texture_basisu":{"source":0}}}],"images":[{"uri":"a.ktx2"}]"#;
+    let loaded = load(&triangle(more)).unwrap();
+    assert_eq!(loaded.scene.triangles().len(), 1);
+    let said = messages(&loaded).join("\n");
+    for words in
+        ["`KHR_texture_basisu` is ignored (1)", "textures without a picture in PNG or JPEG"]
+    {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+}
+
+#[test]
+fn triangles_that_name_no_vertex_are_left_out_and_counted() {
+    let json = triangle(GREY)
+        .replace(r#""componentType":5121,"count":3"#, r#""componentType":5121,"count":4"#);
+    let fan = json.replace(r#""indices":1"#, r#""mode":6,"indices":1"#);
+    assert_eq!(load(&fan).unwrap().scene.triangles().len(), 1);
+    let loaded = load(
+        &json
+            .replace(r#""byteOffset":36,"byteLength":4"#, r#""byteOffset":35,"byteLength":6"#)
+            .replace(r#""count":4"#, r#""count":6"#),
+    )
+    .unwrap_err();
+    assert!(loaded.to_string().contains("no triangle"), "{loaded}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Files with some bytes changed give a valid scene or an error.
+    #[test]
+    fn no_damage_panics(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4), cut in any::<prop::sample::Index>()) {
+        let mut bytes = triangle(GREY).into_bytes();
+        for (at, byte) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] = byte;
+        }
+        let whole = load_named("s.gltf", &bytes);
+        if let Ok(loaded) = whole {
+            prop_assert_eq!(&Scene::unpack(&loaded.scene.pack()).unwrap(), &loaded.scene);
+        }
+        bytes.truncate(cut.index(bytes.len()));
+        let _ = load_named("s.gltf", &bytes);
+    }
+}

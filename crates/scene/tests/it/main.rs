@@ -1,0 +1,13 @@
+//! Tests of the public interface, in one program: each one compiles the same generic code again.
+
+mod common;
+mod details;
+mod geometry;
+mod gltf;
+mod habits;
+mod instances;
+mod mtl;
+mod obj;
+mod packed;
+mod shading;
+mod shared_scenes;

@@ -1,0 +1,16 @@
+//! Tests of the public interface, in one program: each one compiles the same generic code again.
+
+mod cached;
+mod common;
+mod extremes;
+mod housing;
+mod instances;
+mod light;
+mod many_lights;
+mod nested;
+mod reference;
+mod scale;
+mod specular;
+mod tracing;
+mod variance;
+mod virtual_distance;
