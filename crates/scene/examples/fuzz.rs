@@ -7,6 +7,9 @@
 //! `holo-scenes models` writes it. FOLDER is where damaged files are written; best in memory. Case
 //! number FIRST is the first, so that one case can be repeated.
 
+#[path = "../tests/it/common/instanced.rs"]
+mod instanced;
+
 use std::error::Error;
 use std::fs;
 use std::io::Cursor;
@@ -206,6 +209,8 @@ fn packed(seeds: &Path) -> Result<Vec<Vec<u8>>, Failure> {
             found.push(loaded?.scene.pack());
         }
     }
+    found
+        .extend([instanced::scene(), instanced::shaded(), instanced::textured()].map(|s| s.pack()));
     found.sort();
     Ok(found)
 }

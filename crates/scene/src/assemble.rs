@@ -2,9 +2,11 @@
 
 use glam::{DMat4, DVec3, Vec3};
 
+use crate::limits::{MAX_REPEATED, MAX_THIN_TRIANGLES};
 use crate::model::{Model, SharedMesh};
 use crate::placement::Placement;
 use crate::scene::{Geometry, doubled_area_normal, world_bounds};
+use crate::thin::Shapes;
 use crate::{Rgb, Scene, SceneError, Shading};
 
 /// A scene, and the triangles of the model that were left out because they have no area.
@@ -27,7 +29,7 @@ pub(crate) fn assemble(mut model: Model, sky: Rgb) -> Result<Assembled, SceneErr
         }
     }
     let origin = if low.x > high.x { DVec3::ZERO } else { low + (high - low) * 0.5 };
-    let instances = instances(&mut model, origin);
+    let instances = instances(&mut model, origin)?;
     let Model { positions, triangles, material_ids, materials, shading, meshes, .. } = model;
     let (scene, left_out) =
         Scene::around(origin, &positions, &triangles, &material_ids, materials, sky)?;
@@ -72,20 +74,36 @@ fn without_flat_triangles(mesh: &mut SharedMesh) -> usize {
 /// Returns the instances, with places relative to an origin. Placements with a triangle that
 /// rounding leaves without area are copied to the model's own triangles. Removes meshes without an
 /// instance.
-fn instances(model: &mut Model, origin: DVec3) -> Vec<(u32, Placement)> {
-    let mut instances = Vec::with_capacity(model.placements.len());
-    for (mesh, matrix) in std::mem::take(&mut model.placements) {
-        let source = &model.meshes[mesh as usize];
-        let has_area = |placement: &Placement| {
-            let place = |corner: u32| placement.point(source.positions[corner as usize]);
-            source.triangles.iter().all(|t| doubled_area_normal(t.map(place)).is_some())
+fn instances(model: &mut Model, origin: DVec3) -> Result<Vec<(u32, Placement)>, SceneError> {
+    let placements = std::mem::take(&mut model.placements);
+    let possible: Vec<Option<Placement>> =
+        placements.iter().map(|&(_, matrix)| placement(matrix, origin)).collect();
+    let geometry: Vec<Geometry> = model.meshes.iter().map(SharedMesh::geometry).collect();
+    let both = || placements.iter().zip(&possible);
+    let shapes =
+        Shapes::new(&geometry, both().filter_map(|(&(mesh, _), p)| Some((mesh, p.as_ref()?))));
+    let (mut instances, mut copies) = (Vec::with_capacity(placements.len()), Vec::new());
+    let (mut copied, mut tested) = (0, 0);
+    for (&(mesh, matrix), &placement) in both() {
+        let source = &geometry[mesh as usize];
+        let fits = |placement: &Placement| {
+            tested += shapes.tests(mesh, placement);
+            tested <= MAX_THIN_TRIANGLES && shapes.fault(mesh, placement).is_none()
         };
-        match placement(matrix, origin).filter(has_area) {
+        match placement.filter(fits) {
             Some(_) if source.triangles.is_empty() => {}
             Some(placement) => instances.push((mesh, placement)),
-            None => copy(model, mesh as usize, matrix),
+            None => {
+                copied += source.positions.len() as u64 + 3 * source.triangles.len() as u64;
+                copies.push((mesh, matrix));
+            }
         }
     }
+    if copied > MAX_REPEATED {
+        let what = "positions and corners of meshes that must be copied";
+        return Err(SceneError::Limit { what, count: copied, limit: MAX_REPEATED });
+    }
+    copies.into_iter().for_each(|(mesh, matrix)| copy(model, mesh as usize, matrix));
     let mut number = vec![None; model.meshes.len()];
     let mut used = Vec::new();
     for (mesh, _) in &mut instances {
@@ -96,7 +114,7 @@ fn instances(model: &mut Model, origin: DVec3) -> Vec<(u32, Placement)> {
         });
     }
     model.meshes = used;
-    instances
+    Ok(instances)
 }
 
 /// Returns the placement of a matrix to world coordinates. `None` if it is not possible.

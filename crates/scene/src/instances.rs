@@ -14,9 +14,12 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use crate::limits::{MAX_COORDINATE, MAX_INSTANCES, MAX_MESHES, MAX_TRIANGLES};
+use crate::limits::{
+    MAX_INSTANCES, MAX_MESHES, MAX_SHARED_LAMPS, MAX_THIN_TRIANGLES, MAX_TRIANGLES,
+};
 use crate::placement::Placement;
-use crate::scene::{Geometry, check_limit, doubled_area_normal};
+use crate::scene::{Geometry, check_limit};
+use crate::thin::{Fault, Shapes};
 use crate::{Scene, SceneError};
 
 /// A mesh at a place in the scene.
@@ -160,15 +163,29 @@ impl Scene {
                 return Err(SceneError::Instance { instance: 0, problem });
             }
         }
-        let within = |corner: Vec3| f64::from(corner.abs().max_element()) <= MAX_COORDINATE;
+        let lamps = |mesh: &Geometry| {
+            let emits = |&&id: &&u32| self.materials[id as usize].emits();
+            mesh.material_ids.iter().filter(emits).count()
+        };
+        let meshes: Vec<Geometry> = self.meshes().collect();
+        let lamps: Vec<usize> = meshes.iter().map(lamps).collect();
+        // At most the limit of triangles.
+        let lamps = shared.instances.iter().map(|one| lamps[one.mesh as usize]).sum();
+        check_limit("triangles of instances that emit light", lamps, MAX_SHARED_LAMPS)?;
+        let placements = shared.instances.iter().map(|one| (one.mesh, &one.placement));
+        let shapes = Shapes::new(&meshes, placements.clone());
+        // Bounded before any triangle is tested.
+        let tests = placements.map(|(mesh, placement)| shapes.tests(mesh, placement)).sum();
+        check_limit("triangles of instances nearly without area", tests, MAX_THIN_TRIANGLES)?;
         for (id, instance) in shared.instances.iter().enumerate() {
-            for (corners, triangle) in self.corners_of(instance).zip(instance.first_triangle..) {
-                if !corners.into_iter().all(within) {
-                    let problem = "a corner is not finite or too far away";
+            match shapes.fault(instance.mesh, &instance.placement) {
+                None => {}
+                Some(Fault::TooFar) => {
+                    let problem = "a corner of its box is not finite or too far away";
                     return Err(SceneError::Instance { instance: id, problem });
                 }
-                if doubled_area_normal(corners).is_none() {
-                    return Err(SceneError::NoArea(triangle as usize));
+                Some(Fault::NoArea(triangle)) => {
+                    return Err(SceneError::NoArea(instance.first_triangle as usize + triangle));
                 }
             }
         }
@@ -197,16 +214,6 @@ impl Scene {
 
     fn mesh_of(&self, shared: &Shared, instance: &Instance) -> Geometry<'_> {
         self.part(&shared.meshes[instance.mesh as usize])
-    }
-
-    fn corners_of<'a>(&'a self, instance: &'a Instance) -> impl Iterator<Item = [Vec3; 3]> + 'a {
-        let meshes = self.shared.iter().map(|shared| self.mesh_of(shared, instance));
-        meshes.flat_map(move |mesh| {
-            let place = |corner: u32| instance.placement.point(mesh.positions[corner as usize]);
-            mesh.triangles
-                .iter()
-                .map(move |&corners| instance.placement.ordered(corners.map(place)))
-        })
     }
 
     /// Returns the corners of all instances, each once.

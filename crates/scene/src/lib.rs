@@ -53,6 +53,7 @@ mod sun;
 mod text;
 mod texture;
 mod texture_files;
+mod thin;
 mod warnings;
 
 pub use error::{PackedError, SceneError};

@@ -15,6 +15,21 @@ pub const MAX_MESHES: usize = 1 << 16;
 /// Most instances of meshes in a scene: 3.1 GB of records.
 pub const MAX_INSTANCES: usize = 1 << 24;
 
+/// Most elements of arrays and corners of triangles of a glTF file, beyond four for each of its
+/// bytes. So many can only be copies.
+///
+/// A file of 1 MB can name the same arrays 10,000 times. At this limit, copies take 1 to 3 GB. A
+/// box has 150 elements and corners, and a node that places it takes 60 bytes.
+pub const MAX_REPEATED: u64 = 1 << 26;
+
+/// Most triangles of instances that are tested for their area, because rounding may leave them
+/// without: less than a second. Well-shaped meshes within a kilometre need none.
+pub const MAX_THIN_TRIANGLES: usize = 1 << 25;
+
+/// Most triangles of instances that emit light. Each has a record of its own in an engine, so
+/// instances save nothing, and readers of models copy lamps.
+pub const MAX_SHARED_LAMPS: usize = 1 << 20;
+
 /// Most materials of a scene. A CAD model has hundreds; a material per triangle is an exporter's
 /// mistake.
 pub const MAX_MATERIALS: usize = 1 << 16;

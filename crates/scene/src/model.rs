@@ -35,6 +35,8 @@ pub(crate) struct Model {
 #[derive(Default)]
 pub(crate) struct SharedMesh {
     pub positions: Vec<[f32; 3]>,
+    /// The corners of a box around the positions.
+    pub corners: [[f32; 3]; 8],
     pub triangles: Vec<[u32; 3]>,
     /// An index into the model's materials for each triangle.
     pub material_ids: Vec<u32>,

@@ -4,7 +4,10 @@
 
 use bytemuck::Pod;
 
-use crate::shading::{CUT_OUT, Channel, CutOut, FinishMap, MAX_TEXTURES, NormalMap, WHITE};
+use crate::scene::check_limit;
+use crate::shading::{
+    CUT_OUT, Channel, CutOut, FinishMap, MAX_BYTES_OF_TEXTURES, MAX_TEXTURES, NormalMap, WHITE,
+};
 use crate::sun::MAX_SUNS;
 use crate::texture::MAX_TEXTURE_BYTES;
 use crate::{Maps, PackedError, SceneError, Shading, Sun, Texture, Wrap};
@@ -189,7 +192,7 @@ pub(crate) fn unpack_shading(
     if has(HAS_CUTS) {
         unpack_cuts(&mut bytes, &mut shading)?;
     }
-    shading.textures = unpack_textures(bytes, count as usize)?;
+    shading.textures = unpack_textures(bytes, count as usize, MAX_BYTES_OF_TEXTURES)?;
     Ok((shading, suns))
 }
 
@@ -217,8 +220,13 @@ fn unpack_suns(bytes: &mut &[u8]) -> Result<Vec<Sun>, PackedError> {
     Ok(vectors.map(|[towards, irradiance]| Sun { towards, irradiance }).collect())
 }
 
-/// Reads all textures to the end of `bytes`. None is decoded before all lengths are known to fit.
-fn unpack_textures(mut bytes: &[u8], count: usize) -> Result<Vec<Texture>, PackedError> {
+/// Reads all textures to the end of `bytes`. None is decoded before all lengths are known to fit,
+/// and none after those before it take more memory than `limit`.
+fn unpack_textures(
+    mut bytes: &[u8],
+    count: usize,
+    limit: usize,
+) -> Result<Vec<Texture>, SceneError> {
     let mut encoded = Vec::new();
     for _ in 0..count {
         let [a, b, c, d, across, down, linear, mask] = one::<[u8; 8]>(&mut bytes)?;
@@ -230,18 +238,45 @@ fn unpack_textures(mut bytes: &[u8], count: usize) -> Result<Vec<Texture>, Packe
         };
         let length = u32::from_le_bytes([a, b, c, d]) as usize;
         if mask > 1 || linear > 1 || length > MAX_TEXTURE_BYTES {
-            return Err(PackedError::Shading);
+            return Err(PackedError::Shading.into());
         }
         let file = take::<u8>(&mut bytes, length)?;
         encoded.push((file, [wrap(across)?, wrap(down)?], linear == 1, mask == 1));
     }
     if !bytes.is_empty() {
-        return Err(PackedError::Shading);
+        return Err(PackedError::Shading.into());
     }
     let mut textures = Vec::with_capacity(encoded.len());
+    let mut memory = 0;
     for (id, (file, wrap, linear, mask)) in encoded.into_iter().enumerate() {
         let texture = Texture::decode(file.into(), wrap, linear, mask);
-        textures.push(texture.map_err(|_| PackedError::Texture(id))?);
+        let texture = texture.map_err(|_| PackedError::Texture(id))?;
+        memory += texture.bytes();
+        check_limit("bytes of textures", memory, limit)?;
+        textures.push(texture);
     }
     Ok(textures)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Cursor;
+
+    /// A few bytes of file can take megabytes of memory, so the sum counts, and not the bytes.
+    #[test]
+    fn textures_that_take_too_much_memory_are_refused() {
+        let mut file = Cursor::new(Vec::new());
+        image::GrayImage::new(256, 256).write_to(&mut file, image::ImageFormat::Png).unwrap();
+        let file = file.into_inner();
+        let one = [&(file.len() as u32).to_le_bytes()[..], &[0; 4], &file].concat();
+        let memory = Texture::decode(file.into(), [Wrap::Repeat; 2], false, false).unwrap().bytes();
+        assert!(memory > 200 * one.len(), "{memory}");
+        let three = one.repeat(3);
+        assert_eq!(unpack_textures(&three, 3, 3 * memory).unwrap().len(), 3);
+        let error = unpack_textures(&three, 3, 3 * memory - 1).unwrap_err();
+        let (memory, limit) = (3 * memory, 3 * memory - 1);
+        let words = format!("{memory} bytes of textures are more than the limit of {limit}");
+        assert_eq!(error.to_string(), words);
+    }
 }

@@ -396,18 +396,27 @@ impl Scene {
 
     /// Returns the triangles that emit light, in ascending order.
     pub fn emitters(&self) -> impl Iterator<Item = u32> + '_ {
-        let emits: Vec<bool> = self.materials.iter().map(Material::emits).collect();
-        (0u32..)
-            .zip(self.material_ids())
-            .filter(move |&(_, m)| emits[m as usize])
-            .map(|(triangle, _)| triangle)
+        let lamps = |ids: &[u32]| -> Vec<u32> {
+            let emits = |id: u32| self.materials[id as usize].emits();
+            (0..).zip(ids).filter(|&(_, &id)| emits(id)).map(|(triangle, _)| triangle).collect()
+        };
+        let meshes: Vec<_> = self.meshes().map(|mesh| lamps(mesh.material_ids)).collect();
+        let shared = self.instances().iter().flat_map(move |instance| {
+            let (first, mesh) = (instance.first_triangle, instance.mesh as usize);
+            meshes[mesh].iter().map(|triangle| first + triangle).collect::<Vec<_>>()
+        });
+        lamps(self.own().material_ids).into_iter().chain(shared)
     }
 
     /// Returns the kinds of surfaces and lights in the scene.
     pub fn features(&self) -> Features {
         let mut triangles_of = vec![0usize; self.materials.len()];
-        for material in self.material_ids() {
-            triangles_of[material as usize] += 1;
+        self.own().material_ids.iter().for_each(|&id| triangles_of[id as usize] += 1);
+        // A look at all triangles of all instances could take seconds.
+        let mut uses = vec![0; self.meshes().len()];
+        self.instances().iter().for_each(|instance| uses[instance.mesh as usize] += 1);
+        for (mesh, uses) in self.meshes().zip(uses) {
+            mesh.material_ids.iter().for_each(|&id| triangles_of[id as usize] += uses);
         }
         let mut features = Features {
             sky: self.sky.iter().any(|&c| c > 0.0),

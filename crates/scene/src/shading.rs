@@ -11,6 +11,10 @@ use crate::texture::Texture;
 /// Most textures of a scene.
 pub const MAX_TEXTURES: usize = 4096;
 
+/// Most bytes of memory of all textures of a scene, their files included. Pictures of one colour
+/// take a thousandth of that in a file.
+pub(crate) const MAX_BYTES_OF_TEXTURES: usize = 2 << 30;
+
 /// Opacity below which a cut-out surface has a hole, if its file states no other.
 pub const CUT_OUT: f32 = 0.5;
 

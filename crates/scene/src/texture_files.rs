@@ -6,12 +6,9 @@ use std::sync::Arc;
 
 use crate::SceneError;
 use crate::named_file::{beside, read_file};
-use crate::shading::MAX_TEXTURES;
+use crate::shading::{MAX_BYTES_OF_TEXTURES, MAX_TEXTURES};
 use crate::text::excerpt;
 use crate::texture::{MAX_TEXTURE_BYTES, Texture, Wrap};
-
-/// Most texels' and files' bytes of all textures of a scene.
-const MAX_BYTES: usize = 2 << 30;
 
 /// How a picture is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -30,6 +27,9 @@ pub(crate) struct TextureFiles {
     /// Index by file, or by number within a file, and use. `None` if it could not be read.
     known: HashMap<(PathBuf, usize, Use), Option<u32>>,
     bytes: usize,
+    /// True once a texture did not fit. No other one is decoded then, because a small file may take
+    /// seconds.
+    is_full: bool,
 }
 
 impl TextureFiles {
@@ -77,10 +77,18 @@ impl TextureFiles {
         if self.textures.len() == MAX_TEXTURES {
             return Err(format!("there are more than {MAX_TEXTURES} textures"));
         }
+        let full = || {
+            let limit = MAX_BYTES_OF_TEXTURES >> 20;
+            format!("textures would take more than {limit} MiB of memory")
+        };
+        if self.is_full {
+            return Err(full());
+        }
         let texture = Texture::decode(encoded, how.wrap, how.is_linear, how.is_mask)
             .map_err(|error| format!("the texture cannot be read: {error}"))?;
-        if self.bytes + texture.bytes() > MAX_BYTES {
-            return Err(format!("textures would take more than {} MiB of memory", MAX_BYTES >> 20));
+        self.is_full = self.bytes + texture.bytes() > MAX_BYTES_OF_TEXTURES;
+        if self.is_full {
+            return Err(full());
         }
         self.bytes += texture.bytes();
         self.textures.push(texture);

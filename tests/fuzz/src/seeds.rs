@@ -1,5 +1,8 @@
 //! Writes what fuzzing begins with: `seeds FOLDER` makes one folder for each target there.
 
+#[path = "../../../crates/scene/tests/it/common/instanced.rs"]
+mod instanced;
+
 use std::{
     fs, io,
     path::{Path, PathBuf},
@@ -44,6 +47,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     messages(folder)?;
     beam_file(folder)?;
     models(folder)?;
+    for (name, scene) in [
+        ("instances", instanced::scene()),
+        ("shaded-instances", instanced::shaded()),
+        ("textured-instances", instanced::textured()),
+    ] {
+        write(folder, "packed_scene", name, &scene.pack())?;
+    }
     write(folder, "obj", "all", OBJ.as_bytes())?;
     let gltf = GLTF.replace("base64,\n", "base64,");
     write(folder, "gltf", "triangle", gltf.as_bytes())?;

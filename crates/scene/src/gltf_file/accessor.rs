@@ -1,7 +1,7 @@
 //! Numbers of a glTF file.
 //!
 //! Invariant: every offset, stride and count is checked. Elements outside their buffer are an
-//! error, in words for people.
+//! error, in words for people. So are more elements than [`Buffers::count`] allows.
 
 use gltf::Accessor;
 use gltf::accessor::DataType;
@@ -66,6 +66,7 @@ fn elements<T: Clone>(
     convert: impl Fn(&[u8]) -> T,
 ) -> Result<Vec<T>, String> {
     let (count, size) = (accessor.count(), accessor.size());
+    buffers.count(count)?;
     let mut elements = match accessor.view() {
         Some(view) => {
             let bytes = buffers.view(&view)?;

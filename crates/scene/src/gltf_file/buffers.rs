@@ -1,5 +1,6 @@
 //! The buffers of a glTF file: in it, or in files beside it.
 
+use std::cell::Cell;
 use std::path::Path;
 
 use base64::Engine as _;
@@ -11,17 +12,26 @@ use crate::named_file::{beside, read_file};
 use crate::text::excerpt;
 
 /// The bytes of all buffers, by index. A buffer that cannot be read is an error.
-pub(super) struct Buffers(Vec<Vec<u8>>);
+pub(super) struct Buffers {
+    all: Vec<Vec<u8>>,
+    /// Number of elements and corners of triangles that may still be read.
+    left: Cell<u64>,
+    most: u64,
+}
 
 impl Buffers {
+    /// Loads the buffers of a file of `file_bytes` bytes. `repeated` is [`MAX_REPEATED`].
     pub(super) fn load(
         path: &Path,
         document: &gltf::Document,
         blob: Option<Vec<u8>>,
+        file_bytes: u64,
+        repeated: u64,
     ) -> Result<Buffers, SceneError> {
         let mut blob = blob;
         let mut left = MAX_OBJ_BYTES;
-        let mut buffers = Vec::new();
+        let mut bytes_in_all = file_bytes;
+        let mut all = Vec::new();
         for buffer in document.buffers() {
             let bytes = match buffer.source() {
                 gltf::buffer::Source::Bin => blob.take().ok_or_else(|| SceneError::Gltf {
@@ -31,14 +41,31 @@ impl Buffers {
                 gltf::buffer::Source::Uri(uri) => bytes_of(path, uri, left)?,
             };
             left = left.saturating_sub(bytes.len() as u64);
-            buffers.push(bytes);
+            bytes_in_all = bytes_in_all.saturating_add(bytes.len() as u64);
+            all.push(bytes);
         }
-        Ok(Buffers(buffers))
+        // A byte may be an index in a strip, which is an element and makes a triangle.
+        let most = bytes_in_all.saturating_mul(4).saturating_add(repeated);
+        Ok(Buffers { all, left: Cell::new(most), most })
+    }
+
+    /// Counts elements of arrays that are to be read, or corners of triangles that are to be made.
+    /// An error is a text for people.
+    pub(super) fn count(&self, elements: usize) -> Result<(), String> {
+        let left = self.left.get().checked_sub(elements as u64).ok_or_else(|| {
+            let most = self.most;
+            format!(
+                "the nodes up to here need more than {most} elements of arrays, so nearly all of \
+                 these are copies: join or remove nodes whose meshes shine or have few triangles"
+            )
+        })?;
+        self.left.set(left);
+        Ok(())
     }
 
     /// Returns the bytes of a view. An error is a text for people.
     pub(super) fn view(&self, view: &gltf::buffer::View) -> Result<&[u8], String> {
-        let buffer = self.0.get(view.buffer().index()).map_or(&[][..], Vec::as_slice);
+        let buffer = self.all.get(view.buffer().index()).map_or(&[][..], Vec::as_slice);
         let end = view.offset().checked_add(view.length());
         end.and_then(|end| buffer.get(view.offset()..end)).ok_or_else(|| {
             format!(

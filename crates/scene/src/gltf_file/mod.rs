@@ -24,7 +24,7 @@ use glam::{DMat4, DVec3, Vec3};
 use gltf::mesh::Mode;
 
 use crate::header::{Camera, Said};
-use crate::limits::{MAX_COORDINATE, MAX_OBJ_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
+use crate::limits::{MAX_COORDINATE, MAX_OBJ_BYTES, MAX_POSITIONS, MAX_REPEATED, MAX_TRIANGLES};
 use crate::model::{LoadProgress, Model, Reader, Source};
 use crate::named_file::read_file;
 use crate::text::excerpt;
@@ -50,10 +50,16 @@ fn recognises(first: &[u8], path: &Path) -> bool {
 }
 
 fn read(source: Source) -> Result<Model, SceneError> {
+    read_bounded(source, MAX_REPEATED)
+}
+
+/// Reads a file that may repeat so many elements: see [`MAX_REPEATED`].
+fn read_bounded(source: Source, repeated: u64) -> Result<Model, SceneError> {
     let Source { path, options, watch, warnings } = source;
     let bytes = read_file(path, MAX_OBJ_BYTES)?;
     let (document, blob) = parse(path, &bytes)?;
-    let buffers = Buffers::load(path, &document, blob)?;
+    let bytes = bytes.len() as u64;
+    let buffers = Buffers::load(path, &document, blob, bytes, repeated)?;
     let mut reading = Reading {
         path,
         options,
@@ -66,7 +72,7 @@ fn read(source: Source) -> Result<Model, SceneError> {
         sharing: sharing::plan(&document),
         placed: 0,
         counts: BTreeMap::new(),
-        bytes: bytes.len() as u64,
+        bytes,
         watch,
     };
     reading.note_extensions(&document);
@@ -228,6 +234,9 @@ impl Reading<'_> {
                 .map_err(|problem| self.problem(problem))?,
             None => (0..positions.len() as u32).collect(),
         };
+        // The corners of its triangles.
+        let corners_of = corners(mode, &indices).size_hint().0 * 3;
+        self.buffers.count(corners_of).map_err(|problem| self.problem(problem))?;
         let first = self.model.positions.len();
         if first + positions.len() > MAX_POSITIONS
             || self.model.triangles.len() + self.placed + indices.len() > MAX_TRIANGLES
@@ -370,5 +379,49 @@ fn corners(mode: Mode, indices: &[u32]) -> Box<dyn Iterator<Item = [u32; 3]> + '
             Box::new(indices.get(1..).unwrap_or(&[]).windows(2).map(move |w| [first, w[0], w[1]]))
         }
         _ => Box::new(indices.as_chunks::<3>().0.iter().copied()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::LoadOptions;
+    use crate::warnings::Warnings;
+
+    /// Reads nodes that have this primitive. Accessors 0 and 1 are a triangle, and accessor 2 has
+    /// hardly any bytes.
+    fn read_nodes(nodes: usize, primitive: &str, repeated: u64) -> Result<Model, SceneError> {
+        let data = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAEC";
+        let json = format!(
+            r#"{{"asset":{{"version":"2.0"}},"nodes":[{}],"meshes":[{{"primitives":[{primitive}]}}],
+            "buffers":[{{"byteLength":39,"uri":"data:application/octet-stream;base64,{data}"}}],
+            "bufferViews":[{{"buffer":0,"byteLength":36}},
+                {{"buffer":0,"byteOffset":36,"byteLength":3}}],
+            "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}},
+                {{"bufferView":1,"componentType":5121,"count":3,"type":"SCALAR"}},
+                {{"componentType":5126,"count":9000,"type":"VEC3","sparse":{{"count":1,
+                "indices":{{"bufferView":1,"componentType":5121}},
+                "values":{{"bufferView":0}}}}}}]}}"#,
+            vec![r#"{"mesh":0}"#; nodes].join(",")
+        );
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("s.gltf");
+        std::fs::write(&path, json).unwrap();
+        let (options, mut warnings) = (LoadOptions::default(), Warnings::default());
+        let (options, warnings) = (&options, &mut warnings);
+        read_bounded(Source { path: &path, options, watch: &mut |_| {}, warnings }, repeated)
+    }
+
+    #[test]
+    fn a_small_file_cannot_name_the_same_arrays_without_end() {
+        let triangle = r#"{"attributes":{"POSITION":0},"indices":1}"#;
+        assert_eq!(read_nodes(1000, triangle, 0).unwrap().triangles.len(), 1000);
+        let of_zeros = [r#""POSITION":2"#, r#""POSITION":0,"NORMAL":2"#];
+        for attributes in of_zeros {
+            let primitive = format!(r#"{{"attributes":{{{attributes}}}}}"#);
+            assert!(read_nodes(10, &primitive, 200_000).is_ok());
+            let error = read_nodes(10, &primitive, 50_000).err().unwrap().to_string();
+            assert!(error.contains("mesh 0: the nodes up to here need more than "), "{error}");
+        }
     }
 }

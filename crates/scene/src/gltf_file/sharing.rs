@@ -6,6 +6,7 @@ use super::reading::Reading;
 use crate::assemble::placement;
 use crate::limits::{MAX_COORDINATE, MAX_MESHES, MAX_TRIANGLES};
 use crate::model::SharedMesh;
+use crate::thin::box_corners;
 use crate::{Material, SceneError, smooth};
 
 /// Fewest triangles of a shared mesh. Rays visit an instance in about the time of some dozens of
@@ -87,7 +88,7 @@ impl Reading<'_> {
             place.abs().max_element() <= MAX_COORDINATE
         };
         let is_possible = placement(matrix, DVec3::ZERO).is_some();
-        if !is_possible || !shared.positions.iter().all(is_within) {
+        if !is_possible || !shared.corners.iter().all(is_within) {
             return Ok(false);
         }
         self.placed += shared.triangles.len();
@@ -119,9 +120,12 @@ impl Reading<'_> {
         if emits || self.model.meshes.len() == MAX_MESHES {
             return Ok(Sharing::Copied);
         }
+        // They are the file's f32, which f64 represents.
+        let positions: Vec<[f32; 3]> =
+            read_model.positions.iter().map(|p| p.as_vec3().to_array()).collect();
         self.model.meshes.push(SharedMesh {
-            // They are the file's f32, which f64 represents.
-            positions: read_model.positions.iter().map(|p| p.as_vec3().to_array()).collect(),
+            corners: box_corners(&positions),
+            positions,
             triangles: read_model.triangles,
             material_ids: read_model.material_ids,
             shading: read_model.shading,

@@ -2,46 +2,14 @@
 
 #![allow(clippy::unwrap_used)]
 
+use crate::common::instanced::{TURNED, placement, scene, shaded, textured};
 use base64::Engine as _;
 use glam::{DMat3, DVec3, Vec3};
 use holo_scene::{
     Geometry, HEADER_BYTES, LoadOptions, Loaded, Material, PackedError, Placement, Scene,
-    SceneError, Shading, limits, to_octahedral,
+    SceneError, limits,
 };
 use proptest::prelude::*;
-
-const TURNED: [[f64; 4]; 3] = [[0.0, -2.0, 0.0, 5.0], [2.0, 0.0, 0.0, 1.0], [0.0, 0.0, 2.0, -3.0]];
-const MIRRORED: [[f64; 4]; 3] =
-    [[-1.0, 0.2, 0.0, 0.0], [0.0, 1.0, 0.0, 10.0], [0.1, 0.0, 0.5, 0.0]];
-
-fn placement(rows: [[f64; 4]; 3]) -> Placement {
-    Placement::new(rows).unwrap()
-}
-
-/// A triangle of the scene's own, and two instances of a mesh of two triangles.
-fn scene() -> Scene {
-    let own = vec![[0.0, 0.0, 8.0], [1.0, 0.0, 8.0], [0.0, 1.0, 8.0]];
-    let materials = ["a", "b", "c"].map(Material::grey).to_vec();
-    let scene =
-        Scene::new(DVec3::splat(1e5), own, vec![[0, 1, 2]], vec![2], materials, [0.5; 3]).unwrap();
-    let mesh = Geometry {
-        positions: &[[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.25], [0.0, 1.0, 0.0]],
-        triangles: &[[0, 1, 2], [0, 2, 3]],
-        material_ids: &[0, 1],
-    };
-    scene.with_instances(&[mesh], &[(0, placement(TURNED)), (0, placement(MIRRORED))]).unwrap()
-}
-
-/// The same scene with colours and smooth normals.
-fn shaded() -> Scene {
-    let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::new(0.3, 0.2, 1.0).normalize()].map(to_octahedral);
-    let shading = Shading {
-        normals: vec![[z; 3], [z, z, to_octahedral(Vec3::Z)], [z, x, y]],
-        colours: vec![[[255; 3]; 3], [[10, 20, 30], [40, 50, 60], [70, 80, 90]], [[9; 3]; 3]],
-        ..Shading::default()
-    };
-    scene().with_shading(shading).unwrap()
-}
 
 #[test]
 fn triangles_of_instances_are_numbered_after_the_scene_s_own() {
@@ -105,7 +73,7 @@ fn faces_are_added_before_the_triangles_of_instances() {
 
 #[test]
 fn instances_survive_packing_as_instances() {
-    for scene in [scene(), shaded()] {
+    for scene in [scene(), shaded(), textured()] {
         let packed = scene.pack();
         assert_eq!(Scene::unpack(&packed).unwrap(), scene);
         assert!(scene.geometry_hash() != scene.flattened().geometry_hash());
@@ -154,7 +122,7 @@ fn damaged_instances_are_refused_with_a_reason() {
     let flat = refused(second + 80, &0f64.to_le_bytes());
     assert!(matches!(flat, SceneError::Packed(PackedError::Placement(1))), "{flat}");
     let far = words(refused(second + 24, &2e12f64.to_le_bytes()));
-    assert_eq!(far, "instance 1: a corner is not finite or too far away");
+    assert_eq!(far, "instance 1: a corner of its box is not finite or too far away");
 }
 
 #[test]
@@ -188,6 +156,41 @@ fn instances_beyond_the_limit_of_triangles_are_refused() {
         Scene::new(DVec3::ZERO, vec![], vec![], vec![], vec![Material::grey("m")], [0.0; 3]);
     let error = empty.unwrap().with_instances(&[mesh], &many).unwrap_err();
     assert!(matches!(error, SceneError::Limit { what: "triangles of instances", .. }), "{error}");
+}
+
+/// Returns a scene with instances of a mesh that has one triangle many times.
+fn repeated(
+    triangles: usize,
+    instances: usize,
+    height: f32,
+    emission: f32,
+) -> Result<Scene, SceneError> {
+    let material = Material { emission: [emission; 3], ..Material::grey("m") };
+    let mesh = Geometry {
+        positions: &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, height, 0.0]],
+        triangles: &vec![[0, 1, 2]; triangles],
+        material_ids: &vec![0; triangles],
+    };
+    Scene::new(DVec3::ZERO, vec![], vec![], vec![], vec![material], [0.0; 3])?
+        .with_instances(&[mesh], &vec![(0, placement(TURNED)); instances])
+}
+
+#[test]
+fn a_small_file_cannot_demand_millions_of_tests_or_lamps() {
+    let (mesh, least) = (1 << 16, (limits::MAX_THIN_TRIANGLES >> 16) + 1);
+    assert!(repeated(mesh, least, 1.0, 0.0).is_ok());
+    assert!(repeated(mesh, 3, 1e-6, 0.0).is_ok());
+    let error = repeated(mesh, least, 1e-6, 0.0).unwrap_err().to_string();
+    let (found, limit) = (least << 16, limits::MAX_THIN_TRIANGLES);
+    let words = "triangles of instances nearly without area are more than the limit of";
+    assert_eq!(error, format!("{found} {words} {limit}"));
+
+    let (mesh, least) = (1 << 10, (limits::MAX_SHARED_LAMPS >> 10) + 1);
+    assert!(repeated(mesh, least - 1, 1.0, 1.0).is_ok());
+    let error = repeated(mesh, least, 1.0, 1.0).unwrap_err().to_string();
+    let (found, limit) = (least << 10, limits::MAX_SHARED_LAMPS);
+    let words = "triangles of instances that emit light are more than the limit of";
+    assert_eq!(error, format!("{found} {words} {limit}"));
 }
 
 #[test]
@@ -317,17 +320,65 @@ fn nodes_that_cannot_share_get_a_copy() {
     assert!(scene.triangles().all(|triangle| scene.area(triangle) > 0.0));
 }
 
+/// Nodes get copies if rounding leaves their triangles without area, and copies are bounded.
+#[test]
+fn a_small_file_cannot_demand_copies_without_end() {
+    let far = |k: usize| {
+        let x = if k.is_multiple_of(2) { "-4e10" } else { "4e10" };
+        format!(r#"{{"mesh":0,"translation":[{x},{x},{x}]}}"#)
+    };
+    let nodes: Vec<String> = (0..400).map(far).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("s.gltf");
+    std::fs::write(&path, wavy(180, 1, &nodes, GREY)).unwrap();
+    let error = holo_scene::load(&path, &LoadOptions::default()).unwrap_err();
+    let what = "positions and corners of meshes that must be copied";
+    assert!(matches!(error, SceneError::Limit { what: found, .. } if found == what), "{error}");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Corners on a coarse grid with small steps, and far places, make all kinds of thin triangles.
+    #[test]
+    fn a_mesh_is_accepted_if_and_only_if_all_its_placed_triangles_have_an_area(
+        corners in prop::collection::vec(prop::array::uniform3(-2..=2), 3..30),
+        step in prop::sample::select(vec![1e-9_f32, 1e-6, 1e-4, 1.0]),
+        stretch in prop::array::uniform9(prop::sample::select(vec![0.0, 1e-3, 0.5, 1.0, -2.0])),
+        sum in prop::array::uniform3(prop::sample::select(vec![0.0, 0.1, 3e3, 1e5, -1e7])),
+    ) {
+        let empty = |positions, triangles: Vec<[u32; 3]>| {
+            let ids = vec![0; triangles.len()];
+            let materials = vec![Material::grey("m")];
+            Scene::new(DVec3::ZERO, positions, triangles, ids, materials, [0.0; 3])
+        };
+        let at = |[x, y, z]: [i32; 3]| [x as f32 * step, 1.0 + y as f32 * step, z as f32];
+        let count = corners.len() / 3;
+        let positions: Vec<[f32; 3]> = corners.iter().take(3 * count).map(|&p| at(p)).collect();
+        let all: Vec<[u32; 3]> = (0..count as u32).map(|t| [0, 1, 2].map(|k| 3 * t + k)).collect();
+        let row = |k: usize| [stretch[3 * k], stretch[3 * k + 1], stretch[3 * k + 2], sum[k]];
+        let Some(placement) = Placement::new([0, 1, 2].map(row)) else { return Ok(()) };
+        let has_area = |triangle: &[u32; 3]| {
+            let placed = triangle.map(|c| placement.point(positions[c as usize]).to_array());
+            empty(placed.to_vec(), vec![[0, 1, 2]]).is_ok()
+        };
+        let ids = vec![0; count];
+        let mesh = Geometry { positions: &positions, triangles: &all, material_ids: &ids };
+        match empty(vec![], vec![]).unwrap().with_instances(&[mesh], &[(0, placement)]) {
+            Ok(_) => prop_assert!(all.iter().all(has_area)),
+            Err(SceneError::NoArea(triangle)) => prop_assert!(!has_area(&all[triangle])),
+            Err(other) => prop_assert!(false, "{other}"),
+        }
+    }
 
     /// Accepted bytes are canonical and valid.
     #[test]
     fn changed_bytes_give_a_valid_scene_or_an_error(
-        is_shaded in any::<bool>(),
+        scene in prop::sample::select(vec![scene(), shaded(), textured()]),
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4),
         flips in any::<bool>(),
     ) {
-        let mut packed = if is_shaded { shaded().pack() } else { scene().pack() };
+        let mut packed = scene.pack();
         for (at, value) in changes {
             let byte = at.get_mut(&mut packed);
             *byte = if flips { *byte ^ (1 << (value % 8)) } else { value };

@@ -2,6 +2,8 @@
 
 #![allow(dead_code, clippy::unwrap_used)]
 
+pub mod instanced;
+
 use holo_scene::{LoadOptions, Loaded, SceneError, Warning};
 use std::path::Path;
 
