@@ -277,10 +277,11 @@ fn better_packets_of_dead_workers_are_dealt_again() {
     // This worker takes packets, does nothing with them, and goes.
     let idle = tokio::runtime::Runtime::new().unwrap();
     let (mut inbox, outbox, _) = idle.block_on(join(server.address, Role::Worker));
-    outbox.control(&Control::Ready { threads: 8 }).unwrap();
+    // Its first packets are four for each thread. Up to 64 packets check the other worker's reports.
+    outbox.control(&Control::Ready { threads: 64 }).unwrap();
     let lost = idle.block_on(async {
         let mut lost = Vec::new();
-        // It also gets packets of fewer paths, which check the other worker's reports.
+        // Packets that check reports may have fewer paths.
         while lost.len() < 2 {
             if let Message::Work(work) = inbox.next().await.unwrap() {
                 lost.extend(work.packets.into_iter().filter(|packet| packet.paths > 1));
