@@ -5,17 +5,24 @@
 //! [`PAD`] times the scene's reach. A traversal needs at most [`LARGE_STACK`] stack entries,
 //! because a balanced tree replaces a tree that is too deep.
 
-use glam::{Vec3, Vec3A};
+use std::borrow::Cow;
+use std::hash::BuildHasher;
+
+use glam::Vec3A;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::{Bvh2, node::Bvh2Node, reinsertion::ReinsertionOptimizer};
+use obvhs::bvh2::{Bvh2, reinsertion::ReinsertionOptimizer};
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance};
 use obvhs::splits::split_aabbs_preset;
 use obvhs::triangle::Triangle;
 
+use rayon::prelude::*;
+use rustc_hash::FxBuildHasher;
+
 use crate::dispatch::LARGE_STACK;
 use crate::facet::Facet;
 use crate::node::{Block, Hierarchy, LANES, LEAF, Node, SmallScene, WIDTH};
+use crate::tree::Tree;
 
 /// Padding of boxes, as a share of the greatest coordinate.
 ///
@@ -39,6 +46,10 @@ const LARGE: usize = 200_000;
 const FACETS_OF_NODE: usize = 8;
 const FACETS_OF_BLOCK: usize = 3;
 
+/// Most equal boxes that obvhs joins. It joins one pair of them at a time, and looks at all others
+/// for each: 8192 equal triangles took 3 s.
+const MANY_EQUAL: usize = 64;
+
 /// Builds the hierarchy over facets whose coordinates are at most `reach`.
 pub(crate) fn hierarchy(facets: &[Facet], reach: f32) -> Hierarchy {
     if facets.is_empty() {
@@ -52,7 +63,7 @@ pub(crate) fn hierarchy(facets: &[Facet], reach: f32) -> Hierarchy {
 
 /// Builds the hierarchy over facets, at least one, with boxes padded by `pad`.
 pub(crate) fn padded(facets: &[Facet], pad: f32) -> Hierarchy {
-    let hierarchy = collapse(&Tree::from_obvhs(&binary(facets)), facets, pad);
+    let hierarchy = collapse(&tree_of(facets), facets, pad);
     match hierarchy.stack_need > LARGE_STACK {
         true => collapse(&Tree::balanced(&boxes(facets)), facets, pad),
         false => hierarchy,
@@ -67,8 +78,10 @@ pub(crate) fn over_boxes(boxes: &[Aabb], pad: f32) -> Hierarchy {
         collapse_to(&mut hierarchy, tree, 1, pad, |_, index| index[0]);
         hierarchy
     };
-    let indices = (0..boxes.len() as u32).collect();
-    let hierarchy = collapse(&Tree::from_obvhs(&agglomerated(boxes, indices)));
+    let hierarchy = collapse(&joined(boxes, |chosen| {
+        let boxes = of(boxes, chosen);
+        agglomerated(&boxes, (0..boxes.len() as u32).collect())
+    }));
     match hierarchy.stack_need > LARGE_STACK {
         true => collapse(&Tree::balanced(boxes)),
         false => hierarchy,
@@ -82,6 +95,56 @@ fn boxes(facets: &[Facet]) -> Vec<Aabb> {
 fn bounds(facet: &Facet) -> Aabb {
     let [a, b, c] = facet.vertices.map(Vec3A::from);
     Aabb::new(a.min(b).min(c), a.max(b).max(c))
+}
+
+/// Builds a binary tree over facets.
+fn tree_of(facets: &[Facet]) -> Tree {
+    joined(&boxes(facets), |chosen| binary(&of(facets, chosen)))
+}
+
+/// Returns the items of these numbers; all without numbers.
+fn of<'a, T: Copy>(items: &'a [T], numbers: Option<&[u32]>) -> Cow<'a, [T]> {
+    match numbers {
+        None => Cow::Borrowed(items),
+        Some(numbers) => numbers.iter().map(|&i| items[i as usize]).collect(),
+    }
+}
+
+/// Builds a binary tree over boxes. `build` joins the boxes of these numbers, or all. It refers to
+/// them by their positions in the list. Of many equal boxes it gets one.
+fn joined(boxes: &[Aabb], build: impl FnOnce(Option<&[u32]>) -> Bvh2) -> Tree {
+    let groups = equal_boxes(boxes);
+    if groups.is_empty() {
+        return Tree::from_obvhs(&build(None));
+    }
+    let mut is_chosen = vec![true; boxes.len()];
+    groups.iter().flat_map(|group| &group[1..]).for_each(|&i| is_chosen[i as usize] = false);
+    let chosen: Vec<u32> = (0..boxes.len() as u32).filter(|&i| is_chosen[i as usize]).collect();
+    let mut bvh = build(Some(&chosen));
+    bvh.primitive_indices.iter_mut().for_each(|i| *i = chosen[*i as usize]);
+    let mut tree = Tree::from_obvhs(&bvh);
+    tree.add_equal(&groups);
+    tree
+}
+
+/// Returns all groups of more than [`MANY_EQUAL`] equal boxes.
+fn equal_boxes(boxes: &[Aabb]) -> Vec<Vec<u32>> {
+    let bits = |i: u32| {
+        let Aabb { min, max } = boxes[i as usize];
+        [min, max].map(|corner| corner.to_array().map(f32::to_bits))
+    };
+    let key = |i: u32| u64::from(FxBuildHasher.hash_one(bits(i)) as u32) << 32 | u64::from(i);
+    let mut keys: Vec<u64> = (0..boxes.len() as u32).into_par_iter().map(key).collect();
+    keys.par_sort_unstable();
+    let mut groups = Vec::new();
+    for run in keys.chunk_by(|a, b| a >> 32 == b >> 32).filter(|run| run.len() > MANY_EQUAL) {
+        // Boxes of equal hashes may differ. Then they are joined as all others.
+        let group: Vec<u32> = run.iter().map(|&key| key as u32).collect();
+        if group.iter().all(|&i| bits(i) == bits(group[0])) {
+            groups.push(group);
+        }
+    }
+    groups
 }
 
 /// Builds a binary tree by the steps of obvhs's slow preset, without its collapse and its debug
@@ -129,128 +192,6 @@ fn optimize(bvh: &mut Bvh2, boxes: usize) {
     let ratio = BvhBuildParams::slow_build().reinsertion_batch_ratio;
     let share = (LARGE as f32 / boxes as f32).min(1.0);
     ReinsertionOptimizer::default().run(bvh, ratio * share, None);
-}
-
-/// A binary tree. Children come after their parents.
-struct Tree {
-    nodes: Vec<TreeNode>,
-}
-
-#[derive(Clone, Copy)]
-struct TreeNode {
-    min: Vec3,
-    max: Vec3,
-    /// `Ok`: the first of two adjacent children. `Err`: a triangle.
-    content: Result<u32, u32>,
-    /// Number of triangle references in the subtree.
-    references: u32,
-}
-
-impl TreeNode {
-    fn new(bounds: Aabb, content: Result<u32, u32>) -> Self {
-        Self { min: bounds.min.into(), max: bounds.max.into(), content, references: 1 }
-    }
-
-    fn half_area(&self) -> f32 {
-        let d = self.max - self.min;
-        d.x * d.y + d.y * d.z + d.z * d.x
-    }
-}
-
-impl Tree {
-    fn from_obvhs(bvh: &Bvh2) -> Self {
-        let convert = |node: &Bvh2Node, first: u32| {
-            let content = if node.is_leaf() {
-                Err(bvh.primitive_indices[node.first_index as usize])
-            } else {
-                Ok(first)
-            };
-            TreeNode::new(*node.aabb(), content)
-        };
-        // Renumbered, because reinsertion leaves nodes in no particular order.
-        let mut sources = vec![0_usize];
-        let mut nodes = Vec::with_capacity(bvh.nodes.len());
-        while let Some(&source) = sources.get(nodes.len()) {
-            let node = &bvh.nodes[source];
-            nodes.push(convert(node, sources.len() as u32));
-            if !node.is_leaf() {
-                sources.extend([node.first_index as usize, node.first_index as usize + 1]);
-            }
-        }
-        Self::counted(nodes)
-    }
-
-    /// Builds a tree by halving the number of triangles along the widest axis of their centres. It
-    /// is never deeper than log₂ of the number of triangles.
-    fn balanced(boxes: &[Aabb]) -> Self {
-        let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
-        let mut ranges = std::iter::once(0..boxes.len()).collect::<Vec<_>>();
-        let mut nodes = Vec::with_capacity(2 * boxes.len());
-        while let Some(range) = ranges.get(nodes.len()).cloned() {
-            let mut whole = Aabb::empty();
-            let mut centres = Aabb::empty();
-            for &i in &order[range.clone()] {
-                whole = whole.union(&boxes[i as usize]);
-                centres.extend(boxes[i as usize].center());
-            }
-            if range.len() == 1 {
-                nodes.push(TreeNode::new(whole, Err(order[range.start])));
-                continue;
-            }
-            let axis = centres.largest_axis();
-            let half = range.len() / 2;
-            let key = |i: &u32| boxes[*i as usize].center_axis(axis);
-            order[range.clone()].select_nth_unstable_by(half, |a, b| key(a).total_cmp(&key(b)));
-            nodes.push(TreeNode::new(whole, Ok(ranges.len() as u32)));
-            let middle = range.start + half;
-            ranges.extend([range.start..middle, middle..range.end]);
-        }
-        Self::counted(nodes)
-    }
-
-    fn counted(mut nodes: Vec<TreeNode>) -> Self {
-        for i in (0..nodes.len()).rev() {
-            if let Ok(first) = nodes[i].content {
-                let first = first as usize;
-                nodes[i].references =
-                    nodes[first].references.saturating_add(nodes[first + 1].references);
-            }
-        }
-        Self { nodes }
-    }
-
-    /// Collects the triangles of a subtree, each once, because a split triangle may be there twice.
-    /// Both lists are reused, because allocating them takes longer than a leaf.
-    fn triangles(&self, root: u32, pending: &mut Vec<u32>, found: &mut Vec<u32>) {
-        pending.push(root);
-        found.clear();
-        while let Some(node) = pending.pop() {
-            match self.nodes[node as usize].content {
-                Ok(first) => pending.extend([first + 1, first]),
-                Err(triangle) if found.contains(&triangle) => {}
-                Err(triangle) => found.push(triangle),
-            }
-        }
-    }
-
-    /// Collects up to eight subtrees that make up this one. The child of the greatest area is
-    /// opened first; those of at most `lanes` triangles are not.
-    fn children(&self, root: u32, lanes: usize, children: &mut Vec<u32>) {
-        children.clear();
-        children.push(root);
-        while children.len() < WIDTH {
-            let widest = (0..children.len())
-                .filter(|&i| self.nodes[children[i] as usize].references as usize > lanes)
-                .max_by(|&i, &j| {
-                    let area = |i: usize| self.nodes[children[i] as usize].half_area();
-                    area(i).total_cmp(&area(j))
-                });
-            let Some(widest) = widest else { break };
-            let Ok(first) = self.nodes[children[widest] as usize].content else { break };
-            children[widest] = first;
-            children.push(first + 1);
-        }
-    }
 }
 
 fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
@@ -314,7 +255,7 @@ fn block(triangles: &[u32], facets: &[Facet]) -> Block {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
+    use glam::{DVec3, Vec3};
 
     /// Returns facets whose centres crowd towards one point, which agglomeration makes into a
     /// chain.
@@ -341,7 +282,7 @@ mod tests {
     #[test]
     fn every_triangle_is_in_a_leaf_and_inside_the_boxes_above_it() {
         let facets = chain(300);
-        for tree in [Tree::from_obvhs(&binary(&facets)), Tree::balanced(&boxes(&facets))] {
+        for tree in [tree_of(&facets), Tree::balanced(&boxes(&facets))] {
             let h = collapse(&tree, &facets, 1e-6);
             assert_eq!(references(&h), (0..300).collect::<Vec<_>>());
             // Split triangles extend beyond their boxes; these are too small to be split.
@@ -371,6 +312,26 @@ mod tests {
         }
     }
 
+    /// obvhs alone takes minutes for them.
+    #[test]
+    fn many_equal_triangles_are_joined_soon_and_all_are_there() {
+        let facets: Vec<Facet> = chain(200).iter().cycle().take(40_000).copied().collect();
+        assert_eq!(equal_boxes(&boxes(&facets)).len(), 200);
+        let equal = [&facets[..1].repeat(60_000), &chain(300)[..]].concat();
+        for facets in [facets, equal] {
+            let h = hierarchy(&facets, 1.0);
+            assert_eq!(references(&h), (0..facets.len() as u32).collect::<Vec<_>>());
+            assert!(h.stack_need <= LARGE_STACK);
+        }
+        let boxes: Vec<Aabb> = [boxes(&chain(1)).repeat(60_000), boxes(&chain(300))].concat();
+        let h = over_boxes(&boxes, 1e-6);
+        let children = h.nodes.iter().flat_map(|node| node.children);
+        let mut found: Vec<u32> = children.filter(|c| c & LEAF != 0).map(|c| c & !LEAF).collect();
+        found.sort_unstable();
+        found.dedup();
+        assert!((0..60_300).all(|i| found.binary_search(&i).is_ok()));
+    }
+
     #[test]
     fn a_balanced_tree_never_exceeds_the_stack() {
         let facets = chain(3000);
@@ -378,7 +339,7 @@ mod tests {
         assert_eq!(references(&h).len(), 3000);
         // There are 3000 / 4 leaves, and a node opens at least two levels of a balanced tree.
         assert!(h.stack_need <= (WIDTH - 1) * 12 + 1, "{}", h.stack_need);
-        let unbalanced = collapse(&Tree::from_obvhs(&binary(&facets)), &facets, 1e-6);
+        let unbalanced = collapse(&tree_of(&facets), &facets, 1e-6);
         let built = hierarchy(&facets, 1.0);
         assert!(
             built.stack_need <= LARGE_STACK

@@ -35,6 +35,7 @@ mod simd;
 mod stored;
 mod surface;
 mod tile;
+mod tree;
 mod triangle;
 #[cfg(target_arch = "x86_64")]
 mod x86;

@@ -55,8 +55,13 @@ impl Grid {
         let size = counts.to_array().map(|n| n as usize);
         let touched = vec![false; size.iter().product()];
         let mut grid = Grid { frame, low, cell, size, touched };
+        let mut before = None;
         for triangle in scene.triangles() {
-            grid.touch(scene.corners(triangle).map(local));
+            let corners = scene.corners(triangle);
+            // Copies of a large triangle would take milliseconds each.
+            if before.replace(corners) != Some(corners) {
+                grid.touch(corners.map(local));
+            }
         }
         Some(grid)
     }
