@@ -20,7 +20,8 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    /// Loads the buffers of a file of `file_bytes` bytes. `repeated` is [`MAX_REPEATED`](crate::limits::MAX_REPEATED).
+    /// Loads the buffers of a file of `file_bytes` bytes. `repeated` is
+    /// [`MAX_REPEATED`](crate::limits::MAX_REPEATED).
     pub(super) fn load(
         path: &Path,
         document: &gltf::Document,
