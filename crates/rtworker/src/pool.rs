@@ -11,7 +11,9 @@ use holo_proto::{
     MAX_RAYS_PER_PACKET,
     bulk::{LiveHit, LivePacket, LiveRay, Packet, Traced},
 };
-use holo_section::{BeamId, BeamKey, DVec3, Sample, SampleKind, Section, Viewpoint};
+use holo_section::{
+    BeamId, BeamKey, BeamSampler, DVec3, RayCoords, Sample, SampleKind, Section, Viewpoint,
+};
 use holo_tracer::Tracer;
 use tokio::sync::mpsc;
 
@@ -216,28 +218,18 @@ fn trace_beam(job: &BeamJob, task: &Task) -> Option<Finished> {
         task.tracer.set_measured_effort(EFFORT_UNWATCHED);
     }
     let sampler = section.beam_sampler(index, beam, job.viewpoint.as_ref())?;
-    // The samples of a beam lie close together, so they are stratified together. Those of another
-    // kind or number of paths have the same numbers, but need different random numbers.
-    let salt = job.seed ^ ((job.packet.kind() as u64) << 56) ^ (u64::from(paths) << 32);
-    let seed = holo_section::seed(index, beam, 0) ^ salt;
+    // Samples of all kinds have the same numbers, but need different random numbers.
+    let salt = job.seed ^ ((job.packet.kind() as u64) << 56);
     let samples = (first..first + u32::from(count))
         .zip(0..)
         .map(|(number, at)| {
+            let seed = holo_section::seed(index, beam, number) ^ salt;
             let named = job
                 .packet
                 .rays
                 .and_then(|rays: [_; MAX_RAYS_PER_PACKET]| rays.get::<usize>(at).copied());
             let coords = named.unwrap_or_else(|| sampler.coords(number));
-            let ray = sampler.ray(coords);
-            // Tracing may begin behind the entry point, from which the distance counts.
-            let skipped = section.trace_start(&ray);
-            let origin = ray.origin + ray.direction * skipped;
-            let first = u64::from(number) * u64::from(paths);
-            let paths = first..first + u64::from(paths);
-            let traced = task.tracer.trace_paths(origin, ray.direction, seed, paths);
-            let distance = skipped + traced.distance;
-            let dither = holo_section::seed(index, beam, number) as u32;
-            Sample::encode(coords, traced.radiance, distance, section.diagonal(), dither)
+            sample(&task.tracer, section, &sampler, seed, coords, paths)
         })
         .collect();
     let nanoseconds = u32::try_from(start.elapsed().as_nanos()).unwrap_or(u32::MAX);
@@ -247,11 +239,37 @@ fn trace_beam(job: &BeamJob, task: &Task) -> Option<Finished> {
     ))
 }
 
+/// Traces one sample: the ray at `coords`, from the point where tracing begins in the section.
+fn sample(
+    tracer: &Tracer,
+    section: &Section,
+    sampler: &BeamSampler,
+    seed: u64,
+    coords: RayCoords,
+    paths: u16,
+) -> Sample {
+    let ray = sampler.ray(coords);
+    let skipped = section.trace_start(&ray);
+    let traced = tracer.trace_paths(
+        ray.origin + ray.direction * skipped,
+        ray.direction,
+        seed,
+        0..u64::from(paths),
+    );
+    // The distance counts from the entry point, even if tracing begins elsewhere.
+    Sample::encode(
+        coords,
+        traced.radiance,
+        skipped + traced.distance,
+        section.diagonal(),
+        seed as u32,
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use holo_scene::{Bsdf, Material, Scene};
-    use holo_section::{RayCoords, SectionSpec, ViewClass};
     use holo_tracer::Settings;
 
     const PIXELS: u32 = 400;
@@ -275,83 +293,34 @@ mod tests {
     }
 
     /// Returns the mean over pixels of their means over all rounds, and the variance of the latter.
-    fn of_pixels(of_pixel: impl FnMut(u32) -> [f64; ROUNDS as usize]) -> (f64, f64) {
-        let mean_of =
-            |values: [f64; ROUNDS as usize]| values.iter().sum::<f64>() / f64::from(ROUNDS);
-        let means: Vec<f64> = (0..PIXELS).map(of_pixel).map(mean_of).collect();
+    fn of_pixels(tracer: &Tracer, number: impl Fn(u32, u32) -> u64) -> (f64, f64) {
+        let ray = |number| LiveRay {
+            origin: [0.7, 0.2, 0.5],
+            direction: DVec3::NEG_Z.to_array(),
+            number,
+        };
+        let radiance = |number| f64::from(live_hit(tracer, &ray(number), 5, 1).radiance[1]);
+        let of_pixel = |pixel| {
+            (0..ROUNDS).map(|round| radiance(number(pixel, round))).sum::<f64>() / f64::from(ROUNDS)
+        };
+        let means: Vec<f64> = (0..PIXELS).map(of_pixel).collect();
         let count = f64::from(PIXELS);
         let mean = means.iter().sum::<f64>() / count;
         let squares = means.iter().map(|own| (own - mean) * (own - mean)).sum::<f64>();
         (mean, squares / (count - 1.0))
     }
 
-    /// Checks that stratified values have a smaller variance than independent ones, and the same
-    /// expectation.
-    fn assert_stratified((mean, variance): (f64, f64), (expected, variance_alone): (f64, f64)) {
+    #[test]
+    fn live_rays_of_one_pixel_are_stratified_and_have_the_same_expectation() {
+        let tracer = lit_floor();
+        let (mean, variance) = of_pixels(&tracer, LiveRay::number);
+        let independent = |pixel, round| LiveRay::number(PIXELS + pixel * ROUNDS + round, 0);
+        let (expected, variance_alone) = of_pixels(&tracer, independent);
         let error = ((variance + variance_alone) / f64::from(PIXELS)).sqrt();
         assert!((mean - expected).abs() < 4.5 * error, "{mean} {expected} ± {error}");
         // Without strata, a ratio of variances of 400 pixels is below 0.63 once in 10^5 runs.
         assert!(variance < 0.63 * variance_alone, "{variance} {variance_alone}");
-    }
-
-    #[test]
-    fn live_rays_of_one_pixel_are_stratified_and_have_the_same_expectation() {
-        let tracer = lit_floor();
-        let radiance = |number| {
-            let (origin, direction) = ([0.7, 0.2, 0.5], DVec3::NEG_Z.to_array());
-            let ray = LiveRay { origin, direction, number };
-            f64::from(live_hit(&tracer, &ray, 5, 1).radiance[1])
-        };
-        let rounds = std::array::from_fn(|round| round as u32);
-        let together = |pixel| rounds.map(|round| radiance(LiveRay::number(pixel, round)));
-        let alone = |pixel| {
-            rounds.map(|round| radiance(LiveRay::number(PIXELS + pixel * ROUNDS + round, 0)))
-        };
-        assert_stratified(of_pixels(together), of_pixels(alone));
         // The same number gives the same ray.
-        assert_eq!(of_pixels(together), of_pixels(together));
-    }
-
-    #[test]
-    fn samples_of_one_beam_are_stratified_and_have_the_same_expectation() {
-        let spec = SectionSpec {
-            origin: [-1.0, -1.0, 0.1],
-            axes: [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 0.8]],
-            grid: [1; 3],
-            class: ViewClass::Interior,
-            obstructions: false,
-        };
-        let sections = Arc::from([Section::new(spec).unwrap()]);
-        let task = Task { tracer: Arc::new(lit_floor()), sections, unseen: None };
-        let section = &task.sections[0];
-        let coords = RayCoords([217, 153, 217, 153]);
-        let is_down = |&beam: &u64| {
-            let sampler = section.beam_sampler(0, BeamId(beam), None);
-            sampler.is_some_and(|sampler| sampler.ray(coords).direction.z < -0.99)
-        };
-        let beam = BeamId((0..section.beam_count()).find(is_down).unwrap());
-        let rays = Some([coords; MAX_RAYS_PER_PACKET]);
-        // Traces so many samples of the beam from a number on. The seeds stand for other beams.
-        let radiances = |seed, first, count| {
-            let key = BeamKey { section: 0, beam };
-            let packet = Packet { id: 0, key, first, count, paths: 1, viewpoint: None, rays };
-            let job = BeamJob { packet, viewpoint: None, seed };
-            match trace_beam(&job, &task) {
-                Some(Finished::Traced(_, samples)) => samples,
-                other => panic!("{other:?}"),
-            }
-        };
-        let radiance = |sample: &Sample| f64::from(sample.rgb()[1]);
-        let together = |seed: u32| {
-            let packets = (0..ROUNDS / 16).map(|packet| radiances(seed.into(), 16 * packet, 16));
-            let values: Vec<f64> = packets.flatten().map(|sample| radiance(&sample)).collect();
-            values.try_into().unwrap()
-        };
-        let alone = |seed: u32| {
-            std::array::from_fn(|round| {
-                radiance(&radiances(u64::from(PIXELS + seed * ROUNDS) + round as u64, 0, 1)[0])
-            })
-        };
-        assert_stratified(of_pixels(together), of_pixels(alone));
+        assert_eq!(of_pixels(&tracer, LiveRay::number), (mean, variance));
     }
 }

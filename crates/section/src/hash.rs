@@ -22,7 +22,7 @@ pub(crate) fn mix32(mut x: u32) -> u32 {
     x ^ (x >> 16)
 }
 
-/// Returns a seed of random numbers for one sample of a beam.
+/// Returns the seed of one sample's random numbers, for tracers.
 ///
 /// It depends on (section, beam, sample number) alone, so that a packet traced again after a
 /// failure gives the same radiances.
