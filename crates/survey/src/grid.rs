@@ -16,6 +16,10 @@ pub const MAX_CELLS: f64 = 4e6;
 /// Most cells along an axis.
 const MAX_SIDE: f64 = 400.0;
 
+/// Most points on triangles by which cells are marked: about a second. Scenes with more, such as
+/// thousands of triangles as large as the scene, get larger cells.
+const MAX_POINTS: f64 = 1e8;
+
 /// Share of corners beyond each end of an axis that may be far outliers, such as the ground plane
 /// below a house.
 const OUTLIERS: f64 = 0.01;
@@ -50,18 +54,22 @@ impl Grid {
         let thick = size.max(DVec3::splat(size.max_element() * 0.01));
         let volume = thick.x * thick.y * thick.z;
         let cell = (volume / MAX_CELLS).cbrt().max(thick.max_element() / MAX_SIDE);
+        let longest = thick.length() / cell;
+        let points = |triangle| {
+            let [a, b, c] = scene.corners(triangle).map(|p| local(p) / cell);
+            let [along, across] = steps(b - a, c - a).map(|count| count.min(2.0 * longest));
+            // Larger cells save nothing of a small triangle's four points.
+            (along + 1.0) * (across + 1.0) - 4.0
+        };
+        let points: f64 = scene.triangles().map(points).sum();
+        let cell = cell * (points / MAX_POINTS).sqrt().max(1.0);
         let counts = (thick / cell).ceil() + 2.0;
         let low = low - (counts * cell - size) * 0.5;
         let size = counts.to_array().map(|n| n as usize);
         let touched = vec![false; size.iter().product()];
         let mut grid = Grid { frame, low, cell, size, touched };
-        let mut before = None;
         for triangle in scene.triangles() {
-            let corners = scene.corners(triangle);
-            // Copies of a large triangle would take milliseconds each.
-            if before.replace(corners) != Some(corners) {
-                grid.touch(corners.map(local));
-            }
+            grid.touch(scene.corners(triangle).map(local));
         }
         Some(grid)
     }
@@ -72,8 +80,7 @@ impl Grid {
         let polygon = clip::to_box(triangle.map(|p| (p - self.low) / self.cell), size);
         for k in 2..polygon.len() {
             let (a, p, q) = (polygon[0], polygon[k - 1] - polygon[0], polygon[k] - polygon[0]);
-            let steps = |side: DVec3| (2.0 * side.length()).ceil().max(1.0);
-            let (along, across) = (steps(p), steps(q).max(steps(q - p)));
+            let [along, across] = steps(p, q);
             for i in 0..=along as usize {
                 let u = i as f64 / along;
                 for j in 0..=across as usize {
@@ -104,6 +111,13 @@ impl Grid {
     pub(crate) fn middle(&self, at: [usize; 3]) -> DVec3 {
         self.low + (DVec3::from_array(at.map(|c| c as f64)) + 0.5) * self.cell
     }
+}
+
+/// Returns the steps along and across a triangle with these two sides, in cells. Points of
+/// neighbouring steps are at most half a cell apart.
+fn steps(p: DVec3, q: DVec3) -> [f64; 2] {
+    let count = |side: DVec3| (2.0 * side.length()).ceil().max(1.0);
+    [count(p), count(q).max(count(q - p))]
 }
 
 /// Most corners of a scene with instances whose extent is determined. All of them would take more
@@ -155,4 +169,39 @@ fn extent(points: &[DVec3]) -> Option<(DVec3, DVec3)> {
         };
     }
     Some((low, high))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use holo_scene::Material;
+
+    use super::*;
+
+    /// Returns the grid of a square of side 1 with each of its halves so many times.
+    fn grid_of_copies(copies: usize) -> Grid {
+        let corners = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]].to_vec();
+        let triangles = [[0, 1, 2], [0, 2, 3]].repeat(copies);
+        let ids = vec![0; triangles.len()];
+        let materials = vec![Material::grey("m")];
+        let made = Scene::new(DVec3::ZERO, corners, triangles, ids, materials, [0.0; 3]);
+        let raycaster = Raycaster::build(Arc::new(made.unwrap())).unwrap();
+        Grid::new(&raycaster, Frame::new(DVec3::Z)).unwrap()
+    }
+
+    #[test]
+    fn thousands_of_large_triangles_get_larger_cells_and_touch_all_of_them() {
+        let fine = grid_of_copies(1);
+        assert!((400..404).contains(&fine.size[0]), "{:?}", fine.size);
+        let coarse = grid_of_copies(4000);
+        // A copy needs 800 x 1132 points in the fine grid.
+        let points = 8000.0 * 1.42 * (2.0 / coarse.cell).powi(2);
+        assert!((0.8..1.1).contains(&(points / MAX_POINTS)), "{points}");
+        for grid in [fine, coarse] {
+            let touched = grid.touched.iter().filter(|&&touched| touched).count() as f64;
+            let cells = grid.cell.powi(-2);
+            assert!((0.9..1.3).contains(&(touched / cells)), "{touched} of {cells}");
+        }
+    }
 }
