@@ -66,11 +66,12 @@ def turn_and_stop(browser: Chromium, seconds: float) -> tuple[View, float, Pixel
     time.sleep(1.0)
     browser.key("KeyE", True)
     time.sleep(seconds)
-    browser.key("KeyE", False)
-    browser.wait("window.first")
-    # Tracing is paused, so that the file does not get many more samples than the frame had.
+    # Tracing is paused before the stop: otherwise the file gets several times as many samples of a
+    # new view until the page has shown the frame.
     browser.key("KeyP", True)
     browser.key("KeyP", False)
+    browser.key("KeyE", False)
+    browser.wait("window.first")
     options, exposure = browser.value("[window.first.options, window.first.exposure]")
     size = [int(side) for side in TRUTH_SIZE.split("x")]
     sums = browser.value(f"{AVERAGED}({size})")

@@ -7,11 +7,11 @@
 //! Invariant: without panes, nothing is computed.
 
 use crate::cell::{Sums, luminance};
-use crate::estimate::{Estimate, Lit};
+use crate::estimate::Lit;
 use crate::filter::OfSquares;
 use crate::materials::LEAST_REFLECTANCE;
 use crate::squares::{Layer, Squares};
-use crate::view::{Seen, View};
+use crate::view::View;
 use glam::Vec3;
 
 /// Least share of light that a pane is taken to let pass, so that nothing is divided by 0.
@@ -51,14 +51,12 @@ impl BehindPane {
 
 impl BehindPanes {
     /// Finds what panes mirror into each square. `in_panes` has the mirrored light of the same
-    /// squares. `unknown` returns the light of a mirrored surface without known light. If a
-    /// pane mirrors a lamp into a square, the square loses its `sums`, because they depend on a few
-    /// very bright samples.
+    /// squares. If a pane mirrors a lamp into a square, the square loses its `sums`, because they
+    /// depend on a few very bright samples.
     pub fn new(
         view: &View,
         squares: &Squares,
         in_panes: &Layer,
-        unknown: impl Fn(&Seen) -> Estimate,
         sums: &mut OfSquares,
     ) -> BehindPanes {
         let of_square = |number: usize| {
@@ -67,8 +65,7 @@ impl BehindPanes {
             if !seen.is_surface() || way.is_mirrored || way.pane <= 0.0 {
                 return None;
             }
-            let known = in_panes.lights[number];
-            let light = if known.error.is_finite() { known } else { unknown(mirrored) }.light;
+            let light = in_panes.of_square(number).light;
             let (scale, radiance) = view.paint(mirrored);
             let passes = Vec3::from_array(way.share).max(Vec3::splat(LEAST_PASSED));
             let through = Vec3::from_array(view.paint(seen).0).max(passes * LEAST_REFLECTANCE);

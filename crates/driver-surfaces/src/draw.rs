@@ -95,9 +95,7 @@ impl Gathered {
             false => Some(self.layer_of_panes(view, store, step, interrupt)?),
         };
         let behind = in_panes.as_ref().map_or_else(BehindPanes::default, |in_panes| {
-            let around = &Around { store, mean: store.mean() };
-            let unknown = |seen: &Seen| view.mean_around(around, seen);
-            BehindPanes::new(view, &squares, in_panes, unknown, &mut sums)
+            BehindPanes::new(view, &squares, in_panes, &mut sums)
         });
         let filtered =
             squares.filter((view, store), &sums, &behind, denoiser.is_some(), interrupt)?;
@@ -108,7 +106,7 @@ impl Gathered {
         interrupt.check()?;
         known.learn(view, &squares, &lights);
         let further = Further { pieces: self.pieces(), in_panes: in_panes.as_ref() };
-        Some(view.lit(store, &Layer { squares, lights }, &further))
+        Some(view.lit(store, &view.layer(store, squares, lights), &further))
     }
 
     /// Returns the light that panes mirror. `None` if it was interrupted.
@@ -129,7 +127,7 @@ impl Gathered {
         let sums = OfSquares { towards_eye: squares.sums(view.size, of_pixel), from_all: None };
         let behind = BehindPanes::default();
         let filtered = squares.filter((view, store), &sums, &behind, false, interrupt)?;
-        Some(Layer { squares, lights: filtered.lights })
+        Some(view.layer(store, squares, filtered.lights))
     }
 
     /// Draws the view at rest.
@@ -179,26 +177,15 @@ impl View {
             let seen = |pixel| in_pane(pixel).map_or(Seen::NOTHING, |pane| pane.seen);
             let squares = Squares::new(seen, self.size, step);
             let unknown = vec![Estimate::UNKNOWN; squares.seen.len()];
-            self.with_light_around(store, squares, unknown)
+            self.layer(store, squares, unknown)
         });
-        Some(KnownLight { layer: self.with_light_around(store, squares, lights), in_panes })
+        Some(KnownLight { layer: self.layer(store, squares, lights), in_panes })
     }
 
-    /// Returns squares with this light, or with the mean light around where it is unknown.
-    fn with_light_around(
-        &self,
-        store: &Store,
-        squares: Squares,
-        mut lights: Vec<Estimate>,
-    ) -> Layer {
-        // For squares and not for pixels, because looking around takes long.
+    /// Returns squares with their light. Where it is unknown, the guess is the mean light around.
+    fn layer(&self, store: &Store, squares: Squares, lights: Vec<Estimate>) -> Layer {
         let around = &Around { store, mean: store.mean() };
-        lights.par_iter_mut().zip(&squares.seen).for_each(|(light, seen)| {
-            if light.error.is_infinite() {
-                *light = self.mean_around(around, seen);
-            }
-        });
-        Layer { squares, lights }
+        Layer::new(squares, lights, |seen| self.mean_around(around, seen))
     }
 
     /// Returns the number of the reflection in a pane that each pixel's middle shows; [`NO_PANE`]
@@ -272,7 +259,8 @@ impl View {
         if !seen.is_surface() {
             return Estimate::default();
         }
-        let near = layer.and_then(|layer| layer.at(at, seen));
+        // Guesses of squares serve many pixels, because looking around takes long.
+        let near = layer.and_then(|layer| layer.at(at, seen).or_else(|| layer.guess_at(at, seen)));
         near.unwrap_or_else(|| self.mean_around(around, seen))
     }
 

@@ -16,7 +16,11 @@ pub(crate) struct Squares {
 /// Squares of a picture, and their light.
 pub(crate) struct Layer {
     pub squares: Squares,
+    /// The light of each square; its error is infinite where nothing is known.
     pub lights: Vec<Estimate>,
+    /// For each surface whose light is unknown, a guess from light around it. Empty if there is no
+    /// such surface.
+    pub guesses: Vec<Option<Estimate>>,
 }
 
 impl Squares {
@@ -67,9 +71,52 @@ impl Squares {
 }
 
 impl Layer {
+    /// Returns squares with their light. `guess` returns the light of a surface where it is unknown.
+    pub fn new(
+        squares: Squares,
+        lights: Vec<Estimate>,
+        guess: impl Fn(&Seen) -> Estimate + Sync,
+    ) -> Layer {
+        let is_unknown =
+            |(seen, light): &(&Seen, &Estimate)| seen.is_surface() && light.error.is_infinite();
+        let all = || squares.seen.par_iter().zip(&lights);
+        let guesses = match all().any(|square| is_unknown(&square)) {
+            true => all().map(|at| is_unknown(&at).then(|| guess(at.0))).collect(),
+            false => Vec::new(),
+        };
+        Layer { squares, lights, guesses }
+    }
+
+    /// Returns the light of a square, or the guess where it is unknown.
+    pub fn of_square(&self, number: usize) -> Estimate {
+        self.guesses.get(number).copied().flatten().unwrap_or(self.lights[number])
+    }
+
     /// Returns the light at a point of the picture, from the squares around it that show the same
-    /// surface.
-    pub fn at(&self, (x, y): (f32, f32), seen: &Seen) -> Option<Estimate> {
+    /// surface and whose light is known.
+    pub fn at(&self, at: (f32, f32), seen: &Seen) -> Option<Estimate> {
+        self.between(at, seen, |square| {
+            let light = &self.lights[square];
+            light.error.is_finite().then_some(light)
+        })
+    }
+
+    /// The same from guesses.
+    pub fn guess_at(&self, at: (f32, f32), seen: &Seen) -> Option<Estimate> {
+        if self.guesses.is_empty() {
+            return None;
+        }
+        self.between(at, seen, |square| self.guesses[square].as_ref())
+    }
+
+    /// Interpolates between the squares around a point for which `light` returns something.
+    #[inline(always)]
+    fn between<'a>(
+        &self,
+        (x, y): (f32, f32),
+        seen: &Seen,
+        light: impl Fn(usize) -> Option<&'a Estimate>,
+    ) -> Option<Estimate> {
         let step = self.squares.step;
         let (width, height) = self.squares.size;
         // Position in squares, from the middle of the first one.
@@ -85,15 +132,15 @@ impl Layer {
                     continue;
                 }
                 let other = row as usize * width + column as usize;
-                let light = &self.lights[other];
-                if light.error.is_infinite() {
-                    continue;
-                }
+                let Some(light) = light(other) else { continue };
                 let there = &self.squares.seen[other];
                 let near = (u + 0.02) * (v + 0.02);
                 let weight = near * alike(seen, there, 0.5 * reach, 16.0 * reach);
-                sum.add(weight, light);
-                total += weight;
+                // An infinite error times 0 is no number.
+                if weight > 0.0 {
+                    sum.add(weight, light);
+                    total += weight;
+                }
             }
         }
         (total > 1e-3).then(|| sum.divided(total))

@@ -14,7 +14,10 @@ use holo_display::split_mix;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::mem::take;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{
+    OnceLock,
+    atomic::{AtomicU32, Ordering},
+};
 
 /// Parts of the store, each filled by one thread at a time.
 const SHARDS: usize = 64;
@@ -112,6 +115,8 @@ pub struct Store {
     /// Samples that were added, and those that are kept.
     samples: u64,
     kept: usize,
+    /// Mean light of all samples, once it was needed since the last change.
+    mean: OnceLock<Vec3>,
 }
 
 impl Cube {
@@ -235,6 +240,7 @@ impl Store {
             round: 1,
             samples: 0,
             kept: 0,
+            mean: OnceLock::new(),
         }
     }
 
@@ -251,6 +257,11 @@ impl Store {
 
     /// Returns the mean light of all samples.
     pub(crate) fn mean(&self) -> Vec3 {
+        *self.mean.get_or_init(|| self.sums().mean())
+    }
+
+    /// Returns the sums of all samples.
+    fn sums(&self) -> Sums {
         let of_shard = |shard: &FxHashMap<Cube, Bucket>| {
             let mut sums = Sums::default();
             let faces = shard.values().flat_map(Bucket::faces);
@@ -260,7 +271,7 @@ impl Store {
         let sums: Vec<Sums> = self.shards.par_iter().map(of_shard).collect();
         let mut all = Sums::default();
         sums.iter().for_each(|more| all.add(more));
-        all.mean()
+        all
     }
 
     /// Returns the number of stored samples.
@@ -289,6 +300,7 @@ impl Store {
         placed: &[Placed],
         kind: impl Fn(&mut Bucket) -> &mut Samples + Sync,
     ) -> bool {
+        self.mean.take();
         let dealt: Vec<Vec<Vec<(Cube, Record)>>> =
             placed.par_chunks(CHUNK).map(|chunk| self.deal(chunk)).collect();
         let (round, thinned) = (self.round, self.thinned);
@@ -330,6 +342,7 @@ impl Store {
     /// Takes out samples of the scene before an edit, one for each given. Those that have gone are
     /// ignored. Returns whether there were any.
     pub fn remove_earlier(&mut self, placed: &[Placed]) -> bool {
+        self.mean.take();
         let dealt = self.deal(placed);
         let clear = |(shard, records): (&mut FxHashMap<Cube, Bucket>, Vec<(Cube, Record)>)| {
             let mut leaving: FxHashMap<Cube, FxHashMap<Bits, u32>> = FxHashMap::default();

@@ -22,13 +22,15 @@ pub struct CurrentView {
     pub glance_until: Option<Instant>,
     /// The stored samples that have been requested.
     pub asked: Asked,
+    /// True if all stored samples of the beams that the view crosses have arrived.
+    pub has_crossed: bool,
     /// True while a thread searches for the next beams.
     pub is_searching: bool,
     /// True if the next request was postponed, for example because the eye moved.
     pub asks_later: bool,
     /// Requested beams that the view does not cross but whose rays may end on what it shows.
     pub also: Vec<UsefulBeam>,
-    /// Number of its first request: samples of earlier requests are dropped.
+    /// Number of its first request.
     pub first_request: u32,
     pub received: Received,
     pub since: Instant,
@@ -46,6 +48,8 @@ pub struct Counts {
     pub traced: u64,
     /// From the file, in parts that no view requested.
     pub parts: u64,
+    /// Requested for an earlier view.
+    pub late: u64,
     /// Seconds until the first samples arrived.
     pub first_samples: Option<f64>,
 }
@@ -66,7 +70,8 @@ pub enum Asked {
 impl CurrentView {
     /// Passes samples to the driver, except those that it already has.
     pub fn insert(&mut self, driver: &mut dyn Driver, message: &Samples) {
-        if !matches!(message.source, Source::Part | Source::Earlier) {
+        let is_late = message.view < self.first_request;
+        if !is_late && !matches!(message.source, Source::Part | Source::Earlier) {
             let seconds = self.since.elapsed().as_secs_f64();
             self.counts.first_samples.get_or_insert(seconds);
         }
@@ -81,9 +86,10 @@ impl CurrentView {
                 driver.insert(run.key, run.paths, &samples[fresh]);
                 self.received.earlier.note(run.key, count);
                 match message.source {
+                    Source::Part | Source::Earlier => self.counts.parts += count,
+                    Source::Traced | Source::Stored if is_late => self.counts.late += count,
                     Source::Traced => self.counts.traced += count,
                     Source::Stored => self.counts.stored += count,
-                    Source::Part | Source::Earlier => self.counts.parts += count,
                 }
             }
         }

@@ -49,6 +49,10 @@ const STORED_ONLY: f32 = 0.5 * LEAST_TRACED_WEIGHT;
 /// receive any samples.
 const MOVING_EVERY: Duration = Duration::from_millis(150);
 
+/// Longest time for which a moving eye waits for the stored samples of one request before the next.
+/// The server does not know what is under way, and would send it again.
+const MOVING_PATIENCE: Duration = Duration::from_secs(1);
+
 /// Time for which a person must have looked at a view before the session searches for beams that
 /// end on what it shows.
 pub(super) const SEARCH_AFTER: Duration = Duration::from_millis(400);
@@ -130,7 +134,7 @@ impl Session {
     /// # Errors
     /// If the driver cannot show the view, or no section covers any of it.
     pub fn look(&mut self, look: Look) -> Result<()> {
-        if self.is_moving && self.driver.keeps_samples() && self.since().elapsed() < MOVING_EVERY {
+        if self.is_moving && self.driver.keeps_samples() && self.requested_just_now() {
             return self.look_on(look);
         }
         let since = Instant::now();
@@ -191,6 +195,7 @@ impl Session {
             live: LiveRays::new(uncovered, view, size, paths),
             glance_until: None,
             asked: Asked::Crossed,
+            has_crossed: false,
             is_searching: false,
             asks_later: false,
             also: Vec::new(),
@@ -209,6 +214,12 @@ impl Session {
             }
         }
         Ok(())
+    }
+
+    /// Returns whether the last request is too recent to be replaced while the eye moves.
+    fn requested_just_now(&self) -> bool {
+        let has_crossed = self.current.as_ref().is_none_or(|current| current.has_crossed);
+        self.since().elapsed() < if has_crossed { MOVING_EVERY } else { MOVING_PATIENCE }
     }
 
     /// Shows a view while samples for the view before still arrive.

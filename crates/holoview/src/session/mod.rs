@@ -5,7 +5,8 @@
 //! it waits.
 //!
 //! Invariants:
-//! - The driver receives only samples requested for the current view, and parts of the file.
+//! - A driver that keeps samples receives all that arrive, because samples of one view serve the
+//!   next. Other drivers receive only samples requested for the current view.
 //! - A frame drawn at rest depends only on the samples sent for its view, unless the driver keeps
 //!   samples for the whole session.
 
@@ -382,6 +383,7 @@ impl Session {
             Message::Samples(samples) => {
                 let counts = |current: &&mut CurrentView| {
                     matches!(samples.source, Source::Part | Source::Earlier)
+                        || driver.keeps_samples()
                         || is_of(current, samples.view)
                 };
                 if let Some(current) = current.filter(counts) {
@@ -429,6 +431,7 @@ impl Session {
             Control::Views(views) => self.welcome.views = views,
             Control::Refused { reason } => self.refusal = Some(reason),
             Control::StoredSent { view } if view == self.request_number => {
+                self.current.iter_mut().for_each(|current| current.has_crossed = true);
                 self.ask_on(for_settled)?;
             }
             _ => {}

@@ -7,16 +7,17 @@ use std::{
 };
 
 use glam::DVec3;
+use holo_display::{Look, Resolution};
 use holo_net::{Message, Outbox, Shutdown, accept};
 use holo_picture::ViewSpec;
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
-    bulk::{BlobChunk, ViewRequest},
+    bulk::{BlobChunk, Samples, Source, ViewRequest},
     control::{Control, SceneInfo, Welcome},
     frame::Kind,
 };
 use holo_scene::{Material, Scene};
-use holo_section::{BeamKey, SectionSpec, ViewClass};
+use holo_section::{BeamKey, Run, Sample, SampleKind, SectionSpec, ViewClass};
 use tokio::{net::TcpListener, time::timeout};
 
 use super::{Connected, Session};
@@ -197,4 +198,83 @@ async fn an_idle_session_loads_the_whole_file_and_later_views_search_for_nothing
     // Two searches, the view's own beams again, the file, and then another view.
     assert_eq!(parts, [(0, 4), (1, 4), (2, 4)]);
     assert_eq!(views.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
+}
+
+/// Serves a display whose eye moves. A view's samples leave only after the next view was requested,
+/// and the message that all stored samples were sent only if `completes`. Returns the number of
+/// views.
+async fn serve_late(listener: TcpListener, completes: bool) -> u32 {
+    let (room, packed) = room();
+    let (mut inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
+    holo_net::welcome(&outbox, room).unwrap();
+    let mut views = 0;
+    while let Ok(message) = timeout(LIMIT, inbox.next()).await.unwrap() {
+        match message {
+            Message::Control(Control::SceneWanted) => {
+                let piece = BlobChunk { offset: 0, bytes: packed.clone() };
+                outbox.send(Kind::BlobChunk, &piece.encode()).unwrap();
+            }
+            Message::View(ViewRequest { view, ref beams, .. }) if view > views => {
+                if views > 0 {
+                    let (key, kind) = (beams[0].key, SampleKind::Uniform);
+                    let run = Run { key, kind, first: 21 * view, count: 21, paths: 1 };
+                    let samples = vec![Sample::default(); 21];
+                    let source = Source::Traced;
+                    let late = Samples { view: views, source, runs: vec![run], samples };
+                    outbox.send(Kind::Samples, &late.encode()).unwrap();
+                }
+                if completes {
+                    outbox.control(&Control::StoredSent { view }).unwrap();
+                }
+                views = view;
+            }
+            _ => {}
+        }
+    }
+    views
+}
+
+/// Turns the eye for `time`, with a server of [`serve_late`]. Returns the number of requested views
+/// and the number of samples that have arrived.
+async fn turn(completes: bool, time: Duration) -> (u32, u64) {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let serving = tokio::spawn(serve_late(listener, completes));
+    let connected = connect(address).await;
+    let turning = tokio::task::spawn_blocking(move || {
+        let mut session = connected.begin(|_| {}).unwrap().unwrap();
+        session.set_moving(true);
+        let start = Instant::now();
+        while start.elapsed() < time {
+            let mut turned = view();
+            let aside = start.elapsed().as_secs_f64().sin();
+            turned.apply_line(&format!("-vd 1 {aside} .1")).unwrap();
+            let (view, size) = turned.resolve((96, 72)).unwrap();
+            session.look(Look { view, size, resolution: Resolution::Moving }).unwrap();
+            session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
+        }
+        let arrived = session.samples_here();
+        assert!(start.elapsed() < LIMIT);
+        (start.elapsed(), arrived)
+    });
+    let (took, arrived) = timeout(LIMIT, turning).await.unwrap().unwrap();
+    let views = timeout(LIMIT, serving).await.unwrap().unwrap();
+    // Nobody is asked more often than this, however slow the machine.
+    let least = if completes { Duration::from_millis(150) } else { Duration::from_secs(1) };
+    assert!(u128::from(views) <= took.as_millis() / least.as_millis() + 1, "{views} in {took:?}");
+    (views, arrived)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn samples_of_earlier_views_still_count_while_the_eye_moves() {
+    let (views, arrived) = turn(true, Duration::from_millis(1500)).await;
+    assert!(views > 2);
+    // Those of the last views may still be under way.
+    assert!(arrived > 0 && arrived % 21 == 0 && arrived <= 21 * u64::from(views), "{arrived}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_moving_eye_waits_for_stored_samples_under_way_but_not_for_ever() {
+    let (views, _) = turn(false, Duration::from_millis(2500)).await;
+    assert!(views > 1);
 }

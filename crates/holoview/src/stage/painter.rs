@@ -374,9 +374,10 @@ impl Painter {
     }
 
     /// Returns the number of samples that have arrived since the view was requested, including
-    /// parts of the file.
+    /// parts of the file and samples requested for earlier views.
     fn arrived(&self) -> u64 {
-        self.samples() + self.session.counts().parts
+        let counts = self.session.counts();
+        self.samples() + counts.parts + counts.late
     }
 
     /// Draws a frame of the requested view.
