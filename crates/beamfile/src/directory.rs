@@ -1,7 +1,8 @@
 //! The directory: where each beam's samples lie in the file, and how many there are.
 //!
 //! Invariant: an extent is listed only after its block is on disk. Counts also include samples that
-//! are still in memory. The directory takes 28 bytes per extent and about 70 per beam.
+//! are still in memory. The directory takes 28 bytes per extent, about 70 per beam, and about 50 per
+//! gap in the numbers of a beam.
 //!
 //! Samples belong to a *generation*: the scene as it was when they were traced. Only those of the
 //! present generation are counted and have numbers. Of the others, a beam lists those of its newest
@@ -13,6 +14,7 @@ use std::sync::Arc;
 use holo_section::BeamKey;
 
 use crate::format::{BlockHeader, CHUNK_BYTES, Class, Entry};
+use crate::gaps::Gaps;
 use crate::hash::BeamMap;
 use crate::types::{Maker, SectionStats};
 use crate::{Error, Result};
@@ -80,14 +82,6 @@ pub(crate) struct Beam {
     pub samples: u64,
 }
 
-impl Beam {
-    /// Returns true if every number below the next free ones is taken. Better samples of such a
-    /// beam are counted without a look at its extents, which took two thirds of opening a file.
-    fn has_all_numbers(&self) -> bool {
-        self.next.iter().map(|&next| u64::from(next)).sum::<u64>() == self.samples
-    }
-}
-
 #[derive(Debug, Default)]
 pub(crate) struct Directory {
     /// By beam, what the present generation has.
@@ -105,6 +99,8 @@ pub(crate) struct Directory {
     /// The maker with the greatest number.
     pub last_maker: Maker,
     extents: Vec<Extent>,
+    /// Missing numbers of the present generation.
+    gaps: Gaps,
 }
 
 impl Directory {
@@ -124,6 +120,7 @@ impl Directory {
         }
         self.generation = generation;
         self.earlier.extend(self.beams.drain());
+        self.gaps.clear();
         self.earlier_samples = self.earlier.values().map(|beam| beam.samples).sum();
         self.sections.fill(SectionStats::default());
     }
@@ -152,34 +149,8 @@ impl Directory {
         })
     }
 
-    /// Counts samples that were appended.
-    ///
-    /// `older` returns the numbers that the beam has already. It is called only if the new numbers
-    /// may be among them.
-    pub fn account(
-        &mut self,
-        key: BeamKey,
-        kind: u8,
-        first: u32,
-        count: u32,
-        older: impl FnOnce(&Self) -> Vec<(u32, u32)>,
-    ) {
-        let known = match self.beams.get_mut(&key) {
-            // New numbers, as almost always, take one look-up.
-            Some(beam) if first >= beam.next[usize::from(kind)] => {
-                beam.samples += u64::from(count);
-                beam.version = beam.version.wrapping_add(1);
-                beam.next[usize::from(kind)] = first + count;
-                self.sections[usize::from(key.section)].samples += u64::from(count);
-                return;
-            }
-            Some(beam) if beam.has_all_numbers() => {
-                (first + count).min(beam.next[usize::from(kind)]) - first
-            }
-            Some(_) => covered(older(self), first, first + count),
-            None => 0,
-        };
-        self.superseded += u64::from(known);
+    /// Counts samples that were appended: numbers from `first` on.
+    pub fn account(&mut self, key: BeamKey, kind: u8, first: u32, count: u32) {
         let section = &mut self.sections[usize::from(key.section)];
         let beam = match self.beams.entry(key) {
             MapEntry::Occupied(entry) => entry.into_mut(),
@@ -190,20 +161,21 @@ impl Directory {
                 entry.insert(Beam { head: NONE, tail: NONE, version, next: [0; 3], samples: 0 })
             }
         };
-        let new = u64::from(count - known);
-        section.samples += new;
-        beam.samples += new;
+        let (next, end) = (&mut beam.next[usize::from(kind)], first + count);
+        let new = if first < *next {
+            let in_gaps = self.gaps.close(key, kind, first, end.min(*next));
+            in_gaps + end.saturating_sub(*next)
+        } else {
+            if first > *next {
+                self.gaps.open(key, kind, *next, first);
+            }
+            count
+        };
+        *next = end.max(*next);
         beam.version = beam.version.wrapping_add(1);
-        let next = &mut beam.next[usize::from(kind)];
-        *next = (*next).max(first + count);
-    }
-
-    /// Returns the sample numbers of `kind` in the beam's extents on disk: of each extent the
-    /// first, and one past the last.
-    pub fn numbers_of(&self, key: BeamKey, kind: u8) -> impl Iterator<Item = (u32, u32)> {
-        self.extents_of(key)
-            .filter(move |e| e.class.kind == kind)
-            .map(|e| (e.first, e.first + e.count))
+        beam.samples += u64::from(new);
+        section.samples += u64::from(new);
+        self.superseded += u64::from(count - new);
     }
 
     /// Lists a block that is on disk, and returns its number.
@@ -240,41 +212,5 @@ impl Directory {
             beam.tail = new;
         }
         Ok(())
-    }
-}
-
-/// Returns the number of integers from `begin` to before `end` that lie in at least one of
-/// `ranges`.
-fn covered(mut ranges: Vec<(u32, u32)>, begin: u32, end: u32) -> u32 {
-    ranges.sort_unstable();
-    let (mut at, mut total) = (begin, 0);
-    for (from, to) in ranges {
-        let (from, to) = (from.max(at), to.min(end));
-        if from < to {
-            total += to - from;
-            at = to;
-        }
-    }
-    total
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn covered_numbers_are_counted_once(
-            ranges in prop::collection::vec((0u32..60, 1u32..20), 0..12),
-            begin in 0u32..60,
-            length in 1u32..30,
-        ) {
-            let ranges: Vec<_> =
-                ranges.into_iter().map(|(first, count)| (first, first + count)).collect();
-            let is_covered = |n: &u32| ranges.iter().any(|range| (range.0..range.1).contains(n));
-            let model = (begin..begin + length).filter(is_covered).count();
-            prop_assert_eq!(covered(ranges, begin, begin + length) as usize, model);
-        }
     }
 }

@@ -32,6 +32,7 @@ mod directory;
 mod error;
 mod file;
 pub mod format;
+mod gaps;
 mod hash;
 mod load;
 mod open;

@@ -74,15 +74,7 @@ impl State {
 
     /// Adds samples to memory and counts them.
     pub fn append(&mut self, key: BeamKey, class: Class, first: u32, samples: &[Sample]) {
-        let (active, frozen) = (&self.active, &self.frozen);
-        self.directory.account(key, class.kind, first, samples.len() as u32, |directory| {
-            let batches = frozen.iter().map(|batch| &**batch).chain([active]);
-            let appends = batches
-                .flat_map(|batch| batch.appends_of(key))
-                .filter(|append| append.class.kind == class.kind);
-            let pending = appends.map(|append| (append.first, append.first + append.count));
-            directory.numbers_of(key, class.kind).chain(pending).collect()
-        });
+        self.directory.account(key, class.kind, first, samples.len() as u32);
         self.active.push(key, class, first, samples);
     }
 
@@ -110,9 +102,7 @@ impl State {
                         at += count;
                         continue;
                     }
-                    self.directory.account(key, class.kind, first, count, |directory| {
-                        directory.numbers_of(key, class.kind).collect()
-                    });
+                    self.directory.account(key, class.kind, first, count);
                     self.directory.add_extent(id, at, entry)?;
                     at += count;
                 }
