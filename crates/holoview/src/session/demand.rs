@@ -140,8 +140,11 @@ impl Session {
         let since = Instant::now();
         let sections = &self.choice.sections;
         let is_inside = sections.iter().any(|section| section.contains(look.view.vp));
-        if self.is_walked && is_inside && self.has_whole_file() && self.current.is_some() {
-            // All light is already here, so the view is shown before anything is requested.
+        let is_moving = |view: &CurrentView| view.look.resolution == Resolution::Moving;
+        let stops = !self.is_moving && self.current.as_ref().is_some_and(is_moving);
+        let has_light = self.has_whole_file() || (stops && self.driver.keeps_samples());
+        if self.is_walked && is_inside && has_light && self.current.is_some() {
+            // Most light is already here, so the view is shown before anything is requested.
             self.look_on(look)?;
             self.current.iter_mut().for_each(|current| current.since = since);
             self.is_unasked = true;
