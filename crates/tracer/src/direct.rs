@@ -35,6 +35,7 @@ pub(crate) struct LightSampling {
     /// Probability of choosing the sky.
     sky: f32,
     samples: u32,
+    scatterings: u32,
 }
 
 impl LightSampling {
@@ -44,9 +45,10 @@ impl LightSampling {
         scatter: &Scatter,
         point: &SurfacePoint,
         normal: Vec3,
-        samples: u32,
+        [samples, scatterings]: [u32; 2],
     ) -> Self {
-        Self { point: point.point, normal: lit_side(scatter, normal), sky: lights.sky, samples }
+        let normal = lit_side(scatter, normal);
+        Self { point: point.point, normal, sky: lights.sky, samples, scatterings }
     }
 
     /// Returns the data needed to weigh emission that a sample of the material hits. The sample
@@ -85,8 +87,9 @@ impl MaterialSample {
         hit: &Hit,
         cosine: f32,
     ) -> f32 {
-        let LightSampling { point, normal, samples, .. } = self.lights;
-        let probability = lights.probability(&lights.at_vertex(point, normal), hit.triangle);
+        let LightSampling { point, normal, samples, scatterings, .. } = self.lights;
+        let seen = lights.at_vertex(point, normal, scatterings);
+        let probability = lights.probability(&seen, hit.triangle);
         if probability == 0.0 {
             return 0.0;
         }
@@ -109,8 +112,9 @@ pub(crate) fn lights_at(
     scatter: &Scatter,
     point: &SurfacePoint,
     normal: Vec3,
+    scatterings: u32,
 ) -> VertexLights {
-    lights.at_vertex(point.point, lit_side(scatter, normal))
+    lights.at_vertex(point.point, lit_side(scatter, normal), scatterings)
 }
 
 /// Returns the density of sky samples towards `wi` if the sky is chosen with probability `sky`.

@@ -9,7 +9,7 @@ use holo_raycast::Raycaster;
 use holo_scene::Scene;
 
 use crate::caustics::Caustics;
-use crate::lights::Lights;
+use crate::lights::{GRIDS, Lights};
 use crate::medium::{Inside, Nesting};
 use crate::panes::Panes;
 use crate::secondary::SecondarySources;
@@ -56,7 +56,7 @@ impl PathEngine {
         let scene: &Scene = raycaster.scene();
         let surfaces = surfaces(scene);
         let panes = Arc::new(Panes::new(scene));
-        let lights = Lights::new(scene).with_cells(raycaster, &panes);
+        let lights = Lights::new(scene).with_cells(&GRIDS, raycaster, &panes);
         let nesting = Nesting::new(scene);
         let is_specular = nesting.is_some() || surfaces.iter().any(|s| s.scatter.is_delta());
         let lights_find_all = direct == Direct::Both && lights.is_one() && !is_specular;

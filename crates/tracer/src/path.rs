@@ -275,15 +275,17 @@ impl PathEngine {
                         wo,
                         front,
                     };
-                    let lights = direct::lights_at(&self.lights, scatter, &point, frame.n);
+                    let lights =
+                        direct::lights_at(&self.lights, scatter, &point, frame.n, scatterings);
                     sampler.turn(depth, Purpose::Light);
                     radiance += throughput * vertex.direct_light(&lights, count, direct, sampler);
                     if self.suns.any() {
                         sampler.turn(depth, Purpose::Sun);
                         radiance += throughput * vertex.sunlight(direct, sampler);
                     }
+                    let counts = [count, scatterings];
                     light_sampling =
-                        Some(LightSampling::new(&lights, scatter, &point, frame.n, count));
+                        Some(LightSampling::new(&lights, scatter, &point, frame.n, counts));
                 }
                 if let Some(indirect) = indirect {
                     radiance += throughput * indirect;

@@ -20,7 +20,7 @@ use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::Scene;
 
 use crate::geometry::{Frame, cosine_hemisphere, triangle};
-use crate::lights::{Aim, Chosen, Emitter, Lights, VertexLights};
+use crate::lights::{Aim, Chosen, Emitter, LATER, Lights, VertexLights};
 use crate::luminance::luminance;
 use crate::panes::Panes;
 use crate::sampler::{Purpose, Sampler};
@@ -105,7 +105,7 @@ impl AimedVertex<'_> {
     /// Computed on demand, because few samples need it.
     #[inline]
     fn lights(&self) -> VertexLights {
-        self.sources.tree.at_vertex(self.point, self.normal)
+        self.sources.tree.at_vertex(self.point, self.normal, LATER)
     }
 
     /// Returns the density of aimed samples, per solid angle, towards a point that a ray met; 0 if
@@ -160,8 +160,11 @@ impl SecondarySources {
                 *outgoing.entry(t).or_default() += one;
             });
         }
-        let tree = brightest(scene, &outgoing, total / f64::from(PATHS))?
-            .with_cells(raycaster, &Arc::new(Panes::closed()));
+        let tree = brightest(scene, &outgoing, total / f64::from(PATHS))?.with_cells(
+            &[CELLS],
+            raycaster,
+            &Arc::new(Panes::closed()),
+        );
         let mut members = vec![0; scene.triangles().len().div_ceil(64)];
         tree.triangles().iter().for_each(|&t| members[t as usize / 64] |= 1 << (t % 64));
         Some(Self { tree, members })
@@ -245,6 +248,10 @@ fn brightest(
     }
     (!triangles.is_empty()).then(|| Lights::over(triangles, emitters))
 }
+
+/// Approximate number of cells in the grid that chooses among the sources. With 8192 cells, noise is
+/// 1.5 % less, but estimating them takes as long as 50,000 paths.
+const CELLS: f32 = 512.0;
 
 /// Seed of the light paths; any number will do.
 const SEED: u64 = 0x5EC0_DA2E;

@@ -1,7 +1,7 @@
 //! Limits the work on records.
 //!
 //! Invariant: the rays of records never exceed the number that samples have allowed by more than
-//! the records that are being made. No clock decides: work is counted in rays and samples.
+//! the records that are being made; after the first moment, mostly by one. No clock decides: work is counted in rays and samples.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
@@ -9,6 +9,11 @@ use super::settings::{FIRST_SHARE, RAY_COST, UNLIMITED, WINDOW};
 
 /// Fraction bits of [`Effort::allowed`].
 const FRACTION: u32 = 8;
+
+/// Rays that a record counts for while it is being made, as its number is not known yet. Without
+/// them, all threads would begin records at a program's first moment, and the first samples would
+/// wait for them.
+const EXPECTED_RAYS: u64 = 4096;
 
 /// The effort of one tracer, shared by its threads.
 #[derive(Debug)]
@@ -57,11 +62,12 @@ impl Effort {
         }
     }
 
-    /// Counts a sample that lacks a record, and returns whether it may make one.
-    pub fn affords_record(&self) -> bool {
+    /// Counts a sample that lacks a record. `Some` if it may make one: a value to keep until the
+    /// record is made.
+    pub fn begin_record(&self) -> Option<Begun<'_>> {
         let most = self.most.load(Ordering::Relaxed);
         if most == UNLIMITED {
-            return true;
+            return Some(Begun { effort: self, rays: 0 });
         }
         let lacking = self.lacking.fetch_add(1, Ordering::Relaxed) + 1;
         let served = self.served.load(Ordering::Relaxed);
@@ -78,7 +84,28 @@ impl Effort {
         let more = (rays * f64::from(1 << FRACTION)) as u64;
         let allowed = self.allowed.fetch_add(more, Ordering::Relaxed) + more;
         // Without effort there is never a record, not even the first.
-        self.traced.load(Ordering::Relaxed) << FRACTION < allowed
+        if self.traced.load(Ordering::Relaxed) << FRACTION >= allowed {
+            return None;
+        }
+        let rays = EXPECTED_RAYS;
+        let before = self.traced.fetch_add(rays, Ordering::Relaxed);
+        let begun = Begun { effort: self, rays };
+        // Another thread may have begun one since.
+        (before << FRACTION < allowed).then_some(begun)
+    }
+}
+
+/// A record that is being made.
+#[derive(Debug)]
+pub(super) struct Begun<'a> {
+    effort: &'a Effort,
+    /// Rays that it counts for until then.
+    rays: u64,
+}
+
+impl Drop for Begun<'_> {
+    fn drop(&mut self) {
+        self.effort.traced.fetch_sub(self.rays, Ordering::Relaxed);
     }
 }
 
@@ -111,7 +138,7 @@ mod tests {
             if (i as f64 * 0.618_034).fract() >= unserved {
                 effort.add_served();
                 found += 1;
-            } else if effort.affords_record() {
+            } else if let Some(_begun) = effort.begin_record() {
                 effort.add_rays(300);
                 rays += 300;
                 unserved *= 1.0 - serves;
@@ -146,18 +173,32 @@ mod tests {
     #[test]
     fn an_effort_that_is_not_measured_is_kept() {
         let effort = Effort::unlimited();
-        assert!(effort.affords_record());
+        assert!(effort.begin_record().is_some());
         effort.set(2, false);
         let made = (0..3000).filter(|_| {
-            let affords = effort.affords_record();
-            if affords {
+            let begun = effort.begin_record();
+            if begun.is_some() {
                 effort.add_rays(300);
             }
-            affords
+            begun.is_some()
         });
         assert_eq!(made.count(), 20);
         effort.set(0, false);
         effort.add_rays(10_000);
-        assert!((0..1000).all(|_| !effort.affords_record()));
+        assert!((0..1000).all(|_| effort.begin_record().is_none()));
+    }
+
+    #[test]
+    fn a_record_that_is_being_made_counts() {
+        let effort = Effort::unlimited();
+        let unlimited = effort.begin_record();
+        effort.set(2, false);
+        let first = effort.begin_record();
+        assert!(first.is_some());
+        assert!((0..1000).all(|_| effort.begin_record().is_none()));
+        // Rays are counted as they are traced, even if the limit changed meanwhile.
+        effort.add_rays(300);
+        drop((first, unlimited));
+        assert!(effort.begin_record().is_some());
     }
 }

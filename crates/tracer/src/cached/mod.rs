@@ -139,11 +139,12 @@ impl Cached {
             self.effort.add_served();
             return Some(found.irradiance);
         }
-        if self.store.is_full() || !self.effort.affords_record() {
+        let begun = if self.store.is_full() { None } else { self.effort.begin_record() };
+        let Some(_begun) = begun else {
             return found
                 .filter(|found| found.weight >= MIN_WEIGHT_WITHOUT_RECORD)
                 .map(|found| found.irradiance);
-        }
+        };
         let made = self.make_record(engine, at, Kind::Exact);
         // The new record has weight 1.
         Some(

@@ -14,7 +14,7 @@ use crate::bsdf::{Scatter, Tables};
 use crate::fresnel::{mirrored, pane};
 use crate::geometry::{Frame, triangle};
 use crate::interface::Interface;
-use crate::lights::{Aim, Chosen, Lights};
+use crate::lights::{Aim, Chosen, LATER, Lights};
 use crate::luminance::luminance;
 use crate::panes::Panes;
 use crate::sampled::Sampled;
@@ -214,7 +214,7 @@ impl Shooter<'_> {
         let point = raycaster.surface(chosen, u, v);
         sampler.turn(0, Purpose::Light);
         let (first, second) = sampler.pairs(1).at(0);
-        let seen = self.lights.at_vertex(point.point, Vec3::ZERO);
+        let seen = self.lights.at_vertex(point.point, Vec3::ZERO, LATER);
         let Chosen::Triangle { triangle: lamp, probability, rest } =
             self.lights.choose(&seen, first)?
         else {

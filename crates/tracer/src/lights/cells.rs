@@ -26,8 +26,6 @@ use crate::sampler::{Purpose, Sampler};
 
 /// Most subtrees that a cell chooses among.
 const CLUSTERS: usize = 64;
-/// Most cells of the grid.
-const MOST_CELLS: f32 = 8_192.0;
 /// Variants of a cell, by the axis and sign that a surface faces; one more for light from
 /// everywhere.
 const FACINGS: usize = 7;
@@ -41,8 +39,9 @@ const SEEN_NODES: usize = 2;
 const ATTEMPTS: usize = 16;
 /// Rays per probe that test the sky.
 const SKY_RAYS: usize = 4;
-/// Share of samples that follows the light that would arrive without obstacles.
-const UNSEEN: f32 = 0.1;
+/// Share of samples that follows the light that would arrive without obstacles. With less, a lamp
+/// that no probe of a cell saw makes bright dots.
+const UNSEEN: f32 = 0.25;
 /// Distance in cell sides below which a cluster differs within the cell: what probes see may not
 /// hold for all of it.
 const NEAR: f32 = 1.5;
@@ -131,9 +130,10 @@ impl Cell {
 }
 
 impl Cells {
-    /// Divides space into cells, for a tree and the irradiance of its sky. `None` if the tree is
-    /// too small to need them.
+    /// Divides space into at most about `most` cells, for a tree and the irradiance of its sky.
+    /// `None` if the tree is too small to need them.
     pub(super) fn new(
+        most: f32,
         tree: &Tree,
         sky: f32,
         raycaster: &Arc<Raycaster>,
@@ -148,7 +148,7 @@ impl Cells {
         }
         let margin = (high - low).max_element() * MARGIN;
         let (low, extent) = (low - margin, high - low + 2.0 * margin);
-        let side = (extent.x * extent.y * extent.z / MOST_CELLS).cbrt();
+        let side = (extent.x * extent.y * extent.z / most).cbrt();
         if !(side > 0.0 && side.is_finite()) {
             return None;
         }

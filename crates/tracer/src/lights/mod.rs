@@ -44,11 +44,20 @@ const LEAST_SHARE: f32 = 0.1;
 /// Least share of samples for the sky in a cell, which knows more.
 const LEAST_SKY_OF_CELL: f32 = 0.02;
 
+/// Approximate number of cells in the grids of a scene's lights: for surfaces that eyes see
+/// directly, and for all others. Estimating cells takes most of the first second in a new place,
+/// and most cells are those of later vertices. Measurements: docs/notes/path-tracing.md.
+pub(crate) const GRIDS: [f32; 2] = [8192.0, 1024.0];
+
+/// Number of scatterings of a vertex that an eye does not see directly.
+pub(crate) const LATER: u32 = 2;
+
 /// The lights of a scene: a tree of emitting triangles, and the sky.
 #[derive(Debug)]
 pub(crate) struct Lights {
     tree: Tree,
-    cells: Option<Cells>,
+    /// Grids of cells, the finest first.
+    cells: Vec<Cells>,
     /// Luminance of the irradiance of a surface that sees all of the sky, in the unit of the tree's
     /// powers.
     sky: f32,
@@ -66,8 +75,8 @@ pub(crate) struct VertexLights {
     /// Probability of choosing the sky.
     pub sky: f32,
     first: Weights,
-    /// Number of the cell that decides instead of the root; `None` outside of the cells.
-    cell: Option<u32>,
+    /// Grid and number of the cell that decides instead of the root; `None` outside of the cells.
+    cell: Option<(u8, u32)>,
 }
 
 /// A light that was chosen. `rest` is what remains of the random number, uniform in [0, 1).
@@ -183,13 +192,20 @@ impl Lights {
 
     /// Makes a tree of the given triangles (ascending), with one emitter for each.
     pub(crate) fn over(triangles: Vec<u32>, emitters: Vec<Emitter>) -> Self {
-        Self { tree: Tree::new(triangles, emitters), cells: None, sky: 0.0, quad: None }
+        Self { tree: Tree::new(triangles, emitters), cells: Vec::new(), sky: 0.0, quad: None }
     }
 
     /// Adds cells: where there are many lights, choices follow what each part of the scene receives
-    /// through these panes.
-    pub(crate) fn with_cells(mut self, raycaster: &Arc<Raycaster>, panes: &Arc<Panes>) -> Self {
-        self.cells = Cells::new(&self.tree, self.sky, raycaster, panes);
+    /// through these panes. Each grid has about so many cells. The first one is for surfaces that
+    /// eyes see directly, mirrored or through glass; the last one is for all others.
+    pub(crate) fn with_cells(
+        mut self,
+        grids: &[f32],
+        raycaster: &Arc<Raycaster>,
+        panes: &Arc<Panes>,
+    ) -> Self {
+        let grid = |most: &f32| Cells::new(*most, &self.tree, self.sky, raycaster, panes);
+        self.cells = grids.iter().filter_map(grid).collect();
         self
     }
 
@@ -209,9 +225,10 @@ impl Lights {
     }
 
     /// Returns the lights as seen from `point`. `normal` is the only side on which the surface is
-    /// lit, or 0 if light reaches it from everywhere.
+    /// lit, or 0 if light reaches it from everywhere. `scatterings` counts the surfaces of a path
+    /// that scatter light, with this one.
     #[inline]
-    pub(crate) fn at_vertex(&self, point: Vec3, normal: Vec3) -> VertexLights {
+    pub(crate) fn at_vertex(&self, point: Vec3, normal: Vec3, scatterings: u32) -> VertexLights {
         let mut seen =
             VertexLights { point, normal, sky: 0.0, first: Weights::default(), cell: None };
         if self.quad.is_some() {
@@ -221,15 +238,13 @@ impl Lights {
             seen.sky = if self.sky > 0.0 { 1.0 } else { 0.0 };
             return seen;
         };
-        if let Some((cells, number)) =
-            self.cells.as_ref().and_then(|cells| Some((cells, cells.find(point, normal)?)))
-        {
-            let cell = cells.get(&self.tree, number);
+        if let Some((grid, number)) = self.find_cell(point, normal, scatterings) {
+            let cell = self.cells[usize::from(grid)].get(&self.tree, number);
             seen.sky = self.sky_share(cell.sky, cell.total, LEAST_SKY_OF_CELL);
             for (i, node) in cell.seen.iter().enumerate().take(2) {
                 seen.first.set(i, node.importances(point, normal));
             }
-            seen.cell = Some(number);
+            seen.cell = Some((grid, number));
         } else {
             seen.first.set(0, root.importances(point, normal));
             let total = seen.first.total();
@@ -246,14 +261,21 @@ impl Lights {
     /// not weigh them.
     #[inline]
     pub(crate) fn reaches(&self, point: Vec3, normal: Vec3) -> bool {
-        match self
-            .cells
-            .as_ref()
-            .and_then(|cells| Some(cells.get(&self.tree, cells.find(point, normal)?)))
-        {
-            Some(cell) => !cell.seen.is_empty(),
-            None => self.quad.is_some() || self.at_vertex(point, normal).first.total() > 0.0,
+        match self.find_cell(point, normal, LATER) {
+            Some((grid, number)) => {
+                !self.cells[usize::from(grid)].get(&self.tree, number).seen.is_empty()
+            }
+            None => self.quad.is_some() || self.at_vertex(point, normal, LATER).first.total() > 0.0,
         }
+    }
+
+    /// Returns the grid and the number of the cell of a vertex, as in
+    /// [`at_vertex`](Self::at_vertex). `None` outside of the grid.
+    #[inline]
+    fn find_cell(&self, point: Vec3, normal: Vec3, scatterings: u32) -> Option<(u8, u32)> {
+        let last = self.cells.len().checked_sub(1)?;
+        let grid = usize::from(scatterings >= LATER).min(last);
+        Some((grid as u8, self.cells[grid].find(point, normal)?))
     }
 
     /// Returns the probability of choosing the sky, from the irradiance of the sky and of the
@@ -272,8 +294,9 @@ impl Lights {
     /// Returns the cell that a vertex uses, if any.
     #[inline]
     fn cell(&self, seen: &VertexLights) -> Option<(&Cells, &Cell)> {
-        let cells = self.cells.as_ref()?;
-        Some((cells, cells.get(&self.tree, seen.cell?)))
+        let (grid, number) = seen.cell?;
+        let cells = &self.cells[usize::from(grid)];
+        Some((cells, cells.get(&self.tree, number)))
     }
 
     /// Chooses a light with a uniform number in [0, 1). `None` if the descent ends at a node that
