@@ -1,7 +1,8 @@
 //! Limits the work on records.
 //!
 //! Invariant: the rays of records never exceed the number that samples have allowed by more than
-//! the records that are being made; after the first moment, mostly by one. No clock decides: work is counted in rays and samples.
+//! the records that are being made. A record counts from its beginning, so that few are made at
+//! once. No clock decides: work is counted in rays and samples.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
@@ -28,7 +29,8 @@ pub(super) struct Effort {
     lacking: AtomicU64,
     /// Rays of records that samples have allowed so far, with [`FRACTION`] bits.
     allowed: AtomicU64,
-    /// Rays of records that have been traced.
+    /// Rays of records that have been traced, and [`EXPECTED_RAYS`] for each record that is being
+    /// made.
     traced: AtomicU64,
 }
 
