@@ -45,8 +45,9 @@ const LEAST_SHARE: f32 = 0.1;
 const LEAST_SKY_OF_CELL: f32 = 0.02;
 
 /// Approximate number of cells in the grids of a scene's lights: for surfaces that eyes see
-/// directly, and for all others. Estimating cells takes most of the first second in a new place,
-/// and most cells are those of later vertices. Measurements: docs/notes/path-tracing.md.
+/// directly, and for all others. Paths come to many cells beyond the surfaces that eyes see. With a
+/// fine grid there, estimating cells took most of the first second in a new place. Measurements:
+/// docs/notes/path-tracing.md.
 pub(crate) const GRIDS: [f32; 2] = [8192.0, 1024.0];
 
 /// Number of scatterings of a vertex that an eye does not see directly.
