@@ -6,6 +6,11 @@
 //! a narrow neighbourhood counts only as far as it differs from the next wider one by more than
 //! noise.
 //!
+//! The first pass finds the light twice, each time from half of the squares. In the second pass,
+//! weights for the samples of one half depend on the light of the other half (Rousselle, Knaus &
+//! Zwicker 2012). If samples chose their own weights, they would count most where their noise is
+//! alike, and blotches of noise would stay.
+//!
 //! Invariants:
 //! - No light crosses a crease or a sheet. Weights fall to 0 with the distance from either plane,
 //!   and are 0 between sides that face away from each other.
@@ -40,8 +45,8 @@ const MEAN_AROUND: f32 = 4.0;
 const LIKELY_WEIGHT: f32 = 2.0;
 
 /// Relative standard errors at which a neighbourhood begins to count and at which it counts fully,
-/// for the first and the second pass.
-const NOISE: [[f32; 2]; 2] = [[0.35, 0.1], [0.1, 0.03]];
+/// for the first pass over all squares, for the same over half of them, and for the second pass.
+const NOISE: [[f32; 2]; 3] = [[0.35, 0.1], [0.5, 0.14], [0.1, 0.03]];
 
 /// Binary logarithm of the ratio of distances from edges at which two squares no longer count for
 /// each other, because shadows lie along edges.
@@ -134,39 +139,47 @@ impl Squares {
         });
         let held = held(&raw, sums);
         interrupt.check()?;
-        let mut scales = scales(&layout, held, &weights);
+        let halves = (!once).then(|| halves(&layout, &held));
+        let of_halves = halves.map(|halves| halves.map(|half| scales(&layout, half, &weights)));
+        let scales = match &of_halves {
+            Some([even, odd]) => both(&layout, even, odd),
+            None => scales(&layout, held, &weights),
+        };
         interrupt.check()?;
         let last = &scales[SCALES];
         let likely = layout.planes(|at| {
             let [.., count, _] = last.at(at);
             likely.at(at, count).unwrap_or_default().to_array()
         });
-        let first =
-            choose_all(&layout, &scales, &scales[self.limiting_scale()], NOISE[0], &[], &likely);
-        let with_coats = |lights: Vec<Estimate>, from_all: &[Sum], weights: &[Weights]| {
+        let wide = &scales[self.limiting_scale()];
+        let first = choose_all(&layout, &scales, wide, NOISE[0], &[], &likely);
+        let with_coats = |lights: Vec<Estimate>, from_all: &[Sum], weights: [&[Weights]; 2]| {
             let beyond = towards_eye.map(|towards_eye| {
-                let towards_eye = &self::scales(&layout, towards_eye, weights);
+                let towards_eye = &scales_by_halves(&layout, &towards_eye, weights);
                 CoatScales { towards_eye, from_all }.beyond((view, &self.seen), &layout, &lights)
             });
             Filtered::new(lights, beyond.unwrap_or_default())
         };
-        if once {
-            return Some(with_coats(first, &scales, &weights));
-        }
-        let bright =
-            layout.planes(|at| [luminance(first[at.number].light.to_array()).max(1.0).ln()]);
-        let weights = layout.all_weights_by(&weights, &bright, DIFFERENT_LIGHT);
+        let Some(of_halves) = of_halves else {
+            return Some(with_coats(first, &scales, [&weights, &weights]));
+        };
+        let by_light = |half: &[Sum]| {
+            let first = choose_all(&layout, half, wide, NOISE[1], &[], &likely);
+            let bright = |light: &Estimate| luminance(light.light.to_array()).max(1.0).ln();
+            let bright = layout.planes(|at| [bright(&first[at.number])]);
+            layout.all_weights_by(&weights, &bright, DIFFERENT_LIGHT)
+        };
+        let [by_even, by_odd] = of_halves.each_ref().map(|half| by_light(half));
         interrupt.check()?;
-        let wide = scales.swap_remove(self.limiting_scale());
-        let scales = self::scales(&layout, scales.swap_remove(0), &weights);
+        let scales = scales_by_halves(&layout, &scales[0], [&by_odd, &by_even]);
         interrupt.check()?;
-        let details = details(&layout, &scales, &weights, &wide);
-        let mut lights = choose_all(&layout, &scales, &wide, NOISE[1], &details, &likely);
+        let details = details(&layout, &scales, &weights, wide);
+        let mut lights = choose_all(&layout, &scales, wide, NOISE[2], &details, &likely);
         for (light, first) in lights.iter_mut().zip(&first) {
             light.error = light.error.hypot(FIRST_ERROR_SHARE * first.error);
         }
         interrupt.check()?;
-        Some(with_coats(lights, &scales, &weights))
+        Some(with_coats(lights, &scales, [&by_odd, &by_even]))
     }
 
     fn layout(&self) -> Layout {
@@ -231,6 +244,33 @@ fn scales(layout: &Layout, of_squares: Sum, weights: &[Weights]) -> Vec<Sum> {
         scales.push(layout.widened(&scales[scale], 1 << scale, weights));
     }
     scales
+}
+
+/// Returns sums in which every other square is 0, and those in which the other squares are.
+fn halves(layout: &Layout, of_squares: &Sum) -> [Sum; 2] {
+    [0, 1].map(|half| {
+        let is_in_half = |at: Square| (at.row + at.column) % 2 == half;
+        layout.planes(|at| if is_in_half(at) { of_squares.at(at) } else { [0.0; 5] })
+    })
+}
+
+/// Returns the sums of all scales, with weights of its own for each half of the squares.
+fn scales_by_halves(layout: &Layout, of_squares: &Sum, [even, odd]: [&[Weights]; 2]) -> Vec<Sum> {
+    let halves = halves(layout, of_squares);
+    let [of_even, of_odd] = halves;
+    both(layout, &scales(layout, of_even, even), &scales(layout, of_odd, odd))
+}
+
+/// Returns the sums of both halves, for each scale.
+fn both(layout: &Layout, even: &[Sum], odd: &[Sum]) -> Vec<Sum> {
+    let added = |(even, odd): (&Sum, &Sum)| {
+        layout.planes(|at| {
+            let (mut sum, more) = (even.at(at), odd.at(at));
+            sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+            sum
+        })
+    };
+    even.iter().zip(odd).map(added).collect()
 }
 
 /// Returns the detail of every square for each scale except the widest: a weighted mean over the
