@@ -97,6 +97,17 @@ fn many_samples_of_even_light_leave_less_noise_than_those_of_a_pixel() {
 }
 
 #[test]
+fn noise_does_not_choose_its_own_weights() {
+    // The eye sees 0.83 of these samples, each of relative variance 1. Their mean has the least
+    // error. A quarter of them leaves four times as much.
+    for count in [100, 200] {
+        let seen = 0.83 * (count * count) as f32;
+        let (error, _) = errors_of(count, |_, _| 0.25);
+        assert!(error < 4.0 / seen, "{count}: {error}, the mean of all has {}", 1.0 / seen);
+    }
+}
+
+#[test]
 fn standard_errors_contain_noise_and_blur() {
     let even = |_: f64, _: f64| 0.25;
     let waves = |x: f64, y: f64| (0.5 + 0.3 * (0.8 * x).sin() * (0.6 * y).cos()) as f32;
