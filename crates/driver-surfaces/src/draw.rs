@@ -97,11 +97,15 @@ impl Gathered {
         let behind = in_panes.as_ref().map_or_else(BehindPanes::default, |in_panes| {
             BehindPanes::new(view, &squares, in_panes, &mut sums)
         });
-        let filtered =
-            squares.filter((view, store), &sums, &behind, denoiser.is_some(), interrupt)?;
-        let lights = match denoiser {
-            Some(denoiser) => squares.denoise(&sums, &behind, filtered, denoiser, interrupt),
-            None => filtered.lights,
+        let lights = if sums.are_empty() {
+            vec![Estimate::UNKNOWN; squares.seen.len()]
+        } else {
+            let once = denoiser.is_some();
+            let filtered = squares.filter((view, store), &sums, &behind, once, interrupt)?;
+            match denoiser {
+                Some(denoiser) => squares.denoise(&sums, &behind, filtered, denoiser, interrupt),
+                None => filtered.lights,
+            }
         };
         interrupt.check()?;
         known.learn(view, &squares, &lights);

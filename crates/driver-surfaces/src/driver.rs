@@ -46,6 +46,9 @@ const FEW_UNKNOWN: f32 = 0.1;
 /// 480 × 360, squares of one pixel delay a glance by 0.3 s.
 const LEAST_STEP: usize = 2;
 
+/// Side of the squares in a view's first frame of all pixels, so that it appears soon, pixels.
+const FIRST_STEP: usize = 4;
+
 /// How far behind a section's wall a point on that wall may seem to lie, relative to the ray.
 const SLACK: f64 = 0.01;
 
@@ -154,22 +157,34 @@ impl SurfacesDriver {
         let (view, store) = (&shown.view, &self.store);
         let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));
         let mut denoiser = self.denoiser.as_mut().filter(|_| refined.is_denoised);
-        let least = if resolution == Resolution::Full { 1 } else { LEAST_STEP };
+        let is_soon = !shown.is_refined;
+        let least = match resolution {
+            Resolution::Full if is_soon => FIRST_STEP,
+            Resolution::Full => 1,
+            Resolution::Half | Resolution::Moving => LEAST_STEP,
+        };
         let is_final = is_for_file && denoiser.is_some();
-        let step = |gathered: &Gathered| gathered.step(view, is_final).max(least);
-        let seen = (view, store);
         let known = &mut self.known;
-        let (step_of, first) = (step(gathered), denoiser.as_deref_mut());
-        let mut drawn = gathered.draw_and_learn(seen, step_of, first, known, interrupt)?;
+        let mut draw = |gathered: &Gathered, denoiser: Option<&mut Denoiser>| {
+            let step = gathered.step(view, is_final).max(least);
+            gathered.draw_and_learn((view, store), step, denoiser, known, interrupt)
+        };
         let has_live = self.live.samples() > 0 && shown.covered.contains(&false);
         let all = has_live.then(|| gathered.with(view, &self.live));
-        if let Some(all) = &all {
-            let with_live = all.draw_and_learn(seen, step(all), denoiser, known, interrupt)?;
-            for pixel in (0..drawn.pixels.len()).filter(|&pixel| !shown.covered[pixel]) {
-                drawn.pixels[pixel] = with_live.pixels[pixel];
-                drawn.errors[pixel] = with_live.errors[pixel];
+        let drawn = match &all {
+            None => draw(gathered, denoiser)?,
+            // To appear soon, the frame is drawn once, from all samples.
+            Some(all) if is_soon => draw(all, denoiser)?,
+            Some(all) => {
+                let mut drawn = draw(gathered, denoiser.as_deref_mut())?;
+                let with_live = draw(all, denoiser)?;
+                for pixel in (0..drawn.pixels.len()).filter(|&pixel| !shown.covered[pixel]) {
+                    drawn.pixels[pixel] = with_live.pixels[pixel];
+                    drawn.errors[pixel] = with_live.errors[pixel];
+                }
+                drawn
             }
-        }
+        };
         shown.is_refined |= resolution != Resolution::Moving;
         shown.drawn = Some(refined);
         Some((drawn, all))
@@ -218,13 +233,14 @@ impl Driver for SurfacesDriver {
         let known = match look.resolution {
             Resolution::Moving => view.known(lit, 2, MOST_UNKNOWN),
             Resolution::Half => view.known(lit, 2, FEW_UNKNOWN),
-            Resolution::Full if has_stopped => view.known(lit, 4, MOST_UNKNOWN),
+            Resolution::Full if has_stopped => view.known(lit, FIRST_STEP, MOST_UNKNOWN),
             Resolution::Full => None,
         };
         self.shown = Some(Shown {
             look,
             view,
             gathered: None,
+            has_stopped,
             is_refined,
             is_for_file: false,
             edges: Edges::Some(Vec::new()),
@@ -276,7 +292,9 @@ impl Driver for SurfacesDriver {
     }
 
     fn draw_for_file(&mut self) {
-        self.shown.iter_mut().for_each(|shown| shown.is_for_file = true);
+        if let Some(shown) = &mut self.shown {
+            (shown.known, shown.is_refined, shown.is_for_file) = (None, true, true);
+        }
     }
 
     fn end_early_by(&mut self, interrupt: Interrupt) {
@@ -284,7 +302,7 @@ impl Driver for SurfacesDriver {
     }
 
     fn settle(&mut self) {
-        if let Some(shown) = &mut self.shown {
+        if let Some(shown) = self.shown.as_mut().filter(|shown| !shown.awaits_first_after_stop()) {
             (shown.known, shown.is_refined) = (None, true);
         }
     }

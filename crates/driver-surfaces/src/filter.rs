@@ -74,6 +74,14 @@ pub(crate) struct OfSquares {
     pub from_all: Option<Vec<Sums>>,
 }
 
+impl OfSquares {
+    /// Returns true if no square has a sample, as at the start of a new holodeck.
+    pub fn are_empty(&self) -> bool {
+        let all = self.from_all.as_ref().unwrap_or(&self.towards_eye);
+        all.iter().all(|sums| sums.count == 0)
+    }
+}
+
 /// Filtered light of all squares.
 pub(crate) struct Filtered {
     /// The light towards the eye.

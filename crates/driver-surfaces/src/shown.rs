@@ -22,6 +22,8 @@ pub(crate) struct Shown {
     pub(crate) view: View,
     /// The sums of the view's samples; `None` until a frame needs them.
     pub(crate) gathered: Option<Gathered>,
+    /// True if the eye has just stopped.
+    pub(crate) has_stopped: bool,
     /// If true, further frames are refined: pixels on edges have several rays, and frames are
     /// denoised. A view's first frame is not refined, so that it appears soon.
     pub(crate) is_refined: bool,
@@ -60,6 +62,12 @@ impl Refined {
 }
 
 impl Shown {
+    /// Returns true if the next frame is the first one after a stop. It is to appear soon, even if
+    /// all samples have arrived.
+    pub(crate) fn awaits_first_after_stop(&self) -> bool {
+        self.has_stopped && self.drawn.is_none() && self.look.resolution == Resolution::Full
+    }
+
     /// Returns how a frame drawn now would be refined.
     pub(crate) fn refined(&self, has_denoiser: bool) -> Refined {
         let is_refined = self.is_refined && self.look.resolution == Resolution::Full;
