@@ -101,6 +101,8 @@ def ablations(bench: Bench) -> Part:
             f"differ, *difference* is that of the two biases against a render of {TRUTH} times as "
             "many paths, with its 99 % interval; else that of the two pictures. (Beams that see "
             "nothing: above.)",
+            "Paths branch at their first surface if one square gives all light. With a sky they do "
+            "not. They then have fewer rays and more noise, so *skipped* takes longer in that row.",
         ],
     )  # fmt: skip
     columns = [["skipped", ""], ["skipped, s", ".2f"], ["not skipped, s", ".2f"], ["ratio", ".3f"],

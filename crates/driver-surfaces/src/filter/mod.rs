@@ -1,0 +1,246 @@
+//! The filter: smooths the light of squares of pixels along surfaces, as widely as its noise needs.
+//!
+//! It sums over ever wider neighbourhoods (à-trous). Each square uses the narrowest one with a
+//! small enough standard error. There are two passes. In the first, weights depend on geometry
+//! alone. In the second, they also depend on differences of the light that the first found. There,
+//! a narrow neighbourhood counts only as far as it differs from the next wider one by more than
+//! noise.
+//!
+//! The first pass finds the light twice, each time from half of the squares. In the second pass,
+//! weights for the samples of one half depend on the light of the other half (Rousselle, Knaus &
+//! Zwicker 2012). If samples chose their own weights, they would count most where their noise is
+//! alike, and blotches of noise would stay.
+//!
+//! Invariants:
+//! - No light crosses a crease or a sheet. Weights fall to 0 with the distance from either plane,
+//!   and are 0 between sides that face away from each other.
+//! - A sample contributes at most a tenth of the light of its wide neighbourhood. The limit grows
+//!   with the number of samples, so the bias that it causes vanishes as they grow.
+
+mod choose;
+mod limit;
+mod scales;
+
+use crate::behind::BehindPanes;
+use crate::cell::{Sums, luminance};
+use crate::coats::{CoatScales, mean_of_samples};
+use crate::estimate::{Estimate, Lit};
+use crate::likely::LikelyLight;
+use crate::planes::{Geometry, Layout, Planes, Weights};
+use crate::squares::Squares;
+use crate::store::Store;
+use crate::view::{Seen, View};
+use choose::Choice;
+use glam::Vec3;
+use holo_denoise::Denoiser;
+use holo_display::Interrupt;
+use limit::Limit;
+use rayon::prelude::*;
+
+/// Number of neighbourhoods. Each is twice as wide as the one before.
+const SCALES: usize = 6;
+
+/// Binary logarithm of the ratio of distances from edges at which two squares no longer count for
+/// each other, because shadows lie along edges.
+const DIFFERENT_DISTANCE: f32 = 2.0;
+
+/// Natural logarithm of the ratio of light at which two squares no longer count for each other, in
+/// the second pass.
+const DIFFERENT_LIGHT: f32 = 0.5;
+
+/// Share of the first pass's error that the second keeps, because its weights follow the first
+/// light.
+const FIRST_ERROR_SHARE: f32 = 0.25;
+
+/// Fixed-point steps that the denoiser sees as 1.
+const SCALE: f32 = 1024.0;
+
+/// The sums of each square: light (3), count, square.
+type Sum = Planes<5>;
+
+/// The sums of all squares.
+pub(crate) struct OfSquares {
+    /// Over samples that count for the view.
+    pub towards_eye: Vec<Sums>,
+    /// Over samples from all directions on coats, and as above elsewhere. `None` without coats.
+    pub from_all: Option<Vec<Sums>>,
+}
+
+impl OfSquares {
+    /// Returns true if no square has a sample, as at the start of a new holodeck.
+    pub fn are_empty(&self) -> bool {
+        let all = self.from_all.as_ref().unwrap_or(&self.towards_eye);
+        all.iter().all(|sums| sums.count == 0)
+    }
+}
+
+/// Filtered light of all squares.
+pub(crate) struct Filtered {
+    /// The light towards the eye.
+    pub lights: Vec<Estimate>,
+    /// The part of it that coats send beyond the mean of all directions. Empty without coats.
+    pub beyond: Vec<Estimate>,
+}
+
+impl Filtered {
+    /// Adds `beyond` to the mean light of all directions.
+    fn new(mut lights: Vec<Estimate>, beyond: Vec<Estimate>) -> Filtered {
+        for (light, beyond) in lights.iter_mut().zip(&beyond) {
+            light.light = (light.light + beyond.light).max(Vec3::ZERO);
+            light.error = light.error.hypot(beyond.error);
+        }
+        Filtered { lights, beyond }
+    }
+}
+
+impl Squares {
+    /// Returns the light of every square. `behind` tells which squares lie behind panes. If `once`,
+    /// the second pass is left out, because a denoiser replaces the light of squares with samples.
+    /// `None` if it was interrupted.
+    pub fn filter(
+        &self,
+        (view, store): (&View, &Store),
+        OfSquares { towards_eye, from_all }: &OfSquares,
+        behind: &BehindPanes,
+        once: bool,
+        interrupt: &Interrupt,
+    ) -> Option<Filtered> {
+        let layout = &self.layout();
+        let weights = &self.weights(layout);
+        interrupt.check()?;
+
+        let sums = from_all.as_ref().unwrap_or(towards_eye);
+        let own = layout.planes(|at| Lit::new(&sums[at.number]).to_array());
+        let likely = LikelyLight::new((view, store), self, layout, &own);
+        let limit = Limit {
+            weights: &weights[..self.limiting_scale()],
+            mean: luminance(likely.mean.to_array()),
+            behind,
+        };
+        let of_coats = from_all.as_ref().map(|_| {
+            let own = self.of_coats(view, layout, towards_eye);
+            limit.brightest(layout, &own, towards_eye)
+        });
+        let own = limit.brightest(layout, &own, sums);
+        interrupt.check()?;
+
+        let of_halves = (!once)
+            .then(|| scales::halves(layout, &own).map(|half| scales::all(layout, half, weights)));
+        let of_all = match &of_halves {
+            Some([even, odd]) => scales::both(layout, even, odd),
+            None => scales::all(layout, own, weights),
+        };
+        interrupt.check()?;
+
+        let likely = layout.planes(|at| {
+            let [.., count, _] = of_all[SCALES].at(at);
+            likely.at(at, count).unwrap_or_default().to_array()
+        });
+        let choice = Choice { layout, wide: &of_all[self.limiting_scale()], likely: &likely };
+        let first = choice.lights(&of_all, choose::FIRST, &[]);
+        let with_coats = |lights: Vec<Estimate>, from_all: &[Sum], weights: [&[Weights]; 2]| {
+            let beyond = of_coats.map(|own| {
+                let towards_eye = &scales::by_halves(layout, &own, weights);
+                CoatScales { towards_eye, from_all }.beyond((view, &self.seen), layout, &lights)
+            });
+            Filtered::new(lights, beyond.unwrap_or_default())
+        };
+        let Some(of_halves) = of_halves else {
+            return Some(with_coats(first, &of_all, [weights, weights]));
+        };
+
+        let [by_even, by_odd] = of_halves.map(|half| {
+            let found = choice.lights(&half, choose::HALF, &[]);
+            let bright = |light: &Estimate| luminance(light.light.to_array()).max(1.0).ln();
+            let bright = layout.planes(|at| [bright(&found[at.number])]);
+            layout.all_weights_by(weights, &bright, DIFFERENT_LIGHT)
+        });
+        interrupt.check()?;
+        let by_light = scales::by_halves(layout, &of_all[0], [&by_odd, &by_even]);
+        interrupt.check()?;
+        let details = choice.details(&by_light, weights);
+        let mut lights = choice.lights(&by_light, choose::SECOND, &details);
+        for (light, first) in lights.iter_mut().zip(&first) {
+            light.error = light.error.hypot(FIRST_ERROR_SHARE * first.error);
+        }
+        interrupt.check()?;
+        Some(with_coats(lights, &by_light, [&by_odd, &by_even]))
+    }
+
+    /// Returns the number of the scale that judges brightest samples. It spans as many pixels at
+    /// any step.
+    fn limiting_scale(&self) -> usize {
+        if self.step == 4 { 4 } else { 5 }
+    }
+
+    /// Returns the weights of all scales, by geometry and distance from edges.
+    fn weights(&self, layout: &Layout) -> Vec<Weights> {
+        let geometry = self.geometry(layout);
+        let weights: Vec<Weights> =
+            (0..SCALES).map(|scale| layout.weights(&geometry, self.step, 1 << scale)).collect();
+        let edges = layout.edge_distances(&weights[0]);
+        layout.all_weights_by(&weights, &edges, DIFFERENT_DISTANCE)
+    }
+
+    /// Returns the sums of squares that show coats, and 0 for others.
+    fn of_coats(&self, view: &View, layout: &Layout, sums: &[Sums]) -> Sum {
+        layout.planes(|at| match view.shows_coat(&self.seen[at.number]) {
+            true => Lit::new(&sums[at.number]).to_array(),
+            false => [0.0; 5],
+        })
+    }
+
+    fn layout(&self) -> Layout {
+        let occupied = |row: &[Seen]| {
+            let begin = row.iter().position(Seen::is_surface).unwrap_or(0);
+            begin..row.iter().rposition(Seen::is_surface).map_or(begin, |last| last + 1)
+        };
+        Layout {
+            size: self.size,
+            occupied: self.seen.par_chunks(self.size.0).map(occupied).collect(),
+        }
+    }
+
+    fn geometry(&self, layout: &Layout) -> Geometry {
+        layout.planes(|at| {
+            let Seen { point, normal, width, light, .. } = self.seen[at.number];
+            [point.x, point.y, point.z, normal.x, normal.y, normal.z, width, light as f32]
+        })
+    }
+
+    /// Replaces the filtered light by the denoised means of all samples. If a square has no
+    /// samples, its filtered light is denoised. If the library fails or is interrupted, the light
+    /// stays filtered.
+    pub fn denoise(
+        &self,
+        OfSquares { towards_eye, from_all }: &OfSquares,
+        behind: &BehindPanes,
+        Filtered { mut lights, beyond }: Filtered,
+        denoiser: &mut Denoiser,
+        interrupt: &Interrupt,
+    ) -> Vec<Estimate> {
+        let goes_on = || !interrupt.is_set();
+        let of_samples = |number: usize| {
+            let own = &towards_eye[number];
+            match from_all {
+                Some(all) => mean_of_samples(own, &all[number], &beyond[number]),
+                None => (own.count > 0).then(|| own.mean()),
+            }
+        };
+        let light = |number: usize| {
+            let light = match of_samples(number) {
+                None => lights[number].light,
+                Some(mean) => behind.of(number).map_or(mean, |pane| pane.light(mean)),
+            };
+            (light.max(Vec3::ZERO) / SCALE).to_array()
+        };
+        let mut pixels: Vec<[f32; 3]> = (0..towards_eye.len()).map(light).collect();
+        let normals: Vec<[f32; 3]> = self.seen.iter().map(|seen| seen.normal.to_array()).collect();
+        if denoiser.denoise_light(&mut pixels, &normals, self.size, &goes_on).is_ok() {
+            for (light, pixel) in lights.iter_mut().zip(pixels) {
+                light.light = Vec3::from_array(pixel).max(Vec3::ZERO) * SCALE;
+            }
+        }
+        lights
+    }
+}
