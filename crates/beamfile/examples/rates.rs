@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
-use holo_beamfile::{BeamFile, Maker, Options};
+use holo_beamfile::{BeamFile, Caching, Maker, Options};
 use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
 
 const BEAMS: u64 = 100_000;
@@ -32,7 +32,7 @@ fn report(what: &str, time: Duration, samples: u64) {
 fn read(file: &BeamFile, keys: &[BeamKey], what: &str) -> holo_beamfile::Result<()> {
     let start = Instant::now();
     let mut samples = 0;
-    file.read_many(keys, &mut |_, beam| {
+    file.read_many(keys, Caching::Fill, &mut |_, beam| {
         samples += beam.samples.len() as u64;
         ControlFlow::Continue(())
     })?;

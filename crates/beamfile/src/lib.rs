@@ -51,6 +51,7 @@ mod writer;
 pub use copy::Copied;
 pub use error::{Error, FileLoss};
 pub use file::BeamFile;
+pub use read::Caching;
 pub use storage::{DiskStorage, Storage};
 pub use types::{
     BeamSamples, Counts, Damage, DamageKind, Maker, OpenReport, Options, SectionStats, Stats,

@@ -19,6 +19,15 @@ const GROUP_BEAMS: usize = 8192;
 /// Beams looked up under one lock.
 const LOOKUP_BEAMS: usize = 512;
 
+/// What a read of many beams does with the cache. Either uses the beams that are there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Caching {
+    /// Puts beams into it that were read from the disk.
+    Fill,
+    /// Leaves it as it is, for beams that are read once.
+    Bypass,
+}
+
 impl BeamFile {
     /// Returns all samples of a beam, also those not yet on disk: each number once, in the order
     /// (kind, number).
@@ -34,7 +43,7 @@ impl BeamFile {
             return Ok(samples);
         }
         let plan = self.shared.state().plan(key);
-        let read = self.load_group(plan.into_iter().collect())?;
+        let read = self.load_group(plan.into_iter().collect(), Caching::Fill)?;
         Ok(read.into_iter().next().map(|(_, samples)| samples).unwrap_or_default())
     }
 
@@ -46,6 +55,7 @@ impl BeamFile {
     pub fn read_many(
         &self,
         keys: &[BeamKey],
+        caching: Caching,
         sink: &mut dyn FnMut(BeamKey, Arc<BeamSamples>) -> ControlFlow<()>,
     ) -> Result<()> {
         keys.iter().try_for_each(|&key| self.check(key))?;
@@ -78,7 +88,7 @@ impl BeamFile {
                 samples += plan.samples();
                 group.push(plan);
             }
-            for (key, samples) in self.load_group(group)? {
+            for (key, samples) in self.load_group(group, caching)? {
                 if sink(key, samples).is_break() {
                     return Ok(());
                 }
@@ -138,20 +148,25 @@ impl BeamFile {
         }
     }
 
-    /// Reads beams and puts them into the cache. If it finds damage, it plans again without the
-    /// damaged chunks.
-    fn load_group(&self, mut plans: Vec<Plan>) -> Result<Vec<(BeamKey, Arc<BeamSamples>)>> {
+    /// Reads beams, and puts them into the cache if `caching` says so. If it finds damage, it plans
+    /// again without the damaged chunks.
+    fn load_group(
+        &self,
+        mut plans: Vec<Plan>,
+        caching: Caching,
+    ) -> Result<Vec<(BeamKey, Arc<BeamSamples>)>> {
         loop {
             let loaded = load(&*self.shared.storage, &plans)
                 .map_err(|error| self.shared.io("reading samples", error))?;
             match loaded {
                 Ok(beams) => {
-                    let mut cache = self.shared.cache();
-                    let read = plans.iter().zip(beams).map(|(plan, samples)| {
-                        cache.put(plan.key, plan.version, &samples);
-                        (plan.key, samples)
-                    });
-                    return Ok(read.collect());
+                    if caching == Caching::Fill {
+                        let mut cache = self.shared.cache();
+                        for (plan, samples) in plans.iter().zip(&beams) {
+                            cache.put(plan.key, plan.version, samples);
+                        }
+                    }
+                    return Ok(plans.iter().map(|plan| plan.key).zip(beams).collect());
                 }
                 Err(bad) => {
                     let mut state = self.shared.state();

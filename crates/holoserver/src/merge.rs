@@ -11,7 +11,7 @@ use std::{
 };
 
 use anyhow::{Result, ensure};
-use holo_beamfile::{Error, Maker};
+use holo_beamfile::{Caching, Error, Maker};
 use holo_section::{Run, Sample};
 use serde::Serialize;
 
@@ -45,7 +45,7 @@ impl Holodeck {
         let mut keys = Vec::new();
         other.file.for_each_beam(&mut |key, _| keys.push(key));
         let mut written = Ok(());
-        other.file.read_many(&keys, &mut |key, beam| {
+        other.file.read_many(&keys, Caching::Bypass, &mut |key, beam| {
             let made = other.file.makers(key);
             let parts = beam.iter().flat_map(|(run, samples)| by_maker(run, samples, &made));
             written = { parts }.try_for_each(|(run, samples, maker)| {

@@ -13,7 +13,7 @@ use std::{
 };
 
 use anyhow::{Context, Result};
-use holo_beamfile::BeamSamples;
+use holo_beamfile::{BeamSamples, Caching};
 use holo_net::{Outbox, SCENE_CHUNK_BYTES};
 use holo_progress::said_once;
 use holo_proto::{
@@ -205,21 +205,24 @@ impl<'a> Sender<'a> {
     /// of an earlier generation that still count. The last ones wait for more.
     fn send_beams(&mut self, keys: &[BeamKey]) -> Result<()> {
         let file = &self.holodeck.file;
-        let is_earlier = self.message.source == Source::Earlier;
+        let source = self.message.source;
         let mut sent = Ok(());
         let mut send = |key: BeamKey, beam: Arc<BeamSamples>| {
-            sent =
-                if is_earlier { self.add_earlier(&beam, file.count(key)) } else { self.add(&beam) };
+            sent = match source {
+                Source::Earlier => self.add_earlier(&beam, file.count(key)),
+                _ => self.add(&beam),
+            };
             if sent.is_err() || !(self.is_wanted)() {
                 ControlFlow::Break(())
             } else {
                 ControlFlow::Continue(())
             }
         };
-        if is_earlier {
-            file.read_earlier(keys, &mut send)?;
-        } else {
-            file.read_many(keys, &mut send)?;
+        match source {
+            Source::Earlier => file.read_earlier(keys, &mut send)?,
+            // A display requests each part once. Beams of views must not leave the cache for it.
+            Source::Part => file.read_many(keys, Caching::Bypass, &mut send)?,
+            Source::Stored | Source::Traced => file.read_many(keys, Caching::Fill, &mut send)?,
         }
         sent
     }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use crate::common::{key, kind, options, run, sample, samples};
-use holo_beamfile::{BeamFile, BeamSamples, Copied, Counts, Error, Maker, Options};
+use holo_beamfile::{BeamFile, BeamSamples, Caching, Copied, Counts, Error, Maker, Options};
 use holo_section::{BeamKey, Run, SampleKind};
 
 fn fresh() -> (tempfile::TempDir, std::path::PathBuf, BeamFile) {
@@ -140,16 +140,43 @@ fn read_many_gives_cached_beams_first_then_file_order_and_stops_when_told() {
         got.push(beam.beam.0);
         ControlFlow::Continue(())
     };
-    file.read_many(&keys, &mut collect).unwrap();
+    file.read_many(&keys, Caching::Fill, &mut collect).unwrap();
     assert_eq!(got, [11, 9, 2, 30, 4, 0]);
 
     let mut calls = 0;
-    file.read_many(&keys, &mut |_, _| {
+    file.read_many(&keys, Caching::Fill, &mut |_, _| {
         calls += 1;
         if calls == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })
     .unwrap();
     assert_eq!(calls, 2);
+}
+
+#[test]
+fn beams_that_are_read_once_leave_the_cache_as_it_is() {
+    let (_folder, _, file) = fresh();
+    for beam in 0..3 {
+        let run = run(key(0, beam), 0);
+        file.append(run, Maker::UNKNOWN, &samples(&run, 21, 0)).unwrap();
+    }
+    file.flush().unwrap();
+    file.read(key(0, 1)).unwrap();
+    let before = file.stats();
+    let keys: Vec<_> = (0..3).map(|beam| key(0, beam)).collect();
+    let mut read = |caching| {
+        let mut count = 0;
+        file.read_many(&keys, caching, &mut |_, samples| {
+            count += samples.samples.len();
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        assert_eq!(count, 63);
+        file.stats()
+    };
+    let bypassed = read(Caching::Bypass);
+    assert_eq!(bypassed.cache_bytes, before.cache_bytes);
+    assert_eq!(bypassed.cache_hits, before.cache_hits + 1, "a cached beam is used");
+    assert_eq!(read(Caching::Fill).cache_bytes, 3 * before.cache_bytes);
 }
 
 #[test]

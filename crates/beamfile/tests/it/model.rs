@@ -4,7 +4,7 @@
 use std::ops::ControlFlow;
 
 use crate::common::{LAYOUT, Model, assert_same, contents, key, kind, options, run, samples};
-use holo_beamfile::{BeamFile, Maker};
+use holo_beamfile::{BeamFile, Caching, Maker};
 use holo_section::Run;
 use proptest::prelude::*;
 
@@ -64,7 +64,7 @@ fn assert_figures(file: &BeamFile, model: &Model, put: u64) {
     keys.extend((0..LAYOUT[0]).rev().map(|beam| key(0, beam)));
     keys.push(key(0, 3));
     let mut got = Vec::new();
-    file.read_many(&keys, &mut |key, samples| {
+    file.read_many(&keys, Caching::Fill, &mut |key, samples| {
         assert_eq!(*samples, *file.read(key).unwrap());
         got.push(key);
         ControlFlow::Continue(())
