@@ -108,9 +108,10 @@ impl Gathered {
             }
         };
         interrupt.check()?;
-        known.learn(view, &squares, &lights);
         let further = Further { pieces: self.pieces(), in_panes: in_panes.as_ref() };
-        Some(view.lit(store, &view.layer(store, squares, lights), &further))
+        let layer = view.layer(store, squares, lights);
+        let learn = || known.learn(view, &layer.squares, &layer.lights);
+        Some(rayon::join(|| view.lit(store, &layer, &further), learn).0)
     }
 
     /// Returns the light that panes mirror. `None` if it was interrupted.

@@ -22,11 +22,13 @@ const FARTHEST: f32 = 32.0;
 /// Weights of the squares around one, by direction, if they show the same surface.
 const KERNEL: [f32; AROUND] = [0.25, 0.5, 0.25, 0.5, 0.5, 0.25, 0.5, 0.25];
 
-/// `N` quantities of each square. Each row stores one quantity after the other.
+/// `N` quantities of each square. Each row of the picture is an array of its own, and stores one
+/// quantity after the other. All threads take memory for their rows: the kernel clears it, which
+/// takes half as long as everything else.
 #[derive(Clone)]
 pub(crate) struct Planes<const N: usize> {
     width: usize,
-    values: Vec<f32>,
+    rows: Vec<Box<[f32]>>,
 }
 
 /// Points (3), unit normals (3), widths and numbers of light of the squares' surfaces; all 0 for a
@@ -42,24 +44,25 @@ impl<const N: usize> Planes<N> {
         (width, height): (usize, usize),
         fill: impl Fn(usize, [&mut [f32]; N]) + Sync,
     ) -> Self {
-        let mut values = vec![0.0; N * width * height];
-        values
-            .par_chunks_mut(N * width)
-            .enumerate()
-            .for_each(|(y, row)| fill(y, parts(row, width)));
-        Self { width, values }
+        let row = |y: usize| {
+            let mut row = vec![0.0; N * width].into_boxed_slice();
+            fill(y, parts(&mut row, width));
+            row
+        };
+        Self { width, rows: (0..height).into_par_iter().map(row).collect() }
     }
 
     /// Returns a row.
     fn row(&self, y: usize) -> [&[f32]; N] {
-        let row = &self.values[N * self.width * y..][..N * self.width];
+        let row = &self.rows[y];
         std::array::from_fn(|plane| &row[plane * self.width..][..self.width])
     }
 
     /// Returns the quantities of a square.
     #[inline]
     pub fn at(&self, Square { column, row, .. }: Square) -> [f32; N] {
-        std::array::from_fn(|plane| self.values[(N * row + plane) * self.width + column])
+        let row = &self.rows[row];
+        std::array::from_fn(|plane| row[plane * self.width + column])
     }
 }
 

@@ -27,7 +27,7 @@ impl Squares {
     /// Returns the squares of a picture of this size. Squares have sides of `step` pixels. `seen`
     /// returns the surface of a pixel.
     pub fn new(
-        seen: impl Fn(usize) -> Seen,
+        seen: impl Fn(usize) -> Seen + Sync,
         (width, height): (usize, usize),
         step: usize,
     ) -> Squares {
@@ -37,7 +37,8 @@ impl Squares {
             let (row, column) = (middle(at / size.0, height), middle(at % size.0, width));
             seen(row * width + column)
         };
-        Squares { size, seen: (0..size.0 * size.1).map(of_square).collect(), step }
+        let seen = (0..size.0 * size.1).into_par_iter().map(of_square).collect();
+        Squares { size, seen, step }
     }
 
     /// Returns the sums of squares, each over its pixels that show the same surface as the middle

@@ -107,6 +107,11 @@ impl Session {
         self.stored().saturating_sub(self.samples_here())
     }
 
+    /// Returns whether all samples of a file are here to which nothing is added.
+    pub(super) fn has_all_of_replay(&self) -> bool {
+        !self.welcome.tracing && self.ahead.is_done() && self.missing() == 0
+    }
+
     /// Returns whether others have stored many samples since the file was loaded.
     fn has_many_new(&self) -> bool {
         let new = self.missing().saturating_sub(self.ahead.missing);

@@ -416,7 +416,7 @@ impl Session {
     fn control(&mut self, message: Control, for_settled: bool) -> Result<Option<Waited>> {
         match message {
             Control::Settled { view } if for_settled && view == self.request_number => {
-                if self.is_walked || !self.loads_whole_file() {
+                if self.is_walked || !self.loads_whole_file() || self.has_all_of_replay() {
                     return Ok(Some(Waited::Settled));
                 }
                 self.is_loading_to_settle = true;

@@ -27,7 +27,7 @@ use crate::{DenoiseArg, DriverArg, DriverArgs, PointArgs, stage::tests::welcome}
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// A cube of side 5 with a section of side 4 in its middle, and its packed scene.
-fn room() -> (Welcome, Vec<u8>) {
+fn room(tracing: bool) -> (Welcome, Vec<u8>) {
     let corner =
         |n: u32| DVec3::from_array([n & 1, n >> 1 & 1, n >> 2].map(|n| f64::from(n) * 5.0));
     let positions: Vec<DVec3> = (0..8).map(corner).collect();
@@ -46,7 +46,7 @@ fn room() -> (Welcome, Vec<u8>) {
         obstructions: false,
     };
     let scene = SceneInfo { bytes: packed.len() as u64, hash: Scene::content_hash(&packed) };
-    (Welcome { sections: vec![section], scene, tracing: true, samples: 0, ..welcome() }, packed)
+    (Welcome { sections: vec![section], scene, tracing, samples: 0, ..welcome() }, packed)
 }
 
 /// Requests of a display.
@@ -58,10 +58,15 @@ struct Requests {
     parts: Vec<(u64, u32)>,
 }
 
+/// Serves a display as [`serve_file`] does, and traces.
+async fn serve(listener: TcpListener) -> Requests {
+    serve_file(listener, true).await
+}
+
 /// Serves a display that finds no samples in the file, which has three parts. Returns the display's
 /// requests once it has left.
-async fn serve(listener: TcpListener) -> Requests {
-    let (room, packed) = room();
+async fn serve_file(listener: TcpListener, tracing: bool) -> Requests {
+    let (room, packed) = room(tracing);
     let (mut inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
     holo_net::welcome(&outbox, room).unwrap();
     let mut requests = Requests::default();
@@ -79,6 +84,9 @@ async fn serve(listener: TcpListener) -> Requests {
             outbox.control(&Control::PartSent { section, next }).unwrap();
             let last = requests.views.last_key_value().map_or(0, |(&number, _)| number);
             requests.parts.push((first, last));
+        }
+        Message::Control(Control::Settle { view }) => {
+            outbox.control(&Control::Settled { view }).unwrap();
         }
         _ => {}
     };
@@ -200,11 +208,33 @@ async fn an_idle_session_loads_the_whole_file_and_later_views_search_for_nothing
     assert_eq!(views.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn a_settling_session_loads_the_file_again_only_if_something_may_have_been_traced() {
+    for (tracing, parts) in [(true, 6), (false, 3)] {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let serving = tokio::spawn(serve_file(listener, tracing));
+        let connected = connect(address).await;
+        let looking = tokio::task::spawn_blocking(move || {
+            let mut session = connected.begin(|_| {}).unwrap().unwrap();
+            session.show(&view(), (96, 72)).unwrap();
+            let end = Instant::now() + LIMIT;
+            while !session.has_whole_file() && Instant::now() < end {
+                session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
+            }
+            session.settle().unwrap();
+        });
+        timeout(LIMIT, looking).await.unwrap().unwrap();
+        let requests = timeout(LIMIT, serving).await.unwrap().unwrap();
+        assert_eq!(requests.parts.len(), parts, "tracing: {tracing}");
+    }
+}
+
 /// Serves a display whose eye moves. A view's samples leave only after the next view was requested,
 /// and the message that all stored samples were sent only if `completes`. Returns the number of
 /// views.
 async fn serve_late(listener: TcpListener, completes: bool) -> u32 {
-    let (room, packed) = room();
+    let (room, packed) = room(true);
     let (mut inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
     holo_net::welcome(&outbox, room).unwrap();
     let mut views = 0;
