@@ -38,6 +38,14 @@ pub(crate) type Geometry = Planes<8>;
 /// Weights of the 8 squares around each square.
 pub(crate) type Weights = Planes<AROUND>;
 
+/// A quantity by which two squares may differ. It lowers their weights for each other.
+#[derive(Clone, Copy)]
+pub(crate) struct Difference<'a> {
+    pub values: &'a Planes<1>,
+    /// Difference of the values from which weights are 0.
+    pub limit: f32,
+}
+
 impl<const N: usize> Planes<N> {
     /// Returns planes of this size. `fill` receives each row's number and its values, which are 0.
     fn by_rows(
@@ -130,36 +138,32 @@ impl Layout {
         })
     }
 
-    /// Returns weights by geometry alone. `step` is the side of a square, pixels.
-    pub fn weights(&self, geometry: &Geometry, step: usize, distance: usize) -> Weights {
+    /// Returns weights by geometry, lowered by a difference. `step` is the side of a square, pixels.
+    pub fn weights(
+        &self,
+        geometry: &Geometry,
+        step: usize,
+        distance: usize,
+        lowered_by: Option<Difference>,
+    ) -> Weights {
         let isa = Isa::best();
         Planes::by_rows(self.size, |y, weights| {
             let here = geometry.row(y);
             for Stretch { side, own, row, other } in self.stretches(y, distance) {
+                let weights = &mut weights[side][own.clone()];
                 isa.run(Alike {
                     here: here.map(|plane| &plane[own.clone()]),
                     there: geometry.row(row).map(|plane| &plane[other.clone()]),
-                    weights: &mut weights[side][own],
+                    weights,
                     step: step as f32,
                     distance: distance as f32,
                     kernel: KERNEL[side],
                 });
+                if let Some(difference) = lowered_by {
+                    isa.run(difference.of((y, own), (row, other), weights));
+                }
             }
         })
-    }
-
-    /// Returns the weights of all scales, lowered where values differ. See
-    /// [`weights_by`](Self::weights_by).
-    pub fn all_weights_by(
-        &self,
-        weights: &[Weights],
-        values: &Planes<1>,
-        difference: f32,
-    ) -> Vec<Weights> {
-        let lowered = |(scale, weights): (usize, &Weights)| {
-            self.weights_by(weights, 1 << scale, values, difference)
-        };
-        weights.iter().enumerate().map(lowered).collect()
     }
 
     /// Returns the binary logarithm of 1 + the distance from an edge, in squares, for each square.
@@ -181,51 +185,55 @@ impl Layout {
         self.planes(|square| [(1.0 + distances[square.number]).log2()])
     }
 
-    /// Returns weights lowered where values differ. They are 0 from a difference of `difference`.
-    pub fn weights_by(
-        &self,
-        weights: &Weights,
-        distance: usize,
-        values: &Planes<1>,
-        difference: f32,
-    ) -> Weights {
-        let isa = Isa::best();
-        Planes::by_rows(self.size, |y, by_value| {
-            let ([here], before) = (values.row(y), weights.row(y));
-            for Stretch { side, own, row, other } in self.stretches(y, distance) {
-                isa.run(Differing {
-                    here: &here[own.clone()],
-                    there: &values.row(row)[0][other],
-                    before: &before[side][own.clone()],
-                    weights: &mut by_value[side][own],
-                    difference,
-                });
-            }
-        })
-    }
-
     /// Returns the quantities of each square plus the weighted quantities of the 8 squares around
-    /// it.
+    /// it. A difference lowers the weights.
     pub fn widened<const N: usize>(
         &self,
         of_squares: &Planes<N>,
         distance: usize,
         weights: &Weights,
+        lowered_by: Option<Difference>,
     ) -> Planes<N> {
         let isa = Isa::best();
         Planes::by_rows(self.size, |y, mut sums| {
             let (own_row, weights) = (of_squares.row(y), weights.row(y));
             sums.iter_mut().zip(own_row).for_each(|(sums, own)| sums.copy_from_slice(own));
+            let mut lowered = vec![0.0; if lowered_by.is_some() { self.size.0 } else { 0 }];
             for Stretch { side, own, row, other } in self.stretches(y, distance) {
+                let mut weights = &weights[side][own.clone()];
+                if let Some(difference) = lowered_by {
+                    // Computing them again takes less time than storing them for all squares.
+                    let lowered = &mut lowered[..weights.len()];
+                    lowered.copy_from_slice(weights);
+                    isa.run(difference.of((y, own.clone()), (row, other.clone()), lowered));
+                    weights = lowered;
+                }
                 for (sums, more) in sums.iter_mut().zip(of_squares.row(row)) {
                     isa.run(Adding {
                         sums: &mut sums[own.clone()],
                         more: &more[other.clone()],
-                        weights: &weights[side][own.clone()],
+                        weights,
                     });
                 }
             }
         })
+    }
+}
+
+impl<'a> Difference<'a> {
+    /// Returns what lowers the weights that one stretch of squares has for another. A stretch is a
+    /// row and its columns.
+    fn of<'w>(
+        &self,
+        (row, own): (usize, Range<usize>),
+        (other_row, other): (usize, Range<usize>),
+        weights: &'w mut [f32],
+    ) -> Lowering<'w>
+    where
+        'a: 'w,
+    {
+        let ([here], [there]) = (self.values.row(row), self.values.row(other_row));
+        Lowering { here: &here[own], there: &there[other], weights, limit: self.limit }
     }
 }
 
@@ -285,24 +293,23 @@ impl Kernel for Alike<'_> {
 }
 
 /// Lowers weights of the squares in one direction by the difference of a value.
-struct Differing<'a> {
+struct Lowering<'a> {
     here: &'a [f32],
     there: &'a [f32],
-    before: &'a [f32],
     weights: &'a mut [f32],
-    difference: f32,
+    limit: f32,
 }
 
-impl Kernel for Differing<'_> {
+impl Kernel for Lowering<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let values = self.here.iter().zip(self.there).zip(self.before);
-        for (weight, ((here, there), before)) in self.weights.iter_mut().zip(values) {
-            let differ = (here - there) / self.difference;
+        let values = self.here.iter().zip(self.there);
+        for (weight, (here, there)) in self.weights.iter_mut().zip(values) {
+            let differ = (here - there) / self.limit;
             let same = (1.0 - differ * differ).max(0.0);
-            *weight = before * (same * same);
+            *weight *= same * same;
         }
     }
 }
@@ -340,7 +347,7 @@ mod tests {
         let weight = |number: usize| std::array::from_fn(|side| (number * 8 + side) as f32);
         let weights = full.planes(|square| weight(square.number));
         for distance in [1, 2, 4, 64] {
-            let wide = layout.widened(&values, distance, &weights);
+            let wide = layout.widened(&values, distance, &weights, None);
             for square in (0..height).flat_map(|row| full.squares(row)) {
                 let Square { number, column: x, row: y } = square;
                 let mut expected = value(number);

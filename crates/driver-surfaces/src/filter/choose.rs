@@ -109,7 +109,7 @@ impl Choice<'_> {
                 let Detail { difference, noise } = Detail::new(&narrow, &wider, variance);
                 [difference, noise, f32::from(u8::from(noise > 0.0))]
             });
-            let sums = layout.widened(&own, 1 << scale, &weights[scale]);
+            let sums = layout.widened(&own, 1 << scale, &weights[scale], None);
             layout.planes(|at| {
                 let [difference, noise, total] = sums.at(at);
                 let total = total.max(f32::MIN_POSITIVE);

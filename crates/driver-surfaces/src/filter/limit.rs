@@ -27,7 +27,7 @@ impl Limit<'_> {
     /// light that panes mirror.
     pub fn brightest(&self, layout: &Layout, own: &Sum, sums: &[Sums]) -> Sum {
         let widen = |lit: Sum, (scale, weights): (usize, &Weights)| {
-            layout.widened(&lit, 1 << scale, weights)
+            layout.widened(&lit, 1 << scale, weights, None)
         };
         let wide = self.weights.iter().enumerate().fold(own.clone(), widen);
         layout.planes(|at| {

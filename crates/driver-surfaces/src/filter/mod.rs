@@ -26,7 +26,7 @@ use crate::cell::{Sums, luminance};
 use crate::coats::{CoatScales, mean_of_samples};
 use crate::estimate::{Estimate, Lit};
 use crate::likely::LikelyLight;
-use crate::planes::{Geometry, Layout, Planes, Weights};
+use crate::planes::{Difference, Geometry, Layout, Planes, Weights};
 use crate::squares::Squares;
 use crate::store::Store;
 use crate::view::{Seen, View};
@@ -124,11 +124,12 @@ impl Squares {
         let own = limit.brightest(layout, &own, sums);
         interrupt.check()?;
 
-        let of_halves = (!once)
-            .then(|| scales::halves(layout, &own).map(|half| scales::all(layout, half, weights)));
+        let of_halves = (!once).then(|| {
+            scales::halves(layout, &own).map(|half| scales::all(layout, half, weights, None))
+        });
         let of_all = match &of_halves {
             Some([even, odd]) => scales::both(layout, even, odd),
-            None => scales::all(layout, own, weights),
+            None => scales::all(layout, own, weights, None),
         };
         interrupt.check()?;
 
@@ -138,25 +139,26 @@ impl Squares {
         });
         let choice = Choice { layout, wide: &of_all[self.limiting_scale()], likely: &likely };
         let first = choice.lights(&of_all, choose::FIRST, &[]);
-        let with_coats = |lights: Vec<Estimate>, from_all: &[Sum], weights: [&[Weights]; 2]| {
+        let with_coats = |lights: Vec<Estimate>, from_all: &[Sum], by: [Option<Difference>; 2]| {
             let beyond = of_coats.map(|own| {
-                let towards_eye = &scales::by_halves(layout, &own, weights);
+                let towards_eye = &scales::by_halves(layout, &own, weights, by);
                 CoatScales { towards_eye, from_all }.beyond((view, &self.seen), layout, &lights)
             });
             Filtered::new(lights, beyond.unwrap_or_default())
         };
         let Some(of_halves) = of_halves else {
-            return Some(with_coats(first, &of_all, [weights, weights]));
+            return Some(with_coats(first, &of_all, [None, None]));
         };
 
-        let [by_even, by_odd] = of_halves.map(|half| {
+        let [of_even, of_odd] = of_halves.map(|half| {
             let found = choice.lights(&half, choose::HALF, &[]);
             let bright = |light: &Estimate| luminance(light.light.to_array()).max(1.0).ln();
-            let bright = layout.planes(|at| [bright(&found[at.number])]);
-            layout.all_weights_by(weights, &bright, DIFFERENT_LIGHT)
+            layout.planes(|at| [bright(&found[at.number])])
         });
+        let by_other_half =
+            [&of_odd, &of_even].map(|values| Some(Difference { values, limit: DIFFERENT_LIGHT }));
         interrupt.check()?;
-        let by_light = scales::by_halves(layout, &of_all[0], [&by_odd, &by_even]);
+        let by_light = scales::by_halves(layout, &of_all[0], weights, by_other_half);
         interrupt.check()?;
         let details = choice.details(&by_light, weights);
         let mut lights = choice.lights(&by_light, choose::SECOND, &details);
@@ -164,7 +166,7 @@ impl Squares {
             light.error = light.error.hypot(FIRST_ERROR_SHARE * first.error);
         }
         interrupt.check()?;
-        Some(with_coats(lights, &by_light, [&by_odd, &by_even]))
+        Some(with_coats(lights, &by_light, by_other_half))
     }
 
     /// Returns the number of the scale that judges brightest samples. It spans as many pixels at
@@ -176,10 +178,10 @@ impl Squares {
     /// Returns the weights of all scales, by geometry and distance from edges.
     fn weights(&self, layout: &Layout) -> Vec<Weights> {
         let geometry = self.geometry(layout);
-        let weights: Vec<Weights> =
-            (0..SCALES).map(|scale| layout.weights(&geometry, self.step, 1 << scale)).collect();
-        let edges = layout.edge_distances(&weights[0]);
-        layout.all_weights_by(&weights, &edges, DIFFERENT_DISTANCE)
+        let of_scale = |scale: usize, by| layout.weights(&geometry, self.step, 1 << scale, by);
+        let values = &layout.edge_distances(&of_scale(0, None));
+        let by_edges = Difference { values, limit: DIFFERENT_DISTANCE };
+        (0..SCALES).map(|scale| of_scale(scale, Some(by_edges))).collect()
     }
 
     /// Returns the sums of squares that show coats, and 0 for others.

@@ -1,13 +1,19 @@
 //! Sums of squares over ever wider neighbourhoods (à-trous).
 
 use super::Sum;
-use crate::planes::{Layout, Square, Weights};
+use crate::planes::{Difference, Layout, Square, Weights};
 
-/// Returns the sums of all scales, from the squares' own sums to the widest.
-pub(super) fn all(layout: &Layout, of_squares: Sum, weights: &[Weights]) -> Vec<Sum> {
+/// Returns the sums of all scales, from the squares' own sums to the widest. A difference lowers the
+/// weights.
+pub(super) fn all(
+    layout: &Layout,
+    of_squares: Sum,
+    weights: &[Weights],
+    lowered_by: Option<Difference>,
+) -> Vec<Sum> {
     let mut scales = vec![of_squares];
     for (scale, weights) in weights.iter().enumerate() {
-        scales.push(layout.widened(&scales[scale], 1 << scale, weights));
+        scales.push(layout.widened(&scales[scale], 1 << scale, weights, lowered_by));
     }
     scales
 }
@@ -20,14 +26,15 @@ pub(super) fn halves(layout: &Layout, of_squares: &Sum) -> [Sum; 2] {
     })
 }
 
-/// Returns the sums of all scales, with weights of its own for each half of the squares.
+/// Returns the sums of all scales. Each half of the squares has a difference of its own.
 pub(super) fn by_halves(
     layout: &Layout,
     of_squares: &Sum,
-    [even, odd]: [&[Weights]; 2],
+    weights: &[Weights],
+    [even, odd]: [Option<Difference>; 2],
 ) -> Vec<Sum> {
     let [of_even, of_odd] = halves(layout, of_squares);
-    both(layout, &all(layout, of_even, even), &all(layout, of_odd, odd))
+    both(layout, &all(layout, of_even, weights, even), &all(layout, of_odd, weights, odd))
 }
 
 /// Returns the sums of both halves, for each scale.
