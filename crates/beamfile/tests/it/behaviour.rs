@@ -163,7 +163,7 @@ fn beams_that_are_read_once_leave_the_cache_as_it_is() {
     file.read(key(0, 1)).unwrap();
     let before = file.stats();
     let keys: Vec<_> = (0..3).map(|beam| key(0, beam)).collect();
-    let mut read = |caching| {
+    let read = |caching| {
         let mut count = 0;
         file.read_many(&keys, caching, &mut |_, samples| {
             count += samples.samples.len();
