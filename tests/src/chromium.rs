@@ -110,11 +110,24 @@ impl Chromium {
     pub fn reload_until(&mut self, expression: &str) {
         self.value("window.isOld = true");
         self.call("Page.reload", json!({}));
-        // While one page replaces the other, Chromium evaluates nothing.
-        wait_until("the page loaded again", || {
+        self.wait_in_next(&format!("!window.isOld && {expression}"));
+    }
+
+    /// Goes to another address, and waits until an expression is true in its page.
+    #[track_caller]
+    pub fn go_to(&mut self, address: &str, expression: &str) {
+        self.call("Page.navigate", json!({ "url": address }));
+        self.wait_in_next(expression);
+    }
+
+    /// Waits until an expression is true. It need not have a value in the page that is there.
+    #[track_caller]
+    fn wait_in_next(&mut self, expression: &str) {
+        wait_until(expression, || {
             self.number += 1;
-            let expression = format!("Boolean(!window.isOld && {expression})");
-            let parameters = json!({ "expression": expression, "returnByValue": true });
+            // While one page replaces the other, Chromium evaluates nothing.
+            let parameters =
+                json!({ "expression": format!("Boolean({expression})"), "returnByValue": true });
             let answer = answer(&mut self.page, self.number, "Runtime.evaluate", parameters);
             (answer["result"]["result"]["value"] == true).then_some(())
         });

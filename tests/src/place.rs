@@ -75,11 +75,7 @@ impl Place {
     pub fn start_in(&self, namespace: &str, words: &[&str]) -> Process {
         let program = program().to_str().expect("the program's path is plain");
         let all = [&["netns", "exec", namespace, program][..], words].concat();
-        Process::start(
-            "ip".into(),
-            &self.arguments(&all),
-            &[("XDG_CACHE_HOME", self.path("cache"))],
-        )
+        Process::start("ip".into(), &self.arguments(&all), &self.folders())
     }
 
     /// Returns the arguments with this folder in place of `{}`.
@@ -90,9 +86,14 @@ impl Place {
 
     fn start_with(&self, words: &[&str], environment: &[(&str, &str)]) -> Process {
         let words = self.arguments(words);
-        let mut all = vec![("XDG_CACHE_HOME", self.path("cache"))];
+        let mut all = self.folders().to_vec();
         all.extend(environment.iter().map(|(name, value)| (*name, PathBuf::from(value))));
         Process::start(program().to_owned(), &words, &all)
+    }
+
+    /// Returns where programs keep what they keep for their user.
+    fn folders(&self) -> [(&'static str, PathBuf); 2] {
+        [("XDG_CACHE_HOME", self.path("cache")), ("XDG_CONFIG_HOME", self.path("config"))]
     }
 
     /// Runs the program with these arguments until it ends.

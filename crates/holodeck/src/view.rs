@@ -32,10 +32,10 @@ pub struct SessionArgs {
     #[command(flatten)]
     browser: BrowserArgs,
     /// Open a window, and serve no page
-    #[arg(long, conflicts_with_all = ["http", "no_open"])]
+    #[arg(long, conflicts_with_all = ["http", "http_cert", "no_open"])]
     window: bool,
     /// Show nothing: follow a script and write pictures
-    #[arg(long, conflicts_with_all = ["http", "no_open", "record", "window"])]
+    #[arg(long, conflicts_with_all = ["http", "http_cert", "no_open", "record", "window"])]
     headless: bool,
     /// Follow the lines of this file, each `SECONDS COMMAND` (`-`: standard input). Commands: view,
     /// picture FILE, with PART,…, without PART,… (of the render cache), quit

@@ -2,6 +2,7 @@
 //! are files in a folder that only their owner can read.
 
 use std::{
+    fmt,
     fs::{self, File, OpenOptions},
     io::{self, Write},
     os::unix::fs::OpenOptionsExt,
@@ -9,10 +10,12 @@ use std::{
     sync::Arc,
 };
 
+use base64::{Engine, engine::general_purpose::URL_SAFE_NO_PAD};
 use ring::{
     digest, hmac,
     rand::{SecureRandom, SystemRandom},
 };
+use tokio::net::TcpStream;
 use tokio_rustls::{
     TlsAcceptor,
     rustls::{
@@ -24,6 +27,9 @@ use tokio_rustls::{
 };
 
 use crate::{NetError, Rights, Token};
+
+/// A connection that a server has encrypted.
+pub type EncryptedStream = tokio_rustls::server::TlsStream<TcpStream>;
 
 /// File name of a generated certificate.
 const CERTIFICATE: &str = "certificate.der";
@@ -117,6 +123,14 @@ impl Identity {
         sha256(&self.certificate)
     }
 
+    /// Encrypts a connection that a client has opened.
+    ///
+    /// # Errors
+    /// If the client does not agree on an encryption, or the connection breaks.
+    pub async fn encrypt(&self, stream: TcpStream) -> io::Result<EncryptedStream> {
+        self.acceptor.accept(stream).await
+    }
+
     pub(crate) fn acceptor(&self) -> &TlsAcceptor {
         &self.acceptor
     }
@@ -185,6 +199,32 @@ fn make_certificate(folder: &Path) -> io::Result<()> {
     let made = made.map_err(io::Error::other)?;
     write(&folder.join("key.der"), made.signing_key.serialized_der())?;
     write(&folder.join(CERTIFICATE), made.cert.der())
+}
+
+/// A secret of 256 random bits, as text that fits into a web address.
+#[derive(Clone)]
+pub struct Secret(String);
+
+impl Secret {
+    /// Returns a new secret.
+    ///
+    /// # Errors
+    /// If the system gives no random numbers.
+    pub fn new() -> io::Result<Secret> {
+        Ok(Secret(URL_SAFE_NO_PAD.encode(random::<32>()?)))
+    }
+
+    /// Returns whether `text` is this secret, in a time that does not depend on how much of it is
+    /// right.
+    pub fn is(&self, text: &str) -> bool {
+        sha256(self.0.as_bytes()) == sha256(text.as_bytes())
+    }
+}
+
+impl fmt::Display for Secret {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
 }
 
 fn new_token() -> io::Result<Token> {

@@ -28,7 +28,7 @@ mod tls;
 pub use address::{any_address, loopback, seen_from_outside};
 pub use error::NetError;
 pub use handshake::{accept, accept_over, accept_secure, connect, connect_over, refuse, welcome};
-pub use identity::Identity;
+pub use identity::{EncryptedStream, Identity, Secret};
 pub use inbox::Inbox;
 pub use join::{Access, Destination, Invitation, Rights, Token};
 pub use message::Message;
@@ -36,6 +36,7 @@ pub use outbox::Outbox;
 pub use reach::{RETURN_TIME, reach};
 pub use scene::{SCENE_CHUNK_BYTES, SceneReceiver, absent};
 pub use shutdown::{AGAIN, Ending, Shutdown};
+pub use tls::encrypt_to;
 
 use std::time::Duration;
 

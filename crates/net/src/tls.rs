@@ -8,6 +8,7 @@ use tokio::{
 };
 use tokio_rustls::{
     TlsConnector,
+    client::TlsStream,
     rustls::{
         CertificateError, ClientConfig, DigitallySignedStruct, Error, SignatureScheme,
         client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier},
@@ -46,11 +47,22 @@ pub(crate) async fn serve(
     Ok(split(identity.acceptor().accept(stream).await?))
 }
 
-/// Encrypts a connection, as the client, if the server's certificate has this fingerprint.
+/// Encrypts a connection, as the client, and splits it.
 pub(crate) async fn connect(
     stream: TcpStream,
     fingerprint: [u8; 32],
 ) -> Result<(ReadHalf, WriteHalf), NetError> {
+    encrypt_to(stream, fingerprint).await.map(split)
+}
+
+/// Encrypts a connection, as the client, if the server's certificate has this fingerprint.
+///
+/// # Errors
+/// [`NetError::Fingerprint`] if it has another one, or another error if the connection breaks.
+pub async fn encrypt_to(
+    stream: TcpStream,
+    fingerprint: [u8; 32],
+) -> Result<TlsStream<TcpStream>, NetError> {
     let provider = Arc::new(default_provider());
     let pinned = Arc::new(Pinned { fingerprint, provider: Arc::clone(&provider) });
     let config = ClientConfig::builder_with_provider(provider)
@@ -62,7 +74,7 @@ pub(crate) async fn connect(
     // The fingerprint identifies the certificate. The name in it has no meaning.
     let name = ServerName::try_from("holodeck").map_err(std::io::Error::other)?;
     let connected = TlsConnector::from(Arc::new(config)).connect(name, stream).await;
-    connected.map(split).map_err(|error| {
+    connected.map_err(|error| {
         let source = error.get_ref().and_then(|source| source.downcast_ref::<Error>());
         match source {
             Some(Error::InvalidCertificate(_)) => NetError::Fingerprint,

@@ -120,3 +120,33 @@ fn a_session_on_another_machine_is_walked_in_a_browser() {
     server.end(Signal::TERM).ok();
     worker.wait().ok();
 }
+
+#[test]
+fn a_page_is_walked_in_a_browser_on_another_machine() {
+    let Some(network) = Network::new(2) else {
+        eprintln!("not tested: this system lets the test make no network namespaces");
+        return;
+    };
+    let place = Place::new();
+    place.fill_small_with("a.holo", "20k", &["--bounces", "0"]);
+    let listen = format!("{}:0", network.address(0));
+    let words = ["replay", "{}/a.holo", "--http", &listen, "--no-open"];
+    let mut session = place.start_in(&network.host(0), &words);
+    let address = format!("https:{}", session.wait_for_line("https:"));
+    let (site, token) = address.split_once("?token=").expect("the address has a token");
+
+    network.enter(1);
+    let flags = ["--ignore-certificate-errors".to_owned()];
+    let browser = &mut Chromium::open_with("about:blank", &flags);
+    let refused = "document.body.innerText.includes('with its token')";
+    browser.go_to(site, refused);
+    browser.go_to(&format!("{site}?token={}", token.replace(char::is_numeric, "x")), refused);
+    browser.go_to(&address, "state && state.view_samples > 1000");
+    assert_eq!(browser.value("location.href"), site, "the token has left the address");
+    let options = browser.value("document.body.dataset.options");
+    browser.key("KeyS", "s", true);
+    browser.wait(&format!("document.body.dataset.options !== {options}"));
+    browser.key("KeyS", "s", false);
+    browser.value("command('quit')");
+    session.wait().ok();
+}

@@ -1,15 +1,20 @@
-//! Restricts requests to this machine's own names and to the page that it serves.
+//! Restricts requests: on this machine to its own names and to the page that it serves, from other
+//! machines to clients with the page's token.
 //!
 //! A page of another site can make its visitors' browsers send requests to this machine. It may use
 //! this machine's name, or a name of its own that points here (DNS rebinding). Browsers state the
 //! page's site in `Origin` and the name in `Host`.
+//!
+//! A client on another machine shows its token once, in the page's address. It then has a cookie,
+//! which its browser sends with each request of the page.
 
 use axum::{
     extract::{Request, State},
     http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header},
     middleware::Next,
-    response::{IntoResponse, Response},
+    response::{IntoResponse, Redirect, Response},
 };
+use holo_net::Secret;
 
 /// Names of this machine that no other machine can have.
 const NAMES: [&str; 3] = ["127.0.0.1", "localhost", "[::1]"];
@@ -28,12 +33,30 @@ const HEADERS: [(HeaderName, &str); 6] = [
     (header::CACHE_CONTROL, "no-store"),
 ];
 
-/// Refuses requests for other names and from other origins.
-pub async fn guard(State(port): State<u16>, request: Request, next: Next) -> Response {
+/// Why a program of this machine may not enter.
+const NOT_HERE: &str = "this page is served to this machine alone, under its own name";
+
+/// Why a client on another machine may not enter.
+const NO_TOKEN: &str = "open the whole address that was printed, with its token";
+
+/// Who may enter.
+#[derive(Clone)]
+pub enum Gate {
+    /// Programs of this machine, under its own names.
+    Here { port: u16 },
+    /// Clients with the token, under any name.
+    Outside { port: u16, token: Secret },
+}
+
+/// Answers requests that may not enter, and passes on the others.
+pub async fn guard(State(gate): State<Gate>, request: Request, next: Next) -> Response {
     let needs_origin = request.headers().contains_key(header::UPGRADE);
-    let mut response = match refusal(request.headers(), port, needs_origin) {
-        Some(reason) => (StatusCode::FORBIDDEN, reason).into_response(),
-        None => next.run(request).await,
+    let mut response = if let Some(cookie) = gate.cookie_for(&request) {
+        ([(header::SET_COOKIE, cookie)], Redirect::to("/")).into_response()
+    } else if let Some(reason) = gate.refusal(request.headers(), needs_origin) {
+        (StatusCode::FORBIDDEN, reason).into_response()
+    } else {
+        next.run(request).await
     };
     for (name, value) in HEADERS {
         response.headers_mut().insert(name, HeaderValue::from_static(value));
@@ -41,38 +64,80 @@ pub async fn guard(State(port): State<u16>, request: Request, next: Next) -> Res
     response
 }
 
-/// Returns why a request is refused, or `None` if it is allowed.
-fn refusal(headers: &HeaderMap, port: u16, needs_origin: bool) -> Option<&'static str> {
-    let text = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
-    let is_here = |host: &str| NAMES.iter().any(|name| host == format!("{name}:{port}"));
-    if !text(header::HOST).is_some_and(is_here) {
-        return Some("this page is served to this machine alone, under its own name");
+impl Gate {
+    /// Returns the cookie for a client that shows the token in the page's address.
+    fn cookie_for(&self, request: &Request) -> Option<String> {
+        let Gate::Outside { port, token } = self else { return None };
+        let shown = request.uri().query()?.strip_prefix("token=")?;
+        (request.uri().path() == "/" && token.is(shown)).then(|| {
+            format!("{}={token}; Path=/; Secure; HttpOnly; SameSite=Lax", cookie_name(*port))
+        })
     }
-    let is_own = |origin: &str| origin.strip_prefix("http://").is_some_and(is_here);
-    match headers.get(header::ORIGIN) {
-        None if needs_origin => Some("a session is for the page of this server alone"),
-        None => None,
-        Some(_) if text(header::ORIGIN).is_some_and(is_own) => None,
-        Some(_) => Some("this is not for pages of other sites"),
+
+    /// Returns why a request is refused, or `None` if it is allowed.
+    fn refusal(&self, headers: &HeaderMap, needs_origin: bool) -> Option<&'static str> {
+        let text = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
+        let host = text(header::HOST).unwrap_or_default();
+        let scheme = match self {
+            Gate::Here { .. } if !self.is_own(host, host) => return Some(NOT_HERE),
+            Gate::Outside { port, token } if !shows(headers, *port, token) => {
+                return Some(NO_TOKEN);
+            }
+            Gate::Here { .. } => "http://",
+            Gate::Outside { .. } => "https://",
+        };
+        let is_own =
+            |origin: &str| origin.strip_prefix(scheme).is_some_and(|site| self.is_own(site, host));
+        match headers.get(header::ORIGIN) {
+            None if needs_origin => Some("a session is for the page of this server alone"),
+            None => None,
+            Some(_) if text(header::ORIGIN).is_some_and(is_own) => None,
+            Some(_) => Some("this is not for pages of other sites"),
+        }
     }
+
+    /// Returns whether a site is the page's own, in a request for the site `host`.
+    fn is_own(&self, site: &str, host: &str) -> bool {
+        match self {
+            Gate::Here { port } => NAMES.iter().any(|name| site == format!("{name}:{port}")),
+            // A browser that has the cookie got it from this site.
+            Gate::Outside { .. } => site == host,
+        }
+    }
+}
+
+/// Returns whether a request has the cookie with the token.
+fn shows(headers: &HeaderMap, port: u16, token: &Secret) -> bool {
+    let lines = headers.get_all(header::COOKIE).iter().filter_map(|line| line.to_str().ok());
+    lines.flat_map(|line| line.split(';')).any(|cookie| {
+        let shown = cookie.trim().split_once('=');
+        shown.is_some_and(|(name, value)| name == cookie_name(port) && token.is(value))
+    })
+}
+
+/// Returns the name of the cookie. Browsers send cookies to all ports of a machine.
+fn cookie_name(port: u16) -> String {
+    format!("holodeck-{port}")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn is_refused(host: Option<&str>, origin: Option<&str>, needs_origin: bool) -> bool {
-        let mut headers = HeaderMap::new();
-        let mut set = |name, value: Option<&str>| {
-            value.map(|value| headers.insert(name, value.parse().unwrap()))
-        };
-        set(header::HOST, host);
-        set(header::ORIGIN, origin);
-        refusal(&headers, 8080, needs_origin).is_some()
+    fn is_refused(gate: &Gate, headers: &[(HeaderName, Option<&str>)], needs_origin: bool) -> bool {
+        let mut map = HeaderMap::new();
+        for (name, value) in headers {
+            value.map(|value| map.append(name, value.parse().unwrap()));
+        }
+        gate.refusal(&map, needs_origin).is_some()
     }
 
     #[test]
     fn only_this_machines_own_names_and_origins_are_served() {
+        let is_refused = |host: Option<&str>, origin: Option<&str>, needs_origin| {
+            let headers = [(header::HOST, host), (header::ORIGIN, origin)];
+            is_refused(&Gate::Here { port: 8080 }, &headers, needs_origin)
+        };
         for host in ["127.0.0.1:8080", "localhost:8080", "[::1]:8080"] {
             assert!(!is_refused(Some(host), None, false), "{host}");
             assert!(is_refused(Some(host), None, true), "a session without an origin");
@@ -90,6 +155,38 @@ mod tests {
         }
         for host in ["evil.example:8080", "127.0.0.1", "127.0.0.1:80", "localhost.evil:8080"] {
             assert!(is_refused(Some(host), None, false), "{host}");
+        }
+        assert!(is_refused(None, None, false));
+    }
+
+    #[test]
+    fn other_machines_need_the_token_and_the_page_s_own_origin() {
+        let (token, other) = (Secret::new().unwrap(), Secret::new().unwrap());
+        let gate = Gate::Outside { port: 8080, token: token.clone() };
+        let is_refused = |cookie: Option<&str>, origin: Option<&str>, needs_origin| {
+            let host = Some("house.example:8080");
+            let headers =
+                [(header::HOST, host), (header::COOKIE, cookie), (header::ORIGIN, origin)];
+            is_refused(&gate, &headers, needs_origin)
+        };
+        let own = format!("holodeck-8080={token}");
+        for cookie in [own.clone(), format!("a=b; {own}; c"), format!("holodeck-80={other};{own}")]
+        {
+            assert!(!is_refused(Some(&cookie), None, false), "{cookie}");
+            assert!(!is_refused(Some(&cookie), Some("https://house.example:8080"), true));
+            assert!(is_refused(Some(&cookie), None, true), "a session without an origin");
+            for origin in ["https://evil.example", "http://house.example:8080", "null"] {
+                assert!(is_refused(Some(&cookie), Some(origin), false), "{origin}");
+            }
+        }
+        for cookie in [
+            format!("holodeck-8080={other}"),
+            format!("holodeck-8081={token}"),
+            format!("holodeck-8080={token}x"),
+            "holodeck-8080=".to_owned(),
+            token.to_string(),
+        ] {
+            assert!(is_refused(Some(&cookie), None, false), "{cookie}");
         }
         assert!(is_refused(None, None, false));
     }

@@ -1,13 +1,15 @@
 //! The browser front end: a page, and a WebSocket for each client.
 //!
 //! Invariants:
-//! - Requests from another origin, or under a name other than this machine's own, are refused. So a
-//!   page of another site reaches neither pictures nor controls.
+//! - Requests from another origin are refused. So a page of another site reaches neither pictures
+//!   nor controls.
+//! - A client on another machine has an encrypted connection and the page's token.
 //! - At most one frame is under way to a client. When it has arrived, the latest frame follows.
 //! - One client drives; other clients' inputs move nothing.
 //! - All input from a client is bounded, and malformed input ends only that client's connection.
 
 mod client;
+mod door;
 mod encode;
 mod eyes;
 mod from_page;
@@ -22,11 +24,10 @@ mod to_page;
 
 use std::{path::PathBuf, process::Stdio, sync::Arc};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use axum::{Router, middleware, routing::get};
 use clap::Args;
-use holo_net::{Destination, NetError, Shutdown};
-use tokio::net::TcpListener;
+use holo_net::{Destination, Shutdown};
 
 use crate::{
     Config, DriverArgs,
@@ -34,14 +35,22 @@ use crate::{
     session,
     stage::{Front, Wishes, stage},
 };
+use door::Door;
 use hub::Hub;
 
 /// Options of the page's server.
 #[derive(Args, Clone, Debug)]
 pub struct BrowserArgs {
-    /// Serve the page at this address of this machine; port 0 means any free one
+    /// Serve the page at this address; port 0 means any free one. At an address for other machines,
+    /// such as 0.0.0.0:8080, it is encrypted and needs the token in the printed address
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:0")]
     pub http: String,
+    /// The page's certificate for other machines, in place of the one that is made: a PEM file
+    #[arg(long, value_name = "FILE.pem", requires = "http_key")]
+    pub http_cert: Option<PathBuf>,
+    /// That certificate's key, a PEM file
+    #[arg(long, value_name = "FILE.pem", requires = "http_cert")]
+    pub http_key: Option<PathBuf>,
     /// Print the page's address, and open no browser
     #[arg(long)]
     pub no_open: bool,
@@ -52,7 +61,13 @@ pub struct BrowserArgs {
 
 impl Default for BrowserArgs {
     fn default() -> BrowserArgs {
-        BrowserArgs { http: "127.0.0.1:0".into(), no_open: false, record: None }
+        BrowserArgs {
+            http: "127.0.0.1:0".into(),
+            http_cert: None,
+            http_key: None,
+            no_open: false,
+            record: None,
+        }
     }
 }
 
@@ -62,21 +77,25 @@ impl Default for BrowserArgs {
 /// If the page cannot be served, or the server cannot be reached or is lost.
 pub async fn run(config: Config, args: BrowserArgs, shutdown: Shutdown) -> Result<()> {
     config.driver.check().map_err(anyhow::Error::msg)?;
-    let listener = listen(&args.http).await?;
-    let address = listener.local_addr().context("the page's address")?;
+    let own = args.http_cert.as_deref().zip(args.http_key.as_deref());
+    let door = Door::open(&args.http, own).await?;
+    let url = door.url()?;
     let server = Destination::parse(&config.connect)?;
     let driver = DriverArgs { walks: true, ..config.driver };
     let connected =
         session::Connected::new(server, driver, config.points.clone(), shutdown.clone()).await?;
     let wishes = Wishes { view: config.view, record: args.record, crew: config.crew };
     let (stage, front) = stage(connected, wishes);
-    holo_progress::print_line!("http://{address}/");
+    holo_progress::print_line!("{url}");
+    if let Some(fingerprint) = door.fingerprint() {
+        holo_progress::print_line!("SHA-256 fingerprint of the page's certificate: {fingerprint}");
+    }
     if !args.no_open {
-        open(&format!("http://{address}/"));
+        open(&url);
     }
     follow_standard_input(front.inputs.clone());
     let ending = Shutdown::new();
-    let pages = tokio::spawn(serve(listener, front, ending.clone()));
+    let pages = tokio::spawn(serve(door, front, ending.clone()));
     // Drawing keeps its thread busy, and sockets must not wait for it.
     let played = tokio::task::spawn_blocking(move || stage.run()).await?;
     ending.trigger();
@@ -84,22 +103,9 @@ pub async fn run(config: Config, args: BrowserArgs, shutdown: Shutdown) -> Resul
     played
 }
 
-/// Listens at a loopback address.
-async fn listen(address: &str) -> Result<TcpListener> {
-    let address = holo_net::loopback(address).map_err(|error| match error {
-        NetError::NotLoopback(address) => anyhow::anyhow!(
-            "the page cannot be served at {address} yet: connections are not encrypted. Serve it \
-             at 127.0.0.1, and reach it from elsewhere through a tunnel, such as \
-             ssh -L 8080:127.0.0.1:8080"
-        ),
-        error => error.into(),
-    })?;
-    TcpListener::bind(address).await.with_context(|| format!("listening on {address}"))
-}
-
 /// Serves pages for a stage until `ending` is triggered and every client has been informed.
-pub async fn serve(listener: TcpListener, front: Front, ending: Shutdown) -> Result<()> {
-    let address = listener.local_addr().context("the page's address")?;
+pub async fn serve(door: Door, front: Front, ending: Shutdown) -> Result<()> {
+    let gate = door.gate()?;
     let hub = Arc::new(Hub::new(front));
     let router = Router::new()
         .route("/", get(page::index))
@@ -109,11 +115,10 @@ pub async fn serve(listener: TcpListener, front: Front, ending: Shutdown) -> Res
         .route("/picture.hdr", get(saved::hdr))
         .route("/picture.exr", get(saved::exr))
         .route("/session", get(client::connect))
-        .layer(middleware::from_fn_with_state(address.port(), guard::guard))
+        .layer(middleware::from_fn_with_state(gate, guard::guard))
         .with_state(Arc::clone(&hub));
-    let served = axum::serve(listener, router).into_future();
     tokio::select! {
-        result = served => result.context("serving the page"),
+        result = door.serve(router) => result,
         () = hub.everyone_has_left(&ending) => Ok(()),
     }
 }

@@ -20,7 +20,8 @@ const sentAt = new Map(), latencies = [], drawnAt = [];
 // ---- connection
 
 function connect() {
-  socket = new WebSocket(`ws://${location.host}/session`);
+  const scheme = location.protocol === "https:" ? "wss" : "ws";
+  socket = new WebSocket(`${scheme}://${location.host}/session`);
   socket.binaryType = 'arraybuffer';
   socket.onopen = () => { retry = 400; ended = false; };
   socket.onmessage = event => {
