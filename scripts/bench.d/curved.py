@@ -25,13 +25,16 @@ Mesh = tuple[list[Point], list[Point], list[tuple[int, int, int]]]
 SAMPLES = (100_000, 1_000_000, 10_000_000)
 # Paths of a pixel of each half of the truth.
 TRUTH_PATHS = 128
+# Paths of a pixel of the picture without a filter.
+PLAIN_PATHS = 16
 # Largest allowed ratio of the error on a mesh to that on the walls.
 WANTED = 1.5
 # The share of pixels with the largest errors that does not count: edges within the mesh.
 WORST = 0.01
-MIDDLE: Point = (2.0, 2.9, 1.3)
+# In the lamp's light, above the blocks.
+MIDDLE: Point = (1.35, 3.0, 3.9)
 SIDE = 224
-# The lamp that a mesh becomes to find its pixels.
+# The lamp that a mesh becomes to find its pixels. Everything else is black then.
 LAMP = 1000.0
 WEIGHTS = (0.265, 0.670, 0.065)
 
@@ -46,7 +49,8 @@ def curved(bench: Bench) -> Part:
                 " and on; `picture` by the driver `surfaces` against `render --engine path` with"
                 f" {2 * bench.paths(TRUTH_PATHS)} paths a pixel. Errors are root mean squares of"
                 f" relative differences of luminance, without the worst {WORST:.0%} of the pixels."
-                " *Smooth*: the mesh has normals."
+                f" *Smooth*: the mesh has normals. *Paths*: the same ratio in a picture by `render"
+                f" --engine path` of {PLAIN_PATHS} paths a pixel, which no filter has changed."
             ),
         ],
     )
@@ -54,15 +58,17 @@ def curved(bench: Bench) -> Part:
     counts = SAMPLES[: -1 if bench.quick else None]
     for count in counts:
         columns += [[f"mesh, {count:,}", ".1%"], ["walls", ".1%"], ["ratio", ".2f"]]
+    columns.append(["paths", ".2f"])
     table = Table("", columns)
     worst = dict.fromkeys(counts, 0.0)
     for name, make in (("sphere", sphere), ("knot", knot), ("cloth", cloth), ("plant", plant)):
         for smooth in (False, True):
             row: list = [name, "smooth" if smooth else "flat"]
-            for count, mesh, walls in errors(bench, f"{name}-{row[1]}", make(), smooth, counts):
+            of_counts, paths = errors(bench, f"{name}-{row[1]}", make(), smooth, counts)
+            for count, mesh, walls in of_counts:
                 row += [mesh, walls, mesh / walls]
                 worst[count] = max(worst[count], mesh / walls)
-            table.rows.append(row)
+            table.rows.append([*row, paths])
     part.tables.append(table)
     for count, ratio in worst.items():
         part.bars.append(
@@ -76,12 +82,14 @@ def curved(bench: Bench) -> Part:
 
 def errors(
     bench: Bench, name: str, mesh: Mesh, smooth: bool, counts: tuple[int, ...]
-) -> list[tuple[int, float, float]]:
-    """Returns, by number of samples, the errors of the mesh's pixels and of the walls'."""
+) -> tuple[list[tuple[int, float, float]], float]:
+    """Returns, by number of samples, the errors of the mesh's pixels and of the walls', and the
+    ratio of both without a filter.
+    """
     box = bench.scenes.cornell()
     case = write(bench, box, name, mesh, smooth, lamp=False)
     lamp = write(bench, box, f"{name}-lamp", mesh, smooth=False, lamp=True)
-    found, _ = bench.render(lamp, "mask", "--bounces", "0", "--spp", "16")
+    found, _ = bench.render(lamp, "mask", "--bounces", "0", "--spp", "16", "--sky", "0,0,0")
     shares = [min(value / LAMP, 1.0) for value in luminances(found)]
     masks = [
         [n for n, share in enumerate(shares) if share > 0.99],
@@ -94,6 +102,10 @@ def errors(
             "--seed", seed
         )
         halves.append(luminances(half))
+    plain, _ = bench.render(
+        case, "plain", "--engine", "path", "--spp", str(PLAIN_PATHS), "--seed", "3"
+    )
+    of_mesh, of_walls = (error(luminances(plain), *halves, mask) for mask in masks)
     file = bench.work / f"curved-{name}.holo"
     there, result = 0, []
     for count in counts:
@@ -109,7 +121,7 @@ def errors(
         shown = luminances(picture)
         result.append((count, *(error(shown, *halves, mask) for mask in masks)))
     file.unlink()
-    return result
+    return result, of_mesh / of_walls
 
 
 def error(shown: list[float], one: list[float], other: list[float], pixels: list[int]) -> float:
@@ -140,9 +152,13 @@ def write(bench: Bench, box: Case, name: str, mesh: Mesh, smooth: bool, lamp: bo
     folder.mkdir(exist_ok=True)
     source = Path(box.scene[0])
     materials = source.with_suffix(".mtl").read_text(encoding="utf-8")
-    emission = f"Ke {LAMP} {LAMP} {LAMP}\n" if lamp else ""
+    surface = "Kd 0.6 0.5 0.35"
+    if lamp:
+        names = [line for line in materials.splitlines() if line.startswith("newmtl")]
+        materials = "".join(f"{name}\nKd 0 0 0\n" for name in names)
+        surface = f"Kd 0 0 0\nKe {LAMP} {LAMP} {LAMP}"
     (folder / f"{name}.mtl").write_text(
-        f"{materials}\nnewmtl mesh\nKd 0.6 0.5 0.35\n{emission}", encoding="utf-8"
+        f"{materials}\nnewmtl mesh\n{surface}\n", encoding="utf-8"
     )
     kept = [
         line

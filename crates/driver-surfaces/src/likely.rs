@@ -35,6 +35,14 @@ const MOST_CROSSED: usize = 16;
 /// single small lamps.
 const MOST_RAY_LIGHT: f32 = 8.0;
 
+/// The likely light of a square, fixed-point steps.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Likely {
+    pub light: Vec3,
+    /// True if it is the mean light of the picture around, whatever the square's surface is.
+    pub is_around: bool,
+}
+
 /// Mean light of a picture and of its tiles, fixed-point steps.
 pub(crate) struct LikelyLight<'a> {
     view: &'a View,
@@ -48,6 +56,20 @@ pub(crate) struct LikelyLight<'a> {
     tiles: Vec<[f32; 4]>,
     /// The mean light of all squares.
     pub mean: Vec3,
+}
+
+impl Likely {
+    /// Returns the light's channels, and 1 if it is the mean light of the picture around.
+    pub fn to_array(self) -> [f32; 4] {
+        let [r, g, b] = self.light.to_array();
+        [r, g, b, f32::from(u8::from(self.is_around))]
+    }
+}
+
+impl From<[f32; 4]> for Likely {
+    fn from([r, g, b, is_around]: [f32; 4]) -> Likely {
+        Likely { light: Vec3::new(r, g, b), is_around: is_around > 0.0 }
+    }
 }
 
 impl<'a> LikelyLight<'a> {
@@ -75,14 +97,16 @@ impl<'a> LikelyLight<'a> {
 
     /// Returns the likely light of a square whose widest neighbourhood has this many samples.
     /// `None` if there are enough samples, or none near.
-    pub fn at(&self, square: Square, samples: f32) -> Option<Vec3> {
+    pub fn at(&self, square: Square, samples: f32) -> Option<Likely> {
         let seen = &self.squares.seen[square.number];
         if !seen.is_surface() || samples >= ENOUGH_SAMPLES {
             return None;
         }
         let special = self.mirrored(seen).or_else(|| self.behind(seen));
         let special = special.or_else(|| self.all_around(seen));
-        special.or_else(|| (samples > 0.0).then(|| self.around(square)))
+        let special = special.map(|light| Likely { light, is_around: false });
+        let around = || Likely { light: self.around(square), is_around: true };
+        special.or_else(|| (samples > 0.0).then(around))
     }
 
     /// Returns the mean light of the picture around a square, interpolated between tiles.

@@ -3,6 +3,7 @@
 use super::Sum;
 use crate::cell::luminance;
 use crate::estimate::{Estimate, Lit};
+use crate::likely::Likely;
 use crate::planes::{Layout, Planes, Square, Weights};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -17,8 +18,12 @@ pub(super) const HALF: [f32; 2] = [0.5, 0.14];
 /// The same in the second pass.
 pub(super) const SECOND: [f32; 2] = [0.1, 0.03];
 
-/// Weight of the likely light in the widest neighbourhood, in samples.
+/// Weight of the likely light of a surface in the widest neighbourhood, in samples.
 const LIKELY_WEIGHT: f32 = 2.0;
+
+/// Weight of a prior variance of one sample in the same neighbourhood, in samples. The prior is the
+/// square of the mean light of the picture around.
+const PRIOR_WEIGHT: f32 = 4.0;
 
 /// What the light of squares is chosen by.
 pub(super) struct Choice<'a> {
@@ -26,7 +31,7 @@ pub(super) struct Choice<'a> {
     /// Sums of the neighbourhood that judges noise.
     pub wide: &'a Sum,
     /// Light of squares with few samples; 0 if it is unknown or there are enough samples.
-    pub likely: &'a Planes<3>,
+    pub likely: &'a Planes<4>,
 }
 
 impl Choice<'_> {
@@ -56,12 +61,12 @@ impl Choice<'_> {
     ) -> Estimate {
         let lit = |scale: &Sum| Lit::from(scale.at(at));
         let last = scales.last().map(lit).unwrap_or_default();
-        let likely = Vec3::from_array(self.likely.at(at));
+        let likely = Likely::from(self.likely.at(at));
         if last.count <= 0.0 {
-            return if likely == Vec3::ZERO {
+            return if likely.light == Vec3::ZERO {
                 Estimate::UNKNOWN
             } else {
-                Estimate::guessed(likely)
+                Estimate::guessed(likely.light)
             };
         }
         let wide = Lit::from(self.wide.at(at));
@@ -69,8 +74,8 @@ impl Choice<'_> {
         let bright = luminance(wide.mean().to_array());
         let variance = wide.variance_around();
         let mut light = last.mean();
-        if likely != Vec3::ZERO {
-            light += LIKELY_WEIGHT / (last.count + LIKELY_WEIGHT) * (likely - light);
+        if likely.light != Vec3::ZERO {
+            light += share_of_likely(&likely, &last) * (likely.light - light);
         }
         let mut estimate = Estimate { light, error: last.variance(variance).sqrt(), variance };
         // The squared error from not using the narrowest scale.
@@ -118,6 +123,23 @@ impl Choice<'_> {
         };
         (0..weights.len()).map(of_scale).collect()
     }
+}
+
+/// Returns the share that likely light has beside these samples.
+///
+/// The light of the picture around may be many times that of a surface, as between leaves in front
+/// of a wall. It is therefore an estimate whose standard error is as large as itself, and counts
+/// beside the samples by its variance. A few samples that are all dark weigh more than it.
+fn share_of_likely(likely: &Likely, samples: &Lit) -> f32 {
+    if !likely.is_around {
+        return LIKELY_WEIGHT / (samples.count + LIKELY_WEIGHT);
+    }
+    let (bright, own) = (luminance(likely.light.to_array()), luminance(samples.mean().to_array()));
+    let prior = bright * bright;
+    let spread = (samples.square - samples.count * own * own).max(0.0);
+    let variance = (spread + PRIOR_WEIGHT * prior) / (samples.count + PRIOR_WEIGHT);
+    let noise = variance / samples.count;
+    noise / (noise + prior).max(f32::MIN_POSITIVE)
 }
 
 /// The difference between the light of a scale and that of the next wider one.
@@ -176,6 +198,49 @@ mod tests {
                     assert!((0.0..=1.0).contains(&detail.share()), "{detail:?}");
                     assert!(detail.noise > 0.0 || detail.difference == 0.0, "{detail:?}");
                 }
+            }
+        }
+    }
+
+    /// The share of likely light of 1 beside samples of these lights.
+    fn share_beside(samples: &[f32], is_around: bool) -> f32 {
+        let sum = |of: fn(f32) -> f32| samples.iter().map(|&light| of(light)).sum::<f32>();
+        let samples = Lit {
+            light: Vec3::splat(sum(|light| light)),
+            count: samples.len() as f32,
+            square: sum(|light| light * light),
+        };
+        share_of_likely(&Likely { light: Vec3::ONE, is_around }, &samples)
+    }
+
+    #[test]
+    fn light_around_hardly_brightens_a_surface_whose_samples_are_all_dark() {
+        let share = share_beside(&[0.02; 12], true);
+        assert!(share < 0.03, "{share}");
+        let share = share_beside(&[0.02; 12], false);
+        assert!((share - 2.0 / 14.0).abs() < 1e-6, "{share}");
+    }
+
+    #[test]
+    fn light_around_counts_much_beside_one_sample_and_less_beside_each_further_one() {
+        let shares =
+            [1, 2, 4, 8].map(|count| share_beside(&[0.0, 2.0].repeat(count)[..count], true));
+        assert!((0.3..0.6).contains(&shares[0]), "{shares:?}");
+        assert!(shares.is_sorted_by(|few, more| few > more), "{shares:?}");
+    }
+
+    #[test]
+    fn the_share_of_likely_light_is_finite_beside_any_samples() {
+        let likely = |light: f32| Likely { light: Vec3::splat(light), is_around: true };
+        for (light, sample) in [(0.0, 0.0), (1e-30, 1e-30), (1e9, 0.0), (1e-30, 1e9), (1e9, 1e9)] {
+            for count in [1e-3, 1.0, 1e6] {
+                let samples = Lit {
+                    light: Vec3::splat(sample * count),
+                    count,
+                    square: sample * sample * count,
+                };
+                let share = share_of_likely(&likely(light), &samples);
+                assert!((0.0..=1.0).contains(&share), "{light} {sample} {count}: {share}");
             }
         }
     }
