@@ -50,6 +50,11 @@ def rivals(bench: Bench) -> Part:
                 " under such a lamp.) The last table therefore compares the two in the cabin with"
                 " the flood lamps off."
             ),
+            (
+                "In Mitsuba's rough metal, light that meets several facets is lost: 4 % at normal"
+                " incidence in the metal block. Ours reflects it (Kulla and Conty 2017), so its"
+                " picture is 1.6 % brighter. Without that light, the two agree within 0.1 %."
+            ),
         ],
     )
     mitsuba = Mitsuba(bench)

@@ -120,8 +120,9 @@ impl Layer {
     ) -> Option<Estimate> {
         let step = self.squares.step;
         let (width, height) = self.squares.size;
-        // Position in squares, from the middle of the first one.
-        let at = |pixel: f32| (pixel - (step / 2) as f32) / step as f32;
+        // Position in squares, from the middle of the first one: its light is a mean over all its
+        // pixels.
+        let at = |pixel: f32| (pixel - 0.5 * (step - 1) as f32) / step as f32;
         let (across, down) = (at(x), at(y));
         let (left, top) = (across.floor(), down.floor());
         let reach = seen.width * step as f32;
@@ -178,4 +179,46 @@ pub(crate) fn alike_at(
     let flat = (1.0 - off * off / (tolerance * tolerance)).max(0.0);
     let near = (1.0 - away / (reach * reach)).max(0.0);
     if dot(normal, other_normal) > 0.0 { flat * flat * near } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    #[test]
+    fn squares_of_any_side_show_a_gradient_of_light_where_it_is() {
+        let size = (24, 16);
+        let at = |pixel: usize| ((pixel % size.0) as f32, (pixel / size.0) as f32);
+        let seen = |pixel| {
+            let (x, y) = at(pixel);
+            let (point, normal) = (Vec3::new(x, y, 0.0), Vec3::Z);
+            Seen { point, normal, width: 1.0, material: 0, ..Seen::NOTHING }
+        };
+        let light = |(x, y): (f32, f32)| 100.0 + x + 2.0 * y;
+        for step in [1, 2, 4] {
+            let squares = Squares::new(seen, size, step);
+            let mean = |number: usize| {
+                let (left, top) = (number % squares.size.0 * step, number / squares.size.0 * step);
+                let pixels = (top..top + step)
+                    .flat_map(|y| (left..left + step).map(move |x| (x as f32, y as f32)));
+                let sum: f32 = pixels.map(light).sum();
+                let light = Vec3::splat(sum / (step * step) as f32);
+                Estimate { light, error: 0.0, variance: 0.0 }
+            };
+            let lights = (0..squares.seen.len()).map(mean).collect();
+            let layer = Layer::new(squares, lights, |_| Estimate::UNKNOWN);
+            // Squares are interpolated inside the ring of their outermost middles.
+            let inside = (0..size.0 * size.1).filter(|&pixel| {
+                let (x, y) = (pixel % size.0, pixel / size.0);
+                (4..size.0 - 4).contains(&x) && (4..size.1 - 4).contains(&y)
+            });
+            for pixel in inside {
+                let found = layer.at(at(pixel), &seen(pixel)).unwrap().light.x;
+                let off = found - light(at(pixel));
+                // Squares farther away have slightly more than their share.
+                assert!(off.abs() < 0.2, "{step}: {:?} is off by {off}", at(pixel));
+            }
+        }
+    }
 }
