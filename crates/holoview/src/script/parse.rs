@@ -170,6 +170,7 @@ fn parse_line(line: &str) -> Result<Option<Step>> {
         },
         "with" | "without" => Command::Switch { parts: parts(word, rest)?, on: word == "with" },
         "quit" if rest.is_empty() => Command::Quit,
+        "quit" => bail!("`quit` takes nothing; seconds come first, such as `20 quit`"),
         "" => bail!(
             "a time without a command; write `{first} view …`, `{first} picture FILE` or `{first} quit`"
         ),
@@ -281,7 +282,7 @@ mod tests {
             ("1 picture a.jpg", ".exr, .hdr, .pfm or .png"),
             ("1 picture", "takes the name"),
             ("1 view -vp 1 2", "-vp"),
-            ("1 quit now", "not a command"),
+            ("1 quit now", "`quit` takes nothing"),
             ("1 without", "such as `without prefilter,dither`"),
             ("1 with colour", "`colour` is no part of the render cache (there are ageing, "),
         ] {
