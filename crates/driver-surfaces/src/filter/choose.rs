@@ -21,8 +21,8 @@ pub(super) const SECOND: [f32; 2] = [0.1, 0.03];
 /// Weight of the likely light of a surface in the widest neighbourhood, in samples.
 const LIKELY_WEIGHT: f32 = 2.0;
 
-/// Weight of a prior variance of one sample in the same neighbourhood, in samples. The prior is the
-/// square of the mean light of the picture around.
+/// Weight of the expected variance of a sample beside that of the samples themselves, in samples. The
+/// expected variance is the square of the mean light of the picture around.
 const PRIOR_WEIGHT: f32 = 4.0;
 
 /// What the light of squares is chosen by.
@@ -30,7 +30,8 @@ pub(super) struct Choice<'a> {
     pub layout: &'a Layout,
     /// Sums of the neighbourhood that judges noise.
     pub wide: &'a Sum,
-    /// Light of squares with few samples; 0 if it is unknown or there are enough samples.
+    /// Likely light of squares with few samples, as [`Likely::to_array`] returns it. It is 0 if it
+    /// is unknown or there are enough samples.
     pub likely: &'a Planes<4>,
 }
 
@@ -128,18 +129,18 @@ impl Choice<'_> {
 /// Returns the share that likely light has beside these samples.
 ///
 /// The light of the picture around may be many times that of a surface, as between leaves in front
-/// of a wall. It is therefore an estimate whose standard error is as large as itself, and counts
-/// beside the samples by its variance. A few samples that are all dark weigh more than it.
+/// of a wall. Its standard error is therefore taken to be as large as itself. It and the mean of the
+/// samples count in inverse proportion to their variances, so a few dark samples outweigh it.
 fn share_of_likely(likely: &Likely, samples: &Lit) -> f32 {
     if !likely.is_around {
         return LIKELY_WEIGHT / (samples.count + LIKELY_WEIGHT);
     }
     let (bright, own) = (luminance(likely.light.to_array()), luminance(samples.mean().to_array()));
-    let prior = bright * bright;
+    let expected = bright * bright;
     let spread = (samples.square - samples.count * own * own).max(0.0);
-    let variance = (spread + PRIOR_WEIGHT * prior) / (samples.count + PRIOR_WEIGHT);
-    let noise = variance / samples.count;
-    noise / (noise + prior).max(f32::MIN_POSITIVE)
+    let variance = (spread + PRIOR_WEIGHT * expected) / (samples.count + PRIOR_WEIGHT);
+    // Not divided by the count, because weights may make it as small as any float.
+    variance / (variance + samples.count * expected).max(f32::MIN_POSITIVE)
 }
 
 /// The difference between the light of a scale and that of the next wider one.
@@ -214,26 +215,27 @@ mod tests {
     }
 
     #[test]
-    fn light_around_hardly_brightens_a_surface_whose_samples_are_all_dark() {
-        let share = share_beside(&[0.02; 12], true);
-        assert!(share < 0.03, "{share}");
-        let share = share_beside(&[0.02; 12], false);
-        assert!((share - 2.0 / 14.0).abs() < 1e-6, "{share}");
-    }
-
-    #[test]
-    fn light_around_counts_much_beside_one_sample_and_less_beside_each_further_one() {
-        let shares =
-            [1, 2, 4, 8].map(|count| share_beside(&[0.0, 2.0].repeat(count)[..count], true));
-        assert!((0.3..0.6).contains(&shares[0]), "{shares:?}");
-        assert!(shares.is_sorted_by(|few, more| few > more), "{shares:?}");
+    fn light_around_counts_by_its_variance_and_other_likely_light_as_two_samples() {
+        for count in [1, 2, 4, 12, 60] {
+            // Black samples: both variances follow from the expected one alone.
+            let of = count as f32;
+            for (is_around, expected) in
+                [(true, 4.0 / (of + 2.0).powi(2)), (false, 2.0 / (of + 2.0))]
+            {
+                let share = share_beside(&vec![0.0; count], is_around);
+                assert!((share - expected).abs() < 1e-6, "{count} {is_around}: {share}");
+            }
+        }
+        // Samples of 0 and 2: their own variance is the expected one.
+        let share = share_beside(&[0.0, 2.0, 0.0, 2.0], true);
+        assert!((share - 1.0 / 5.0).abs() < 1e-6, "{share}");
     }
 
     #[test]
     fn the_share_of_likely_light_is_finite_beside_any_samples() {
         let likely = |light: f32| Likely { light: Vec3::splat(light), is_around: true };
         for (light, sample) in [(0.0, 0.0), (1e-30, 1e-30), (1e9, 0.0), (1e-30, 1e9), (1e9, 1e9)] {
-            for count in [1e-3, 1.0, 1e6] {
+            for count in [1e-30, 1e-3, 1.0, 1e6] {
                 let samples = Lit {
                     light: Vec3::splat(sample * count),
                     count,
