@@ -7,48 +7,16 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod filled;
 mod stored;
 
-use holo_beamfile::BeamSamples;
+use filled::{live, place_all};
 use holo_denoise::{Denoiser, Quality};
-use holo_driver_surfaces::{Gathered, Materials, Placer, RaySample, Store, View};
-use holo_picture::{Picture, View as Eye};
-use holo_section::BeamKey;
+use holo_driver_surfaces::{Gathered, Materials, Placer, Store, View};
+use holo_picture::Picture;
 use holo_tracer::{Settings, Tracer};
-use rayon::prelude::*;
 use std::sync::Arc;
 use stored::{Stored, seconds};
-
-/// Beams that are placed together.
-const BATCH: usize = 20_000;
-
-/// Adds all samples of the file.
-fn fill(store: &mut Store, stored: &Stored, placer: &Placer) {
-    for batch in stored.beams.chunks(BATCH) {
-        let place = |(key, read): &(BeamKey, Arc<BeamSamples>)| {
-            let mut placed = Vec::new();
-            let section = &stored.sections[usize::from(key.section)];
-            placer.place_beam(section, key.beam, 1, &read.samples, &mut placed);
-            placed
-        };
-        let placed: Vec<_> = batch.par_iter().flat_map_iter(place).collect();
-        store.add(&placed);
-    }
-    println!("{} samples placed, {} kept", store.samples(), store.kept());
-}
-
-/// Returns rays of the view, spread evenly over it (Roberts' R2 sequence), each of one path.
-fn live(tracer: &Tracer, eye: &Eye, numbers: std::ops::Range<u64>) -> Vec<RaySample> {
-    let trace = |n: u64| {
-        let t = n as f64 + 0.5;
-        let (x, y) = ((t * 0.754_877_666_246_692_8).fract(), (t * 0.569_840_290_998_053_3).fract());
-        let (origin, direction) = eye.ray(x, y);
-        let traced = tracer.trace(origin, direction, 0xABCD_0000_0000 + n);
-        let (distance, radiance) = (traced.distance, traced.radiance);
-        RaySample { origin, direction, distance, uncertainty: 0.0, radiance, paths: 1 }
-    };
-    numbers.into_par_iter().map(trace).collect()
-}
 
 fn main() {
     let args: Vec<String> = std::env::args().collect();
@@ -60,7 +28,8 @@ fn main() {
     let placer = Placer::new(&raycaster, &materials);
     let (low, high) = scene.bounds();
     let mut store = Store::new((1e-5 * low.distance(high)) as f32, 1 << 30);
-    fill(&mut store, &stored, &placer);
+    place_all(&mut store, &stored, &placer);
+    println!("{} samples placed, {} kept", store.samples(), store.kept());
     let (eye, size) = (stored.view, stored.size);
     let tracer = Tracer::with_raycaster(raycaster.clone(), Settings::default()).unwrap();
     let mut traced = 0;

@@ -49,6 +49,19 @@ impl Estimate {
         self.variance += share * other.variance;
     }
 
+    /// Replaces a share of this estimate by the light of samples whose standard error is `error`.
+    pub fn approach(&mut self, samples: &Lit, error: f32, share: f32) {
+        if samples.count > 0.0 {
+            self.light += share * (samples.mean() - self.light);
+            self.error += share * (error - self.error);
+        }
+    }
+
+    /// Returns this estimate without light below 0, which noise may leave behind panes.
+    pub fn at_least_black(self) -> Estimate {
+        Estimate { light: self.light.max(Vec3::ZERO), ..self }
+    }
+
     /// Returns a weighted sum divided by its total weight.
     pub fn divided(self, total: f32) -> Estimate {
         let Estimate { light, error, variance } = self;

@@ -50,6 +50,7 @@ pub use cell::Sums;
 pub use draw::Drawn;
 pub use driver::SurfacesDriver;
 pub use edges::{Edge, Piece};
+pub use filter::EXAMPLE;
 pub use gather::Gathered;
 pub use materials::Materials;
 pub use place::{Placed, Placer, RaySample};

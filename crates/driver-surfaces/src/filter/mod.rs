@@ -18,12 +18,16 @@
 //!   with the number of samples, so the bias that it causes vanishes as they grow.
 
 mod choose;
+mod denoise;
 mod limit;
+mod network;
+mod refine;
 mod scales;
+mod training;
 
 use crate::behind::BehindPanes;
 use crate::cell::{Sums, luminance};
-use crate::coats::{CoatScales, mean_of_samples};
+use crate::coats::CoatScales;
 use crate::estimate::{Estimate, Lit};
 use crate::likely::LikelyLight;
 use crate::planes::{Difference, Geometry, Layout, Planes, Weights};
@@ -32,10 +36,11 @@ use crate::store::Store;
 use crate::view::{Seen, View};
 use choose::Choice;
 use glam::Vec3;
-use holo_denoise::Denoiser;
 use holo_display::Interrupt;
 use limit::Limit;
 use rayon::prelude::*;
+use refine::Refinement;
+pub use training::EXAMPLE;
 
 /// Number of neighbourhoods. Each is twice as wide as the one before.
 const SCALES: usize = 6;
@@ -51,9 +56,6 @@ const DIFFERENT_LIGHT: f32 = 0.5;
 /// Share of the first pass's error that the second keeps, because its weights follow the first
 /// light.
 const FIRST_ERROR_SHARE: f32 = 0.25;
-
-/// Fixed-point steps that the denoiser sees as 1.
-const SCALE: f32 = 1024.0;
 
 /// The sums of each square: light (3), count, square.
 type Sum = Planes<5>;
@@ -93,43 +95,69 @@ impl Filtered {
     }
 }
 
-impl Squares {
-    /// Returns the light of every square. `behind` tells which squares lie behind panes. If `once`,
-    /// the second pass is left out, because a denoiser replaces the light of squares with samples.
-    /// `None` if it was interrupted.
-    pub fn filter(
-        &self,
+/// What both passes use.
+struct Passes {
+    layout: Layout,
+    weights: Vec<Weights>,
+    /// Likely light of squares with few samples, as [`Likely::to_array`] returns it.
+    likely: Planes<4>,
+    /// Sums of all scales by geometry.
+    of_all: Vec<Sum>,
+    /// The same for each half of the squares, until the second pass takes them.
+    of_halves: Option<[Vec<Sum>; 2]>,
+    /// Sums of coats towards the eye.
+    of_coats: Option<Sum>,
+    limiting_scale: usize,
+    step: usize,
+}
+
+/// What the second pass chooses by.
+struct Second {
+    /// Logarithms of the light of each half.
+    light: [Planes<1>; 2],
+    /// Sums of all scales by geometry and light.
+    scales: Vec<Sum>,
+    details: Vec<Planes<2>>,
+}
+
+/// Returns the differences that lower the weights of the samples of each half.
+fn by_other_half([of_even, of_odd]: &[Planes<1>; 2]) -> [Option<Difference<'_>>; 2] {
+    [of_odd, of_even].map(|values| Some(Difference { values, limit: DIFFERENT_LIGHT }))
+}
+
+impl Passes {
+    /// Prepares the first pass, and the second one if it is `twice`. `None` if it was interrupted.
+    fn new(
+        squares: &Squares,
         (view, store): (&View, &Store),
         OfSquares { towards_eye, from_all }: &OfSquares,
         behind: &BehindPanes,
-        once: bool,
+        twice: bool,
         interrupt: &Interrupt,
-    ) -> Option<Filtered> {
-        let layout = &self.layout();
-        let weights = &self.weights(layout);
+    ) -> Option<Passes> {
+        let layout = squares.layout();
+        let weights = squares.weights(&layout);
         interrupt.check()?;
 
         let sums = from_all.as_ref().unwrap_or(towards_eye);
         let own = layout.planes(|at| Lit::new(&sums[at.number]).to_array());
-        let likely = LikelyLight::new((view, store), self, layout, &own);
-        let limit = Limit {
-            weights: &weights[..self.limiting_scale()],
-            mean: luminance(likely.mean.to_array()),
-            behind,
-        };
+        let likely = LikelyLight::new((view, store), squares, &layout, &own);
+        let limiting_scale = squares.limiting_scale();
+        let mean = luminance(likely.mean.to_array());
+        let limit = Limit { weights: &weights[..limiting_scale], mean, behind };
         let of_coats = from_all.as_ref().map(|_| {
-            let own = self.of_coats(view, layout, towards_eye);
-            limit.brightest(layout, &own, towards_eye)
+            let own = squares.of_coats(view, &layout, towards_eye);
+            limit.brightest(&layout, &own, towards_eye)
         });
-        let own = limit.brightest(layout, &own, sums);
+        let own = limit.brightest(&layout, &own, sums);
         interrupt.check()?;
 
-        let of_halves = (!once).then(|| {
-            scales::halves(layout, &own).map(|half| scales::all(layout, half, weights, None))
+        let of_halves = twice.then(|| {
+            scales::halves(&layout, &own).map(|half| scales::all(&layout, half, &weights, None))
         });
         let of_all = match &of_halves {
-            Some([even, odd]) => scales::both(layout, even, odd),
-            None => scales::all(layout, own, weights, None),
+            Some([even, odd]) => scales::both(&layout, even, odd),
+            None => scales::all(&layout, own, &weights, None),
         };
         interrupt.check()?;
 
@@ -137,36 +165,84 @@ impl Squares {
             let [.., count, _] = of_all[SCALES].at(at);
             likely.at(at, count).unwrap_or_default().to_array()
         });
-        let choice = Choice { layout, wide: &of_all[self.limiting_scale()], likely: &likely };
-        let first = choice.lights(&of_all, choose::FIRST, &[]);
-        let with_coats = |lights: Vec<Estimate>, from_all: &[Sum], by: [Option<Difference>; 2]| {
-            let beyond = of_coats.map(|own| {
-                let towards_eye = &scales::by_halves(layout, &own, weights, by);
-                CoatScales { towards_eye, from_all }.beyond((view, &self.seen), layout, &lights)
-            });
-            Filtered::new(lights, beyond.unwrap_or_default())
-        };
-        let Some(of_halves) = of_halves else {
-            return Some(with_coats(first, &of_all, [None, None]));
-        };
+        let step = squares.step;
+        Some(Passes { layout, weights, likely, of_all, of_halves, of_coats, limiting_scale, step })
+    }
 
-        let [of_even, of_odd] = of_halves.map(|half| {
-            let found = choice.lights(&half, choose::HALF, &[]);
+    fn choice(&self) -> Choice<'_> {
+        Choice {
+            layout: &self.layout,
+            wide: &self.of_all[self.limiting_scale],
+            likely: &self.likely,
+        }
+    }
+
+    fn refinement<'a>(&'a self, by_light: &'a [Sum], details: &'a [Planes<2>]) -> Refinement<'a> {
+        let (choice, by_geometry, step) = (self.choice(), &self.of_all, self.step);
+        Refinement { choice, by_light, by_geometry, details, step }
+    }
+
+    /// Prepares the second pass. Without one, the inner result is `None`. The outer one is `None`
+    /// if it was interrupted.
+    fn second(&mut self, interrupt: &Interrupt) -> Option<Option<Second>> {
+        let Some(of_halves) = self.of_halves.take() else { return Some(None) };
+        let this = &*self;
+        let Passes { layout, weights, of_all, .. } = this;
+        let light = of_halves.map(|half| {
+            let found = this.choice().lights(&half, choose::HALF);
             let bright = |light: &Estimate| luminance(light.light.to_array()).max(1.0).ln();
             layout.planes(|at| [bright(&found[at.number])])
         });
-        let by_other_half =
-            [&of_odd, &of_even].map(|values| Some(Difference { values, limit: DIFFERENT_LIGHT }));
         interrupt.check()?;
-        let by_light = scales::by_halves(layout, &of_all[0], weights, by_other_half);
+        let scales = scales::by_halves(layout, &of_all[0], weights, by_other_half(&light));
         interrupt.check()?;
-        let details = choice.details(&by_light, weights);
-        let mut lights = choice.lights(&by_light, choose::SECOND, &details);
+        let details = refine::details(&this.choice(), &scales, weights);
+        Some(Some(Second { light, scales, details }))
+    }
+
+    /// Returns what coats send towards the eye beyond the mean of all directions, `lights`.
+    /// `from_all` are the sums of that mean. Empty without coats.
+    fn beyond(
+        &self,
+        (view, squares): (&View, &Squares),
+        lights: &[Estimate],
+        from_all: &[Sum],
+        lowered_by: [Option<Difference>; 2],
+    ) -> Vec<Estimate> {
+        let of_coats = |own: &Sum| {
+            let towards_eye = &scales::by_halves(&self.layout, own, &self.weights, lowered_by);
+            let scales = CoatScales { towards_eye, from_all };
+            scales.beyond((view, &squares.seen), &self.layout, lights)
+        };
+        self.of_coats.as_ref().map(of_coats).unwrap_or_default()
+    }
+}
+
+impl Squares {
+    /// Returns the light of every square. `behind` tells which squares lie behind panes. If `once`,
+    /// the second pass is left out, because a denoiser replaces the light of squares with samples.
+    /// `None` if it was interrupted.
+    pub fn filter(
+        &self,
+        (view, store): (&View, &Store),
+        sums: &OfSquares,
+        behind: &BehindPanes,
+        once: bool,
+        interrupt: &Interrupt,
+    ) -> Option<Filtered> {
+        let mut passes = Passes::new(self, (view, store), sums, behind, !once, interrupt)?;
+        let first = passes.choice().lights(&passes.of_all, choose::FIRST);
+        let Some(Second { light, scales, details }) = passes.second(interrupt)? else {
+            let beyond = passes.beyond((view, self), &first, &passes.of_all, [None, None]);
+            return Some(Filtered::new(first, beyond));
+        };
+        let mut lights = passes.refinement(&scales, &details).lights();
         for (light, first) in lights.iter_mut().zip(&first) {
             light.error = light.error.hypot(FIRST_ERROR_SHARE * first.error);
         }
         interrupt.check()?;
-        Some(with_coats(lights, &by_light, by_other_half))
+        let beyond = passes.beyond((view, self), &lights, &scales, by_other_half(&light));
+        Some(Filtered::new(lights, beyond))
     }
 
     /// Returns the number of the scale that judges brightest samples. It spans as many pixels at
@@ -208,41 +284,5 @@ impl Squares {
             let Seen { point, normal, width, light, .. } = self.seen[at.number];
             [point.x, point.y, point.z, normal.x, normal.y, normal.z, width, light as f32]
         })
-    }
-
-    /// Replaces the filtered light by the denoised means of all samples. If a square has no
-    /// samples, its filtered light is denoised. If the library fails or is interrupted, the light
-    /// stays filtered.
-    pub fn denoise(
-        &self,
-        OfSquares { towards_eye, from_all }: &OfSquares,
-        behind: &BehindPanes,
-        Filtered { mut lights, beyond }: Filtered,
-        denoiser: &mut Denoiser,
-        interrupt: &Interrupt,
-    ) -> Vec<Estimate> {
-        let goes_on = || !interrupt.is_set();
-        let of_samples = |number: usize| {
-            let own = &towards_eye[number];
-            match from_all {
-                Some(all) => mean_of_samples(own, &all[number], &beyond[number]),
-                None => (own.count > 0).then(|| own.mean()),
-            }
-        };
-        let light = |number: usize| {
-            let light = match of_samples(number) {
-                None => lights[number].light,
-                Some(mean) => behind.of(number).map_or(mean, |pane| pane.light(mean)),
-            };
-            (light.max(Vec3::ZERO) / SCALE).to_array()
-        };
-        let mut pixels: Vec<[f32; 3]> = (0..towards_eye.len()).map(light).collect();
-        let normals: Vec<[f32; 3]> = self.seen.iter().map(|seen| seen.normal.to_array()).collect();
-        if denoiser.denoise_light(&mut pixels, &normals, self.size, &goes_on).is_ok() {
-            for (light, pixel) in lights.iter_mut().zip(pixels) {
-                light.light = Vec3::from_array(pixel).max(Vec3::ZERO) * SCALE;
-            }
-        }
-        lights
     }
 }
