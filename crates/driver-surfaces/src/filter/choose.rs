@@ -22,7 +22,7 @@ const LIKELY_WEIGHT: f32 = 2.0;
 /// expected variance is the square of the mean light of the picture around.
 const PRIOR_WEIGHT: f32 = 4.0;
 
-/// What both passes begin with: the widest neighbourhood of each square.
+/// Finds the widest neighbourhood of each square. Both passes begin with it.
 #[derive(Clone, Copy)]
 pub(super) struct Choice<'a> {
     pub layout: &'a Layout,
@@ -37,7 +37,7 @@ pub(super) struct Choice<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct Widest {
     pub estimate: Estimate,
-    /// The luminance around, by which errors are judged.
+    /// The luminance around. Errors are compared with it.
     pub bright: f32,
     /// Samples of the widest neighbourhood.
     pub count: f32,

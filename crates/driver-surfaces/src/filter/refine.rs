@@ -13,10 +13,10 @@ use crate::planes::{Layout, Planes, Square, Weights};
 use holo_cpu::Isa;
 use rayon::prelude::*;
 
-/// Least luminance by which errors are judged, fixed-point steps.
+/// Errors are compared with at least this luminance, fixed-point steps.
 const DARKEST: f32 = 1e-3;
 
-/// What the second pass chooses by.
+/// The quantities by which the second pass chooses.
 pub(super) struct Refinement<'a> {
     pub choice: Choice<'a>,
     /// Sums of all scales by geometry and light.

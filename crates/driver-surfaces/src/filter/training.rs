@@ -1,7 +1,8 @@
 //! Examples that the network learns from: squares of a view, and their light by other samples.
 
 use super::network::{INPUTS, logarithms};
-use super::{OfSquares, Passes, SCALES, Second};
+use super::passes::{Passes, Second};
+use super::{OfSquares, SCALES};
 use crate::behind::BehindPanes;
 use crate::estimate::Lit;
 use crate::gather::Gathered;
@@ -14,16 +15,19 @@ use holo_display::Interrupt;
 /// Quantities of one scale of an example.
 const OF_SCALE: usize = 4 + INPUTS;
 
-/// Quantities of an example: the factor from light to radiance (3), the radiance to add (3), the
-/// number of other samples, their mean light (3), the light of the widest neighbourhood (3), and
-/// those of each scale except the widest. These are its mean light (3), 1 if it has a sample, and
-/// the logarithms of the network's inputs.
+/// Quantities of an example:
+/// - the factor from light to radiance (3), and the radiance to add (3);
+/// - the number of other samples, and their mean light (3);
+/// - the light of the widest neighbourhood (3);
+/// - for each scale except the widest, its mean light (3), 1 if it has a sample, and the logarithms
+///   of the network's inputs.
 pub const EXAMPLE: usize = 13 + SCALES * OF_SCALE;
 
 impl Gathered {
-    /// Returns [`EXAMPLE`] quantities of every square whose number is a multiple of `every`, if it
-    /// shows a surface without a pane before it and has samples in `others`. These must be
-    /// independent of the view's own samples.
+    /// Returns [`EXAMPLE`] quantities of every square whose number is a multiple of `every`.
+    ///
+    /// Squares are left out that show no surface, lie behind a pane, or have no samples in `others`.
+    /// The samples of `others` must be independent of these.
     #[must_use]
     pub fn examples(
         &self,
@@ -41,7 +45,7 @@ impl Gathered {
         let (behind, interrupt) = (BehindPanes::default(), Interrupt::default());
         let passes = Passes::new(&squares, (view, store), &own, &behind, true, &interrupt);
         let Some(mut passes) = passes else { return Vec::new() };
-        let Some(Some(Second { scales, details, .. })) = passes.second(&interrupt) else {
+        let Some(Second { scales, details, .. }) = passes.second(&interrupt) else {
             return Vec::new();
         };
         let refinement = passes.refinement(&scales, &details);

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use crate::common::*;
-use holo_driver_surfaces::{Gathered, Materials, Placer, Store, View};
+use holo_driver_surfaces::{EXAMPLE, Gathered, Materials, Placer, Store, View};
 use holo_scene::Bsdf;
 use std::sync::Arc;
 
@@ -165,4 +165,24 @@ fn one_bright_sample_brings_less_than_its_light_and_many_bring_all() {
     let all = rays(100, |_, _| 25.0);
     let bright = sum(&drawn(&raycaster, &[&all]));
     assert!((bright / quiet - 100.0).abs() < 0.1, "{bright} of {quiet}");
+}
+
+#[test]
+fn examples_have_the_light_of_the_samples_and_of_the_others() {
+    let raycaster = walled_room(Bsdf::Diffuse { kd: [0.8; 3] });
+    let light = |radiance: f32| kept(&raycaster, &floor_rays(200, move |_, _| radiance));
+    let ((store, materials), (others, _)) = (light(0.2), light(0.6));
+    let view = View::new(Arc::clone(&raycaster), materials, &eye(), (64, 64));
+    let [gathered, true_light] = [&store, &others].map(|store| Gathered::new(&view, store));
+    let examples = gathered.examples((&view, &store), &true_light, 3);
+    let (examples, rest) = examples.as_chunks::<EXAMPLE>();
+    assert!(rest.is_empty() && examples.len() > 100, "{}", examples.len());
+    for example in examples {
+        assert!(example.iter().all(|value| value.is_finite()), "{example:?}");
+        let radiance = |light: &[f32]| example[3] + example[0] * light[0];
+        assert!((radiance(&example[7..]) - 0.6).abs() < 0.01, "{example:?}");
+        assert!((radiance(&example[10..]) - 0.2).abs() < 0.01, "{example:?}");
+        // The narrowest neighbourhood: its light, and that it has samples.
+        assert!((radiance(&example[13..]) - 0.2).abs() < 0.01 && example[16] == 1.0);
+    }
 }

@@ -1,0 +1,148 @@
+//! Sums, weights and differences of both passes, in the order in which they are found.
+
+use super::choose::{self, Choice};
+use super::limit::Limit;
+use super::refine::{self, Refinement};
+use super::{OfSquares, SCALES, Sum, scales};
+use crate::behind::BehindPanes;
+use crate::cell::luminance;
+use crate::coats::CoatScales;
+use crate::estimate::{Estimate, Lit};
+use crate::likely::LikelyLight;
+use crate::planes::{Difference, Layout, Planes, Weights};
+use crate::squares::Squares;
+use crate::store::Store;
+use crate::view::View;
+use holo_display::Interrupt;
+
+/// Natural logarithm of the ratio of light at which two squares no longer count for each other, in
+/// the second pass.
+const DIFFERENT_LIGHT: f32 = 0.5;
+
+/// The quantities that both passes use.
+pub(super) struct Passes {
+    pub layout: Layout,
+    weights: Vec<Weights>,
+    /// Likely light of squares with few samples: its channels, and 1 if it is the light around.
+    likely: Planes<4>,
+    /// Sums of all scales by geometry.
+    pub of_all: Vec<Sum>,
+    /// The same for each half of the squares, until the second pass takes them.
+    of_halves: Option<[Vec<Sum>; 2]>,
+    /// Sums of coats towards the eye.
+    of_coats: Option<Sum>,
+    limiting_scale: usize,
+    step: usize,
+}
+
+/// The quantities by which the second pass chooses.
+pub(super) struct Second {
+    /// Logarithms of the light of each half.
+    pub light: [Planes<1>; 2],
+    /// Sums of all scales by geometry and light.
+    pub scales: Vec<Sum>,
+    /// Details of all scales except the widest.
+    pub details: Vec<Planes<2>>,
+}
+
+/// Returns the differences that lower the weights of the samples of each half.
+pub(super) fn by_other_half([of_even, of_odd]: &[Planes<1>; 2]) -> [Option<Difference<'_>>; 2] {
+    [of_odd, of_even].map(|values| Some(Difference { values, limit: DIFFERENT_LIGHT }))
+}
+
+impl Passes {
+    /// Prepares the first pass, and the second one if it is `twice`. `None` if it was interrupted.
+    pub fn new(
+        squares: &Squares,
+        (view, store): (&View, &Store),
+        OfSquares { towards_eye, from_all }: &OfSquares,
+        behind: &BehindPanes,
+        twice: bool,
+        interrupt: &Interrupt,
+    ) -> Option<Passes> {
+        let layout = squares.layout();
+        let weights = squares.weights(&layout);
+        interrupt.check()?;
+
+        let sums = from_all.as_ref().unwrap_or(towards_eye);
+        let own = layout.planes(|at| Lit::new(&sums[at.number]).to_array());
+        let likely = LikelyLight::new((view, store), squares, &layout, &own);
+        let limiting_scale = squares.limiting_scale();
+        let mean = luminance(likely.mean.to_array());
+        let limit = Limit { weights: &weights[..limiting_scale], mean, behind };
+        let of_coats = from_all.as_ref().map(|_| {
+            let own = squares.of_coats(view, &layout, towards_eye);
+            limit.brightest(&layout, &own, towards_eye)
+        });
+        let own = limit.brightest(&layout, &own, sums);
+        interrupt.check()?;
+
+        let of_halves = twice.then(|| {
+            scales::halves(&layout, &own).map(|half| scales::all(&layout, half, &weights, None))
+        });
+        let of_all = match &of_halves {
+            Some([even, odd]) => scales::both(&layout, even, odd),
+            None => scales::all(&layout, own, &weights, None),
+        };
+        interrupt.check()?;
+
+        let likely = layout.planes(|at| {
+            let [.., count, _] = of_all[SCALES].at(at);
+            likely.at(at, count).unwrap_or_default().to_array()
+        });
+        let step = squares.step;
+        Some(Passes { layout, weights, likely, of_all, of_halves, of_coats, limiting_scale, step })
+    }
+
+    pub fn choice(&self) -> Choice<'_> {
+        Choice {
+            layout: &self.layout,
+            wide: &self.of_all[self.limiting_scale],
+            likely: &self.likely,
+        }
+    }
+
+    pub fn refinement<'a>(
+        &'a self,
+        by_light: &'a [Sum],
+        details: &'a [Planes<2>],
+    ) -> Refinement<'a> {
+        let (choice, by_geometry, step) = (self.choice(), &self.of_all, self.step);
+        Refinement { choice, by_light, by_geometry, details, step }
+    }
+
+    /// Prepares the second pass. `None` if it was interrupted, or if [`new`](Self::new) prepared
+    /// the first pass alone.
+    pub fn second(&mut self, interrupt: &Interrupt) -> Option<Second> {
+        let of_halves = self.of_halves.take()?;
+        let this = &*self;
+        let Passes { layout, weights, of_all, .. } = this;
+        let light = of_halves.map(|half| {
+            let found = this.choice().lights(&half, choose::HALF);
+            let bright = |light: &Estimate| luminance(light.light.to_array()).max(1.0).ln();
+            layout.planes(|at| [bright(&found[at.number])])
+        });
+        interrupt.check()?;
+        let scales = scales::by_halves(layout, &of_all[0], weights, by_other_half(&light));
+        interrupt.check()?;
+        let details = refine::details(&this.choice(), &scales, weights);
+        Some(Second { light, scales, details })
+    }
+
+    /// Returns what coats send towards the eye beyond the mean of all directions, `lights`.
+    /// `from_all` are the sums of that mean. Empty without coats.
+    pub fn beyond(
+        &self,
+        (view, squares): (&View, &Squares),
+        lights: &[Estimate],
+        from_all: &[Sum],
+        lowered_by: [Option<Difference>; 2],
+    ) -> Vec<Estimate> {
+        let of_coats = |own: &Sum| {
+            let towards_eye = &scales::by_halves(&self.layout, own, &self.weights, lowered_by);
+            let scales = CoatScales { towards_eye, from_all };
+            scales.beyond((view, &squares.seen), &self.layout, lights)
+        };
+        self.of_coats.as_ref().map(of_coats).unwrap_or_default()
+    }
+}
