@@ -19,6 +19,8 @@ import torch
 
 SCALES, INPUTS, HIDDEN = 6, 15, 16
 HEAD, OF_SCALE = 13, 4 + INPUTS
+# The number of the input that has the significance of a scale's detail.
+SIGNIFICANCE = 2
 STEPS = 6000
 # Files and examples of each step.
 FILES, EXAMPLES = 6, 2048
@@ -52,7 +54,9 @@ class Examples:
 
     def loss(self, net: "Network", which: torch.Tensor | slice) -> torch.Tensor:
         values, scales = self.values[which], self._scales(which)
-        shares = net(scales[..., 4:]) * scales[..., 3]
+        # The square root of Wiener's share, as in `Detail::significant_share`.
+        real = (2 ** scales[..., 4 + SIGNIFICANCE] - 2).clamp(min=1e-6)
+        shares = net(scales[..., 4:]) * scales[..., 3] * (real / (real + 1)).sqrt()
         light = values[:, 10:13]
         for scale in reversed(range(SCALES)):
             light = light + shares[:, scale, None] * (scales[:, scale, :3] - light)
@@ -116,7 +120,8 @@ pub(super) const LAST_BIAS: f32 = {literal(self.last.bias[0])};
 def literal(values: torch.Tensor) -> str:
     if values.dim():
         return f"[{', '.join(literal(value) for value in values)}]"
-    return f"{values.item():.6f}"
+    text = f"{values.item():.6g}"
+    return text if "." in text or "e" in text else f"{text}.0"
 
 
 def main(folder: Path, target: Path) -> None:

@@ -3,7 +3,8 @@
 //! It sums over ever wider neighbourhoods (à-trous), in two passes. In the first, weights depend on
 //! geometry alone, and each square uses the narrowest neighbourhood with a small enough standard
 //! error. In the second, weights also depend on differences of the light that the first found. A
-//! network then determines how much each neighbourhood counts beside the next wider one.
+//! network and the significance of detail then determine how much each neighbourhood counts beside
+//! the next wider one.
 //! `docs/notes/filter-network.md` has its figures.
 //!
 //! The first pass finds the light twice, each time from half of the squares. In the second pass,
