@@ -27,9 +27,8 @@ const TAKE: usize = 4;
 /// waits. While most samples lack records, two thirds of the time go into records.
 const EFFORT: u32 = 2;
 
-/// The same while no display waits. If records serve nearly all samples, nine tenths of the time go
-/// into records, so that few samples of a file are noisy. If records serve few samples, less time
-/// does.
+/// The same while no display waits. This is the most: the fewer samples records serve, the less
+/// time goes into records.
 const EFFORT_UNWATCHED: u32 = 16;
 
 /// Distinguishes the random numbers of live rays from those of samples, whose kinds are 0 to 2.

@@ -95,6 +95,10 @@ pub(super) const ENOUGH_WEIGHT: [f32; 2] = [4.0, 1.0];
 /// Share of the time that records may always take, so that their use can be measured.
 pub(super) const FIRST_SHARE: f64 = 0.3;
 
+/// Share of the time that records may take, over the share of samples that they serve. It is the
+/// part of a sample's variance that records remove.
+pub(super) const SERVED_WORTH: f64 = 0.5;
+
 /// Time of a record's ray over that of a sample: 0.35 in the bundled interior.
 pub(super) const RAY_COST: f64 = 0.4;
 
