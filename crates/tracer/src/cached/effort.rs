@@ -179,6 +179,26 @@ mod tests {
     }
 
     #[test]
+    fn records_without_end_take_half_the_share_of_time_that_they_serve() {
+        let effort = Effort::unlimited();
+        effort.set(16, true);
+        let (samples, serve, rays) = (300_000_u32, 0.8, 300);
+        let mut made = 0;
+        for i in 0..samples {
+            // Clutter: each record serves a place of its own, so the share served never grows.
+            if (f64::from(i) * 0.618_034).fract() < serve {
+                effort.add_served();
+            } else if let Some(_begun) = effort.begin_record() {
+                effort.add_rays(rays);
+                made += 1;
+            }
+        }
+        let work = f64::from(made * rays) * RAY_COST;
+        let time = work / (work + f64::from(samples));
+        assert!((time - 0.4).abs() < 0.02, "{time}");
+    }
+
+    #[test]
     fn an_effort_that_is_not_measured_is_kept() {
         let effort = Effort::unlimited();
         assert!(effort.begin_record().is_some());
