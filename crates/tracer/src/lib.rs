@@ -235,9 +235,9 @@ impl Tracer {
     /// [`set_effort`](Self::set_effort) does. If records serve few samples, the bound is lower than
     /// `most`.
     ///
-    /// The share of work that goes into records is the share of samples that find records, but at
-    /// least 30 %. So few records are made where each serves little, in clutter. Measurements are
-    /// in docs/notes/indirect-light.md.
+    /// The bound follows from how fast records lower the share of samples that lack one. So few
+    /// records are made where each serves little, in clutter. Measurements are in
+    /// docs/notes/indirect-light.md.
     pub fn set_measured_effort(&self, most: u32) {
         if let Some(cached) = &self.cached {
             cached.set_effort(most, true);

@@ -92,12 +92,13 @@ pub(super) const MAX_LAMP_OVER_MEAN: f32 = 8.0;
 /// see smoother, but do not improve the mean over a hemisphere.
 pub(super) const ENOUGH_WEIGHT: [f32; 2] = [4.0, 1.0];
 
-/// Share of the time that records may always take, so that their use can be measured.
-pub(super) const FIRST_SHARE: f64 = 0.3;
-
-/// Share of the time that records may take, over the share of samples that they serve. It is the
-/// part of a sample's variance that records remove.
+/// Part of a sample's variance that a record removes.
 pub(super) const SERVED_WORTH: f64 = 0.5;
+
+/// Least and greatest exponent with which the share of samples that lack a record may fall as more
+/// rays are traced for records. With the least, some records are made even where they have been
+/// useless, because later ones may not be.
+pub(super) const DECAYS: [f64; 2] = [0.1, 4.0];
 
 /// Time of a record's ray over that of a sample: 0.35 in the bundled interior.
 pub(super) const RAY_COST: f64 = 0.4;
