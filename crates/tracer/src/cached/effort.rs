@@ -162,8 +162,9 @@ impl Drop for Begun<'_> {
 ///
 /// Let u be the share, d its decay, and w the part of a sample's variance that a record removes
 /// ([`SERVED_WORTH`]). N samples and r rays take the time N + c r ([`RAY_COST`] is c), and the
-/// error is (1 - w (1 - u)) / N. For a given time, it is least if c r / N = w d u / (1 - w (1 - u)).
-/// The r rays are divided among the N u samples that lack a record.
+/// error is (1 - w (1 - u)) / N. For a given time, it is least if
+/// c r / N = w d u / (1 - w (1 - u)). The r rays are divided among the N u samples that lack a
+/// record.
 ///
 /// So a room of large surfaces has its records soon. In clutter, further records serve few samples,
 /// and paths lower the error faster.
