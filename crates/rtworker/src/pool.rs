@@ -24,12 +24,8 @@ use crate::unseen::UnseenCache;
 const TAKE: usize = 4;
 
 /// Rays for records of indirect light, for each sample in a place without records, while a display
-/// waits. While most samples lack records, two thirds of the time go into records.
+/// waits. While most samples lack records, nearly half of the time goes into records.
 const EFFORT: u32 = 2;
-
-/// The same while no display waits. This is the most: the fewer samples records serve, the less
-/// time goes into records.
-const EFFORT_UNWATCHED: u32 = 16;
 
 /// Distinguishes the random numbers of live rays from those of samples, whose kinds are 0 to 2.
 const LIVE_SALT: u64 = 3 << 56;
@@ -214,7 +210,7 @@ fn trace_beam(job: &BeamJob, task: &Task) -> Option<Finished> {
     if is_watched {
         task.tracer.set_effort(EFFORT);
     } else {
-        task.tracer.set_measured_effort(EFFORT_UNWATCHED);
+        task.tracer.set_measured_effort();
     }
     let sampler = section.beam_sampler(index, beam, job.viewpoint.as_ref())?;
     // Samples of all kinds have the same numbers, but need different random numbers.

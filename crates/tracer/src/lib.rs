@@ -227,20 +227,19 @@ impl Tracer {
     /// no records.
     pub fn set_effort(&self, effort: u32) {
         if let Some(cached) = &self.cached {
-            cached.set_effort(effort, false);
+            cached.set_effort(effort);
         }
     }
 
     /// Bounds the cost of samples of the engine `cached` from now on, as
-    /// [`set_effort`](Self::set_effort) does. If records serve few samples, the bound is lower than
-    /// `most`.
+    /// [`set_effort`](Self::set_effort) does, but chooses the bound itself.
     ///
-    /// The bound follows from how fast records lower the share of samples that lack one. So few
-    /// records are made where each serves little, in clutter. Measurements are in
-    /// docs/notes/indirect-light.md.
-    pub fn set_measured_effort(&self, most: u32) {
+    /// The bound follows from how fast records lower the share of samples that lack one, so that
+    /// the error falls fastest. In clutter, where each record serves little, few are made.
+    /// Measurements are in docs/notes/indirect-light.md.
+    pub fn set_measured_effort(&self) {
         if let Some(cached) = &self.cached {
-            cached.set_effort(most, true);
+            cached.set_measured_effort();
         }
     }
 

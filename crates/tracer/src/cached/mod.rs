@@ -113,10 +113,14 @@ impl Cached {
         &self.store
     }
 
-    /// Implements [`Tracer::set_effort`](crate::Tracer::set_effort) and
-    /// [`Tracer::set_measured_effort`](crate::Tracer::set_measured_effort).
-    pub(crate) fn set_effort(&self, most: u32, is_measured: bool) {
-        self.effort.set(most, is_measured);
+    /// Implements [`Tracer::set_effort`](crate::Tracer::set_effort).
+    pub(crate) fn set_effort(&self, limit: u32) {
+        self.effort.set(limit);
+    }
+
+    /// Implements [`Tracer::set_measured_effort`](crate::Tracer::set_measured_effort).
+    pub(crate) fn set_measured_effort(&self) {
+        self.effort.set(MEASURED);
     }
 
     /// Returns one estimate of the radiance that arrives against `start.direction`.

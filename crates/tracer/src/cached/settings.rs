@@ -92,13 +92,13 @@ pub(super) const MAX_LAMP_OVER_MEAN: f32 = 8.0;
 /// see smoother, but do not improve the mean over a hemisphere.
 pub(super) const ENOUGH_WEIGHT: [f32; 2] = [4.0, 1.0];
 
-/// Part of a sample's variance that a record removes.
+/// Part of a sample's variance that a record removes: half in the bundled interior.
 pub(super) const SERVED_WORTH: f64 = 0.5;
 
-/// Least and greatest exponent with which the share of samples that lack a record may fall as more
-/// rays are traced for records. With the least, some records are made even where they have been
-/// useless, because later ones may not be.
-pub(super) const DECAYS: [f64; 2] = [0.1, 4.0];
+/// Least and greatest exponent d if the share of samples that lack a record falls like rays^-d. The
+/// least allows some records even where they were useless so far, so that their use can be measured
+/// again.
+pub(super) const DECAYS: [f64; 2] = [0.1, 2.0];
 
 /// Time of a record's ray over that of a sample: 0.35 in the bundled interior.
 pub(super) const RAY_COST: f64 = 0.4;
@@ -108,3 +108,6 @@ pub(super) const WINDOW: u64 = 1 << 16;
 
 /// An effort without limit: every sample that lacks a record makes one.
 pub(super) const UNLIMITED: u32 = u32::MAX;
+
+/// An effort whose limit follows from what records achieve.
+pub(super) const MEASURED: u32 = u32::MAX - 1;

@@ -388,7 +388,7 @@ fn limited_effort_gives_paths_until_there_are_records() {
     let never = model.tracer(None).with_cache(0.05, 1);
     never.set_effort(0);
     let measured = model.tracer(None).with_cache(0.05, 1);
-    measured.set_measured_effort(16);
+    measured.set_measured_effort();
     let path = model.tracer(None);
     let (eye, rays) = (DVec3::new(-1.5, -2.5, 1.2), 20_000);
     let mut sums = [0.0; 3];
