@@ -61,6 +61,7 @@ struct Writer {
 pub struct Store {
     slots: Box<[OnceLock<Box<[Slot]>>]>,
     count: AtomicU32,
+    rays: AtomicU64,
     heads: Box<[AtomicU32]>,
     /// Index of a record in the low half, next entry in the high half.
     nodes: Box<[OnceLock<Box<[AtomicU64]>>]>,
@@ -90,6 +91,7 @@ impl Store {
         Self {
             slots: (0..MAX_RECORDS / CHUNK).map(|_| OnceLock::new()).collect(),
             count: AtomicU32::new(0),
+            rays: AtomicU64::new(0),
             heads: (0..HEADS).map(|_| AtomicU32::new(NONE)).collect(),
             nodes: (0..MAX_RECORDS * CELLS / NODES).map(|_| OnceLock::new()).collect(),
             levels: AtomicU32::new(0),
@@ -102,6 +104,12 @@ impl Store {
     #[must_use]
     pub fn len(&self) -> usize {
         self.count.load(Ordering::Acquire) as usize
+    }
+
+    /// Returns the number of rays of all records.
+    #[must_use]
+    pub fn rays(&self) -> u64 {
+        self.rays.load(Ordering::Relaxed)
     }
 
     /// Returns true if there are no records.
@@ -200,6 +208,7 @@ impl Store {
         slot.radius.store(record.radius.to_bits(), Ordering::Relaxed);
         slot.received.store(received, Ordering::Relaxed);
         let _ = slot.record.set(record);
+        self.rays.fetch_add(record.rays.into(), Ordering::Relaxed);
         self.count.store(index + 1, Ordering::Release);
         let level = self.level(record.radius);
         let (low, high) =

@@ -18,9 +18,6 @@ const FRACTION: u32 = 8;
 /// wait for them.
 const EXPECTED_RAYS: u64 = 4096;
 
-/// Rays of records at which [`Effort::decay`] is measured for the first time.
-const FIRST_MEASURED: u64 = 1 << 15;
-
 /// The effort of one tracer, shared by its threads.
 #[derive(Debug)]
 pub(super) struct Effort {
@@ -30,11 +27,12 @@ pub(super) struct Effort {
     served: AtomicU64,
     /// Samples that did not.
     lacking: AtomicU64,
-    /// The last measurement of [`Effort::decay`].
+    /// The moment for which [`Effort::decay`] was measured last.
     measured: Mutex<Measured>,
-    /// Rays of records at which it is measured again.
+    /// Rays of all records at which it is measured again.
     next_measured: AtomicU64,
-    /// The last result, as the bits of an `f64`.
+    /// The exponent d if the share of samples that lack a record falls like rays^-d, as the bits of
+    /// an `f64`. 1 until it is measured.
     decay: AtomicU64,
     /// Rays of records that samples have allowed so far, with [`FRACTION`] bits.
     allowed: AtomicU64,
@@ -44,9 +42,9 @@ pub(super) struct Effort {
 }
 
 /// What records had cost and achieved at one moment.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Measured {
-    /// Rays of records until then.
+    /// Rays of all records, also of those that other processes made. 0 if nothing was measured yet.
     rays: u64,
     /// Share of the samples that lacked a record.
     lacking: f64,
@@ -58,8 +56,8 @@ impl Effort {
             limit: AtomicU32::new(UNLIMITED),
             served: AtomicU64::default(),
             lacking: AtomicU64::default(),
-            measured: Mutex::new(Measured { rays: 0, lacking: 1.0 }),
-            next_measured: AtomicU64::new(FIRST_MEASURED),
+            measured: Mutex::default(),
+            next_measured: AtomicU64::new(1),
             decay: AtomicU64::new(1.0_f64.to_bits()),
             allowed: AtomicU64::default(),
             traced: AtomicU64::default(),
@@ -83,9 +81,9 @@ impl Effort {
         }
     }
 
-    /// Counts a sample that lacks a record. `Some` if it may make one: a value to keep until the
-    /// record is made.
-    pub fn begin_record(&self) -> Option<Begun<'_>> {
+    /// Counts a sample that lacks a record, while all records that there are have `all_rays` rays.
+    /// `Some` if it may make one: a value to keep until the record is made.
+    pub fn begin_record(&self, all_rays: u64) -> Option<Begun<'_>> {
         let limit = self.limit.load(Ordering::Relaxed);
         if limit == UNLIMITED {
             return Some(Begun { effort: self, rays: 0 });
@@ -100,7 +98,12 @@ impl Effort {
         }
         let rays = if limit == MEASURED {
             let share = lacking as f64 / (served + lacking) as f64;
-            rays_per_lacking(share, self.decay(share))
+            if served + lacking >= WINDOW / 2
+                && all_rays >= self.next_measured.load(Ordering::Relaxed)
+            {
+                self.measure_decay(share, all_rays);
+            }
+            rays_per_lacking(share, f64::from_bits(self.decay.load(Ordering::Relaxed)))
         } else {
             f64::from(limit)
         };
@@ -117,13 +120,11 @@ impl Effort {
         (before << FRACTION < allowed).then_some(begun)
     }
 
-    /// Returns the exponent d if the share of samples that lack a record falls like rays^-d. It is
-    /// measured whenever the number of rays has doubled, and 1 before.
-    fn decay(&self, lacking: f64) -> f64 {
-        let rays = self.traced.load(Ordering::Relaxed);
-        if rays >= self.next_measured.load(Ordering::Relaxed)
-            // Another thread may be measuring, or may just have done it.
-            && let Ok(mut last) = self.measured.try_lock()
+    /// Measures [`decay`](Self::decay) again, as is done whenever the rays of all records have
+    /// doubled.
+    fn measure_decay(&self, lacking: f64, rays: u64) {
+        // Another thread may be measuring, or may just have done it.
+        if let Ok(mut last) = self.measured.try_lock()
             && rays >= 2 * last.rays
         {
             if last.rays > 0 {
@@ -135,7 +136,6 @@ impl Effort {
             *last = Measured { rays, lacking };
             self.next_measured.store(2 * rays, Ordering::Relaxed);
         }
-        f64::from_bits(self.decay.load(Ordering::Relaxed))
     }
 }
 
@@ -187,7 +187,7 @@ mod tests {
             if (f64::from(i) * 0.618_034).fract() >= unserved {
                 effort.add_served();
                 found += 1;
-            } else if let Some(_begun) = effort.begin_record() {
+            } else if let Some(_begun) = effort.begin_record(u64::from(made * RAYS)) {
                 effort.add_rays(RAYS);
                 unserved *= 1.0 - serves(made);
                 made += 1;
@@ -255,12 +255,32 @@ mod tests {
     }
 
     #[test]
+    fn decay_is_measured_over_the_records_of_everyone() {
+        // The share that lacks a record falls like the root of rays. 1000 records are there before.
+        let effort = Effort::unlimited();
+        effort.set(MEASURED);
+        let mut all_rays = 1000 * u64::from(RAYS);
+        let first = all_rays as f64;
+        for i in 0..3_000_000 {
+            if (f64::from(i) * 0.618_034).fract() >= 0.5 * (first / all_rays as f64).sqrt() {
+                effort.add_served();
+            } else if let Some(_begun) = effort.begin_record(all_rays) {
+                effort.add_rays(RAYS);
+                all_rays += u64::from(RAYS);
+            }
+        }
+        assert!(all_rays as f64 > 2.0 * first);
+        let decay = f64::from_bits(effort.decay.load(Ordering::Relaxed));
+        assert!((decay - 0.5).abs() < 0.05, "{decay}");
+    }
+
+    #[test]
     fn an_effort_that_is_not_measured_is_kept() {
         let effort = Effort::unlimited();
-        assert!(effort.begin_record().is_some());
+        assert!(effort.begin_record(0).is_some());
         effort.set(2);
         let made = (0..3000).filter(|_| {
-            let begun = effort.begin_record();
+            let begun = effort.begin_record(0);
             if begun.is_some() {
                 effort.add_rays(300);
             }
@@ -269,20 +289,20 @@ mod tests {
         assert_eq!(made.count(), 20);
         effort.set(0);
         effort.add_rays(10_000);
-        assert!((0..1000).all(|_| effort.begin_record().is_none()));
+        assert!((0..1000).all(|_| effort.begin_record(0).is_none()));
     }
 
     #[test]
     fn a_record_that_is_being_made_counts() {
         let effort = Effort::unlimited();
-        let unlimited = effort.begin_record();
+        let unlimited = effort.begin_record(0);
         effort.set(2);
-        let first = effort.begin_record();
+        let first = effort.begin_record(0);
         assert!(first.is_some());
-        assert!((0..1000).all(|_| effort.begin_record().is_none()));
+        assert!((0..1000).all(|_| effort.begin_record(0).is_none()));
         // Rays are counted as they are traced, even if the limit changed meanwhile.
         effort.add_rays(300);
         drop((first, unlimited));
-        assert!(effort.begin_record().is_some());
+        assert!(effort.begin_record(0).is_some());
     }
 }

@@ -143,7 +143,8 @@ impl Cached {
             self.effort.add_served();
             return Some(found.irradiance);
         }
-        let begun = if self.store.is_full() { None } else { self.effort.begin_record() };
+        let store = &self.store;
+        let begun = if store.is_full() { None } else { self.effort.begin_record(store.rays()) };
         let Some(_begun) = begun else {
             return found
                 .filter(|found| found.weight >= MIN_WEIGHT_WITHOUT_RECORD)

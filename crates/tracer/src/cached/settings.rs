@@ -104,7 +104,7 @@ pub(super) const DECAYS: [f64; 2] = [0.1, 2.0];
 pub(super) const RAY_COST: f64 = 0.4;
 
 /// Samples after which their counts are halved, so that the share served is a recent one.
-pub(super) const WINDOW: u64 = 1 << 16;
+pub(super) const WINDOW: u64 = 3 << 14;
 
 /// An effort without limit: every sample that lacks a record makes one.
 pub(super) const UNLIMITED: u32 = u32::MAX;
