@@ -12,5 +12,5 @@ mod record;
 mod store;
 
 pub use gather::{Arrival, Hemisphere, Source, limit_outliers};
-pub use record::Record;
+pub use record::{MAX_GRADE, Record, grade_weight};
 pub use store::{Found, MAX_RECORDS, Store};

@@ -62,6 +62,7 @@ pub struct Store {
     slots: Box<[OnceLock<Box<[Slot]>>]>,
     count: AtomicU32,
     rays: AtomicU64,
+    grade: AtomicU32,
     heads: Box<[AtomicU32]>,
     /// Index of a record in the low half, next entry in the high half.
     nodes: Box<[OnceLock<Box<[AtomicU64]>>]>,
@@ -77,8 +78,8 @@ pub struct Store {
 pub struct Found {
     /// Irradiance by indirect light, W·m⁻² per channel.
     pub irradiance: Vec3,
-    /// Sum of the weights of the records used. A weight is 1 at the record and 0 from its radius
-    /// on.
+    /// Sum of the weights of the records used. A weight is the record's
+    /// [weight by grade](Record::grade_weight) at the record, and 0 from its radius on.
     pub weight: f32,
     /// Number of records used.
     pub records: u32,
@@ -92,6 +93,7 @@ impl Store {
             slots: (0..MAX_RECORDS / CHUNK).map(|_| OnceLock::new()).collect(),
             count: AtomicU32::new(0),
             rays: AtomicU64::new(0),
+            grade: AtomicU32::new(0),
             heads: (0..HEADS).map(|_| AtomicU32::new(NONE)).collect(),
             nodes: (0..MAX_RECORDS * CELLS / NODES).map(|_| OnceLock::new()).collect(),
             levels: AtomicU32::new(0),
@@ -110,6 +112,13 @@ impl Store {
     #[must_use]
     pub fn rays(&self) -> u64 {
         self.rays.load(Ordering::Relaxed)
+    }
+
+    /// Returns the greatest grade of a record.
+    #[must_use]
+    #[inline]
+    pub fn grade(&self) -> u32 {
+        self.grade.load(Ordering::Relaxed)
     }
 
     /// Returns true if there are no records.
@@ -193,7 +202,7 @@ impl Store {
             if normal.dot(Vec3::from(other.normal)) > LEAST_COSINE && distance < radius {
                 record.radius = record.radius.min(radius + distance);
                 let reach = distance * record.agreed_share(other);
-                if reach < distance && other.flags == record.flags && !hidden(other) {
+                if reach < distance && other.kind() == record.kind() && !hidden(other) {
                     record.radius = record.radius.min(reach);
                     slot.radius.fetch_min(reach.max(0.5 * self.width).to_bits(), Ordering::Relaxed);
                 }
@@ -209,6 +218,7 @@ impl Store {
         slot.received.store(received, Ordering::Relaxed);
         let _ = slot.record.set(record);
         self.rays.fetch_add(record.rays.into(), Ordering::Relaxed);
+        self.grade.fetch_max(record.grade(), Ordering::Relaxed);
         self.count.store(index + 1, Ordering::Release);
         let level = self.level(record.radius);
         let (low, high) =
@@ -279,7 +289,7 @@ impl Store {
                 return true;
             }
             let turned = ((1.0 - cosine).max(0.0) / (1.0 - LEAST_COSINE)).sqrt();
-            let weight = 1.0 - (distance / radius).max(turned);
+            let weight = (1.0 - (distance / radius).max(turned)) * record.grade_weight();
             if weight <= 0.0 || distance > CERTAINLY_SEEN * record.nearest && hidden(record) {
                 return true;
             }

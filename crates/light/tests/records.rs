@@ -302,6 +302,26 @@ fn a_record_serves_its_own_surface_and_none_a_step_before_or_behind_it() {
     }
 }
 
+#[test]
+fn a_record_of_grade_1_counts_as_sixteen_others() {
+    let store = Store::new(0.01);
+    let graded =
+        |light, grade: u32, id| Record { flags: grade << 8, ..record(Vec3::ZERO, light, 2.0, id) };
+    let found = |enough: f32| store.irradiance(Vec3::X, Vec3::Z, enough, |_| false).unwrap();
+    assert!(store.insert(graded(1.0, 0, 1), |_| false));
+    assert_eq!((found(f32::INFINITY).weight, store.grade(), store.rays()), (0.5, 0, 1));
+    assert!(store.insert(graded(18.0, 1, 2), |_| false));
+    let both = found(f32::INFINITY);
+    assert_eq!((both.irradiance, both.weight, both.records), (Vec3::splat(17.0), 8.5, 2));
+    assert_eq!((store.grade(), store.rays()), (1, 2));
+    // The exact one is newer, so it is met first.
+    assert_eq!((found(2.0).irradiance, found(2.0).records), (Vec3::splat(18.0), 1));
+    // No tracer makes these.
+    for flags in [2, 4 << 8, 1 << 16] {
+        assert!(!store.insert(Record { flags, ..record(Vec3::ZERO, 1.0, 2.0, 3) }, |_| false));
+    }
+}
+
 /// If two records contradict each other, only nearby points use either. Noise is no contradiction,
 /// and records that a wall separates do not contradict each other.
 #[test]

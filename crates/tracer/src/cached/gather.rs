@@ -9,7 +9,7 @@ use holo_light::{Arrival, Hemisphere, Record, Source, limit_outliers};
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 
 use super::settings::{AIMED, Kind};
-use super::{CachePolicy, Cached, Role};
+use super::{CachePolicy, Cached, Quality, Role};
 use crate::engine::PathEngine;
 use crate::geometry::Frame;
 use crate::images::{ImageSampling, Images};
@@ -30,6 +30,7 @@ impl Cached {
         &self,
         engine: &PathEngine,
         at: &ShadingPoint,
+        quality: &Quality,
         rays: u32,
         kind: Kind,
         most_per_ray: f32,
@@ -78,7 +79,6 @@ impl Cached {
         let mut record = hemisphere.record(&arrivals, [frame.s, frame.t, normal]);
         record.point = point.point.to_array();
         record.id = id;
-        record.flags = kind as u32;
         let mut next = hemisphere.rays();
         let mut samplers = |count: u32| {
             let first = next;
@@ -98,7 +98,7 @@ impl Cached {
             .collect();
         record.add(&images);
         self.effort.add_rays(next);
-        record.radius = (record.radius * self.quality.reach).min(self.quality.max_radius);
+        record.radius = (record.radius * quality.reach).min(quality.max_radius);
         record
     }
 }

@@ -9,6 +9,8 @@
 //! - A record costs as much as hundreds of paths. Someone may wait for samples, so their cost is
 //!   bounded ([`Cached::set_effort`]). A sample that may not make a record uses few records nearby
 //!   or continues as a path. So useful samples arrive from the first moment.
+//! - The error of a record stays in all samples around it. Once records cover what samples see, a
+//!   long fill makes others with half the error ([`Record::grade`]).
 //!
 //! Invariants:
 //! - Results depend on the records only within the engine's accuracy, with one exception. Paths
@@ -32,7 +34,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
 use glam::Vec3;
-use holo_light::{Found, Record, Store};
+use holo_light::{Found, Record, Store, grade_weight};
 use holo_raycast::Raycaster;
 
 use crate::bsdf::Scatter;
@@ -59,6 +61,16 @@ struct Quality {
 }
 
 impl Quality {
+    /// Returns the quality of records of a grade: half the error of the grade before.
+    fn of_grade(&self, grade: u32) -> Quality {
+        let halved = 0.5_f32.powi(grade as i32);
+        Quality {
+            accuracy: self.accuracy * halved,
+            reach: self.reach * halved.sqrt(),
+            max_radius: self.max_radius * halved.sqrt(),
+        }
+    }
+
     /// Returns the relative standard error to make a record with, from the radius that its
     /// surroundings allow.
     fn error(&self, kind: Kind, radius: f32) -> f32 {
@@ -138,25 +150,27 @@ impl Cached {
     /// Returns the irradiance by indirect light at a point that an eye sees. Makes a record if
     /// there are too few. `None` if that would exceed the effort.
     fn irradiance(&self, engine: &PathEngine, at: &ShadingPoint) -> Option<Vec3> {
-        let found = self.look_up(at, Kind::Exact);
-        if let Some(found) = found.filter(|found| found.weight >= MIN_WEIGHT) {
-            self.effort.add_served();
-            return Some(found.irradiance);
-        }
         let store = &self.store;
-        let begun = if store.is_full() { None } else { self.effort.begin_record(store.rays()) };
+        let found = self.look_up(at, Kind::Exact);
+        let weight = found.map_or(0.0, |found| found.weight);
+        // Grades come one after the other, also in a room that is new to an old file.
+        let lacking =
+            (0..=self.effort.grade(store)).find(|&grade| weight < MIN_WEIGHT * grade_weight(grade));
+        let Some(grade) = lacking else {
+            self.effort.add_served(store);
+            return found.map(|found| found.irradiance);
+        };
+        let begun = if store.is_full() { None } else { self.effort.begin_record(store) };
         let Some(_begun) = begun else {
             return found
                 .filter(|found| found.weight >= MIN_WEIGHT_WITHOUT_RECORD)
                 .map(|found| found.irradiance);
         };
-        let made = self.make_record(engine, at, Kind::Exact);
-        // The new record has weight 1.
-        Some(
-            found.map_or(made, |found| {
-                (found.irradiance * found.weight + made) / (found.weight + 1.0)
-            }),
-        )
+        let made = self.make_record(engine, at, Kind::Exact, grade);
+        let weight = grade_weight(grade);
+        Some(found.map_or(made, |found| {
+            (found.irradiance * found.weight + made * weight) / (found.weight + weight)
+        }))
     }
 
     /// Interpolates the irradiance by indirect light between records that reach the point and see
@@ -164,8 +178,13 @@ impl Cached {
     fn look_up(&self, at: &ShadingPoint, kind: Kind) -> Option<Found> {
         let &ShadingPoint { raycaster, point, normal, lit, .. } = at;
         let normals = [normal, lit];
-        self.store.irradiance_around(point.point, normals, ENOUGH_WEIGHT[kind as usize], |record| {
-            record.flags > kind as u32
+        let enough = match kind {
+            Kind::Exact => grade_weight(self.store.grade()),
+            Kind::Coarse => 1.0,
+        };
+        let enough = enough * ENOUGH_WEIGHT[kind as usize];
+        self.store.irradiance_around(point.point, normals, enough, |record| {
+            record.kind() > kind as u32
                 || raycaster.parted(point, normal, record.point.into(), record.normal.into())
         })
     }
@@ -179,16 +198,18 @@ impl Cached {
 
     /// Makes a record of the light that arrives at a point, and returns its irradiance.
     #[cold]
-    fn make_record(&self, engine: &PathEngine, at: &ShadingPoint, kind: Kind) -> Vec3 {
+    fn make_record(&self, engine: &PathEngine, at: &ShadingPoint, kind: Kind, grade: u32) -> Vec3 {
+        let quality = self.quality.of_grade(grade);
         // The pilot is thrown away. If it were part of the record, a pilot that missed the light
         // would agree with itself and ask for few rays.
         let pilot_rays =
-            pilot_rays(ERROR[kind as usize] * self.quality.accuracy, PILOT_RAYS[kind as usize]);
-        let pilot = self.gather(engine, at, pilot_rays, kind, f32::INFINITY);
-        let error = self.quality.error(kind, pilot.radius);
+            pilot_rays(ERROR[kind as usize] * quality.accuracy, PILOT_RAYS[kind as usize]);
+        let pilot = self.gather(engine, at, &quality, pilot_rays, kind, f32::INFINITY);
+        let error = quality.error(kind, pilot.radius);
         let deviation = self.deviations.add(&pilot);
-        let rays = ((deviation / error).powi(2) as u32).clamp(MIN_RAYS, MAX_RAYS);
-        let mut record = self.gather(engine, at, rays, kind, error);
+        let rays = ((deviation / error).powi(2) as u32).clamp(MIN_RAYS, MAX_RAYS << (2 * grade));
+        let mut record = self.gather(engine, at, &quality, rays, kind, error);
+        record.flags = grade << 8 | kind as u32;
         if kind == Kind::Exact {
             // The radius must not depend on the record's own light. Otherwise records that are too
             // bright would serve less of the surface than those that are too dark. Noisy records
@@ -255,7 +276,7 @@ impl PathPolicy for CachePolicy<'_> {
                     && at.scatterings == 2
                     && coarse_is_due(at, sampler) =>
                 {
-                    self.cached.make_record(self.engine, at, Kind::Coarse)
+                    self.cached.make_record(self.engine, at, Kind::Coarse, 0)
                 }
                 None => return None,
             }

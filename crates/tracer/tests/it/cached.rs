@@ -2,7 +2,9 @@
 //! accuracy, and no light passes through walls.
 
 use crate::common::{BLACK, Model, estimate, form_factor};
+use bytemuck::Zeroable;
 use glam::DVec3;
+use holo_light::Record;
 use holo_scene::Bsdf;
 use holo_tracer::Tracer;
 
@@ -377,6 +379,86 @@ fn one_thread_makes_the_same_picture_again() {
     };
     assert_eq!(radiances(1), radiances(1));
     assert_ne!(radiances(1), radiances(2));
+}
+
+/// The floor sees no lamp, so a sample there is the mean of the records around, without noise of its
+/// own.
+#[test]
+fn records_become_more_exact_as_samples_accumulate() {
+    const CACHES: u64 = 8;
+    let model = room();
+    let eye = DVec3::new(-1.0, 1.0, 1.2);
+    let floor: Vec<DVec3> = (0..24)
+        .map(|i| DVec3::new(f64::from(i % 6) * 0.3 - 1.7, f64::from(i / 6) - 1.5, 0.0))
+        .collect();
+    // Light of the floor by the records of the first samples, and by those of all samples.
+    let mut light = [vec![], vec![]];
+    for name in 0..CACHES {
+        let tracer = model.tracer(None).with_cache(0.2, name);
+        let store = tracer.light().unwrap();
+        let shown = || {
+            tracer.set_effort(0);
+            let shown: Vec<f64> = floor
+                .iter()
+                .map(|&point| f64::from(tracer.trace(eye, point - eye, 0).radiance[1]))
+                .collect();
+            tracer.set_measured_effort();
+            shown
+        };
+        tracer.set_measured_effort();
+        let mut samples = 0_u32;
+        // When the second grade begins, records of the first cover the room.
+        while store.grade() < 2 {
+            let i = samples;
+            samples += 1;
+            assert!(samples < 3_000_000);
+            // All directions.
+            let z = 1.0 - 2.0 * (f64::from(i) * 0.618_034).fract();
+            let (sin, cos) = (2.4 * f64::from(i)).sin_cos();
+            let flat = (1.0 - z * z).sqrt();
+            let _ = tracer.trace(eye, DVec3::new(flat * cos, flat * sin, z), u64::from(i));
+            if i == 100_000 {
+                assert_eq!(store.grade(), 0);
+                light[0].push(shown());
+            }
+        }
+        light[1].push(shown());
+    }
+    let spread = |light: &[Vec<f64>]| -> f64 {
+        let at = |point: usize| {
+            let values: Vec<f64> = light.iter().map(|values| values[point]).collect();
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            values.iter().map(|value| (value / mean - 1.0).powi(2)).sum::<f64>()
+        };
+        (0..floor.len()).map(at).sum()
+    };
+    let [first, refined] = light.map(|light| spread(&light));
+    // At most a quarter, if it were for the new records alone. 8 caches and 24 places allow for chance.
+    assert!(refined < 0.5 * first, "{first} {refined}");
+}
+
+#[test]
+fn a_place_without_records_begins_with_grade_0() {
+    let tracer = room().tracer(None).with_cache(0.2, 1);
+    let store = tracer.light().unwrap();
+    let elsewhere = Record {
+        point: [1000.0, 0.0, 0.0],
+        normal: [0.0, 0.0, 1.0],
+        radius: 1.0,
+        flags: 2 << 8,
+        ..Record::zeroed()
+    };
+    assert!(store.receive(elsewhere));
+    tracer.set_measured_effort();
+    let eye = DVec3::new(-1.0, 1.0, 1.2);
+    for seed in 0..20_000 {
+        let (sin, cos) = (seed as f64).sin_cos();
+        let _ = tracer.trace(eye, DVec3::new(cos, sin, -1.0), seed);
+    }
+    let records = (1..store.len()).map(|index| store.get(index).unwrap());
+    let grades: Vec<u32> = records.filter(|record| record.kind() == 0).map(|r| r.grade()).collect();
+    let of_grade_0 = grades.iter().filter(|&&grade| grade == 0).count();
+    assert!(grades[0] == 0 && of_grade_0 > 1 && of_grade_0 < grades.len(), "{grades:?}");
 }
 
 #[test]
