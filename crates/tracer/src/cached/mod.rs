@@ -341,3 +341,23 @@ fn scene_size(raycaster: &Raycaster) -> f32 {
     }
     (high - low).max_element().max(f32::MIN_POSITIVE)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grade_halves_the_error_and_the_area_of_records() {
+        let first = Quality { accuracy: 0.04, reach: 0.4, max_radius: 1.0 };
+        for grade in 1..=3 {
+            let (before, after) = (first.of_grade(grade - 1), first.of_grade(grade));
+            let area = |quality: Quality| quality.max_radius.powi(2);
+            assert!((area(after) / area(before) - 0.5).abs() < 1e-5);
+            for (kind, share) in [(Kind::Exact, 1.0), (Kind::Exact, 0.7), (Kind::Coarse, 0.2)] {
+                let error = |quality: Quality| quality.error(kind, share * quality.max_radius);
+                assert!((error(after) / error(before) - 0.5).abs() < 1e-5, "{grade} {kind:?}");
+            }
+        }
+        assert_eq!(first.of_grade(0).error(Kind::Exact, 1.0), 0.02);
+    }
+}

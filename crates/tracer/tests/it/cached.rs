@@ -433,7 +433,7 @@ fn records_become_more_exact_as_samples_accumulate() {
         (0..floor.len()).map(at).sum()
     };
     let [first, refined] = light.map(|light| spread(&light));
-    // At most a quarter, if it were for the new records alone. 8 caches and 24 places allow for chance.
+    // At most a quarter, if it were for the new records alone. The rest allows for chance.
     assert!(refined < 0.5 * first, "{first} {refined}");
 }
 
