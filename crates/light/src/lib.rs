@@ -7,6 +7,7 @@
 //!
 //! docs/notes/indirect-light.md compares this with other caches.
 
+mod blend;
 mod gather;
 mod record;
 mod store;

@@ -91,7 +91,12 @@ impl Record {
     #[must_use]
     #[inline]
     pub fn extrapolate(&self, point: Vec3, normal: Vec3) -> Vec3 {
-        let step = point - Vec3::from(self.point);
+        self.predict(point - Vec3::from(self.point), normal)
+    }
+
+    /// Returns the same at `step` from the record.
+    #[inline]
+    pub(crate) fn predict(&self, step: Vec3, normal: Vec3) -> Vec3 {
         let turned = Vec3::from(self.normal).cross(normal);
         let channel = |c: usize| {
             self.irradiance[c]

@@ -13,6 +13,7 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use glam::{IVec3, Vec3};
 
+use crate::blend::Blend;
 use crate::record::Record;
 
 /// Most records of a store: 150 MB.
@@ -273,7 +274,7 @@ impl Store {
         enough: f32,
         mut hidden: impl FnMut(&Record) -> bool,
     ) -> Option<Found> {
-        let mut found = Found::default();
+        let (mut found, mut blend) = (Found::default(), Blend::default());
         self.around(point, |_, record, radius| {
             let offset = point - Vec3::from(record.point);
             let distance = offset.length();
@@ -293,12 +294,12 @@ impl Store {
             if weight <= 0.0 || distance > CERTAINLY_SEEN * record.nearest && hidden(record) {
                 return true;
             }
-            found.irradiance += record.extrapolate(point, lit) * weight;
+            blend.add(record, point, lit, weight);
             found.weight += weight;
             found.records += 1;
             found.weight < enough
         });
-        (found.weight > 0.0).then(|| Found { irradiance: found.irradiance / found.weight, ..found })
+        (found.weight > 0.0).then(|| Found { irradiance: blend.irradiance(), ..found })
     }
 
     /// Calls `visit` with the records whose cells contain a point, by level and newest first, until

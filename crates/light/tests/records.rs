@@ -325,6 +325,38 @@ fn a_record_of_grade_1_counts_as_sixteen_others() {
 /// If two records contradict each other, only nearby points use either. Noise is no contradiction,
 /// and records that a wall separates do not contradict each other.
 #[test]
+fn between_records_light_is_exact_to_second_order() {
+    // Concave along x and convex along y.
+    let exact = |x: f32, y: f32| 4.0 + x - 0.8 * x * x + 0.5 * y * y + 0.3 * x * y;
+    let known = |(x, y): (f32, f32), id: u64| Record {
+        shift: [[1.0 - 1.6 * x + 0.3 * y, y + 0.3 * x, 0.0]; 3],
+        ..record(Vec3::new(x, y, 0.0), exact(x, y), 2.0, id)
+    };
+    let found = |places: &[(f32, f32)], x: f32, y: f32| {
+        let store = Store::new(0.1);
+        (1..).zip(places).for_each(|(id, &place)| assert!(store.receive(known(place, id))));
+        let never = |_: &Record| false;
+        store.irradiance(Vec3::new(x, y, 0.0), Vec3::Z, f32::INFINITY, never).unwrap().irradiance.x
+    };
+    let around = [(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5), (0.1, -0.6)];
+    // Extrapolations to the middle of four records are too bright by 0.075 each.
+    assert!((found(&around[..4], 0.0, 0.0) - exact(0.0, 0.0)).abs() < 1e-5);
+    // Without symmetry, the error is -½ m·H·m, where m is the weighted mean of the steps.
+    let (x, y) = (0.2, -0.1);
+    let weights = around.map(|(a, b)| 1.0 - (x - a).hypot(y - b) / 2.0);
+    let mean = |at: fn(&(f32, f32)) -> f32, of: f32| {
+        let sum: f32 = around.iter().zip(weights).map(|(place, w)| (of - at(place)) * w).sum();
+        sum / weights.iter().sum::<f32>()
+    };
+    let (mx, my) = (mean(|place| place.0, x), mean(|place| place.1, y));
+    let error = 0.8 * mx * mx - 0.5 * my * my - 0.3 * mx * my;
+    assert!((found(&around, x, y) - exact(x, y) - error).abs() < 1e-5);
+    // A single record predicts with its whole gradient.
+    let alone = known((0.5, -0.5), 1).extrapolate(Vec3::new(x, y, 0.0), Vec3::Z).x;
+    assert!((found(&around[1..2], x, y) - alone).abs() < 1e-5);
+}
+
+#[test]
 fn contradicting_records_get_smaller_radii() {
     let radii = |light: f32, error: f32, hidden: bool| {
         let store = Store::new(0.01);
