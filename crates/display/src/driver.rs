@@ -40,6 +40,18 @@ pub struct Look {
     pub resolution: Resolution,
 }
 
+impl Look {
+    /// Most pixels of a small view.
+    const SMALL: u64 = 100_000;
+
+    /// Returns true if the view has so few pixels that its first picture can have all of them, and
+    /// its best, without any delay that a person would notice.
+    pub fn is_small(&self) -> bool {
+        let (width, height) = self.size;
+        self.resolution == Resolution::Full && u64::from(width) * u64::from(height) <= Self::SMALL
+    }
+}
+
 /// The surface under a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceAt {

@@ -148,6 +148,9 @@ impl SurfacesDriver {
         }
         self.place_waiting();
         let shown = self.shown.as_mut()?;
+        if shown.look.is_small() {
+            while shown.look_into_edges(&self.store) {}
+        }
         let refined = shown.refined(self.denoiser.is_some());
         let is_for_file = std::mem::take(&mut shown.is_for_file);
         let never = Interrupt::default();
@@ -190,6 +193,14 @@ impl SurfacesDriver {
         Some((drawn, all))
     }
 
+    /// Looks into some of the view's pixels on edges. Returns true if more are left.
+    fn look_into_edges(&mut self) -> bool {
+        let looks =
+            |shown: &&mut Shown| shown.look.resolution == Resolution::Full && shown.known.is_none();
+        let Some(shown) = self.shown.as_mut().filter(looks) else { return false };
+        shown.look_into_edges(&self.store)
+    }
+
     /// Adds placed samples to the store, and to the current view.
     fn keep(&mut self, placed: &[Placed]) {
         if self.store.add(placed) {
@@ -226,7 +237,7 @@ impl Driver for SurfacesDriver {
             let Look { view, resolution, .. } = shown.look;
             view == look.view && resolution == Resolution::Half && shown.is_refined
         };
-        let is_refined = self.shown.as_ref().is_some_and(glanced);
+        let is_refined = look.is_small() || self.shown.as_ref().is_some_and(glanced);
         let moved = |shown: &Shown| shown.look.resolution == Resolution::Moving;
         let has_stopped = self.shown.as_ref().is_some_and(moved);
         let lit = (&self.store, &self.known);
@@ -255,6 +266,8 @@ impl Driver for SurfacesDriver {
         self.waiting.push(beam, paths, samples);
         if self.waiting.len() >= BATCH {
             self.place_waiting();
+            // While samples pour in, the session has no time for `prepare`.
+            self.look_into_edges();
         }
     }
 
@@ -319,12 +332,11 @@ impl Driver for SurfacesDriver {
             // Gathering now would delay the first frame.
             return false;
         }
-        let refines = shown.is_refined && shown.look.resolution == Resolution::Full;
         if shown.gathered.is_none() {
             shown.gathered = Some(Gathered::new(&shown.view, store));
-            return refines;
+            return shown.look.resolution == Resolution::Full;
         }
-        refines && shown.look_into_edges(store)
+        self.look_into_edges()
     }
 
     fn draw(&mut self, _stage_ended: &mut dyn FnMut(&'static str)) -> Frame {

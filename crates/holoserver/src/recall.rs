@@ -1,15 +1,19 @@
-//! Sends stored samples to a display, as fast as it takes them. For a view, beams with greater
-//! weight come first. Parts of the file that no view requested are sent here too.
+//! Sends stored samples to a display, as fast as it takes them. Parts of the file that no view
+//! requested are sent here too.
+//!
+//! A display shows a view while its samples still arrive. Therefore the beams that the view crosses
+//! are sent in rounds: first a few samples of every beam, then more. Other beams follow one by one,
+//! those of greater weight first.
 
 use std::{
     collections::BTreeMap,
-    ops::ControlFlow,
+    ops::{ControlFlow, Range},
     sync::{
         Arc,
         atomic::{AtomicU32, Ordering},
     },
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use anyhow::{Context, Result};
@@ -17,12 +21,13 @@ use holo_beamfile::{BeamSamples, Caching};
 use holo_net::{Outbox, SCENE_CHUNK_BYTES};
 use holo_progress::said_once;
 use holo_proto::{
-    ProtoError,
+    LEAST_TRACED_WEIGHT, ProtoError,
     bulk::{BlobChunk, MAX_RUN, Samples, Source, Unseen},
     fading,
     frame::Kind,
 };
 use holo_section::{BeamId, BeamKey, Run};
+use rustc_hash::FxHashMap;
 
 use crate::holodeck::Holodeck;
 
@@ -48,6 +53,21 @@ const BEAMS_PER_PART: u64 = 1 << 18;
 
 /// Beams whose weights differ by a smaller factor are read together, in file order.
 const WEIGHT_CLASS: f32 = 4.0;
+
+/// Samples per unit of weight, which is one pixel, that the first round sends of each beam.
+const FIRST_ROUND: f32 = 1.0 / 16.0;
+
+/// Each round sends until a beam has this many times as many samples as after the round before.
+const NEXT_ROUND: f32 = 2.0;
+
+/// Least number of samples that a round sends of a beam.
+const LEAST_OF_BEAM: usize = 8;
+
+/// Most samples that are read before their rounds begin: 48 MB.
+const MOST_IN_ROUNDS: usize = 1 << 22;
+
+/// Longest time for which reading delays their rounds.
+const ROUNDS_PATIENCE: Duration = Duration::from_millis(50);
 
 /// A view's stored samples, except those that its display has.
 pub struct Recall {
@@ -86,14 +106,19 @@ impl Recall {
         self.holodeck.refresh().context("looking for what another process has added")?;
         self.send_unseen()?;
         let is_wanted = || self.is_wanted();
-        for (source, beams) in [(Source::Stored, &self.keys), (Source::Earlier, &self.earlier)] {
+        let is_crossed = |&(_, weight): &(BeamKey, f32)| weight >= LEAST_TRACED_WEIGHT;
+        let (crossed, others): (Vec<_>, Vec<_>) = self.keys.iter().copied().partition(is_crossed);
+        for (source, crossed, others) in
+            [(Source::Stored, crossed, &others), (Source::Earlier, Vec::new(), &self.earlier)]
+        {
             let mut sender =
                 Sender::new(&self.holodeck, &self.outbox, (self.view, source), &is_wanted);
-            for keys in by_weight(beams) {
-                sender.send_beams(&keys)?;
+            sender.send_in_rounds(&crossed)?;
+            for keys in by_weight(others) {
                 if !self.is_wanted() {
                     break;
                 }
+                sender.send_beams(&keys)?;
             }
             sender.finish()?;
         }
@@ -210,7 +235,7 @@ impl<'a> Sender<'a> {
         let mut send = |key: BeamKey, beam: Arc<BeamSamples>| {
             sent = match source {
                 Source::Earlier => self.add_earlier(&beam, file.count(key)),
-                _ => self.add(&beam),
+                _ => self.add(&beam, 0..beam.samples.len()),
             };
             if sent.is_err() || !(self.is_wanted)() {
                 ControlFlow::Break(())
@@ -225,6 +250,44 @@ impl<'a> Sender<'a> {
             Source::Stored | Source::Traced => file.read_many(keys, Caching::Fill, &mut send)?,
         }
         sent
+    }
+
+    /// Sends samples of the beams of a view, given with their weights, in rounds. Reading that takes
+    /// long, or very many samples, are divided among several sequences of rounds.
+    fn send_in_rounds(&mut self, beams: &[(BeamKey, f32)]) -> Result<()> {
+        let weights: FxHashMap<BeamKey, f32> = beams.iter().copied().collect();
+        let file = &self.holodeck.file;
+        let (mut read, mut samples, mut since) = (Vec::new(), 0, Instant::now());
+        for keys in by_weight(beams) {
+            let mut sent = Ok(());
+            let mut take = |key: BeamKey, beam: Arc<BeamSamples>| {
+                samples += beam.samples.len();
+                read.push((weights[&key], beam));
+                if samples >= MOST_IN_ROUNDS || since.elapsed() >= ROUNDS_PATIENCE {
+                    sent = self.send_rounds(std::mem::take(&mut read));
+                    (samples, since) = (0, Instant::now());
+                }
+                match sent.is_ok() && (self.is_wanted)() {
+                    true => ControlFlow::Continue(()),
+                    false => ControlFlow::Break(()),
+                }
+            };
+            file.read_many(&keys, Caching::Fill, &mut take)?;
+            sent?;
+        }
+        self.send_rounds(read)
+    }
+
+    /// Sends all samples of beams, given with their weights, in rounds.
+    fn send_rounds(&mut self, beams: Vec<(f32, Arc<BeamSamples>)>) -> Result<()> {
+        let pieces = rounds(beams.iter().map(|(weight, beam)| (*weight, beam.samples.len())));
+        for (beam, part) in pieces {
+            if !(self.is_wanted)() {
+                break;
+            }
+            self.add(&beams[beam].1, part)?;
+        }
+        Ok(())
     }
 
     fn add_earlier(&mut self, beam: &BeamSamples, present: u64) -> Result<()> {
@@ -246,10 +309,14 @@ impl<'a> Sender<'a> {
         Ok(())
     }
 
-    fn add(&mut self, beam: &BeamSamples) -> Result<()> {
+    /// Sends the samples in `part` of the beam's samples.
+    fn add(&mut self, beam: &BeamSamples, part: Range<usize>) -> Result<()> {
+        let mut begin = 0;
         for (run, samples) in beam.iter() {
-            let mut first = run.first;
-            for part in samples.chunks(MAX_RUN as usize) {
+            let end = begin + samples.len();
+            let (from, to) = (part.start.clamp(begin, end), part.end.clamp(begin, end));
+            let mut first = run.first + (from - begin) as u32;
+            for part in samples[from - begin..to - begin].chunks(MAX_RUN as usize) {
                 let count = part.len() as u32;
                 let paths = run.paths.min(self.usual_paths);
                 self.message.runs.push(Run { first, count, paths, ..*run });
@@ -259,6 +326,7 @@ impl<'a> Sender<'a> {
                     self.send()?;
                 }
             }
+            begin = end;
         }
         Ok(())
     }
@@ -278,6 +346,32 @@ impl<'a> Sender<'a> {
     fn finish(mut self) -> Result<()> {
         if self.message.samples.is_empty() { Ok(()) } else { self.send() }
     }
+}
+
+/// Returns the pieces in which the samples of beams are sent, as indices of beams and ranges of
+/// their samples. Beams are given as their weights and numbers of samples.
+fn rounds(
+    beams: impl Iterator<Item = (f32, usize)>,
+) -> impl Iterator<Item = (usize, Range<usize>)> {
+    // Beams that are not sent yet: index, weight, number of samples, and how many are sent.
+    let mut rest: Vec<(usize, f32, usize, usize)> =
+        beams.enumerate().map(|(index, (weight, count))| (index, weight, count, 0)).collect();
+    let mut density = FIRST_ROUND;
+    std::iter::from_fn(move || {
+        rest.retain(|&(.., count, sent)| sent < count);
+        let mut pieces = Vec::new();
+        for (index, weight, count, sent) in &mut rest {
+            // Conversions of floats saturate.
+            let end = ((*weight * density) as usize).max(LEAST_OF_BEAM).min(*count);
+            if end > *sent {
+                pieces.push((*index, *sent..end));
+                *sent = end;
+            }
+        }
+        density *= NEXT_ROUND;
+        (!rest.is_empty()).then_some(pieces)
+    })
+    .flatten()
 }
 
 /// Returns beams in classes of about equal weight, the heaviest first. Each class keeps their
@@ -347,6 +441,26 @@ fn send_blob(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rounds_send_every_sample_once_and_equal_numbers_per_pixel() {
+        let beams = [(100.0, 3000), (400.0, 3000), (0.01, 100), (50.0, 0), (f32::MAX, 17)];
+        let mut sent = [0; 5];
+        let pieces: Vec<_> = rounds(beams.into_iter()).collect();
+        for (at, (beam, part)) in pieces.iter().enumerate() {
+            assert!(part.start == sent[*beam] && part.end > part.start, "{part:?} of beam {beam}");
+            sent[*beam] = part.end;
+            if at > 4 && sent[..2].iter().all(|&sent| sent < 3000) {
+                let ratio = sent[1] as f32 / sent[0] as f32;
+                assert!((1.9..8.1).contains(&ratio), "{sent:?}");
+            }
+        }
+        assert_eq!(sent, beams.map(|(_, count)| count));
+        let first: Vec<_> = pieces[..4].to_vec();
+        assert_eq!(first, [(0, 0..8), (1, 0..25), (2, 0..8), (4, 0..17)]);
+        // A beam that hardly any pixel crosses comes last.
+        assert_eq!(pieces.last(), Some(&(2, 81..100)));
+    }
 
     #[test]
     fn heavier_beams_come_first_and_like_ones_together() {

@@ -12,6 +12,8 @@ use holo_section::{BeamId, BeamKey, RayCoords, Sample, Section, SectionSpec, Vie
 use std::sync::Arc;
 
 const SIZE: (u32, u32) = (64, 48);
+/// Pixels of a view whose first frame is not refined.
+const LARGE: (u32, u32) = (400, 300);
 const ALBEDO: f32 = 0.5;
 const LIGHT: f32 = 0.8;
 
@@ -55,9 +57,13 @@ fn samples(section: &Section, count: u64) -> Vec<(BeamKey, Sample)> {
 }
 
 fn look(options: &str, resolution: Resolution) -> Look {
+    look_of(SIZE, options, resolution)
+}
+
+fn look_of(size: (u32, u32), options: &str, resolution: Resolution) -> Look {
     let mut spec = ViewSpec::default();
     spec.apply_line(options).unwrap();
-    let (view, size): (View, _) = spec.resolve(SIZE).unwrap();
+    let (view, size): (View, _) = spec.resolve(size).unwrap();
     Look { view, size, resolution }
 }
 
@@ -213,7 +219,7 @@ fn the_first_frame_after_a_stop_shows_known_light_unless_it_is_for_a_file() {
 }
 
 #[test]
-fn the_second_picture_at_rest_is_the_refined_one() {
+fn the_second_picture_of_a_large_view_at_rest_is_the_refined_one() {
     let (sections, raycaster) = floor();
     let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
     for (beam, sample) in samples(&sections[0], 60_000) {
@@ -221,7 +227,7 @@ fn the_second_picture_at_rest_is_the_refined_one() {
     }
     assert!(!driver.refines());
     // The floor's border goes through this view.
-    driver.look(&look(WIDE, Resolution::Full)).unwrap();
+    driver.look(&look_of(LARGE, WIDE, Resolution::Full)).unwrap();
     assert!(!driver.refines());
     let first = draw(&mut driver).picture.pixels;
     assert!(!driver.refines(), "no edge was looked into yet");
@@ -241,17 +247,46 @@ fn the_second_picture_at_rest_is_the_refined_one() {
     let second = draw(&mut driver).picture.pixels;
     assert!(second != before);
     // Once all stored samples have come, the first picture is refined.
-    driver.look(&look(WIDE, Resolution::Full)).unwrap();
+    driver.look(&look_of(LARGE, WIDE, Resolution::Full)).unwrap();
     driver.settle();
     finish(&mut driver);
     assert_eq!(draw(&mut driver).picture.pixels, second);
     // So is the first one after a glance that has shown a picture.
-    driver.look(&look(WIDE, Resolution::Half)).unwrap();
+    driver.look(&look_of(LARGE, WIDE, Resolution::Half)).unwrap();
     let glance = draw(&mut driver).picture.pixels;
     assert!(glance != second);
-    driver.look(&look(WIDE, Resolution::Full)).unwrap();
+    driver.look(&look_of(LARGE, WIDE, Resolution::Full)).unwrap();
     finish(&mut driver);
     assert_eq!(draw(&mut driver).picture.pixels, second);
+}
+
+#[test]
+fn the_first_picture_of_a_small_view_is_the_refined_one() {
+    let (sections, raycaster) = floor();
+    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    for (beam, sample) in samples(&sections[0], 60_000) {
+        driver.insert(beam, 1, &[sample]);
+    }
+    driver.look(&look(WIDE, Resolution::Full)).unwrap();
+    let first = draw(&mut driver).picture.pixels;
+    finish(&mut driver);
+    assert!(!driver.refines());
+    assert_eq!(draw(&mut driver).picture.pixels, first);
+}
+
+#[test]
+fn edges_are_looked_into_while_samples_pour_in() {
+    let (sections, raycaster) = floor();
+    let (beam, sample) = samples(&sections[0], 100)[0];
+    for pours in [false, true] {
+        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        driver.look(&look_of(LARGE, WIDE, Resolution::Full)).unwrap();
+        let count = if pours { 1 << 16 } else { 1 << 10 };
+        driver.insert(beam, 1, &vec![sample; count]);
+        draw(&mut driver);
+        finish(&mut driver);
+        assert_eq!(driver.refines(), !pours);
+    }
 }
 
 #[test]

@@ -57,8 +57,8 @@ const MOVING_PATIENCE: Duration = Duration::from_secs(1);
 /// end on what it shows.
 pub(super) const SEARCH_AFTER: Duration = Duration::from_millis(400);
 
-/// Time for which only every other column and row of a new view is evaluated, unless the view is
-/// drawn earlier. This takes a quarter of the time, so the first picture appears sooner and has
+/// Time for which only every other column and row of a large new view is evaluated, unless the view
+/// is drawn earlier. This takes a quarter of the time, so the first picture appears sooner and has
 /// more samples.
 const GLANCE: Duration = Duration::from_millis(400);
 
@@ -85,14 +85,15 @@ impl Session {
     pub fn show(&mut self, spec: &ViewSpec, size: (u32, u32)) -> Result<()> {
         let (view, size) = spec.resolve(size)?;
         let resolution = self.pace.next(Instant::now());
-        if resolution == Resolution::Full && self.driver.keeps_samples() {
-            let resolution = Resolution::Half;
-            self.look(Look { view, size, resolution })?;
+        let look = Look { view, size, resolution };
+        let has_glance = resolution == Resolution::Full && !look.is_small();
+        if has_glance && self.driver.keeps_samples() {
+            self.look(Look { resolution: Resolution::Half, ..look })?;
             let until = Some(self.since() + GLANCE);
             self.current.iter_mut().for_each(|current| current.glance_until = until);
             return Ok(());
         }
-        self.look(Look { view, size, resolution })
+        self.look(look)
     }
 
     /// Evaluates every pixel of the current view, if only some were.

@@ -114,25 +114,30 @@ fn view() -> ViewSpec {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_view_is_glanced_at_until_it_is_drawn_and_then_seen_at_every_pixel() {
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let address = listener.local_addr().unwrap();
-    let serving = tokio::spawn(serve(listener));
-    let connected = connect(address).await;
-    let looking = tokio::task::spawn_blocking(move || {
-        let mut session = connected.begin(|_| {}).unwrap().unwrap();
-        session.show(&view(), (96, 72)).unwrap();
-        // Two neighbouring pixels never see points at the same distance.
-        let differing = |session: &mut Session| {
-            let depth = session.draw().0.depth;
-            depth.windows(2).filter(|pair| pair[0] != pair[1]).count()
-        };
-        assert!((1..=96 * 72 / 2).contains(&differing(&mut session)));
-        session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
-        assert!(differing(&mut session) > 96 * 72 * 9 / 10);
-    });
-    timeout(LIMIT, looking).await.unwrap().unwrap();
-    timeout(LIMIT, serving).await.unwrap().unwrap();
+async fn a_large_view_is_glanced_at_until_it_is_drawn_and_a_small_one_is_not() {
+    for (size, is_large) in [((480, 360), true), ((96, 72), false)] {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let serving = tokio::spawn(serve(listener));
+        let connected = connect(address).await;
+        let looking = tokio::task::spawn_blocking(move || {
+            let mut session = connected.begin(|_| {}).unwrap().unwrap();
+            session.show(&view(), size).unwrap();
+            // Two neighbouring pixels never see points at the same distance.
+            let differing = |session: &mut Session| {
+                let depth = session.draw().0.depth;
+                depth.windows(2).filter(|pair| pair[0] != pair[1]).count()
+            };
+            let pixels = (size.0 * size.1) as usize;
+            if is_large {
+                assert!((1..=pixels / 2).contains(&differing(&mut session)));
+                session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
+            }
+            assert!(differing(&mut session) > pixels * 9 / 10);
+        });
+        timeout(LIMIT, looking).await.unwrap().unwrap();
+        timeout(LIMIT, serving).await.unwrap().unwrap();
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
