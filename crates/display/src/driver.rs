@@ -44,8 +44,8 @@ impl Look {
     /// Most pixels of a small view.
     const SMALL: u64 = 100_000;
 
-    /// Returns true if the view has so few pixels that its first picture can have all of them, and
-    /// its best, without any delay that a person would notice.
+    /// Returns true if the view has so few pixels that its best picture can be its first, because
+    /// nobody notices the delay.
     pub fn is_small(&self) -> bool {
         let (width, height) = self.size;
         self.resolution == Resolution::Full && u64::from(width) * u64::from(height) <= Self::SMALL

@@ -4,9 +4,9 @@
 //! f and its gradient there. With the whole gradient, it predicts f(x) too high by -½ s·H·s, which
 //! has one sign wherever the light is concave. Without the gradient, the error is -s·∇f + ½ s·H·s.
 //! With half of the gradient, the terms with H cancel, and -½ s·∇f is left. The mean over records
-//! is off by half the mean gradient times the mean of s, which is then added. What remains is
-//! -½ m·H·m, where m is the mean of s: almost nothing if records surround the point. A single record
-//! predicts the same as with its whole gradient. The gradient by rotation is always used whole.
+//! is off by half the mean gradient times the mean of s, which is then added. The error that remains
+//! is -½ m·H·m, where m is the mean of s. It is almost 0 if records surround the point. A single
+//! record predicts the same as with its whole gradient. The gradient by rotation is used whole.
 //!
 //! The error is measured in `docs/notes/indirect-light.md`.
 
@@ -45,7 +45,7 @@ impl Blend {
         let mean = self.halves / self.weight;
         let step = self.steps * (0.5 / self.weight);
         let [r, g, b] = self.shifts.map(|shift| shift.dot(step) / self.weight);
-        // As for each record, gradients change the light by at most half.
+        // Gradients change the light by at most half, as in the prediction of one record.
         (mean + Vec3::new(r, g, b)).clamp(mean * 0.5, mean * 1.5)
     }
 }

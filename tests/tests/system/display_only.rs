@@ -7,6 +7,7 @@ use std::{
 
 use holo_net::Message;
 use holo_proto::{
+    LEAST_TRACED_WEIGHT,
     bulk::{ViewRequest, WantedBeam},
     control::Control,
     frame::Kind,
@@ -120,13 +121,13 @@ fn a_display_is_sent_no_beam_of_which_it_holds_all_samples() {
 }
 
 #[test]
-fn a_display_is_sent_the_beams_that_it_wants_most_first() {
+fn a_display_is_sent_some_samples_of_every_beam_of_its_view_then_more_and_then_other_beams() {
     let place = Place::new();
     place.fill_small("a.holo", "50k");
     let file = stored(&place.path("a.holo"));
     let keys: BTreeSet<BeamKey> = file.beams.keys().map(|(key, _)| *key).collect();
     // In the order of their names, and so in the file, the weights alternate.
-    let weight = |at: usize| [1e-5, 20.0, 0.3][at % 3];
+    let weight = |at: usize| [1e-6, 20.0, 1e-5, 400.0][at % 4];
     let weights: BTreeMap<BeamKey, f32> =
         keys.into_iter().enumerate().map(|(at, key)| (key, weight(at))).collect();
     let wanted =
@@ -134,7 +135,24 @@ fn a_display_is_sent_the_beams_that_it_wants_most_first() {
     let server = place.server("a.holo", &["--display-only"]);
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let arrived = runtime.block_on(sent(server.address, weights.iter().map(wanted).collect()));
-    assert!(arrived.is_sorted_by(|(one, _), (next, _)| weights[one] >= weights[next]));
+    let is_of_view = |key: &BeamKey| weights[key] >= LEAST_TRACED_WEIGHT;
+    let of_view = arrived.partition_point(|(key, _)| is_of_view(key));
+    let (of_view, others) = arrived.split_at(of_view);
+    assert!(others.iter().all(|(key, _)| !is_of_view(key)));
+    assert!(others.is_sorted_by(|(one, _), (next, _)| weights[one] >= weights[next]));
+    // The first round sends 8 samples of a beam, or a sixteenth of a sample per pixel.
+    let mut lacking: BTreeSet<BeamKey> =
+        weights.keys().copied().filter(|key| is_of_view(key)).collect();
+    let mut counts = BTreeMap::<BeamKey, usize>::new();
+    let mut later = 0;
+    for &(key, count) in of_view {
+        *counts.entry(key).or_default() += count;
+        let first_round = if weights[&key] > 100.0 { 25 } else { 8 };
+        later += usize::from(counts[&key] > first_round);
+        lacking.remove(&key);
+        assert!(lacking.is_empty() || later == 0, "{} beams have none", lacking.len());
+    }
+    assert!(lacking.is_empty() && later > 0);
     let beams: BTreeSet<BeamKey> = arrived.into_iter().map(|(key, _)| key).collect();
     assert_eq!(beams.len(), weights.len());
     server.process.end(Signal::INT).ok();
