@@ -108,21 +108,15 @@ impl Recall {
         let is_wanted = || self.is_wanted();
         let is_crossed = |&(_, weight): &(BeamKey, f32)| weight >= LEAST_TRACED_WEIGHT;
         let (crossed, others): (Vec<_>, Vec<_>) = self.keys.iter().copied().partition(is_crossed);
-        for (source, crossed, others) in
-            [(Source::Stored, crossed, &others), (Source::Earlier, Vec::new(), &self.earlier)]
-        {
-            let mut sender =
-                Sender::new(&self.holodeck, &self.outbox, (self.view, source), &is_wanted);
-            sender.send_in_rounds(&crossed)?;
-            for keys in by_weight(others) {
-                if !self.is_wanted() {
-                    break;
-                }
-                sender.send_beams(&keys)?;
-            }
-            sender.finish()?;
-        }
-        Ok(())
+        let sender =
+            |source| Sender::new(&self.holodeck, &self.outbox, (self.view, source), &is_wanted);
+        let mut stored = sender(Source::Stored);
+        stored.send_in_rounds(&crossed)?;
+        stored.send_by_weight(&others)?;
+        stored.finish()?;
+        let mut earlier = sender(Source::Earlier);
+        earlier.send_by_weight(&self.earlier)?;
+        earlier.finish()
     }
 
     /// Sends which of the view's beams see nothing. The coordinator sends those found later.
@@ -252,6 +246,12 @@ impl<'a> Sender<'a> {
         sent
     }
 
+    /// Sends samples of beams, given with their weights. Those of greater weight come first.
+    fn send_by_weight(&mut self, beams: &[(BeamKey, f32)]) -> Result<()> {
+        let mut classes = by_weight(beams).take_while(|_| (self.is_wanted)());
+        classes.try_for_each(|keys| self.send_beams(&keys))
+    }
+
     /// Sends samples of the beams of a view, given with their weights, in rounds. Reading that takes
     /// long, or very many samples, are divided among several sequences of rounds.
     fn send_in_rounds(&mut self, beams: &[(BeamKey, f32)]) -> Result<()> {
@@ -259,6 +259,9 @@ impl<'a> Sender<'a> {
         let file = &self.holodeck.file;
         let (mut read, mut samples, mut since) = (Vec::new(), 0, Instant::now());
         for keys in by_weight(beams) {
+            if !(self.is_wanted)() {
+                return Ok(());
+            }
             let mut sent = Ok(());
             let mut take = |key: BeamKey, beam: Arc<BeamSamples>| {
                 samples += beam.samples.len();
