@@ -2,7 +2,7 @@
 //!
 //! Invariant: the shares of a pixel's pieces add up to 1.
 
-use crate::trail::{AtPanes, Shown};
+use crate::trail::{AtPanes, Shown, Trail};
 use crate::view::{PLAIN, Seen, View, are_near, seen};
 use glam::Vec3;
 use holo_raycast::{Hit, MAX_TILE, Ray};
@@ -59,7 +59,7 @@ pub(crate) struct Looked {
     pixel: usize,
     found: Vec<Found>,
     points: usize,
-    /// The number of rays that meet a pane first.
+    /// The number of rays that meet a pane.
     at_panes: usize,
     /// The reflection in that pane along the first of these rays.
     in_pane: Option<Shown>,
@@ -176,12 +176,14 @@ impl View {
     ) {
         let follower = self.follower();
         let shown = hit.map_or(self.nothing(), |hit| {
-            if follower.is_pane(hit) {
+            let mut trail = Trail::new(*ray, hit, AtPanes::Pass);
+            let shown = follower.follow_to_end(&mut trail);
+            if trail.has_met_pane() {
                 looked.at_panes += 1;
                 let mirrored = || follower.follow(*ray, hit, AtPanes::ReflectFirst).farther(before);
                 looked.in_pane.get_or_insert_with(mirrored);
             }
-            follower.follow(*ray, hit, AtPanes::Pass).farther(before)
+            shown.farther(before)
         });
         let width = match &shown {
             Shown::Surface(end) => self.pixel_width(end.length),

@@ -131,7 +131,11 @@ impl<'a> Follower<'a> {
 
     /// Follows a ray from its first hit to a surface that stores light.
     pub fn follow(&self, ray: Ray, hit: Hit, panes: AtPanes) -> Shown {
-        let mut trail = Trail::new(ray, hit, panes);
+        self.follow_to_end(&mut Trail::new(ray, hit, panes))
+    }
+
+    /// Follows a ray to its end.
+    pub fn follow_to_end(&self, trail: &mut Trail) -> Shown {
         loop {
             if let Some(shown) = trail.advance(self) {
                 return shown;
@@ -191,6 +195,11 @@ impl Trail {
     pub fn new(ray: Ray, hit: Hit, panes: AtPanes) -> Trail {
         let (share, length, is_mirrored, pane, surfaces) = ([1.0; 3], 0.0, false, 0.0, 0);
         Trail { ray, hit, panes, share, length, is_mirrored, pane, surfaces }
+    }
+
+    /// Returns true if the ray has met a pane.
+    pub fn has_met_pane(&self) -> bool {
+        self.pane > 0.0
     }
 
     /// Moves the ray from its hit on, if this is a mirror or a pane. Returns what it shows if it

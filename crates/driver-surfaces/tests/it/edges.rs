@@ -39,6 +39,42 @@ fn a_pane_shows_what_it_mirrors_besides_what_is_behind() {
 }
 
 #[test]
+fn a_pane_behind_a_mirror_shows_what_it_mirrors() {
+    // A floor between a pane and a mirror that face each other.
+    let upright =
+        |y: f64| [(-2.0, 0.0), (2.0, 0.0), (2.0, 4.0), (-2.0, 4.0)].map(|(x, z)| (x, y, z));
+    let floor = [(-2.0, -2.0, 0.0), (2.0, -2.0, 0.0), (2.0, 2.0, 0.0), (-2.0, 2.0, 0.0)];
+    let corners = [floor, upright(2.0), upright(-2.0)].concat();
+    let positions: Vec<DVec3> = corners.into_iter().map(DVec3::from).collect();
+    let triangles = [0, 4, 8].map(|at| [[at, at + 1, at + 2], [at, at + 2, at + 3]]).concat();
+    let glass = Bsdf::ThinGlass { ior: 1.5, transmittance: [1.0; 3] };
+    let bsdfs = [Bsdf::Diffuse { kd: [0.5; 3] }, glass, Bsdf::Mirror { ks: [0.5; 3] }];
+    let named = ["floor", "pane", "mirror"].into_iter().zip(bsdfs);
+    let materials = named.map(|(name, bsdf)| Material { bsdf, ..Material::grey(name) }).collect();
+    let made = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1, 2, 2], materials, [1.0; 3]);
+    let raycaster = Arc::new(Raycaster::build(Arc::new(made.unwrap().0)).unwrap());
+    let (at, ahead) = (DVec3::new(0.0, 0.5, 1.4), DVec3::new(0.0, -1.0, -0.15));
+    let eye = Eye::new(at, ahead, DVec3::Z, Some(20.0), None, (64, 64)).unwrap();
+    let (store, materials) = kept(&raycaster, &floor_rays(100, |_, _| 100.0));
+    let mut view = View::new(raycaster, materials, &eye, (64, 64));
+    let mirrors_floor = |pane: &&InPane| pane.seen.is_surface() && pane.share == 1.0;
+    for _ in 0..2 {
+        let drawn = Gathered::new(&view, &store).draw(&view, &store, None);
+        let panes: Vec<&InPane> = view.in_panes.iter().filter(mirrors_floor).collect();
+        assert!(panes.len() > 200, "{}", panes.len());
+        for pane in panes {
+            // The pane reflects 1/13 of the floor's light, and lets the sky's radiance of 1 pass.
+            // The mirror halves both, and at the top the floor's light once more.
+            let shown = drawn.pixels[pane.pixel][1];
+            let is_near = |floor: f32| (shown - 0.5 * (12.0 + floor) / 13.0).abs() < 0.05;
+            assert!(is_near(100.0) || is_near(50.0), "{shown}");
+        }
+        // Pixels on edges do not lose the reflection.
+        view.look_into_edges();
+    }
+}
+
+#[test]
 fn pixels_on_edges_show_the_mean_of_what_they_see() {
     let raycaster = walled_room(Bsdf::Mirror { ks: [0.8; 3] });
     let (store, materials) = kept(&raycaster, &floor_rays(100, |_, _| 0.25));
