@@ -43,5 +43,6 @@ pub const PROTOCOL_VERSION: u16 = 9;
 /// A packet is a good unit of work: its rays share their beam's set-up, and losing it costs little.
 pub const MAX_RAYS_PER_PACKET: usize = 21;
 
-/// Least weight of a display's beam for tracing. For beams below it, only stored samples are sent.
+/// Least weight of a display's beam for tracing. Beams below it are not traced, and their stored
+/// samples are sent last.
 pub const LEAST_TRACED_WEIGHT: f32 = 1e-4;

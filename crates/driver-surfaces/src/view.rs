@@ -280,7 +280,7 @@ impl View {
         let count = rows.len() / width;
         let follower = self.follower();
         let mut band = Band::default();
-        let (mut trails, mut of_trails, mut of_rays) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut trails, mut of_trails) = (Vec::new(), Vec::new());
         for left in (0..width).step_by(SIDE) {
             let across = SIDE.min(width - left);
             let mut rays = [Ray::new(Vec3::ZERO, Vec3::ZERO); MAX_TILE];
@@ -294,45 +294,43 @@ impl View {
             self.raycaster.nearest_tile(&rays[..used], &mut hits[..used]);
             trails.clear();
             of_trails.clear();
-            of_rays.clear();
+            let at = |number: usize| number / across * width + left + number % across;
             for number in 0..used {
-                let at = number / across * width + left + number % across;
                 let (ray, before, hit) = (rays[number], befores[number], hits[number]);
                 let Some(hit) = hit else {
-                    rows[at] = band.add(self.seen_along(self.nothing()));
+                    rows[at(number)] = band.add(self.seen_along(self.nothing()));
                     continue;
                 };
                 if follower.is_plain(hit) {
                     let end = follower.end(&ray, hit);
-                    rows[at] = seen(&end, self.pixel_width(before + end.length), PLAIN);
+                    let width = self.pixel_width(before + end.length);
+                    rows[at(number)] = seen(&end, width, PLAIN);
                     continue;
                 }
                 trails.push(Trail::new(ray, hit, AtPanes::Pass));
-                of_trails.push((at, before, false));
-                of_rays.push(number);
+                of_trails.push((number, false));
                 if follower.is_pane(hit) {
                     trails.push(Trail::new(ray, hit, AtPanes::ReflectFirst));
-                    of_trails.push((at, before, true));
-                    of_rays.push(number);
+                    of_trails.push((number, true));
                 }
             }
-            let mut take = |(at, before, is_reflected), shown: Shown| {
-                let seen = band.add(self.seen_along(shown.farther(before)));
+            let mut take = |(number, is_reflected), shown: Shown| {
+                let seen = band.add(self.seen_along(shown.farther(befores[number])));
                 if is_reflected {
-                    band.in_panes.push(InPane { pixel: top * width + at, seen, share: 1.0 });
+                    let pixel = top * width + at(number);
+                    band.in_panes.push(InPane { pixel, seen, share: 1.0 });
                 } else {
-                    rows[at] = seen;
+                    rows[at(number)] = seen;
                 }
             };
-            follower.follow_many(&mut trails, |number, shown| take(of_trails[number], shown));
-            // Panes behind mirrors mirror too.
-            let firsts = of_rays.iter().map(|&ray| (rays[ray], hits[ray]));
-            for ((trail, &(at, before, _)), (ray, hit)) in trails.iter().zip(&of_trails).zip(firsts)
-            {
-                let behind = hit.filter(|&hit| trail.has_met_pane() && !follower.is_pane(hit));
-                if let Some(hit) = behind {
-                    let shown = follower.follow(ray, hit, AtPanes::ReflectFirst);
-                    take((at, before, true), shown);
+            follower.follow_many(&mut trails, |trail, shown| take(of_trails[trail], shown));
+            // Panes that mirrors show mirror too.
+            for (trail, &(number, _)) in trails.iter().zip(&of_trails) {
+                if let Some(hit) = hits[number].filter(|_| trail.has_met_pane())
+                    && !follower.is_pane(hit)
+                {
+                    let shown = follower.follow(rays[number], hit, AtPanes::ReflectFirst);
+                    take((number, true), shown);
                 }
             }
         }

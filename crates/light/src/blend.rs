@@ -17,7 +17,10 @@ use crate::record::Record;
 /// Sums over records, each with a weight.
 #[derive(Default)]
 pub(crate) struct Blend {
-    weight: f32,
+    /// Number of records.
+    pub(crate) records: u32,
+    /// Sum of the weights.
+    pub(crate) weight: f32,
     /// Predictions with half of the gradient.
     halves: Vec3,
     /// Steps from the records to the point.
@@ -31,6 +34,7 @@ impl Blend {
     #[inline]
     pub(crate) fn add(&mut self, record: &Record, point: Vec3, normal: Vec3, weight: f32) {
         let step = point - Vec3::from(record.point);
+        self.records += 1;
         self.weight += weight;
         self.halves += record.predict(step * 0.5, normal) * weight;
         self.steps += step * weight;

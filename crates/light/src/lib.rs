@@ -1,6 +1,6 @@
-//! Indirect light on surfaces, shared by all workers that trace a scene: irradiance caching (Ward,
-//! Rubinstein and Clear 1988) with gradients (Ward and Heckbert 1992) and a visibility test between
-//! point and record.
+//! Indirect light on surfaces, shared by all workers that trace a scene. The method is irradiance
+//! caching (Ward, Rubinstein and Clear 1988) with gradients (Ward and Heckbert 1992). A record
+//! serves a point only if nothing stands between the two.
 //!
 //! Invariants: stored light excludes the albedo of the surface that it falls on. It also excludes
 //! direct light from lamps and sky, which is sampled at every point.

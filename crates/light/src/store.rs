@@ -274,7 +274,7 @@ impl Store {
         enough: f32,
         mut hidden: impl FnMut(&Record) -> bool,
     ) -> Option<Found> {
-        let (mut found, mut blend) = (Found::default(), Blend::default());
+        let mut blend = Blend::default();
         self.around(point, |_, record, radius| {
             let offset = point - Vec3::from(record.point);
             let distance = offset.length();
@@ -295,11 +295,10 @@ impl Store {
                 return true;
             }
             blend.add(record, point, lit, weight);
-            found.weight += weight;
-            found.records += 1;
-            found.weight < enough
+            blend.weight < enough
         });
-        (found.weight > 0.0).then(|| Found { irradiance: blend.irradiance(), ..found })
+        let Blend { weight, records, .. } = blend;
+        (weight > 0.0).then(|| Found { irradiance: blend.irradiance(), weight, records })
     }
 
     /// Calls `visit` with the records whose cells contain a point, by level and newest first, until

@@ -322,8 +322,6 @@ fn a_record_of_grade_1_counts_as_sixteen_others() {
     }
 }
 
-/// If two records contradict each other, only nearby points use either. Noise is no contradiction,
-/// and records that a wall separates do not contradict each other.
 #[test]
 fn between_records_light_is_exact_to_second_order() {
     // Concave along x and convex along y.
@@ -356,6 +354,8 @@ fn between_records_light_is_exact_to_second_order() {
     assert!((found(&around[1..2], x, y) - alone).abs() < 1e-5);
 }
 
+/// If two records contradict each other, only nearby points use either. Noise is no contradiction,
+/// and records that a wall separates do not contradict each other.
 #[test]
 fn contradicting_records_get_smaller_radii() {
     let radii = |light: f32, error: f32, hidden: bool| {
