@@ -95,16 +95,20 @@ fn a_person_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
         browser.value("document.getElementById('f-view').requestSubmit()");
     });
 
-    // Two stops brighter, without a new frame.
+    // Two stops brighter, without a new frame. The frame with the view's edges may come meanwhile,
+    // but not every time.
     let (before, frame) = (brightness(browser), "document.body.dataset.frame");
-    let frame_before = browser.value(frame);
-    browser.value("stops(2)");
-    browser.wait(
-        "header.exact && Math.abs(Number(document.getElementById('o-stops').textContent) - 2) < .1",
-    );
-    browser.wait("performance.now() - drawnAt[drawnAt.length - 1] >= 0");
-    wait_until("a brighter picture", || (brightness(browser) > 1.2 * before).then_some(()));
-    assert_eq!(browser.value(frame), frame_before);
+    let stays = (0..5).any(|_| {
+        browser.value("stops(0)");
+        wait_until("the picture as before", || (brightness(browser) < 1.1 * before).then_some(()));
+        let frame_before = browser.value(frame);
+        browser.value("stops(2)");
+        let stops = "Number(document.getElementById('o-stops').textContent)";
+        browser.wait(&format!("header.exact && Math.abs({stops} - 2) < .1"));
+        wait_until("a brighter picture", || (brightness(browser) > 1.2 * before).then_some(()));
+        browser.value(frame) == frame_before
+    });
+    assert!(stays, "a new frame comes with every change of brightness");
 
     // False colours, with a legend. An invalid range changes nothing.
     let luminous = brightness(browser);
