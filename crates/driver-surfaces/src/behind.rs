@@ -7,12 +7,14 @@
 //! Invariant: without panes, nothing is computed.
 
 use crate::cell::{Sums, luminance};
+use crate::draw::Around;
 use crate::estimate::Lit;
 use crate::filter::OfSquares;
 use crate::materials::LEAST_REFLECTANCE;
 use crate::squares::{Layer, Squares};
 use crate::view::View;
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Least share of light that a pane is taken to let pass, so that nothing is divided by 0.
 const LEAST_PASSED: f32 = 0.01;
@@ -50,22 +52,24 @@ impl BehindPane {
 }
 
 impl BehindPanes {
-    /// Finds what panes mirror into each square. `in_panes` has the mirrored light of the same
-    /// squares. If a pane mirrors a lamp into a square, the square loses its `sums`, because they
-    /// depend on a few very bright samples.
+    /// Finds what panes mirror into each square, from the light of `in_panes` that is drawn there.
+    /// If a pane mirrors a lamp into a square, the square loses its `sums`, because they depend on a
+    /// few very bright samples.
     pub fn new(
-        view: &View,
+        (view, around): (&View, &Around),
         squares: &Squares,
         in_panes: &Layer,
         sums: &mut OfSquares,
     ) -> BehindPanes {
+        let all_mirrored = view.squares_in_panes(&view.panes_of_pixels(), squares.step).seen;
         let of_square = |number: usize| {
-            let (seen, mirrored) = (&squares.seen[number], &in_panes.squares.seen[number]);
+            let (seen, mirrored) = (&squares.seen[number], &all_mirrored[number]);
             let way = view.way(seen);
             if !seen.is_surface() || way.is_mirrored || way.pane <= 0.0 {
                 return None;
             }
-            let light = in_panes.of_square(number).light;
+            let light = view.light_at(around, Some(in_panes), squares.middle(number), mirrored);
+            let light = light.light;
             let (scale, radiance) = view.paint(mirrored);
             let passes = Vec3::from_array(way.share).max(Vec3::splat(LEAST_PASSED));
             let through = Vec3::from_array(view.paint(seen).0).max(passes * LEAST_REFLECTANCE);
@@ -74,13 +78,13 @@ impl BehindPanes {
             Some(BehindPane { share, mirrored: shown / through })
         };
         for sums in std::iter::once(&mut sums.towards_eye).chain(&mut sums.from_all) {
-            for (sums, seen) in sums.iter_mut().zip(&in_panes.squares.seen) {
+            for (sums, seen) in sums.iter_mut().zip(&all_mirrored) {
                 if view.way(seen).to_lamp.is_finite() {
                     *sums = Sums::default();
                 }
             }
         }
-        BehindPanes((0..squares.seen.len()).map(of_square).collect())
+        BehindPanes((0..squares.seen.len()).into_par_iter().map(of_square).collect())
     }
 
     /// Returns what to take out of a square.

@@ -28,12 +28,22 @@ pub struct Drawn {
     pub errors: Vec<f32>,
 }
 
-/// Mean samples per pixel from which squares have sides of 2 pixels, and of 1 pixel.
-const DENSE: [f32; 2] = [0.3, 4.0];
+/// Samples per pixel from which squares have sides of 2 pixels.
+const SOME: f32 = 0.3;
+
+/// Samples per pixel from which squares have sides of 1 pixel in the best picture.
+const DENSE: f32 = 4.0;
+
+/// The same for a picture that further ones soon replace. Such squares take three times as long.
+/// In the cabin with 4 samples per pixel, they gain 0.3 dB.
+const VERY_DENSE: f32 = 16.0;
 
 /// Share of pixels with samples from which a denoiser makes better pictures from all pixels than
 /// from squares of 2 × 2. It takes four times as long.
 const COVERED: f32 = 0.7;
+
+/// Greatest side of a square, pixels.
+const MOST_STEP: usize = 4;
 
 /// Expected relative difference between the light of a piece and that of the squares around it.
 const SPREAD: f32 = 0.1;
@@ -41,8 +51,17 @@ const SPREAD: f32 = 0.1;
 /// The same if no square around the piece shows its surface.
 const WIDE_SPREAD: f32 = 0.5;
 
+/// How densely the samples of a view lie.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Density {
+    /// Samples per pixel that shows a surface.
+    samples: f32,
+    /// The share of these pixels that have samples.
+    covered: f32,
+}
+
 /// Light for surfaces without known light in any pixel nearby.
-struct Around<'a> {
+pub(crate) struct Around<'a> {
     store: &'a Store,
     /// Mean of all samples, for surfaces of which nothing is known.
     mean: Vec3,
@@ -94,8 +113,9 @@ impl Gathered {
             true => None,
             false => Some(self.layer_of_panes(view, store, step, interrupt)?),
         };
+        let around = &Around::new(store);
         let behind = in_panes.as_ref().map_or_else(BehindPanes::default, |in_panes| {
-            BehindPanes::new(view, &squares, in_panes, &mut sums)
+            BehindPanes::new((view, around), &squares, in_panes, &mut sums)
         });
         let lights = if sums.are_empty() {
             vec![Estimate::UNKNOWN; squares.seen.len()]
@@ -114,7 +134,11 @@ impl Gathered {
         Some(rayon::join(|| view.lit(store, &layer, &further), learn).0)
     }
 
-    /// Returns the light that panes mirror. `None` if it was interrupted.
+    /// Returns the light that panes mirror, in a picture whose squares have sides of `step` pixels.
+    /// `None` if it was interrupted.
+    ///
+    /// Panes mirror a small share of light, so squares have twice this side. In rooms with windows,
+    /// they took as long as everything else.
     fn layer_of_panes(
         &self,
         view: &View,
@@ -127,8 +151,7 @@ impl Gathered {
             let pane = panes[pixel] as usize;
             Some((&view.in_panes.get(pane)?.seen, self.in_panes().get(pane)?))
         };
-        let seen = |pixel| of_pixel(pixel).map_or(Seen::NOTHING, |(seen, _)| *seen);
-        let squares = Squares::new(seen, view.size, step);
+        let squares = view.squares_in_panes(&panes, (2 * step).min(MOST_STEP));
         let sums = OfSquares { towards_eye: squares.sums(view.size, of_pixel), from_all: None };
         let behind = BehindPanes::default();
         let filtered = squares.filter((view, store), &sums, &behind, false, interrupt)?;
@@ -138,30 +161,43 @@ impl Gathered {
     /// Draws the view at rest.
     #[must_use]
     pub fn draw(&self, view: &View, store: &Store, denoiser: Option<&mut Denoiser>) -> Drawn {
-        let step = self.step(view, denoiser.is_some());
+        let step = self.density(view).step(true, denoiser.is_some());
         let (known, interrupt) = (&mut Known::default(), &Interrupt::default());
         let drawn = self.draw_and_learn((view, store), step, denoiser, known, interrupt);
         // Nobody else has the interrupt, so there is a picture.
         drawn.unwrap_or_default()
     }
 
-    /// Returns the side of the filtered squares, pixels. Squares are wider if samples are few. If
-    /// `is_final`, a denoiser is used, and nobody waits for the picture in order to move on.
-    pub(crate) fn step(&self, view: &View, is_final: bool) -> usize {
+    /// Returns how densely the view's samples lie.
+    pub(crate) fn density(&self, view: &View) -> Density {
         let of_pixels = self.pixels().par_iter().zip(&view.seen);
         let (samples, covered, pixels) = of_pixels
             .filter(|(_, seen)| seen.is_surface())
             .map(|(sums, _)| (u64::from(sums.count), usize::from(sums.count > 0), 1))
             .reduce(|| (0, 0, 0), |a, b| (a.0 + b.0, a.1 + b.1, a.2 + b.2));
         let pixels = pixels.max(1) as f32;
-        let dense = samples as f32 / pixels;
-        if dense < DENSE[0] {
-            4
-        } else if dense < DENSE[1] && !(is_final && covered as f32 >= COVERED * pixels) {
-            2
-        } else {
+        Density { samples: samples as f32 / pixels, covered: covered as f32 / pixels }
+    }
+}
+
+impl Density {
+    /// Returns the side of the filtered squares, pixels. Squares are wider if samples are few. If
+    /// the picture need not be the best, it appears soon.
+    pub fn step(&self, is_best: bool, has_denoiser: bool) -> usize {
+        let dense = if is_best || has_denoiser { DENSE } else { VERY_DENSE };
+        if self.samples < SOME {
+            MOST_STEP
+        } else if self.samples >= dense || (is_best && has_denoiser && self.covered >= COVERED) {
             1
+        } else {
+            2
         }
+    }
+}
+
+impl<'a> Around<'a> {
+    fn new(store: &'a Store) -> Around<'a> {
+        Around { store, mean: store.mean() }
     }
 }
 
@@ -177,10 +213,7 @@ impl View {
         let squares = Squares::new(|pixel| self.seen[pixel], self.size, step);
         let lights = known.lights(self, &squares, unknown)?;
         let in_panes = (!self.in_panes.is_empty()).then(|| {
-            let panes = self.panes_of_pixels();
-            let in_pane = |pixel: usize| self.in_panes.get(panes[pixel] as usize);
-            let seen = |pixel| in_pane(pixel).map_or(Seen::NOTHING, |pane| pane.seen);
-            let squares = Squares::new(seen, self.size, step);
+            let squares = self.squares_in_panes(&self.panes_of_pixels(), step);
             let unknown = vec![Estimate::UNKNOWN; squares.seen.len()];
             self.layer(store, squares, unknown)
         });
@@ -189,18 +222,25 @@ impl View {
 
     /// Returns squares with their light. Where it is unknown, the guess is the mean light around.
     fn layer(&self, store: &Store, squares: Squares, lights: Vec<Estimate>) -> Layer {
-        let around = &Around { store, mean: store.mean() };
+        let around = &Around::new(store);
         Layer::new(squares, lights, |seen| self.mean_around(around, seen))
     }
 
     /// Returns the number of the reflection in a pane that each pixel's middle shows; [`NO_PANE`]
     /// without a pane.
-    fn panes_of_pixels(&self) -> Vec<u32> {
+    pub(crate) fn panes_of_pixels(&self) -> Vec<u32> {
         let mut panes = vec![NO_PANE; self.seen.len()];
         for (number, pane) in (0..).zip(&self.in_panes[..self.panes_of_middles]) {
             panes[pane.pixel] = number;
         }
         panes
+    }
+
+    /// Returns the squares of what panes mirror. `panes` are the panes of pixels.
+    pub(crate) fn squares_in_panes(&self, panes: &[u32], step: usize) -> Squares {
+        let in_pane = |pixel: usize| self.in_panes.get(panes[pixel] as usize);
+        let seen = |pixel| in_pane(pixel).map_or(Seen::NOTHING, |pane| pane.seen);
+        Squares::new(seen, self.size, step)
     }
 
     /// Draws the view from known light.
@@ -212,7 +252,7 @@ impl View {
     /// Draws the view with the light of `layer`.
     fn lit(&self, store: &Store, layer: &Layer, further: &Further) -> Drawn {
         let (width, height) = self.size;
-        let around = &Around { store, mean: store.mean() };
+        let around = &Around::new(store);
         let mut pixels = vec![[0.0; 3]; width * height];
         let mut errors = vec![0.0; width * height];
         let rows = pixels.par_chunks_mut(width).zip(errors.par_chunks_mut(width)).enumerate();
@@ -254,7 +294,7 @@ impl View {
 
     /// Returns the light at a point of the picture: that of nearby squares that show the same
     /// surface, or else the mean light around.
-    fn light_at(
+    pub(crate) fn light_at(
         &self,
         around: &Around,
         layer: Option<&Layer>,

@@ -40,7 +40,7 @@ const LEAST_BATCH: usize = 1 << 12;
 const MOST_UNKNOWN: f32 = 0.5;
 
 /// The same in a glance.
-const FEW_UNKNOWN: f32 = 0.1;
+const FEW_UNKNOWN: f32 = 0.25;
 
 /// Least side of the filtered squares in a glance and while the eye moves, pixels. In the cabin at
 /// 480 × 360, squares of one pixel delay a glance by 0.3 s.
@@ -151,8 +151,10 @@ impl SurfacesDriver {
         if shown.look.is_small() {
             while shown.look_into_edges(&self.store) {}
         }
-        let refined = shown.refined(self.denoiser.is_some());
+        let samples = self.store.samples() + self.live.samples();
+        let is_best = shown.draws_best(samples);
         let is_for_file = std::mem::take(&mut shown.is_for_file);
+        let mut refined = shown.refined(self.denoiser.is_some());
         let never = Interrupt::default();
         let is_first = shown.drawn.is_none();
         let can_end_early = resolution != Resolution::Moving && !is_for_file && !is_first;
@@ -166,18 +168,21 @@ impl SurfacesDriver {
             Resolution::Full => 1,
             Resolution::Half | Resolution::Moving => LEAST_STEP,
         };
-        let is_final = is_for_file && denoiser.is_some();
+        let has_live = self.live.samples() > 0 && shown.covered.contains(&false);
+        let density = gathered.density(view);
+        let [step, best_step] =
+            [is_best, true].map(|is_best| density.step(is_best, denoiser.is_some()));
+        refined.is_best &= is_best || (step == best_step && !is_soon && !has_live);
+        let step = step.max(least);
         let known = &mut self.known;
         let mut draw = |gathered: &Gathered, denoiser: Option<&mut Denoiser>| {
-            let step = gathered.step(view, is_final).max(least);
             gathered.draw_and_learn((view, store), step, denoiser, known, interrupt)
         };
-        let has_live = self.live.samples() > 0 && shown.covered.contains(&false);
         let all = has_live.then(|| gathered.with(view, &self.live));
         let drawn = match &all {
             None => draw(gathered, denoiser)?,
             // To appear soon, the frame is drawn once, from all samples.
-            Some(all) if is_soon => draw(all, denoiser)?,
+            Some(all) if !is_best => draw(all, denoiser)?,
             Some(all) => {
                 let mut drawn = draw(gathered, denoiser.as_deref_mut())?;
                 let with_live = draw(all, denoiser)?;
@@ -189,7 +194,7 @@ impl SurfacesDriver {
             }
         };
         shown.is_refined |= resolution != Resolution::Moving;
-        shown.drawn = Some(refined);
+        (shown.drawn, shown.drawn_from) = (Some(refined), Some(samples));
         Some((drawn, all))
     }
 
@@ -257,6 +262,7 @@ impl Driver for SurfacesDriver {
             edges: Edges::Some(Vec::new()),
             known,
             drawn: None,
+            drawn_from: None,
             covered,
         });
         Ok(())

@@ -3,7 +3,7 @@
 //! Pictures at rest never read it.
 //!
 //! Invariants:
-//! - A place has the light that was found last for it.
+//! - A place has the light that was found last for it, also if that was found for a part of it.
 //! - At most twice [`MOST_PLACES`] places are stored. Those found longest ago go first.
 
 use crate::cell::Face;
@@ -22,11 +22,26 @@ const MOST_PLACES: usize = 1 << 20;
 /// pixels is less noisy.
 const LEAST_SIDE: usize = 2;
 
+/// Number of levels above that of a square that get its light too. Frames in motion have wider
+/// squares than pictures at rest, and would otherwise show the light of an older picture.
+const WIDER_LEVELS: usize = 2;
+
 /// Light found by earlier pictures.
 #[derive(Debug, Default)]
 pub(crate) struct Known {
     young: FxHashMap<u64, Estimate>,
     old: FxHashMap<u64, Estimate>,
+}
+
+/// The light that a picture found at one place.
+#[derive(Clone, Copy)]
+struct Found {
+    place: IVec3,
+    level: i32,
+    face: Face,
+    /// Sum over `count` squares.
+    sum: Estimate,
+    count: f32,
 }
 
 /// Returns the level of places about as wide as a square. Places of a level are 2 to this power
@@ -51,26 +66,48 @@ fn number(place: IVec3, level: i32, face: Face) -> u64 {
     split_mix(at ^ face.number())
 }
 
+/// Adds light to that of the same place.
+fn add(all: &mut FxHashMap<u64, Found>, more: Found) {
+    let number = number(more.place, more.level, more.face);
+    let found = all.entry(number).or_insert(Found { sum: Estimate::default(), count: 0.0, ..more });
+    found.sum.add(1.0, &more.sum);
+    found.count += more.count;
+}
+
+impl Found {
+    /// Returns the same for the place of the next level that contains this one.
+    fn in_wider_place(&self) -> Found {
+        Found { place: self.place >> 1, level: self.level + 1, ..*self }
+    }
+}
+
 impl Known {
     /// Stores the light that a picture found.
     pub fn learn(&mut self, view: &View, squares: &Squares, lights: &[Estimate]) {
-        let mut sums: FxHashMap<u64, (Estimate, f32)> = FxHashMap::default();
-        for (seen, light) in squares.seen.iter().zip(lights) {
+        let mut all = FxHashMap::default();
+        for (seen, &light) in squares.seen.iter().zip(lights) {
             if !seen.is_surface() || light.error.is_infinite() {
                 continue;
             }
             let width = seen.width * squares.step.max(LEAST_SIDE) as f32;
             let level = level_of(width);
             let place = (seen.point / (level as f32).exp2()).floor().as_ivec3();
-            let sum = sums.entry(number(place, level, face_of(view, seen))).or_default();
-            sum.0.add(1.0, light);
-            sum.1 += 1.0;
+            let face = face_of(view, seen);
+            add(&mut all, Found { place, level, face, sum: light, count: 1.0 });
         }
-        if self.young.len() + sums.len() > MOST_PLACES {
+        let mut level = FxHashMap::default();
+        for number in 0..WIDER_LEVELS {
+            let mut wider = FxHashMap::default();
+            let below = if number == 0 { &all } else { &level };
+            below.values().for_each(|found| add(&mut wider, found.in_wider_place()));
+            level = wider;
+            level.values().for_each(|&found| add(&mut all, found));
+        }
+        if self.young.len() + all.len() > MOST_PLACES {
             self.old = std::mem::take(&mut self.young);
         }
-        self.young
-            .extend(sums.into_iter().map(|(number, (sum, count))| (number, sum.divided(count))));
+        let light = |(number, found): (u64, Found)| (number, found.sum.divided(found.count));
+        self.young.extend(all.into_iter().map(light));
     }
 
     /// Returns the light of all squares. `None` if more than the share `unknown` of them is

@@ -35,6 +35,8 @@ pub(crate) struct Shown {
     pub(crate) known: Option<KnownLight>,
     /// Refinement of the last frame at rest; `None` before the first one.
     pub(crate) drawn: Option<Refined>,
+    /// Number of samples that the last frame was drawn from; `None` before the first one.
+    pub(crate) drawn_from: Option<u64>,
     pub(crate) covered: Vec<bool>,
 }
 
@@ -53,12 +55,14 @@ pub(crate) struct Refined {
     is_gathered: bool,
     pub(crate) is_denoised: bool,
     has_edges: bool,
+    /// True if the frame is as good as the samples allow, even if it takes longer.
+    pub(crate) is_best: bool,
 }
 
 impl Refined {
     /// A frame of known light alone.
     pub(crate) const KNOWN: Refined =
-        Refined { is_gathered: false, is_denoised: false, has_edges: false };
+        Refined { is_gathered: false, is_denoised: false, has_edges: false, is_best: false };
 }
 
 impl Shown {
@@ -68,13 +72,24 @@ impl Shown {
         self.has_stopped && self.drawn.is_none() && self.look.resolution == Resolution::Full
     }
 
-    /// Returns how a frame drawn now would be refined.
+    /// Returns true if the next frame is drawn as well as possible, even if it takes longer.
+    /// `samples` is the number of samples that it is drawn from.
+    pub(crate) fn draws_best(&self, samples: u64) -> bool {
+        // Without new samples, nothing but a better frame can follow.
+        let is_unchanged = matches!(self.edges, Edges::All) && self.drawn_from == Some(samples);
+        self.is_for_file || is_unchanged || self.look.is_small()
+    }
+
+    /// Returns how the best frame drawn now would be refined.
     pub(crate) fn refined(&self, has_denoiser: bool) -> Refined {
         let is_refined = self.is_refined && self.look.resolution == Resolution::Full;
+        let has_edges = matches!(self.edges, Edges::All);
         Refined {
             is_gathered: true,
             is_denoised: has_denoiser && is_refined,
-            has_edges: matches!(self.edges, Edges::All),
+            has_edges,
+            // Edges come first, because they change the picture more.
+            is_best: has_edges,
         }
     }
 

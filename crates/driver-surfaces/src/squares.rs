@@ -41,6 +41,12 @@ impl Squares {
         Squares { size, seen, step }
     }
 
+    /// Returns the middle of a square in the picture, in pixels from the middle of the first pixel.
+    pub fn middle(&self, number: usize) -> (f32, f32) {
+        let middle = |at: usize| (at * self.step) as f32 + 0.5 * (self.step - 1) as f32;
+        (middle(number % self.size.0), middle(number / self.size.0))
+    }
+
     /// Returns the sums of squares, each over its pixels that show the same surface as the middle
     /// one.
     pub fn sums<'a>(
@@ -86,11 +92,6 @@ impl Layer {
             false => Vec::new(),
         };
         Layer { squares, lights, guesses }
-    }
-
-    /// Returns the light of a square, or the guess where it is unknown.
-    pub fn of_square(&self, number: usize) -> Estimate {
-        self.guesses.get(number).copied().flatten().unwrap_or(self.lights[number])
     }
 
     /// Returns the light at a point of the picture, from the squares around it that show the same

@@ -35,7 +35,7 @@ impl Gathered {
         others: &Gathered,
         every: usize,
     ) -> Vec<f32> {
-        let step = self.step(view, false);
+        let step = self.density(view).step(true, false);
         let squares = Squares::new(|pixel| view.seen[pixel], view.size, step);
         let sums = |of: &Gathered| {
             let sum = |at| Some((&view.seen[at], of.of_all_directions(at)));

@@ -194,6 +194,26 @@ fn a_glance_shows_known_light_first_unless_the_driver_settles() {
 }
 
 #[test]
+fn a_glance_shows_the_light_of_the_last_picture_also_if_that_was_finer() {
+    let (sections, raycaster) = floor();
+    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let samples = samples(&sections[0], 60_000);
+    let middle = (SIZE.1 / 2 * SIZE.0 + SIZE.0 / 2) as usize;
+    let shown = |driver: &mut SurfacesDriver, resolution| {
+        driver.look(&look(DOWN, resolution)).unwrap();
+        draw(driver).picture.pixels[middle][1] / LIGHT
+    };
+    samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
+    let glance = shown(&mut driver, Resolution::Half);
+    assert!((glance - 1.0).abs() < 0.1, "{glance}");
+    insert_dark(&mut driver, &sections[0], &samples);
+    for resolution in [Resolution::Full, Resolution::Half] {
+        let light = shown(&mut driver, resolution);
+        assert!((light - 0.5).abs() < 0.1, "{resolution:?}: {light}");
+    }
+}
+
+#[test]
 fn the_first_frame_after_a_stop_shows_known_light_unless_it_is_for_a_file() {
     let (sections, raycaster) = floor();
     let samples = samples(&sections[0], 60_000);
@@ -261,6 +281,41 @@ fn the_second_picture_of_a_large_view_at_rest_is_the_refined_one() {
 }
 
 #[test]
+fn a_picture_is_drawn_as_well_as_possible_once_no_more_samples_come() {
+    let (sections, raycaster) = floor();
+    let section = &sections[0];
+    // The middle of the floor has a shadow, and about eight samples per pixel.
+    let in_view = |(beam, sample): (BeamKey, Sample)| {
+        let ray = section.ray(section.cells(beam.beam)?, sample.coords);
+        let distance = sample.distance(section.diagonal());
+        let at = ray.origin + ray.direction * distance;
+        let light = if at.x < 0.05 { [LIGHT; 3] } else { [0.0; 3] };
+        let lit = Sample::encode(sample.coords, light, distance, section.diagonal(), 0);
+        (at.abs().max_element() < 0.5).then_some((beam, lit))
+    };
+    let samples: Vec<_> =
+        samples(section, 300_000).into_iter().filter_map(in_view).cycle().take(1_200_000).collect();
+    let driver = || {
+        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
+        driver.look(&look_of(LARGE, DOWN, Resolution::Full)).unwrap();
+        driver.settle();
+        finish(&mut driver);
+        driver
+    };
+    let mut of_frames = driver();
+    let soon = draw(&mut of_frames).picture.pixels;
+    assert!(of_frames.refines());
+    let best = draw(&mut of_frames).picture.pixels;
+    assert!(!of_frames.refines() && soon != best);
+    assert!(draw(&mut of_frames).picture.pixels == best);
+    let mut of_file = driver();
+    of_file.draw_for_file();
+    assert!(draw(&mut of_file).picture.pixels == best);
+    assert!(!of_file.refines());
+}
+
+#[test]
 fn the_first_picture_of_a_small_view_is_the_refined_one() {
     let (sections, raycaster) = floor();
     let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
@@ -283,6 +338,7 @@ fn edges_are_looked_into_while_samples_pour_in() {
         driver.look(&look_of(LARGE, WIDE, Resolution::Full)).unwrap();
         let count = if pours { 1 << 16 } else { 1 << 10 };
         driver.insert(beam, 1, &vec![sample; count]);
+        driver.settle();
         draw(&mut driver);
         finish(&mut driver);
         assert_eq!(driver.refines(), !pours);
