@@ -24,8 +24,8 @@ pub(crate) struct Shown {
     pub(crate) gathered: Option<Gathered>,
     /// True if the eye has just stopped.
     pub(crate) has_stopped: bool,
-    /// If true, further frames are refined: squares are as small as the samples allow, and frames
-    /// are denoised. The first frame of a large view is not refined, so that it appears soon.
+    /// If true, further frames are refined: squares may be small, and frames are denoised. The first
+    /// frame of a large view is not refined, so that it appears soon.
     pub(crate) is_refined: bool,
     /// True if the next frame is for a file.
     pub(crate) is_for_file: bool,
