@@ -135,19 +135,29 @@ impl SurfacesDriver {
     /// While the eye moves, the view shows light that earlier frames found, if enough of it is
     /// known. `None` without a view, or if the frame was interrupted.
     fn drawn(&mut self) -> Option<(Drawn, Option<Gathered>)> {
-        let shown = self.shown.as_ref()?;
-        let Look { resolution, .. } = shown.look;
-        if let Some(known) = &shown.known {
-            let drawn = shown.view.draw_known(&self.store, known);
-            if resolution != Resolution::Moving {
-                let shown = self.shown.as_mut()?;
-                (shown.known, shown.drawn) = (None, Some(Refined::KNOWN));
-                shown.is_refined = true;
-            }
+        if let Some(drawn) = self.drawn_from_known() {
             return Some((drawn, None));
         }
         self.place_waiting();
+        self.drawn_from_samples()
+    }
+
+    /// Draws the current view from known light, if it is to be shown now.
+    fn drawn_from_known(&mut self) -> Option<Drawn> {
         let shown = self.shown.as_mut()?;
+        let drawn = shown.view.draw_known(&self.store, shown.known.as_ref()?);
+        if shown.look.resolution != Resolution::Moving {
+            (shown.known, shown.drawn) = (None, Some(Refined::KNOWN));
+            shown.is_refined = true;
+        }
+        Some(drawn)
+    }
+
+    /// Draws the current view from all samples in the store. Returns what [`drawn`](Self::drawn)
+    /// does.
+    fn drawn_from_samples(&mut self) -> Option<(Drawn, Option<Gathered>)> {
+        let shown = self.shown.as_mut()?;
+        let Look { resolution, .. } = shown.look;
         if shown.look.is_small() {
             while shown.look_into_edges(&self.store) {}
         }
