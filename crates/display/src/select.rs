@@ -15,8 +15,9 @@ use rayon::prelude::*;
 
 /// Fewest rays per side, even for small pictures, because fewer would miss beams.
 const MIN_RAYS_A_SIDE: u32 = 64;
-/// Most rays per side, so that a wrong size cannot take all memory or time of the machine.
-const MAX_RAYS_A_SIDE: u32 = 2048;
+/// Most rays per side. Beams do not get narrower with pixels: in rooms of the bundled interior at
+/// 1280 × 720, a quarter of the rays finds 99.98 % of the beams' weight in 20 instead of 60 ms.
+const MAX_RAYS_A_SIDE: u32 = 256;
 
 /// Distance of a parallel view's substitute eye behind the view, relative to the sections' reach.
 /// Directions of rays through it then differ by less than ray coordinates can resolve in any grid.
@@ -28,7 +29,8 @@ const ROUNDED_STEPS: f64 = std::f64::consts::SQRT_2;
 /// The density of view rays, and how a pixel's weight is shared between sections.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SelectOptions {
-    /// Side of the squares that get one view ray each, pixels; there are at least 64 × 64 rays.
+    /// Side of the squares that get one view ray each, pixels; there are at least 64 × 64 rays and
+    /// at most 256 × 256.
     ///
     /// An example is a picture of 320 × 240 pixels and a section of 24³ cells. With 4, the rays
     /// find 98.7 % of the beams' weight. With 2 they find over 99.5 %, in 2 ms.

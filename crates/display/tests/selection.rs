@@ -182,11 +182,22 @@ fn selected_beams_hold_nearly_all_weight_of_a_dense_view() {
         let (coarse, beams) = share(&SelectOptions::default());
         let (fine, all) = share(&SelectOptions { pixels_a_side: 1, ..SelectOptions::default() });
         println!(
-            "{grid}³: {coarse:.4} of the weight in {beams} beams; with one ray per pixel {fine:.4} in {all}"
+            "{grid}³: {coarse:.4} of the weight in {beams} beams; with more rays {fine:.4} in {all}"
         );
         assert!(coarse > least, "{grid}: {coarse}");
         assert!(fine > 0.9995, "{grid}: {fine}");
     }
+}
+
+#[test]
+fn a_huge_picture_takes_no_more_rays_than_a_large_one() {
+    let sections = [room_section(6)];
+    let of_size = |size: (u32, u32)| {
+        select_beams(&sections, &room_view(size), size, &SelectOptions::default())
+    };
+    let (large, huge) = (of_size((800, 600)), of_size((8_000, 6_000)));
+    assert!(large.covered.rays == huge.covered.rays && huge.covered.rays <= 1 << 16);
+    assert!((total(&huge) / (8_000.0 * 6_000.0) - 1.0).abs() < 1e-4);
 }
 
 #[test]
