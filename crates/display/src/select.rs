@@ -15,8 +15,9 @@ use rayon::prelude::*;
 
 /// Fewest rays per side, even for small pictures, because fewer would miss beams.
 const MIN_RAYS_A_SIDE: u32 = 64;
-/// Most rays per side. Beams do not get narrower with pixels: in rooms of the bundled interior at
-/// 1280 × 720, a quarter of the rays finds 99.98 % of the beams' weight in 20 instead of 60 ms.
+/// Most rays per side, because beams are wider than the pixels of large pictures. In rooms of the
+/// bundled interior at 1280 × 720, 230,000 rays take 60 ms. A quarter of them takes 20 ms, and
+/// finds 99.98 % of the beams' weight.
 const MAX_RAYS_A_SIDE: u32 = 256;
 
 /// Distance of a parallel view's substitute eye behind the view, relative to the sections' reach.

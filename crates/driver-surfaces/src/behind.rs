@@ -12,7 +12,7 @@ use crate::estimate::Lit;
 use crate::filter::OfSquares;
 use crate::materials::LEAST_REFLECTANCE;
 use crate::squares::{Layer, Squares};
-use crate::view::View;
+use crate::view::{Seen, View};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -52,33 +52,32 @@ impl BehindPane {
 }
 
 impl BehindPanes {
-    /// Finds what panes mirror into each square, from the light of `in_panes` that is drawn there.
-    /// If a pane mirrors a lamp into a square, the square loses its `sums`, because they depend on a
+    /// Finds what panes mirror into each square. `mirrored` are the surfaces that they mirror there,
+    /// and `in_panes` has their light. If a pane mirrors a lamp into a square, the square loses its `sums`, because they depend on a
     /// few very bright samples.
     pub fn new(
-        (view, around): (&View, &Around),
-        squares: &Squares,
-        in_panes: &Layer,
+        view: &View,
+        (squares, mirrored): (&Squares, &[Seen]),
+        (in_panes, around): (&Layer, &Around),
         sums: &mut OfSquares,
     ) -> BehindPanes {
-        let all_mirrored = view.squares_in_panes(&view.panes_of_pixels(), squares.step).seen;
         let of_square = |number: usize| {
-            let (seen, mirrored) = (&squares.seen[number], &all_mirrored[number]);
+            let (seen, mirrored) = (&squares.seen[number], &mirrored[number]);
             let way = view.way(seen);
             if !seen.is_surface() || way.is_mirrored || way.pane <= 0.0 {
                 return None;
             }
             let light = view.light_at(around, Some(in_panes), squares.middle(number), mirrored);
-            let light = light.light;
             let (scale, radiance) = view.paint(mirrored);
             let passes = Vec3::from_array(way.share).max(Vec3::splat(LEAST_PASSED));
             let through = Vec3::from_array(view.paint(seen).0).max(passes * LEAST_REFLECTANCE);
-            let shown = Vec3::from_array(scale) * light + Vec3::from_array(radiance) / view.unit();
+            let shown =
+                Vec3::from_array(scale) * light.light + Vec3::from_array(radiance) / view.unit();
             let share = Vec3::ONE + way.pane / passes;
             Some(BehindPane { share, mirrored: shown / through })
         };
         for sums in std::iter::once(&mut sums.towards_eye).chain(&mut sums.from_all) {
-            for (sums, seen) in sums.iter_mut().zip(&all_mirrored) {
+            for (sums, seen) in sums.iter_mut().zip(mirrored) {
                 if view.way(seen).to_lamp.is_finite() {
                     *sums = Sums::default();
                 }

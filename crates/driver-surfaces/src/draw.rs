@@ -1,8 +1,8 @@
 //! Draws pictures: interpolates the light of squares at every pixel, and multiplies it by the
 //! material.
 //!
-//! Invariant: a picture at rest is a function of the store and the view. The number of threads
-//! changes no bit.
+//! Invariant: the best picture of a view is a function of the store and the view. The number of
+//! threads changes no bit.
 
 use crate::behind::BehindPanes;
 use crate::cell::{Face, Sums, luminance};
@@ -29,7 +29,7 @@ pub struct Drawn {
 }
 
 /// Samples per pixel from which squares have sides of 2 pixels.
-const SOME: f32 = 0.3;
+const SPARSE: f32 = 0.3;
 
 /// Samples per pixel from which squares have sides of 1 pixel in the best picture.
 const DENSE: f32 = 4.0;
@@ -109,14 +109,15 @@ impl Gathered {
                 squares.sums(view.size, all)
             }),
         };
-        let in_panes = match view.in_panes.is_empty() {
-            true => None,
-            false => Some(self.layer_of_panes(view, store, step, interrupt)?),
-        };
-        let around = &Around::new(store);
-        let behind = in_panes.as_ref().map_or_else(BehindPanes::default, |in_panes| {
-            BehindPanes::new((view, around), &squares, in_panes, &mut sums)
-        });
+        let (mut in_panes, mut behind) = (None, BehindPanes::default());
+        if !view.in_panes.is_empty() {
+            let panes = view.panes_of_pixels();
+            let layer = self.layer_of_panes((view, store), &panes, step, interrupt)?;
+            let mirrored = &view.squares_in_panes(&panes, step).seen;
+            let lit = (&layer, &Around::new(store));
+            behind = BehindPanes::new(view, (&squares, mirrored), lit, &mut sums);
+            in_panes = Some(layer);
+        }
         let lights = if sums.are_empty() {
             vec![Estimate::UNKNOWN; squares.seen.len()]
         } else {
@@ -141,17 +142,16 @@ impl Gathered {
     /// they took as long as everything else.
     fn layer_of_panes(
         &self,
-        view: &View,
-        store: &Store,
+        (view, store): (&View, &Store),
+        panes: &[u32],
         step: usize,
         interrupt: &Interrupt,
     ) -> Option<Layer> {
-        let panes = view.panes_of_pixels();
         let of_pixel = |pixel: usize| {
             let pane = panes[pixel] as usize;
             Some((&view.in_panes.get(pane)?.seen, self.in_panes().get(pane)?))
         };
-        let squares = view.squares_in_panes(&panes, (2 * step).min(MOST_STEP));
+        let squares = view.squares_in_panes(panes, (2 * step).min(MOST_STEP));
         let sums = OfSquares { towards_eye: squares.sums(view.size, of_pixel), from_all: None };
         let behind = BehindPanes::default();
         let filtered = squares.filter((view, store), &sums, &behind, false, interrupt)?;
@@ -185,7 +185,7 @@ impl Density {
     /// the picture need not be the best, it appears soon.
     pub fn step(&self, is_best: bool, has_denoiser: bool) -> usize {
         let dense = if is_best || has_denoiser { DENSE } else { VERY_DENSE };
-        if self.samples < SOME {
+        if self.samples < SPARSE {
             MOST_STEP
         } else if self.samples >= dense || (is_best && has_denoiser && self.covered >= COVERED) {
             1
@@ -228,7 +228,7 @@ impl View {
 
     /// Returns the number of the reflection in a pane that each pixel's middle shows; [`NO_PANE`]
     /// without a pane.
-    pub(crate) fn panes_of_pixels(&self) -> Vec<u32> {
+    fn panes_of_pixels(&self) -> Vec<u32> {
         let mut panes = vec![NO_PANE; self.seen.len()];
         for (number, pane) in (0..).zip(&self.in_panes[..self.panes_of_middles]) {
             panes[pane.pixel] = number;
@@ -237,7 +237,7 @@ impl View {
     }
 
     /// Returns the squares of what panes mirror. `panes` are the panes of pixels.
-    pub(crate) fn squares_in_panes(&self, panes: &[u32], step: usize) -> Squares {
+    fn squares_in_panes(&self, panes: &[u32], step: usize) -> Squares {
         let in_pane = |pixel: usize| self.in_panes.get(panes[pixel] as usize);
         let seen = |pixel| in_pane(pixel).map_or(Seen::NOTHING, |pane| pane.seen);
         Squares::new(seen, self.size, step)

@@ -62,7 +62,8 @@ pub struct SurfacesDriver {
     materials: Arc<Materials>,
     denoiser: Option<Denoiser>,
     store: Store,
-    /// Samples traced for pixels that no section covers. Only those pixels show them.
+    /// Samples traced for pixels that no section covers. In the best frames, only those pixels show
+    /// them.
     live: Store,
     /// Light that frames have found.
     known: Known,
@@ -180,8 +181,8 @@ impl SurfacesDriver {
         };
         let has_live = self.live.samples() > 0 && shown.covered.contains(&false);
         let density = gathered.density(view);
-        let [step, best_step] =
-            [is_best, true].map(|is_best| density.step(is_best, denoiser.is_some()));
+        let step = density.step(is_best, denoiser.is_some());
+        let best_step = density.step(true, denoiser.is_some());
         refined.is_best &= is_best || (step == best_step && !is_soon && !has_live);
         let step = step.max(least);
         let known = &mut self.known;

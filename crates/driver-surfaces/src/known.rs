@@ -1,6 +1,6 @@
 //! Light that earlier pictures found, stored by place, so that a moving eye gets it by a look-up.
 //!
-//! Pictures at rest never read it.
+//! The best picture of a view never reads it.
 //!
 //! Invariants:
 //! - A place has the light that was found last for it, also if that was found for a part of it.

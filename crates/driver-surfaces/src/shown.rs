@@ -88,7 +88,7 @@ impl Shown {
             is_gathered: true,
             is_denoised: has_denoiser && is_refined,
             has_edges,
-            // Edges come first, because they change the picture more.
+            // No frame is the best before its edges are known.
             is_best: has_edges,
         }
     }
