@@ -138,8 +138,8 @@ impl Gathered {
     /// Returns the light that panes mirror, in a picture whose squares have sides of `step` pixels.
     /// `None` if it was interrupted.
     ///
-    /// Panes mirror a small share of light, so squares have twice this side. In rooms with windows,
-    /// they took as long as everything else.
+    /// Panes mirror a small share of light, so the squares of mirrored light have twice this side. With
+    /// the same side, filtering them took as long as filtering everything else in rooms with windows.
     fn layer_of_panes(
         &self,
         (view, store): (&View, &Store),
