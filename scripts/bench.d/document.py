@@ -11,9 +11,14 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from program import version
+
 Figure = float | int | str | None
 
 FORMAT = 1
+
+# Commits after which a figure is marked as old.
+OLD = 100
 
 
 @dataclass
@@ -100,7 +105,8 @@ def shown(figure: Figure, spec: str) -> str:
 
 
 class Document:
-    """`benchmarks.json` in a folder, and `benchmarks.md` made from it; plots go into `benchmarks/`.
+    """`benchmarks.json` in a folder has every figure. `benchmarks.md`, made from it, has the figures
+    that have a target. Plots go into `benchmarks/`.
     """
 
     def __init__(self, folder: Path, order: list[str]) -> None:
@@ -138,50 +144,58 @@ class Document:
         self._json.write_text(
             json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
         )
-        (self.folder / "benchmarks.md").write_text("\n".join(self._markdown()), encoding="utf-8")
+        self.write_page()
         return True
 
-    def _markdown(self) -> list[str]:
+    def show(self, name: str) -> str:
+        """Returns a part in full as Markdown: every table, and what its figures mean."""
+        part = self._parts.get(name)
+        if part is None:
+            return f"{name} has not been measured yet"
+        conditions = ", ".join(f"{key} {value}" for key, value in part.conditions.items())
+        return "\n".join([*part.markdown(), f"*{conditions}*"])
+
+    def write_page(self) -> None:
+        """Writes the page of bars, with the age that each figure has today."""
+        page = "\n".join(self._page()) + "\n"
+        (self.folder / "benchmarks.md").write_text(page, encoding="utf-8")
+
+    def _page(self) -> list[str]:
         lines = [
             "# Benchmarks",
             "",
-            (
-                "Made by `./scripts/bench` out of [benchmarks.json](benchmarks.json), which has the"
-                " figures in full. `./scripts/bench NAME` measures one part again; `--list` names"
-                " them."
-            ),
+            "Each row is a figure, the target it is compared with, and the version that was",
+            "measured. All machines have two cores. `./scripts/bench` makes this page.",
+            "`./scripts/bench NAME` measures one part again. `./scripts/bench --show NAME` prints",
+            "all tables of a part from [benchmarks.json](benchmarks.json), with explanations.",
             "",
-            (
-                "**relMSE** is the mean of (picture − reference)² / (reference² + 0.01·mean²),"
-                " without the worst 0.1 % of pixels. **PSNR** is of the picture as displayed:"
-                " clipped at the reference's 95th percentile, gamma 2.2. **Bias** is the relative"
-                " error of the mean luminance over pixels no brighter than 20 times the reference's"
-                " median. **The original** is Radiance 6.1 (rholo, rhpict), measured on another day"
-                " on a 2-core machine of the same kind: ratios to it are not exact."
-            ),
+            f"† More than {OLD} commits have followed the measured version, or the version is",
+            "unknown. The figure may no longer hold.",
             "",
+            "**relMSE** is the mean of (picture − reference)² / (reference² + 0.01·mean²), without",
+            "the worst 0.1 % of pixels. **PSNR** is of the picture as displayed: clipped at the",
+            "reference's 95th percentile, gamma 2.2. **Bias** is the relative error of the mean",
+            "luminance over pixels no brighter than 20 times the reference's median.",
+            "",
+            "| part | bar | wanted | found | met | measured |",
+            "|" + " --- |" * 6,
         ]
-        bars = [(part.title, bar) for part in self._parts.values() for bar in part.bars]
-        if bars:
-            lines += ["## At a glance", ""]
-            lines += ["| measurement | bar | wanted | found | met |", "|" + " --- |" * 5]
-            for title, bar in bars:
-                lines.append(
-                    f"| {title} | {bar.what} | {bar.wanted} | {bar.figure} | {bar.verdict()} |"
-                )
-            lines.append("")
-        lines += ["## Machine", "", *self._conditions()]
-        for part in self._parts.values():
-            lines += part.markdown()
+        for name, part in self._parts.items():
+            measured = self._version(part)
+            lines += [
+                f"| {name} | {bar.what} | {bar.wanted} | {bar.figure} | {bar.verdict()} | {measured} |"
+                for bar in part.bars
+            ]
+        lines += ["", "| part | what it measures | pictures |", "|" + " --- |" * 3]
+        for name, part in self._parts.items():
+            pictures = (f"[{Path(plot.file).stem}]({plot.file})" for plot in part.plots)
+            lines.append(f"| {name} | {part.title} | {', '.join(pictures)} |")
         return lines
 
-    def _conditions(self) -> list[str]:
-        grouped: dict[tuple[tuple[str, str], ...], list[str]] = {}
-        for name, part in self._parts.items():
-            grouped.setdefault(tuple(part.conditions.items()), []).append(name)
-        keys = list(dict.fromkeys(key for conditions in grouped for key, _ in conditions))
-        table = Table("", [["measured", ""], *([key, ""] for key in keys)])
-        for conditions, names in grouped.items():
-            measured = "everything" if len(grouped) == 1 else ", ".join(names)
-            table.rows.append([measured, *(dict(conditions).get(key) for key in keys)])
-        return table.markdown()
+    def _version(self, part: Part) -> str:
+        """Returns the date, commit and processor of a part's figures, marked if they are old."""
+        commit = part.conditions.get("commit", "unknown")
+        date, age = version(self.folder, commit.split()[0])
+        processor = part.conditions.get("CPU", "unknown").split("(")[0].strip()
+        mark = "" if age is not None and age <= OLD else "†"
+        return f"{part.conditions.get('date', date)} {commit[:7]} {processor}{mark}"

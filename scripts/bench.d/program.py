@@ -199,6 +199,7 @@ def _first_argument(pid: int) -> str:
 def conditions(root: Path) -> dict[str, str]:
     """Returns the machine and the version that are measured."""
     return {
+        "date": time.strftime("%Y-%m-%d"),
         "CPU": _find("/proc/cpuinfo", r"model name\s*:\s*(.+)") or platform.machine(),
         "cores": str(len(os.sched_getaffinity(0))),
         "memory": _memory(),
@@ -206,6 +207,13 @@ def conditions(root: Path) -> dict[str, str]:
         "rustc": _said(["rustc", "--version"], root).removeprefix("rustc "),
         "commit": _commit(root),
     }
+
+
+def version(folder: Path, commit: str) -> tuple[str, int | None]:
+    """Returns the date of a commit, and the number of commits since; `None` if it is unknown."""
+    date = _said(["git", "show", "-s", "--format=%as", commit], folder)
+    since = _said(["git", "rev-list", "--count", f"{commit}..HEAD"], folder)
+    return date, int(since) if since else None
 
 
 def available_memory() -> int:
