@@ -20,6 +20,8 @@ mod loading;
 mod merge;
 mod metrics;
 mod opening;
+#[cfg(test)]
+mod options_page;
 mod passes;
 mod prepare;
 mod preview;
