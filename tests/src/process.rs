@@ -97,6 +97,10 @@ impl Process {
             .join(" ");
         let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // A denoiser among the packages of this machine's Python would change pictures.
+        let home = std::env::temp_dir().join("holodeck-tests");
+        std::fs::create_dir_all(&home).expect("the folder for temporary files can be written");
+        command.env("PATH", "/usr/bin:/bin").env("HOME", home);
         command.envs(environment.iter().map(|(name, value)| (name, value)));
         let mut child = command.spawn().unwrap_or_else(|error| panic!("starting {what}: {error}"));
         let (stdout, stderr) = (Text::default(), Text::default());

@@ -10,6 +10,7 @@
 #![allow(unsafe_code)]
 
 mod api;
+mod places;
 
 use std::path::{Path, PathBuf};
 
@@ -69,6 +70,14 @@ pub enum Quality {
     High,
 }
 
+/// Returns the library that [`Denoiser::load`] finds without a path: its file, or the name by which
+/// the system finds it.
+#[must_use]
+pub fn installed() -> Option<PathBuf> {
+    let mut files = std::iter::once(PathBuf::from(NAME)).chain(places::candidates());
+    files.find(|file| Api::load(file).is_ok())
+}
+
 /// The denoiser.
 pub struct Denoiser {
     filter: Filter,
@@ -78,17 +87,27 @@ pub struct Denoiser {
 }
 
 impl Denoiser {
-    /// Loads the library from `path`, or from the system's library folders if `path` is `None`.
+    /// Loads the library from `path`. If `path` is `None`, looks in the system's library folders,
+    /// among the packages of Python, and in Blender's folder.
     ///
     /// # Errors
     /// If the library is not found, is not version 2, or cannot use this processor.
     pub fn load(path: Option<&Path>, quality: Quality) -> Result<Denoiser, DenoiseError> {
-        let api = match path {
-            Some(path) => Api::load(path)?,
-            None => Api::load(Path::new(NAME))?,
-        };
-        let filter = Filter::new(Device::new(api)?, quality)?;
+        let Some(path) = path else { return Self::find(quality) };
+        let device = Device::new(Api::load(path)?)?;
+        let filter = Filter::new(device, quality)?;
         Ok(Denoiser { filter, grey: Vec::new(), output: Vec::new() })
+    }
+
+    /// Loads the first library that can be used. Returns the error of the system's own library if
+    /// there is none.
+    fn find(quality: Quality) -> Result<Denoiser, DenoiseError> {
+        let system = match Self::load(Some(Path::new(NAME)), quality) {
+            Ok(denoiser) => return Ok(denoiser),
+            Err(error) => error,
+        };
+        let mut others = places::candidates().into_iter();
+        others.find_map(|file| Self::load(Some(&file), quality).ok()).ok_or(system)
     }
 
     /// Denoises light on surfaces, which has no texture. See [`denoise`](Self::denoise).

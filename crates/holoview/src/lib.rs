@@ -93,6 +93,18 @@ pub struct Config {
     pub crew: Option<Crew>,
 }
 
+impl Config {
+    /// Refuses options that cannot be used, and names the filter of the session's pictures.
+    fn check(&self) -> Result<()> {
+        self.driver.check().map_err(anyhow::Error::msg)?;
+        self.look.look().map_err(anyhow::Error::msg)?;
+        if let Some(note) = self.driver.filter_note().filter(|_| !self.quiet) {
+            eprintln!("{note}");
+        }
+        Ok(())
+    }
+}
+
 /// Shows a server's holodeck until the script, the time or the session ends, or `shutdown` is
 /// triggered.
 ///
@@ -103,8 +115,7 @@ pub struct Config {
 /// If the server cannot be reached, refuses, or leaves before the end; if the view does not exist,
 /// or a picture cannot be written.
 pub async fn run(config: Config, shutdown: Shutdown, ready: oneshot::Receiver<()>) -> Result<()> {
-    config.driver.check().map_err(anyhow::Error::msg)?;
-    config.look.look().map_err(anyhow::Error::msg)?;
+    config.check()?;
     let server = Destination::parse(&config.connect)?;
     let steps = match &config.script {
         Some(path) => Script::open(path)?,

@@ -97,6 +97,25 @@ impl DenoiseArg {
 }
 
 impl DriverArgs {
+    /// Returns a line that names the filter of views at rest. `None` if the driver has none.
+    pub fn filter_note(&self) -> Option<String> {
+        if !matches!(self.driver, DriverArg::Surfaces | DriverArg::Auto) || self.cells.is_some() {
+            return None;
+        }
+        let library = match &self.denoise {
+            DenoiseArg::Off => None,
+            DenoiseArg::Auto => holo_denoise::installed(),
+            DenoiseArg::Library(path) => Some(path.clone()),
+        };
+        Some(match library {
+            Some(path) => format!("filter: Open Image Denoise ({})", path.display()),
+            None if self.denoise == DenoiseArg::Off => "filter: Holodeck's own".to_owned(),
+            None => "filter: Holodeck's own. Open Image Denoise shows less noise and is used once \
+                     it is installed, for example by `pip install pyoidn`"
+                .to_owned(),
+        })
+    }
+
     /// Refuses options that would have no effect, and a denoiser that cannot be loaded.
     ///
     /// # Errors

@@ -76,7 +76,7 @@ impl Default for BrowserArgs {
 /// # Errors
 /// If the page cannot be served, or the server cannot be reached or is lost.
 pub async fn run(config: Config, args: BrowserArgs, shutdown: Shutdown) -> Result<()> {
-    config.driver.check().map_err(anyhow::Error::msg)?;
+    config.check()?;
     let own = args.http_cert.as_deref().zip(args.http_key.as_deref());
     let door = Door::open(&args.http, own).await?;
     let url = door.url()?;

@@ -108,7 +108,7 @@ pub async fn run(
     screen: Screen,
 ) -> Result<()> {
     check_desktop()?;
-    config.driver.check().map_err(anyhow::Error::msg)?;
+    config.check()?;
     let look = config.look.look().map_err(anyhow::Error::msg)?;
     let server = Destination::parse(&config.connect)?;
     let driver = DriverArgs { walks: true, ..config.driver };
