@@ -27,7 +27,7 @@ pub(crate) struct Append {
 /// A block's table and payload, ready to be written.
 pub(crate) struct Body {
     pub kind: BlockKind,
-    /// Extents in the table; 1 for a part of a blob.
+    /// Entries in the table; 1 for a part of a blob.
     pub entries: u32,
     pub table: Vec<u8>,
     pub payload: Vec<u8>,
@@ -115,7 +115,7 @@ impl Batch {
             }
         }
         let mut table = Vec::with_capacity(entries.len() * 32 + payload.len() / 1000 + 4);
-        entries.iter().for_each(|entry| entry.encode(&mut table));
+        entries.iter().for_each(|entry| entry.encode(0, &mut table));
         push_chunk_crcs(&payload, &mut table);
         let body = Body { kind: BlockKind::Samples, entries: entries.len() as u32, table, payload };
         (entries, body)

@@ -10,6 +10,11 @@ use crate::types::{Damage, DamageKind};
 /// Chunks read at a time: about one mebibyte.
 const CHUNKS_TOGETHER: usize = 256;
 
+/// Returns whether all chunks of a payload match their checksums.
+pub(crate) fn chunks_match(payload: &[u8], crcs: &[u32]) -> bool {
+    payload.chunks(CHUNK_BYTES as usize).map(crc32fast::hash).eq(crcs.iter().copied())
+}
+
 /// Returns the chunks of the block's payload that do not match their checksums.
 pub(crate) fn bad_chunks(storage: &dyn Storage, block: &Block) -> io::Result<Vec<u32>> {
     let mut bad = Vec::new();
@@ -42,6 +47,6 @@ pub(crate) fn block_damage(
     let mut table = vec![0; block.header.table_bytes as usize];
     storage.read_exact_at(&mut table, block.offset + BLOCK_HEADER_BYTES as u64)?;
     let sound = decode_table(&block.header, &table, file).is_some();
-    let what = DamageKind::BlockTable(block.header.sequence);
+    let what = Block::table_damage(&block.header);
     Ok((!sound).then_some(Damage { offset: block.offset, bytes, what }))
 }

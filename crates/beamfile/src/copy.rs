@@ -4,8 +4,8 @@ use holo_section::{Run, Sample};
 
 use crate::directory::Block;
 use crate::file::BeamFile;
-use crate::format::{CHUNK_BYTES, CHUNK_SAMPLES, Entry, FIRST_BLOCK, Table};
-use crate::scan::scan;
+use crate::format::{CHUNK_BYTES, CHUNK_SAMPLES, Entry, Table};
+use crate::scan::{Stretch, scan};
 use crate::{Maker, Result};
 
 /// Counts of copied samples and of samples left out.
@@ -22,7 +22,7 @@ impl BeamFile {
     /// maker `keep` refuses.
     ///
     /// They keep their generations. Samples that a refused one had superseded count again. Damaged
-    /// samples are left out. Blobs are not copied.
+    /// samples are left out. Blobs and shares of layers are not copied.
     ///
     /// # Errors
     /// If this file cannot be read, or the other one cannot be written or lacks a beam.
@@ -35,12 +35,11 @@ impl BeamFile {
             storage,
             path,
             &self.shared.header,
-            FIRST_BLOCK,
-            0,
+            Stretch::WHOLE,
             &mut damage,
             &mut |block, table| match table {
                 Table::Samples(entries) => self.copy_block(to, &block, &entries, keep, &mut copied),
-                Table::Blob(_) => Ok(()),
+                Table::Blob(_) | Table::Shares(_) | Table::Index(_) | Table::Unknown => Ok(()),
             },
         )?;
         Ok(copied)

@@ -13,10 +13,10 @@ use std::sync::Arc;
 
 use holo_section::BeamKey;
 
-use crate::format::{BlockHeader, CHUNK_BYTES, Class, Entry};
+use crate::format::{BlockHeader, BlockKind, CHUNK_BYTES, Class, Entry};
 use crate::gaps::Gaps;
 use crate::hash::BeamMap;
-use crate::types::{Maker, SectionStats};
+use crate::types::{DamageKind, Maker, SectionStats};
 use crate::{Error, Result};
 
 /// Stands for "no next one" in lists of extents and appends.
@@ -44,6 +44,25 @@ impl Block {
         (payload + begin, payload + end)
     }
 
+    /// Returns the kind of damage that a wrong checksum of the payload is.
+    pub fn payload_damage(&self) -> DamageKind {
+        match (self.header.kind, self.blob.as_deref()) {
+            (_, Some(name)) => DamageKind::Blob(name.into()),
+            (BlockKind::Shares, _) => DamageKind::Shares,
+            (BlockKind::Index, _) => DamageKind::Index,
+            (BlockKind::Unknown(kind), _) => DamageKind::Skipped(kind),
+            (BlockKind::Samples | BlockKind::Blob, None) => DamageKind::Samples,
+        }
+    }
+
+    /// Returns the kind of damage that a wrong table is.
+    pub fn table_damage(header: &BlockHeader) -> DamageKind {
+        match header.kind {
+            BlockKind::Index => DamageKind::Index,
+            _ => DamageKind::BlockTable(header.sequence),
+        }
+    }
+
     /// Returns whether `bytes` match the checksum of chunk `chunk`.
     pub fn matches(&self, chunk: u32, bytes: &[u8]) -> bool {
         self.crcs.get(chunk as usize) == Some(&crc32fast::hash(bytes))
@@ -63,7 +82,7 @@ pub(crate) struct Extent {
     pub count: u32,
     pub class: Class,
     /// The beam's next extent in file order.
-    next: u32,
+    pub next: u32,
 }
 
 const _: () = assert!(size_of::<Extent>() == 28);
@@ -82,12 +101,56 @@ pub(crate) struct Beam {
     pub samples: u64,
 }
 
+impl Beam {
+    pub fn empty(generation: u32) -> Self {
+        // Far from the versions of other generations, of which there may be copies.
+        let version = generation.wrapping_mul(0x9e37_79b9);
+        Self { head: NONE, tail: NONE, version, next: [0; 3], samples: 0 }
+    }
+
+    /// Counts appended samples, and returns how many of their numbers are new.
+    pub fn count(
+        &mut self,
+        gaps: &mut Gaps,
+        key: BeamKey,
+        kind: u8,
+        first: u32,
+        count: u32,
+    ) -> u32 {
+        let (next, end) = (&mut self.next[usize::from(kind)], first + count);
+        let new = if first < *next {
+            let in_gaps = gaps.close(key, kind, first, end.min(*next));
+            in_gaps + end.saturating_sub(*next)
+        } else {
+            if first > *next {
+                gaps.open(key, kind, *next, first);
+            }
+            count
+        };
+        *next = end.max(*next);
+        self.version = self.version.wrapping_add(1);
+        self.samples += u64::from(new);
+        new
+    }
+
+    /// Lists an extent as the beam's last one.
+    pub fn link(&mut self, extents: &mut Vec<Extent>, extent: Extent) {
+        let new = extents.len() as u32;
+        extents.push(extent);
+        match extents.get_mut(self.tail as usize) {
+            Some(last) => last.next = new,
+            None => self.head = new,
+        }
+        self.tail = new;
+    }
+}
+
 #[derive(Debug, Default)]
 pub(crate) struct Directory {
     /// By beam, what the present generation has.
     pub beams: BeamMap<Beam>,
     /// By beam, what its newest earlier generation has.
-    earlier: BeamMap<Beam>,
+    pub earlier: BeamMap<Beam>,
     /// Number of samples of these.
     pub earlier_samples: u64,
     /// The present generation.
@@ -98,9 +161,9 @@ pub(crate) struct Directory {
     pub superseded: u64,
     /// The maker with the greatest number.
     pub last_maker: Maker,
-    extents: Vec<Extent>,
+    pub extents: Vec<Extent>,
     /// Missing numbers of the present generation.
-    gaps: Gaps,
+    pub gaps: Gaps,
 }
 
 impl Directory {
@@ -156,24 +219,10 @@ impl Directory {
             MapEntry::Occupied(entry) => entry.into_mut(),
             MapEntry::Vacant(entry) => {
                 section.nonempty_beams += 1;
-                // Far from the versions of other generations, of which there may be copies.
-                let version = self.generation.wrapping_mul(0x9e37_79b9);
-                entry.insert(Beam { head: NONE, tail: NONE, version, next: [0; 3], samples: 0 })
+                entry.insert(Beam::empty(self.generation))
             }
         };
-        let (next, end) = (&mut beam.next[usize::from(kind)], first + count);
-        let new = if first < *next {
-            let in_gaps = self.gaps.close(key, kind, first, end.min(*next));
-            in_gaps + end.saturating_sub(*next)
-        } else {
-            if first > *next {
-                self.gaps.open(key, kind, *next, first);
-            }
-            count
-        };
-        *next = end.max(*next);
-        beam.version = beam.version.wrapping_add(1);
-        beam.samples += u64::from(new);
+        let new = beam.count(&mut self.gaps, key, kind, first, count);
         section.samples += u64::from(new);
         self.superseded += u64::from(count - new);
     }
@@ -188,28 +237,27 @@ impl Directory {
         Ok(id)
     }
 
+    /// Makes room for extents.
+    pub fn reserve_extents(&mut self, extents: u64) -> Result<()> {
+        if self.extents() + extents >= u64::from(NONE) {
+            return Err(Error::DirectoryFull);
+        }
+        self.extents.reserve(extents as usize);
+        Ok(())
+    }
+
     /// Lists an extent that begins `at` samples into the payload of `block`. Its samples must have
     /// been counted.
     pub fn add_extent(&mut self, block: u32, at: u32, entry: &Entry) -> Result<()> {
-        let new = self.extents.len() as u32;
-        if new == NONE {
+        if self.extents.len() as u32 == NONE {
             return Err(Error::DirectoryFull);
         }
-        self.last_maker = self.last_maker.max(entry.class.maker);
-        self.extents.push(Extent {
-            block,
-            at,
-            first: entry.first,
-            count: entry.count,
-            class: entry.class,
-            next: NONE,
-        });
-        if let Some(beam) = self.beams.get_mut(&entry.key) {
-            match self.extents.get_mut(beam.tail as usize) {
-                Some(last) => last.next = new,
-                None => beam.head = new,
-            }
-            beam.tail = new;
+        let Entry { first, count, class, .. } = *entry;
+        let extent = Extent { block, at, first, count, class, next: NONE };
+        self.last_maker = self.last_maker.max(class.maker);
+        match self.beams.get_mut(&entry.key) {
+            Some(beam) => beam.link(&mut self.extents, extent),
+            None => self.extents.push(extent),
         }
         Ok(())
     }

@@ -9,7 +9,7 @@ use crate::cache::Cache;
 use crate::open::{self, Opened};
 use crate::shared::Shared;
 use crate::storage::{DiskStorage, Storage};
-use crate::types::{Damage, OpenReport, Options, Stats};
+use crate::types::{Damage, OpenReport, Options, Skipped, Stats};
 use crate::writer;
 use crate::{Error, Result};
 
@@ -106,7 +106,7 @@ impl BeamFile {
         cache_bytes: u64,
         read_only: bool,
     ) -> Result<Self> {
-        let Opened { header, state, appender, report } = opened;
+        let Opened { header, state, appender, report, index } = opened;
         let parts = (state, appender, Cache::new(cache_bytes));
         let shared = Arc::new(Shared::new(path.to_owned(), storage, header, read_only, parts));
         let writer = if read_only {
@@ -114,7 +114,7 @@ impl BeamFile {
         } else {
             let shared_with_writer = Arc::clone(&shared);
             let thread = thread::Builder::new().name("beamfile-writer".into());
-            let started = thread.spawn(move || writer::run(&shared_with_writer));
+            let started = thread.spawn(move || writer::run(&shared_with_writer, index));
             Some(started.map_err(|error| shared.io("starting its writer thread", error))?)
         };
         Ok(Self { shared, report, writer, blob_writing: Mutex::new(()) })
@@ -181,6 +181,17 @@ impl BeamFile {
     /// Returns every damaged part found so far: at opening, by reads, by [`BeamFile::verify`].
     pub fn damage(&self) -> Vec<Damage> {
         self.shared.state().damage.clone()
+    }
+
+    /// Returns the number of shares of each layer that the file has on disk. Layer 0, which is all
+    /// light, is not listed.
+    pub fn layers(&self) -> Vec<(u16, u64)> {
+        self.shared.state().layers.iter().map(|(&layer, &shares)| (layer, shares)).collect()
+    }
+
+    /// Returns the blocks of unknown kinds, by kind. They were skipped, and are no damage.
+    pub fn skipped(&self) -> Vec<Skipped> {
+        self.shared.state().skipped.values().copied().collect()
     }
 
     /// Returns [`Error::Lost`] if the file was found deleted, moved, replaced or cut off. It does

@@ -7,6 +7,8 @@
 use bytemuck::{Pod, Zeroable};
 use holo_section::{BeamId, BeamKey, Sample, SampleKind};
 
+use crate::index::IndexRange;
+use crate::shares::ShareRun;
 use crate::types::Maker;
 
 /// Bytes of one copy of the file's header. There are two.
@@ -43,23 +45,27 @@ const FILE_MAGIC: [u8; 8] = *b"HOLOBEAM";
 /// The first bytes of every block.
 pub const BLOCK_MAGIC: [u8; 8] = *b"HOLOBLK1";
 
-const KIND_SAMPLES: u32 = 1;
-const KIND_BLOB: u32 = 2;
+/// Bytes of a layer's share of a sample: RGBE.
+pub const SHARE_BYTES: u32 = 4;
+/// Where each header copy has the place of the index: behind the last beam count that fits.
+pub const POINTER_OFFSET: usize = HEADER_COPY_BYTES - POINTER_BYTES;
+/// Bytes of the place of the index.
+pub const POINTER_BYTES: usize = 32;
 
 const _: () = assert!(size_of::<Sample>() == SAMPLE_BYTES as usize && align_of::<Sample>() == 1);
 const _: () = assert!(size_of::<RawEntry>() == 32);
-const _: () = assert!(32 + 8 * MAX_SECTIONS <= HEADER_COPY_BYTES);
+const _: () = assert!(32 + 8 * MAX_SECTIONS <= POINTER_OFFSET);
 
 /// Rounds `bytes` up to the next position where a block or a payload may begin.
 pub(crate) fn aligned(bytes: u64) -> u64 {
     bytes.next_multiple_of(BLOCK_ALIGNMENT)
 }
 
-fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
+pub(crate) fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?))
 }
 
-fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
+pub(crate) fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
     Some(u64::from_le_bytes(*bytes.get(at..)?.first_chunk()?))
 }
 
@@ -136,6 +142,33 @@ fn header_crc(used: &[u8]) -> u32 {
 pub(crate) enum BlockKind {
     Samples,
     Blob,
+    /// Shares of samples in layers.
+    Shares,
+    Index,
+    /// A kind of a later format. Its block is checked and skipped.
+    Unknown(u32),
+}
+
+impl BlockKind {
+    pub fn code(self) -> u32 {
+        match self {
+            BlockKind::Samples => 1,
+            BlockKind::Blob => 2,
+            BlockKind::Shares => 3,
+            BlockKind::Index => 4,
+            BlockKind::Unknown(code) => code,
+        }
+    }
+
+    pub fn from_code(code: u32) -> Self {
+        match code {
+            1 => BlockKind::Samples,
+            2 => BlockKind::Blob,
+            3 => BlockKind::Shares,
+            4 => BlockKind::Index,
+            code => BlockKind::Unknown(code),
+        }
+    }
 }
 
 /// A block's header, with lengths within their bounds.
@@ -145,7 +178,7 @@ pub(crate) struct BlockHeader {
     /// Greater than that of every block before it in the file.
     pub sequence: u64,
     pub kind: BlockKind,
-    /// Extents in the table; 1 for a part of a blob.
+    /// Entries in the table; 1 for a part of a blob.
     pub entries: u32,
     /// Length of the table, without padding.
     pub table_bytes: u32,
@@ -156,16 +189,12 @@ pub(crate) struct BlockHeader {
 
 impl BlockHeader {
     pub fn encode(&self) -> [u8; BLOCK_HEADER_BYTES] {
-        let kind = match self.kind {
-            BlockKind::Samples => KIND_SAMPLES,
-            BlockKind::Blob => KIND_BLOB,
-        };
         let mut bytes = [0; BLOCK_HEADER_BYTES];
         bytes[..8].copy_from_slice(&BLOCK_MAGIC);
         bytes[8..16].copy_from_slice(&self.file_id.to_le_bytes());
         bytes[16..24].copy_from_slice(&self.sequence.to_le_bytes());
         for (at, word) in (24..).step_by(4).zip([
-            kind,
+            self.kind.code(),
             self.entries,
             self.table_bytes,
             self.table_crc,
@@ -186,23 +215,25 @@ impl BlockHeader {
         {
             return None;
         }
-        let kind = match u32_at(bytes, 24)? {
-            KIND_SAMPLES => BlockKind::Samples,
-            KIND_BLOB => BlockKind::Blob,
-            _ => return None,
-        };
         let header = Self {
             file_id: u64_at(bytes, 8)?,
             sequence: u64_at(bytes, 16)?,
-            kind,
+            kind: BlockKind::from_code(u32_at(bytes, 24)?),
             entries: u32_at(bytes, 28)?,
             table_bytes: u32_at(bytes, 32)?,
             table_crc: u32_at(bytes, 36)?,
             payload_bytes: u32_at(bytes, 40)?,
         };
-        let bounded =
-            header.table_bytes <= MAX_TABLE_BYTES && header.payload_bytes <= MAX_PAYLOAD_BYTES;
-        (bounded && header.file_id == file_id).then_some(header)
+        (header.is_bounded() && header.file_id == file_id).then_some(header)
+    }
+
+    /// Returns whether the lengths are within their bounds, the table has room for the checksums of
+    /// the payload's chunks, and another block can follow.
+    pub fn is_bounded(&self) -> bool {
+        self.sequence < u64::MAX
+            && self.table_bytes <= MAX_TABLE_BYTES
+            && self.payload_bytes <= MAX_PAYLOAD_BYTES
+            && self.chunks() <= self.table_bytes as usize / 4
     }
 
     /// Returns the offset of the payload from the beginning of the block.
@@ -215,13 +246,14 @@ impl BlockHeader {
         aligned(self.payload_offset() + u64::from(self.payload_bytes))
     }
 
-    fn chunks(&self) -> usize {
+    /// Returns the number of chunks of the payload.
+    pub fn chunks(&self) -> usize {
         self.payload_bytes.div_ceil(CHUNK_BYTES) as usize
     }
 }
 
 /// Properties that an extent states for all its samples, besides their beam and numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Class {
     /// The code of a [`SampleKind`].
     pub kind: u8,
@@ -245,7 +277,7 @@ impl Class {
 }
 
 /// An extent's entry in the table of its block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Entry {
     pub key: BeamKey,
     pub class: Class,
@@ -267,11 +299,13 @@ struct RawEntry {
     paths: [u8; 2],
     maker: [u8; 2],
     generation: [u8; 4],
-    zero: [u8; 4],
+    layer: [u8; 2],
+    zero: [u8; 2],
 }
 
 impl Entry {
-    pub fn encode(&self, table: &mut Vec<u8>) {
+    /// Appends the entry, as one of a layer. Layer 0 is all light.
+    pub fn encode(&self, layer: u16, table: &mut Vec<u8>) {
         let raw = RawEntry {
             beam: self.key.beam.0.to_le_bytes(),
             section: self.key.section.to_le_bytes(),
@@ -282,12 +316,14 @@ impl Entry {
             paths: self.class.paths.to_le_bytes(),
             maker: self.class.maker.0.to_le_bytes(),
             generation: self.generation.to_le_bytes(),
-            zero: [0; 4],
+            layer: layer.to_le_bytes(),
+            zero: [0; 2],
         };
         table.extend_from_slice(bytemuck::bytes_of(&raw));
     }
 
-    fn decode(raw: &RawEntry, header: &FileHeader) -> Option<Self> {
+    /// Returns the entry and its layer.
+    fn decode(raw: &RawEntry, header: &FileHeader) -> Option<(Self, u16)> {
         let entry = Self {
             key: BeamKey {
                 section: u16::from_le_bytes(raw.section),
@@ -308,7 +344,7 @@ impl Entry {
             && entry.class.kind <= 2
             && raw.supersedes <= 1
             && header.has(entry.key);
-        sound.then_some(entry)
+        sound.then_some((entry, u16::from_le_bytes(raw.layer)))
     }
 }
 
@@ -333,7 +369,8 @@ impl BlobPart {
         table.resize(table.len().next_multiple_of(4), 0);
     }
 
-    fn decode(table: &[u8]) -> Option<(Self, usize)> {
+    /// Returns the part whose entry is exactly these bytes.
+    pub fn decode(table: &[u8]) -> Option<Self> {
         let name_bytes = usize::from(u16::from_le_bytes(*table.get(24..)?.first_chunk()?));
         let name = str::from_utf8(table.get(32..32 + name_bytes)?).ok()?.to_owned();
         let part = Self {
@@ -342,15 +379,23 @@ impl BlobPart {
             offset: u64_at(table, 16)?,
             name,
         };
-        let sound = (1..=MAX_BLOB_NAME).contains(&name_bytes) && part.total <= MAX_BLOB_BYTES;
-        sound.then_some((part, (32 + name_bytes).next_multiple_of(4)))
+        let sound = (1..=MAX_BLOB_NAME).contains(&name_bytes)
+            && part.total <= MAX_BLOB_BYTES
+            && (32 + name_bytes).next_multiple_of(4) == table.len();
+        sound.then_some(part)
     }
 }
 
 /// A block's table, checked.
+#[derive(Debug)]
 pub(crate) enum Table {
     Samples(Vec<Entry>),
     Blob(BlobPart),
+    Shares(Vec<ShareRun>),
+    /// The ranges that have an index.
+    Index(Vec<IndexRange>),
+    /// The table of a kind that is skipped.
+    Unknown,
 }
 
 /// Appends the checksums of a payload's chunks to its table.
@@ -370,26 +415,46 @@ pub(crate) fn decode_table(
     if crc32fast::hash(bytes) != block.table_crc {
         return None;
     }
-    let (table, used) = match block.kind {
+    let (entries, crcs) = bytes.split_at_checked(bytes.len().checked_sub(4 * block.chunks())?)?;
+    let table = decode_entries(block, entries, header)?;
+    Some((table, crcs.chunks_exact(4).filter_map(|crc| u32_at(crc, 0)).collect()))
+}
+
+/// Returns the table whose entries are exactly these bytes; `None` if any value is wrong.
+pub(crate) fn decode_entries(
+    block: &BlockHeader,
+    bytes: &[u8],
+    header: &FileHeader,
+) -> Option<Table> {
+    Some(match block.kind {
         BlockKind::Samples => {
-            let used = (block.entries as usize).checked_mul(size_of::<RawEntry>())?;
-            let raw: &[RawEntry] = bytemuck::try_cast_slice(bytes.get(..used)?).ok()?;
-            let entries =
-                raw.iter().map(|raw| Entry::decode(raw, header)).collect::<Option<Vec<_>>>()?;
+            let entries: Vec<Entry> = layered_entries(block, bytes, header)?
+                .into_iter()
+                .map(|(entry, layer)| (layer == 0).then_some(entry))
+                .collect::<Option<_>>()?;
             let samples: u64 = entries.iter().map(|e| u64::from(e.count)).sum();
             if samples * u64::from(SAMPLE_BYTES) != u64::from(block.payload_bytes) {
                 return None;
             }
-            (Table::Samples(entries), used)
+            Table::Samples(entries)
         }
-        BlockKind::Blob => {
-            let (part, used) = BlobPart::decode(bytes)?;
-            (Table::Blob(part), used)
+        BlockKind::Blob => Table::Blob(BlobPart::decode(bytes)?),
+        BlockKind::Shares => {
+            Table::Shares(ShareRun::list(layered_entries(block, bytes, header)?, block)?)
         }
-    };
-    let crcs = bytes.get(used..)?;
-    if crcs.len() != 4 * block.chunks() {
+        BlockKind::Index => Table::Index(IndexRange::list(block.entries, bytes)?),
+        BlockKind::Unknown(_) => Table::Unknown,
+    })
+}
+
+fn layered_entries(
+    block: &BlockHeader,
+    bytes: &[u8],
+    header: &FileHeader,
+) -> Option<Vec<(Entry, u16)>> {
+    let raw: &[RawEntry] = bytemuck::try_cast_slice(bytes).ok()?;
+    if raw.len() != block.entries as usize {
         return None;
     }
-    Some((table, crcs.chunks_exact(4).filter_map(|crc| u32_at(crc, 0)).collect()))
+    raw.iter().map(|raw| Entry::decode(raw, header)).collect()
 }

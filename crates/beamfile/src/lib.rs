@@ -4,8 +4,9 @@
 //! The file is a log of checksummed *blocks*. Appended samples wait in memory, and the file's own
 //! thread writes them as one block about every half second. A block is a run of *extents*, sorted
 //! by section and beam. An extent is consecutive samples of one beam. The directory of all extents
-//! is kept in memory. Opening the file rebuilds it from block headers and extent tables, without
-//! reading samples. `proto/SPEC.md`, section 8, draws the bytes.
+//! is kept in memory. Opening the file rebuilds it from the index, and from the headers and tables
+//! of blocks that the index lacks, without reading samples. `proto/SPEC.md`, section 8, draws the
+//! bytes.
 //!
 //! Invariants:
 //!
@@ -17,6 +18,9 @@
 //!   left out; nothing else is lost with them.
 //! - One process writes the file, ensured by a lock on it. Any number of processes read it
 //!   meanwhile.
+//! - The index only repeats what block headers and tables say. Without it, opening takes longer, and
+//!   finds the same.
+//! - Blocks of unknown kinds are checked and skipped, so that a program reads files of later ones.
 //! - Samples of an earlier generation are never taken for those of the present one, and never lost.
 //! - This crate never interprets a radiance. For it, a sample is ten bytes.
 
@@ -28,12 +32,17 @@ mod blobs;
 mod cache;
 mod checksums;
 mod copy;
+mod copy_shares;
 mod directory;
 mod error;
 mod file;
 pub mod format;
 mod gaps;
 mod hash;
+mod index;
+mod index_read;
+mod index_write;
+mod indexed;
 mod load;
 mod open;
 mod plan;
@@ -41,6 +50,7 @@ mod read;
 mod refresh;
 mod scan;
 mod shared;
+mod shares;
 mod state;
 mod storage;
 mod types;
@@ -54,7 +64,8 @@ pub use file::BeamFile;
 pub use read::Caching;
 pub use storage::{DiskStorage, Storage};
 pub use types::{
-    BeamSamples, Counts, Damage, DamageKind, Maker, OpenReport, Options, SectionStats, Stats,
+    BeamSamples, Counts, Damage, DamageKind, Maker, OpenReport, Options, SectionStats, Skipped,
+    Stats,
 };
 
 /// The result type of this crate's functions.

@@ -12,9 +12,13 @@ use crate::appender::Appender;
 use crate::checksums::bad_chunks;
 use crate::error::io_error;
 use crate::format::{
-    FIRST_BLOCK, FORMAT, FileHeader, HEADER_COPY_BYTES, HeaderCopy, MAX_SECTIONS, aligned,
+    BlockKind, FIRST_BLOCK, FORMAT, FileHeader, HEADER_COPY_BYTES, HeaderCopy, MAX_SECTIONS,
+    SAMPLE_BYTES, aligned,
 };
-use crate::scan::{ScanEnd, Tail, scan};
+use crate::index::{IndexRange, Indexed};
+use crate::index_read;
+use crate::index_write::{IndexWriter, write_pointer};
+use crate::scan::{ScanEnd, Stretch, Tail, scan};
 use crate::state::State;
 use crate::storage::Storage;
 use crate::types::{Damage, DamageKind, OpenReport};
@@ -26,6 +30,7 @@ pub(crate) struct Opened {
     pub state: State,
     pub appender: Appender,
     pub report: OpenReport,
+    pub index: IndexWriter,
 }
 
 /// Opens the file itself and, if `lock` is set, takes the writer's lock.
@@ -58,6 +63,7 @@ pub(crate) fn create(storage: &dyn Storage, path: &Path, layout: &[u64]) -> Resu
         header,
         appender: Appender { at: FIRST_BLOCK, sequence: 0 },
         report: OpenReport::default(),
+        index: IndexWriter::new(Vec::new(), 0),
     })
 }
 
@@ -72,8 +78,8 @@ fn random_id() -> u64 {
     hasher.finish()
 }
 
-/// Reads the header and every block's table. If `writable`, it repairs a damaged copy of the header
-/// and cuts off a torn tail.
+/// Reads the header, the index, and the tables of blocks that the index lacks. If `writable`, it
+/// repairs a damaged copy of the header and cuts off a torn tail.
 pub(crate) fn open(storage: &dyn Storage, path: &Path, writable: bool) -> Result<Opened> {
     let mut damage = Vec::new();
     let header = read_header(storage, path, &mut damage)?;
@@ -87,14 +93,28 @@ pub(crate) fn open(storage: &dyn Storage, path: &Path, writable: bool) -> Result
             .map_err(io_error(path, "repairing a copy of the header"))?;
     }
 
+    let failed = io_error(path, "reading its index");
+    let pointers = index_read::pointers(storage).map_err(&failed)?;
+    let mut index = index_read::read(storage, &header, &pointers).map_err(&failed)?;
+    if writable
+        && pointers[0] != pointers[1]
+        && let Some(newest) = index_read::newest(&pointers)
+    {
+        write_pointer(storage, &newest)
+            .map_err(io_error(path, "repairing the place of its index"))?;
+    }
+    damage.append(&mut index.damage);
     let mut state = State::new(header.layout.len());
-    let mut samples = 0;
-    let end = scan(storage, path, &header, FIRST_BLOCK, 0, &mut damage, &mut |block, table| {
-        if block.blob.is_none() {
-            samples += u64::from(block.header.payload_bytes / crate::format::SAMPLE_BYTES);
-        }
+    let indexed = index.ranges.iter().map(|(range, _)| u64::from(range.blocks)).sum();
+    let rest = list_index(storage, path, &header, index.ranges, &mut state, &mut damage)?;
+    let end = scan(storage, path, &header, rest, &mut damage, &mut |block, table| {
         state.found(block, table)
     })?;
+    let blocks = state.directory.blocks.iter();
+    let samples = blocks
+        .filter(|block| block.header.kind == BlockKind::Samples)
+        .map(|block| u64::from(block.header.payload_bytes / SAMPLE_BYTES))
+        .sum();
 
     // After a power failure the file may have the length of the last block without its bytes.
     if let Some(last) = state.directory.blocks.last() {
@@ -103,16 +123,53 @@ pub(crate) fn open(storage: &dyn Storage, path: &Path, writable: bool) -> Result
         state.mark_bad(&bad.into_iter().map(|chunk| (id, chunk)).collect::<Vec<_>>());
     }
     damage.append(&mut state.damage);
+    // A damaged index block may be found by its pointer and by the scan.
+    damage.sort_by_key(|damage| (damage.offset, damage.bytes));
+    damage.dedup();
     let appender = end_of_file(storage, path, writable, &end, &mut damage)?;
     state.damage = damage.clone();
     let report = OpenReport {
         blocks: state.directory.blocks.len() as u64,
+        indexed,
         extents: state.directory.extents(),
         samples,
         damage,
         unfinished_blobs: state.blobs.unfinished(),
     };
-    Ok(Opened { header, state, appender, report })
+    let index = IndexWriter::new(index.kept, state.directory.blocks.len());
+    Ok(Opened { header, state, appender, report, index })
+}
+
+/// Lists what the index describes, and reads the blocks between its ranges one by one. Returns the
+/// rest of the file.
+fn list_index(
+    storage: &dyn Storage,
+    path: &Path,
+    header: &FileHeader,
+    ranges: Vec<(IndexRange, Indexed)>,
+    state: &mut State,
+    damage: &mut Vec<Damage>,
+) -> Result<Stretch> {
+    let mut all = Vec::with_capacity(ranges.len());
+    let mut rest = Stretch::WHOLE;
+    for (range, indexed) in ranges {
+        if range.begin > rest.from {
+            let between = Stretch { to: range.begin, ..rest };
+            let mut found = Vec::new();
+            let end = scan(storage, path, header, between, damage, &mut |block, table| {
+                found.push((block, table));
+                Ok(())
+            })?;
+            if let Tail::Torn(lost) | Tail::Damaged(lost) = end.tail {
+                damage.push(Damage { what: DamageKind::BlockHeader, ..lost });
+            }
+            all.push(Indexed::of_blocks(found));
+        }
+        rest = Stretch { from: range.end, sequence: range.sequence, ..rest };
+        all.push(indexed);
+    }
+    state.list_ranges(all)?;
+    Ok(rest)
 }
 
 fn end_of_file(

@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::file::BeamFile;
-use crate::scan::{Tail, scan};
+use crate::scan::{Stretch, Tail, scan};
 
 impl BeamFile {
     /// Reads the blocks that another process has completed since, and returns their number.
@@ -22,8 +22,7 @@ impl BeamFile {
             &*self.shared.storage,
             &self.shared.path,
             &self.shared.header,
-            appender.at,
-            appender.sequence,
+            Stretch { from: appender.at, to: u64::MAX, sequence: appender.sequence },
             &mut damage,
             &mut |block, table| -> Result<()> {
                 found.push((block, table));

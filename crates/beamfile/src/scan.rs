@@ -10,9 +10,10 @@ use crate::Result;
 use crate::directory::Block;
 use crate::error::io_error;
 use crate::format::{
-    BLOCK_ALIGNMENT, BLOCK_HEADER_BYTES, BLOCK_MAGIC, BlockHeader, FileHeader, Table, aligned,
-    decode_table,
+    BLOCK_ALIGNMENT, BLOCK_HEADER_BYTES, BLOCK_MAGIC, BlockHeader, FIRST_BLOCK, FileHeader, Table,
+    aligned, decode_table,
 };
+use crate::index::blob_name;
 use crate::storage::Storage;
 use crate::types::{Damage, DamageKind};
 
@@ -38,24 +39,38 @@ pub(crate) struct ScanEnd {
     pub resume: u64,
     /// Sequence number of the last block.
     pub sequence: u64,
-    /// Length of the file.
+    /// The end of the stretch, or of the file.
     pub length: u64,
     pub tail: Tail,
 }
 
-/// Calls `found` for every block from offset `from` on, in file order. Blocks whose sequence number
-/// is not above that of the block before, at first `sequence`, are damage.
+/// A part of a file to scan.
+pub(crate) struct Stretch {
+    /// Where it begins: at a block.
+    pub from: u64,
+    /// One past its last byte, unless the file ends before.
+    pub to: u64,
+    /// Sequence number of the last block before it.
+    pub sequence: u64,
+}
+
+impl Stretch {
+    /// Everything that a file can hold.
+    pub const WHOLE: Stretch = Stretch { from: FIRST_BLOCK, to: u64::MAX, sequence: 0 };
+}
+
+/// Calls `found` for every block of a stretch, in file order. Blocks whose sequence number is not
+/// above that of the block before are damage.
 pub(crate) fn scan(
     storage: &dyn Storage,
     path: &Path,
     file: &FileHeader,
-    from: u64,
-    mut sequence: u64,
+    Stretch { from, to, mut sequence }: Stretch,
     damage: &mut Vec<Damage>,
     found: &mut dyn FnMut(Block, Table) -> Result<()>,
 ) -> Result<ScanEnd> {
     let failed = io_error(path, "reading its blocks");
-    let length = storage.length().map_err(&failed)?;
+    let length = storage.length().map_err(&failed)?.min(to);
     let mut at = from;
     let tail = loop {
         let rest = length.saturating_sub(at);
@@ -91,16 +106,13 @@ pub(crate) fn scan(
         storage.read_exact_at(&mut table, at + BLOCK_HEADER_BYTES as u64).map_err(&failed)?;
         match decode_table(&header, &table, file) {
             Some((table, crcs)) => {
-                let blob = match &table {
-                    Table::Blob(part) => Some(part.name.as_str().into()),
-                    Table::Samples(_) => None,
-                };
+                let blob = blob_name(Some(&table));
                 found(Block { header, offset: at, crcs, blob }, table)?;
             }
             None => damage.push(Damage {
                 offset: at,
                 bytes: header.block_bytes(),
-                what: DamageKind::BlockTable(sequence),
+                what: Block::table_damage(&header),
             }),
         }
         at += header.block_bytes();

@@ -4,7 +4,7 @@
 //! a batch's extents are being listed, its samples are in both. This changes no read, because
 //! either of two equal extents may count.
 
-use std::collections::{HashSet, VecDeque};
+use std::collections::{BTreeMap, HashSet, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -13,14 +13,18 @@ use holo_section::{BeamKey, Sample};
 use crate::batch::Batch;
 use crate::blob_list::Blobs;
 use crate::directory::{Block, Directory};
-use crate::format::{Class, Entry, Table};
-use crate::types::{Damage, DamageKind};
+use crate::format::{BlockKind, Class, Entry, Table};
+use crate::types::{Damage, Skipped};
 use crate::{FileLoss, Result};
 
 #[derive(Default)]
 pub(crate) struct State {
     pub directory: Directory,
     pub blobs: Blobs,
+    /// Number of shares of each layer.
+    pub layers: BTreeMap<u16, u64>,
+    /// Blocks of kinds that this program does not know, by kind.
+    pub skipped: BTreeMap<u32, Skipped>,
     /// The batch that receives samples now.
     pub active: Batch,
     /// Time of the first append to the active batch.
@@ -88,27 +92,44 @@ impl State {
 
     /// Lists a block that was found in the file.
     pub fn found(&mut self, block: Block, table: Table) -> Result<()> {
-        let block = Arc::new(block);
-        let id = self.directory.add_block(Arc::clone(&block))?;
-        match table {
-            Table::Blob(part) => self.blobs.add(part, id, block),
-            Table::Samples(entries) => {
-                let mut at = 0;
-                for entry in &entries {
-                    let Entry { key, class, first, count, generation } = *entry;
-                    self.directory.begin(generation);
-                    if generation < self.directory.generation {
-                        // No writer goes back to an earlier generation.
-                        at += count;
-                        continue;
-                    }
-                    self.directory.account(key, class.kind, first, count);
-                    self.directory.add_extent(id, at, entry)?;
-                    at += count;
-                }
+        let Table::Samples(entries) = table else {
+            self.list_block(Arc::new(block), Some(table))?;
+            return Ok(());
+        };
+        let id = self.list_block(Arc::new(block), None)?;
+        let mut at = 0;
+        for entry in &entries {
+            let Entry { key, class, first, count, generation } = *entry;
+            self.directory.begin(generation);
+            // No writer goes back to an earlier generation.
+            if generation == self.directory.generation {
+                self.directory.account(key, class.kind, first, count);
+                self.directory.add_extent(id, at, entry)?;
             }
+            at += count;
         }
         Ok(())
+    }
+
+    /// Lists a block, and what it holds except samples. Returns its number.
+    pub fn list_block(&mut self, block: Arc<Block>, table: Option<Table>) -> Result<u32> {
+        let id = self.directory.add_block(Arc::clone(&block))?;
+        match (table, block.header.kind) {
+            (Some(Table::Blob(part)), _) => self.blobs.add(part, id, block),
+            (Some(Table::Shares(runs)), _) => {
+                for run in runs.iter().filter(|run| run.layer > 0) {
+                    *self.layers.entry(run.layer).or_default() += u64::from(run.entry.count);
+                }
+            }
+            (_, BlockKind::Unknown(kind)) => {
+                let skipped =
+                    self.skipped.entry(kind).or_insert(Skipped { kind, blocks: 0, bytes: 0 });
+                skipped.blocks += 1;
+                skipped.bytes += block.header.block_bytes();
+            }
+            _ => {}
+        }
+        Ok(id)
     }
 
     /// Marks chunks that do not match their checksums. From now on plans leave them out.
@@ -117,10 +138,7 @@ impl State {
             let Some(block) = self.directory.blocks.get(id as usize) else { continue };
             if self.bad.insert((id, chunk)) {
                 let (begin, end) = block.chunk_range(chunk);
-                let what = block
-                    .blob
-                    .as_deref()
-                    .map_or(DamageKind::Samples, |name| DamageKind::Blob(name.into()));
+                let what = block.payload_damage();
                 self.damage.push(Damage { offset: begin, bytes: end - begin, what });
             }
         }

@@ -81,6 +81,12 @@ pub enum DamageKind {
     Samples,
     /// A chunk in one copy of the blob with this name.
     Blob(String),
+    /// Shares of samples in layers.
+    Shares,
+    /// A part of the index. Opening reads the blocks in its place.
+    Index,
+    /// Bytes of a block of this unknown kind.
+    Skipped(u32),
     /// A block at the end of the file that was never completed. If a writer is active, the block
     /// may still be completed.
     TornTail,
@@ -96,7 +102,12 @@ impl Damage {
             DamageKind::Samples | DamageKind::BlockHeader | DamageKind::BlockTable(_) => {
                 self.bytes / u64::from(SAMPLE_BYTES)
             }
-            DamageKind::HeaderCopy(_) | DamageKind::Blob(_) | DamageKind::TornTail => 0,
+            DamageKind::HeaderCopy(_)
+            | DamageKind::Blob(_)
+            | DamageKind::Shares
+            | DamageKind::Index
+            | DamageKind::Skipped(_)
+            | DamageKind::TornTail => 0,
         }
     }
 }
@@ -119,6 +130,18 @@ impl fmt::Display for Damage {
             DamageKind::Blob(name) => {
                 write!(f, "{bytes} bytes in a copy of blob `{name}` are damaged")
             }
+            DamageKind::Shares => {
+                write!(f, "{bytes} bytes with shares of layers are damaged and left out")
+            }
+            DamageKind::Index => {
+                write!(
+                    f,
+                    "{bytes} bytes of the index are damaged; opening reads the blocks instead"
+                )
+            }
+            DamageKind::Skipped(kind) => {
+                write!(f, "{bytes} bytes in a block of the unknown kind {kind} are damaged")
+            }
             DamageKind::TornTail => {
                 write!(f, "a block was never completed; {bytes} bytes are left out")
             }
@@ -126,11 +149,24 @@ impl fmt::Display for Damage {
     }
 }
 
+/// Blocks of one kind that this program does not know. A later version wrote them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Skipped {
+    /// The kind.
+    pub kind: u32,
+    /// Number of blocks.
+    pub blocks: u64,
+    /// Their length in bytes.
+    pub bytes: u64,
+}
+
 /// The report on opening a file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct OpenReport {
     /// Complete blocks.
     pub blocks: u64,
+    /// Those of them that the index described, and that were not read one by one.
+    pub indexed: u64,
     /// Extents in them.
     pub extents: u64,
     /// Samples in them, including superseded ones.

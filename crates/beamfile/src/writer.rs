@@ -10,6 +10,7 @@ use crate::Result;
 use crate::batch::Batch;
 use crate::directory::Block;
 use crate::format::Entry;
+use crate::index_write::{CLOSING_RANGES, IndexWriter};
 use crate::shared::Shared;
 use crate::state::State;
 
@@ -35,7 +36,7 @@ impl Drop for Gone<'_> {
 
 /// Runs the writer's thread. It ends when it must stop and nothing is left to write, or when
 /// writing fails for good.
-pub(crate) fn run(shared: &Arc<Shared>) {
+pub(crate) fn run(shared: &Arc<Shared>, mut index: IndexWriter) {
     let _gone = Gone(shared);
     let mut failed_at: Option<Instant> = None;
     while let Some(batch) = next_batch(shared, failed_at) {
@@ -65,7 +66,25 @@ pub(crate) fn run(shared: &Arc<Shared>) {
                 }
             }
         }
+        drop(state);
         shared.progress.notify_all();
+        if failed_at.is_none() && index.is_due(shared) {
+            // Without an index opening takes longer, and a full disk is named with the next samples.
+            let _ = index.write(shared);
+        }
+    }
+    close_index(shared, &mut index);
+}
+
+/// Writes the index of a file that is closed.
+fn close_index(shared: &Shared, index: &mut IndexWriter) {
+    if shared.state().lost.is_some() || !index.is_due_at_close(shared) {
+        return;
+    }
+    for _ in 0..CLOSING_RANGES {
+        if !index.write(shared).is_ok_and(|more| more) {
+            return;
+        }
     }
 }
 

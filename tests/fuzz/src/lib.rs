@@ -6,7 +6,10 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-use holo_beamfile::{Storage, format::HEADER_COPY_BYTES};
+use holo_beamfile::{
+    Storage,
+    format::{HEADER_COPY_BYTES, POINTER_BYTES, POINTER_OFFSET},
+};
 use holo_scene::{LoadOptions, Scene, load};
 use tempfile::TempDir;
 
@@ -52,21 +55,23 @@ impl Storage for Memory {
     }
 }
 
-/// Returns a holodeck file without what its header repeats: the length of a copy, the copy without
-/// the zeros at its end, and the blocks.
+/// Returns a holodeck file without what its header repeats: the place of the index, the length of a
+/// copy, the copy without the zeros at its end, and the blocks.
 pub fn short(file: &[u8]) -> Vec<u8> {
     let (copies, blocks) = file.split_at(2 * HEADER_COPY_BYTES);
-    let copy = &copies[..HEADER_COPY_BYTES];
+    let (copy, pointer) = copies[..HEADER_COPY_BYTES].split_at(POINTER_OFFSET);
     let used = copy.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
-    [&(used as u16).to_le_bytes(), &copy[..used], blocks].concat()
+    [pointer, &(used as u16).to_le_bytes(), &copy[..used], blocks].concat()
 }
 
 /// Undoes [`short`]. `None` if the bytes end too soon.
 pub fn long(short: &[u8]) -> Option<Vec<u8>> {
-    let (used, rest) = short.split_first_chunk()?;
+    let (pointer, rest) = short.split_first_chunk::<POINTER_BYTES>()?;
+    let (used, rest) = rest.split_first_chunk()?;
     let (copy, blocks) = rest.split_at_checked(usize::from(u16::from_le_bytes(*used)))?;
     let mut copy = copy.to_vec();
-    copy.resize(HEADER_COPY_BYTES, 0);
+    copy.resize(POINTER_OFFSET, 0);
+    copy.extend_from_slice(pointer);
     Some([&copy, &copy, blocks].concat())
 }
 

@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use holo_beamfile::{BeamFile, Maker, Options};
+use holo_beamfile::{BeamFile, Maker, Options, format::BLOCK_HEADER_BYTES};
 use holo_fuzz::short;
 use holo_proto::frame::{HEADER_BYTES, Header};
 use holo_scene::{LoadOptions, load};
@@ -106,9 +106,31 @@ fn beam_file(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
         file.flush()?;
     }
     file.put_blob("holodeck", b"{}")?;
+    let blocks = file.stats().file_bytes as usize;
     file.close()?;
-    write(folder, "beam_file", "small", &short(&fs::read(&path)?))?;
+    let bytes = fs::read(&path)?;
+    write(folder, "beam_file", "small", &short(&bytes))?;
+    write(folder, "index", "small", &payload(&bytes[blocks..])?)?;
+    let golden = concat!(env!("CARGO_MANIFEST_DIR"), "/../../crates/beamfile/tests/golden");
+    for entry in fs::read_dir(golden)? {
+        let path = entry?.path();
+        let name = path.file_stem().ok_or("a file without a name")?.to_string_lossy();
+        write(folder, "beam_file", &name, &short(&fs::read(&path)?))?;
+    }
     Ok(())
+}
+
+/// Returns what the target `index` begins with: the block's own range, then its payload.
+fn payload(block: &[u8]) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
+    let word = |at: usize| -> Option<usize> {
+        Some(u32::from_le_bytes(*block.get(at..)?.first_chunk()?) as usize)
+    };
+    let (table, length) = word(32).zip(word(40)).ok_or("an index block without a header")?;
+    let begin = (BLOCK_HEADER_BYTES + table).next_multiple_of(16);
+    let range = block.get(BLOCK_HEADER_BYTES..BLOCK_HEADER_BYTES + 48);
+    let payload = block.get(begin..begin + length);
+    let (range, payload) = range.zip(payload).ok_or("an index block that ends too soon")?;
+    Ok([range, payload].concat())
 }
 
 /// Models as programs write them: text, and packed.

@@ -103,9 +103,9 @@ fn older_bytes_are_no_copy_of_newer_ones() {
     let mut newer = content();
     newer[5_000] = 0;
     file.put_blob_once(NAME, &newer).unwrap();
+    let at = file.stats().file_bytes as usize - 8;
     file.close().unwrap();
     let mut bytes = fs::read(&path).unwrap();
-    let at = bytes.len() - 8;
     bytes[at] ^= 1;
     fs::write(&path, &bytes).unwrap();
     let file = BeamFile::open_read_only(&path, 0).unwrap();

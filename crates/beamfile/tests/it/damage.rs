@@ -4,12 +4,15 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::common::{LAYOUT, Model, assert_same, key, kind, missing, options, run, samples};
+use crate::common::{
+    LAYOUT, Model, assert_same, key, kind, missing, options, remove_index, run, samples,
+};
 use holo_beamfile::format::{BLOCK_HEADER_BYTES, BLOCK_MAGIC, FIRST_BLOCK, HEADER_COPY_BYTES};
-use holo_beamfile::{BeamFile, DamageKind, Error, Maker};
+use holo_beamfile::{BeamFile, DamageKind, Error, Maker, Skipped};
 use holo_section::Run;
 
-/// A file of a few blocks, each flushed, its model after each block, and where each block ends.
+/// A file of a few blocks without an index, each flushed, its model after each block, and where each
+/// block ends.
 struct Built {
     _folder: tempfile::TempDir,
     path: PathBuf,
@@ -38,6 +41,7 @@ fn build(blocks: u32, extents: u32) -> Built {
         built.ends.push(file.stats().file_bytes);
     }
     file.close().unwrap();
+    remove_index(&built.path, *built.ends.last().unwrap());
     built
 }
 
@@ -165,11 +169,9 @@ fn after_damage_in_every_block_header_the_writer_goes_on_and_destroys_nothing() 
     let file = BeamFile::open_read_only(&built.path, 0).unwrap();
     assert_same(&file, &model);
     assert_eq!(file.report().damage.len(), 1, "one stretch without a block");
-    assert_eq!(
-        fs::read(&built.path).unwrap()[..bytes.len()],
-        bytes,
-        "what is damaged may be wanted by a rescuer"
-    );
+    let blocks = FIRST_BLOCK as usize..bytes.len();
+    let now = &fs::read(&built.path).unwrap()[blocks.clone()];
+    assert!(*now == bytes[blocks], "what is damaged may be wanted by a rescuer");
 }
 
 #[test]
@@ -233,10 +235,10 @@ fn hostile_header(file: &[u8], words: [u32; 5]) -> Vec<u8> {
 fn hostile_lengths_take_no_memory_and_cost_no_sample() {
     let built = build(1, 5);
     let good = fs::read(&built.path).unwrap();
-    let table = |words: [u32; 8]| words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>();
+    let table = |words: &[u32]| words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>();
     // Beam, section and kind, first, count, paths, zeros; then the payload's one checksum.
     let entry = |beam: u32, section: u32, first: u32, count: u32| {
-        table([beam, 0, section, first, count, 1, 0, 0])
+        table(&[beam, 0, section, first, count, 1, 0, 0])
     };
     let payload = [0u8; 10];
     let mut cases: Vec<(&str, [u32; 3], Vec<u8>, u32)> = vec![
@@ -249,9 +251,18 @@ fn hostile_lengths_take_no_memory_and_cost_no_sample() {
         ("a section that is not there", [1, 1, 36], entry(0, 2, 0, 1), 10),
         ("no samples", [1, 1, 36], entry(0, 0, 0, 0), 0),
         ("a kind that is not there", [1, 1, 36], entry(0, 3 << 16, 0, 1), 10),
-        ("a blob without a name", [2, 1, 36], table([0; 8]), 10),
-        ("a blob longer than any", [2, 1, 40], table([0, 0, 0, 2, 0, 0, 1, 0]), 10),
-        ("an unknown block", [9, 1, 36], entry(0, 0, 0, 1), 10),
+        ("a blob without a name", [2, 1, 36], table(&[0; 8]), 10),
+        ("a blob longer than any", [2, 1, 40], table(&[0, 0, 0, 2, 0, 0, 1, 0]), 10),
+        ("samples of a layer", [1, 1, 36], table(&[0, 0, 0, 0, 1, 1, 0, 1]), 10),
+        (
+            "shares of samples that are not announced",
+            [3, 1, 36],
+            table(&[0, 0, 0, 0, 1, 1, 0, 1]),
+            4,
+        ),
+        ("announced samples with shares", [3, 1, 36], entry(0, 0, 0, 1), 4),
+        ("an index of nothing", [4, 0, 4], vec![], 4),
+        ("an index of the header", [4, 1, 52], table(&[0; 12]), 4),
     ];
     cases.push((
         "good, to show that the others differ from it",
@@ -260,7 +271,8 @@ fn hostile_lengths_take_no_memory_and_cost_no_sample() {
         10,
     ));
     for (what, [kind, entries, table_bytes], mut table, payload_bytes) in cases {
-        table.extend_from_slice(&crc32fast::hash(&payload).to_le_bytes());
+        let used = &payload[..payload.len().min(payload_bytes as usize)];
+        table.extend_from_slice(&crc32fast::hash(used).to_le_bytes());
         let header = hostile_header(
             &good,
             [kind, entries, table_bytes, crc32fast::hash(&table), payload_bytes],
@@ -276,6 +288,56 @@ fn hostile_lengths_take_no_memory_and_cost_no_sample() {
         assert_eq!(file.report().damage.is_empty(), accepted, "{what}: {:?}", file.report());
         assert_eq!(file.counts(key(0, 0)).uniform == 77_001, accepted, "{what}");
         assert_eq!(missing_only(&file, &built), 0, "{what}");
+    }
+}
+
+#[test]
+fn blocks_of_unknown_kinds_are_named_and_skipped_and_their_damage_is_damage() {
+    let built = build(2, 5);
+    let good = fs::read(&built.path).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for kind in [0, 5, 9, u32::MAX] {
+        let payload = [7u8; 5000];
+        let mut table = b"whatever".to_vec();
+        for chunk in payload.chunks(4090) {
+            table.extend_from_slice(&crc32fast::hash(chunk).to_le_bytes());
+        }
+        let words = [kind, 77, table.len() as u32, crc32fast::hash(&table), payload.len() as u32];
+        let mut bytes = [good.clone(), hostile_header(&good, words), table].concat();
+        bytes.extend_from_slice(&payload);
+        bytes.resize(bytes.len().next_multiple_of(16), 0);
+        let length = (bytes.len() - good.len()) as u64;
+        let path = variant(folder.path(), &bytes);
+
+        let reader = BeamFile::open_read_only(&path, 0).unwrap();
+        assert!(reader.verify().unwrap().is_empty(), "{:?}", reader.damage());
+        assert_eq!(reader.skipped(), [Skipped { kind, blocks: 1, bytes: length }]);
+        let writer = BeamFile::open(&path, options()).unwrap();
+        let run = run(key(0, 1), 5000);
+        let new = samples(&run, 30, 99);
+        writer.append(run, Maker::UNKNOWN, &new).unwrap();
+        writer.close().unwrap();
+        let mut model = built.models[2].clone();
+        model.put(&run, &new, false);
+        let reader = BeamFile::open_read_only(&path, 0).unwrap();
+        assert!(reader.report().indexed > 0);
+        assert_same(&reader, &model);
+        assert_eq!(reader.skipped(), [Skipped { kind, blocks: 1, bytes: length }]);
+        let now = &fs::read(&path).unwrap()[good.len()..bytes.len()];
+        assert!(*now == bytes[good.len()..], "the block is left alone");
+
+        // Bytes 0 to 63 are the header, 64 to 79 the table, and the payload follows.
+        for at in (0..80).chain((80..5080).step_by(101)) {
+            let mut flipped = bytes.clone();
+            flipped[good.len() + at] ^= 1 << (at % 8);
+            let path = variant(folder.path(), &flipped);
+            let file = BeamFile::open_read_only(&path, 0).unwrap();
+            let damage = file.verify().unwrap();
+            let at = (good.len() + at) as u64;
+            let named = damage.iter().any(|d| (d.offset..d.offset + d.bytes).contains(&at));
+            assert!(named, "byte {at} of a block of kind {kind}: {damage:?}");
+            assert!(missing(&file, &built.models[2]).is_empty());
+        }
     }
 }
 

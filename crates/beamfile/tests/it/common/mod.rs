@@ -2,7 +2,11 @@
 #![allow(dead_code, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
 
+use holo_beamfile::format::{HEADER_COPY_BYTES, POINTER_BYTES, POINTER_OFFSET};
 use holo_beamfile::{BeamFile, Options};
 use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
 
@@ -44,6 +48,17 @@ pub fn sample(key: BeamKey, kind: SampleKind, number: u32, tag: u32) -> Sample {
 
 pub fn samples(run: &Run, count: u32, tag: u32) -> Vec<Sample> {
     (run.first..run.first + count).map(|n| sample(run.key, run.kind, n, tag)).collect()
+}
+
+/// Removes the index of a file whose last block before the index ends at `end`. What is left is a
+/// file of a program that writes no index.
+pub fn remove_index(path: &Path, end: u64) {
+    let file = File::options().write(true).open(path).unwrap();
+    file.set_len(end).unwrap();
+    for copy in 0..2 {
+        let at = copy * HEADER_COPY_BYTES + POINTER_OFFSET;
+        file.write_all_at(&[0; POINTER_BYTES], at as u64).unwrap();
+    }
 }
 
 /// A sample's bytes, and its paths.
