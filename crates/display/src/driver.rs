@@ -1,9 +1,13 @@
 //! The trait that every driver implements, and its messages.
 
-use holo_picture::View;
+use holo_picture::{Picture, View};
 use holo_section::{BeamKey, RayCoords, Sample};
 
-use crate::{BeamSearch, Frame, Interrupt, LiveSample, Search, WantedBeam, viewpoint_radius};
+use std::ops::Range;
+
+use crate::{
+    BeamSearch, Frame, Interrupt, LiveSample, PartsPlan, Search, WantedBeam, viewpoint_radius,
+};
 
 /// The number of pixels that a driver computes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -151,6 +155,24 @@ pub trait Driver: Send {
     /// Draws the frame. Calls `stage_ended` with the name of each stage as it ends, so that the
     /// caller can measure the stages. Drivers without stages never call it.
     fn draw(&mut self, stage_ended: &mut dyn FnMut(&'static str)) -> Frame;
+
+    /// Plans a picture that is drawn in parts, as well as the driver can, from the samples that it
+    /// has. Neither this nor [`draw_part`](Self::draw_part) changes the view that is shown. `None`
+    /// if the driver cannot draw parts.
+    fn plan_parts(&mut self, _look: &Look) -> Option<PartsPlan> {
+        None
+    }
+
+    /// Draws these columns and rows of a planned picture, counted from its left and top. `None` if
+    /// the driver was interrupted, or cannot draw parts.
+    fn draw_part(
+        &mut self,
+        _plan: &PartsPlan,
+        _columns: Range<u32>,
+        _rows: Range<u32>,
+    ) -> Option<Picture> {
+        None
+    }
 
     /// Returns whether drawing again would improve the frame without any new sample.
     fn refines(&self) -> bool {

@@ -19,6 +19,7 @@ mod ending;
 mod frame;
 mod interrupt;
 mod live;
+mod parts;
 mod random;
 mod select;
 mod stored;
@@ -32,6 +33,7 @@ pub use ending::{BeamSearch, End, Search, UsefulBeam, beams_ending_on};
 pub use frame::{Certainty, Frame};
 pub use interrupt::Interrupt;
 pub use live::LiveSample;
+pub use parts::PartsPlan;
 pub use random::{mix, pair, split_mix};
 pub use select::{
     Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius,

@@ -55,9 +55,9 @@ const WIDE_SPREAD: f32 = 0.5;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Density {
     /// Samples per pixel that shows a surface.
-    samples: f32,
+    pub samples: f32,
     /// The share of these pixels that have samples.
-    covered: f32,
+    pub covered: f32,
 }
 
 /// Light for surfaces without known light in any pixel nearby.

@@ -6,17 +6,20 @@
 
 use crate::draw::Drawn;
 use crate::known::Known;
+use crate::parts::PartsSource;
 use crate::place::Placed;
 use crate::shown::{Edges, Refined, Shown};
 use crate::waits::Waits;
 use crate::{Gathered, Materials, Placer, RaySample, Store, View};
 use holo_denoise::Denoiser;
 use holo_display::{
-    BeamSearch, Certainty, Driver, DriverError, Frame, Interrupt, LiveSample, Look, Resolution,
-    Search, SurfaceAt, beams_ending_on, covered, uncovered_pixels,
+    BeamSearch, Certainty, Driver, DriverError, Frame, Interrupt, LiveSample, Look, PartsPlan,
+    Resolution, Search, SurfaceAt, beams_ending_on, covered, uncovered_pixels,
 };
+use holo_picture::Picture;
 use holo_raycast::Raycaster;
 use holo_section::{BeamKey, Sample, Section};
+use std::ops::Range;
 use std::sync::Arc;
 
 const NAME: &str = "surfaces";
@@ -209,6 +212,18 @@ impl SurfacesDriver {
         Some((drawn, all))
     }
 
+    fn parts(&mut self) -> PartsSource<'_> {
+        PartsSource {
+            sections: &self.sections,
+            raycaster: &self.raycaster,
+            materials: &self.materials,
+            store: &self.store,
+            live: &self.live,
+            denoiser: self.denoiser.as_mut(),
+            interrupt: &self.interrupt,
+        }
+    }
+
     /// Looks into some of the view's pixels on edges. Returns true if more are left.
     fn look_into_edges(&mut self) -> bool {
         let looks =
@@ -325,6 +340,20 @@ impl Driver for SurfacesDriver {
         if let Some(shown) = &mut self.shown {
             (shown.known, shown.is_refined, shown.is_for_file) = (None, true, true);
         }
+    }
+
+    fn plan_parts(&mut self, look: &Look) -> Option<PartsPlan> {
+        self.place_waiting();
+        Some(self.parts().plan(look))
+    }
+
+    fn draw_part(
+        &mut self,
+        plan: &PartsPlan,
+        columns: Range<u32>,
+        rows: Range<u32>,
+    ) -> Option<Picture> {
+        self.parts().part(plan, columns, rows)
     }
 
     fn end_early_by(&mut self, interrupt: Interrupt) {

@@ -35,6 +35,7 @@ mod known;
 mod likely;
 mod materials;
 mod owners;
+mod parts;
 mod place;
 mod planes;
 mod portals;

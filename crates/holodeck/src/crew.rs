@@ -1,6 +1,11 @@
 //! The crew of a live session: a server and a worker, and the orders that a person gives them.
 
-use std::{ffi::OsString, net::SocketAddr, path::PathBuf};
+use std::{
+    ffi::OsString,
+    net::SocketAddr,
+    path::PathBuf,
+    time::{Duration, Instant},
+};
 
 use anyhow::{Context, Result};
 use holo_server::Holodeck;
@@ -13,6 +18,12 @@ use tokio::{
 use crate::{
     config::Config, joining::ListenArgs, prepare::Edited, processes::Server, worker::KeptWorker,
 };
+
+/// Most times that a server is started again within [`FEW_ENDS_IN`].
+const MOST_ENDS: usize = 3;
+
+/// See [`MOST_ENDS`].
+const FEW_ENDS_IN: Duration = Duration::from_secs(60);
 
 /// The processes of a live session.
 pub struct Crew {
@@ -31,6 +42,8 @@ pub struct Crew {
     how: WorkerArgs,
     server: Server,
     worker: KeptWorker,
+    /// When the server has ended by itself.
+    ends: Vec<Instant>,
     orders: UnboundedReceiver<CrewOrder>,
     giver: holo_view::Crew,
 }
@@ -78,6 +91,7 @@ impl Crew {
             how,
             server,
             worker,
+            ends: Vec::new(),
             orders,
             giver,
         })
@@ -108,7 +122,7 @@ impl Crew {
             tokio::select! {
                 result = &mut session => return result,
                 error = self.worker.keep() => return Err(error),
-                Err(error) = self.server.process.wait() => return Err(error),
+                Err(error) = self.server.process.wait() => self.start_server_again(error).await?,
                 read = finished(&mut self.reading) => self.take_scene(read),
                 Some(order) = self.orders.recv() => self.follow(order).await?,
             }
@@ -174,6 +188,21 @@ impl Crew {
         self.server.process.end_to_start_again().await?;
         let file = self.file.clone();
         tokio::task::spawn_blocking(move || Holodeck::start_over(&file)).await??;
+        (self.server, self.worker) =
+            begin(&self.file, &self.listen, &self.arguments, self.how).await?;
+        Ok(())
+    }
+
+    /// Starts server and worker again after the server has ended by itself, unless that happens too
+    /// often.
+    async fn start_server_again(&mut self, error: anyhow::Error) -> Result<()> {
+        self.ends.retain(|end| end.elapsed() < FEW_ENDS_IN);
+        if self.ends.len() >= MOST_ENDS {
+            return Err(error).context("the server ends again and again");
+        }
+        self.ends.push(Instant::now());
+        eprintln!("{error:#}; it is started again");
+        self.worker.kill().await?;
         (self.server, self.worker) =
             begin(&self.file, &self.listen, &self.arguments, self.how).await?;
         Ok(())

@@ -5,6 +5,7 @@ use std::{
     fmt,
     fs::{self, File, OpenOptions},
     io::{self, Write},
+    net::IpAddr,
     os::unix::fs::OpenOptionsExt,
     path::{Path, PathBuf},
     sync::Arc,
@@ -26,7 +27,7 @@ use tokio_rustls::{
     },
 };
 
-use crate::{NetError, Rights, Token};
+use crate::{NetError, Rights, Token, page_certificate};
 
 /// A connection that a server has encrypted.
 pub type EncryptedStream = tokio_rustls::server::TlsStream<TcpStream>;
@@ -56,6 +57,25 @@ impl Identity {
         }
         let certificate = CertificateDer::from(fs::read(certificate).map_err(fail)?);
         let key = PrivatePkcs8KeyDer::from(fs::read(key).map_err(fail)?);
+        Identity::new(folder, vec![certificate], key.into())
+            .map_err(|error| NetError::Identity(folder.to_owned(), error))
+    }
+
+    /// Opens the identity in a folder for a page at an address, with a certificate that browsers
+    /// take: for the names by which the page is reached, and for 397 days. It is renewed when they
+    /// change, or when it ends within 30 days.
+    ///
+    /// # Errors
+    /// As [`Identity::open`].
+    pub fn for_page(folder: &Path, address: IpAddr) -> Result<Identity, NetError> {
+        // Makes the folder and its tokens.
+        Identity::open(folder)?;
+        let fail = |error: io::Error| NetError::Identity(folder.to_owned(), error.to_string());
+        let names = page_certificate::names(address);
+        page_certificate::renew(folder, &names, page_certificate::today(), write).map_err(fail)?;
+        let read = |name: &str| fs::read(folder.join(name)).map_err(fail);
+        let certificate = CertificateDer::from(read(page_certificate::CERTIFICATE)?);
+        let key = PrivatePkcs8KeyDer::from(read(page_certificate::KEY)?);
         Identity::new(folder, vec![certificate], key.into())
             .map_err(|error| NetError::Identity(folder.to_owned(), error))
     }

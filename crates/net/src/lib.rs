@@ -20,6 +20,7 @@ mod inbox;
 mod join;
 mod message;
 mod outbox;
+mod page_certificate;
 mod reach;
 mod scene;
 mod shutdown;

@@ -7,6 +7,9 @@ mod hdr;
 mod hdr_pixels;
 mod openexr;
 mod pfm;
+mod rows;
+
+pub use rows::{PngRows, RadianceRows};
 
 use crate::error::PictureError;
 use crate::look::{Image, Look};

@@ -28,10 +28,10 @@ pub use compare::{
     worst_block_beyond_noise, worst_block_shown,
 };
 pub use error::PictureError;
-pub use files::Format;
+pub use files::{Format, PngRows, RadianceRows};
 pub use kind::ViewKind;
 pub use look::{
-    Adaptation, Exposure, Image, Legend, Look, Scale, ScaleError, Scaling, Tick, Tone,
+    Adaptation, Bands, Exposure, Image, Legend, Look, Scale, ScaleError, Scaling, Tick, Tone,
     auto_exposure,
 };
 pub use picture::{Picture, luminance};

@@ -10,7 +10,7 @@ use crate::view_error::ViewError;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
-use std::ops::Deref;
+use std::ops::{Deref, Range};
 
 /// Horizontal angle in degrees of a perspective view that states no angle.
 pub const DEFAULT_VH: f64 = 60.0;
@@ -189,6 +189,29 @@ impl View {
     /// As [`View::new`].
     pub fn moved(&self, vp: DVec3, vd: DVec3) -> Result<View, ViewError> {
         View::from_params(ViewParams { vp, vd, ..self.params })
+    }
+
+    /// Returns the view whose picture is a part of this view's: these columns and rows, counted from
+    /// the left and from the top, of a picture of `size` pixels. A part that is empty or reaches
+    /// beyond the picture is widened or cut to one inside it.
+    #[must_use]
+    pub fn part(&self, size: (u32, u32), columns: Range<u32>, rows: Range<u32>) -> View {
+        let shares = |range: Range<u32>, whole: u32| {
+            let start = range.start.min(whole.saturating_sub(1));
+            let end = range.end.clamp(start + 1, whole.max(1));
+            let whole = f64::from(whole.max(1));
+            (f64::from(start) / whole, f64::from(end) / whole)
+        };
+        let ((left, right), (top, bottom)) = (shares(columns, size.0), shares(rows, size.1));
+        let (width, height) = (right - left, bottom - top);
+        let extent = [self.extent[0] * width, self.extent[1] * height];
+        let kind = self.params.kind;
+        // A part is smaller than the whole, so its angles exist.
+        let vh = kind.option_value(ACROSS, extent[0]).unwrap_or(self.params.vh);
+        let vv = kind.option_value(ALONG, extent[1]).unwrap_or(self.params.vv);
+        let vs = (left - 0.5 + self.params.vs) / width + 0.5;
+        let vl = (0.5 - bottom + self.params.vl) / height + 0.5;
+        View { params: ViewParams { vh, vv, vs, vl, ..self.params }, extent, ..*self }
     }
 
     /// Returns the largest size with square pixels for this view's shape that fits into `max_size`;

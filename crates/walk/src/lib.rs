@@ -4,6 +4,7 @@
 //! - [`Pose`]: the eye's position and direction. Its methods are the single motions.
 //! - [`Walker`]: a pose with the controls that are held down, a home, and the views before and
 //!   after.
+//! - [`Surroundings`]: the surfaces that stop the eye and carry it.
 //! - [`options()`]: a view as Radiance's options, in few words.
 //!
 //! Invariants:
@@ -13,10 +14,12 @@
 
 mod history;
 mod pose;
+mod solid;
 mod view;
 mod walker;
 
 pub use history::History;
 pub use pose::{NEAREST, Pose};
+pub use solid::{Surface, Surroundings};
 pub use view::options;
 pub use walker::{Controls, Walker};

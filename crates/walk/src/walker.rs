@@ -1,10 +1,15 @@
 //! The state of a walk: a view, the controls that are held down, a home, and the views before and
 //! after.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use holo_picture::ViewSpec;
 
-use crate::{History, NEAREST, Pose};
+use crate::{
+    History, NEAREST, Pose, Surroundings,
+    solid::{Body, KEPT},
+};
 
 /// Walking pace of a person indoors, metres per second.
 const WALKING: f64 = 1.4;
@@ -77,8 +82,27 @@ pub struct Walker {
     pub controls: Controls,
     /// True if the eye's height is locked, so that no motion changes it.
     pub height_is_locked: bool,
+    /// The surfaces that the eye moves among, if they are known.
+    pub surroundings: Option<Arc<dyn Surroundings>>,
+    /// True if surfaces stop the eye and carry it.
+    pub is_solid: bool,
+    /// True if the eye may leave the house.
+    pub may_leave: bool,
+    /// True if a motion ended because it would have left the house.
+    is_at_exit: bool,
     /// The view where the eye last stayed, until it moves again.
     stayed: Option<ViewSpec>,
+}
+
+/// Kinds of motion, which surfaces stop in different ways.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Motion {
+    /// In place.
+    Turn,
+    /// On a floor, or up and down. It slides along walls.
+    Walk,
+    /// On a straight line, up to a surface.
+    Fly,
 }
 
 impl Walker {
@@ -95,6 +119,10 @@ impl Walker {
             metre,
             controls: Controls::default(),
             height_is_locked: false,
+            surroundings: None,
+            is_solid: true,
+            may_leave: false,
+            is_at_exit: false,
             stayed: None,
         })
     }
@@ -102,6 +130,11 @@ impl Walker {
     /// Returns the view.
     pub fn view(&self) -> &ViewSpec {
         &self.spec
+    }
+
+    /// Returns the number of scene units in a metre.
+    pub fn metre(&self) -> f64 {
+        self.metre
     }
 
     /// Returns the eye's position and direction.
@@ -130,24 +163,26 @@ impl Walker {
         let point = self.target(under, towards);
         let mut next = self.pose.turn(held.turn * angle, held.tilt * angle);
         next = next.walk(held.ahead / length * step, held.right / length * step, held.rise * step);
+        let mut has_moved = self.go(next, Motion::Walk);
         if held.around != 0.0 || held.over != 0.0 {
-            next = self.orbited(next, point, held.around * angle, held.over * angle);
+            has_moved |= self.go_around(point, held.around * angle, held.over * angle);
         }
         if held.glide != 0.0 {
-            next = next.glide(point, held.glide * pace * seconds, NEAREST * self.metre);
+            let next = self.pose.glide(point, held.glide * pace * seconds, self.nearest());
+            has_moved |= self.go(next, Motion::Fly);
         }
-        self.go(next)
+        has_moved
     }
 
     /// Turns in place, by radians to the right and upwards.
     pub fn turn(&mut self, right: f64, up: f64) -> bool {
-        self.go(self.pose.turn(right, up))
+        self.go(self.pose.turn(right, up), Motion::Turn)
     }
 
     /// Moves around the point under the cursor, as in [`advance`](Self::advance), by radians.
     pub fn orbit(&mut self, right: f64, up: f64, under: Option<DVec3>, towards: DVec3) -> bool {
         let point = self.target(under, towards);
-        self.go(self.orbited(self.pose, point, right, up))
+        self.go_around(point, right, up)
     }
 
     /// Moves towards the point under the cursor by steps of a wheel, or away from it if `steps` is
@@ -155,12 +190,12 @@ impl Walker {
     pub fn wheel(&mut self, steps: f64, under: Option<DVec3>, towards: DVec3) -> bool {
         let point = self.target(under, towards);
         let seconds = (steps * WHEEL_SECONDS).clamp(-2.0, 2.0);
-        self.go(self.pose.glide(point, seconds, NEAREST * self.metre))
+        self.go(self.pose.glide(point, seconds, self.nearest()), Motion::Fly)
     }
 
     /// Moves by scene units: ahead and to the right on the level plane, and up.
     pub fn shift(&mut self, ahead: f64, right: f64, rise: f64) -> bool {
-        self.go(self.pose.walk(ahead, right, rise))
+        self.go(self.pose.walk(ahead, right, rise), Motion::Fly)
     }
 
     /// Goes to a view. Parts that `change` leaves out stay as they are. If the result has no valid
@@ -201,14 +236,65 @@ impl Walker {
         under.filter(|point| point.is_finite()).unwrap_or(afar)
     }
 
-    fn orbited(&self, pose: Pose, point: DVec3, right: f64, up: f64) -> Pose {
-        pose.orbit(point, right, if self.height_is_locked { 0.0 } else { up })
+    /// Returns whether a motion ended because it would have left the house, once.
+    pub fn take_exit(&mut self) -> bool {
+        std::mem::take(&mut self.is_at_exit)
     }
 
-    fn go(&mut self, next: Pose) -> bool {
+    /// Returns how near the eye may come to the point that it moves towards.
+    fn nearest(&self) -> f64 {
+        let metres = if self.is_solid { NEAREST.max(KEPT) } else { NEAREST };
+        metres * self.metre
+    }
+
+    /// Returns the surroundings that stop the eye, if any do.
+    fn solid(&self) -> Option<Arc<dyn Surroundings>> {
+        let has_eye = self.spec.kind.unwrap_or_default().has_eye();
+        self.surroundings.clone().filter(|_| self.is_solid && has_eye)
+    }
+
+    fn go_around(&mut self, point: DVec3, right: f64, up: f64) -> bool {
+        let (from, up) = (self.pose, if self.height_is_locked { 0.0 } else { up });
+        let part = |share: f64| from.orbit(point, share * right, share * up);
+        let next = match self.solid() {
+            Some(world) => {
+                let body = Body { world: world.as_ref(), metre: self.metre };
+                body.orbit(from, right.hypot(up), part)
+            }
+            None => part(1.0),
+        };
+        self.accept(next)
+    }
+
+    fn go(&mut self, next: Pose, motion: Motion) -> bool {
+        let next = match self.solid().filter(|_| next.eye != self.pose.eye) {
+            Some(world) => {
+                let body = Body { world: world.as_ref(), metre: self.metre };
+                match motion {
+                    Motion::Turn => next,
+                    Motion::Walk => body.walk(&self.pose, next),
+                    Motion::Fly => body.fly(&self.pose, next),
+                }
+            }
+            None => next,
+        };
+        self.accept(next)
+    }
+
+    /// Moves to a pose, unless that leaves the house and nobody has allowed it.
+    fn accept(&mut self, next: Pose) -> bool {
         let next = if self.height_is_locked { next.at_height_of(&self.pose) } else { next };
         if next == self.pose {
             return false;
+        }
+        if let Some(world) = self.solid() {
+            let (was_in, is_in) = (world.is_in_house(self.pose.eye), world.is_in_house(next.eye));
+            if was_in && !is_in && !self.may_leave {
+                self.is_at_exit = true;
+                return false;
+            }
+            // The permission ends at the return.
+            self.may_leave &= was_in || !is_in;
         }
         if let Some(stayed) = self.stayed.take() {
             self.history.leave(stayed);

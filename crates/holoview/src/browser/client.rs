@@ -87,6 +87,8 @@ struct Wanted {
     shown: u64,
     look: Look,
     cursor: Option<(f64, f64)>,
+    /// True if the page is hidden. It then receives no frames, and nothing is drawn for it.
+    is_hidden: bool,
 }
 
 /// Reads a client's messages.
@@ -132,6 +134,9 @@ impl Reader<'_> {
         match asked {
             Asked::Shown(update) => self.wanted.send_modify(|wanted| wanted.shown = update),
             Asked::Look(look) => self.wanted.send_modify(|wanted| wanted.look = look),
+            Asked::Hidden(is_hidden) => {
+                self.wanted.send_modify(|wanted| wanted.is_hidden = is_hidden);
+            }
             Asked::TakeOver => self.hub.take_over(self.guest.number),
             Asked::Input(input) => {
                 if let Input::Cursor(cursor) = input {
@@ -217,25 +222,32 @@ impl<'a> Writer<'a> {
 
     /// Sends until the session ends or the client receives nothing any more.
     async fn run(mut self, mut answers: mpsc::Receiver<String>) -> Result<()> {
-        let mut frames = self.hub.front.frames.subscribe();
+        // Without a receiver of frames, the stage draws none at rest.
+        let mut frames = Some(self.hub.front.frames.subscribe());
         let mut states = self.hub.front.state.subscribe();
         let mut roles = self.hub.roles();
         states.mark_changed();
         roles.mark_changed();
-        self.send(text(to_page::hello(self.guest.number))).await?;
+        self.send(text(to_page::hello(self.guest.number, &self.hub.session))).await?;
         let mut has_facts = false;
         let mut sent_at = Instant::now();
         loop {
             let is_free = self.under_way.is_none();
-            let latest = frames.borrow_and_update().clone();
+            let is_hidden = self.wanted.borrow().is_hidden;
+            if is_hidden {
+                frames = None;
+            } else if frames.is_none() {
+                frames = Some(self.hub.front.frames.subscribe());
+            }
+            let latest = frames.as_mut().and_then(|frames| frames.borrow_and_update().clone());
             if is_free && self.update(latest).await? {
                 sent_at = Instant::now();
                 continue;
             }
             let adapts = self.adapts.map_or_else(Instant::now, |(_, next)| next);
-            let calm = is_free && !self.screen.is_exact() && self.is_at_rest();
+            let calm = is_free && !is_hidden && !self.screen.is_exact() && self.is_at_rest();
             tokio::select! {
-                changed = frames.changed(), if is_free => changed?,
+                changed = next_frame(&mut frames), if is_free && !is_hidden => changed?,
                 changed = self.wanted.changed() => {
                     changed?;
                     self.note_shown();
@@ -261,7 +273,7 @@ impl<'a> Writer<'a> {
                     self.send(text(to_page::roles(drives, clients))).await?;
                 }
                 Some(answer) = answers.recv() => self.send(text(answer)).await?,
-                () = sleep_until(adapts.into()), if is_free && self.adapts.is_some() => {}
+                () = sleep_until(adapts.into()), if is_free && !is_hidden && self.adapts.is_some() => {}
                 () = sleep_until((sent_at + CALM).into()), if calm => {
                     self.improve().await?;
                     sent_at = Instant::now() - CALM;
@@ -358,6 +370,16 @@ impl<'a> Writer<'a> {
     async fn send(&mut self, message: Message) -> Result<()> {
         timeout(SENDING, self.sink.send(message)).await.context("the client takes nothing")??;
         Ok(())
+    }
+}
+
+/// Waits for the next frame; for ever without a receiver.
+async fn next_frame(
+    frames: &mut Option<watch::Receiver<Option<Arc<Shown>>>>,
+) -> Result<(), watch::error::RecvError> {
+    match frames {
+        Some(frames) => frames.changed().await,
+        None => std::future::pending().await,
     }
 }
 

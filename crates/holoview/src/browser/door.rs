@@ -35,8 +35,8 @@ struct Outside {
 }
 
 impl Door {
-    /// Listens at an address. For an address of other machines, it opens the user's certificate or
-    /// the one in `own`, a PEM file and that of its key.
+    /// Listens at an address. For an address of other machines, it opens the certificate of the
+    /// user's pages or the one in `own`, a PEM file and that of its key.
     ///
     /// # Errors
     /// If the address is not free, or the certificate cannot be made or read.
@@ -56,7 +56,7 @@ impl Door {
         let own = own.map(|(certificate, key)| (certificate.to_owned(), key.to_owned()));
         let open = move || match own {
             Some((certificate, key)) => Identity::with_certificate(&folder, &certificate, &key),
-            None => Identity::open(&folder),
+            None => Identity::for_page(&folder, address.ip()),
         };
         Door::outside(address, spawn_blocking(open).await??).await
     }

@@ -73,6 +73,8 @@ pub enum Said {
     Size { width: u32, height: u32 },
     /// The page shows this update, and can receive the next one.
     Shown { update: u64 },
+    /// The page is hidden, and needs no frames until it is seen again.
+    Hidden { hidden: bool },
     /// The look of frames from now on.
     Display(Display),
     /// This page drives from now on.
@@ -161,6 +163,8 @@ pub enum Asked {
     Input(Input),
     /// The page shows this update; the next one may be sent.
     Shown(u64),
+    /// The page is hidden, or seen again.
+    Hidden(bool),
     /// Frames are to have this look.
     Look(Look),
     /// The page drives from now on.
@@ -206,6 +210,7 @@ fn asked(said: Said) -> Result<Asked, String> {
         }
         Said::Size { width, height } => Input::Size(width, height),
         Said::Shown { update } => return Ok(Asked::Shown(update)),
+        Said::Hidden { hidden } => return Ok(Asked::Hidden(hidden)),
         Said::TakeOver {} => return Ok(Asked::TakeOver),
         Said::Display(display) => return Ok(Asked::Look(display.look()?)),
     }))

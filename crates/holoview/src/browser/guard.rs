@@ -3,7 +3,8 @@
 //!
 //! A page of another site can make its visitors' browsers send requests to this machine. It may use
 //! this machine's name, or a name of its own that points here (DNS rebinding). Browsers state the
-//! page's site in `Origin` and the name in `Host`.
+//! page's site in `Origin` and the name in `Host`. They send no `Origin` with requests for images,
+//! but `Sec-Fetch-Site` with all.
 //!
 //! A client on another machine shows its token once, in the page's address. It then has a cookie,
 //! which its browser sends with each request of the page.
@@ -39,6 +40,42 @@ const NOT_HERE: &str = "this page is served to this machine alone, under its own
 /// Why a client on another machine may not enter.
 const NO_TOKEN: &str = "open the whole address that was printed, with its token";
 
+/// Why a page of another site may not enter.
+const OTHER_SITE: &str = "this is not for pages of other sites";
+
+/// How much a request must prove of where it comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Need {
+    /// Nothing, if a person goes to the page, even by a link of another site.
+    Visit,
+    /// That no other site's page sends it.
+    NoOtherSite,
+    /// That the page itself sends it, because it takes long or much memory.
+    OwnPage,
+    /// The page's origin: sessions, which browsers let any site begin.
+    Origin,
+}
+
+impl Need {
+    fn of(request: &Request) -> Need {
+        let mode = request.headers().get("sec-fetch-mode").map(HeaderValue::as_bytes);
+        let path = request.uri().path();
+        let has_size = || {
+            let query = request.uri().query().unwrap_or_default();
+            query.split('&').any(|part| part.starts_with("size="))
+        };
+        if request.headers().contains_key(header::UPGRADE) {
+            Need::Origin
+        } else if path.starts_with("/picture.") && has_size() {
+            Need::OwnPage
+        } else if path == "/" && mode == Some(b"navigate") {
+            Need::Visit
+        } else {
+            Need::NoOtherSite
+        }
+    }
+}
+
 /// Who may enter.
 #[derive(Clone)]
 pub enum Gate {
@@ -50,10 +87,9 @@ pub enum Gate {
 
 /// Answers requests that may not enter, and passes on the others.
 pub async fn guard(State(gate): State<Gate>, request: Request, next: Next) -> Response {
-    let needs_origin = request.headers().contains_key(header::UPGRADE);
     let mut response = if let Some(cookie) = gate.cookie_for(&request) {
         ([(header::SET_COOKIE, cookie)], Redirect::to("/")).into_response()
-    } else if let Some(reason) = gate.refusal(request.headers(), needs_origin) {
+    } else if let Some(reason) = gate.refusal(request.headers(), Need::of(&request)) {
         (StatusCode::FORBIDDEN, reason).into_response()
     } else {
         next.run(request).await
@@ -75,7 +111,7 @@ impl Gate {
     }
 
     /// Returns why a request is refused, or `None` if it is allowed.
-    fn refusal(&self, headers: &HeaderMap, needs_origin: bool) -> Option<&'static str> {
+    fn refusal(&self, headers: &HeaderMap, need: Need) -> Option<&'static str> {
         let text = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
         let host = text(header::HOST).unwrap_or_default();
         let scheme = match self {
@@ -88,11 +124,24 @@ impl Gate {
         };
         let is_own =
             |origin: &str| origin.strip_prefix(scheme).is_some_and(|site| self.is_own(site, host));
-        match headers.get(header::ORIGIN) {
-            None if needs_origin => Some("a session is for the page of this server alone"),
-            None => None,
-            Some(_) if text(header::ORIGIN).is_some_and(is_own) => None,
-            Some(_) => Some("this is not for pages of other sites"),
+        let has_origin = headers.contains_key(header::ORIGIN);
+        if has_origin && !text(header::ORIGIN).is_some_and(is_own) {
+            return Some(OTHER_SITE);
+        }
+        // Other ports of this machine are the same site to a browser, but not this page.
+        let site = HeaderName::from_static("sec-fetch-site");
+        let has_site = headers.contains_key(&site);
+        let site = text(site).unwrap_or_default();
+        match need {
+            Need::Visit => None,
+            _ if has_site && site != "same-origin" && site != "none" => Some(OTHER_SITE),
+            Need::NoOtherSite => None,
+            Need::OwnPage if has_origin || site == "same-origin" => None,
+            Need::OwnPage => {
+                Some("pictures of a chosen size are for the page of this server alone")
+            }
+            Need::Origin if has_origin => None,
+            Need::Origin => Some("a session is for the page of this server alone"),
         }
     }
 
@@ -125,11 +174,16 @@ mod tests {
     use super::*;
 
     fn is_refused(gate: &Gate, headers: &[(HeaderName, Option<&str>)], needs_origin: bool) -> bool {
+        let need = if needs_origin { Need::Origin } else { Need::NoOtherSite };
+        refuses(gate, headers, need)
+    }
+
+    fn refuses(gate: &Gate, headers: &[(HeaderName, Option<&str>)], need: Need) -> bool {
         let mut map = HeaderMap::new();
         for (name, value) in headers {
             value.map(|value| map.append(name, value.parse().unwrap()));
         }
-        gate.refusal(&map, needs_origin).is_some()
+        gate.refusal(&map, need).is_some()
     }
 
     #[test]
@@ -157,6 +211,49 @@ mod tests {
             assert!(is_refused(Some(host), None, false), "{host}");
         }
         assert!(is_refused(None, None, false));
+    }
+
+    #[test]
+    fn other_sites_reach_only_the_page_by_a_link_and_pictures_by_size_are_for_the_page() {
+        let gate = Gate::Here { port: 8080 };
+        let is_refused = |site: Option<&str>, origin: Option<&str>, need| {
+            let headers = [
+                (header::HOST, Some("localhost:8080")),
+                (HeaderName::from_static("sec-fetch-site"), site),
+                (header::ORIGIN, origin),
+            ];
+            refuses(&gate, &headers, need)
+        };
+        for site in ["cross-site", "same-site", "", "\u{7f}same-origin"] {
+            for need in [Need::NoOtherSite, Need::OwnPage, Need::Origin] {
+                assert!(is_refused(Some(site), None, need), "{site} {need:?}");
+            }
+            assert!(!is_refused(Some(site), None, Need::Visit));
+        }
+        assert!(!is_refused(None, None, Need::NoOtherSite));
+        assert!(is_refused(None, None, Need::OwnPage));
+        assert!(is_refused(Some("none"), None, Need::OwnPage));
+        assert!(!is_refused(Some("same-origin"), None, Need::OwnPage));
+        assert!(!is_refused(None, Some("http://localhost:8080"), Need::OwnPage));
+        assert!(is_refused(Some("cross-site"), Some("http://localhost:8080"), Need::OwnPage));
+    }
+
+    #[test]
+    fn a_request_needs_what_it_costs() {
+        let need = |uri: &str, header: Option<(&str, &str)>| {
+            let mut request = Request::builder().uri(uri);
+            if let Some((name, value)) = header {
+                request = request.header(name, value);
+            }
+            Need::of(&request.body(axum::body::Body::empty()).unwrap())
+        };
+        assert_eq!(need("/picture.png?size=8192x8192", None), Need::OwnPage);
+        assert_eq!(need("/picture.exr?client=1&size=9x9", None), Need::OwnPage);
+        assert_eq!(need("/picture.png?client=1", None), Need::NoOtherSite);
+        assert_eq!(need("/", Some(("sec-fetch-mode", "navigate"))), Need::Visit);
+        assert_eq!(need("/", Some(("sec-fetch-mode", "no-cors"))), Need::NoOtherSite);
+        assert_eq!(need("/picture.png", Some(("sec-fetch-mode", "navigate"))), Need::NoOtherSite);
+        assert_eq!(need("/session", Some(("upgrade", "websocket"))), Need::Origin);
     }
 
     #[test]

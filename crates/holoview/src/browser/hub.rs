@@ -9,13 +9,16 @@ use std::{
 use holo_net::Shutdown;
 use holo_picture::{Image, Look};
 use holo_walk::Controls;
-use tokio::sync::watch;
+use tokio::sync::{Semaphore, watch};
 
 use super::eyes::AllEyes;
 use crate::stage::{Front, Input, Shown};
 
 /// Most clients. Each one costs the memory of a picture.
 const MOST_CLIENTS: usize = 64;
+
+/// Most pictures of a stated size that are encoded and sent at once.
+const MOST_ENCODERS: usize = 4;
 
 /// Time that clients may take to leave after the session's end.
 const LEAVING: Duration = Duration::from_secs(2);
@@ -26,8 +29,13 @@ pub struct Hub {
     pub front: Front,
     roles: watch::Sender<Roles>,
     next_client: Mutex<u32>,
+    /// A name of this session that no other one has.
+    pub session: String,
     /// The eyes of all clients, by look.
     pub eyes: AllEyes,
+    /// Permits to encode a picture while it is drawn and sent. A client that takes nothing keeps
+    /// one.
+    pub encoders: Arc<Semaphore>,
     /// The frame that each client sees, by the client's number.
     seen: Mutex<BTreeMap<u32, Seen>>,
 }
@@ -66,7 +74,9 @@ impl Hub {
             front,
             roles: watch::Sender::default(),
             next_client: Mutex::new(1),
+            session: name_of_session(),
             eyes: AllEyes::default(),
+            encoders: Arc::new(Semaphore::new(MOST_ENCODERS)),
             seen: Mutex::default(),
         }
     }
@@ -152,6 +162,12 @@ impl Drop for Guest {
             }
         });
     }
+}
+
+/// Returns a name that another process or another time does not give.
+fn name_of_session() -> String {
+    let since = std::time::UNIX_EPOCH.elapsed().unwrap_or_default();
+    format!("{}-{}", std::process::id(), since.as_nanos())
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

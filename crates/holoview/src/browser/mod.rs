@@ -111,9 +111,9 @@ pub async fn serve(door: Door, front: Front, ending: Shutdown) -> Result<()> {
         .route("/", get(page::index))
         .route("/walk.css", get(page::style))
         .route("/walk.js", get(page::script))
-        .route("/picture.png", get(saved::png))
-        .route("/picture.hdr", get(saved::hdr))
-        .route("/picture.exr", get(saved::exr))
+        .route("/picture.png", get(saved::png).post(saved::png))
+        .route("/picture.hdr", get(saved::hdr).post(saved::hdr))
+        .route("/picture.exr", get(saved::exr).post(saved::exr))
         .route("/session", get(client::connect))
         .layer(middleware::from_fn_with_state(gate, guard::guard))
         .with_state(Arc::clone(&hub));
@@ -123,7 +123,7 @@ pub async fn serve(door: Door, front: Front, ending: Shutdown) -> Result<()> {
     }
 }
 
-/// Opens a browser. If that fails, people still have the printed address.
+/// Opens a browser, or says that it cannot. People have the printed address in any case.
 fn open(address: &str) {
     let program = if cfg!(target_os = "macos") {
         "open"
@@ -134,6 +134,16 @@ fn open(address: &str) {
     };
     let mut command = std::process::Command::new(program);
     command.arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-    // A person who waits for the browser sees whether it opens.
-    let _ = command.spawn();
+    let failed = "no browser could be opened: open the address yourself";
+    match command.spawn() {
+        Ok(mut child) => {
+            // Such programs pass the address on and end.
+            std::thread::spawn(move || {
+                if child.wait().is_ok_and(|status| !status.success()) {
+                    eprintln!("{failed}");
+                }
+            });
+        }
+        Err(_) => eprintln!("{failed}"),
+    }
 }

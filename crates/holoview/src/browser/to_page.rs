@@ -1,6 +1,6 @@
 //! Messages to a page: JSON texts, and frames, which are a JSON header followed by encoded parts.
 
-use holo_picture::{Image, Legend, luminance};
+use holo_picture::{Image, Legend, MAX_PIXELS, MAX_SIDE, luminance};
 use holo_section::{Section, SectionSpec};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -128,6 +128,8 @@ impl Framed<'_> {
             "legend": self.image.legend.as_ref().map(legend),
             "times": self.times,
             "unknown": frame.empty_pixels as f64 / pixels.max(1.0),
+            "guessed": frame.guessed_pixels as f64 / pixels.max(1.0),
+            "uncovered": frame.uncovered_pixels as f64 / pixels.max(1.0),
             "under": self.cursor.and_then(|cursor| under(shown, cursor)),
         });
         let header = header.to_string().into_bytes();
@@ -139,10 +141,12 @@ impl Framed<'_> {
 }
 
 /// Returns the message that greets a client.
-pub fn hello(client: u32) -> String {
+///
+/// `session` differs between sessions, so that a page knows when another one has begun.
+pub fn hello(client: u32, session: &str) -> String {
     json!({
-        "is": "hello", "client": client, "actions": ACTIONS, "gestures": GESTURES,
-        "drivers": DriverArg::names(),
+        "is": "hello", "client": client, "session": session, "actions": ACTIONS, "gestures": GESTURES,
+        "drivers": DriverArg::names(), "most_pixels": MAX_PIXELS, "most_side": MAX_SIDE,
     })
     .to_string()
 }
@@ -183,8 +187,10 @@ pub fn state(state: &State) -> String {
         "options": state.options,
         "pose": state.pose,
         "locked": state.height_is_locked,
+        "solid": state.is_solid,
         "paused": state.is_paused,
         "focus": state.focus,
+        "saving": state.saving,
         "traces": state.traces,
         "view_samples": state.view_samples,
         "samples": state.samples,
@@ -199,7 +205,7 @@ pub fn state(state: &State) -> String {
 /// Returns the message for the session's constants: sections and the up axis.
 pub fn facts(state: &State) -> String {
     let sections: Vec<Value> = state.sections.iter().map(section).collect();
-    json!({ "is": "facts", "sections": sections, "up": state.up }).to_string()
+    json!({ "is": "facts", "sections": sections, "up": state.up, "unit": state.unit }).to_string()
 }
 
 fn section(spec: &SectionSpec) -> Value {

@@ -16,7 +16,8 @@ const MOST_NAME: usize = 60;
 
 /// All command lines, as help for people.
 const LINES: &str = "home, back, forward, view OPTIONS, view NAME, go X Y Z, lock, unlock, \
-    size WxH, pause, resume, kill workers, restart workers, driver NAME, keep NAME, forget NAME, \
+    solid, ghost, leave, \
+    size WxH, pause, resume, kill workers, restart workers, driver NAME, keep NAME, forget NAME, restore, \
     picture FILE, picture FILE WxH, restart (twice), start over (twice), cancel, quit";
 
 /// Parses a command line.
@@ -33,12 +34,16 @@ pub fn parse(line: &str) -> Result<Input, String> {
         "forward" => Some(Input::Forward),
         "lock" => Some(Input::LockHeight(true)),
         "unlock" => Some(Input::LockHeight(false)),
+        "solid" => Some(Input::Solid(true)),
+        "ghost" => Some(Input::Solid(false)),
+        "leave" => Some(Input::Leave),
         "pause" => Some(Input::Pause(true)),
         "resume" => Some(Input::Pause(false)),
         "kill workers" => Some(Input::KillWorkers),
         "restart workers" => Some(Input::RestartWorkers),
         "restart" => Some(Input::Restart),
         "start over" => Some(Input::StartOver),
+        "restore" => Some(Input::RestoreView),
         "cancel" => Some(Input::Cancel),
         "quit" => Some(Input::Quit),
         _ => None,

@@ -66,6 +66,8 @@ pub enum Toggle {
     Paused,
     /// `State::height_is_locked`.
     Locked,
+    /// `State::is_solid`.
+    Solid,
 }
 
 impl Toggle {
@@ -74,6 +76,7 @@ impl Toggle {
         match self {
             Toggle::Paused => state.is_paused,
             Toggle::Locked => state.height_is_locked,
+            Toggle::Solid => state.is_solid,
         }
     }
 }
@@ -142,6 +145,7 @@ pub const ACTIONS: &[Action] = &[
     on("forward", &["Period"], ".", "forward again", Does::Stage),
     on("view", DIGITS, "1 … 9", "named view", Does::NamedView),
     on("lock", &["KeyL"], "L", "lock eye height", LOCK),
+    on("solid", &["F4"], "F4", "walls stop you, or not", SOLID),
     on("pause", &["KeyP"], "P", "pause tracing, resume", PAUSE),
     on("kill workers", &["Delete"], "Del", "kill the workers", Does::Stage),
     on("restart workers", &["Insert"], "Ins", "start the workers again", Does::Stage),
@@ -169,6 +173,8 @@ pub const ACTIONS: &[Action] = &[
 ];
 
 const LOCK: Does = Does::Toggle(Toggle::Locked, "lock", "unlock");
+
+const SOLID: Does = Does::Toggle(Toggle::Solid, "solid", "ghost");
 
 const PAUSE: Does = Does::Toggle(Toggle::Paused, "pause", "resume");
 

@@ -232,6 +232,7 @@ impl Connected {
             is_unasked: false,
             is_loading_to_settle: false,
             current: None,
+            awaits_beside: false,
             request_number: 0,
             pace: Pace::default(),
             drawing: Duration::ZERO,

@@ -1,9 +1,12 @@
 //! Requests of a front end to a session, besides views: facts about the holodeck, pausing, and
 //! changes of driver.
 
+use std::sync::Arc;
+
 use anyhow::{Result, bail};
 use glam::DVec3;
 use holo_proto::control::Control;
+use holo_raycast::Raycaster;
 use holo_section::Section;
 
 use super::{Session, current_view::Asked};
@@ -28,6 +31,11 @@ impl Session {
         self.welcome.unit
     }
 
+    /// Returns the scene, if it has arrived.
+    pub fn scene(&self) -> Option<Arc<Raycaster>> {
+        self.scene.as_ref().map(|scene| Arc::clone(&scene.raycaster))
+    }
+
     /// Returns whether the server traces, or only shows what is stored.
     pub fn traces(&self) -> bool {
         self.welcome.tracing
@@ -43,6 +51,11 @@ impl Session {
     /// Returns whether all stored samples for the current view have arrived.
     pub fn has_stored(&self) -> bool {
         self.current.as_ref().is_some_and(|current| current.asked == Asked::All)
+    }
+
+    /// Returns whether all stored samples have also arrived that [`Session::ask_beside`] requested.
+    pub fn has_stored_beside(&self) -> bool {
+        self.has_stored() && !self.awaits_beside
     }
 
     /// Pauses tracing for this display, or resumes it. Stored samples are requested in any case.

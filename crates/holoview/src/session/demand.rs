@@ -2,6 +2,7 @@
 //! what it shows, single rays, and rays outside all sections.
 
 use std::{
+    collections::HashSet,
     thread,
     time::{Duration, Instant},
 };
@@ -17,7 +18,7 @@ use holo_proto::{
     control::Control,
     frame::Kind,
 };
-use holo_section::Section;
+use holo_section::{BeamKey, Section};
 
 use super::{
     Session, Waker,
@@ -218,6 +219,29 @@ impl Session {
             }
         }
         Ok(())
+    }
+
+    /// Requests the stored samples of the beams that another view crosses and the current one does
+    /// not. The current view stays.
+    ///
+    /// # Errors
+    /// If the server is lost.
+    pub fn ask_beside(&mut self, look: &Look) -> Result<()> {
+        if self.has_whole_file() {
+            return Ok(());
+        }
+        let (sections, options) = (&self.choice.sections, SelectOptions::default());
+        let Selection { beams, .. } = select_beams(sections, &look.view, look.size, &options);
+        let Some(current) = &mut self.current else { return Ok(()) };
+        let known: HashSet<BeamKey> = current.wanted.iter().map(|beam| beam.key).collect();
+        let others = beams.into_iter().filter(|beam| !known.contains(&beam.key));
+        let others: Vec<UsefulBeam> = others.map(|beam| (beam.key, 1.0)).collect();
+        if others.is_empty() {
+            return Ok(());
+        }
+        current.also.extend(others);
+        self.awaits_beside = true;
+        self.ask_for_all()
     }
 
     /// Returns whether the last request is too recent to be replaced while the eye moves.

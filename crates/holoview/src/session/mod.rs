@@ -27,15 +27,16 @@ mod scene;
 mod tests;
 
 use std::{
+    ops::Range,
     sync::mpsc,
     time::{Duration, Instant},
 };
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use holo_display::{Driver, Frame, Interrupt, SurfaceAt};
+use holo_display::{Driver, Frame, Interrupt, Look, PartsPlan, SurfaceAt};
 use holo_net::{Message, Outbox};
-use holo_picture::ViewSpec;
+use holo_picture::{Picture, ViewSpec};
 use holo_proto::{
     bulk::Source,
     control::{Control, Status, Welcome},
@@ -84,6 +85,9 @@ pub struct Session {
     is_unasked: bool,
     /// True while the session settles and loads the whole file for that.
     is_loading_to_settle: bool,
+    /// True until the stored samples have arrived that were requested for a picture beside the
+    /// current view.
+    awaits_beside: bool,
     /// Number of the latest request.
     request_number: u32,
     pace: Pace,
@@ -240,6 +244,22 @@ impl Session {
     pub fn draw_for_file(&mut self) -> (Frame, Vec<StageTime>) {
         self.driver.draw_for_file();
         self.draw()
+    }
+
+    /// Plans a picture that is drawn in parts beside the current view, from the samples that have
+    /// arrived. `None` if the driver cannot draw parts.
+    pub fn plan_parts(&mut self, look: &Look) -> Option<PartsPlan> {
+        self.driver.plan_parts(look)
+    }
+
+    /// Draws these columns and rows of a planned picture. `None` if it was interrupted.
+    pub fn draw_part(
+        &mut self,
+        plan: &PartsPlan,
+        columns: Range<u32>,
+        rows: Range<u32>,
+    ) -> Option<Picture> {
+        self.driver.draw_part(plan, columns, rows)
     }
 
     /// Returns the signal that ends the drawing of a frame at rest. That frame has nothing in it.
@@ -431,6 +451,7 @@ impl Session {
             Control::Views(views) => self.welcome.views = views,
             Control::Refused { reason } => self.refusal = Some(reason),
             Control::StoredSent { view } if view == self.request_number => {
+                self.awaits_beside = false;
                 self.current.iter_mut().for_each(|current| current.has_crossed = true);
                 self.ask_on(for_settled)?;
             }

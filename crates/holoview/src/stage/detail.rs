@@ -30,8 +30,12 @@ impl Default for Detail {
 impl Detail {
     /// Returns the size of the next frame for a picture of size `full` at rest.
     pub fn size(&self, full: (u32, u32)) -> (u32, u32) {
-        let side = |side: u32| ((f64::from(side) * self.share).round() as u32).max(1);
-        (side(full.0), side(full.1))
+        scaled(full, self.share)
+    }
+
+    /// Returns the next frame's share of each side.
+    pub fn share(&self) -> f64 {
+        self.share
     }
 
     /// Records how long a frame of `size` took while the eye moved.
@@ -50,6 +54,12 @@ impl Detail {
             self.share = ((share / STEP).floor() * STEP).clamp(LEAST, 1.0);
         }
     }
+}
+
+/// Returns a share of both sides, so that the shape stays.
+pub fn scaled(full: (u32, u32), share: f64) -> (u32, u32) {
+    let side = |side: u32| ((f64::from(side) * share).round() as u32).max(1);
+    (side(full.0), side(full.1))
 }
 
 #[cfg(test)]

@@ -6,10 +6,10 @@ use std::{
 };
 
 use glam::DVec3;
-use holo_display::Frame;
 use holo_picture::ViewSpec;
 use holo_walk::Controls;
 
+use super::picture_order::PictureOrder;
 use crate::args::DriverArg;
 
 /// Most inputs that wait. The stage processes all of them with every frame, so more can only be a
@@ -45,6 +45,10 @@ pub enum Input {
     Forward,
     /// Lock the eye's height, or unlock it.
     LockHeight(bool),
+    /// Let walls and furniture stop the eye and floors carry it, or not.
+    Solid(bool),
+    /// Confirm that the eye may leave the house.
+    Leave,
     /// Pause tracing, or resume it.
     Pause(bool),
     /// End the worker processes, and do not start others.
@@ -67,11 +71,13 @@ pub enum Input {
     Keep(String),
     /// Remove a named view from the holodeck.
     Forget(String),
+    /// Store the view again that was removed last.
+    RestoreView,
     /// Write a picture of the current view to a file, of this size if one is given. The picture has
     /// the view's proportions.
     Picture(PathBuf, Option<(u32, u32)>),
-    /// Draw the current view in a picture of at most this size, and pass it to the reply.
-    Render((u32, u32), Reply),
+    /// Draw the current view in a picture beside the walk.
+    Render(PictureOrder),
     /// Trace a part of the picture first: left, top, right and bottom, in shares of the picture.
     /// `None` for the whole picture.
     Focus(Option<[f64; 4]>),
@@ -79,34 +85,6 @@ pub enum Input {
     Size(u32, u32),
     /// End the session.
     Quit,
-}
-
-/// Receives a picture that was requested.
-#[derive(Clone)]
-pub struct Reply(Arc<dyn Fn(Arc<Frame>) + Send + Sync>);
-
-impl Reply {
-    /// Returns a reply that calls `take` with the picture.
-    pub fn new(take: impl Fn(Arc<Frame>) + Send + Sync + 'static) -> Reply {
-        Reply(Arc::new(take))
-    }
-
-    /// Passes the picture on.
-    pub fn give(&self, frame: Arc<Frame>) {
-        (self.0)(frame);
-    }
-}
-
-impl std::fmt::Debug for Reply {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Reply")
-    }
-}
-
-impl PartialEq for Reply {
-    fn eq(&self, other: &Reply) -> bool {
-        Arc::ptr_eq(&self.0, &other.0)
-    }
 }
 
 /// A reference to a named view of the holodeck.

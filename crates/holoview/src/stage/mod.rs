@@ -16,10 +16,14 @@ mod detail;
 mod hand;
 mod input;
 mod painter;
+mod picture_file;
+mod picture_job;
+mod picture_order;
 mod record;
 mod shown;
 mod sketch;
 mod warp;
+mod world;
 
 #[cfg(test)]
 pub(crate) mod tests;
@@ -34,7 +38,9 @@ use anyhow::{Context, Result, anyhow};
 use holo_net::NetError;
 use tokio::sync::watch;
 
-pub use input::{Input, Inputs, Named, Numbered, Reply};
+pub use input::{Input, Inputs, Named, Numbered};
+pub use picture_file::{encode_picture, format_refusal};
+pub use picture_order::{PictureNews, PictureOrder};
 pub use shown::{Phase, Shown, State};
 
 use crate::{
@@ -45,6 +51,10 @@ use bell::Bell;
 use hand::{Ending, Hand};
 use painter::Painter;
 use shown::{Publisher, Watched};
+
+/// Pause between two tries to connect to a server that is started again, and most tries.
+const TRY_AGAIN: Duration = Duration::from_millis(200);
+const MOST_TRIES: u32 = 100;
 
 /// Options of a stage.
 pub struct Wishes {
@@ -135,8 +145,11 @@ impl Stage {
                     restarted.trouble.into_iter().for_each(|trouble| hand.refuse(trouble));
                     begin(again.connect(restarted.address)?, loading)?
                 }
-                // A server started by this program ends with the session; any other server may come
-                // back.
+                (Err(error), None, Some(crew)) if is_lost(&error) => {
+                    loading("the server has ended; it is started again");
+                    begin_again(&again, crew, error, loading)?
+                }
+                // A server that this program has not started may come back.
                 (Err(error), None, None) if is_lost(&error) => {
                     loading(&format!("{error:#}; trying to reach it again"));
                     reach(&again, loading)?
@@ -155,6 +168,27 @@ impl Stage {
 fn begin(connected: Connected, loading: impl Fn(&str)) -> Result<Option<(Session, Waker)>> {
     let waker = connected.waker();
     Ok(connected.begin(loading)?.map(|session| (session, waker)))
+}
+
+/// Begins a session with the server that the crew starts after one that has ended. The crew notices
+/// the end later than the session.
+///
+/// # Errors
+/// `lost`, if the crew starts none.
+fn begin_again(
+    again: &Again,
+    crew: &Crew,
+    lost: anyhow::Error,
+    loading: impl Fn(&str),
+) -> Result<Option<(Session, Waker)>> {
+    for _ in 0..MOST_TRIES {
+        let Ok(restarted) = crew.restart() else { return Err(lost) };
+        match again.connect(restarted.address).and_then(|connected| begin(connected, &loading)) {
+            Err(error) if is_lost(&error) => thread::sleep(TRY_AGAIN),
+            begun => return begun,
+        }
+    }
+    Err(lost)
 }
 
 /// Begins a session with a server that was lost, once it is back. Returns `None` if the user ends
@@ -182,6 +216,7 @@ fn facts(session: &Session) -> State {
         traces: session.traces(),
         sections: Arc::new(session.sections().iter().map(|s| s.spec().clone()).collect()),
         up: session.up().to_array(),
+        unit: session.unit(),
         ..State::default()
     }
 }

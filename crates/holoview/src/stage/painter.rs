@@ -12,8 +12,16 @@ use anyhow::Result;
 use holo_display::{Frame, Interrupt, Look, Resolution};
 use holo_net::NetError;
 use holo_picture::{View, ViewSpec};
+use holo_raycast::Raycaster;
 
-use super::{Watched, bell::Bell, detail::Detail, input::Reply, sketch::Sketching};
+use super::{
+    Watched,
+    bell::Bell,
+    detail::Detail,
+    picture_job::{PictureJob, Progress, STORED_PATIENCE, WHOLE_PIXELS},
+    picture_order::{BegunPicture, PictureNews, PictureOrder},
+    sketch::Sketching,
+};
 use crate::{
     args::DriverArg,
     session::{Session, Uncovered, Waited, Waker},
@@ -31,9 +39,6 @@ const REDRAW_SHARE: f64 = 0.1;
 
 /// Drawing frames at rest takes at most 1/`DRAWING_PART` of the time; the rest is for tracing.
 const DRAWING_PART: u32 = 4;
-
-/// Time that a requested picture waits for stored samples.
-const RENDER_PATIENCE: Duration = Duration::from_secs(3);
 
 /// A picture at rest is drawn again at once when this many times as many samples have arrived.
 const MANY_MORE: u64 = 2;
@@ -66,8 +71,8 @@ pub enum Order {
     Driver(DriverArg),
     /// Stores a named view in the holodeck; removes it if the options are empty.
     KeepView(String, String),
-    /// Draws a picture of this view and size for the reply.
-    Render(View, (u32, u32), Reply),
+    /// Draws a picture of this view and size beside the walk.
+    Render(Box<View>, (u32, u32), PictureOrder),
     /// Waits until everything under way is stored, and ends.
     Quit,
     /// Ends without waiting, because all samples are to be forgotten.
@@ -110,6 +115,8 @@ pub struct News {
     pub driver: &'static str,
     /// Whether tracing is paused.
     pub is_paused: bool,
+    /// The share that is drawn of the picture that is being saved, in steps of 1/1000.
+    pub saving: Option<f32>,
 }
 
 /// State shared by hand and painter.
@@ -123,8 +130,10 @@ struct Papers {
     /// Why the last order was refused.
     refusal: Option<String>,
     news: News,
-    /// The size of frames while the eye moves.
-    moving_size: Option<(u32, u32)>,
+    /// The scene, if it is known.
+    scene: Option<Arc<Raycaster>>,
+    /// The share of each side that frames have while the eye moves.
+    moving_share: Option<f64>,
     is_over: bool,
 }
 
@@ -144,8 +153,10 @@ pub struct Done {
     pub refusal: Option<String>,
     /// The session's state.
     pub news: News,
-    /// The size of frames while the eye moves.
-    pub moving_size: Option<(u32, u32)>,
+    /// The scene, if it is known.
+    pub scene: Option<Arc<Raycaster>>,
+    /// The share of each side that frames have while the eye moves.
+    pub moving_share: Option<f64>,
     /// Whether the painter has ended.
     pub is_over: bool,
 }
@@ -181,7 +192,8 @@ impl Desk {
             painted: papers.painted.take(),
             refusal: papers.refusal.take(),
             news: papers.news.clone(),
-            moving_size: papers.moving_size,
+            scene: papers.scene.clone(),
+            moving_share: papers.moving_share,
             is_over: papers.is_over,
         }
     }
@@ -190,6 +202,7 @@ impl Desk {
 /// Draws the requested views.
 pub struct Painter {
     session: Session,
+    waker: Waker,
     papers: Arc<Mutex<Papers>>,
     /// Set by the desk when it wakes the painter.
     interrupt: Interrupt,
@@ -206,6 +219,8 @@ pub struct Painter {
     sketching: Sketching,
     /// True if the last picture at rest was a sketch.
     is_sketch: bool,
+    /// The picture that is being saved.
+    job: Option<Box<PictureJob>>,
     news: News,
 }
 
@@ -240,11 +255,16 @@ impl Painter {
     ) -> (Painter, Desk) {
         let papers = Arc::<Mutex<Papers>>::default();
         let interrupt = session.interrupt();
-        let desk = Desk { papers: Arc::clone(&papers), waker, interrupt: interrupt.clone() };
+        let desk = Desk {
+            papers: Arc::clone(&papers),
+            waker: waker.clone(),
+            interrupt: interrupt.clone(),
+        };
         let now = Instant::now();
         let times = Times { moved: now, frame: now, drawn_in: Duration::ZERO };
         let painter = Painter {
             session,
+            waker,
             papers,
             interrupt,
             bell,
@@ -256,6 +276,7 @@ impl Painter {
             drawn_samples: 0,
             sketching: Sketching::default(),
             is_sketch: false,
+            job: None,
             news: News::default(),
         };
         (painter, desk)
@@ -289,6 +310,8 @@ impl Painter {
                 && self.is_due(&wanted)
             {
                 self.paint(wanted)?;
+            } else {
+                self.work_on_picture()?;
             }
             self.report();
         }
@@ -302,6 +325,9 @@ impl Painter {
             }
             Order::Driver(driver) => {
                 (self.looked, self.drawn) = (None, None);
+                if let Some(job) = self.job.take() {
+                    job.order.refuse("another driver was chosen meanwhile".to_owned());
+                }
                 if let Err(error) = self.session.change_driver(driver) {
                     self.refuse(error)?;
                 }
@@ -311,7 +337,7 @@ impl Painter {
                     self.refuse(error)?;
                 }
             }
-            Order::Render(view, size, reply) => self.render(view, size, &reply)?,
+            Order::Render(view, size, order) => self.begin_picture(*view, size, order)?,
             Order::Quit | Order::Leave => {}
         }
         Ok(())
@@ -364,7 +390,9 @@ impl Painter {
             .wanted
             .as_ref()
             .is_some_and(|wanted| self.drawn.as_ref().is_none_or(|(drawn, _)| drawn != wanted));
-        if is_other { now } else { now + NEWS }
+        let has_work =
+            || self.job.as_ref().is_some_and(|job| self.rests() && job.is_due(&self.session, now));
+        if is_other || has_work() { now } else { now + NEWS }
     }
 
     /// Returns the number of samples that have arrived for the current view.
@@ -433,7 +461,7 @@ impl Painter {
         let painted = Painted { wanted, view, frame: Arc::new(frame), took, has_few };
         let mut papers = lock(&self.papers);
         papers.painted = Some(painted);
-        papers.moving_size = Some(self.detail.size(full));
+        papers.moving_share = Some(self.detail.share());
         drop(papers);
         self.bell.ring();
         Ok(())
@@ -449,19 +477,82 @@ impl Painter {
         }
     }
 
-    /// Draws a requested picture, after the stored samples for it have arrived.
-    fn render(&mut self, view: View, size: (u32, u32), reply: &Reply) -> Result<()> {
+    /// Begins to draw a picture beside the walk.
+    fn begin_picture(&mut self, view: View, size: (u32, u32), order: PictureOrder) -> Result<()> {
+        if self.job.as_ref().is_some_and(|job| job.order.is_wanted()) {
+            order.refuse(
+                "another picture is being saved: wait until it is there, or cancel it".to_owned(),
+            );
+            return Ok(());
+        }
+        let job = PictureJob::new(order, view, size);
+        self.session.ask_beside(&job.look)?;
+        self.job = Some(Box::new(job));
+        Ok(())
+    }
+
+    /// Returns whether the eye rests and its view has a frame.
+    fn rests(&self) -> bool {
+        self.drawn.as_ref().is_some_and(|(wanted, is_shown)| !wanted.is_moving || !is_shown)
+    }
+
+    /// Draws a part of the picture that is being saved, while the walk needs nothing.
+    fn work_on_picture(&mut self) -> Result<()> {
+        if !self.rests() || self.interrupt.is_set() {
+            return Ok(());
+        }
+        let Some(job) = &mut self.job else { return Ok(()) };
+        match job.work(&mut self.session) {
+            Progress::Goes | Progress::Waits => {}
+            Progress::Over => self.job = None,
+            Progress::Whole => {
+                if let Some(job) = self.job.take() {
+                    self.draw_whole(&job)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws a picture with a driver that cannot draw parts. The walk waits for it.
+    fn draw_whole(&mut self, job: &PictureJob) -> Result<()> {
+        let PictureJob { order, look, .. } = job;
+        let Look { view, size, .. } = *look;
+        if u64::from(size.0) * u64::from(size.1) > WHOLE_PIXELS {
+            order.refuse(format!(
+                "driver {} draws pictures of at most {} million pixels: choose the driver \
+                 surfaces, or a smaller size",
+                self.session.driver_name(),
+                WHOLE_PIXELS / 1_000_000
+            ));
+            return Ok(());
+        }
         self.drawn = None;
         self.session.set_moving(false);
-        if self.look(Look { view, size, resolution: Resolution::Full })? {
-            let end = Instant::now() + RENDER_PATIENCE;
-            while !self.session.has_stored() && Instant::now() < end {
-                // A wake does not end this loop; the hand waits until the picture is ready.
-                self.session.wait(end.min(Instant::now() + NEWS))?;
+        if self.look(*look)? {
+            let end = Instant::now() + STORED_PATIENCE;
+            while !self.session.has_stored() && Instant::now() < end && order.is_wanted() {
+                let waited = self.session.wait(end.min(Instant::now() + NEWS))?;
+                let mut papers = lock(&self.papers);
+                if waited == Waited::Stop {
+                    papers.orders.push(Order::Quit);
+                }
+                if !papers.orders.is_empty() {
+                    break;
+                }
             }
             self.session.finish_view();
-            reply.give(Arc::new(self.session.draw_for_file().0));
+            let picture = self.session.draw_for_file().0.picture;
+            let pixels = picture.pixels.clone();
+            let begun = Box::new(BegunPicture { view, size, preview: picture });
+            // The mailbox has room for both. If nobody wants the picture any more, it is dropped.
+            let _ = order.news.try_send(PictureNews::Begun(begun));
+            let _ = order.news.try_send(PictureNews::Band(pixels));
+        } else {
+            order.refuse("the view cannot be shown".to_owned());
         }
+        // A wake may have been taken, so the orders are looked at again.
+        self.waker.wake();
         self.looked = None;
         Ok(())
     }
@@ -503,9 +594,12 @@ impl Painter {
             samples_per_second: status.map_or(0.0, |status| status.samples_per_second),
             workers: status.map(|status| status.workers),
             driver: self.session.driver_name(),
+            saving: self.job.as_ref().map(|job| (1e3 * job.share()).floor() / 1e3),
             ..std::mem::take(&mut self.news)
         };
+        let scene = self.session.scene();
         let mut papers = lock(&self.papers);
+        papers.scene = scene;
         if papers.news != self.news {
             papers.news = self.news.clone();
         }

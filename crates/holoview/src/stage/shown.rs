@@ -85,6 +85,8 @@ pub struct State {
     pub pose: [[f64; 3]; 3],
     /// True if the eye's height is locked.
     pub height_is_locked: bool,
+    /// True if walls and furniture stop the eye, and floors carry it.
+    pub is_solid: bool,
     /// The part of the picture that is traced first: left, top, right and bottom, in shares of the
     /// picture.
     pub focus: Option<[f64; 4]>,
@@ -92,6 +94,8 @@ pub struct State {
     pub is_paused: bool,
     /// True if the server traces; false if it only shows what is stored.
     pub traces: bool,
+    /// The share that is drawn of the picture that is being saved, if any.
+    pub saving: Option<f32>,
     /// Samples that have arrived for the current view.
     pub view_samples: u64,
     /// Samples in the holodeck.
@@ -108,6 +112,8 @@ pub struct State {
     pub sections: Arc<Vec<SectionSpec>>,
     /// The scene's up axis.
     pub up: [f64; 3],
+    /// The length of a scene unit, metres.
+    pub unit: f64,
 }
 
 /// Knows whether any front end receives frames.

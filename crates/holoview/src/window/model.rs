@@ -35,9 +35,6 @@ const MOST_PIXELS: f64 = 2.1e6;
 /// Time for which a notice is shown.
 const NOTICE: Duration = Duration::from_secs(4);
 
-/// Time after the last moving frame during which the eye counts as moving.
-const MOVING: Duration = Duration::from_millis(180);
-
 /// An effect outside the model.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Effect {
@@ -190,11 +187,6 @@ impl Model {
         self.typed.as_deref()
     }
 
-    /// Returns whether the eye moves.
-    pub fn is_moving(&self, now: Instant) -> bool {
-        self.pace.since_moved(now).is_some_and(|since| since < MOVING)
-    }
-
     /// Returns whether the window must be drawn again, and resets this.
     pub fn take_stale(&mut self) -> bool {
         std::mem::take(&mut self.is_stale)
@@ -235,9 +227,7 @@ impl Model {
             self.presented = seen.shown.number;
             self.pace.shown(seen.shown.input.1, seen.shown.is_at_rest, now);
         }
-        let grids = self.pace.since_moved(now).and_then(|since| MOVING.checked_sub(since));
-        let times = [grids.map(|rest| now + rest), self.pace.until(now)];
-        self.redraw = times.into_iter().flatten().min();
+        self.redraw = self.pace.until(now);
     }
 
     /// Records the end of the session. Without a reason, the window closes.

@@ -20,28 +20,34 @@ const MAX_HEADER: usize = 1 << 20;
 const RLE_WIDTHS: std::ops::RangeInclusive<usize> = 8..=0x7fff;
 
 pub(super) fn encode(picture: &Picture) -> Vec<u8> {
+    let mut bytes = header(picture.size(), picture.view.as_ref(), picture.exposure);
+    write_rows(&mut bytes, &picture.pixels, picture.width, picture.exposure);
+    bytes
+}
+
+/// Returns the bytes before the first row.
+pub(super) fn header(size: (u32, u32), view: Option<&View>, exposure: f32) -> Vec<u8> {
     let mut header = String::from("#?RADIANCE\nSOFTWARE=Holodeck\n");
     // Writing to a String cannot fail.
-    if let Some(view) = &picture.view {
+    if let Some(view) = view {
         let _ = writeln!(header, "VIEW= {}", view.to_vf_options());
     }
-    if picture.exposure != 1.0 {
-        let _ = writeln!(header, "EXPOSURE={:e}", picture.exposure);
+    if exposure != 1.0 {
+        let _ = writeln!(header, "EXPOSURE={exposure:e}");
     }
-    let _ =
-        write!(header, "FORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n", picture.height, picture.width);
-    let mut bytes = header.into_bytes();
+    let _ = write!(header, "FORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n", size.1, size.0);
+    header.into_bytes()
+}
+
+/// Appends whole rows of pixels.
+pub(super) fn write_rows(bytes: &mut Vec<u8>, pixels: &[[f32; 3]], width: u32, exposure: f32) {
     let mut row_rgbe = Vec::new();
-    for row in picture.pixels.chunks_exact(picture.width as usize) {
+    for row in pixels.chunks_exact(width as usize) {
         row_rgbe.clear();
-        row_rgbe.extend(
-            row.iter().map(|rgb| {
-                to_rgbe(rgb.map(|value| f64::from(value) * f64::from(picture.exposure)))
-            }),
-        );
-        write_row(&mut bytes, &row_rgbe, RLE_WIDTHS.contains(&row.len()));
+        let exposed = |rgb: &[f32; 3]| rgb.map(|value| f64::from(value) * f64::from(exposure));
+        row_rgbe.extend(row.iter().map(|rgb| to_rgbe(exposed(rgb))));
+        write_row(bytes, &row_rgbe, RLE_WIDTHS.contains(&row.len()));
     }
-    bytes
 }
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {

@@ -6,8 +6,8 @@
 
 use std::array;
 
-use super::eye;
 use super::histogram::{BINS, BINS_PER_OCTAVE, Histogram, LEAST_LOG, log2};
+use super::{SEEN_STEP, eye};
 use crate::picture::luminance;
 
 /// Luminance of the display's white in cd/m², and of white over black (the paper, §3).
@@ -111,9 +111,13 @@ impl Curve {
         Curve { edges: (0..=BINS).map(edge).collect() }
     }
 
-    /// Moves a share of the way to another curve. Both properties of curves stay true, because they
-    /// are true of every mean of two.
+    /// Moves a share of the way to another curve, unless nobody would see the difference. Both
+    /// properties of curves stay true, because they are true of every mean of two.
     pub fn approach(&mut self, target: &Curve, share: f32) {
+        let mut pairs = self.edges.iter().zip(&target.edges);
+        if pairs.all(|(edge, target)| (edge - target).abs() < SEEN_STEP) {
+            return;
+        }
         for (edge, target) in self.edges.iter_mut().zip(&target.edges) {
             *edge += share * (target - *edge);
         }

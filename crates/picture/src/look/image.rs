@@ -42,10 +42,8 @@ impl Image {
     /// picture without a legend, or lower than 64 pixels, stays as it is.
     #[must_use]
     pub fn with_legend(self) -> Image {
-        let Some(legend) = self.legend.as_ref().filter(|_| self.height >= LEAST_HEIGHT) else {
-            return self;
-        };
-        let strip = Strip::draw(legend, self.height);
+        let strip = self.legend.as_ref().and_then(|legend| Strip::beside(legend, self.height));
+        let Some(strip) = strip else { return self };
         let (own, more) = (self.width as usize * 3, strip.width as usize * 3);
         let mut rgb = Vec::with_capacity((own + more) * self.height as usize);
         for (row, strip) in self.rgb.chunks_exact(own).zip(strip.rgb.chunks_exact(more)) {
@@ -75,15 +73,21 @@ impl Image {
 }
 
 /// A legend as pixels.
-struct Strip {
-    width: u32,
+#[derive(Debug)]
+pub(super) struct Strip {
+    pub width: u32,
     height: u32,
-    rgb: Vec<u8>,
+    pub rgb: Vec<u8>,
     /// Pixels of the picture to one of a letter.
     unit: u32,
 }
 
 impl Strip {
+    /// Returns the strip beside a picture of this height. `None` if the picture is too low for one.
+    pub fn beside(legend: &Legend, height: u32) -> Option<Strip> {
+        (height >= LEAST_HEIGHT).then(|| Strip::draw(legend, height))
+    }
+
     fn draw(legend: &Legend, height: u32) -> Strip {
         let unit = (height / UNIT_HEIGHT).max(1);
         let texts = legend.ticks.iter().map(|tick| tick.label.as_str()).chain([legend.unit]);

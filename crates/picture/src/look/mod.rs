@@ -9,6 +9,7 @@
 //! light never gives a smaller byte with the tones `linear`, `soft` and `camera`. Radiance that is
 //! negative or NaN is black, and infinite radiance is white.
 
+mod bands;
 mod bytes;
 mod colors;
 mod contours;
@@ -31,6 +32,7 @@ use curve::{Curve, KEY};
 use fovea::{Blur, Gaze, fovea, under};
 use histogram::{CHUNK, Histogram};
 
+pub use bands::Bands;
 pub use image::Image;
 pub use legend::{Legend, Tick};
 pub use scale::{Scale, ScaleError, Scaling};
@@ -68,6 +70,10 @@ pub enum Tone {
     /// detail and of colour in the dark.
     Human,
 }
+
+/// Least change of the automatic exposure, as a binary logarithm, that anybody sees: 2 %. Smaller
+/// changes would alter every pixel of a picture at rest for nothing.
+pub(crate) const SEEN_STEP: f32 = 0.03;
 
 /// A person's choices for the look of pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -236,7 +242,10 @@ impl Adaptation {
             Some(locked) if share == 0.0 => locked,
             before => {
                 let target = exposure_log(&Histogram::new(&picture.pixels));
-                before.map_or(target, |before| before + share * (target - before))
+                before.map_or(target, |before| match (target - before).abs() < SEEN_STEP {
+                    true => before,
+                    false => before + share * (target - before),
+                })
             }
         };
         self.exposure.insert(log).exp2()

@@ -7,14 +7,18 @@ const grid = overlay.getContext('2d');
 
 /** Most pixels of a picture at rest. More would take longer and hardly be visible. */
 const MOST_PIXELS = 2.1e6;
-/** The eye counts as moving for this many milliseconds after a frame that moved. */
-const MOVING = 180;
+/** Share of a picture's pixels without light of their own from which the picture is called a guess. */
+const MOST_GUESSED = 0.3;
+/** Share of a picture's pixels without known light from which grids of sections show where they are. */
+const NOTHING_KNOWN = 0.95;
 
 let socket = null, retry = 400, client = 0, number = 0, drives = false, ended = false;
 let header = null, facts = null, state = null, hasPicture = false;
 let gridIsDrawn = false;
 let display = { locked: null, stops: 0, tone: 'soft', false_color: false, contours: false, log: false, range: null };
 let gridMode = 'auto', movedAt = -1e9;
+/** Limits of a saved picture's size. */
+let limits = { most_pixels: 0, most_side: 0 };
 const sentAt = new Map(), latencies = [], drawnAt = [];
 
 // ---- connection
@@ -55,7 +59,7 @@ function act(what, more) {
 
 function told(message) {
   switch (message.is) {
-    case 'hello': client = message.client; learn(message); pictureLinks(); sendDisplay(); break;
+    case 'hello': greet(message); break;
     case 'facts': facts = message; drawPlan(); break;
     case 'state': state = message; showState(); break;
     case 'roles': roles(message); break;
@@ -64,12 +68,40 @@ function told(message) {
   }
 }
 
+/** The server's session, and the view to return to if another one begins. */
+let session = null, viewBefore = null;
+
+function greet(message) {
+  client = message.client;
+  // A session that has begun anew knows nothing of where the eye was. An address may name a view.
+  if (session !== message.session) viewBefore = session ? header && header.options : viewOfAddress();
+  session = message.session;
+  learn(message);
+  pictureLinks();
+  sendDisplay();
+  if (document.hidden) say('hidden', { hidden: true });
+}
+
+/** Returns the view in the page's address, as Radiance's options. */
+function viewOfAddress() {
+  const [name, view] = [location.hash.slice(1, 6), location.hash.slice(6)];
+  try { return name === 'view=' ? decodeURIComponent(view) : null; } catch { return null; }
+}
+
+addEventListener('hashchange', () => {
+  const view = viewOfAddress();
+  if (view) command(`view ${view}`);
+});
+
 function roles({ drives: now, clients }) {
   const began = now && !drives;
   drives = now;
   $('s-role').textContent = clients > 1 ? (now ? `you drive, ${clients - 1} watch` : 'you watch') : '';
-  $('b-take').hidden = now;
-  if (began) sendSize();
+  for (const button of document.querySelectorAll('[data-take]')) button.hidden = now;
+  if (!began) return;
+  sendSize();
+  if (viewBefore) command(`view ${viewBefore}`);
+  viewBefore = null;
 }
 
 // ---- frames
@@ -110,7 +142,13 @@ function draw(next, parts) {
   hasPicture = true;
   loading('');
   if (next.under) showUnder(next.under);
+  $('guess').hidden = next.unknown + next.guessed < MOST_GUESSED;
   if (document.activeElement !== $('t-view')) $('t-view').value = next.options;
+  if (document.activeElement !== $('r-angle')) {
+    const stated = / -vh ([\d.]+)/.exec(` ${next.options}`);
+    $('r-angle').disabled = next.view.kind !== 'v' || !stated;
+    if (stated) [$('r-angle').value, $('o-angle').textContent] = [stated[1], `${Math.round(stated[1])}°`];
+  }
   drawLegend(next.legend);
   document.body.dataset.frame = next.frame;
   document.body.dataset.rest = next.rest;
@@ -151,6 +189,8 @@ function median(values) {
 }
 
 function sendSize() {
+  // A page that is not laid out yet has no size; an observer reports it later.
+  if (stage.clientWidth < 16 || stage.clientHeight < 16) return;
   const ratio = Math.min(window.devicePixelRatio || 1, 2);
   let width = stage.clientWidth * ratio, height = stage.clientHeight * ratio;
   const share = Math.min(1, Math.sqrt(MOST_PIXELS / (width * height)));
@@ -203,7 +243,9 @@ function showState() {
   $('s-workers').classList.toggle('bad', none);
   field('s-memory', state.memory ? Math.round(state.memory / 1048576) : null, 'MiB');
   press('b-pause', state.paused);
+  showSaving();
   press('b-lock', state.locked);
+  press('b-solid', state.solid);
   $('b-pause').disabled = !state.traces;
   listViews();
   if (!corner) showFocus(state.focus);
@@ -229,22 +271,39 @@ function loading(text) {
 }
 
 let noticeTimer = 0;
-function notice(text, milliseconds, of = '') {
+function notice(text, milliseconds, of = '', [label, undo] = []) {
   const at = $('notice');
   at.textContent = text;
+  if (label) {
+    const button = document.createElement('button');
+    button.type = 'button';
+    button.textContent = label;
+    button.onclick = () => { undo(); at.hidden = true; stage.focus(); };
+    at.append(' ', button);
+  }
   at.dataset.of = of;
   at.hidden = false;
   clearTimeout(noticeTimer);
   if (milliseconds) noticeTimer = setTimeout(() => { at.hidden = true; }, milliseconds);
 }
 
+/** Returns a length in scene units as metres, centimetres or kilometres. */
+function lengthOf(units) {
+  const metres = units * (facts && facts.unit > 0 ? facts.unit : 1);
+  const [size, name] = metres >= 1000 ? [1000, 'km'] : metres >= 1 ? [1, 'm'] : metres >= 0.01 ? [0.01, 'cm'] : [0.001, 'mm'];
+  return `${Number((metres / size).toPrecision(3))} ${name}`;
+}
+
 function showUnder(under) {
   const number = value => value === 0 ? '0' : value >= 1e5 || value < 1e-3 ? value.toExponential(2) : value.toPrecision(4);
-  const error = under.error === null ? '' : ` ± ${number(Number(under.error.toPrecision(2)))}`;
-  $('p-luminance').textContent = `${number(under.luminance)}${error} cd/m²`;
+  const error = under.error === null ? '' : ` ± ${Number(under.error.toPrecision(2))}`;
+  // Nothing is known of the surface there, though the driver shows something.
+  const isGuess = under.samples !== null && under.error === null && under.hits;
+  $('p-luminance').textContent = isGuess ? `guess: ${number(Number(under.luminance.toPrecision(2)))} cd/m²`
+    : `${number(under.luminance)}${error} cd/m²`;
   $('p-samples').textContent = under.samples === null ? 'not said' : under.samples;
   $('p-radiance').textContent = under.radiance.map(number).join('  ');
-  $('p-distance').textContent = under.distance ? number(under.distance) : under.hits ? 'not known' : 'nothing hit';
+  $('p-distance').textContent = under.distance ? lengthOf(under.distance) : under.hits ? 'not known' : 'nothing hit';
 }
 
 // ---- geometry
@@ -284,17 +343,16 @@ function eyeNow() {
 // ---- grids of sections
 
 function drawGrid() {
-  const view = eyeNow(), now = performance.now();
+  const view = eyeNow();
   const width = stage.clientWidth, height = stage.clientHeight;
   if (overlay.width !== width || overlay.height !== height) [overlay.width, overlay.height] = [width, height];
   if (gridIsDrawn) grid.clearRect(0, 0, width, height);
   gridIsDrawn = false;
   if (!view || !facts || view.kind !== 'v') return;
-  const isMoving = now - movedAt < MOVING, unknown = header ? header.unknown : 1;
+  const unknown = header ? header.unknown : 1;
   const strength = gridMode === 'on' ? 0.5 : gridMode === 'off' ? 0 :
-    state && state.uncovered ? 0.5 : unknown > 0.5 ? 0.35 : isMoving ? 0.14 : 0;
+    state && state.uncovered ? 0.5 : unknown > NOTHING_KNOWN ? 0.35 : 0;
   if (!strength) return;
-  if (isMoving && gridMode === 'auto') setTimeout(() => { if (performance.now() - movedAt >= MOVING) drawGrid(); }, MOVING + 20);
   const canvas = shown(), scale = Math.min(width / canvas.width, height / canvas.height);
   const sides = [canvas.width * scale, canvas.height * scale];
   const corner = [(width - sides[0]) / 2, (height - sides[1]) / 2];
@@ -405,7 +463,8 @@ function drawEye() {
 function showLost(view) {
   const inside = section => sharesOf(section, view.eye).every(x => x >= 0 && x <= 1);
   const onlyInteriors = facts.sections.every(section => section.interior);
-  const lost = (state && state.uncovered) || onlyInteriors && !facts.sections.some(inside);
+  const isMissing = header && header.uncovered > 0.02;
+  const lost = (state && state.uncovered) || isMissing && onlyInteriors && !facts.sections.some(inside);
   $('lost').hidden = !lost;
   if (!lost) return;
   const middles = facts.sections.map(section => pointOf(section, [0.5, 0.5, 0.5]));
@@ -414,7 +473,7 @@ function showLost(view) {
   const angle = z > 0 && Math.hypot(x, y) < 0.2 * z ? null : Math.atan2(x, y);
   $('lost-arrow').textContent = angle === null ? '◎' : '↑';
   $('lost-arrow').style.transform = angle === null ? '' : `rotate(${angle}rad)`;
-  const distance = Math.hypot(...minus(middles[0], view.eye)).toPrecision(3);
+  const distance = lengthOf(Math.hypot(...minus(middles[0], view.eye)));
   $('lost-text').textContent = angle === null ? `Outside all sections: the next one is ahead, ${distance} away`
     : z < 0 ? `Outside all sections: the next one is behind you, ${distance} away` : `Outside all sections: turn to the next one, ${distance} away`;
 }
@@ -436,7 +495,8 @@ const actionOf = new Map();
 const held = new Set();
 let lastHold = '{}';
 
-function learn({ actions: all, gestures, drivers: names }) {
+function learn({ actions: all, gestures, drivers: names, most_pixels, most_side }) {
+  limits = { most_pixels, most_side };
   actions = all;
   drivers = names;
   actionOf.clear();
@@ -452,12 +512,75 @@ function learn({ actions: all, gestures, drivers: names }) {
   }));
 }
 
+/** Ends the saving of a picture, while one is being saved by this page. */
+let cancelSaving = null;
+
+/** Returns the chosen size of saved pictures: '' for the shown one, null if it is no size. */
+function chosenSize() {
+  const text = $('t-size').value.trim().replace(/\s*[×X*x]\s*/, 'x');
+  if (!text) return '';
+  const sides = (text.match(/^(\d{1,5})x(\d{1,5})$/) || []).slice(1).map(Number);
+  const fits = sides.length === 2 && sides.every(side => side >= 1 && side <= limits.most_side)
+    && sides[0] * sides[1] <= limits.most_pixels;
+  return fits ? sides.join('x') : null;
+}
+
 /** Sets the links to the picture, as it is seen and in radiance, at the chosen size. */
 function pictureLinks() {
-  const size = $('t-size').value.trim().replace('×', 'x');
-  const wish = /^\d+x\d+$/.test(size) ? `&size=${size}` : '';
-  for (const end of ['png', 'exr', 'hdr']) $(`s-${end}`).href = `picture.${end}?client=${client}${wish}`;
+  const size = chosenSize(), isWrong = size === null;
+  for (const end of ['png', 'exr', 'hdr']) {
+    const link = $(`s-${end}`);
+    link.href = `picture.${end}?client=${client}${size ? `&size=${size}` : ''}`;
+    link.setAttribute('aria-disabled', isWrong || (Boolean(size) && cancelSaving !== null));
+  }
+  $('t-size').setAttribute('aria-invalid', isWrong);
+  $('size-hint').textContent = isWrong
+    ? `A size is like 3840x2160, with at most ${Math.floor(limits.most_pixels / 1e6)} million pixels.` : '';
 }
+
+/** Saves a picture of a chosen size. The page receives it while it is drawn. */
+async function savePicture(link) {
+  if (cancelSaving) return;
+  const abort = new AbortController();
+  cancelSaving = () => abort.abort();
+  pictureLinks();
+  showSaving();
+  try {
+    const answer = await fetch(link.href, { method: 'POST', signal: abort.signal });
+    if (!answer.ok) throw new Error(await answer.text());
+    const name = /filename="([^"]+)"/.exec(answer.headers.get('content-disposition') || '');
+    const file = URL.createObjectURL(await answer.blob()), save = document.createElement('a');
+    save.href = file;
+    save.download = name ? name[1] : 'holodeck';
+    save.click();
+    setTimeout(() => URL.revokeObjectURL(file), 60000);
+    notice(`${save.download} is saved.`, 4000);
+  } catch (error) {
+    notice(abort.signal.aborted ? 'The picture is not saved.' : `The picture is not saved: ${error.message}`, 6000);
+  } finally {
+    cancelSaving = null;
+    pictureLinks();
+    showSaving();
+  }
+}
+
+/** Shows how far the picture is that is being saved, here or by another page. */
+function showSaving() {
+  const share = state ? state.saving : null, isOurs = cancelSaving !== null;
+  $('saving').hidden = !isOurs && share === null;
+  $('saving-share').value = share || 0;
+  $('saving-text').textContent = `${Math.round(100 * (share || 0))} %`;
+  $('b-cancel').hidden = !isOurs;
+}
+
+for (const link of document.querySelectorAll('[href^="picture."]')) link.addEventListener('click', event => {
+  const size = chosenSize();
+  if (size === '') return;
+  event.preventDefault();
+  if (size !== null) savePicture(link);
+  else $('t-size').focus();
+});
+$('b-cancel').onclick = () => { if (cancelSaving) cancelSaving(); };
 
 /** Sends a command line to the stage. */
 function command(line) { act('command', { line }); }
@@ -506,6 +629,26 @@ function perform({ name, does }, key = '') {
   else if (does.local) LOCAL[does.local]();
 }
 
+/** Names of keys that the table of actions names by their place, by the character that they type. */
+const PLACES = { ',': 'Comma', '.': 'Period', ' ': 'Space' };
+
+/**
+ * Returns the name of an event's key in the table of actions. Motions are by place, so that the keys
+ * of a hand lie together on every layout. Commands are by the printed letter.
+ */
+function keyOf({ code, key }) {
+  const placed = actionOf.get(code);
+  if (placed && (placed.does.hold || placed.does.pace || placed.does === 'orbit')) return code;
+  if (actionOf.has(key)) return key;
+  const printed = PLACES[key] || (/^[a-z]$/i.test(key) ? `Key${key.toUpperCase()}` : '');
+  const named = actionOf.get(printed);
+  // A letter of a motion that is printed elsewhere does nothing there.
+  if (named) return named.does.hold || named.does.pace || named.does === 'orbit' ? '' : printed;
+  // Digits that need Shift, letters of other scripts, and keys that type nothing.
+  const isOther = key.length > 1 || code.startsWith('Digit') || key.charCodeAt(0) > 127;
+  return placed && isOther ? code : '';
+}
+
 function isTyping(target) {
   return target.closest('input, textarea, select, dialog') !== null;
 }
@@ -514,7 +657,7 @@ addEventListener('keydown', event => {
   if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
   const onButton = event.target.closest('button, a') && (event.code === 'Space' || event.code === 'Enter');
   if (onButton) return;
-  const key = actionOf.has(event.code) ? event.code : event.key, action = actionOf.get(key);
+  const key = keyOf(event), action = actionOf.get(key);
   if (!action) return;
   event.preventDefault();
   if (action.does.hold || action.does.pace || action.does === 'orbit') {
@@ -624,7 +767,9 @@ function twoFingers(event, before) {
 
 stage.addEventListener('wheel', event => {
   event.preventDefault();
-  const lines = event.deltaMode === 1 ? event.deltaY / 3 : event.deltaY / 100;
+  // A notch is 100 pixels, 3 lines or a page. Browsers send a pinch as small steps with Ctrl.
+  const notch = event.deltaMode === 2 ? 1 : event.deltaMode === 1 ? 3 : event.ctrlKey ? 10 : 100;
+  const lines = event.deltaY / notch;
   cursorAt = 0;
   sendCursor(event);
   act('wheel', { steps: Math.max(-4, Math.min(4, -lines)) });
@@ -633,6 +778,21 @@ stage.addEventListener('wheel', event => {
 function lookWithMouse() {
   if (document.pointerLockElement) document.exitPointerLock();
   else stage.requestPointerLock();
+}
+
+// ---- walking by touch
+
+for (const button of document.querySelectorAll('#pad button')) {
+  const key = button.dataset.key;
+  const release = () => { if (held.delete(key)) sendHeld(); };
+  button.addEventListener('pointerdown', event => {
+    event.preventDefault();
+    button.setPointerCapture(event.pointerId);
+    held.add(key);
+    sendHeld();
+  });
+  for (const type of ['pointerup', 'pointercancel', 'lostpointercapture']) button.addEventListener(type, release);
+  button.addEventListener('contextmenu', event => event.preventDefault());
 }
 
 // ---- tools
@@ -712,7 +872,7 @@ function toggleGrid() {
   gridMode = { auto: 'on', on: 'off', off: 'auto' }[gridMode];
   press('b-grid', gridMode === 'on');
   store('grid', gridMode);
-  notice(`Section grids: ${{ auto: 'while moving, and where nothing is known', on: 'always', off: 'never' }[gridMode]}`, 1800);
+  notice(`Section grids: ${{ auto: 'where nothing is known', on: 'always', off: 'never' }[gridMode]}`, 1800);
   drawGrid();
 }
 
@@ -758,7 +918,11 @@ function listViews() {
     forget.textContent = '×';
     forget.hidden = !state.traces;
     forget.setAttribute('aria-label', `Remove ${name}`);
-    forget.onclick = () => command(`forget ${name}`);
+    forget.onclick = () => {
+      command(`forget ${name}`);
+      notice(`“${name}” is removed.`, 12000, '', ['Undo', () => command('restore')]);
+      stage.focus();
+    };
     item.append(go, forget);
     return item;
   }));
@@ -781,14 +945,21 @@ $('f-name').addEventListener('submit', event => {
   if (!name) return;
   command(`keep ${name}`);
   $('t-name').value = '';
+  stage.focus();
 });
+$('b-link').onclick = () => {
+  if (!header) return;
+  // The token is not part of it: whoever opens the link has the page already.
+  const link = `${location.origin}/#view=${encodeURIComponent(header.options)}`;
+  navigator.clipboard.writeText(link).then(() => notice('A link to this view is copied.', 3000), () => notice(link, 0));
+};
 $('b-copy').onclick = () => { $('t-view').select(); navigator.clipboard.writeText($('t-view').value).catch(() => document.execCommand('copy')); };
 
 // ---- buttons
 
 for (const button of document.querySelectorAll('[data-action]'))
   button.onclick = () => perform(actions.find(({ name }) => name === button.dataset.action));
-$('b-take').onclick = () => say('take_over');
+for (const button of document.querySelectorAll('[data-take]')) button.onclick = () => say('take_over');
 $('b-auto').onclick = () => lockExposure(false);
 $('b-locked').onclick = () => lockExposure(true);
 for (const button of document.querySelectorAll('[data-tone]')) button.onclick = () => {
@@ -802,6 +973,10 @@ $('f-scale').addEventListener('submit', event => {
   event.preventDefault();
   setScale(display.log, [numberIn('t-least'), numberIn('t-most')]);
 });
+$('r-angle').oninput = () => {
+  $('o-angle').textContent = `${$('r-angle').value}°`;
+  if (header && header.view.kind === 'v') command(`view -vh ${$('r-angle').value}`);
+};
 $('r-stops').oninput = () => stops(Number($('r-stops').value));
 $('question').addEventListener('close', () => {
   if ($('question').returnValue === 'yes') command($('question').dataset.answer); else if (state && state.question) command('cancel');
@@ -809,11 +984,21 @@ $('question').addEventListener('close', () => {
 $('l-driver').onchange = () => { command(`driver ${$('l-driver').value}`); stage.focus(); };
 $('t-size').oninput = pictureLinks;
 $('quit').addEventListener('close', () => { if ($('quit').returnValue === 'quit') command('quit'); });
+document.addEventListener('visibilitychange', () => say('hidden', { hidden: document.hidden }));
 let resizing = 0;
-new ResizeObserver(() => {
+function sizeChanged() {
   clearTimeout(resizing);
   resizing = setTimeout(() => { if (drives) sendSize(); drawGrid(); }, 150);
-}).observe(stage);
+}
+new ResizeObserver(sizeChanged).observe(stage);
+/** A screen of another density needs another number of pixels, though the page's size stays. */
+function watchDensity() {
+  matchMedia(`(resolution: ${window.devicePixelRatio}dppx)`).addEventListener('change', () => {
+    sizeChanged();
+    watchDensity();
+  }, { once: true });
+}
+watchDensity();
 
 Object.assign(display, stored('display'));
 gridMode = stored('grid') || gridMode;

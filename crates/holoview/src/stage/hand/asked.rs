@@ -12,8 +12,10 @@ use super::{ANSWER, Ending, Hand, Question, REST};
 use crate::{
     Crew,
     stage::{
-        input::{Input, Named, Reply},
+        input::{Input, Named},
         painter::Order,
+        picture_file::write_picture,
+        picture_order::PictureOrder,
     },
 };
 
@@ -51,6 +53,8 @@ impl Hand {
             Input::Back => self.jump(Walker::back),
             Input::Forward => self.jump(Walker::forward),
             Input::LockHeight(lock) => walker.height_is_locked = lock,
+            Input::Solid(is_solid) => walker.is_solid = is_solid,
+            Input::Leave => (walker.may_leave, self.question) = (true, None),
             Input::Pause(pause) => self.order(Order::Pause(pause)),
             Input::Driver(driver) => {
                 self.driver = Some(driver);
@@ -65,12 +69,20 @@ impl Hand {
                 (self.question, self.refusal, self.focus) = (None, None, None);
             }
             Input::Picture(path, size) => self.save(path, size),
-            Input::Render(size, reply) => self.render(size, reply),
+            Input::Render(order) => self.render(order),
             Input::Keep(name) => {
                 let options = holo_walk::options(self.walker.view());
                 self.order(Order::KeepView(name, options));
             }
-            Input::Forget(name) => self.order(Order::KeepView(name, String::new())),
+            Input::Forget(name) => {
+                let removed = self.news.views.iter().find(|(other, _)| *other == name);
+                self.removed_view = removed.cloned().or(self.removed_view.take());
+                self.order(Order::KeepView(name, String::new()));
+            }
+            Input::RestoreView => match self.removed_view.take() {
+                Some((name, options)) => self.order(Order::KeepView(name, options)),
+                None => self.refuse("no view was removed".to_owned()),
+            },
             Input::Quit => self.ending = Some(Ending::Quit),
             Input::Focus(part) => self.focus = part,
         }
@@ -117,23 +129,24 @@ impl Hand {
         }
     }
 
-    /// Writes a picture of the current view to a file, on a separate thread.
+    /// Writes a picture of the current view to a file, beside the walk.
     fn save(&mut self, path: PathBuf, size: Option<(u32, u32)>) {
-        let reply = Reply::new(move |frame| {
-            let path = path.clone();
-            thread::spawn(move || match frame.picture.write(&path) {
-                Ok(()) => eprintln!("wrote {}", path.display()),
-                Err(error) => eprintln!("{error}"),
-            });
+        let (order, news, wish) = PictureOrder::new(size.unwrap_or(self.size));
+        let writing = thread::Builder::new().name("picture".into());
+        let writing = writing.spawn(move || match write_picture(&path, news, wish) {
+            Ok(()) => eprintln!("wrote {}", path.display()),
+            Err(error) => eprintln!("{}: {error:#}", path.display()),
         });
-        self.render(size.unwrap_or(self.size), reply);
+        match writing {
+            Ok(_) => self.render(order),
+            Err(error) => self.refuse(format!("starting a thread: {error}")),
+        }
     }
 
-    fn render(&mut self, size: (u32, u32), reply: Reply) {
-        let spec = *self.walker.view();
-        match spec.resolve(size) {
-            Ok((view, size)) => self.order(Order::Render(view, size, reply)),
-            Err(error) => self.refuse(error.to_string()),
+    fn render(&mut self, order: PictureOrder) {
+        match self.spec().resolve(order.size) {
+            Ok((view, size)) => self.order(Order::Render(Box::new(view), size, order)),
+            Err(error) => order.refuse(error.to_string()),
         }
     }
 

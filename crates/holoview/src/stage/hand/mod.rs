@@ -14,17 +14,20 @@ use std::{
 use anyhow::{Context, Result};
 use glam::DVec3;
 use holo_display::Frame;
-use holo_picture::{View, ViewSpec};
-use holo_walk::{Pose, Walker};
+use holo_picture::{DEFAULT_VH, View, ViewKind, ViewSpec};
+use holo_raycast::Raycaster;
+use holo_walk::{Controls, Pose, Surroundings, Walker};
 use tokio::sync::oneshot;
 
 use super::{
     bell::Bell,
+    detail::scaled,
     input::Numbered,
     painter::{Desk, Done, News, Order, Painted, Wanted},
     record::Record,
     shown::{Publisher, Shown, State},
     warp::{Source, can_show, warp},
+    world::World,
 };
 use crate::{Crew, DriverArg};
 
@@ -34,6 +37,9 @@ const REST: Duration = Duration::from_millis(60);
 
 /// Least time between two frames while the eye moves.
 const FRAME: Duration = Duration::from_millis(20);
+
+/// The share of each side of frames while the eye moves, before the painter has measured any.
+const FIRST_SHARE: f64 = 0.5;
 
 /// Longest step of a motion, seconds, so that the eye does not leap after a pause.
 const LONGEST_STEP: f64 = 0.25;
@@ -69,6 +75,8 @@ pub enum Question {
     StartOver,
     /// Whether the scene is to be read again.
     Restart,
+    /// Whether the eye is to leave the house.
+    Leave,
 }
 
 impl Question {
@@ -76,6 +84,10 @@ impl Question {
     fn words(self) -> &'static str {
         match self {
             Question::StartOver => "Start over? All samples of this holodeck are forgotten.",
+            Question::Leave => {
+                "Leave the house? Outside, less is known of the light, and you may lose your way. \
+                 Home and Back return."
+            }
             Question::Restart => {
                 "Restart with the scene as its file is now? If it was edited, the samples of the \
                  scene before give way to new ones."
@@ -88,6 +100,7 @@ impl Question {
         match self {
             Question::StartOver => "start over",
             Question::Restart => "restart",
+            Question::Leave => "leave",
         }
     }
 }
@@ -100,10 +113,14 @@ pub struct Hand {
     /// The painter's desk, while there is a painter.
     desk: Option<Desk>,
     crew: Option<Crew>,
+    /// The scene, if it is known.
+    scene: Option<Arc<Raycaster>>,
     /// The open question, and when it was asked.
     question: Option<(Question, Instant)>,
     /// The driver that the user has chosen last.
     driver: Option<DriverArg>,
+    /// The view that was removed last, with its name.
+    removed_view: Option<(String, String)>,
     /// The answer of the crew that reads the scene again.
     scene_read: Option<oneshot::Receiver<Result<()>>>,
     /// Why the hand ends, once it does.
@@ -120,8 +137,8 @@ pub struct Hand {
     /// Why the last refused input was refused, and since when the reason is shown.
     refusal: Option<(String, Instant)>,
     news: News,
-    /// The size of frames while the eye moves.
-    moving_size: Option<(u32, u32)>,
+    /// The share of each side that frames have while the eye moves.
+    moving_share: Option<f64>,
     /// Frames that can be shown from elsewhere while the eye moves, the newest first.
     sources: VecDeque<Painted>,
     /// A frame that is not shown yet, because too much of it is unknown.
@@ -159,6 +176,8 @@ struct Times {
     /// When the last frame was published.
     frame: Instant,
     state: Instant,
+    /// When the eye last came to the end of the house.
+    exit: Option<Instant>,
     /// Time that the painter took for its last frame while the eye moved.
     painting: Duration,
 }
@@ -188,6 +207,7 @@ impl Hand {
             jumped: now,
             frame: now,
             state: now,
+            exit: None,
             painting: Duration::ZERO,
         };
         Ok(Hand {
@@ -196,8 +216,10 @@ impl Hand {
             bell,
             desk: None,
             crew: wishes.crew.clone(),
+            scene: None,
             question: None,
             driver: None,
+            removed_view: None,
             scene_read: None,
             ending: None,
             publisher,
@@ -208,7 +230,7 @@ impl Hand {
             input: (0, 0),
             refusal: None,
             news: News::default(),
-            moving_size: None,
+            moving_share: None,
             sources: VecDeque::new(),
             held_back: None,
             jumps: 0,
@@ -251,6 +273,7 @@ impl Hand {
                 }
             }
             self.advance();
+            self.ask_at_exit();
             if *self.walker.view() != before {
                 self.has_moved();
             }
@@ -306,6 +329,37 @@ impl Hand {
         }
     }
 
+    /// Takes the scene as the eye's surroundings.
+    fn see_world(&mut self, scene: Option<Arc<Raycaster>>) {
+        let is_same = match (&self.scene, &scene) {
+            (Some(before), Some(now)) => Arc::ptr_eq(before, now),
+            (before, now) => before.is_none() && now.is_none(),
+        };
+        if !is_same {
+            let sections = &self.facts.sections;
+            let world = |scene: &Arc<Raycaster>| -> Arc<dyn Surroundings> {
+                Arc::new(World::new(Arc::clone(scene), sections, self.walker.metre()))
+            };
+            self.walker.surroundings = scene.as_ref().map(world);
+            self.scene = scene;
+        }
+    }
+
+    /// Asks whether the eye is to leave the house, if a motion would. After a no, the question
+    /// returns only after a while.
+    fn ask_at_exit(&mut self) {
+        if !self.walker.take_exit() {
+            return;
+        }
+        let is_late = self.times.exit.is_none_or(|asked| asked.elapsed() >= ANSWER);
+        if self.question.is_none() && is_late {
+            let now = Instant::now();
+            (self.question, self.times.exit) = (Some((Question::Leave, now)), Some(now));
+            // A key that is held would go on after the answer.
+            self.walker.controls = Controls::default();
+        }
+    }
+
     /// Processes all waiting inputs, until one ends the session.
     fn take_inputs(&mut self) {
         while self.ending.is_none()
@@ -322,6 +376,14 @@ impl Hand {
         let Some(last) = &self.last else { return (None, self.walker.pose().direction) };
         let (x, y) = self.cursor.unwrap_or((0.5, 0.5));
         let (origin, towards) = last.view.ray(x, 1.0 - y);
+        if let Some(world) = &self.walker.surroundings
+            && !last.view.is_clipped()
+            && towards != DVec3::ZERO
+        {
+            // A frame knows what a mirror or a pane shows, but not where its glass is.
+            let surface = world.surface(origin, towards);
+            return (surface.map(|surface| origin + towards * surface.distance), towards);
+        }
         let known = last.radiance_at(x, y).map(|(_, distance)| f64::from(distance));
         let known = known.filter(|distance| *distance > 0.0 && distance.is_finite());
         (known.map(|distance| origin + towards * distance), towards)
@@ -335,33 +397,39 @@ impl Hand {
     /// frame is ready.
     fn want(&self) {
         let is_moving = self.is_moving();
-        let spec = if is_moving { self.ahead() } else { *self.walker.view() };
+        let spec = if is_moving { self.ahead() } else { self.spec() };
         let (size, jumps) = (self.size, self.jumps);
         if let Some(desk) = &self.desk {
             desk.want(Wanted { spec, size, is_moving, jumps, focus: self.focus });
         }
     }
 
+    /// Returns the view for the picture's shape.
+    fn spec(&self) -> ViewSpec {
+        framed(self.walker.view(), self.size)
+    }
+
     /// Returns where the eye will be after the duration of a frame, if its motion continues.
     fn ahead(&self) -> ViewSpec {
-        let now = *self.walker.view();
+        let now = self.spec();
         let Some((since, before)) = self.trail.front() else { return now };
         let over = self.times.moved.saturating_duration_since(*since).as_secs_f64();
         if over <= 0.0 {
             return now;
         }
         let lead = self.times.painting.min(MOST_AHEAD).as_secs_f64();
-        let ahead = self.walker.ahead(before, lead / over);
+        let ahead = framed(&self.walker.ahead(before, lead / over), self.size);
         if ahead.resolve(self.size).is_ok() { ahead } else { now }
     }
 
     /// Processes the painter's results.
     fn take_frames(&mut self, done: Done) -> Result<()> {
         self.news = done.news;
+        self.see_world(done.scene);
         if let Some(refusal) = done.refusal {
             self.refuse(refusal);
         }
-        self.moving_size = done.moving_size.or(self.moving_size);
+        self.moving_share = done.moving_share.or(self.moving_share);
         if let Some(painted) = done.painted.filter(|painted| painted.wanted.jumps == self.jumps) {
             if painted.wanted.is_moving {
                 self.times.painting = painted.took.iter().sum();
@@ -385,13 +453,11 @@ impl Hand {
     /// the current position.
     fn show(&mut self, painted: Painted) -> Result<()> {
         self.awaits_jump = false;
-        let is_of_now = painted.wanted.spec == *self.walker.view();
+        // A frame of an earlier size may have another shape.
+        let is_of_now = painted.wanted.spec == self.spec() && painted.wanted.size == self.size;
         let is_resting = is_of_now && !painted.has_few;
-        let cannot_wait = self
-            .walker
-            .view()
-            .resolve(self.size)
-            .is_ok_and(|(view, _)| !can_show(&painted.view, &view));
+        let cannot_wait =
+            self.spec().resolve(self.size).is_ok_and(|(view, _)| !can_show(&painted.view, &view));
         self.sources.push_front(painted.clone());
         self.sources.truncate(2);
         if is_resting || cannot_wait {
@@ -409,8 +475,9 @@ impl Hand {
 
     /// Shows what is known from the current position of the eye, unless that is shown already.
     fn show_from_here(&mut self) -> Result<()> {
-        let Ok((view, full)) = self.walker.view().resolve(self.size) else { return Ok(()) };
-        let shows = |last: &Arc<Shown>| last.view == view && (last.is_at_rest || !self.has_news);
+        let Ok((view, full)) = self.spec().resolve(self.size) else { return Ok(()) };
+        let is_whole = |last: &Shown| last.is_at_rest && last.frame.picture.size() == full;
+        let shows = |last: &Arc<Shown>| last.view == view && (is_whole(last) || !self.has_news);
         let is_shown = self.last.as_ref().is_some_and(shows);
         let is_soon = Instant::now() < self.times.frame + FRAME;
         let is_hidden = self.news.is_uncovered || self.news.trouble.is_some();
@@ -421,7 +488,7 @@ impl Hand {
         let sources: Vec<Source<'_>> =
             sources.map(|source| Source { view: &source.view, frame: &source.frame }).collect();
         let begin = Instant::now();
-        let size = self.moving_size.unwrap_or((full.0.div_ceil(2), full.1.div_ceil(2)));
+        let size = scaled(full, self.moving_share.unwrap_or(FIRST_SHARE));
         let Some(frame) = warp(&sources, &view, size) else { return Ok(()) };
         let took = begin.elapsed().as_secs_f64();
         self.publish(view, Arc::new(frame), false, [took, 0.0])
@@ -485,7 +552,9 @@ impl Hand {
             options: holo_walk::options(self.walker.view()),
             pose: [pose.eye, pose.direction, pose.up].map(|vector| vector.to_array()),
             height_is_locked: self.walker.height_is_locked,
+            is_solid: self.walker.is_solid,
             is_paused: news.is_paused,
+            saving: news.saving,
             view_samples: news.view_samples,
             samples: news.samples,
             samples_per_second: news.samples_per_second,
@@ -494,6 +563,17 @@ impl Hand {
             ..self.facts.clone()
         });
     }
+}
+
+/// Returns a view for a picture of a shape. If the picture is higher than wide, a stated width of a
+/// perspective view is its height instead: on a phone that is held upright, 75° across would be 107°
+/// from top to bottom.
+fn framed(spec: &ViewSpec, size: (u32, u32)) -> ViewSpec {
+    let is_perspective = spec.kind.unwrap_or_default() == ViewKind::Perspective;
+    if is_perspective && size.1 > size.0 && spec.vv.is_none() {
+        return ViewSpec { vh: None, vv: Some(spec.vh.unwrap_or(DEFAULT_VH)), ..*spec };
+    }
+    *spec
 }
 
 /// Returns the share of a frame's pixels without known light.

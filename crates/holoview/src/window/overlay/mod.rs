@@ -20,10 +20,9 @@ use space::{Camera, Lost};
 /// Opacity of grids.
 const ALWAYS: f32 = 0.5;
 const WHERE_UNKNOWN: f32 = 0.35;
-const WHILE_MOVING: f32 = 0.14;
 
 /// Grids are drawn if a greater share of the picture is unknown.
-const MOST_UNKNOWN: f64 = 0.5;
+const MOST_UNKNOWN: f64 = 0.95;
 
 /// Opacity of the background of text.
 const GLASS: f32 = 0.86;
@@ -69,7 +68,7 @@ pub fn draw(canvas: &mut Canvas, model: &Model, now: Instant) {
     if let Some(seen) = &model.seen {
         on_screen_threads(|| page.canvas.picture(&seen.image, picture));
     }
-    page.grids(model, picture, now);
+    page.grids(model, picture);
     page.legend(model);
     if !model.modes.is_bare {
         page.focus(model, picture);
@@ -150,8 +149,8 @@ impl Page<'_, '_> {
         text::wrapped(text, room.clamp(10, 76) as usize)
     }
 
-    fn grids(&mut self, model: &Model, picture: Rect, now: Instant) {
-        let strength = strength(model, now);
+    fn grids(&mut self, model: &Model, picture: Rect) {
+        let strength = strength(model);
         let view = model.seen.as_ref().map(|seen| &seen.shown.view);
         let Some(camera) = Camera::now(&model.state, view).filter(|_| strength > 0.0) else {
             return;
@@ -334,7 +333,7 @@ impl Page<'_, '_> {
 }
 
 /// Returns the opacity of the sections' grids.
-fn strength(model: &Model, now: Instant) -> f32 {
+fn strength(model: &Model) -> f32 {
     let unknown = model.seen.as_ref().map_or(0.0, |seen| {
         let frame = &seen.shown.frame;
         frame.empty_pixels as f64 / frame.depth.len().max(1) as f64
@@ -345,7 +344,6 @@ fn strength(model: &Model, now: Instant) -> f32 {
         Grids::Auto if model.modes.is_bare || model.state.phase != Phase::Running => 0.0,
         Grids::Auto if model.state.is_uncovered => ALWAYS,
         Grids::Auto if unknown > MOST_UNKNOWN => WHERE_UNKNOWN,
-        Grids::Auto if model.is_moving(now) => WHILE_MOVING,
         Grids::Auto => 0.0,
     }
 }

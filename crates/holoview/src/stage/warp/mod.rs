@@ -3,19 +3,18 @@
 //!
 //! A driver takes longer to draw than a person should wait. Between two of its frames, a person who
 //! walks sees such pictures. The render cache (Walter, Drettakis & Parker 1999) projects points the
-//! same way. Gaps that neither of two earlier frames fills take the farther of the surfaces beside
-//! them.
+//! same way. Gaps that neither of two earlier frames fills take the farther of the surfaces around
+//! them ([`fill`]).
 //!
 //! Invariants:
 //! - Where two surfaces of an earlier frame overlap, the nearer one is shown.
 //! - A pixel that some source fills never turns black.
 
+mod fill;
+
 use glam::{DVec3, Vec3};
 use holo_display::{Camera, Frame};
 use holo_picture::{View, ViewKind};
-
-/// A surface lies behind another one if it is farther by this factor.
-const BEHIND: f32 = 1.02;
 
 /// Share of pixels that may be missing before an older frame is used too.
 const FEW: f64 = 0.002;
@@ -63,9 +62,6 @@ pub fn warp(sources: &[Source<'_>], view: &View, size: (u32, u32)) -> Option<Fra
             project(source, number, view, size, &mut targets);
         }
     }
-    if !fill(&mut targets, size) {
-        return None;
-    }
     for ((target, pixel), depth) in
         targets.iter().zip(&mut frame.picture.pixels).zip(&mut frame.depth)
     {
@@ -77,6 +73,10 @@ pub fn warp(sources: &[Source<'_>], view: &View, size: (u32, u32)) -> Option<Fra
             let known = source.frame.depth[target.pixel as usize];
             *depth = if known > 0.0 { target.depth } else { known };
         }
+    }
+    let is_gap = |pixel: usize| targets[pixel].pixel == NONE;
+    if !fill::fill(&mut frame.picture.pixels, &mut frame.depth, size, is_gap) {
+        return None;
     }
     frame.picture.view = Some(*view);
     if let Some(Source { frame: first, .. }) = sources.first() {
@@ -147,65 +147,6 @@ fn project(
             }
         }
     }
-}
-
-/// Fills empty pixels from the farther of their neighbours in the row. Rows without any pixel copy
-/// the nearest row that has some. Returns false if all rows are empty.
-fn fill(targets: &mut [Target], (width, height): (u32, u32)) -> bool {
-    let width = width as usize;
-    let mut empty_rows = Vec::new();
-    for (number, row) in targets.chunks_mut(width).enumerate() {
-        if !fill_row(row) {
-            empty_rows.push(number);
-        }
-    }
-    let is_empty = |row: &usize| empty_rows.binary_search(row).is_ok();
-    for &row in &empty_rows {
-        let above = (0..row).rev().find(|row| !is_empty(row));
-        let below = (row + 1..height as usize).find(|row| !is_empty(row));
-        let nearest = match (above, below) {
-            (Some(above), Some(below)) if below - row < row - above => below,
-            (Some(above), _) => above,
-            (None, Some(below)) => below,
-            (None, None) => return false,
-        };
-        targets.copy_within(nearest * width..(nearest + 1) * width, row * width);
-    }
-    true
-}
-
-/// Fills a row's gaps. Returns false if the row is empty.
-fn fill_row(row: &mut [Target]) -> bool {
-    let mut at = 0;
-    while at < row.len() {
-        if row[at].pixel != NONE {
-            at += 1;
-            continue;
-        }
-        let end = (at..row.len()).find(|&next| row[next].pixel != NONE).unwrap_or(row.len());
-        let left = at.checked_sub(1).map(|left| row[left]);
-        let filling = match (left, row.get(end).copied()) {
-            // Both sides belong to one surface, so each half continues its own side.
-            (Some(left), Some(right)) if is_one(left.depth, right.depth) => {
-                let middle = at + (end - at) / 2;
-                row[at..middle].fill(left);
-                row[middle..end].fill(right);
-                at = end;
-                continue;
-            }
-            (Some(left), Some(right)) if left.depth > right.depth => left,
-            (_, Some(right)) => right,
-            (Some(left), None) => left,
-            (None, None) => return false,
-        };
-        row[at..end].fill(filling);
-        at = end;
-    }
-    true
-}
-
-fn is_one(a: f32, b: f32) -> bool {
-    a == b || (a < b * BEHIND && b < a * BEHIND)
 }
 
 #[cfg(test)]
@@ -282,6 +223,52 @@ mod tests {
             |sources: &[Source<'_>]| wrong(&warp(sources, &between, SIZE).unwrap(), &between);
         let (alone, both) = (wrong(&[first]), wrong(&[first, second]));
         assert!(both < 0.02 && both < alone, "{both} {alone}");
+    }
+
+    /// Returns the greatest difference between neighbouring rows of a picture, in a column.
+    fn steps(shown: &Frame, column: u32) -> f32 {
+        let at = |row| shown.picture.get(column, row).unwrap();
+        let differ = |row: u32| {
+            let (here, below) = (at(row), at(row + 1));
+            (0..3).map(|c| (here[c] - below[c]).abs()).fold(0.0, f32::max)
+        };
+        (0..shown.picture.height - 1).map(differ).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn what_a_board_uncovers_and_what_lies_beyond_the_edge_has_no_comb() {
+        let from = view(0.0, 0.0);
+        let frame = scene(&from, SIZE);
+        let source = Source { view: &from, frame: &frame };
+        // The eye steps to the right, so the wall to the left of the board is uncovered.
+        let to = view(0.25, 0.0);
+        let shown = warp(&[source], &to, SIZE).unwrap();
+        let truth = scene(&to, SIZE);
+        let is_red = |frame: &Frame, pixel: usize| frame.picture.pixels[pixel][1] == 0.0;
+        let bled = (0..truth.depth.len())
+            .filter(|&pixel| is_red(&shown, pixel) && !is_red(&truth, pixel))
+            .count();
+        assert!(bled < 60, "{bled} pixels of the wall show the board");
+        // The eye turns, so a third of the picture was outside every frame. The wall's rows differ
+        // little, and so must those that are filled.
+        let to = view(0.0, 0.4);
+        let shown = warp(&[source], &to, SIZE).unwrap();
+        let (filled, known) = (steps(&shown, SIZE.0 - 20), steps(&shown, SIZE.0 / 2));
+        assert!(filled < 2.0 * known + 0.02, "{filled} {known}");
+    }
+
+    #[test]
+    fn a_coarse_frame_of_another_shape_leaves_no_black_rows() {
+        let from = View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, Some(60.0), None, (80, 80)).unwrap();
+        let mut frame = scene(&from, (80, 80));
+        // A part of the frame has no light yet.
+        for pixel in 0..800 {
+            (frame.picture.pixels[pixel], frame.depth[pixel]) = ([0.0; 3], 0.0);
+        }
+        let to = view(0.05, 0.02);
+        let shown = warp(&[Source { view: &from, frame: &frame }; 2], &to, SIZE).unwrap();
+        let dark = shown.picture.pixels.iter().filter(|pixel| pixel[2] + pixel[0] < 0.5).count();
+        assert!(dark < SIZE.0 as usize, "{dark} pixels are black");
     }
 
     #[test]
