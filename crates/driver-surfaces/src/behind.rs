@@ -77,8 +77,8 @@ impl BehindPanes {
             Some(BehindPane { share, mirrored: shown / through })
         };
         for sums in std::iter::once(&mut sums.towards_eye).chain(&mut sums.from_all) {
-            for (sums, seen) in sums.iter_mut().zip(mirrored) {
-                if view.way(seen).to_lamp.is_finite() {
+            for ((sums, seen), behind) in sums.iter_mut().zip(mirrored).zip(&squares.seen) {
+                if view.way(behind).pane > 0.0 && view.way(seen).to_lamp.is_finite() {
                     *sums = Sums::default();
                 }
             }

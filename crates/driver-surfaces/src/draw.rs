@@ -226,12 +226,16 @@ impl View {
         Layer::new(squares, lights, |seen| self.mean_around(around, seen))
     }
 
-    /// Returns the number of the reflection in a pane that each pixel's middle shows; [`NO_PANE`]
-    /// without a pane.
+    /// Returns the number of the reflection in a pane, or else of the covered surface, that each
+    /// pixel's middle shows; [`NO_PANE`] without either.
     fn panes_of_pixels(&self) -> Vec<u32> {
         let mut panes = vec![NO_PANE; self.seen.len()];
         for (number, pane) in (0..).zip(&self.in_panes[..self.panes_of_middles]) {
-            panes[pane.pixel] = number;
+            // What a pane mirrors is taken out of the light behind, so it goes before covers.
+            let is_first = panes[pane.pixel] == NO_PANE;
+            if is_first || self.way(&pane.seen).is_mirrored {
+                panes[pane.pixel] = number;
+            }
         }
         panes
     }

@@ -63,6 +63,10 @@ pub(crate) struct Looked {
     at_panes: usize,
     /// The reflection in that pane along the first of these rays.
     in_pane: Option<Shown>,
+    /// The number of rays that pass a partly covered surface.
+    at_covers: usize,
+    /// That surface along the first of these rays.
+    in_cover: Option<Shown>,
 }
 
 impl View {
@@ -82,14 +86,25 @@ impl View {
 
     /// Adds the results for all pixels on edges to the view, in the order of the pixels.
     pub(crate) fn take_edges(&mut self, looked: Vec<Looked>) {
-        let known = self.in_panes.iter().enumerate().map(|(number, pane)| (pane.pixel, number));
-        let known: FxHashMap<usize, usize> = known.collect();
+        let mut known: FxHashMap<(usize, bool), Vec<usize>> = FxHashMap::default();
+        for (number, pane) in self.in_panes.iter().enumerate() {
+            let is_mirrored = self.way(&pane.seen).is_mirrored;
+            known.entry((pane.pixel, is_mirrored)).or_default().push(number);
+        }
         for looked in looked {
-            let share = looked.at_panes as f32 / looked.points as f32;
-            match (known.get(&looked.pixel), looked.in_pane) {
-                (Some(&number), _) => self.in_panes[number].share = share,
-                (None, Some(in_pane)) => self.add_in_pane(looked.pixel, in_pane, share),
-                (None, None) => {}
+            let beside = [
+                (true, looked.at_panes, looked.in_pane),
+                (false, looked.at_covers, looked.in_cover),
+            ];
+            for (is_mirrored, rays, shown) in beside {
+                let share = rays as f32 / looked.points as f32;
+                match (known.get(&(looked.pixel, is_mirrored)), shown) {
+                    (Some(numbers), _) => {
+                        numbers.iter().for_each(|&number| self.in_panes[number].share = share);
+                    }
+                    (None, Some(shown)) => self.add_in_pane(looked.pixel, shown, share),
+                    (None, None) => {}
+                }
             }
             if looked.found.len() > 1 {
                 self.add_edge(looked);
@@ -136,8 +151,15 @@ impl View {
 
     /// Looks into at most [`TOGETHER`] pixels.
     fn look_into(&self, pixels: &[usize]) -> Vec<Looked> {
-        let new =
-            |&pixel| Looked { pixel, found: Vec::new(), points: 0, at_panes: 0, in_pane: None };
+        let new = |&pixel| Looked {
+            pixel,
+            found: Vec::new(),
+            points: 0,
+            at_panes: 0,
+            in_pane: None,
+            at_covers: 0,
+            in_cover: None,
+        };
         let mut looked: Vec<Looked> = pixels.iter().map(new).collect();
         self.look_at(0, &mut looked.iter_mut().collect::<Vec<_>>());
         let mut several: Vec<_> = looked.iter_mut().filter(|l| l.found.len() > 1).collect();
@@ -182,6 +204,10 @@ impl View {
                 looked.at_panes += 1;
                 let mirrored = || follower.follow(*ray, hit, AtPanes::ReflectFirst).farther(before);
                 looked.in_pane.get_or_insert_with(mirrored);
+            }
+            if let Some(&end) = trail.take_covers().first() {
+                looked.at_covers += 1;
+                looked.in_cover.get_or_insert(Shown::Surface(end).farther(before));
             }
             shown.farther(before)
         });

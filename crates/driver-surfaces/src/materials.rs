@@ -64,7 +64,7 @@ pub struct Materials {
 
 impl Finish {
     /// Returns the finish of a material. If `is_even` is false, what it reflects varies from place
-    /// to place, and rays are not followed through it.
+    /// to place, or it is glass in part, and rays are not followed through it.
     fn new(material: &Material, is_even: bool) -> Finish {
         let at_least = |colour: Rgb| colour.map(|c| c.max(LEAST_REFLECTANCE));
         let (kind, reflectance) = match material.bsdf {
@@ -75,6 +75,7 @@ impl Finish {
             Bsdf::Mirror { ks } => (Kind::Mirror(ks), [1.0; 3]),
             Bsdf::Conductor { ks, alpha } if alpha <= SMOOTH_METAL => (Kind::Mirror(ks), [1.0; 3]),
             Bsdf::Conductor { ks, .. } => (Kind::Glossy, at_least(ks)),
+            Bsdf::ThinGlass { .. } if !is_even => (Kind::Glossy, [1.0; 3]),
             Bsdf::ThinGlass { ior, transmittance } => (Kind::Pane { ior, transmittance }, [1.0; 3]),
             Bsdf::Dielectric { .. } => (Kind::Glossy, [1.0; 3]),
             Bsdf::Coated { kd, ks, ior, .. } => {
@@ -125,7 +126,8 @@ impl Materials {
         let unit =
             if brightest > 0.0 { brightest.log2().ceil().exp2() / STEPS } else { 1.0 / STEPS };
         let finish = |(id, material)| {
-            let finish = Finish::new(material, scene.has_even_finish(id));
+            let is_even = scene.has_even_finish(id) && scene.base(id).is_none();
+            let finish = Finish::new(material, is_even);
             let light = if finish.kind == Kind::Glossy { id as u32 + 1 } else { 0 };
             Finish { light, ..finish }
         };

@@ -183,7 +183,8 @@ impl Found {
             if seen.width > FINE * grid.cube_width() {
                 found.add_footprint(grid, eye, seen);
             }
-            if view.way(seen).is_mirrored {
+            // Before what a pixel sees, there may be covered surfaces.
+            if view.way(seen).is_mirrored || owner >= view.seen.len() {
                 found.in_mirrors.push((cube, (owner, *seen)));
             }
         }

@@ -22,6 +22,9 @@ const ROUNDING: f64 = 2e-4;
 /// hardly depend on the surface.
 const LEAST_SHARE: f32 = 0.05;
 
+/// Most surfaces one behind the other, among which a sample's own is looked for.
+const MOST_COVERS: usize = 8;
+
 /// A sample as a ray of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RaySample {
@@ -126,6 +129,7 @@ impl<'a> Placer<'a> {
         let mut hits = [None; MAX_TOGETHER];
         self.raycaster.nearest_many(&rays[..count], &mut hits[..count]);
         for ((ray, hit), light) in rays.iter().zip(hits).zip(lights).take(count) {
+            let hit = hit.map(|hit| self.nearest_to_middle(ray, hit));
             placed.extend(hit.and_then(|hit| self.on_surface(ray, hit, light)));
         }
     }
@@ -136,6 +140,25 @@ impl<'a> Placer<'a> {
         let start = sample.origin + sample.direction * (sample.distance - reach);
         let start = (start - self.raycaster.scene().origin).as_vec3();
         Ray { t_max: 2.0 * reach as f32, ..Ray::new(start, sample.direction.as_vec3()) }
+    }
+
+    /// Returns the hit of a sample's piece of ray that is nearest to its middle, if the first one is
+    /// on a partly covered surface.
+    fn nearest_to_middle(&self, ray: &Ray, first: Hit) -> Hit {
+        let away = |hit: &Hit| (hit.t - 0.5 * ray.t_max).abs();
+        let (mut best, mut last) = (first, first);
+        for _ in 0..MOST_COVERS {
+            if self.follower.opacity(&last) >= 1.0 {
+                break;
+            }
+            let rest = Ray { t_min: last.t, ..*ray };
+            let Some(next) = self.raycaster.nearest(&rest) else { break };
+            if away(&next) < away(&best) {
+                best = next;
+            }
+            last = next;
+        }
+        best
     }
 
     /// Returns the sample of a ray with this hit. `None` if it shows no light on a surface.

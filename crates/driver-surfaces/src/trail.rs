@@ -1,5 +1,8 @@
 //! Follows rays through mirrors and panes to the surface whose light they show.
 //!
+//! Rays of a view pass surfaces that are partly covered, and note them: a pixel shows each with its
+//! opacity, and what is behind with the rest. A sample shows one surface alone, at its distance.
+//!
 //! Invariant: the end of a ray is a function of the ray and the scene.
 
 use crate::materials::{Finish, Kind, Materials, pane_reflectance};
@@ -87,6 +90,15 @@ impl<'a> Follower<'a> {
         matches!(self.finish(self.material(hit.triangle)).kind, Kind::Pane { .. })
     }
 
+    /// Returns the opacity of the surface at a hit, from above 0 to 1.
+    #[inline]
+    pub fn opacity(&self, hit: &Hit) -> f32 {
+        match self.raycaster.has_covers() {
+            true => self.raycaster.scene().opacity(hit.triangle, hit.u, hit.v),
+            false => 1.0,
+        }
+    }
+
     /// Returns the surface at a hit.
     #[inline]
     pub fn end(&self, ray: &Ray, hit: Hit) -> End {
@@ -111,7 +123,11 @@ impl<'a> Follower<'a> {
     /// Returns the factor of the texture at the end of a way, as a mean over a place of this width;
     /// 1 without a texture.
     pub fn texture(&self, end: &End, width: f32) -> Rgb {
-        let Hit { triangle, u, v, .. } = end.hit;
+        self.texture_at(end.hit, width)
+    }
+
+    fn texture_at(&self, hit: Hit, width: f32) -> Rgb {
+        let Hit { triangle, u, v, .. } = hit;
         self.raycaster.scene().base_texture(triangle, u, v, width).unwrap_or([1.0; 3])
     }
 
@@ -121,12 +137,13 @@ impl<'a> Follower<'a> {
         self.raycaster.scene().emission_texture(triangle, u, v, width).unwrap_or([1.0; 3])
     }
 
-    /// Returns true if the hit is on a surface that is no mirror, pane or lamp and has no texture.
+    /// Returns true if the hit is on a whole surface that is no mirror, pane or lamp and has no
+    /// texture.
     #[inline]
     pub fn is_plain(&self, hit: Hit) -> bool {
         let finish = self.finish(self.material(hit.triangle));
         let is_diffuse = finish.kind == Kind::Diffuse && !finish.emits;
-        is_diffuse && !self.raycaster.scene().has_texture(hit.triangle)
+        is_diffuse && !self.raycaster.scene().has_texture(hit.triangle) && self.opacity(&hit) >= 1.0
     }
 
     /// Follows a ray from its first hit to a surface that stores light.
@@ -188,18 +205,35 @@ pub(crate) struct Trail {
     is_mirrored: bool,
     pane: f32,
     surfaces: usize,
+    /// The product of what covered surfaces have let pass.
+    passed: f32,
+    /// Surfaces that are partly covered, with their shares.
+    covers: Vec<End>,
 }
 
 impl Trail {
     /// Returns a ray at its first hit.
     pub fn new(ray: Ray, hit: Hit, panes: AtPanes) -> Trail {
         let (share, length, is_mirrored, pane, surfaces) = ([1.0; 3], 0.0, false, 0.0, 0);
-        Trail { ray, hit, panes, share, length, is_mirrored, pane, surfaces }
+        let (passed, covers) = (1.0, Vec::new());
+        Trail { ray, hit, panes, share, length, is_mirrored, pane, surfaces, passed, covers }
     }
 
     /// Returns true if the ray has met a pane.
     pub fn has_met_pane(&self) -> bool {
         self.pane > 0.0
+    }
+
+    /// Takes the surfaces that are partly covered and that the ray has passed.
+    pub fn take_covers(&mut self) -> Vec<End> {
+        std::mem::take(&mut self.covers)
+    }
+
+    /// Returns the end of the ray at its hit.
+    fn end(&self, follower: &Follower) -> End {
+        let end = follower.end(&self.ray, self.hit);
+        let Trail { share, is_mirrored, pane, .. } = *self;
+        End { share, length: self.length + self.hit.t, is_mirrored, pane, ..end }
     }
 
     /// Moves the ray from its hit on, if this is a mirror or a pane. Returns what it shows if it
@@ -209,18 +243,28 @@ impl Trail {
         let normal = follower.raycaster.geometric_normal(hit.triangle);
         let cosine = self.ray.direction.dot(normal);
         let mirrored = self.ray.direction - 2.0 * cosine * normal;
-        let (colour, onward) = match follower.finish(follower.material(hit.triangle)).kind {
-            Kind::Diffuse | Kind::Glossy => {
-                let end = follower.end(&self.ray, hit);
-                let Trail { share, is_mirrored, pane, .. } = *self;
-                let length = self.length + hit.t;
-                return Some(Shown::Surface(End { share, length, is_mirrored, pane, ..end }));
+        let kind = follower.finish(follower.material(hit.triangle)).kind;
+        let opacity = follower.opacity(&hit);
+        let (colour, onward) = match kind {
+            // A sample whose way has a surface that may not be there shows something unknown.
+            _ if opacity < 1.0 && self.panes == AtPanes::PassAll && self.surfaces > 0 => {
+                return Some(Shown::Unknown);
             }
+            Kind::Diffuse | Kind::Glossy if opacity < 1.0 && self.panes != AtPanes::PassAll => {
+                let end = self.end(follower);
+                self.covers.push(End { share: end.share.map(|c| c * opacity), ..end });
+                self.passed *= 1.0 - opacity;
+                ([1.0 - opacity; 3], self.ray.direction)
+            }
+            // Mirrors and panes are there if they are there for most rays.
+            Kind::Mirror(_) | Kind::Pane { .. } if opacity < 0.5 => ([1.0; 3], self.ray.direction),
+            Kind::Diffuse | Kind::Glossy => return Some(Shown::Surface(self.end(follower))),
             Kind::Mirror(ks) => (ks, mirrored),
             Kind::Pane { ior, transmittance } => {
                 let reflected = pane_reflectance(cosine.abs(), ior);
-                let passes = transmittance.map(|t| t * (1.0 - reflected));
-                self.pane = if self.pane > 0.0 { self.pane } else { reflected };
+                let tint = follower.texture_at(hit, 0.0);
+                let passes = [0, 1, 2].map(|c| transmittance[c] * tint[c] * (1.0 - reflected));
+                self.pane = if self.pane > 0.0 { self.pane } else { reflected * self.passed };
                 match self.panes {
                     AtPanes::Pass => (passes, self.ray.direction),
                     AtPanes::PassAll => (passes.map(|p| p + reflected), self.ray.direction),

@@ -45,14 +45,14 @@ pub struct Seen {
     pub way: u32,
 }
 
-/// A reflection in a pane that a pixel sees.
+/// A reflection in a pane that a pixel sees, or a partly covered surface before what it sees.
 #[derive(Clone, Copy, Debug)]
 pub struct InPane {
     /// The pixel's number.
     pub pixel: usize,
-    /// The reflected surface.
+    /// The reflected or covered surface.
     pub seen: Seen,
-    /// The share of the pixel that the pane takes.
+    /// The share of the pixel that the pane or surface takes.
     pub share: f32,
 }
 
@@ -91,9 +91,10 @@ pub struct View {
     pub seen: Vec<Seen>,
     /// All ways, by number. The first one is not used.
     pub ways: Vec<Way>,
-    /// Reflections in panes, first those of pixels whose middle sees a pane.
+    /// Reflections in panes and partly covered surfaces, first those of pixels whose middle sees
+    /// them.
     pub in_panes: Vec<InPane>,
-    /// Number of pixels whose middle sees a pane.
+    /// Number of those that middles of pixels see.
     pub(crate) panes_of_middles: usize,
     /// See [`on_edges`](Self::on_edges).
     pub(crate) on_edges: OnceLock<Vec<usize>>,
@@ -314,9 +315,9 @@ impl View {
                     of_trails.push((number, true));
                 }
             }
-            let mut take = |(number, is_reflected), shown: Shown| {
+            let mut take = |(number, is_beside), shown: Shown| {
                 let seen = band.add(self.seen_along(shown.farther(befores[number])));
-                if is_reflected {
+                if is_beside {
                     let pixel = top * width + at(number);
                     band.in_panes.push(InPane { pixel, seen, share: 1.0 });
                 } else {
@@ -333,8 +334,13 @@ impl View {
                     take((number, true), shown);
                 }
             }
+            for (trail, &(number, _)) in trails.iter_mut().zip(&of_trails) {
+                for end in trail.take_covers() {
+                    take((number, true), Shown::Surface(end));
+                }
+            }
         }
-        band.in_panes.sort_unstable_by_key(|pane| pane.pixel);
+        band.in_panes.sort_by_key(|pane| pane.pixel);
         band
     }
 

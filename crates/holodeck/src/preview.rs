@@ -88,7 +88,8 @@ pub fn with_lamps(raycaster: &Raycaster, rooms: &[Room]) -> Result<Option<(Scene
     Ok(Some((lit, dark.len())))
 }
 
-/// Returns true if enough of the sky is visible from the middle of a room. Panes hide nothing.
+/// Returns true if enough of the sky is visible from the middle of a room. Panes and partly
+/// covered surfaces hide nothing.
 fn sees_sky(raycaster: &Raycaster, room: &Room) -> bool {
     let scene = raycaster.scene();
     let [across, along, up] = room.axes;
@@ -102,7 +103,8 @@ fn sees_sky(raycaster: &Raycaster, room: &Room) -> bool {
         let mut ray = Ray::new(origin, Vec3::new(level * cos, level * sin, z));
         for _ in 0..8 {
             let Some(hit) = raycaster.nearest(&ray) else { return true };
-            if !matches!(scene.material(hit.triangle).bsdf, Bsdf::ThinGlass { .. }) {
+            let is_pane = matches!(scene.material(hit.triangle).bsdf, Bsdf::ThinGlass { .. });
+            if !is_pane && scene.opacity(hit.triangle, hit.u, hit.v) >= 1.0 {
                 return false;
             }
             ray.t_min = hit.t;

@@ -16,11 +16,14 @@
 //! - Any bit pattern is an acceptable ray. A ray with a NaN, an infinite or zero direction, or an
 //!   infinite origin hits nothing.
 //! - Both sides of a triangle are hit.
+//! - Rays pass cut-out parts. They meet a surface that is partly covered, unless the caster is
+//!   [by chance](Raycaster::by_chance): then they meet it with the probability of its opacity.
 //! - A query does not allocate and does not panic. It visits each node of a hierarchy at most once,
 //!   or once for each instance.
 
 mod build;
 mod bundle;
+mod chance;
 mod dispatch;
 mod facet;
 mod hierarchies;
@@ -40,6 +43,7 @@ mod triangle;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+pub use chance::is_in_share;
 pub use facet::{BuildError, MAX_COORDINATE, MAX_TRIANGLES};
 pub use hierarchies::Hierarchies;
 pub use raycaster::Raycaster;

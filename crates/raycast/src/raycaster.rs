@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use holo_scene::{Rgb, Scene, SceneError, Sun};
 
 use crate::build;
+use crate::chance;
 use crate::dispatch::Isa;
 use crate::facet::{BuildError, Facet, facets};
 use crate::instances::{self, Instances};
@@ -16,23 +17,33 @@ use crate::simd::RAYS;
 use crate::surface::{SurfacePoint, interpolate, keep_off_edges, spawn};
 use crate::{Hit, MAX_TILE, MAX_TOGETHER, NO_TRIANGLE, Ray};
 
-/// Most cut-out parts that a ray passes. After that many it hits nothing. A tree has some dozens.
-const MAX_CUT_OUTS: usize = 1024;
+/// Most holes of surfaces that a ray passes. After that many it hits nothing. A tree has some dozens.
+const MAX_HOLES: usize = 1024;
+
+/// What rays do at surfaces that are not there everywhere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Covers {
+    /// There are none.
+    None,
+    /// Rays pass only where nothing is there.
+    Holes,
+    /// Rays meet a surface with the probability of its opacity.
+    Chance,
+}
 
 /// Answers ray queries on one scene. Threads share it by `Arc`.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Raycaster {
     scene: Arc<Scene>,
-    facets: Vec<Facet>,
+    facets: Arc<Vec<Facet>>,
     /// Over the triangles that belong to no instance; `facets` has these alone.
-    hierarchy: Hierarchy,
+    hierarchy: Arc<Hierarchy>,
     /// Hierarchies of shared meshes, if the scene has instances.
-    instances: Option<Box<Instances>>,
+    instances: Option<Arc<Instances>>,
     isa: Isa,
     /// Half the side of the cube around the scene's origin that contains all vertices.
     reach: f32,
-    /// True if parts of surfaces are cut out, so that rays pass there.
-    has_cut_outs: bool,
+    covers: Covers,
 }
 
 impl Raycaster {
@@ -62,12 +73,27 @@ impl Raycaster {
         let mut hierarchy = read(&facets).unwrap_or_else(|| build::hierarchy(&facets, reach));
         let mut instances = None;
         if !boxes.is_empty() {
-            instances = Some(Box::new(Instances::build(&scene, &boxes, reach)?));
+            instances = Some(Arc::new(Instances::build(&scene, &boxes, reach)?));
             // Without boxes of its own, a query could not go on to the instances.
             hierarchy.few = None;
         }
-        let has_cut_outs = scene.has_cut_outs();
-        Ok(Self { scene, facets, hierarchy, instances, isa: Isa::detect(), reach, has_cut_outs })
+        let covers = if scene.has_covers() { Covers::Holes } else { Covers::None };
+        let (facets, hierarchy) = (Arc::new(facets), Arc::new(hierarchy));
+        Ok(Self { scene, facets, hierarchy, instances, isa: Isa::detect(), reach, covers })
+    }
+
+    /// Returns the same caster for rays of light: they meet a surface with the probability of its
+    /// opacity. The answer is a function of the ray.
+    #[must_use]
+    pub fn by_chance(&self) -> Self {
+        let covers = if self.has_covers() { Covers::Chance } else { Covers::None };
+        Self { covers, ..self.clone() }
+    }
+
+    /// Returns whether any surface is not there everywhere.
+    #[must_use]
+    pub fn has_covers(&self) -> bool {
+        self.covers != Covers::None
     }
 
     /// Replaces the sky and the suns of the scene. The hierarchy stays, because sky and suns have
@@ -151,9 +177,9 @@ impl Raycaster {
         for (slot, best) in slots[..count].iter().zip(best) {
             hits[*slot] = (best.triangle != NO_TRIANGLE).then_some(best);
         }
-        if self.has_cut_outs {
+        if self.has_covers() {
             for ((ray, &from), hit) in rays.iter().zip(from).zip(hits.iter_mut()) {
-                *hit = hit.and_then(|hit| self.not_cut_out(ray, [from, NO_TRIANGLE], hit));
+                *hit = hit.and_then(|hit| self.not_passed(ray, [from, NO_TRIANGLE], hit));
             }
         }
     }
@@ -176,9 +202,9 @@ impl Raycaster {
                 )
             {
                 self.nearest_many(rays, hits);
-            } else if self.has_cut_outs {
+            } else if self.has_covers() {
                 for (ray, hit) in rays.iter().zip(hits.iter_mut()) {
-                    *hit = hit.and_then(|hit| self.not_cut_out(ray, [NO_TRIANGLE; 2], hit));
+                    *hit = hit.and_then(|hit| self.not_passed(ray, [NO_TRIANGLE; 2], hit));
                 }
             }
         }
@@ -333,15 +359,20 @@ impl Raycaster {
     #[inline]
     fn query(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
         let hit = self.query_whole(ray, skip)?;
-        if self.has_cut_outs { self.not_cut_out(ray, skip, hit) } else { Some(hit) }
+        if self.has_covers() { self.not_passed(ray, skip, hit) } else { Some(hit) }
     }
 
-    /// Returns `hit`, or the next one if the surface is cut out there.
+    /// Returns `hit`, or the next one if the ray passes there.
     #[cold]
-    fn not_cut_out(&self, ray: &Ray, skip: [u32; 2], mut hit: Hit) -> Option<Hit> {
+    fn not_passed(&self, ray: &Ray, skip: [u32; 2], mut hit: Hit) -> Option<Hit> {
         let mut rest = *ray;
-        for _ in 0..MAX_CUT_OUTS {
-            if !self.scene.is_cut_out(hit.triangle, hit.u, hit.v) {
+        for _ in 0..MAX_HOLES {
+            let opacity = self.scene.opacity(hit.triangle, hit.u, hit.v);
+            let is_met = match self.covers {
+                Covers::Chance if opacity < 1.0 => chance::meets(ray, hit.triangle, opacity),
+                _ => opacity > 0.0,
+            };
+            if is_met {
                 return Some(hit);
             }
             rest.t_min = hit.t;
@@ -350,7 +381,7 @@ impl Raycaster {
         None
     }
 
-    /// Returns the first hit, as if nothing were cut out of surfaces.
+    /// Returns the first hit, as if all surfaces were whole.
     #[inline]
     fn query_whole(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
         if self.is_far(ray) {
@@ -403,7 +434,7 @@ impl Raycaster {
 
     #[inline]
     fn any(&self, ray: &Ray, skip: [u32; 2]) -> Option<u32> {
-        if self.has_cut_outs {
+        if self.has_covers() {
             return self.query(ray, skip).map(|hit| hit.triangle);
         }
         let any = |ray: &Ray| self.prepare(ray, skip).and_then(|query| self.any_of(&query));

@@ -41,6 +41,7 @@ pub(crate) fn assemble(mut model: Model, sky: Rgb) -> Result<Assembled, SceneErr
         shading.uvs.extend(mesh.shading.uvs);
         shading.normals.extend(mesh.shading.normals);
         shading.colours.extend(mesh.shading.colours);
+        shading.opacities.extend(mesh.shading.opacities);
     }
     let scene = scene.with_shading(shading)?.with_suns(model.suns)?;
     Ok(Assembled { scene, left_out, left_out_of_meshes })
@@ -139,6 +140,7 @@ fn copy(model: &mut Model, mesh: usize, matrix: DMat4) {
     let (to, from) = (&mut model.shading, &mesh.shading);
     to.uvs.extend(from.uvs.iter().map(|&uvs| placement.ordered(uvs)));
     to.colours.extend(from.colours.iter().map(|&colours| placement.ordered(colours)));
+    to.opacities.extend(from.opacities.iter().map(|&corners| placement.ordered(corners)));
     let normals = mesh.triangles.iter().zip(&from.normals);
     to.normals.extend(normals.map(|(corners, &normals)| {
         let corners = corners.map(|corner| mesh.positions[corner as usize]);
@@ -151,6 +153,7 @@ fn without(mut shading: Shading, left_out: &[usize]) -> Shading {
     keep(&mut shading.uvs, left_out);
     keep(&mut shading.normals, left_out);
     keep(&mut shading.colours, left_out);
+    keep(&mut shading.opacities, left_out);
     shading
 }
 

@@ -289,6 +289,8 @@ impl Scene {
             flat.uvs = self.triangles().filter_map(|t| self.uvs(shading, t)).collect();
             flat.normals = self.triangles().filter_map(|t| self.normals(shading, t)).collect();
             flat.colours = self.triangles().filter_map(|t| self.colours_of(shading, t)).collect();
+            let opacities = self.triangles().filter_map(|t| self.opacities_of(shading, t));
+            flat.opacities = opacities.collect();
             flat
         });
         Scene {

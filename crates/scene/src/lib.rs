@@ -19,6 +19,7 @@
 //! - `pack` is canonical: a scene has one packing, and `unpack` accepts nothing else.
 
 mod assemble;
+mod cover;
 mod error;
 mod faces;
 mod gltf_file;
@@ -67,8 +68,8 @@ pub use pack::{HEADER_BYTES, MAGIC, VERSION};
 pub use placement::{MAX_STRETCH, Placement, coordinate, greatest};
 pub use scene::{Features, Geometry, Scene};
 pub use shading::{
-    CUT_OUT, Channel, CutOut, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral, Shading, WHITE,
-    from_octahedral, to_octahedral,
+    Base, CUT_OUT, Channel, Cover, CutOut, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral,
+    Shading, WHITE, WHOLE, from_octahedral, to_octahedral,
 };
 pub use sun::{MAX_SUNS, SUN_RADIUS, Sun};
 pub use texture::{MAX_SIDE, MAX_TEXTURE_BYTES, Texture, Wrap};

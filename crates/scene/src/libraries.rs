@@ -9,7 +9,7 @@ use crate::obj::ObjFile;
 use crate::text::{excerpt, name_without_comment, read_text};
 use crate::texture_files::TextureFiles;
 use crate::warnings::Warnings;
-use crate::{Bsdf, LoadOptions, Maps, Material, SceneError, Texture};
+use crate::{Bsdf, Cover, LoadOptions, Maps, Material, SceneError, Texture};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
@@ -19,6 +19,8 @@ pub(crate) struct Looks {
     pub textures: Vec<Texture>,
     /// For each material. Empty if none has a texture.
     pub maps: Vec<Maps>,
+    /// For each material.
+    pub covers: Vec<Cover>,
     /// The placement of textures on the surfaces of each material.
     pub placements: Vec<Placement>,
 }
@@ -40,6 +42,7 @@ pub(crate) fn materials(
         let found = name
             .and_then(|name| by_name.get(name).or_else(|| by_name.get(name_without_comment(name))));
         let (mut maps, mut placement) = (Maps::default(), Placement::default());
+        let mut cover = Cover::default();
         materials.push(match (found, name) {
             (Some(&id), _) => {
                 let material = &library[id];
@@ -47,9 +50,14 @@ pub(crate) fn materials(
                 let finish = material.finish();
                 (maps, placement) = textures(path, statements, finish, &mut files, warnings);
                 let mean = maps.finish.map(|finish| mean_finish(&finish, &files));
-                let made = material.resolve(mean, options.two_sided_lights, warnings);
+                let made;
+                (made, cover) = material.resolve(mean, options.two_sided_lights, warnings);
                 if matches!(made.bsdf, Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. }) {
                     maps.finish = None;
+                    // The colour of glass is `Tf`.
+                    maps.base = maps.base.filter(|_| cover.base.is_some());
+                } else {
+                    cover.take_mask(&mut maps, &files.textures);
                 }
                 made
             }
@@ -69,6 +77,7 @@ pub(crate) fn materials(
             }
         });
         looks.maps.push(maps);
+        looks.covers.push(cover);
         looks.placements.push(placement);
     }
     if has_colours {

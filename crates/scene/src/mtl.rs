@@ -11,24 +11,24 @@
 //! | 2 | with `Ks` above zero: diffuse `Kd` under a coat of colour `Ks`, index `Ni` (1.5 if absent or, with a warning, ≤ 1), alpha as above (absent `Ns` = 0, the broadest highlight) |
 //! | else | diffuse `Kd` |
 //!
-//! - **`d` and `Tr` = 1 - `d`** (`d` counts if both exist). Below 0.5, `d` makes a thin pane of
-//!   transmission `Tf`. Without `Tf`, the transmission is (1 - `d`)·`Kd`, or 1 - `d` if `Kd` is
-//!   zero or absent. From 0.5 on the surface is opaque, because no surface can be half of each.
-//!   Both give a warning. `Tr` of 1 without `d` is opaque, because programs that write this mean
-//!   `d`. With `illum` 3, 4 and 7, `d` does not count.
+//! - **`d` and `Tr` = 1 - `d`** (`d` counts if both exist) is coverage: the surface is there with
+//!   probability `d`, and elsewhere light passes without a change. `Tr` of 1 without `d` is opaque,
+//!   because programs that write this mean `d`. `d` of 0 beside `map_d` is a program's default, and
+//!   does not count. With `illum` 4 and 7, `d` does not count.
+//! - **`Tf` in colour beside `d`** below 1 colours the light that passes: the share 1 - `d` of light
+//!   meets a thin pane of `Tf`. Beside `d`, a grey `Tf` does not count.
 //! - **Blender** states roughness r as `Ns` = 1000 (1 - r)², so alpha is r². It states reflection
 //!   at right angles as `Ks` in units of 0.08, 0.5 by default, so the coat's colour is twice `Ks`.
 //!   Its files are recognised by their first comment.
 //! - **`illum 4` with `Ni` 1 and `Tf` 1** would be invisible. Maya writes this for all opaque
 //!   surfaces, so `Kd` is diffuse, with a warning.
-//! - **`Tf 0`** beside `d` below 0.5 is a program's default, and does not count.
 //! - **One number** stands for three equal ones. `spectral` and `xyz` colours are ignored with a
 //!   warning.
 //! - **`Kd` absent** is 0.5, with a warning if it matters, but 0 for a lamp (`Ke` above zero).
 //! - **Implausible values** are clamped with a warning. A statement is left out with a warning if a
 //!   value is not a finite number, or if their number is wrong.
 //! - **`Ke`** is radiance, on the counter-clockwise side. `Ka` and `sharpness` have no effect.
-//!   `map_Kd` and `map_Ke` are textures that multiply `Kd` and `Ke`, and `map_d` cuts parts out.
+//!   `map_Kd` and `map_Ke` are textures that multiply `Kd` and `Ke`, and `map_d` one of `d`.
 //!   `Kd` or `Ke` of zero beside its texture is 1. `map_Pr` and `map_Pm` multiply `Pr` and `Pm`,
 //!   which are 1 if zero or absent. The rows with `Pr` and `Pm` then hold at each point. `norm` and
 //!   `map_Bump` bend normals. Other textures and unknown statements are ignored with a warning.
@@ -36,6 +36,7 @@
 
 use crate::limits::{MAX_IOR, MAX_RADIANCE, MIN_IOR};
 use crate::mtl_maps::{MapStatement, Slot};
+use crate::shading::{Base, Channel, Cover};
 use crate::text::excerpt;
 use crate::warnings::Warnings;
 use crate::{Bsdf, Material, Rgb};
@@ -89,14 +90,14 @@ impl MtlMaterial {
         [self.pr, self.pm].map(|stated| stated.map(|n| n.value.clamp(0.0, 1.0) as f32))
     }
 
-    /// Returns the material of the scene, by the table of this module. `mean` are roughness and
-    /// metalness if textures give them.
+    /// Returns the material of the scene and its cover, by the table of this module. `mean` are
+    /// roughness and metalness if textures give them.
     pub(crate) fn resolve(
         &self,
         mean: Option<[f32; 2]>,
         two_sided_lights: bool,
         warnings: &mut Warnings,
-    ) -> Material {
+    ) -> (Material, Cover) {
         let mut warn = |line: usize, text: String| warnings.push(&self.path, Some(line), text);
         let has_map = self.has_map(Slot::Emission);
         let is_dark = |ke: &Stated<[f64; 3]>| ke.value.iter().all(|&c| c <= 0.0);
@@ -106,13 +107,9 @@ impl MtlMaterial {
         let emission = ke.map_or(plain, |ke| clamped("Ke", ke, f64::from(MAX_RADIANCE), &mut warn));
         let emits = emission.iter().any(|&e| e > 0.0);
         let finish = mean.map_or_else(|| self.finish(), |mean| mean.map(Some));
-        let bsdf = self.bsdf(finish, emits, &mut warn);
-        Material {
-            name: self.name.clone(),
-            bsdf,
-            emission,
-            two_sided_emission: emits && two_sided_lights,
-        }
+        let (bsdf, cover) = self.covered(self.bsdf(finish, emits, &mut warn), &mut warn);
+        let two_sided_emission = emits && two_sided_lights;
+        (Material { name: self.name.clone(), bsdf, emission, two_sided_emission }, cover)
     }
 
     fn bsdf(
@@ -138,7 +135,6 @@ impl MtlMaterial {
         match (illum, self.ks) {
             (Some(3), Some(ks)) => {
                 let ks = clamped("Ks", ks, 1.0, warn);
-                self.ignore_opacity(warn);
                 match self.ns.filter(|ns| ns.value < MIRROR_NS) {
                     None => Bsdf::Mirror { ks },
                     Some(ns) => Bsdf::Conductor { ks, alpha: alpha(ns, warn) },
@@ -157,9 +153,6 @@ impl MtlMaterial {
                 }
             }
             (Some(2), Some(ks)) if shines => {
-                if let Some(pane) = self.see_through(warn) {
-                    return pane;
-                }
                 let ns = self.ns.unwrap_or(Stated { value: 0.0, line: self.line });
                 let mut ks = clamped("Ks", ks, 1.0, warn);
                 if self.is_blender {
@@ -171,31 +164,20 @@ impl MtlMaterial {
                 };
                 Bsdf::Coated { kd: self.kd(emits, warn), ks, ior: self.coat_ior(warn), alpha }
             }
-            (None | Some(6) | Some(9), _) => self.see_through(warn).unwrap_or_else(|| {
-                if illum.is_some() {
-                    warn(
-                        illum_line,
-                        format!("{}: `illum` of this kind is taken as diffuse", self.called()),
-                    );
-                } else if shines {
+            (None, _) => {
+                if shines {
                     warn(self.line, format!("{}: `Ks` is ignored without `illum`", self.called()));
                 }
                 Bsdf::Diffuse { kd: self.kd(emits, warn) }
-            }),
+            }
             _ => {
-                if let Some(pane) = self.see_through(warn) {
-                    return pane;
-                }
-                match illum {
-                    Some(3) => warn(
-                        illum_line,
-                        format!("{}: `illum 3` without `Ks` is taken as diffuse", self.called()),
-                    ),
-                    Some(0..=2) => {}
-                    _ => warn(
-                        illum_line,
-                        format!("{}: `illum` of this kind is taken as diffuse", self.called()),
-                    ),
+                let text = match illum {
+                    Some(0..=2) => None,
+                    Some(3) => Some("`illum 3` without `Ks` is taken as diffuse"),
+                    _ => Some("`illum` of this kind is taken as diffuse"),
+                };
+                if let Some(text) = text {
+                    warn(illum_line, format!("{}: {text}", self.called()));
                 }
                 Bsdf::Diffuse { kd: self.kd(emits, warn) }
             }
@@ -249,7 +231,7 @@ impl MtlMaterial {
                 Bsdf::Conductor { ks, alpha }
             });
         }
-        let is_plain = !matches!(illum, Some(3..=7)) && self.opacity().is_none();
+        let is_plain = !matches!(illum, Some(3..=7));
         (is_plain && rough.is_some_and(|rough| rough < MATT)).then(|| Bsdf::Coated {
             kd: self.kd(emits, warn),
             ks: [1.0; 3],
@@ -264,44 +246,28 @@ impl MtlMaterial {
             .tr
             .filter(|tr| tr.value != 1.0)
             .map(|tr| Stated { value: 1.0 - tr.value, line: tr.line });
-        self.d.or(from_tr).filter(|d| d.value < 1.0)
+        let has_map = self.has_map(Slot::Opacity);
+        self.d.or(from_tr).filter(|d| d.value < 1.0 && !(has_map && d.value <= 0.0))
     }
 
-    fn ignore_opacity(&self, warn: &mut impl FnMut(usize, String)) {
-        if let Some(d) = self.opacity() {
-            warn(
-                d.line,
-                format!(
-                    "{}: `d` and `Tr` are ignored with this `illum`: it is opaque",
-                    self.called()
-                ),
-            );
+    /// Returns a scattering with its cover, by `d`, `Tr` and `Tf`. Glass is not covered.
+    fn covered(&self, bsdf: Bsdf, warn: &mut impl FnMut(usize, String)) -> (Bsdf, Cover) {
+        let is_glass = matches!(bsdf, Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. });
+        let Some(d) = self.opacity().filter(|_| !is_glass) else { return (bsdf, Cover::default()) };
+        let opacity = d.value.clamp(0.0, 1.0) as f32;
+        let is_coloured = |tf: &Stated<[f64; 3]>| tf.value.iter().any(|&c| c != tf.value[0]);
+        if let Some(tf) = self.tf.filter(is_coloured) {
+            let transmittance = clamped("Tf", tf, 1.0, warn);
+            let glass = Channel { texture: None, channel: 0, factor: 1.0 - opacity };
+            let base = (opacity > 0.0).then_some(Base { bsdf, glass });
+            let pane = Bsdf::ThinGlass { ior: self.ior(warn), transmittance };
+            return (pane, Cover { base, ..Cover::default() });
         }
-    }
-
-    /// Returns the scattering of a material that only `d` or `Tr` declares transparent.
-    fn see_through(&self, warn: &mut impl FnMut(usize, String)) -> Option<Bsdf> {
-        let d = self.opacity()?;
-        if d.value >= 0.5 {
-            warn(
-                d.line,
-                format!("{}: it is taken as opaque, since `d` is not below 0.5", self.called()),
-            );
-            return None;
+        if opacity == 0.0 {
+            let text = "it is nowhere: its `d` is 0, so all light passes";
+            warn(d.line, format!("{}: {text}", self.called()));
         }
-        warn(
-            d.line,
-            format!("{}: it is taken as a thin pane, since `d` is below 0.5", self.called()),
-        );
-        let white = Stated { value: [1.0; 3], line: d.line };
-        let tint = self.kd.filter(|kd| kd.value.iter().any(|&c| c > 0.0)).unwrap_or(white);
-        let clear = (1.0 - d.value).min(1.0) as f32;
-        let tf = self.tf.filter(|tf| tf.value.iter().any(|&c| c > 0.0));
-        let transmittance = match tf {
-            Some(_) => self.transmittance(warn),
-            None => clamped("Kd", tint, 1.0, warn).map(|c| c * clear),
-        };
-        Some(Bsdf::ThinGlass { ior: self.ior(warn), transmittance })
+        (bsdf, Cover { opacity, ..Cover::default() })
     }
 
     fn kd(&self, emits: bool, warn: &mut impl FnMut(usize, String)) -> Rgb {

@@ -29,6 +29,8 @@ fn read(source: Source) -> Result<Model, SceneError> {
         textures: looks.textures,
         maps: looks.maps,
         colours: colours(&obj),
+        covers: looks.covers,
+        opacities: Vec::new(),
     };
     Ok(Model {
         shading,

@@ -37,7 +37,7 @@
 //! 5 coated        8      kd, ks, ior, alpha
 //! ```
 //!
-//! Version 2 follows the materials with normals, textures, colours and suns. Scenes without them
+//! Version 2 follows the materials with normals, textures, colours, covers and suns. Scenes without them
 //! have version 1.
 //!
 //! Scenes with instances have version 3. Their arrays begin with the triangles that belong to no
@@ -56,7 +56,8 @@
 //!
 //! ```text
 //! 0               4      flags, u32: bit 0 texture coordinates, bit 1 normals, bit 2 normal maps
-//!                        or finishes, bit 3 colours of corners, bit 4 suns, bit 5 least opacities
+//!                        or finishes, bit 3 colours of corners, bit 4 suns, bit 5 least opacities,
+//!                        bit 6 covers, bit 7 opacities of corners
 //! 4               4      N, number of textures, u32
 //! 8               24·T   if bit 0: coordinates, 3 corners × 2 × f32 for each triangle
 //!                 12·T   if bit 1: normals, 3 corners × 2 × i16 for each triangle (octahedral)
@@ -73,6 +74,8 @@
 //!                 24·S   if bit 4: direction towards it, 3 × f32, and irradiance, 3 × f32
 //!                 4·M    if bit 5: opacity from which the cut-out surfaces of each material are
 //!                        there, f32; 0.5 without this bit
+//!                 M ×    if bit 6: covers, one after another
+//!                 3·T    if bit 7: opacities, 3 corners × u8 of 255 for each triangle
 //!                 N ×    textures, one after another; then the end
 //!
 //! a texture:
@@ -82,6 +85,15 @@
 //! 7               1      1 if its brightness is an opacity, else 0
 //! 8               n      its file: PNG, JPEG, Radiance HDR, EXR, BMP or TGA
 //! ```
+//!
+//! a cover:
+//! 0               4      opacity, f32
+//! 4               4      texture whose opacity is a factor, u32; 2³²-1 for none
+//! 8               4      opacity from which the surface is whole, f32; 0 if it is there with the
+//!                        probability of its opacity
+//! 12              1      1 if the material is glass only in part, else 0
+//! 13              48     in that case: kind of the base, u32; its parameters, 8 × f32, 0 beyond
+//!                        the kind's; share of glass: texture, u32, factor, f32, and channel, u32
 //!
 //! A scene has exactly one packing. Damage is found by the content hash, not here. `unpack` returns
 //! a valid scene or an error for any bytes.

@@ -6,11 +6,12 @@ use bytemuck::Pod;
 
 use crate::scene::check_limit;
 use crate::shading::{
-    CUT_OUT, Channel, CutOut, FinishMap, MAX_BYTES_OF_TEXTURES, MAX_TEXTURES, NormalMap, WHITE,
+    Base, CUT_OUT, Channel, Cover, CutOut, FinishMap, MAX_BYTES_OF_TEXTURES, MAX_TEXTURES,
+    NormalMap, WHITE,
 };
 use crate::sun::MAX_SUNS;
 use crate::texture::MAX_TEXTURE_BYTES;
-use crate::{Maps, PackedError, SceneError, Shading, Sun, Texture, Wrap};
+use crate::{Bsdf, Maps, PackedError, SceneError, Shading, Sun, Texture, Wrap};
 
 const HAS_UVS: u32 = 1;
 const HAS_NORMALS: u32 = 2;
@@ -18,7 +19,9 @@ const HAS_DETAILS: u32 = 4;
 const HAS_COLOURS: u32 = 8;
 const HAS_SUNS: u32 = 16;
 const HAS_CUTS: u32 = 32;
-const ALL: u32 = HAS_UVS | HAS_NORMALS | HAS_DETAILS | HAS_COLOURS | HAS_SUNS | HAS_CUTS;
+const HAS_COVERS: u32 = 64;
+const HAS_OPACITIES: u32 = 128;
+const ALL: u32 = 2 * HAS_OPACITIES - 1;
 const NO_TEXTURE: u32 = u32::MAX;
 
 /// Four bytes of a number.
@@ -27,8 +30,14 @@ type Word = [u8; 4];
 /// A normal map and a finish of a material, as seven words.
 type Details = [Word; 7];
 
+/// A cover without its base, as three words.
+type PackedCover = [Word; 3];
+
+/// The kind, eight parameters, texture, factor and channel of a base.
+type PackedBase = [Word; 12];
+
 pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
-    let has_uvs = !shading.maps.is_empty();
+    let has_uvs = shading.has_textures();
     let has_details =
         shading.maps.iter().any(|maps| maps.normal.is_some() || maps.finish.is_some());
     let flags = [
@@ -38,6 +47,8 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
         (!shading.colours.is_empty(), HAS_COLOURS),
         (!suns.is_empty(), HAS_SUNS),
         (has_cuts(shading), HAS_CUTS),
+        (!shading.covers.is_empty(), HAS_COVERS),
+        (!shading.opacities.is_empty(), HAS_OPACITIES),
     ];
     let flags: u32 = flags.iter().filter(|(has, _)| *has).map(|(_, flag)| flag).sum();
     let textures = if has_uvs { &shading.textures[..] } else { &[] };
@@ -49,7 +60,8 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
     }
     let numbers = shading.normals.as_flattened().as_flattened();
     numbers.iter().for_each(|c| out.extend(c.to_le_bytes()));
-    for maps in &shading.maps {
+    let some_maps = if has_uvs { &shading.maps[..] } else { &[] };
+    for maps in some_maps {
         let cut_out = maps.cut_out.map(|cut_out| cut_out.texture);
         let three = [maps.base, maps.emission, cut_out];
         three.iter().for_each(|map| out.extend(map.unwrap_or(NO_TEXTURE).to_le_bytes()));
@@ -66,6 +78,12 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
     if has_cuts(shading) {
         shading.maps.iter().for_each(|maps| out.extend(least_opacity(maps).to_le_bytes()));
     }
+    for cover in &shading.covers {
+        out.extend(packed_cover(cover).as_flattened());
+        out.extend([u8::from(cover.base.is_some())]);
+        cover.base.iter().for_each(|base| out.extend(packed_base(base).as_flattened()));
+    }
+    out.extend(shading.opacities.as_flattened());
     for texture in textures {
         out.extend((texture.encoded.len() as u32).to_le_bytes());
         out.extend(texture.wrap.map(|wrap| match wrap {
@@ -76,6 +94,69 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
         out.extend([u8::from(texture.is_linear), u8::from(texture.is_mask)]);
         out.extend_from_slice(&texture.encoded);
     }
+}
+
+fn packed_cover(cover: &Cover) -> PackedCover {
+    [
+        cover.opacity.to_le_bytes(),
+        cover.texture.unwrap_or(NO_TEXTURE).to_le_bytes(),
+        cover.least.to_le_bytes(),
+    ]
+}
+
+fn packed_base(base: &Base) -> PackedBase {
+    let (kind, numbers) = match base.bsdf {
+        Bsdf::Diffuse { kd: [a, b, c] } => (0, [a, b, c, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        Bsdf::Mirror { ks: [a, b, c] } => (1, [a, b, c, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        Bsdf::Conductor { ks: [a, b, c], alpha } => (2, [a, b, c, alpha, 0.0, 0.0, 0.0, 0.0]),
+        Bsdf::Coated { kd: [a, b, c], ks: [d, e, f], ior, alpha } => {
+            (5, [a, b, c, d, e, f, ior, alpha])
+        }
+        // No base is glass.
+        Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. } => (u32::MAX, [0.0; 8]),
+    };
+    let mut words = [[0; 4]; 12];
+    words[0] = u32::to_le_bytes(kind);
+    words[1..9].iter_mut().zip(numbers).for_each(|(word, number)| *word = number.to_le_bytes());
+    words[9] = base.glass.texture.unwrap_or(NO_TEXTURE).to_le_bytes();
+    words[10] = base.glass.factor.to_le_bytes();
+    words[11] = u32::from(base.glass.channel).to_le_bytes();
+    words
+}
+
+/// Reads a base. Values that have another packing are refused.
+fn unpacked_base(packed: &PackedBase) -> Result<Base, PackedError> {
+    let [a, b, c, d, e, f, ior, alpha] = std::array::from_fn(|k| f32::from_le_bytes(packed[k + 1]));
+    let first = [a, b, c];
+    let bsdf = match u32::from_le_bytes(packed[0]) {
+        0 => Bsdf::Diffuse { kd: first },
+        1 => Bsdf::Mirror { ks: first },
+        2 => Bsdf::Conductor { ks: first, alpha: d },
+        5 => Bsdf::Coated { kd: first, ks: [d, e, f], ior, alpha },
+        _ => return Err(PackedError::Shading),
+    };
+    let (factor, channel) = (f32::from_le_bytes(packed[10]), packed[11][0]);
+    let base = Base { bsdf, glass: Channel { texture: map(packed[9]), channel, factor } };
+    if packed_base(&base) == *packed { Ok(base) } else { Err(PackedError::Shading) }
+}
+
+/// Reads the covers of `count` materials.
+fn unpack_covers(bytes: &mut &[u8], count: usize) -> Result<Vec<Cover>, PackedError> {
+    let mut covers = Vec::with_capacity(count.min(bytes.len()));
+    for _ in 0..count {
+        let [opacity, texture, least] = one::<PackedCover>(bytes)?;
+        let base = match one::<u8>(bytes)? {
+            0 => None,
+            1 => Some(unpacked_base(&one::<PackedBase>(bytes)?)?),
+            _ => return Err(PackedError::Shading),
+        };
+        let [opacity, least] = [opacity, least].map(f32::from_le_bytes);
+        covers.push(Cover { opacity, texture: map(texture), least, base });
+    }
+    if covers.iter().all(|cover| *cover == Cover::default()) {
+        return Err(PackedError::Shading);
+    }
+    Ok(covers)
 }
 
 /// Returns whether any surface is cut out at another opacity than the usual one.
@@ -185,12 +266,24 @@ pub(crate) fn unpack_shading(
     }
     // Attributes without an effect have no packing.
     let is_white = shading.colours.as_flattened().iter().all(|colour| *colour == WHITE);
-    if has(HAS_COLOURS) && is_white || has(HAS_UVS) && !shading.has_maps() {
+    if has(HAS_COLOURS) && is_white {
         return Err(PackedError::Shading.into());
     }
     let suns = if has(HAS_SUNS) { unpack_suns(&mut bytes)? } else { Vec::new() };
     if has(HAS_CUTS) {
         unpack_cuts(&mut bytes, &mut shading)?;
+    }
+    if has(HAS_COVERS) {
+        shading.covers = unpack_covers(&mut bytes, materials)?;
+    }
+    if has(HAS_OPACITIES) {
+        shading.opacities = take::<[u8; 3]>(&mut bytes, triangles)?.to_vec();
+        if shading.opacities.as_flattened().iter().all(|&opacity| opacity == u8::MAX) {
+            return Err(PackedError::Shading.into());
+        }
+    }
+    if has(HAS_UVS) != shading.has_textures() {
+        return Err(PackedError::Shading.into());
     }
     shading.textures = unpack_textures(bytes, count as usize, MAX_BYTES_OF_TEXTURES)?;
     Ok((shading, suns))

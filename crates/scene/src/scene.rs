@@ -6,7 +6,7 @@ use crate::inside::OpenBox;
 use crate::instances::Shared;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::material::is_radiance;
-use crate::{Bsdf, Maps, Material, Rgb, SceneError, Shading, Sun, WHITE};
+use crate::{Bsdf, Cover, Maps, Material, Rgb, SceneError, Shading, Sun, WHITE};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 use std::iter::repeat_n;
@@ -302,6 +302,11 @@ impl Scene {
             // Equal normals are those of facets.
             add(&mut shading.normals, at, repeat_n([[0; 2]; 3], normals));
             add(&mut shading.colours, at, repeat_n([WHITE; 3], colours));
+            let opacities = added(shading.opacities.is_empty());
+            add(&mut shading.opacities, at, repeat_n([u8::MAX; 3], opacities));
+            if !shading.covers.is_empty() {
+                shading.covers.push(Cover::default());
+            }
             if !shading.maps.is_empty() {
                 shading.maps.push(Maps::default());
             }

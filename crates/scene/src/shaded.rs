@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use crate::instances::Shared;
-use crate::shading::{Channel, CutOut, Maps, Octahedral, Shading, WHITE, from_octahedral};
+use crate::shading::{Channel, Cover, Maps, Octahedral, Shading, WHITE, from_octahedral};
 use crate::texture::linear_table;
 use crate::{Bsdf, Rgb, Scene, SceneError};
 
@@ -18,11 +18,21 @@ impl Scene {
         if shading.colours.as_flattened().iter().all(|colour| *colour == WHITE) {
             shading.colours.clear();
         }
-        if !shading.has_maps() {
-            let Shading { normals, colours, .. } = shading;
-            shading = Shading { normals, colours, ..Shading::default() };
+        if shading.opacities.as_flattened().iter().all(|&opacity| opacity == u8::MAX) {
+            shading.opacities.clear();
+        }
+        if shading.covers.iter().all(|cover| *cover == Cover::default()) {
+            shading.covers.clear();
+        }
+        if !shading.has_textures() {
+            let Shading { normals, colours, covers, opacities, .. } = shading;
+            shading = Shading { normals, colours, covers, opacities, ..Shading::default() };
+        }
+        if shading.has_textures() && shading.maps.is_empty() {
+            shading.maps.resize(self.materials.len(), Maps::default());
         }
         self.shading = (!shading.is_empty()).then(|| Box::new(shading));
+        self.check_covers()?;
         Ok(self)
     }
 
@@ -69,6 +79,7 @@ impl Scene {
     pub fn is_plain(&self, triangle: u32) -> bool {
         self.shading.is_none()
             || !self.has_texture(triangle)
+                && self.looks_even(triangle)
                 && self.maps(triangle).is_none_or(|(_, maps)| *maps == Maps::default())
                 && self.smooth_normal(triangle, 0.3, 0.3).is_none()
     }
@@ -163,11 +174,7 @@ impl Scene {
     #[must_use]
     #[inline]
     pub fn is_cut_out(&self, triangle: u32, u: f32, v: f32) -> bool {
-        let Some((shading, maps)) = self.maps(triangle) else { return false };
-        let Some(CutOut { texture, least }) = maps.cut_out else { return false };
-        let Some(uvs) = self.uvs(shading, triangle) else { return false };
-        let uv = coordinates(&uvs, [u, v]);
-        shading.textures[texture as usize].at(uv.to_array(), 0.0)[3] < least
+        self.opacity(triangle, u, v) <= 0.0
     }
 
     /// Returns whether any surface has parts that are cut out.
@@ -201,7 +208,7 @@ impl Scene {
     }
 
     #[inline]
-    fn look_up(
+    pub(crate) fn look_up(
         &self,
         shading: &Shading,
         texture: u32,
@@ -263,6 +270,15 @@ impl Scene {
         match &self.shared {
             None => shading.colours.get(triangle as usize).copied(),
             Some(shared) => self.attribute(shared, &shading.colours, triangle),
+        }
+    }
+
+    /// Returns the opacities of a triangle's corners.
+    #[inline]
+    pub(crate) fn opacities_of(&self, shading: &Shading, triangle: u32) -> Option<[u8; 3]> {
+        match &self.shared {
+            None => shading.opacities.get(triangle as usize).copied(),
+            Some(shared) => self.attribute(shared, &shading.opacities, triangle),
         }
     }
 

@@ -4,9 +4,9 @@
 
 use glam::Vec3;
 
-use crate::SceneError;
 use crate::limits::MAX_MATERIALS;
-use crate::texture::Texture;
+use crate::texture::{Opacities, Texture};
+use crate::{Bsdf, Material, SceneError};
 
 /// Most textures of a scene.
 pub const MAX_TEXTURES: usize = 4096;
@@ -36,6 +36,11 @@ pub struct Shading {
     /// Colours of each triangle's corners, as bytes of sRGB: factors to the material's colour.
     /// Empty if all are white.
     pub colours: Vec<[[u8; 3]; 3]>,
+    /// The covers of materials. Empty if all surfaces are whole.
+    pub covers: Vec<Cover>,
+    /// Opacities of each triangle's corners, as shares of 255: factors to the material's opacity.
+    /// Empty if all are 255.
+    pub opacities: Vec<[u8; 3]>,
 }
 
 /// The colour of a corner that changes nothing.
@@ -95,6 +100,81 @@ pub struct Channel {
     pub factor: f32,
 }
 
+/// Opacity from which a surface counts as whole: the highest byte of a texture, within rounding.
+pub const WHOLE: f32 = 0.998;
+
+/// Where the surfaces of a material are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cover {
+    /// Opacity in [0, 1]: a factor to that of the texture and of the corners.
+    pub opacity: f32,
+    /// The texture whose opacity counts.
+    pub texture: Option<u32>,
+    /// If above 0, the surface is whole from this opacity on, and has a hole elsewhere.
+    pub least: f32,
+    /// What glass is besides glass.
+    pub base: Option<Base>,
+}
+
+/// The surface that glass is in part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Base {
+    /// Its scattering, which is not glass.
+    pub bsdf: Bsdf,
+    /// The share of light that meets glass; the rest meets the base.
+    pub glass: Channel,
+}
+
+impl Default for Cover {
+    fn default() -> Cover {
+        Cover { opacity: 1.0, texture: None, least: 0.0, base: None }
+    }
+}
+
+impl Cover {
+    /// Takes the texture of a mask, unless each of its texels is opaque or a hole and nothing else
+    /// makes the surface partly transparent.
+    pub(crate) fn take_mask(&mut self, maps: &mut Maps, textures: &[Texture]) {
+        let Some(CutOut { texture, .. }) = maps.cut_out else { return };
+        match textures[texture as usize].opacities() {
+            Opacities::Whole => maps.cut_out = None,
+            Opacities::Mask if self.opacity >= 1.0 => {}
+            Opacities::Mask | Opacities::Varied => {
+                maps.cut_out = None;
+                self.texture = Some(texture);
+            }
+        }
+    }
+
+    /// Returns its textures.
+    pub(crate) fn textures(&self) -> [Option<u32>; 2] {
+        [self.texture, self.base.and_then(|base| base.glass.texture)]
+    }
+
+    /// Returns whether it makes a surface partly transparent, except as glass.
+    pub(crate) fn is_partial(&self) -> bool {
+        Cover { base: None, ..*self } != Cover::default()
+    }
+
+    pub(crate) fn has_textures(&self) -> bool {
+        self.textures() != [None; 2]
+    }
+
+    /// Returns whether all its numbers are plausible.
+    pub(crate) fn is_plausible(&self) -> bool {
+        let fits = |number: f32| (0.0..=1.0).contains(&number);
+        let is_base = |base: Base| {
+            let is_glass = matches!(base.bsdf, Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. });
+            let material = Material { bsdf: base.bsdf, ..Material::grey("") };
+            !is_glass
+                && material.validate().is_ok()
+                && base.glass.channel < 3
+                && fits(base.glass.factor)
+        };
+        fits(self.opacity) && fits(self.least) && self.base.is_none_or(is_base)
+    }
+}
+
 impl Maps {
     /// Returns all textures.
     pub(crate) fn all(&self) -> [Option<u32>; 6] {
@@ -119,12 +199,21 @@ impl Shading {
     /// Returns whether it has no attributes.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.normals.is_empty() && self.colours.is_empty() && !self.has_maps()
+        self.normals.is_empty()
+            && self.colours.is_empty()
+            && self.covers.is_empty()
+            && self.opacities.is_empty()
+            && !self.has_maps()
     }
 
     /// Returns whether any material has a texture.
     pub(crate) fn has_maps(&self) -> bool {
         self.maps.iter().any(|maps| *maps != Maps::default())
+    }
+
+    /// Returns whether any material has a texture, or a cover that depends on one.
+    pub(crate) fn has_textures(&self) -> bool {
+        self.has_maps() || self.covers.iter().any(Cover::has_textures)
     }
 
     /// Checks that it fits a scene.
@@ -133,14 +222,24 @@ impl Shading {
         let has_maps = !self.maps.is_empty();
         let exists = |map: Option<u32>| map.is_none_or(|map| (map as usize) < self.textures.len());
         let finite = |uv: &[f32; 2]| uv.iter().all(|c| c.is_finite());
-        let counts = [self.uvs.len(), self.normals.len(), self.colours.len()];
+        let counts = [self.uvs.len(), self.normals.len(), self.colours.len(), self.opacities.len()];
         let problem = if !counts.iter().all(|&count| fits(count, triangles)) {
             "their number differs from the triangles'"
-        } else if !fits(self.maps.len(), materials) || materials > MAX_MATERIALS {
+        } else if !fits(self.maps.len(), materials)
+            || !fits(self.covers.len(), materials)
+            || materials > MAX_MATERIALS
+        {
             "their number differs from the materials'"
-        } else if has_maps && self.uvs.is_empty() && triangles > 0 {
+        } else if !self.covers.iter().all(Cover::is_plausible) {
+            "an opacity is impossible"
+        } else if (has_maps || self.covers.iter().any(Cover::has_textures))
+            && self.uvs.is_empty()
+            && triangles > 0
+        {
             "textures have no coordinates"
-        } else if !self.maps.iter().flat_map(Maps::all).all(exists) {
+        } else if !self.maps.iter().flat_map(Maps::all).all(exists)
+            || !self.covers.iter().flat_map(Cover::textures).all(exists)
+        {
             "a material names a texture that does not exist"
         } else if !self.maps.iter().all(Maps::is_plausible) {
             "a material's texture has an impossible strength"

@@ -77,6 +77,17 @@ fn is_tga(encoded: &[u8]) -> bool {
     has_palette <= 1 && is_known_kind && matches!(encoded[16], 8 | 15 | 16 | 24 | 32)
 }
 
+/// The opacities that a texture has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Opacities {
+    /// All texels are opaque.
+    Whole,
+    /// Each texel is opaque or a hole.
+    Mask,
+    /// Some texels are neither.
+    Varied,
+}
+
 /// A picture of a texture, in rows from the top.
 #[derive(Debug)]
 struct Level {
@@ -150,6 +161,25 @@ impl Texture {
             Texels::Floats(texels) => 16 * texels.len(),
         };
         self.encoded.len() + self.levels.iter().map(texels).sum::<usize>()
+    }
+
+    /// Returns the kind of its opacities.
+    pub(crate) fn opacities(&self) -> Opacities {
+        let Some(level) = self.levels.first() else { return Opacities::Whole };
+        let (mut is_whole, mut is_mask) = (true, true);
+        let mut add = |opacity: f32| {
+            is_whole &= opacity >= 1.0;
+            is_mask &= opacity <= 0.0 || opacity >= 1.0;
+        };
+        match &level.texels {
+            Texels::Bytes(texels) => texels.iter().for_each(|t| add(f32::from(t[3]) / 255.0)),
+            Texels::Floats(texels) => texels.iter().for_each(|t| add(t[3])),
+        }
+        match (is_whole, is_mask) {
+            (true, _) => Opacities::Whole,
+            (false, true) => Opacities::Mask,
+            (false, false) => Opacities::Varied,
+        }
     }
 
     /// Returns linear red, green, blue and opacity at a place: (0, 0) is the top left corner and

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use holo_raycast::{Raycaster, SurfacePoint};
-use holo_scene::{Bsdf, Scene};
+use holo_scene::Scene;
 
 /// Number of points on surfaces from which lamps are searched for.
 const POINTS: usize = 512;
@@ -73,7 +73,7 @@ impl Lamps {
 }
 
 impl LampPoint {
-    /// Returns true if this point lights `to`. Glass passes light through. If `side` is positive,
+    /// Returns true if this point lights `to`. Glass and partly covered surfaces pass light through. If `side` is positive,
     /// only the side of `to`'s normal counts. If it is negative, only the other side counts.
     fn reaches(&self, raycaster: &Raycaster, to: &SurfacePoint, side: Option<f32>) -> bool {
         let away = (to.point - self.point.point).normalize_or_zero();
@@ -84,10 +84,7 @@ impl LampPoint {
             return false;
         }
         let scene = raycaster.scene();
-        let is_clear = |triangle| {
-            let bsdf = scene.material(triangle).bsdf;
-            matches!(bsdf, Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. })
-        };
+        let is_clear = |triangle| scene.passes_light(triangle);
         raycaster.blocker(to, &self.point).is_none_or(is_clear)
     }
 }

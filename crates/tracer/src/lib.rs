@@ -144,6 +144,8 @@ const REPLICATES: u32 = 4;
 #[derive(Debug)]
 pub struct Tracer {
     raycaster: Arc<Raycaster>,
+    /// The same caster, for rays of light.
+    light: Arc<Raycaster>,
     engine: PathEngine,
     cached: Option<Cached>,
     virtual_distance: Option<VirtualDistance>,
@@ -185,9 +187,14 @@ impl Tracer {
         if !(1..=MAX_PATHS).contains(&settings.paths) {
             return Err(TracerError::Paths(settings.paths));
         }
-        let engine = PathEngine::new(&raycaster, settings.bounces, direct, light_samples);
+        let light = match raycaster.has_covers() {
+            true => Arc::new(raycaster.by_chance()),
+            false => raycaster.clone(),
+        };
+        let engine = PathEngine::new(&light, settings.bounces, direct, light_samples);
         Ok(Self {
             raycaster,
+            light,
             engine,
             cached: None,
             virtual_distance: None,
@@ -203,7 +210,7 @@ impl Tracer {
     /// or they would trace the same rays. One thread with the same name gives the same picture.
     #[must_use]
     pub fn with_cache(mut self, accuracy: f32, name: u64) -> Self {
-        self.cached = Some(Cached::new(&self.engine, &self.raycaster, accuracy, name));
+        self.cached = Some(Cached::new(&self.engine, &self.light, accuracy, name));
         self
     }
 
@@ -342,16 +349,16 @@ impl Tracer {
         if !origin.is_finite() || direction == DVec3::ZERO {
             return Err(Traced { radiance: [0.0; 3], distance: f64::INFINITY });
         }
-        let (hit, distance) = path::first_hit(&self.raycaster, origin, direction);
+        let (hit, distance) = path::first_hit(&self.light, origin, direction);
         if hit.is_none() {
             return Err(Traced { radiance: self.engine.sky.to_array(), distance });
         }
-        let inside = self.engine.inside(&self.raycaster, origin);
+        let inside = self.engine.inside(&self.light, origin);
         let start = Start::eye(hit, direction.as_vec3(), inside);
         let distance = match &self.virtual_distance {
             None => distance,
             Some(virtual_distance) => {
-                virtual_distance.along(&self.engine, &self.raycaster, start, distance)
+                virtual_distance.along(&self.engine, &self.light, start, distance)
             }
         };
         Ok((start, distance))
@@ -364,8 +371,8 @@ impl Tracer {
         for path in paths {
             let mut sampler = Sampler::new(seed, path);
             let radiance = match &self.cached {
-                None => self.engine.radiance(&self.raycaster, start, &mut sampler),
-                Some(cached) => cached.radiance(&self.engine, &self.raycaster, start, &mut sampler),
+                None => self.engine.radiance(&self.light, start, &mut sampler),
+                Some(cached) => cached.radiance(&self.engine, &self.light, start, &mut sampler),
             };
             if radiance.is_finite() {
                 sum += radiance;

@@ -2,10 +2,11 @@
 //!
 //! Invariant: the share that a pane passes is the share left of a path that goes straight through
 //! it. Everything else blocks, including solid glass. A scene without panes pays nothing, and
-//! neither does a shadow ray without panes on its way.
+//! neither does a shadow ray without panes on its way. The ray caster decides which rays pass
+//! surfaces that are partly covered; these are no panes.
 
 use glam::Vec3;
-use holo_raycast::{Ray, Raycaster, SurfacePoint, spawn};
+use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::{Bsdf, Scene};
 
 use crate::fresnel::pane;
@@ -21,9 +22,16 @@ struct Pane {
 }
 
 impl Pane {
-    /// Returns the transmitted share of light at a cosine, from either side.
-    fn passes(self, cosine: f32) -> Vec3 {
-        self.transmittance * (1.0 - pane(cosine.abs(), self.ior))
+    /// Returns the share of light that passes at a hit, from either side, at a cosine.
+    fn passes(self, scene: &Scene, hit: &Hit, cosine: f32) -> Vec3 {
+        let clear = self.transmittance * (1.0 - pane(cosine.abs(), self.ior));
+        if scene.shading.is_none() {
+            return clear;
+        }
+        let Hit { triangle, u, v, .. } = *hit;
+        let glass = scene.glass_share(triangle, u, v).unwrap_or(1.0);
+        let texture = scene.base_texture(triangle, u, v, 0.0).unwrap_or([1.0; 3]);
+        clear * glass * Vec3::from(texture).clamp(Vec3::ZERO, Vec3::ONE)
     }
 }
 
@@ -93,7 +101,7 @@ impl Panes {
             let Some(hit) = raycaster.nearest_from(&ray, from.triangle) else { return share };
             let Some(pane) = self.at(raycaster, hit.triangle) else { break };
             from = raycaster.surface(hit.triangle, hit.u, hit.v);
-            share *= pane.passes(direction.dot(from.normal));
+            share *= pane.passes(raycaster.scene(), &hit, direction.dot(from.normal));
         }
         Vec3::ZERO
     }
@@ -117,7 +125,7 @@ impl Panes {
             else {
                 return Some((from, share));
             };
-            share *= pane.passes(direction.dot(from.normal));
+            share *= pane.passes(raycaster.scene(), &hit, direction.dot(from.normal));
         }
         None
     }
@@ -135,7 +143,11 @@ impl Panes {
             let Some(hit) = raycaster.nearest_between(&from, to) else { return share };
             let Some(pane) = self.at(raycaster, hit.triangle) else { break };
             from = raycaster.surface(hit.triangle, hit.u, hit.v);
-            share *= pane.passes((to.point - from.point).normalize_or_zero().dot(from.normal));
+            share *= pane.passes(
+                raycaster.scene(),
+                &hit,
+                (to.point - from.point).normalize_or_zero().dot(from.normal),
+            );
         }
         Vec3::ZERO
     }

@@ -8,6 +8,9 @@
 //! - The power heuristic (Veach 1997, §9.2.4) combines light that both ways can find. Light that
 //!   only the material can find counts in full: at the first surface, and after mirrors and smooth
 //!   glass.
+//! - A surface of opacity a is met with probability a, by the rays of paths and by shadow rays. The
+//!   ray caster decides. The ray alone decides, so the distance of a sample belongs to the surface
+//!   whose light it brings. Glass that is something else in part is decided likewise.
 //! - Shadow rays towards lamps go straight through panes, as paths do. Solid glass blocks them.
 //!   Panes block shadow rays towards the sky too, because a material's samples find windows better
 //!   than samples of the whole sky do.
@@ -203,11 +206,13 @@ impl PathEngine {
             };
             let point = raycaster.surface(hit.triangle, hit.u, hit.v);
             let material = raycaster.scene().material_id(hit.triangle);
-            let surface = &self.surfaces[material as usize];
-            let crossing = self
-                .nesting
-                .as_ref()
-                .and_then(|n| n.cross(raycaster, &point, material, path.direction, &path.inside));
+            let mut surface = &self.surfaces[material as usize];
+            let base = self.met_base(raycaster, &hit, surface, path.direction);
+            surface = base.unwrap_or(surface);
+            let crossing =
+                self.nesting.as_ref().filter(|_| base.is_none()).and_then(|n| {
+                    n.cross(raycaster, &point, material, path.direction, &path.inside)
+                });
             path.width += hit.t * path.spread;
             let textured;
             let (scatter, beyond) = match &crossing {

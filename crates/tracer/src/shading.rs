@@ -7,7 +7,7 @@
 //! - A smooth normal never makes a surface brighter than its material: [`terminator`] is at most 1.
 
 use glam::Vec3;
-use holo_raycast::{Hit, Raycaster};
+use holo_raycast::{Hit, Raycaster, is_in_share};
 
 use crate::bsdf::Scatter;
 use crate::engine::PathEngine;
@@ -41,7 +41,41 @@ impl PathEngine {
             Scatter::Mirror(ks) => Some(Scatter::Mirror(*ks * texture)),
             Scatter::Conductor(metal) => Some(Scatter::Conductor(Box::new(metal.tinted(texture)))),
             Scatter::Coated(coat) => Some(Scatter::Coated(Box::new(coat.tinted(texture)))),
+            Scatter::Pane { ior, transmittance } => {
+                Some(Scatter::Pane { ior: *ior, transmittance: *transmittance * texture })
+            }
             _ => None,
+        }
+    }
+
+    /// Returns the base of a surface that is glass in part, if this ray meets the base.
+    #[inline]
+    pub(crate) fn met_base<'s>(
+        &self,
+        raycaster: &Raycaster,
+        hit: &Hit,
+        surface: &'s Surface,
+        direction: Vec3,
+    ) -> Option<&'s Surface> {
+        let base = surface.base.as_deref()?;
+        let glass = raycaster.scene().glass_share(hit.triangle, hit.u, hit.v)?;
+        (!is_in_share(hit, direction, glass)).then_some(base)
+    }
+
+    /// Returns the radiance that a sample of a lamp brings: that of a point, times the opacity
+    /// there.
+    #[inline]
+    pub(crate) fn sampled_emission_at(
+        &self,
+        raycaster: &Raycaster,
+        triangle: u32,
+        [u, v]: [f32; 2],
+        emission: Vec3,
+    ) -> Vec3 {
+        let emission = self.emission_at(raycaster, triangle, [u, v], emission);
+        match raycaster.has_covers() {
+            true => emission * raycaster.scene().opacity(triangle, u, v),
+            false => emission,
         }
     }
 

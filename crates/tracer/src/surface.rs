@@ -16,6 +16,8 @@ pub(crate) struct Surface {
     pub emits: bool,
     /// Whether the back emits too.
     pub two_sided: bool,
+    /// What glass is besides glass, for part of the rays.
+    pub base: Option<Box<Surface>>,
 }
 
 /// Returns the materials of a scene, in order.
@@ -29,17 +31,25 @@ pub(crate) fn surfaces(scene: &Scene) -> Vec<Surface> {
         .iter()
         .zip(used)
         .enumerate()
-        .map(|(id, (m, used))| Surface {
-            varied: Varied::new(&m.bsdf, finish(id), &mut varied).map(Box::new),
-            scatter: match m.bsdf {
-                // The scattering of a solid depends on the media on both sides (`nesting`).
-                Bsdf::Dielectric { .. } => Scatter::Black,
-                _ if !used => Scatter::Black,
-                bsdf => Scatter::new(&bsdf, &mut tables),
-            },
-            emission: m.emission.into(),
-            emits: m.emits(),
-            two_sided: m.two_sided_emission,
+        .map(|(id, (m, used))| {
+            let whole = Surface {
+                varied: Varied::new(&m.bsdf, finish(id), &mut varied).map(Box::new),
+                scatter: match m.bsdf {
+                    // The scattering of a solid depends on the media on both sides (`nesting`).
+                    Bsdf::Dielectric { .. } => Scatter::Black,
+                    _ if !used => Scatter::Black,
+                    bsdf => Scatter::new(&bsdf, &mut tables),
+                },
+                emission: m.emission.into(),
+                emits: m.emits(),
+                two_sided: m.two_sided_emission,
+                base: None,
+            };
+            let base = scene.base(id).filter(|_| used).map(|base| {
+                let scatter = Scatter::new(&base.bsdf, &mut tables);
+                Box::new(Surface { scatter, varied: None, ..whole.clone() })
+            });
+            Surface { base, ..whole }
         })
         .collect()
 }

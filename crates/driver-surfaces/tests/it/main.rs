@@ -1,6 +1,7 @@
 //! Tests of the public interface, in one program: each one compiles the same generic code again.
 
 mod common;
+mod covers;
 mod driver;
 mod edges;
 mod filter;

@@ -3,12 +3,13 @@
 use glam::{Mat2, Vec2};
 use gltf::texture::TextureTransform;
 
-use crate::Maps;
+use crate::{Cover, Maps};
 
 /// The textures of a material, and where their coordinates come from.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Look {
     pub maps: Maps,
+    pub cover: Cover,
     /// Number of the set of texture coordinates.
     pub set: u32,
     pub placement: Placement,

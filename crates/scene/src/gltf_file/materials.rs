@@ -2,13 +2,17 @@
 //!
 //! | glTF | material |
 //! | --- | --- |
-//! | `KHR_materials_transmission` ≥ 0.5 with a volume | solid dielectric of `KHR_materials_ior` |
+//! | `KHR_materials_transmission` 1 with a volume | solid dielectric of `KHR_materials_ior` |
 //! | the same without a volume | thin pane of the base colour |
+//! | transmission t below 1, or by a texture | the share t of light meets glass, and the rest the rows below |
 //! | metallic ≥ 0.5 | mirror if roughness < 0.03, else GGX metal, alpha = roughness² |
 //! | `KHR_materials_clearcoat` ≥ 0.5 | diffuse base below a coat of the clearcoat's roughness |
 //! | roughness < 0.75 | diffuse base below a coat of alpha = roughness² |
 //! | else | diffuse |
-//! | `alphaMode` `BLEND`, alpha < 0.5 | thin pane; a greater alpha is opaque |
+//!
+//! `alphaMode` `BLEND` is coverage: the surface is there with the probability of its alpha, and
+//! elsewhere light passes without a change. `MASK` is there from the cutoff on. Alpha is the product
+//! of the factor, the texture and the vertices' colours. Solid glass is always there.
 //!
 //! Metalness and roughness are the means of their texture here. Tracers make the same decisions at
 //! each point from the texture's own values, for all materials except glass and clearcoats.
@@ -17,8 +21,6 @@
 //! is double sided.
 
 use std::collections::BTreeMap;
-
-use gltf::material::AlphaMode;
 
 use super::lights::EFFICACY;
 use crate::limits::{MAX_IOR, MAX_NAME_BYTES, MAX_RADIANCE, MIN_IOR};
@@ -44,13 +46,13 @@ const MIRROR: f32 = 0.03;
 const DIFFUSE: f32 = 0.75;
 
 /// Makes a material. `finish` are factors to its metalness and roughness. `counts` collects what is
-/// not represented.
+/// not represented. Also returns the surface that glass is in part.
 pub(super) fn make(
     material: &gltf::Material,
     finish: Option<[f32; 2]>,
     options: &LoadOptions,
     counts: &mut BTreeMap<String, usize>,
-) -> Material {
+) -> (Material, Option<Bsdf>) {
     let mut name = material.name().unwrap_or("default").to_owned();
     while name.len() > MAX_NAME_BYTES {
         name.pop();
@@ -64,7 +66,8 @@ pub(super) fn make(
     let emission = emission.map(|c| share(c as f32, MAX_RADIANCE));
     let two_sided = material.double_sided() || options.two_sided_lights;
     let two_sided_emission = two_sided && emission.iter().any(|&c| c > 0.0);
-    Material { name, bsdf: bsdf(material, finish, &mut count), emission, two_sided_emission }
+    let (bsdf, base) = bsdf(material, finish, &mut count);
+    (Material { name, bsdf, emission, two_sided_emission }, base)
 }
 
 /// Returns whether a texture of metalness and roughness changes how a material looks.
@@ -85,7 +88,29 @@ fn share(value: f32, most: f32) -> f32 {
     if value > 0.0 { value.min(most) } else { 0.0 }
 }
 
-fn bsdf(material: &gltf::Material, finish: Option<[f32; 2]>, count: &mut impl FnMut(&str)) -> Bsdf {
+fn bsdf(
+    material: &gltf::Material,
+    finish: Option<[f32; 2]>,
+    count: &mut impl FnMut(&str),
+) -> (Bsdf, Option<Bsdf>) {
+    let transmission = material.transmission();
+    let share = transmission.as_ref().map_or(0.0, |t| share(t.transmission_factor(), 1.0));
+    let is_even = transmission.is_none_or(|t| t.transmission_texture().is_none());
+    let opaque = opaque(material, finish, share > 0.0, count);
+    match share > 0.0 {
+        false => (opaque, None),
+        true => (glass(material, count), (share < 1.0 || !is_even).then_some(opaque)),
+    }
+}
+
+/// Returns the scattering of a material as if it transmitted nothing. `is_glass`: it transmits
+/// something.
+fn opaque(
+    material: &gltf::Material,
+    finish: Option<[f32; 2]>,
+    is_glass: bool,
+    count: &mut impl FnMut(&str),
+) -> Bsdf {
     let pbr = material.pbr_metallic_roughness();
     let mut base = pbr.base_color_factor();
     let [metalness, rough] = finish.unwrap_or([1.0; 2]);
@@ -101,22 +126,12 @@ fn bsdf(material: &gltf::Material, finish: Option<[f32; 2]>, count: &mut impl Fn
             base[..3].copy_from_slice(&shine);
         }
     }
-    let alpha_value = share(base[3], 1.0);
     let base: Rgb = [base[0], base[1], base[2]].map(|c| share(c, 1.0));
     let roughness = share(roughness, 1.0);
     let ior = share(material.ior().unwrap_or(1.5), MAX_IOR).max(MIN_IOR);
     let alpha = (roughness * roughness).max(1e-4);
-    if (0.05..0.95).contains(&metallic) && finish.is_none() {
+    if (0.05..0.95).contains(&metallic) && finish.is_none() && !is_glass {
         count("materials that are partly metal are taken as metal from a half on");
-    }
-    let transmission = material.transmission().map_or(0.0, |t| t.transmission_factor());
-    if transmission >= 0.5 {
-        return glass(material, base, ior, roughness, count);
-    }
-    if material.alpha_mode() == AlphaMode::Blend && alpha_value < 0.5 {
-        count("blended materials are taken as panes below an alpha of a half");
-        let transmittance = base.map(|c| c * (1.0 - alpha_value));
-        return Bsdf::ThinGlass { ior, transmittance };
     }
     if metallic >= 0.5 {
         return match roughness < MIRROR {
@@ -138,13 +153,12 @@ fn bsdf(material: &gltf::Material, finish: Option<[f32; 2]>, count: &mut impl Fn
     Bsdf::Coated { kd: base, ks, ior, alpha }
 }
 
-fn glass(
-    material: &gltf::Material,
-    base: Rgb,
-    ior: f32,
-    roughness: f32,
-    count: &mut impl FnMut(&str),
-) -> Bsdf {
+fn glass(material: &gltf::Material, count: &mut impl FnMut(&str)) -> Bsdf {
+    let pbr = material.pbr_metallic_roughness();
+    let [r, g, b, _] = pbr.base_color_factor();
+    let base: Rgb = [r, g, b].map(|c| share(c, 1.0));
+    let roughness = share(pbr.roughness_factor(), 1.0);
+    let ior = share(material.ior().unwrap_or(1.5), MAX_IOR).max(MIN_IOR);
     let volume = material.volume().filter(|volume| volume.thickness_factor() > 0.0);
     let Some(volume) = volume else {
         if roughness >= MIRROR {

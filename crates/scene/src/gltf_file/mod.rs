@@ -29,7 +29,7 @@ use crate::model::{LoadProgress, Model, Reader, Source};
 use crate::named_file::read_file;
 use crate::text::excerpt;
 use crate::texture_files::TextureFiles;
-use crate::{About, SceneError, Shading, WHITE, smooth};
+use crate::{About, Bsdf, Cover, SceneError, Shading, WHITE, smooth};
 use buffers::Buffers;
 use reading::Reading;
 
@@ -256,6 +256,10 @@ impl Reading<'_> {
         if colours.is_some() {
             self.model.shading.colours.resize(self.model.triangles.len(), [WHITE; 3]);
         }
+        let opacities = self.opacities(primitive, material).map_err(|text| self.problem(text))?;
+        if opacities.is_some() {
+            self.model.shading.opacities.resize(self.model.triangles.len(), [u8::MAX; 3]);
+        }
         if uvs.is_some() {
             self.model.shading.uvs.resize(self.model.triangles.len(), [[0.0; 2]; 3]);
         }
@@ -288,6 +292,10 @@ impl Reading<'_> {
                 let of = |corner: u32| colours.get(corner as usize).copied().unwrap_or(WHITE);
                 shading.colours.push(corners.map(of));
             }
+            if let Some(opacities) = &opacities {
+                let of = |corner: u32| opacities.get(corner as usize).copied().unwrap_or(u8::MAX);
+                shading.opacities.push(corners.map(of));
+            }
             if let Some(normals) = &normals {
                 let of = |corner: u32| normals.get(corner as usize).copied().unwrap_or(Vec3::ZERO);
                 let facet = smooth::facet(&self.model.positions, triangle);
@@ -307,9 +315,16 @@ impl Reading<'_> {
             return Ok(index);
         }
         let finish = self.mean_finish(material);
-        let made = materials::make(material, finish, self.options, &mut self.counts);
+        let (made, base) = materials::make(material, finish, self.options, &mut self.counts);
         let is_finished = materials::has_finish(material, &made);
-        let look = self.look(material, is_finished);
+        let mut look = self.look(material, is_finished);
+        if let Some(bsdf) = base {
+            look.cover.base = Some(self.base(material, bsdf));
+        }
+        if matches!(made.bsdf, Bsdf::Dielectric { .. }) && look.cover.is_partial() {
+            self.count("materials of solid glass with an alpha are whole");
+            look.cover = Cover { base: look.cover.base, ..Cover::default() };
+        }
         let id = self.add_material(material.index(), made)?;
         self.looks[id as usize] = look;
         Ok(id)
@@ -322,6 +337,7 @@ impl Reading<'_> {
         let shadings = || meshes.iter().map(|mesh| &mesh.shading).chain([own]);
         let is_curved = shadings().any(|shading| shading.normals.iter().any(smooth::is_curved));
         let is_coloured = shadings().any(|shading| !shading.colours.is_empty());
+        let has_opacities = shadings().any(|shading| !shading.opacities.is_empty());
         if is_curved {
             self.fill_normals();
             self.model.meshes.iter_mut().for_each(Self::fill_normals_of);
@@ -330,6 +346,9 @@ impl Reading<'_> {
         let finish = |shading: &mut Shading, triangles: usize| {
             if is_coloured {
                 shading.colours.resize(triangles, [WHITE; 3]);
+            }
+            if has_opacities {
+                shading.opacities.resize(triangles, [u8::MAX; 3]);
             }
             if !is_curved {
                 shading.normals.clear();
@@ -347,6 +366,14 @@ impl Reading<'_> {
             self.model.shading.maps = self.looks.iter().map(|look| look.maps).collect();
         }
         self.model.shading.textures = textures;
+        let covers = self.looks.iter().map(|look| match look.cover {
+            // Without opacities of corners, all of the surface is on one side of the cutoff.
+            Cover { opacity, least, .. } if least > 0.0 && opacity >= least && !has_opacities => {
+                Cover::default()
+            }
+            cover => cover,
+        });
+        self.model.shading.covers = covers.collect();
     }
 
     fn camera(&mut self, camera: &gltf::Camera, node: &str, matrix: DMat4) {

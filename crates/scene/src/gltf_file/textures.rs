@@ -7,7 +7,8 @@ use gltf::texture::{TextureTransform, WrappingMode};
 use super::look::{Look, Placement};
 use super::reading::Reading;
 use super::{accessor, buffers};
-use crate::shading::{CUT_OUT, Channel, CutOut, FinishMap, NormalMap};
+use crate::Bsdf;
+use crate::shading::{Base, CUT_OUT, Channel, CutOut, FinishMap, NormalMap};
 use crate::texture::{MAX_TEXTURE_BYTES, Wrap, srgb_byte};
 use crate::texture_files::Use;
 
@@ -59,22 +60,81 @@ impl Reading<'_> {
             let roughness = channel(1, pbr.roughness_factor());
             Some(FinishMap { roughness, metalness: channel(2, pbr.metallic_factor()) })
         });
-        look.maps.cut_out = look.maps.base.and_then(|texture| {
-            let cutoff = match material.alpha_mode() {
-                AlphaMode::Opaque => return None,
-                AlphaMode::Mask => material.alpha_cutoff().unwrap_or(CUT_OUT),
-                AlphaMode::Blend => {
-                    self.count("blended textures are cut out at an alpha of a half");
-                    CUT_OUT
-                }
-            };
-            let least = cutoff / pbr.base_color_factor()[3];
-            (least > 0.0).then_some(CutOut { texture, least: least.min(1.0) })
-        });
+        self.cover(material, &mut look);
         if material.occlusion_texture().is_some() {
             self.count("occlusion textures are not used: light is traced");
         }
         look
+    }
+
+    /// Finds where the surfaces of a material are, by its alpha.
+    fn cover(&self, material: &gltf::Material, look: &mut Look) {
+        let pbr = material.pbr_metallic_roughness();
+        let factor = match material.pbr_specular_glossiness() {
+            Some(specular) => specular.diffuse_factor()[3],
+            None => pbr.base_color_factor()[3],
+        };
+        let opacity = if factor > 0.0 { factor.min(1.0) } else { 0.0 };
+        let Look { maps, cover, .. } = look;
+        match material.alpha_mode() {
+            AlphaMode::Opaque => {}
+            AlphaMode::Mask => {
+                let cutoff = material.alpha_cutoff().unwrap_or(CUT_OUT);
+                if opacity < cutoff {
+                    cover.opacity = 0.0;
+                } else if cutoff > 0.0 {
+                    let least = cutoff / opacity;
+                    match maps.base {
+                        Some(texture) => maps.cut_out = Some(CutOut { texture, least }),
+                        None => (cover.opacity, cover.least) = (opacity, cutoff),
+                    }
+                }
+            }
+            AlphaMode::Blend => {
+                cover.opacity = opacity;
+                maps.cut_out = maps.base.map(|texture| CutOut { texture, least: CUT_OUT });
+                cover.take_mask(maps, &self.files.textures);
+            }
+        }
+    }
+
+    /// Returns the surface that glass is in part.
+    pub(super) fn base(&mut self, material: &gltf::Material, bsdf: Bsdf) -> Base {
+        let transmission = material.transmission();
+        let factor = transmission.as_ref().map_or(0.0, |t| t.transmission_factor());
+        let info = transmission.as_ref().and_then(|t| t.transmission_texture());
+        let texture = info.and_then(|info| self.texture(&info.texture(), true));
+        let factor = if factor > 0.0 { factor.min(1.0) } else { 0.0 };
+        Base { bsdf, glass: Channel { texture, channel: 0, factor } }
+    }
+
+    /// Returns the opacities of a primitive's vertices, if its material uses them.
+    pub(super) fn opacities(
+        &mut self,
+        primitive: &gltf::Primitive,
+        material: u32,
+    ) -> Result<Option<Vec<u8>>, String> {
+        let mode = primitive.material().alpha_mode();
+        let Some(accessor) = primitive.get(&gltf::Semantic::Colors(0)) else { return Ok(None) };
+        let is_solid =
+            matches!(self.model.materials[material as usize].bsdf, Bsdf::Dielectric { .. });
+        if mode == AlphaMode::Opaque || is_solid || accessor.dimensions().multiplicity() < 4 {
+            return Ok(None);
+        }
+        let colours = accessor::floats::<4>(&accessor, &self.buffers)?;
+        let bytes = colours.iter().map(|colour| (colour[3].clamp(0.0, 1.0) * 255.0 + 0.5) as u8);
+        let opacities: Vec<u8> = bytes.collect();
+        if opacities.iter().all(|&opacity| opacity == u8::MAX) {
+            return Ok(None);
+        }
+        // A product of opacities is no mask.
+        let Look { maps, cover, .. } = &mut self.looks[material as usize];
+        if mode == AlphaMode::Blend
+            && let Some(mask) = maps.cut_out.take()
+        {
+            cover.texture = Some(mask.texture);
+        }
+        Ok(Some(opacities))
     }
 
     /// Returns the mean metalness and roughness that a material's texture has, as factors.
@@ -135,7 +195,7 @@ impl Reading<'_> {
         material: u32,
     ) -> Result<Option<Vec<[f32; 2]>>, String> {
         let look = self.looks[material as usize];
-        if look.maps == Default::default() {
+        if look.maps == Default::default() && !look.cover.has_textures() {
             return Ok(None);
         }
         let Some(accessor) = primitive.get(&gltf::Semantic::TexCoords(look.set)) else {

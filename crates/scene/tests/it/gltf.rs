@@ -180,12 +180,7 @@ fn materials_are_those_of_the_table() {
     }
     let (veil, warnings) =
         material(&format!(r#""alphaMode":"BLEND",{}"#, plain.replace("1,1]", "1,0.25]")));
-    let transmittance = [0.375, 0.1875, 0.75];
-    assert_eq!(veil.bsdf, Bsdf::ThinGlass { ior: 1.5, transmittance });
-    assert_eq!(
-        warnings,
-        ["s.gltf: blended materials are taken as panes below an alpha of a half (1)"]
-    );
+    assert_eq!((veil.bsdf, warnings), (Bsdf::Diffuse { kd: base }, vec![]));
 }
 
 #[test]

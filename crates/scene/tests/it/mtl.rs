@@ -137,56 +137,8 @@ fn implausible_values_are_clamped_with_a_warning() {
 }
 
 #[test]
-fn opacity_counts_only_without_a_contradicting_illumination_model() {
-    let pane = |transmittance| Bsdf::ThinGlass { ior: 1.5, transmittance };
+fn tr_of_one_is_opaque() {
     let half = Bsdf::Diffuse { kd: [0.5; 3] };
-    let cases = [
-        (
-            "Kd .5\nd 0.25",
-            pane([0.375; 3]),
-            "s.mtl:3: material `m`: it is taken as a thin pane, since `d` is below 0.5",
-        ),
-        (
-            "Kd .5\nTr 0.75",
-            pane([0.375; 3]),
-            "s.mtl:3: material `m`: it is taken as a thin pane, since `d` is below 0.5",
-        ),
-        (
-            "Kd .5\nd -halo 0\nillum 9",
-            pane([0.5; 3]),
-            "s.mtl:3: material `m`: it is taken as a thin pane, since `d` is below 0.5",
-        ),
-        (
-            "Kd 0 0 0\nd 0.25",
-            pane([0.75; 3]),
-            "s.mtl:3: material `m`: it is taken as a thin pane, since `d` is below 0.5",
-        ),
-        (
-            "Kd .5\nd 0\nTf 1 0 0\nillum 6",
-            pane([1.0, 0.0, 0.0]),
-            "s.mtl:3: material `m`: it is taken as a thin pane, since `d` is below 0.5",
-        ),
-        (
-            "Kd .5\nd 0.5",
-            half,
-            "s.mtl:3: material `m`: it is taken as opaque, since `d` is not below 0.5",
-        ),
-        (
-            "Kd .5\nd 0.25\nillum 1",
-            pane([0.375; 3]),
-            "s.mtl:3: material `m`: it is taken as a thin pane, since `d` is below 0.5",
-        ),
-        (
-            "Kd .5\nKs 1\nTr 0.75\nillum 2",
-            pane([0.375; 3]),
-            "s.mtl:4: material `m`: it is taken as a thin pane, since `d` is below 0.5",
-        ),
-    ];
-    for (statements, expected, warning) in cases {
-        let (material, warnings) = material(statements);
-        assert_eq!(material.bsdf, expected, "{statements}");
-        assert_eq!(warnings, [warning], "{statements}");
-    }
     // Exporters that write both mean `d`, and `Tr 1` alone is an opaque surface's.
     assert_eq!(bsdf("Kd .5\nd 1\nTr 1"), half);
     assert_eq!(bsdf("Kd .5\nTr 1\nillum 2"), half);

@@ -215,7 +215,7 @@ impl Gathering<'_> {
             return None;
         }
         let material = self.raycaster.scene().material_id(image.triangle) as usize;
-        let radiance = self.policy.engine.emission_at(
+        let radiance = self.policy.engine.sampled_emission_at(
             self.raycaster,
             image.triangle,
             image.barycentrics,

@@ -2,6 +2,7 @@
 
 mod cached;
 mod common;
+mod covers;
 mod extremes;
 mod housing;
 mod instances;

@@ -1,0 +1,69 @@
+//! Tests pictures of surfaces that are partly covered.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use crate::common::{eye, on_sheet, rays, seen_by};
+use glam::DVec3;
+use holo_driver_surfaces::RaySample;
+use holo_raycast::Raycaster;
+use holo_scene::{Bsdf, Cover, Material, Scene, Shading};
+use std::sync::Arc;
+
+/// A floor of 4 × 4 at height 0, and a sheet of 1 × 1 at height 0.5 with this opacity.
+fn room(opacity: f32, sheet: Bsdf, glow: f32) -> Arc<Raycaster> {
+    let square = |half: f64, height: f64| {
+        [(-half, -half), (half, -half), (half, half), (-half, half)]
+            .map(|(x, y)| DVec3::new(x, y, height))
+    };
+    let positions: Vec<DVec3> = [square(2.0, 0.0), square(0.5, 0.5)].concat();
+    let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+    let sheet = Material { bsdf: sheet, emission: [glow; 3], ..Material::grey("sheet") };
+    let materials = vec![Material::grey("floor"), sheet];
+    let scene = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1], materials, [1.0; 3]);
+    let covers = vec![Cover::default(), Cover { opacity, ..Cover::default() }];
+    let shading = Shading { covers, ..Shading::default() };
+    let scene = scene.unwrap().0.with_shading(shading).unwrap();
+    Arc::new(Raycaster::build(Arc::new(scene)).unwrap())
+}
+
+/// Rays straight down: of those to the sheet, every third one meets it and shows 0.1. The others
+/// show the floor's radiance of 0.8.
+fn samples() -> Vec<RaySample> {
+    let down = rays(96, |_, _| 0.8).into_iter().enumerate();
+    let sample = |(number, ray): (usize, RaySample)| {
+        let is_met = number % 3 == 0 && on_sheet(ray.origin.x, ray.origin.y);
+        let (distance, radiance) = if is_met { (1.5, 0.1) } else { (2.0, 0.8) };
+        RaySample { distance, radiance: [radiance; 3], ..ray }
+    };
+    down.map(sample).collect()
+}
+
+#[test]
+fn a_covered_sheet_shows_what_is_behind_with_the_rest() {
+    for opacity in [0.1, 0.3, 0.7, 0.95] {
+        let room = room(opacity, Bsdf::Diffuse { kd: [0.5; 3] }, 0.0);
+        let (mut view, drawn) = seen_by(&room, &samples(), &eye());
+        let expected = opacity * 0.1 + (1.0 - opacity) * 0.8;
+        let at = |column: usize, row: usize| drawn.pixels[row * 64 + column][0];
+        for (column, row) in [(32, 32), (28, 36), (36, 30)] {
+            let found = at(column, row);
+            assert!((found - expected).abs() < 0.01, "{opacity}: {found}, not {expected}");
+        }
+        assert!((at(3, 3) - 0.8).abs() < 0.01);
+        // The refined picture agrees, and no pixel on the sheet's edge is darker or brighter.
+        view.look_into_edges();
+        let (store, _) = crate::common::kept(&room, &samples());
+        let refined = holo_driver_surfaces::Gathered::new(&view, &store).draw(&view, &store, None);
+        assert!((refined.pixels[32 * 64 + 32][0] - expected).abs() < 0.01);
+        let range = expected - 0.01..0.81;
+        assert!(refined.pixels.iter().all(|pixel| range.contains(&pixel[0])), "{opacity}");
+    }
+}
+
+#[test]
+fn a_lamp_that_covers_little_adds_little() {
+    let room = room(0.25, Bsdf::Diffuse { kd: [0.0; 3] }, 2.0);
+    let (_, drawn) = seen_by(&room, &samples(), &eye());
+    let found = drawn.pixels[32 * 64 + 32][0];
+    assert!((found - (0.25 * 2.0 + 0.75 * 0.8)).abs() < 0.01, "{found}");
+}
