@@ -3,6 +3,7 @@
 mod cached;
 mod common;
 mod extremes;
+mod gather;
 mod housing;
 mod instances;
 mod light;
