@@ -37,6 +37,8 @@ pub enum Engine {
     Path,
     /// Indirect light shared among all workers, within a stated error.
     Cached,
+    /// Paths that end in shared cells of surface light.
+    Gather,
 }
 
 /// Everything that determines a sample's radiance, except the scene itself.

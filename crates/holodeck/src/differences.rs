@@ -52,6 +52,7 @@ pub fn of_settings(file: &RenderSettings, now: &RenderSettings) -> Vec<String> {
     let engine = |settings: &RenderSettings| match settings.engine {
         Engine::Path => "path".to_owned(),
         Engine::Cached => "cached".to_owned(),
+        Engine::Gather => "gather".to_owned(),
     };
     let on =
         |settings: &RenderSettings| if settings.virtual_distance { "on" } else { "off" }.to_owned();

@@ -287,6 +287,7 @@ pub fn info(args: &InfoArgs) -> Result<()> {
     let engine = match info.settings.engine {
         Engine::Path => "path",
         Engine::Cached => "cached",
+        Engine::Gather => "gather",
     };
     let distances = if info.settings.virtual_distance { ", virtual distances" } else { "" };
     holo_progress::print_line!(

@@ -345,6 +345,10 @@ fn engine_words(engine: Engine) -> &'static str {
             "engine cached: clean samples, with indirect light within --accuracy \
              (--engine path gives unbiased, noisy samples)"
         }
+        Engine::Gather => {
+            "engine gather: paths end in shared cells of surface light \
+             (--engine path gives unbiased, noisy samples)"
+        }
     }
 }
 

@@ -64,8 +64,9 @@ pub struct SceneArgs {
     /// Let lights shine from both sides
     #[arg(long)]
     pub two_sided_lights: bool,
-    /// The engine: `path` (unbiased) or `cached` (clean samples, with indirect light within
-    /// --accuracy) [default: for `render` path, else cached if there are diffuse surfaces]
+    /// The engine: `path` (unbiased), `gather` (paths that end in shared cells of surface light) or
+    /// `cached` (clean samples, with indirect light within --accuracy) [default: for `render`
+    /// path, else cached if there are diffuse surfaces]
     #[arg(long, value_parser = parse_engine)]
     pub engine: Option<Engine>,
     /// Limit indirect light to this many bounces; 0 is direct light only [default: no limit]
@@ -136,7 +137,10 @@ fn parse_engine(text: &str) -> Result<Engine, String> {
     match text {
         "path" => Ok(Engine::Path),
         "cached" => Ok(Engine::Cached),
-        other => Err(format!("`{other}` is not an engine; there are `path` and `cached`")),
+        "gather" => Ok(Engine::Gather),
+        other => {
+            Err(format!("`{other}` is not an engine; there are `path`, `gather` and `cached`"))
+        }
     }
 }
 

@@ -140,5 +140,6 @@ fn build(scene: Scene, hierarchies: &Hierarchies, settings: RenderSettings) -> R
     Ok(match settings.engine {
         Engine::Path => tracer,
         Engine::Cached => tracer.with_cache(settings.accuracy, RandomState::new().hash_one(())),
+        Engine::Gather => tracer.with_gather(),
     })
 }

@@ -138,6 +138,17 @@ impl Scatter {
         matches!(self, Self::Diffuse(_) | Self::Coated(_))
     }
 
+    /// Returns the share of light from all directions that goes to `wo`, if the surface looks
+    /// nearly the same from all directions. `None` for other surfaces.
+    #[inline]
+    pub(crate) fn diffuse_albedo(&self, wo: Vec3) -> Option<Vec3> {
+        match self {
+            Self::Diffuse(kd) => Some(*kd),
+            Self::Coated(coat) => coat.diffuse_albedo(wo),
+            _ => None,
+        }
+    }
+
     /// Returns whether light from behind can be scattered to `wo` with a density.
     #[inline]
     pub(crate) fn transmits(&self) -> bool {

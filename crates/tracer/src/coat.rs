@@ -25,6 +25,10 @@ use crate::microfacet::Ggx;
 use crate::sampled::Sampled;
 use crate::sampler::Sampler;
 
+/// Most light that the coat reflects to a direction, over that of the base, for which a coated
+/// surface counts as diffuse. The coat's share shows the surroundings; the base shows their mean.
+const MOST_COAT: f32 = 0.25;
+
 /// The tables that coats of one index and roughness share.
 #[derive(Clone, Debug)]
 pub(crate) struct Layer {
@@ -65,6 +69,13 @@ impl Coat {
     /// Returns the share that the coat transmits at a cosine.
     fn through(&self, cosine: f32) -> Vec3 {
         Vec3::ONE - self.ks * self.layer.reflected.at(cosine)
+    }
+
+    /// Returns the share of light that goes to `wo` if most of it comes from the base.
+    pub(crate) fn diffuse_albedo(&self, wo: Vec3) -> Option<Vec3> {
+        let through = self.through(wo.z);
+        let (coat, base) = (Vec3::ONE - through, self.kd * through);
+        (coat.element_sum() <= MOST_COAT * base.element_sum()).then_some(coat + base)
     }
 
     /// Returns the probability of sampling the coat rather than the base: its share of the

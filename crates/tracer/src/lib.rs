@@ -1,8 +1,9 @@
 //! Engines: they compute the radiance along a ray and the distance to the first surface. This crate
 //! knows neither beams nor sockets.
 //!
-//! The engine `path` is an unbiased path tracer (module `path`). The engine `cached` interpolates
-//! indirect light (module `cached`). [`holo_scene::Bsdf`] defines the materials. They follow
+//! The engine `path` is an unbiased path tracer (module `path`). The paths of the engine `gather` end
+//! in shared cells of surface light (module `gather`). The engine `cached` interpolates indirect
+//! light (module `cached`). [`holo_scene::Bsdf`] defines the materials. They follow
 //! Mitsuba 3's `diffuse`, `conductor`, `roughconductor`, `thindielectric`, `dielectric` and
 //! `roughdielectric`, with two differences. Light that meets several facets of a rough surface is
 //! not lost. Indices of refraction apply between the solids that really touch: bubbles in glass,
@@ -38,6 +39,7 @@ mod direct_tests;
 mod energy_tests;
 mod engine;
 mod fresnel;
+mod gather;
 mod geometry;
 mod images;
 #[cfg(test)]
@@ -67,6 +69,7 @@ mod virtual_distance;
 mod weighting;
 
 pub use cached::{ACCURACIES, DEFAULT_ACCURACY};
+pub use gather::{SharedCell, Verdict};
 pub use sampler::Sampler;
 
 use std::ops::Range;
@@ -81,6 +84,7 @@ use serde::{Deserialize, Serialize};
 
 use cached::Cached;
 use engine::PathEngine;
+use gather::Gather;
 use path::Start;
 use virtual_distance::VirtualDistance;
 use weighting::Direct;
@@ -148,6 +152,7 @@ pub struct Tracer {
     light: Arc<Raycaster>,
     engine: PathEngine,
     cached: Option<Cached>,
+    gather: Option<Gather>,
     virtual_distance: Option<VirtualDistance>,
     settings: Settings,
     nonfinite: AtomicU64,
@@ -197,6 +202,7 @@ impl Tracer {
             light,
             engine,
             cached: None,
+            gather: None,
             virtual_distance: None,
             settings,
             nonfinite: AtomicU64::new(0),
@@ -211,6 +217,16 @@ impl Tracer {
     #[must_use]
     pub fn with_cache(mut self, accuracy: f32, name: u64) -> Self {
         self.cached = Some(Cached::new(&self.engine, &self.light, accuracy, name));
+        self
+    }
+
+    /// Switches to the engine `gather`: paths end in cells of surface light that all threads share.
+    #[must_use]
+    pub fn with_gather(mut self) -> Self {
+        self.gather = Some(Gather::new(&self.raycaster));
+        if self.settings.bounces != Some(0) {
+            self.engine.branches = self.engine.branches.max(gather::BRANCHES);
+        }
         self
     }
 
@@ -254,6 +270,33 @@ impl Tracer {
     #[must_use]
     pub fn light(&self) -> Option<&Arc<Store>> {
         self.cached.as_ref().map(Cached::store)
+    }
+
+    /// Returns the number of cells of surface light, if the engine is `gather`.
+    #[must_use]
+    pub fn cell_count(&self) -> usize {
+        self.gather.as_ref().map_or(0, Gather::cell_count)
+    }
+
+    /// Returns the estimates of cells of surface light that this process made and that were not
+    /// returned before, of at most `most` cells. None unless the engine is `gather`.
+    #[must_use]
+    pub fn new_cells(&self, most: usize) -> Vec<SharedCell> {
+        self.gather.as_ref().map_or_else(Vec::new, |gather| gather.new_cells(most))
+    }
+
+    /// Takes cells of surface light that another process made, if the engine is `gather`. They
+    /// count once the maker's light agrees with own estimates
+    /// ([`review_cells`](Self::review_cells)). If it no longer does, all cells are forgotten, and
+    /// that verdict is returned.
+    pub fn receive_cells(&self, maker: u16, cells: &[SharedCell]) -> Option<Verdict> {
+        self.gather.as_ref()?.receive(&self.raycaster, maker, cells)
+    }
+
+    /// Compares received cells with own estimates. Returns the makers about whom that decides.
+    #[must_use]
+    pub fn review_cells(&self) -> Vec<(u16, Verdict)> {
+        self.gather.as_ref().map_or_else(Vec::new, |gather| gather.review(&self.raycaster))
     }
 
     /// Returns the hierarchy, for other uses of the same scene.
@@ -301,8 +344,8 @@ impl Tracer {
     /// the variance of the result by channel.
     ///
     /// The variance is estimated without bias from the paths themselves, which are dealt to up to 4
-    /// independent means. It is `None` for one path. For the engine `cached` it leaves out the
-    /// error of records.
+    /// independent means. It is `None` for one path. It leaves out the error of records (engine
+    /// `cached`) and cells (engine `gather`).
     ///
     /// [`trace`](Self::trace) stratifies all paths together. This lowers the error but leaves its
     /// size unknown. Here each mean has fewer strata, so the result varies more: 1.4 to 1.6 times
@@ -370,9 +413,11 @@ impl Tracer {
         let mut sum = Vec3::ZERO;
         for path in paths {
             let mut sampler = Sampler::new(seed, path);
-            let radiance = match &self.cached {
-                None => self.engine.radiance(&self.light, start, &mut sampler),
-                Some(cached) => cached.radiance(&self.engine, &self.light, start, &mut sampler),
+            let (engine, raycaster) = (&self.engine, &*self.light);
+            let radiance = match (&self.gather, &self.cached) {
+                (Some(gather), _) => gather.radiance(engine, raycaster, start, &mut sampler),
+                (None, Some(cached)) => cached.radiance(engine, raycaster, start, &mut sampler),
+                (None, None) => engine.radiance(raycaster, start, &mut sampler),
             };
             if radiance.is_finite() {
                 sum += radiance;

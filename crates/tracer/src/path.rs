@@ -32,11 +32,12 @@ use crate::aim::Aims;
 use crate::bsdf::Scatter;
 use crate::direct::{self, LightSampling, LitVertex, MaterialSample};
 use crate::engine::PathEngine;
+use crate::gather::Footprint;
 use crate::geometry::Frame;
 use crate::images::{ImageMirror, ImageSampling};
 use crate::medium::{Crossing, Inside, TOUCH};
 use crate::panes::MAX_DEPTH;
-use crate::policy::{PathPolicy, ShadingPoint, Unbiased};
+use crate::policy::{Carried, LaterVertex, PathPolicy, ShadingPoint, Unbiased};
 use crate::sampler::{Purpose, Sampler};
 use crate::shading::{self, Look};
 use crate::surface::Surface;
@@ -99,6 +100,10 @@ struct Path<'a> {
     /// Width of the path at the ray's origin, and its growth with distance.
     width: f32,
     spread: f32,
+    footprint: Footprint,
+    /// Factor of the throughput with which light counts in the end: paths that teach begin with a
+    /// throughput of 1 again.
+    worth: Vec3,
 }
 
 /// A vertex that a path continues from.
@@ -186,19 +191,22 @@ impl PathEngine {
             aimed_by: 1.0,
             width: 0.0,
             spread: if depth == 0 { EYE_SPREAD } else { SCATTERED_SPREAD },
+            footprint: Footprint::none(),
+            worth: Vec3::ONE,
         };
         self.trace_rest(raycaster, path, policy, sampler)
     }
 
     /// Returns the radiance that the rest of a path brings.
-    fn trace_rest<'a>(
+    fn trace_rest<'a, P: PathPolicy>(
         &self,
         raycaster: &Raycaster,
         mut path: Path<'a>,
-        policy: &'a impl PathPolicy,
+        policy: &'a P,
         sampler: &mut Sampler,
     ) -> Vec3 {
         let mut radiance = Vec3::ZERO;
+        let mut lessons = P::Lessons::default();
         while path.depth < MAX_DEPTH {
             let Some(hit) = path.hit else {
                 radiance += self.sky_along(&path, policy);
@@ -214,6 +222,7 @@ impl PathEngine {
                     n.cross(raycaster, &point, material, path.direction, &path.inside)
                 });
             path.width += hit.t * path.spread;
+            path.footprint.travel(hit.t);
             let textured;
             let (scatter, beyond) = match &crossing {
                 None if self.is_shaded => {
@@ -251,6 +260,24 @@ impl PathEngine {
                     break;
                 }
                 path.scatterings += 1;
+                if path.scatterings > 1 {
+                    let at = LaterVertex {
+                        raycaster,
+                        point: &point,
+                        normal: facing,
+                        material,
+                        scatter,
+                        wo,
+                        footprint: path.footprint.arrive(wo.z),
+                        scatterings: path.scatterings,
+                        depth: path.depth,
+                    };
+                    let Path { throughput, worth, .. } = &mut path;
+                    let mut carried = Carried { radiance: &mut radiance, throughput, worth };
+                    if policy.ends(&mut lessons, &at, &mut carried, sampler) {
+                        break;
+                    }
+                }
                 let Path { depth, scatterings, throughput, .. } = path;
                 let inside = &path.inside;
                 let shading = ShadingPoint {
@@ -346,7 +373,7 @@ impl PathEngine {
             radiance += sum / branches as f32;
             break;
         }
-        radiance
+        policy.learn(raycaster, lessons, radiance)
     }
 
     /// Returns the light of sky and suns that a path brings whose ray meets nothing.

@@ -25,8 +25,58 @@ pub(crate) struct ShadingPoint<'a> {
     pub depth: u32,
 }
 
+/// A vertex after the first, on a surface that is neither a mirror nor glass.
+pub(crate) struct LaterVertex<'a> {
+    pub raycaster: &'a Raycaster,
+    pub point: &'a SurfacePoint,
+    /// Geometric normal on the side of the incoming path.
+    pub normal: Vec3,
+    pub material: u32,
+    pub scatter: &'a Scatter,
+    /// Direction towards the previous vertex, in the frame of the normal that scatters.
+    pub wo: Vec3,
+    /// Width of the path's footprint.
+    pub footprint: f32,
+    /// Number of surfaces so far that are neither mirrors nor glass, with this one.
+    pub scatterings: u32,
+    /// Number of surfaces that the path has left.
+    pub depth: u32,
+}
+
+/// What a path carries on its way.
+pub(crate) struct Carried<'a> {
+    /// The radiance that it has brought so far.
+    pub radiance: &'a mut Vec3,
+    pub throughput: &'a mut Vec3,
+    /// Factor of the throughput with which light counts in the end.
+    pub worth: &'a mut Vec3,
+}
+
 /// The decisions of one engine about a path.
 pub(crate) trait PathPolicy: Clone {
+    /// What a path has to teach once it ends.
+    type Lessons: Default;
+
+    /// Returns whether the path ends at a vertex after the first, because the light that this
+    /// vertex reflects is known and has been added to what the path carries. May begin a lesson.
+    #[inline]
+    fn ends(
+        &self,
+        _: &mut Self::Lessons,
+        _: &LaterVertex,
+        _: &mut Carried,
+        _: &mut Sampler,
+    ) -> bool {
+        false
+    }
+
+    /// Ends the lessons of a path that has brought `radiance` since the last one began. Returns the
+    /// radiance of the whole path.
+    #[inline]
+    fn learn(&self, _: &Raycaster, _: Self::Lessons, radiance: Vec3) -> Vec3 {
+        radiance
+    }
+
     /// Returns the indirect light that a vertex reflects, if it is known. The path then ends there.
     fn indirect(&self, point: &ShadingPoint, sampler: &mut Sampler) -> Option<Vec3>;
 
@@ -47,6 +97,8 @@ pub(crate) trait PathPolicy: Clone {
 pub(crate) struct Unbiased;
 
 impl PathPolicy for Unbiased {
+    type Lessons = ();
+
     #[inline]
     fn indirect(&self, _: &ShadingPoint, _: &mut Sampler) -> Option<Vec3> {
         None

@@ -16,6 +16,10 @@ use crate::{
 /// Most faults that are kept for reports: the oldest ones.
 const MAX_FAULTS: usize = 64;
 
+/// Relative error of the light of two workers of the engine `gather` that many rays share. Around
+/// two corners, single runs were up to 20 % off after four paths a pixel.
+const CELLS_NOISE: f64 = 0.2;
+
 impl Coordinator {
     /// Begins to check a traced packet now and then: another worker traces it again.
     pub(super) fn audit(&mut self, id: ConnectionId, traced: &Assignment, samples: &[Sample]) {
@@ -35,6 +39,8 @@ impl Coordinator {
         let noise = match settings.engine {
             Engine::Path => 0.0,
             Engine::Cached => f64::from(settings.accuracy),
+            // Their cells have an error that neighbouring rays share.
+            Engine::Gather => CELLS_NOISE,
         };
         match self.audits.finish(audit, samples, noise) {
             None => {}

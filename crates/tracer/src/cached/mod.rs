@@ -251,6 +251,8 @@ struct CachePolicy<'a> {
 }
 
 impl PathPolicy for CachePolicy<'_> {
+    type Lessons = ();
+
     #[inline]
     fn indirect(&self, at: &ShadingPoint, sampler: &mut Sampler) -> Option<Vec3> {
         let Scatter::Diffuse(kd) = at.scatter else { return None };

@@ -59,7 +59,8 @@ impl PathEngine {
             // paths because they entered glass. Secondary sources and caustics are brighter than
             // `aimed_by` lowers the throughput: without that factor, the few survivors would be as
             // noisy as unaimed paths.
-            let worth = ROULETTE_FACTOR * path.throughput.max_element() * path.eta2 * path.aimed_by;
+            let light = (path.worth * path.throughput).max_element();
+            let worth = ROULETTE_FACTOR * light * path.eta2 * path.aimed_by;
             let survival = worth.min(if depth < LONG { 1.0 } else { CEILING_OF_LONG });
             sampler.turn(depth, Purpose::Roulette);
             if sampler.one() >= survival {
@@ -77,6 +78,7 @@ impl PathEngine {
                 return false;
             };
             path.throughput *= weight.weight;
+            path.footprint.multiply_density(weight.weight.recip());
             if weight.is_aimed {
                 path.aimed_by /= weight.weight;
             }
@@ -126,8 +128,9 @@ impl PathEngine {
                 None => EmissionWeight::Full,
             };
         }
-        if sampled.pdf.is_some() {
+        if let Some(density) = sampled.pdf {
             path.spread = path.spread.max(SCATTERED_SPREAD);
+            path.footprint.leave(density);
         }
         path.direction = frame.to_world(sampled.wi);
         let ray = Ray::new(spawn(point.point, error, point.normal, path.direction), path.direction);

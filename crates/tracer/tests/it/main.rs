@@ -4,6 +4,7 @@ mod cached;
 mod common;
 mod covers;
 mod extremes;
+mod gather;
 mod housing;
 mod instances;
 mod light;
