@@ -2,9 +2,11 @@
 //! pictures.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use anyhow::Result;
 use holo_progress::{HumanBytes, HumanCount};
+use holo_raycast::Raycaster;
 use holo_scene::Scene;
 use serde_json::json;
 
@@ -32,8 +34,9 @@ pub fn run(args: &Args) -> Result<()> {
     let config = args.scene_args.resolve(args.scene.as_ref())?;
     check_units(&config)?;
     let loaded = loading::load_quietly(&config)?;
-    let scene = &loaded.scene;
-    let findings = holo_survey::findings(scene);
+    let raycaster = Raycaster::build(Arc::new(loaded.scene))?;
+    let scene: &Scene = raycaster.scene();
+    let findings = holo_survey::findings(&raycaster);
     let memory = holo_survey::memory(scene);
     let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     if args.json {

@@ -15,6 +15,8 @@
 //!   triangle of least index wins if distances are equal.
 //! - Any bit pattern is an acceptable ray. A ray with a NaN, an infinite or zero direction, or an
 //!   infinite origin hits nothing.
+//! - Of several faces at one place, a ray meets the one that faces it, then the one that emits
+//!   light, then the one of least index, whatever the rounding of their distances.
 //! - Both sides of a triangle are hit.
 //! - Rays pass cut-out parts. They meet a surface that is partly covered, unless the caster is
 //!   [by chance](Raycaster::by_chance): then they meet it with the probability of its opacity.
@@ -24,6 +26,7 @@
 mod build;
 mod bundle;
 mod chance;
+mod coincident;
 mod dispatch;
 mod facet;
 mod hierarchies;

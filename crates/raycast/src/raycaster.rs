@@ -7,6 +7,7 @@ use holo_scene::{Rgb, Scene, SceneError, Sun};
 
 use crate::build;
 use crate::chance;
+use crate::coincident::{self, Coincident};
 use crate::dispatch::Isa;
 use crate::facet::{BuildError, Facet, facets};
 use crate::instances::{self, Instances};
@@ -44,6 +45,8 @@ pub struct Raycaster {
     /// Half the side of the cube around the scene's origin that contains all vertices.
     reach: f32,
     covers: Covers,
+    /// Faces at one place, if there are any.
+    coincident: Option<Arc<Coincident>>,
 }
 
 impl Raycaster {
@@ -78,8 +81,17 @@ impl Raycaster {
             hierarchy.few = None;
         }
         let covers = if scene.has_covers() { Covers::Holes } else { Covers::None };
-        let (facets, hierarchy) = (Arc::new(facets), Arc::new(hierarchy));
-        Ok(Self { scene, facets, hierarchy, instances, isa: Isa::detect(), reach, covers })
+        let coincident = Coincident::find(&scene, &facets, &hierarchy, reach).map(Arc::new);
+        Ok(Self {
+            scene,
+            facets: Arc::new(facets),
+            hierarchy: Arc::new(hierarchy),
+            instances,
+            isa: Isa::detect(),
+            reach,
+            covers,
+            coincident,
+        })
     }
 
     /// Returns the same caster for rays of light: they meet a surface with the probability of its
@@ -94,6 +106,42 @@ impl Raycaster {
     #[must_use]
     pub fn has_covers(&self) -> bool {
         self.covers != Covers::None
+    }
+
+    /// Returns the triangles at whose place, in part, another triangle lies, in rising order.
+    /// Triangles of instances and boundaries of solid glass are left out.
+    #[must_use]
+    pub fn coincident(&self) -> Vec<u32> {
+        self.coincident.as_ref().map_or_else(Vec::new, |coincident| coincident.triangles())
+    }
+
+    /// Returns the share of rays that see a point of a triangle and not another face at its place.
+    /// `direction` goes towards it.
+    #[must_use]
+    #[inline]
+    pub fn shown(&self, triangle: u32, u: f32, v: f32, direction: Vec3) -> f32 {
+        match &self.coincident {
+            None => 1.0,
+            Some(coincident) => self.shown_of(coincident, triangle, [u, v], direction),
+        }
+    }
+
+    #[cold]
+    fn shown_of(
+        &self,
+        coincident: &Coincident,
+        triangle: u32,
+        [u, v]: [f32; 2],
+        direction: Vec3,
+    ) -> f32 {
+        if !coincident.shares(triangle) {
+            return 1.0;
+        }
+        let hit = Hit { t: 0.0, triangle, u, v };
+        let before = self.at_place(coincident, direction, &hit).into_iter();
+        let before = before.take_while(|hit| hit.triangle != triangle);
+        let passes = before.map(|hit| 1.0 - self.scene.opacity(hit.triangle, hit.u, hit.v));
+        passes.product()
     }
 
     /// Replaces the sky and the suns of the scene. The hierarchy stays, because sky and suns have
@@ -177,9 +225,9 @@ impl Raycaster {
         for (slot, best) in slots[..count].iter().zip(best) {
             hits[*slot] = (best.triangle != NO_TRIANGLE).then_some(best);
         }
-        if self.has_covers() {
+        if self.has_choices() {
             for ((ray, &from), hit) in rays.iter().zip(from).zip(hits.iter_mut()) {
-                *hit = hit.and_then(|hit| self.not_passed(ray, [from, NO_TRIANGLE], hit));
+                *hit = hit.and_then(|hit| self.choose(ray, [from, NO_TRIANGLE], hit));
             }
         }
     }
@@ -202,9 +250,9 @@ impl Raycaster {
                 )
             {
                 self.nearest_many(rays, hits);
-            } else if self.has_covers() {
+            } else if self.has_choices() {
                 for (ray, hit) in rays.iter().zip(hits.iter_mut()) {
-                    *hit = hit.and_then(|hit| self.not_passed(ray, [NO_TRIANGLE; 2], hit));
+                    *hit = hit.and_then(|hit| self.choose(ray, [NO_TRIANGLE; 2], hit));
                 }
             }
         }
@@ -359,26 +407,77 @@ impl Raycaster {
     #[inline]
     fn query(&self, ray: &Ray, skip: [u32; 2]) -> Option<Hit> {
         let hit = self.query_whole(ray, skip)?;
-        if self.has_covers() { self.not_passed(ray, skip, hit) } else { Some(hit) }
+        if self.has_choices() { self.choose(ray, skip, hit) } else { Some(hit) }
     }
 
-    /// Returns `hit`, or the next one if the ray passes there.
+    /// Returns whether the first triangle along a ray may not be what the ray meets.
+    #[inline]
+    fn has_choices(&self) -> bool {
+        self.has_covers() || self.coincident.is_some()
+    }
+
+    /// Returns what a ray meets at `hit`, or the next one if the ray passes there.
     #[cold]
-    fn not_passed(&self, ray: &Ray, skip: [u32; 2], mut hit: Hit) -> Option<Hit> {
+    fn choose(&self, ray: &Ray, skip: [u32; 2], mut hit: Hit) -> Option<Hit> {
         let mut rest = *ray;
         for _ in 0..MAX_HOLES {
-            let opacity = self.scene.opacity(hit.triangle, hit.u, hit.v);
-            let is_met = match self.covers {
-                Covers::Chance if opacity < 1.0 => chance::meets(ray, hit.triangle, opacity),
-                _ => opacity > 0.0,
+            let met = match &self.coincident {
+                Some(coincident) => self.met_at_place(coincident, ray, skip, &hit),
+                None => Some(hit).filter(|hit| self.is_met(ray, hit)),
             };
-            if is_met {
-                return Some(hit);
+            if met.is_some() {
+                return met;
             }
             rest.t_min = hit.t;
             hit = self.query_whole(&rest, skip)?;
         }
         None
+    }
+
+    /// Returns whether a surface is there for a ray that hits it.
+    fn is_met(&self, ray: &Ray, hit: &Hit) -> bool {
+        if !self.has_covers() {
+            return true;
+        }
+        let opacity = self.scene.opacity(hit.triangle, hit.u, hit.v);
+        match self.covers {
+            Covers::Chance if opacity < 1.0 => chance::meets(ray, hit.triangle, opacity),
+            _ => opacity > 0.0,
+        }
+    }
+
+    /// Returns what a ray meets of the faces at the place of a hit.
+    fn met_at_place(
+        &self,
+        coincident: &Coincident,
+        ray: &Ray,
+        skip: [u32; 2],
+        hit: &Hit,
+    ) -> Option<Hit> {
+        if !coincident.shares(hit.triangle) {
+            return Some(*hit).filter(|hit| self.is_met(ray, hit));
+        }
+        // The ray begins or ends at the place of this face.
+        let is_there = |other: u32| coincident.lies_in_plane(&self.facets, hit.triangle, other);
+        if skip.into_iter().any(is_there) {
+            return None;
+        }
+        let faces = self.at_place(coincident, ray.direction, hit);
+        faces.into_iter().find(|face| self.is_met(ray, face))
+    }
+
+    /// Returns the faces at the place of a hit that a ray in `direction` may meet, in the order in
+    /// which it does. Those that face away are the back of a sheet, if others face the ray.
+    fn at_place(&self, coincident: &Coincident, direction: Vec3, hit: &Hit) -> Vec<Hit> {
+        let (point, _) = self.surface_point(hit);
+        let others = coincident.at(&self.facets, &self.hierarchy, hit.triangle, point);
+        let others = others.into_iter().map(|(triangle, [u, v])| Hit { triangle, u, v, ..*hit });
+        let rank = |hit: &Hit| coincident::rank(&self.scene, &self.facets, hit.triangle, direction);
+        let mut faces: Vec<Hit> = std::iter::once(*hit).chain(others).collect();
+        faces.sort_unstable_by_key(rank);
+        let side = rank(&faces[0]).0;
+        faces.retain(|face| rank(face).0 == side);
+        faces
     }
 
     /// Returns the first hit, as if all surfaces were whole.
@@ -434,7 +533,7 @@ impl Raycaster {
 
     #[inline]
     fn any(&self, ray: &Ray, skip: [u32; 2]) -> Option<u32> {
-        if self.has_covers() {
+        if self.has_choices() {
             return self.query(ray, skip).map(|hit| hit.triangle);
         }
         let any = |ray: &Ray| self.prepare(ray, skip).and_then(|query| self.any_of(&query));

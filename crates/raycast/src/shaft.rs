@@ -198,7 +198,7 @@ impl Raycaster {
 }
 
 /// Returns whether `met` is true for a leaf in boxes for which `enters` is true.
-fn find(
+pub(crate) fn find(
     hierarchy: &Hierarchy,
     enters: impl Fn(DVec3, DVec3) -> bool,
     met: impl Fn(u32) -> bool,
@@ -233,7 +233,7 @@ fn children(hierarchy: &Hierarchy, node: u32) -> impl Iterator<Item = (DVec3, DV
 }
 
 /// Returns the triangles of a leaf.
-fn triangles(hierarchy: &Hierarchy, leaf: u32) -> impl Iterator<Item = u32> {
+pub(crate) fn triangles(hierarchy: &Hierarchy, leaf: u32) -> impl Iterator<Item = u32> {
     let block = &hierarchy.blocks[leaf as usize];
     (0..LANES).filter_map(|lane| block.used(lane))
 }

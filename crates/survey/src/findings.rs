@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use glam::Vec3;
+use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 
 /// A peculiarity of a scene.
@@ -35,9 +36,10 @@ type Edge = [[u32; 3]; 2];
 
 /// Returns the peculiarities of a scene, in a fixed order.
 #[must_use]
-pub fn findings(scene: &Scene) -> Vec<Finding> {
+pub fn findings(raycaster: &Raycaster) -> Vec<Finding> {
+    let scene: &Scene = raycaster.scene();
     let mut found = Vec::new();
-    duplicates(scene, &mut found);
+    coincident(raycaster, &mut found);
     edges(scene, &mut found);
     sizes(scene, &mut found);
     materials(scene, &mut found);
@@ -70,21 +72,32 @@ fn all(scene: &Scene) -> std::ops::Range<u32> {
     scene.triangles()
 }
 
-fn duplicates(scene: &Scene, found: &mut Vec<Finding>) {
+/// Finds faces at one place: those with the same corners, and those that are cut differently.
+fn coincident(raycaster: &Raycaster, found: &mut Vec<Finding>) {
+    let scene: &Scene = raycaster.scene();
+    let key = |triangle: u32| {
+        let mut corners = scene.corners(triangle).map(bits);
+        corners.sort_unstable();
+        corners
+    };
     let mut known: HashMap<[[u32; 3]; 3], u32> = HashMap::new();
     let mut first = None;
     let mut count = 0;
     for triangle in all(scene) {
-        let mut corners = scene.corners(triangle).map(bits);
-        corners.sort_unstable();
-        if known.insert(corners, triangle).is_some() {
+        let times = known.entry(key(triangle)).or_default();
+        *times += 1;
+        if *times > 1 {
             count += 1;
             first.get_or_insert(triangle);
         }
     }
-    let means = "rays meet only one of two faces at the same place: the other's colour and light do \
-                 not show";
+    let means = "of two faces at one place, rays meet the one that faces them, then the lamp, then \
+                 the first in the file: the other's colour and light do not show there";
     push(found, "duplicate faces", count, first.and_then(|t| place(scene, t)), None, means);
+    let mut others = raycaster.coincident();
+    others.retain(|&triangle| known.get(&key(triangle)) == Some(&1));
+    let first = others.first().and_then(|&t| place(scene, t));
+    push(found, "overlapping faces in one plane", others.len(), first, None, means);
 }
 
 /// The directions in which faces traverse an edge.

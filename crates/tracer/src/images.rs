@@ -124,6 +124,11 @@ impl<'a> Images<'a> {
         })
     }
 
+    /// Returns the direction in which a ray reaches the lamp of an image.
+    pub(crate) fn arrives_along(&self, image: &Image) -> Vec3 {
+        self.mirrors.planes[usize::from(image.plane)].reflect_direction(image.towards)
+    }
+
     /// Returns the share of an image's light that arrives at the point.
     pub(crate) fn arriving(&self, at: &SurfacePoint, image: &Image) -> Vec3 {
         let Image { plane, triangle, barycentrics: [u, v], towards, .. } = *image;

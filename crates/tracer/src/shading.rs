@@ -63,16 +63,18 @@ impl PathEngine {
     }
 
     /// Returns the radiance that a sample of a lamp brings: that of a point, times the opacity
-    /// there.
+    /// there, unless another face at its place hides it. `direction` goes towards it.
     #[inline]
     pub(crate) fn sampled_emission_at(
         &self,
         raycaster: &Raycaster,
         triangle: u32,
         [u, v]: [f32; 2],
+        direction: Vec3,
         emission: Vec3,
     ) -> Vec3 {
-        let emission = self.emission_at(raycaster, triangle, [u, v], emission);
+        let emission = self.emission_at(raycaster, triangle, [u, v], emission)
+            * raycaster.shown(triangle, u, v, direction);
         match raycaster.has_covers() {
             true => emission * raycaster.scene().opacity(triangle, u, v),
             false => emission,

@@ -7,6 +7,7 @@ use glam::DVec3;
 use holo_driver_surfaces::RaySample;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Cover, Material, Scene, Shading};
+use holo_tracer::{Settings, Tracer};
 use std::sync::Arc;
 
 /// A floor of 4 × 4 at height 0, and a sheet of 1 × 1 at height 0.5 with this opacity.
@@ -66,4 +67,44 @@ fn a_lamp_that_covers_little_adds_little() {
     let (_, drawn) = seen_by(&room, &samples(), &eye());
     let found = drawn.pixels[32 * 64 + 32][0];
     assert!((found - (0.25 * 2.0 + 0.75 * 0.8)).abs() < 0.01, "{found}");
+}
+
+/// What a tracer brings, pictures show: both agree over a part of the sheet and of the floor.
+#[test]
+fn pictures_of_traced_samples_are_as_bright_as_the_samples() {
+    let room = room(0.4, Bsdf::Diffuse { kd: [0.2; 3] }, 0.0);
+    let tracer = Tracer::with_raycaster(room.clone(), Settings::default()).unwrap();
+    let random = |number: u64| (holo_display::split_mix(number) >> 11) as f64 / (1u64 << 53) as f64;
+    let (eye, side) = (eye(), 64.0);
+    let trace = |x: f64, y: f64, seed: u64| {
+        let (origin, direction) = eye.ray(x / side, 1.0 - y / side);
+        let traced = tracer.trace(origin, direction, seed);
+        RaySample {
+            origin,
+            direction,
+            distance: traced.distance,
+            uncertainty: 1e-4,
+            radiance: traced.radiance,
+            paths: 1,
+        }
+    };
+    let samples: Vec<RaySample> =
+        (0..60_000).map(|n| trace(side * random(2 * n), side * random(2 * n + 1), n)).collect();
+    let (_, drawn) = seen_by(&room, &samples, &eye);
+    for (left, top) in [(28, 28), (8, 50)] {
+        let block = || (top..top + 8).flat_map(|y| (left..left + 8).map(move |x| (x, y)));
+        let shown: f32 = block().map(|(x, y)| drawn.pixels[y * 64 + x][0]).sum::<f32>() / 64.0;
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for n in 0..8000 {
+            let (x, y) = (8.0 * random(7 * n + 3), 8.0 * random(7 * n + 5));
+            let traced = trace(left as f64 + x, top as f64 + y, n + 1_000_000).radiance[0];
+            (sum, squares) = (sum + f64::from(traced), squares + f64::from(traced * traced));
+        }
+        let mean = sum / 8000.0;
+        let error = ((squares / 8000.0 - mean * mean) / 8000.0).sqrt();
+        // The picture's own samples of the block are fewer: 940 on average.
+        let bound = 4.5 * error * (1.0 + 8000.0f64 / 940.0).sqrt();
+        let away = (f64::from(shown) - mean).abs();
+        assert!(away < bound, "{left} {top}: {shown} is not {mean} within {bound}");
+    }
 }

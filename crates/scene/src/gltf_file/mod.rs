@@ -320,6 +320,9 @@ impl Reading<'_> {
         let mut look = self.look(material, is_finished);
         if let Some(bsdf) = base {
             look.cover.base = Some(self.base(material, bsdf));
+            if finish.is_some() {
+                self.count("materials that are glass in part have their mean roughness");
+            }
         }
         if matches!(made.bsdf, Bsdf::Dielectric { .. }) && look.cover.is_partial() {
             self.count("materials of solid glass with an alpha are whole");
@@ -369,7 +372,7 @@ impl Reading<'_> {
         let covers = self.looks.iter().map(|look| match look.cover {
             // Without opacities of corners, all of the surface is on one side of the cutoff.
             Cover { opacity, least, .. } if least > 0.0 && opacity >= least && !has_opacities => {
-                Cover::default()
+                Cover { base: look.cover.base, ..Cover::default() }
             }
             cover => cover,
         });

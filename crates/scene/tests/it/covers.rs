@@ -10,7 +10,7 @@ const KD: [f32; 3] = [0.25, 0.5, 0.75];
 
 /// Writes a picture of two texels with these opacities.
 fn picture(path: &Path, opacities: [u8; 2]) {
-    let raw = opacities.map(|opacity| [0, 0, 0, opacity]).concat();
+    let raw = opacities.map(|opacity| [255, 255, 255, opacity]).concat();
     image::RgbaImage::from_raw(2, 1, raw).unwrap().save(path).unwrap();
 }
 

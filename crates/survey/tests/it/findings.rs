@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used)]
 
 use glam::DVec3;
+use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 use holo_survey::findings;
+use std::sync::Arc;
 
 /// A closed tetrahedron at a place, with its fronts outside.
 fn tetrahedron(at: f64, size: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
@@ -16,7 +18,10 @@ fn found(positions: &[DVec3], triangles: &[[u32; 3]], kd: f32) -> Vec<(&'static 
     let material = Material { bsdf: Bsdf::Diffuse { kd: [kd; 3] }, ..Material::grey("m") };
     let ids = vec![0; triangles.len()];
     let scene = Scene::from_world(positions, triangles, &ids, vec![material], [0.0; 3]).unwrap().0;
-    findings(&scene).iter().map(|found| (found.kind, found.count)).collect()
+    findings(&Raycaster::build(Arc::new(scene)).unwrap())
+        .iter()
+        .map(|found| (found.kind, found.count))
+        .collect()
 }
 
 #[test]
@@ -33,6 +38,25 @@ fn each_fault_is_found_and_nothing_else() {
     assert_eq!(with(|t| t.push([3, 2, 1])), [("duplicate faces", 1)]);
     let white = found(&positions, &triangles, 0.96);
     assert_eq!(white, [("materials that absorb hardly any light", 1)]);
+}
+
+#[test]
+fn faces_in_one_plane_are_found_however_they_are_cut() {
+    let square = |low: f64, high: f64| {
+        [(low, low), (high, low), (high, high), (low, high)]
+            .map(|(x, y)| DVec3::new(x, y, 0.3 * x - 0.7 * y))
+    };
+    let quads = [[0, 1, 2], [0, 2, 3], [4, 7, 6], [4, 6, 5]];
+    let count = |low: f64, high: f64| {
+        let positions = [square(0.0, 1.0), square(low, high)].concat();
+        let found = found(&positions, &quads, 0.5);
+        found.iter().find(|(kind, _)| kind.contains("one plane")).map(|(_, count)| *count)
+    };
+    assert_eq!(count(0.2, 0.7), Some(4));
+    assert_eq!(count(0.9, 3.0), Some(4));
+    // Squares that only touch do not overlap.
+    assert_eq!(count(1.0, 2.0), None);
+    assert_eq!(count(1.5, 2.0), None);
 }
 
 #[test]

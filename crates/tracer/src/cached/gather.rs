@@ -219,6 +219,7 @@ impl Gathering<'_> {
             self.raycaster,
             image.triangle,
             image.barycentrics,
+            images.arrives_along(&image),
             self.policy.engine.surfaces[material].emission,
         ) * images.arriving(self.point, &image);
         let density = self.image_rays as f32 * image.density;

@@ -126,7 +126,7 @@ fn a_room_of_duplicate_faces_is_as_bright_as_one_of_single_faces() {
         model.cuboid([-1.0; 3], [1.0; 3], false, material);
     }
     expect_furnace(&model.tracer(None), DVec3::new(0.1, 0.2, -0.3));
-    // The duplicates list their corners in another order and face away. The first triangle counts.
+    // The duplicates list their corners in another order and face away.
     let (mut model, wall) = glowing();
     model.cuboid([-1.0; 3], [1.0; 3], false, wall);
     let inwards = model.triangles.clone();
@@ -134,16 +134,22 @@ fn a_room_of_duplicate_faces_is_as_bright_as_one_of_single_faces() {
     model.triangles.extend(inwards.iter().map(|[a, b, c]| [*b, *c, *a]));
     model.ids.extend(vec![wall; 2 * inwards.len()]);
     expect_furnace(&model.tracer(None), DVec3::new(0.1, 0.2, -0.3));
-    // In reverse order, rays meet the backs of lamps and see no light. Hidden lamps must not light
-    // them either.
+    // Rays meet the faces that face them in any order.
     model.triangles.rotate_left(inwards.len());
-    assert_eq!(estimate(&model.tracer(None), DVec3::ZERO, DVec3::X, 1_000).mean, [0.0; 3]);
-    // A lamp behind a card with the same corners.
+    expect_furnace(&model.tracer(None), DVec3::new(0.1, 0.2, -0.3));
+    // A lamp and a card with the same corners: the lamp counts.
     let (mut model, lamp) = glowing();
     let card = model.material(Bsdf::Diffuse { kd: KD }, [0.0; 3]);
     for material in [card, lamp] {
         model.cuboid([-1.0; 3], [1.0; 3], false, material);
     }
+    expect_furnace(&model.tracer(None), DVec3::new(0.1, 0.2, -0.3));
+    // A lamp that shines on both sides, and whose front is outside: the card hides it.
+    let (mut model, lamp) = glowing();
+    let card = model.material(Bsdf::Diffuse { kd: KD }, [0.0; 3]);
+    model.two_sided(lamp);
+    model.cuboid([-1.0; 3], [1.0; 3], false, card);
+    model.cuboid([-1.0; 3], [1.0; 3], true, lamp);
     assert_eq!(estimate(&model.tracer(None), DVec3::ZERO, DVec3::X, 1_000).mean, [0.0; 3]);
 }
 
