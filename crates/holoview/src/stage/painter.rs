@@ -306,6 +306,8 @@ impl Painter {
                     order => self.follow(order)?,
                 }
             }
+            // Even while the eye moves.
+            self.job.take_if(|job| !job.order.is_wanted());
             if let Some(wanted) = wanted
                 && self.is_due(&wanted)
             {

@@ -140,7 +140,8 @@ function draw(next, parts) {
     measure(now);
   }
   hasPicture = true;
-  loading('');
+  hasLight ||= next.unknown <= NOTHING_KNOWN;
+  pictureCame();
   if (next.under) showUnder(next.under);
   $('guess').hidden = next.unknown + next.guessed < MOST_GUESSED;
   if (document.activeElement !== $('t-view')) $('t-view').value = next.options;
@@ -232,7 +233,7 @@ function showState() {
     notice(`${text} Start holodeck again, and this page goes on.`, 0);
     return;
   }
-  if (phase === 'running' && hasPicture) loading('');
+  if (phase === 'running' && hasPicture) pictureCame();
   field('s-view', state.view_samples ? short(state.view_samples) : null, 'samples of this view');
   const traced = state.traces ? `${short(state.samples_per_second)}/s` : null;
   field('s-traced', state.paused ? 'paused' : traced, state.paused ? '' : 'traced');
@@ -264,6 +265,12 @@ function showState() {
 }
 
 function press(id, on) { $(id).setAttribute('aria-pressed', on); }
+
+/** True once a picture has shown light. */
+let hasLight = false;
+
+/** Says what a picture waits for that shows no light yet. */
+function pictureCame() { loading(hasLight || (state && state.uncovered) ? '' : 'Finding the first light …'); }
 
 function loading(text) {
   $('loading').hidden = !text;
@@ -342,6 +349,9 @@ function eyeNow() {
 
 // ---- grids of sections
 
+/** Returns whether the driver shows the scene before any light is known. */
+function drawsScene() { return state && state.driver === 'surfaces'; }
+
 function drawGrid() {
   const view = eyeNow();
   const width = stage.clientWidth, height = stage.clientHeight;
@@ -351,7 +361,7 @@ function drawGrid() {
   if (!view || !facts || view.kind !== 'v') return;
   const unknown = header ? header.unknown : 1;
   const strength = gridMode === 'on' ? 0.5 : gridMode === 'off' ? 0 :
-    state && state.uncovered ? 0.5 : unknown > NOTHING_KNOWN ? 0.35 : 0;
+    state && state.uncovered ? 0.5 : unknown > NOTHING_KNOWN && !drawsScene() ? 0.35 : 0;
   if (!strength) return;
   const canvas = shown(), scale = Math.min(width / canvas.width, height / canvas.height);
   const sides = [canvas.width * scale, canvas.height * scale];
