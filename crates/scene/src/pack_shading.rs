@@ -1,16 +1,17 @@
-//! The part of a packed scene for normals, textures, colours and suns.
+//! The part of a packed scene for normals, textures, colours, suns and punctual lights.
 //!
 //! The format is in [`crate::pack`].
 
 use bytemuck::Pod;
 
+use crate::pack_punctual::{pack_punctual_lights, unpack_punctual_lights};
 use crate::scene::check_limit;
 use crate::shading::{
     CUT_OUT, Channel, CutOut, FinishMap, MAX_BYTES_OF_TEXTURES, MAX_TEXTURES, NormalMap, WHITE,
 };
 use crate::sun::MAX_SUNS;
 use crate::texture::MAX_TEXTURE_BYTES;
-use crate::{Maps, PackedError, SceneError, Shading, Sun, Texture, Wrap};
+use crate::{Maps, PackedError, PunctualLight, SceneError, Shading, Sun, Texture, Wrap};
 
 const HAS_UVS: u32 = 1;
 const HAS_NORMALS: u32 = 2;
@@ -18,7 +19,9 @@ const HAS_DETAILS: u32 = 4;
 const HAS_COLOURS: u32 = 8;
 const HAS_SUNS: u32 = 16;
 const HAS_CUTS: u32 = 32;
-const ALL: u32 = HAS_UVS | HAS_NORMALS | HAS_DETAILS | HAS_COLOURS | HAS_SUNS | HAS_CUTS;
+const HAS_PUNCTUAL_LIGHTS: u32 = 128;
+const ALL: u32 =
+    HAS_UVS | HAS_NORMALS | HAS_DETAILS | HAS_COLOURS | HAS_SUNS | HAS_CUTS | HAS_PUNCTUAL_LIGHTS;
 const NO_TEXTURE: u32 = u32::MAX;
 
 /// Four bytes of a number.
@@ -27,7 +30,11 @@ type Word = [u8; 4];
 /// A normal map and a finish of a material, as seven words.
 type Details = [Word; 7];
 
-pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
+pub(crate) fn pack_shading(
+    shading: &Shading,
+    (suns, lights): (&[Sun], &[PunctualLight]),
+    out: &mut Vec<u8>,
+) {
     let has_uvs = !shading.maps.is_empty();
     let has_details =
         shading.maps.iter().any(|maps| maps.normal.is_some() || maps.finish.is_some());
@@ -38,6 +45,7 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
         (!shading.colours.is_empty(), HAS_COLOURS),
         (!suns.is_empty(), HAS_SUNS),
         (has_cuts(shading), HAS_CUTS),
+        (!lights.is_empty(), HAS_PUNCTUAL_LIGHTS),
     ];
     let flags: u32 = flags.iter().filter(|(has, _)| *has).map(|(_, flag)| flag).sum();
     let textures = if has_uvs { &shading.textures[..] } else { &[] };
@@ -65,6 +73,9 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
     }
     if has_cuts(shading) {
         shading.maps.iter().for_each(|maps| out.extend(least_opacity(maps).to_le_bytes()));
+    }
+    if !lights.is_empty() {
+        pack_punctual_lights(lights, out);
     }
     for texture in textures {
         out.extend((texture.encoded.len() as u32).to_le_bytes());
@@ -142,7 +153,7 @@ pub(crate) fn unpack_shading(
     mut bytes: &[u8],
     triangles: usize,
     materials: usize,
-) -> Result<(Shading, Vec<Sun>), SceneError> {
+) -> Result<(Shading, Vec<Sun>, Vec<PunctualLight>), SceneError> {
     let [flags, count] = one::<[Word; 2]>(&mut bytes)?.map(u32::from_le_bytes);
     let has = |flag: u32| flags & flag != 0;
     let needs_uvs = count > 0 || has(HAS_DETAILS) || has(HAS_CUTS);
@@ -192,8 +203,12 @@ pub(crate) fn unpack_shading(
     if has(HAS_CUTS) {
         unpack_cuts(&mut bytes, &mut shading)?;
     }
+    let lights = match has(HAS_PUNCTUAL_LIGHTS) {
+        true => unpack_punctual_lights(&mut bytes)?,
+        false => Vec::new(),
+    };
     shading.textures = unpack_textures(bytes, count as usize, MAX_BYTES_OF_TEXTURES)?;
-    Ok((shading, suns))
+    Ok((shading, suns, lights))
 }
 
 /// Reads the least opacity of each material. Values that have another packing are refused.

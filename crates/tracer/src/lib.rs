@@ -52,6 +52,8 @@ mod mirrors;
 mod panes;
 mod path;
 mod policy;
+#[cfg(test)]
+mod punctual_tests;
 mod roughness;
 mod sampled;
 mod sampler;
@@ -61,6 +63,7 @@ mod secondary_tests;
 mod shading;
 #[cfg(test)]
 mod shading_tests;
+mod sun_caustics;
 mod suns;
 mod surface;
 mod virtual_distance;
