@@ -94,6 +94,8 @@ pub struct State {
     pub traces: bool,
     /// Samples that have arrived for the current view.
     pub view_samples: u64,
+    /// Share of the picture's pixels on glossy surfaces whose gleams are a guess, percent.
+    pub gleams: u32,
     /// Samples in the holodeck.
     pub samples: u64,
     /// Samples traced per second.

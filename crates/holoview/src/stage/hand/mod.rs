@@ -487,6 +487,7 @@ impl Hand {
             height_is_locked: self.walker.height_is_locked,
             is_paused: news.is_paused,
             view_samples: news.view_samples,
+            gleams: news.gleams,
             samples: news.samples,
             samples_per_second: news.samples_per_second,
             workers: news.workers,
