@@ -31,6 +31,9 @@ pub struct Frame {
     pub unseen_pixels: u64,
     /// Pixels whose surface has no known light, drawn as if the eye carried a lamp.
     pub guessed_pixels: u64,
+    /// Pixels on glossy surfaces with few samples that leave towards the eye. Their light is known
+    /// from other directions, so gleams are a guess.
+    pub gleam_pixels: u64,
     /// Number of samples that the picture uses.
     pub samples_used: u64,
 }
@@ -47,6 +50,7 @@ impl Frame {
             empty_pixels: 0,
             unseen_pixels: 0,
             guessed_pixels: 0,
+            gleam_pixels: 0,
             samples_used: 0,
         }
     }
@@ -64,6 +68,7 @@ impl Frame {
             empty_pixels: grown(self.empty_pixels),
             unseen_pixels: grown(self.unseen_pixels),
             guessed_pixels: grown(self.guessed_pixels),
+            gleam_pixels: grown(self.gleam_pixels),
             samples_used: self.samples_used,
             ..Self::black(size)
         };

@@ -52,6 +52,10 @@ const LEAST_STEP: usize = 2;
 /// Side of the squares in a view's first frame of all pixels, so that it appears soon, pixels.
 const FIRST_STEP: usize = 4;
 
+/// Number of a pixel's own samples from which the light that a glossy surface sends to the eye is
+/// no guess. Fewer are mostly those of other directions and of pixels around.
+const ENOUGH_FOR_GLEAMS: u32 = 4;
+
 /// How far behind a section's wall a point on that wall may seem to lie, relative to the ray.
 const SLACK: f64 = 0.01;
 
@@ -410,6 +414,11 @@ impl Driver for SurfacesDriver {
         let is_empty = self.store.samples() == 0;
         (frame.empty_pixels, frame.guessed_pixels) =
             if is_empty { (unknown, 0) } else { (0, unknown) };
+        let is_guessed = |pixel: usize| {
+            let own = frame.certainty.get(pixel).map_or(0, |certainty| certainty.samples);
+            own < ENOUGH_FOR_GLEAMS && shown.view.is_glossy(&shown.view.seen[pixel])
+        };
+        frame.gleam_pixels = count(&is_guessed) as u64;
         if resolution == Resolution::Half {
             frame = frame.enlarged(size);
         }

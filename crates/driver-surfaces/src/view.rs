@@ -411,6 +411,11 @@ impl View {
             && !self.way(seen).is_mirrored
     }
 
+    /// Returns true if the light that the surface sends depends on the direction.
+    pub(crate) fn is_glossy(&self, seen: &Seen) -> bool {
+        seen.is_surface() && self.follower().finish(seen.material).kind == Kind::Glossy
+    }
+
     /// Returns true if two neighbouring pixels show different things.
     #[inline]
     pub(crate) fn differ(&self, one: &Seen, other: &Seen) -> bool {

@@ -93,7 +93,7 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
         is_quiet: quiet,
         survey: None,
     };
-    let has_lamps = features.emitters > 0;
+    let has_lamps = features.emitters + features.punctual_lights > 0;
     let may_be_dark = has_no_sky && features.suns == 0 && !opened.is_lit_by_lamps(has_lamps)?;
     let needs_sections = wanted == Wanted::Sections && opened.sections.is_empty();
     // A dark scene is always surveyed, because its rooms may need lamps, which must be the same

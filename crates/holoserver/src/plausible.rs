@@ -15,7 +15,7 @@
 //! twice (`audits`).
 
 use holo_proto::bulk::{LiveHit, LiveRay, Record};
-use holo_scene::{Scene, Sun};
+use holo_scene::{PunctualLight, Scene, Sun};
 use holo_section::{Sample, Section, distance, rgbe};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -29,7 +29,8 @@ pub struct Limits {
     pub low: [f64; 3],
     /// The highest corner.
     pub high: [f64; 3],
-    /// The greatest radiance of any lamp, of the sky and of any sun, in any channel, W·sr⁻¹·m⁻².
+    /// The greatest radiance of any lamp, punctual light and sun, and of the sky, in any channel,
+    /// W·sr⁻¹·m⁻².
     pub brightest: f32,
 }
 
@@ -40,7 +41,8 @@ impl Limits {
         let lamps = scene.materials.iter().flat_map(|material| material.emission);
         let per_irradiance = (1.0 / Sun::projected_solid_angle()) as f32;
         let suns = scene.suns.iter().flat_map(|sun| sun.irradiance.map(|e| e * per_irradiance));
-        let brightest = lamps.chain(scene.sky).chain(suns).fold(0.0, f32::max);
+        let points = scene.punctual_lights.iter().flat_map(PunctualLight::radiance);
+        let brightest = lamps.chain(scene.sky).chain(suns).chain(points).fold(0.0, f32::max);
         Limits { low: low.to_array(), high: high.to_array(), brightest }
     }
 

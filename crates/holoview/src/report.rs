@@ -39,6 +39,9 @@ pub struct PictureReport {
     /// Pixels on surfaces without known light. They show the brightness of the surfaces that have
     /// some.
     pub guessed_pixels: u64,
+    /// Pixels on glossy surfaces whose gleams are a guess, because few samples leave there towards
+    /// the eye.
+    pub gleam_pixels: u64,
     /// The driver that made it.
     pub driver: &'static str,
     /// Seconds until the first samples arrived; absent if none arrived.
@@ -83,6 +86,9 @@ impl std::fmt::Display for PictureReport {
         }
         if self.guessed_pixels > 0 {
             write!(f, ", {} pixels without light known, guessed", self.guessed_pixels)?;
+        }
+        if self.gleam_pixels > 0 {
+            write!(f, ", {} glossy pixels whose gleams are guessed", self.gleam_pixels)?;
         }
         if !self.stages.is_empty() {
             let milliseconds: f64 = self.stages.iter().map(|stage| stage.milliseconds).sum();

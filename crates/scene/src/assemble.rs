@@ -7,7 +7,7 @@ use crate::model::{Model, SharedMesh};
 use crate::placement::Placement;
 use crate::scene::{Geometry, doubled_area_normal, world_bounds};
 use crate::thin::Shapes;
-use crate::{Rgb, Scene, SceneError, Shading};
+use crate::{PunctualLight, Rgb, Scene, SceneError, Shading};
 
 /// A scene, and the triangles of the model that were left out because they have no area.
 pub(crate) struct Assembled {
@@ -29,6 +29,7 @@ pub(crate) fn assemble(mut model: Model, sky: Rgb) -> Result<Assembled, SceneErr
         }
     }
     let origin = if low.x > high.x { DVec3::ZERO } else { low + (high - low) * 0.5 };
+    let punctual_lights = placed_lights(&mut model, origin, (high - low).length());
     let instances = instances(&mut model, origin)?;
     let Model { positions, triangles, material_ids, materials, shading, meshes, .. } = model;
     let (scene, left_out) =
@@ -44,7 +45,27 @@ pub(crate) fn assemble(mut model: Model, sky: Rgb) -> Result<Assembled, SceneErr
         shading.opacities.extend(mesh.shading.opacities);
     }
     let scene = scene.with_shading(shading)?.with_suns(model.suns)?;
+    let scene = scene.with_punctual_lights(punctual_lights)?;
     Ok(Assembled { scene, left_out, left_out_of_meshes })
+}
+
+/// Greatest radius of a punctual light's sphere, in scene units, and over the scene's diagonal.
+const GREATEST_RADIUS: f64 = 0.01;
+const GREATEST_SHARE: f64 = 1e-3;
+
+/// Returns the punctual lights, with places relative to an origin and with their radius.
+fn placed_lights(model: &mut Model, origin: DVec3, diagonal: f64) -> Vec<PunctualLight> {
+    let radius = if diagonal > 0.0 { GREATEST_SHARE * diagonal } else { GREATEST_RADIUS };
+    let radius = radius.min(GREATEST_RADIUS) as f32;
+    let most = PunctualLight::greatest_intensity(radius);
+    let lights = std::mem::take(&mut model.punctual_lights).into_iter();
+    let placed = lights.map(|(place, light)| PunctualLight {
+        position: (place - origin).as_vec3().to_array(),
+        intensity: light.intensity.map(|c| c.min(most)),
+        radius,
+        ..light
+    });
+    placed.collect()
 }
 
 /// Leaves out a mesh's triangles without area and the positions that it does not use. Returns the

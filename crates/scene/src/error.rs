@@ -135,6 +135,12 @@ pub enum SceneError {
     /// A sun has no unit direction, or no plausible irradiance.
     #[error("sun {0} has no direction, or its irradiance is none, not finite or too large")]
     Sun(usize),
+    /// A value of a punctual light is not possible.
+    #[error(
+        "punctual light {0}: its place, direction, angles, size or intensity is not possible, or it \
+         has no light"
+    )]
+    PunctualLight(usize),
     /// The bytes are not a packed scene.
     #[error("not a packed scene: {0}")]
     Packed(#[from] PackedError),

@@ -301,6 +301,7 @@ impl Scene {
             materials: self.materials.clone(),
             sky: self.sky,
             suns: self.suns.clone(),
+            punctual_lights: self.punctual_lights.clone(),
             shading,
             shared: None,
         }

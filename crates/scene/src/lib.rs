@@ -43,9 +43,11 @@ mod obj_model;
 mod obj_text;
 pub mod pack;
 mod pack_instances;
+mod pack_punctual;
 mod pack_shading;
 mod placement;
 mod polygon;
+mod punctual;
 mod scene;
 mod shaded;
 mod shading;
@@ -66,6 +68,7 @@ pub use material::{Bsdf, Material, Rgb};
 pub use model::LoadProgress;
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
 pub use placement::{MAX_STRETCH, Placement, coordinate, greatest};
+pub use punctual::{Beam, MAX_PUNCTUAL_LIGHTS, PunctualLight};
 pub use scene::{Features, Geometry, Scene};
 pub use shading::{
     Base, CUT_OUT, Channel, Cover, CutOut, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral,

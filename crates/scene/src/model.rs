@@ -7,7 +7,7 @@ use std::path::Path;
 use glam::{DMat4, DVec3};
 
 use crate::warnings::Warnings;
-use crate::{About, Geometry, LoadOptions, Material, SceneError, Shading, Sun};
+use crate::{About, Geometry, LoadOptions, Material, PunctualLight, SceneError, Shading, Sun};
 
 /// The contents of a file, in world coordinates.
 #[derive(Default)]
@@ -20,6 +20,8 @@ pub(crate) struct Model {
     /// Attributes of `triangles` and `materials`.
     pub shading: Shading,
     pub suns: Vec<Sun>,
+    /// Point and spot lights, and their places. The scene decides their radius.
+    pub punctual_lights: Vec<(DVec3, PunctualLight)>,
     pub about: About,
     /// Meshes that several nodes share, in their own coordinates.
     pub meshes: Vec<SharedMesh>,

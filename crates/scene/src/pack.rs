@@ -37,8 +37,8 @@
 //! 5 coated        8      kd, ks, ior, alpha
 //! ```
 //!
-//! Version 2 follows the materials with normals, textures, colours, covers and suns. Scenes without them
-//! have version 1.
+//! Version 2 follows the materials with normals, textures, colours, covers, suns and punctual
+//! lights. Scenes without them have version 1.
 //!
 //! Scenes with instances have version 3. Their arrays begin with the triangles that belong to no
 //! instance, and those of the meshes follow. The triangles of a mesh count its own positions from
@@ -56,8 +56,8 @@
 //!
 //! ```text
 //! 0               4      flags, u32: bit 0 texture coordinates, bit 1 normals, bit 2 normal maps
-//!                        or finishes, bit 3 colours of corners, bit 4 suns, bit 5 least opacities,
-//!                        bit 6 covers, bit 7 opacities of corners
+//!                        or finishes, bit 3 colours of corners, bit 4 suns, bit 5 least
+//!                        opacities, bit 6 covers, bit 7 opacities of corners, bit 8 punctual lights
 //! 4               4      N, number of textures, u32
 //! 8               24·T   if bit 0: coordinates, 3 corners × 2 × f32 for each triangle
 //!                 12·T   if bit 1: normals, 3 corners × 2 × i16 for each triangle (octahedral)
@@ -76,7 +76,18 @@
 //!                        there, f32; 0.5 without this bit
 //!                 M ×    if bit 6: covers, one after another
 //!                 3·T    if bit 7: opacities, 3 corners × u8 of 255 for each triangle
+//!                 4      if bit 8: L, number of punctual lights, u32
+//!                 L ×    if bit 8: punctual lights, one after another
 //!                 N ×    textures, one after another; then the end
+//!
+//! a punctual light:
+//! 0               12     its place relative to the origin, 3 × f32
+//! 12              12     intensity, 3 × f32
+//! 24              4      radius, f32
+//! 28              4      1 if it has a cone, else 0, u32
+//! 32              20     axis, 3 × f32, inner and outer half angle, f32 each; zero without a cone
+//! 52              8      n and m, bytes of its name and of its group's name, u32 each
+//! 60              n + m  both names, UTF-8
 //!
 //! a texture:
 //! 0               4      n, bytes of its file, u32
@@ -164,7 +175,8 @@ impl Scene {
         for material in &self.materials {
             pack_material(material, &mut materials);
         }
-        let is_plain = self.shading.is_none() && self.suns.is_empty();
+        let is_plain =
+            self.shading.is_none() && self.suns.is_empty() && self.punctual_lights.is_empty();
         let version = match (&self.shared, is_plain) {
             (Some(_), _) => SHARED_VERSION,
             (None, true) => VERSION,
@@ -199,7 +211,7 @@ impl Scene {
         if version != VERSION {
             pack_shading(
                 self.shading.as_deref().unwrap_or(&Shading::default()),
-                &self.suns,
+                (&self.suns, &self.punctual_lights),
                 &mut packed,
             );
         }
@@ -272,10 +284,11 @@ impl Scene {
         if !has_shading {
             return Ok(scene);
         }
-        let (shading, suns) = unpack_shading(rest, triangles, materials)?;
-        let scene = scene.with_shading(shading)?.with_suns(suns)?;
+        let (shading, suns, lights) = unpack_shading(rest, triangles, materials)?;
+        let scene = scene.with_shading(shading)?.with_suns(suns)?.with_punctual_lights(lights)?;
         // A plain scene has another packing.
-        match scene.shading.is_none() && scene.suns.is_empty() && scene.shared.is_none() {
+        let has_lights = !(scene.suns.is_empty() && scene.punctual_lights.is_empty());
+        match scene.shading.is_none() && !has_lights && scene.shared.is_none() {
             true => Err(PackedError::Shading.into()),
             false => Ok(scene),
         }

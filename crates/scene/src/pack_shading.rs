@@ -1,9 +1,10 @@
-//! The part of a packed scene for normals, textures, colours and suns.
+//! The part of a packed scene for normals, textures, colours, suns and punctual lights.
 //!
 //! The format is in [`crate::pack`].
 
 use bytemuck::Pod;
 
+use crate::pack_punctual::{pack_punctual_lights, unpack_punctual_lights};
 use crate::scene::check_limit;
 use crate::shading::{
     Base, CUT_OUT, Channel, Cover, CutOut, FinishMap, MAX_BYTES_OF_TEXTURES, MAX_TEXTURES,
@@ -11,7 +12,9 @@ use crate::shading::{
 };
 use crate::sun::MAX_SUNS;
 use crate::texture::MAX_TEXTURE_BYTES;
-use crate::{Bsdf, Maps, PackedError, SceneError, Shading, Sun, Texture, Wrap};
+use crate::{
+    Bsdf, Maps, PackedError, PunctualLight, SceneError, Shading, Sun, Texture, Wrap,
+};
 
 const HAS_UVS: u32 = 1;
 const HAS_NORMALS: u32 = 2;
@@ -21,7 +24,8 @@ const HAS_SUNS: u32 = 16;
 const HAS_CUTS: u32 = 32;
 const HAS_COVERS: u32 = 64;
 const HAS_OPACITIES: u32 = 128;
-const ALL: u32 = 2 * HAS_OPACITIES - 1;
+const HAS_PUNCTUAL_LIGHTS: u32 = 256;
+const ALL: u32 = 2 * HAS_PUNCTUAL_LIGHTS - 1;
 const NO_TEXTURE: u32 = u32::MAX;
 
 /// Four bytes of a number.
@@ -36,7 +40,11 @@ type PackedCover = [Word; 3];
 /// The kind, eight parameters, texture, factor and channel of a base.
 type PackedBase = [Word; 12];
 
-pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
+pub(crate) fn pack_shading(
+    shading: &Shading,
+    (suns, lights): (&[Sun], &[PunctualLight]),
+    out: &mut Vec<u8>,
+) {
     let has_uvs = shading.has_textures();
     let has_details =
         shading.maps.iter().any(|maps| maps.normal.is_some() || maps.finish.is_some());
@@ -49,6 +57,7 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
         (has_cuts(shading), HAS_CUTS),
         (!shading.covers.is_empty(), HAS_COVERS),
         (!shading.opacities.is_empty(), HAS_OPACITIES),
+        (!lights.is_empty(), HAS_PUNCTUAL_LIGHTS),
     ];
     let flags: u32 = flags.iter().filter(|(has, _)| *has).map(|(_, flag)| flag).sum();
     let textures = if has_uvs { &shading.textures[..] } else { &[] };
@@ -84,6 +93,9 @@ pub(crate) fn pack_shading(shading: &Shading, suns: &[Sun], out: &mut Vec<u8>) {
         cover.base.iter().for_each(|base| out.extend(packed_base(base).as_flattened()));
     }
     out.extend(shading.opacities.as_flattened());
+    if !lights.is_empty() {
+        pack_punctual_lights(lights, out);
+    }
     for texture in textures {
         out.extend((texture.encoded.len() as u32).to_le_bytes());
         out.extend(texture.wrap.map(|wrap| match wrap {
@@ -223,7 +235,7 @@ pub(crate) fn unpack_shading(
     mut bytes: &[u8],
     triangles: usize,
     materials: usize,
-) -> Result<(Shading, Vec<Sun>), SceneError> {
+) -> Result<(Shading, Vec<Sun>, Vec<PunctualLight>), SceneError> {
     let [flags, count] = one::<[Word; 2]>(&mut bytes)?.map(u32::from_le_bytes);
     let has = |flag: u32| flags & flag != 0;
     let needs_uvs = count > 0 || has(HAS_DETAILS) || has(HAS_CUTS);
@@ -285,8 +297,12 @@ pub(crate) fn unpack_shading(
     if has(HAS_UVS) != shading.has_textures() {
         return Err(PackedError::Shading.into());
     }
+    let lights = match has(HAS_PUNCTUAL_LIGHTS) {
+        true => unpack_punctual_lights(&mut bytes)?,
+        false => Vec::new(),
+    };
     shading.textures = unpack_textures(bytes, count as usize, MAX_BYTES_OF_TEXTURES)?;
-    Ok((shading, suns))
+    Ok((shading, suns, lights))
 }
 
 /// Reads the least opacity of each material. Values that have another packing are refused.

@@ -6,7 +6,9 @@ use crate::inside::OpenBox;
 use crate::instances::Shared;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::material::is_radiance;
-use crate::{Bsdf, Cover, Maps, Material, Rgb, SceneError, Shading, Sun, WHITE};
+use crate::{
+    Bsdf, Cover, Maps, Material, PunctualLight, Rgb, SceneError, Shading, Sun, WHITE,
+};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 use std::iter::repeat_n;
@@ -33,6 +35,8 @@ pub struct Scene {
     pub sky: Rgb,
     /// Suns, if there are any.
     pub suns: Vec<Sun>,
+    /// Point and spot lights, if there are any.
+    pub punctual_lights: Vec<PunctualLight>,
     /// Normals, textures and colours of corners, if the scene has some.
     pub shading: Option<Box<Shading>>,
     /// Instances of meshes, if the scene has some.
@@ -76,6 +80,8 @@ pub struct Features {
     pub sky: bool,
     /// Number of suns.
     pub suns: usize,
+    /// Number of point and spot lights.
+    pub punctual_lights: usize,
     /// Some surface is smoothly curved.
     pub smooth: bool,
     /// Some surface has a texture, or colours of its corners.
@@ -108,8 +114,18 @@ impl Scene {
         materials: Vec<Material>,
         sky: Rgb,
     ) -> Scene {
-        let (suns, shading, shared) = (Vec::new(), None, None);
-        Scene { origin, positions, triangles, material_ids, materials, sky, suns, shading, shared }
+        Scene {
+            origin,
+            positions,
+            triangles,
+            material_ids,
+            materials,
+            sky,
+            suns: Vec::new(),
+            punctual_lights: Vec::new(),
+            shading: None,
+            shared: None,
+        }
     }
 
     /// Makes a scene from positions in world coordinates. They are recentred on their bounds.
@@ -426,6 +442,7 @@ impl Scene {
         let mut features = Features {
             sky: self.sky.iter().any(|&c| c > 0.0),
             suns: self.suns.len(),
+            punctual_lights: self.punctual_lights.len(),
             ..Features::default()
         };
         if let Some(shading) = &self.shading {

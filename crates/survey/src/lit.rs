@@ -1,14 +1,15 @@
 //! Measures how much of a scene its own lamps light.
 
 use glam::Vec3;
-use holo_raycast::{Raycaster, SurfacePoint};
-use holo_scene::Scene;
+use holo_raycast::{NO_TRIANGLE, Raycaster, SurfacePoint};
+use holo_scene::{Beam, PunctualLight, Scene};
 
 /// Number of points on surfaces from which lamps are searched for.
 const POINTS: usize = 512;
 
 /// Number of points on lamps. They are chosen in proportion to their light from more points spread
-/// by area and brightness, because a texture may be dark nearly everywhere.
+/// by area and brightness, because a texture may be dark nearly everywhere. As many punctual lights
+/// are added, in proportion to their intensity.
 const LAMP_POINTS: usize = 32;
 const CANDIDATES: usize = 8192;
 
@@ -24,6 +25,8 @@ const LEAST_COSINES: f32 = 0.01;
 struct LampPoint {
     point: SurfacePoint,
     is_two_sided: bool,
+    /// Set for a punctual light.
+    beam: Option<Beam>,
 }
 
 /// Returns true if enough of the scene's surface shines or is reached by direct light from lamps.
@@ -77,8 +80,14 @@ impl LampPoint {
     /// only the side of `to`'s normal counts. If it is negative, only the other side counts.
     fn reaches(&self, raycaster: &Raycaster, to: &SurfacePoint, side: Option<f32>) -> bool {
         let away = (to.point - self.point.point).normalize_or_zero();
-        let (at_lamp, here) = (self.point.normal.dot(away), to.normal.dot(away));
-        let shines_there = at_lamp > 0.0 || self.is_two_sided;
+        let here = to.normal.dot(away);
+        let (at_lamp, shines_there) = match self.beam {
+            Some(beam) => (1.0, beam.share(away) > 0.0),
+            None => {
+                let at_lamp = self.point.normal.dot(away);
+                (at_lamp, at_lamp > 0.0 || self.is_two_sided)
+            }
+        };
         let is_on_side = side.is_none_or(|side| side * here < 0.0);
         if !shines_there || !is_on_side || (at_lamp * here).abs() < LEAST_COSINES {
             return false;
@@ -100,9 +109,23 @@ fn lamp_points(raycaster: &Raycaster) -> Vec<LampPoint> {
     let lamp = |index: usize| {
         let (triangle, u, v) = candidates[index];
         let is_two_sided = scene.material(triangle).two_sided_emission;
-        LampPoint { point: raycaster.surface(triangle, u, v), is_two_sided }
+        LampPoint { point: raycaster.surface(triangle, u, v), is_two_sided, beam: None }
     };
-    in_proportion(weights.iter().copied(), LAMP_POINTS).into_iter().map(lamp).collect()
+    let on_surfaces = in_proportion(weights.iter().copied(), LAMP_POINTS).into_iter().map(lamp);
+    let strength = |light: &PunctualLight| sum(light.intensity);
+    let mut chosen = in_proportion(scene.punctual_lights.iter().map(strength), LAMP_POINTS);
+    chosen.dedup();
+    let punctual = chosen.into_iter().map(|index| {
+        let light = &scene.punctual_lights[index];
+        let point = SurfacePoint {
+            point: light.position.into(),
+            error: Vec3::ZERO,
+            normal: Vec3::Z,
+            triangle: NO_TRIANGLE,
+        };
+        LampPoint { point, is_two_sided: true, beam: Some(light.beam) }
+    });
+    on_surfaces.chain(punctual).collect()
 }
 
 /// Returns the brightness of a point on a lamp.
@@ -195,6 +218,30 @@ mod tests {
         // High above, it lights the lid alone, a sixth of the box.
         assert!(!is_lit(2.0, 3.0, lamp));
         assert!(!is_lit(2.0, 0.8, Material::grey("no lamp")));
+    }
+
+    #[test]
+    fn punctual_lights_light_what_is_in_their_beam() {
+        let points = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let points = points.map(|[x, y]| DVec3::new(x, y, 0.0));
+        let with = |beam: Beam| {
+            let materials = vec![Material::grey("floor")];
+            let triangles = [[0, 1, 2], [0, 2, 3]];
+            let scene = Scene::from_world(&points, &triangles, &[0; 2], materials, [0.0; 3]);
+            let light = PunctualLight {
+                name: String::new(),
+                group: String::new(),
+                position: [0.0, 0.0, 1.0],
+                intensity: [1.0; 3],
+                radius: 0.01,
+                beam,
+            };
+            let scene = scene.unwrap().0.with_punctual_lights(vec![light]).unwrap();
+            is_lit_by_lamps(&Raycaster::build(Arc::new(scene)).unwrap())
+        };
+        let cone = |z: f32, outer: f32| Beam::Cone { axis: [0.0, 0.0, z], inner: 0.0, outer };
+        assert!(with(Beam::Everywhere) && with(cone(-1.0, 1.5)));
+        assert!(!with(cone(1.0, 1.5)) && !with(cone(-1.0, 0.1)));
     }
 
     #[test]

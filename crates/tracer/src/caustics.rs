@@ -1,7 +1,7 @@
 //! Caustics: light that mirrors, metal and glass throw onto wide surfaces.
 //!
 //! Paths from the eye find such light only by chance. When the scene is prepared, light paths are
-//! traced from the lamps over what throws light, once (module `photons`). Each ends as a photon on
+//! traced from lamps, suns and the sky over what throws light, once (module `photons`). Each ends as a photon on
 //! a wide surface. Photons that lie side by side make a [`Leaf`]. Surfaces within a leaf aim some
 //! of their samples in the directions that its photons came from (Jensen 1995, "Importance Driven
 //! Path Tracing using the Photon Map").
@@ -22,11 +22,10 @@ use std::sync::Arc;
 use glam::Vec3;
 use holo_raycast::{Hit, Raycaster};
 
-use crate::lights::Lights;
-use crate::panes::Panes;
 use crate::surface::Surface;
 use leaf::{Leaf, Tree};
 use photons::Casters;
+pub(crate) use photons::LightSources;
 
 /// The caustics of a scene.
 #[derive(Debug)]
@@ -48,11 +47,10 @@ impl Caustics {
     pub(crate) fn find(
         raycaster: &Arc<Raycaster>,
         surfaces: &[Surface],
-        lights: &Lights,
-        panes: &Panes,
+        sources: &LightSources,
     ) -> Option<Self> {
         let casters = Casters::new(raycaster.scene())?;
-        let photons = photons::shoot(raycaster, surfaces, lights, panes, &casters);
+        let photons = photons::shoot(raycaster, surfaces, sources, &casters);
         let tree = Tree::new(photons, raycaster.scene())?;
         Some(Self { casters, tree })
     }

@@ -1,10 +1,11 @@
 //! Tests that aiming at caustics changes the error and not the expectation.
 
+use std::f64::consts::FRAC_1_PI;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
-use holo_scene::{Bsdf, Material, Scene};
+use holo_scene::{Bsdf, Material, Scene, Sun};
 
 use crate::engine::PathEngine;
 use crate::geometry::{Frame, cosine_hemisphere};
@@ -12,6 +13,7 @@ use crate::path::first_hit;
 use crate::sampler::{Purpose, Sampler};
 use crate::secondary_tests::estimate;
 use crate::weighting::Direct;
+use crate::{Settings, Tracer};
 
 const FLOOR: Bsdf = Bsdf::Diffuse { kd: [0.7; 3] };
 const MIRROR: Bsdf = Bsdf::Mirror { ks: [0.9; 3] };
@@ -156,4 +158,157 @@ fn more_samples_are_aimed_where_a_caustic_is_brighter() {
     // Photons are the same, only dimmer.
     let (dim, bright) = (share(0.01), share(0.02));
     assert!(dim > 0.0 && (bright / dim - 2.0).abs() < 0.05, "{dim} {bright}");
+}
+
+/// Reflectance of the floor under the sun.
+const KD: f64 = 0.5;
+/// Direction to the sun, not normalized, and its irradiance.
+const TO_SUN: Vec3 = Vec3::new(0.3, 0.2, 1.0);
+const SUNLIGHT: f64 = 50.0;
+
+/// Returns a floor of 40 × 40 around the origin under a sun, and a body.
+fn sunlit(bsdf: Bsdf, corners: &[[f64; 3]], faces: &[[u32; 4]], sky: f32) -> Arc<Raycaster> {
+    let square = [[-20.0, -20.0], [20.0, -20.0], [20.0, 20.0], [-20.0, 20.0]];
+    let mut positions = square.map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec();
+    positions.extend(corners.iter().map(|&corner| DVec3::from_array(corner)));
+    let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
+    let mut triangles = halves([0, 1, 2, 3]).to_vec();
+    triangles.extend(faces.iter().flat_map(|face| halves(face.map(|corner| corner + 4))));
+    let ids: Vec<u32> = (0..triangles.len()).map(|t| u32::from(t > 1)).collect();
+    let material = |bsdf| Material { bsdf, ..Material::grey("m") };
+    let materials = vec![material(Bsdf::Diffuse { kd: [KD as f32; 3] }), material(bsdf)];
+    let scene = Scene::from_world(&positions, &triangles, &ids, materials, [sky; 3]).unwrap().0;
+    let towards = TO_SUN.normalize().to_array();
+    let suns = match sky > 0.0 {
+        true => Vec::new(),
+        false => vec![Sun { towards, irradiance: [SUNLIGHT as f32; 3] }],
+    };
+    Arc::new(Raycaster::build(Arc::new(scene.with_suns(suns).unwrap())).unwrap())
+}
+
+/// Returns a level slab of this thickness at height 3, and of side 8.
+fn slab(thickness: f64) -> (Vec<[f64; 3]>, [[u32; 4]; 6]) {
+    let level = |z: f64| [[-4.0, -4.0, z], [4.0, -4.0, z], [4.0, 4.0, z], [-4.0, 4.0, z]];
+    let sides = [0, 1, 2, 3].map(|i: u32| [i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4]);
+    let [a, b, c, d] = sides;
+    ([level(3.0), level(3.0 + thickness)].concat(), [[3, 2, 1, 0], [4, 5, 6, 7], a, b, c, d])
+}
+
+/// Reflectance of glass of index 1.5 for unpolarized light at a cosine.
+fn fresnel(cosine: f64) -> f64 {
+    let inner = (1.0 - (1.0 - cosine * cosine) / 2.25).sqrt();
+    let across = (cosine - 1.5 * inner) / (cosine + 1.5 * inner);
+    let along = (1.5 * cosine - inner) / (1.5 * cosine + inner);
+    0.5 * (across * across + along * along)
+}
+
+/// The eye looks at the origin, from below the slab.
+const AT_FLOOR: (DVec3, DVec3) = (DVec3::new(0.8, 0.3, 1.0), DVec3::new(-0.8, -0.3, -1.0));
+
+/// Asserts that the floor has this radiance, and that the standard deviation of 64 paths is below
+/// 0.3 of it.
+fn assert_radiance(raycaster: &Arc<Raycaster>, eye: (DVec3, DVec3), expected: f64) {
+    let engine = PathEngine::new(raycaster, Some(0), Direct::Both, 1);
+    let n = 100_000;
+    let (mean, variance) = estimate(&engine, raycaster, eye, n);
+    let error = (variance / n as f64).sqrt();
+    println!("{mean} ± {error}, {expected}, of 64 paths {}", (variance / 64.0).sqrt() / mean);
+    assert!((mean - expected).abs() < 4.5 * error, "{mean} ± {error}, {expected}");
+    assert!((variance / 64.0).sqrt() < 0.3 * mean, "{mean} {variance}");
+}
+
+#[test]
+fn a_slab_of_glass_passes_the_sun_as_fresnel_says() {
+    let glass = Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha: 0.0 };
+    let cosine = f64::from(TO_SUN.normalize().z);
+    let passed = (1.0 - fresnel(cosine)) / (1.0 + fresnel(cosine));
+    for thickness in [0.006, 0.5] {
+        let (corners, faces) = slab(thickness);
+        let raycaster = sunlit(glass, &corners, &faces, 0.0);
+        assert_radiance(&raycaster, AT_FLOOR, KD * SUNLIGHT * cosine * passed * FRAC_1_PI);
+    }
+}
+
+#[test]
+fn a_mirror_adds_the_sun_that_it_reflects() {
+    let wall = [[-5.0, -9.0, 0.0], [-5.0, 9.0, 0.0], [-5.0, 9.0, 9.0], [-5.0, -9.0, 9.0]];
+    let raycaster = sunlit(MIRROR, &wall, &[[0, 1, 2, 3]], 0.0);
+    // The mirror throws the light from x > 0 back to where x is below its own shadow.
+    let eye = (DVec3::new(-3.8, 0.3, 1.0), DVec3::new(-0.4, -0.3, -1.0));
+    let cosine = f64::from(TO_SUN.normalize().z);
+    assert_radiance(&raycaster, eye, KD * SUNLIGHT * cosine * 1.9 * FRAC_1_PI);
+}
+
+#[test]
+fn a_block_throws_its_sunlight_where_plain_paths_find_it() {
+    // Rough metal and a curved body are found by plain samples, too, but rarely.
+    let (corners, faces) = slab(1.0);
+    let beside = (DVec3::new(4.6, -0.3, 1.0), DVec3::new(0.4, 0.3, -1.0));
+    for (bsdf, eye) in [
+        (Bsdf::Dielectric { ior: 1.5, transmittance: [0.9; 3], alpha: 0.15 }, AT_FLOOR),
+        (Bsdf::Conductor { ks: [0.9; 3], alpha: 0.15 }, beside),
+    ] {
+        let raycaster = sunlit(bsdf, &corners, &faces, 0.0);
+        let mut engine = PathEngine::new(&raycaster, None, Direct::Both, 1);
+        engine.secondary = None;
+        let (n, many) = (100_000, 400_000);
+        let aimed = estimate(&engine, &raycaster, eye, n);
+        engine.caustics = None;
+        let plain = estimate(&engine, &raycaster, eye, many);
+        let error = (aimed.1 / n as f64 + plain.1 / many as f64).sqrt();
+        assert!((aimed.0 - plain.0).abs() < 4.5 * error, "{bsdf:?}: {aimed:?} {plain:?}");
+    }
+}
+
+#[test]
+fn solid_glass_passes_the_sky_and_aimed_samples_find_it() {
+    let wall = Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha: 0.0 };
+    let (corners, faces) = slab(0.1);
+    let raycaster = sunlit(wall, &corners, &faces, 2.0);
+    let mut engine = PathEngine::new(&raycaster, Some(0), Direct::Both, 1);
+    assert!(engine.caustics.is_some());
+    let (n, many) = (200_000, 200_000);
+    let aimed = estimate(&engine, &raycaster, AT_FLOOR, n);
+    engine.caustics = None;
+    let plain = estimate(&engine, &raycaster, AT_FLOOR, many);
+    let error = (aimed.1 / n as f64 + plain.1 / many as f64).sqrt();
+    assert!((aimed.0 - plain.0).abs() < 4.5 * error, "{aimed:?} {plain:?}");
+    assert!(error < 0.01 * aimed.0, "{aimed:?} {plain:?}");
+}
+
+#[test]
+fn a_mirror_of_the_sky_makes_no_photons_and_one_of_the_sun_does() {
+    let (corners, faces) = slab(0.006);
+    let under = |sky| {
+        let raycaster = sunlit(MIRROR, &corners, &faces, sky);
+        PathEngine::new(&raycaster, None, Direct::Both, 1).caustics.is_some()
+    };
+    assert!(under(0.0) && !under(2.0));
+}
+
+#[test]
+fn the_engine_cached_shows_sunlight_over_glass_and_mirrors() {
+    let glass = Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha: 0.0 };
+    let (corners, faces) = slab(0.006);
+    let wall = [[-5.0, -9.0, 0.0], [-5.0, 9.0, 0.0], [-5.0, 9.0, 9.0], [-5.0, -9.0, 9.0]];
+    let at_wall = (DVec3::new(-3.8, 0.3, 1.0), DVec3::new(-0.4, -0.3, -1.0));
+    for (raycaster, eye) in [
+        (sunlit(glass, &corners, &faces, 0.0), AT_FLOOR),
+        (sunlit(MIRROR, &wall, &[[0, 1, 2, 3]], 0.0), at_wall),
+    ] {
+        let engine = PathEngine::new(&raycaster, None, Direct::Both, 1);
+        let n = 50_000;
+        let (expected, variance) = estimate(&engine, &raycaster, eye, n);
+        let tracer = Tracer::with_raycaster(raycaster, Settings::default()).expect("valid");
+        let tracer = tracer.with_cache(0.05, 1);
+        let samples = (0..3000).map(|seed| f64::from(tracer.trace(eye.0, eye.1, seed).radiance[1]));
+        let (sum, squares) = samples.fold((0.0, 0.0), |(s, q), x| (s + x, q + x * x));
+        let mean = sum / 3000.0;
+        let error = ((squares / 3000.0 - mean * mean) / 3000.0 + variance / n as f64).sqrt();
+        // Records have the accuracy of 5 % of indirect light, which is 4 % of all.
+        let accuracy = 0.05 * 0.04 * expected;
+        println!("{mean} ± {error}, {expected}");
+        assert!((mean - expected).abs() < 4.5 * error + accuracy, "{mean} ± {error}, {expected}");
+        assert!(error < 0.02 * expected, "{mean} ± {error}");
+    }
 }

@@ -9,7 +9,7 @@ use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 use crate::bsdf::Scatter;
 use crate::engine::PathEngine;
 use crate::geometry::{Frame, cosine_hemisphere, cosine_pdf};
-use crate::lights::{Aim, Chosen, Lights, VertexLights};
+use crate::lights::{Aim, Chosen, Lights, Point, VertexLights};
 use crate::sampler::Sampler;
 use crate::shading;
 use crate::weighting::Direct;
@@ -144,6 +144,9 @@ impl LitVertex<'_> {
                 Some(Chosen::Triangle { triangle, probability, rest }) => {
                     sum += self.emitter(triangle, probability, count, direct, [rest, second]);
                 }
+                Some(Chosen::Point { point, probability }) => {
+                    sum += self.point(&point) / probability;
+                }
                 None => {}
             }
         }
@@ -203,6 +206,26 @@ impl LitVertex<'_> {
         let passed = self.engine.panes.to_sky(self.raycaster, self.point, sun.direction);
         let weight = direct.light_weight(sun.density, pdf) / sun.density;
         value * passed * sun.radiance * weight
+    }
+
+    /// Returns the light that a point brings. No sample of the material can find it.
+    #[inline]
+    fn point(&self, light: &Point) -> Vec3 {
+        let towards = light.position - self.point.point;
+        let distance2 = towards.length_squared();
+        let Some(direction) = towards.try_normalize() else { return Vec3::ZERO };
+        let intensity = light.intensity(-direction);
+        if intensity == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let wi = self.frame.to_local(direction);
+        let (value, _) = self.scatter.evaluate(self.wo, wi, self.front);
+        let value = value * self.terminator(direction, wi.z);
+        if value == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let passed = self.engine.panes.between(self.raycaster, self.point, &light.place());
+        value * passed * intensity / distance2
     }
 
     /// Returns value over density of one sample of an emitter, weighed against the material's.

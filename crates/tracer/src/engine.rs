@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
 use holo_scene::Scene;
 
-use crate::caustics::Caustics;
+use crate::caustics::{Caustics, LightSources};
 use crate::lights::{GRIDS, Lights};
 use crate::medium::{Inside, Nesting};
 use crate::panes::Panes;
@@ -31,6 +31,8 @@ pub(crate) struct PathEngine {
     /// Radiance of the sky.
     pub sky: Vec3,
     pub suns: Suns,
+    /// True if paths may find punctual lights over mirrors and glass.
+    pub finds_points: bool,
     /// Most scatterings after the first.
     pub bounces: u32,
     /// How direct light is found.
@@ -59,10 +61,14 @@ impl PathEngine {
         let lights = Lights::new(scene).with_cells(&GRIDS, raycaster, &panes);
         let nesting = Nesting::new(scene);
         let is_specular = nesting.is_some() || surfaces.iter().any(|s| s.scatter.is_delta());
+        let finds_points =
+            !lights.points().is_empty() && (is_specular || direct == Direct::Materials);
         let lights_find_all = direct == Direct::Both && lights.is_one() && !is_specular;
+        let suns = Suns::new(scene);
+        let sources = LightSources { lights: &lights, suns: &suns, panes: &panes };
         // Each takes 0.1 s or more, and somebody may be waiting for the first picture.
         let (secondary, caustics) = thread::scope(|scope| {
-            let caustics = scope.spawn(|| Caustics::find(raycaster, &surfaces, &lights, &panes));
+            let caustics = scope.spawn(|| Caustics::find(raycaster, &surfaces, &sources));
             let secondary = SecondarySources::find(raycaster, &surfaces, &lights);
             (secondary, caustics.join().unwrap_or_else(|panic| resume_unwind(panic)))
         });
@@ -75,7 +81,8 @@ impl PathEngine {
             nesting,
             lights_find_all,
             sky: scene.sky.into(),
-            suns: Suns::new(scene),
+            suns,
+            finds_points,
             bounces: bounces.unwrap_or(u32::MAX),
             direct,
             light_samples,

@@ -54,6 +54,8 @@ mod mirrors;
 mod panes;
 mod path;
 mod policy;
+#[cfg(test)]
+mod punctual_tests;
 mod roughness;
 mod sampled;
 mod sampler;
@@ -63,6 +65,7 @@ mod secondary_tests;
 mod shading;
 #[cfg(test)]
 mod shading_tests;
+mod sun_caustics;
 mod suns;
 mod surface;
 mod virtual_distance;

@@ -75,6 +75,8 @@ impl Start<'_> {
 #[derive(Clone, Copy)]
 struct Path<'a> {
     hit: Option<Hit>,
+    /// Where the ray comes from, once the path has left a surface.
+    origin: Vec3,
     direction: Vec3,
     /// The solids that the ray travels in.
     inside: Inside,
@@ -177,6 +179,7 @@ impl PathEngine {
         let Start { hit, direction, inside, emission_weight, image_sampling, depth } = start;
         let path = Path {
             hit,
+            origin: Vec3::ZERO,
             direction,
             inside,
             emission_weight,
@@ -208,6 +211,9 @@ impl PathEngine {
         let mut radiance = Vec3::ZERO;
         let mut lessons = P::Lessons::default();
         while path.depth < MAX_DEPTH {
+            if self.finds_points {
+                radiance += self.spheres_along(&path, policy);
+            }
             let Some(hit) = path.hit else {
                 radiance += self.sky_along(&path, policy);
                 break;
@@ -376,6 +382,18 @@ impl PathEngine {
         policy.learn(raycaster, lessons, radiance)
     }
 
+    /// Returns the light of punctual lights that a path brings from its ray, if nothing else can
+    /// find it.
+    fn spheres_along(&self, path: &Path, policy: &impl PathPolicy) -> Vec3 {
+        // Paths begin at an eye or with light that is counted elsewhere.
+        if path.scatterings == 0 || !matches!(path.emission_weight, EmissionWeight::Full) {
+            return Vec3::ZERO;
+        }
+        let t_max = path.hit.map_or(f32::INFINITY, |hit| hit.t);
+        let light = self.lights.spheres_along(path.origin, path.direction, t_max);
+        policy.clamped(path.throughput * light)
+    }
+
     /// Returns the light of sky and suns that a path brings whose ray meets nothing.
     #[inline]
     fn sky_along(&self, path: &Path, policy: &impl PathPolicy) -> Vec3 {
@@ -394,6 +412,9 @@ impl PathEngine {
             .along(path.direction, |density| path.emission_weight.factor(self.direct, |_| density));
         let found = path.throughput * met;
         let only_this_path = matches!(path.emission_weight, EmissionWeight::Full);
+        if only_this_path && !policy.finds_suns(path.scatterings) {
+            return sky;
+        }
         sky + if only_this_path { policy.clamped(found) } else { found }
     }
 

@@ -88,6 +88,10 @@ pub(crate) trait PathPolicy: Clone {
     /// this path could find.
     fn clamped(&self, light: Vec3) -> Vec3;
 
+    /// Returns whether a path counts the light of suns that it finds over mirrors and glass after
+    /// this many scatterings. If not, it is counted elsewhere.
+    fn finds_suns(&self, scatterings: u32) -> bool;
+
     /// Returns the number of light samples at a vertex. `ends`: the path ends there.
     fn light_samples(&self, engine: &PathEngine, scatterings: u32, ends: bool) -> u32;
 }
@@ -112,6 +116,11 @@ impl PathPolicy for Unbiased {
     #[inline]
     fn clamped(&self, light: Vec3) -> Vec3 {
         light
+    }
+
+    #[inline]
+    fn finds_suns(&self, _: u32) -> bool {
+        true
     }
 
     #[inline]

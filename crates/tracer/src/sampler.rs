@@ -14,6 +14,7 @@
 //! | [`Purpose::Aim`] | one pair: whether to aim at a secondary source or a caustic, at which, and where |
 //! | [`Purpose::Image`] | one pair: which image of a lamp, and where on it |
 //! | [`Purpose::Sun`] | which sun, and one pair: where on it |
+//! | [`Purpose::Caustic`] | one pair: which photon of a caustic, and where in its cone; then ways at mirrors and glass |
 //!
 //! If a path branches, branch j of n uses the numbers of path n·path + j.
 //!
@@ -38,6 +39,7 @@ pub(crate) enum Purpose {
     Record = 1 << 20,
     Image = 1 << 21,
     Sun = 1 << 22,
+    Caustic = 1 << 23,
 }
 
 /// The random numbers of one path.

@@ -20,7 +20,7 @@ use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::Scene;
 
 use crate::geometry::{Frame, cosine_hemisphere, triangle};
-use crate::lights::{Aim, Chosen, Emitter, LATER, Lights, VertexLights};
+use crate::lights::{Aim, Chosen, Emitter, LATER, Lights, Point, VertexLights};
 use crate::luminance::luminance;
 use crate::panes::Panes;
 use crate::sampler::{Purpose, Sampler};
@@ -138,13 +138,16 @@ impl SecondarySources {
         let strength: Vec<f64> =
             scene.materials.iter().map(|m| f64::from(luminance(m.emission))).collect();
         let power = |t: u32| strength[scene.material_id(t) as usize] * scene.area(t);
-        let emitters = lights.triangles();
-        let mut sums = Vec::with_capacity(emitters.len());
+        let (emitters, points) = (lights.triangles(), lights.points());
+        let of_point = |p: &Point| f64::from(p.strength() * p.extent());
+        let powers = emitters.iter().map(|&t| power(t)).chain(points.iter().map(of_point));
         let mut total = 0.0;
-        for &t in emitters {
-            total += power(t);
-            sums.push(total);
-        }
+        let sums: Vec<f64> = powers
+            .map(|power| {
+                total += power;
+                total
+            })
+            .collect();
         if total.is_nan() || total <= 0.0 || !total.is_finite() {
             return None;
         }
@@ -153,8 +156,12 @@ impl SecondarySources {
             let mut sampler = Sampler::new(SEED, u64::from(path));
             sampler.turn(0, Purpose::Light);
             let (choice, _) = sampler.pairs(1).at(0);
-            let i = sums.partition_point(|&sum| sum <= choice * total).min(emitters.len() - 1);
-            follow(raycaster, surfaces, emitters[i], &mut sampler, &mut |t, side, share| {
+            let i = sums.partition_point(|&sum| sum <= choice * total).min(sums.len() - 1);
+            let light = match emitters.get(i) {
+                Some(&triangle) => Start::Triangle(triangle),
+                None => Start::Point(&points[i - emitters.len()]),
+            };
+            follow(raycaster, surfaces, &light, &mut sampler, &mut |t, side, share| {
                 let mut one = OutgoingFlux { flux: [0.0; 2], paths: 1 };
                 one.flux[side] = f64::from(share);
                 *outgoing.entry(t).or_default() += one;
@@ -256,24 +263,38 @@ const CELLS: f32 = 512.0;
 /// Seed of the light paths; any number will do.
 const SEED: u64 = 0x5EC0_DA2E;
 
+/// The emitter where a light path starts.
+enum Start<'a> {
+    Triangle(u32),
+    Point(&'a Point),
+}
+
 /// Traces one light path from a point of an emitter. Calls `outgoing` for each surface that
 /// reflects it, with triangle, side (0: counter-clockwise) and remaining flux.
 fn follow(
     raycaster: &Raycaster,
     surfaces: &[Surface],
-    emitter: u32,
+    light: &Start,
     sampler: &mut Sampler,
     outgoing: &mut impl FnMut(u32, usize, f32),
 ) {
     let surface = |triangle: u32| &surfaces[raycaster.scene().material_id(triangle) as usize];
-    let (u, v) = triangle(sampler.two());
-    let mut point = raycaster.surface(emitter, u, v);
-    let mut normal = point.normal;
-    if surface(emitter).two_sided && sampler.one() < 0.5 {
-        normal = -normal;
-    }
-    let mut direction = Frame::new(normal).to_world(cosine_hemisphere(sampler.two()));
-    let mut share = 1.0;
+    let (mut point, mut direction, mut share) = match *light {
+        Start::Triangle(emitter) => {
+            let (u, v) = triangle(sampler.two());
+            let point = raycaster.surface(emitter, u, v);
+            let mut normal = point.normal;
+            if surface(emitter).two_sided && sampler.one() < 0.5 {
+                normal = -normal;
+            }
+            let direction = Frame::new(normal).to_world(cosine_hemisphere(sampler.two()));
+            (point, direction, 1.0)
+        }
+        Start::Point(light) => {
+            let (direction, share) = light.direction(sampler.two());
+            (light.place(), direction, share)
+        }
+    };
     for depth in 1..=DEPTH {
         let ray = Ray::new(spawn(point.point, point.error, point.normal, direction), direction);
         let Some(hit) = raycaster.nearest_from(&ray, point.triangle) else { return };

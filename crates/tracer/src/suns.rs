@@ -71,6 +71,18 @@ impl Suns {
         Some(Chosen { direction, radiance: sun.radiance, density: sun.share * self.density })
     }
 
+    /// Returns the direction to the middle of a sun, chosen by a uniform number in proportion to its
+    /// irradiance, and that irradiance over the probability.
+    pub(crate) fn choose_middle(&self, mut which: f32) -> Option<(Vec3, Vec3)> {
+        let last = self.discs.last()?;
+        let chosen = self.discs.iter().find(|disc| {
+            which -= disc.share;
+            which < 0.0
+        });
+        let sun = chosen.unwrap_or(last);
+        Some((sun.frame.n, sun.radiance / (self.density * sun.share)))
+    }
+
     /// Returns the light of suns that a ray hits. `weight` returns the weight of a sun from the
     /// density with which [`choose`](Self::choose) returns its points.
     #[inline]

@@ -167,6 +167,27 @@ fn known_light_of_a_coat_serves_an_eye_that_moves_round_it() {
 }
 
 #[test]
+fn a_frame_counts_the_glossy_pixels_whose_gleams_are_a_guess() {
+    let guessed = |bsdf: Bsdf| {
+        let (sections, raycaster) = floor_of(bsdf);
+        let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+        driver.look(&look(DOWN, Resolution::Full)).unwrap();
+        for (beam, sample) in samples(&sections[0], 2_000) {
+            driver.insert(beam, 1, &[sample]);
+        }
+        let frame = draw(&mut driver);
+        (frame.gleam_pixels, frame.depth.len() as u64)
+    };
+    let coat = Bsdf::Coated { kd: [ALBEDO; 3], ks: [1.0; 3], ior: 1.5, alpha: 0.1 };
+    let metal = Bsdf::Conductor { ks: [0.9; 3], alpha: 0.3 };
+    for glossy in [coat, metal] {
+        let (count, pixels) = guessed(glossy);
+        assert!(2 * count > pixels, "{count} of {pixels}");
+    }
+    assert_eq!(guessed(Bsdf::Diffuse { kd: [ALBEDO; 3] }).0, 0);
+}
+
+#[test]
 fn a_glance_shows_known_light_first_unless_the_driver_settles() {
     let (sections, raycaster) = floor();
     let shown = |options: &str, settles: bool| {

@@ -193,6 +193,7 @@ pub fn state(state: &State) -> String {
         "saving": state.saving,
         "traces": state.traces,
         "view_samples": state.view_samples,
+        "gleams": state.gleams,
         "samples": state.samples,
         "samples_per_second": state.samples_per_second.round(),
         "workers": state.workers,

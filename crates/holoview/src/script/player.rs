@@ -262,6 +262,7 @@ fn write_picture(
         empty_pixels: frame.empty_pixels,
         unseen_pixels: frame.unseen_pixels,
         guessed_pixels: frame.guessed_pixels,
+        gleam_pixels: frame.gleam_pixels,
         driver: session.driver_name(),
         first_samples: counts.first_samples,
         exposure,

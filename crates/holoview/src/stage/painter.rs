@@ -105,6 +105,8 @@ pub struct News {
     pub views: Arc<Vec<(String, String)>>,
     /// Samples that have arrived for the view.
     pub view_samples: u64,
+    /// Share of the picture's pixels whose gleams are a guess, percent.
+    pub gleams: u32,
     /// Samples in the holodeck.
     pub samples: u64,
     /// Samples traced per second.
@@ -453,6 +455,8 @@ impl Painter {
             // light.
             frame.empty_pixels = frame.depth.len() as u64;
         }
+        let pixels = frame.depth.len().max(1) as u64;
+        self.news.gleams = (100 * frame.gleam_pixels / pixels) as u32;
         let end = Instant::now();
         let took = [looked - begin, end - looked];
         (self.times.frame, self.times.drawn_in) = (end, end - begin);

@@ -98,6 +98,8 @@ pub struct State {
     pub saving: Option<f32>,
     /// Samples that have arrived for the current view.
     pub view_samples: u64,
+    /// Share of the picture's pixels on glossy surfaces whose gleams are a guess, percent.
+    pub gleams: u32,
     /// Samples in the holodeck.
     pub samples: u64,
     /// Samples traced per second.

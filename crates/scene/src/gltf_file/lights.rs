@@ -1,58 +1,96 @@
-//! Punctual lights, as small lamps and suns: the tracer knows only surfaces that shine, and discs
-//! in the sky.
-//!
-//! A point light becomes an octahedron, and a spot light a square in a dark funnel that bounds its
-//! cone. Intensities along the axis are kept. A directional light becomes a sun.
+//! Punctual lights of KHR_lights_punctual. A directional light becomes a sun.
 
+use std::f32::consts::FRAC_PI_2;
 use std::f64::consts::TAU;
 
 use glam::{DMat4, DVec3};
 use gltf::khr_lights_punctual::{Kind, Light};
 
 use super::reading::Reading;
-use crate::limits::MAX_RADIANCE;
+use crate::limits::{MAX_COORDINATE, MAX_RADIANCE};
 use crate::text::excerpt;
-use crate::{Bsdf, MAX_SUNS, Material, Rgb, Sun};
+use crate::{Beam, MAX_PUNCTUAL_LIGHTS, MAX_SUNS, PunctualLight, Sun};
 
 /// Luminous efficacy for converting radiance to luminance, lm/W (Ward 1994).
 pub(super) const EFFICACY: f64 = 179.0;
 
-/// Distance of a lamp's corners from its middle, metres.
-const RADIUS: f64 = 0.03;
+/// Luminous efficacy with which Blender writes lamps by default, lm/W.
+const BLENDER: f64 = 683.0;
 
-/// Length of a spot light's funnel, metres, and its number of sides.
-const FUNNEL: f64 = 0.1;
-const SIDES: usize = 12;
-
-/// Widest half angle of a funnel. A wider spot is a square that shines to one side.
-const WIDEST: f64 = 1.3;
-
-/// Adds a light at the origin of `matrix`; it shines towards -z.
-pub(super) fn add(reading: &mut Reading, light: &Light, matrix: DMat4) {
+/// Adds a light of a node at the origin of `matrix`; it shines towards -z.
+pub(super) fn add(reading: &mut Reading, light: &Light, node: &str, matrix: DMat4) {
     let place = matrix.transform_point3(DVec3::ZERO);
     let axis = matrix.transform_vector3(DVec3::NEG_Z).normalize_or_zero();
-    let name = light.name().map_or_else(|| format!("light {}", light.index()), excerpt);
     let candela = light.color().map(|c| f64::from(c) * f64::from(light.intensity()));
     if !candela.iter().all(|c| c.is_finite() && *c >= 0.0) || axis == DVec3::ZERO {
         reading.count("lights without a plausible intensity or direction are ignored");
         return;
     }
-    let emission =
-        |area: f64| -> Rgb { candela.map(|c| ((c / EFFICACY / area) as f32).min(MAX_RADIANCE)) };
-    match light.kind() {
-        Kind::Directional => sun(reading, axis, candela),
-        Kind::Point => {
-            reading.count("point lights are shown as small lamps");
-            // The mean projected area of a convex solid is a quarter of its surface (Cauchy).
-            let emission = emission(3f64.sqrt() * RADIUS * RADIUS);
-            octahedron(reading, place, lamp(name, emission));
+    let beam = match light.kind() {
+        Kind::Directional => return sun(reading, axis, candela),
+        Kind::Point => Beam::Everywhere,
+        Kind::Spot { inner_cone_angle, outer_cone_angle } => {
+            cone(reading, axis, [inner_cone_angle, outer_cone_angle])
         }
-        Kind::Spot { outer_cone_angle, .. } => {
-            reading.count("spot lights are shown as small lamps in a funnel");
-            let emission = emission(2.0 * RADIUS * RADIUS);
-            spot(reading, place, axis, f64::from(outer_cone_angle), lamp(name, emission));
-        }
+    };
+    if light.range().is_some() {
+        reading.count("ranges of lights are ignored: light has no end");
     }
+    if !candela.iter().any(|&c| c > 0.0) {
+        reading.count("lights without intensity are ignored");
+        return;
+    }
+    if place.abs().max_element() > MAX_COORDINATE
+        || reading.model.punctual_lights.len() == MAX_PUNCTUAL_LIGHTS
+    {
+        reading.count("lights beyond 1e12, or beyond the 65536th, are ignored");
+        return;
+    }
+    if let Some(watts) = blender_watts(f64::from(light.intensity())) {
+        reading.count(format!(
+            "lights of {watts} W × 683 lm/W ÷ 4π, as Blender exports by default, are taken as they \
+             are: real lamps of that power are dimmer"
+        ));
+    }
+    reading.count(match beam {
+        Beam::Everywhere => "point lights give light and are not seen",
+        Beam::Cone { .. } => "spot lights give light and are not seen",
+    });
+    let group = light.name().map_or_else(|| format!("light {}", light.index()), excerpt);
+    let light = PunctualLight {
+        name: node.to_owned(),
+        group,
+        position: [0.0; 3],
+        intensity: candela.map(|c| (c / EFFICACY) as f32),
+        radius: 0.0,
+        beam,
+    };
+    reading.model.punctual_lights.push((place, light));
+}
+
+/// Returns the cone of a spot light. Impossible angles become the nearest possible ones.
+fn cone(reading: &mut Reading, axis: DVec3, angles: [f32; 2]) -> Beam {
+    let [inner, outer] = angles;
+    let is_possible =
+        outer > 0.0 && (0.0..=outer).contains(&inner) && outer <= FRAC_PI_2 * 1.000_001;
+    if !is_possible {
+        reading.count("spot lights whose angles are not 0 ≤ inner ≤ outer ≤ 90° are cut to that");
+    }
+    let outer = if outer >= 0.0 { outer.min(FRAC_PI_2) } else { 0.0 };
+    let inner = if inner >= 0.0 { inner.min(outer) } else { 0.0 };
+    Beam::Cone { axis: axis.as_vec3().to_array(), inner, outer }
+}
+
+/// Returns the power that Blender's default export (683 lm/W, the same in all directions) turns
+/// into this many candela. `None` if that would not be a power with three digits, such as people
+/// choose.
+fn blender_watts(candela: f64) -> Option<f64> {
+    let watts = candela * 2.0 * TAU / BLENDER;
+    let digits = 10_f64.powf(watts.log10().floor() - 2.0);
+    let rounded = (watts / digits).round() * digits;
+    let is_round = (watts / rounded - 1.0).abs() < 2e-6;
+    // Sums of decimal digits, without their rounding.
+    is_round.then(|| format!("{rounded:.6}").parse().unwrap_or(rounded))
 }
 
 /// Adds a sun that shines along `axis` with these illuminances, lux.
@@ -70,53 +108,4 @@ fn sun(reading: &mut Reading, axis: DVec3, lux: [f64; 3]) {
         towards: (-axis).as_vec3().to_array(),
         irradiance: lux.map(|c| (c / EFFICACY).min(most) as f32),
     });
-}
-
-fn lamp(name: String, emission: Rgb) -> Material {
-    Material { name, bsdf: Bsdf::Diffuse { kd: [0.0; 3] }, emission, two_sided_emission: false }
-}
-
-fn octahedron(reading: &mut Reading, place: DVec3, material: Material) {
-    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
-    let corners: Vec<DVec3> =
-        axes.iter().flat_map(|&axis| [place + axis * RADIUS, place - axis * RADIUS]).collect();
-    let mut triangles = Vec::new();
-    for (x, y, z) in (0..8).map(|k| (k & 1, k >> 1 & 1, k >> 2)) {
-        let [a, b, c] = [x, 2 + y, 4 + z];
-        // An odd number of negative axes turns the corners round.
-        triangles.push(if (x + y + z) % 2 == 0 { [a, b, c] } else { [a, c, b] });
-    }
-    push(reading, &corners, &triangles, material);
-}
-
-fn spot(reading: &mut Reading, place: DVec3, axis: DVec3, outer: f64, material: Material) {
-    let (right, up) = axis.any_orthonormal_pair();
-    let at = |angle: f64, radius: f64, ahead: f64| {
-        place + axis * ahead + (right * angle.cos() + up * angle.sin()) * radius
-    };
-    let square: Vec<DVec3> = (0..4).map(|k| at(f64::from(k) / 4.0 * TAU, RADIUS, 0.0)).collect();
-    push(reading, &square, &[[0, 1, 2], [0, 2, 3]], material);
-    if !(0.01..WIDEST).contains(&outer) {
-        return;
-    }
-    let widened = RADIUS + FUNNEL * outer.tan();
-    let ring = |k: usize| (k % SIDES) as f64 / SIDES as f64 * TAU;
-    let corners: Vec<DVec3> =
-        (0..SIDES).flat_map(|k| [at(ring(k), RADIUS, 0.0), at(ring(k), widened, FUNNEL)]).collect();
-    let triangles: Vec<[u32; 3]> = (0..SIDES as u32)
-        .flat_map(|k| {
-            let next = (k + 1) % SIDES as u32;
-            [[2 * k, 2 * next, 2 * k + 1], [2 * next, 2 * next + 1, 2 * k + 1]]
-        })
-        .collect();
-    push(reading, &corners, &triangles, lamp("funnel of a spot light".to_owned(), [0.0; 3]));
-}
-
-fn push(reading: &mut Reading, corners: &[DVec3], triangles: &[[u32; 3]], material: Material) {
-    let key = Some(usize::MAX - reading.model.materials.len());
-    let Ok(id) = reading.add_material(key, material) else { return };
-    let first = reading.model.positions.len() as u32;
-    reading.model.positions.extend(corners);
-    reading.model.triangles.extend(triangles.iter().map(|t| t.map(|corner| first + corner)));
-    reading.model.material_ids.extend(std::iter::repeat_n(id, triangles.len()));
 }

@@ -200,7 +200,7 @@ impl Reading<'_> {
             self.camera(&camera, &name, matrix);
         }
         if let Some(light) = node.light() {
-            lights::add(self, &light, matrix);
+            lights::add(self, &light, &name, matrix);
         }
         let triangles = (self.model.triangles.len() + self.placed) as u64;
         (self.watch)(LoadProgress { bytes: self.bytes, total_bytes: self.bytes, triangles });

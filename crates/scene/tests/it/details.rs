@@ -6,7 +6,7 @@
 use crate::common::messages;
 use base64::Engine as _;
 use glam::Vec3;
-use holo_scene::{Bsdf, LoadOptions, Loaded, Scene, SceneError, Sun};
+use holo_scene::{Beam, Bsdf, LoadOptions, Loaded, PunctualLight, Scene, SceneError, Sun};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -213,6 +213,44 @@ fn a_directional_light_is_a_sun_that_shines_along_its_node() {
     assert_eq!(messages(&loaded), ["s.gltf: directional lights are suns of half a degree (1)"]);
 }
 
+/// Adds a point light and a spot light.
+fn with_punctual_lights(scene: Scene) -> Scene {
+    let point = PunctualLight {
+        name: "lamp".to_owned(),
+        group: "all lamps".to_owned(),
+        position: [1.0, 2.0, -3.0],
+        intensity: [1.0, 0.0, 2.0],
+        radius: 0.01,
+        beam: Beam::Everywhere,
+    };
+    let beam = Beam::Cone { axis: [0.0, 0.6, 0.8], inner: 0.2, outer: 1.5 };
+    let spot = PunctualLight { beam, ..point.clone() };
+    scene.with_punctual_lights(vec![point, spot]).unwrap()
+}
+
+#[test]
+fn impossible_punctual_lights_are_refused() {
+    let good = with_punctual_lights(square("").scene).punctual_lights;
+    let refused = |change: &dyn Fn(&mut PunctualLight)| {
+        let mut lights = good.clone();
+        change(&mut lights[1]);
+        let error = square("").scene.with_punctual_lights(lights).unwrap_err();
+        assert!(matches!(error, SceneError::PunctualLight(1)), "{error}");
+    };
+    let cone = |axis, inner, outer| Beam::Cone { axis, inner, outer };
+    refused(&|light| light.position[0] = f32::NAN);
+    refused(&|light| light.intensity = [0.0; 3]);
+    refused(&|light| light.intensity[1] = -1.0);
+    refused(&|light| light.intensity[1] = f32::INFINITY);
+    refused(&|light| light.radius = 0.0);
+    refused(&|light| light.name = "n".repeat(2000));
+    refused(&|light| light.beam = cone([0.0; 3], 0.1, 0.2));
+    refused(&|light| light.beam = cone([0.0, 0.0, 1.0], 0.3, 0.2));
+    refused(&|light| light.beam = cone([0.0, 0.0, 1.0], 0.3, 4.0));
+    let many = square("").scene.with_punctual_lights(vec![good[0].clone(); 65_537]).unwrap_err();
+    assert_eq!(many.to_string(), "65537 punctual lights are more than the limit of 65536");
+}
+
 #[test]
 fn all_of_it_survives_packing_and_damage_is_refused() {
     let lit = |scene: Scene| {
@@ -222,6 +260,8 @@ fn all_of_it_survives_packing_and_damage_is_refused() {
     for scene in [
         lit(gltf(DETAILS, "", "").scene),
         lit(square("").scene),
+        with_punctual_lights(square("").scene),
+        with_punctual_lights(lit(square("norm normals.png").scene)),
         square("norm normals.png").scene,
         square("map_Pr finish.png").scene,
         obj("v 0 0 0 1 0 0\nv 1 0 0 1 1 1\nv 0 1 0 1 1 1\nf 1 2 3\n").scene,

@@ -5,7 +5,7 @@
 use crate::common::messages;
 use base64::Engine as _;
 use glam::{DVec3, Vec3};
-use holo_scene::{Bsdf, LoadOptions, Loaded, Scene, SceneError};
+use holo_scene::{Beam, Bsdf, LoadOptions, Loaded, Scene, SceneError};
 use proptest::prelude::*;
 
 /// Positions of a triangle, indices as bytes, and one sparse replacement.
@@ -192,7 +192,7 @@ fn emission_is_a_luminance_and_shines_on_both_sides_if_the_material_does() {
 }
 
 #[test]
-fn cameras_are_views_and_lights_are_lamps_of_their_intensity() {
+fn cameras_are_views_and_lights_have_their_intensity() {
     let more = format!(
         r#"{GREY},"cameras":[{{"type":"perspective","perspective":{{"yfov":0.5,"znear":0.1}}}}],
         "extensionsUsed":["KHR_lights_punctual","VENDOR_x"],
@@ -220,25 +220,68 @@ fn cameras_are_views_and_lights_are_lamps_of_their_intensity() {
             "{part}: {warnings:?}"
         );
     }
-    // Intensity along -z in W/sr: radiance times the projected area of what shines there.
-    let scene = &loaded.scene;
-    let towards = Vec3::Z;
-    let intensity = |count: usize| -> f64 {
-        let lamps: Vec<u32> = scene
-            .emitters()
-            .filter(|&t| {
-                let same = |other: &u32| scene.material_id(*other) == scene.material_id(t);
-                scene.emitters().filter(same).count() == count
-            })
-            .collect();
-        let seen = lamps
-            .iter()
-            .map(|&t| scene.area(t) * f64::from((-scene.normal(t)).dot(towards)).max(0.0));
-        seen.sum::<f64>() * f64::from(scene.material(lamps[0]).emission[0])
+    let [point, spot] = &loaded.scene.punctual_lights[..] else { panic!() };
+    let place = Vec3::from(point.position).as_dvec3() + loaded.scene.origin;
+    assert!(place.length() < 1e-6, "{place}");
+    assert_eq!((point.intensity, point.beam), ([1.0; 3], Beam::Everywhere));
+    assert_eq!((point.name.as_str(), point.group.as_str()), ("2", "light 0"));
+    let axis = [0.0, 0.0, -1.0];
+    assert_eq!(spot.beam, Beam::Cone { axis, inner: 0.0, outer: 0.5 });
+    assert_eq!(loaded.scene.features().punctual_lights, 2);
+}
+
+/// Loads the triangle, scaled, with one light of these members at (0, 0, 1).
+fn with_light(light: &str, scale: f64) -> Loaded {
+    let more = format!(
+        r#"{GREY},"extensionsUsed":["KHR_lights_punctual"],
+        "extensions":{{"KHR_lights_punctual":{{"lights":[{{{light}}}]}}}}"#
+    );
+    let nodes = format!(
+        r#""nodes":[{{"mesh":0,"scale":[{scale},{scale},{scale}]}},{{"name":"lamp",
+        "translation":[0,0,1],"extensions":{{"KHR_lights_punctual":{{"light":0}}}}}}]"#
+    );
+    let scenes = r#""scenes":[{"nodes":[0,1]}]"#;
+    let json = triangle(&more).replace(r#""nodes":[{"mesh":0}]"#, &nodes);
+    load(&json.replace(r#""scenes":[{"nodes":[0]}]"#, scenes)).unwrap()
+}
+
+#[test]
+fn the_sphere_of_a_light_follows_the_size_of_the_scene_up_to_a_centimetre() {
+    let radius = |scale: f64| {
+        let loaded = with_light(r#""type":"point","intensity":100"#, scale);
+        f64::from(loaded.scene.punctual_lights[0].radius)
     };
-    assert!((intensity(2) - 1.0).abs() < 1e-4, "the spot, along its axis: {}", intensity(2));
-    // Along an axis, an octahedron shows more than its mean: 2 over √3.
-    assert!((intensity(8) - 2.0 / 3f64.sqrt()).abs() < 1e-4, "{}", intensity(8));
+    let diagonal = 2_f64.sqrt();
+    for scale in [1e-4, 0.01, 1.0] {
+        assert!((radius(scale) / (1e-3 * diagonal * scale) - 1.0).abs() < 1e-5, "{scale}");
+    }
+    assert!((radius(1000.0) - 0.01).abs() < 1e-6);
+}
+
+#[test]
+fn impossible_lights_are_counted_and_unusual_units_are_named() {
+    let said = |light: &str| messages(&with_light(light, 1.0)).join("\n");
+    let plain = "s.gltf: point lights give light and are not seen (1)";
+    assert_eq!(said(r#""type":"point","intensity":100"#), plain);
+    for candela in ["15.9", "200", "1000", "15.9154943"] {
+        assert_eq!(said(&format!(r#""type":"point","intensity":{candela}"#)), plain);
+    }
+    for (light, part) in [
+        (r#""type":"point","intensity":10870.282"#, "200 W × 683 lm/W ÷ 4π"),
+        (r#""type":"point","intensity":54.35141"#, "of 1 W × 683 lm/W ÷ 4π"),
+        (r#""type":"point","intensity":5,"range":3"#, "ranges of lights are ignored"),
+        (r#""type":"point","intensity":0"#, "without intensity"),
+        (r#""type":"point","intensity":-1"#, "without a plausible intensity"),
+        (r#""type":"spot","spot":{"innerConeAngle":0.6,"outerConeAngle":0.5}"#, "angles"),
+        (r#""type":"spot","spot":{"innerConeAngle":-1,"outerConeAngle":0.5}"#, "angles"),
+        (r#""type":"spot","spot":{"outerConeAngle":3}"#, "angles"),
+        (r#""type":"spot","spot":{"outerConeAngle":0}"#, "angles"),
+    ] {
+        let found = said(light);
+        assert!(found.contains(part), "{light}: {found}");
+    }
+    let kept = with_light(r#""type":"point","intensity":10870.282"#, 1.0).scene;
+    assert!((kept.punctual_lights[0].intensity[0] * 179.0 / 10870.282 - 1.0).abs() < 1e-6);
 }
 
 #[test]

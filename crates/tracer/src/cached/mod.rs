@@ -4,6 +4,8 @@
 //!
 //! - The rays of a record end in other records. A ray that finds none continues as a path; one in
 //!   [`COARSE_PATIENCE`] makes a coarse record there instead, whose rays continue as paths.
+//! - Records leave out sunlight over mirrors and glass. Each sample aims a ray at it
+//!   ([`sun_caustics`](crate::sun_caustics)).
 //! - Some rays are aimed: at small bright surfaces near lamps ([`secondary`](crate::secondary)),
 //!   and at lamps that flat mirrors show ([`images`](crate::images)).
 //! - A record costs as much as hundreds of paths. Someone may wait for samples, so their cost is
@@ -261,7 +263,7 @@ impl PathPolicy for CachePolicy<'_> {
             if self.cached.has_caustics {
                 return None;
             }
-            Vec3::ZERO
+            return Some(Vec3::ZERO);
         } else if bounces != u32::MAX && at.scatterings > 1 {
             // A record contains light of all bounces; here only some may count.
             return None;
@@ -283,7 +285,8 @@ impl PathPolicy for CachePolicy<'_> {
                 None => return None,
             }
         };
-        Some(*kd * irradiance * FRAC_1_PI)
+        let over_mirrors = self.engine.sun_caustic(at, sampler);
+        Some(*kd * (irradiance + over_mirrors) * FRAC_1_PI)
     }
 
     #[inline]
@@ -303,6 +306,15 @@ impl PathPolicy for CachePolicy<'_> {
         let mean = self.cached.mean_irradiance.luminance(&self.cached.store) * FRAC_1_PI;
         let (most, found) = (MAX_LAMP_OVER_MEAN * mean, luminance(light.into()));
         if found > most { light * (most / found) } else { light }
+    }
+
+    #[inline]
+    fn finds_suns(&self, scatterings: u32) -> bool {
+        // A record's rays have one scattering before them, that of the record's surface.
+        match self.role.get() {
+            Role::Eye | Role::Path => true,
+            Role::Record | Role::Coarse => scatterings > 1,
+        }
     }
 
     #[inline]

@@ -10,6 +10,7 @@ use holo_scene::Scene;
 
 use super::photons::Photon;
 use crate::geometry::Frame;
+use crate::lights::Point;
 use crate::luminance::luminance;
 
 /// Most photons of a leaf.
@@ -18,8 +19,8 @@ const MOST: usize = 32;
 const LEAST: usize = 8;
 /// The cone of a photon reaches to the direction of its neighbour of this rank.
 const NEIGHBOUR: usize = 3;
-/// Least and greatest cosine of a cone's half angle: those of 30° and 1°.
-const COSINES: (f32, f32) = (0.866, 0.999_85);
+/// Greatest squared chord between the middle and the edge of a cone: that of 30°.
+const WIDEST: f32 = 0.268;
 /// Margin of a leaf around the box of its photons, as a share of the box.
 const MARGIN: f32 = 0.15;
 /// Further margin of a leaf, as a share of the scene.
@@ -71,8 +72,9 @@ pub(super) struct Leaf {
     count: usize,
     /// Where the photons seem to come from, by coordinate.
     from: [[f32; MOST]; 3],
-    /// Cosine of the half angle of each cone.
-    cosines: [f32; MOST],
+    /// Squared chord between the middle and the edge of each cone, on the unit sphere. The cosine of
+    /// a sun's radius has too few digits.
+    chords2: [f32; MOST],
     /// Probability of each cone over its solid angle.
     densities: [f32; MOST],
     /// Sums of the probabilities up to each cone.
@@ -154,22 +156,23 @@ impl Leaf {
             share: (irradiance / (irradiance + around.ambient)).min(GREATEST_SHARE),
             count: photons.len(),
             from: [[0.0; MOST]; 3],
-            cosines: [2.0; MOST],
+            chords2: [-1.0; MOST],
             densities: [0.0; MOST],
             sums: [0.0; MOST],
         };
         let mut sum = 0.0;
         for (i, (photon, direction)) in photons.iter().zip(&directions).enumerate() {
-            let mut near: Vec<f32> = directions.iter().map(|d| d.dot(*direction)).collect();
+            let mut near: Vec<f32> =
+                directions.iter().map(|d| d.distance_squared(*direction)).collect();
             // The first is the photon itself.
             let rank = NEIGHBOUR.min(near.len() - 1);
-            near.select_nth_unstable_by(rank, |a, b| b.total_cmp(a));
-            let cosine = near[rank].clamp(COSINES.0, COSINES.1);
+            near.select_nth_unstable_by(rank, f32::total_cmp);
+            let chord2 = near[rank].max(photon.least_chord2).min(WIDEST);
             let probability = photon.flux / whole;
             sum += probability;
             (0..3).for_each(|axis| leaf.from[axis][i] = photon.from[axis]);
-            leaf.cosines[i] = cosine;
-            leaf.densities[i] = probability / (TAU * (1.0 - cosine));
+            leaf.chords2[i] = chord2;
+            leaf.densities[i] = probability / (PI * chord2);
             leaf.sums[i] = sum;
         }
         Some(leaf)
@@ -189,10 +192,10 @@ impl Leaf {
         let width = (self.sums[chosen] - before).max(f32::MIN_POSITIVE);
         let rest = ((first - before) / width).clamp(0.0, 1.0);
         let axis = (Vec3::from(self.from.map(|row| row[chosen])) - point).try_normalize()?;
-        let z = 1.0 - rest * (1.0 - self.cosines[chosen]);
+        let depth = 0.5 * rest * self.chords2[chosen];
         let (sin, cos) = (TAU * second).sin_cos();
-        let radius = (1.0 - z * z).max(0.0).sqrt();
-        Some(Frame::new(axis).to_world(Vec3::new(radius * cos, radius * sin, z)))
+        let radius = (depth * (2.0 - depth)).sqrt();
+        Some(Frame::new(axis).to_world(Vec3::new(radius * cos, radius * sin, 1.0 - depth)))
     }
 
     /// Returns the density of a direction.
@@ -202,15 +205,18 @@ impl Leaf {
         for i in 0..MOST {
             let (x, y, z) =
                 (self.from[0][i] - point.x, self.from[1][i] - point.y, self.from[2][i] - point.z);
-            let along = x * direction.x + y * direction.y + z * direction.z;
-            let length = (x * x + y * y + z * z).sqrt();
-            density += if along >= self.cosines[i] * length { self.densities[i] } else { 0.0 };
+            let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
+            let (x, y, z) =
+                (x * inverse - direction.x, y * inverse - direction.y, z * inverse - direction.z);
+            let is_within = x * x + y * y + z * z <= self.chords2[i];
+            density += if is_within { self.densities[i] } else { 0.0 };
         }
         density
     }
 }
 
-/// Returns the mean irradiance of a scene's surfaces, by luminance.
+/// Returns the mean irradiance of a scene's surfaces, by luminance. A sun lights a quarter of the
+/// surface of a convex body on average.
 fn ambient(scene: &Scene) -> f32 {
     let (mut power, mut area) = (0.0, 0.0);
     for t in scene.triangles() {
@@ -219,7 +225,11 @@ fn ambient(scene: &Scene) -> f32 {
         power += sides * f64::from(luminance(material.emission)) * scene.area(t);
         area += scene.area(t);
     }
-    PI * ((power / area) as f32 + luminance(scene.sky))
+    for point in scene.punctual_lights.iter().map(Point::new) {
+        power += f64::from(point.extent() * point.strength());
+    }
+    let suns: f32 = scene.suns.iter().map(|sun| luminance(sun.irradiance)).sum();
+    PI * ((power / area) as f32 + luminance(scene.sky)) + 0.25 * suns
 }
 
 fn bounds(photons: &[Photon]) -> (Vec3, Vec3) {

@@ -1,27 +1,35 @@
-//! Light paths from lamps over mirrors, glass and metal, up to the first wide surface.
+//! Light paths from lamps, suns and the sky over mirrors, glass and metal, up to the first wide
+//! surface.
 //!
 //! A path begins at a random point of a caster: a mirror, glass or narrow metal. The lamps are
 //! sampled from there, and the light goes on as the caster scatters it. So small casters get as
 //! many photons for their area as large ones.
+//!
+//! Each kind of light source has its own light paths. Paths from suns begin at the middle of the
+//! disc: their cones cover the rest of it. Paths from the sky begin at solid glass only, because
+//! samples of the sky find no other way through it. What mirrors show of the sky is wide, and
+//! samples of materials find it.
 
 use std::sync::Arc;
 
 use glam::Vec3;
-use holo_raycast::{Ray, Raycaster, SurfacePoint, spawn};
-use holo_scene::{Bsdf, Scene};
+use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
+use holo_scene::{Bsdf, SUN_RADIUS, Scene};
 
 use crate::bsdf::{Scatter, Tables};
 use crate::fresnel::{mirrored, pane};
-use crate::geometry::{Frame, triangle};
+use crate::geometry::{Frame, cosine_hemisphere, cosine_pdf, triangle};
 use crate::interface::Interface;
 use crate::lights::{Aim, Chosen, LATER, Lights};
 use crate::luminance::luminance;
 use crate::panes::Panes;
 use crate::sampled::Sampled;
 use crate::sampler::{Purpose, Sampler};
+use crate::shading::{self, Look};
+use crate::suns::Suns;
 use crate::surface::Surface;
 
-/// Number of light paths.
+/// Number of light paths for each kind of light source.
 const PATHS: u32 = 1 << 16;
 /// Most casters of a light path.
 const DEPTH: u32 = 12;
@@ -29,6 +37,14 @@ const DEPTH: u32 = 12;
 const WIDE: f32 = 0.4;
 /// Light paths per area that begin at a pane, relative to other casters. Panes reflect little.
 const PANES: f64 = 0.1;
+/// Distance of suns and sky over the scene's diagonal. At this distance, rays to them are parallel
+/// within the precision of f32.
+const FAR: f32 = 1e5;
+/// Half angle of the cone of a photon from a sun over that of the disc. Less would leave parts of
+/// the disc to chance, after rounding.
+const AROUND_SUN: f64 = 1.02;
+/// The least half angle of the cones of other photons, radians: that of 1°.
+const AROUND_LAMP: f64 = 0.017_453;
 /// Seed of the light paths; any number will do.
 const SEED: u64 = 0x0CA5;
 
@@ -42,6 +58,24 @@ pub(super) struct Photon {
     pub from: Vec3,
     /// Luminous flux without the factor of units: irradiance by luminance times area.
     pub flux: f32,
+    /// Least squared chord between the middle and the edge of its cone, on the unit sphere.
+    pub least_chord2: f32,
+}
+
+/// What light paths begin with.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LightSources<'a> {
+    pub lights: &'a Lights,
+    pub suns: &'a Suns,
+    pub panes: &'a Panes,
+}
+
+/// A kind of light source.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Lamps,
+    Suns,
+    Sky,
 }
 
 /// The surfaces that throw light.
@@ -113,30 +147,42 @@ fn share(scatter: &Scatter) -> f64 {
 pub(super) fn shoot(
     raycaster: &Raycaster,
     surfaces: &[Surface],
-    lights: &Lights,
-    panes: &Panes,
+    sources: &LightSources,
     casters: &Casters,
 ) -> Vec<Photon> {
-    let shooter = Shooter { raycaster, surfaces, lights, panes, casters };
-    if lights.triangles().is_empty() {
-        return Vec::new();
-    }
+    let scene = raycaster.scene();
+    let (low, high) = scene.bounds();
+    let far = FAR * (high - low).length() as f32;
+    let shooter = Shooter { raycaster, surfaces, sources, casters, far };
+    let has_lamps = !(sources.lights.triangles().is_empty() && sources.lights.points().is_empty());
+    let has_sky = luminance(scene.sky) > 0.0 && casters.scatters.iter().flatten().any(is_solid);
+    let kinds = [(Kind::Lamps, has_lamps), (Kind::Suns, sources.suns.any()), (Kind::Sky, has_sky)];
+    let kinds = kinds.into_iter().filter(|(_, is_there)| *is_there).map(|(kind, _)| kind);
     let flux_of_path = casters.sums.last().map_or(0.0, |sum| sum / f64::from(PATHS)) as f32;
-    let photons = (0..PATHS).filter_map(|path| shooter.shoot(path));
+    let photons =
+        kinds.flat_map(|kind| (0..PATHS).filter_map(move |path| shooter.shoot(kind, path)));
     photons.map(|photon| Photon { flux: photon.flux * flux_of_path, ..photon }).collect()
 }
 
+/// Returns whether a caster is solid glass, through which no light sample goes.
+fn is_solid(scatter: &Scatter) -> bool {
+    matches!(scatter, Scatter::Clear { .. } | Scatter::Smooth { .. } | Scatter::Rough { .. })
+}
+
+#[derive(Clone, Copy)]
 struct Shooter<'a> {
     raycaster: &'a Raycaster,
     surfaces: &'a [Surface],
-    lights: &'a Lights,
-    panes: &'a Panes,
+    sources: &'a LightSources<'a>,
     casters: &'a Casters,
+    /// Distance of suns and sky.
+    far: f32,
 }
 
 /// Light that arrives at a caster.
 struct Arriving {
     point: SurfacePoint,
+    hit: Hit,
     /// Towards where the light comes from.
     back: Vec3,
     weight: f32,
@@ -144,19 +190,34 @@ struct Arriving {
     length: f32,
     /// Size of the lamp.
     lamp: f32,
+    /// See [`Photon`].
+    least_chord2: f32,
+}
+
+/// Light that arrives from a light source.
+struct Incoming {
+    /// Unit direction towards the source.
+    back: Vec3,
+    length: f32,
+    /// Size of the source.
+    size: f32,
+    /// Radiance by luminance over the density of the choice per solid angle.
+    intensity: f32,
+    least_chord2: f32,
 }
 
 impl Shooter<'_> {
     /// Returns where a light path ends. `None` if it ends nowhere.
-    fn shoot(&self, path: u32) -> Option<Photon> {
-        let mut sampler = Sampler::new(SEED, u64::from(path));
-        let mut light = self.begin(&mut sampler)?;
+    fn shoot(&self, kind: Kind, path: u32) -> Option<Photon> {
+        let mut sampler = Sampler::new(SEED + kind as u64, u64::from(path));
+        let mut light = self.begin(kind, &mut sampler)?;
+        let mut has_passed = false;
         let scene = self.raycaster.scene();
         for depth in 0..DEPTH {
             let scatter = self.casters.scatter(scene, light.point.triangle)?;
             let front = light.back.dot(light.point.normal) > 0.0;
-            let normal = if front { light.point.normal } else { -light.point.normal };
-            let frame = Frame::new(normal);
+            let facing = if front { light.point.normal } else { -light.point.normal };
+            let frame = Frame::new(self.normal(&light, scatter, facing));
             let wo = frame.to_local(light.back);
             if wo.z <= 0.0 {
                 return None;
@@ -170,6 +231,10 @@ impl Shooter<'_> {
                 _ => scatter.sample(wo, front, &mut sampler)?,
             };
             let direction = frame.to_world(sampled.wi);
+            if direction.dot(facing) * sampled.wi.z <= 0.0 {
+                return None;
+            }
+            has_passed |= sampled.wi.z < 0.0;
             let SurfacePoint { point, error, normal, triangle } = light.point;
             let ray = Ray::new(spawn(point, error, normal, direction), direction);
             let hit = self.raycaster.nearest_from(&ray, triangle)?;
@@ -177,11 +242,11 @@ impl Shooter<'_> {
             let length = light.length + hit.t;
             let met = self.raycaster.surface(hit.triangle, hit.u, hit.v);
             if self.casters.contain(hit.triangle) {
-                light = Arriving { point: met, back: -direction, weight, length, ..light };
+                light = Arriving { point: met, hit, back: -direction, weight, length, ..light };
                 continue;
             }
             let material = scene.material_id(hit.triangle);
-            let is_usable = weight > 0.0 && weight.is_finite();
+            let is_usable = weight > 0.0 && weight.is_finite() && (has_passed || kind != Kind::Sky);
             if !is_usable || !self.surfaces[material as usize].scatter.is_wide() {
                 return None;
             }
@@ -196,15 +261,24 @@ impl Shooter<'_> {
                 normal: if arrives_in_front { met.normal } else { -met.normal },
                 from: met.point - direction * distance,
                 flux: weight,
+                least_chord2: light.least_chord2,
             });
         }
         None
     }
 
-    /// Returns light that arrives straight from a lamp at a random point of a caster.
-    fn begin(&self, sampler: &mut Sampler) -> Option<Arriving> {
+    /// Returns the normal of a caster, with its smooth normal and texture of normals.
+    fn normal(&self, light: &Arriving, scatter: &Scatter, facing: Vec3) -> Vec3 {
+        if self.raycaster.scene().shading.is_none() {
+            return facing;
+        }
+        let look = Look { towards_eye: light.back, width: 0.0 };
+        shading::normals(self.raycaster, &light.hit, scatter, facing, &look).1
+    }
+
+    /// Returns light that arrives straight from a light source at a random point of a caster.
+    fn begin(&self, kind: Kind, sampler: &mut Sampler) -> Option<Arriving> {
         let Self { raycaster, casters, .. } = *self;
-        let scene = raycaster.scene();
         sampler.turn(0, Purpose::Aim);
         let (first, second) = sampler.pairs(1).at(0);
         let whole = *casters.sums.last()?;
@@ -212,13 +286,38 @@ impl Shooter<'_> {
         let chosen = *casters.triangles.get(at)?;
         let (u, v) = triangle([sampler.one(), second]);
         let point = raycaster.surface(chosen, u, v);
+        let scatter = casters.scatter(raycaster.scene(), chosen)?;
+        let incoming = match kind {
+            Kind::Lamps => self.lamp(&point, sampler)?,
+            Kind::Suns => self.sun(&point, sampler)?,
+            Kind::Sky => self.sky(&point, scatter, sampler)?,
+        };
+        let Incoming { back, length, size, intensity, least_chord2 } = incoming;
+        let weight = intensity * back.dot(point.normal).abs() / share(scatter) as f32;
+        let hit = Hit { t: 0.0, triangle: chosen, u, v };
+        let arriving = Arriving { point, hit, back, weight, length, lamp: size, least_chord2 };
+        (weight > 0.0).then_some(arriving)
+    }
+
+    /// Returns the light of a lamp that arrives at a point.
+    fn lamp(&self, point: &SurfacePoint, sampler: &mut Sampler) -> Option<Incoming> {
+        let Self { raycaster, sources: LightSources { lights, panes, .. }, .. } = *self;
+        let scene = raycaster.scene();
         sampler.turn(0, Purpose::Light);
         let (first, second) = sampler.pairs(1).at(0);
-        let seen = self.lights.at_vertex(point.point, Vec3::ZERO, LATER);
-        let Chosen::Triangle { triangle: lamp, probability, rest } =
-            self.lights.choose(&seen, first)?
-        else {
-            return None;
+        let seen = lights.at_vertex(point.point, Vec3::ZERO, LATER);
+        let least_chord2 = chord2(AROUND_LAMP);
+        let (lamp, probability, rest) = match lights.choose(&seen, first)? {
+            Chosen::Triangle { triangle, probability, rest } => (triangle, probability, rest),
+            Chosen::Point { point: lamp, probability } => {
+                let towards = lamp.position - point.point;
+                let (length, back) = (towards.length(), towards.try_normalize()?);
+                let passed = panes.between(raycaster, point, &lamp.place());
+                let arriving = luminance((lamp.intensity(-back) * passed).to_array());
+                let intensity = arriving / (length * length * probability);
+                return Some(Incoming { back, length, size: lamp.radius, intensity, least_chord2 });
+            }
+            Chosen::Sky { .. } => return None,
         };
         let aim = Aim::new(point.point, raycaster.vertices(lamp));
         let (u, v) = aim.sample([rest, second]);
@@ -231,13 +330,56 @@ impl Shooter<'_> {
         if !(cosine > 0.0 || emitter.two_sided && cosine < 0.0) {
             return None;
         }
-        let passed = luminance(self.panes.between(raycaster, &point, &on_lamp).to_array());
+        let passed = luminance(panes.between(raycaster, point, &on_lamp).to_array());
         let density = probability * aim.density(length * length, cosine.abs());
-        let irradiance =
-            luminance(emitter.emission.to_array()) * back.dot(point.normal).abs() / density;
-        let by_share = share(casters.scatter(scene, chosen)?) as f32;
+        let intensity = passed * luminance(emitter.emission.to_array()) / density;
         let size = (scene.area(lamp) as f32).sqrt();
-        let weight = passed * irradiance / by_share;
-        (weight > 0.0).then_some(Arriving { point, back, weight, length, lamp: size })
+        Some(Incoming { back, length, size, intensity, least_chord2 })
     }
+
+    /// Returns the light of the middle of a sun that arrives at a point.
+    fn sun(&self, point: &SurfacePoint, sampler: &mut Sampler) -> Option<Incoming> {
+        let LightSources { suns, panes, .. } = self.sources;
+        sampler.turn(0, Purpose::Sun);
+        let (back, irradiance) = suns.choose_middle(sampler.one())?;
+        let passed = panes.to_sky(self.raycaster, point, back);
+        Some(Incoming {
+            back,
+            length: self.far,
+            size: 2.0 * SUN_RADIUS as f32 * self.far,
+            intensity: luminance((irradiance * passed).to_array()),
+            least_chord2: chord2(AROUND_SUN * SUN_RADIUS),
+        })
+    }
+
+    /// Returns light of the sky that arrives at a point of solid glass.
+    fn sky(
+        &self,
+        point: &SurfacePoint,
+        scatter: &Scatter,
+        sampler: &mut Sampler,
+    ) -> Option<Incoming> {
+        if !is_solid(scatter) {
+            return None;
+        }
+        sampler.turn(0, Purpose::Light);
+        let normal = if sampler.one() < 0.5 { point.normal } else { -point.normal };
+        let local = cosine_hemisphere(sampler.two());
+        let back = Frame::new(normal).to_world(local);
+        let passed = self.sources.panes.to_sky(self.raycaster, point, back);
+        let sky = Vec3::from(self.raycaster.scene().sky) * passed;
+        let density = 0.5 * cosine_pdf(local.z);
+        Some(Incoming {
+            back,
+            length: self.far,
+            size: self.far,
+            intensity: luminance(sky.to_array()) / density,
+            least_chord2: chord2(AROUND_LAMP),
+        })
+    }
+}
+
+/// Returns the squared chord of an angle on the unit sphere.
+fn chord2(angle: f64) -> f32 {
+    (2.0 * (0.5 * angle).sin()).powi(2) as f32
 }

@@ -4,6 +4,8 @@
 //! Invariant: every emitter is in exactly one leaf. The tree has at most about 60 levels, because
 //! groups deep in the tree are halved by number.
 
+use std::f32::consts::PI;
+
 use glam::Vec3;
 
 use super::cone::Cone;
@@ -19,13 +21,13 @@ const SLACK: f32 = 4e-6;
 /// The emission of one triangle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Emission {
-    /// Luminance, in the unit of the tree's powers.
+    /// Luminance, in the unit of the tree's powers; of a point, its greatest intensity.
     pub radiance: f32,
     /// The side of the triangle's normal that emits: 1 or -1, or 0 for both.
     pub side: f32,
 }
 
-/// A triangle that emits, or a group of them.
+/// A triangle or point that emits, or a group of them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Emitter {
     low: Vec3,
@@ -35,6 +37,8 @@ pub(crate) struct Emitter {
     /// For a single emitter: squared radius of a sphere around `center`.
     radius2: f32,
     normals: Cone,
+    /// Least cosine between a normal and the directions into which it emits.
+    edge: f32,
     /// Least `axis · p`.
     plane: f32,
     two_sided: bool,
@@ -57,10 +61,31 @@ impl Emitter {
             center,
             radius2: corners.iter().fold(0.0_f32, |m, v| m.max(v.distance_squared(center))),
             normals: Cone { axis: normal, angle: 0.0 },
+            edge: 0.0,
             plane: if two_sided { f32::NEG_INFINITY } else { plane },
             two_sided,
             power,
             emission: Emission { radiance, side },
+        }
+    }
+
+    /// Makes the emitter of a light at a point. `cone` has its axis and the cosine of its edge; it is
+    /// `None` for light in all directions. `power` is the greatest intensity.
+    pub(crate) fn point(position: Vec3, cone: Option<(Vec3, f32)>, power: f64) -> Self {
+        let (axis, edge) = cone.unwrap_or((Vec3::Z, 0.0));
+        // A cone wider than a hemisphere counts as light in all directions.
+        let angle = if cone.is_some() && edge > 0.0 { 0.0 } else { PI };
+        Self {
+            low: position,
+            high: position,
+            center: position,
+            radius2: 0.0,
+            normals: Cone { axis, angle },
+            edge: edge.max(0.0),
+            plane: f32::NEG_INFINITY,
+            two_sided: false,
+            power,
+            emission: Emission { radiance: power as f32, side: 0.0 },
         }
     }
 
@@ -82,6 +107,7 @@ impl Emitter {
             center: self.center,
             radius2: self.radius2,
             normals: self.normals.union(second),
+            edge: self.edge.min(other.edge),
             plane: if flat { self.plane.min(other.plane) } else { f32::NEG_INFINITY },
             two_sided: self.two_sided || other.two_sided,
             power: self.power + other.power,
@@ -107,6 +133,7 @@ impl Emitter {
             radius2,
             axis: self.normals.axis,
             angle: self.normals.angle,
+            edge: self.edge,
             plane: self.plane,
             two_sided: self.two_sided,
             power: self.power as f32,

@@ -17,6 +17,7 @@ use holo_raycast::{Ray, Raycaster, SurfacePoint, spawn};
 
 use super::build::Emission;
 use super::node::{Child, Node, WIDTH};
+use super::point::Point;
 use super::tree::{ONE_BELOW, Tree, Weights, below_one};
 use super::triangle::Aim;
 use crate::geometry::{Frame, cosine_hemisphere};
@@ -143,7 +144,8 @@ impl Cells {
             return None;
         }
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for corner in tree.triangles.iter().flat_map(|&t| raycaster.vertices(t)) {
+        let corners = tree.triangles.iter().flat_map(|&t| raycaster.vertices(t));
+        for corner in corners.chain(tree.points.iter().map(|point| point.position)) {
             (low, high) = (low.min(corner), high.max(corner));
         }
         let margin = (high - low).max_element() * MARGIN;
@@ -154,7 +156,7 @@ impl Cells {
         }
         let size = (extent / side).ceil().as_ivec3().max(IVec3::ONE);
         let clusters = cut(&tree.nodes, side * side);
-        let mut cluster_of = vec![0; tree.triangles.len()];
+        let mut cluster_of = vec![0; tree.emissions.len()];
         for (emitter, cluster_of) in cluster_of.iter_mut().enumerate() {
             let mut place = tree.places[emitter];
             loop {
@@ -380,6 +382,10 @@ impl Cells {
         else {
             return (0.0, 0.0);
         };
+        if let Some(point) = tree.point(emitter) {
+            let radiance = tree.emissions[emitter].radiance / probability;
+            return self.look_at_point(probe, facing, point, radiance);
+        }
         let triangle = tree.triangles[emitter];
         let aim = Aim::new(probe.point, self.raycaster.vertices(triangle));
         let (u, v) = aim.sample([below_one(rest), second]);
@@ -398,6 +404,29 @@ impl Cells {
             radiance * arriving.max(LEAST_COSINE) / (probability * aim.density(distance2, shining));
         if value.is_finite() {
             (value, luminance(self.panes.between(&self.raycaster, probe, &light).to_array()))
+        } else {
+            (0.0, 0.0)
+        }
+    }
+
+    /// Returns what a point of this greatest intensity brings to a probe without obstacles, and the
+    /// share of it that arrives.
+    fn look_at_point(
+        &self,
+        probe: &SurfacePoint,
+        facing: u32,
+        point: &Point,
+        intensity: f32,
+    ) -> (f32, f32) {
+        let towards = point.position - probe.point;
+        let distance2 = towards.length_squared();
+        let Some(direction) = towards.try_normalize() else { return (0.0, 0.0) };
+        let share = luminance(point.intensity(-direction).to_array()) / point.strength();
+        let arriving = if facing == EVERYWHERE { 1.0 } else { direction.dot(probe.normal) };
+        let value = intensity * share * arriving.max(LEAST_COSINE) / distance2;
+        if value > 0.0 && value.is_finite() {
+            let passed = self.panes.between(&self.raycaster, probe, &point.place());
+            (value, luminance(passed.to_array()))
         } else {
             (0.0, 0.0)
         }

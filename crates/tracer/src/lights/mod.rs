@@ -1,7 +1,7 @@
 //! Light sampling: choosing points on lights, and the density with which a direction would have
 //! been chosen.
 //!
-//! Emitting triangles are the leaves of a tree (Pharr et al. 2023, §12.6; Conty Estevez and Kulla
+//! Emitting triangles and punctual lights are the leaves of a tree (Pharr et al. 2023, §12.6; Conty Estevez and Kulla
 //! 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting"). Sampling descends it
 //! by the light that each branch may bring to the vertex. The constant sky is one more light beside
 //! the tree.
@@ -15,6 +15,8 @@ mod build;
 mod cells;
 mod cone;
 mod node;
+mod point;
+mod spheres;
 mod subtrees;
 mod tree;
 mod triangle;
@@ -30,6 +32,7 @@ use holo_scene::Scene;
 pub(crate) use build::Emitter;
 use cells::{Cell, Cells};
 use node::Child;
+pub(crate) use point::Point;
 pub(crate) use subtrees::Subtree;
 use tree::{Tree, Weights, below_one};
 pub(crate) use triangle::Aim;
@@ -53,7 +56,7 @@ pub(crate) const GRIDS: [f32; 2] = [8192.0, 1024.0];
 /// Number of scatterings of a vertex that an eye does not see directly.
 pub(crate) const LATER: u32 = 2;
 
-/// The lights of a scene: a tree of emitting triangles, and the sky.
+/// The lights of a scene: a tree of emitting triangles and points, and the sky.
 #[derive(Debug)]
 pub(crate) struct Lights {
     tree: Tree,
@@ -81,10 +84,11 @@ pub(crate) struct VertexLights {
 }
 
 /// A light that was chosen. `rest` is what remains of the random number, uniform in [0, 1).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) enum Chosen {
     Sky { rest: f32 },
     Triangle { triangle: u32, probability: f32, rest: f32 },
+    Point { point: Point, probability: f32 },
 }
 
 /// Least cosine between the normals of the halves of a flat quad.
@@ -172,28 +176,33 @@ impl Lights {
         let power =
             |t: u32| f64::from(strength[material(t)]) * scene.area(t) * mean_of_texture(scene, t);
         // Relative to the greatest, far from the limits of f32.
-        let unit = triangles.iter().map(|&t| power(t)).fold(0.0, f64::max);
-        let emitters = triangles
-            .iter()
-            .map(|&t| {
-                let power = power(t) / unit;
-                Emitter::new(
-                    scene.corners(t),
-                    scene.normal(t),
-                    power,
-                    scene.materials[material(t)].two_sided_emission,
-                )
-            })
-            .collect();
+        let points = scene.punctual_lights.iter().map(Point::new);
+        let points: Vec<Point> = points.filter(|point| point.strength() > 0.0).collect();
+        let of_points = points.iter().map(|point| f64::from(point.strength()));
+        let unit = triangles.iter().map(|&t| power(t)).chain(of_points).fold(0.0, f64::max);
+        let of_triangles = triangles.iter().map(|&t| {
+            let power = power(t) / unit;
+            Emitter::new(
+                scene.corners(t),
+                scene.normal(t),
+                power,
+                scene.materials[material(t)].two_sided_emission,
+            )
+        });
+        let of_points = points.iter().map(|point| point.emitter(unit));
+        let emitters = of_triangles.chain(of_points).collect();
         let sky =
             (f64::from(PI * luminance(scene.sky)) / if unit > 0.0 { unit } else { 1.0 }) as f32;
-        let quad = (sky == 0.0).then(|| first_of_quad(scene, &triangles)).flatten();
-        Self { sky, quad, ..Self::over(triangles, emitters) }
+        let is_alone = sky == 0.0 && points.is_empty();
+        let quad = is_alone.then(|| first_of_quad(scene, &triangles)).flatten();
+        let tree = Tree::new(triangles, points, emitters);
+        Self { tree, cells: Vec::new(), sky, quad }
     }
 
     /// Makes a tree of the given triangles (ascending), with one emitter for each.
     pub(crate) fn over(triangles: Vec<u32>, emitters: Vec<Emitter>) -> Self {
-        Self { tree: Tree::new(triangles, emitters), cells: Vec::new(), sky: 0.0, quad: None }
+        let tree = Tree::new(triangles, Vec::new(), emitters);
+        Self { tree, cells: Vec::new(), sky: 0.0, quad: None }
     }
 
     /// Adds cells: where there are many lights, choices follow what each part of the scene receives
@@ -210,6 +219,11 @@ impl Lights {
         self
     }
 
+    /// Returns the punctual lights.
+    pub(crate) fn points(&self) -> &[Point] {
+        &self.tree.points
+    }
+
     /// Returns the triangles, ascending.
     pub(crate) fn triangles(&self) -> &[u32] {
         &self.tree.triangles
@@ -220,9 +234,11 @@ impl Lights {
         self.sky > 0.0 || !self.tree.nodes.is_empty()
     }
 
-    /// Returns whether all light comes from one flat quad or triangle, or the scene has no light.
+    /// Returns whether all light comes from one flat quad, triangle or point, or the scene has no
+    /// light.
     pub(crate) fn is_one(&self) -> bool {
-        self.quad.is_some() || !self.any()
+        let is_point = self.sky == 0.0 && self.tree.emissions.len() == 1;
+        self.quad.is_some() || is_point || !self.any()
     }
 
     /// Returns the lights as seen from `point`. `normal` is the only side on which the surface is
@@ -324,10 +340,13 @@ impl Lights {
         } else {
             return None;
         };
-        Some(Chosen::Triangle {
-            triangle: self.tree.triangles[emitter],
-            probability,
-            rest: below_one(rest),
+        Some(match self.tree.point(emitter) {
+            Some(&point) => Chosen::Point { point, probability },
+            None => Chosen::Triangle {
+                triangle: self.tree.triangles[emitter],
+                probability,
+                rest: below_one(rest),
+            },
         })
     }
 

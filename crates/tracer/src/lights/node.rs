@@ -33,6 +33,8 @@ pub(crate) struct Bound {
     pub axis: Vec3,
     /// Greatest angle between `axis` and a normal, in radians.
     pub angle: f32,
+    /// Least cosine between a normal and the directions into which it emits: 0 for surfaces.
+    pub edge: f32,
     /// Points whose `axis · p` is at most this see only backs; negative infinity if unknown.
     pub plane: f32,
     pub two_sided: bool,
@@ -50,6 +52,7 @@ pub(crate) struct Node {
     radius2: [f32; WIDTH],
     cos: [f32; WIDTH],
     sin: [f32; WIDTH],
+    edge: [f32; WIDTH],
     plane: [f32; WIDTH],
     power: [f32; WIDTH],
     /// 1 if some emitter has two sides, 0 if none has.
@@ -68,6 +71,7 @@ impl Node {
             radius2: [0.0; WIDTH],
             cos: [1.0; WIDTH],
             sin: [0.0; WIDTH],
+            edge: [0.0; WIDTH],
             plane: [0.0; WIDTH],
             power: [0.0; WIDTH],
             two_sided: [0.0; WIDTH],
@@ -87,6 +91,7 @@ impl Node {
         self.used = self.used.max(slot as u32 + 1);
         self.radius2[slot] = bound.radius2;
         (self.sin[slot], self.cos[slot]) = bound.angle.sin_cos();
+        self.edge[slot] = bound.edge;
         self.plane[slot] = bound.plane;
         self.power[slot] = bound.power;
         self.two_sided[slot] = if bound.two_sided { 1.0 } else { 0.0 };
@@ -133,6 +138,7 @@ impl Node {
         self.used = self.used.max(slot as u32 + 1);
         self.radius2[slot] = from.radius2[which];
         (self.sin[slot], self.cos[slot]) = (from.sin[which], from.cos[which]);
+        self.edge[slot] = from.edge[which];
         self.plane[slot] = from.plane[which];
         self.power[slot] = from.power[which];
         self.two_sided[slot] = from.two_sided[which];
@@ -203,7 +209,9 @@ impl Node {
             let sin2_b = smaller(r2 * inverse * inverse, 1.0);
             let (cos_b, sin_b) = ((1.0 - sin2_b).sqrt(), sin2_b.sqrt());
             let reached = (cos_x >= cos_b) | (d2 <= r2);
-            let emitted = if reached { 1.0 } else { larger(cos_x * cos_b + sin_x * sin_b, 0.0) };
+            let beside = cos_x * cos_b + sin_x * sin_b;
+            let within_edge = if beside > self.edge[i] { beside } else { 0.0 };
+            let emitted = if reached { 1.0 } else { within_edge };
             let along = wx * p.x + wy * p.y + wz * p.z;
             let front = if along > self.plane[i] { emitted } else { 0.0 };
             // At the surface: the highest point of the box.

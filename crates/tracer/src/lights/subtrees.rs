@@ -32,7 +32,8 @@ impl Lights {
         visible: impl Fn(Vec3, f32) -> bool,
     ) -> Vec<Subtree> {
         let mut subtrees = Vec::new();
-        let mut waiting: Vec<usize> = if self.tree.nodes.is_empty() { Vec::new() } else { vec![0] };
+        let is_empty = self.tree.triangles.is_empty();
+        let mut waiting: Vec<usize> = if is_empty { Vec::new() } else { vec![0] };
         while let Some(at) = waiting.pop() {
             let node: &Node = &self.tree.nodes[at];
             let importances = node.importances(point, normal);
@@ -59,8 +60,8 @@ impl Lights {
     }
 
     /// Chooses a triangle of a subtree by a uniform number in [0, 1). Returns it, its probability
-    /// and what remains of the number. `None` if the descent ends at a node that contributes
-    /// nothing.
+    /// and what remains of the number. `None` if the descent ends at a point, or at a node that
+    /// contributes nothing.
     pub(crate) fn choose_in(
         &self,
         subtree: &Subtree,
@@ -71,7 +72,7 @@ impl Lights {
         let mut rest = uniform;
         let (emitter, probability) =
             self.tree.descend(subtree.child, point, normal, 1.0, &mut rest)?;
-        Some((self.tree.triangles[emitter], probability, below_one(rest)))
+        Some((*self.tree.triangles.get(emitter)?, probability, below_one(rest)))
     }
 
     /// Returns which of the subtrees contains a triangle, and the probability with which

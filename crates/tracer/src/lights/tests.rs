@@ -91,6 +91,7 @@ fn choices_follow_the_stated_probabilities_which_sum_to_one() {
                         counts[triangle as usize] += 1;
                     }
                     Some(Chosen::Sky { .. }) => counts[count] += 1,
+                    Some(Chosen::Point { .. }) => panic!("there are none"),
                     None => counts[count + 1] += 1,
                 }
             }

@@ -6,12 +6,17 @@ use glam::Vec3;
 
 use super::build::{self, Emission, Emitter};
 use super::node::{Child, Node, WIDTH};
+use super::point::Point;
 
-/// A tree of emitting triangles.
+/// A tree of emitting triangles and points.
 #[derive(Debug)]
 pub(super) struct Tree {
-    /// The triangles of all emitters, ascending.
+    /// The triangles of the first emitters, ascending.
     pub triangles: Vec<u32>,
+    /// The other emitters.
+    pub points: Vec<Point>,
+    /// Greatest radius of a point's sphere.
+    pub greatest_radius: f32,
     pub nodes: Vec<Node>,
     /// The leaf of each emitter.
     pub places: Vec<Child>,
@@ -20,11 +25,18 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// Makes a tree of the given triangles (ascending), with one emitter for each.
-    pub(super) fn new(triangles: Vec<u32>, emitters: Vec<Emitter>) -> Self {
+    /// Makes a tree of the given triangles (ascending) and points, with one emitter for each.
+    pub(super) fn new(triangles: Vec<u32>, points: Vec<Point>, emitters: Vec<Emitter>) -> Self {
         let emissions = emitters.iter().map(Emitter::emission).collect();
         let (nodes, places) = build::tree(emitters);
-        Self { triangles, nodes, places, emissions }
+        let greatest_radius = points.iter().fold(0.0, |most: f32, point| most.max(point.radius));
+        Self { triangles, points, greatest_radius, nodes, places, emissions }
+    }
+
+    /// Returns the point that an emitter is; `None` for a triangle.
+    #[inline]
+    pub(super) fn point(&self, emitter: usize) -> Option<&Point> {
+        self.points.get(emitter.wrapping_sub(self.triangles.len()))
     }
 
     /// Chooses an emitter below `from` by importance. Returns it and its probability times

@@ -133,7 +133,8 @@ impl PathEngine {
             path.footprint.leave(density);
         }
         path.direction = frame.to_world(sampled.wi);
-        let ray = Ray::new(spawn(point.point, error, point.normal, path.direction), path.direction);
+        path.origin = spawn(point.point, error, point.normal, path.direction);
+        let ray = Ray::new(path.origin, path.direction);
         path.hit = raycaster.nearest_from(&ray, point.triangle);
         path.depth += 1;
     }

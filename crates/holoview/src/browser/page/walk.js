@@ -235,6 +235,7 @@ function showState() {
   }
   if (phase === 'running' && hasPicture) pictureCame();
   field('s-view', state.view_samples ? short(state.view_samples) : null, 'samples of this view');
+  field('s-gleams', state.gleams ? `${state.gleams} %` : null, 'of pixels with guessed gleams');
   const traced = state.traces ? `${short(state.samples_per_second)}/s` : null;
   field('s-traced', state.paused ? 'paused' : traced, state.paused ? '' : 'traced');
   const none = state.traces && state.workers === 0;

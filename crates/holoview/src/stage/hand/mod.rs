@@ -556,6 +556,7 @@ impl Hand {
             is_paused: news.is_paused,
             saving: news.saving,
             view_samples: news.view_samples,
+            gleams: news.gleams,
             samples: news.samples,
             samples_per_second: news.samples_per_second,
             workers: news.workers,

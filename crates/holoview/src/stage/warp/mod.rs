@@ -87,6 +87,7 @@ pub fn warp(sources: &[Source<'_>], view: &View, size: (u32, u32)) -> Option<Fra
         let count = |count: u64| (count as f64 * grown) as u64;
         frame.empty_pixels = count(first.empty_pixels);
         frame.uncovered_pixels = count(first.uncovered_pixels);
+        frame.gleam_pixels = count(first.gleam_pixels);
         frame.samples_used = first.samples_used;
     }
     Some(frame)

@@ -41,6 +41,9 @@ pub fn status(state: &State, seen: Option<&Seen>, pace: &Pace, now: Instant) -> 
     if state.view_samples > 0 {
         fields.push(field(short(state.view_samples as f64), "samples of this view"));
     }
+    if state.gleams > 0 {
+        fields.push(field(format!("{} %", state.gleams), "of pixels with guessed gleams"));
+    }
     if state.height_is_locked {
         fields.push(field("eye height locked".into(), ""));
     }
@@ -183,6 +186,9 @@ mod tests {
         let (view_samples, samples_per_second) = (1_234_567, 12_345.0);
         let busy = State { view_samples, samples_per_second, workers: Some(1), ..running() };
         assert_eq!(say(&busy), "1.23 M samples of this view; 12.3 k/s traced; 1 worker");
+        let glossy = State { view_samples: 7, gleams: 12, is_paused: true, ..running() };
+        let words = "7 samples of this view; 12 % of pixels with guessed gleams; paused ";
+        assert_eq!(say(&glossy), words);
         let paused = State { is_paused: true, workers: Some(2), ..running() };
         assert_eq!(say(&paused), "paused; 2 workers");
         let dead = State { workers: Some(0), ..running() };
