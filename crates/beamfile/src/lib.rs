@@ -54,7 +54,7 @@ pub use file::BeamFile;
 pub use read::Caching;
 pub use storage::{DiskStorage, Storage};
 pub use types::{
-    BeamSamples, Counts, Damage, DamageKind, Maker, OpenReport, Options, SectionStats, Stats,
+    BeamSamples, Counts, Damage, DamageKind, Maker, Mark, OpenReport, Options, SectionStats, Stats,
 };
 
 /// The result type of this crate's functions.
