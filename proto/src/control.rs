@@ -259,6 +259,9 @@ pub enum Control {
         first: u64,
         /// About how many samples to send, at most [`MAX_PART`].
         samples: u32,
+        /// True for the samples that the file held when the display last settled, and no later
+        /// ones. So a display is done in time, however fast the file grows.
+        as_settled: bool,
     },
     /// Server to display: all samples of the requested part have been sent.
     PartSent {

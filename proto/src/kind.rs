@@ -43,10 +43,12 @@ pub enum Kind {
     LiveResults = 14,
     /// [`crate::bulk::LiveSamples`], server to display.
     LiveSamples = 15,
-    /// [`crate::proof::Challenge`], server to a peer on another machine.
+    /// [`crate::proof::Challenge`], server to workers and to peers on other machines.
     Challenge = 16,
     /// [`crate::proof::Proof`], the answer to a challenge.
     Proof = 17,
+    /// [`crate::proof::MachineProof`], a worker's answer to a challenge.
+    MachineProof = 18,
 }
 
 impl Kind {
@@ -70,6 +72,7 @@ impl Kind {
             Kind::LiveSamples,
             Kind::Challenge,
             Kind::Proof,
+            Kind::MachineProof,
         ]
         .into_iter()
         .find(|&kind| kind as u8 == byte)
@@ -78,7 +81,9 @@ impl Kind {
     /// Returns the longest payload of this kind, bytes.
     pub fn max_bytes(self) -> u64 {
         match self {
-            Kind::Hello | Kind::Answer | Kind::Challenge | Kind::Proof => MAX_HELLO_BYTES,
+            Kind::Hello | Kind::Answer | Kind::Challenge | Kind::Proof | Kind::MachineProof => {
+                MAX_HELLO_BYTES
+            }
             Kind::Control => MAX_CONTROL_BYTES,
             Kind::Work
             | Kind::Results

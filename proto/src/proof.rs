@@ -1,12 +1,15 @@
-//! The proof that a peer on another machine holds a token. The layouts never change, like those of
-//! the handshake.
+//! The proofs that a peer on another machine holds a token, and that a worker belongs to a machine.
+//! The layouts never change, like those of the handshake.
 
 use crate::ProtoError;
 
 /// Bytes of a token's name.
 pub const TOKEN_ID_BYTES: usize = 8;
 
-/// Server to a peer on another machine: random bytes that were never sent before.
+/// Bytes of a machine's public key (Ed25519).
+pub const MACHINE_KEY_BYTES: usize = 32;
+
+/// Server to a worker, or to a peer on another machine: random bytes that were never sent before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Challenge(pub [u8; 32]);
 
@@ -17,6 +20,21 @@ pub struct Proof {
     pub token: [u8; TOKEN_ID_BYTES],
     /// HMAC-SHA256 over the challenge and the hello's payload, with the token's secret.
     pub mac: [u8; 32],
+}
+
+/// A worker's answer to a challenge: its machine, and the proof that it has the machine's key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MachineProof {
+    /// The machine's public key.
+    pub key: [u8; MACHINE_KEY_BYTES],
+    /// The Ed25519 signature of [`machine_statement`] by that key.
+    pub signature: [u8; 64],
+}
+
+/// Returns what a worker signs. `fingerprint` is the SHA-256 of the server's certificate, or zeros
+/// without encryption. So one server cannot use a worker's answer at another one.
+pub fn machine_statement(challenge: &Challenge, fingerprint: &[u8; 32], hello: &[u8]) -> Vec<u8> {
+    [&b"holodeck machine"[..], &challenge.0, fingerprint, hello].concat()
 }
 
 impl Challenge {
@@ -47,6 +65,23 @@ impl Proof {
     pub fn decode(bytes: &[u8]) -> Result<Proof, ProtoError> {
         let (token, mac) = bytes.split_at(bytes.len().min(TOKEN_ID_BYTES));
         Ok(Proof { token: exactly("token", token)?, mac: exactly("proof", mac)? })
+    }
+}
+
+impl MachineProof {
+    /// Returns the payload: the key, then the signature.
+    pub fn encode(&self) -> Vec<u8> {
+        [&self.key[..], &self.signature].concat()
+    }
+
+    /// Parses a payload.
+    ///
+    /// # Errors
+    /// If the payload has a wrong length.
+    pub fn decode(bytes: &[u8]) -> Result<MachineProof, ProtoError> {
+        let (key, signature) = bytes.split_at(bytes.len().min(MACHINE_KEY_BYTES));
+        let key = exactly("machine's key", key)?;
+        Ok(MachineProof { key, signature: exactly("machine's signature", signature)? })
     }
 }
 

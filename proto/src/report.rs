@@ -4,6 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::printable;
 
+/// Most faults in a report. With their texts they fit into a control message.
+pub const MAX_FAULTS: usize = 256;
+
 /// The state of a server: its file, its workers and its displays.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Report {
@@ -27,7 +30,7 @@ pub struct Report {
     pub workers: Vec<WorkerReport>,
     /// The displays.
     pub displays: Vec<DisplayReport>,
-    /// Workers whose samples differed from those of others.
+    /// Machines that returned wrong results: the first [`MAX_FAULTS`].
     pub faults: Vec<FaultReport>,
 }
 
@@ -67,19 +70,19 @@ pub struct DisplayReport {
     pub queued_bytes: u64,
 }
 
-/// A worker whose samples differed from those of others.
+/// A machine that returned wrong results, or two of which one does.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FaultReport {
-    /// Its name, for people.
+    /// The name of its worker, for people; of both workers if one of the two is wrong.
     pub name: String,
-    /// The file's number for the worker's machine; 0 if the file has none.
+    /// The file's number for the worker's machine; 0 if the file has none, or for two workers.
     pub maker: u16,
     /// The name of the token with which the worker joined; empty on the server's machine.
     pub token: String,
-    /// A description of the difference.
+    /// A description of what is wrong.
     pub reason: String,
-    /// True if the worker was dropped. It stays if the server cannot determine which of two workers
-    /// is wrong.
+    /// True if the worker was dropped, and its machine is refused from now on. False if the server
+    /// cannot determine which of two workers is wrong: both stay.
     pub is_dropped: bool,
 }
 

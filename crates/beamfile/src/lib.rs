@@ -64,8 +64,8 @@ pub use file::BeamFile;
 pub use read::Caching;
 pub use storage::{DiskStorage, Storage};
 pub use types::{
-    BeamSamples, Counts, Damage, DamageKind, Maker, OpenReport, Options, SectionStats, Skipped,
-    Stats,
+    BeamSamples, Counts, Damage, DamageKind, Maker, Mark, OpenReport, Options, SectionStats,
+    Skipped, Stats,
 };
 
 /// The result type of this crate's functions.

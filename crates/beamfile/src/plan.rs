@@ -7,10 +7,10 @@ use std::sync::Arc;
 use holo_section::{BeamKey, Run, Sample};
 
 use crate::batch::Batch;
-use crate::directory::Block;
+use crate::directory::{Block, Extent};
 use crate::format::{CHUNK_SAMPLES, Class, SAMPLE_BYTES};
 use crate::state::State;
-use crate::types::Maker;
+use crate::types::{Maker, Mark};
 use crate::visible::{Offer, visible};
 
 /// The location of a planned run's samples.
@@ -97,9 +97,24 @@ impl State {
     /// Returns how to read a beam's samples of its newest earlier generation; `None` if there are
     /// none. All of them are on disk.
     pub fn plan_earlier(&self, key: BeamKey) -> Option<Plan> {
+        self.plan_extents(key, self.directory.earlier_extents_of(key))
+    }
+
+    /// Returns how to read those of a beam's samples that were on disk at a mark; `None` if there
+    /// are none.
+    pub fn plan_until(&self, key: BeamKey, mark: Mark) -> Option<Plan> {
+        let extents = self.directory.extents_of(key).take_while(|extent| extent.block < mark.0);
+        self.plan_extents(key, extents)
+    }
+
+    fn plan_extents<'a>(
+        &self,
+        key: BeamKey,
+        extents: impl Iterator<Item = &'a Extent>,
+    ) -> Option<Plan> {
         let mut offers: Vec<Offer> = Vec::new();
         let mut places = Vec::new();
-        for extent in self.directory.earlier_extents_of(key) {
+        for extent in extents {
             let Class { kind, supersedes, .. } = extent.class;
             for (skip, count) in self.intact(extent.block, extent.at, extent.count) {
                 offers.push(Offer { kind, supersedes, first: extent.first + skip, count });

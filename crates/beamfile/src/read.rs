@@ -11,7 +11,7 @@ use crate::file::BeamFile;
 use crate::load::load;
 use crate::plan::Plan;
 use crate::state::State;
-use crate::types::{BeamSamples, Counts, Maker};
+use crate::types::{BeamSamples, Counts, Maker, Mark};
 
 /// Most samples and most beams that [`BeamFile::read_many`] reads together.
 const GROUP_SAMPLES: u64 = 400_000;
@@ -107,11 +107,39 @@ impl BeamFile {
         keys: &[BeamKey],
         sink: &mut dyn FnMut(BeamKey, Arc<BeamSamples>) -> ControlFlow<()>,
     ) -> Result<()> {
+        self.read_planned(keys, &State::plan_earlier, sink)
+    }
+
+    /// Returns a mark of what is on disk now, for [`read_until`](Self::read_until).
+    pub fn mark(&self) -> Mark {
+        Mark(self.shared.state().directory.blocks.len() as u32)
+    }
+
+    /// Calls `sink` for each beam with those of its samples that were on disk at a mark, in file
+    /// order. Stops when `sink` says so. The cache has no part in it.
+    ///
+    /// # Errors
+    /// If a beam does not exist (before the first call) or the disk cannot be read.
+    pub fn read_until(
+        &self,
+        keys: &[BeamKey],
+        mark: Mark,
+        sink: &mut dyn FnMut(BeamKey, Arc<BeamSamples>) -> ControlFlow<()>,
+    ) -> Result<()> {
+        self.read_planned(keys, &|state, key| state.plan_until(key, mark), sink)
+    }
+
+    /// Reads beams by plans, without the cache.
+    fn read_planned(
+        &self,
+        keys: &[BeamKey],
+        plan: &dyn Fn(&State, BeamKey) -> Option<Plan>,
+        sink: &mut dyn FnMut(BeamKey, Arc<BeamSamples>) -> ControlFlow<()>,
+    ) -> Result<()> {
         keys.iter().try_for_each(|&key| self.check(key))?;
         for some in keys.chunks(LOOKUP_BEAMS) {
             let state = self.shared.state();
-            let mut plans: Vec<Plan> =
-                some.iter().filter_map(|&key| state.plan_earlier(key)).collect();
+            let mut plans: Vec<Plan> = some.iter().filter_map(|&key| plan(&state, key)).collect();
             drop(state);
             plans.sort_by_cached_key(|plan| (plan.file_position(), plan.key));
             let beams = loop {
@@ -122,7 +150,7 @@ impl BeamFile {
                     Err(bad) => {
                         let mut state = self.shared.state();
                         state.mark_bad(&bad);
-                        plans = plans.iter().filter_map(|p| state.plan_earlier(p.key)).collect();
+                        plans = plans.iter().filter_map(|p| plan(&state, p.key)).collect();
                     }
                 }
             };

@@ -5,16 +5,27 @@ use crate::file::BeamFile;
 use crate::scan::{Stretch, Tail, scan};
 
 impl BeamFile {
+    /// Checks that the file was not cut off. Otherwise [`BeamFile::lost`] reports it from now on.
+    ///
+    /// # Errors
+    /// [`Error::Lost`](crate::Error::Lost), or if the disk cannot be read.
+    pub fn check_length(&self) -> Result<()> {
+        let length = self.shared.storage.length();
+        let bytes = length.map_err(|error| self.shared.io("reading its length", error))?;
+        self.shared.check_length(&self.shared.appender(), bytes)
+    }
+
     /// Reads the blocks that another process has completed since, and returns their number.
     ///
     /// Returns 0 for a file that was not opened read-only.
     ///
     /// # Errors
-    /// If the disk cannot be read.
+    /// If the disk cannot be read, or the file was cut off.
     pub fn refresh(&self) -> Result<u64> {
         if !self.shared.read_only {
             return Ok(0);
         }
+        self.check_length()?;
         let mut appender = self.shared.appender();
         let mut found = Vec::new();
         let mut damage = Vec::new();

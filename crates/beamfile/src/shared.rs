@@ -120,14 +120,23 @@ impl Shared {
     /// appender left it.
     pub fn check_file(&self, appender: &Appender) -> Result<()> {
         let bytes = self.storage.length().map_err(|error| self.io("reading its length", error))?;
-        let how = if !self.storage.is_at_its_path() {
-            FileLoss::NotAtPath
-        } else if aligned(bytes) < appender.at {
-            FileLoss::Shortened { bytes, written: appender.at }
-        } else {
-            return Ok(());
-        };
+        if !self.storage.is_at_its_path() {
+            return Err(self.lose(FileLoss::NotAtPath));
+        }
+        self.check_length(appender, bytes)
+    }
+
+    /// Checks that a file of so many bytes is as long as the appender left it. A reader's appender
+    /// is where the last block ends that the reader knows.
+    pub fn check_length(&self, appender: &Appender, bytes: u64) -> Result<()> {
+        if aligned(bytes) < appender.at {
+            return Err(self.lose(FileLoss::Shortened { bytes, written: appender.at }));
+        }
+        Ok(())
+    }
+
+    fn lose(&self, how: FileLoss) -> Error {
         self.state().lost = Some(how);
-        Err(Error::Lost { path: self.path.clone(), how })
+        Error::Lost { path: self.path.clone(), how }
     }
 }

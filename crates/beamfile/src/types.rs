@@ -21,6 +21,10 @@ pub struct Counts {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Maker(pub u16);
 
+/// A moment in a file's growth: everything that was on disk then.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mark(pub(crate) u32);
+
 impl Maker {
     /// An unknown maker.
     pub const UNKNOWN: Maker = Maker(0);

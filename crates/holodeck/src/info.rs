@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    fs::{File, TryLockError},
     path::{Path, PathBuf},
     time::{Duration, Instant},
 };
@@ -172,11 +173,22 @@ fn collect(file: &Path) -> Result<Info> {
     })
 }
 
-/// Returns a file's present growth. A writer appends twice a second, so a file that has not changed
-/// for longer has no writer.
+/// Returns whether a process has the file open to write to it. The system ends that with the
+/// process, however the process ends.
+fn has_writer(file: &Path) -> std::io::Result<bool> {
+    // The lock is released at once.
+    match File::open(file)?.try_lock_shared() {
+        Err(TryLockError::WouldBlock) => Ok(true),
+        Err(TryLockError::Error(error)) => Err(error),
+        Ok(()) => Ok(false),
+    }
+}
+
+/// Returns a file's present growth. A writer holds the file's lock, and appends twice a second.
 fn bytes_per_hour(file: &Path) -> std::io::Result<f64> {
     let before = file.metadata()?;
-    if before.modified()?.elapsed().is_ok_and(|age| age > QUIET) {
+    let is_quiet = before.modified()?.elapsed().is_ok_and(|age| age > QUIET);
+    if is_quiet || !has_writer(file)? {
         return Ok(0.0);
     }
     let start = Instant::now();
@@ -209,8 +221,7 @@ fn numbers(file: &BeamFile) -> Numbers {
 fn workers(holodeck: &Holodeck, samples: &BTreeMap<Maker, u64>) -> Vec<WorkerInfo> {
     let makers = holodeck.makers();
     let samples_of = |maker| samples.get(&maker).copied().unwrap_or(0);
-    let nobody =
-        MadeBy { id: 0, name: "nobody knows who".into(), token: None, claims: 0, light_records: 0 };
+    let nobody = MadeBy { name: "nobody knows who".into(), ..MadeBy::default() };
     let nobodys = samples_of(Maker::UNKNOWN);
     let known = makers.iter().cloned().map(|made_by| (samples_of(Maker(made_by.id)), made_by));
     let all = known.chain((nobodys > 0).then_some((nobodys, nobody)));

@@ -135,13 +135,16 @@ fn table(report: &Report) -> String {
     }
     for fault in &report.faults {
         let FaultReport { name, maker, token, reason, is_dropped } = fault;
-        let dropped = if *is_dropped { "dropped" } else { "in doubt" };
-        let _ = writeln!(text, "{dropped}: {name} (no. {maker}): {reason}");
-        if *is_dropped {
+        if !is_dropped {
+            let _ = writeln!(text, "they differ: {name}: {reason}");
+            continue;
+        }
+        let _ = writeln!(text, "dropped: {name} (no. {maker}): {reason}");
+        if *maker > 0 {
             let file = &report.file;
             let _ = writeln!(text, "  remove its samples: holodeck forget {file} --worker {maker}");
         }
-        if *is_dropped && !token.is_empty() {
+        if !token.is_empty() {
             let _ = writeln!(text, "  keep it out: holodeck tokens --revoke {token}");
         }
     }

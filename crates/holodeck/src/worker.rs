@@ -29,8 +29,9 @@ pub const NICE: u8 = 5;
 /// for which both compete. With more, workers would starve beside a busy program.
 pub const NICE_BESIDE_DISPLAY: u8 = 10;
 
-/// Time of tracing below which a death counts as quick, because the next life may be as short.
-const QUICK: Duration = Duration::from_secs(10);
+/// Time of tracing below which a death counts as quick, because the next life may be as short. A
+/// worker that has traced for longer is healthy, and something else has killed it.
+const QUICK: Duration = Duration::from_secs(2);
 
 /// Number of quick deaths in a row after which the worker is not restarted.
 const MAX_QUICK_DEATHS: u32 = 5;
@@ -247,12 +248,12 @@ mod tests {
         let mut pause = |traced| deaths.pause_after(Duration::from_secs(traced));
         let seconds = |pause: Option<Duration>| pause.map(|pause| pause.as_secs_f64());
         assert_eq!(
-            [0, 0, 9].map(|traced| seconds(pause(traced))),
+            [0, 0, 1].map(|traced| seconds(pause(traced))),
             [Some(0.5), Some(1.0), Some(2.0)]
         );
         // Even many deaths in a night are no reason to give up if the worker traces between them.
-        for _ in 0..1000 {
-            assert_eq!(seconds(pause(600)), Some(0.5));
+        for traced in [2, 600].repeat(500) {
+            assert_eq!(seconds(pause(traced)), Some(0.5));
         }
         let last = [0; 5].map(|traced| seconds(pause(traced)));
         assert_eq!(last, [Some(0.5), Some(1.0), Some(2.0), Some(4.0), None]);

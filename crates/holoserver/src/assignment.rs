@@ -4,7 +4,7 @@ use holo_proto::bulk::Packet;
 use holo_section::{BeamKey, Run, Sample, SampleKind, Viewpoint};
 use thiserror::Error;
 
-use crate::{audits::Audit, claims::Check, events::ConnectionId};
+use crate::{audits::Audit, claims::Check, events::ConnectionId, worker_id::WorkerId};
 
 /// The purpose of a packet's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,16 +29,16 @@ pub struct Assignment {
     /// What its samples are for.
     pub purpose: Purpose,
     /// A worker that gets it only if there is no other.
-    pub not_for: Option<ConnectionId>,
+    pub not_for: Option<WorkerId>,
 }
 
 impl Assignment {
     /// Returns whether a worker may trace this packet. `is_alone` is true if there is no other
     /// worker.
-    pub fn is_for(&self, worker: ConnectionId, is_alone: bool) -> bool {
+    pub fn is_for(&self, worker: WorkerId, is_alone: bool) -> bool {
         match self.purpose {
             Purpose::Store => is_alone || self.not_for != Some(worker),
-            Purpose::Claim(check) => check.claimer != worker && check.hitter != Some(worker),
+            Purpose::Claim(check) => check.is_for(worker),
             Purpose::Again(audit) => audit.checker == worker,
         }
     }

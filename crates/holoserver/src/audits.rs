@@ -9,6 +9,7 @@
 //! - A worker cannot know which of its packets are traced again.
 //! - A worker is found broken only if two others differ from it, and most that were compared with
 //!   it do.
+//! - Comparisons outlive connections. A worker that comes back has those that it had.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -16,12 +17,16 @@ use std::{
     hash::{BuildHasher, RandomState},
 };
 
+use holo_beamfile::Maker;
 use holo_section::Sample;
 
-use crate::events::ConnectionId;
+use crate::worker_id::WorkerId;
 
 /// One in this many packets is traced again: 1.6 % of the work.
 const AUDITED: u64 = 64;
+
+/// One in this many packets of a worker that was hardly compared is traced again.
+const AUDITED_FIRST: u64 = 8;
 
 /// Workers that trace a worker's packets again. Each worker also checks as many others, so it takes
 /// part in four comparisons. Two broken machines next to it do not make it look broken.
@@ -29,6 +34,9 @@ const CHECKERS: usize = 2;
 
 /// Packets that wait for one checker, at most.
 const MAX_WAITING: usize = 64;
+
+/// Most pairs of workers that are remembered. The pair with the fewest rays gives way.
+const MAX_PAIRS: usize = 1 << 14;
 
 /// Rays that two workers have both traced before they are compared.
 const ENOUGH_RAYS: u64 = 500;
@@ -47,9 +55,9 @@ const NOISE: f64 = 5.0;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Audit {
     /// Who traced it first.
-    pub first: ConnectionId,
+    pub first: WorkerId,
     /// Who traces it again.
-    pub checker: ConnectionId,
+    pub checker: WorkerId,
     number: u64,
 }
 
@@ -79,10 +87,10 @@ impl fmt::Display for Difference {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
     /// This worker is broken.
-    Broken(ConnectionId, Difference),
+    Broken(WorkerId, Difference),
     /// Two workers differ, and it is unknown which one is wrong. The difference is stated for the
     /// first.
-    Undecided(ConnectionId, ConnectionId, Difference),
+    Undecided(WorkerId, WorkerId, Difference),
 }
 
 /// All comparisons.
@@ -94,7 +102,9 @@ pub struct Audits {
     /// The samples of those who traced packets first, by the audit's number.
     waiting: HashMap<u64, (Audit, Vec<Sample>)>,
     /// By the two workers, the smaller number first.
-    pairs: BTreeMap<(ConnectionId, ConnectionId), Tally>,
+    pairs: BTreeMap<(WorkerId, WorkerId), Tally>,
+    /// Rays of each worker that were compared.
+    compared: BTreeMap<WorkerId, u64>,
 }
 
 impl Audits {
@@ -103,21 +113,23 @@ impl Audits {
     pub fn begin(
         &mut self,
         packet: u64,
-        first: ConnectionId,
+        first: WorkerId,
         samples: &[Sample],
-        others: impl Fn() -> Vec<ConnectionId>,
+        others: impl Fn() -> Vec<WorkerId>,
     ) -> Option<Audit> {
-        if !self.secret.hash_one(packet).is_multiple_of(AUDITED) {
+        let compared = self.compared.get(&first).copied().unwrap_or(0);
+        let is_new = compared < CHECKERS as u64 * ENOUGH_RAYS;
+        let one_in = if is_new { AUDITED_FIRST } else { AUDITED };
+        if !self.secret.hash_one(packet).is_multiple_of(one_in) {
             return None;
         }
         // The next ones in a ring, so that the same two workers meet often.
-        let mut ring: Vec<ConnectionId> = others().into_iter().filter(|id| *id != first).collect();
+        let mut ring: Vec<WorkerId> = others().into_iter().filter(|id| *id != first).collect();
         let after = ring.partition_point(|id| *id < first);
         ring.rotate_left(after);
         ring.truncate(CHECKERS);
-        let waits = |id: ConnectionId| {
-            self.waiting.values().filter(|(audit, _)| audit.checker == id).count()
-        };
+        let waits =
+            |id: WorkerId| self.waiting.values().filter(|(audit, _)| audit.checker == id).count();
         // The one with the fewest comparisons with `first` so far.
         let checker = ring.into_iter().min_by_key(|&id| {
             self.pairs.get(&pair(first, id)).map_or(0, |tally| tally.rays) + 21 * waits(id) as u64
@@ -141,6 +153,8 @@ impl Audits {
     ) -> Option<Verdict> {
         let (_, before) = self.waiting.remove(&audit.number)?;
         let key = pair(audit.first, audit.checker);
+        self.make_room(key);
+        *self.compared.entry(audit.first).or_default() += before.len() as u64;
         let tally = self.pairs.entry(key).or_default();
         // Counted from the first of the pair.
         let sign = if key.0 == audit.first { 1.0 } else { -1.0 };
@@ -156,7 +170,7 @@ impl Audits {
     }
 
     /// Returns how a worker differs from others, if most that were compared with it say so.
-    fn broken(&self, worker: ConnectionId, noise: f64) -> Option<Verdict> {
+    fn broken(&self, worker: WorkerId, noise: f64) -> Option<Verdict> {
         let of_it = self.pairs.iter().filter(|((a, b), _)| *a == worker || *b == worker);
         let judged: Vec<_> = of_it.filter(|(_, tally)| tally.rays >= ENOUGH_RAYS).collect();
         let differ = judged.iter().filter_map(|((first, _), tally)| {
@@ -168,14 +182,45 @@ impl Audits {
         is_broken.then(|| Verdict::Broken(worker, differ[0]))
     }
 
-    /// Forgets a worker that has left.
-    pub fn left(&mut self, worker: ConnectionId) {
-        self.pairs.retain(|(a, b), _| *a != worker && *b != worker);
-        self.waiting.retain(|_, (audit, _)| audit.first != worker && audit.checker != worker);
+    /// Makes room for a pair that is not known yet.
+    fn make_room(&mut self, key: (WorkerId, WorkerId)) {
+        if self.pairs.len() < MAX_PAIRS || self.pairs.contains_key(&key) {
+            return;
+        }
+        let fewest = self.pairs.iter().min_by_key(|(_, tally)| tally.rays);
+        if let Some(key) = fewest.map(|(&key, _)| key) {
+            self.pairs.remove(&key);
+            // A worker whose pairs are forgotten is new again.
+            self.compared.retain(|id, _| *id != key.0 && *id != key.1);
+        }
+    }
+
+    /// Takes note that a worker has left: it checks no packets. Its own are still checked, so that
+    /// nobody evades that by leaving.
+    pub fn left(&mut self, worker: WorkerId) {
+        self.waiting.retain(|_, (audit, _)| audit.checker != worker);
+    }
+
+    /// Forgets the comparisons with all workers of a machine that was found broken.
+    pub fn forget(&mut self, maker: Maker) {
+        self.pairs.retain(|(a, b), _| a.maker != maker && b.maker != maker);
+        self.compared.retain(|id, _| id.maker != maker);
     }
 }
 
 impl Difference {
+    /// Returns the difference as a sentence about two workers that accuses neither.
+    pub fn between(&self, first: &str, second: &str) -> String {
+        match self {
+            Difference::Moved(share) => {
+                format!("{:.1} % of the same rays hit something else", 100.0 * share)
+            }
+            Difference::Light(channel, factor) => {
+                format!("the {channel} light of {first} is {factor:.2} times that of {second}")
+            }
+        }
+    }
+
     /// Returns the same difference from the view of the other worker.
     fn of_the_other(self) -> Difference {
         match self {
@@ -185,7 +230,7 @@ impl Difference {
     }
 }
 
-fn pair(a: ConnectionId, b: ConnectionId) -> (ConnectionId, ConnectionId) {
+fn pair(a: WorkerId, b: WorkerId) -> (WorkerId, WorkerId) {
     (a.min(b), a.max(b))
 }
 
@@ -250,6 +295,8 @@ impl Tally {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicU16, Ordering};
+
     use holo_section::RayCoords;
 
     use super::*;
@@ -259,6 +306,12 @@ mod tests {
     struct Machine {
         gain: f32,
         moves: u64,
+    }
+
+    /// Returns a worker of a machine of its own.
+    fn next() -> WorkerId {
+        static NEXT: AtomicU16 = AtomicU16::new(1);
+        WorkerId { maker: Maker(NEXT.fetch_add(1, Ordering::Relaxed)), seat: 0 }
     }
 
     const SOUND: Machine = Machine { gain: 1.0, moves: u64::MAX };
@@ -290,8 +343,8 @@ mod tests {
     }
 
     /// Has workers trace so many packets each. Returns them, and the first verdict.
-    fn session(machines: &[Machine], packets: u64) -> (Vec<ConnectionId>, Vec<Verdict>) {
-        let ids: Vec<ConnectionId> = machines.iter().map(|_| ConnectionId::next()).collect();
+    fn session(machines: &[Machine], packets: u64) -> (Vec<WorkerId>, Vec<Verdict>) {
+        let ids: Vec<WorkerId> = machines.iter().map(|_| next()).collect();
         let (mut audits, mut random, mut verdicts) = (Audits::default(), Random(7), Vec::new());
         for packet in 0..packets * machines.len() as u64 {
             let at = (packet % machines.len() as u64) as usize;
@@ -352,7 +405,7 @@ mod tests {
 
     #[test]
     fn an_error_that_the_engine_allows_is_none() {
-        let (first, second) = (ConnectionId::next(), ConnectionId::next());
+        let (first, second) = (next(), next());
         let (mut audits, mut random) = (Audits::default(), Random(1));
         let bright = Machine { gain: 1.4, ..SOUND };
         let mut verdicts = [0; 2];
@@ -370,7 +423,7 @@ mod tests {
 
     #[test]
     fn rays_that_hit_where_another_says_that_there_is_nothing_are_moved() {
-        let (first, second) = (ConnectionId::next(), ConnectionId::next());
+        let (first, second) = (next(), next());
         let (mut audits, mut random, mut verdicts) = (Audits::default(), Random(1), 0);
         for packet in 0..5000 {
             let samples = SOUND.trace(packet, &mut random);
@@ -382,8 +435,34 @@ mod tests {
     }
 
     #[test]
-    fn memory_is_bounded_if_nobody_checks_and_freed_when_somebody_leaves() {
-        let ids: Vec<ConnectionId> = (0..3).map(|_| ConnectionId::next()).collect();
+    fn a_worker_that_comes_back_has_the_comparisons_that_it_had() {
+        let ids = [next(), next(), next()];
+        let (mut audits, mut random, mut found) = (Audits::default(), Random(1), None);
+        let dim = Machine { gain: 0.5, ..SOUND };
+        for packet in 0..60_000 {
+            let at = (packet % 3) as usize;
+            let machine = |at: usize| if at == 1 { dim } else { SOUND };
+            let samples = machine(at).trace(packet, &mut random);
+            let Some(audit) = audits.begin(packet, ids[at], &samples, || ids.to_vec()) else {
+                continue;
+            };
+            let checker = ids.iter().position(|id| *id == audit.checker).unwrap();
+            let again = machine(checker).trace(packet, &mut random);
+            if let Some(Verdict::Broken(id, _)) = audits.finish(audit, Some(&again), 0.0) {
+                found = Some(id);
+                break;
+            }
+            // It goes after each comparison: with less than a verdict takes.
+            audits.left(ids[1]);
+        }
+        assert_eq!(found, Some(ids[1]));
+        audits.forget(ids[1].maker);
+        assert!(audits.pairs.keys().all(|(a, b)| *a != ids[1] && *b != ids[1]));
+    }
+
+    #[test]
+    fn memory_is_bounded_if_nobody_checks_and_whoever_comes() {
+        let ids: Vec<WorkerId> = (0..3).map(|_| next()).collect();
         let samples = SOUND.trace(0, &mut Random(1));
         let mut audits = Audits::default();
         for packet in 0..100_000 {
@@ -393,6 +472,13 @@ mod tests {
         audits.left(ids[1]);
         assert_eq!(audits.waiting.len(), MAX_WAITING);
         audits.left(ids[0]);
+        assert_eq!(audits.waiting.len(), MAX_WAITING, "its own are still checked");
+        audits.left(ids[2]);
         assert!(audits.waiting.is_empty() && audits.pairs.is_empty());
+        for seat in 0..MAX_PAIRS as u16 + 100 {
+            audits.make_room(pair(ids[0], WorkerId { seat, ..ids[1] }));
+            audits.pairs.entry(pair(ids[0], WorkerId { seat, ..ids[1] })).or_default();
+        }
+        assert_eq!(audits.pairs.len(), MAX_PAIRS);
     }
 }

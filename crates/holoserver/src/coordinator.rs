@@ -14,6 +14,7 @@
 //! - No better sample replaces one in a beam that a display looks at.
 
 mod audits;
+mod blobs;
 mod checks;
 mod dealing;
 mod display;
@@ -25,10 +26,12 @@ mod saver;
 mod sharing;
 mod status;
 mod views;
+mod writer;
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use anyhow::{Result, bail};
+use holo_beamfile::{Error as FileError, FileLoss, Maker};
 use holo_net::{Message, Outbox};
 use holo_progress::said_once;
 use holo_proto::{
@@ -52,14 +55,16 @@ use crate::{
     holodeck::Holodeck,
     mailbox::{Mail, Mailbox},
     progress::{Progress, Totals},
-    recall::{send_scene, send_stand_ins},
+    recall::Blob,
     schedule::{Goal, Schedule},
     shard::Share,
     workers::Worker,
 };
+use blobs::BlobQueue;
 use display::Display;
 use fill::Fill;
 use saver::Saver;
+use writer::Writer;
 
 /// Interval at which displays get a status.
 const STATUS_EVERY: Duration = Duration::from_millis(500);
@@ -112,8 +117,10 @@ pub struct Coordinator {
     lost: BTreeMap<u64, Assignment>,
     claims: Claims,
     audits: Audits,
-    /// Workers that were found broken.
-    faults: Vec<FaultReport>,
+    /// Machines that returned impossible results since the server started.
+    faults: BTreeMap<Maker, FaultReport>,
+    /// Workers that differ, two by two. It is unknown which of them are wrong.
+    in_doubt: Vec<FaultReport>,
     /// Packets that check claims and samples and that no worker has yet, by name.
     checks: BTreeMap<u64, Assignment>,
     allotment: Allotment,
@@ -125,6 +132,9 @@ pub struct Coordinator {
     /// When overdue packets were last looked for.
     last_overdue: Instant,
     saver: Saver,
+    writer: Writer,
+    /// Blobs for peers that asked for some.
+    blobs: BTreeMap<ConnectionId, BlobQueue>,
     damage: DamageReport,
     /// True if the disk fails and many samples wait for it.
     stalled: bool,
@@ -149,9 +159,10 @@ impl Coordinator {
             let unseen = holodeck.unseen();
             // Estimates the samples of all shards, assuming that the others hold as many as this
             // one.
-            let stored = stored * u64::from(share.shard.count());
+            let stored = share.all_shards(stored);
             Fill::new(BatchOrder::new(&holodeck.sections, stored, &unseen, enough, paths), share)
         });
+        let claims = Claims::restore(&holodeck.unproven());
         Coordinator {
             holodeck,
             events,
@@ -162,9 +173,10 @@ impl Coordinator {
             listeners: BTreeMap::new(),
             last_served: None,
             lost: BTreeMap::new(),
-            claims: Claims::default(),
+            claims,
             audits: Audits::default(),
-            faults: Vec::new(),
+            faults: BTreeMap::new(),
+            in_doubt: Vec::new(),
             checks: BTreeMap::new(),
             allotment: Allotment::default(),
             fill,
@@ -174,6 +186,8 @@ impl Coordinator {
             last_status: Instant::now(),
             last_overdue: Instant::now(),
             saver: Saver::new(),
+            writer: Writer::default(),
+            blobs: BTreeMap::new(),
             damage,
             stalled: false,
             farewell: Farewell::SessionOver,
@@ -207,8 +221,9 @@ impl Coordinator {
                 Ok(None) => break,
                 Err(_) => {}
             }
-            self.check_goal();
             self.take_overdue();
+            self.begin_checks();
+            self.check_goal();
             // Before work, so that what others know is used for it.
             self.hand_light();
             self.deal();
@@ -216,8 +231,22 @@ impl Coordinator {
                 break;
             }
             self.report();
+            if let Some(error) = self.cut_off() {
+                self.farewell = Farewell::Dropped { reason: error.to_string() };
+                self.finish(doors).await?;
+                return Err(error.into());
+            }
+            self.writer.write(&self.holodeck, &self.events);
         }
         self.finish(doors).await
+    }
+
+    /// Returns the error of a file that lost its end. Its pictures would lack samples.
+    fn cut_off(&self) -> Option<FileError> {
+        let is_cut = |error: &FileError| {
+            matches!(error, FileError::Lost { how: FileLoss::Shortened { .. }, .. })
+        };
+        self.holodeck.file.lost().filter(is_cut)
     }
 
     /// Returns whether nothing is left that could still arrive.
@@ -229,6 +258,7 @@ impl Coordinator {
 
     /// Stores everything and says goodbye.
     async fn finish(mut self, doors: impl Future<Output = ()>) -> Result<Totals> {
+        self.writer.finish(&self.holodeck);
         self.saver.finish(&self.holodeck);
         let flushed = self.holodeck.writable.then(|| self.holodeck.file.flush()).transpose();
         doors.await;
@@ -284,14 +314,19 @@ impl Coordinator {
 
     /// Returns why a server with a goal will never trace anything more.
     fn nothing_to_trace(&self) -> Option<&'static str> {
-        if self.schedule.goal.samples.is_some() && self.sees_nothing() {
+        // Nobody can check the claims of the only worker, so they end a fill. Before there is a
+        // worker, claims of earlier ones do not.
+        let is_known = !self.is_checking()
+            && (!self.workers.is_empty() || self.holodeck.unproven().count() == 0);
+        if self.schedule.goal.samples.is_some() && is_known && self.sees_nothing() {
             return Some("no ray of any section hits anything: there is nothing to trace");
         }
         let exhausted = self.fill.as_ref().is_some_and(Fill::is_exhausted);
         let idle = self.lost.is_empty() && self.workers.values().all(Worker::is_idle);
-        (self.schedule.goal.is_some() && exhausted && idle && self.displays.is_empty()).then_some(
-            "every sample has as many paths as it may get: there is nothing left to trace",
-        )
+        (self.schedule.goal.is_some() && exhausted && idle && is_known && self.displays.is_empty())
+            .then_some(
+                "every sample has as many paths as it may get: there is nothing left to trace",
+            )
     }
 
     /// Returns whether not a single beam sees anything.
@@ -320,12 +355,14 @@ impl Coordinator {
             }
             Event::Recalled { id, view, result } => self.recalled(id, view, result),
             Event::PartSent { id, section, result } => self.part_sent(id, section, result),
-            Event::Flushed { id, view } => {
-                if let Some(display) = self.displays.get(&id) {
+            Event::Flushed { id, view, mark } => {
+                if let Some(display) = self.displays.get_mut(&id) {
+                    display.settled_at = Some(mark);
                     let _ = display.outbox.control(&Control::Settled { view });
                 }
             }
-            Event::ViewKept { id, result } => self.view_kept(id, result),
+            Event::ViewsKept { views, refused } => self.views_kept(views, refused),
+            Event::BlobSent { id } => self.blob_sent(id),
             Event::Shutdown(farewell) => {
                 self.farewell = farewell;
                 self.schedule.end();
@@ -342,6 +379,7 @@ impl Coordinator {
                     if error.downcast_ref::<holo_beamfile::Error>().is_some() {
                         return Err(error);
                     }
+                    self.accuse(id, &error);
                     self.expel(id, said_once(error.as_ref()));
                 }
             }
@@ -393,12 +431,13 @@ impl Coordinator {
                 self.keep_view(id, name, options);
                 Ok(())
             }
-            Message::Control(Control::PartWanted { section, first, samples }) => {
-                self.part(id, section, first, samples)
+            Message::Control(Control::PartWanted { section, first, samples, as_settled }) => {
+                self.part(id, section, first, samples, as_settled)
             }
-            Message::Control(Control::StandInsWanted) => self.outbox(id).map_or(Ok(()), |outbox| {
-                Ok(send_stand_ins(Arc::clone(&self.holodeck), outbox.clone())?)
-            }),
+            Message::Control(Control::StandInsWanted) => {
+                self.blob_wanted(id, Blob::StandIns);
+                Ok(())
+            }
             Message::Control(control) => self.anyones_message(id, control),
             _ => bail!(NOT_FOR_A_SERVER),
         }
@@ -414,7 +453,7 @@ impl Coordinator {
                 if let Some(stand_ins) = stand_ins.filter(|_| self.displays.contains_key(&id)) {
                     outbox.control(&Control::StandIns(stand_ins.blob))?;
                 }
-                send_scene(Arc::clone(&self.holodeck), outbox.clone())?;
+                self.blob_wanted(id, Blob::Scene);
             }
             Control::LightWanted => self.light_wanted(id),
             _ => bail!(NOT_FOR_A_SERVER),

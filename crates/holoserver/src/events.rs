@@ -5,6 +5,7 @@ use std::sync::{
     atomic::{AtomicU64, Ordering},
 };
 
+use holo_beamfile::Mark;
 use holo_net::{Access, Outbox};
 use holo_proto::{control::Farewell, hello::Hello};
 
@@ -29,14 +30,16 @@ pub enum Event {
     Joined { id: ConnectionId, hello: Hello, access: Access, outbox: Outbox, mailbox: Arc<Mailbox> },
     /// A peer has sent something.
     Mail { id: ConnectionId, mailbox: Arc<Mailbox> },
-    /// All stored samples of a view are sent.
+    /// All stored samples of a view are sent, or the display wants another view.
     Recalled { id: ConnectionId, view: u32, result: Result<(), String> },
     /// A part of the file is sent: the number of the section's next beam.
     PartSent { id: ConnectionId, section: u16, result: Result<Option<u64>, String> },
     /// For a display that settles: everything that was stored before is on disk.
-    Flushed { id: ConnectionId, view: u32 },
-    /// A view was kept for a display, or not: all views, or why not.
-    ViewKept { id: ConnectionId, result: Result<Vec<(String, String)>, String> },
+    Flushed { id: ConnectionId, view: u32, mark: Mark },
+    /// Views were kept for displays: all views, and who was refused with which reason.
+    ViewsKept { views: Vec<(String, String)>, refused: Vec<(ConnectionId, String)> },
+    /// A blob was sent to a peer, or cannot be.
+    BlobSent { id: ConnectionId },
     /// The server must end, with these words to everyone.
     Shutdown(Farewell),
 }

@@ -65,7 +65,8 @@ impl Holodeck {
         *new.makers_mut() = known.clone();
         new.makers_mut().remove(makers);
         if !has_claims {
-            self.unseen().iter().for_each(|key| _ = new.unseen_mut().insert(key));
+            new.unseen_mut().add(&self.unseen());
+            *new.unproven_mut() = self.unproven().clone();
         }
         if !has_light {
             new.light_mut().merge(None, self.light().records());

@@ -7,7 +7,7 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail, ensure};
-use holo_beamfile::{BeamFile, Options};
+use holo_beamfile::{BeamFile, Maker, Options};
 use holo_proto::control::{MAX_VIEWS, Welcome};
 use holo_scene::Scene;
 use holo_section::Section;
@@ -18,13 +18,16 @@ use crate::{
     light::{LightRecords, Saved},
     makers::Makers,
     plausible::Plausible,
+    unproven::UnprovenClaims,
     unseen::UnseenBeams,
 };
 
 /// Name of the blob that holds the packed scene, of the first generation.
 const SCENE: &str = "scene";
-/// Name of the blob that holds the beams that see nothing, in the scene of the first generation.
+/// Name of the blob that holds the beams that are proven to see nothing, in the scene of the first generation.
 const UNSEEN: &str = "unseen";
+/// Name of the blob that holds claims of such beams that nobody has checked.
+const UNPROVEN: &str = "unproven";
 /// Name of the blob that holds the named views, as JSON, once one was kept.
 const VIEWS: &str = "views";
 
@@ -60,10 +63,13 @@ pub struct Holodeck {
     scene: OnceLock<Arc<[u8]>>,
     /// The named views. Locked while they are written.
     views: Mutex<Vec<(String, String)>>,
+    /// All that are not traced, whether they are proven or not.
     unseen: RwLock<UnseenBeams>,
-    /// The value of [`UnseenBeams::changes`] for the list in the file. Locked while they are
-    /// written.
-    unseen_saved: Mutex<u64>,
+    /// Those that are not proven.
+    unproven: RwLock<UnprovenClaims>,
+    /// The values of [`UnseenBeams::changes`] and [`UnprovenClaims::changes`] for the lists in the
+    /// file. Locked while they are written.
+    unseen_saved: Mutex<(u64, u64)>,
     light: RwLock<LightRecords>,
     /// Locked while records are written.
     light_saved: Mutex<Saved>,
@@ -146,6 +152,7 @@ impl Holodeck {
             path: path.to_owned(),
             scene: OnceLock::new(),
             unseen: RwLock::default(),
+            unproven: RwLock::default(),
             unseen_saved: Mutex::default(),
             light: RwLock::default(),
             light_saved: Mutex::new(Saved::none(generation)),
@@ -206,16 +213,36 @@ impl Holodeck {
     pub fn without_skipping(mut self) -> Holodeck {
         self.skip_unseen = false;
         *self.unseen_mut() = UnseenBeams::default();
+        *self.unproven_mut() = UnprovenClaims::default();
         self
     }
 
     fn load_unseen(&self) -> Result<()> {
-        let name = self.about.own_blob(UNSEEN);
-        if let Some(bytes) = self.file.blob(&name)?.filter(|_| self.skip_unseen) {
-            let unseen = UnseenBeams::decode(&bytes, &self.sections)?;
-            *self.unseen_saved.lock().unwrap_or_else(PoisonError::into_inner) = unseen.changes();
-            *self.unseen_mut() = unseen;
+        if !self.skip_unseen {
+            return Ok(());
         }
+        let (mut unseen, mut unproven) = (UnseenBeams::default(), UnprovenClaims::default());
+        if let Some(bytes) = self.file.blob(&self.about.own_blob(UNPROVEN))? {
+            unproven = UnprovenClaims::decode(&bytes, &self.sections)?;
+        }
+        if let Some(bytes) = self.file.blob(&self.about.own_blob(UNSEEN))? {
+            let (listed, is_checked) = UnseenBeams::decode(&bytes, &self.sections)?;
+            if is_checked {
+                unseen = listed;
+                // After a crash between the two writes, a beam may be in both lists.
+                let mut claimed = UnseenBeams::default();
+                unproven.iter().for_each(|(_, claims)| claimed.add(claims));
+                claimed.subtract(&unseen);
+                unproven.retain(&claimed);
+            } else {
+                unproven = UnprovenClaims::of(Maker::UNKNOWN, listed);
+            }
+        }
+        unproven.iter().for_each(|(_, claims)| unseen.add(claims));
+        let saved = (unseen.changes(), unproven.changes());
+        *self.unseen_saved.lock().unwrap_or_else(PoisonError::into_inner) = saved;
+        *self.unseen_mut() = unseen;
+        *self.unproven_mut() = unproven;
         Ok(())
     }
 
@@ -245,20 +272,36 @@ impl Holodeck {
         self.unseen.write().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Returns those that nobody has checked.
+    pub fn unproven(&self) -> RwLockReadGuard<'_, UnprovenClaims> {
+        self.unproven.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn unproven_mut(&self) -> RwLockWriteGuard<'_, UnprovenClaims> {
+        self.unproven.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Writes the beams that see nothing, if the file has others. Waits for the disk.
     ///
     /// # Errors
     /// If they cannot be written.
     pub fn save_unseen(&self) -> Result<()> {
         let mut saved = self.unseen_saved.lock().unwrap_or_else(PoisonError::into_inner);
-        let (changes, bytes) = {
-            let unseen = self.unseen();
-            if !self.writable || unseen.changes() == *saved {
+        let (changes, proven, claims) = {
+            let (unseen, unproven) = (self.unseen(), self.unproven());
+            let changes = (unseen.changes(), unproven.changes());
+            if !self.writable || changes == *saved {
                 return Ok(());
             }
-            (unseen.changes(), unseen.encode())
+            // Without claims there is nothing to write, unless the file lists some.
+            let claims = (changes.1 != saved.1).then(|| unproven.encode());
+            (changes, unproven.proven(&unseen).encode(), claims)
         };
-        self.file.put_blob_once(&self.about.own_blob(UNSEEN), &bytes)?;
+        // Proven ones go first: a crash in between may leave them in both lists, and loses none.
+        self.file.put_blob_once(&self.about.own_blob(UNSEEN), &proven)?;
+        if let Some(claims) = claims {
+            self.file.put_blob_once(&self.about.own_blob(UNPROVEN), &claims)?;
+        }
         *saved = changes;
         Ok(())
     }
@@ -270,20 +313,65 @@ impl Holodeck {
     /// If the file is only shown or cannot be written, there are too many views, or none has the
     /// name of one to be removed.
     pub fn keep_view(&self, name: &str, options: &str) -> Result<Vec<(String, String)>> {
-        ensure!(self.writable, "this holodeck is only shown: no view can be kept in it");
+        let (views, results) = self.keep_views(&[(name.to_owned(), options.to_owned())]);
+        results.into_iter().collect::<Result<()>>()?;
+        Ok(views)
+    }
+
+    /// Changes several views as [`keep_view`](Self::keep_view) does, and writes their list once.
+    /// Returns all views, and the result of each change.
+    pub fn keep_views(
+        &self,
+        changes: &[(String, String)],
+    ) -> (Vec<(String, String)>, Vec<Result<()>>) {
         let mut kept = self.views.lock().unwrap_or_else(PoisonError::into_inner);
         let mut views = kept.clone();
+        let results: Vec<_> =
+            changes.iter().map(|change| self.change_view(&mut views, change)).collect();
+        if views == *kept {
+            return (views, results);
+        }
+        match self.write_views(&views) {
+            Ok(()) => {
+                kept.clone_from(&views);
+                (views, results)
+            }
+            Err(error) => {
+                let text = format!("{error:#}");
+                let failed = |result: Result<()>| result.and_then(|()| bail!("{text}"));
+                (kept.clone(), results.into_iter().map(failed).collect())
+            }
+        }
+    }
+
+    fn change_view(
+        &self,
+        views: &mut Vec<(String, String)>,
+        (name, options): &(String, String),
+    ) -> Result<()> {
+        ensure!(self.writable, "this holodeck is only shown: no view can be kept in it");
         let at = views.iter().position(|(other, _)| other == name);
-        match (at, options) {
+        match (at, options.as_str()) {
             (None, "") => bail!("the holodeck has no view named `{name}`"),
             (Some(at), "") => _ = views.remove(at),
             (Some(at), options) => options.clone_into(&mut views[at].1),
-            (None, options) => views.push((name.to_owned(), options.to_owned())),
+            (None, _) => {
+                let has_room = views.len() < MAX_VIEWS;
+                ensure!(has_room, "a holodeck has at most {MAX_VIEWS} named views");
+                views.push((name.clone(), options.clone()));
+            }
         }
-        ensure!(views.len() <= MAX_VIEWS, "a holodeck has at most {MAX_VIEWS} named views");
-        self.file.put_blob(VIEWS, serde_json::to_string_pretty(&views)?.as_bytes())?;
-        kept.clone_from(&views);
-        Ok(views)
+        Ok(())
+    }
+
+    fn write_views(&self, views: &[(String, String)]) -> Result<()> {
+        Ok(self.file.put_blob(VIEWS, serde_json::to_string_pretty(views)?.as_bytes())?)
+    }
+
+    /// Returns about how many bytes the list of views takes in the file.
+    pub(crate) fn view_bytes(&self) -> usize {
+        let views = self.views.lock().unwrap_or_else(PoisonError::into_inner);
+        views.iter().map(|(name, options)| name.len() + options.len() + 24).sum()
     }
 
     /// Returns the records of indirect light of the file and of all workers.

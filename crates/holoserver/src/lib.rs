@@ -37,8 +37,10 @@ mod shard;
 #[cfg(test)]
 mod simulation;
 mod stand_ins;
+mod unproven;
 mod unseen;
 mod wishes;
+mod worker_id;
 mod workers;
 
 use std::{net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
@@ -66,6 +68,7 @@ pub use progress::superseded_bytes;
 pub use schedule::Goal;
 use shard::Share;
 pub use shard::{BeamList, Shard};
+pub use unproven::UnprovenClaims;
 pub use unseen::UnseenBeams;
 
 /// Options of `holoserver`.

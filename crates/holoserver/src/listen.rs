@@ -1,12 +1,18 @@
 //! Connections: taken or refused, and then a source of mail for the coordinator.
 
-use std::{future::pending, pin::pin, sync::Arc, time::Duration};
+use std::{
+    collections::BTreeMap,
+    future::pending,
+    pin::pin,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    time::Duration,
+};
 
-use holo_net::{Access, Identity, Inbox, NetError, Outbox, Rights};
+use holo_net::{Access, Identity, Inbox, NetError, Outbox};
 use holo_proto::hello::{Hello, Role};
 use tokio::{
     net::{TcpListener, TcpStream},
-    sync::{Semaphore, mpsc::UnboundedSender},
+    sync::mpsc::UnboundedSender,
     time::timeout,
 };
 
@@ -22,6 +28,13 @@ use crate::{
 /// displays. Each costs at most the memory of a few bulk messages.
 const MAX_CONNECTIONS: usize = 512;
 
+/// Connections at a time by one token, or without one. Peers with other tokens still find room.
+const MAX_OF_TOKEN: usize = 448;
+
+/// Administrators at a time, besides the other connections: they must be able to look when a server
+/// is full.
+const MAX_ADMINS: usize = 16;
+
 /// Time that a peer has for reading why its connection was ended.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 
@@ -33,13 +46,73 @@ const REVOKED: &str = "its token was revoked";
 pub struct Shared {
     holodeck: Arc<Holodeck>,
     events: UnboundedSender<Event>,
-    room: Arc<Semaphore>,
+    places: Arc<Mutex<Places>>,
+}
+
+/// The connections that are served.
+#[derive(Default)]
+struct Places {
+    /// Workers and displays, by token.
+    peers: BTreeMap<Option<String>, usize>,
+    admins: usize,
+}
+
+/// A connection's place. It is free again when this is dropped.
+struct Place {
+    places: Arc<Mutex<Places>>,
+    role: Role,
+    token: Option<String>,
+}
+
+impl Places {
+    /// Returns whether there is a place for a peer.
+    fn has_room(&self, role: Role, token: &Option<String>) -> bool {
+        if role == Role::Admin {
+            return self.admins < MAX_ADMINS;
+        }
+        let of_token = self.peers.get(token).copied().unwrap_or(0);
+        self.peers.values().sum::<usize>() < MAX_CONNECTIONS && of_token < MAX_OF_TOKEN
+    }
+
+    fn count(&mut self, role: Role, token: &Option<String>) -> &mut usize {
+        match role {
+            Role::Admin => &mut self.admins,
+            Role::Worker | Role::Display => self.peers.entry(token.clone()).or_default(),
+        }
+    }
+}
+
+impl Place {
+    /// Takes a place for a peer; `None` if there is none.
+    fn take(places: &Arc<Mutex<Places>>, role: Role, token: Option<String>) -> Option<Place> {
+        let mut known = lock(places);
+        if !known.has_room(role, &token) {
+            return None;
+        }
+        *known.count(role, &token) += 1;
+        drop(known);
+        Some(Place { places: Arc::clone(places), role, token })
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut places = lock(&self.places);
+        let count = places.count(self.role, &self.token);
+        *count = count.saturating_sub(1);
+        places.peers.retain(|_, count| *count > 0);
+    }
+}
+
+fn lock(places: &Mutex<Places>) -> MutexGuard<'_, Places> {
+    // Each change is whole before anything can panic.
+    places.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Shared {
     /// Returns what connections to this holodeck need.
     pub fn new(holodeck: Arc<Holodeck>, events: UnboundedSender<Event>) -> Shared {
-        Shared { holodeck, events, room: Arc::new(Semaphore::new(MAX_CONNECTIONS)) }
+        Shared { holodeck, events, places: Arc::default() }
     }
 }
 
@@ -77,10 +150,7 @@ async fn accept(
 ) -> Result<(Inbox, Outbox, Hello, Access), NetError> {
     match guard {
         Some(guard) => holo_net::accept_secure(stream, &guard.identity).await,
-        None => {
-            let (inbox, outbox, hello) = holo_net::accept(stream).await?;
-            Ok((inbox, outbox, hello, Access { rights: Rights::Admin, token: None }))
-        }
+        None => holo_net::accept(stream).await,
     }
 }
 
@@ -101,9 +171,9 @@ pub async fn serve(
     revoked: impl Future<Output = ()>,
     shared: &Shared,
 ) {
-    let Shared { holodeck, events, room } = shared;
-    let place = room.try_acquire();
-    if let Some(reason) = refusal(holodeck, hello.role, place.is_err()) {
+    let Shared { holodeck, events, places } = shared;
+    let place = Place::take(places, hello.role, access.token.clone());
+    if let Some(reason) = refusal(holodeck, hello.role, place.is_none()) {
         holo_net::refuse(&outbox, &reason);
         outbox.drained().await;
         return;
@@ -158,8 +228,35 @@ async fn deliver(
 /// Returns why a peer is refused, if it is.
 fn refusal(holodeck: &Holodeck, role: Role, is_full: bool) -> Option<String> {
     if is_full {
-        return Some(format!("{MAX_CONNECTIONS} processes are connected already"));
+        return Some(match role {
+            Role::Admin => format!("{MAX_ADMINS} administrators are connected already"),
+            _ => format!(
+                "{MAX_CONNECTIONS} processes are connected already, or {MAX_OF_TOKEN} by one token"
+            ),
+        });
     }
     (role == Role::Worker && !holodeck.writable)
         .then(|| "this server only shows its holodeck; nothing is traced".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_token_leaves_room_for_others_and_administrators_always_find_some() {
+        let places = Arc::default();
+        let take = |role, token: &str| Place::take(&places, role, Some(token.to_owned()));
+        let many = |token| (0..1000).map_while(move |_| take(Role::Display, token)).collect();
+        let first: Vec<Place> = many("a");
+        let second: Vec<Place> = many("b");
+        assert_eq!((first.len(), second.len()), (MAX_OF_TOKEN, MAX_CONNECTIONS - MAX_OF_TOKEN));
+        assert!(take(Role::Worker, "c").is_none());
+        let admins: Vec<Place> = (0..100).map_while(|_| take(Role::Admin, "a")).collect();
+        assert_eq!(admins.len(), MAX_ADMINS);
+        drop((first, admins));
+        assert!(take(Role::Worker, "a").is_some() && take(Role::Admin, "b").is_some());
+        drop(second);
+        assert!(lock(&places).peers.is_empty());
+    }
 }

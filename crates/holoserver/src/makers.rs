@@ -21,13 +21,19 @@ const MAX_MAKERS: usize = 4096;
 /// Separates the machine's part of a worker's name from the process.
 const PROCESS: &str = " #";
 
+/// Most bytes of a fault's description that are kept.
+const MAX_FAULT_BYTES: usize = 300;
+
 /// One machine.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MadeBy {
     /// Its number, as in the file's extents.
     pub id: u16,
     /// Its name, as it says.
     pub name: String,
+    /// The machine's public key, in base64 for URLs; `None` if the file is older than keys.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub key: Option<String>,
     /// The name of the token with which it joined; `None` on the server's machine.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub token: Option<String>,
@@ -37,6 +43,9 @@ pub struct MadeBy {
     /// Records of indirect light that it made.
     #[serde(default)]
     pub light_records: u64,
+    /// Why the machine is refused: what it did wrong.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<String>,
 }
 
 /// All machines of a file.
@@ -83,15 +92,25 @@ impl Makers {
         self.makers.iter()
     }
 
+    /// Returns how many makers there are, and how many of them are at fault.
+    pub(crate) fn counts(&self) -> (usize, usize) {
+        let at_fault = self.makers.iter().filter(|made| made.fault.is_some());
+        (self.makers.len(), at_fault.count())
+    }
+
     /// Returns the maker of this number.
     pub fn get(&self, maker: Maker) -> Option<&MadeBy> {
         self.makers.iter().find(|made| made.id == maker.0)
     }
 
-    /// Returns the number of a worker's machine. A machine is known by its name and its token.
-    pub(crate) fn of(&mut self, worker: &str, token: Option<String>) -> Maker {
+    /// Returns the number of a worker's machine. A machine is known by its key alone: its name is
+    /// for people. Without a key, it is known by its name and its token.
+    pub(crate) fn of(&mut self, worker: &str, token: Option<String>, key: Option<String>) -> Maker {
         let name = worker.split(PROCESS).next().unwrap_or(worker).to_owned();
-        let known = self.makers.iter().find(|maker| maker.name == name && maker.token == token);
+        let known = self.makers.iter().find(|maker| match &key {
+            Some(_) => maker.key == key,
+            None => maker.key.is_none() && maker.name == name && maker.token == token,
+        });
         if let Some(known) = known {
             return Maker(known.id);
         }
@@ -99,7 +118,8 @@ impl Makers {
             return Maker::UNKNOWN;
         };
         self.last = id;
-        self.makers.push(MadeBy { id, name, token, claims: 0, light_records: 0 });
+        let (claims, light_records, fault) = (0, 0, None);
+        self.makers.push(MadeBy { id, name, key, token, claims, light_records, fault });
         Maker(id)
     }
 
@@ -107,10 +127,11 @@ impl Makers {
     pub(crate) fn merge(&mut self, others: &Makers) -> Vec<(Maker, Maker)> {
         let mut numbers = Vec::new();
         for other in &others.makers {
-            let id = self.of(&other.name, other.token.clone());
+            let id = self.of(&other.name, other.token.clone(), other.key.clone());
             self.change(id, |maker| {
                 maker.claims = maker.claims.max(other.claims);
                 maker.light_records = maker.light_records.max(other.light_records);
+                maker.fault = maker.fault.take().or_else(|| other.fault.clone());
             });
             numbers.push((Maker(other.id), id));
         }
@@ -122,6 +143,12 @@ impl Makers {
         if let Some(made) = self.makers.iter_mut().find(|made| made.id == maker.0) {
             change(made);
         }
+    }
+
+    /// Records what a machine did wrong. Its first fault stays.
+    pub(crate) fn accuse(&mut self, maker: Maker, fault: &str) {
+        let end = fault.floor_char_boundary(MAX_FAULT_BYTES);
+        self.change(maker, |made| _ = made.fault.get_or_insert_with(|| fault[..end].to_owned()));
     }
 
     /// Removes makers. Their numbers stay taken.
@@ -153,21 +180,26 @@ mod tests {
     #[test]
     fn a_machine_keeps_its_number_whatever_process_comes_from_it() {
         let mut makers = Makers::default();
-        let first = makers.of("rtworker on a #1", None);
-        assert_eq!((first, makers.of("rtworker on a #2", None)), (Maker(1), Maker(1)));
+        let first = makers.of("rtworker on a #1", None, None);
+        assert_eq!((first, makers.of("rtworker on a #2", None, None)), (Maker(1), Maker(1)));
         let token = Some("GkdS3h6pXzU".to_owned());
-        assert_eq!(makers.of("rtworker on a #1", token.clone()), Maker(2), "by another token");
-        assert_eq!(makers.of("rtworker on b", None), Maker(3));
+        assert_eq!(makers.of("rtworker on a #1", token.clone(), None), Maker(2), "another token");
+        assert_eq!(makers.of("rtworker on b", None, None), Maker(3));
         assert_eq!(makers.get(Maker(2)).unwrap().token, token);
         makers.remove(&[Maker(3)]);
-        assert_eq!(makers.of("rtworker on b", None), Maker(4), "no number is used twice");
+        assert_eq!(makers.of("rtworker on b", None, None), Maker(4), "no number is used twice");
+        let key = |key: &str| Some(key.to_owned());
+        assert_eq!(makers.of("rtworker on a #1", None, key("A")), Maker(5), "no borrowed name");
+        assert_eq!(makers.of("rtworker on z", token, key("A")), Maker(5), "nor a new one");
+        assert_eq!(makers.of("rtworker on z", None, key("B")), Maker(6));
     }
 
     #[test]
     fn a_list_comes_back_from_its_bytes_and_a_damaged_one_is_refused_or_sound() {
         let mut makers = Makers::default();
-        makers.of("rtworker on a", None);
-        makers.of("rtworker on b", Some("GkdS3h6pXzU".into()));
+        makers.of("rtworker on a", None, None);
+        makers.of("rtworker on b", Some("GkdS3h6pXzU".into()), Some("key".into()));
+        makers.accuse(Maker(2), "its light is wrong");
         makers.remove(&[Maker(1)]);
         let good = serde_json::to_vec(&makers).unwrap();
         assert_eq!(Makers::parse(&good).unwrap(), makers);
@@ -196,9 +228,9 @@ mod tests {
     fn makers_beyond_the_most_are_nobody() {
         let mut makers = Makers::default();
         for machine in 0..MAX_MAKERS {
-            assert_ne!(makers.of(&format!("machine {machine}"), None), Maker::UNKNOWN);
+            assert_ne!(makers.of(&format!("machine {machine}"), None, None), Maker::UNKNOWN);
         }
-        assert_eq!(makers.of("one more", None), Maker::UNKNOWN);
-        assert_eq!(makers.of("machine 7", None), Maker(8));
+        assert_eq!(makers.of("one more", None, None), Maker::UNKNOWN);
+        assert_eq!(makers.of("machine 7", None, None), Maker(8));
     }
 }

@@ -55,7 +55,7 @@ impl Holodeck {
             if written.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         })?;
         written?;
-        other.unseen().iter().for_each(|key| _ = self.unseen_mut().insert(key));
+        self.merge_unseen(other, &makers);
         self.light_mut().merge(None, other.light().records());
         self.save_makers()?;
         self.save_unseen()?;
@@ -67,6 +67,22 @@ impl Holodeck {
         }
         self.file.flush()?;
         Ok(merged)
+    }
+
+    /// Adds another file's unseen beams. What either file has proven is proven.
+    fn merge_unseen(&self, other: &Holodeck, makers: &HashMap<Maker, Maker>) {
+        let (theirs, claims) = (other.unseen(), other.unproven());
+        let (mut unseen, mut unproven) = (self.unseen_mut(), self.unproven_mut());
+        for (maker, claims) in claims.iter() {
+            let maker = makers.get(&maker).copied().unwrap_or_default();
+            for key in claims.iter().filter(|key| !unseen.contains(*key)) {
+                unproven.insert(maker, key);
+            }
+        }
+        let proven = claims.proven(&theirs);
+        let known: Vec<Maker> = unproven.iter().map(|(maker, _)| maker).collect();
+        known.into_iter().for_each(|maker| unproven.remove(maker, &proven));
+        unseen.add(&theirs);
     }
 
     fn merge_run(

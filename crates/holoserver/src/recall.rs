@@ -17,7 +17,7 @@ use std::{
 };
 
 use anyhow::{Context, Result};
-use holo_beamfile::{BeamSamples, Caching};
+use holo_beamfile::{BeamSamples, Caching, Mark};
 use holo_net::{Outbox, SCENE_CHUNK_BYTES};
 use holo_progress::said_once;
 use holo_proto::{
@@ -83,17 +83,15 @@ pub struct Recall {
 }
 
 impl Recall {
-    /// Reads and sends on a thread of its own. At the end it calls `done` with the view's number,
-    /// or an error's text, unless the display has gone on to another view.
+    /// Reads and sends on a thread of its own, until the display goes on to another view. At the
+    /// end it calls `done` with the view's number, and an error's text if there was one.
     pub fn start(
         self,
         done: impl FnOnce(u32, Result<(), String>) + Send + 'static,
     ) -> std::io::Result<()> {
         thread::Builder::new().name("recall".into()).spawn(move || {
-            let result = self.send_all().map_err(|error| said_once(error.as_ref()));
-            if self.is_wanted() {
-                done(self.view, result);
-            }
+            let result = named_if_cut(&self.holodeck, self.send_all());
+            done(self.view, result);
         })?;
         Ok(())
     }
@@ -139,6 +137,8 @@ pub struct Part {
     pub first: u64,
     /// About how many samples it has.
     pub samples: u32,
+    /// Samples that were stored later are left out.
+    pub until: Option<Mark>,
 }
 
 impl Part {
@@ -149,7 +149,7 @@ impl Part {
         done: impl FnOnce(Result<Option<u64>, String>) + Send + 'static,
     ) -> std::io::Result<()> {
         thread::Builder::new().name("part".into()).spawn(move || {
-            done(self.send().map_err(|error| said_once(error.as_ref())));
+            done(named_if_cut(&self.holodeck, self.send()));
         })?;
         Ok(())
     }
@@ -179,6 +179,7 @@ impl Part {
         let is_wanted = || !self.outbox.is_closed();
         for (source, keys) in [(Source::Part, keys), (Source::Earlier, earlier)] {
             let mut sender = Sender::new(&self.holodeck, &self.outbox, (0, source), &is_wanted);
+            sender.until = self.until;
             sender.send_beams(&keys)?;
             sender.finish()?;
         }
@@ -196,6 +197,15 @@ pub fn lasting(earlier: u64, present: u64) -> u64 {
     fading::lasting(ranks, present).map(|ranks| ranks.len() as u64).sum()
 }
 
+/// Returns an error as a text. If the file was cut off, the file reports that from now on, also if
+/// nothing but its checksums showed it.
+fn named_if_cut<T>(holodeck: &Holodeck, result: Result<T>) -> Result<T, String> {
+    let checked = holodeck.file.check_length();
+    result
+        .and_then(|done| checked.map(|()| done).map_err(Into::into))
+        .map_err(|error| said_once(error.as_ref()))
+}
+
 /// Sends samples of beams, many in one message.
 struct Sender<'a> {
     holodeck: &'a Holodeck,
@@ -206,6 +216,8 @@ struct Sender<'a> {
     usual_paths: u16,
     /// Returns whether the display still wants these samples.
     is_wanted: &'a dyn Fn() -> bool,
+    /// Samples of the present generation that were stored later are left out of parts.
+    until: Option<Mark>,
 }
 
 impl<'a> Sender<'a> {
@@ -217,14 +229,14 @@ impl<'a> Sender<'a> {
     ) -> Sender<'a> {
         let message = Samples { view, source, runs: Vec::new(), samples: Vec::new() };
         let usual_paths = holodeck.about.settings.paths_per_sample;
-        Sender { holodeck, outbox, message, usual_paths, is_wanted }
+        Sender { holodeck, outbox, message, usual_paths, is_wanted, until: None }
     }
 
     /// Sends samples of some beams: all of the present generation, those in memory first, or those
     /// of an earlier generation that still count. The last ones wait for more.
     fn send_beams(&mut self, keys: &[BeamKey]) -> Result<()> {
         let file = &self.holodeck.file;
-        let source = self.message.source;
+        let (source, until) = (self.message.source, self.until);
         let mut sent = Ok(());
         let mut send = |key: BeamKey, beam: Arc<BeamSamples>| {
             sent = match source {
@@ -240,7 +252,10 @@ impl<'a> Sender<'a> {
         match source {
             Source::Earlier => file.read_earlier(keys, &mut send)?,
             // A display requests each part once. Beams of views must not leave the cache for it.
-            Source::Part => file.read_many(keys, Caching::Bypass, &mut send)?,
+            Source::Part => match until {
+                Some(mark) => file.read_until(keys, mark, &mut send)?,
+                None => file.read_many(keys, Caching::Bypass, &mut send)?,
+            },
             Source::Stored | Source::Traced => file.read_many(keys, Caching::Fill, &mut send)?,
         }
         sent
@@ -396,49 +411,65 @@ pub fn send_unseen(outbox: &Outbox, view: u32, beams: &[BeamKey]) -> Result<(), 
     })
 }
 
-/// Sends the packed scene in pieces, on a thread of its own.
-pub fn send_scene(holodeck: Arc<Holodeck>, outbox: Outbox) -> std::io::Result<()> {
-    send_blob(outbox, move || holodeck.packed_scene())
+/// A blob that peers may ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Blob {
+    /// The packed scene.
+    Scene,
+    /// The stand-ins for the scene.
+    StandIns,
 }
 
-/// Sends the stand-ins in pieces, on a thread of its own.
-pub fn send_stand_ins(holodeck: Arc<Holodeck>, outbox: Outbox) -> std::io::Result<()> {
-    send_blob(outbox, move || {
-        holodeck.stand_ins()?.context("the file holds no stand-ins for the scene")
-    })
+impl Blob {
+    fn read(self, holodeck: &Holodeck) -> Result<Arc<[u8]>> {
+        match self {
+            Blob::Scene => holodeck.packed_scene(),
+            Blob::StandIns => {
+                holodeck.stand_ins()?.context("the file holds no stand-ins for the scene")
+            }
+        }
+    }
 }
 
-/// Sends a blob. If it cannot be read, sends a message that it is absent.
-fn send_blob(
+/// Sends a blob in pieces, on a thread of its own, which calls `done` at its end. If the blob cannot
+/// be read, sends a message that it is absent.
+pub fn send_blob(
+    holodeck: Arc<Holodeck>,
     outbox: Outbox,
-    read: impl FnOnce() -> Result<Arc<[u8]>> + Send + 'static,
+    blob: Blob,
+    done: impl FnOnce() + Send + 'static,
 ) -> std::io::Result<()> {
     thread::Builder::new().name("blob".into()).spawn(move || {
-        let bytes = match read() {
-            Ok(bytes) if !bytes.is_empty() => bytes,
-            read => {
-                if let Err(error) = read {
-                    // This is printed even with `quiet`, because displays will not show what was
-                    // requested.
-                    eprintln!("{}", said_once(error.as_ref()));
-                }
-                let _ = outbox.send(Kind::BlobChunk, &holo_net::absent().encode());
-                return;
-            }
-        };
-        let mut offset = 0;
-        for piece in bytes.chunks(SCENE_CHUNK_BYTES) {
-            while outbox.queued_bytes() > BLOB_QUEUE_BYTES && !outbox.is_closed() {
-                thread::sleep(PAUSE);
-            }
-            let chunk = BlobChunk { offset, bytes: piece.to_vec() };
-            if outbox.send(Kind::BlobChunk, &chunk.encode_compressed()).is_err() {
-                return;
-            }
-            offset += piece.len() as u64;
-        }
+        send_pieces(blob.read(&holodeck), &outbox);
+        done();
     })?;
     Ok(())
+}
+
+fn send_pieces(read: Result<Arc<[u8]>>, outbox: &Outbox) {
+    let bytes = match read {
+        Ok(bytes) if !bytes.is_empty() => bytes,
+        read => {
+            if let Err(error) = read {
+                // This is printed even with `quiet`, because displays will not show what was
+                // requested.
+                eprintln!("{}", said_once(error.as_ref()));
+            }
+            let _ = outbox.send(Kind::BlobChunk, &holo_net::absent().encode());
+            return;
+        }
+    };
+    let mut offset = 0;
+    for piece in bytes.chunks(SCENE_CHUNK_BYTES) {
+        while outbox.queued_bytes() > BLOB_QUEUE_BYTES && !outbox.is_closed() {
+            thread::sleep(PAUSE);
+        }
+        let chunk = BlobChunk { offset, bytes: piece.to_vec() };
+        if outbox.send(Kind::BlobChunk, &chunk.encode_compressed()).is_err() {
+            return;
+        }
+        offset += piece.len() as u64;
+    }
 }
 
 #[cfg(test)]

@@ -31,11 +31,6 @@ impl Shard {
         let number = holo_section::seed(key.section, key.beam, SALT);
         number % u64::from(self.count) == u64::from(self.index)
     }
-
-    /// Returns how many shards there are.
-    pub fn count(self) -> u32 {
-        self.count
-    }
 }
 
 /// The beams that a fill is for.
@@ -48,6 +43,11 @@ pub struct Share {
 }
 
 impl Share {
+    /// Estimates the samples of all shards, if this one's file has so many.
+    pub fn all_shards(&self, stored: u64) -> u64 {
+        stored * u64::from(self.shard.count)
+    }
+
     /// Returns whether a beam is to be filled.
     pub fn has(&self, key: BeamKey) -> bool {
         self.shard.has(key) && self.beams.as_ref().is_none_or(|list| list.0.contains(&key))

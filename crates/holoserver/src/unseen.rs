@@ -2,7 +2,7 @@
 //! neither traced nor stored.
 //!
 //! Invariants:
-//! - A beam leaves a set only if the worker that added it is found to be wrong.
+//! - A beam leaves a server's set only if the worker that added it is found to be wrong.
 //! - It takes a bit for each beam, in at most [`MAX_PAGES`] pages. Further beams are not
 //!   remembered, which only costs a worker another look.
 
@@ -15,10 +15,12 @@ const PAGE_BEAMS: u64 = 1 << 16;
 const PAGE_BYTES: usize = (PAGE_BEAMS / 8) as usize;
 /// Bytes of a page in the file: section `u16`, zero `u16`, number `u32`, bits.
 const RECORD_BYTES: usize = 8 + PAGE_BYTES;
-/// Version of the bytes in the file.
-const FORMAT: u32 = 1;
+/// Version of the bytes in the file: all beams were checked.
+const FORMAT: u32 = 2;
+/// The version of files that do not distinguish checked claims from others. The layout is the same.
+const FORMAT_UNCHECKED: u32 = 1;
 /// Most pages: 64 MiB, all beams of one section of the finest grid.
-const MAX_PAGES: usize = 8192;
+pub const MAX_PAGES: usize = 8192;
 
 /// A set of beams.
 #[derive(Clone, Debug, Default)]
@@ -78,6 +80,40 @@ impl UnseenBeams {
         had
     }
 
+    /// Removes all beams of another set.
+    pub fn subtract(&mut self, others: &UnseenBeams) {
+        for (name, other) in &others.pages {
+            let Some(bits) = self.pages.get_mut(name) else { continue };
+            let mut removed = 0;
+            for (byte, other) in bits.iter_mut().zip(other.iter()) {
+                removed += u64::from((*byte & other).count_ones());
+                *byte &= !other;
+            }
+            if removed > 0 {
+                self.counts[usize::from(name.0)] -= removed;
+                self.changes += 1;
+            }
+            if bits.iter().all(|byte| *byte == 0) {
+                self.pages.remove(name);
+            }
+        }
+    }
+
+    /// Adds all beams of another set for which there is room.
+    pub fn add(&mut self, others: &UnseenBeams) {
+        others.iter().for_each(|key| _ = self.insert(key));
+    }
+
+    /// Returns the number of pages.
+    pub fn pages(&self) -> usize {
+        self.pages.len()
+    }
+
+    /// Returns whether a beam's page is there.
+    pub fn has_page_of(&self, key: BeamKey) -> bool {
+        page_and_bit(key).is_some_and(|(page, _)| self.pages.contains_key(&page))
+    }
+
     /// Returns the number of changes so far.
     pub fn changes(&self) -> u64 {
         self.changes
@@ -124,15 +160,18 @@ impl UnseenBeams {
         out
     }
 
-    /// Parses a blob's bytes.
+    /// Parses a blob's bytes. Returns the set, and whether its beams were checked.
     ///
     /// # Errors
     /// If they are no such set, or name beams that the sections do not have.
-    pub fn decode(bytes: &[u8], sections: &[Section]) -> Result<UnseenBeams> {
+    pub fn decode(bytes: &[u8], sections: &[Section]) -> Result<(UnseenBeams, bool)> {
         ensure!(bytes.len() >= 8, "{} bytes are no set of beams", bytes.len());
         let (head, rest) = bytes.split_at(8);
         let (format, pages) = (word(&head[..4]), word(&head[4..]) as usize);
-        ensure!(format == FORMAT, "this program does not know format {format}");
+        ensure!(
+            [FORMAT, FORMAT_UNCHECKED].contains(&format),
+            "this program does not know format {format}"
+        );
         ensure!(pages <= MAX_PAGES, "{pages} pages are more than {MAX_PAGES}");
         ensure!(
             rest.len() == pages * RECORD_BYTES,
@@ -153,7 +192,7 @@ impl UnseenBeams {
             set.counts[usize::from(section)] += ones(bits).count() as u64;
             set.pages.insert((section, page), bits.into());
         }
-        Ok(set)
+        Ok((set, format == FORMAT))
     }
 }
 
@@ -207,7 +246,8 @@ mod tests {
         }
         let changes = set.changes();
         assert!(!set.remove(key(2, u64::MAX)) && set.changes() == changes);
-        let decoded = UnseenBeams::decode(&set.encode(), &sections).unwrap();
+        let (decoded, is_checked) = UnseenBeams::decode(&set.encode(), &sections).unwrap();
+        assert!(is_checked);
         assert_eq!(set.encode().len() as u64, set.encoded_bytes());
         for set in [&set, &decoded] {
             assert_eq!(set.iter().collect::<BTreeSet<_>>(), model);
@@ -247,7 +287,8 @@ mod tests {
             bytes[at] = byte;
             UnseenBeams::decode(&bytes, &sections)
         };
-        assert!(with(0, 2).is_err(), "another format");
+        assert!(with(0, 1).is_ok_and(|(_, is_checked)| !is_checked), "an older file");
+        assert!(with(0, 3).is_err(), "another format");
         assert!(with(7, 0xff).is_err(), "four billion pages");
         let twice = [&good[..8], &good[8 + RECORD_BYTES..], &good[8 + RECORD_BYTES..]].concat();
         assert!(

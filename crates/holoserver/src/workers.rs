@@ -12,8 +12,8 @@ use crate::{
     assignment::{Assignment, Finished, ResultsError},
     live::LiveAssignment,
     pace::Pace,
+    worker_id::WorkerId,
 };
-use holo_beamfile::Maker;
 use holo_net::Outbox;
 use holo_proto::{
     bulk::{LivePacket, LiveWork, Traced, Work},
@@ -51,8 +51,8 @@ pub struct Worker {
     pub outbox: Outbox,
     /// Its name, for people.
     pub name: String,
-    /// The file's number for its machine.
-    pub maker: Maker,
+    /// Its machine, by the file's number, and its seat there.
+    pub id: WorkerId,
     threads: f64,
     /// Work is counted in rays of so many paths.
     usual_paths: u16,
@@ -92,11 +92,11 @@ struct Late {
 
 impl Worker {
     /// Returns a worker that is not ready yet. Its work is counted in rays of `usual_paths` paths.
-    pub fn new(outbox: Outbox, name: String, maker: Maker, usual_paths: u16) -> Worker {
+    pub fn new(outbox: Outbox, name: String, id: WorkerId, usual_paths: u16) -> Worker {
         Worker {
             outbox,
             name,
-            maker,
+            id,
             threads: 0.0,
             usual_paths,
             seconds_per_ray: None,
@@ -336,7 +336,7 @@ impl Worker {
     pub fn report(&self) -> WorkerReport {
         WorkerReport {
             name: self.name.clone(),
-            maker: self.maker.0,
+            maker: self.id.maker.0,
             threads: self.threads as u32,
             rays_per_second: self.pace.rate().unwrap_or(0.0),
             rays: self.work_returned as u64,
@@ -367,8 +367,9 @@ mod tests {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let client = tokio::spawn(connect_on(address));
-        let (inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
-        let mut worker = Worker::new(outbox, "a test".into(), Maker(1), 1);
+        let (inbox, outbox, ..) = accept(listener.accept().await.unwrap().0).await.unwrap();
+        let id = WorkerId { maker: holo_beamfile::Maker(1), seat: 0 };
+        let mut worker = Worker::new(outbox, "a test".into(), id, 1);
         worker.ready(threads);
         (worker, (client, inbox))
     }

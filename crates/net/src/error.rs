@@ -30,9 +30,12 @@ pub enum NetError {
          server, or somebody is in between; ask for its present string"
     )]
     Fingerprint,
-    /// A server's certificate or tokens cannot be used.
+    /// A server's certificate or tokens, or a machine's key, cannot be used.
     #[error("{0}: {1}")]
     Identity(PathBuf, String),
+    /// Too many long messages arrive at once.
+    #[error("it sends a long message slowly, and others wait for the memory")]
+    NoMemory,
     /// An error of the operating system.
     #[error(transparent)]
     Io(#[from] io::Error),

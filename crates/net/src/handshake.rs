@@ -5,7 +5,7 @@ use holo_proto::{
     control::{Control, Welcome},
     frame::{Kind, MAX_HELLO_BYTES},
     hello::{Answer, Hello, Role},
-    proof::{Challenge, Proof},
+    proof::{Challenge, MachineProof, Proof},
 };
 use ring::hmac;
 use tokio::{
@@ -15,9 +15,11 @@ use tokio::{
 };
 
 use crate::{
-    Access, Destination, HANDSHAKE_TIME, Identity, Inbox, NetError, Outbox, Token,
+    Access, Destination, HANDSHAKE_TIME, Identity, Inbox, MachineId, MachineKey, NetError, Outbox,
+    Token,
     identity::{key, random},
     inbox::{FROM_A_PEER, FROM_THE_SERVER, FrameReader},
+    machine,
     tls::{self, ReadHalf, WriteHalf},
 };
 
@@ -33,51 +35,85 @@ const _: () = assert!(MAX_HELLO_BYTES < 1 << 16);
 const UNENCRYPTED: &str =
     "connections here are encrypted; join by the string that the server prints (holodeck://…)";
 
-/// Connects to a server in `role`, and waits until the server accepts.
+/// The fingerprint that stands for a server without encryption.
+const NO_CERTIFICATE: [u8; 32] = [0; 32];
+
+/// The reason for refusing a worker whose proof is wrong.
+const NO_MACHINE: &str = "it did not prove which machine it belongs to";
+
+/// Connects to a server in `role`, and waits until the server accepts. A worker belongs to a
+/// machine that no server knows.
 ///
 /// # Errors
-/// Any [`NetError`]; [`NetError::Refused`] carries the server's reason.
+/// As [`connect_as`].
 pub async fn connect(
     server: impl Into<Destination>,
     role: Role,
     name: &str,
 ) -> Result<(Inbox, Outbox, Welcome), NetError> {
+    connect_as(server, role, name, None).await
+}
+
+/// Connects as [`connect`] does. A worker proves that it belongs to `machine`.
+///
+/// # Errors
+/// Any [`NetError`]; [`NetError::Refused`] carries the server's reason.
+pub async fn connect_as(
+    server: impl Into<Destination>,
+    role: Role,
+    name: &str,
+    machine: Option<&MachineKey>,
+) -> Result<(Inbox, Outbox, Welcome), NetError> {
     let server = server.into();
     let token = match &server {
         Destination::Loopback(_) => None,
-        Destination::Invited(invitation) => Some(invitation.token),
+        Destination::Invited(invitation) => Some((invitation.token, invitation.fingerprint)),
     };
     let shake = async {
         let connection = reach(&server).await?;
-        introduce(connection, role, name, token).await
+        introduce(connection, role, name, token, machine).await
     };
     timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)?
 }
 
-/// Connects as [`connect`] does, over any byte stream to a server of this process.
+/// Connects as [`connect_as`] does, over any byte stream to a server of this process.
 ///
 /// # Errors
-/// As [`connect`].
+/// As [`connect_as`].
 pub async fn connect_over(
     stream: impl AsyncRead + AsyncWrite + Send + Unpin + 'static,
     role: Role,
     name: &str,
+    machine: Option<&MachineKey>,
 ) -> Result<(Inbox, Outbox, Welcome), NetError> {
-    let shake = introduce(start(tls::split(stream)), role, name, None);
+    let shake = introduce(start(tls::split(stream)), role, name, None, machine);
     timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)?
 }
 
-/// Introduces this peer, proves that it holds the token if there is one, and waits for acceptance.
+/// Introduces this peer, and waits for acceptance. If there is a token, proves that it holds the
+/// token. A worker proves its machine.
 async fn introduce(
     (mut reader, outbox): (FrameReader, Outbox),
     role: Role,
     name: &str,
-    token: Option<Token>,
+    token: Option<(Token, [u8; 32])>,
+    machine: Option<&MachineKey>,
 ) -> Result<(Inbox, Outbox, Welcome), NetError> {
     let hello = Hello::new(role, name).encode();
     outbox.send(Kind::Hello, &hello)?;
-    if let Some(token) = token {
-        prove(&mut reader, &outbox, &token, &hello).await?;
+    if token.is_some() || role == Role::Worker {
+        let challenge = challenged(&mut reader).await?;
+        if let Some((token, _)) = &token {
+            outbox.send(Kind::Proof, &prove(token, &challenge, &hello).encode())?;
+        }
+        if role == Role::Worker {
+            let fingerprint = token.map_or(NO_CERTIFICATE, |(_, fingerprint)| fingerprint);
+            let proof = match machine {
+                Some(machine) => machine.prove(&challenge, &fingerprint, &hello),
+                None => MachineKey::new()?.prove(&challenge, &fingerprint, &hello),
+            };
+            outbox.send(Kind::MachineProof, &proof.encode())?;
+        }
     }
     accepted(&reader.frame_of(Kind::Answer).await?)?;
     match Control::decode(&reader.frame_of(Kind::Control).await?)? {
@@ -106,23 +142,22 @@ async fn open(address: impl ToSocketAddrs) -> Result<TcpStream, NetError> {
     Ok(stream)
 }
 
-/// Proves to a server that this peer holds a token.
-async fn prove(
-    reader: &mut FrameReader,
-    outbox: &Outbox,
-    token: &Token,
-    hello: &[u8],
-) -> Result<(), NetError> {
+/// Waits for a server's challenge.
+async fn challenged(reader: &mut FrameReader) -> Result<Challenge, NetError> {
     let (kind, payload) = reader.frame_of_either(Kind::Challenge, Kind::Answer).await?;
     if kind == Kind::Answer {
         accepted(&payload)?;
         // A server that asks for no proof is not the one that issued the token.
         return Err(ProtoError::NotHolodeck.into());
     }
-    let challenge = Challenge::decode(&payload)?;
+    Ok(Challenge::decode(&payload)?)
+}
+
+/// Returns the proof that this peer holds a token.
+fn prove(token: &Token, challenge: &Challenge, hello: &[u8]) -> Proof {
     let mut mac = [0; 32];
     mac.copy_from_slice(hmac::sign(&key(token), &[&challenge.0, hello].concat()).as_ref());
-    Ok(outbox.send(Kind::Proof, &Proof { token: token.id, mac }.encode())?)
+    Proof { token: token.id, mac }
 }
 
 fn accepted(answer: &[u8]) -> Result<(), NetError> {
@@ -132,13 +167,14 @@ fn accepted(answer: &[u8]) -> Result<(), NetError> {
     }
 }
 
-/// Reads the hello of a peer on this machine. A peer of another version is refused with a reason.
+/// Reads the hello of a peer on this machine. A peer of another version is refused with a reason,
+/// and so is a worker that does not prove its machine.
 ///
 /// The caller then decides, and calls [`welcome`] or [`refuse`].
 ///
 /// # Errors
 /// Any [`NetError`].
-pub async fn accept(stream: TcpStream) -> Result<(Inbox, Outbox, Hello), NetError> {
+pub async fn accept(stream: TcpStream) -> Result<(Inbox, Outbox, Hello, Access), NetError> {
     at_once(&stream);
     greet(start(tls::plain(stream))).await
 }
@@ -149,17 +185,28 @@ pub async fn accept(stream: TcpStream) -> Result<(Inbox, Outbox, Hello), NetErro
 /// Any [`NetError`].
 pub async fn accept_over(
     stream: impl AsyncRead + AsyncWrite + Send + Unpin + 'static,
-) -> Result<(Inbox, Outbox, Hello), NetError> {
+) -> Result<(Inbox, Outbox, Hello, Access), NetError> {
     greet(start(tls::split(stream))).await
 }
 
-/// Reads the hello of the peer.
+/// Reads the hello of the peer, and the proof of a worker's machine.
 async fn greet(
     (mut reader, outbox): (FrameReader, Outbox),
-) -> Result<(Inbox, Outbox, Hello), NetError> {
-    let shake = read_hello(&mut reader, &outbox);
-    let (_, hello) = timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
-    Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello))
+) -> Result<(Inbox, Outbox, Hello, Access), NetError> {
+    let shake = async {
+        let (bytes, hello) = read_hello(&mut reader, &outbox).await?;
+        if hello.role != Role::Worker {
+            return Ok((hello, Access::of_this_machine(None)));
+        }
+        let challenge = challenge(&outbox)?;
+        match check_machine(&mut reader, &challenge, &NO_CERTIFICATE, &bytes).await? {
+            Some(machine) => Ok((hello, Access::of_this_machine(Some(machine)))),
+            None => Err(refused(&outbox, NO_MACHINE).await),
+        }
+    };
+    let (hello, access) =
+        timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
+    Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello, access))
 }
 
 /// Reads the hello of a peer on any machine over an encrypted connection, and lets it prove that it
@@ -178,17 +225,24 @@ pub async fn accept_secure(
         }
         let (mut reader, outbox) = start(tls::serve(stream, identity).await?);
         let (bytes, hello) = read_hello(&mut reader, &outbox).await?;
-        let access = check_proof(&mut reader, &outbox, identity, &bytes).await?;
+        let challenge = challenge(&outbox)?;
+        let access = check_proof(&mut reader, &challenge, identity, &bytes).await?;
+        let machine = match hello.role {
+            Role::Worker => {
+                let fingerprint = identity.fingerprint();
+                check_machine(&mut reader, &challenge, &fingerprint, &bytes).await?
+            }
+            _ => None,
+        };
         let reason = match access {
             None => "its token is not one of this server's, or was revoked",
             Some(access) if !access.rights.permits(hello.role) => {
                 "its token does not permit that role"
             }
-            Some(access) => return Ok((reader, outbox, hello, access)),
+            Some(_) if hello.role == Role::Worker && machine.is_none() => NO_MACHINE,
+            Some(access) => return Ok((reader, outbox, hello, Access { machine, ..access })),
         };
-        refuse(&outbox, reason);
-        outbox.drained().await;
-        Err(NetError::Refused(reason.to_owned()))
+        Err(refused(&outbox, reason).await)
     };
     let (reader, outbox, hello, access) =
         timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
@@ -208,9 +262,32 @@ async fn begins_encrypted(stream: &TcpStream) -> Result<bool, NetError> {
 async fn refuse_unencrypted(stream: TcpStream) -> Result<NetError, NetError> {
     let (mut reader, outbox) = start(tls::plain(stream));
     read_hello(&mut reader, &outbox).await?;
-    refuse(&outbox, UNENCRYPTED);
+    Ok(refused(&outbox, UNENCRYPTED).await)
+}
+
+/// Refuses a peer, and waits until the reason has left.
+async fn refused(outbox: &Outbox, reason: &str) -> NetError {
+    refuse(outbox, reason);
     outbox.drained().await;
-    Ok(NetError::Refused(UNENCRYPTED.to_owned()))
+    NetError::Refused(reason.to_owned())
+}
+
+/// Sends a challenge.
+fn challenge(outbox: &Outbox) -> Result<Challenge, NetError> {
+    let challenge = Challenge(random()?);
+    outbox.send(Kind::Challenge, &challenge.encode())?;
+    Ok(challenge)
+}
+
+/// Reads the proof of a worker's machine. Returns the machine; `None` if the proof is wrong.
+async fn check_machine(
+    reader: &mut FrameReader,
+    challenge: &Challenge,
+    fingerprint: &[u8; 32],
+    hello: &[u8],
+) -> Result<Option<MachineId>, NetError> {
+    let proof = MachineProof::decode(&reader.frame_of(Kind::MachineProof).await?)?;
+    Ok(machine::proven(&proof, challenge, fingerprint, hello))
 }
 
 /// Reads a hello. Returns its bytes and their content.
@@ -233,18 +310,16 @@ async fn read_hello(
 /// a valid proof.
 async fn check_proof(
     reader: &mut FrameReader,
-    outbox: &Outbox,
+    challenge: &Challenge,
     identity: &Identity,
     hello: &[u8],
 ) -> Result<Option<Access>, NetError> {
-    let challenge = Challenge(random()?);
-    outbox.send(Kind::Challenge, &challenge.encode())?;
     let proof = Proof::decode(&reader.frame_of(Kind::Proof).await?)?;
     let known = identity.tokens()?.into_iter().find(|(token, _)| token.id == proof.token);
     Ok(known.and_then(|(token, rights)| {
         let said = [&challenge.0, hello].concat();
         hmac::verify(&key(&token), &said, &proof.mac).ok()?;
-        Some(Access { rights, token: Some(token.name()) })
+        Some(Access { rights, token: Some(token.name()), machine: None })
     }))
 }
 

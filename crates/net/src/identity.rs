@@ -130,11 +130,7 @@ impl Identity {
 
     /// Returns the folder of the user's own identity, if the user has a home.
     pub fn users_folder() -> Option<PathBuf> {
-        let absolute = |name: &str| {
-            std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute())
-        };
-        let config =
-            absolute("XDG_CONFIG_HOME").or_else(|| Some(absolute("HOME")?.join(".config")));
+        let config = config_folder();
         Some(config?.join("holodeck/server"))
     }
 
@@ -208,6 +204,13 @@ impl Identity {
     }
 }
 
+/// Returns the user's configuration folder, if the user has a home.
+pub(crate) fn config_folder() -> Option<PathBuf> {
+    let absolute =
+        |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    absolute("XDG_CONFIG_HOME").or_else(|| Some(absolute("HOME")?.join(".config")))
+}
+
 fn make_tokens(folder: &Path) -> io::Result<()> {
     fs::create_dir_all(folder)?;
     write_tokens(&folder.join("tokens"), &[(new_token()?, Rights::Admin)])
@@ -279,17 +282,32 @@ fn write_tokens(path: &Path, tokens: &[(Token, Rights)]) -> io::Result<()> {
 /// Writes a file that only its owner can read. The file appears whole or not at all.
 fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let temporary = path.with_extension(format!("{}.part", std::process::id()));
-    let open =
-        OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&temporary);
-    let written = open.and_then(|mut file: File| {
-        file.write_all(bytes)?;
-        file.sync_all()
-    });
-    if let Err(error) = written.and_then(|()| fs::rename(&temporary, path)) {
+    let placed = write_temporary(&temporary, bytes).and_then(|()| fs::rename(&temporary, path));
+    if let Err(error) = placed {
         let _ = fs::remove_file(&temporary);
         return Err(error);
     }
     Ok(())
+}
+
+/// Writes a file as [`write`] does, if there is none. Of several processes, the first one wins.
+pub(crate) fn write_once(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let number = u64::from_le_bytes(random()?);
+    let temporary = path.with_extension(format!("{number:x}.part"));
+    let placed = write_temporary(&temporary, bytes).and_then(|()| fs::hard_link(&temporary, path));
+    let _ = fs::remove_file(&temporary);
+    match placed {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
+        placed => placed,
+    }
+}
+
+fn write_temporary(temporary: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut options = OpenOptions::new();
+    let mut file: File =
+        options.write(true).create(true).truncate(true).mode(0o600).open(temporary)?;
+    file.write_all(bytes)?;
+    file.sync_all()
 }
 
 #[cfg(test)]

@@ -1,6 +1,9 @@
 //! The receiving half of a connection: a task reads the socket, even while its owner is busy.
 
-use std::io::ErrorKind;
+use std::{
+    io::ErrorKind,
+    sync::{Mutex, PoisonError},
+};
 
 use holo_proto::{
     ProtoError,
@@ -22,6 +25,44 @@ pub(crate) const FROM_A_PEER: usize = 1;
 /// Messages of a server that its peers read in advance: 64 MiB, because each has at most about
 /// 1 MiB. A display that prepares a scene for a minute must still answer pings.
 pub(crate) const FROM_THE_SERVER: usize = 64;
+
+/// Bytes of a payload that memory is taken for at once.
+const FIRST_PIECE: usize = 1 << 15;
+
+/// Memory for payloads that have not arrived whole, of all connections of this process. If they need
+/// more, those that hold more than an equal share of it end.
+const MAX_UNFINISHED: usize = 256 << 20;
+
+/// Bytes of payloads that have not arrived whole, and their number.
+static UNFINISHED: Mutex<(usize, usize)> = Mutex::new((0, 0));
+
+/// The part of one payload in [`UNFINISHED`].
+#[derive(Default)]
+struct Unfinished {
+    bytes: usize,
+}
+
+impl Unfinished {
+    /// Takes memory for so many bytes of a payload.
+    fn grow(&mut self, bytes: usize) -> Result<(), NetError> {
+        let mut all = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+        all.1 += usize::from(self.bytes == 0);
+        all.0 += bytes - self.bytes;
+        self.bytes = bytes;
+        if all.0 > MAX_UNFINISHED && bytes > MAX_UNFINISHED / all.1 {
+            return Err(NetError::NoMemory);
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        let mut all = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+        all.0 -= self.bytes;
+        all.1 -= usize::from(self.bytes > 0);
+    }
+}
 
 /// The receiving half: messages that a task has read from the socket.
 ///
@@ -118,11 +159,16 @@ impl FrameReader {
         one: Kind,
         other: Kind,
     ) -> Result<(Kind, Vec<u8>), NetError> {
-        let header = self.header().await?;
-        if header.kind != one && header.kind != other {
-            return Err(ProtoError::NotHolodeck.into());
+        match self.header().await {
+            Ok(header) if header.kind == one || header.kind == other => {
+                Ok((header.kind, self.payload(header).await?))
+            }
+            // The server is a web server, for example.
+            Ok(_) | Err(NetError::Proto(ProtoError::Kind(_))) => {
+                Err(ProtoError::NotHolodeck.into())
+            }
+            Err(error) => Err(error),
         }
-        Ok((header.kind, self.payload(header).await?))
     }
 
     async fn message(&mut self) -> Result<Message, NetError> {
@@ -137,9 +183,19 @@ impl FrameReader {
         Ok(Header::parse(bytes)?)
     }
 
+    /// Reads a payload. Memory is taken as its bytes arrive.
     async fn payload(&mut self, header: Header) -> Result<Vec<u8>, NetError> {
-        let mut payload = vec![0; header.length as usize];
-        self.fill(&mut payload).await?;
+        let length = header.length as usize;
+        let mut payload = Vec::new();
+        let mut share = Unfinished::default();
+        while payload.len() < length {
+            let have = payload.len();
+            let next = length.min(have.max(FIRST_PIECE) * 2);
+            share.grow(next)?;
+            payload.reserve_exact(next - have);
+            payload.resize(next, 0);
+            self.fill(&mut payload[have..]).await?;
+        }
         Ok(payload)
     }
 
@@ -159,5 +215,25 @@ impl FrameReader {
             room = &mut std::mem::take(&mut room)[read..];
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unfinished_payloads_are_bounded_together_and_short_ones_pass() {
+        let mut held = Vec::new();
+        for _ in 0..1000 {
+            let mut share = Unfinished::default();
+            if (15..25).all(|power| share.grow(1 << power).is_ok()) {
+                held.push(share);
+            }
+        }
+        let (all, number) = *UNFINISHED.lock().unwrap();
+        assert!(all <= MAX_UNFINISHED && number >= held.len(), "{all} of {number}");
+        assert!(held.len() >= 8, "some arrive");
+        assert!(Unfinished::default().grow(1 << 20).is_ok(), "short ones arrive all the same");
     }
 }

@@ -10,7 +10,7 @@ use std::{fmt, net::SocketAddr, str::FromStr};
 use base64::{Engine, engine::general_purpose::URL_SAFE_NO_PAD};
 use holo_proto::{hello::Role, proof::TOKEN_ID_BYTES};
 
-use crate::{NetError, loopback};
+use crate::{MachineId, NetError, loopback};
 
 /// The beginning of a joining string.
 const SCHEME: &str = "holodeck://";
@@ -79,6 +79,15 @@ pub struct Access {
     pub rights: Rights,
     /// The name of the peer's token; `None` on this machine.
     pub token: Option<String>,
+    /// The machine that a worker has proven to belong to; `None` for other roles.
+    pub machine: Option<MachineId>,
+}
+
+impl Access {
+    /// Returns the access of a peer on the server's machine: all rights.
+    pub fn of_this_machine(machine: Option<MachineId>) -> Access {
+        Access { rights: Rights::Admin, token: None, machine }
+    }
 }
 
 /// A token: a name and a secret.

@@ -11,6 +11,7 @@
 //!   [`Outbox::queued_bytes`].
 //! - Without encryption, only loopback addresses are used. Other connections are TLS 1.3. The
 //!   client knows the server's certificate by its fingerprint, and proves that it holds a token.
+//! - A worker proves which machine it belongs to, everywhere.
 
 mod address;
 mod error;
@@ -18,6 +19,7 @@ mod handshake;
 mod identity;
 mod inbox;
 mod join;
+mod machine;
 mod message;
 mod outbox;
 mod page_certificate;
@@ -28,10 +30,13 @@ mod tls;
 
 pub use address::{any_address, loopback, seen_from_outside};
 pub use error::NetError;
-pub use handshake::{accept, accept_over, accept_secure, connect, connect_over, refuse, welcome};
+pub use handshake::{
+    accept, accept_over, accept_secure, connect, connect_as, connect_over, refuse, welcome,
+};
 pub use identity::{EncryptedStream, Identity, Secret};
 pub use inbox::Inbox;
 pub use join::{Access, Destination, Invitation, Rights, Token};
+pub use machine::{MachineId, MachineKey};
 pub use message::Message;
 pub use outbox::Outbox;
 pub use reach::{RETURN_TIME, reach};

@@ -44,7 +44,7 @@ pub enum Message {
 impl Message {
     pub(crate) fn decode(kind: Kind, payload: &[u8]) -> Result<Message, ProtoError> {
         Ok(match kind {
-            Kind::Hello | Kind::Answer | Kind::Challenge | Kind::Proof => {
+            Kind::Hello | Kind::Answer | Kind::Challenge | Kind::Proof | Kind::MachineProof => {
                 return Err(ProtoError::Kind(kind as u8));
             }
             Kind::Control => Message::Control(Control::decode(payload)?),

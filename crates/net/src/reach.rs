@@ -6,7 +6,7 @@ use std::time::Duration;
 use holo_proto::{control::Welcome, hello::Role};
 use tokio::time::{Instant, sleep};
 
-use crate::{Destination, Inbox, NetError, Outbox, connect};
+use crate::{Destination, Inbox, MachineKey, NetError, Outbox, connect_as};
 
 /// Pause after the first attempt. A server that is just starting is ready soon.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
@@ -18,22 +18,23 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(8);
 /// and writes a large scene.
 pub const RETURN_TIME: Duration = Duration::from_secs(300);
 
-/// Connects as [`connect`] does. If no server answers, tries again for `patience`, with pauses that
+/// Connects as [`connect_as`] does. If no server answers, tries again for `patience`, with pauses that
 /// double. Calls `waiting` before each pause.
 ///
 /// # Errors
-/// As [`connect`]. If a server answers and refuses, there is no other attempt.
+/// As [`connect_as`]. If a server answers and refuses, there is no other attempt.
 pub async fn reach(
     server: &Destination,
     role: Role,
     name: &str,
+    machine: Option<&MachineKey>,
     patience: Duration,
     mut waiting: impl FnMut(&NetError, Duration),
 ) -> Result<(Inbox, Outbox, Welcome), NetError> {
     let start = Instant::now();
     let mut pause = FIRST_PAUSE;
     loop {
-        let error = match connect(server.clone(), role, name).await {
+        let error = match connect_as(server.clone(), role, name, machine).await {
             Err(error @ (NetError::Io(_) | NetError::Closed | NetError::Handshake)) => error,
             connected => return connected,
         };

@@ -19,7 +19,7 @@ use std::{path::PathBuf, time::Duration};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use holo_net::{Destination, NetError, RETURN_TIME, Shutdown};
+use holo_net::{Destination, MachineKey, NetError, RETURN_TIME, Shutdown};
 use holo_proto::control::Farewell;
 pub use report::Report;
 
@@ -50,6 +50,10 @@ pub struct Config {
     /// the user's cache folder]
     #[arg(long, value_name = "DIR")]
     pub scene_cache: Option<PathBuf>,
+    /// Folder of this machine's key, by which servers know it [default: holodeck/machines in the
+    /// user's configuration folder]
+    #[arg(long, value_name = "DIR")]
+    pub identity: Option<PathBuf>,
     /// Print less
     #[arg(short, long)]
     pub quiet: bool,
@@ -69,12 +73,13 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
         // If the system refuses, tracing continues at normal priority.
         let _ = rustix::process::nice(config.nice);
     }
+    let machine = machine_key(&config)?;
     let mut worker = session::Worker::new(&config);
     let retry = Duration::try_from_secs_f64(config.retry).unwrap_or_default();
     let mut patience = retry;
     loop {
         let lost = tokio::select! {
-            ended = serve(&mut worker, &config, &server, patience) => match ended {
+            ended = serve(&mut worker, &config, &server, &machine, patience) => match ended {
                 Ok(Farewell::Dropped { reason }) => {
                     bail!("the server has dropped this worker: {reason}")
                 }
@@ -100,13 +105,29 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
     }
 }
 
+/// Returns this machine's key. If it cannot be kept, servers take this process for a new machine.
+fn machine_key(config: &Config) -> Result<MachineKey> {
+    let Some(folder) = config.identity.clone().or_else(MachineKey::users_folder) else {
+        return Ok(MachineKey::new()?);
+    };
+    let system = rustix::system::uname();
+    match MachineKey::open(&folder, &system.nodename().to_string_lossy()) {
+        Err(error) if config.identity.is_none() => {
+            say(config, &format!("{error}; servers take this process for a new machine"));
+            Ok(MachineKey::new()?)
+        }
+        key => Ok(key?),
+    }
+}
+
 async fn serve(
     worker: &mut session::Worker,
     config: &Config,
     server: &Destination,
+    machine: &MachineKey,
     patience: Duration,
 ) -> Result<Farewell> {
-    let connection = match session::reach(server, patience).await {
+    let connection = match session::reach(server, machine, patience).await {
         // The connection was never established, so the caller must not try for ever.
         Err(NetError::Io(error)) => {
             return Err(anyhow::Error::msg(error.to_string()))

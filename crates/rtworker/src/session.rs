@@ -4,7 +4,7 @@ use std::{sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, ensure};
 use holo_light::Store;
-use holo_net::{Destination, Inbox, Message, NetError, Outbox};
+use holo_net::{Destination, Inbox, MachineKey, Message, NetError, Outbox};
 use holo_progress::said_once;
 use holo_proto::{
     bulk::Work,
@@ -30,13 +30,16 @@ use crate::{
 pub type Connection = (Inbox, Outbox, Welcome);
 
 /// Connects as a worker. If no server answers, tries again for `patience`.
-pub async fn reach(server: &Destination, patience: Duration) -> Result<Connection, NetError> {
+pub async fn reach(
+    server: &Destination,
+    machine: &MachineKey,
+    patience: Duration,
+) -> Result<Connection, NetError> {
     let system = rustix::system::uname();
     let (host, process) = (system.nodename().to_string_lossy(), std::process::id());
-    // The server identifies machines by the part of the name before the process.
     let name = format!("rtworker on {host} #{process}");
     // The caller has reported the attempt.
-    holo_net::reach(server, Role::Worker, &name, patience, |_, _| {}).await
+    holo_net::reach(server, Role::Worker, &name, Some(machine), patience, |_, _| {}).await
 }
 
 /// The state that survives from one connection to the next.

@@ -10,7 +10,7 @@ use holo_proto::{
     control::*,
     frame::{self, HEADER_BYTES, Header, Kind},
     hello::{Answer, Hello, Role},
-    proof::{Challenge, Proof},
+    proof::{Challenge, MachineProof, Proof},
     report::{DisplayReport, FaultReport, Report, WorkerReport},
 };
 use holo_section::{
@@ -48,6 +48,7 @@ enum Any {
     LiveSamples(LiveSamples),
     Challenge(Challenge),
     Proof(Proof),
+    MachineProof(MachineProof),
 }
 
 impl Any {
@@ -70,6 +71,7 @@ impl Any {
             Any::LiveSamples(message) => (Kind::LiveSamples, message.encode()),
             Any::Challenge(message) => (Kind::Challenge, message.encode()),
             Any::Proof(message) => (Kind::Proof, message.encode()),
+            Any::MachineProof(message) => (Kind::MachineProof, message.encode()),
         };
         frame::encode(kind, &payload).unwrap()
     }
@@ -96,6 +98,7 @@ impl Any {
             Kind::LiveSamples => Any::LiveSamples(LiveSamples::decode(payload)?),
             Kind::Challenge => Any::Challenge(Challenge::decode(payload)?),
             Kind::Proof => Any::Proof(Proof::decode(payload)?),
+            Kind::MachineProof => Any::MachineProof(MachineProof::decode(payload)?),
         })
     }
 }
@@ -373,6 +376,10 @@ fn cases() -> Vec<(&'static str, Any)> {
         ("control-report", report()),
         ("challenge", Any::Challenge(Challenge(std::array::from_fn(|i| i as u8)))),
         ("proof", Any::Proof(Proof { token: *b"a token!", mac: [0xab; 32] })),
+        (
+            "machine-proof",
+            Any::MachineProof(MachineProof { key: [0xcd; 32], signature: [0xef; 64] }),
+        ),
         ("hello-display", hello(Role::Display, "holoview – 7")),
         ("answer-accepted", Any::Answer(Answer::Accepted)),
         ("answer-refused", Any::Answer(Answer::Refused("full".into()))),
@@ -415,7 +422,12 @@ fn cases() -> Vec<(&'static str, Any)> {
         ("control-refused", Any::Control(Control::Refused { reason: "no".into() })),
         (
             "control-part-wanted",
-            Any::Control(Control::PartWanted { section: 258, first: number, samples: 65536 }),
+            Any::Control(Control::PartWanted {
+                section: 258,
+                first: number,
+                samples: 65536,
+                as_settled: true,
+            }),
         ),
         ("control-part-sent", Any::Control(Control::PartSent { section: 258, next: Some(number) })),
         ("control-part-last", Any::Control(Control::PartSent { section: 258, next: None })),

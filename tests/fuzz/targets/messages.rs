@@ -10,7 +10,7 @@ use holo_proto::{
     control::Control,
     frame::{HEADER_BYTES, Header, Kind},
     hello::{Answer, Hello},
-    proof::{Challenge, Proof},
+    proof::{Challenge, MachineProof, Proof},
     stand_ins,
 };
 use libfuzzer_sys::fuzz_target;
@@ -44,6 +44,7 @@ fuzz_target!(|bytes: &[u8]| {
         Kind::Answer => stays!(payload, Answer),
         Kind::Challenge => stays!(payload, Challenge),
         Kind::Proof => stays!(payload, Proof),
+        Kind::MachineProof => stays!(payload, MachineProof),
         Kind::Control => {
             if let Ok(message) = Control::decode(payload) {
                 // Texts may grow: what is no UTF-8 becomes U+FFFD.

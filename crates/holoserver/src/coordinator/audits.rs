@@ -1,20 +1,28 @@
-//! Packets that a second worker traces again: who is found broken is dropped and named.
+//! Packets that a second worker traces again, and what becomes of workers that return wrong results.
 
-use anyhow::Result;
+use anyhow::{Error, Result};
 use holo_beamfile::Maker;
-use holo_proto::{control::Engine, report::FaultReport};
+use holo_proto::{
+    control::Engine,
+    report::{FaultReport, MAX_FAULTS},
+};
 use holo_section::Sample;
 use tracing::warn;
 
 use super::Coordinator;
 use crate::{
-    assignment::{Assignment, Purpose},
+    assignment::{Assignment, Purpose, ResultsError},
     audits::{Audit, Verdict},
     events::ConnectionId,
+    plausible::Implausible,
+    worker_id::WorkerId,
 };
 
-/// Most faults that are kept for reports: the oldest ones.
-const MAX_FAULTS: usize = 64;
+/// Most machines whose impossible results are remembered: as many as a file has numbers for.
+const MAX_REMEMBERED: usize = 4096;
+
+/// Most pairs of workers in doubt that are listed.
+const MAX_IN_DOUBT: usize = 64;
 
 /// Relative error of the light of two workers of the engine `gather` that many rays share. Around
 /// two corners, single runs were up to 20 % off after four paths a pixel.
@@ -24,8 +32,16 @@ impl Coordinator {
     /// Begins to check a traced packet now and then: another worker traces it again.
     pub(super) fn audit(&mut self, id: ConnectionId, traced: &Assignment, samples: &[Sample]) {
         let workers = &self.workers;
-        let ready = || workers.iter().filter(|(_, w)| w.is_ready()).map(|(&id, _)| id).collect();
-        let Some(audit) = self.audits.begin(traced.packet.id, id, samples, ready) else { return };
+        let Some(first) = workers.get(&id).map(|worker| worker.id) else { return };
+        let ready = || {
+            let mut ready: Vec<WorkerId> =
+                workers.values().filter(|w| w.is_ready()).map(|worker| worker.id).collect();
+            ready.sort_unstable();
+            ready
+        };
+        let Some(audit) = self.audits.begin(traced.packet.id, first, samples, ready) else {
+            return;
+        };
         self.last_packet += 1;
         let mut again = Assignment { display: None, purpose: Purpose::Again(audit), ..*traced };
         again.packet.id = self.last_packet;
@@ -44,50 +60,92 @@ impl Coordinator {
         };
         match self.audits.finish(audit, samples, noise) {
             None => {}
-            Some(Verdict::Broken(id, difference)) => {
-                let reason = difference.to_string();
-                // A worker compared with a broken one is no longer in doubt.
-                self.faults.retain(|fault| fault.is_dropped);
-                self.fault(id, reason.clone(), true);
-                self.undo(id);
-                self.expel(id, format!("it seems to be broken: {reason}"));
+            Some(Verdict::Broken(worker, difference)) => {
+                self.found_broken(worker, &difference.to_string());
             }
             Some(Verdict::Undecided(first, second, difference)) => {
-                let is_known = self.faults.iter().any(|fault| !fault.is_dropped);
-                if is_known || self.workers.len() > 2 {
-                    // A third one will show which of the two is wrong.
-                    return Ok(());
+                // A third one will show which of the two is wrong.
+                if self.in_doubt.is_empty() && self.workers.len() <= 2 {
+                    let (first, second) = (self.name_of(first), self.name_of(second));
+                    let reason = difference.between(&first, &second);
+                    self.doubt(&first, &second, &reason);
                 }
-                let name = |id| self.workers.get(&id).map_or("", |worker| worker.name.as_str());
-                let reason = format!(
-                    "compared with {}, {difference}; a third worker would show which is broken",
-                    name(second)
-                );
-                self.progress.say(&format!("{}: {reason}", name(first)));
-                self.fault(first, reason, false);
             }
         }
         Ok(())
     }
 
-    /// Keeps a fault for reports.
-    fn fault(&mut self, id: ConnectionId, reason: String, is_dropped: bool) {
-        let Some(worker) = self.workers.get(&id) else { return };
-        let (name, maker) = (worker.name.clone(), worker.maker);
-        warn!(peer = name, maker = maker.0, reason, dropped = is_dropped, "broken or in doubt");
-        let makers = self.holodeck.makers();
-        let token = makers.get(maker).and_then(|made| made.token.clone()).unwrap_or_default();
-        if self.faults.len() < MAX_FAULTS {
-            let maker = maker.0;
-            self.faults.push(FaultReport { name, maker, token, reason, is_dropped });
+    /// Drops a worker whose results two others contradict. Its machine is refused from now on, also
+    /// by later servers of this file.
+    pub(super) fn found_broken(&mut self, worker: WorkerId, reason: &str) {
+        warn!(peer = self.name_of(worker), maker = worker.maker.0, reason, "broken");
+        // Workers compared with a broken one are no longer in doubt.
+        self.in_doubt.clear();
+        self.holodeck.makers_mut().accuse(worker.maker, reason);
+        for claimer in self.claims.claimers_of(worker.maker) {
+            self.undo(claimer);
+        }
+        if let Some(id) = self.connection_of(worker) {
+            self.expel(id, format!("it seems to be broken: {reason}"));
+        }
+        self.audits.forget(worker.maker);
+    }
+
+    /// Remembers that a worker returned results that are impossible, if the error says so. This
+    /// server refuses its machine from now on.
+    pub(super) fn accuse(&mut self, id: ConnectionId, error: &Error) {
+        let is_result = error.is::<ResultsError>() || error.is::<Implausible>();
+        let Some(worker) = self.workers.get(&id).filter(|_| is_result) else { return };
+        let (name, maker) = (worker.name.clone(), worker.id.maker);
+        let reason = error.to_string();
+        warn!(peer = name, maker = maker.0, reason, "impossible results");
+        if self.faults.len() < MAX_REMEMBERED {
+            let token = self.token_of(maker);
+            let fault = FaultReport { name, maker: maker.0, token, reason, is_dropped: true };
+            self.faults.entry(maker).or_insert(fault);
         }
     }
 
-    /// Returns why a machine may not work here, if it was found broken. It may work again once the
-    /// server was started again.
+    /// Lists two workers that differ. Neither is accused.
+    pub(super) fn doubt(&mut self, first: &str, second: &str, reason: &str) {
+        let reason = format!("{reason}; a third worker would show which of the two is wrong");
+        let name = format!("{first} and {second}");
+        warn!(peers = name, reason, "they differ");
+        self.progress.say(&format!("{name} differ: {reason}"));
+        if self.in_doubt.len() < MAX_IN_DOUBT {
+            let (maker, token) = (Maker::UNKNOWN.0, String::new());
+            self.in_doubt.push(FaultReport { name, maker, token, reason, is_dropped: false });
+        }
+    }
+
+    fn token_of(&self, maker: Maker) -> String {
+        let makers = self.holodeck.makers();
+        makers.get(maker).and_then(|made| made.token.clone()).unwrap_or_default()
+    }
+
+    /// Returns the faults for a report: machines that are refused, then workers in doubt.
+    pub(super) fn fault_reports(&self) -> Vec<FaultReport> {
+        let makers = self.holodeck.makers();
+        let broken = makers.iter().filter_map(|made| {
+            let (name, token) = (made.name.clone(), made.token.clone().unwrap_or_default());
+            let reason = made.fault.clone()?;
+            Some(FaultReport { name, maker: made.id, token, reason, is_dropped: true })
+        });
+        let is_broken = |maker| makers.get(maker).is_some_and(|made| made.fault.is_some());
+        let impossible = self.faults.iter().filter(|(maker, _)| !is_broken(**maker));
+        let impossible = impossible.map(|(_, fault)| fault.clone());
+        broken.chain(impossible).chain(self.in_doubt.iter().cloned()).take(MAX_FAULTS).collect()
+    }
+
+    /// Returns why a machine may not work here, if it returned wrong results.
     pub(super) fn fault_of(&self, maker: Maker) -> Option<String> {
-        let is_it = |fault: &&FaultReport| fault.is_dropped && fault.maker == maker.0;
-        let fault = self.faults.iter().find(is_it).filter(|_| maker != Maker::UNKNOWN)?;
-        Some(format!("its machine seems to be broken: {}", fault.reason))
+        if maker == Maker::UNKNOWN {
+            return None;
+        }
+        let makers = self.holodeck.makers();
+        let broken = makers.get(maker).and_then(|made| made.fault.as_deref());
+        let reason =
+            broken.or_else(|| self.faults.get(&maker).map(|fault| fault.reason.as_str()))?;
+        Some(format!("its machine seems to be broken: {reason}"))
     }
 }

@@ -10,11 +10,14 @@ use tracing::warn;
 use super::Coordinator;
 use crate::{
     assignment::{Assignment, Purpose, ResultsError},
-    claims::Check,
+    claims::{Check, Passed},
     events::ConnectionId,
     recall::send_unseen,
-    unseen::UnseenBeams,
+    worker_id::WorkerId,
 };
+
+/// Most checks that wait before those of another batch begin.
+const MAX_CHECKS: usize = 1024;
 
 impl Coordinator {
     /// Records beams that a worker found to see nothing, and informs displays that look at them.
@@ -26,7 +29,8 @@ impl Coordinator {
         });
         // The beams before a refused packet count all the same, as with samples. If there is no
         // other worker, no check will ever confirm this one's claims.
-        if self.claims.is_proven(id) || self.workers.len() == 1 {
+        let worker = self.workers.get(&id).map(|worker| worker.id);
+        if worker.is_some_and(|id| self.claims.is_trusted(id)) || self.workers.len() == 1 {
             self.tell_unseen(found)?;
         }
         taken
@@ -37,6 +41,7 @@ impl Coordinator {
         ensure!(self.holodeck.skip_unseen, ResultsError::NotAsked);
         let worker = self.workers.get_mut(&id).context("it has left")?;
         let finished = worker.finish_unseen(packet, tokio::time::Instant::now())?;
+        let worker = worker.id;
         let Some(mut assignment) = self.still_open(finished) else { return Ok(None) };
         match assignment.purpose {
             Purpose::Store => {}
@@ -49,21 +54,46 @@ impl Coordinator {
                 return Ok(None);
             }
         }
-        if self.claims.is_doubted(id) && self.workers.len() > 1 {
-            assignment.not_for = Some(id);
+        if self.claims.is_doubted(worker) && self.workers.len() > 1 {
+            assignment.not_for = Some(worker);
             self.lose([assignment]);
             return Ok(None);
         }
         self.finish_packet(&assignment);
         let key = assignment.key();
         if self.holodeck.unseen_mut().insert(key) {
-            let maker = self.maker(id);
-            self.holodeck.makers_mut().change(maker, |made| made.claims += 1);
-        }
-        if self.claims.add(id, key) {
-            self.check(key, Check { claimer: id, hitter: None });
+            if !self.holodeck.unproven_mut().insert(worker.maker, key) {
+                // There is no room to list it apart, so it is looked at again.
+                self.holodeck.unseen_mut().remove(key);
+                return Ok(None);
+            }
+            self.holodeck.makers_mut().change(worker.maker, |made| made.claims += 1);
+            self.claims.add(worker, key);
         }
         Ok(Some(key))
+    }
+
+    /// Begins to check claims that some worker can check.
+    pub(super) fn begin_checks(&mut self) {
+        let mut ready = None;
+        while self.checks.len() < MAX_CHECKS {
+            let ready = ready.get_or_insert_with(|| {
+                let ready = self.workers.values().filter(|worker| worker.is_ready());
+                ready.map(|worker| worker.id).collect::<Vec<_>>()
+            });
+            let Some((beams, check)) = self.claims.begin(ready) else { return };
+            beams.into_iter().for_each(|key| self.check(key, check));
+        }
+    }
+
+    /// Returns whether a claim is being checked, or can be. Until that is over, it is unknown
+    /// whether anything is left to trace.
+    pub(super) fn is_checking(&self) -> bool {
+        let is_claim = |assignment: &Assignment| matches!(assignment.purpose, Purpose::Claim(_));
+        let workers = || self.workers.values().filter(|worker| worker.is_ready());
+        let mut waiting = self.checks.values().filter(|assignment| is_claim(assignment));
+        waiting.any(|check| workers().any(|worker| check.is_for(worker.id, false)))
+            || workers().any(|worker| worker.assignments().any(is_claim))
     }
 
     /// Has a claim checked by another worker.
@@ -96,56 +126,73 @@ impl Coordinator {
 
     /// Takes the outcome of a check: whether a worker `id` has hit something in the beam.
     fn checked(&mut self, id: ConnectionId, key: BeamKey, check: Check, hits: bool) -> Result<()> {
-        let Check { claimer, hitter } = check;
+        let Check { claimer, hitter, .. } = check;
+        let Some(worker) = self.workers.get(&id).map(|worker| worker.id) else { return Ok(()) };
         let beam = format!("beam {} of section {}", key.beam.0, key.section);
         match (hits, hitter) {
             (false, None) => {
-                let proven = self.claims.passed(claimer);
-                let claims: Vec<_> = proven.into_iter().flat_map(UnseenBeams::iter).collect();
-                self.tell_unseen(claims)?;
+                let Passed { proven, told } = self.claims.passed(claimer);
+                if proven.count() > 0 {
+                    self.holodeck.unproven_mut().remove(claimer.maker, &proven);
+                }
+                self.tell_unseen(told.iter())?;
             }
             (true, None) => {
-                self.undo(claimer);
-                self.check(key, Check { claimer, hitter: Some(id) });
+                let (claims, hits) = (self.name_of(claimer), self.name_of(worker));
+                if self.undo(claimer) > 0 && claimer.maker != worker.maker {
+                    let reason =
+                        format!("{claims} says that {beam} sees nothing, {hits} hits there");
+                    self.doubt(&claims, &hits, &reason);
+                }
+                if claimer == WorkerId::earlier(worker.maker) {
+                    // The machine has refuted itself, so nobody need decide.
+                    self.claims.decided(claimer, true);
+                    return Ok(());
+                }
+                self.check(key, Check { claimer, hitter: Some(worker), is_strict: false });
             }
             (false, Some(hitter)) => {
-                self.claims.believe(claimer);
-                self.claims.passed(claimer);
-                self.expel(hitter, format!("it hit something in {beam}, and two others nothing"));
+                self.claims.decided(claimer, true);
+                let reason = format!("it hit something in {beam}, and two others nothing");
+                self.found_broken(hitter, &reason);
             }
             (true, Some(_)) => {
-                self.claims.passed(claimer);
+                self.claims.decided(claimer, false);
                 let reason = format!("it says that {beam} sees nothing, and two others hit there");
-                self.expel(claimer, reason);
+                self.found_broken(claimer, &reason);
             }
         }
         Ok(())
     }
 
-    /// Believes no claim of a worker any more: the beams are traced.
-    pub(super) fn undo(&mut self, claimer: ConnectionId) {
+    /// Believes no claim of a worker any more: the beams are traced. Returns how many there were.
+    pub(super) fn undo(&mut self, claimer: WorkerId) -> u64 {
         let claims = self.claims.doubt(claimer);
-        if claims.count() == 0 {
-            return;
+        let count = claims.count();
+        if count == 0 {
+            return 0;
         }
-        let name = self.workers.get(&claimer).map_or("a worker that has left", |w| &w.name);
-        warn!(peer = name, beams = claims.count(), "claims of unseen beams undone");
+        let name = self.name_of(claimer);
+        warn!(peer = name, beams = count, "claims of unseen beams undone");
         self.progress.say(&format!(
-            "{name} says that {} beams see nothing, and is wrong somewhere: all are traced",
-            claims.count()
+            "{count} beams that see nothing, as {name} says, are traced: others doubt it"
         ));
-        let (maker, count) = (self.maker(claimer), claims.count());
-        self.holodeck.makers_mut().change(maker, |made| {
+        self.holodeck.makers_mut().change(claimer.maker, |made| {
             made.claims = made.claims.saturating_sub(count);
         });
-        let mut unseen = self.holodeck.unseen_mut();
-        claims.iter().for_each(|key| _ = unseen.remove(key));
-        drop(unseen);
+        self.holodeck.unseen_mut().subtract(&claims);
+        self.holodeck.unproven_mut().remove(claimer.maker, &claims);
+        // The fill may have passed over these beams, or have ended because of them.
+        let stored = self.holodeck.file.stats().samples;
+        if let Some(fill) = &mut self.fill {
+            fill.begin_again(stored, &self.holodeck.unseen());
+        }
         for display in self.displays.values_mut() {
             if let Some(wishes) = &mut display.wishes {
                 wishes.want_again();
             }
         }
+        count
     }
 
     /// Informs displays which of these beams of their views see nothing.

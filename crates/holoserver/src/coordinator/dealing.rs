@@ -15,11 +15,12 @@ use crate::{
     events::ConnectionId,
     live::LiveAssignment,
     wishes::RayPacket,
+    worker_id::WorkerId,
     workers::Worker,
 };
 
 /// Bytes that may wait for a display. Above, nothing more is traced for it until it reads.
-const DISPLAY_QUEUE_BYTES: usize = 32 << 20;
+pub(super) const DISPLAY_QUEUE_BYTES: usize = 32 << 20;
 
 /// Packets in one message to a worker: half a megabyte, far below a frame's limit.
 const PACKETS_PER_MESSAGE: usize = 16_384;
@@ -53,10 +54,12 @@ impl Coordinator {
         let hungry: Vec<_> = self
             .workers
             .iter()
-            .map(|(&id, worker)| (id, worker.hunger(), worker.room().min(PACKETS_PER_MESSAGE)))
+            .map(|(&id, worker)| {
+                (id, worker.id, worker.hunger(), worker.room().min(PACKETS_PER_MESSAGE))
+            })
             .collect();
-        for (id, hunger, room) in hungry {
-            let (packets, live) = self.pick(id, hunger, room, &mut left);
+        for (id, worker, hunger, room) in hungry {
+            let (packets, live) = self.pick(worker, hunger, room, &mut left);
             let Some(worker) = self.workers.get_mut(&id) else { continue };
             if !live.is_empty() {
                 worker.assign_live(live, now);
@@ -120,7 +123,7 @@ impl Coordinator {
     /// off `left`.
     fn pick(
         &mut self,
-        worker: ConnectionId,
+        worker: WorkerId,
         hunger: f64,
         room: usize,
         left: &mut f64,
@@ -149,7 +152,7 @@ impl Coordinator {
     }
 
     /// Returns checks that a worker may make.
-    fn pick_checks(&mut self, worker: ConnectionId) -> Vec<Assignment> {
+    fn pick_checks(&mut self, worker: WorkerId) -> Vec<Assignment> {
         let for_it = self.checks.iter().filter(|(_, packet)| packet.is_for(worker, false));
         let ids: Vec<u64> = for_it.map(|(&id, _)| id).take(CHECKS_AT_A_TIME).collect();
         ids.iter().filter_map(|id| self.checks.remove(id)).collect()
@@ -157,7 +160,7 @@ impl Coordinator {
 
     /// Returns the most urgent piece of work for a worker. At the end, that is only what lost
     /// workers had.
-    fn next_work(&mut self, worker: ConnectionId) -> Option<Work> {
+    fn next_work(&mut self, worker: WorkerId) -> Option<Work> {
         if let Some(assignment) = self.next_lost(worker) {
             return Some(Work::Packet(assignment));
         }
@@ -168,7 +171,7 @@ impl Coordinator {
     }
 
     /// Returns the oldest packet of a lost worker that this one may have.
-    fn next_lost(&mut self, worker: ConnectionId) -> Option<Assignment> {
+    fn next_lost(&mut self, worker: WorkerId) -> Option<Assignment> {
         let is_alone = self.workers.len() == 1;
         let mut oldest = self.lost.iter().take(LOST_LOOKED_AT);
         let (&id, _) = oldest.find(|(_, packet)| packet.is_for(worker, is_alone))?;

@@ -5,10 +5,11 @@ use std::{
     sync::{Arc, atomic::AtomicU32},
 };
 
+use holo_beamfile::Mark;
 use holo_net::Outbox;
 use holo_section::BeamKey;
 
-use crate::{events::ConnectionId, live::LiveQueue, wishes::Wishes};
+use crate::{events::ConnectionId, live::LiveQueue, recall::Recall, wishes::Wishes};
 
 /// A connected display.
 pub struct Display {
@@ -24,14 +25,20 @@ pub struct Display {
     pub live: LiveQueue,
     /// The number of its newest view, for the thread that recalls an older one.
     pub newest: Arc<AtomicU32>,
-    /// True while stored samples of its view are being sent.
+    /// True while stored samples of its view are being sent, or wait to be.
     pub recalling: bool,
+    /// True while a thread sends stored samples of its view or of an earlier one.
+    pub has_recall: bool,
+    /// What is sent once that thread has ended.
+    pub next_recall: Option<Recall>,
     /// True while a part of the file that no view requested is being sent.
     pub is_sending_part: bool,
     /// The last packet that was given out before it began to settle; `None` if it does not settle.
     /// Later packets do not delay it. While the file is filled, some of the view's beams are always
     /// under way.
     pub settling: Option<u64>,
+    /// What the file held when it last settled.
+    pub settled_at: Option<Mark>,
 }
 
 impl Display {
@@ -45,8 +52,11 @@ impl Display {
             live: LiveQueue::default(),
             newest: Arc::default(),
             recalling: false,
+            has_recall: false,
+            next_recall: None,
             is_sending_part: false,
             settling: None,
+            settled_at: None,
         }
     }
 

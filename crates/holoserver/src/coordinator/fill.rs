@@ -143,6 +143,15 @@ impl Fill {
         Some(FillPacket { key, first, count, paths: Some(paths) })
     }
 
+    /// Begins the order anew for a file of so many samples: beams that were passed over are not
+    /// unseen after all.
+    pub fn begin_again(&mut self, stored: u64, unseen: &UnseenBeams) {
+        self.order = self.order.again(self.share.all_shards(stored), unseen);
+        self.in_turn = None;
+        self.better.clear();
+        self.exhausted = false;
+    }
+
     /// Takes note that a packet's results have come, whatever they are.
     pub fn finish_packet(&mut self) {
         self.under_way = self.under_way.saturating_sub(1);

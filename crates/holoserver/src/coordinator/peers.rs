@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use holo_beamfile::Maker;
-use holo_net::{Access, Outbox, Rights};
+use holo_net::{Access, MachineId, Outbox, Rights};
 use holo_proto::{
     control::{Control, Farewell},
     hello::{Hello, Role},
@@ -11,7 +11,7 @@ use holo_proto::{
 use tracing::info;
 
 use super::{Coordinator, display::Display};
-use crate::{assignment::Purpose, events::ConnectionId, workers::Worker};
+use crate::{assignment::Purpose, events::ConnectionId, worker_id::WorkerId, workers::Worker};
 
 impl Coordinator {
     /// Admits a peer.
@@ -23,8 +23,9 @@ impl Coordinator {
             Role::Worker => {
                 self.progress.say(&format!("{name} joined"));
                 let paths = self.holodeck.about.settings.paths_per_sample;
-                let maker = self.holodeck.makers_mut().of(&name, access.token);
-                self.workers.insert(id, Worker::new(outbox, name, maker, paths));
+                let maker = self.number(&name, access.token, access.machine);
+                let worker = WorkerId::new(maker, self.workers.values().map(|worker| worker.id));
+                self.workers.insert(id, Worker::new(outbox, name, worker, paths));
                 if let Some(reason) = self.fault_of(maker) {
                     self.expel(id, reason);
                 }
@@ -38,9 +39,36 @@ impl Coordinator {
         }
     }
 
+    /// Returns the file's number for a worker's machine.
+    fn number(&self, name: &str, token: Option<String>, machine: Option<MachineId>) -> Maker {
+        let key = machine.map(|machine| machine.to_string());
+        let mut makers = self.holodeck.makers_mut();
+        let maker = makers.of(name, token.clone(), key);
+        // A machine may come back with another token. The last one is the one to revoke.
+        makers.change(maker, |made| made.token = token);
+        maker
+    }
+
     /// Returns what the file calls a worker's machine.
     pub(super) fn maker(&self, id: ConnectionId) -> Maker {
-        self.workers.get(&id).map_or(Maker::UNKNOWN, |worker| worker.maker)
+        self.workers.get(&id).map_or(Maker::UNKNOWN, |worker| worker.id.maker)
+    }
+
+    /// Returns the connection of a worker that is there.
+    pub(super) fn connection_of(&self, worker: WorkerId) -> Option<ConnectionId> {
+        let mut workers = self.workers.iter();
+        workers.find(|(_, known)| known.id == worker).map(|(&id, _)| id)
+    }
+
+    /// Returns the name of a worker for people. If it is not there, the name of its machine.
+    pub(super) fn name_of(&self, worker: WorkerId) -> String {
+        if let Some(known) = self.workers.values().find(|known| known.id == worker) {
+            return known.name.clone();
+        }
+        let makers = self.holodeck.makers();
+        makers
+            .get(worker.maker)
+            .map_or("a worker that has left".to_owned(), |made| made.name.clone())
     }
 
     /// Returns the sending half of a connection.
@@ -75,11 +103,12 @@ impl Coordinator {
             info!(peer, role = role_name(Role::Worker), reason, "left");
             self.progress.say(&format!("{} left: {reason}", worker.name));
             self.live_again(worker.take_live());
+            let id = worker.id;
             self.lose(worker.into_assignments());
             self.claims.left(id);
             self.audits.left(id);
             self.checks.retain(|_, assignment| match assignment.purpose {
-                Purpose::Again(audit) => audit.first != id && audit.checker != id,
+                Purpose::Again(audit) => audit.checker != id,
                 _ => true,
             });
         }

@@ -22,8 +22,8 @@ pub struct Saver {
     unseen_traced: u64,
     /// When records of light were last written.
     light_at: Instant,
-    /// Makers that were known when they were last written.
-    makers: usize,
+    /// Makers, and those at fault, that were known when they were last written.
+    makers: (usize, usize),
     thread: Option<JoinHandle<()>>,
 }
 
@@ -31,7 +31,7 @@ impl Saver {
     /// Returns a saver for findings from now on.
     pub fn new() -> Saver {
         let now = Instant::now();
-        Saver { unseen_at: now, unseen_traced: 0, light_at: now, makers: 0, thread: None }
+        Saver { unseen_at: now, unseen_traced: 0, light_at: now, makers: (0, 0), thread: None }
     }
 
     /// Starts to write what is due, after `traced` samples.
@@ -42,9 +42,9 @@ impl Saver {
         let now = Instant::now();
         let bytes = (traced - self.unseen_traced) * size_of::<Sample>() as u64;
         let unseen = now - self.unseen_at >= SAVE_EVERY
-            && bytes >= SAMPLES_PER_UNSEEN_BYTE * holodeck.unseen().encoded_bytes();
+            && bytes >= SAMPLES_PER_UNSEEN_BYTE * Self::unseen_bytes(holodeck);
         let light = now - self.light_at >= SAVE_EVERY;
-        let known = holodeck.makers().iter().count();
+        let known = holodeck.makers().counts();
         let makers = known != std::mem::replace(&mut self.makers, known);
         if unseen {
             (self.unseen_at, self.unseen_traced) = (now, traced);
@@ -55,7 +55,8 @@ impl Saver {
         if makers || unseen || light {
             let holodeck = Arc::clone(holodeck);
             // The file's statistics report a disk that fails; what it does not take is found again.
-            self.thread = Some(std::thread::spawn(move || {
+            // If the system gives no thread, it is written next time.
+            let work = move || {
                 // Makers go first: if findings were written without them, nobody would know who
                 // made the findings.
                 let _ = holodeck.save_makers();
@@ -65,8 +66,14 @@ impl Saver {
                 if light {
                     let _ = holodeck.save_light();
                 }
-            }));
+            };
+            self.thread = std::thread::Builder::new().name("saver".into()).spawn(work).ok();
         }
+    }
+
+    /// Returns the length of the lists of unseen beams.
+    fn unseen_bytes(holodeck: &Holodeck) -> u64 {
+        holodeck.unseen().encoded_bytes() + holodeck.unproven().encoded_bytes()
     }
 
     /// Writes everything that is left, and waits for it.

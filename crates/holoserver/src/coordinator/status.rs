@@ -74,7 +74,7 @@ impl Coordinator {
             disk_error: stats.last_error.unwrap_or_default(),
             workers: self.workers.values().map(Worker::report).collect(),
             displays: displays.collect(),
-            faults: self.faults.clone(),
+            faults: self.fault_reports(),
         }
     }
 }

@@ -6,14 +6,13 @@ use std::{
 };
 
 use anyhow::{Result, ensure};
-use holo_progress::said_once;
 use holo_proto::{
     bulk::{MAX_HELD, RaysWanted, ViewRequest, WantedBeam},
     control::Control,
 };
 use tracing::error;
 
-use super::Coordinator;
+use super::{Coordinator, dealing::DISPLAY_QUEUE_BYTES, display::Display};
 use crate::{
     assignment::{Assignment, Purpose},
     events::{ConnectionId, Event},
@@ -62,13 +61,27 @@ impl Coordinator {
         display.wishes = Some(wishes);
         display.recalling = true;
         display.settling = None;
-        let events = self.events.clone();
-        recall.start(move |view, result| {
-            // If the coordinator is gone, so is the process.
-            let _ = events.send(Event::Recalled { id, view, result });
-        })?;
+        display.next_recall = Some(recall);
+        self.start_recall(id)?;
         // Lost packets of its former view are no longer urgent.
         self.forget(|assignment| assignment.display == Some(id));
+        Ok(())
+    }
+
+    /// Starts to send stored samples of a display's view, unless a thread still sends those of an
+    /// earlier one. So each display has one such thread, however fast its views change.
+    fn start_recall(&mut self, id: ConnectionId) -> Result<()> {
+        let Some(display) = self.displays.get_mut(&id).filter(|display| !display.has_recall) else {
+            return Ok(());
+        };
+        if let Some(recall) = display.next_recall.take() {
+            display.has_recall = true;
+            let events = self.events.clone();
+            recall.start(move |view, result| {
+                // If the coordinator is gone, so is the process.
+                let _ = events.send(Event::Recalled { id, view, result });
+            })?;
+        }
         Ok(())
     }
 
@@ -97,6 +110,13 @@ impl Coordinator {
     /// Informs a display that all stored samples of its view have been sent.
     pub(super) fn recalled(&mut self, id: ConnectionId, view: u32, result: Result<(), String>) {
         let Some(display) = self.displays.get_mut(&id) else { return };
+        display.has_recall = false;
+        if display.next_recall.is_some() {
+            if let Err(error) = self.start_recall(id) {
+                self.expel(id, format!("the server cannot send it samples: {error}"));
+            }
+            return;
+        }
         if display.wishes.as_ref().is_none_or(|wishes| wishes.view != view) {
             return;
         }
@@ -116,6 +136,7 @@ impl Coordinator {
         section: u16,
         first: u64,
         samples: u32,
+        as_settled: bool,
     ) -> Result<()> {
         let is_known = usize::from(section) < self.holodeck.sections.len();
         ensure!(is_known, "it asked for a section that does not exist");
@@ -124,7 +145,8 @@ impl Coordinator {
         ensure!(!is_early, "it asked for a part of the file before it had the last one");
         let (holodeck, outbox) = (Arc::clone(&self.holodeck), display.outbox.clone());
         let events = self.events.clone();
-        Part { holodeck, outbox, section, first, samples }.start(move |result| {
+        let until = display.settled_at.filter(|_| as_settled);
+        Part { holodeck, outbox, section, first, samples, until }.start(move |result| {
             // If the coordinator is gone, so is the process.
             let _ = events.send(Event::PartSent { id, section, result });
         })?;
@@ -180,53 +202,43 @@ impl Coordinator {
             if under_way {
                 continue;
             }
-            let view = wishes.view;
-            let (events, holodeck) = (self.events.clone(), Arc::clone(&self.holodeck));
+            // Flushing waits for the disk, and the coordinator waits for no one.
+            self.writer.settle(id, wishes.view);
             display.settling = None;
             display.wishes = None;
-            // Flushing waits for the disk, and the coordinator waits for no one.
-            std::thread::spawn(move || {
-                // The file's statistics report a disk that fails, and the end of the server does.
-                let _ = holodeck.save_unseen();
-                let _ = holodeck.writable.then(|| holodeck.file.flush());
-                let _ = events.send(Event::Flushed { id, view });
-            });
         }
     }
 
-    /// Keeps a named view in the file. Writing waits for the disk, so a thread of its own does.
+    /// Keeps a named view in the file. Writing waits for the disk, so the writer does.
     pub(super) fn keep_view(&mut self, id: ConnectionId, name: String, options: String) {
         if self.displays.get(&id).is_some_and(|display| display.is_read_only) {
             let reason = "this display may only look: it keeps no views".to_owned();
-            return self.view_kept(id, Err(reason));
+            return self.refuse(id, reason);
         }
-        let (holodeck, events) = (Arc::clone(&self.holodeck), self.events.clone());
-        std::thread::spawn(move || {
-            let kept = holodeck.keep_view(&name, &options);
-            let result = kept.map_err(|error| said_once(error.as_ref()));
-            // A server that has ended needs to know nothing.
-            let _ = events.send(Event::ViewKept { id, result });
-        });
+        if let Err(reason) = self.writer.keep_view(id, name, options) {
+            self.refuse(id, reason);
+        }
     }
 
-    /// Sends the list of views to everyone, or the reason of a failure to the display that asked.
-    pub(super) fn view_kept(
+    /// Sends the list of views to everyone, and a reason to each display that was refused.
+    pub(super) fn views_kept(
         &mut self,
-        id: ConnectionId,
-        result: Result<Vec<(String, String)>, String>,
+        views: Vec<(String, String)>,
+        refused: Vec<(ConnectionId, String)>,
     ) {
-        match result {
-            Ok(views) => {
-                let views = Control::Views(views);
-                for display in self.displays.values() {
-                    let _ = display.outbox.control(&views);
-                }
-            }
-            Err(reason) => {
-                if let Some(display) = self.displays.get(&id) {
-                    let _ = display.outbox.control(&Control::Refused { reason });
-                }
-            }
+        let views = Control::Views(views);
+        for display in self.displays.values().filter(|display| !is_behind(display)) {
+            let _ = display.outbox.control(&views);
+        }
+        for (id, reason) in refused {
+            self.refuse(id, reason);
+        }
+    }
+
+    /// Reports to a display why it does not get what it asked for.
+    fn refuse(&self, id: ConnectionId, reason: String) {
+        if let Some(display) = self.displays.get(&id).filter(|display| !is_behind(display)) {
+            let _ = display.outbox.control(&Control::Refused { reason });
         }
     }
 
@@ -256,4 +268,9 @@ impl Coordinator {
             );
         }
     }
+}
+
+/// Returns whether so much waits for a display that words for people are left out.
+fn is_behind(display: &Display) -> bool {
+    display.outbox.queued_bytes() > DISPLAY_QUEUE_BYTES
 }

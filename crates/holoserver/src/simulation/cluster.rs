@@ -10,7 +10,7 @@ use std::{
     time::Duration,
 };
 
-use holo_net::{Access, Inbox, NetError, Outbox, Rights, accept_over, connect_over};
+use holo_net::{Inbox, MachineKey, NetError, Outbox, accept_over, connect_over};
 use holo_proto::{control::Farewell, hello::Role};
 use tokio::{
     io::DuplexStream,
@@ -95,11 +95,12 @@ impl Cluster {
         wires: Wires,
         role: Role,
         name: &str,
+        machine: Option<&MachineKey>,
         random: &mut Random,
     ) -> Result<(Inbox, Outbox), NetError> {
         let (near, far) = wires(random).lay(random);
         self.take(far);
-        let (inbox, outbox, _) = connect_over(near, role, name).await?;
+        let (inbox, outbox, _) = connect_over(near, role, name, machine).await?;
         Ok((inbox, outbox))
     }
 
@@ -108,8 +109,7 @@ impl Cluster {
         let server = self.server.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let Some(shared) = server else { return };
         tokio::spawn(async move {
-            if let Ok((inbox, outbox, hello)) = accept_over(wire).await {
-                let access = Access { rights: Rights::Admin, token: None };
+            if let Ok((inbox, outbox, hello, access)) = accept_over(wire).await {
                 serve(inbox, outbox, hello, access, pending(), &shared).await;
             }
         });

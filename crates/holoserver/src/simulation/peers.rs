@@ -2,7 +2,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use holo_net::{Inbox, Message, NetError, Outbox};
+use holo_net::{Inbox, MachineKey, Message, NetError, Outbox};
 use holo_proto::{
     bulk::{Packet, Results, Traced, ViewRequest, WantedBeam},
     control::Control,
@@ -46,9 +46,11 @@ pub struct WorkerPlan {
 /// Traces until the cluster is over.
 pub async fn worker(cluster: Arc<Cluster>, number: usize, plan: WorkerPlan, mut random: Random) {
     let name = format!("worker {number}");
+    let machine = MachineKey::new().unwrap();
     while !cluster.is_over() {
-        if let Ok((inbox, outbox)) = cluster.join(plan.wire, Role::Worker, &name, &mut random).await
-        {
+        let role = Role::Worker;
+        let joined = cluster.join(plan.wire, role, &name, Some(&machine), &mut random).await;
+        if let Ok((inbox, outbox)) = joined {
             // Why it ended does not matter: the server goes on, or is over.
             let _ = trace(inbox, outbox, plan).await;
         }
@@ -111,7 +113,7 @@ pub async fn display(
     let name = format!("display {number}");
     let (mut seen, mut view) = (Samples::new(), 1);
     while view <= plan.views && !cluster.is_over() {
-        let joined = cluster.join(plan.wire, Role::Display, &name, &mut random).await;
+        let joined = cluster.join(plan.wire, Role::Display, &name, None, &mut random).await;
         if let Ok((mut inbox, outbox)) = joined {
             while view <= plan.views
                 && look(&mut inbox, &outbox, &plan, view, &mut seen).await.is_ok()

@@ -1,7 +1,7 @@
 //! Workers that return wrong samples: compared with others, dropped, named, and forgotten.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, net::SocketAddr};
 
 use crate::common::{Peer, Place, Server, in_time, results, run, work_as_named, work_named};
 use holo_beamfile::Maker;
@@ -9,10 +9,11 @@ use holo_net::Message;
 use holo_proto::{
     bulk::{Results, Work},
     control::{Control, Farewell},
+    frame::Kind,
     hello::Role,
     report::Report,
 };
-use holo_section::Sample;
+use holo_section::{RayCoords, Sample};
 use holo_server::Holodeck;
 
 async fn report(server: &Server) -> Report {
@@ -62,7 +63,7 @@ fn a_worker_whose_light_is_wrong_is_dropped_named_kept_out_and_forgotten() {
         );
         let report = report(&server).await;
         let [fault] = &report.faults[..] else { panic!("{report:?}") };
-        assert!(fault.is_dropped && fault.name == "rtworker on d #7" && fault.maker > 0);
+        assert!(fault.is_dropped && fault.name == "rtworker on d" && fault.maker > 0);
         assert_eq!(report.workers.len(), 3, "the sound ones stay");
         assert!(report.workers.iter().all(|worker| worker.maker != fault.maker));
         server.end().await;
@@ -136,11 +137,104 @@ fn of_two_workers_that_differ_both_stay_and_the_report_says_so() {
                 break report.faults;
             }
         };
-        assert!(!faults[0].is_dropped && faults[0].reason.contains("a third worker"), "{faults:?}");
+        let [fault] = &faults[..] else { panic!("{faults:?}") };
+        assert!(["a and b", "b and a"].contains(&fault.name.as_str()) && fault.maker == 0);
+        assert!(fault.reason.contains("red light of") && fault.reason.contains("a third worker"));
         server.end().await;
         for worker in workers {
             assert_eq!(in_time(worker).await.unwrap(), Some(Farewell::SessionOver));
         }
+    });
+}
+
+/// Checks that the server answers a worker instead of ending its connection.
+async fn assert_admitted(mut worker: Peer) {
+    worker.outbox.control(&Control::Ping(7)).unwrap();
+    worker.wait_for(|message| *message == Message::Control(Control::Pong(7))).await;
+}
+
+/// Joins as a worker with `answer` again and again, each time for so few packets that they prove
+/// nothing. Returns why it is no longer admitted.
+async fn come_and_go(server: SocketAddr, name: &str, answer: impl Fn(&Work) -> Results) -> String {
+    for _ in 0..10_000 {
+        let Peer { mut inbox, outbox, .. } = Peer::named(server, Role::Worker, name).await;
+        outbox.control(&Control::Ready { threads: 1 }).unwrap();
+        for messages in 0.. {
+            match in_time(inbox.next()).await {
+                Ok(Message::Work(work)) => {
+                    outbox.send(Kind::Results, &answer(&work).encode()).unwrap();
+                }
+                Ok(Message::Control(Control::Bye(farewell))) => return farewell.to_string(),
+                Ok(_) => {}
+                Err(_) => break,
+            }
+            if messages == 3 {
+                outbox.drained().await;
+                break;
+            }
+        }
+    }
+    panic!("it is never found");
+}
+
+#[test]
+fn a_liar_that_comes_and_goes_is_found_and_listed_and_its_name_accuses_nobody_else() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|config| config.fill = true).await;
+        let sound: Vec<_> = ["a", "b"]
+            .into_iter()
+            .map(|name| tokio::spawn(work_named(server.address, name)))
+            .collect();
+        let reason = come_and_go(server.address, "rtworker on d #1", bright).await;
+        assert!(reason.contains("red light"), "{reason}");
+        let report = report(&server).await;
+        let [fault] = &report.faults[..] else { panic!("{report:?}") };
+        assert!(fault.is_dropped && fault.name == "rtworker on d", "{fault:?}");
+        // Another machine that has the same name is not refused.
+        let joined = holo_net::connect(server.address, Role::Worker, "rtworker on d #1").await;
+        let (inbox, outbox, welcome) = joined.unwrap();
+        assert_admitted(Peer { inbox, outbox, welcome }).await;
+        server.end().await;
+        for worker in sound {
+            in_time(worker).await.unwrap();
+        }
+        // A later server of the file refuses it, too, until it is forgotten.
+        let server = place.serve(|_| {}).await;
+        let again = in_time(work_as_named(server.address, "rtworker on d #2", bright)).await;
+        assert!(again.unwrap().to_string().contains("its machine seems to be broken"));
+        server.end().await;
+        Holodeck::forget(&place.file(), &[Maker(fault.maker)]).unwrap();
+        let server = place.serve(|_| {}).await;
+        let back = Peer::named(server.address, Role::Worker, "rtworker on d #3").await;
+        assert_admitted(back).await;
+        server.end().await;
+    });
+}
+
+#[test]
+fn impossible_results_are_listed_and_their_machine_is_refused_on_return() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|config| config.fill = true).await;
+        let outside = |work: &Work| {
+            let mut results = results(&work.packets, true);
+            results.samples[0] = Sample::from_codes(RayCoords::default(), [128; 4], 40_000);
+            results
+        };
+        let said = in_time(work_as_named(server.address, "d", outside)).await;
+        let said = said.expect("it is told why").to_string();
+        let again = in_time(work_as_named(server.address, "d", outside)).await;
+        assert!(again.unwrap().to_string().contains("its machine seems to be broken"));
+        let report = report(&server).await;
+        let [fault] = &report.faults[..] else { panic!("{report:?}") };
+        assert!(fault.is_dropped && fault.name == "d" && said.contains(&fault.reason), "{fault:?}");
+        server.end().await;
+        // One ray does not condemn a machine for ever.
+        let server = place.serve(|_| {}).await;
+        let back = Peer::named(server.address, Role::Worker, "d").await;
+        assert_admitted(back).await;
+        server.end().await;
     });
 }
 

@@ -28,7 +28,7 @@ const RAY: Duration = Duration::from_micros(20);
 /// handshakes.
 async fn join(server: SocketAddr, role: Role) -> Peer {
     let server = Destination::Loopback(server);
-    let joined = holo_net::reach(&server, role, "a test", common::LIMIT, |_, _| {}).await;
+    let joined = holo_net::reach(&server, role, "a test", None, common::LIMIT, |_, _| {}).await;
     let (inbox, outbox, welcome) = joined.expect("the server takes us");
     Peer { inbox, outbox, welcome }
 }

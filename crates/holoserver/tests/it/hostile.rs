@@ -48,18 +48,20 @@ fn a_display_that_floods_delays_no_other_and_leaves_nothing_behind() {
         let server = place.serve(|_| {}).await;
         let honest = tokio::spawn(common::work(server.address));
         let flood = Peer::join(server.address, Role::Display).await;
-        let frame = |number: u32| view(number, 2000);
-        // More than any server would handle in the time of this test, one by one and in order.
-        for number in 1..=20_000 {
-            flood.send(Kind::View, &frame(number));
-        }
+        // Views without end, as fast as the server takes them.
+        let flood = tokio::spawn(async move {
+            for number in 1.. {
+                flood.send(Kind::View, &view(number, 2000));
+                while flood.outbox.queued_bytes() > 8 << 20 {
+                    tokio::task::yield_now().await;
+                }
+            }
+        });
         let mut display = Peer::join(server.address, Role::Display).await;
-        let before = flood.outbox.queued_bytes();
         display.send(Kind::View, &view(1, 10));
         display.samples(1).await;
-        assert!(before > 0, "the flood was over before anybody else came");
-        assert!(flood.outbox.queued_bytes() > 0, "it was served before the other's flood was over");
-        drop(flood);
+        assert!(!flood.is_finished(), "it was served beside the flood");
+        flood.abort();
         display.send(Kind::View, &view(2, 10));
         display
             .wait_for(|message| *message == Message::Control(Control::StoredSent { view: 2 }))
@@ -164,6 +166,39 @@ fn strangers_that_say_nothing_lock_nobody_out() {
     });
 }
 
+#[test]
+fn a_flood_of_named_views_and_scenes_takes_one_thread_and_little_of_the_file() {
+    run(async {
+        let place = Place::new();
+        let server = place.serve(|_| {}).await;
+        let mut flood = Peer::join(server.address, Role::Display).await;
+        let before = std::fs::metadata(place.file()).unwrap().len();
+        let options = format!("-vp {}", "1".repeat(500));
+        for number in 0..20_000 {
+            let name = format!("view {}", number % 200);
+            let keep = Control::KeepView { name, options: options.clone() };
+            flood.outbox.control(&keep).unwrap();
+            flood.outbox.control(&Control::SceneWanted).unwrap();
+            flood.outbox.control(&Control::Settle { view: 0 }).unwrap();
+        }
+        // Others join meanwhile, and are served.
+        let mut display = Peer::join(server.address, Role::Display).await;
+        let keep = Control::KeepView { name: "mine".into(), options: "-vtv".into() };
+        display.outbox.control(&keep).unwrap();
+        display.outbox.control(&Control::Ping(7)).unwrap();
+        display.wait_for(|message| *message == Message::Control(Control::Pong(7))).await;
+        let threads = std::fs::read_dir("/proc/self/task").unwrap().count();
+        flood.outbox.control(&Control::Ping(8)).unwrap();
+        flood.wait_for(|message| *message == Message::Control(Control::Pong(8))).await;
+        server.end().await;
+        let cores = std::thread::available_parallelism().unwrap().get();
+        assert!(threads < 64 + 64 * cores, "{threads}");
+        let after = std::fs::metadata(place.file()).unwrap().len();
+        // 64 views at a time, and not more often than twice a second.
+        assert!(after - before < 8 << 20, "{} bytes", after - before);
+    });
+}
+
 /// A worker that calls everything unseen.
 fn nothing_there(work: &Work) -> Results {
     Results { unseen: work.packets.iter().map(|packet| packet.id).collect(), ..Default::default() }
@@ -209,6 +244,102 @@ fn what_a_worker_calls_unseen_is_checked_by_the_next_and_undone() {
     });
 }
 
+#[test]
+fn unchecked_claims_are_checked_after_a_restart_by_whoever_comes() {
+    run(async {
+        // The machine of the liar may have been repaired, and another one may come.
+        for name in ["liar", "another"] {
+            let place = Place::of(b"a scene", [4; 3]);
+            let server = place
+                .serve(|config| {
+                    config.fill = true;
+                    config.samples = Some(1);
+                })
+                .await;
+            let lies = common::work_as_named(server.address, "liar", nothing_there);
+            let lies = tokio::spawn(async move { lies.await });
+            // There is nothing to trace, as the only worker says, so the fill ends.
+            assert_eq!(server.ended().await.added, 0);
+            in_time(lies).await.unwrap();
+            let opened = Holodeck::open_read_only(&place.file(), 0).unwrap();
+            let all = opened.sections[0].beam_count();
+            assert_eq!((opened.unseen().count(), opened.unproven().count()), (all, all));
+            drop(opened);
+            let server = place
+                .serve(|config| {
+                    config.fill = true;
+                    config.samples = Some(20_000);
+                })
+                .await;
+            let address = server.address;
+            let honest = tokio::spawn(async move { common::work_named(address, name).await });
+            assert!(server.ended().await.added >= 20_000, "{name}");
+            honest.await.unwrap();
+            assert_eq!(unseen(&place), 0, "{name}");
+        }
+    });
+}
+
+#[test]
+fn a_fill_that_had_ended_by_false_claims_goes_on_once_they_are_undone() {
+    run(async {
+        let place = Place::of(b"a scene", [2; 3]);
+        let server = place.serve(|config| config.fill = true).await;
+        let liar = tokio::spawn(common::work_as(server.address, nothing_there));
+        // All 480 beams are claimed, and the fill has nothing left to do.
+        in_time(async {
+            let mut admin = Peer::join(server.address, Role::Admin).await;
+            loop {
+                admin.outbox.control(&Control::ReportWanted).unwrap();
+                let message = admin.inbox.next().await.unwrap();
+                if let Message::Control(Control::Report(report)) = message
+                    && report.unseen_beams == 480
+                    && report.workers.iter().all(|worker| worker.packets == 0)
+                {
+                    return;
+                }
+            }
+        })
+        .await;
+        let honest = tokio::spawn(common::work(server.address));
+        in_time(async {
+            while stored_beams_of(&place, 480) < 480 {
+                tokio::task::yield_now().await;
+            }
+        })
+        .await;
+        server.end().await;
+        honest.await.unwrap();
+        in_time(liar).await.unwrap();
+    });
+}
+
+#[test]
+fn true_claims_are_proven_by_another_machine_and_stored_as_such() {
+    run(async {
+        let place = Place::of(b"a scene", [2; 3]);
+        let serve = || {
+            place.serve(|config| {
+                config.fill = true;
+                config.samples = Some(1);
+            })
+        };
+        let unproven = || Holodeck::open_read_only(&place.file(), 0).unwrap().unproven().count();
+        let server = serve().await;
+        let first = common::work_as_named(server.address, "a", nothing_there);
+        let first = tokio::spawn(async move { first.await });
+        server.ended().await;
+        in_time(first).await.unwrap();
+        assert_eq!((unseen(&place), unproven()), (480, 480));
+        let server = serve().await;
+        let second = common::work_as_named(server.address, "b", nothing_there);
+        let second = tokio::spawn(async move { second.await });
+        server.ended().await;
+        in_time(second).await.unwrap();
+        assert_eq!((unseen(&place), unproven()), (480, 0));
+    });
+}
+
 /// The reason if the comparison of samples finds a liar before the check of claims does.
 const BY_SAMPLES: &str = "of its rays hit something else than others'";
 
@@ -249,6 +380,11 @@ fn a_worker_that_hits_something_where_two_others_hit_nothing_is_dropped() {
 
 /// Returns how many beams have samples in the file.
 fn stored_beams(place: &Place) -> usize {
+    stored_beams_of(place, 5000)
+}
+
+/// As [`stored_beams`], among the first of the file.
+fn stored_beams_of(place: &Place, beams: u64) -> usize {
     let holodeck = Holodeck::open_read_only(&place.file(), 0).unwrap();
-    (0..5000).filter(|&number| holodeck.file.count(common::beam(number)) > 0).count()
+    (0..beams).filter(|&number| holodeck.file.count(common::beam(number)) > 0).count()
 }

@@ -19,7 +19,18 @@ async fn part(
     first: u64,
     samples: u32,
 ) -> (Vec<(BeamKey, SampleKind, u32)>, Option<u64>) {
-    display.outbox.control(&Control::PartWanted { section: 0, first, samples }).unwrap();
+    part_of(display, first, samples, false).await
+}
+
+/// As [`part`], of the file as it was when the display settled if `as_settled`.
+async fn part_of(
+    display: &mut Peer,
+    first: u64,
+    samples: u32,
+    as_settled: bool,
+) -> (Vec<(BeamKey, SampleKind, u32)>, Option<u64>) {
+    let wanted = Control::PartWanted { section: 0, first, samples, as_settled };
+    display.outbox.control(&wanted).unwrap();
     let mut names = Vec::new();
     loop {
         let is_of = |message: &Message| {
@@ -37,6 +48,70 @@ async fn part(
             other => panic!("{other:?}"),
         }
     }
+}
+
+/// Returns the names of all samples of the section.
+async fn all_parts(display: &mut Peer, as_settled: bool) -> HashSet<(BeamKey, SampleKind, u32)> {
+    let (mut all, mut next) = (HashSet::new(), Some(0));
+    while let Some(first) = next {
+        let (names, after) = part_of(display, first, MAX_PART, as_settled).await;
+        all.extend(names);
+        next = after;
+    }
+    all
+}
+
+#[test]
+fn a_display_that_settles_beside_a_fill_gets_what_the_file_held_then() {
+    run(async {
+        let place = Place::of(b"a scene", [2; 3]);
+        let server = place.serve(|config| config.fill = true).await;
+        let worker = tokio::spawn(common::work(server.address));
+        let mut display = Peer::join(server.address, Role::Display).await;
+        display.send(Kind::View, &view(1, 10));
+        display.samples(50).await;
+        display.outbox.control(&Control::Settle { view: 1 }).unwrap();
+        let settled = Message::Control(Control::Settled { view: 1 });
+        display.wait_for(|message| *message == settled).await;
+        let first = all_parts(&mut display, true).await;
+        // The file goes on growing.
+        let mut now = all_parts(&mut display, false).await;
+        while now.len() <= first.len() + 1000 {
+            now = all_parts(&mut display, false).await;
+        }
+        assert!(!first.is_empty() && first.is_subset(&now));
+        assert!(all_parts(&mut display, true).await == first, "nothing came, nothing went");
+        server.end().await;
+        worker.await.unwrap();
+    });
+}
+
+#[test]
+fn a_file_that_is_cut_off_under_its_displays_ends_the_server_and_is_named() {
+    run(async {
+        let place = Place::of(b"a scene", [2; 3]);
+        let server = place
+            .serve(|config| {
+                config.fill = true;
+                config.samples = Some(20_000);
+            })
+            .await;
+        let worker = tokio::spawn(common::work(server.address));
+        server.ended().await;
+        worker.await.unwrap();
+        for display_only in [true, false] {
+            let whole = std::fs::read(place.file()).unwrap();
+            let server = place.serve(|config| config.display_only = display_only).await;
+            let mut display = Peer::join(server.address, Role::Display).await;
+            let file = std::fs::File::options().write(true).open(place.file()).unwrap();
+            file.set_len(40_000).unwrap();
+            display.send(Kind::View, &view(1, 300));
+            let said = display.expelled().await.expect("it is told why");
+            assert!(said.contains("a.holo") && said.contains("cut off at 40000 of"), "{said}");
+            assert!(server.failed().await.contains("cut off at 40000 of"));
+            std::fs::write(place.file(), whole).unwrap();
+        }
+    });
 }
 
 #[test]
@@ -79,7 +154,7 @@ fn the_parts_of_a_section_are_all_of_its_samples_each_once() {
 /// connection; `None` if it sends every part.
 async fn refusal(display: &mut Peer, sections: &[u16]) -> Option<String> {
     for &section in sections {
-        let part = Control::PartWanted { section, first: 0, samples: MAX_PART };
+        let part = Control::PartWanted { section, first: 0, samples: MAX_PART, as_settled: false };
         display.outbox.control(&part).unwrap();
     }
     let is_answer = |message: &Message| {

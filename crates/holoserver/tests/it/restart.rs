@@ -76,7 +76,7 @@ async fn shown(place: &Place, has_earlier: bool) -> [Sent; 2] {
     display.send(Kind::View, &view(0, has_earlier));
     let of_view =
         received(&mut display, |control| matches!(control, Control::StoredSent { .. })).await;
-    let part = Control::PartWanted { section: 0, first: 0, samples: 1 << 18 };
+    let part = Control::PartWanted { section: 0, first: 0, samples: 1 << 18, as_settled: false };
     display.outbox.control(&part).unwrap();
     let of_part =
         received(&mut display, |control| matches!(control, Control::PartSent { .. })).await;

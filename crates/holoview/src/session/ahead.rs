@@ -155,7 +155,9 @@ impl Session {
             self.ahead.asked = Some(now);
             self.ahead.began.get_or_insert(now);
             let section = u16::try_from(section)?;
-            self.outbox.control(&Control::PartWanted { section, first, samples })?;
+            let as_settled = self.is_loading_to_settle;
+            let part = Control::PartWanted { section, first, samples, as_settled };
+            self.outbox.control(&part)?;
         }
         Ok(())
     }
@@ -165,6 +167,7 @@ impl Session {
     /// true if the session is settling and this was the last part.
     pub(super) fn part_sent(&mut self, section: u16, next: Option<u64>) -> Result<bool> {
         let now = Instant::now();
+        self.last_stored = now;
         let is_stale = std::mem::take(&mut self.ahead.is_stale);
         let of_section = self.ahead.next.get_mut(usize::from(section));
         if let Some(of_section) = of_section.filter(|_| !is_stale) {

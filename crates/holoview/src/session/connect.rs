@@ -85,10 +85,12 @@ impl Again {
         let Again { server, args, points, shutdown, runtime } = self.clone();
         runtime.block_on(async {
             let name = name();
-            let reached = holo_net::reach(&server, Role::Display, &name, patience, |_, pause| {
+            let lost = |_: &NetError, pause: Duration| {
                 let seconds = pause.as_secs_f64();
                 waiting(&format!("lost the server; trying to reach it again in {seconds} s"));
-            });
+            };
+            let role = Role::Display;
+            let reached = holo_net::reach(&server, role, &name, None, patience, lost);
             let connection = tokio::select! {
                 reached = reached => reached,
                 () = shutdown.wait() => return Ok(None),
@@ -231,6 +233,7 @@ impl Connected {
             ahead: Ahead::new(sections),
             is_unasked: false,
             is_loading_to_settle: false,
+            last_stored: Instant::now(),
             current: None,
             awaits_beside: false,
             request_number: 0,

@@ -62,7 +62,8 @@ use received::Received;
 /// drawing.
 const LATE: Duration = Duration::from_millis(20);
 
-/// Longest time that the server may take to settle. It gives up hanging workers after some seconds.
+/// Longest time without any stored sample in which the server must settle. It gives up hanging
+/// workers after some seconds.
 const SETTLE_TIME: Duration = Duration::from_secs(60);
 
 /// A session with a server.
@@ -88,6 +89,8 @@ pub struct Session {
     /// True until the stored samples have arrived that were requested for a picture beside the
     /// current view.
     awaits_beside: bool,
+    /// When stored samples last arrived.
+    last_stored: Instant,
     /// Number of the latest request.
     request_number: u32,
     pace: Pace,
@@ -331,8 +334,14 @@ impl Session {
             self.ask_for_all()?;
         }
         self.ask_to_settle()?;
-        if self.wait_for(Instant::now() + SETTLE_TIME, true)? == Waited::TimeUp {
-            bail!("the server has not settled for {} seconds", SETTLE_TIME.as_secs());
+        self.last_stored = Instant::now();
+        // A large file takes its time, for as long as something of it arrives.
+        while self.wait_for(self.last_stored + SETTLE_TIME, true)? == Waited::TimeUp {
+            if self.last_stored.elapsed() >= SETTLE_TIME {
+                let is_loading = std::mem::take(&mut self.is_loading_to_settle);
+                let what = if is_loading { "sent the file" } else { "settled" };
+                bail!("the server has not {what} for {} seconds", SETTLE_TIME.as_secs());
+            }
         }
         Ok(())
     }
@@ -401,6 +410,9 @@ impl Session {
             |current: &CurrentView, number| (current.first_request..=newest).contains(&number);
         match message {
             Message::Samples(samples) => {
+                if samples.source != Source::Traced {
+                    self.last_stored = Instant::now();
+                }
                 let counts = |current: &&mut CurrentView| {
                     matches!(samples.source, Source::Part | Source::Earlier)
                         || driver.keeps_samples()

@@ -56,6 +56,8 @@ struct Requests {
     views: BTreeMap<u32, ViewRequest>,
     /// The first beam of each part that it loaded, and the number of its last view by then.
     parts: Vec<(u64, u32)>,
+    /// How many of them it wanted as the file was when it settled.
+    settled_parts: usize,
 }
 
 /// Serves a display as [`serve_file`] does, and traces.
@@ -67,7 +69,7 @@ async fn serve(listener: TcpListener) -> Requests {
 /// requests once it has left.
 async fn serve_file(listener: TcpListener, tracing: bool) -> Requests {
     let (room, packed) = room(tracing);
-    let (mut inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
+    let (mut inbox, outbox, ..) = accept(listener.accept().await.unwrap().0).await.unwrap();
     holo_net::welcome(&outbox, room).unwrap();
     let mut requests = Requests::default();
     let mut answer = |outbox: &Outbox, message| match message {
@@ -79,7 +81,8 @@ async fn serve_file(listener: TcpListener, tracing: bool) -> Requests {
             outbox.control(&Control::StoredSent { view: view.view }).unwrap();
             requests.views.insert(view.view, view);
         }
-        Message::Control(Control::PartWanted { section, first, .. }) => {
+        Message::Control(Control::PartWanted { section, first, as_settled, .. }) => {
+            requests.settled_parts += usize::from(as_settled);
             let next = (first < 2).then_some(first + 1);
             outbox.control(&Control::PartSent { section, next }).unwrap();
             let last = requests.views.last_key_value().map_or(0, |(&number, _)| number);
@@ -207,7 +210,7 @@ async fn an_idle_session_loads_the_whole_file_and_later_views_search_for_nothing
         wait_until(&mut session, Session::has_stored);
     });
     timeout(LIMIT, looking).await.unwrap().unwrap();
-    let Requests { views, parts } = timeout(LIMIT, serving).await.unwrap().unwrap();
+    let Requests { views, parts, .. } = timeout(LIMIT, serving).await.unwrap().unwrap();
     // Two searches, the view's own beams again, the file, and then another view.
     assert_eq!(parts, [(0, 4), (1, 4), (2, 4)]);
     assert_eq!(views.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
@@ -232,6 +235,8 @@ async fn a_settling_session_loads_the_file_again_only_if_something_may_have_been
         timeout(LIMIT, looking).await.unwrap().unwrap();
         let requests = timeout(LIMIT, serving).await.unwrap().unwrap();
         assert_eq!(requests.parts.len(), parts, "tracing: {tracing}");
+        // A file that grows faster than it arrives does not keep the session from settling.
+        assert_eq!(requests.settled_parts, if tracing { 3 } else { 0 });
     }
 }
 
@@ -240,7 +245,7 @@ async fn a_settling_session_loads_the_file_again_only_if_something_may_have_been
 /// views.
 async fn serve_late(listener: TcpListener, completes: bool) -> u32 {
     let (room, packed) = room(true);
-    let (mut inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
+    let (mut inbox, outbox, ..) = accept(listener.accept().await.unwrap().0).await.unwrap();
     holo_net::welcome(&outbox, room).unwrap();
     let mut views = 0;
     while let Ok(message) = timeout(LIMIT, inbox.next()).await.unwrap() {

@@ -33,7 +33,7 @@ pub(crate) fn welcome() -> Welcome {
 /// Accepts a display, and waits until it requests a view.
 pub(crate) async fn serve(listener: &TcpListener) -> (Inbox, Outbox) {
     let stream = timeout(LIMIT, listener.accept()).await.unwrap().unwrap().0;
-    let (mut inbox, outbox, hello) = accept(stream).await.unwrap();
+    let (mut inbox, outbox, hello, _) = accept(stream).await.unwrap();
     assert_eq!(hello.role, Role::Display);
     holo_net::welcome(&outbox, welcome()).unwrap();
     while !matches!(timeout(LIMIT, inbox.next()).await.unwrap().unwrap(), Message::View(_)) {}

@@ -4,11 +4,12 @@
 use std::time::Duration;
 
 use crate::common::{SOON, listener, pair, raw};
-use holo_net::{HANDSHAKE_TIME, NetError, accept, connect, refuse};
+use holo_net::{HANDSHAKE_TIME, MachineKey, NetError, accept, connect, connect_as, refuse};
 use holo_proto::{
     PROTOCOL_VERSION, ProtoError,
     frame::{self, Kind},
     hello::{Answer, Hello, Role},
+    proof::MachineProof,
 };
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
@@ -19,7 +20,7 @@ use tokio::{
 async fn said_to(bytes: &[u8]) -> (NetError, Vec<u8>) {
     let (mut client, server) = raw().await;
     client.write_all(bytes).await.unwrap();
-    let error = accept(server).await.map(|(.., hello)| hello).unwrap_err();
+    let error = accept(server).await.map(|(_, _, hello, _)| hello).unwrap_err();
     let mut said = Vec::new();
     // The server's side is dropped, so the connection ends after its answer, if any.
     timeout(SOON, client.read_to_end(&mut said)).await.expect("the connection ends").unwrap();
@@ -42,7 +43,7 @@ async fn a_worker_is_taken_and_welcomed() {
 async fn refused_peers_receive_the_reason() {
     let (listener, address) = listener().await;
     let server = async {
-        let (_inbox, outbox, hello) = accept(listener.accept().await.unwrap().0).await.unwrap();
+        let (_inbox, outbox, hello, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
         assert_eq!((hello.role, hello.name.as_str()), (Role::Display, "viewer"));
         refuse(&outbox, "no room");
     };
@@ -51,6 +52,32 @@ async fn refused_peers_receive_the_reason() {
         Err(NetError::Refused(reason)) => assert_eq!(reason, "no room"),
         other => panic!("{other:?}"),
     }
+}
+
+#[tokio::test]
+async fn a_worker_proves_its_machine_and_nobody_can_take_a_machine_that_is_not_theirs() {
+    let key = MachineKey::new().unwrap();
+    for (role, proven) in [(Role::Worker, Some(key.id())), (Role::Display, None)] {
+        let (listener, address) = listener().await;
+        let server = async {
+            let (_inbox, outbox, _, access) =
+                accept(listener.accept().await.unwrap().0).await.unwrap();
+            refuse(&outbox, "seen");
+            access.machine
+        };
+        let (machine, client) = tokio::join!(server, connect_as(address, role, "w", Some(&key)));
+        assert_eq!(machine, proven);
+        assert!(matches!(client, Err(NetError::Refused(reason)) if reason == "seen"));
+    }
+    // Another peer sends the key, and a signature of its own making.
+    let mut bytes = frame::encode(Kind::Hello, &Hello::new(Role::Worker, "w").encode()).unwrap();
+    let proof = MachineProof { key: key.id().0, signature: [7; 64] };
+    bytes.extend(frame::encode(Kind::MachineProof, &proof.encode()).unwrap());
+    let (error, said) = said_to(&bytes).await;
+    assert!(matches!(error, NetError::Refused(_)), "{error}");
+    // The challenge comes before the answer.
+    let answer = said[frame::HEADER_BYTES + 32..].to_vec();
+    assert!(reason(&answer).contains("which machine"), "{}", reason(&answer));
 }
 
 #[tokio::test]
@@ -116,7 +143,7 @@ async fn a_client_that_says_nothing_is_dropped_in_time() {
     let (mut client, server) = raw().await;
     tokio::time::pause();
     let start = Instant::now();
-    let error = accept(server).await.map(|(.., hello)| hello).unwrap_err();
+    let error = accept(server).await.map(|(_, _, hello, _)| hello).unwrap_err();
     let waited = start.elapsed();
     tokio::time::resume();
     assert!(matches!(error, NetError::Handshake), "{error}");
@@ -144,7 +171,7 @@ async fn a_client_that_dribbles_gets_no_more_time() {
             }
         }
     });
-    let error = accept(server).await.map(|(.., hello)| hello).unwrap_err();
+    let error = accept(server).await.map(|(_, _, hello, _)| hello).unwrap_err();
     assert!(matches!(error, NetError::Handshake), "{error}");
     // The clock jumps from one timer to the next, so times are multiples of one byte's time.
     assert!(start.elapsed() <= HANDSHAKE_TIME + Duration::from_secs(1), "{:?}", start.elapsed());

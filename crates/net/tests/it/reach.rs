@@ -16,7 +16,7 @@ async fn pauses_grow_and_patience_ends() {
     let patience = Duration::from_secs(40);
     let start = tokio::time::Instant::now();
     let destination = address.into();
-    let reached = reach(&destination, Role::Worker, "w", patience, |_, pause| {
+    let reached = reach(&destination, Role::Worker, "w", None, patience, |_, pause| {
         pauses.push(pause.as_millis());
     });
     assert!(matches!(reached.await, Err(NetError::Io(_))));
@@ -32,11 +32,12 @@ async fn a_server_that_comes_late_is_reached() {
     let (sender, mut attempts) = tokio::sync::mpsc::unbounded_channel();
     let client = tokio::spawn(async move {
         let forever = Duration::MAX;
-        reach(&address.into(), Role::Worker, "w", forever, |_, _| sender.send(()).unwrap()).await
+        reach(&address.into(), Role::Worker, "w", None, forever, |_, _| sender.send(()).unwrap())
+            .await
     });
     attempts.recv().await.unwrap();
     let listener = TcpListener::bind(address).await.unwrap();
-    let (_inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
+    let (_inbox, outbox, ..) = accept(listener.accept().await.unwrap().0).await.unwrap();
     holo_net::welcome(&outbox, welcome()).unwrap();
     client.await.unwrap().unwrap();
 }
@@ -45,11 +46,11 @@ async fn a_server_that_comes_late_is_reached() {
 async fn a_server_that_refuses_is_not_asked_again() {
     let (listener, address) = listener().await;
     let server = async {
-        let (_inbox, outbox, _) = accept(listener.accept().await.unwrap().0).await.unwrap();
+        let (_inbox, outbox, ..) = accept(listener.accept().await.unwrap().0).await.unwrap();
         refuse(&outbox, "no room");
     };
     let destination = address.into();
-    let client = reach(&destination, Role::Worker, "w", Duration::MAX, |error, _| {
+    let client = reach(&destination, Role::Worker, "w", None, Duration::MAX, |error, _| {
         panic!("it waits: {error}");
     });
     let ((), client) = tokio::join!(server, client);

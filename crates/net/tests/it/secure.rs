@@ -51,6 +51,7 @@ impl Server {
             holo_net::welcome(&outbox, welcome())?;
             outbox.drained().await;
             assert_eq!(access.token, Some(token_name));
+            assert_eq!(access.machine.is_some(), role == Role::Worker);
             Ok(access.rights)
         };
         // The invitation goes through its text, as between people.

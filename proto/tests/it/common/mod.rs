@@ -293,8 +293,10 @@ pub fn control() -> impl Strategy<Value = Control> {
             .prop_map(|(name, options)| Control::KeepView { name, options }),
         vec((text(), text()), 0..4).prop_map(Control::Views),
         text().prop_map(|reason| Control::Refused { reason }),
-        (any::<u16>(), any::<u64>(), 0..=MAX_PART)
-            .prop_map(|(section, first, samples)| Control::PartWanted { section, first, samples }),
+        (any::<u16>(), any::<u64>(), 0..=MAX_PART).prop_map(|(section, first, samples)| {
+            let as_settled = samples % 2 == 1;
+            Control::PartWanted { section, first, samples, as_settled }
+        }),
         (any::<u16>(), any::<Option<u64>>())
             .prop_map(|(section, next)| Control::PartSent { section, next }),
     ]

@@ -4,7 +4,7 @@
 
 use std::{future::Future, net::SocketAddr, path::PathBuf, time::Duration};
 
-use holo_net::{Destination, Inbox, Invitation, Message, NetError, Outbox, Shutdown};
+use holo_net::{Destination, Inbox, Invitation, MachineKey, Message, NetError, Outbox, Shutdown};
 use holo_proto::{
     bulk::{Packet, Results, Traced, ViewRequest, WantedBeam, Work},
     control::{Control, Farewell, RenderSettings, Welcome},
@@ -117,6 +117,13 @@ impl Server {
     }
 }
 
+impl Server {
+    /// Waits until it has ended by an error, and returns the error's text.
+    pub async fn failed(self) -> String {
+        format!("{:#}", in_time(self.task).await.unwrap().unwrap_err())
+    }
+}
+
 /// One connected peer.
 pub struct Peer {
     pub inbox: Inbox,
@@ -126,11 +133,16 @@ pub struct Peer {
 
 impl Peer {
     pub async fn join(server: impl Into<Destination>, role: Role) -> Peer {
-        Peer::named(server, role, "a test").await
+        let joined = in_time(holo_net::connect(server, role, "a test")).await;
+        let (inbox, outbox, welcome) = joined.expect("the server takes us");
+        Peer { inbox, outbox, welcome }
     }
 
+    /// Joins as [`join`](Self::join) does. Names are of one machine if they are the same up to
+    /// ` #`.
     pub async fn named(server: impl Into<Destination>, role: Role, name: &str) -> Peer {
-        let joined = in_time(holo_net::connect(server, role, name)).await;
+        let machine = machine(name);
+        let joined = in_time(holo_net::connect_as(server, role, name, Some(&machine))).await;
         let (inbox, outbox, welcome) = joined.expect("the server takes us");
         Peer { inbox, outbox, welcome }
     }
@@ -189,6 +201,14 @@ impl Peer {
     }
 }
 
+/// Returns the key of the machine of a name.
+pub fn machine(name: &str) -> MachineKey {
+    let name = name.split(" #").next().unwrap().as_bytes();
+    let mut secret = [0; 32];
+    secret[..name.len()].copy_from_slice(name);
+    MachineKey::of_secret(&secret).unwrap()
+}
+
 /// Returns the sample of a ray that hits something, or nothing.
 pub fn sample(hits: bool) -> Sample {
     let (colour, distance) = if hits { ([128, 64, 32, 128], 77) } else { ([0; 4], u16::MAX) };
@@ -208,7 +228,7 @@ pub fn results<'a>(packets: impl IntoIterator<Item = &'a Packet>, hits: bool) ->
 
 /// Joins as a worker whose rays all hit something, until the server says goodbye or goes.
 pub async fn work(server: impl Into<Destination>) {
-    work_named(server, "a test").await;
+    work_as(server, |work| results(&work.packets, true)).await;
 }
 
 /// As [`work`], under a name.
@@ -216,21 +236,26 @@ pub async fn work_named(server: impl Into<Destination>, name: &str) {
     work_as_named(server, name, |work| results(&work.packets, true)).await;
 }
 
-/// Joins as a worker that answers as `answer` says. Returns why the server ended the session.
+/// Joins as a worker of a new machine that answers as `answer` says. Returns why the server ended
+/// the session.
 pub async fn work_as(
     server: impl Into<Destination>,
     answer: impl Fn(&Work) -> Results,
 ) -> Option<Farewell> {
-    work_as_named(server, "a test", answer).await
+    answer_work(Peer::join(server, Role::Worker).await, answer).await
 }
 
-/// As [`work_as`], under a name.
+/// As [`work_as`], of the machine with this name.
 pub async fn work_as_named(
     server: impl Into<Destination>,
     name: &str,
     answer: impl Fn(&Work) -> Results,
 ) -> Option<Farewell> {
-    let Peer { mut inbox, outbox, .. } = Peer::named(server, Role::Worker, name).await;
+    answer_work(Peer::named(server, Role::Worker, name).await, answer).await
+}
+
+async fn answer_work(worker: Peer, answer: impl Fn(&Work) -> Results) -> Option<Farewell> {
+    let Peer { mut inbox, outbox, .. } = worker;
     outbox.control(&Control::Ready { threads: 1 }).unwrap();
     loop {
         match inbox.next().await {

@@ -59,7 +59,7 @@ pub type Side = (Inbox, Outbox);
 pub async fn pair() -> (Side, Side) {
     let (listener, address) = listener().await;
     let server = async {
-        let (inbox, outbox, hello) = accept(listener.accept().await.unwrap().0).await?;
+        let (inbox, outbox, hello, _) = accept(listener.accept().await.unwrap().0).await?;
         assert_eq!(hello, Hello::new(Role::Worker, "tester"));
         holo_net::welcome(&outbox, welcome())?;
         Ok::<_, NetError>((inbox, outbox))
@@ -75,8 +75,8 @@ pub async fn raw_client() -> (TcpStream, Side) {
     use tokio::io::AsyncWriteExt;
     let (mut client, server) = raw().await;
     let hello =
-        holo_proto::frame::encode(Kind::Hello, &Hello::new(Role::Worker, "raw").encode()).unwrap();
+        holo_proto::frame::encode(Kind::Hello, &Hello::new(Role::Display, "raw").encode()).unwrap();
     client.write_all(&hello).await.unwrap();
-    let (inbox, outbox, _) = accept(server).await.unwrap();
+    let (inbox, outbox, ..) = accept(server).await.unwrap();
     (client, (inbox, outbox))
 }
