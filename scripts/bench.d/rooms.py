@@ -40,7 +40,7 @@ TRACED = tuple(TRACED_SIZES)
 # Decibels that a picture may be worse than the rival's if no denoiser is installed.
 BEHIND = 1.5
 PYOIDN = "pyoidn"
-WEIGHTS = (0.265, 0.670, 0.065)
+WEIGHTS = (0.2126, 0.7152, 0.0722)
 
 Pixels = list[tuple[float, float, float]]
 

@@ -25,7 +25,7 @@ STEPS = 6000
 # Files and examples of each step.
 FILES, EXAMPLES = 6, 2048
 RATE = 3e-3
-LUMINANCE = torch.tensor([0.265, 0.670, 0.065])
+LUMINANCE = torch.tensor([0.2126, 0.7152, 0.0722])
 GAMMA = 2.2
 # Radiance below this share of white is displayed by a straight line.
 DARK = 1 / 400

@@ -5,7 +5,7 @@ use holo_picture::{Picture, View, ViewKind};
 /// The accuracy of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Certainty {
-    /// Standard error of the luminance 0.265R + 0.670G + 0.065B of the pixel's radiance; infinite
+    /// Standard error of the relative luminance of the pixel's radiance; infinite
     /// where nothing is known.
     pub error: f32,
     /// Number of samples on the surface that the pixel itself shows. Its radiance may also come

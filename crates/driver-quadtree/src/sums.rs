@@ -20,11 +20,7 @@ const LUMINANCE_MAX: f32 = (1_u64 << 50) as f32;
 const ROOT_SCALE: f32 = 4096.0;
 const ROOT_MAX: f32 = (1_u64 << 26) as f32;
 
-/// Returns the luminance of linear RGB in the scene's unit of radiance, without 179 lm/W.
-#[inline(always)]
-pub(crate) fn luminance(rgb: [f32; 3]) -> f32 {
-    0.265 * rgb[0] + 0.670 * rgb[1] + 0.065 * rgb[2]
-}
+pub(crate) use holo_picture::relative_luminance as luminance;
 
 /// The colour of a sample in fixed point.
 #[derive(Clone, Copy)]

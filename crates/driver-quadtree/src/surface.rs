@@ -7,6 +7,7 @@
 
 use crate::bins::FAR;
 use crate::sums::{Moments, Sums, luminance};
+use holo_picture::LUMINANCE_WEIGHTS;
 use std::borrow::Borrow;
 
 /// Least number of degrees of freedom of an estimate of noise from finer leaves. With fewer, a leaf
@@ -109,8 +110,8 @@ impl Surface {
     fn of_pixel(bins: Bins, sums: &Sums) -> Self {
         let Moments { weight, weight_squared, mean, luminance_squared, root, root_squared } =
             sums.moments();
-        let [r, g, b] = mean;
-        let mean_luminance = 0.265 * r + 0.670 * g + 0.065 * b;
+        let ([r, g, b], [wr, wg, wb]) = (mean, LUMINANCE_WEIGHTS.map(f64::from));
+        let mean_luminance = wr * r + wg * g + wb * b;
         let spread = |square: f64, mean: f64| {
             if sums.count < 2 { 0.0 } else { ((square - mean * mean).max(0.0) * weight) as f32 }
         };

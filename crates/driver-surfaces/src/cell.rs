@@ -87,11 +87,7 @@ impl Sums {
     }
 }
 
-/// Returns the luminance of a colour, in the unit of its channels.
-#[inline]
-pub(crate) fn luminance(rgb: [f32; 3]) -> f32 {
-    0.265 * rgb[0] + 0.670 * rgb[1] + 0.065 * rgb[2]
-}
+pub(crate) use holo_picture::relative_luminance as luminance;
 
 /// Properties that samples on one side of a surface share besides their place: material, range of
 /// normals and, on glossy surfaces, range of directions.

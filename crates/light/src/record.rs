@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
+use holo_color::relative_luminance;
 
 /// Number of standard errors, of both records together, beyond which a difference is a
 /// contradiction. With 2, records that are too bright by chance lose so much of the surface that a
@@ -144,8 +145,8 @@ pub fn grade_weight(grade: u32) -> f32 {
     (1_u32 << (4 * grade)) as f32
 }
 
-/// Returns the luminance, with Radiance's weights of the channels.
+/// Returns the luminance in the unit of the channels.
 #[inline]
 pub(crate) fn luminance(c: Vec3) -> f32 {
-    c.dot(Vec3::new(0.265, 0.670, 0.065))
+    relative_luminance(c.to_array())
 }

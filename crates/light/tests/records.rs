@@ -58,7 +58,7 @@ fn a_single_bright_ray_does_not_dominate_a_record() {
     let (fair, held) = (gather(20.0, 0.03), gather(400.0, 0.03));
     assert_eq!(fair, gather(20.0, f32::INFINITY), "light within the share does not change");
     // The limit is a share of the light of this ray and 999 others.
-    let brought = (held - 999.0).dot(Vec3::new(0.265, 0.670, 0.065));
+    let brought = (held - 999.0).dot(Vec3::from_array(holo_color::WEIGHTS));
     assert!((brought / (999.0 + brought) - 0.03).abs() < 1e-3, "{brought}");
     assert!(((held.x - 999.0) / (held.z - 999.0) - 4.0).abs() < 1e-2, "its hue stays");
     assert_eq!(gather(0.0, 0.03), Vec3::splat(999.0));

@@ -2,15 +2,15 @@
 //! bias.
 //!
 //! The formulas are those of the reference data's `compare.py`, in f64, with numpy's percentile and
-//! median. Luminance is 0.2126R + 0.7152G + 0.0722B here (Rec. 709 weights, relative), not the
-//! cd/m² of [`luminance`](crate::luminance).
+//! median. Luminance is relative here, as in [`relative_luminance`](crate::relative_luminance).
 
 use crate::picture::Picture;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// Weights of the channels in a relative luminance (Rec. 709).
-const REC709: [f64; 3] = [0.2126, 0.7152, 0.0722];
+/// Weights of the channels, as the reference has them: in `f64` they are not those of
+/// [`holo_color::WEIGHTS`] to the last bit.
+const WEIGHTS: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Factor of the reference's median above which pixels do not count for the bias, because a lamp in
 /// view would hide everything else.
@@ -334,7 +334,7 @@ fn place(picture: &Picture, at: usize) -> (u32, u32) {
 }
 
 fn luminances(picture: &Picture) -> Vec<f64> {
-    let weighted = |rgb: &[f32; 3]| (0..3).map(|c| f64::from(rgb[c]) * REC709[c]).sum();
+    let weighted = |rgb: &[f32; 3]| (0..3).map(|c| f64::from(rgb[c]) * WEIGHTS[c]).sum();
     picture.pixels.iter().map(weighted).collect()
 }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::size::{MAX_PIXELS, MAX_SIDE};
+use crate::view_error::ViewError;
 
 /// The reason why a picture could not be read, written or made.
 #[derive(Debug, thiserror::Error)]
@@ -51,6 +52,9 @@ pub enum PictureError {
         /// Number of pixels.
         pixels: usize,
     },
+    /// The view of a file cannot be understood.
+    #[error("{0}")]
+    View(#[from] ViewError),
     /// An exposure that is not a positive number.
     #[error("exposure {0} must be positive and finite")]
     Exposure(f32),

@@ -15,7 +15,7 @@ use crate::error::PictureError;
 use crate::look::{Image, Look};
 use crate::picture::Picture;
 use crate::size::MAX_PIXELS;
-use std::ffi::OsString;
+use glam::{DMat3, DVec3};
 use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -107,6 +107,12 @@ impl Picture {
     }
 }
 
+/// Converts the channels of a radiance. No colour gets a negative channel.
+fn converted(conversion: DMat3, rgb: [f32; 3]) -> [f32; 3] {
+    let rgb = conversion * DVec3::from_array(rgb.map(f64::from));
+    rgb.to_array().map(|channel| channel.max(0.0) as f32)
+}
+
 fn read(path: &Path) -> Result<Picture, PictureError> {
     let result = read_bytes(path).and_then(|bytes| {
         // Pictures older than 1991 lack `#?`. For them alone, Radiance's extension decides.
@@ -189,13 +195,12 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PictureError> {
     Ok(moved?)
 }
 
-/// Returns a name in the same folder that no other process or thread uses.
+/// Returns a name in the same folder that no other process or thread uses. It is short, because the
+/// file's own name may be as long as names can be.
 fn temporary_beside(path: &Path) -> PathBuf {
     static NEXT: AtomicU32 = AtomicU32::new(0);
-    let mut name = OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}-{}.tmp", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed)));
-    path.with_file_name(name)
+    let number = NEXT.fetch_add(1, Ordering::Relaxed);
+    path.with_file_name(format!(".picture-{}-{number}.tmp", std::process::id()))
 }
 
 fn named(path: &Path, error: PictureError) -> PictureError {

@@ -29,12 +29,13 @@ pub use compare::{
 };
 pub use error::PictureError;
 pub use files::{Format, PngRows, RadianceRows};
+pub use holo_color::{EFFICACY, WEIGHTS as LUMINANCE_WEIGHTS, luminance, relative_luminance};
 pub use kind::ViewKind;
 pub use look::{
     Adaptation, Bands, Exposure, Image, Legend, Look, Scale, ScaleError, Scaling, Tick, Tone,
     auto_exposure,
 };
-pub use picture::{Picture, luminance};
+pub use picture::Picture;
 pub use size::{MAX_PIXELS, MAX_SIDE};
 pub use view::{DEFAULT_VH, View, ViewParams};
 pub use view_error::ViewError;

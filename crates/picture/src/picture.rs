@@ -7,13 +7,6 @@ use crate::error::PictureError;
 use crate::size::is_size;
 use crate::view::View;
 
-/// Returns the luminance in cd/m² of a radiance in W·sr⁻¹·m⁻² per RGB channel: 179·(0.265R + 0.670G
-/// + 0.065B), as in Radiance.
-#[inline]
-pub fn luminance(rgb: [f32; 3]) -> f32 {
-    179.0 * (0.265 * rgb[0] + 0.670 * rgb[1] + 0.065 * rgb[2])
-}
-
 /// Linear radiance, pixel by pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {

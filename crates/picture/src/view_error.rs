@@ -72,6 +72,12 @@ pub enum ViewError {
         /// Height in pixels.
         height: u32,
     },
+    /// Radiance's planispheric fisheye.
+    #[error(
+        "view type -vts (planispheric fisheye) is not supported: -vta (angular fisheye) shows as much, \
+         with distances from the centre proportional to angles, and -vth shows a hemisphere"
+    )]
+    Planispheric,
     /// An unknown or unsupported Radiance view type.
     #[error(
         "view type -vt{0} is not supported; the types are v (perspective), l (parallel), c (cylindrical panorama), a (angular \

@@ -4,10 +4,16 @@
 //! One parser serves `--vp 1,2,3`, `view -vp 1 2 3 -vh 60`, `.vf` files and `VIEW=` lines. Every
 //! number in a [`ViewSpec`] is finite. [`ViewSpec::resolve`] decides whether they make a view.
 
+use crate::error::PictureError;
+use crate::files::Format;
 use crate::kind::ViewKind;
+use crate::picture::Picture;
 use crate::view::{Frame, View};
 use crate::view_error::ViewError;
 use glam::DVec3;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
 
 /// Parts of a view; `None` means not stated.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -179,6 +185,9 @@ impl ViewSpec {
     }
 
     fn set_kind(&mut self, kind: &str) -> Result<(), ViewError> {
+        if kind == "s" {
+            return Err(ViewError::Planispheric);
+        }
         let mut letters = kind.chars();
         let known =
             letters.next().filter(|_| letters.next().is_none()).and_then(ViewKind::from_letter);
@@ -236,6 +245,29 @@ impl View {
                 .map_err(|error| ViewError::Line { line: index + 1, error: Box::new(error) })?;
         }
         if found { Ok(spec) } else { Err(ViewError::NoView) }
+    }
+
+    /// Reads a view from a view file, or from a picture that states its view (`.hdr`, `.exr`), as
+    /// Radiance's `-vf` does.
+    ///
+    /// # Errors
+    /// A file that cannot be read or states no view. The error names the file.
+    pub fn read_vf(path: impl AsRef<Path>) -> Result<ViewSpec, PictureError> {
+        let path = path.as_ref();
+        let named = |error| PictureError::File { path: path.to_owned(), error: Box::new(error) };
+        let mut bytes = Vec::new();
+        File::open(path)
+            .and_then(|file| file.take(MAX_TEXT as u64).read_to_end(&mut bytes))
+            .map_err(|error| named(error.into()))?;
+        if Format::of_bytes(&bytes) == Some(Format::Exr) {
+            let view = Picture::read(path)?.view.ok_or_else(|| named(ViewError::NoView.into()))?;
+            return View::parse_vf(&view.to_vf_options()).map_err(|error| named(error.into()));
+        }
+        // Pixels follow the header of a picture, which ends with an empty line.
+        let is_picture = bytes.starts_with(b"#?");
+        let header = bytes.windows(2).position(|two| two == b"\n\n").filter(|_| is_picture);
+        let text = String::from_utf8_lossy(&bytes[..header.unwrap_or(bytes.len())]);
+        View::parse_vf(&text).map_err(|error| named(error.into()))
     }
 }
 

@@ -52,6 +52,14 @@ pub enum SceneError {
         /// The problem with its place, and what to do.
         problem: String,
     },
+    /// The first bytes of a file are of a format that is not read.
+    #[error("{path}: {problem}")]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What it is, and what to do.
+        problem: &'static str,
+    },
     /// A file has no triangle with an area.
     #[error("{path}: no triangle in it: {instead}")]
     Empty {

@@ -41,6 +41,7 @@ mod obj_checked;
 mod obj_ignored;
 mod obj_model;
 mod obj_text;
+mod other_formats;
 pub mod pack;
 mod pack_instances;
 mod pack_punctual;

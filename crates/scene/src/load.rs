@@ -7,7 +7,7 @@
 use crate::assemble::{Assembled, assemble};
 use crate::model::{LoadProgress, Reader, Source};
 use crate::warnings::{Warning, Warnings};
-use crate::{About, Rgb, Scene, SceneError, gltf_file, obj_model};
+use crate::{About, Rgb, Scene, SceneError, gltf_file, obj_model, other_formats};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::path::Path;
@@ -63,6 +63,7 @@ pub fn load_watched(
     let source = Source { path, options, watch, warnings: &mut warnings };
     let mut model = (reader_for(path)?.read)(source)?;
     if let Some(instead) = model.instead.take() {
+        let instead = other_formats::by_name(path).map_or(instead, ToOwned::to_owned);
         return Err(SceneError::Empty { path: path.to_owned(), instead });
     }
     let about = std::mem::take(&mut model.about);
@@ -96,6 +97,9 @@ fn reader_for(path: &Path) -> Result<Reader, SceneError> {
     // A pipe can be read only once.
     if file.metadata().map_err(io)?.is_file() {
         file.take(FIRST_BYTES).read_to_end(&mut first).map_err(io)?;
+    }
+    if let Some(problem) = other_formats::by_content(&first, path) {
+        return Err(SceneError::Foreign { path: path.to_owned(), problem });
     }
     let found = READERS.into_iter().find(|reader| (reader.recognises)(&first, path));
     Ok(found.unwrap_or(obj_model::READER))

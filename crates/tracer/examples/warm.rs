@@ -53,7 +53,8 @@ fn measure(tracer: &Tracer, view: &View) -> (f64, f64) {
             for sample in 0..SAMPLES {
                 let [r, g, b] =
                     tracer.trace(view.eye, view.ray(number), (number << 32) + sample).radiance;
-                let luminance = 0.265 * f64::from(r) + 0.670 * f64::from(g) + 0.065 * f64::from(b);
+                let luminance =
+                    0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b);
                 sum += luminance;
                 squares += luminance * luminance;
             }

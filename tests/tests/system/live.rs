@@ -476,7 +476,7 @@ fn what_live_rays_see_has_the_mean_that_render_has() {
         }
         for (_, number, hit) in &display.live {
             let [r, g, b] = hit.radiance.map(f64::from);
-            let luminance = 0.265 * r + 0.670 * g + 0.065 * b;
+            let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
             let sum = &mut sums[(number % count) as usize];
             *sum = (sum.0 + luminance, sum.1 + luminance * luminance);
         }
@@ -493,7 +493,7 @@ fn what_live_rays_see_has_the_mean_that_render_has() {
         let mean = sum.0 / RAYS as f64;
         let variance = (sum.1 / RAYS as f64 - mean * mean) * (1.0 / RAYS as f64 + 1.0 / 4096.0);
         let [r, g, b] = rgb.map(f64::from);
-        let expected = 0.265 * r + 0.670 * g + 0.065 * b;
+        let expected = 0.2126 * r + 0.7152 * g + 0.0722 * b;
         // A lamp's own pixels have no variance except that of rounding.
         if variance > 1e-6 * expected * expected {
             chi_squared += (mean - expected).powi(2) / variance;

@@ -40,7 +40,8 @@ pub struct ViewArgs {
     /// Aft clipping distance, scene units: what is farther is black [default: 0, none]
     #[arg(long, value_name = "LENGTH")]
     pub va: Option<String>,
-    /// A Radiance view file; the other options override it
+    /// A Radiance view file, or a picture that states its view (.hdr .exr); the other options
+    /// override it
     #[arg(long, value_name = "FILE")]
     pub vf: Option<PathBuf>,
     /// A view that the holodeck knows by name
@@ -72,14 +73,10 @@ impl ViewArgs {
             let view = named.iter().find(|(other, _)| other == name);
             let (_, line) =
                 view.with_context(|| format!("no view is named `{name}` (known: {})", known()))?;
-            spec.apply_line(line)?;
+            spec.apply_line(line).with_context(|| format!("view `{name}`"))?;
         }
         if let Some(path) = &self.vf {
-            let text = std::fs::read_to_string(path)
-                .with_context(|| format!("reading {}", path.display()))?;
-            let view =
-                holo_picture::View::parse_vf(&text).with_context(|| path.display().to_string())?;
-            spec = spec.overridden_by(&view);
+            spec = spec.overridden_by(&holo_picture::View::read_vf(path)?);
         }
         let mut said = ViewSpec::default();
         let (where_to, sides) = (

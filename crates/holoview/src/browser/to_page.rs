@@ -1,6 +1,6 @@
 //! Messages to a page: JSON texts, and frames, which are a JSON header followed by encoded parts.
 
-use holo_picture::{Image, Legend, MAX_PIXELS, MAX_SIDE, luminance};
+use holo_picture::{EFFICACY, Image, Legend, MAX_PIXELS, MAX_SIDE, luminance};
 use holo_section::{Section, SectionSpec};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -10,9 +10,6 @@ use crate::args::DriverArg;
 use crate::commands::{ACTIONS, GESTURES};
 use crate::stage::{Phase, Shown, State};
 
-/// Lumens per watt of white light, as in Radiance.
-const LUMENS: f32 = 179.0;
-
 /// Number of a legend's colours that are sent. The page interpolates between them, with an error
 /// that no screen shows.
 const LEGEND_COLOURS: u8 = 33;
@@ -21,7 +18,7 @@ const LEGEND_COLOURS: u8 = 33;
 fn under(shown: &Shown, (x, y): (f64, f64)) -> Option<Value> {
     let (radiance, distance) = shown.radiance_at(x, y)?;
     let certainty = shown.certainty_at(x, y);
-    let error = certainty.map(|certainty| LUMENS * certainty.error);
+    let error = certainty.map(|certainty| EFFICACY * certainty.error);
     Some(json!({
         // Some drivers know neither number, and none does while the eye moves.
         "error": error.filter(|error| error.is_finite()),

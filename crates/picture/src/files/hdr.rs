@@ -2,14 +2,18 @@
 //! II; Radiance's `filefmts.pdf` and `color.c`).
 //!
 //! Invariants: a pixel's value is (mantissa + ½)·2^(exponent - 136), divided by the product of all
-//! `EXPOSURE=` and, by channel, `COLORCORR=` lines. Memory grows with decoded rows, never with the
+//! `EXPOSURE=` and, by channel, `COLORCORR=` lines. If `PRIMARIES=` states other primaries than
+//! ours, it is converted. Without that line, the primaries are taken for ours. Memory grows with decoded rows, never with the
 //! sizes in the header.
 
+use super::converted;
 use super::hdr_pixels::{read_row, write_row};
 use crate::error::PictureError;
 use crate::picture::Picture;
 use crate::view::View;
 use crate::view_spec::ViewSpec;
+use glam::DMat3;
+use holo_color::Primaries;
 use std::fmt::Write;
 
 /// Most bytes of a header. Radiance adds a line for every program that processed a picture.
@@ -28,7 +32,9 @@ pub(super) fn encode(picture: &Picture) -> Vec<u8> {
 /// Returns the bytes before the first row.
 pub(super) fn header(size: (u32, u32), view: Option<&View>, exposure: f32) -> Vec<u8> {
     let mut header = String::from("#?RADIANCE\nSOFTWARE=Holodeck\n");
+    let primaries = Primaries::REC709.numbers().map(|number| number.to_string()).join(" ");
     // Writing to a String cannot fail.
+    let _ = writeln!(header, "PRIMARIES= {primaries}");
     if let Some(view) = view {
         let _ = writeln!(header, "VIEW= {}", view.to_vf_options());
     }
@@ -59,11 +65,15 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
     // A file of runs may be much smaller than its pixels, so memory is allocated row by row.
     let (length, rows) = (layout.row_length as usize, layout.rows);
     let mut scanned: Vec<[f32; 3]> = Vec::new();
+    let converted = |rgb: [f32; 3]| match header.conversion {
+        Some(conversion) => converted(conversion, rgb),
+        None => rgb,
+    };
     let mut row_rgbe = vec![[0u8; 4]; length];
     for row in 0..rows {
         let rle = RLE_WIDTHS.contains(&length);
         read_row(&mut rest, &mut row_rgbe, rle).map_err(|fault| fault.at(row, rows))?;
-        scanned.extend(row_rgbe.iter().map(|rgbe| from_rgbe(*rgbe, header.multiplier)));
+        scanned.extend(row_rgbe.iter().map(|rgbe| converted(from_rgbe(*rgbe, header.multiplier))));
     }
     let mut picture = Picture::from_pixels(width, height, layout.place(scanned))?;
     picture.view = header.view((width, height));
@@ -77,13 +87,15 @@ struct Header {
     exposure: f32,
     /// Factor of decoded values by channel, which reverses exposure and colour correction.
     multiplier: [f64; 3],
+    /// Conversion of the file's primaries to ours, if they differ.
+    conversion: Option<DMat3>,
     view: Option<ViewSpec>,
 }
 
 impl Header {
     fn read(rest: &mut &[u8]) -> Result<Header, PictureError> {
         let (mut exposure, mut correction) = (1.0f64, [1.0f64; 3]);
-        let (mut spec, mut has_view) = (ViewSpec::default(), false);
+        let (mut spec, mut has_view, mut conversion) = (ViewSpec::default(), false, None);
         let mut room = MAX_HEADER;
         loop {
             let text = line(rest, room)?;
@@ -103,6 +115,8 @@ impl Header {
                 for (product, value) in correction.iter_mut().zip(values) {
                     *product *= positive("COLORCORR", value)?;
                 }
+            } else if let Some(numbers) = text.strip_prefix("PRIMARIES=") {
+                conversion = primaries(numbers)?.to_rec709();
             } else if let Some(format) = text.strip_prefix("FORMAT=") {
                 if format.trim() != "32-bit_rle_rgbe" {
                     return Err(PictureError::Header(format!(
@@ -123,13 +137,26 @@ impl Header {
                 "the exposures multiply to {exposure:e}, which is out of range"
             )));
         }
-        Ok(Header { exposure: kept, multiplier, view: has_view.then_some(spec) })
+        let view = has_view.then_some(spec);
+        Ok(Header { exposure: kept, multiplier, conversion, view })
     }
 
     fn view(&self, size: (u32, u32)) -> Option<View> {
         // The size of the picture, not the one that `resolve` suggests.
         Some(self.view?.resolve(size).ok()?.0)
     }
+}
+
+/// Returns the primaries of a `PRIMARIES=` line: x and y of red, green, blue and white.
+fn primaries(text: &str) -> Result<Primaries, PictureError> {
+    let numbers: Option<Vec<f64>> =
+        text.split_whitespace().map(|number| number.parse().ok()).collect();
+    let numbers = numbers.and_then(|numbers| <[f64; 8]>::try_from(numbers).ok());
+    numbers.and_then(Primaries::new).ok_or_else(|| {
+        PictureError::Header(format!(
+            "PRIMARIES={text} must be x and y of red, green, blue and white"
+        ))
+    })
 }
 
 fn positive(what: &str, text: &str) -> Result<f64, PictureError> {

@@ -1,19 +1,26 @@
 //! OpenEXR: R, G and B as 32-bit floats, written with lossless compression. The view is the text
-//! attribute `VIEW`.
+//! attribute `VIEW`. A file with the channel `Y` alone is grey. Primaries other than ours are converted.
 //!
 //! Invariant: sizes and channels of the header are bounded before any pixel is decoded.
 
+use super::converted;
 use crate::error::PictureError;
 use crate::picture::Picture;
 use crate::size::MAX_PIXELS;
 use crate::view::View;
 use exr::compression::Compression;
 use exr::meta::MetaData;
+use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
     AttributeValue, Encoding, Image, Layer, LayerAttributes, ReadChannels, ReadLayers,
-    SpecificChannels, Text, Vec2, WritableImage,
+    ReadSpecificChannel, SpecificChannels, Text, Vec2, WritableImage,
 };
+use glam::DMat3;
+use holo_color::Primaries;
 use std::io::Cursor;
+
+/// Width and pixels.
+type Pixels = (usize, Vec<[f32; 3]>);
 
 /// Name of the attribute that holds the view as Radiance's options.
 const VIEW: &str = "VIEW";
@@ -54,46 +61,82 @@ pub(super) fn encode(picture: &Picture) -> Result<Vec<u8>, PictureError> {
         channels,
     );
     let mut bytes = Vec::new();
-    Image::from_layer(layer)
-        .write()
-        .non_parallel()
-        .to_buffered(Cursor::new(&mut bytes))
-        .map_err(failed)?;
+    let mut image = Image::from_layer(layer);
+    let [red, green, blue] = Primaries::REC709.channels.map(chromaticity);
+    let white = chromaticity(Primaries::REC709.white);
+    image.attributes.chromaticities = Some(Chromaticities { red, green, blue, white });
+    image.write().non_parallel().to_buffered(Cursor::new(&mut bytes)).map_err(failed)?;
     Ok(bytes)
 }
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
-    check_header(bytes)?;
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .rgb_channels(
-            |size: Vec2<usize>, _: &_| (size.width(), vec![[0.0f32; 3]; size.area()]),
-            |(width, pixels): &mut (usize, Vec<[f32; 3]>),
-             at: Vec2<usize>,
-             (r, g, b): (f32, f32, f32)| {
-                pixels[at.y() * *width + at.x()] = [r, g, b];
-            },
-        )
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(failed)?;
-    let layer = image.layer_data;
-    let (width, height) = (layer.size.width() as u32, layer.size.height() as u32);
-    let mut picture = Picture::from_pixels(width, height, layer.channel_data.pixels.1)?;
-    if let Some(AttributeValue::Text(options)) = layer.attributes.other.get(&Text::from(VIEW)) {
+    let is_grey = check_header(bytes)?;
+    let reader = exr::prelude::read().no_deep_data().largest_resolution_level();
+    let blank = |size: Vec2<usize>| (size.width(), vec![[0.0f32; 3]; size.area()]);
+    let set = |(width, pixels): &mut Pixels, at: Vec2<usize>, rgb: [f32; 3]| {
+        pixels[at.y() * *width + at.x()] = rgb;
+    };
+    let (size, pixels, attributes, other) = if is_grey {
+        let image = reader
+            .specific_channels()
+            .required("Y")
+            .collect_pixels(
+                move |size: Vec2<usize>, _: &_| blank(size),
+                move |pixels: &mut Pixels, at: Vec2<usize>, (y,): (f32,)| set(pixels, at, [y; 3]),
+            )
+            .first_valid_layer()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+            .map_err(failed)?;
+        let layer = image.layer_data;
+        (layer.size, layer.channel_data.pixels.1, image.attributes, layer.attributes.other)
+    } else {
+        let image = reader
+            .rgb_channels(
+                move |size: Vec2<usize>, _: &_| blank(size),
+                move |pixels: &mut Pixels, at: Vec2<usize>, (r, g, b): (f32, f32, f32)| {
+                    set(pixels, at, [r, g, b]);
+                },
+            )
+            .first_valid_layer()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(bytes))
+            .map_err(failed)?;
+        let layer = image.layer_data;
+        (layer.size, layer.channel_data.pixels.1, image.attributes, layer.attributes.other)
+    };
+    let (width, height) = (size.width() as u32, size.height() as u32);
+    let mut picture = Picture::from_pixels(width, height, pixels)?;
+    if let Some(conversion) = attributes.chromaticities.and_then(conversion) {
+        picture.pixels.iter_mut().for_each(|rgb| *rgb = converted(conversion, *rgb));
+    }
+    if let Some(AttributeValue::Text(options)) = other.get(&Text::from(VIEW)) {
         picture.view = view(&options.to_string(), (width, height));
     }
     Ok(picture)
 }
 
-/// Checks that every layer is within the limits and has a safe compression.
+fn chromaticity([x, y]: [f64; 2]) -> Vec2<f32> {
+    Vec2(x as f32, y as f32)
+}
+
+/// Returns the conversion of a file's primaries to ours. `None` if they are ours, or make no sense,
+/// which leaves the pixels usable.
+fn conversion(stated: Chromaticities) -> Option<DMat3> {
+    let Chromaticities { red, green, blue, white } = stated;
+    let [r, g, b, w] = [red, green, blue, white].map(|Vec2(x, y)| [f64::from(x), f64::from(y)]);
+    let numbers = [r[0], r[1], g[0], g[1], b[0], b[1], w[0], w[1]];
+    Primaries::new(numbers)?.to_rec709()
+}
+
+/// Checks that every layer is within the limits and has a safe compression. Returns true if no layer
+/// has colours and one has the channel `Y` alone.
 ///
 /// The library reads the table of chunks before it decodes pixels, so it rejects files that are far
 /// too short.
-fn check_header(bytes: &[u8]) -> Result<(), PictureError> {
+fn check_header(bytes: &[u8]) -> Result<bool, PictureError> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(failed)?;
     for header in &meta.headers {
         let (width, height) = (header.layer_size.width(), header.layer_size.height());
@@ -116,7 +159,11 @@ fn check_header(bytes: &[u8]) -> Result<(), PictureError> {
             )));
         }
     }
-    Ok(())
+    let has = |name: &str| {
+        let mut channels = meta.headers.iter().flat_map(|header| &header.channels.list);
+        channels.any(|channel| channel.name.eq(name))
+    };
+    Ok(has("Y") && !["R", "G", "B", "RY", "BY"].into_iter().any(has))
 }
 
 /// Returns the view; `None` if it cannot be understood, which leaves the pixels usable.

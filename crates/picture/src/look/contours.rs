@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use super::legend::Legend;
-use crate::picture::{Picture, luminance};
+use crate::picture::Picture;
+use holo_color::luminance;
 
 /// Draws the contours of a picture over its image.
 ///

@@ -8,7 +8,7 @@ use std::array;
 
 use super::histogram::{BINS, BINS_PER_OCTAVE, Histogram, LEAST_LOG, log2};
 use super::{SEEN_STEP, eye};
-use crate::picture::luminance;
+use holo_color::{EFFICACY, luminance};
 
 /// Luminance of the display's white in cd/m², and of white over black (the paper, §3).
 pub(super) const WHITE: f64 = 100.0;
@@ -235,7 +235,7 @@ impl Table {
         let entry = (bits >> REST_BITS) as usize;
         let (low, high) = (self.values[entry], self.values[entry + 1]);
         let value = low + (high - low) * ((bits & 0xffff) as f32 / 65_536.0);
-        let factor = value * 179.0 / luminance.max(f32::MIN_POSITIVE);
+        let factor = value * EFFICACY / luminance.max(f32::MIN_POSITIVE);
         array::from_fn(|channel| rgb[channel] * factor)
     }
 }

@@ -1,7 +1,7 @@
 //! The limits of an adapted human eye (Larson, Rushmeier & Piatko 1997): contrast, detail and
 //! colour. Luminances are in cd/m².
 
-use crate::picture::luminance;
+use holo_color::luminance;
 
 /// Luminance below which only rods see, and above which only cones do (§5.2).
 const MESOPIC: [f32; 2] = [5.62e-3, 5.62];

@@ -10,8 +10,9 @@ use super::curve::finite;
 use super::eye;
 use super::raster::Raster;
 use crate::kind::ViewKind;
-use crate::picture::{Picture, luminance};
+use crate::picture::Picture;
 use crate::view::{DEFAULT_VH, View};
+use holo_color::luminance;
 
 /// Width of the fovea in radians.
 const FOVEA: f64 = PI / 180.0;

@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 use std::sync::LazyLock;
 
-use crate::picture::luminance;
+use holo_color::luminance;
 
 /// Bins for each doubling of luminance: 0.038 decades, a little finer than the paper's.
 pub(super) const BINS_PER_OCTAVE: usize = 8;

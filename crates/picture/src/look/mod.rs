@@ -26,11 +26,12 @@ mod scale;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::picture::{Picture, luminance};
+use crate::picture::Picture;
 use bytes::Bytes;
 use curve::{Curve, KEY};
 use fovea::{Blur, Gaze, fovea, under};
 use histogram::{CHUNK, Histogram};
+use holo_color::luminance;
 
 pub use bands::Bands;
 pub use image::Image;
@@ -121,7 +122,9 @@ pub fn auto_exposure(picture: &Picture) -> f32 {
 /// Returns the binary logarithm of the automatic exposure.
 fn exposure_log(seen: &Histogram) -> f32 {
     // Grey of radiance 1 has luminance 179. The factor of any lit picture must be finite.
-    let log = seen.log_average().map_or(0.0, |average| (KEY * 179.0).log2() - average);
+    let log = seen
+        .log_average()
+        .map_or(0.0, |average| (KEY * f64::from(holo_color::EFFICACY)).log2() - average);
     log.clamp(-126.0, 126.0) as f32
 }
 

@@ -164,6 +164,114 @@ fn all_encodings_of_a_row_decode_alike() {
 }
 
 #[test]
+fn exposures_multiply_and_one_of_nothing_is_named() {
+    let read = |header: &str| {
+        let mut bytes = format!("#?RADIANCE\n{header}\n\n-Y 1 +X 1\n").into_bytes();
+        bytes.extend([128, 128, 128, 129]);
+        Picture::decode(&bytes, Format::Hdr)
+    };
+    let plain = read("SOFTWARE=Radiance").unwrap();
+    assert_eq!(read("EXPOSURE=2\nEXPOSURE=0.5").unwrap(), plain);
+    let error = read("EXPOSURE=2\nEXPOSURE=0").unwrap_err().to_string();
+    assert!(error.contains("EXPOSURE=0 must be a positive number"), "{error}");
+    // Without a line, and with our own, colours stay as they are. Greys stay in any primaries.
+    let ours = "PRIMARIES= 0.64 0.33 0.3 0.6 0.15 0.06 0.3127 0.329";
+    let radiance = "PRIMARIES= .640 .330 .290 .600 .150 .060 .333 .333";
+    assert_eq!(read(ours).unwrap(), plain);
+    let grey = read(radiance).unwrap().pixels[0];
+    for (channel, wanted) in grey.into_iter().zip(plain.pixels[0]) {
+        assert!((channel / wanted - 1.0).abs() < 1e-5, "{grey:?}");
+    }
+    for bad in ["PRIMARIES= 1 2 3", "PRIMARIES= .3 .3 .3 .3 .3 .3 .3 .3", "PRIMARIES= a"] {
+        assert!(read(bad).unwrap_err().to_string().contains("PRIMARIES="), "{bad}");
+    }
+}
+
+#[test]
+fn pictures_in_other_primaries_are_converted_in_hdr_and_exr_alike() {
+    // Pure green of a wide gamut has more green than Rec. 709 has, and no red.
+    let wide = [0.64, 0.33, 0.21, 0.71, 0.15, 0.06, 0.3127, 0.329];
+    let numbers = wide.map(|number: f64| number.to_string()).join(" ");
+    let mut bytes = format!("#?RADIANCE\nPRIMARIES= {numbers}\n\n-Y 1 +X 2\n").into_bytes();
+    bytes.extend([0, 128, 0, 129, 128, 0, 0, 129]);
+    let hdr = Picture::decode(&bytes, Format::Hdr).unwrap();
+    let exr = {
+        use exr::prelude::*;
+        let colour =
+            |at: Vec2<usize>| if at.x() == 0 { (0.0f32, 1.0f32, 0.0f32) } else { (1.0, 0.0, 0.0) };
+        let mut image = Image::from_channels((2, 1), SpecificChannels::rgb(colour));
+        let pair = |at: usize| Vec2(wide[at] as f32, wide[at + 1] as f32);
+        image.attributes.chromaticities = Some(attribute::Chromaticities {
+            red: pair(0),
+            green: pair(2),
+            blue: pair(4),
+            white: pair(6),
+        });
+        let mut bytes = Vec::new();
+        image.write().non_parallel().to_buffered(std::io::Cursor::new(&mut bytes)).unwrap();
+        Picture::decode(&bytes, Format::Exr).unwrap()
+    };
+    for picture in [hdr, exr] {
+        let [green, red] = [picture.pixels[0], picture.pixels[1]];
+        assert!(green[0] < 0.01 && (green[1] - 1.0).abs() < 0.01, "{green:?}");
+        assert!((red[0] - 1.398).abs() < 0.01 && red[1] < 0.01, "{red:?}");
+    }
+}
+
+#[test]
+fn every_file_that_is_written_states_its_primaries() {
+    let picture = Picture::from_pixels(1, 1, vec![[1.0, 2.0, 3.0]]).unwrap();
+    let header = String::from_utf8_lossy(&picture.encode(Format::Hdr).unwrap()).into_owned();
+    assert!(header.contains("\nPRIMARIES= 0.64 0.33 0.3 0.6 0.15 0.06 0.3127 0.329\n"), "{header}");
+    let bytes = picture.encode(Format::Exr).unwrap();
+    let meta =
+        exr::meta::MetaData::read_from_buffered(std::io::Cursor::new(&bytes), false).unwrap();
+    let stated = meta.headers[0].shared_attributes.chromaticities.unwrap();
+    assert_eq!((stated.red.x(), stated.green.y(), stated.white.x()), (0.64, 0.6, 0.3127));
+    assert_eq!(Picture::decode(&bytes, Format::Exr).unwrap().pixels, picture.pixels);
+}
+
+#[test]
+fn exr_files_show_the_same_picture_whatever_their_order_of_lines_and_channels() {
+    use exr::prelude::*;
+    let encode = |order: LineOrder, names: &[&str]| {
+        // Rows are 1 2 over 3 4. Channels A, B, G, R are 0.25, 3, 2 and 1 times that.
+        let value = |name: &str| match name {
+            "A" => 0.25f32,
+            "B" => 3.0,
+            "G" => 2.0,
+            _ => 1.0,
+        };
+        let channel = |name: &&str| {
+            let samples = [1.0, 2.0, 3.0, 4.0].map(|pixel| value(name) * pixel).to_vec();
+            AnyChannel::new(*name, FlatSamples::F32(samples))
+        };
+        let channels = AnyChannels::sort(names.iter().map(channel).collect());
+        let encoding = Encoding {
+            compression: Compression::Uncompressed,
+            blocks: Blocks::ScanLines,
+            line_order: order,
+        };
+        let layer = Layer::new((2, 2), LayerAttributes::default(), encoding, channels);
+        let mut bytes = Vec::new();
+        Image::from_layer(layer)
+            .write()
+            .non_parallel()
+            .to_buffered(std::io::Cursor::new(&mut bytes))
+            .unwrap();
+        Picture::decode(&bytes, Format::Exr).unwrap().pixels
+    };
+    let wanted: Vec<[f32; 3]> = [1.0, 2.0, 3.0, 4.0].map(|v| [v, 2.0 * v, 3.0 * v]).to_vec();
+    for order in [LineOrder::Increasing, LineOrder::Decreasing] {
+        for names in [&["R", "G", "B"][..], &["A", "B", "G", "R"]] {
+            assert_eq!(encode(order, names), wanted, "{order:?} {names:?}");
+        }
+        let grey: Vec<[f32; 3]> = [1.0, 2.0, 3.0, 4.0].map(|v| [v; 3]).to_vec();
+        assert_eq!(encode(order, &["Y"]), grey, "{order:?}");
+    }
+}
+
+#[test]
 fn all_eight_orientations_show_the_same_picture() {
     // Pixels are identified by their exponents: 1 2 3 over 4 5 6.
     let wanted = file_of("-Y 2 +X 3", [1, 2, 3, 4, 5, 6]);
@@ -199,7 +307,7 @@ fn a_written_hdr_has_the_bytes_that_radiance_expects() {
         View::new(DVec3::new(1.0, 2.0, 3.0), DVec3::Y, DVec3::Z, Some(60.0), Some(45.0), (8, 1))
             .unwrap();
     picture.view = Some(view);
-    let header = "#?RADIANCE\nSOFTWARE=Holodeck\nVIEW= -vtv -vp 1 2 3 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45 -vo 0 -va 0 -vs 0 \
+    let header = "#?RADIANCE\nSOFTWARE=Holodeck\nPRIMARIES= 0.64 0.33 0.3 0.6 0.15 0.06 0.3127 0.329\nVIEW= -vtv -vp 1 2 3 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 45 -vo 0 -va 0 -vs 0 \
                   -vl 0\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 8\n";
     let mut wanted = header.as_bytes().to_vec();
     wanted.extend_from_slice(&[2, 2, 0, 8]);

@@ -2,6 +2,7 @@
 //! The tests beside this folder need a process of their own.
 
 mod clipping;
+mod colours;
 mod compare;
 mod files;
 mod look;
