@@ -147,6 +147,11 @@ impl PathPolicy for GatherPolicy<'_> {
     }
 
     #[inline]
+    fn finds_suns(&self, _: u32) -> bool {
+        true
+    }
+
+    #[inline]
     fn light_samples(&self, engine: &PathEngine, scatterings: u32, _: bool) -> u32 {
         if scatterings == 1 { engine.light_samples } else { 1 }
     }
