@@ -5,10 +5,11 @@ use std::{
     time::{Duration, Instant},
 };
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use axum::{
+    body::Bytes,
     extract::{
-        State, WebSocketUpgrade,
+        ConnectInfo, State, WebSocketUpgrade,
         ws::{Message, WebSocket},
     },
     response::Response,
@@ -20,10 +21,11 @@ use futures_util::{
 use holo_picture::{Image, Look};
 use tokio::{
     sync::{mpsc, watch},
-    time::{sleep_until, timeout},
+    time::{interval, sleep_until, timeout},
 };
 
 use super::{
+    connections::Visitor,
     eyes::Eyes,
     from_page::{self, Asked},
     hub::{Guest, Hub, Seen},
@@ -40,6 +42,9 @@ const MOST_GARBAGE: u32 = 8;
 
 /// Longest time to send a message. A client that receives nothing for so long has gone.
 const SENDING: Duration = Duration::from_secs(20);
+
+/// Interval between pings. Browsers answer them.
+const PING_EVERY: Duration = Duration::from_secs(2);
 
 /// Time without a newer frame after which a picture at rest is sent exactly.
 const CALM: Duration = Duration::from_millis(250);
@@ -58,9 +63,14 @@ const SETTLED: f32 = 1e-3;
 const MOST_ANSWERS: usize = 32;
 
 /// Takes a page's connection.
-pub async fn connect(upgrade: WebSocketUpgrade, State(hub): State<Arc<Hub>>) -> Response {
+pub async fn connect(
+    upgrade: WebSocketUpgrade,
+    ConnectInfo(visitor): ConnectInfo<Visitor>,
+    State(hub): State<Arc<Hub>>,
+) -> Response {
     let upgrade = upgrade.max_message_size(MOST_BYTES).max_frame_size(MOST_BYTES);
     upgrade.on_upgrade(move |socket| async move {
+        visitor.begins_session();
         let (sink, stream) = socket.split();
         let Some(guest) = hub.enter() else {
             let mut sink = sink;
@@ -76,6 +86,7 @@ pub async fn connect(upgrade: WebSocketUpgrade, State(hub): State<Arc<Hub>>) -> 
             () = reader.run() => {}
             // An error also ends the connection.
             _ = writer.run(waiting) => {}
+            () = guest.gives_way() => {}
         }
     })
 }
@@ -105,6 +116,7 @@ impl Reader<'_> {
     async fn run(mut self) {
         let mut garbage = 0;
         while let Some(Ok(message)) = self.stream.next().await {
+            self.guest.is_heard();
             let parsed = match message {
                 Message::Text(text) => from_page::parse(&text),
                 Message::Binary(_) => Err("messages are texts".to_owned()),
@@ -231,6 +243,7 @@ impl<'a> Writer<'a> {
         self.send(text(to_page::hello(self.guest.number, &self.hub.session))).await?;
         let mut has_facts = false;
         let mut sent_at = Instant::now();
+        let mut pings = interval(PING_EVERY);
         loop {
             let is_free = self.under_way.is_none();
             let is_hidden = self.wanted.borrow().is_hidden;
@@ -273,6 +286,10 @@ impl<'a> Writer<'a> {
                     self.send(text(to_page::roles(drives, clients))).await?;
                 }
                 Some(answer) = answers.recv() => self.send(text(answer)).await?,
+                _ = pings.tick() => {
+                    ensure!(self.guest.silence() < SENDING, "it has gone");
+                    self.send(Message::Ping(Bytes::new())).await?;
+                }
                 () = sleep_until(adapts.into()), if is_free && !is_hidden && self.adapts.is_some() => {}
                 () = sleep_until((sent_at + CALM).into()), if calm => {
                     self.improve().await?;

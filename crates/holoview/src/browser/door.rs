@@ -17,7 +17,10 @@ use tokio::{
     time::timeout,
 };
 
-use super::guard::Gate;
+use super::{
+    connections::{Bounded, Visitor},
+    guard::Gate,
+};
 
 /// Most unfinished handshakes. A further client ends the oldest one.
 const MOST_HANDSHAKES: usize = 64;
@@ -97,9 +100,14 @@ impl Door {
     /// Serves pages until the future is dropped.
     pub async fn serve(self, router: Router) -> Result<()> {
         match self.outside {
-            None => axum::serve(self.listener, router).await,
+            None => {
+                let service = router.into_make_service_with_connect_info::<Visitor>();
+                axum::serve(Bounded::new(self.listener), service).await
+            }
             Some(Outside { identity, .. }) => {
-                axum::serve(EncryptedListener::new(self.listener, identity)?, router).await
+                let listener = EncryptedListener::new(self.listener, identity)?;
+                let service = router.into_make_service_with_connect_info::<Visitor>();
+                axum::serve(Bounded::new(listener), service).await
             }
         }
         .context("serving the page")

@@ -10,12 +10,14 @@
 //! which its browser sends with each request of the page.
 
 use axum::{
-    extract::{Request, State},
+    extract::{ConnectInfo, Request, State},
     http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header},
     middleware::Next,
     response::{IntoResponse, Redirect, Response},
 };
 use holo_net::Secret;
+
+use super::connections::Visitor;
 
 /// Names of this machine that no other machine can have.
 const NAMES: [&str; 3] = ["127.0.0.1", "localhost", "[::1]"];
@@ -87,12 +89,16 @@ pub enum Gate {
 
 /// Answers requests that may not enter, and passes on the others.
 pub async fn guard(State(gate): State<Gate>, request: Request, next: Next) -> Response {
+    let visitor = request.extensions().get::<ConnectInfo<Visitor>>().map(|info| info.0.clone());
     let mut response = if let Some(cookie) = gate.cookie_for(&request) {
         ([(header::SET_COOKIE, cookie)], Redirect::to("/")).into_response()
     } else if let Some(reason) = gate.refusal(request.headers(), Need::of(&request)) {
         (StatusCode::FORBIDDEN, reason).into_response()
     } else {
-        next.run(request).await
+        visitor.iter().for_each(Visitor::asks);
+        let response = next.run(request).await;
+        visitor.iter().for_each(Visitor::is_answered);
+        response
     };
     for (name, value) in HEADERS {
         response.headers_mut().insert(name, HeaderValue::from_static(value));

@@ -3,13 +3,13 @@
 use std::{
     collections::BTreeMap,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use holo_net::Shutdown;
 use holo_picture::{Image, Look};
 use holo_walk::Controls;
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::{Notify, Semaphore, watch};
 
 use super::eyes::AllEyes;
 use crate::stage::{Front, Input, Shown};
@@ -19,6 +19,9 @@ const MOST_CLIENTS: usize = 64;
 
 /// Most pictures of a stated size that are encoded and sent at once.
 const MOST_ENCODERS: usize = 4;
+
+/// A client that has answered no ping for so long gives way to a further one.
+const SILENT: Duration = Duration::from_secs(6);
 
 /// Time that clients may take to leave after the session's end.
 const LEAVING: Duration = Duration::from_secs(2);
@@ -38,6 +41,8 @@ pub struct Hub {
     pub encoders: Arc<Semaphore>,
     /// The frame that each client sees, by the client's number.
     seen: Mutex<BTreeMap<u32, Seen>>,
+    /// When each client was last heard of, and the signal that it must give way.
+    heard: Mutex<BTreeMap<u32, (Instant, Arc<Notify>)>>,
 }
 
 /// A frame as a client sees it.
@@ -65,6 +70,7 @@ pub struct Guest {
     /// Its number, from 1.
     pub number: u32,
     hub: Arc<Hub>,
+    gives_way: Arc<Notify>,
 }
 
 impl Hub {
@@ -78,16 +84,20 @@ impl Hub {
             eyes: AllEyes::default(),
             encoders: Arc::new(Semaphore::new(MOST_ENCODERS)),
             seen: Mutex::default(),
+            heard: Mutex::default(),
         }
     }
 
-    /// Admits a client; `None` if there are too many. The first one drives.
+    /// Admits a client; `None` if there are too many. The first one drives. A client that answers
+    /// nothing gives way.
     pub fn enter(self: &Arc<Self>) -> Option<Guest> {
         let number = {
             let mut next = lock(&self.next_client);
             *next += 1;
             *next - 1
         };
+        let gives_way = Arc::new(Notify::new());
+        self.make_room();
         let has_entered = self.roles.send_if_modified(|roles| {
             let has_room = roles.clients.len() < MOST_CLIENTS;
             if has_room {
@@ -96,7 +106,42 @@ impl Hub {
             }
             has_room
         });
-        has_entered.then(|| Guest { number, hub: Arc::clone(self) })
+        has_entered.then(|| {
+            lock(&self.heard).insert(number, (Instant::now(), Arc::clone(&gives_way)));
+            Guest { number, hub: Arc::clone(self), gives_way }
+        })
+    }
+
+    /// If there are too many clients, ends the one that has been silent the longest, if it is.
+    fn make_room(&self) {
+        if self.roles.borrow().clients.len() < MOST_CLIENTS {
+            return;
+        }
+        let silent = {
+            let heard = lock(&self.heard);
+            let silent = heard.iter().min_by_key(|(_, (at, _))| *at);
+            let silent = silent.filter(|(_, (at, _))| at.elapsed() >= SILENT);
+            silent.map(|(&number, (_, gives_way))| (number, Arc::clone(gives_way)))
+        };
+        if let Some((number, gives_way)) = silent {
+            self.remove(number);
+            gives_way.notify_one();
+        }
+    }
+
+    /// Removes a client. If it drove, the first one drives.
+    fn remove(&self, number: u32) {
+        lock(&self.seen).remove(&number);
+        lock(&self.heard).remove(&number);
+        if self.drives(number) {
+            self.let_go();
+        }
+        self.roles.send_modify(|roles| {
+            roles.clients.retain(|&client| client != number);
+            if roles.driver == Some(number) {
+                roles.driver = roles.clients.first().copied();
+            }
+        });
     }
 
     /// Makes a client the driver.
@@ -147,20 +192,29 @@ impl Guest {
     pub fn sees(&self, seen: Seen) {
         lock(&self.hub.seen).insert(self.number, seen);
     }
+
+    /// Records that something has come from the client.
+    pub fn is_heard(&self) {
+        if let Some((at, _)) = lock(&self.hub.heard).get_mut(&self.number) {
+            *at = Instant::now();
+        }
+    }
+
+    /// Returns for how long nothing has come from the client.
+    pub fn silence(&self) -> Duration {
+        let heard = lock(&self.hub.heard);
+        heard.get(&self.number).map_or(Duration::ZERO, |(at, _)| at.elapsed())
+    }
+
+    /// Waits until the client must give way to another one.
+    pub async fn gives_way(&self) {
+        self.gives_way.notified().await;
+    }
 }
 
 impl Drop for Guest {
     fn drop(&mut self) {
-        lock(&self.hub.seen).remove(&self.number);
-        if self.hub.drives(self.number) {
-            self.hub.let_go();
-        }
-        self.hub.roles.send_modify(|roles| {
-            roles.clients.retain(|&client| client != self.number);
-            if roles.driver == Some(self.number) {
-                roles.driver = roles.clients.first().copied();
-            }
-        });
+        self.hub.remove(self.number);
     }
 }
 

@@ -6,9 +6,11 @@
 //! - A client on another machine has an encrypted connection and the page's token.
 //! - At most one frame is under way to a client. When it has arrived, the latest frame follows.
 //! - One client drives; other clients' inputs move nothing.
+//! - Connections are bounded in number, and in the time until their first request.
 //! - All input from a client is bounded, and malformed input ends only that client's connection.
 
 mod client;
+mod connections;
 mod door;
 mod encode;
 mod eyes;

@@ -472,3 +472,28 @@ async fn everyone_is_told_why_the_session_has_ended() {
     page.is_left().await;
     server.end().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pages_that_read_nothing_give_way_to_those_that_do() {
+    let server = Server::start().await;
+    let here = format!("127.0.0.1:{}", server.port);
+    let origin = format!("http://{here}");
+    let mut deaf = Vec::new();
+    for _ in 0..64 {
+        deaf.push(server.connect(&here, Some(&origin)).await.unwrap());
+    }
+    let enters = async {
+        loop {
+            let mut page = server.connect(&here, Some(&origin)).await.unwrap();
+            let first = page.socket.next().await.unwrap().unwrap();
+            let told: Value = serde_json::from_str(first.to_text().unwrap()).unwrap();
+            if told["is"] == "hello" {
+                return;
+            }
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    };
+    timeout(LIMIT, enters).await.unwrap();
+    drop(deaf);
+    server.end().await;
+}

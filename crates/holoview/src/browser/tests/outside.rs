@@ -83,6 +83,27 @@ async fn another_machine_needs_the_token_for_the_page_the_pictures_and_the_sessi
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn half_requests_of_strangers_lock_nobody_out() {
+    let outside = Outside::start().await;
+    let cookie = outside.cookie().await;
+    let mut half = Vec::new();
+    for _ in 0..400 {
+        let mut stream = outside.stream().await;
+        stream.write_all(b"GET / HTTP/1.1\r\nHost: house").await.unwrap();
+        half.push(stream);
+    }
+    assert!(outside.get("/", &cookie).await.starts_with("HTTP/1.1 200"));
+    assert_eq!(outside.session(&cookie, "https://house.example").await.unwrap()["is"], "hello");
+    // The first ones have given way, and the last ones have no more than their time.
+    for at in [0, 399] {
+        let mut rest = Vec::new();
+        // The end may come without a word of the encryption.
+        let _ = timeout(LIMIT, half[at].read_to_end(&mut rest)).await.expect("it is ended");
+    }
+    outside.server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn clients_that_do_not_finish_encryption_delay_nobody() {
     let outside = Outside::start().await;
     let mut silent = Vec::new();

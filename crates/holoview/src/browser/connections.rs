@@ -1,0 +1,244 @@
+//! The page's connections: bounded in number, and in the time until their first request.
+//!
+//! Invariants:
+//! - A connection whose first request has not been admitted within [`REQUEST_TIME`] ends.
+//! - At most [`MOST_CONNECTIONS`] are open. A further one ends the oldest without an admitted
+//!   request. If there is none, it ends the one whose last request is the longest ago. Sessions and
+//!   requests under way stay.
+
+use std::{
+    collections::BTreeMap,
+    io,
+    pin::Pin,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    task::{Context, Poll},
+    time::Duration,
+};
+
+use axum::{
+    extract::connect_info::Connected,
+    serve::{IncomingStream, Listener},
+};
+use futures_util::task::AtomicWaker;
+use tokio::{
+    io::{AsyncRead, AsyncWrite, ReadBuf},
+    time::{Instant, Sleep, sleep},
+};
+
+/// Longest time from the opening of a connection, encrypted if need be, to its first whole request.
+const REQUEST_TIME: Duration = Duration::from_secs(10);
+
+/// Most connections. Sessions are fewer, and a browser opens six besides.
+const MOST_CONNECTIONS: usize = 192;
+
+/// What a connection is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// No request was admitted yet.
+    Unknown,
+    /// A request is being answered.
+    Asked,
+    /// All requests are answered.
+    Idle,
+    /// It is a session.
+    Session,
+    /// It must end.
+    Ended,
+}
+
+/// All open connections, by number.
+#[derive(Default)]
+struct Connections {
+    last: u64,
+    open: BTreeMap<u64, Arc<Connection>>,
+}
+
+/// One connection.
+struct Connection {
+    number: u64,
+    state: Mutex<(Phase, Instant)>,
+    /// Wakes whoever reads from it.
+    reader: AtomicWaker,
+}
+
+impl Connection {
+    fn phase(&self) -> Phase {
+        lock(&self.state).0
+    }
+
+    /// Enters a phase, unless it must end.
+    fn enter(&self, phase: Phase) {
+        let mut state = lock(&self.state);
+        if state.0 != Phase::Ended {
+            *state = (phase, Instant::now());
+        }
+    }
+
+    fn end(&self) {
+        lock(&self.state).0 = Phase::Ended;
+        self.reader.wake();
+    }
+}
+
+impl Connections {
+    /// Adds a connection, and ends another one if there are too many.
+    fn add(&mut self) -> Arc<Connection> {
+        if self.open.len() >= MOST_CONNECTIONS {
+            let of = |phase: Phase| {
+                let of_phase = self.open.values().filter(move |known| known.phase() == phase);
+                of_phase.min_by_key(|known| lock(&known.state).1).map(|known| known.number)
+            };
+            let victim = of(Phase::Unknown).or_else(|| of(Phase::Idle));
+            if let Some(victim) = victim.and_then(|number| self.open.remove(&number)) {
+                victim.end();
+            }
+        }
+        self.last += 1;
+        let state = Mutex::new((Phase::Unknown, Instant::now()));
+        let connection = Connection { number: self.last, state, reader: AtomicWaker::new() };
+        let connection = Arc::new(connection);
+        self.open.insert(self.last, Arc::clone(&connection));
+        connection
+    }
+}
+
+/// A listener whose connections are bounded.
+pub struct Bounded<L> {
+    listener: L,
+    connections: Arc<Mutex<Connections>>,
+}
+
+impl<L: Listener> Bounded<L> {
+    /// Bounds the connections of a listener.
+    pub fn new(listener: L) -> Bounded<L> {
+        Bounded { listener, connections: Arc::default() }
+    }
+}
+
+impl<L: Listener> Listener for Bounded<L> {
+    type Io = Watched<L::Io>;
+    type Addr = L::Addr;
+
+    async fn accept(&mut self) -> (Self::Io, Self::Addr) {
+        let (stream, from) = self.listener.accept().await;
+        let connection = lock(&self.connections).add();
+        let connections = Arc::clone(&self.connections);
+        let limit = Box::pin(sleep(REQUEST_TIME));
+        (Watched { stream, connection, connections, limit }, from)
+    }
+
+    fn local_addr(&self) -> io::Result<Self::Addr> {
+        self.listener.local_addr()
+    }
+}
+
+/// A stream that ends when its connection must.
+pub struct Watched<S> {
+    stream: S,
+    connection: Arc<Connection>,
+    connections: Arc<Mutex<Connections>>,
+    limit: Pin<Box<Sleep>>,
+}
+
+impl<S> Drop for Watched<S> {
+    fn drop(&mut self) {
+        lock(&self.connections).open.remove(&self.connection.number);
+    }
+}
+
+impl<S: AsyncRead + Unpin> AsyncRead for Watched<S> {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        into: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        self.connection.reader.register(context.waker());
+        let phase = self.connection.phase();
+        let is_late = phase == Phase::Unknown && self.limit.as_mut().poll(context).is_ready();
+        if is_late || phase == Phase::Ended {
+            return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
+        }
+        Pin::new(&mut self.stream).poll_read(context, into)
+    }
+}
+
+impl<S: AsyncWrite + Unpin> AsyncWrite for Watched<S> {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.stream).poll_write(context, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+}
+
+/// The connection that a request came by.
+#[derive(Clone)]
+pub struct Visitor(Arc<Connection>);
+
+impl<L: Listener> Connected<IncomingStream<'_, Bounded<L>>> for Visitor {
+    fn connect_info(stream: IncomingStream<'_, Bounded<L>>) -> Visitor {
+        Visitor(Arc::clone(&stream.io().connection))
+    }
+}
+
+impl Visitor {
+    /// Records that a request is admitted, and is being answered.
+    pub fn asks(&self) {
+        self.0.enter(Phase::Asked);
+    }
+
+    /// Records that the answer is ready.
+    pub fn is_answered(&self) {
+        if self.0.phase() == Phase::Asked {
+            self.0.enter(Phase::Idle);
+        }
+    }
+
+    /// Records that the connection is a session from now on.
+    pub fn begins_session(&self) {
+        self.0.enter(Phase::Session);
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // Every change leaves the value consistent, so a panic elsewhere does no harm.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_oldest_unknown_gives_way_then_the_idlest_and_never_a_session() {
+        let mut connections = Connections::default();
+        let mut add = |phase: Phase| {
+            let connection = connections.add();
+            connection.enter(phase);
+            connection
+        };
+        let session = add(Phase::Session);
+        let idle = add(Phase::Idle);
+        let mut others = Vec::new();
+        for _ in 0..MOST_CONNECTIONS {
+            others.push(add(Phase::Unknown));
+        }
+        let ended = |of: &[Arc<Connection>]| {
+            of.iter().filter(|known| known.phase() == Phase::Ended).count()
+        };
+        assert_eq!((ended(&others), ended(&others[..2])), (2, 2));
+        others.iter().for_each(|known| known.enter(Phase::Asked));
+        let more = add(Phase::Asked);
+        assert_eq!((ended(&others), idle.phase()), (2, Phase::Ended));
+        assert_eq!((session.phase(), more.phase()), (Phase::Session, Phase::Asked));
+    }
+}
