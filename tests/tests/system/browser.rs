@@ -183,6 +183,7 @@ fn a_picture_gets_clearer_and_the_page_reconnects_by_itself() {
     browser.wait("state.paused && state.samples_per_second === 0");
     browser.press("KeyP", "p");
     browser.wait("!state.paused && state.samples_per_second > 0");
+    let view = changes_view(browser, |browser| browser.drag((640, 360), (660, 360), 1));
     // The session is killed, without a message. The page keeps its picture until another one
     // arrives.
     session.signal(Signal::KILL);
@@ -192,6 +193,8 @@ fn a_picture_gets_clearer_and_the_page_reconnects_by_itself() {
     let http = at.trim_start_matches("http://").trim_end_matches('/').to_owned();
     let session = start(&["--http", &http]);
     browser.wait("document.getElementById('loading').hidden && drives");
+    // The page returns to where the eye was.
+    browser.wait(&format!("document.body.dataset.options === {view:?}"));
     wait_for_rest(browser);
     // A person ends the session while walking, and everything is stored all the same.
     browser.key("KeyE", "e", true);
@@ -258,6 +261,12 @@ fn buttons_keys_and_lines_command_a_session() {
         browser.value("[...document.querySelectorAll('#views .name')].pop().click()");
     });
     assert_eq!(recalled, home);
+    assert_eq!(browser.value("document.activeElement.id"), "stage", "keys walk again");
+    // A view that was removed by mistake comes back.
+    browser.value("[...document.querySelectorAll('#views .forget')].pop().click()");
+    browser.wait("!state.views.some(view => view[0] === 'the corner')");
+    browser.value("document.querySelector('#notice button').click()");
+    browser.wait("state.views.some(view => view[0] === 'the corner')");
     // A person's choices stay when the page is loaded again.
     browser.value("stops(1)");
     browser.reload_until("document.readyState === 'complete' && hasPicture && display.stops === 1");

@@ -16,6 +16,9 @@ use glam::{DVec3, Vec3};
 use holo_display::{Camera, Frame};
 use holo_picture::{View, ViewKind};
 
+/// A surface lies behind another one if it is farther by this factor.
+const BEHIND: f32 = 1.05;
+
 /// Greatest distance of a crack's sides from its pixels.
 const CRACK: isize = 2;
 
@@ -63,6 +66,7 @@ pub fn warp(sources: &[Source<'_>], view: &View, size: (u32, u32)) -> Option<Fra
         let missing = targets.iter().filter(|target| target.pixel == NONE).count();
         if missing as f64 > FEW * targets.len() as f64 {
             project(source, number, view, size, &mut targets);
+            close_cracks(&mut targets, size);
         }
     }
     for ((target, pixel), depth) in
@@ -151,6 +155,33 @@ fn project(
             }
         }
     }
+}
+
+/// Closes cracks through which a farther surface shows: pixels that lie behind both neighbours in
+/// some direction, if these belong to one surface. Such a pixel takes the nearer surface.
+fn close_cracks(targets: &mut [Target], (width, height): (u32, u32)) {
+    let (width, height) = (width as usize, height as usize);
+    for y in 1..height.saturating_sub(1) {
+        for at in y * width + 1..(y + 1) * width - 1 {
+            let own = targets[at];
+            if own.pixel == NONE {
+                continue;
+            }
+            for far in [1, width, width + 1, width - 1] {
+                let (before, after) = (targets[at - far], targets[at + far]);
+                let is_behind = own.depth > BEHIND * before.depth.max(after.depth);
+                let is_surface = before.pixel != NONE && after.pixel != NONE;
+                if is_behind && is_surface && is_one(before.depth, after.depth) {
+                    targets[at] = before;
+                    break;
+                }
+            }
+        }
+    }
+}
+
+fn is_one(a: f32, b: f32) -> bool {
+    a < b * BEHIND && b < a * BEHIND
 }
 
 /// Returns whether a pixel is filled, or is a crack in a surface: no pixel of a source happens to
@@ -306,6 +337,27 @@ mod tests {
         let shown = warp(&sources, &to, SIZE).unwrap();
         let green = shown.picture.pixels.iter().filter(|pixel| pixel[1] > 8.0).count();
         assert_eq!(green, 0);
+    }
+
+    #[test]
+    fn a_farther_surface_does_not_show_through_the_cracks_of_a_nearer_one() {
+        // The eye comes closer and steps aside, so the wall's pixels move behind the board, whose
+        // own pixels lie apart.
+        let from = view(0.0, 0.0);
+        let frame = scene(&from, SIZE);
+        let eye = DVec3::new(0.3, 0.9, 0.0);
+        let to = View::new(eye, DVec3::Y, DVec3::Z, Some(60.0), None, SIZE).unwrap();
+        let shown = warp(&[Source { view: &from, frame: &frame }], &to, SIZE).unwrap();
+        // The middle of the board, away from its edges.
+        let leaks = (0..SIZE.1).flat_map(|row| (0..SIZE.0).map(move |column| (column, row)));
+        let leaks = leaks.filter(|&(column, row)| {
+            let (x, y) = View::pixel_centre(SIZE, column, row);
+            let (origin, direction) = to.ray(x, y);
+            let at = origin + direction * ((2.0 - origin.y) / direction.y);
+            let is_board = at.x.abs() < 0.26 && at.z.abs() < 0.4;
+            is_board && shown.picture.get(column, row).is_some_and(|rgb| rgb[1] > 0.0)
+        });
+        assert_eq!(leaks.count(), 0);
     }
 
     #[test]
