@@ -8,7 +8,7 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
-use holo_beamfile::{BeamFile, Maker};
+use holo_beamfile::{BeamFile, Maker, Skipped};
 use holo_progress::{HumanBytes, HumanCount, said_once};
 use holo_proto::control::{Engine, RenderSettings};
 use holo_section::{ImportanceTable, Section, ViewClass};
@@ -82,7 +82,21 @@ struct Info {
     stand_ins: Vec<(u16, String, String)>,
     up: [f64; 3],
     unit: f64,
+    /// Blocks of the file, and those of them that its index describes.
+    blocks: u64,
+    indexed_blocks: u64,
+    /// Number of shares of samples, by layer.
+    layers: BTreeMap<u16, u64>,
+    /// Blocks of kinds that this version does not know.
+    skipped: Vec<SkippedInfo>,
     damage: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct SkippedInfo {
+    kind: u32,
+    blocks: u64,
+    bytes: u64,
 }
 
 #[derive(Serialize)]
@@ -169,6 +183,10 @@ fn collect(file: &Path) -> Result<Info> {
             .map_or_else(Vec::new, |stand_ins| stand_ins.sources.clone()),
         up: about.up,
         unit: about.unit,
+        blocks: holodeck.file.report().blocks,
+        indexed_blocks: holodeck.file.report().indexed,
+        layers: holodeck.file.layers().into_iter().collect(),
+        skipped: skipped(&holodeck.file),
         damage: damage(&holodeck),
     })
 }
@@ -239,6 +257,11 @@ fn unseen_shares(sections: &[Section], unseen: &UnseenBeams) -> Vec<f64> {
         }
     }
     shares
+}
+
+fn skipped(file: &BeamFile) -> Vec<SkippedInfo> {
+    let skipped = file.skipped().into_iter();
+    skipped.map(|Skipped { kind, blocks, bytes }| SkippedInfo { kind, blocks, bytes }).collect()
 }
 
 /// Returns the damage that was found when the file was opened.
@@ -336,10 +359,33 @@ pub fn info(args: &InfoArgs) -> Result<()> {
     for (name, options) in &info.views {
         holo_progress::print_line!("view {name}: {options}");
     }
+    print_blocks(&info);
     for damage in &info.damage {
         holo_progress::print_line!("damaged: {damage}");
     }
     Ok(())
+}
+
+/// Prints the index, layers, and blocks of unknown kinds.
+fn print_blocks(info: &Info) {
+    holo_progress::print_line!(
+        "index: {} of {} blocks",
+        HumanCount(info.indexed_blocks),
+        HumanCount(info.blocks)
+    );
+    if !info.layers.is_empty() {
+        holo_progress::print_line!(
+            "layers: {}, with {} shares of samples",
+            info.layers.len(),
+            HumanCount(info.layers.values().sum())
+        );
+    }
+    for SkippedInfo { kind, blocks, bytes } in &info.skipped {
+        holo_progress::print_line!(
+            "skipped: {blocks} blocks of kind {kind} ({}), which a later version wrote",
+            HumanBytes(*bytes)
+        );
+    }
 }
 
 /// See [`VerifyArgs`].

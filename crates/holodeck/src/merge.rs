@@ -40,6 +40,14 @@ pub fn run(args: &Args) -> Result<()> {
             None if args.into.exists() => into.insert(Holodeck::open(&args.into, SMALL_CACHE)?),
             None => into.insert(part.without_samples(&args.into)?),
         };
+        for skipped in part.file.skipped() {
+            eprintln!(
+                "{}: {} blocks of kind {}, which a later version wrote, are not merged",
+                path.display(),
+                skipped.blocks,
+                skipped.kind
+            );
+        }
         let doing = || format!("merging {} into {}", path.display(), args.into.display());
         let merged = into.merge(&part).with_context(doing)?;
         if !args.quiet && !args.json {

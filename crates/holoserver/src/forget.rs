@@ -32,14 +32,22 @@ impl Holodeck {
     /// light, because workers make records from those of others.
     ///
     /// # Errors
-    /// If the file has no such maker, another process writes to it, or the disk fails. The file is
-    /// then as before.
+    /// If the file has no such maker or blocks of an unknown kind, another process writes to it, or
+    /// the disk fails. The file is then as before.
     pub fn forget(path: &Path, makers: &[Maker]) -> Result<Forgotten> {
         let old = Self::open(path, 0)?;
         for maker in makers.iter().filter(|maker| **maker != Maker::UNKNOWN) {
             if old.makers().get(*maker).is_none() {
                 bail!("{} knows no worker {}", path.display(), maker.0);
             }
+        }
+        if let Some(skipped) = old.file.skipped().first() {
+            bail!(
+                "{} has blocks of kind {}, which a later version wrote; they would be lost: remove \
+                 the samples with that version",
+                path.display(),
+                skipped.kind
+            );
         }
         let fresh = beside(path)?;
         let forgotten = old.copy_without(&fresh, makers);
@@ -55,6 +63,9 @@ impl Holodeck {
     fn copy_without(&self, fresh: &Path, makers: &[Maker]) -> Result<Forgotten> {
         let new = self.without_samples(fresh)?;
         let copied = self.file.copy_samples(&new.file, &|maker| !makers.contains(&maker))?;
+        self.file.copy_shares(&new.file, &|maker, generation| {
+            (!makers.contains(&maker)).then_some((maker, generation))
+        })?;
         new.file.begin_generation(self.about.generation)?;
         let known = self.makers();
         let made = || known.iter().filter(|made| makers.contains(&Maker(made.id)));

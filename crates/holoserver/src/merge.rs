@@ -29,8 +29,9 @@ pub struct Merged {
 }
 
 impl Holodeck {
-    /// Adds what another holodeck of the same scene, sections and settings has: samples, unseen
-    /// beams, records of light and named views. All is on the disk afterwards.
+    /// Adds what another holodeck of the same scene, sections and settings has: samples and their
+    /// shares in layers, unseen beams, records of light and named views. All is on the disk
+    /// afterwards.
     ///
     /// # Errors
     /// If the two are not of one kind, or one cannot be read or the other not be written.
@@ -55,6 +56,10 @@ impl Holodeck {
             if written.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         })?;
         written?;
+        other.file.copy_shares(&self.file, &|maker, generation| {
+            let maker = makers.get(&maker).copied().unwrap_or_default();
+            (generation == theirs.generation).then_some((maker, ours.generation))
+        })?;
         self.merge_unseen(other, &makers);
         self.light_mut().merge(None, other.light().records());
         self.save_makers()?;
