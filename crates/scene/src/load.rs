@@ -7,7 +7,7 @@
 use crate::assemble::{Assembled, assemble};
 use crate::model::{LoadProgress, Reader, Source};
 use crate::warnings::{Warning, Warnings};
-use crate::{About, Rgb, Scene, SceneError, gltf_file, obj_model};
+use crate::{About, Rgb, Scene, SceneError, gltf_file, obj_model, sheets};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::path::Path;
@@ -64,6 +64,13 @@ pub fn load_watched(
     let mut model = (reader_for(path)?.read)(source)?;
     if let Some(instead) = model.instead.take() {
         return Err(SceneError::Empty { path: path.to_owned(), instead });
+    }
+    let sheets = sheets::to_panes(&mut model);
+    if sheets > 0 {
+        let text = format!(
+            "sheets of solid glass with open edges enclose nothing: they are taken as panes ({sheets})"
+        );
+        warnings.push(path, None, text);
     }
     let about = std::mem::take(&mut model.about);
     let lines = std::mem::take(&mut model.lines);
