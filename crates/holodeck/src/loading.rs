@@ -20,7 +20,7 @@ pub fn load(config: &Config, quiet: bool) -> Result<Loaded> {
     for (name, albedo) in white_materials(&loaded.scene) {
         eprintln!(
             "{}: material `{name}` reflects {:.0} % of the light, more than any paint: rooms closed by \
-             it are too bright, and stay noisy for long; use a `Kd` below 0.95",
+             it are too bright, and stay noisy for long; use a reflectance below 0.95",
             path.display(),
             100.0 * albedo
         );

@@ -1,5 +1,6 @@
 //! The MTL files of an OBJ file, and the materials that its faces use.
 
+use crate::foreign;
 use crate::limits::{MAX_MATERIALS, MAX_MTL_BYTES};
 use crate::mtl::MtlMaterial;
 use crate::mtl_maps::{Placement, mean_finish, textures};
@@ -7,11 +8,13 @@ use crate::mtl_text::parse_mtl;
 use crate::named_file::beside;
 use crate::obj::ObjFile;
 use crate::text::{excerpt, name_without_comment, read_text};
-use crate::texture_files::TextureFiles;
+use crate::texture_files::{TURNED, TextureFiles, greyed};
 use crate::warnings::Warnings;
 use crate::{Bsdf, Cover, LoadOptions, Maps, Material, SceneError, Texture};
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
+use unicode_normalization::{IsNormalized, UnicodeNormalization as _, is_nfc_quick};
 
 /// The textures of an OBJ file's materials.
 #[derive(Default)]
@@ -37,21 +40,35 @@ pub(crate) fn materials(
     let (mut undefined, mut has_colours) = (Vec::new(), false);
     let (mut files, mut looks) = (TextureFiles::default(), Looks::default());
     let mut materials = Vec::with_capacity(obj.uses.len());
+    let find = |name: &str| {
+        let name = normal(name);
+        by_name.get(&name).or_else(|| by_name.get(name_without_comment(&name))).copied()
+    };
+    let found = obj.uses.iter().filter_map(|wanted| Some(&library[find(wanted.name.as_deref()?)?]));
+    files.decode_files(found.flat_map(|material| {
+        material.maps.iter().map(|map| (material.path.as_path(), map.file(), map.how()))
+    }));
     for wanted in &obj.uses {
         let name = wanted.name.as_deref();
-        let found = name
-            .and_then(|name| by_name.get(name).or_else(|| by_name.get(name_without_comment(name))));
+        let found = name.and_then(find);
         let (mut maps, mut placement) = (Maps::default(), Placement::default());
         let mut cover = Cover::default();
         materials.push(match (found, name) {
-            (Some(&id), _) => {
+            (Some(id), _) => {
                 let material = &library[id];
                 let MtlMaterial { path, maps: statements, .. } = material;
                 let finish = material.finish();
-                (maps, placement) = textures(path, statements, finish, &mut files, warnings);
+                let found = textures(path, statements, finish, &mut files, warnings);
+                (maps, placement) = (found.maps, found.placement);
                 let mean = maps.finish.map(|finish| mean_finish(&finish, &files));
-                let made;
+                let mut made;
                 (made, cover) = material.resolve(mean, options.two_sided_lights, warnings);
+                if found.lacks_colour {
+                    made.bsdf = greyed(made.bsdf);
+                }
+                if found.lacks_emission && !material.states_emission() {
+                    made.emission = [0.0; 3];
+                }
                 if matches!(made.bsdf, Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. }) {
                     maps.finish = None;
                     // The colour of glass is `Tf`.
@@ -98,6 +115,9 @@ pub(crate) fn materials(
         );
         warnings.push(path, Some(first.line), text);
     }
+    if files.turned > 0 {
+        warnings.push(path, None, format!("{TURNED} ({})", files.turned));
+    }
     looks.textures = files.textures;
     if looks.textures.is_empty() {
         looks.maps.clear();
@@ -107,10 +127,10 @@ pub(crate) fn materials(
 
 /// Returns an index of the materials by name, with and without what looks like a comment. If
 /// several materials have one name, the last counts.
-fn index<'a>(library: &'a [MtlMaterial], warnings: &mut Warnings) -> HashMap<&'a str, usize> {
+fn index<'a>(library: &'a [MtlMaterial], warnings: &mut Warnings) -> HashMap<Cow<'a, str>, usize> {
     let mut by_name = HashMap::new();
     for (id, material) in library.iter().enumerate() {
-        if let Some(earlier) = by_name.insert(material.name.as_str(), id) {
+        if let Some(earlier) = by_name.insert(normal(&material.name), id) {
             let earlier: &MtlMaterial = &library[earlier];
             let (name, line) = (excerpt(&material.name), earlier.line);
             let text = format!(
@@ -121,9 +141,17 @@ fn index<'a>(library: &'a [MtlMaterial], warnings: &mut Warnings) -> HashMap<&'a
         }
     }
     for (id, material) in library.iter().enumerate() {
-        by_name.entry(name_without_comment(&material.name)).or_insert(id);
+        by_name.entry(normal(name_without_comment(&material.name))).or_insert(id);
     }
     by_name
+}
+
+/// Returns a name in one normal form of Unicode, in which a letter with an accent is one code.
+fn normal(name: &str) -> Cow<'_, str> {
+    match is_nfc_quick(name.chars()) {
+        IsNormalized::Yes => Cow::Borrowed(name),
+        _ => Cow::Owned(name.nfc().collect()),
+    }
 }
 
 /// Returns all materials of all MTL files, and whether any file was read.
@@ -176,7 +204,14 @@ fn read_library(path: &Path) -> Result<String, SceneError> {
         let source = std::io::Error::new(std::io::ErrorKind::InvalidInput, "not a file");
         return Err(SceneError::Io { path: path.to_owned(), source });
     }
-    read_text(path, MAX_MTL_BYTES)
+    let text = read_text(path, MAX_MTL_BYTES)?;
+    match foreign::pointer(text.as_bytes()) {
+        Some(what) => {
+            let source = std::io::Error::new(std::io::ErrorKind::InvalidData, what);
+            Err(SceneError::Io { path: path.to_owned(), source })
+        }
+        None => Ok(text),
+    }
 }
 
 /// Returns the files that a `mtllib` line names. Spaces separate names in the format, but are

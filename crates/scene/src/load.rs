@@ -7,7 +7,7 @@
 use crate::assemble::{Assembled, assemble};
 use crate::model::{LoadProgress, Reader, Source};
 use crate::warnings::{Warning, Warnings};
-use crate::{About, Rgb, Scene, SceneError, gltf_file, obj_model, other_formats};
+use crate::{About, Rgb, Scene, SceneError, gltf_file, obj_model, other_formats, sheets};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::path::Path;
@@ -65,6 +65,13 @@ pub fn load_watched(
     if let Some(instead) = model.instead.take() {
         let instead = other_formats::by_name(path).map_or(instead, ToOwned::to_owned);
         return Err(SceneError::Empty { path: path.to_owned(), instead });
+    }
+    let sheets = sheets::to_panes(&mut model);
+    if sheets > 0 {
+        let text = format!(
+            "sheets of solid glass with open edges enclose nothing: they are taken as panes ({sheets})"
+        );
+        warnings.push(path, None, text);
     }
     let about = std::mem::take(&mut model.about);
     let lines = std::mem::take(&mut model.lines);

@@ -20,8 +20,13 @@
 //! - **Blender** states roughness r as `Ns` = 1000 (1 - r)², so alpha is r². It states reflection
 //!   at right angles as `Ks` in units of 0.08, 0.5 by default, so the coat's colour is twice `Ks`.
 //!   Its files are recognised by their first comment.
-//! - **`illum 4` with `Ni` 1 and `Tf` 1** would be invisible. Maya writes this for all opaque
-//!   surfaces, so `Kd` is diffuse, with a warning.
+//! - **Maya** writes `illum 4` for everything, and `Tf` = 1 - transparency. `illum 4` with `Ni` 1
+//!   and `Tf` 1 would be invisible, so `Kd` is diffuse. `illum 4` with `Tf` 0 is clear glass. Where
+//!   all materials of a file have Maya's order of statements and one is such paint, any `Tf` is
+//!   taken so. Each gives a warning.
+//! - **Cinema 4D** writes `illum 7` for everything: it counts as 1, with a warning. Its files are
+//!   recognised by their first comment.
+//! - **A single sheet of `illum 7`** with open edges is no solid. It is a pane, with a warning.
 //! - **One number** stands for three equal ones. `spectral` and `xyz` colours are ignored with a
 //!   warning.
 //! - **`Kd` absent** is 0.5, with a warning if it matters, but 0 for a lamp (`Ke` above zero).
@@ -34,6 +39,7 @@
 //!   `map_Bump` bend normals. Other textures and unknown statements are ignored with a warning.
 //!   Keywords may be in upper or lower case.
 
+use crate::habits::Program;
 use crate::limits::{MAX_IOR, MAX_RADIANCE, MIN_IOR};
 use crate::mtl_maps::{MapStatement, Slot};
 use crate::shading::{Base, Channel, Cover};
@@ -53,8 +59,8 @@ pub(crate) struct Stated<T> {
 #[derive(Debug)]
 pub(crate) struct MtlMaterial {
     pub name: String,
-    /// True if Blender wrote the file.
-    pub is_blender: bool,
+    /// The program that wrote the file.
+    pub program: Program,
     pub path: PathBuf,
     pub line: usize,
     pub kd: Option<Stated<[f64; 3]>>,
@@ -119,6 +125,8 @@ impl MtlMaterial {
         warn: &mut impl FnMut(usize, String),
     ) -> Bsdf {
         let illum = self.illum.map(|illum| illum.value);
+        let is_idle = self.is_of(Program::Cinema4d) && illum == Some(7);
+        let illum = if is_idle { Some(1) } else { illum };
         let illum_line = self.illum.map_or(self.line, |illum| illum.line);
         let finish = self.of_blender(finish, illum);
         if let Some(pbr) = self.metal_or_plastic(finish, illum, emits, warn) {
@@ -155,10 +163,11 @@ impl MtlMaterial {
             (Some(2), Some(ks)) if shines => {
                 let ns = self.ns.unwrap_or(Stated { value: 0.0, line: self.line });
                 let mut ks = clamped("Ks", ks, 1.0, warn);
-                if self.is_blender {
+                if self.is_of(Program::Blender) {
                     ks = ks.map(|c| (2.0 * c).min(1.0));
                 }
-                let alpha = match self.blender_roughness().filter(|_| self.is_blender) {
+                let alpha = match self.blender_roughness().filter(|_| self.is_of(Program::Blender))
+                {
                     Some(roughness) => (roughness * roughness).max(1e-4),
                     None => alpha(ns, warn),
                 };
@@ -188,7 +197,7 @@ impl MtlMaterial {
     /// way.
     fn of_blender(&self, finish: [Option<f32>; 2], illum: Option<u8>) -> [Option<f32>; 2] {
         let [rough, metal] = finish;
-        let is_metal = self.is_blender && illum == Some(3) && metal.is_none();
+        let is_metal = self.is_of(Program::Blender) && illum == Some(3) && metal.is_none();
         if is_metal { [rough.or(self.blender_roughness()), Some(1.0)] } else { finish }
     }
 
@@ -201,7 +210,17 @@ impl MtlMaterial {
     fn is_invisible(&self, illum: Option<u8>) -> bool {
         let is_air = self.ni.is_some_and(|ni| (ni.value - 1.0).abs() < 1e-6);
         let is_white = self.tf.is_some_and(|tf| tf.value.iter().all(|&c| c >= 1.0));
-        illum == Some(4) && is_air && is_white && self.opacity().is_none()
+        let is_paint = is_white && (is_air || self.is_of(Program::Maya));
+        illum == Some(4) && is_paint && self.opacity().is_none()
+    }
+
+    fn is_of(&self, program: Program) -> bool {
+        self.program == program
+    }
+
+    /// Returns whether `Ke` states light.
+    pub(crate) fn states_emission(&self) -> bool {
+        self.ke.is_some_and(|ke| ke.value.iter().any(|&c| c > 0.0))
     }
 
     fn has_map(&self, slot: Slot) -> bool {
@@ -289,7 +308,19 @@ impl MtlMaterial {
     }
 
     fn transmittance(&self, warn: &mut impl FnMut(usize, String)) -> Rgb {
-        self.tf.map_or([1.0; 3], |tf| clamped("Tf", tf, 1.0, warn))
+        let Some(tf) = self.tf else { return [1.0; 3] };
+        let clear = clamped("Tf", tf, 1.0, warn);
+        // No pane transmits nothing: `Tf 0` with `illum 4` is Maya's clear glass.
+        let is_pane = self.illum.is_some_and(|illum| illum.value == 4);
+        let is_opacity = self.is_of(Program::Maya) || (is_pane && clear == [0.0; 3]);
+        if is_pane && is_opacity {
+            warn(
+                tf.line,
+                format!("{}: `Tf` is taken as 1 - transparency, as Maya writes it", self.called()),
+            );
+            return clear.map(|c| 1.0 - c);
+        }
+        clear
     }
 
     fn ior(&self, warn: &mut impl FnMut(usize, String)) -> f32 {

@@ -121,6 +121,20 @@ impl MapStatement {
     }
 }
 
+impl MapStatement {
+    /// Returns the file's name, as it is written.
+    pub(crate) fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// Returns how its picture is used.
+    pub(crate) fn how(&self) -> Use {
+        let is_colour = matches!(self.slot, Slot::Base | Slot::Emission);
+        let is_mask = self.slot == Slot::Opacity;
+        Use { wrap: [self.wrap; 2], is_linear: !is_colour, is_mask }
+    }
+}
+
 /// Takes the next word off a text.
 fn word<'a>(text: &mut &'a str) -> &'a str {
     let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
@@ -141,28 +155,38 @@ fn numbers(text: &mut &str, kept: &mut [f32]) {
     }
 }
 
-/// Returns the textures of a material of the MTL file `path`, and their placement. One that cannot
-/// be read is a warning. `finish` are its roughness and metalness, factors to their textures.
+/// The textures of a material, and their placement.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct MtlTextures {
+    pub maps: Maps,
+    pub placement: Placement,
+    /// True if the texture of its colour, or of its emission, cannot be read.
+    pub lacks_colour: bool,
+    pub lacks_emission: bool,
+}
+
+/// Returns the textures of a material of the MTL file `path`. One that cannot be read is a warning.
+/// `finish` are its roughness and metalness, factors to their textures.
 pub(crate) fn textures(
     path: &Path,
     statements: &[MapStatement],
     finish: [Option<f32>; 2],
     files: &mut TextureFiles,
     warnings: &mut Warnings,
-) -> (Maps, Placement) {
+) -> MtlTextures {
     let mut maps = Maps::default();
+    let (mut lacks_colour, mut lacks_emission) = (false, false);
     // Exporters write a roughness of zero beside its texture, and mean the texture.
     let [roughness, metalness] = finish.map(|factor| factor.filter(|&factor| factor > 0.0));
     let mut numbers = [None; 2];
     for statement in statements {
-        let is_colour = matches!(statement.slot, Slot::Base | Slot::Emission);
-        let how = Use {
-            wrap: [statement.wrap; 2],
-            is_linear: !is_colour,
-            is_mask: statement.slot == Slot::Opacity,
-        };
+        let how = statement.how();
         let mut warn = |problem: String| {
-            let text = format!("`{}`: {problem}; it is left out", excerpt(&statement.file));
+            let instead = match statement.slot {
+                Slot::Base => "grey 0.5 is taken",
+                _ => "it is left out",
+            };
+            let text = format!("`{}`: {problem}; {instead}", excerpt(&statement.file));
             warnings.push(path, Some(statement.line), text);
         };
         let found = files.file(path, &statement.file, how).unwrap_or_else(|problem| {
@@ -174,8 +198,8 @@ pub(crate) fn textures(
             found.map(|texture| Channel { texture: Some(texture), channel, factor })
         };
         match statement.slot {
-            Slot::Base => maps.base = found,
-            Slot::Emission => maps.emission = found,
+            Slot::Base => (maps.base, lacks_colour) = (found, found.is_none()),
+            Slot::Emission => (maps.emission, lacks_emission) = (found, found.is_none()),
             Slot::Opacity => {
                 maps.cut_out = found.map(|texture| CutOut { texture, least: CUT_OUT });
             }
@@ -202,7 +226,8 @@ pub(crate) fn textures(
     }
     // One placement for all: a triangle has one set of coordinates.
     let first = statements.iter().min_by_key(|statement| statement.slot as u8);
-    (maps, first.map_or(Placement::default(), |statement| statement.placement))
+    let placement = first.map_or(Placement::default(), |statement| statement.placement);
+    MtlTextures { maps, placement, lacks_colour, lacks_emission }
 }
 
 /// Returns whether a picture has normals: on average they are nearly of unit length, point off the

@@ -6,6 +6,7 @@
 //! words of the file. Materials are named by numbers. Lines and names are remembered here.
 
 use crate::SceneError;
+use crate::habits::{self, Program};
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES};
 use crate::mtl::{MtlMaterial, Stated};
 use crate::mtl_maps::{MapStatement, Slot};
@@ -35,16 +36,21 @@ pub(crate) fn parse_mtl(
     let parsed = tobj::load_mtl_buf(&mut clean.clean.as_bytes());
     let (materials, _) =
         parsed.map_err(|source| SceneError::Parser { path: path.to_owned(), source })?;
-    let is_blender = is_of_blender(text);
-    let whole =
-        |(header, material): (Header, _)| MtlMaterial { is_blender, ..header.with(path, material) };
-    Ok(clean.headers.into_iter().zip(materials).map(whole).collect())
-}
-
-/// Returns whether Blender wrote the file, as its first comments say.
-fn is_of_blender(text: &str) -> bool {
-    let comments = text.trim_start_matches('\u{feff}').lines().take(4);
-    comments.take_while(|line| line.starts_with('#')).any(|line| line.contains("Blender"))
+    let whole = |(header, material): (Header, _)| header.with(path, material);
+    let mut materials: Vec<MtlMaterial> =
+        clean.headers.into_iter().zip(materials).map(whole).collect();
+    let program = habits::program(text, &materials);
+    materials.iter_mut().for_each(|material| material.program = program);
+    let is_affected = |material: &&MtlMaterial| material.illum.is_some_and(|i| i.value == 7);
+    let first = materials.iter().find(is_affected).filter(|_| program == Program::Cinema4d);
+    if let Some(first) = first {
+        let count = materials.iter().filter(is_affected).count();
+        let text = format!(
+            "`illum 7` counts as 1 ({count} in the file): Cinema 4D writes it for everything"
+        );
+        warnings.push(path, first.illum.map(|illum| illum.line), text);
+    }
+    Ok(materials)
 }
 
 /// Facts about a material that `tobj` does not report.
@@ -225,7 +231,7 @@ impl Header {
             illum: self.stated("illum", parsed.illumination_model),
             maps: self.maps,
             name: self.name,
-            is_blender: false,
+            program: Program::default(),
             path: path.to_owned(),
             line: self.line,
         }

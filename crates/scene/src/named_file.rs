@@ -7,13 +7,16 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
+use unicode_normalization::UnicodeNormalization as _;
+
 use crate::SceneError;
 
 /// Returns the file that a model in `folder` names.
 ///
 /// These are tried in order: the path as written; without spaces around it; with the separators of
-/// Windows; in other letter case; with the ending `usual` in place of its own; the bare name in the
-/// folder. If none of them exists, the result is the path as written, within the folder.
+/// Windows; with folders and name in other letter case or another normal form of Unicode; with the
+/// ending `usual` in place of its own; the bare name in the folder. If none of them exists, the
+/// result is the path as written, within the folder.
 pub(crate) fn beside(folder: &Path, name: &str, usual: &str) -> PathBuf {
     let spaced = within(name);
     let name = name.trim();
@@ -33,7 +36,7 @@ pub(crate) fn beside(folder: &Path, name: &str, usual: &str) -> PathBuf {
         if file.is_file() {
             return file;
         }
-        if let Some(file) = in_other_case(&file) {
+        if let Some(file) = in_other_case(folder, &candidate) {
             return file;
         }
     }
@@ -68,17 +71,37 @@ fn within(name: &str) -> Option<PathBuf> {
     (depth > 0).then(|| path.to_owned())
 }
 
-/// Returns a file of the same folder whose name differs only in letter case.
-fn in_other_case(file: &Path) -> Option<PathBuf> {
-    let wanted = file.file_name()?.to_str()?.to_lowercase();
-    let same = |entry: &std::fs::DirEntry| {
-        entry.file_name().to_str().is_some_and(|name| name.to_lowercase() == wanted)
-    };
-    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let entries = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
-    // The least, so that the choice does not depend on the file system.
-    let found = entries.filter_map(Result::ok).filter(same).map(|entry| entry.path()).min()?;
+/// Returns a file within a folder whose path differs only in letter case, or in the normal form of
+/// Unicode, in which systems write the same letter as one code or as two.
+fn in_other_case(folder: &Path, path: &Path) -> Option<PathBuf> {
+    let mut found = folder.to_owned();
+    for component in path.components() {
+        let next = found.join(component);
+        let Component::Normal(name) = component else {
+            found = next;
+            continue;
+        };
+        found = if next.exists() { next } else { similar(&found, name.to_str()?)? };
+    }
     found.is_file().then_some(found)
+}
+
+/// Returns the entry of a folder whose name differs only in letter case or normal form.
+fn similar(folder: &Path, name: &str) -> Option<PathBuf> {
+    let wanted = folded(name);
+    let same = |entry: &std::fs::DirEntry| {
+        entry.file_name().to_str().is_some_and(|name| folded(name) == wanted)
+    };
+    let is_here = folder.as_os_str().is_empty();
+    let entries = std::fs::read_dir(if is_here { Path::new(".") } else { folder }).ok()?;
+    // The least, so that the choice does not depend on the file system.
+    let found = entries.filter_map(Result::ok).filter(same).map(|entry| entry.file_name()).min()?;
+    Some(folder.join(found))
+}
+
+/// Returns a name in one normal form and letter case.
+fn folded(name: &str) -> String {
+    name.nfc().collect::<String>().to_lowercase()
 }
 
 #[cfg(test)]
@@ -91,7 +114,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let folder = folder.path();
         std::fs::create_dir(folder.join("maps")).unwrap();
-        for file in ["room.mtl", "maps/Wood.PNG", " a  map.png"] {
+        for file in ["room.mtl", "maps/Wood.PNG", " a  map.png", "B\u{f6}den.png"] {
             std::fs::write(folder.join(file), "").unwrap();
         }
         for (name, file) in [
@@ -103,6 +126,9 @@ mod tests {
             ("/home/me/room.mtl", "room.mtl"),
             (r"maps\Wood.PNG", "maps/Wood.PNG"),
             ("maps/wood.png", "maps/Wood.PNG"),
+            (r"Maps\WOOD.png", "maps/Wood.PNG"),
+            ("./MAPS/wood.png", "./maps/Wood.PNG"),
+            ("Bo\u{308}den.png", "B\u{f6}den.png"),
             (" a  map.png", " a  map.png"),
             (" room.mtl ", "room.mtl"),
         ] {

@@ -6,6 +6,7 @@
 
 use crate::SceneError;
 use crate::faces::Faces;
+use crate::foreign;
 use crate::model::LoadProgress;
 use crate::obj_checked::{Checked, MaterialUse};
 use crate::obj_ignored::CROSSED;
@@ -117,30 +118,9 @@ pub(crate) fn parse_obj(
     })
 }
 
-/// First bytes of formats that are not OBJ, and what to say.
-const OTHERS: [(&str, &str); 16] = [
-    ("ply", "it is a PLY file"),
-    ("solid", "it is an STL file"),
-    ("Kaydara FBX", "it is an FBX file"),
-    ("; FBX", "it is an FBX file"),
-    ("BLENDER", "it is a Blender file"),
-    ("PK\u{3}\u{4}", "it is a zip archive: unpack it"),
-    ("<?xml", "it is XML, perhaps COLLADA"),
-    ("<COLLADA", "it is a COLLADA file"),
-    ("<!DOCTYPE", "it is a web page"),
-    ("<html", "it is a web page"),
-    ("#VRML", "it is a VRML file"),
-    ("#?RADIANCE", "it is a Radiance picture or octree"),
-    ("ISO-10303-21", "it is a STEP or IFC file"),
-    ("newmtl", "it is an MTL file: name the .obj file that uses it"),
-    ("3D Geometry File Format", "it is a 3DM file"),
-    ("version https://git-lfs", "it is a pointer of Git LFS: fetch the file itself"),
-];
-
 /// Returns what a file without triangles is, and what to do.
 fn recognise(text: &str, checked: &Checked) -> String {
     let start = text.trim_start_matches(['\u{feff}', ' ', '\t', '\r', '\n']);
-    let begins = |with: &str| start.get(..with.len()).is_some_and(|s| s.eq_ignore_ascii_case(with));
     if let Some((line, example)) = checked.ignored.first_left_out()
         && checked.faces_left_out > 0
     {
@@ -149,8 +129,8 @@ fn recognise(text: &str, checked: &Checked) -> String {
             "all faces ({count}) are left out; the first reason, line {line}: {example}"
         );
     }
-    if let Some((_, what)) = OTHERS.iter().find(|(with, _)| begins(with)) {
-        return (*what).to_owned();
+    if let Some(what) = foreign::format(text) {
+        return what.to_owned();
     }
     if checked.vertices > 0 {
         let kind = if checked.ignored.has_lines() { "points and lines" } else { "points" };

@@ -2,6 +2,8 @@
 //!
 //! The format is in [`crate::pack`].
 
+use std::sync::Arc;
+
 use bytemuck::Pod;
 
 use crate::pack_punctual::{pack_punctual_lights, unpack_punctual_lights};
@@ -12,6 +14,8 @@ use crate::shading::{
 };
 use crate::sun::MAX_SUNS;
 use crate::texture::MAX_TEXTURE_BYTES;
+use crate::texture_decode::decode_all;
+use crate::texture_files::Use;
 use crate::{
     Bsdf, Maps, PackedError, PunctualLight, SceneError, Shading, Sun, Texture, Wrap,
 };
@@ -330,7 +334,7 @@ fn unpack_suns(bytes: &mut &[u8]) -> Result<Vec<Sun>, PackedError> {
 }
 
 /// Reads all textures to the end of `bytes`. None is decoded before all lengths are known to fit,
-/// and none after those before it take more memory than `limit`.
+/// and only a few after those before them take more memory than `limit`.
 fn unpack_textures(
     mut bytes: &[u8],
     count: usize,
@@ -350,20 +354,22 @@ fn unpack_textures(
             return Err(PackedError::Shading.into());
         }
         let file = take::<u8>(&mut bytes, length)?;
-        encoded.push((file, [wrap(across)?, wrap(down)?], linear == 1, mask == 1));
+        let wrap = [wrap(across)?, wrap(down)?];
+        let how = Use { wrap, is_linear: linear == 1, is_mask: mask == 1 };
+        encoded.push((Arc::from(file), how));
     }
     if !bytes.is_empty() {
         return Err(PackedError::Shading.into());
     }
     let mut textures = Vec::with_capacity(encoded.len());
     let mut memory = 0;
-    for (id, (file, wrap, linear, mask)) in encoded.into_iter().enumerate() {
-        let texture = Texture::decode(file.into(), wrap, linear, mask);
+    decode_all(&encoded, |id, texture| {
         let texture = texture.map_err(|_| PackedError::Texture(id))?;
         memory += texture.bytes();
         check_limit("bytes of textures", memory, limit)?;
         textures.push(texture);
-    }
+        Ok::<(), SceneError>(())
+    })?;
     Ok(textures)
 }
 

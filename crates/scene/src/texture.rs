@@ -8,7 +8,10 @@
 use std::io::Cursor;
 use std::sync::{Arc, OnceLock};
 
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+
+use crate::foreign;
 
 /// Greatest side of a texture in texels; larger ones are halved. Four bytes a texel, and a third
 /// more for smaller copies, are 89 MB.
@@ -52,7 +55,7 @@ impl Wrap {
 /// A texture.
 #[derive(Clone, Debug)]
 pub struct Texture {
-    /// The picture's file: PNG, JPEG, Radiance HDR, EXR, BMP or TGA.
+    /// The picture's file: PNG, JPEG, WebP, Radiance HDR, EXR, BMP, GIF, TIFF or TGA.
     pub encoded: Arc<[u8]>,
     /// The continuation to the right and below.
     pub wrap: [Wrap; 2],
@@ -60,6 +63,8 @@ pub struct Texture {
     pub is_linear: bool,
     /// True if its brightness is used as opacity, unless the picture has opacity itself.
     pub is_mask: bool,
+    /// True if its file asks for a turned or mirrored picture, which is not done.
+    pub(crate) is_turned: bool,
     levels: Arc<Vec<Level>>,
 }
 
@@ -86,6 +91,25 @@ pub(crate) enum Opacities {
     Mask,
     /// Some texels are neither.
     Varied,
+}
+
+/// Returns what a file is that is no picture in a format that is read, and what to do.
+fn other_format(encoded: &[u8]) -> Option<String> {
+    const FORMATS: [(&[u8], &str); 6] = [
+        (b"\xabKTX 20", "a KTX2 picture"),
+        (b"\xabKTX 11", "a KTX picture"),
+        (b"sB", "a Basis picture"),
+        (b"DDS ", "a DDS picture"),
+        (b"8BPS", "a Photoshop file"),
+        (b"<svg", "an SVG drawing"),
+    ];
+    let known = FORMATS.iter().find(|(first, _)| encoded.starts_with(first)).map(|(_, what)| *what);
+    let kind = encoded.get(4..12).unwrap_or_default();
+    let is_new = matches!(kind, b"ftypavif" | b"ftypheic" | b"ftypmif1");
+    if let Some(what) = known.or(is_new.then_some("an AVIF or HEIC picture")) {
+        return Some(format!("it is {what}, which is not read: convert it to PNG or JPEG"));
+    }
+    foreign::pointer(encoded).map(str::to_owned)
 }
 
 /// A picture of a texture, in rows from the top.
@@ -121,6 +145,9 @@ impl Texture {
                 encoded.len()
             ));
         }
+        if let Some(problem) = other_format(&encoded) {
+            return Err(problem);
+        }
         let reader = ImageReader::new(Cursor::new(&encoded[..])).with_guessed_format();
         let mut reader = reader.map_err(|error| error.to_string())?;
         if reader.format().is_none() && is_tga(&encoded) {
@@ -131,7 +158,14 @@ impl Texture {
         limits.max_image_height = Some(MAX_DECODED_SIDE);
         limits.max_alloc = Some(MAX_DECODED_BYTES);
         reader.limits(limits);
-        let image = reader.decode().map_err(|error| error.to_string())?;
+        let mut decoder = reader.into_decoder().map_err(|error| error.to_string())?;
+        if decoder.total_bytes() > MAX_DECODED_BYTES {
+            let (width, height) = decoder.dimensions();
+            return Err(format!("its {width} x {height} pixels take too much memory"));
+        }
+        // Coordinates on surfaces belong to the picture as it is stored. Modellers show it so.
+        let is_turned = decoder.orientation().is_ok_and(|o| o != Orientation::NoTransforms);
+        let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
         let mut level = Level::new(image)?;
         if is_mask {
             level.take_brightness_as_opacity();
@@ -144,7 +178,7 @@ impl Texture {
             let next = last.halved(is_linear);
             levels.push(next);
         }
-        Ok(Texture { encoded, wrap, is_linear, is_mask, levels: Arc::new(levels) })
+        Ok(Texture { encoded, wrap, is_linear, is_mask, is_turned, levels: Arc::new(levels) })
     }
 
     /// Returns width and height in texels.
@@ -243,8 +277,9 @@ impl Level {
                 (0..width * height)
                     .map(|index| {
                         let [r, g, b, a] = mean(index);
-                        let [r, g, b] = [r, g, b].map(|c| if is_linear { c } else { to_srgb(c) });
-                        [r, g, b, a].map(|c| (c * 255.0 + 0.5) as u8)
+                        let share = |c: f32| (c * 255.0 + 0.5) as u8;
+                        let colour: fn(f32) -> u8 = if is_linear { share } else { srgb_byte };
+                        [colour(r), colour(g), colour(b), share(a)]
                     })
                     .collect(),
             ),
@@ -294,21 +329,40 @@ impl Level {
 /// Returns the linear values of all bytes of sRGB (IEC 61966-2-1).
 pub(crate) fn linear_table() -> &'static [f32; 256] {
     static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
+    TABLE.get_or_init(|| std::array::from_fn(|byte| linear_of(byte as f32 / 255.0)))
+}
+
+/// Returns the linear share of a share of sRGB (IEC 61966-2-1).
+fn linear_of(c: f32) -> f32 {
+    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Number of equal parts of the linear range for which [`srgb_byte`] knows where to begin.
+const SRGB_PARTS: usize = 4096;
+
+/// The linear values from which on a greater byte of sRGB is nearer, and the byte of the beginning
+/// of each part of the linear range.
+fn srgb_table() -> &'static ([f32; 255], Vec<u8>) {
+    static TABLE: OnceLock<([f32; 255], Vec<u8>)> = OnceLock::new();
     TABLE.get_or_init(|| {
-        std::array::from_fn(|byte| {
-            let c = byte as f32 / 255.0;
-            if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
-        })
+        let steps: [f32; 255] = std::array::from_fn(|byte| linear_of((byte as f32 + 0.5) / 255.0));
+        let byte = |part: usize| {
+            steps.partition_point(|&step| step <= part as f32 / SRGB_PARTS as f32) as u8
+        };
+        (steps, (0..=SRGB_PARTS).map(byte).collect())
     })
 }
 
-/// Returns the byte of sRGB that is nearest to a linear share; 0 for NaN.
+/// Returns the byte of sRGB that is nearest to a linear share; 0 for NaN. Powers would take most of
+/// the time of a texture.
 pub(crate) fn srgb_byte(linear: f32) -> u8 {
-    (to_srgb(linear.clamp(0.0, 1.0)) * 255.0 + 0.5) as u8
-}
-
-fn to_srgb(c: f32) -> f32 {
-    if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
+    let (steps, first) = srgb_table();
+    let linear = linear.clamp(0.0, 1.0);
+    let mut byte = first[(linear * SRGB_PARTS as f32) as usize];
+    while steps.get(usize::from(byte)).is_some_and(|&step| step <= linear) {
+        byte += 1;
+    }
+    byte
 }
 
 #[cfg(test)]
@@ -379,6 +433,24 @@ mod tests {
         image.write_to(&mut Cursor::new(&mut tga), ImageFormat::Tga).unwrap();
         let texture = Texture::decode(tga.into(), [Wrap::Repeat; 2], false, false).unwrap();
         assert_eq!((texture.size(), texture.at([0.5, 0.5], 0.0)), ([2, 1], [1.0, 0.0, 0.0, 1.0]));
+    }
+
+    #[test]
+    fn bytes_of_srgb_are_the_nearest() {
+        for (byte, &linear) in linear_table().iter().enumerate() {
+            assert_eq!(usize::from(srgb_byte(linear)), byte);
+        }
+        for k in 0..=10_000_u16 {
+            let linear = f32::from(k) / 1e4;
+            let srgb = if linear <= 0.003_130_8 {
+                linear * 12.92
+            } else {
+                1.055 * linear.powf(1.0 / 2.4) - 0.055
+            };
+            let distance = (f32::from(srgb_byte(linear)) - srgb * 255.0).abs();
+            assert!(distance <= 0.501, "{linear}: {distance}");
+        }
+        assert_eq!([f32::NAN, -1.0, 2.0].map(srgb_byte), [0, 0, 255]);
     }
 
     #[test]

@@ -221,27 +221,54 @@ fn parts(scene: &Scene) -> Vec<Vec<u32>> {
     parts
 }
 
-/// Returns the names and albedos of diffuse materials that are used and absorb hardly any light.
-/// Their albedo is at least 0.95, which no paint reaches.
+/// Returns the names and albedos of materials that are used and absorb hardly any light. Their
+/// albedo, with texture, coat and colours of corners, is at least 0.95, which no paint reaches.
 #[must_use]
 pub fn white_materials(scene: &Scene) -> Vec<(&str, f32)> {
-    let albedo = |material: &Material| match material.bsdf {
-        Bsdf::Diffuse { kd } | Bsdf::Coated { kd, .. } => kd.into_iter().fold(0.0, f32::max),
-        _ => 0.0,
+    let factors = colour_factors(scene);
+    let albedo = |material: &Material, factor: [f32; 3]| {
+        let times =
+            |colour: [f32; 3]| -> [f32; 3] { std::array::from_fn(|k| colour[k] * factor[k]) };
+        match material.bsdf {
+            Bsdf::Diffuse { kd } => times(kd).into_iter().fold(0.0, f32::max),
+            Bsdf::Coated { kd, ks, ior, .. } => {
+                // Mean Fresnel reflectance of diffuse light (d'Eon 2022, a fit).
+                let mean = ((ior - 1.0) / (4.085_67 + 1.000_71 * ior)).max(0.0);
+                let coat = ks.map(|ks| ks * mean);
+                let base = times(kd);
+                (0..3).map(|k| coat[k] + (1.0 - coat[k]) * base[k]).fold(0.0, f32::max)
+            }
+            // Gold reflects all red light, and no white metal does.
+            Bsdf::Mirror { ks } | Bsdf::Conductor { ks, .. } => times(ks).iter().sum::<f32>() / 3.0,
+            Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. } => 0.0,
+        }
     };
-    let mut used = vec![false; scene.materials.len()];
-    scene.material_ids().for_each(|id| used[id as usize] = true);
-    // With a texture, or with colours of corners, white is only a factor.
-    let is_factor = |id: usize| {
-        scene.shading.as_ref().is_some_and(|shading| {
-            let has_texture = shading.maps.get(id).is_some_and(|maps| maps.base.is_some());
-            has_texture || !shading.colours.is_empty()
-        })
+    let materials = scene.materials.iter().zip(factors);
+    let albedos =
+        materials.filter_map(|(material, factor)| Some((material, albedo(material, factor?))));
+    albedos
+        .filter(|(_, albedo)| *albedo >= WHITE)
+        .map(|(material, albedo)| (material.name.as_str(), albedo))
+        .collect()
+}
+
+/// Returns the mean factor to each material's colour by its texture and the colours of corners;
+/// `None` if no triangle has the material.
+fn colour_factors(scene: &Scene) -> Vec<Option<[f32; 3]>> {
+    /// Wider than any texture, so that a look-up gives its mean.
+    const WIDE: f32 = 1e30;
+    let mut sums = vec![([0.0_f64; 3], 0_u32); scene.materials.len()];
+    for triangle in all(scene) {
+        let (sum, count) = &mut sums[scene.material_id(triangle) as usize];
+        let factor = scene.base_texture(triangle, 1.0 / 3.0, 1.0 / 3.0, WIDE);
+        let factor = factor.unwrap_or([1.0; 3]);
+        (0..3).for_each(|k| sum[k] += f64::from(factor[k]));
+        *count += 1;
+    }
+    let mean = |(sum, count): ([f64; 3], u32)| {
+        (count > 0).then(|| sum.map(|sum| (sum / f64::from(count)) as f32))
     };
-    let materials = scene.materials.iter().zip(used).enumerate();
-    let white = materials
-        .filter(|(id, (material, used))| *used && albedo(material) >= WHITE && !is_factor(*id));
-    white.map(|(_, (material, _))| (material.name.as_str(), albedo(material))).collect()
+    sums.into_iter().map(mean).collect()
 }
 
 fn materials(scene: &Scene, found: &mut Vec<Finding>) {

@@ -13,6 +13,9 @@ pub(super) struct Look {
     /// Number of the set of texture coordinates.
     pub set: u32,
     pub placement: Placement,
+    /// True if the texture of its colour, or of its emission, cannot be read.
+    pub lacks_colour: bool,
+    pub lacks_emission: bool,
 }
 
 /// The placement of a texture on a surface (`KHR_texture_transform`).

@@ -1,7 +1,8 @@
 //! Reading glTF 2.0: `.gltf` and `.glb`, with buffers inside or beside them.
 //!
-//! The crate `gltf` reads and validates the JSON. Buffers are read here, because every offset and
-//! length in a file is a claim that must be checked.
+//! The module `mend` reduces the JSON to what a picture needs, and the crate `gltf` validates that.
+//! Buffers are read here, because every offset and length in a file is a claim that must be
+//! checked.
 //!
 //! Invariants:
 //! - Nodes are visited once, to a bounded depth: cyclic files are errors.
@@ -9,11 +10,16 @@
 
 mod accessor;
 mod buffers;
+mod container;
+mod form;
+mod instancing;
 mod lights;
 mod look;
 mod materials;
 mod mend;
+mod needed;
 mod reading;
+mod schema;
 mod sharing;
 mod textures;
 
@@ -28,17 +34,17 @@ use crate::limits::{MAX_COORDINATE, MAX_OBJ_BYTES, MAX_POSITIONS, MAX_REPEATED, 
 use crate::model::{LoadProgress, Model, Reader, Source};
 use crate::named_file::read_file;
 use crate::text::excerpt;
-use crate::texture_files::TextureFiles;
+use crate::texture_files::{TURNED, TextureFiles, greyed};
 use crate::{About, Bsdf, Cover, SceneError, Shading, WHITE, smooth};
 use buffers::Buffers;
+use form::Form;
 use reading::Reading;
 
 pub(crate) const READER: Reader = Reader { recognises, read };
 
-/// Extensions without which a file that requires them has no shape. Files that require other
-/// extensions open, and a warning names these.
-const PACKED_GEOMETRY: [&str; 3] =
-    ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
+/// Extensions that are read, beside those of materials and lights.
+const READ_EXTENSIONS: [&str; 3] =
+    ["EXT_mesh_gpu_instancing", "EXT_texture_webp", "KHR_node_visibility"];
 
 /// Deepest hierarchy of nodes. Exporters have a few dozen.
 const MAX_DEPTH: usize = 512;
@@ -57,12 +63,14 @@ fn read(source: Source) -> Result<Model, SceneError> {
 fn read_bounded(source: Source, repeated: u64) -> Result<Model, SceneError> {
     let Source { path, options, watch, warnings } = source;
     let bytes = read_file(path, MAX_OBJ_BYTES)?;
-    let (document, blob) = parse(path, &bytes)?;
+    let (document, blob, counts) = parse(path, &bytes)?;
     let bytes = bytes.len() as u64;
-    let buffers = Buffers::load(path, &document, blob, bytes, repeated)?;
+    let buffers = Buffers::load(path, &document, blob, bytes, repeated);
     let mut reading = Reading {
         path,
         options,
+        document: &document,
+        worlds: form::worlds(&document),
         buffers,
         model: Model { about: about(), ..Model::default() },
         materials: BTreeMap::new(),
@@ -71,13 +79,17 @@ fn read_bounded(source: Source, repeated: u64) -> Result<Model, SceneError> {
         visited: vec![false; document.nodes().len()],
         sharing: sharing::plan(&document),
         placed: 0,
-        counts: BTreeMap::new(),
+        counts,
         bytes,
         watch,
     };
     reading.note_extensions(&document);
+    reading.decode_textures();
     for node in sharing::roots(&document) {
         reading.node(&node, DMat4::IDENTITY, 0)?;
+    }
+    if reading.files.turned > 0 {
+        reading.counts.insert(TURNED.to_owned(), reading.files.turned);
     }
     for (what, count) in &reading.counts {
         warnings.push(path, None, format!("{what} ({count})"));
@@ -92,57 +104,17 @@ fn read_bounded(source: Source, repeated: u64) -> Result<Model, SceneError> {
     Ok(model)
 }
 
-/// Bytes of the header of a `.glb`.
-const GLB_HEADER_BYTES: u32 = 12;
-
-/// Parses and validates the JSON, and returns it with the binary chunk of a `.glb`.
-fn parse(path: &Path, bytes: &[u8]) -> Result<(gltf::Document, Option<Vec<u8>>), SceneError> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+/// Parses and validates the JSON. Returns it with the binary chunk of a `.glb`, and counts of what
+/// was dropped or replaced.
+#[allow(clippy::type_complexity)]
+fn parse(
+    path: &Path,
+    bytes: &[u8],
+) -> Result<(gltf::Document, Option<Vec<u8>>, BTreeMap<String, usize>), SceneError> {
     let problem = |problem: String| SceneError::Gltf { path: path.to_owned(), problem };
-    // The crate assumes that a .glb is no shorter than its header.
-    if let Some(&[b'g', b'l', b'T', b'F', _, _, _, _, a, b, c, d]) = bytes.first_chunk() {
-        let (length, found) = (u32::from_le_bytes([a, b, c, d]), bytes.len());
-        if length < GLB_HEADER_BYTES || length as usize > found {
-            let what = format!("it says that it has {length} bytes in all, and has {found}");
-            return Err(problem(format!("it is not valid glTF: {what}: copy or export it again")));
-        }
-    }
-    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes).map_err(
-        |error| match is_first_version(bytes) {
-            true => problem("it is glTF 1.0, which is not read: export it as glTF 2.0".to_owned()),
-            false => problem(format!("it is not valid glTF: {error}")),
-        },
-    )?;
-    let is_packed = |name: &&str| PACKED_GEOMETRY.contains(name);
-    if let Some(name) = document.extensions_required().find(is_packed) {
-        let what =
-            format!("it requires `{name}`, which is not read: export it without compression");
-        return Err(problem(what));
-    }
-    // Required extensions that are unknown to the crate would fail its validation.
-    let mut json = document.into_json();
-    json.extensions_required.clear();
-    mend::mend(&mut json).map_err(problem)?;
-    let document = gltf::Document::from_json(json)
-        .map_err(|error| problem(format!("it is not valid glTF: {error}")))?;
-    Ok((document, blob))
-}
-
-/// Returns whether a file that cannot be parsed has the format's first version. In that version,
-/// lists are objects, and the binary part has no chunks.
-fn is_first_version(bytes: &[u8]) -> bool {
-    if let Some(&[b'g', b'l', b'T', b'F', version @ ..]) = bytes.first_chunk::<8>() {
-        return u32::from_le_bytes(version) == 1;
-    }
-    let json: Option<gltf::json::Value> = gltf::json::deserialize::from_slice(bytes).ok();
-    let version = json.as_ref().and_then(|json| json.pointer("/asset/version"));
-    let of_first = |version: &gltf::json::Value| match version {
-        gltf::json::Value::String(words) => words.starts_with('1'),
-        number => number.as_f64() == Some(1.0),
-    };
-    // The version's place was optional.
-    let has_objects = || json.as_ref().is_some_and(|json| json["meshes"].is_object());
-    version.map_or_else(has_objects, of_first)
+    let (json, blob) = container::open(bytes).map_err(problem)?;
+    let mended = mend::mend(json, blob.is_some()).map_err(problem)?;
+    Ok((gltf::Document::from_json_without_validation(mended.json), blob, mended.counts))
 }
 
 /// Facts that the format fixes for all its files.
@@ -158,16 +130,8 @@ fn about() -> About {
 impl Reading<'_> {
     fn note_extensions(&mut self, document: &gltf::Document) {
         for name in document.extensions_used() {
-            if !materials::READ_EXTENSIONS.contains(&name) {
+            if !materials::READ_EXTENSIONS.contains(&name) && !READ_EXTENSIONS.contains(&name) {
                 self.count(format!("the extension `{}` is ignored", excerpt(name)));
-            }
-        }
-        for (what, count) in [
-            ("animations are ignored: the scene stands still", document.animations().len()),
-            ("skins are ignored: meshes have their pose at rest", document.skins().len()),
-        ] {
-            if count > 0 {
-                self.counts.insert(what.to_owned(), count);
             }
         }
     }
@@ -188,7 +152,7 @@ impl Reading<'_> {
         }
         if let Some(mesh) = node.mesh() {
             let mesh_name = mesh.name().map_or_else(|| mesh.index().to_string(), excerpt);
-            self.mesh(&mesh, matrix).map_err(|error| match error {
+            self.mesh(node, &mesh, matrix).map_err(|error| match error {
                 SceneError::Gltf { path, problem } => {
                     let problem = format!("node {name}, mesh {mesh_name}: {problem}");
                     SceneError::Gltf { path, problem }
@@ -207,28 +171,51 @@ impl Reading<'_> {
         node.children().try_for_each(|child| self.node(&child, matrix, depth + 1))
     }
 
-    fn mesh(&mut self, mesh: &gltf::Mesh, matrix: DMat4) -> Result<(), SceneError> {
-        if self.share(mesh, matrix)? {
-            return Ok(());
-        }
-        mesh.primitives().try_for_each(|primitive| self.primitive(&primitive, matrix))
+    /// Adds the mesh of a node, once for each instance that the node states.
+    fn mesh(
+        &mut self,
+        node: &gltf::Node,
+        mesh: &gltf::Mesh,
+        matrix: DMat4,
+    ) -> Result<(), SceneError> {
+        let form = Form::of(self, node, mesh, matrix).map_err(|problem| self.problem(problem))?;
+        let instances = instancing::places(node, self.document, &self.buffers)
+            .map_err(|problem| self.problem(problem))?;
+        let Some(instances) = instances.filter(|_| form.is_rigid()) else {
+            return self.mesh_at(mesh, &form);
+        };
+        instances.into_iter().try_for_each(|place| {
+            let matrix = matrix * place;
+            if matrix.is_finite() {
+                return self.mesh_at(mesh, &Form::rigid(matrix));
+            }
+            self.count("instances whose place is not finite are left out");
+            Ok(())
+        })
     }
 
-    fn primitive(&mut self, primitive: &gltf::Primitive, matrix: DMat4) -> Result<(), SceneError> {
+    fn mesh_at(&mut self, mesh: &gltf::Mesh, form: &Form) -> Result<(), SceneError> {
+        if form.is_rigid() && self.share(mesh, form.matrix)? {
+            return Ok(());
+        }
+        mesh.primitives().try_for_each(|primitive| self.primitive(&primitive, form))
+    }
+
+    fn primitive(&mut self, primitive: &gltf::Primitive, form: &Form) -> Result<(), SceneError> {
         let mode = primitive.mode();
         if matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
             self.count("points and lines are ignored");
             return Ok(());
         }
-        if primitive.morph_targets().next().is_some() {
-            self.count("morph targets are ignored: meshes have their basic shape");
-        }
         let Some(positions) = primitive.get(&gltf::Semantic::Positions) else {
             self.count("primitives without positions are ignored");
             return Ok(());
         };
-        let positions = accessor::floats::<3>(&positions, &self.buffers)
+        let mut positions = accessor::floats::<3>(&positions, &self.buffers)
             .map_err(|problem| self.problem(problem))?;
+        form.morph(primitive, gltf::Semantic::Positions, &mut positions, &self.buffers)
+            .map_err(|problem| self.problem(problem))?;
+        let places = form.places(primitive, self).map_err(|problem| self.problem(problem))?;
         let indices = match primitive.indices() {
             Some(accessor) => accessor::indices(&accessor, &self.buffers)
                 .map_err(|problem| self.problem(problem))?,
@@ -247,10 +234,12 @@ impl Reading<'_> {
         }
         let material = self.material(&primitive.material())?;
         let count = positions.len() as u32;
-        let placed: Vec<DVec3> =
-            positions.iter().map(|p| matrix.transform_point3(Vec3::from(*p).as_dvec3())).collect();
+        let place = |(vertex, p): (usize, &[f32; 3])| {
+            places.matrix(vertex).transform_point3(Vec3::from(*p).as_dvec3())
+        };
+        let placed: Vec<DVec3> = positions.iter().enumerate().map(place).collect();
         let problem = |problem: String| SceneError::Gltf { path: self.path.to_owned(), problem };
-        let normals = self.normals(primitive, matrix).map_err(problem)?;
+        let normals = self.normals(primitive, form, &places).map_err(problem)?;
         let uvs = self.coordinates(primitive, material).map_err(|text| self.problem(text))?;
         let colours = self.colours(primitive).map_err(|text| self.problem(text))?;
         if colours.is_some() {
@@ -272,14 +261,18 @@ impl Reading<'_> {
         let is_usable = |corner: u32| {
             placed.get(corner as usize).is_some_and(|p| p.abs().max_element() <= MAX_COORDINATE)
         };
-        let turned = matrix.determinant() < 0.0;
+        let is_turned = form.matrix.determinant() < 0.0;
         let mut bad = 0;
         for [a, b, c] in corners(mode, &indices) {
             if ![a, b, c].into_iter().all(|corner| corner < count && is_usable(corner)) {
                 bad += 1;
                 continue;
             }
-            let corners = if turned { [a, c, b] } else { [a, b, c] };
+            let is_turned = match form.is_posed() {
+                true => places.matrix(a as usize).determinant() < 0.0,
+                false => is_turned,
+            };
+            let corners = if is_turned { [a, c, b] } else { [a, b, c] };
             let triangle = corners.map(|corner| first as u32 + corner);
             self.model.triangles.push(triangle);
             self.model.material_ids.push(material);
@@ -315,9 +308,15 @@ impl Reading<'_> {
             return Ok(index);
         }
         let finish = self.mean_finish(material);
-        let (made, base) = materials::make(material, finish, self.options, &mut self.counts);
+        let (mut made, base) = materials::make(material, finish, self.options, &mut self.counts);
         let is_finished = materials::has_finish(material, &made);
         let mut look = self.look(material, is_finished);
+        if look.lacks_colour {
+            made.bsdf = greyed(made.bsdf);
+        }
+        if look.lacks_emission {
+            made.emission = [0.0; 3];
+        }
         if let Some(bsdf) = base {
             look.cover.base = Some(self.base(material, bsdf));
             if finish.is_some() {

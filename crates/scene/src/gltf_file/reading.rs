@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DMat4, Vec3};
 
 use super::buffers::Buffers;
 use super::look::Look;
@@ -17,6 +17,9 @@ use crate::{LoadOptions, Material, SceneError, smooth};
 pub(super) struct Reading<'a> {
     pub path: &'a Path,
     pub options: &'a LoadOptions,
+    pub document: &'a gltf::Document,
+    /// The world matrices of all nodes; empty if the file has no skin.
+    pub worlds: Vec<DMat4>,
     pub buffers: Buffers,
     pub model: Model,
     /// Index into the model's materials, by the file's index; `None` is the default material.

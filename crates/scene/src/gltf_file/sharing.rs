@@ -2,6 +2,8 @@
 
 use glam::{DMat4, DVec3, Vec3};
 
+use super::form::Form;
+use super::instancing;
 use super::reading::Reading;
 use crate::assemble::placement;
 use crate::limits::{MAX_COORDINATE, MAX_MESHES, MAX_TRIANGLES};
@@ -49,7 +51,11 @@ pub(super) fn plan(document: &gltf::Document) -> Vec<Sharing> {
     let mut pending = roots(document);
     while let Some(node) = pending.pop() {
         if !std::mem::replace(&mut is_visited[node.index()], true) {
-            node.mesh().into_iter().for_each(|mesh| nodes_of[mesh.index()] += 1);
+            // Posed and morphed meshes have a shape of their own at each node.
+            if let Some(mesh) = node.mesh().filter(|_| node.skin().is_none()) {
+                let places = instancing::count(&node, document);
+                nodes_of[mesh.index()] = nodes_of[mesh.index()].saturating_add(places);
+            }
             pending.extend(node.children());
         }
     }
@@ -107,8 +113,8 @@ impl Reading<'_> {
         // It is read into an empty model, and materials are the file's.
         let mut whole = std::mem::take(&mut self.model);
         std::mem::swap(&mut whole.materials, &mut self.model.materials);
-        let read =
-            mesh.primitives().try_for_each(|primitive| self.primitive(&primitive, DMat4::IDENTITY));
+        let form = Form::rigid(DMat4::IDENTITY);
+        let read = mesh.primitives().try_for_each(|primitive| self.primitive(&primitive, &form));
         std::mem::swap(&mut whole.materials, &mut self.model.materials);
         let read_model = std::mem::replace(&mut self.model, whole);
         read?;

@@ -1,9 +1,12 @@
 //! Textures and normals of a glTF file.
 
+use std::collections::BTreeMap;
+
 use glam::{DMat4, Vec3};
 use gltf::material::AlphaMode;
 use gltf::texture::{TextureTransform, WrappingMode};
 
+use super::form::{Form, Places};
 use super::look::{Look, Placement};
 use super::reading::Reading;
 use super::{accessor, buffers};
@@ -13,6 +16,34 @@ use crate::texture::{MAX_TEXTURE_BYTES, Wrap, srgb_byte};
 use crate::texture_files::Use;
 
 impl Reading<'_> {
+    /// Decodes the textures of all materials on all cores.
+    pub(super) fn decode_textures(&mut self) {
+        let mut pictures = BTreeMap::new();
+        for material in self.document.materials() {
+            let pbr = material.pbr_metallic_roughness();
+            let (own, other) = (pbr.base_color_texture(), material.pbr_specular_glossiness());
+            let base = other.map_or(own, |other| other.diffuse_texture());
+            let finish = pbr.metallic_roughness_texture();
+            let colours = [base, material.emissive_texture()].map(|info| info.map(|i| i.texture()));
+            let normal = material.normal_texture().map(|info| info.texture());
+            let numbers = [finish.map(|info| info.texture()), normal];
+            for (textures, is_linear) in [(colours, false), (numbers, true)] {
+                for texture in textures.into_iter().flatten() {
+                    if let Some(image) = texture.source() {
+                        let how = use_of(&texture, is_linear);
+                        let key = (image.index(), how.is_linear, how.wrap.map(|wrap| wrap as u8));
+                        pictures.insert(key, (image, how));
+                    }
+                }
+            }
+        }
+        let pictures: Vec<(usize, Use, Vec<u8>)> = pictures
+            .into_values()
+            .filter_map(|(image, how)| Some((image.index(), how, self.picture(&image).ok()?)))
+            .collect();
+        self.files.decode_embedded(pictures.into_iter());
+    }
+
     /// Reads the textures of a material. `is_finished` states whether roughness and metalness
     /// matter.
     pub(super) fn look(&mut self, material: &gltf::Material, is_finished: bool) -> Look {
@@ -43,10 +74,16 @@ impl Reading<'_> {
                 );
             }
         }
+        (look.lacks_colour, look.lacks_emission) = (base.is_some(), emission.is_some());
         let colour = base.map(|info| info.texture());
         look.maps.base = colour.and_then(|texture| self.texture(&texture, false));
         let glow = emission.map(|info| info.texture());
         look.maps.emission = glow.and_then(|texture| self.texture(&texture, false));
+        look.lacks_colour &= look.maps.base.is_none();
+        look.lacks_emission &= look.maps.emission.is_none();
+        if look.lacks_colour {
+            self.count("colours whose texture is left out are darkened as by grey 0.5");
+        }
         look.maps.normal = normal.and_then(|normal| {
             let strength = Some(normal.scale()).filter(|scale| scale.is_finite()).unwrap_or(1.0);
             Some(NormalMap { texture: self.texture(&normal.texture(), true)?, strength })
@@ -137,10 +174,11 @@ impl Reading<'_> {
         Ok(Some(opacities))
     }
 
-    /// Returns the mean metalness and roughness that a material's texture has, as factors.
+    /// Returns the mean metalness and roughness that a material's texture has, as factors. If the
+    /// texture cannot be read, that is a rough surface without metal.
     pub(super) fn mean_finish(&mut self, material: &gltf::Material) -> Option<[f32; 2]> {
         let info = material.pbr_metallic_roughness().metallic_roughness_texture()?;
-        let id = self.texture(&info.texture(), true)?;
+        let Some(id) = self.texture(&info.texture(), true) else { return Some([0.0, 1.0]) };
         let [_, roughness, metalness, _] = self.files.textures[id as usize].at([0.5; 2], f32::MAX);
         Some([metalness, roughness])
     }
@@ -157,15 +195,9 @@ impl Reading<'_> {
 
     /// Returns the index of a texture, whose bytes are linear numbers or colours of sRGB.
     fn texture(&mut self, texture: &gltf::Texture, is_linear: bool) -> Option<u32> {
-        let sampler = texture.sampler();
-        let wrap = [sampler.wrap_s(), sampler.wrap_t()].map(|mode| match mode {
-            WrappingMode::Repeat => Wrap::Repeat,
-            WrappingMode::ClampToEdge => Wrap::Clamp,
-            WrappingMode::MirroredRepeat => Wrap::Mirror,
-        });
-        let how = Use { wrap, is_linear, is_mask: false };
+        let how = use_of(texture, is_linear);
         let Some(image) = texture.source() else {
-            self.count("textures without a picture in PNG or JPEG are left out");
+            self.count("textures without a picture are left out");
             return None;
         };
         let number = image.index();
@@ -183,7 +215,6 @@ impl Reading<'_> {
             gltf::image::Source::Uri { uri: "", .. } => Err("it names no file".to_owned()),
             gltf::image::Source::Uri { uri, .. } => {
                 buffers::bytes_of(self.path, uri, MAX_TEXTURE_BYTES as u64)
-                    .map_err(|error| error.to_string())
             }
         }
     }
@@ -210,14 +241,32 @@ impl Reading<'_> {
     pub(super) fn normals(
         &self,
         primitive: &gltf::Primitive,
-        matrix: DMat4,
+        form: &Form,
+        places: &Places,
     ) -> Result<Option<Vec<Vec3>>, String> {
         let Some(accessor) = primitive.get(&gltf::Semantic::Normals) else { return Ok(None) };
-        let normals = accessor::floats::<3>(&accessor, &self.buffers)?;
-        let turn = matrix.inverse().transpose();
-        let placed = normals.iter().map(|n| turn.transform_vector3(Vec3::from(*n).as_dvec3()));
+        let mut normals = accessor::floats::<3>(&accessor, &self.buffers)?;
+        form.morph(primitive, gltf::Semantic::Normals, &mut normals, &self.buffers)?;
+        let turned = |matrix: DMat4| matrix.inverse().transpose();
+        let one = turned(form.matrix);
+        let place = |(vertex, normal): (usize, &[f32; 3])| {
+            let turn = if form.is_posed() { turned(places.matrix(vertex)) } else { one };
+            turn.transform_vector3(Vec3::from(*normal).as_dvec3())
+        };
+        let placed = normals.iter().enumerate().map(place);
         Ok(Some(placed.map(|n| n.normalize_or_zero().as_vec3()).collect()))
     }
+}
+
+/// Returns how a texture's picture is used.
+fn use_of(texture: &gltf::Texture, is_linear: bool) -> Use {
+    let sampler = texture.sampler();
+    let wrap = [sampler.wrap_s(), sampler.wrap_t()].map(|mode| match mode {
+        WrappingMode::Repeat => Wrap::Repeat,
+        WrappingMode::ClampToEdge => Wrap::Clamp,
+        WrappingMode::MirroredRepeat => Wrap::Mirror,
+    });
+    Use { wrap, is_linear, is_mask: false }
 }
 
 /// Returns the set of coordinates that a texture uses, and its transform.

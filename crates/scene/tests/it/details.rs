@@ -136,6 +136,46 @@ fn polygons_keep_the_colours_of_their_corners() {
     }
 }
 
+#[test]
+fn corners_on_edges_and_twice_leave_a_polygon_its_area() {
+    let plain = [[0, 0], [1, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2], [0, 1]];
+    let mut reversed = plain.to_vec();
+    reversed.reverse();
+    let twice = |k: usize| [&plain[..=k], &plain[k..]].concat();
+    let all = [plain.to_vec(), reversed].into_iter().chain((0..8).map(twice));
+    for (outline, offset) in all.flat_map(|o| [(o.clone(), [0, 0]), (o, [342, 389])]) {
+        for first in 0..outline.len() {
+            let mut text = String::new();
+            for [x, y] in &outline {
+                writeln!(text, "v {} {} 7", x + offset[0], y + offset[1]).unwrap();
+            }
+            let face = (0..outline.len()).map(|k| (first + k) % outline.len() + 1);
+            text += &face.fold("f".to_owned(), |face, corner| format!("{face} {corner}"));
+            let scene = obj(&text).scene;
+            let normal = scene.normal(0);
+            assert!(scene.triangles().all(|t| scene.normal(t) == normal), "{text}");
+            let area: f64 = scene.triangles().map(|t| scene.area(t)).sum();
+            assert_eq!(area, 3.0, "{text}");
+        }
+    }
+}
+
+#[test]
+fn colours_of_a_later_object_belong_to_it_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("s.mtl"), "newmtl m\nKd 0.25 0.5 0.75\n").unwrap();
+    let path = folder.path().join("s.obj");
+    let text = "mtllib s.mtl\nvt 0 0\nvt 1 0\nvt 0 1\no a\nv 0 0 0\nv 1 0 0\nv 0 1 0\n\
+                usemtl m\nf 1 2 3\no b\nv 0 0 1 1 0 0\nv 1 0 1 0 1 0\nv 0 1 1 0 0 1\n\
+                usemtl colours\nf 4/3 5/1 6/2\n";
+    std::fs::write(&path, text).unwrap();
+    let scene = holo_scene::load(&path, &LoadOptions::default()).unwrap().scene;
+    let at = |t: u32, u: f32, v: f32| scene.reflectance(t, u, v, 0.0);
+    assert_eq!(at(0, 0.3, 0.3), [0.25, 0.5, 0.75]);
+    let corners = [at(1, 0.0, 0.0), at(1, 1.0, 0.0), at(1, 0.0, 1.0)];
+    assert_eq!(corners, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+}
+
 /// A glTF file of one triangle with coordinates and colours, and other members.
 fn gltf(material: &str, more: &str, node: &str) -> Loaded {
     let folder = tempfile::tempdir().unwrap();

@@ -6,7 +6,9 @@ use crate::common::{load_with, messages};
 use holo_scene::{Bsdf, LoadOptions, Loaded, Material, SceneError};
 
 fn try_load(mtl: &str) -> Result<Loaded, SceneError> {
-    let obj = "mtllib s.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
+    // A solid: a single sheet cannot be solid glass.
+    let obj = "mtllib s.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl m\n\
+               f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
     load_with(obj, mtl, &LoadOptions::default())
 }
 
@@ -149,7 +151,7 @@ fn unsupported_statements_give_warnings_with_their_line() {
     let cases = [
         (
             "Kd 1 1 1\nmap_Kd -s 1 1 1 my wood.png",
-            "s.mtl:3: `my wood.png`: texture `my wood.png` is not in the model's folder; it is left out",
+            "s.mtl:3: `my wood.png`: texture `my wood.png` is not in the model's folder; grey 0.5 is taken",
         ),
         (
             "Kd 1 1 1\nmap_Ks b.png",

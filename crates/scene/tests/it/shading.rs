@@ -100,7 +100,7 @@ fn a_scene_without_textures_in_use_has_no_shading_and_the_plain_packing() {
     assert_eq!(missing.scene.shading, None);
     assert_eq!(
         messages(&missing),
-        ["s.mtl:3: `none.png`: texture `none.png` is not in the model's folder; it is left out"]
+        ["s.mtl:3: `none.png`: texture `none.png` is not in the model's folder; grey 0.5 is taken"]
     );
 }
 

@@ -4,8 +4,8 @@
 
 use glam::DVec3;
 use holo_raycast::Raycaster;
-use holo_scene::{Bsdf, Material, Scene};
-use holo_survey::findings;
+use holo_scene::{Bsdf, Maps, Material, Scene, Shading, Texture, Wrap};
+use holo_survey::{findings, white_materials};
 use std::sync::Arc;
 
 /// A closed tetrahedron at a place, with its fronts outside.
@@ -66,4 +66,60 @@ fn parts_that_no_view_needs_are_found() {
     positions.extend(small);
     triangles.extend(faces.iter().map(|t| t.map(|corner| corner + 4)));
     assert_eq!(found(&positions, &triangles, 0.5), [("very small parts", 1)]);
+}
+
+/// Returns whether a triangle of this material, with colours of corners and a texture of one
+/// texel, is one that absorbs hardly any light.
+fn is_white(bsdf: Bsdf, colour: [u8; 3], texel: Option<u8>) -> bool {
+    let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let materials = vec![Material { bsdf, ..Material::grey("m") }];
+    let scene = Scene::new(DVec3::ZERO, positions, vec![[0, 1, 2]], vec![0], materials, [0.0; 3]);
+    let textures = texel.map(|texel| {
+        // A BMP file of one texel.
+        let mut file = b"BM".to_vec();
+        let words = [58, 0, 54, 40, 1, 1, 1 | 24 << 16, 0, 4, 0, 0, 0, 0];
+        file.extend(words.into_iter().flat_map(i32::to_le_bytes));
+        file.extend([texel, texel, texel, 0]);
+        Texture::decode(file.into(), [Wrap::Repeat; 2], false, false).unwrap()
+    });
+    let shading = Shading {
+        colours: vec![[colour; 3]],
+        uvs: texel.iter().map(|_| [[0.5; 2]; 3]).collect(),
+        maps: texel.iter().map(|_| Maps { base: Some(0), ..Maps::default() }).collect(),
+        textures: textures.into_iter().collect(),
+        ..Shading::default()
+    };
+    let scene = scene.and_then(|scene| scene.with_shading(shading)).unwrap();
+    !white_materials(&scene).is_empty()
+}
+
+#[test]
+fn surfaces_of_all_kinds_that_absorb_hardly_any_light_are_found() {
+    let plain = |bsdf| is_white(bsdf, [255; 3], None);
+    let (ior, alpha) = (1.5, 0.25);
+    for share in [0.9, 0.96] {
+        let colour = [share; 3];
+        for bsdf in [
+            Bsdf::Diffuse { kd: colour },
+            Bsdf::Mirror { ks: colour },
+            Bsdf::Conductor { ks: colour, alpha },
+            Bsdf::Coated { kd: colour, ks: [1.0; 3], ior, alpha },
+        ] {
+            assert_eq!(plain(bsdf), share > 0.95, "{bsdf:?}");
+        }
+    }
+    // A coat reflects nine percent of diffuse light before its base does.
+    assert!(plain(Bsdf::Coated { kd: [0.948; 3], ks: [1.0; 3], ior, alpha }));
+    assert!(!plain(Bsdf::Conductor { ks: [1.0, 0.77, 0.34], alpha }), "gold");
+    assert!(!plain(Bsdf::ThinGlass { ior, transmittance: [1.0; 3] }));
+    let paint = Bsdf::Diffuse { kd: [1.0; 3] };
+    for (colour, texel, expected) in [
+        ([255; 3], Some(255), true),
+        ([255; 3], Some(240), false),
+        ([240; 3], None, false),
+        ([254; 3], None, true),
+        ([240; 3], Some(255), false),
+    ] {
+        assert_eq!(is_white(paint, colour, texel), expected, "{colour:?} {texel:?}");
+    }
 }

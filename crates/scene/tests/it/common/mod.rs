@@ -2,6 +2,7 @@
 
 #![allow(dead_code, clippy::unwrap_used)]
 
+pub mod gltf;
 pub mod instanced;
 
 use holo_scene::{LoadOptions, Loaded, SceneError, Warning};
