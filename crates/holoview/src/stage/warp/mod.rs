@@ -157,25 +157,42 @@ fn project(
     }
 }
 
-/// Closes cracks through which a farther surface shows: pixels that lie behind both neighbours in
-/// some direction, if these belong to one surface. Such a pixel takes the nearer surface.
+/// Closes cracks through which a farther surface shows: pixels that lie behind what is on both sides
+/// in some direction, if that is one surface. Such a pixel takes the nearer surface. At the
+/// picture's edge, one side suffices.
 fn close_cracks(targets: &mut [Target], (width, height): (u32, u32)) {
-    let (width, height) = (width as usize, height as usize);
-    for y in 1..height.saturating_sub(1) {
-        for at in y * width + 1..(y + 1) * width - 1 {
+    let (width, height) = (width as isize, height as isize);
+    for y in 0..height {
+        for x in 0..width {
+            let at = (y * width + x) as usize;
             let own = targets[at];
             if own.pixel == NONE {
                 continue;
             }
-            for far in [1, width, width + 1, width - 1] {
-                let (before, after) = (targets[at - far], targets[at + far]);
-                let is_behind = own.depth > BEHIND * before.depth.max(after.depth);
-                let is_surface = before.pixel != NONE && after.pixel != NONE;
-                if is_behind && is_surface && is_one(before.depth, after.depth) {
-                    targets[at] = before;
-                    break;
+            let is_before = |other: &Target| own.depth > BEHIND * other.depth;
+            // The first nearer surface to one side; `Err` at the picture's edge.
+            let side = |across: isize, down: isize| {
+                for far in 1..=CRACK {
+                    let (x, y) = (x + far * across, y + far * down);
+                    if !((0..width).contains(&x) && (0..height).contains(&y)) {
+                        return Err(());
+                    }
+                    let other = targets[(y * width + x) as usize];
+                    if other.pixel != NONE && is_before(&other) {
+                        return Ok(Some(other));
+                    }
                 }
-            }
+                Ok(None)
+            };
+            let nearer =
+                [(1, 0), (0, 1), (1, 1), (1, -1)].iter().find_map(|&(across, down)| {
+                    match (side(-across, -down), side(across, down)) {
+                        (Ok(Some(a)), Ok(Some(b))) if is_one(a.depth, b.depth) => Some(a),
+                        (Ok(Some(a)), Err(())) | (Err(()), Ok(Some(a))) => Some(a),
+                        _ => None,
+                    }
+                });
+            targets[at] = nearer.unwrap_or(own);
         }
     }
 }
