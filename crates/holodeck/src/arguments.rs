@@ -2,6 +2,7 @@
 
 use std::{ffi::OsString, iter::Peekable, path::PathBuf};
 
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use holo_picture::Format;
 
 /// Radiance's view options with numbers, and how many each takes.
@@ -57,14 +58,18 @@ fn numbers(words: &mut Peekable<impl Iterator<Item = OsString>>, count: usize) -
     found.join(",")
 }
 
-/// Parses the path of a picture to write. Its extension must name a format, and its folder must
-/// exist.
+/// Returns the parser of the path of a picture to write. Its extension must name a format, and its
+/// folder must exist. The name need not be UTF-8.
 ///
 /// A mistake is thus reported before the work instead of after it.
-pub fn picture_path(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
+pub fn picture_path() -> impl TypedValueParser<Value = PathBuf> {
+    OsStringValueParser::new().try_map(|path| checked_picture_path(path.into()))
+}
+
+fn checked_picture_path(path: PathBuf) -> Result<PathBuf, String> {
     if Format::of_path(&path).is_none() {
-        return Err(format!("pictures are written as .exr, .hdr, .pfm or .png, not as `{text}`"));
+        let name = path.display();
+        return Err(format!("pictures are written as .exr, .hdr, .pfm or .png, not as `{name}`"));
     }
     match path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         Some(folder) if !folder.is_dir() => Err(format!("there is no folder {}", folder.display())),
@@ -99,9 +104,9 @@ mod tests {
 
     #[test]
     fn a_picture_that_could_not_be_written_is_refused_by_its_name() {
-        assert!(picture_path("x.jpg").unwrap_err().contains("x.jpg"));
-        assert!(picture_path("nowhere/x.png").unwrap_err().contains("nowhere"));
-        assert!(picture_path("x").is_err());
-        assert_eq!(picture_path("x.png"), Ok(PathBuf::from("x.png")));
+        assert!(checked_picture_path("x.jpg".into()).unwrap_err().contains("x.jpg"));
+        assert!(checked_picture_path("nowhere/x.png".into()).unwrap_err().contains("nowhere"));
+        assert!(checked_picture_path("x".into()).is_err());
+        assert_eq!(checked_picture_path("x.png".into()), Ok(PathBuf::from("x.png")));
     }
 }

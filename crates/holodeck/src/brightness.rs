@@ -35,8 +35,9 @@ pub fn of_first_view(opened: &mut Opened, bounces: Option<u32>) -> Result<Option
         seed: 0,
         threads: std::thread::available_parallelism().map_or(1, usize::from),
         limit: Limit::Paths(PATHS),
+        has_errors: false,
     };
-    let sums = job.run(|| Duration::ZERO, || false, |_| {});
+    let sums = job.run(|| Duration::ZERO, || false, |_| {}).sums;
     let mut picture = Picture::new(size.0, size.1);
     picture.pixels.iter_mut().zip(&sums).for_each(|(pixel, sums)| *pixel = sums.mean());
     let has_light = picture.pixels.iter().flatten().any(|&c| c > 0.0);

@@ -11,7 +11,7 @@ use holo_scene::Scene;
 use serde_json::json;
 
 use crate::{
-    loading,
+    loading, places,
     scene_args::{SceneArgs, check_units},
 };
 
@@ -39,8 +39,8 @@ pub fn run(args: &Args) -> Result<()> {
     let findings = holo_survey::findings(&raycaster);
     let memory = holo_survey::memory(scene);
     let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    let (low, high) = scene.bounds();
     if args.json {
-        let (low, high) = scene.bounds();
         let findings: Vec<_> = findings
             .iter()
             .map(|found| {
@@ -66,10 +66,14 @@ pub fn run(args: &Args) -> Result<()> {
         scene.materials.len(),
         HumanBytes(memory as u64)
     );
+    let stated = config.unit.map(|unit| unit.0);
+    let unit = stated.or(loaded.about.unit.as_ref().map(|said| said.value)).unwrap_or(1.0);
+    let step = places::step(low.distance(high), unit);
     for found in &findings {
         let place = found
             .at
-            .map_or_else(String::new, |[x, y, z]| format!(", first at {x:.3} {y:.3} {z:.3}"));
+            .map(|place| place.map(|part| places::rounded(part, step)))
+            .map_or_else(String::new, |[x, y, z]| format!(", first at {x} {y} {z}"));
         let of = found.material.as_ref().map_or_else(String::new, |name| format!(" of `{name}`"));
         holo_progress::print_line!(
             "{}: {}{of}{place}: {}",

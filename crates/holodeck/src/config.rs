@@ -7,6 +7,8 @@ use std::{
 
 use anyhow::{Context, Result};
 use clap::ValueEnum;
+use glam::DVec3;
+use holo_picture::{ViewError, ViewSpec};
 use holo_proto::control::Engine;
 use serde::Deserialize;
 
@@ -22,12 +24,14 @@ pub struct Config {
     /// The scene's unit: metres, or a name such as "mm".
     pub unit: Option<Unit>,
     /// Radiance of the sky, W·sr⁻¹·m⁻².
+    #[serde(deserialize_with = "ranges::sky")]
     pub sky: Option<[f32; 3]>,
     /// True if lights shine from both sides.
     pub two_sided_lights: Option<bool>,
     /// Sections.
     pub section: Vec<Section>,
     /// Most rooms that get a section if no section is stated.
+    #[serde(deserialize_with = "ranges::rooms")]
     pub max_rooms: Option<usize>,
     /// Most beams of all sections if no section is stated.
     pub max_beams: Option<u64>,
@@ -54,17 +58,22 @@ pub struct Config {
     /// Limit of indirect light, in bounces.
     pub bounces: Option<u32>,
     /// Paths averaged into one sample.
+    #[serde(deserialize_with = "ranges::paths")]
     pub paths_per_sample: Option<u16>,
     /// Relative error of indirect light that the engine `cached` aims at.
+    #[serde(deserialize_with = "ranges::accuracy")]
     pub accuracy: Option<f32>,
     /// Threads that trace.
     pub threads: Option<u16>,
     /// Memory for beams that are kept in memory, MiB.
+    #[serde(deserialize_with = "ranges::cache")]
     pub cache: Option<u64>,
     /// Time to fill, such as "8h".
+    #[serde(deserialize_with = "ranges::time")]
     pub time: Option<String>,
     /// Number of samples, such as "60M", after which a fill improves known samples instead of
     /// adding new ones.
+    #[serde(deserialize_with = "ranges::enough")]
     pub enough: Option<String>,
     /// Seed of the random numbers.
     pub seed: Option<u64>,
@@ -88,7 +97,7 @@ impl TryFrom<UpText> for Up {
 
     fn try_from(up: UpText) -> Result<Up, String> {
         match up {
-            UpText::Direction(up) => Ok(Up(up)),
+            UpText::Direction(up) => Up(up).checked(),
             UpText::Name(name) => name.parse(),
         }
     }
@@ -106,7 +115,18 @@ impl FromStr for Up {
         }
         let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
         let triple = numbers.and_then(|numbers| numbers.try_into().ok());
-        triple.map(Up).ok_or_else(|| format!("`{text}` is no up axis; write y, z or X,Y,Z"))
+        let up = triple.map(Up);
+        up.ok_or_else(|| format!("`{text}` is no up axis; write y, z or X,Y,Z"))?.checked()
+    }
+}
+
+impl Up {
+    fn checked(self) -> Result<Up, String> {
+        let is_direction = self.0.iter().all(|x| x.is_finite()) && self.0.iter().any(|&x| x != 0.0);
+        is_direction.then_some(self).ok_or_else(|| {
+            let [x, y, z] = self.0;
+            format!("an up axis must be a direction, not {x},{y},{z}")
+        })
     }
 }
 
@@ -128,7 +148,7 @@ impl TryFrom<UnitText> for Unit {
 
     fn try_from(unit: UnitText) -> Result<Unit, String> {
         match unit {
-            UnitText::Metres(metres) => Ok(Unit(metres)),
+            UnitText::Metres(metres) => Unit(metres).checked(),
             UnitText::Name(name) => name.parse(),
         }
     }
@@ -146,13 +166,74 @@ impl FromStr for Unit {
             "ft" => Some(0.3048),
             _ => text.parse().ok(),
         };
-        metres.map(Unit).ok_or_else(|| {
+        let unit = metres.map(Unit).ok_or_else(|| {
             format!("`{text}` is no unit; write mm, cm, m, in, ft or a number of metres")
-        })
+        });
+        unit?.checked()
     }
 }
 
-/// One section.
+impl Unit {
+    fn checked(self) -> Result<Unit, String> {
+        (self.0.is_finite() && self.0 > 0.0)
+            .then_some(self)
+            .ok_or_else(|| format!("a unit must be a positive number of metres, not {}", self.0))
+    }
+}
+
+/// Keys with the ranges of the options of the same names.
+mod ranges {
+    use serde::{Deserialize, Deserializer, de::Error};
+
+    use crate::scene_args::{check_accuracy, check_sky};
+
+    /// Reads a value, and checks it.
+    fn checked<'a, D, T, E>(
+        deserializer: D,
+        check: impl FnOnce(&T) -> Result<E, String>,
+    ) -> Result<Option<T>, D::Error>
+    where
+        D: Deserializer<'a>,
+        T: Deserialize<'a>,
+    {
+        let value = T::deserialize(deserializer)?;
+        check(&value).map(|_| Some(value)).map_err(D::Error::custom)
+    }
+
+    fn at_least_one(is_one: bool) -> Result<(), String> {
+        if is_one { Ok(()) } else { Err("it must be at least 1".to_owned()) }
+    }
+
+    pub fn sky<'a, D: Deserializer<'a>>(from: D) -> Result<Option<[f32; 3]>, D::Error> {
+        checked(from, |sky| check_sky(*sky))
+    }
+
+    pub fn rooms<'a, D: Deserializer<'a>>(from: D) -> Result<Option<usize>, D::Error> {
+        checked(from, |rooms| at_least_one(*rooms > 0))
+    }
+
+    pub fn paths<'a, D: Deserializer<'a>>(from: D) -> Result<Option<u16>, D::Error> {
+        checked(from, |paths| at_least_one(*paths > 0))
+    }
+
+    pub fn accuracy<'a, D: Deserializer<'a>>(from: D) -> Result<Option<f32>, D::Error> {
+        checked(from, |accuracy| check_accuracy(*accuracy))
+    }
+
+    pub fn cache<'a, D: Deserializer<'a>>(from: D) -> Result<Option<u64>, D::Error> {
+        checked(from, |cache: &u64| holo_server::parse_memory(&cache.to_string()))
+    }
+
+    pub fn time<'a, D: Deserializer<'a>>(from: D) -> Result<Option<String>, D::Error> {
+        checked(from, |time: &String| holo_server::parse_time(time))
+    }
+
+    pub fn enough<'a, D: Deserializer<'a>>(from: D) -> Result<Option<String>, D::Error> {
+        checked(from, |enough: &String| holo_server::parse_count(enough))
+    }
+}
+
+/// One section. Its shape is checked against the scene later.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Section {
@@ -227,6 +308,17 @@ pub struct View {
 }
 
 impl View {
+    /// Checks that the view can be shown, as far as that is known without the scene's up axis.
+    fn check(&self) -> Result<(), ViewError> {
+        let mut spec = ViewSpec::default();
+        spec.apply_line(&self.to_options())?;
+        // Any up axis will do that is not along the view.
+        let [x, y, z] = self.vd.map(f64::abs);
+        let up = if z > x.max(y) { DVec3::Y } else { DVec3::Z };
+        spec.vu = spec.vu.or(Some(up));
+        spec.resolve((640, 480)).map(|_| ())
+    }
+
     /// Returns the view as Radiance options.
     pub fn to_options(&self) -> String {
         let triple = |name: &str, v: [f64; 3]| format!("-{name} {} {} {}", v[0], v[1], v[2]);
@@ -263,6 +355,14 @@ impl Config {
             std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
         let mut config: Config =
             toml::from_str(&text).with_context(|| path.display().to_string())?;
+        for (index, view) in config.view.iter().enumerate() {
+            let place = || {
+                let line = line_of_view(&text, index).map(|line| format!(" line {line}:"));
+                let (path, line) = (path.display(), line.unwrap_or_default());
+                format!("{path}:{line} view `{}`", view.name)
+            };
+            view.check().with_context(place)?;
+        }
         let folder = path.parent().unwrap_or(Path::new(""));
         config.scene = config.scene.map(|scene| folder.join(scene));
         for path in config
@@ -275,6 +375,16 @@ impl Config {
         }
         Ok(config)
     }
+}
+
+/// Returns the line at which a view begins, from 1.
+fn line_of_view(text: &str, index: usize) -> Option<usize> {
+    #[derive(Deserialize)]
+    struct Views {
+        view: Vec<toml::Spanned<toml::Table>>,
+    }
+    let start = toml::from_str::<Views>(text).ok()?.view.get(index)?.span().start;
+    Some(text.get(..start)?.lines().count() + 1)
 }
 
 #[cfg(test)]
@@ -290,5 +400,55 @@ mod tests {
         assert_eq!((config.up, config.unit), (Some(Up([0.0, 0.0, 1.0])), Some(Unit(0.0254))));
         assert!(read("up = \"north\"").unwrap_err().to_string().contains("y, z or X,Y,Z"));
         assert!(read("unit = \"ell\"").unwrap_err().to_string().contains("mm, cm, m"));
+    }
+
+    #[test]
+    fn values_have_the_ranges_of_their_options_and_errors_name_file_and_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("ten views.toml");
+        let view = |name: &str, rest: &str| {
+            format!("[[view]]\nname = \"{name}\"\nvp = [0, 0, 0]\n{rest}\n")
+        };
+        let views = view("left", "vd = [0, 1, 0]") + &view("up", "vd = [0, 0, 1]");
+        let error = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            format!("{:#}", Config::read(&path).unwrap_err())
+        };
+        std::fs::write(&path, "accuracy = 0.1\nsky = [0, 1, 2]\ncache = 9\n".to_owned() + &views)
+            .unwrap();
+        assert_eq!(Config::read(&path).unwrap().views().len(), 2);
+        for (line, words) in [
+            ("accuracy = 2", "from 0.002 to 0.5"),
+            ("accuracy = nan", "from 0.002 to 0.5"),
+            ("sky = [1, -1, 1]", "negative"),
+            ("sky = [1, inf, 1]", "infinite"),
+            ("max_rooms = 0", "at least 1"),
+            ("paths_per_sample = 0", "at least 1"),
+            ("paths_per_sample = 4000000000", "4000000000"),
+            ("cache = 99999999999999", "at most 16TiB"),
+            ("time = \"soon\"", "is not a time"),
+            ("time = \"-3s\"", "is not a time"),
+            ("enough = \"many\"", "is not a count"),
+            ("unit = 0", "positive"),
+            ("unit = nan", "positive"),
+            ("up = [0, 0, 0]", "direction"),
+            ("bounces = -1", "-1"),
+        ] {
+            let said = error(&format!("scene = \"a.obj\"\n{line}\n{views}"));
+            assert!(said.contains("ten views.toml") && said.contains("line 2"), "{line}: {said}");
+            assert!(said.contains(words), "{line}: {said}");
+        }
+        for (rest, words) in [
+            ("vd = [0, 0, 0]", "-vd has length zero"),
+            ("vd = [0, 1, nan]", "finite"),
+            ("vd = [0, 1, 0]\nvh = 180", "-vh 180"),
+            ("vd = [0, 1, 0]\nvu = [0, 2, 0]", "parallel"),
+            ("vd = [0, 1, 0]\nvt = \"s\"", "-vts"),
+        ] {
+            let said =
+                error(&(views.clone() + &view("bad one", rest) + &view("last", "vd = [1, 0, 0]")));
+            assert!(said.contains("ten views.toml") && said.contains("line 9"), "{rest}: {said}");
+            assert!(said.contains("view `bad one`") && said.contains(words), "{rest}: {said}");
+        }
     }
 }

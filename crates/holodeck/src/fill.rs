@@ -71,7 +71,7 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     threads: Option<u16>,
     /// Memory for beams that are kept at hand, MiB [default: 256]
-    #[arg(long, value_name = "MIB")]
+    #[arg(long, value_name = "MIB", value_parser = holo_server::parse_memory)]
     cache: Option<u64>,
     #[command(flatten)]
     listen: ListenArgs,
@@ -97,17 +97,21 @@ pub async fn run(args: Args) -> Result<()> {
         None => scene_path(&config)?.with_extension("holo").file_name().unwrap_or_default().into(),
     };
     let mut arguments = server_arguments(&args, &config, &output)?;
+    let shutdown = Shutdown::new();
+    shutdown.on_signals(false)?;
     // The file is only made, checked and closed here, because the server writes it.
-    let about = prepare::make(&output, &config, OtherScene::of_option(args.restart), args.quiet)?
-        .about
-        .clone();
+    let other_scene = OtherScene::of_option(args.restart);
+    let about =
+        prepare::make_unless_ended(&output, &config, other_scene, args.quiet, &shutdown).await?;
     let list = args.views.as_deref().map(|views| list_of_beams(views, &about)).transpose()?;
     if let Some(list) = &list {
         arguments.extend(["--beams".into(), list.path().into()]);
     }
-    let shutdown = Shutdown::new();
-    shutdown.on_signals(false)?;
-    let mut server = Server::start(arguments).await?;
+    let mut server = tokio::select! {
+        server = Server::start(arguments) => server?,
+        // The server ends with its standard input.
+        () = shutdown.wait() => return Ok(()),
+    };
     server.invite();
     let threads = args.threads.or(config.threads);
     let mut worker = KeptWorker::start(server.address, threads, NICE, args.quiet)?;

@@ -23,6 +23,7 @@ mod opening;
 #[cfg(test)]
 mod options_page;
 mod passes;
+mod places;
 mod prepare;
 mod preview;
 mod processes;
@@ -31,12 +32,13 @@ mod scene_args;
 mod sections;
 mod seen;
 mod status;
+mod sums;
 mod view;
 mod worker;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use holo_view::{BrowserArgs, Screen};
 
 use view::FrontEnd;
@@ -107,9 +109,26 @@ impl Command {
     }
 }
 
+/// Returns the command line's definition. Numbers below zero are values of options, so that an error
+/// states the range of the option.
+fn command() -> clap::Command {
+    fn with_negative_numbers(command: clap::Command) -> clap::Command {
+        let takes_values =
+            |arg: &clap::Arg| arg.get_action().takes_values() && !arg.is_positional();
+        let command = command.mut_args(|arg| match takes_values(&arg) {
+            true => arg.allow_negative_numbers(true),
+            false => arg,
+        });
+        command.mut_subcommands(with_negative_numbers)
+    }
+    with_negative_numbers(Program::command())
+}
+
 fn main() -> ExitCode {
     // On wrong usage, clap ends the process with status 2.
-    let program = Program::parse_from(arguments::with_view_options(std::env::args_os()));
+    let words = arguments::with_view_options(std::env::args_os());
+    let program = command().get_matches_from(words);
+    let program = Program::from_arg_matches(&program).unwrap_or_else(|error| error.exit());
     // Windows belong to the main thread, so everything else runs on another one.
     let (screen, desk) = holo_view::desk();
     let work = std::thread::Builder::new().stack_size(STACK).spawn(|| work(program, screen));
@@ -180,9 +199,27 @@ async fn run(program: Program, screen: Screen) -> anyhow::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     use super::*;
+
+    #[test]
+    fn a_number_below_zero_is_refused_with_the_range_of_its_option() {
+        for (line, words) in [
+            ("render a.obj --bounces -1", "0..="),
+            ("render a.obj --spp -4", "1..="),
+            ("fill a.obj --paths-per-sample -1", "1..="),
+            ("fill a.obj --accuracy -1", "from 0.002 to 0.5"),
+            ("fill a.obj --disk -5", "is not a size"),
+            ("fill a.obj --samples -5", "is not a count"),
+            ("fill a.obj --max-rooms -1", "at least 1"),
+            ("fill a.obj --cache -1", "amount of memory"),
+        ] {
+            let words_of_line = ["holodeck"].into_iter().chain(line.split(' '));
+            let error = command().try_get_matches_from(words_of_line).unwrap_err().to_string();
+            assert!(error.contains(words), "{line}: {error}");
+        }
+        let negative = ["holodeck", "render", "a.obj", "--vp", "-1,2,3"];
+        assert!(command().try_get_matches_from(negative).is_ok());
+    }
 
     #[test]
     fn every_command_s_help_has_an_example_that_can_be_parsed() {

@@ -12,7 +12,7 @@ use holo_scene::{Camera, Loaded, Scene};
 use holo_survey::{Frame, Room, Sight, Survey, unit_words};
 
 use crate::config::{self, Config};
-use crate::{limit, loading, preview, scene_args::scene_path};
+use crate::{limit, loading, places, preview, scene_args::scene_path};
 
 /// Share of the scene's size between its bounds and the section around it, on each side.
 const MARGIN: f64 = 0.05;
@@ -173,13 +173,13 @@ impl Opened {
                  hardly any of the scene (--sky R,G,B; --sky 0,0,0 is none)"
             ),
         });
-        let suns = match survey.rooms.is_empty() {
+        let suns = match survey.rooms.is_empty() || survey.is_thing {
             true => vec![preview::sun(&survey.outside(&raycaster), sky)],
             false => Vec::new(),
         };
         if !suns.is_empty() {
             let words =
-                "light: a preview sun over the viewer's shoulder, because it has no closed rooms";
+                "light: a preview sun over the viewer's shoulder, because it is seen from outside";
             self.choices.push(format!("{words} (--sky R,G,B)"));
         }
         self.raycaster = None;
@@ -226,13 +226,15 @@ impl Opened {
             grid: Some(limit::door_grid(door)),
             ..section(door.origin, door.axes, false)
         });
-        self.sections = sections.chain(doors).collect();
+        let outside = survey.is_thing.then(|| around(&self.scene)).transpose()?;
+        self.sections = outside.into_iter().chain(sections).chain(doors).collect();
         let sizes: Vec<String> = rooms
             .iter()
             .map(|room| format!("{:.3} by {:.3}", room.axes[0].length(), room.axes[1].length()))
             .collect();
+        let around = if survey.is_thing { "around the scene, and " } else { "" };
         let mut words = format!(
-            "sections: free boxes at eye height in {}: {} units",
+            "sections: {around}free boxes at eye height in {}: {} units",
             counted(rooms.len(), "room", "rooms"),
             sizes.join(", ")
         );
@@ -254,11 +256,20 @@ impl Opened {
             true => vec![("outside".to_owned(), survey.outside(&raycaster))],
             false => survey.views(&raycaster),
         };
-        self.views = views.into_iter().map(|(name, sight)| (name, sight_options(&sight))).collect();
+        let (low, high) = self.scene.bounds();
+        let step = places::step(low.distance(high), self.unit);
+        let options = |sight: Sight| sight_options(&sight, step);
+        self.views = views.into_iter().map(|(name, sight)| (name, options(sight))).collect();
         if let Some((name, options)) = self.views.first() {
-            let more = match self.views.len() {
+            let reason = match survey.is_thing && !config.exterior {
+                true => "; it is a thing with rooms inside",
+                false => "",
+            };
+            let more = match self.views.iter().filter(|(name, _)| name != "outside").count() {
+                0 => String::new(),
+                1 if survey.is_thing => format!("{reason}: --view \"room 1\""),
                 1 => String::new(),
-                n => format!("; --view takes room 1 to {n}"),
+                n => format!("{reason}; --view takes room 1 to {n}"),
             };
             self.choices.push(format!("view: {name}, {options}{more} (--vp, --vd)"));
         }
@@ -296,26 +307,20 @@ fn around(scene: &Scene) -> Result<config::Section> {
     Ok(section(low - margin, axes, true))
 }
 
-/// Returns up to four significant decimals of a length.
-pub fn rounded(value: f64, scale: f64) -> f64 {
-    let step = 10f64.powf((scale.max(f64::MIN_POSITIVE)).log10().floor() - 4.0);
-    let rounded = (value / step).round() * step;
-    // Decimal places, so that the number prints as rounded.
-    let places = (-step.log10()).max(0.0).round() as usize;
-    format!("{rounded:.places$}").parse().unwrap_or(value) + 0.0
-}
+/// Step to which the components of chosen directions are rounded.
+const DIRECTION_STEP: f64 = 1e-4;
 
-fn sight_options(sight: &Sight) -> String {
-    let scale = sight.eye.abs().max_element();
-    let triple = |name: &str, v: DVec3, scale: f64| {
-        let [x, y, z] = v.to_array().map(|c| rounded(c, scale));
+/// Returns a view as Radiance options. Its eye is rounded to multiples of `step`.
+fn sight_options(sight: &Sight, step: f64) -> String {
+    let triple = |name: &str, v: DVec3, step: f64| {
+        let [x, y, z] = v.to_array().map(|c| places::rounded(c, step));
         format!("-{name} {x} {y} {z}")
     };
     [
         "-vtv".to_owned(),
-        triple("vp", sight.eye, scale),
-        triple("vd", sight.direction, 1.0),
-        triple("vu", sight.up, 1.0),
+        triple("vp", sight.eye, step),
+        triple("vd", sight.direction, DIRECTION_STEP),
+        triple("vu", sight.up, DIRECTION_STEP),
         format!("-vh {}", sight.angle),
     ]
     .join(" ")
@@ -336,6 +341,8 @@ fn camera_view(camera: &Camera) -> (String, String) {
 
 #[cfg(test)]
 mod tests {
+    use std::path::{Path, PathBuf};
+
     use super::*;
     use holo_scene::Material;
 
@@ -405,10 +412,68 @@ mod tests {
         }
     }
 
+    /// A room of 4 by 5 by 2.6 units with a lamp, moved by `offset` and multiplied by `scale`.
+    fn room(folder: &Path, offset: [f64; 3], scale: f64) -> PathBuf {
+        let corners = [
+            "0 0 0",
+            "4 0 0",
+            "0 5 0",
+            "4 5 0",
+            "0 0 2.6",
+            "4 0 2.6",
+            "0 5 2.6",
+            "4 5 2.6",
+            "1.5 2 2.59",
+            "1.5 3 2.59",
+            "2.5 3 2.59",
+            "2.5 2 2.59",
+        ];
+        let mut text = String::from("mtllib room.mtl\n");
+        for corner in corners {
+            let place = corner.split(' ').zip(offset).map(|(part, from)| {
+                let part: f64 = part.parse().unwrap();
+                format!(" {}", part * scale + from)
+            });
+            text += &format!("v{}\n", place.collect::<String>());
+        }
+        text += "usemtl wall\nf 2 4 3 1\nf 7 8 6 5\nf 5 6 2 1\nf 4 8 7 3\nf 3 7 5 1\n\
+                 f 6 8 4 2\nusemtl lamp\nf 9 10 11 12\n";
+        std::fs::write(
+            folder.join("room.mtl"),
+            "newmtl wall\nKd .5 .5 .5\nnewmtl lamp\nKe 9 9 9\n",
+        )
+        .unwrap();
+        let path = folder.join("room.obj");
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+
     #[test]
-    fn numbers_are_printed_as_short_as_they_need_to_be() {
-        assert_eq!(rounded(12.345_678, 12.0), 12.346);
-        assert_eq!(rounded(-0.000_01, 1.0), 0.0);
-        assert_eq!(rounded(123_456.7, 123_456.0), 123_460.0);
+    fn the_chosen_eye_stands_in_the_same_place_of_a_scene_however_far_from_the_origin_it_lies() {
+        let folder = tempfile::tempdir().unwrap();
+        let eye = |offset: [f64; 3], scale: f64, unit: &str| {
+            let scene = Some(room(folder.path(), offset, scale));
+            let unit = Some(unit.parse().unwrap());
+            let config = Config { scene, unit, ..Config::default() };
+            let opened = open(&config, Wanted::View, true).unwrap();
+            let mut view = holo_picture::ViewSpec::default();
+            view.apply_line(&opened.views[0].1).unwrap();
+            view.vp.unwrap() - DVec3::from_array(offset)
+        };
+        // Metres, millimetres and kilometres.
+        for (scale, unit, metres) in [(1.0, "m", 1.0), (1e3, "mm", 1e-3), (1e-3, "1000", 1e3)] {
+            let here = eye([0.0; 3], scale, unit);
+            assert!(here.min_element() > 0.2 * scale, "{here}");
+            for offset in [
+                [500_000.0, 5_400_000.0, 300.0],
+                [4_075_538.125, 931_735.25, 4_801_629.5],
+                [-99_999_999.0, 100_000_000.0, 0.5],
+            ] {
+                let offset = offset.map(|part| part / metres);
+                let there = eye(offset, scale, unit);
+                let millimetres = here.distance(there) * metres * 1e3;
+                assert!(millimetres < 1.0, "{unit} {offset:?}: {here} {there}");
+            }
+        }
     }
 }

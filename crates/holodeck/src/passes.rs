@@ -1,26 +1,29 @@
 //! Passes of `holodeck render`. Each adds paths to every pixel, until there are enough.
 //!
-//! Under a time limit, the first pass goes over ever finer grids of pixels. If the time ends it
-//! early, pixels without a path copy a pixel nearby ([`filled`]).
+//! The first pass goes over ever finer grids of pixels. If it is ended early, pixels without a path
+//! copy a pixel nearby ([`Traced::fill`]).
 //!
 //! Invariants:
 //! - A pixel's value is a function of its number of paths (engine `path`).
-//! - A time limit ends the work after the block of pixels that a thread is tracing. The limit
-//!   therefore holds even for long passes, once one pixel in [`COARSEST`]² has a path.
+//! - A time limit or an interruption ends the work after the blocks of pixels that threads are
+//!   tracing, once the pixels of the coarsest grid have a path.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use holo_picture::View;
 use holo_tracer::Tracer;
 
+use crate::sums::{Grid, Sums, Traced, add};
+
 /// Pixels that a thread takes at a time: some milliseconds of work.
 const BLOCK: usize = 64;
 
-/// The step between columns and rows of the first grid under a time limit, a power of two.
-const COARSEST: u32 = 16;
+/// Pixels of the coarsest grid that a thread takes at a time, because they are few.
+const FIRST_BLOCK: usize = 8;
 
 /// Most paths per pixel in one pass.
 const PASS: u32 = 4;
@@ -36,6 +39,9 @@ const RECORD_SHARE: f64 = 0.75;
 /// coarse ones and takes up to a second.
 const RECORD_TIME: Duration = Duration::from_secs(1);
 
+/// Time between two reports of progress.
+const REPORT_EVERY: Duration = Duration::from_millis(100);
+
 /// A picture to be traced.
 pub struct Job {
     /// The engine, with the scene.
@@ -50,6 +56,8 @@ pub struct Job {
     pub threads: usize,
     /// The end of the work.
     pub limit: Limit,
+    /// True if standard errors are wanted.
+    pub has_errors: bool,
 }
 
 /// The condition that ends the work, besides an interruption.
@@ -61,39 +69,23 @@ pub enum Limit {
     Time(Duration),
 }
 
-/// Sums over a pixel's paths, for each channel.
-#[derive(Clone, Copy, Default)]
-pub struct Sums {
-    /// Number of paths.
-    pub paths: u32,
-    /// Sums of the paths' radiances.
-    pub first: [f64; 3],
-    /// Sums of the squares of these radiances.
-    pub second: [f64; 3],
-}
-
-/// The progress of the work.
-#[derive(Clone, Copy, Debug)]
-pub struct Progress {
-    /// Share of the limit that is used up, 0 to 1.
-    pub share: f64,
-    /// Number of paths of every pixel.
-    pub paths: u32,
-    /// Time since the work began.
-    pub elapsed: Duration,
+/// New sums of one pixel.
+#[derive(Default)]
+struct PixelSums {
+    sums: Sums,
+    squares: [f64; 3],
 }
 
 impl Job {
     /// Traces passes until the limit is reached or `is_interrupted`. `clock` returns the time since
-    /// the work began. Returns the sums of all pixels, in rows from the top.
+    /// the work began. `show` gets the number of paths so far, several times a second.
     pub fn run(
         &self,
         clock: impl Fn() -> Duration + Sync,
         is_interrupted: impl Fn() -> bool + Sync,
-        mut show: impl FnMut(Progress),
-    ) -> Vec<Sums> {
-        let sums = vec![Sums::default(); self.size.0 as usize * self.size.1 as usize];
-        let sums = Mutex::new(sums);
+        mut show: impl FnMut(u64),
+    ) -> Traced {
+        let traced = Mutex::new(Traced::new(self.size, self.has_errors));
         let is_over = || match self.limit {
             Limit::Time(time) => {
                 let elapsed = clock();
@@ -101,86 +93,108 @@ impl Job {
                 self.tracer.set_effort(if elapsed < last { EFFORT } else { 0 });
                 is_interrupted() || elapsed >= time
             }
-            Limit::Paths(_) => is_interrupted(),
+            Limit::Paths(_) => {
+                let is_over = is_interrupted();
+                if is_over {
+                    // The samples that threads are tracing begin no more records.
+                    self.tracer.set_effort(0);
+                }
+                is_over
+            }
         };
-        let all: Vec<u32> = (0..self.size.0 * self.size.1).collect();
-        let mut paths = 0;
+        // The first coarse picture must be ready soon, so no sample waits for records of light if
+        // there is a time limit.
+        let is_first_over = || match self.limit {
+            Limit::Time(time) => is_interrupted() || clock() >= time,
+            Limit::Paths(_) => is_over(),
+        };
+        if matches!(self.limit, Limit::Time(_)) {
+            self.tracer.set_effort(0);
+        }
+        let mut before = 0;
+        let mut pass =
+            |grid: Grid, block: usize, paths: Range<u32>, is_over: &(dyn Fn() -> bool + Sync)| {
+                before += self.pass(&traced, grid, block, paths, is_over, |new| show(before + new));
+                show(before);
+            };
+        let coarsest = Grid::coarsest(self.size);
+        pass(coarsest, FIRST_BLOCK, 0..1, &|| {
+            is_first_over();
+            false
+        });
+        coarsest.finer().for_each(|grid| pass(grid, BLOCK, 0..1, &is_first_over));
+        let mut paths = 1;
         loop {
             let count = match self.limit {
-                Limit::Paths(wanted) => PASS.min(wanted - paths),
-                // The first coarse picture must be ready soon, so no sample waits for records of
-                // light.
-                Limit::Time(_) if paths == 0 => 1,
+                Limit::Paths(wanted) => PASS.min(wanted.saturating_sub(paths)),
                 Limit::Time(_) => PASS,
             };
-            if paths == 0 && matches!(self.limit, Limit::Time(_)) {
-                self.tracer.set_effort(0);
-                self.pass(&sums, &grid(self.size, COARSEST), 0..1, || false);
-                for step in [8, 4, 2, 1] {
-                    self.pass(&sums, &between(self.size, step), 0..1, || {
-                        is_interrupted() || self.is_late(clock())
-                    });
-                }
-            } else {
-                self.pass(&sums, &all, paths..paths + count, || paths > 0 && is_over());
-            }
-            paths += count;
-            let elapsed = clock();
-            let share = match self.limit {
-                Limit::Paths(wanted) => f64::from(paths) / f64::from(wanted),
-                Limit::Time(time) => elapsed.as_secs_f64() / time.as_secs_f64(),
-            };
-            show(Progress { share: share.min(1.0), paths, elapsed });
-            if matches!(self.limit, Limit::Paths(wanted) if paths >= wanted) || is_over() {
+            if count == 0 || is_over() {
                 break;
             }
+            pass(Grid::all(self.size), BLOCK, paths..paths + count, &is_over);
+            paths += count;
         }
-        sums.into_inner().unwrap_or_else(PoisonError::into_inner)
+        traced.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns true if the time is up.
-    fn is_late(&self, elapsed: Duration) -> bool {
-        matches!(self.limit, Limit::Time(time) if elapsed >= time)
-    }
-
-    /// Adds paths to these pixels, or to some of them if the time is up.
+    /// Adds paths to these pixels, or to some of them if it ends early. Returns the number of
+    /// paths, and reports it to `show` meanwhile.
     fn pass(
         &self,
-        sums: &Mutex<Vec<Sums>>,
-        pixels: &[u32],
+        traced: &Mutex<Traced>,
+        grid: Grid,
+        block: usize,
         paths: Range<u32>,
-        is_over: impl Fn() -> bool + Sync,
-    ) {
-        let blocks = pixels.len().div_ceil(BLOCK);
+        is_over: &(dyn Fn() -> bool + Sync),
+        mut show: impl FnMut(u64),
+    ) -> u64 {
+        let blocks = grid.len().div_ceil(block);
         let stride = stride(blocks);
-        let next = AtomicUsize::new(0);
+        let (next, count) = (AtomicUsize::new(0), AtomicU64::new(0));
         let work = || {
             loop {
                 let turn = next.fetch_add(1, Ordering::Relaxed);
                 if turn >= blocks || is_over() {
                     return;
                 }
-                let start = turn * stride % blocks * BLOCK;
-                let block = &pixels[start..(start + BLOCK).min(pixels.len())];
-                let new: Vec<Sums> =
-                    block.iter().map(|&pixel| self.pixel(pixel, paths.clone())).collect();
-                let mut all = sums.lock().unwrap_or_else(PoisonError::into_inner);
-                for (&pixel, new) in block.iter().zip(&new) {
-                    all[pixel as usize].add(new);
+                let start = turn * stride % blocks * block;
+                let places = start..(start + block).min(grid.len());
+                let pixels = places.filter_map(|place| grid.pixel(place));
+                let new: Vec<(u32, PixelSums)> =
+                    pixels.map(|pixel| (pixel, self.pixel(pixel, paths.clone()))).collect();
+                count.fetch_add((new.len() * paths.len()) as u64, Ordering::Relaxed);
+                let mut all = traced.lock().unwrap_or_else(PoisonError::into_inner);
+                for (pixel, new) in new {
+                    all.sums[pixel as usize].add(&new.sums);
+                    if let Some(squares) = all.squares.get_mut(pixel as usize) {
+                        add(squares, new.squares);
+                    }
                 }
             }
         };
+        let (at_work, ended) = channel::<()>();
         std::thread::scope(|scope| {
             for _ in 0..self.threads {
-                scope.spawn(work);
+                let (work, at_work) = (&work, at_work.clone());
+                scope.spawn(move || {
+                    work();
+                    drop(at_work);
+                });
+            }
+            drop(at_work);
+            while ended.recv_timeout(REPORT_EVERY) == Err(RecvTimeoutError::Timeout) {
+                show(count.load(Ordering::Relaxed));
             }
         });
+        count.into_inner()
     }
 
-    fn pixel(&self, pixel: u32, paths: Range<u32>) -> Sums {
+    fn pixel(&self, pixel: u32, paths: Range<u32>) -> PixelSums {
         let (column, row) = (pixel % self.size.0, pixel / self.size.0);
         let turn = mix((u64::from(row) << 32 | u64::from(column)) ^ self.seed.rotate_left(17));
-        let mut sums = Sums { paths: paths.len() as u32, ..Sums::default() };
+        let mut new = PixelSums::default();
+        new.sums.paths = paths.len() as u32;
         for path in paths {
             let [dx, dy] = jitter(path, turn);
             let x = (f64::from(column) + dx) / f64::from(self.size.0);
@@ -192,87 +206,12 @@ impl Job {
                 // Beyond the aft clipping surface everything is black.
                 continue;
             }
-            for (channel, value) in traced.radiance.into_iter().enumerate() {
-                sums.first[channel] += f64::from(value);
-                sums.second[channel] += f64::from(value) * f64::from(value);
-            }
+            let radiance = traced.radiance.map(f64::from);
+            add(&mut new.sums.first, radiance);
+            add(&mut new.squares, radiance.map(|value| value * value));
         }
-        sums
+        new
     }
-}
-
-impl Sums {
-    fn add(&mut self, other: &Sums) {
-        self.paths += other.paths;
-        for channel in 0..3 {
-            self.first[channel] += other.first[channel];
-            self.second[channel] += other.second[channel];
-        }
-    }
-
-    /// Returns the mean radiance.
-    pub fn mean(&self) -> [f32; 3] {
-        let n = f64::from(self.paths.max(1));
-        self.first.map(|sum| (sum / n) as f32)
-    }
-
-    /// Returns the standard error of the mean, as if paths were independent.
-    pub fn standard_error(&self) -> [f32; 3] {
-        let n = f64::from(self.paths.max(1));
-        std::array::from_fn(|channel| {
-            let mean = self.first[channel] / n;
-            let variance = (self.second[channel] / n - mean * mean).max(0.0);
-            (variance / (n - 1.0).max(1.0)).sqrt() as f32
-        })
-    }
-}
-
-/// Returns the pixels of every `step`th column and row.
-fn grid((width, height): (u32, u32), step: u32) -> Vec<u32> {
-    let columns = || (0..width).step_by(step as usize);
-    let rows = (0..height).step_by(step as usize);
-    rows.flat_map(|row| columns().map(move |column| row * width + column)).collect()
-}
-
-/// Returns those pixels of a grid that are not in the grid of twice its step.
-fn between(size: (u32, u32), step: u32) -> Vec<u32> {
-    let is_new = |pixel: &u32| {
-        let (column, row) = (pixel % size.0, pixel / size.0);
-        column % (2 * step) != 0 || row % (2 * step) != 0
-    };
-    grid(size, step).into_iter().filter(is_new).collect()
-}
-
-/// Returns the sums of a picture whose first pass was incomplete. A pixel without paths gets the
-/// sums of the nearest traced pixel to the left or above.
-pub fn filled(sums: &[Sums], width: u32) -> Vec<Sums> {
-    let nearest = |pixel: usize| {
-        let (column, row) = (pixel as u32 % width, pixel as u32 / width);
-        let steps = std::iter::successors(Some(1), |step| Some(2 * step));
-        let before = |step: u32| (row / step * step * width + column / step * step) as usize;
-        let mut found = steps.take_while(|&step| step <= COARSEST).map(|step| sums[before(step)]);
-        found.find(|sums| sums.paths > 0).unwrap_or_default()
-    };
-    (0..sums.len()).map(nearest).collect()
-}
-
-/// Returns the step of the finest grid of pixels that all have paths.
-pub fn finest_whole_grid(sums: &[Sums], size: (u32, u32)) -> u32 {
-    let steps = std::iter::successors(Some(1), |step| Some(2 * step));
-    let is_whole =
-        |step: &u32| grid(size, *step).iter().all(|&pixel| sums[pixel as usize].paths > 0);
-    steps.take_while(|&step| step < COARSEST).find(is_whole).unwrap_or(COARSEST)
-}
-
-/// Returns the size of a picture of squares of `step` pixels a side, and the sums of these squares.
-pub fn reduced(sums: &[Sums], (width, height): (u32, u32), step: u32) -> ((u32, u32), Vec<Sums>) {
-    let size = (width.div_ceil(step), height.div_ceil(step));
-    let mut squares = vec![Sums::default(); size.0 as usize * size.1 as usize];
-    for (pixel, sums) in (0..).zip(sums) {
-        let (column, row): (u32, u32) = (pixel % width, pixel / width);
-        squares[(row / step * size.0 + column / step) as usize].add(sums);
-    }
-    (size, squares)
 }
 
 /// Returns the step between blocks that are traced one after the other: about 0.618 of their
@@ -316,7 +255,6 @@ mod tests {
     use super::*;
 
     const SIZE: (u32, u32) = (32, 24);
-    const BLOCKS: u64 = 12;
     const THREADS: u64 = 2;
 
     fn job(is_cached: bool, limit: Limit) -> Job {
@@ -328,51 +266,56 @@ mod tests {
         spec.apply_line("-vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60").unwrap();
         let (view, size) = spec.resolve(SIZE).unwrap();
         let tracer = if is_cached { tracer.with_cache(0.03, 1) } else { tracer };
-        Job { tracer, view, size, seed: 1, threads: THREADS as usize, limit }
+        Job { tracer, view, size, seed: 1, threads: THREADS as usize, limit, has_errors: true }
     }
 
     /// Traces with a clock that advances by a second at each reading.
-    fn run(job: &Job) -> Vec<Sums> {
+    fn run(job: &Job) -> Traced {
         let readings = AtomicU64::new(0);
-        job.run(
-            || Duration::from_secs(readings.fetch_add(1, Ordering::Relaxed)),
-            || false,
-            |progress| assert!((0.0..=1.0).contains(&progress.share)),
-        )
+        job.run(|| Duration::from_secs(readings.fetch_add(1, Ordering::Relaxed)), || false, |_| {})
     }
 
     #[test]
     fn a_time_limit_ends_the_work_within_a_pass() {
-        // A thread reads the clock before each block. After each pass the clock is read twice.
+        // A thread reads the clock before each block. Beyond the coarsest grid, whose pixels always
+        // get a path, no block begins after the limit.
         for seconds in [0, 1, 5, 20, 100] {
-            let sums = run(&job(false, Limit::Time(Duration::from_secs(seconds))));
+            let sums = run(&job(false, Limit::Time(Duration::from_secs(seconds)))).sums;
             assert!(sums.iter().all(|sums| sums.paths == 0 || sums.paths % PASS == 1));
-            let blocks: u64 =
-                sums.iter().map(|sums| u64::from(sums.paths.div_ceil(PASS))).sum::<u64>()
-                    / BLOCK as u64;
-            let passes = 5 + seconds / BLOCKS;
-            let least = seconds.saturating_sub(3 * passes + THREADS);
-            assert!((least..=seconds + 1).contains(&blocks), "{seconds}: {blocks}");
+            let paths: u64 = sums.iter().map(|sums| u64::from(sums.paths)).sum();
+            let coarsest = Grid::coarsest(SIZE).len() as u64;
+            let most = coarsest + seconds * BLOCK as u64 * u64::from(PASS);
+            assert!((coarsest..=most).contains(&paths), "{seconds}: {paths}");
+            // Readings that begin no block: one for each grid and pass, and one for each thread.
+            let blocks = seconds.saturating_sub(5 + seconds / 10 + THREADS + 1);
+            let first = (SIZE.0 * SIZE.1) as u64 / BLOCK as u64 + 8;
+            let whole = blocks.saturating_sub(first) * (BLOCK as u64 / 2) * u64::from(PASS);
+            assert!(paths >= whole, "{seconds}: {paths} {whole}");
         }
     }
 
     #[test]
     fn a_first_pass_that_is_cut_off_is_filled_from_pixels_nearby() {
-        let cut = run(&job(false, Limit::Time(Duration::from_secs(4))));
-        let traced = cut.iter().filter(|sums| sums.paths > 0).count();
-        assert!((100..cut.len()).contains(&traced), "{traced}");
-        let whole = run(&job(false, Limit::Time(Duration::from_secs(20))));
-        for (pixel, filled) in filled(&cut, SIZE.0).iter().enumerate() {
+        let mut cut = run(&job(false, Limit::Time(Duration::from_secs(6))));
+        let before = cut.sums.clone();
+        let untraced = cut.fill();
+        let traced = before.iter().filter(|sums| sums.paths > 0).count();
+        assert!((50..before.len()).contains(&traced), "{traced}");
+        assert_eq!(traced + untraced, before.len());
+        let whole = run(&job(false, Limit::Time(Duration::from_secs(40)))).sums;
+        for (pixel, filled) in cut.sums.iter().enumerate() {
             assert_eq!(filled.paths, 1);
-            if cut[pixel].paths > 0 {
-                assert_eq!(filled.first, cut[pixel].first);
+            if before[pixel].paths > 0 {
+                assert_eq!(filled.first, before[pixel].first);
             }
             // The value is that of another pixel of the same picture, at most 15 away.
             let (column, row) = (pixel % 32, pixel / 32);
             let rows = row.saturating_sub(15)..=row;
             let mut near =
                 rows.flat_map(|y| (column.saturating_sub(15)..=column).map(move |x| y * 32 + x));
-            assert!(near.any(|other| cut[other].first == filled.first));
+            assert!(
+                near.any(|other| before[other].paths > 0 && before[other].first == filled.first)
+            );
         }
         assert!(whole.iter().all(|sums| sums.paths > 0));
     }
@@ -380,11 +323,12 @@ mod tests {
     #[test]
     fn squares_of_the_finest_whole_grid_have_all_paths() {
         let mut steps = Vec::new();
-        for seconds in [0, 4, 8, 40] {
-            let sums = run(&job(false, Limit::Time(Duration::from_secs(seconds))));
-            let found = finest_whole_grid(&sums, SIZE);
+        for seconds in [0, 5, 9, 40] {
+            let traced = run(&job(false, Limit::Time(Duration::from_secs(seconds))));
+            let found = traced.finest_whole_grid();
             steps.push(found);
-            let (size, squares) = reduced(&sums, SIZE, found);
+            let (size, squares) = traced.reduced(found);
+            let sums = traced.sums;
             assert_eq!(size, (SIZE.0.div_ceil(found), SIZE.1.div_ceil(found)));
             assert!(squares.iter().all(|sums| sums.paths > 0), "{seconds}: {found}");
             let paths = |sums: &[Sums]| sums.iter().map(|sums| sums.paths).sum::<u32>();
@@ -393,19 +337,6 @@ mod tests {
             assert!((light(&squares) - light(&sums)).abs() <= 1e-9 * light(&sums));
         }
         assert!(steps.is_sorted_by(|a, b| a >= b) && steps[0] > 1 && steps[3] == 1, "{steps:?}");
-        let (size, squares) = reduced(&[Sums { paths: 1, ..Sums::default() }; 15], (5, 3), 2);
-        assert_eq!(size, (3, 2));
-        assert_eq!(squares.iter().map(|sums| sums.paths).collect::<Vec<_>>(), [4, 4, 2, 2, 2, 1]);
-    }
-
-    #[test]
-    fn grids_reach_every_pixel_once() {
-        for size in [(1, 1), (16, 16), (37, 19), (64, 5)] {
-            let finer = [8, 4, 2, 1].into_iter().flat_map(|step| between(size, step));
-            let mut pixels: Vec<u32> = grid(size, COARSEST).into_iter().chain(finer).collect();
-            pixels.sort_unstable();
-            assert_eq!(pixels, (0..size.0 * size.1).collect::<Vec<_>>());
-        }
     }
 
     #[test]
@@ -413,12 +344,17 @@ mod tests {
         let uneven = run(&job(false, Limit::Time(Duration::from_secs(40))));
         for count in [1 + PASS, 1 + 2 * PASS] {
             let even = run(&job(false, Limit::Paths(count)));
-            assert!(even.iter().all(|sums| sums.paths == count));
+            assert!(even.sums.iter().all(|sums| sums.paths == count));
             let mut compared = 0;
-            for (a, b) in uneven.iter().zip(&even).filter(|(a, _)| a.paths == count) {
-                for (a, b) in
-                    a.first.into_iter().chain(a.second).zip(b.first.into_iter().chain(b.second))
-                {
+            for pixel in 0..even.sums.len() {
+                if uneven.sums[pixel].paths != count {
+                    continue;
+                }
+                let values = |traced: &Traced| {
+                    let [sums, squares] = [traced.sums[pixel].first, traced.squares[pixel]];
+                    sums.into_iter().chain(squares).collect::<Vec<_>>()
+                };
+                for (a, b) in values(&uneven).into_iter().zip(values(&even)) {
                     assert!((a - b).abs() <= 1e-12 * b.abs(), "{a} {b}");
                 }
                 compared += 1;
@@ -430,7 +366,7 @@ mod tests {
     #[test]
     fn the_first_picture_under_a_time_limit_waits_for_no_records_of_light() {
         let hurried = job(true, Limit::Time(Duration::ZERO));
-        assert!(run(&hurried).iter().any(|sums| sums.paths == 1));
+        assert!(run(&hurried).sums.iter().any(|sums| sums.paths == 1));
         let records = |job: &Job| job.tracer.light().map_or(0, |light| light.len());
         assert_eq!(records(&hurried), 0);
         let patient = job(true, Limit::Paths(1));
@@ -442,10 +378,25 @@ mod tests {
     }
 
     #[test]
-    fn an_interruption_leaves_a_whole_picture() {
-        let job = job(false, Limit::Paths(1000));
-        let sums = job.run(|| Duration::ZERO, || true, |_| {});
-        assert!(sums.iter().all(|sums| sums.paths == PASS));
+    fn an_interruption_ends_the_first_pass_and_leaves_a_sensible_picture() {
+        for is_cached in [false, true] {
+            let job = job(is_cached, Limit::Paths(1000));
+            // Interrupted from the beginning, and in the middle of the first pass.
+            for readings in [0, 9] {
+                let asked = AtomicU64::new(0);
+                let is_interrupted = || asked.fetch_add(1, Ordering::Relaxed) >= readings;
+                let mut shown = Vec::new();
+                let mut traced =
+                    job.run(|| Duration::ZERO, is_interrupted, |paths| shown.push(paths));
+                let paths: u64 = traced.sums.iter().map(|sums| u64::from(sums.paths)).sum();
+                let coarsest = Grid::coarsest(SIZE).len() as u64;
+                assert!((coarsest..600).contains(&paths), "{readings}: {paths}");
+                assert_eq!(paths == coarsest, readings == 0, "{readings}: {paths}");
+                assert!(shown.is_sorted() && shown.last() == Some(&paths), "{shown:?}");
+                assert_eq!(traced.fill() as u64, traced.sums.len() as u64 - paths);
+                assert!(traced.sums.iter().all(|sums| sums.paths == 1));
+            }
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@ use std::{
 
 use anyhow::{Context, Result, bail, ensure};
 use glam::DVec3;
+use holo_net::Shutdown;
 use holo_proto::{
     control::Engine,
     stand_ins::{StandIn, StandInKind},
@@ -116,6 +117,32 @@ pub fn make(
         holodeck.set_stand_ins(&stand_ins)?;
     }
     Ok(holodeck)
+}
+
+/// Makes a holodeck file as [`make`] does, and returns its description. If `shutdown` is triggered
+/// meanwhile, no half of a file is left.
+///
+/// # Errors
+/// As [`make`], and if `shutdown` was triggered.
+pub async fn make_unless_ended(
+    path: &Path,
+    config: &Config,
+    other_scene: OtherScene,
+    quiet: bool,
+    shutdown: &Shutdown,
+) -> Result<About> {
+    let (file, config) = (path.to_owned(), config.clone());
+    let making = tokio::task::spawn_blocking(move || {
+        Ok(make(&file, &config, other_scene, quiet)?.about.clone())
+    });
+    tokio::select! {
+        about = making => about?,
+        () = shutdown.wait() => {
+            // The process ends without waiting for that thread.
+            holo_server::remove_drafts();
+            bail!("ended before {} was ready", path.display())
+        }
+    }
 }
 
 /// An edited scene, with which a file can go on.

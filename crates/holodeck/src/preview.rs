@@ -43,7 +43,7 @@ pub fn sky(scene: &Scene) -> (Rgb, bool) {
 
 /// Returns a radiance in the form of the command line.
 pub fn words(radiance: Rgb) -> String {
-    let [r, g, b] = radiance.map(|c| crate::opening::rounded(f64::from(c), f64::from(c)));
+    let [r, g, b] = radiance.map(|c| format!("{c:.4e}").parse().unwrap_or(c));
     if r == g && g == b { format!("{r}") } else { format!("{r},{g},{b}") }
 }
 

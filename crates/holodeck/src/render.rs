@@ -2,7 +2,10 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{
+        Arc,
+        mpsc::{RecvTimeoutError, channel},
+    },
     time::{Duration, Instant},
 };
 
@@ -19,8 +22,9 @@ use crate::{
     arguments::picture_path,
     config::Config,
     opening::{Opened, Wanted, open},
-    passes::{Job, Limit, Progress, Sums, filled, finest_whole_grid, reduced},
+    passes::{Job, Limit},
     scene_args::{SceneArgs, Usage, check_units, scene_path, settings},
+    sums::{Sums, Traced},
 };
 
 /// Make a picture straight from the tracer
@@ -33,7 +37,7 @@ pub struct Args {
     scene: Option<PathBuf>,
     /// The picture (.exr .hdr .pfm .png)
     /// [default: the scene's name with .png, in this folder]
-    #[arg(short, value_name = "FILE", value_parser = picture_path)]
+    #[arg(short, value_name = "FILE", value_parser = picture_path())]
     output: Option<PathBuf>,
     #[command(flatten)]
     view: ViewArgs,
@@ -51,7 +55,7 @@ pub struct Args {
     #[arg(long, value_name = "auto|off|FILE", default_value = "off")]
     denoise: DenoiseArg,
     /// Also write every pixel's standard error to this file, as if its paths were independent
-    #[arg(long, value_name = "FILE", value_parser = picture_path)]
+    #[arg(long, value_name = "FILE", value_parser = picture_path())]
     se: Option<PathBuf>,
     #[command(flatten)]
     scene_args: SceneArgs,
@@ -68,6 +72,12 @@ pub struct Args {
 
 /// The time that a picture is traced by default.
 const DEFAULT_TIME: Duration = Duration::from_secs(10);
+
+/// Time that a denoiser still has once the process is to end.
+const DENOISE_AT_END: Duration = Duration::from_secs(1);
+
+/// Time between two looks at whether the process is to end.
+const ASK_EVERY: Duration = Duration::from_millis(50);
 
 /// See [`Args`].
 pub async fn run(args: Args) -> Result<()> {
@@ -99,10 +109,12 @@ pub async fn run(args: Args) -> Result<()> {
     let threads = args.threads.or(config.threads).map_or_else(cores, usize::from).max(1);
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;
-    let job = Job { tracer, view, size, seed: settings.seed, threads, limit };
-    let quiet = args.quiet;
-    let rendered = tokio::task::spawn_blocking(move || render(&job, quiet, &shutdown)).await?;
-    rendered.write(&args, denoiser, raycaster, &output)
+    let (seed, has_errors) = (settings.seed, args.se.is_some());
+    let job = Job { tracer, view, size, seed, threads, limit, has_errors };
+    let (quiet, until) = (args.quiet, shutdown.clone());
+    let rendered = tokio::task::spawn_blocking(move || render(&job, quiet, &until)).await?;
+    let denoised = denoiser.and_then(|denoiser| rendered.denoised(denoiser, raycaster, &shutdown));
+    rendered.write(&args, denoised.transpose()?, &output)
 }
 
 /// Opens the scene, and returns it with the view and the size of the picture. If the view is stated
@@ -140,8 +152,7 @@ fn cores() -> usize {
 /// A traced picture.
 struct Rendered {
     view: View,
-    size: (u32, u32),
-    sums: Vec<Sums>,
+    traced: Traced,
     seconds: f64,
     nonfinite: u64,
 }
@@ -151,18 +162,23 @@ fn render(job: &Job, quiet: bool, shutdown: &Shutdown) -> Rendered {
     let start = Instant::now();
     let mut meter = Meter::new(quiet);
     let pixels = f64::from(job.size.0) * f64::from(job.size.1);
-    let sums = job.run(
+    let traced = job.run(
         || start.elapsed(),
         || shutdown.is_triggered(),
-        |Progress { share, paths, elapsed }| {
-            let rate = pixels * f64::from(paths) / elapsed.as_secs_f64() / 1e6;
-            meter.show(share, &format!("{paths} paths per pixel, {rate:.2} M/s"));
+        |paths| {
+            let (seconds, per_pixel) = (start.elapsed().as_secs_f64(), paths as f64 / pixels);
+            let share = match job.limit {
+                Limit::Paths(wanted) => per_pixel / f64::from(wanted),
+                Limit::Time(time) => seconds / time.as_secs_f64(),
+            };
+            let rate = paths as f64 / seconds / 1e6;
+            meter.show(share, &format!("{per_pixel:.1} paths per pixel, {rate:.2} M/s"));
         },
     );
     let seconds = start.elapsed().as_secs_f64();
     meter.finish();
     let nonfinite = job.tracer.nonfinite_paths();
-    Rendered { view: job.view, size: job.size, sums, seconds, nonfinite }
+    Rendered { view: job.view, traced, seconds, nonfinite }
 }
 
 impl Rendered {
@@ -173,53 +189,81 @@ impl Rendered {
         picture
     }
 
-    /// Returns the denoised picture. If the first pass was not whole, squares of pixels are denoised:
-    /// a denoiser takes what is the same in several pixels for detail.
-    fn denoised(&self, mut denoiser: Denoiser, raycaster: Arc<Raycaster>) -> Result<Picture> {
-        let step = finest_whole_grid(&self.sums, self.size);
-        let (size, squares) = reduced(&self.sums, self.size, step);
+    /// Returns the denoised picture, or `None` if the process is to end before it is ready. If the
+    /// first pass was not whole, squares of pixels are denoised: a denoiser takes what is the same
+    /// in several pixels for detail.
+    fn denoised(
+        &self,
+        mut denoiser: Denoiser,
+        raycaster: Arc<Raycaster>,
+        shutdown: &Shutdown,
+    ) -> Option<Result<Picture>> {
+        let step = self.traced.finest_whole_grid();
+        let (size, squares) = self.traced.reduced(step);
         let mut small = self.picture_of(&squares, size);
-        denoise(&mut denoiser, raycaster, &mut small)?;
-        let mut picture = Picture::new(self.size.0, self.size.1);
+        let (sender, receiver) = channel();
+        // The thread ends with the process if nobody waits for it any more.
+        std::thread::spawn(move || {
+            let done = denoise(&mut denoiser, raycaster, &mut small).map(|()| small);
+            let _ = sender.send(done);
+        });
+        let mut patience = DENOISE_AT_END;
+        let small = loop {
+            match receiver.recv_timeout(ASK_EVERY) {
+                Ok(Ok(small)) => break small,
+                Ok(Err(error)) => return Some(Err(error)),
+                Err(RecvTimeoutError::Timeout) if !shutdown.is_triggered() => {}
+                Err(RecvTimeoutError::Timeout) if patience > Duration::ZERO => {
+                    patience = patience.saturating_sub(ASK_EVERY);
+                }
+                Err(_) => {
+                    eprintln!("the picture is written without being denoised, so as to end soon");
+                    return None;
+                }
+            }
+        };
+        let mut picture = Picture::new(self.traced.size.0, self.traced.size.1);
         picture.view = small.view;
+        let width = self.traced.size.0;
         for (pixel, shown) in (0..).zip(&mut picture.pixels) {
-            let (column, row): (u32, u32) = (pixel % self.size.0, pixel / self.size.0);
+            let (column, row): (u32, u32) = (pixel % width, pixel / width);
             *shown = small.pixels[(row / step * size.0 + column / step) as usize];
         }
-        Ok(picture)
+        Some(Ok(picture))
     }
 
-    fn write(
-        &self,
-        args: &Args,
-        denoiser: Option<Denoiser>,
-        raycaster: Arc<Raycaster>,
-        path: &Path,
-    ) -> Result<()> {
-        let filled = filled(&self.sums, self.size.0);
-        let picture = match denoiser {
-            Some(denoiser) => self.denoised(denoiser, raycaster)?,
-            None => self.picture_of(&filled, self.size),
-        };
+    fn write(mut self, args: &Args, denoised: Option<Picture>, path: &Path) -> Result<()> {
+        let all = || self.traced.sums.iter().map(|sums| sums.paths);
+        let paths: f64 = all().map(f64::from).sum();
+        let (least, most) = (all().min().unwrap_or(0), all().max().unwrap_or(0));
+        let pixels = self.traced.sums.len();
+        let untraced = self.traced.fill();
+        let size = self.traced.size;
+        let picture = denoised.unwrap_or_else(|| self.picture_of(&self.traced.sums, size));
+        let errors = args.se.is_some().then(|| self.traced.standard_errors());
+        // A large picture's sums take gigabytes.
+        self.traced.sums = Vec::new();
         let exposure = args.look.write(&picture, path)?;
-        if let Some(path) = &args.se {
-            let mut errors = Picture::new(self.size.0, self.size.1);
-            for (pixel, sums) in errors.pixels.iter_mut().zip(&filled) {
-                *pixel = sums.standard_error();
-            }
-            errors.write(path)?;
+        if let (Some(path), Some(pixels)) = (&args.se, errors) {
+            Picture { pixels, ..Picture::new(size.0, size.1) }.write(path)?;
+        }
+        if untraced > 0 {
+            eprintln!(
+                "{}: {:.1} % of the pixels were traced before the end; each of the others copies one \
+                 to its left or above it",
+                path.display(),
+                100.0 * (pixels - untraced) as f64 / pixels as f64
+            );
         }
         if self.nonfinite > 0 {
             eprintln!("{} paths were not finite and count as black", self.nonfinite);
         }
-        let paths: f64 = self.sums.iter().map(|sums| f64::from(sums.paths)).sum();
         let (rate, seconds) = (paths / self.seconds, self.seconds);
-        let least = self.sums.iter().map(|sums| sums.paths).min().unwrap_or(0);
-        let most = self.sums.iter().map(|sums| sums.paths).max().unwrap_or(0);
         if args.json {
             let report = serde_json::json!({
                 "picture": path, "spp": least, "paths": paths, "seconds": seconds,
-                "paths_per_second": rate, "nonfinite_paths": self.nonfinite, "exposure": exposure,
+                "paths_per_second": rate, "nonfinite_paths": self.nonfinite,
+                "untraced_pixels": untraced, "exposure": exposure,
             });
             holo_progress::print_line!("{report}");
         } else if !args.quiet {

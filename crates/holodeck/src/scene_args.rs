@@ -1,9 +1,12 @@
 //! Options for tracing: the scene, its sections, the engine.
 
-use std::path::PathBuf;
+use std::{ffi::OsStr, os::unix::ffi::OsStrExt, path::PathBuf};
 
 use anyhow::{Result, ensure};
-use clap::{Args, builder::RangedU64ValueParser};
+use clap::{
+    Args,
+    builder::{OsStringValueParser, TypedValueParser},
+};
 use holo_proto::control::{Engine, RenderSettings};
 
 use crate::config::{self, Config, Obstructions};
@@ -32,17 +35,17 @@ pub struct SceneArgs {
     pub section: Vec<config::Section>,
     /// A simpler scene that displays use for views of a section [default: 0]. Samples that do not
     /// lie on its surfaces are not shown. May be repeated
-    #[arg(long, value_name = "[SECTION=]FILE.obj", value_parser = parse_stand_in)]
+    #[arg(long, value_name = "[SECTION=]FILE.obj", value_parser = stand_in_parser())]
     pub geometry: Vec<(usize, PathBuf)>,
     /// Invisible surfaces, such as windows and doorways, beyond which all samples of a section
     /// [default: 0] are shown. May be repeated
-    #[arg(long, value_name = "[SECTION=]FILE.obj", value_parser = parse_stand_in)]
+    #[arg(long, value_name = "[SECTION=]FILE.obj", value_parser = stand_in_parser())]
     pub portals: Vec<(usize, PathBuf)>,
     /// Make sections to look into from outside, not to look out of
     #[arg(long)]
     pub exterior: bool,
     /// If no section is stated: number of rooms that get one, the largest first [default: 8]
-    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
+    #[arg(long, value_name = "N", value_parser = parse_rooms)]
     pub max_rooms: Option<usize>,
     /// If no section is stated: number of beams that all sections may have. Small rooms and then
     /// doors are left out [default: 2M]
@@ -144,20 +147,41 @@ fn parse_engine(text: &str) -> Result<Engine, String> {
     }
 }
 
-fn parse_accuracy(text: &str) -> Result<f32, String> {
-    let range = holo_tracer::ACCURACIES;
-    let accuracy = text.parse().ok().filter(|accuracy| range.contains(accuracy));
-    accuracy
-        .ok_or_else(|| format!("an accuracy is a number from {} to {}", range.start(), range.end()))
+fn parse_rooms(text: &str) -> Result<usize, String> {
+    let rooms = text.parse().ok().filter(|rooms| *rooms > 0);
+    rooms.ok_or_else(|| "a number of rooms is at least 1".to_owned())
 }
 
-fn parse_stand_in(text: &str) -> Result<(usize, PathBuf), String> {
+fn parse_accuracy(text: &str) -> Result<f32, String> {
+    check_accuracy(text.parse().unwrap_or(f32::NAN))
+}
+
+/// Returns the accuracy if the engine can aim at it.
+///
+/// # Errors
+/// The range, for people.
+pub fn check_accuracy(accuracy: f32) -> Result<f32, String> {
+    let range = holo_tracer::ACCURACIES;
+    let words = || format!("an accuracy is a number from {} to {}", range.start(), range.end());
+    range.contains(&accuracy).then_some(accuracy).ok_or_else(words)
+}
+
+/// Returns the parser of stand-ins. Names of files need not be UTF-8.
+fn stand_in_parser() -> impl TypedValueParser<Value = (usize, PathBuf)> {
+    OsStringValueParser::new().try_map(|text| parse_stand_in(&text))
+}
+
+fn parse_stand_in(text: &OsStr) -> Result<(usize, PathBuf), String> {
     // Only a number before the sign counts, because names of files may have signs too.
-    let numbered =
-        text.split_once('=').and_then(|(section, file)| Some((section.trim().parse().ok()?, file)));
+    let bytes = text.as_bytes();
+    let sign = bytes.iter().position(|byte| *byte == b'=');
+    let numbered = sign.and_then(|at| {
+        let section = std::str::from_utf8(&bytes[..at]).ok()?.trim().parse().ok()?;
+        Some((section, OsStr::from_bytes(&bytes[at + 1..])))
+    });
     let (section, file) = numbered.unwrap_or((0, text));
     if file.is_empty() {
-        Err(format!("`{text}` names no file"))
+        Err(format!("`{}` names no file", text.display()))
     } else {
         Ok((section, PathBuf::from(file)))
     }
@@ -172,11 +196,19 @@ fn numbers(text: &str) -> Result<[f64; 3], String> {
 }
 
 fn parse_colour(text: &str) -> Result<[f32; 3], String> {
-    let colour = numbers(text)?.map(|channel| channel as f32);
-    let plausible = colour.iter().all(|channel| channel.is_finite() && *channel >= 0.0);
-    plausible
-        .then_some(colour)
-        .ok_or_else(|| format!("`{text}`: radiance cannot be negative or infinite"))
+    check_sky(numbers(text)?.map(|channel| channel as f32))
+        .map_err(|error| format!("`{text}`: {error}"))
+}
+
+/// Returns the radiance if it is one.
+///
+/// # Errors
+/// The reason why it is none, for people.
+pub fn check_sky(radiance: [f32; 3]) -> Result<[f32; 3], String> {
+    let is_plausible = radiance.iter().all(|channel| channel.is_finite() && *channel >= 0.0);
+    is_plausible
+        .then_some(radiance)
+        .ok_or_else(|| "radiance cannot be negative or infinite".to_owned())
 }
 
 fn parse_section(text: &str) -> Result<config::Section, String> {
@@ -257,9 +289,13 @@ mod tests {
 
     #[test]
     fn stand_ins_are_of_the_section_that_they_name() {
-        assert_eq!(parse_stand_in("2=a.obj"), Ok((2, PathBuf::from("a.obj"))));
-        assert_eq!(parse_stand_in("a=b.obj"), Ok((0, PathBuf::from("a=b.obj"))));
-        assert!(parse_stand_in("2=").is_err());
+        let parse = |bytes: &[u8]| parse_stand_in(OsStr::from_bytes(bytes));
+        assert_eq!(parse(b"2=a.obj"), Ok((2, PathBuf::from("a.obj"))));
+        assert_eq!(parse(b"a=b.obj"), Ok((0, PathBuf::from("a=b.obj"))));
+        let latin = PathBuf::from(OsStr::from_bytes(b"k\xfcche.obj"));
+        assert_eq!(parse(b"3=k\xfcche.obj"), Ok((3, latin.clone())));
+        assert_eq!(parse(b"k\xfcche.obj"), Ok((0, latin)));
+        assert!(parse(b"2=").is_err());
     }
 
     #[test]

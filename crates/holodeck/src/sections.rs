@@ -20,7 +20,7 @@ pub struct Args {
     #[arg(value_name = "MODEL")]
     scene: Option<PathBuf>,
     /// Draw a plan of each storey: rooms in colours, a dot and a line for each view (.png)
-    #[arg(short, value_name = "FILE.png", value_parser = picture_path)]
+    #[arg(short, value_name = "FILE.png", value_parser = picture_path())]
     output: Option<PathBuf>,
     #[command(flatten)]
     scene_args: SceneArgs,

@@ -45,7 +45,7 @@ pub struct SessionArgs {
     #[arg(long, value_name = "TIME", default_value = "0", value_parser = holo_view::parse_seconds)]
     time: f64,
     /// Write a picture to this file at the end (.exr .hdr .pfm .png)
-    #[arg(short, value_name = "FILE", value_parser = picture_path)]
+    #[arg(short, value_name = "FILE", value_parser = picture_path())]
     output: Option<PathBuf>,
     /// Report every picture as a line of JSON
     #[arg(long)]
@@ -197,7 +197,7 @@ pub struct ViewCommand {
     #[arg(long, value_name = "N")]
     threads: Option<u16>,
     /// Memory for beams that are kept at hand, MiB [default: 256]
-    #[arg(long, value_name = "MIB")]
+    #[arg(long, value_name = "MIB", value_parser = holo_server::parse_memory)]
     cache: Option<u64>,
 }
 
@@ -234,7 +234,9 @@ pub async fn view(args: ViewCommand, screen: Screen) -> Result<()> {
     // Without a name, samples exist only as long as the session.
     let temporary = tempfile::tempdir().context("making a temporary folder")?;
     let file = args.keep.clone().unwrap_or_else(|| temporary.path().join("session.holo"));
-    drop(prepare::make(&file, &config, OtherScene::of_option(args.restart), quiet)?);
+    let (other_scene, shutdown) = (OtherScene::of_option(args.restart), Shutdown::new());
+    shutdown.on_signals(false)?;
+    prepare::make_unless_ended(&file, &config, other_scene, quiet, &shutdown).await?;
     let (threads, cache) = (args.threads.or(config.threads), args.cache.or(config.cache));
     let scene = Some(config);
     let session = LiveSession { file, scene, threads, cache, quiet, listen, front_end };
@@ -325,7 +327,7 @@ pub struct PictureCommand {
     #[arg(value_name = "FILE.holo")]
     file: PathBuf,
     /// The picture (.exr .hdr .pfm .png)
-    #[arg(short, value_name = "FILE", value_parser = picture_path)]
+    #[arg(short, value_name = "FILE", value_parser = picture_path())]
     output: PathBuf,
     #[command(flatten)]
     view: ViewArgs,

@@ -70,7 +70,8 @@ pub struct About {
 /// How a scene was read from its file, so that it can be read again.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
-    /// The file, from the root.
+    /// The file, from the root. A name that is not UTF-8 is stored as its bytes.
+    #[serde(with = "stored_path")]
     pub path: PathBuf,
     /// The sky that was stated in place of the file's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -81,6 +82,38 @@ pub struct Reading {
     /// Whether what stands inside sections is seen, if that was stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub obstructions: Option<bool>,
+}
+
+/// A path as text, or as bytes if it is not UTF-8.
+mod stored_path {
+    use std::{
+        ffi::OsString,
+        os::unix::ffi::{OsStrExt, OsStringExt},
+        path::{Path, PathBuf},
+    };
+
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Stored {
+        Text(String),
+        Bytes(Vec<u8>),
+    }
+
+    pub fn serialize<S: Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+        match path.to_str() {
+            Some(text) => text.serialize(serializer),
+            None => path.as_os_str().as_bytes().serialize(serializer),
+        }
+    }
+
+    pub fn deserialize<'a, D: Deserializer<'a>>(deserializer: D) -> Result<PathBuf, D::Error> {
+        Ok(match Stored::deserialize(deserializer)? {
+            Stored::Text(text) => text.into(),
+            Stored::Bytes(bytes) => OsString::from_vec(bytes).into(),
+        })
+    }
 }
 
 /// Simpler scenes that displays use, by section.

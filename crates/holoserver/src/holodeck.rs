@@ -3,7 +3,10 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard},
+    sync::{
+        Arc, Mutex, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard,
+        atomic::{AtomicU32, Ordering},
+    },
 };
 
 use anyhow::{Context, Result, bail, ensure};
@@ -30,6 +33,40 @@ const UNSEEN: &str = "unseen";
 const UNPROVEN: &str = "unproven";
 /// Name of the blob that holds the named views, as JSON, once one was kept.
 const VIEWS: &str = "views";
+
+/// Files that are being made.
+static DRAFTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// A file while it is made, which is removed unless it has been renamed.
+struct Draft(PathBuf);
+
+impl Draft {
+    /// Returns a draft in the folder of a file. Its name is short, because the file's own name may
+    /// be as long as names can be.
+    fn beside(path: &Path) -> Draft {
+        static NEXT: AtomicU32 = AtomicU32::new(0);
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        let path = path.with_file_name(format!(".holodeck-{}-{number}.tmp", std::process::id()));
+        DRAFTS.lock().unwrap_or_else(PoisonError::into_inner).push(path.clone());
+        Draft(path)
+    }
+}
+
+impl Drop for Draft {
+    fn drop(&mut self) {
+        // It has usually been renamed, or was never made.
+        let _ = std::fs::remove_file(&self.0);
+        DRAFTS.lock().unwrap_or_else(PoisonError::into_inner).retain(|path| *path != self.0);
+    }
+}
+
+/// Removes the files that are being made, before a process ends in the middle of it.
+pub fn remove_drafts() {
+    for path in DRAFTS.lock().unwrap_or_else(PoisonError::into_inner).iter() {
+        // One that is not there yet cannot be removed.
+        let _ = std::fs::remove_file(path);
+    }
+}
 
 /// Writes a scene and then its description, which makes it the file's scene.
 fn write_scene(file: &BeamFile, about: &About, packed_scene: &[u8]) -> Result<()> {
@@ -79,7 +116,8 @@ pub struct Holodeck {
 }
 
 impl Holodeck {
-    /// Makes a new file.
+    /// Makes a new file. It appears whole or not at all: it is written under another name in the
+    /// same folder, and renamed.
     ///
     /// # Errors
     /// If the file exists or cannot be written, or a section is not valid.
@@ -91,8 +129,16 @@ impl Holodeck {
     ) -> Result<Holodeck> {
         let sections = about.checked_sections()?;
         let layout = sections.iter().map(Section::beam_count).collect();
-        let file = BeamFile::create(path, Options { cache_bytes, layout })?;
-        write_scene(&file, &about, packed_scene)?;
+        ensure!(!path.exists(), "{} exists already", path.display());
+        let draft = Draft::beside(path);
+        let write = || {
+            let file = BeamFile::create(&draft.0, Options { cache_bytes: 0, layout })?;
+            write_scene(&file, &about, packed_scene)
+        };
+        let made = write().and_then(|()| Ok(std::fs::rename(&draft.0, path)?));
+        drop(draft);
+        made.with_context(|| format!("making {}", path.display()))?;
+        let file = BeamFile::open(path, Options { cache_bytes, layout: Vec::new() })?;
         Ok(Self::new(path, about, sections, file, true))
     }
 
@@ -443,6 +489,68 @@ impl Holodeck {
             sky: self.about.sky,
             skip_unseen: self.skip_unseen,
             unit: self.about.unit,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{ffi::OsStr, os::unix::ffi::OsStrExt};
+
+    use holo_proto::control::RenderSettings;
+    use holo_section::{SectionSpec, ViewClass};
+
+    use super::*;
+    use crate::about::Reading;
+
+    fn about(scene: &[u8]) -> About {
+        let spec = SectionSpec {
+            origin: [0.0; 3],
+            axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            grid: [2; 3],
+            class: ViewClass::Interior,
+            obstructions: true,
+        };
+        About::new(vec![spec], RenderSettings::default(), scene, "a test".into())
+    }
+
+    fn names(folder: &Path) -> usize {
+        std::fs::read_dir(folder).unwrap().count()
+    }
+
+    #[test]
+    fn a_file_that_could_not_be_made_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.holo");
+        // The scene is not the one that is described.
+        let failed = Holodeck::create(&path, about(b"a scene"), b"another", 0);
+        let error = format!("{:#}", failed.err().unwrap());
+        assert!(error.contains("x.holo") && error.contains("another scene"), "{error}");
+        assert_eq!(names(folder.path()), 0);
+        drop(Holodeck::create(&path, about(b"a scene"), b"a scene", 0).unwrap());
+        assert_eq!(names(folder.path()), 1);
+        let again = Holodeck::create(&path, about(b"a scene"), b"a scene", 0).err().unwrap();
+        assert!(again.to_string().contains("exists already"), "{again}");
+        drop(Holodeck::open(&path, 0).unwrap());
+        // One that is being made when the process ends.
+        let draft = Draft::beside(&path);
+        std::fs::write(&draft.0, "half of it").unwrap();
+        remove_drafts();
+        assert_eq!(names(folder.path()), 1);
+    }
+
+    #[test]
+    fn names_may_be_long_or_not_utf_8() {
+        let folder = tempfile::tempdir().unwrap();
+        let long = folder.path().join(format!("{}.holo", "x".repeat(250)));
+        let latin = folder.path().join(OsStr::from_bytes(b"k\xfcche.holo"));
+        for path in [long, latin] {
+            let mut about = about(b"a scene");
+            let model = path.with_extension("obj");
+            about.reading = Some(Reading { path: model.clone(), ..Reading::default() });
+            drop(Holodeck::create(&path, about, b"a scene", 0).unwrap());
+            let opened = Holodeck::open_read_only(&path, 0).unwrap();
+            assert_eq!(opened.about.reading.as_ref().unwrap().path, model);
         }
     }
 }

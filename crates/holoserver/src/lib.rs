@@ -52,7 +52,7 @@ pub use file_size::outlive_file_size_limit;
 pub use forget::Forgotten;
 use holo_net::{Ending, Invitation, Shutdown};
 use holo_proto::control::Farewell;
-pub use holodeck::Holodeck;
+pub use holodeck::{Holodeck, remove_drafts};
 pub use light::LightRecords;
 use serde::{Deserialize, Serialize};
 use tracing::info;
@@ -102,7 +102,7 @@ pub struct Config {
     #[arg(long, value_name = "FILE.pem", requires = "cert")]
     pub key: Option<PathBuf>,
     /// Memory for beams that are kept at hand, MiB
-    #[arg(long, value_name = "MIB", default_value_t = 256)]
+    #[arg(long, value_name = "MIB", default_value_t = 256, value_parser = parse_memory)]
     pub cache: u64,
     /// Fill the file in batch order while no display wants anything
     #[arg(long)]
@@ -209,21 +209,55 @@ pub fn parse_count(text: &str) -> Result<u64, String> {
         .ok_or_else(|| format!("`{text}` is not a count; write 500k, 20M or 1G"))
 }
 
-/// Parses a length of files such as `500MB`, `50GB` or `1TB`: powers of ten, as disks are sold.
+/// Units of lengths of files and memory, bytes. Units that end with another one come first.
+const BYTE_UNITS: [(&str, f64); 10] = [
+    ("KiB", 1024.0),
+    ("MiB", 1_048_576.0),
+    ("GiB", 1_073_741_824.0),
+    ("TiB", 1_099_511_627_776.0),
+    ("kB", 1e3),
+    ("KB", 1e3),
+    ("MB", 1e6),
+    ("GB", 1e9),
+    ("TB", 1e12),
+    ("B", 1.0),
+];
+
+/// Most memory that can be stated, MiB: 16 TiB.
+const MOST_MEBIBYTES: f64 = 16_777_216.0;
+
+/// Parses a length of files such as `500MB`, `50GiB`, or plain bytes.
 ///
 /// # Errors
 /// If it is none; the text is for people.
 pub fn parse_size(text: &str) -> Result<u64, String> {
-    let units = [("kB", 1e3), ("MB", 1e6), ("GB", 1e9), ("TB", 1e12), ("", 1.0)];
-    let (number, factor) = units
-        .into_iter()
-        .find_map(|(unit, factor)| Some((text.strip_suffix(unit)?, factor)))
-        .unwrap_or((text, 1.0));
-    let bytes = number.trim().parse::<f64>().ok().map(|number| number * factor);
-    bytes
+    bytes(text, 1.0)
         .filter(|bytes| (0.0..1e18).contains(bytes))
         .map(|bytes| bytes as u64)
-        .ok_or_else(|| format!("`{text}` is not a size; write 500MB, 50GB or 1TB"))
+        .ok_or_else(|| format!("`{text}` is not a size; write 500MB, 50GB or 50GiB"))
+}
+
+/// Parses an amount of memory, such as `512`, `512MiB` or `2GiB`, and returns it in MiB. A plain
+/// number is in MiB.
+///
+/// # Errors
+/// If it is none; the text is for people.
+pub fn parse_memory(text: &str) -> Result<u64, String> {
+    let mebibyte = 1_048_576.0;
+    bytes(text, mebibyte)
+        .map(|bytes| (bytes / mebibyte).ceil())
+        .filter(|mebibytes| (0.0..=MOST_MEBIBYTES).contains(mebibytes))
+        .map(|mebibytes| mebibytes as u64)
+        .ok_or_else(|| {
+            format!("`{text}` is not an amount of memory; write 512 (MiB) or 2GiB, at most 16TiB")
+        })
+}
+
+/// Returns the number of bytes in a text with a unit, or with `plain` if it has none.
+fn bytes(text: &str, plain: f64) -> Option<f64> {
+    let with_unit = |(unit, factor)| Some((text.strip_suffix(unit)?, factor));
+    let (number, factor) = BYTE_UNITS.into_iter().find_map(with_unit).unwrap_or((text, plain));
+    number.trim().parse::<f64>().ok().map(|number| number * factor)
 }
 
 /// What a server did.
@@ -352,4 +386,34 @@ pub async fn run_until_signal(config: Config) -> Result<()> {
         holo_progress::print_line!("{}", serde_json::to_string(&summary)?);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_have_units_of_ten_and_of_two() {
+        for (text, bytes) in [
+            ("500MB", 500_000_000),
+            ("5MiB", 5 << 20),
+            ("1.5 GiB", 3 << 29),
+            ("2KiB", 2048),
+            ("1TiB", 1 << 40),
+            ("3kB", 3000),
+            ("7B", 7),
+            ("12", 12),
+        ] {
+            assert_eq!(parse_size(text), Ok(bytes), "{text}");
+        }
+        for bad in ["", "MiB", "-1MB", "5 apples", "nan", "1e30GB"] {
+            assert!(parse_size(bad).unwrap_err().contains("GiB"), "{bad}");
+        }
+        assert_eq!(parse_memory("256"), Ok(256));
+        assert_eq!(parse_memory("2GiB"), Ok(2048));
+        assert_eq!(parse_memory("1B"), Ok(1));
+        for bad in ["-1", "1e9", "inf", "9e18", "17TiB"] {
+            assert!(parse_memory(bad).unwrap_err().contains("16TiB"), "{bad}");
+        }
+    }
 }

@@ -7,8 +7,9 @@ use std::{
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Time between two plain lines.
+/// Time between two plain lines, and before the first one.
 const LINE_EVERY: Duration = Duration::from_secs(5);
+const FIRST_LINE: Duration = Duration::from_secs(1);
 
 /// Number of steps of the bar. No terminal has so many columns.
 const STEPS: u64 = 1000;
@@ -18,7 +19,8 @@ const STEPS: u64 = 1000;
 pub struct Meter {
     /// Time of the first report.
     start: Option<Instant>,
-    last_line: Instant,
+    /// Time from which the next plain line may be printed.
+    next_line: Instant,
     output: Output,
 }
 
@@ -42,7 +44,7 @@ impl Meter {
                 Output::Bar(bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())))
             }
         };
-        Meter { start: None, last_line: Instant::now(), output }
+        Meter { start: None, next_line: Instant::now() + FIRST_LINE, output }
     }
 
     /// Shows that `share` of the work (0 to 1) is done, with a text and the estimated time left.
@@ -59,8 +61,8 @@ impl Meter {
                 bar.set_position((share * STEPS as f64) as u64);
                 bar.set_message(format!("{text}{left}"));
             }
-            Output::Lines if self.last_line.elapsed() >= LINE_EVERY => {
-                self.last_line = Instant::now();
+            Output::Lines if Instant::now() >= self.next_line => {
+                self.next_line = Instant::now() + LINE_EVERY;
                 eprintln!("{text}{left}");
             }
             Output::Lines | Output::Nothing => {}

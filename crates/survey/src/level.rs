@@ -24,9 +24,15 @@ const FLAT: f64 = 0.6;
 /// Share of back faces in sight from which on a region may be the inside of a solid.
 const BACKS: f64 = 0.55;
 
-/// Numbers of materials and of triangles in sight that make a region a room in spite of its back
-/// faces. A cuboid has twelve triangles, and may have a material on each side.
-const FURNISHED: usize = 3;
+/// Greatest share of back faces in sight of a hollow that is too low to stand in. The inside of a
+/// seat, of a figure or of a car's skin shows more of them.
+const BACKS_OF_HOLLOWS: f64 = 0.25;
+
+/// Share of front faces in sight, and numbers of their materials and triangles, that make a region a
+/// room in spite of its back faces: furniture in a room whose walls face outwards. A cuboid has
+/// twelve triangles.
+const FURNITURE: f64 = 0.1;
+const FURNISHED: usize = 2;
 const MORE_THAN_A_BOX: usize = 13;
 
 /// The free places of one storey.
@@ -46,6 +52,7 @@ struct Seen {
     backs: usize,
     is_flat: bool,
     has_lamp: bool,
+    /// Those of front faces.
     materials: BTreeSet<u32>,
     triangles: BTreeSet<u32>,
 }
@@ -59,6 +66,8 @@ pub(crate) struct Heights {
     pub below: u32,
     /// Greatest difference between floors of one storey.
     pub slack: u32,
+    /// True if nobody can stand between floor and ceiling.
+    pub is_low: bool,
 }
 
 /// Most storeys, and the least area of one, as a share of the largest.
@@ -89,7 +98,7 @@ pub(crate) fn levels(
         };
         let mut level = Level::new(grid, eye as usize, left.iter().filter(|run| is_here(run)));
         left.retain(|run| !is_here(run) && run.from != floor);
-        level.find_rooms(grid, raycaster);
+        level.find_rooms(grid, raycaster, heights.is_low);
         levels.push(level);
     }
     let most = levels.iter().map(Level::area).max().unwrap_or(0);
@@ -131,8 +140,8 @@ impl Level {
         mask
     }
 
-    /// Determines which places are in rooms.
-    fn find_rooms(&mut self, grid: &Grid, raycaster: &Raycaster) {
+    /// Determines which places are in rooms, or in hollows that `is_low`.
+    fn find_rooms(&mut self, grid: &Grid, raycaster: &Raycaster, is_low: bool) {
         let width = grid.size[1];
         let count = self.runs.iter().filter(|run| run.is_some()).count();
         let stride = (count as f64 / MAX_PROBES as f64).sqrt().ceil().max(1.0) as usize;
@@ -155,28 +164,33 @@ impl Level {
             let corners: BTreeSet<usize> = region.iter().map(|&place| probed(place)).collect();
             let views: Vec<&Seen> =
                 corners.iter().filter_map(|&corner| seen[corner].as_ref()).collect();
-            if is_room(&views) {
+            if is_room(&views, is_low) {
                 region.iter().for_each(|&place| self.indoors[place] = true);
             }
         }
     }
 }
 
-fn is_room(views: &[&Seen]) -> bool {
+fn is_room(views: &[&Seen], is_low: bool) -> bool {
     let sum = |of: fn(&Seen) -> usize| views.iter().map(|seen| of(seen)).sum::<usize>() as f64;
     let (hits, backs) = (sum(|seen| seen.hits), sum(|seen| seen.backs));
     let flat = sum(|seen| usize::from(seen.is_flat));
     let distinct = |of: fn(&Seen) -> &BTreeSet<u32>| {
         views.iter().flat_map(|seen| of(seen)).collect::<BTreeSet<_>>().len()
     };
+    let is_on_a_floor = flat >= FLAT * views.len() as f64;
+    if is_low {
+        return is_on_a_floor && backs <= BACKS_OF_HOLLOWS * hits;
+    }
     if views.iter().any(|seen| seen.has_lamp) {
         return true;
     }
     let is_furnished = || {
-        distinct(|seen| &seen.materials) >= FURNISHED
+        hits - backs >= FURNITURE * hits
+            && distinct(|seen| &seen.materials) >= FURNISHED
             && distinct(|seen| &seen.triangles) >= MORE_THAN_A_BOX
     };
-    flat >= FLAT * views.len() as f64 && (backs <= BACKS * hits || is_furnished())
+    is_on_a_floor && (backs <= BACKS * hits || is_furnished())
 }
 
 fn look_around(grid: &Grid, raycaster: &Raycaster, from: DVec3) -> Seen {
@@ -194,8 +208,10 @@ fn look_around(grid: &Grid, raycaster: &Raycaster, from: DVec3) -> Seen {
         seen.backs += usize::from(is_back);
         // The back of a glowing shell is visible only from inside it.
         seen.has_lamp |= material.emits() && (!is_back || material.two_sided_emission);
-        seen.materials.insert(id);
-        seen.triangles.insert(hit.triangle);
+        if !is_back {
+            seen.materials.insert(id);
+            seen.triangles.insert(hit.triangle);
+        }
         if direction.z < -0.999 {
             seen.is_flat = normal.as_dvec3().dot(grid.frame.up).abs() > 0.99;
         }

@@ -4,7 +4,7 @@
 //! A [`Frame`] states which way is up. [`Survey::new`] divides the scene into cells, finds the
 //! places where a person's eyes can be, and puts boxes into the rooms among them. [`Survey::limit`]
 //! limits their number, and joins the remaining ones through doors. A scene without rooms is an
-//! object, and its view is from outside.
+//! object, and its view is from outside. So is that of a thing with rooms, such as a car.
 //!
 //! Invariants:
 //! - Each guess comes with its reason, in words for people.

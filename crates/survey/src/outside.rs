@@ -1,7 +1,10 @@
 //! Chooses a view of a whole scene from outside.
 
+use std::collections::BTreeSet;
+use std::f64::consts::PI;
+
 use glam::DVec3;
-use holo_raycast::{Hit, Raycaster};
+use holo_raycast::{Hit, Ray, Raycaster};
 use holo_scene::Scene;
 
 use crate::frame::Frame;
@@ -95,6 +98,60 @@ pub(crate) fn open_side(frame: &Frame, raycaster: &Raycaster) -> Option<Look> {
     };
     let level = DIRECTIONS.into_iter().filter(|[.., up]| *up == 0.0);
     level.map(|direction| Look::new(frame, direction)).find(is_open)
+}
+
+/// What views of a scene from outside show.
+pub(crate) struct Facade {
+    /// Share of their rays that hit front faces, among those that hit anything.
+    fronts: f64,
+    /// Number of triangles that they hit.
+    pub triangles: usize,
+}
+
+/// Least share of front faces that makes sense of a view from outside. The walls of a room that is
+/// modelled from within show their backs.
+const LEAST_FRONTS: f64 = 0.6;
+
+/// Number of directions from which a facade is looked at: those of the four sides.
+const SIDES: usize = 4;
+
+impl Facade {
+    /// Looks at a scene from its four sides.
+    pub(crate) fn new(frame: &Frame, raycaster: &Raycaster) -> Facade {
+        let (mut hits, mut fronts, mut triangles) = (0, 0, BTreeSet::new());
+        for direction in DIRECTIONS.into_iter().take(SIDES) {
+            let look = Look::new(frame, direction);
+            look.cast(raycaster, |_, hit| {
+                let normal = raycaster.geometric_normal(hit.triangle).as_dvec3();
+                hits += 1;
+                fronts += u32::from(normal.dot(look.direction) < 0.0);
+                triangles.insert(hit.triangle);
+            });
+        }
+        let fronts = f64::from(fronts) / f64::from(hits.max(1));
+        Facade { fronts, triangles: triangles.len() }
+    }
+
+    /// Returns whether a view from outside makes sense.
+    pub(crate) fn makes_sense(&self) -> bool {
+        self.fronts >= LEAST_FRONTS
+    }
+
+    /// Returns the number of triangles that as many rays hit from a point, relative to the scene's
+    /// origin.
+    pub(crate) fn triangles_around(raycaster: &Raycaster, point: DVec3) -> usize {
+        let rays = SIDES * RAYS * RAYS;
+        let golden = PI * (3.0 - 5f64.sqrt());
+        let directions = (0..rays).map(|i| {
+            let z = -1.0 + 2.0 * (i as f64 + 0.5) / rays as f64;
+            let (sin, cos) = (golden * i as f64).sin_cos();
+            let level = (1.0 - z * z).max(0.0).sqrt();
+            DVec3::new(level * cos, level * sin, z)
+        });
+        let hit =
+            |direction: DVec3| raycaster.nearest(&Ray::new(point.as_vec3(), direction.as_vec3()));
+        directions.filter_map(hit).map(|hit| hit.triangle).collect::<BTreeSet<_>>().len()
+    }
 }
 
 /// A direction of view, and the directions to the right and upwards in the picture.

@@ -12,7 +12,7 @@ use crate::doors::joints;
 use crate::frame::Frame;
 use crate::grid::Grid;
 use crate::level::{Heights, Level, levels};
-use crate::outside::{Look, from_outside, open_side};
+use crate::outside::{Facade, Look, from_outside, open_side};
 use crate::rectangle::{Rectangle, largest, opened};
 use crate::sight::{self, Sight};
 use crate::unit::{Unit, by_extent, by_storey, unit_words};
@@ -27,6 +27,16 @@ const EYE_SHARE: f64 = 0.55;
 /// Least height of a storey, metres, if the unit is known. Doll's houses are 1:12; lower spaces are
 /// the insides of things.
 const LEAST_STOREY: f64 = 0.18;
+
+/// Least height of a storey in which a person can stand, metres.
+const STANDING: f64 = 1.75;
+
+/// Longest side of vehicles and other things that people enter, metres.
+const LONGEST_THING: f64 = 20.0;
+
+/// A scene of this size is a thing if its outside shows so many times as many triangles as its
+/// largest room.
+const DETAIL: usize = 4;
 
 /// Greatest difference between floors of one storey, as a share of the eye's height, for steps and
 /// thresholds.
@@ -97,6 +107,9 @@ pub struct Survey {
     pub doors: Vec<Door>,
     /// The length of the scene's unit, stated or guessed.
     pub unit: Guess<Unit>,
+    /// True if the scene is a thing to be seen from outside, although it has rooms, such as a car or
+    /// a doll's house.
+    pub is_thing: bool,
     frame: Frame,
     open_side: Option<Look>,
     outside: OnceCell<Sight>,
@@ -125,6 +138,7 @@ impl Survey {
                 rooms: Vec::new(),
                 doors: Vec::new(),
                 unit,
+                is_thing: false,
                 frame,
                 open_side,
                 outside,
@@ -136,16 +150,23 @@ impl Survey {
         };
         let runs = runs(&grid);
         let height = storey(&runs).map(|cells| cells * grid.cell);
-        let metres = match &unit {
-            Some(unit) => unit.value,
-            None => height.and_then(by_storey).map_or(1.0, |unit| unit.value),
+        let guessed = || {
+            let by_storey = height.and_then(by_storey);
+            by_storey.or_else(|| usual.clone()).unwrap_or_else(|| by_extent(extent))
         };
+        let metres = unit.as_ref().map_or_else(|| guessed().value, |unit| unit.value);
+        let facade = Facade::new(&frame, raycaster);
+        let is_lower = |least: f64| height.is_some_and(|height| height * metres < least);
+        // Without a unit and a storey of a usual height, nobody knows whether a person fits.
+        let is_unknown = unit.is_none() && usual.is_none() && height.and_then(by_storey).is_none();
+        let is_low = is_lower(STANDING) || is_unknown;
         let eye = eye_height(metres, height);
         let cells = |length: f64| (length / grid.cell).round().max(1.0) as u32;
-        let heights =
-            Heights { eye: cells(eye), below: cells(BELOW * eye), slack: cells(STEPS * eye) };
-        let is_too_low = |height: f64| unit.is_some() && height * metres < LEAST_STOREY;
-        let levels = match height.is_some_and(is_too_low) {
+        let (below, slack) = (cells(BELOW * eye), cells(STEPS * eye));
+        let heights = Heights { eye: cells(eye), below, slack, is_low };
+        // The unit of a room that is modelled from within may be anything.
+        let is_too_low = is_lower(LEAST_STOREY) && (unit.is_some() || facade.makes_sense());
+        let levels = match is_too_low {
             true => Vec::new(),
             false => levels(&grid, raycaster, &runs, heights),
         };
@@ -154,12 +175,31 @@ impl Survey {
         if rooms.first().is_some_and(is_too_small) || open_side.is_some() {
             rooms.clear();
         }
+        let is_small = extent * metres < LONGEST_THING;
+        let shows_more = |room: &Room| {
+            let inside = Facade::triangles_around(raycaster, room.sight.eye - scene.origin);
+            facade.triangles > DETAIL * inside
+        };
+        let is_thing = facade.makes_sense()
+            && rooms.first().is_some_and(|room| is_low || is_small && shows_more(room));
         let unit = unit.unwrap_or_else(|| {
             let by_storey = height.and_then(by_storey).filter(|_| !rooms.is_empty());
             by_storey.or(usual).unwrap_or_else(|| by_extent(extent))
         });
         let (doors, grid, origin) = (Vec::new(), Some(grid), scene.origin);
-        Survey { rooms, doors, unit, frame, open_side, outside, levels, grid, eye, origin }
+        Survey {
+            rooms,
+            doors,
+            unit,
+            is_thing,
+            frame,
+            open_side,
+            outside,
+            levels,
+            grid,
+            eye,
+            origin,
+        }
     }
 
     /// Removes all rooms except the `most` largest, and joins these through doors.
@@ -178,14 +218,15 @@ impl Survey {
         }
     }
 
-    /// Returns the views of the survey by name: one for each room, the largest first, or else the
-    /// one from outside.
+    /// Returns the views of the survey by name: one for each room, the largest first. Without rooms,
+    /// and before those of a thing, comes the view from outside.
     #[must_use]
     pub fn views(&self, raycaster: &Raycaster) -> Vec<(String, Sight)> {
         let rooms = self.rooms.iter().enumerate();
-        let views: Vec<_> =
-            rooms.map(|(n, room)| (format!("room {}", n + 1), room.sight)).collect();
-        if views.is_empty() { vec![("outside".to_owned(), self.outside(raycaster))] } else { views }
+        let rooms = rooms.map(|(n, room)| (format!("room {}", n + 1), room.sight));
+        let is_seen_from_outside = self.is_thing || self.rooms.is_empty();
+        let outside = is_seen_from_outside.then(|| ("outside".to_owned(), self.outside(raycaster)));
+        outside.into_iter().chain(rooms).collect()
     }
 
     /// Returns a view of the whole scene from outside. Later calls return the same, even if the

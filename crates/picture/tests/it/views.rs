@@ -213,9 +213,10 @@ fn all_notations_of_a_view_mean_the_same() {
 #[test]
 fn errors_name_what_is_wrong_with_a_view() {
     let line = |text: &str| ViewSpec::default().apply_line(text).unwrap_err().to_string();
+    assert!(line("-vts").contains("-vta (angular fisheye)"));
     assert!(
-        line("-vts")
-            .starts_with("view type -vts is not supported; the types are v (perspective), l")
+        line("-vtx")
+            .starts_with("view type -vtx is not supported; the types are v (perspective), l")
     );
     assert!(line("-vt").starts_with("view type -vt is not supported"));
     assert!(line("-vt -vp 1 2 3").starts_with("view type -vt is not supported"));

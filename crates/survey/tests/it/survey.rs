@@ -434,3 +434,154 @@ fn up_follows_from_the_file_names_lamps_habits_or_shape_in_this_order() {
     assert_eq!(up(&model, &usual), y);
     assert_eq!(up(&model, &About { up: said(z), ..usual }), z);
 }
+
+impl Model {
+    /// A closed surface around an upright axis: circles of these radii at these heights, with a
+    /// material for each ring of faces. Its front faces look outwards.
+    fn turned(&mut self, rings: &[(f64, f64, u32)], axis: DVec3) {
+        let sides = 24;
+        let at = |(radius, height, _): (f64, f64, u32), i: usize| {
+            let (sin, cos) = (i as f64 / sides as f64 * TAU).sin_cos();
+            axis + DVec3::new(radius * cos, radius * sin, height)
+        };
+        for (pair, i) in rings.windows(2).flat_map(|pair| (0..sides).map(move |i| (pair, i))) {
+            let [low, high] = [pair[0], pair[1]];
+            self.quad([at(low, i), at(low, i + 1), at(high, i + 1), at(high, i)], high.2);
+        }
+    }
+
+    fn scaled(mut self, scale: f64) -> Model {
+        self.positions.iter_mut().for_each(|p| *p *= scale);
+        self
+    }
+}
+
+/// A person of 1.8 m with shoes, trousers, a shirt, a head, and eyes of their own within it.
+fn figure() -> Model {
+    let mut model = Model::default();
+    let [shoes, trousers, shirt, skin, eyes] =
+        ["shoes", "trousers", "shirt", "skin", "eyes"].map(|name| model.material(name, 0.0));
+    let body = [
+        (0.0, 0.0, shoes),
+        (0.3, 0.0, shoes),
+        (0.3, 0.1, shoes),
+        (0.32, 0.9, trousers),
+        (0.35, 1.4, shirt),
+        (0.16, 1.5, skin),
+        (0.2, 1.65, skin),
+        (0.1, 1.78, skin),
+        (0.0, 1.8, skin),
+    ];
+    model.turned(&body, DVec3::ZERO);
+    for x in [-0.05, 0.05] {
+        model.sphere(DVec3::new(x, 0.12, 1.65), 0.02, eyes);
+    }
+    model
+}
+
+/// An armchair of closed solids: base, cushion, back and arms, each of its own material.
+fn armchair() -> Model {
+    let mut model = Model::default();
+    let parts = [
+        ("base", [0.0, 0.0, 0.05], [0.9, 0.9, 0.4]),
+        ("cushion", [0.15, 0.1, 0.4], [0.75, 0.7, 0.55]),
+        ("back", [0.0, 0.7, 0.4], [0.9, 0.9, 1.0]),
+        ("arm", [0.0, 0.0, 0.4], [0.15, 0.7, 0.65]),
+        ("arm", [0.75, 0.0, 0.4], [0.9, 0.7, 0.65]),
+    ];
+    for (name, low, high) in parts {
+        let material = model.material(name, 0.0);
+        model.cuboid(DVec3::from_array(low), DVec3::from_array(high), false, material);
+    }
+    model
+}
+
+/// A car with open windows: a body and a roof of outward faces, seats, and wheels. With `lining`,
+/// the cabin has faces of its own that look inwards.
+fn car(lining: bool) -> Model {
+    let mut model = Model::default();
+    let [paint, cloth, rubber, trim] =
+        ["paint", "cloth", "rubber", "trim"].map(|name| model.material(name, 0.0));
+    model.cuboid(DVec3::new(0.0, 0.0, 0.25), DVec3::new(4.4, 1.8, 0.8), false, paint);
+    model.cuboid(DVec3::new(1.2, 0.1, 1.25), DVec3::new(3.4, 1.7, 1.3), false, paint);
+    for x in [1.2, 2.2, 3.35] {
+        for y in [0.1, 1.65] {
+            model.cuboid(DVec3::new(x, y, 0.8), DVec3::new(x + 0.05, y + 0.05, 1.25), false, paint);
+        }
+    }
+    for x in [1.7, 2.6] {
+        for y in [0.3, 1.0] {
+            model.cuboid(DVec3::new(x, y, 0.8), DVec3::new(x + 0.5, y + 0.5, 0.85), false, cloth);
+        }
+    }
+    for (x, y) in [(0.8, 0.05), (0.8, 1.6), (3.6, 0.05), (3.6, 1.6)] {
+        model.sphere(DVec3::new(x, y + 0.07, 0.3), 0.3, rubber);
+    }
+    if lining {
+        model.cuboid(DVec3::new(1.25, 0.15, 0.35), DVec3::new(3.35, 1.65, 1.24), true, trim);
+    }
+    model
+}
+
+#[test]
+fn things_on_their_own_are_seen_from_outside() {
+    for (name, model) in [
+        ("figure", figure()),
+        ("armchair", armchair()),
+        ("car", car(false)),
+        ("lined car", car(true)),
+    ] {
+        // Metres as the file says, and units that nobody says.
+        for (scale, unit) in [(1.0, Some(1.0)), (1.0, None), (100.0, Some(0.01)), (100.0, None)] {
+            let model = Model {
+                positions: model.positions.clone(),
+                triangles: model.triangles.clone(),
+                ids: model.ids.clone(),
+                materials: model.materials.clone(),
+            };
+            let model = model.scaled(scale);
+            let (survey, raycaster) = model.survey(DVec3::Z, unit);
+            let views = survey.views(&raycaster);
+            let of = format!("{name} {scale} {unit:?}: {:?}, {views:?}", survey.unit);
+            assert_eq!(views[0].0, "outside", "{of}");
+            assert!(shows_all(&model, &views[0].1), "{of}");
+            // A cabin may be named, and the place between the arms of a chair of unknown size.
+            let may_have_rooms = name.contains("car") || unit.is_none();
+            assert!(may_have_rooms || survey.rooms.is_empty(), "{of}");
+        }
+    }
+}
+
+#[test]
+fn a_van_with_a_hold_is_seen_from_outside_and_its_hold_is_named() {
+    let mut van = Model::default();
+    let [paint, steel, rubber] = ["paint", "steel", "rubber"].map(|name| van.material(name, 0.0));
+    van.cuboid(DVec3::new(0.0, 0.0, 0.6), DVec3::new(6.0, 2.4, 3.0), false, paint);
+    van.cuboid(DVec3::new(0.1, 0.1, 0.7), DVec3::new(5.9, 2.3, 2.9), true, steel);
+    for (x, y) in [(1.0, 0.0), (1.0, 2.4), (5.0, 0.0), (5.0, 2.4)] {
+        van.sphere(DVec3::new(x, y, 0.1), 0.5, rubber);
+    }
+    let (survey, raycaster) = van.survey(DVec3::Z, Some(1.0));
+    let names: Vec<String> = survey.views(&raycaster).into_iter().map(|(name, _)| name).collect();
+    assert_eq!(names, ["outside", "room 1"]);
+    assert!(survey.is_thing);
+}
+
+#[test]
+fn rooms_are_seen_from_within_whatever_their_unit_and_walls() {
+    // Walls without thickness, in units that nobody says: a person's room, and one of a doll.
+    for scale in [1.0, 0.4, 0.05] {
+        let (survey, raycaster) = flat(scale, |p| p).survey(DVec3::Z, None);
+        assert_eq!(survey.views(&raycaster)[0].0, "room 1", "{scale}");
+    }
+    // A room with thick walls and furniture.
+    let mut model = flat(1.0, |p| p);
+    model.cuboid(DVec3::splat(-0.2), DVec3::new(8.2, 4.2, 2.7), false, 0);
+    let (survey, raycaster) = model.survey(DVec3::Z, None);
+    assert_eq!(survey.views(&raycaster)[0].0, "room 1");
+    assert!(!survey.is_thing);
+    // The same house for dolls is a thing, and its rooms are named.
+    let (survey, raycaster) = model.scaled(1.0 / 6.0).survey(DVec3::Z, Some(1.0));
+    let names: Vec<String> = survey.views(&raycaster).into_iter().map(|(name, _)| name).collect();
+    assert_eq!(names, ["outside", "room 1", "room 2"]);
+}

@@ -419,7 +419,9 @@ function drawPlan() {
   const up = unit(facts.up);
   const u = Math.abs(up[0]) < 0.9 ? unit(minus([1, 0, 0], up.map(x => x * up[0]))) : unit(minus([0, 1, 0], up.map(x => x * up[1])));
   const v = cross(up, u);
-  plane = { u, v, flat: point => [dot(point, u), -dot(point, v)] };
+  // Browsers store SVG numbers in 32 bits, so places are relative to a section's corner.
+  const base = facts.sections[0].origin, along = way => [dot(way, u), -dot(way, v)];
+  plane = { u, v, along, flat: point => along(minus(point, base)) };
   const corners = [0, 1, 2, 3, 4, 5, 6, 7].map(i => [i & 1, i >> 1 & 1, i >> 2]);
   const outlines = facts.sections.map(section => hull(corners.map(corner => plane.flat(pointOf(section, corner)))));
   const all = outlines.flat(), xs = all.map(p => p[0]), ys = all.map(p => p[1]);
@@ -461,7 +463,7 @@ function drawEye() {
   if (!plane || !$('eye')) return;
   const [x, y] = plane.flat(view.eye), length = 0.22 * plane.size;
   const half = view.extent[0] / 2;
-  const ends = [-half, half].map(s => plane.flat(plus(view.direction, view.right, s))).map(([a, b]) => {
+  const ends = [-half, half].map(s => plane.along(plus(view.direction, view.right, s))).map(([a, b]) => {
     const l = Math.hypot(a, b) || 1;
     return [x + a / l * length, y + b / l * length];
   });
