@@ -314,10 +314,11 @@ impl Coordinator {
 
     /// Returns why a server with a goal will never trace anything more.
     fn nothing_to_trace(&self) -> Option<&'static str> {
-        // Nobody can check the claims of the only worker, so they end a fill. Before there is a
-        // worker, claims of earlier ones do not.
+        // Nobody can check the claims of the only worker, so they end a fill. Until a
+        // worker is ready, claims of earlier ones do not.
         let is_known = !self.is_checking()
-            && (!self.workers.is_empty() || self.holodeck.unproven().count() == 0);
+            && (self.workers.values().any(Worker::is_ready)
+                || self.holodeck.unproven().count() == 0);
         if self.schedule.goal.samples.is_some() && is_known && self.sees_nothing() {
             return Some("no ray of any section hits anything: there is nothing to trace");
         }

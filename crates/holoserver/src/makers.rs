@@ -21,8 +21,8 @@ const MAX_MAKERS: usize = 4096;
 /// Separates the machine's part of a worker's name from the process.
 const PROCESS: &str = " #";
 
-/// Most bytes of a fault's description that are kept.
-const MAX_FAULT_BYTES: usize = 300;
+/// Most characters of a fault's description that are kept.
+const MAX_FAULT_CHARS: usize = 300;
 
 /// One machine.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -147,8 +147,8 @@ impl Makers {
 
     /// Records what a machine did wrong. Its first fault stays.
     pub(crate) fn accuse(&mut self, maker: Maker, fault: &str) {
-        let end = fault.floor_char_boundary(MAX_FAULT_BYTES);
-        self.change(maker, |made| _ = made.fault.get_or_insert_with(|| fault[..end].to_owned()));
+        let fault = || fault.chars().take(MAX_FAULT_CHARS).collect();
+        self.change(maker, |made| _ = made.fault.get_or_insert_with(fault));
     }
 
     /// Removes makers. Their numbers stay taken.

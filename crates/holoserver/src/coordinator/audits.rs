@@ -63,14 +63,15 @@ impl Coordinator {
             Some(Verdict::Broken(worker, difference)) => {
                 self.found_broken(worker, &difference.to_string());
             }
-            Some(Verdict::Undecided(first, second, difference)) => {
-                // A third one will show which of the two is wrong.
-                if self.in_doubt.is_empty() && self.workers.len() <= 2 {
-                    let (first, second) = (self.name_of(first), self.name_of(second));
-                    let reason = difference.between(&first, &second);
-                    self.doubt(&first, &second, &reason);
-                }
+            // If there is a third one, it will show which of the two is wrong.
+            Some(Verdict::Undecided(first, second, difference))
+                if self.in_doubt.is_empty() && self.workers.len() <= 2 =>
+            {
+                let (first, second) = (self.name_of(first), self.name_of(second));
+                let reason = difference.between(&first, &second);
+                self.doubt(&first, &second, &reason);
             }
+            Some(Verdict::Undecided(..)) => {}
         }
         Ok(())
     }

@@ -257,7 +257,7 @@ fn unchecked_claims_are_checked_after_a_restart_by_whoever_comes() {
                 })
                 .await;
             let lies = common::work_as_named(server.address, "liar", nothing_there);
-            let lies = tokio::spawn(async move { lies.await });
+            let lies = tokio::spawn(lies);
             // There is nothing to trace, as the only worker says, so the fill ends.
             assert_eq!(server.ended().await.added, 0);
             in_time(lies).await.unwrap();
@@ -327,13 +327,13 @@ fn true_claims_are_proven_by_another_machine_and_stored_as_such() {
         let unproven = || Holodeck::open_read_only(&place.file(), 0).unwrap().unproven().count();
         let server = serve().await;
         let first = common::work_as_named(server.address, "a", nothing_there);
-        let first = tokio::spawn(async move { first.await });
+        let first = tokio::spawn(first);
         server.ended().await;
         in_time(first).await.unwrap();
         assert_eq!((unseen(&place), unproven()), (480, 480));
         let server = serve().await;
         let second = common::work_as_named(server.address, "b", nothing_there);
-        let second = tokio::spawn(async move { second.await });
+        let second = tokio::spawn(second);
         server.ended().await;
         in_time(second).await.unwrap();
         assert_eq!((unseen(&place), unproven()), (480, 0));
