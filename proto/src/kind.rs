@@ -47,6 +47,8 @@ pub enum Kind {
     Challenge = 16,
     /// [`crate::proof::Proof`], the answer to a challenge.
     Proof = 17,
+    /// [`crate::bulk::Cells`], worker to server, and server to peers that requested light.
+    Cells = 18,
 }
 
 impl Kind {
@@ -70,6 +72,7 @@ impl Kind {
             Kind::LiveSamples,
             Kind::Challenge,
             Kind::Proof,
+            Kind::Cells,
         ]
         .into_iter()
         .find(|&kind| kind as u8 == byte)
@@ -87,6 +90,7 @@ impl Kind {
             | Kind::BlobChunk
             | Kind::Unseen
             | Kind::Light
+            | Kind::Cells
             | Kind::Rays
             | Kind::LiveWork
             | Kind::LiveResults

@@ -64,6 +64,7 @@ impl Saver {
                 }
                 if light {
                     let _ = holodeck.save_light();
+                    let _ = holodeck.save_cells(false);
                 }
             }));
         }
@@ -79,5 +80,6 @@ impl Saver {
         let _ = holodeck.save_makers();
         let _ = holodeck.save_unseen();
         let _ = holodeck.save_light();
+        let _ = holodeck.save_cells(true);
     }
 }
