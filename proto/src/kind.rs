@@ -49,6 +49,8 @@ pub enum Kind {
     Proof = 17,
     /// [`crate::proof::MachineProof`], a worker's answer to a challenge.
     MachineProof = 18,
+    /// [`crate::bulk::Cells`], worker to server, and server to peers that requested light.
+    Cells = 19,
 }
 
 impl Kind {
@@ -73,6 +75,7 @@ impl Kind {
             Kind::Challenge,
             Kind::Proof,
             Kind::MachineProof,
+            Kind::Cells,
         ]
         .into_iter()
         .find(|&kind| kind as u8 == byte)
@@ -92,6 +95,7 @@ impl Kind {
             | Kind::BlobChunk
             | Kind::Unseen
             | Kind::Light
+            | Kind::Cells
             | Kind::Rays
             | Kind::LiveWork
             | Kind::LiveResults

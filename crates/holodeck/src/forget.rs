@@ -33,7 +33,7 @@ pub fn run(args: &Args) -> Result<()> {
         holo_progress::print_line!("{}", serde_json::to_string(&forgotten)?);
         return Ok(());
     }
-    let Forgotten { samples, unseen, light_records, left } = forgotten;
+    let Forgotten { samples, unseen, light_records, cells, left } = forgotten;
     holo_progress::print_line!(
         "{} samples removed, {} are left",
         HumanCount(samples),
@@ -49,6 +49,12 @@ pub fn run(args: &Args) -> Result<()> {
         holo_progress::print_line!(
             "{} records of indirect light must be made again",
             HumanCount(light_records)
+        );
+    }
+    if cells > 0 {
+        holo_progress::print_line!(
+            "{} cells of surface light must be made again",
+            HumanCount(cells)
         );
     }
     Ok(())

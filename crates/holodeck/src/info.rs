@@ -71,6 +71,8 @@ struct Info {
     scene: SceneInfo,
     /// Records of indirect light.
     light_records: usize,
+    /// Cells of surface light.
+    cells: usize,
     /// Rays traced for these records.
     light_rays: u64,
     views: Vec<(String, String)>,
@@ -173,6 +175,7 @@ fn collect(file: &Path) -> Result<Info> {
             bytes: about.scene.bytes,
         },
         light_records: holodeck.light().len(),
+        cells: holodeck.cells().len(),
         light_rays: holodeck.light().rays(),
         views: about.views.clone(),
         exposure: about.exposure,
@@ -333,6 +336,9 @@ pub fn info(args: &InfoArgs) -> Result<()> {
             "indirect light: {} records",
             HumanCount(info.light_records as u64)
         );
+    }
+    if info.cells > 0 {
+        holo_progress::print_line!("surface light: {} cells", HumanCount(info.cells as u64));
     }
     for (index, section) in info.sections.iter().enumerate() {
         let [w, d, h] = section.grid;

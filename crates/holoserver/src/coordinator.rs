@@ -406,6 +406,7 @@ impl Coordinator {
             Message::Results(results) => self.results(id, &results),
             Message::LiveResults(results) => self.live_results(id, &results),
             Message::Light(light) => self.light(id, &light),
+            Message::Cells(cells) => self.cells(id, cells),
             Message::Control(Control::Ready { threads }) => {
                 if let Some(worker) = self.workers.get_mut(&id) {
                     worker.ready(threads);

@@ -20,6 +20,8 @@ pub struct Forgotten {
     pub unseen: u64,
     /// Records of indirect light removed.
     pub light_records: u64,
+    /// Cells of surface light removed.
+    pub cells: u64,
     /// Samples that stay.
     pub left: u64,
 }
@@ -29,7 +31,7 @@ impl Holodeck {
     ///
     /// The file does not say who found which unseen beam. If one of these makers has found any, all
     /// are removed, and workers find the true ones again. The same holds for records of indirect
-    /// light, because workers make records from those of others.
+    /// light and for cells of surface light, because workers make them from those of others.
     ///
     /// # Errors
     /// If the file has no such maker or blocks of an unknown kind, another process writes to it, or
@@ -84,12 +86,18 @@ impl Holodeck {
         }
         new.save_makers()?;
         new.save_unseen()?;
+        // Others may have made cells with the light of these makers.
+        if !self.cells().are_made_by(|maker| makers.contains(&maker)) {
+            new.cells_mut().merge(&self.cells(), |maker| maker);
+        }
         new.save_light()?;
+        new.save_cells(true)?;
         new.file.flush()?;
         Ok(Forgotten {
             samples: copied.left_out,
             unseen: self.unseen().count() - new.unseen().count(),
             light_records: (self.light().len() - new.light().len()) as u64,
+            cells: (self.cells().len() - new.cells().len()) as u64,
             left: new.file.stats().samples,
         })
     }

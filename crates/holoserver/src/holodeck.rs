@@ -17,6 +17,7 @@ use holo_section::Section;
 
 use crate::{
     about::About,
+    cells::{SavedCells, SharedCells},
     forget::beside,
     light::{LightRecords, Saved},
     makers::Makers,
@@ -110,6 +111,9 @@ pub struct Holodeck {
     light: RwLock<LightRecords>,
     /// Locked while records are written.
     light_saved: Mutex<Saved>,
+    cells: RwLock<SharedCells>,
+    /// What the file has of them.
+    cells_saved: Mutex<SavedCells>,
     makers: RwLock<Makers>,
     /// The list in the file. Locked while it is written.
     pub(crate) makers_saved: Mutex<Makers>,
@@ -202,6 +206,8 @@ impl Holodeck {
             unseen_saved: Mutex::default(),
             light: RwLock::default(),
             light_saved: Mutex::new(Saved::none(generation)),
+            cells: RwLock::default(),
+            cells_saved: Mutex::new(SavedCells::none(generation)),
             makers: RwLock::default(),
             makers_saved: Mutex::default(),
         }
@@ -252,6 +258,10 @@ impl Holodeck {
         let (saved, light, warnings) = Saved::load(&self.file, self.about.generation);
         self.light_saved = Mutex::new(saved);
         self.light = RwLock::new(light);
+        self.warnings.extend(warnings);
+        let (saved, cells, warnings) = SavedCells::load(&self.file, self.about.generation);
+        self.cells_saved = Mutex::new(saved);
+        self.cells = RwLock::new(cells);
         self.warnings.extend(warnings);
     }
 
@@ -429,6 +439,15 @@ impl Holodeck {
         self.light.write().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Returns the cells of surface light of the file and of all workers.
+    pub fn cells(&self) -> RwLockReadGuard<'_, SharedCells> {
+        self.cells.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn cells_mut(&self) -> RwLockWriteGuard<'_, SharedCells> {
+        self.cells.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Returns who made samples.
     pub fn makers(&self) -> RwLockReadGuard<'_, Makers> {
         self.makers.read().unwrap_or_else(PoisonError::into_inner)
@@ -449,6 +468,20 @@ impl Holodeck {
         }
         let missing = saved.missing(&self.light());
         saved.write(&self.file, missing)
+    }
+
+    /// Writes the cells of surface light if the file lacks many or, at the end, any. Waits for the
+    /// disk.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn save_cells(&self, is_end: bool) -> Result<()> {
+        let mut saved = self.cells_saved.lock().unwrap_or_else(PoisonError::into_inner);
+        let missing = saved.missing(&self.cells(), is_end);
+        match missing.filter(|_| self.writable) {
+            Some(missing) => saved.write(&self.file, missing),
+            None => Ok(()),
+        }
     }
 
     /// Returns where the file is.

@@ -11,6 +11,7 @@ mod assignment;
 mod audits;
 mod batch;
 mod better;
+mod cells;
 mod claims;
 mod coordinator;
 mod damage;

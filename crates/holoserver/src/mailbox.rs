@@ -192,6 +192,7 @@ fn bytes(message: &Message) -> usize {
             }
             Message::LiveResults(live) => size_of_val(&*live.packets) + size_of_val(&*live.hits),
             Message::Light(light) => size_of_val(&*light.records),
+            Message::Cells(cells) => size_of_val(&*cells.cells),
             // Control messages: few are longer than a line.
             _ => 0,
         }

@@ -30,8 +30,8 @@ pub struct Merged {
 
 impl Holodeck {
     /// Adds what another holodeck of the same scene, sections and settings has: samples and their
-    /// shares in layers, unseen beams, records of light and named views. All is on the disk
-    /// afterwards.
+    /// shares in layers, unseen beams, records and cells of light, and named views. All is on the
+    /// disk afterwards.
     ///
     /// # Errors
     /// If the two are not of one kind, or one cannot be read or the other not be written.
@@ -62,9 +62,12 @@ impl Holodeck {
         })?;
         self.merge_unseen(other, &makers);
         self.light_mut().merge(None, other.light().records());
+        let maker = |maker| makers.get(&maker).copied().unwrap_or_default();
+        self.cells_mut().merge(&other.cells(), maker);
         self.save_makers()?;
         self.save_unseen()?;
         self.save_light()?;
+        self.save_cells(true)?;
         for (name, options) in &theirs.views {
             if !self.about.views.iter().any(|(known, _)| known == name) {
                 self.keep_view(name, options)?;

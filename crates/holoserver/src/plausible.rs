@@ -14,7 +14,7 @@
 //! So these checks find garbage. Wrong light of a possible brightness is found by tracing packets
 //! twice (`audits`).
 
-use holo_proto::bulk::{LiveHit, LiveRay, Record};
+use holo_proto::bulk::{Cell, LiveHit, LiveRay, Record};
 use holo_scene::{PunctualLight, Scene, Sun};
 use holo_section::{Sample, Section, distance, rgbe};
 use serde::{Deserialize, Serialize};
@@ -163,6 +163,16 @@ impl Plausible {
         if records.iter().any(is_bright) { Err(Implausible::TooBright) } else { Ok(()) }
     }
 
+    /// Checks cells of surface light.
+    pub fn cells(&self, cells: &[Cell]) -> Result<(), Implausible> {
+        let most = self.limits.map_or(f32::MAX, |limits| most(&limits, IMPROBABLE_RECORD));
+        // The mean light of a cell is the first sum over the second. Surfaces reflect at most what
+        // arrives, so the first alone has the same bound for each estimate.
+        let is_bright =
+            |cell: &Cell| cell.light.iter().any(|&light| light > most * cell.count as f32);
+        if cells.iter().any(is_bright) { Err(Implausible::TooBright) } else { Ok(()) }
+    }
+
     /// Checks the light of a ray that hit nothing, which may differ from the sky's by a `step`.
     fn miss(&self, light: [f32; 3], step: f32) -> Result<(), Implausible> {
         let Some(sky) = self.sky.filter(|_| light != [0.0; 3]) else { return Ok(()) };
@@ -277,6 +287,19 @@ mod tests {
         };
         assert_eq!(plausible.records(&[record(1e20)]), Ok(()));
         assert_eq!(plausible.records(&[record(1e23)]), Err(Implausible::TooBright));
+        let cell = |light: f32| Cell {
+            point: [0.0; 3],
+            normal: [0.0, 0.0, 1.0],
+            material: 0,
+            bounces: 1,
+            level: 1,
+            maker: 0,
+            count: 10,
+            light: [0.0, light, 0.0],
+            albedo: [5.0; 3],
+        };
+        assert_eq!(plausible.cells(&[cell(1e21)]), Ok(()));
+        assert_eq!(plausible.cells(&[cell(1e24)]), Err(Implausible::TooBright));
     }
 
     #[test]

@@ -3,8 +3,8 @@
 use holo_proto::{
     ProtoError,
     bulk::{
-        BlobChunk, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted, Results,
-        Samples, Unseen, ViewRequest, Work,
+        BlobChunk, Cells, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted,
+        Results, Samples, Unseen, ViewRequest, Work,
     },
     control::Control,
     frame::Kind,
@@ -29,6 +29,8 @@ pub enum Message {
     Unseen(Unseen),
     /// Records of indirect light.
     Light(Light),
+    /// Cells of surface light.
+    Cells(Cells),
     /// Single rays that a display wants traced and stored.
     Rays(RaysWanted),
     /// Rays that a display wants traced and not stored.
@@ -55,6 +57,7 @@ impl Message {
             Kind::BlobChunk => Message::BlobChunk(BlobChunk::decode(payload)?),
             Kind::Unseen => Message::Unseen(Unseen::decode(payload)?),
             Kind::Light => Message::Light(Light::decode(payload)?),
+            Kind::Cells => Message::Cells(Cells::decode(payload)?),
             Kind::Rays => Message::Rays(RaysWanted::decode(payload)?),
             Kind::LiveWanted => Message::LiveWanted(LiveWanted::decode(payload)?),
             Kind::LiveWork => Message::LiveWork(LiveWork::decode(payload)?),

@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod cache;
+mod cells;
 mod loading;
 mod pool;
 mod report;

@@ -8,7 +8,7 @@ use holo_net::{Destination, Inbox, MachineKey, Message, NetError, Outbox};
 use holo_progress::said_once;
 use holo_proto::{
     bulk::Work,
-    control::{Control, Farewell, Welcome},
+    control::{Control, Engine, Farewell, Welcome},
     hello::Role,
 };
 use holo_raycast::Hierarchies;
@@ -18,6 +18,7 @@ use tokio::sync::mpsc;
 use crate::{
     Config,
     cache::SceneCache,
+    cells::CellExchange,
     loading::Loader,
     pool::{BeamJob, Job, Pool, Task},
     report::Reporter,
@@ -91,7 +92,12 @@ impl Worker {
         let light = task.tracer.light().cloned();
         let sender =
             tokio::spawn(send_results(results, outbox.clone(), light.clone().map(NewLight::new)));
-        if light.is_some() {
+        let has_cells = welcome.settings.engine == Engine::Gather;
+        let exchange = has_cells
+            .then(|| CellExchange::start(Arc::clone(&task.tracer), outbox.clone()))
+            .transpose()
+            .context("starting a thread")?;
+        if light.is_some() || has_cells {
             outbox.control(&Control::LightWanted)?;
         }
         outbox.control(&Control::Ready { threads: self.threads })?;
@@ -103,6 +109,12 @@ impl Worker {
                 Ok(message) => message,
                 Err(error) => break Err(error.into()),
             };
+            if let Message::Cells(cells) = message {
+                if let Some(exchange) = &exchange {
+                    exchange.receive(cells);
+                }
+                continue;
+            }
             if let Err(error) = take(message, &pool, &sections, seed, light.as_deref()) {
                 break Err(error);
             }

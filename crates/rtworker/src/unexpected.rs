@@ -13,6 +13,7 @@ pub fn unexpected(message: &Message) -> anyhow::Error {
         Message::BlobChunk(_) => "scene",
         Message::Unseen(_) => "unseen beams",
         Message::Light(_) => "light",
+        Message::Cells(_) => "cells",
         Message::Rays(_) => "wanted rays",
         Message::LiveWanted(_) => "live rays",
         Message::LiveWork(_) => "live work",

@@ -1,6 +1,7 @@
 //! Bulk messages: packets, samples, views and live rays. A message is a fixed head, then arrays of
 //! plain records.
 
+mod cells;
 mod live;
 mod results;
 mod samples;
@@ -9,6 +10,7 @@ mod view;
 mod work;
 
 use bytemuck::{Pod, Zeroable};
+pub use cells::{Cell, Cells, MAX_ESTIMATES};
 use holo_section::Viewpoint;
 pub use live::{
     LiveHit, LivePacket, LiveRay, LiveResults, LiveSample, LiveSamples, LiveWanted, LiveWork,

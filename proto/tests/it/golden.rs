@@ -41,6 +41,7 @@ enum Any {
     BlobChunk(BlobChunk),
     Unseen(Unseen),
     Light(Light),
+    Cells(Cells),
     Rays(RaysWanted),
     LiveWanted(LiveWanted),
     LiveWork(LiveWork),
@@ -64,6 +65,7 @@ impl Any {
             Any::BlobChunk(message) => (Kind::BlobChunk, message.encode()),
             Any::Unseen(message) => (Kind::Unseen, message.encode()),
             Any::Light(message) => (Kind::Light, message.encode()),
+            Any::Cells(message) => (Kind::Cells, message.encode()),
             Any::Rays(message) => (Kind::Rays, message.encode()),
             Any::LiveWanted(message) => (Kind::LiveWanted, message.encode()),
             Any::LiveWork(message) => (Kind::LiveWork, message.encode()),
@@ -91,6 +93,7 @@ impl Any {
             Kind::BlobChunk => Any::BlobChunk(BlobChunk::decode(payload)?),
             Kind::Unseen => Any::Unseen(Unseen::decode(payload)?),
             Kind::Light => Any::Light(Light::decode(payload)?),
+            Kind::Cells => Any::Cells(Cells::decode(payload)?),
             Kind::Rays => Any::Rays(RaysWanted::decode(payload)?),
             Kind::LiveWanted => Any::LiveWanted(LiveWanted::decode(payload)?),
             Kind::LiveWork => Any::LiveWork(LiveWork::decode(payload)?),
@@ -100,6 +103,20 @@ impl Any {
             Kind::Proof => Any::Proof(Proof::decode(payload)?),
             Kind::MachineProof => Any::MachineProof(MachineProof::decode(payload)?),
         })
+    }
+}
+
+fn cell() -> Cell {
+    Cell {
+        point: [1.5, -2.0, 0.25],
+        normal: [0.0, 0.0, 1.0],
+        material: 7,
+        bounces: u32::MAX,
+        level: 2,
+        maker: 513,
+        count: 4,
+        light: [3.0, 2.0, 1.0],
+        albedo: [2.0, 1.0, 0.5],
     }
 }
 
@@ -469,6 +486,7 @@ fn cases() -> Vec<(&'static str, Any)> {
             Any::Unseen(Unseen { view: 7, beams: vec![key(0, 0x01_0203_0405), key(1023, 9)] }),
         ),
         ("light", Any::Light(Light { records: vec![record()] })),
+        ("cells", Any::Cells(Cells { cells: vec![cell()] })),
         (
             "rays",
             Any::Rays(RaysWanted {

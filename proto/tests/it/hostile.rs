@@ -61,6 +61,10 @@ fn decode_all(bytes: &[u8]) {
         assert!(message.records.iter().all(Record::is_valid));
         assert_eq!(message.encode(), bytes);
     }
+    if let Ok(message) = Cells::decode(bytes) {
+        assert!(message.cells.iter().all(Cell::is_valid));
+        assert_eq!(message.encode(), bytes);
+    }
     if let Ok(message) = LiveWanted::decode(bytes) {
         assert!(message.rays.len() <= MAX_LIVE_RAYS && message.rays.iter().all(is_ray));
         assert_eq!(LiveWanted::decode(&message.encode()), Ok(message));
@@ -139,7 +143,7 @@ proptest! {
     fn every_message_survives_encoding_and_decoding(
         control in common::control(), work in common::work(), results in common::results(),
         view in common::view(), samples in common::samples(), unseen in common::unseen(),
-        chunk in common::chunk(), light in common::light(),
+        chunk in common::chunk(), light in common::light(), cells in common::cells(),
         live in (
             common::live_wanted(), common::live_work(),
             common::live_results(), common::live_samples(),
@@ -156,6 +160,7 @@ proptest! {
         prop_assert_eq!(Samples::decode(&samples.encode()), Ok(samples));
         prop_assert_eq!(Unseen::decode(&unseen.encode()), Ok(unseen));
         prop_assert_eq!(Light::decode(&light.encode()), Ok(light));
+        prop_assert_eq!(Cells::decode(&cells.encode()), Ok(cells));
         prop_assert_eq!(BlobChunk::decode(&chunk.encode()), Ok(chunk.clone()));
         prop_assert_eq!(BlobChunk::decode(&chunk.encode_compressed()), Ok(chunk));
     }

@@ -4,7 +4,7 @@
 
 use holo_proto::{
     bulk::{
-        BlobChunk, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted, Results,
+        BlobChunk, Cells, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted, Results,
         Samples, Unseen, ViewRequest, Work,
     },
     control::Control,
@@ -60,6 +60,7 @@ fuzz_target!(|bytes: &[u8]| {
         Kind::BlobChunk => stays!(payload, BlobChunk),
         Kind::Unseen => stays!(payload, Unseen),
         Kind::Light => stays!(payload, Light),
+        Kind::Cells => stays!(payload, Cells),
         Kind::Rays => stays!(payload, RaysWanted),
         Kind::LiveWanted => stays!(payload, LiveWanted),
         Kind::LiveWork => stays!(payload, LiveWork),

@@ -65,6 +65,7 @@ impl Saver {
                 }
                 if light {
                     let _ = holodeck.save_light();
+                    let _ = holodeck.save_cells(false);
                 }
             };
             self.thread = std::thread::Builder::new().name("saver".into()).spawn(work).ok();
@@ -86,5 +87,6 @@ impl Saver {
         let _ = holodeck.save_makers();
         let _ = holodeck.save_unseen();
         let _ = holodeck.save_light();
+        let _ = holodeck.save_cells(true);
     }
 }

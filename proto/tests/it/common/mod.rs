@@ -116,6 +116,20 @@ pub fn unseen() -> impl Strategy<Value = Unseen> {
 }
 
 /// Records of all legal numbers, also the least and the greatest.
+pub fn cells() -> impl Strategy<Value = Cells> {
+    let three = || prop::array::uniform3(-1e30..=1e30_f32);
+    let positive = || prop::array::uniform3(0.0..=1.0_f32);
+    let numbers = (any::<[u32; 2]>(), any::<[u16; 2]>(), 1..=MAX_ESTIMATES, 0_usize..3);
+    let cell = (three(), positive(), positive(), numbers).prop_map(
+        |(point, light, albedo, ([material, bounces], [level, maker], count, axis))| {
+            let mut normal = [0.0; 3];
+            normal[axis] = -1.0;
+            Cell { point, normal, material, bounces, level, maker, count, light, albedo }
+        },
+    );
+    vec(cell, 0..20).prop_map(|cells| Cells { cells })
+}
+
 pub fn light() -> impl Strategy<Value = Light> {
     let three = || prop::array::uniform3(any::<f32>().prop_filter("finite", |x| x.is_finite()));
     let light = prop::array::uniform3(0.0..=f32::MAX);
@@ -215,8 +229,7 @@ fn section() -> impl Strategy<Value = SectionSpec> {
 }
 
 fn welcome() -> impl Strategy<Value = Control> {
-    let engine =
-        any::<bool>().prop_map(|cached| if cached { Engine::Cached } else { Engine::Path });
+    let engine = prop_oneof![Just(Engine::Path), Just(Engine::Cached), Just(Engine::Gather)];
     let numbers = (any::<Option<u32>>(), 1..=u16::MAX, 1e-6..=1.0_f32, any::<u64>(), any::<bool>());
     let settings = (engine, numbers).prop_map(
         |(engine, (bounces, paths_per_sample, accuracy, seed, virtual_distance))| RenderSettings {
