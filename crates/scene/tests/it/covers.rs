@@ -174,7 +174,7 @@ fn transmission_is_glass_for_a_share_of_the_light() {
     for (members, share) in [
         (r#""transmissionFactor":1"#, None),
         (r#""transmissionFactor":0.45"#, Some([0.45; 2])),
-        (r#""transmissionFactor":0.9,"transmissionTexture":{"index":0}"#, Some([0.0; 2])),
+        (r#""transmissionFactor":0.9,"transmissionTexture":{"index":0}"#, Some([0.9; 2])),
     ] {
         let glass = format!(r#""extensions":{{"KHR_materials_transmission":{{{members}}}}}"#);
         let loaded = gltf(&format!("{glass},{}", pbr(1.0, None)), "");

@@ -1,6 +1,8 @@
 //! Tests surfaces that are there with a probability, and glass that is something else in part,
 //! against closed forms.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 use std::sync::Arc;
 
 use crate::common::{BLACK, Estimate, Model, expect, form_factor};
@@ -186,9 +188,9 @@ fn glass_in_part_is_a_mixture() {
     let (eye, down) = (DVec3::new(0.3, 0.0, 0.5), DVec3::new(-0.3, 0.0, -0.5));
     let found = mean(&tracer, eye, down, 20_000);
     // The pane mirrors a little of the floor's light back to the floor.
-    for c in 0..3 {
-        let least = lit * 0.45 * clear[c];
-        let excess = found.mean[c] / least - 1.0;
+    for (mean, clear) in found.mean.into_iter().zip(clear) {
+        let least = lit * 0.45 * clear;
+        let excess = mean / least - 1.0;
         assert!((-0.03..0.06).contains(&excess), "{found:?} {least}");
     }
 }
