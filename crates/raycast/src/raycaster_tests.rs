@@ -71,7 +71,7 @@ fn small_scenes_give_the_same_bits_as_the_hierarchy() {
             raycaster.isa = isa;
             answers.push(ask(&raycaster));
         }
-        raycaster.hierarchy.few = None;
+        Arc::get_mut(&mut raycaster.hierarchy).unwrap().few = None;
         let by_hierarchy = ask(&raycaster);
         assert!(answers.iter().all(|found| *found == by_hierarchy), "{count}");
         let hits = by_hierarchy.iter().filter(|(hit, _, _)| hit.is_some()).count();

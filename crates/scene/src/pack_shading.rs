@@ -16,9 +16,7 @@ use crate::sun::MAX_SUNS;
 use crate::texture::MAX_TEXTURE_BYTES;
 use crate::texture_decode::decode_all;
 use crate::texture_files::Use;
-use crate::{
-    Bsdf, Maps, PackedError, PunctualLight, SceneError, Shading, Sun, Texture, Wrap,
-};
+use crate::{Bsdf, Maps, PackedError, PunctualLight, SceneError, Shading, Sun, Texture, Wrap};
 
 const HAS_UVS: u32 = 1;
 const HAS_NORMALS: u32 = 2;

@@ -6,9 +6,7 @@ use crate::inside::OpenBox;
 use crate::instances::Shared;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::material::is_radiance;
-use crate::{
-    Bsdf, Cover, Maps, Material, PunctualLight, Rgb, SceneError, Shading, Sun, WHITE,
-};
+use crate::{Bsdf, Cover, Maps, Material, PunctualLight, Rgb, SceneError, Shading, Sun, WHITE};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 use std::iter::repeat_n;

@@ -16,11 +16,14 @@ pub(super) struct Form {
     weights: Vec<f32>,
 }
 
+/// Numbers or weights of four joints, for each vertex.
+type Fours = Vec<[f32; 4]>;
+
 /// The maps of the vertices of a primitive to the world.
 pub(super) struct Places<'a> {
     form: &'a Form,
     /// Numbers and weights of four joints, for each set and vertex.
-    sets: Vec<(Vec<[f32; 4]>, Vec<[f32; 4]>)>,
+    sets: Vec<(Fours, Fours)>,
 }
 
 /// Most sets of four joints that move one vertex. Exporters write one or two.

@@ -219,8 +219,7 @@ impl Mending {
     /// Replaces the elements of a list that are not used, and reduces the others.
     fn reduce(&mut self, list: List) {
         let mut elements = std::mem::take(&mut self.lists[list as usize]);
-        for index in 0..elements.len() {
-            let element = &mut elements[index];
+        for (index, element) in elements.iter_mut().enumerate() {
             match element.as_object_mut() {
                 Some(object) if self.used[list as usize][index] => {
                     self.keep(object, list.members(), list);

@@ -268,7 +268,7 @@ impl Mending {
             let buffer = view.get("buffer").map(|buffer| self.element(List::Buffers, buffer));
             if let (true, Some(Ok(buffer))) = (is_packed, buffer) {
                 let has_name = self.lists[List::Buffers as usize][buffer].get("uri").is_some();
-                if !has_name && !(self.has_chunk && buffer == 0) {
+                if !(has_name || self.has_chunk && buffer == 0) {
                     return Err(
                         "it is compressed by meshopt (gltfpack), which is not read: export it \
                          without compression"

@@ -1,5 +1,7 @@
 //! glTF files from parts, for tests.
 
+#![allow(clippy::panic)]
+
 use base64::Engine as _;
 use holo_scene::{LoadOptions, Loaded, SceneError};
 
