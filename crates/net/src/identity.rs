@@ -290,7 +290,7 @@ fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes a file as [`write`] does, if there is none. Of several processes, the first one wins.
+/// Writes a file as [`write()`] does, if there is none. Of several processes, the first one wins.
 pub(crate) fn write_once(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let number = u64::from_le_bytes(random()?);
     let temporary = path.with_extension(format!("{number:x}.part"));
