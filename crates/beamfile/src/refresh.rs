@@ -10,9 +10,11 @@ impl BeamFile {
     /// # Errors
     /// [`Error::Lost`](crate::Error::Lost), or if the disk cannot be read.
     pub fn check_length(&self) -> Result<()> {
+        // While a block is written, its writer checks the file.
+        let Some(appender) = self.shared.free_appender() else { return Ok(()) };
         let length = self.shared.storage.length();
         let bytes = length.map_err(|error| self.shared.io("reading its length", error))?;
-        self.shared.check_length(&self.shared.appender(), bytes)
+        self.shared.check_length(&appender, bytes)
     }
 
     /// Reads the blocks that another process has completed since, and returns their number.

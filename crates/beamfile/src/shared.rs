@@ -5,7 +5,7 @@
 
 use std::io;
 use std::path::PathBuf;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
 use crate::appender::Appender;
@@ -67,6 +67,15 @@ impl Shared {
 
     pub fn appender(&self) -> MutexGuard<'_, Appender> {
         locked(&self.appender)
+    }
+
+    /// Returns the appender. `None` if a block is being written.
+    pub fn free_appender(&self) -> Option<MutexGuard<'_, Appender>> {
+        match self.appender.try_lock() {
+            Ok(appender) => Some(appender),
+            Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
+        }
     }
 
     pub fn cache(&self) -> MutexGuard<'_, Cache> {

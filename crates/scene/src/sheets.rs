@@ -66,6 +66,9 @@ pub(crate) fn to_panes(model: &mut Model) -> usize {
             if let Some(&maps) = shading.maps.get(id as usize) {
                 shading.maps.push(maps);
             }
+            if let Some(&cover) = shading.covers.get(id as usize) {
+                shading.covers.push(cover);
+            }
             materials.len() as u32 - 1
         })
     };

@@ -220,6 +220,7 @@ const LIGHT: Members = &[
     must("type", Word(&["directional", "point", "spot"])),
     may("color", Numbers(3)),
     may("intensity", Number),
+    may("range", Number),
     may("spot", Object(&[may("innerConeAngle", Number), may("outerConeAngle", Number)])),
 ];
 
