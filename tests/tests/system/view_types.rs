@@ -85,7 +85,7 @@ fn every_type_of_view_is_shown_by_every_driver_as_the_tracer_renders_it() {
         "--vd",
         "0,0,1",
     ]);
-    ended.failed(1, &["view type -vts is not supported", "c (cylindrical panorama)"]);
+    ended.failed(1, &["-vts (planispheric fisheye) is not supported", "-vth shows a hemisphere"]);
     let ended = place.run(&[
         "picture",
         "{}/a.holo",

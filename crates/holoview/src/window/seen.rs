@@ -133,9 +133,9 @@ mod tests {
             let frame = shown((8, 8), [radiance; 3], number);
             let at_rest = Look::default().show(&frame.frame.picture).exposure.unwrap();
             front.frames.send_replace(Some(Arc::new(frame)));
-            // A difference of a hundredth is invisible.
+            // Eyes stop within 2 %, a difference that is invisible: a binary logarithm of 0.03.
             let adapted = |seen: &Option<Arc<Seen>>| {
-                exposure(seen, number).is_some_and(|now| (now / at_rest - 1.0).abs() < 1e-2)
+                exposure(seen, number).is_some_and(|now| (now / at_rest).log2().abs() < 0.03)
             };
             seen.wait_for(adapted).await.unwrap();
         }
