@@ -101,7 +101,9 @@ impl Process {
         let home = std::env::temp_dir().join("holodeck-tests");
         std::fs::create_dir_all(&home).expect("the folder for temporary files can be written");
         command.env("PATH", "/usr/bin:/bin").env("HOME", home);
-        ["PYENV_ROOT", "VIRTUAL_ENV", "CONDA_PREFIX"].map(|name| _ = command.env_remove(name));
+        for name in ["PYENV_ROOT", "VIRTUAL_ENV", "CONDA_PREFIX"] {
+            command.env_remove(name);
+        }
         command.envs(environment.iter().map(|(name, value)| (name, value)));
         let mut child = command.spawn().unwrap_or_else(|error| panic!("starting {what}: {error}"));
         let (stdout, stderr) = (Text::default(), Text::default());
