@@ -8,7 +8,7 @@
 //! Invariants:
 //! - A worker cannot know which of its packets are traced again.
 //! - A worker is found broken only if two others differ from it, and most that were compared with
-//!   it do.
+//!   it do. A machine that comes back again and again is one other.
 //! - Comparisons outlive connections. A worker that comes back has those that it had.
 
 use std::{
@@ -169,16 +169,26 @@ impl Audits {
         Some(broken.unwrap_or(Verdict::Undecided(key.0, key.1, difference)))
     }
 
-    /// Returns how a worker differs from others, if most that were compared with it say so.
+    /// Returns how a worker differs from others, if most that were compared with it say so. All
+    /// workers of another machine have one vote.
     fn broken(&self, worker: WorkerId, noise: f64) -> Option<Verdict> {
-        let of_it = self.pairs.iter().filter(|((a, b), _)| *a == worker || *b == worker);
-        let judged: Vec<_> = of_it.filter(|(_, tally)| tally.rays >= ENOUGH_RAYS).collect();
-        let differ = judged.iter().filter_map(|((first, _), tally)| {
-            let difference = tally.difference(noise)?;
-            Some(if *first == worker { difference } else { difference.of_the_other() })
-        });
-        let differ: Vec<Difference> = differ.collect();
-        let is_broken = differ.len() >= 2 && 2 * differ.len() > judged.len();
+        let mut votes: BTreeMap<WorkerId, Option<Difference>> = BTreeMap::new();
+        for ((first, second), tally) in &self.pairs {
+            let other = if *first == worker { *second } else { *first };
+            if (*first != worker && *second != worker) || tally.rays < ENOUGH_RAYS {
+                continue;
+            }
+            let difference = tally.difference(noise).map(|difference| match *first == worker {
+                true => difference,
+                false => difference.of_the_other(),
+            });
+            let is_apart = other.maker != worker.maker && other.maker != Maker::UNKNOWN;
+            let voter = if is_apart { WorkerId { seat: 0, ..other } } else { other };
+            let vote = votes.entry(voter).or_default();
+            *vote = vote.or(difference);
+        }
+        let differ: Vec<Difference> = votes.values().copied().flatten().collect();
+        let is_broken = differ.len() >= 2 && 2 * differ.len() > votes.len();
         is_broken.then(|| Verdict::Broken(worker, differ[0]))
     }
 
