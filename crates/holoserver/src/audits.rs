@@ -355,11 +355,17 @@ mod tests {
     /// Has workers trace so many packets each. Returns them, and the first verdict.
     fn session(machines: &[Machine], packets: u64) -> (Vec<WorkerId>, Vec<Verdict>) {
         let ids: Vec<WorkerId> = machines.iter().map(|_| next()).collect();
+        let verdicts = session_of(&ids, machines, packets);
+        (ids, verdicts)
+    }
+
+    /// As [`session`], with these workers.
+    fn session_of(ids: &[WorkerId], machines: &[Machine], packets: u64) -> Vec<Verdict> {
         let (mut audits, mut random, mut verdicts) = (Audits::default(), Random(7), Vec::new());
         for packet in 0..packets * machines.len() as u64 {
             let at = (packet % machines.len() as u64) as usize;
             let samples = machines[at].trace(packet, &mut random);
-            let Some(audit) = audits.begin(packet, ids[at], &samples, || ids.clone()) else {
+            let Some(audit) = audits.begin(packet, ids[at], &samples, || ids.to_vec()) else {
                 continue;
             };
             assert!(audit.first == ids[at] && audit.checker != ids[at]);
@@ -367,7 +373,18 @@ mod tests {
             let again = machines[checker].trace(packet, &mut random);
             verdicts.extend(audits.finish(audit, Some(&again), 0.0));
         }
-        (ids, verdicts)
+        verdicts
+    }
+
+    #[test]
+    fn two_workers_of_a_lying_machine_do_not_make_a_sound_one_look_broken() {
+        let (sound, liar) = (next(), next());
+        let ids = [sound, liar, WorkerId { seat: 1, ..liar }];
+        let lies = Machine { gain: 4.0, ..SOUND };
+        let verdicts = session_of(&ids, &[SOUND, lies, lies], 20_000);
+        assert!(!verdicts.is_empty());
+        let is_broken = |verdict: &Verdict| matches!(verdict, Verdict::Broken(..));
+        assert!(!verdicts.iter().any(is_broken), "{:?}", verdicts.iter().find(|v| is_broken(v)));
     }
 
     #[test]
