@@ -40,7 +40,7 @@ def edges(bench: Bench) -> Part:
             f"driver against `render --bounces 0 --spp {bench.paths(TRUTH)}`. *At edges*: root "
             "mean square of the displayed difference (as PSNR has it) over pixels within two of "
             "an edge of what is seen (another material, or a step; "
-            "`crates/driver-surfaces/examples/edges_of_view.rs`), without the worst 1 % (the "
+            "`crates/show/driver-surfaces/examples/edges_of_view.rs`), without the worst 1 % (the "
             "truth's fireflies), in thousandths of white. Of the bundled interior the truth "
             "itself is noisy: two such truths differ by 19 dB, and no picture can be much nearer "
             "to one than 22. The strip shows the truth on the left, then each driver from few "

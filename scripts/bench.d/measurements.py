@@ -283,7 +283,7 @@ def beamfile(bench: Bench) -> Part:
         "The beam file alone",
         [
             (
-                f"`crates/beamfile/examples/rates.rs`: {mega} M samples in packets of 21 to 100,000"
+                f"`crates/core/beamfile/examples/rates.rs`: {mega} M samples in packets of 21 to 100,000"
                 " beams in a scattered order, then views' reads. *Cold* is in the cache of the"
                 " crate; the operating system's is warm. One thread asks."
             ),
@@ -312,9 +312,9 @@ def throughput(bench: Bench) -> Part:
         "Rays and paths",
         [
             (
-                "`crates/raycast/examples/rays.rs`: nearest hits of incoherent rays between random"
+                "`crates/geometry/raycast/examples/rays.rs`: nearest hits of incoherent rays between random"
                 " points of the scene's bounds, and occlusion of rays of length 1, on one core."
-                " `crates/tracer/examples/throughput.rs`: unlimited paths of a view."
+                " `crates/light/tracer/examples/throughput.rs`: unlimited paths of a view."
             ),
             (
                 "Others, from another run, another day, so that ratios are not exact: Mitsuba 3.9"

@@ -21,7 +21,7 @@ def network(bench: Bench) -> Part:
     part = Part(
         "Several machines",
         [
-            "`crates/holoserver/examples/network.rs`: a server and its peers in one process of "
+            "`crates/serve/holoserver/examples/network.rs`: a server and its peers in one process of "
             "two threads, over TCP on loopback. *Ingest*: a worker returns each packet at once; "
             "the server checks, stores and counts the samples; the file has 32 samples a beam. An "
             "empty file is filled by packets of 4 rays at first, so that all beams get some at "

@@ -33,7 +33,7 @@ def quadtree(bench: Bench) -> Part:
         "The quadtree",
         [
             (
-                "`crates/driver-quadtree/examples/quadtree_speed.rs`, one core, processor time:"
+                "`crates/show/driver-quadtree/examples/quadtree_speed.rs`, one core, processor time:"
                 " samples of a known room, without noise and of one path. Insertions go into new"
                 f" memory. While the camera moves, a picture of {MOVING} pixels is drawn and"
                 f" enlarged to {SIZE}. The median of {RUNS} runs, each the least of 6 rounds."

@@ -27,7 +27,7 @@ def rendercache(bench: Bench) -> Part:
         "The render cache",
         [
             (
-                "`crates/driver-rendercache/examples/pointimage.rs`: 8,000 new samples a frame. The"
+                "`crates/show/driver-rendercache/examples/pointimage.rs`: 8,000 new samples a frame. The"
                 " camera walks and turns (1.5 m/s, 30 degrees/s at 30 frames/s). A formula answers"
                 " the rays outside of the time taken. Times are medians over frames. *Least* is the"
                 " shortest frame of all: on a busy machine it is nearer to the truth. The second"

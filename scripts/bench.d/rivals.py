@@ -46,7 +46,7 @@ def rivals(bench: Bench) -> Part:
                 "Mitsuba ends its shadow rays a thousandth of their length before the light, so"
                 " that what stands closer to a lamp than that casts no shadow: the cabin's flood"
                 " lamps, sunk into their housings, are too bright in it and in the references."
-                " (`crates/tracer/tests/it/housing.rs` holds our tracer against double precision"
+                " (`crates/light/tracer/tests/it/housing.rs` holds our tracer against double precision"
                 " under such a lamp.) The last table therefore compares the two in the cabin with"
                 " the flood lamps off."
             ),

@@ -1,6 +1,6 @@
 //! Writes what fuzzing begins with: `seeds FOLDER` makes one folder for each target there.
 
-#[path = "../../../crates/scene/tests/it/common/instanced.rs"]
+#[path = "../../../crates/geometry/scene/tests/it/common/instanced.rs"]
 mod instanced;
 
 use std::{
@@ -111,7 +111,7 @@ fn beam_file(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let bytes = fs::read(&path)?;
     write(folder, "beam_file", "small", &short(&bytes))?;
     write(folder, "index", "small", &payload(&bytes[blocks..])?)?;
-    let golden = concat!(env!("CARGO_MANIFEST_DIR"), "/../../crates/beamfile/tests/golden");
+    let golden = concat!(env!("CARGO_MANIFEST_DIR"), "/../../crates/core/beamfile/tests/golden");
     for entry in fs::read_dir(golden)? {
         let path = entry?.path();
         let name = path.file_stem().ok_or("a file without a name")?.to_string_lossy();

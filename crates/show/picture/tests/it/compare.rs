@@ -322,7 +322,7 @@ fn the_interval_contains_the_true_bias_in_99_of_100_pictures() {
 
 /// Returns a reference picture of `../shared`, beside the project.
 fn reference(name: &str) -> Picture {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/reference");
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../../shared/reference");
     Picture::read(folder.join(name)).unwrap()
 }
 

@@ -31,7 +31,7 @@ pub async fn until(condition: impl Fn() -> bool) {
 
 /// A welcome with two sections, from its bytes in the protocol's golden files.
 pub fn welcome() -> Welcome {
-    let text = include_str!("../../../../../proto/golden/control-welcome.hex");
+    let text = include_str!("../../../../../../proto/golden/control-welcome.hex");
     let digits = text.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
     let frame: Vec<u8> = digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect();
     match Control::decode(&frame[8..]) {

@@ -162,7 +162,7 @@ mod tests {
         let (reached, server) =
             tokio::join!(holo_net::connect(address, Role::Display, "a test"), async {
                 let (_, outbox, ..) = holo_net::accept(listener.accept().await.unwrap().0).await?;
-                let welcome = include_str!("../../../../proto/golden/control-welcome.hex");
+                let welcome = include_str!("../../../../../proto/golden/control-welcome.hex");
                 let digits = welcome.lines().filter(|line| !line.starts_with('#'));
                 let digits = digits.flat_map(str::split_whitespace);
                 let bytes: Vec<_> =

@@ -1,7 +1,7 @@
 //! Tests of the public interface, in one program: each one compiles the same generic code again.
 
 mod clipping;
-#[path = "../../../driver-quadtree/tests/it/common/mod.rs"]
+#[path = "../../../../show/driver-quadtree/tests/it/common/mod.rs"]
 mod common;
 mod live;
 mod portals;

@@ -7,7 +7,7 @@ use holo_scene::{LoadOptions, Loaded, Scene};
 use std::path::{Path, PathBuf};
 
 fn shared(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/scenes").join(path)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../../shared/scenes").join(path)
 }
 
 fn load(path: &str) -> Loaded {

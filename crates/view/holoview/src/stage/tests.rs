@@ -17,7 +17,7 @@ pub(crate) const LIMIT: Duration = Duration::from_secs(60);
 
 /// Returns a welcome with two sections, decoded from the protocol's golden files.
 pub(crate) fn welcome() -> Welcome {
-    let text = include_str!("../../../../proto/golden/control-welcome.hex");
+    let text = include_str!("../../../../../proto/golden/control-welcome.hex");
     let digits = text.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
     let frame: Vec<u8> = digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect();
     match Control::decode(&frame[8..]) {
