@@ -35,10 +35,18 @@ pub const MAX_PART: u32 = 1 << 18;
 pub enum Engine {
     /// Unbiased path tracing.
     Path,
-    /// Indirect light shared among all workers, within a stated error.
-    Cached,
     /// Paths that end in shared cells of surface light.
     Gather,
+}
+
+impl Engine {
+    /// Returns its name, as in options and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Engine::Path => "path",
+            Engine::Gather => "gather",
+        }
+    }
 }
 
 /// Everything that determines a sample's radiance, except the scene itself.
@@ -54,10 +62,6 @@ pub struct RenderSettings {
     pub bounces: Option<u32>,
     /// Paths averaged into one sample.
     pub paths_per_sample: u16,
-    /// Relative error of indirect light at which the engine `cached` aims. Other engines ignore it.
-    /// Absent in older files of other engines.
-    #[serde(default = "any_accuracy")]
-    pub accuracy: f32,
     /// Seed that makes the random numbers of two files different.
     pub seed: u64,
     /// True if the distance in flat mirrors and flat glass is that of the surface that they show,
@@ -67,10 +71,6 @@ pub struct RenderSettings {
     pub virtual_distance: bool,
 }
 
-fn any_accuracy() -> f32 {
-    1.0
-}
-
 impl Default for RenderSettings {
     /// Returns unbiased paths without a limit of bounces, one for each sample.
     fn default() -> RenderSettings {
@@ -78,7 +78,6 @@ impl Default for RenderSettings {
             engine: Engine::Path,
             bounces: None,
             paths_per_sample: 1,
-            accuracy: any_accuracy(),
             seed: 0,
             virtual_distance: false,
         }
@@ -225,8 +224,9 @@ pub enum Control {
         /// The view's number.
         view: u32,
     },
-    /// Worker or display: send the records of indirect light, those that exist and all later ones.
-    LightWanted,
+    /// Worker: send the cells of surface light that others made, those that exist and all later
+    /// estimates.
+    CellsWanted,
     /// Server to display, before the requested scene: hash and length of the blob with the scene's
     /// stand-ins ([`crate::stand_ins`]).
     StandIns(SceneInfo),
@@ -269,6 +269,11 @@ pub enum Control {
         section: u16,
         /// The number of the next beam; `None` after the section's last one.
         next: Option<u64>,
+    },
+    /// Worker: from now on, its samples and cells may have surface light of this maker in them.
+    CellsUsed {
+        /// The maker, as the file numbers makers.
+        maker: u16,
     },
 }
 
@@ -367,10 +372,6 @@ impl Welcome {
         }
         if !self.up.iter().all(|x| x.is_finite()) || self.up == [0.0; 3] {
             return Err(ProtoError::Number("the up axis"));
-        }
-        let accuracy = self.settings.accuracy;
-        if !(accuracy > 0.0 && accuracy <= 1.0) {
-            return Err(ProtoError::Number("the accuracy of indirect light"));
         }
         if self.settings.paths_per_sample == 0 {
             return Err(ProtoError::Number("the number of paths per sample"));

@@ -9,7 +9,7 @@ pub const MAX_LIVE_WANTED_BYTES: u64 = 1 << 20;
 /// Longest hello or answer. It is small, because strangers send it.
 pub const MAX_HELLO_BYTES: u64 = 4096;
 
-/// The content of a frame.
+/// The content of a frame. Number 10 was that of an earlier version, and stays free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Kind {
@@ -31,8 +31,6 @@ pub enum Kind {
     BlobChunk = 8,
     /// [`crate::bulk::Unseen`], server to display.
     Unseen = 9,
-    /// [`crate::bulk::Light`], worker to server, and server to peers that requested light.
-    Light = 10,
     /// [`crate::bulk::RaysWanted`], display to server.
     Rays = 11,
     /// [`crate::bulk::LiveWanted`], display to server.
@@ -49,7 +47,7 @@ pub enum Kind {
     Proof = 17,
     /// [`crate::proof::MachineProof`], a worker's answer to a challenge.
     MachineProof = 18,
-    /// [`crate::bulk::Cells`], worker to server, and server to peers that requested light.
+    /// [`crate::bulk::Cells`], worker to server, and server to workers that requested cells.
     Cells = 19,
 }
 
@@ -66,7 +64,6 @@ impl Kind {
             Kind::Samples,
             Kind::BlobChunk,
             Kind::Unseen,
-            Kind::Light,
             Kind::Rays,
             Kind::LiveWanted,
             Kind::LiveWork,
@@ -94,7 +91,6 @@ impl Kind {
             | Kind::Samples
             | Kind::BlobChunk
             | Kind::Unseen
-            | Kind::Light
             | Kind::Cells
             | Kind::Rays
             | Kind::LiveWork

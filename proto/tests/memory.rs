@@ -8,7 +8,7 @@ use std::{
 use holo_proto::{
     ProtoError,
     bulk::{
-        BlobChunk, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, Results, Samples, Unseen,
+        BlobChunk, Cells, LiveResults, LiveSamples, LiveWanted, LiveWork, Results, Samples, Unseen,
         ViewRequest, Work,
     },
     control::Control,
@@ -77,7 +77,7 @@ fn bulk_messages_that_claim_more_than_they_bring_take_no_memory() {
                 let _ = ViewRequest::decode(&payload);
                 let _ = Samples::decode(&payload);
                 let _ = Unseen::decode(&payload);
-                let _ = Light::decode(&payload);
+                let _ = Cells::decode(&payload);
                 let _ = LiveWanted::decode(&payload);
                 let _ = LiveWork::decode(&payload);
                 let _ = LiveResults::decode(&payload);

@@ -12,7 +12,7 @@ from rooms import TRUTH_SIZE, Pixels, mean, named_views, read, truth
 from scenes import Case
 
 SECONDS = (10, 60)
-ENGINES = ("path", "cached")
+ENGINES = ("path", "gather")
 # Largest allowed ratio of the default engine's error to that of `path`.
 BAR = 1.05
 # Share of a picture's pixels that do not count: the worst ones.
@@ -25,7 +25,7 @@ def engines(bench: Bench) -> Part:
         "Filling by the default engine, beside `path`",
         [
             (
-                "`fill --time` of an empty file, with the default engine (`cached`) and with"
+                "`fill --time` of an empty file, with the default engine (`gather`) and with"
                 " `--engine path`; then `picture` of each view without a denoiser. relMSE is the"
                 " mean over a scene's views. The interior's truth is our own, of 256 paths a pixel;"
                 " its noise is in both figures."

@@ -11,8 +11,6 @@ from program import compare
 from scenes import INTERIOR_BEDROOM, INTERIOR_LIVING, Case, View
 
 PATHS = (4, 16, 64, 256)
-# The error of the engine `cached` stops falling at its accuracy.
-CACHED_PATHS = (4, 16, 64)
 
 # Scenes without an independent reference are small, because their converged picture must be
 # rendered first.
@@ -33,7 +31,7 @@ def errors(bench: Bench) -> Part:
         [
             (
                 "`render --spp`, all light unless said otherwise, on all cores; the scene's"
-                " loading is not counted, what the engine `cached` learns is. *relMSE* as"
+                " loading is not counted, what the engine `gather` learns is. *relMSE* as"
                 " everywhere in this document, *untrimmed* with the worst 0.1 % of pixels:"
                 " fireflies, and edges that a reference has a quarter of a pixel elsewhere. *Cost*"
                 " is relMSE × seconds, which paths alone leave as it is; *untrimmed* that of all"
@@ -50,8 +48,8 @@ def errors(bench: Bench) -> Part:
         truth = bench.reference(case).picture
         whose = "independent" if case.reference else "our own"
         lines: Series = {}
-        for engine, counts in (("path", PATHS), ("cached", CACHED_PATHS)):
-            for paths in counts[: 2 if bench.quick else None]:
+        for engine in ("path", "gather"):
+            for paths in PATHS[: 2 if bench.quick else None]:
                 name = f"error-{engine}-{paths}"
                 picture, said = bench.render(
                     case, name, "--spp", str(paths), "--engine", engine, *options

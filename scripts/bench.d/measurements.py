@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Callable
 
 from ablations import ablations
-from cached import cached
 from curved import curved
 from document import Bar, Figure, Part, Table
 from edges import edges
 from embree import embree
 from engines import engines
 from errors import errors
+from gather import gather
 from harness import Bench
 from interactive import interactive
 from large import large
@@ -383,7 +383,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "step": step,
     "curved": curved,
     "edges": edges,
-    "cached": cached,
+    "gather": gather,
     "radiance": radiance,
     "replay": replay,
     "walk": walk,

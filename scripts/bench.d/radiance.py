@@ -1,4 +1,4 @@
-"""The engine `cached` beside Radiance's rpict with its own indirect cache. For developers, because
+"""The engine `gather` beside Radiance's rpict with its own indirect cache. For developers, because
 it installs pyradiance.
 
 Invariants: both render the same triangles at the same size, filtered by a box, in one thread,
@@ -23,10 +23,9 @@ from scenes import Case
 
 PYRADIANCE = "1.3.1"
 BAR = 0.3
-# Our settings: `--accuracy`, and the paths per pixel of each.
-ACCURACIES = (0.2, 0.1, 0.06, 0.03, 0.015)
-COUNTS = (1, 4, 16)
-# A picture of few records may be lucky. Each point is the mean of several pictures; otherwise the
+# Our paths per pixel.
+COUNTS = (1, 4, 16, 64, 256)
+# A picture may be lucky. Each point is the mean of several pictures; otherwise the
 # luckiest would be chosen.
 SEEDS = (1, 2, 3)
 
@@ -78,12 +77,12 @@ class Point:
 
 
 def radiance(bench: Bench) -> Part:
-    """Error over seconds of `cached` beside Radiance's rpict with its indirect cache."""
+    """Error over seconds of `gather` beside Radiance's rpict with its indirect cache."""
     part = Part(
         "Clean samples beside Radiance",
         [
             (
-                "`render --engine cached --threads 1` at several accuracies and paths per pixel,"
+                "`render --engine gather --threads 1` with several numbers of paths per pixel,"
                 f" each the mean of {len(SEEDS)} seeds, and rpict (pyradiance {PYRADIANCE}) with"
                 " its indirect cache, no ambient file, at several settings, over the seconds that"
                 " the processor ran for the whole program. rpict traces every pixel at a jittered"
@@ -116,7 +115,7 @@ def radiance(bench: Bench) -> Part:
     equal = Table(
         "At equal error",
         [
-            ["scene", ""], ["relMSE", ".4f"], ["rpict, s", ".2f"], ["cached, s", ".2f"],
+            ["scene", ""], ["relMSE", ".4f"], ["rpict, s", ".2f"], ["gather, s", ".2f"],
             ["ratio", ".2f"]
         ],
     )
@@ -127,18 +126,13 @@ def radiance(bench: Bench) -> Part:
             picture, seconds = program.render(case, setting)
             shown = f"{setting.over} × {setting.over}, {' '.join(setting.options())}"
             theirs.append(measured(bench, picture, truth, seconds, shown))
-        for accuracy in ACCURACIES[: 2 if bench.quick else None]:
-            for count in COUNTS[: 2 if bench.quick else None]:
-                found = []
-                for seed in SEEDS:
-                    picture, seconds = our_render(bench, case, accuracy, count, seed)
-                    found.append(
-                        measured(
-                            bench, picture, truth, seconds, f"accuracy {accuracy:g}, {count} paths"
-                        )
-                    )
-                ours.append(mean(found))
-        for name, points in (("cached", ours), ("rpict", theirs)):
+        for count in COUNTS[: 2 if bench.quick else None]:
+            found = []
+            for seed in SEEDS:
+                picture, seconds = our_render(bench, case, count, seed)
+                found.append(measured(bench, picture, truth, seconds, f"{count} paths"))
+            ours.append(mean(found))
+        for name, points in (("gather", ours), ("rpict", theirs)):
             table.rows += [
                 [case.title, name, p.how, p.seconds, p.error, p.bias, p.worst_block] for p in points
             ]
@@ -164,7 +158,7 @@ def radiance(bench: Bench) -> Part:
         file = bench.plots / f"radiance-{case.name}.svg"
         lines = {
             name: [(p.seconds, p.error) for p in best(points)]
-            for name, points in (("cached", ours), ("rpict", theirs))
+            for name, points in (("gather", ours), ("rpict", theirs))
         }
         error_over_seconds(file, f"Error over CPU seconds: {case.title}", lines)
         part.plots.append(Plot(f"benchmarks/{file.name}", f"relMSE over seconds, {case.title}"))
@@ -185,18 +179,14 @@ def mean(points: list[Point]) -> Point:
     return Point(seconds, error, bias, max(p.worst_block for p in points), points[0].how)
 
 
-def our_render(
-    bench: Bench, case: Case, accuracy: float, count: int, seed: int
-) -> tuple[Path, float]:
+def our_render(bench: Bench, case: Case, count: int, seed: int) -> tuple[Path, float]:
     """Renders a picture in one thread; returns it and the seconds of the whole program."""
     picture = bench.work / f"{case.name}-beside-rpict.pfm"
     command = [
         bench.holodeck, "render", *case.scene, *case.view.options(), "--size", case.size,
         "--threads", "1", "--quiet"
     ]
-    options = [
-        "--engine", "cached", "--accuracy", str(accuracy), "--spp", str(count), "--seed", str(seed)
-    ]
+    options = ["--engine", "gather", "--spp", str(count), "--seed", str(seed)]
     return picture, run([*command, *options, "-o", picture]).processor
 
 

@@ -29,7 +29,7 @@ def whole(bench: Bench) -> Part:
         "The measure of the whole",
         [
             (
-                "A file filled in batch by the engine `cached` (Cornell box 20 s, the cabin's three"
+                "A file filled in batch by the engine `gather` (Cornell box 20 s, the cabin's three"
                 " sections 60 s), then one session with a worker and a move to each view in turn;"
                 " PSNR and relMSE of the pictures at 0.1, 1 and 10 s after the view was asked for."
                 " *Tracer alone*: `render --engine path --time` for 1 and 10 s, its scene loaded."
@@ -77,7 +77,7 @@ def views(bench: Bench, part: Part, driver: str, worst: dict[str, Series]) -> Ta
     columns += [["tracer alone 1 s, dB", ".1f"], ["10 s, dB", ".1f"]]
     table = Table(f"Driver `{driver}`", columns)
     for case, seconds, looks in cases(bench):
-        filled, _ = bench.fill(f"{case.name}-cached", case, seconds, "--engine", "cached")
+        filled, _ = bench.fill(f"{case.name}-gather", case, seconds, "--engine", "gather")
         # The session adds to the file, so every driver gets the same copy.
         file = bench.work / f"{case.name}-{driver}.holo"
         file.write_bytes(filled.read_bytes())

@@ -61,8 +61,6 @@ pub struct Config {
     #[serde(deserialize_with = "ranges::paths")]
     pub paths_per_sample: Option<u16>,
     /// Relative error of indirect light that the engine `cached` aims at.
-    #[serde(deserialize_with = "ranges::accuracy")]
-    pub accuracy: Option<f32>,
     /// Threads that trace.
     pub threads: Option<u16>,
     /// Memory for beams that are kept in memory, MiB.
@@ -185,7 +183,7 @@ impl Unit {
 mod ranges {
     use serde::{Deserialize, Deserializer, de::Error};
 
-    use crate::scene_args::{check_accuracy, check_sky};
+    use crate::scene_args::check_sky;
 
     /// Reads a value, and checks it.
     fn checked<'a, D, T, E>(
@@ -214,10 +212,6 @@ mod ranges {
 
     pub fn paths<'a, D: Deserializer<'a>>(from: D) -> Result<Option<u16>, D::Error> {
         checked(from, |paths| at_least_one(*paths > 0))
-    }
-
-    pub fn accuracy<'a, D: Deserializer<'a>>(from: D) -> Result<Option<f32>, D::Error> {
-        checked(from, |accuracy| check_accuracy(*accuracy))
     }
 
     pub fn cache<'a, D: Deserializer<'a>>(from: D) -> Result<Option<u64>, D::Error> {
@@ -414,12 +408,9 @@ mod tests {
             std::fs::write(&path, text).unwrap();
             format!("{:#}", Config::read(&path).unwrap_err())
         };
-        std::fs::write(&path, "accuracy = 0.1\nsky = [0, 1, 2]\ncache = 9\n".to_owned() + &views)
-            .unwrap();
+        std::fs::write(&path, "sky = [0, 1, 2]\ncache = 9\n".to_owned() + &views).unwrap();
         assert_eq!(Config::read(&path).unwrap().views().len(), 2);
         for (line, words) in [
-            ("accuracy = 2", "from 0.002 to 0.5"),
-            ("accuracy = nan", "from 0.002 to 0.5"),
             ("sky = [1, -1, 1]", "negative"),
             ("sky = [1, inf, 1]", "infinite"),
             ("max_rooms = 0", "at least 1"),

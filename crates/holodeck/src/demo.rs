@@ -8,7 +8,6 @@ use std::{
 };
 
 use anyhow::{Context, Result};
-use holo_proto::control::Engine;
 use holo_scenes::Bundled;
 use holo_view::{DriverArgs, LookArgs, PointArgs, ViewArgs};
 
@@ -85,10 +84,7 @@ fn house(folder: &Path) -> Result<Config> {
     std::fs::create_dir_all(folder).with_context(|| format!("making {name}"))?;
     let written = holo_scenes::write(Bundled::Interior, folder)
         .with_context(|| format!("writing to {name}"))?;
-    let mut config = Config::read(&written.config)?;
-    // Records for so many small surfaces take longer than a demonstration.
-    config.engine = Some(Engine::Path);
-    Ok(config)
+    Config::read(&written.config)
 }
 
 fn viewer(

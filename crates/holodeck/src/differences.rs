@@ -1,6 +1,6 @@
 //! Names the differences between a holodeck file and the scene and options given now, for people.
 
-use holo_proto::control::{Engine, RenderSettings};
+use holo_proto::control::RenderSettings;
 use holo_scene::{Material, Scene};
 
 /// Returns the differences between two scenes, in words that name the option or the part.
@@ -49,18 +49,13 @@ pub fn of_settings(file: &RenderSettings, now: &RenderSettings) -> Vec<String> {
     let bounces = |settings: &RenderSettings| {
         settings.bounces.map_or_else(|| "unlimited".to_owned(), |bounces| bounces.to_string())
     };
-    let engine = |settings: &RenderSettings| match settings.engine {
-        Engine::Path => "path".to_owned(),
-        Engine::Cached => "cached".to_owned(),
-        Engine::Gather => "gather".to_owned(),
-    };
+    let engine = |settings: &RenderSettings| settings.engine.name().to_owned();
     let on =
         |settings: &RenderSettings| if settings.virtual_distance { "on" } else { "off" }.to_owned();
     [
         ("--engine", engine(file), engine(now)),
         ("--bounces", bounces(file), bounces(now)),
         ("--paths-per-sample", file.paths_per_sample.to_string(), now.paths_per_sample.to_string()),
-        ("--accuracy", file.accuracy.to_string(), now.accuracy.to_string()),
         ("--seed", file.seed.to_string(), now.seed.to_string()),
         ("--virtual-distance", on(file), on(now)),
     ]

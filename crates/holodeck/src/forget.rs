@@ -1,4 +1,4 @@
-//! `holodeck forget`: removes the samples of some workers from a file.
+//! `holodeck forget`: removes the samples of some workers from a file, and what has their light.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,8 @@ use holo_server::{Forgotten, Holodeck};
 /// Remove the samples of some workers from a holodeck
 ///
 /// `holodeck info` lists the workers of a file and their numbers; `holodeck status` names those
-/// that were dropped. A later fill traces the removed samples again.
+/// that were dropped. Samples in which other workers used their surface light go as well. A later
+/// fill traces the removed samples again.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  holodeck forget room.holo --worker 3")]
 pub struct Args {
@@ -33,22 +34,22 @@ pub fn run(args: &Args) -> Result<()> {
         holo_progress::print_line!("{}", serde_json::to_string(&forgotten)?);
         return Ok(());
     }
-    let Forgotten { samples, unseen, light_records, cells, left } = forgotten;
+    let Forgotten { samples, samples_of_others, unseen, cells, left } = forgotten;
     holo_progress::print_line!(
         "{} samples removed, {} are left",
         HumanCount(samples),
         HumanCount(left)
     );
+    if samples_of_others > 0 {
+        holo_progress::print_line!(
+            "{} of the removed samples are of other workers, which used its surface light",
+            HumanCount(samples_of_others)
+        );
+    }
     if unseen > 0 {
         holo_progress::print_line!(
             "{} beams that see nothing must be found again",
             HumanCount(unseen)
-        );
-    }
-    if light_records > 0 {
-        holo_progress::print_line!(
-            "{} records of indirect light must be made again",
-            HumanCount(light_records)
         );
     }
     if cells > 0 {

@@ -10,7 +10,7 @@ use std::{
 use anyhow::{Context, Result, bail};
 use holo_beamfile::{BeamFile, Maker, Skipped};
 use holo_progress::{HumanBytes, HumanCount, said_once};
-use holo_proto::control::{Engine, RenderSettings};
+use holo_proto::control::RenderSettings;
 use holo_section::{ImportanceTable, Section, ViewClass};
 use holo_server::{Holodeck, MadeBy, UnseenBeams, superseded_bytes};
 use serde::Serialize;
@@ -68,13 +68,12 @@ struct Info {
     extents: u64,
     sections: Vec<SectionInfo>,
     settings: RenderSettings,
+    /// The engine of the first samples, if it is no more.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    earlier_engine: Option<String>,
     scene: SceneInfo,
-    /// Records of indirect light.
-    light_records: usize,
     /// Cells of surface light.
     cells: usize,
-    /// Rays traced for these records.
-    light_rays: u64,
     views: Vec<(String, String)>,
     /// Factor from radiance to display light that pictures share.
     exposure: Option<f32>,
@@ -169,14 +168,13 @@ fn collect(file: &Path) -> Result<Info> {
         extents: stats.extents,
         sections: sections.collect(),
         settings: about.settings,
+        earlier_engine: about.earlier_engine.clone(),
         scene: SceneInfo {
             source: about.source.clone(),
             hash: about.scene.hash.iter().map(|byte| format!("{byte:02x}")).collect(),
             bytes: about.scene.bytes,
         },
-        light_records: holodeck.light().len(),
         cells: holodeck.cells().len(),
-        light_rays: holodeck.light().rays(),
         views: about.views.clone(),
         exposure: about.exposure,
         choices: about.choices.clone(),
@@ -310,8 +308,10 @@ pub fn info(args: &InfoArgs) -> Result<()> {
     holo_progress::print_line!("paths per sample: {}", paths.collect::<Vec<_>>().join(", "));
     for WorkerInfo { made_by, samples } in &info.workers {
         let token = made_by.token.as_ref().map_or_else(String::new, |t| format!(", token {t}"));
+        let of = made_by.light_of.iter().map(u16::to_string).collect::<Vec<_>>().join(", ");
+        let light = if of.is_empty() { of } else { format!(", with surface light of {of}") };
         holo_progress::print_line!(
-            "worker {} ({}{token}): {} samples, {} beams that see nothing",
+            "worker {} ({}{token}{light}): {} samples, {} beams that see nothing",
             made_by.id,
             made_by.name,
             HumanCount(*samples),
@@ -321,22 +321,14 @@ pub fn info(args: &InfoArgs) -> Result<()> {
     holo_progress::print_line!("scene: {}", info.scene.source);
     let bounces =
         info.settings.bounces.map_or("unlimited bounces".to_owned(), |n| format!("{n} bounces"));
-    let engine = match info.settings.engine {
-        Engine::Path => "path",
-        Engine::Cached => "cached",
-        Engine::Gather => "gather",
-    };
+    let engine = info.settings.engine.name();
+    let earlier = info.earlier_engine.as_ref();
+    let earlier = earlier.map_or_else(String::new, |name| format!(" (first samples: {name})"));
     let distances = if info.settings.virtual_distance { ", virtual distances" } else { "" };
     holo_progress::print_line!(
-        "engine: {engine}, {bounces}, {} paths per new sample{distances}",
+        "engine: {engine}{earlier}, {bounces}, {} paths per new sample{distances}",
         info.settings.paths_per_sample
     );
-    if info.light_records > 0 {
-        holo_progress::print_line!(
-            "indirect light: {} records",
-            HumanCount(info.light_records as u64)
-        );
-    }
     if info.cells > 0 {
         holo_progress::print_line!("surface light: {} cells", HumanCount(info.cells as u64));
     }

@@ -207,7 +207,7 @@ mod tests {
             ("render a.obj --bounces -1", "0..="),
             ("render a.obj --spp -4", "1..="),
             ("fill a.obj --paths-per-sample -1", "1..="),
-            ("fill a.obj --accuracy -1", "from 0.002 to 0.5"),
+            ("fill a.obj --engine cached", "`gather` takes its place"),
             ("fill a.obj --disk -5", "is not a size"),
             ("fill a.obj --samples -5", "is not a count"),
             ("fill a.obj --max-rooms -1", "at least 1"),

@@ -28,17 +28,6 @@ const FIRST_BLOCK: usize = 8;
 /// Most paths per pixel in one pass.
 const PASS: u32 = 4;
 
-/// Rays for records of indirect light, for each sample in a place without records, if there is a
-/// time limit: see [`Tracer::set_effort`].
-const EFFORT: u32 = 2;
-
-/// Share of the time limit during which records may be begun. Later ones would serve few samples.
-const RECORD_SHARE: f64 = 0.75;
-
-/// Least remaining time for a record to be begun. The first record of a scene makes a hundred
-/// coarse ones and takes up to a second.
-const RECORD_TIME: Duration = Duration::from_secs(1);
-
 /// Time between two reports of progress.
 const REPORT_EVERY: Duration = Duration::from_millis(100);
 
@@ -86,31 +75,10 @@ impl Job {
         mut show: impl FnMut(u64),
     ) -> Traced {
         let traced = Mutex::new(Traced::new(self.size, self.has_errors));
-        let is_over = || match self.limit {
-            Limit::Time(time) => {
-                let elapsed = clock();
-                let last = time.mul_f64(RECORD_SHARE).min(time.saturating_sub(RECORD_TIME));
-                self.tracer.set_effort(if elapsed < last { EFFORT } else { 0 });
-                is_interrupted() || elapsed >= time
-            }
-            Limit::Paths(_) => {
-                let is_over = is_interrupted();
-                if is_over {
-                    // The samples that threads are tracing begin no more records.
-                    self.tracer.set_effort(0);
-                }
-                is_over
-            }
+        let is_over = || {
+            let is_late = matches!(self.limit, Limit::Time(time) if clock() >= time);
+            is_late || is_interrupted()
         };
-        // The first coarse picture must be ready soon, so no sample waits for records of light if
-        // there is a time limit.
-        let is_first_over = || match self.limit {
-            Limit::Time(time) => is_interrupted() || clock() >= time,
-            Limit::Paths(_) => is_over(),
-        };
-        if matches!(self.limit, Limit::Time(_)) {
-            self.tracer.set_effort(0);
-        }
         let mut before = 0;
         let mut pass =
             |grid: Grid, block: usize, paths: Range<u32>, is_over: &(dyn Fn() -> bool + Sync)| {
@@ -118,11 +86,8 @@ impl Job {
                 show(before);
             };
         let coarsest = Grid::coarsest(self.size);
-        pass(coarsest, FIRST_BLOCK, 0..1, &|| {
-            is_first_over();
-            false
-        });
-        coarsest.finer().for_each(|grid| pass(grid, BLOCK, 0..1, &is_first_over));
+        pass(coarsest, FIRST_BLOCK, 0..1, &|| false);
+        coarsest.finer().for_each(|grid| pass(grid, BLOCK, 0..1, &is_over));
         let mut paths = 1;
         loop {
             let count = match self.limit {
@@ -257,7 +222,7 @@ mod tests {
     const SIZE: (u32, u32) = (32, 24);
     const THREADS: u64 = 2;
 
-    fn job(is_cached: bool, limit: Limit) -> Job {
+    fn job(limit: Limit) -> Job {
         let folder = tempfile::tempdir().unwrap();
         let written = holo_scenes::write(Bundled::Cornell, folder.path()).unwrap();
         let scene = holo_scene::load(&written.obj, &Default::default()).unwrap().scene;
@@ -265,7 +230,6 @@ mod tests {
         let mut spec = ViewSpec::default();
         spec.apply_line("-vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60").unwrap();
         let (view, size) = spec.resolve(SIZE).unwrap();
-        let tracer = if is_cached { tracer.with_cache(0.03, 1) } else { tracer };
         Job { tracer, view, size, seed: 1, threads: THREADS as usize, limit, has_errors: true }
     }
 
@@ -280,7 +244,7 @@ mod tests {
         // A thread reads the clock before each block. Beyond the coarsest grid, whose pixels always
         // get a path, no block begins after the limit.
         for seconds in [0, 1, 5, 20, 100] {
-            let sums = run(&job(false, Limit::Time(Duration::from_secs(seconds)))).sums;
+            let sums = run(&job(Limit::Time(Duration::from_secs(seconds)))).sums;
             assert!(sums.iter().all(|sums| sums.paths == 0 || sums.paths % PASS == 1));
             let paths: u64 = sums.iter().map(|sums| u64::from(sums.paths)).sum();
             let coarsest = Grid::coarsest(SIZE).len() as u64;
@@ -296,13 +260,13 @@ mod tests {
 
     #[test]
     fn a_first_pass_that_is_cut_off_is_filled_from_pixels_nearby() {
-        let mut cut = run(&job(false, Limit::Time(Duration::from_secs(6))));
+        let mut cut = run(&job(Limit::Time(Duration::from_secs(6))));
         let before = cut.sums.clone();
         let untraced = cut.fill();
         let traced = before.iter().filter(|sums| sums.paths > 0).count();
         assert!((50..before.len()).contains(&traced), "{traced}");
         assert_eq!(traced + untraced, before.len());
-        let whole = run(&job(false, Limit::Time(Duration::from_secs(40)))).sums;
+        let whole = run(&job(Limit::Time(Duration::from_secs(40)))).sums;
         for (pixel, filled) in cut.sums.iter().enumerate() {
             assert_eq!(filled.paths, 1);
             if before[pixel].paths > 0 {
@@ -324,7 +288,7 @@ mod tests {
     fn squares_of_the_finest_whole_grid_have_all_paths() {
         let mut steps = Vec::new();
         for seconds in [0, 5, 9, 40] {
-            let traced = run(&job(false, Limit::Time(Duration::from_secs(seconds))));
+            let traced = run(&job(Limit::Time(Duration::from_secs(seconds))));
             let found = traced.finest_whole_grid();
             steps.push(found);
             let (size, squares) = traced.reduced(found);
@@ -341,9 +305,9 @@ mod tests {
 
     #[test]
     fn a_pixel_with_as_many_paths_has_the_same_value() {
-        let uneven = run(&job(false, Limit::Time(Duration::from_secs(40))));
+        let uneven = run(&job(Limit::Time(Duration::from_secs(40))));
         for count in [1 + PASS, 1 + 2 * PASS] {
-            let even = run(&job(false, Limit::Paths(count)));
+            let even = run(&job(Limit::Paths(count)));
             assert!(even.sums.iter().all(|sums| sums.paths == count));
             let mut compared = 0;
             for pixel in 0..even.sums.len() {
@@ -364,38 +328,21 @@ mod tests {
     }
 
     #[test]
-    fn the_first_picture_under_a_time_limit_waits_for_no_records_of_light() {
-        let hurried = job(true, Limit::Time(Duration::ZERO));
-        assert!(run(&hurried).sums.iter().any(|sums| sums.paths == 1));
-        let records = |job: &Job| job.tracer.light().map_or(0, |light| light.len());
-        assert_eq!(records(&hurried), 0);
-        let patient = job(true, Limit::Paths(1));
-        run(&patient);
-        assert!(records(&patient) > 100, "{}", records(&patient));
-        let longer = job(true, Limit::Time(Duration::from_secs(200)));
-        run(&longer);
-        assert!(records(&longer) > 0, "later passes make records");
-    }
-
-    #[test]
     fn an_interruption_ends_the_first_pass_and_leaves_a_sensible_picture() {
-        for is_cached in [false, true] {
-            let job = job(is_cached, Limit::Paths(1000));
-            // Interrupted from the beginning, and in the middle of the first pass.
-            for readings in [0, 9] {
-                let asked = AtomicU64::new(0);
-                let is_interrupted = || asked.fetch_add(1, Ordering::Relaxed) >= readings;
-                let mut shown = Vec::new();
-                let mut traced =
-                    job.run(|| Duration::ZERO, is_interrupted, |paths| shown.push(paths));
-                let paths: u64 = traced.sums.iter().map(|sums| u64::from(sums.paths)).sum();
-                let coarsest = Grid::coarsest(SIZE).len() as u64;
-                assert!((coarsest..600).contains(&paths), "{readings}: {paths}");
-                assert_eq!(paths == coarsest, readings == 0, "{readings}: {paths}");
-                assert!(shown.is_sorted() && shown.last() == Some(&paths), "{shown:?}");
-                assert_eq!(traced.fill() as u64, traced.sums.len() as u64 - paths);
-                assert!(traced.sums.iter().all(|sums| sums.paths == 1));
-            }
+        let job = job(Limit::Paths(1000));
+        // Interrupted from the beginning, and in the middle of the first pass.
+        for readings in [0, 9] {
+            let asked = AtomicU64::new(0);
+            let is_interrupted = || asked.fetch_add(1, Ordering::Relaxed) >= readings;
+            let mut shown = Vec::new();
+            let mut traced = job.run(|| Duration::ZERO, is_interrupted, |paths| shown.push(paths));
+            let paths: u64 = traced.sums.iter().map(|sums| u64::from(sums.paths)).sum();
+            let coarsest = Grid::coarsest(SIZE).len() as u64;
+            assert!((coarsest..600).contains(&paths), "{readings}: {paths}");
+            assert_eq!(paths == coarsest, readings == 0, "{readings}: {paths}");
+            assert!(shown.is_sorted() && shown.last() == Some(&paths), "{shown:?}");
+            assert_eq!(traced.fill() as u64, traced.sums.len() as u64 - paths);
+            assert!(traced.sums.iter().all(|sums| sums.paths == 1));
         }
     }
 

@@ -12,7 +12,7 @@ use holo_proto::{
     control::Engine,
     stand_ins::{StandIn, StandInKind},
 };
-use holo_scene::{Bsdf, Scene};
+use holo_scene::Scene;
 use holo_section::{Section, SectionSpec, ViewClass};
 use holo_server::{About, Holodeck, Limits, Reading};
 
@@ -27,9 +27,6 @@ use crate::{
 
 /// Memory for beams while a file is only made or read.
 pub const SMALL_CACHE: u64 = 16 << 20;
-
-/// Least share of diffuse surfaces for which records of indirect light are worthwhile.
-const DIFFUSE: f64 = 0.1;
 
 /// What becomes of a file that was made of another scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +65,7 @@ pub fn make(
     let packed = opened.scene.pack();
     let sections = sections(config, &opened)?;
     let source = scene_path(config)?.display().to_string();
-    let engine = engine_for(&opened.scene, config.bounces);
+    let engine = usual_engine(config.bounces);
     let mut about = About::new(sections, settings(config, engine), &packed, source);
     about.up = opened.up;
     about.sky = opened.scene.sky;
@@ -254,7 +251,6 @@ fn config_of(path: &Path, about: &About) -> Result<Config> {
         engine: Some(settings.engine),
         bounces: settings.bounces,
         paths_per_sample: Some(settings.paths_per_sample),
-        accuracy: Some(settings.accuracy),
         seed: Some(settings.seed),
         virtual_distance: Some(settings.virtual_distance),
         ..Config::default()
@@ -351,30 +347,17 @@ fn stand_ins(config: &Config, sections: usize, quiet: bool) -> Result<Vec<(Stand
     of(StandInKind::Geometry).chain(of(StandInKind::Portals)).collect()
 }
 
-/// Returns the engine that reaches clean samples soonest. Records of indirect light help if there
-/// is such light, and if enough surfaces are diffuse.
-fn engine_for(scene: &Scene, bounces: Option<u32>) -> Engine {
-    let (mut diffuse, mut all) = (0.0, 0.0);
-    for triangle in scene.triangles() {
-        let area = scene.area(triangle);
-        all += area;
-        if matches!(scene.material(triangle).bsdf, Bsdf::Diffuse { kd } if kd != [0.0; 3]) {
-            diffuse += area;
-        }
-    }
-    if bounces != Some(0) && diffuse > DIFFUSE * all { Engine::Cached } else { Engine::Path }
+/// Returns the engine that reaches clean samples soonest. Direct light needs no cells.
+fn usual_engine(bounces: Option<u32>) -> Engine {
+    if bounces == Some(0) { Engine::Path } else { Engine::Gather }
 }
 
 fn engine_words(engine: Engine) -> &'static str {
     match engine {
-        Engine::Path => "engine path: no indirect light on diffuse surfaces needs records",
-        Engine::Cached => {
-            "engine cached: clean samples, with indirect light within --accuracy \
-             (--engine path gives unbiased, noisy samples)"
-        }
+        Engine::Path => "engine path: direct light needs no cells of surface light",
         Engine::Gather => {
             "engine gather: paths end in shared cells of surface light \
-             (--engine path gives unbiased, noisy samples)"
+             (--engine path gives unbiased, noisier samples)"
         }
     }
 }

@@ -103,7 +103,6 @@ pub async fn run(args: Args) -> Result<()> {
     )?;
     let tracer = match settings.engine {
         Engine::Path => tracer,
-        Engine::Cached => tracer.with_cache(settings.accuracy, settings.seed),
         Engine::Gather => tracer.with_gather(),
     };
     let threads = args.threads.or(config.threads).map_or_else(cores, usize::from).max(1);

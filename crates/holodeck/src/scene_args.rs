@@ -67,9 +67,8 @@ pub struct SceneArgs {
     /// Let lights shine from both sides
     #[arg(long)]
     pub two_sided_lights: bool,
-    /// The engine: `path` (unbiased), `gather` (paths that end in shared cells of surface light) or
-    /// `cached` (clean samples, with indirect light within --accuracy) [default: for `render`
-    /// path, else cached if there are diffuse surfaces]
+    /// The engine: `path` (unbiased) or `gather` (paths that end in shared cells of surface light)
+    /// [default: path for `render` and for direct light only, else gather]
     #[arg(long, value_parser = parse_engine)]
     pub engine: Option<Engine>,
     /// Limit indirect light to this many bounces; 0 is direct light only [default: no limit]
@@ -78,9 +77,6 @@ pub struct SceneArgs {
     /// Paths averaged into one sample [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub paths_per_sample: Option<u16>,
-    /// Relative error of indirect light that --engine cached aims at [default: 0.03]
-    #[arg(long, value_name = "SHARE", value_parser = parse_accuracy)]
-    pub accuracy: Option<f32>,
     /// In flat mirrors and glass, store the distance of the surfaces that they show. Reflections
     /// get sharper in motion, but their edges may break up
     #[arg(long)]
@@ -117,7 +113,6 @@ impl SceneArgs {
         config.engine = self.engine.or(config.engine);
         config.bounces = self.bounces.or(config.bounces);
         config.paths_per_sample = self.paths_per_sample.or(config.paths_per_sample);
-        config.accuracy = self.accuracy.or(config.accuracy);
         config.virtual_distance = self.virtual_distance.then_some(true).or(config.virtual_distance);
         config.seed = self.seed.or(config.seed);
         Ok(config)
@@ -130,7 +125,6 @@ pub fn settings(config: &Config, engine: Engine) -> RenderSettings {
         engine: config.engine.unwrap_or(engine),
         bounces: config.bounces,
         paths_per_sample: config.paths_per_sample.unwrap_or(1).max(1),
-        accuracy: config.accuracy.unwrap_or(holo_tracer::DEFAULT_ACCURACY),
         seed: config.seed.unwrap_or(0),
         virtual_distance: config.virtual_distance.unwrap_or(false),
     }
@@ -139,31 +133,17 @@ pub fn settings(config: &Config, engine: Engine) -> RenderSettings {
 fn parse_engine(text: &str) -> Result<Engine, String> {
     match text {
         "path" => Ok(Engine::Path),
-        "cached" => Ok(Engine::Cached),
         "gather" => Ok(Engine::Gather),
-        other => {
-            Err(format!("`{other}` is not an engine; there are `path`, `gather` and `cached`"))
-        }
+        "cached" => Err("there is no engine `cached` any more; `gather` takes its place, also in \
+                         files that it made"
+            .to_owned()),
+        other => Err(format!("`{other}` is not an engine; there are `path` and `gather`")),
     }
 }
 
 fn parse_rooms(text: &str) -> Result<usize, String> {
     let rooms = text.parse().ok().filter(|rooms| *rooms > 0);
     rooms.ok_or_else(|| "a number of rooms is at least 1".to_owned())
-}
-
-fn parse_accuracy(text: &str) -> Result<f32, String> {
-    check_accuracy(text.parse().unwrap_or(f32::NAN))
-}
-
-/// Returns the accuracy if the engine can aim at it.
-///
-/// # Errors
-/// The range, for people.
-pub fn check_accuracy(accuracy: f32) -> Result<f32, String> {
-    let range = holo_tracer::ACCURACIES;
-    let words = || format!("an accuracy is a number from {} to {}", range.start(), range.end());
-    range.contains(&accuracy).then_some(accuracy).ok_or_else(words)
 }
 
 /// Returns the parser of stand-ins. Names of files need not be UTF-8.

@@ -1,14 +1,15 @@
 //! Bulk messages: packets, samples, views and live rays. A message is a fixed head, then arrays of
 //! plain records.
 
+mod blob_chunk;
 mod cells;
 mod live;
 mod results;
 mod samples;
-mod shared;
 mod view;
 mod work;
 
+pub use blob_chunk::BlobChunk;
 use bytemuck::{Pod, Zeroable};
 pub use cells::{Cell, Cells, MAX_ESTIMATES};
 use holo_section::Viewpoint;
@@ -18,7 +19,6 @@ pub use live::{
 };
 pub use results::{Results, Traced};
 pub use samples::{MAX_RUN, Samples, Source, Unseen};
-pub use shared::{BlobChunk, Light, Record};
 pub use view::{MAX_HELD, RaysWanted, ViewRequest, WantedBeam, WantedRay};
 pub use work::{Packet, Work};
 

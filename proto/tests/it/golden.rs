@@ -40,7 +40,6 @@ enum Any {
     Samples(Samples),
     BlobChunk(BlobChunk),
     Unseen(Unseen),
-    Light(Light),
     Cells(Cells),
     Rays(RaysWanted),
     LiveWanted(LiveWanted),
@@ -64,7 +63,6 @@ impl Any {
             Any::Samples(message) => (Kind::Samples, message.encode()),
             Any::BlobChunk(message) => (Kind::BlobChunk, message.encode()),
             Any::Unseen(message) => (Kind::Unseen, message.encode()),
-            Any::Light(message) => (Kind::Light, message.encode()),
             Any::Cells(message) => (Kind::Cells, message.encode()),
             Any::Rays(message) => (Kind::Rays, message.encode()),
             Any::LiveWanted(message) => (Kind::LiveWanted, message.encode()),
@@ -92,7 +90,6 @@ impl Any {
             Kind::Samples => Any::Samples(Samples::decode(payload)?),
             Kind::BlobChunk => Any::BlobChunk(BlobChunk::decode(payload)?),
             Kind::Unseen => Any::Unseen(Unseen::decode(payload)?),
-            Kind::Light => Any::Light(Light::decode(payload)?),
             Kind::Cells => Any::Cells(Cells::decode(payload)?),
             Kind::Rays => Any::Rays(RaysWanted::decode(payload)?),
             Kind::LiveWanted => Any::LiveWanted(LiveWanted::decode(payload)?),
@@ -117,22 +114,6 @@ fn cell() -> Cell {
         count: 4,
         light: [3.0, 2.0, 1.0],
         albedo: [2.0, 1.0, 0.5],
-    }
-}
-
-fn record() -> Record {
-    Record {
-        point: [1.5, -2.0, 0.25],
-        radius: 0.5,
-        normal: [0.0, 0.0, 1.0],
-        nearest: 0.125,
-        irradiance: [3.0, 2.0, 1.0],
-        error: 0.0625,
-        shift: [[0.5, 0.25, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, -0.5]],
-        turn: [[0.0; 3], [2.0, 0.0, 0.0], [0.0, -2.0, 0.0]],
-        rays: 314,
-        flags: 0,
-        id: 0x0102_0304_0506_0708,
     }
 }
 
@@ -205,10 +186,9 @@ fn welcome() -> Any {
         software: "holoserver 0.1.0".into(),
         sections: vec![room(), cube()],
         settings: RenderSettings {
-            engine: Engine::Cached,
+            engine: Engine::Gather,
             bounces: Some(3),
             paths_per_sample: 16,
-            accuracy: 0.0625,
             seed: 0x0123_4567_89ab_cdef,
             virtual_distance: true,
         },
@@ -231,7 +211,6 @@ fn welcome_shown() -> Any {
             engine: Engine::Path,
             bounces: None,
             paths_per_sample: 1,
-            accuracy: 0.5,
             seed: 0,
             virtual_distance: false,
         },
@@ -425,7 +404,7 @@ fn cases() -> Vec<(&'static str, Any)> {
         ("control-ready", Any::Control(Control::Ready { threads: 258 })),
         ("control-failed", Any::Control(Control::Failed { reason: "no memory".into() })),
         ("control-settle", Any::Control(Control::Settle { view: 7 })),
-        ("control-light-wanted", Any::Control(Control::LightWanted)),
+        ("control-cells-wanted", Any::Control(Control::CellsWanted)),
         (
             "control-stand-ins",
             Any::Control(Control::StandIns(SceneInfo { hash: [0xAB; 32], bytes: 258 })),
@@ -447,6 +426,7 @@ fn cases() -> Vec<(&'static str, Any)> {
             }),
         ),
         ("control-part-sent", Any::Control(Control::PartSent { section: 258, next: Some(number) })),
+        ("control-cells-used", Any::Control(Control::CellsUsed { maker: 258 })),
         ("control-part-last", Any::Control(Control::PartSent { section: 258, next: None })),
         ("work", work()),
         ("work-named", work_named()),
@@ -485,7 +465,6 @@ fn cases() -> Vec<(&'static str, Any)> {
             "unseen",
             Any::Unseen(Unseen { view: 7, beams: vec![key(0, 0x01_0203_0405), key(1023, 9)] }),
         ),
-        ("light", Any::Light(Light { records: vec![record()] })),
         ("cells", Any::Cells(Cells { cells: vec![cell()] })),
         (
             "rays",
@@ -557,11 +536,11 @@ fn every_kind_and_every_control_message_has_a_file() {
         .filter(|f| f[4] == 3)
         .map(|f| f[8])
         .collect();
-    assert_eq!(controls, (0..=20).collect());
+    assert_eq!(controls, (0..=21).collect());
     let mut next = vec![0; 64];
-    next[0] = 21;
+    next[0] = 22;
     let error = Control::decode(&next).unwrap_err().to_string();
-    assert!(error.contains("21"), "{error}");
+    assert!(error.contains("22"), "{error}");
 }
 
 #[test]

@@ -4,7 +4,7 @@
 
 use holo_proto::{
     bulk::{
-        BlobChunk, Cells, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted, Results,
+        BlobChunk, Cells, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted, Results,
         Samples, Unseen, ViewRequest, Work,
     },
     control::Control,
@@ -59,7 +59,6 @@ fuzz_target!(|bytes: &[u8]| {
         Kind::Samples => stays!(payload, Samples),
         Kind::BlobChunk => stays!(payload, BlobChunk),
         Kind::Unseen => stays!(payload, Unseen),
-        Kind::Light => stays!(payload, Light),
         Kind::Cells => stays!(payload, Cells),
         Kind::Rays => stays!(payload, RaysWanted),
         Kind::LiveWanted => stays!(payload, LiveWanted),

@@ -3,8 +3,8 @@
 use holo_proto::{
     ProtoError,
     bulk::{
-        BlobChunk, Cells, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted,
-        Results, Samples, Unseen, ViewRequest, Work,
+        BlobChunk, Cells, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted, Results,
+        Samples, Unseen, ViewRequest, Work,
     },
     control::Control,
     frame::Kind,
@@ -27,8 +27,6 @@ pub enum Message {
     BlobChunk(BlobChunk),
     /// Beams whose rays hit nothing, for a display.
     Unseen(Unseen),
-    /// Records of indirect light.
-    Light(Light),
     /// Cells of surface light.
     Cells(Cells),
     /// Single rays that a display wants traced and stored.
@@ -56,7 +54,6 @@ impl Message {
             Kind::Samples => Message::Samples(Samples::decode(payload)?),
             Kind::BlobChunk => Message::BlobChunk(BlobChunk::decode(payload)?),
             Kind::Unseen => Message::Unseen(Unseen::decode(payload)?),
-            Kind::Light => Message::Light(Light::decode(payload)?),
             Kind::Cells => Message::Cells(Cells::decode(payload)?),
             Kind::Rays => Message::Rays(RaysWanted::decode(payload)?),
             Kind::LiveWanted => Message::LiveWanted(LiveWanted::decode(payload)?),

@@ -191,25 +191,6 @@ impl Scatter {
         })
     }
 
-    /// Returns the reflected and the transmitted direction of a smooth surface, each weighted with
-    /// its share. `None` if the surface is not smooth or one of the two carries nothing.
-    pub(crate) fn both_ways(&self, wo: Vec3, front: bool) -> Option<[Sampled; 2]> {
-        let (reflected, wi, transmittance, eta2) = match self {
-            Self::Pane { ior, transmittance } => (pane(wo.z, *ior), -wo, *transmittance, 1.0),
-            Self::Smooth { eta, transmittance } => {
-                let eta = if front { *eta } else { 1.0 / eta };
-                let (reflected, beyond) = dielectric(wo.z, eta);
-                let eta2 = eta * eta;
-                (reflected, refract(wo, Vec3::Z, beyond, eta), *transmittance / eta2, eta2)
-            }
-            _ => return None,
-        };
-        (reflected < 1.0 && wi.z < 0.0).then_some([
-            Sampled { wi: mirrored(wo), weight: Vec3::splat(reflected), pdf: None, eta2: 1.0 },
-            Sampled { wi, weight: transmittance * (1.0 - reflected), pdf: None, eta2 },
-        ])
-    }
-
     /// Samples the direction of the light that is scattered to `wo`. `None` if it is absorbed.
     #[inline]
     pub(crate) fn sample(&self, wo: Vec3, front: bool, sampler: &mut Sampler) -> Option<Sampled> {

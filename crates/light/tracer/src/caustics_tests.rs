@@ -13,7 +13,6 @@ use crate::path::first_hit;
 use crate::sampler::{Purpose, Sampler};
 use crate::secondary_tests::estimate;
 use crate::weighting::Direct;
-use crate::{Settings, Tracer};
 
 const FLOOR: Bsdf = Bsdf::Diffuse { kd: [0.7; 3] };
 const MIRROR: Bsdf = Bsdf::Mirror { ks: [0.9; 3] };
@@ -284,31 +283,4 @@ fn a_mirror_of_the_sky_makes_no_photons_and_one_of_the_sun_does() {
         PathEngine::new(&raycaster, None, Direct::Both, 1).caustics.is_some()
     };
     assert!(under(0.0) && !under(2.0));
-}
-
-#[test]
-fn the_engine_cached_shows_sunlight_over_glass_and_mirrors() {
-    let glass = Bsdf::Dielectric { ior: 1.5, transmittance: [1.0; 3], alpha: 0.0 };
-    let (corners, faces) = slab(0.006);
-    let wall = [[-5.0, -9.0, 0.0], [-5.0, 9.0, 0.0], [-5.0, 9.0, 9.0], [-5.0, -9.0, 9.0]];
-    let at_wall = (DVec3::new(-3.8, 0.3, 1.0), DVec3::new(-0.4, -0.3, -1.0));
-    for (raycaster, eye) in [
-        (sunlit(glass, &corners, &faces, 0.0), AT_FLOOR),
-        (sunlit(MIRROR, &wall, &[[0, 1, 2, 3]], 0.0), at_wall),
-    ] {
-        let engine = PathEngine::new(&raycaster, None, Direct::Both, 1);
-        let n = 50_000;
-        let (expected, variance) = estimate(&engine, &raycaster, eye, n);
-        let tracer = Tracer::with_raycaster(raycaster, Settings::default()).expect("valid");
-        let tracer = tracer.with_cache(0.05, 1);
-        let samples = (0..3000).map(|seed| f64::from(tracer.trace(eye.0, eye.1, seed).radiance[1]));
-        let (sum, squares) = samples.fold((0.0, 0.0), |(s, q), x| (s + x, q + x * x));
-        let mean = sum / 3000.0;
-        let error = ((squares / 3000.0 - mean * mean) / 3000.0 + variance / n as f64).sqrt();
-        // Records have the accuracy of 5 % of indirect light, which is 4 % of all.
-        let accuracy = 0.05 * 0.04 * expected;
-        println!("{mean} ± {error}, {expected}");
-        assert!((mean - expected).abs() < 4.5 * error + accuracy, "{mean} ± {error}, {expected}");
-        assert!(error < 0.02 * expected, "{mean} ± {error}");
-    }
 }

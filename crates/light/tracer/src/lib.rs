@@ -2,8 +2,8 @@
 //! knows neither beams nor sockets.
 //!
 //! The engine `path` is an unbiased path tracer (module `path`). The paths of the engine `gather` end
-//! in shared cells of surface light (module `gather`). The engine `cached` interpolates indirect
-//! light (module `cached`). [`holo_scene::Bsdf`] defines the materials. They follow
+//! in shared cells of surface light (module `gather`). [`holo_scene::Bsdf`] defines the materials.
+//! They follow
 //! Mitsuba 3's `diffuse`, `conductor`, `roughconductor`, `thindielectric`, `dielectric` and
 //! `roughdielectric`, with two differences. Light that meets several facets of a rough surface is
 //! not lost. Indices of refraction apply between the solids that really touch: bubbles in glass,
@@ -23,7 +23,6 @@ mod albedo;
 mod bsdf;
 #[cfg(test)]
 mod bsdf_tests;
-mod cached;
 mod caustics;
 #[cfg(test)]
 mod caustics_tests;
@@ -31,7 +30,6 @@ mod coat;
 mod conductor;
 #[cfg(test)]
 mod details_tests;
-mod deviations;
 mod direct;
 #[cfg(test)]
 mod direct_tests;
@@ -41,16 +39,11 @@ mod engine;
 mod fresnel;
 mod gather;
 mod geometry;
-mod images;
-#[cfg(test)]
-mod images_tests;
 mod interface;
 mod lights;
 mod luminance;
-mod mean_irradiance;
 mod medium;
 mod microfacet;
-mod mirrors;
 mod panes;
 mod path;
 mod policy;
@@ -65,13 +58,11 @@ mod secondary_tests;
 mod shading;
 #[cfg(test)]
 mod shading_tests;
-mod sun_caustics;
 mod suns;
 mod surface;
 mod virtual_distance;
 mod weighting;
 
-pub use cached::{ACCURACIES, DEFAULT_ACCURACY};
 pub use gather::{SharedCell, Verdict};
 pub use sampler::Sampler;
 
@@ -80,12 +71,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DVec3, Vec3};
-use holo_light::Store;
 use holo_raycast::{BuildError, Raycaster};
 use holo_scene::Scene;
 use serde::{Deserialize, Serialize};
 
-use cached::Cached;
 use engine::PathEngine;
 use gather::Gather;
 use path::Start;
@@ -154,7 +143,6 @@ pub struct Tracer {
     /// The same caster, for rays of light.
     light: Arc<Raycaster>,
     engine: PathEngine,
-    cached: Option<Cached>,
     gather: Option<Gather>,
     virtual_distance: Option<VirtualDistance>,
     settings: Settings,
@@ -204,23 +192,11 @@ impl Tracer {
             raycaster,
             light,
             engine,
-            cached: None,
             gather: None,
             virtual_distance: None,
             settings,
             nonfinite: AtomicU64::new(0),
         })
-    }
-
-    /// Switches to the engine `cached`: indirect light within the relative error `accuracy`, which
-    /// is clamped to [`ACCURACIES`].
-    ///
-    /// `name` seeds the random numbers of records. Tracers that share records need different names,
-    /// or they would trace the same rays. One thread with the same name gives the same picture.
-    #[must_use]
-    pub fn with_cache(mut self, accuracy: f32, name: u64) -> Self {
-        self.cached = Some(Cached::new(&self.engine, &self.light, accuracy, name));
-        self
     }
 
     /// Switches to the engine `gather`: paths end in cells of surface light that all threads share.
@@ -244,37 +220,6 @@ impl Tracer {
         self
     }
 
-    /// Bounds the cost of samples of the engine `cached` from now on.
-    ///
-    /// A sample that needs a record of indirect light and finds none becomes a path instead. It is
-    /// nearly as noisy as a path of the engine `path`. Each such sample allows `effort` rays for
-    /// records, and records are made as these allowances permit. Unless this is called, every such
-    /// sample makes a record, however long that takes, and no sample is noisy. An effort of 0 makes
-    /// no records.
-    pub fn set_effort(&self, effort: u32) {
-        if let Some(cached) = &self.cached {
-            cached.set_effort(effort);
-        }
-    }
-
-    /// Bounds the cost of samples of the engine `cached` from now on, as
-    /// [`set_effort`](Self::set_effort) does, but chooses the bound itself.
-    ///
-    /// The bound follows from how fast records lower the share of samples that lack one, so that
-    /// the error falls fastest. In clutter, where each record serves little, few are made.
-    /// Measurements are in docs/notes/indirect-light.md.
-    pub fn set_measured_effort(&self) {
-        if let Some(cached) = &self.cached {
-            cached.set_measured_effort();
-        }
-    }
-
-    /// Returns the indirect light found so far, if the engine is `cached`.
-    #[must_use]
-    pub fn light(&self) -> Option<&Arc<Store>> {
-        self.cached.as_ref().map(Cached::store)
-    }
-
     /// Returns the number of cells of surface light, if the engine is `gather`.
     #[must_use]
     pub fn cell_count(&self) -> usize {
@@ -290,7 +235,8 @@ impl Tracer {
 
     /// Takes cells of surface light that another process made, if the engine is `gather`. They
     /// count once the maker's light agrees with own estimates
-    /// ([`review_cells`](Self::review_cells)). If it no longer does, all cells are forgotten, and
+    /// ([`review_cells`](Self::review_cells)) and the caller has said that they may
+    /// ([`trust_cells`](Self::trust_cells)). If it no longer agrees, all cells are forgotten, and
     /// that verdict is returned.
     pub fn receive_cells(&self, maker: u16, cells: &[SharedCell]) -> Option<Verdict> {
         self.gather.as_ref()?.receive(&self.raycaster, maker, cells)
@@ -300,6 +246,19 @@ impl Tracer {
     #[must_use]
     pub fn review_cells(&self) -> Vec<(u16, Verdict)> {
         self.gather.as_ref().map_or_else(Vec::new, |gather| gather.review(&self.raycaster))
+    }
+
+    /// Lets the cells of a maker count that [`review_cells`](Self::review_cells) found to agree.
+    pub fn trust_cells(&self, maker: u16) {
+        if let Some(gather) = &self.gather {
+            gather.trust(&self.raycaster, maker);
+        }
+    }
+
+    /// Returns the makers whose cells count.
+    #[must_use]
+    pub fn trusted_makers(&self) -> Vec<u16> {
+        self.gather.as_ref().map_or_else(Vec::new, Gather::trusted)
     }
 
     /// Returns the hierarchy, for other uses of the same scene.
@@ -347,8 +306,8 @@ impl Tracer {
     /// the variance of the result by channel.
     ///
     /// The variance is estimated without bias from the paths themselves, which are dealt to up to 4
-    /// independent means. It is `None` for one path. It leaves out the error of records (engine
-    /// `cached`) and cells (engine `gather`).
+    /// independent means. It is `None` for one path. It leaves out the error of cells (engine
+    /// `gather`).
     ///
     /// [`trace`](Self::trace) stratifies all paths together. This lowers the error but leaves its
     /// size unknown. Here each mean has fewer strata, so the result varies more: 1.4 to 1.6 times
@@ -386,11 +345,7 @@ impl Tracer {
 
     /// Finds the first surface of a ray and the distance to report. `Err` is the result for a ray
     /// that meets nothing.
-    fn first_surface(
-        &self,
-        origin: DVec3,
-        direction: DVec3,
-    ) -> Result<(Start<'static>, f64), Traced> {
+    fn first_surface(&self, origin: DVec3, direction: DVec3) -> Result<(Start, f64), Traced> {
         let direction = direction.normalize_or_zero();
         if !origin.is_finite() || direction == DVec3::ZERO {
             return Err(Traced { radiance: [0.0; 3], distance: f64::INFINITY });
@@ -417,10 +372,9 @@ impl Tracer {
         for path in paths {
             let mut sampler = Sampler::new(seed, path);
             let (engine, raycaster) = (&self.engine, &*self.light);
-            let radiance = match (&self.gather, &self.cached) {
-                (Some(gather), _) => gather.radiance(engine, raycaster, start, &mut sampler),
-                (None, Some(cached)) => cached.radiance(engine, raycaster, start, &mut sampler),
-                (None, None) => engine.radiance(raycaster, start, &mut sampler),
+            let radiance = match &self.gather {
+                Some(gather) => gather.radiance(engine, raycaster, start, &mut sampler),
+                None => engine.radiance(raycaster, start, &mut sampler),
             };
             if radiance.is_finite() {
                 sum += radiance;

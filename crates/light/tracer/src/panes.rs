@@ -106,30 +106,6 @@ impl Panes {
         Vec3::ZERO
     }
 
-    /// Follows a ray through panes to the first surface that is not a pane or for which `ends` is
-    /// true. Returns that surface and the share of light that arrives from there.
-    pub(crate) fn to_face(
-        &self,
-        raycaster: &Raycaster,
-        from: &SurfacePoint,
-        direction: Vec3,
-        ends: impl Fn(u32) -> bool,
-    ) -> Option<(SurfacePoint, Vec3)> {
-        let mut share = Vec3::ONE;
-        let mut from = *from;
-        for _ in 0..MAX_DEPTH {
-            let ray = Ray::new(spawn(from.point, from.error, from.normal, direction), direction);
-            let hit = raycaster.nearest_from(&ray, from.triangle)?;
-            from = raycaster.surface(hit.triangle, hit.u, hit.v);
-            let Some(pane) = self.at(raycaster, hit.triangle).filter(|_| !ends(hit.triangle))
-            else {
-                return Some((from, share));
-            };
-            share *= pane.passes(raycaster.scene(), &hit, direction.dot(from.normal));
-        }
-        None
-    }
-
     #[inline]
     fn at(&self, raycaster: &Raycaster, triangle: u32) -> Option<Pane> {
         *self.materials.get(raycaster.scene().material_id(triangle) as usize)?

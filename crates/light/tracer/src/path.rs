@@ -34,10 +34,9 @@ use crate::direct::{self, LightSampling, LitVertex, MaterialSample};
 use crate::engine::PathEngine;
 use crate::gather::Footprint;
 use crate::geometry::Frame;
-use crate::images::{ImageMirror, ImageSampling};
 use crate::medium::{Crossing, Inside, TOUCH};
 use crate::panes::MAX_DEPTH;
-use crate::policy::{Carried, LaterVertex, PathPolicy, ShadingPoint, Unbiased};
+use crate::policy::{Carried, LaterVertex, PathPolicy, Unbiased};
 use crate::sampler::{Purpose, Sampler};
 use crate::shading::{self, Look};
 use crate::surface::Surface;
@@ -48,52 +47,39 @@ const EYE_SPREAD: f32 = 1e-3;
 /// The same after a surface that scatters widely.
 const SCATTERED_SPREAD: f32 = 0.1;
 
-/// Where a path begins: at an eye's first hit, which all paths of a sample share, or along a ray
-/// that leaves a surface.
+/// Where a path begins: at an eye's first hit, which all paths of a sample share.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Start<'a> {
+pub(crate) struct Start {
     pub hit: Option<Hit>,
     pub direction: Vec3,
     /// The solids that the ray travels in.
     pub inside: Inside,
-    pub emission_weight: EmissionWeight,
-    /// Set if images of lamps were sampled at the ray's origin.
-    pub image_sampling: Option<ImageSampling<'a>>,
-    /// Number of surfaces that the path has left; none of them is a mirror or glass.
-    pub depth: u32,
 }
 
-impl Start<'_> {
+impl Start {
     /// Returns the start of an eye's ray.
     pub(crate) fn eye(hit: Option<Hit>, direction: Vec3, inside: Inside) -> Self {
-        let emission_weight = EmissionWeight::Full;
-        Self { hit, direction, inside, emission_weight, image_sampling: None, depth: 0 }
+        Self { hit, direction, inside }
     }
 }
 
 /// The state of a path.
 #[derive(Clone, Copy)]
-struct Path<'a> {
+struct Path {
     hit: Option<Hit>,
     /// Where the ray comes from, once the path has left a surface.
     origin: Vec3,
     direction: Vec3,
     /// The solids that the ray travels in.
     inside: Inside,
-    /// The weight of emission that the ray hits. Panes and image mirrors do not change it.
+    /// The weight of emission that the ray hits. Panes do not change it.
     emission_weight: EmissionWeight,
-    /// True if the path has passed a pane or an image mirror since `emission_weight` was set.
-    passed_specular: bool,
-    /// Set if images of lamps were sampled at the ray's origin.
-    image_sampling: Option<ImageSampling<'a>>,
-    /// The mirror that the path has met since then.
-    image_mirror: Option<ImageMirror<'a>>,
+    /// True if the path has passed a pane since `emission_weight` was set.
+    passed_pane: bool,
     /// Number of surfaces left so far.
     depth: u32,
     /// The same without mirrors and glass.
     scatterings: u32,
-    /// Number of smooth surfaces at which the path has followed both reflection and transmission.
-    forks: u32,
     throughput: Vec3,
     /// Product of [`Sampled::eta2`](crate::sampled::Sampled::eta2) along the path.
     eta2: f32,
@@ -132,8 +118,6 @@ pub(crate) enum EmissionWeight {
     Full,
     /// Light samples could have found it too.
     Combined(MaterialSample),
-    /// It is counted elsewhere.
-    Zero,
 }
 
 impl EmissionWeight {
@@ -143,12 +127,11 @@ impl EmissionWeight {
         match self {
             Self::Full => 1.0,
             Self::Combined(sample) => direct.material_weight(sample.pdf, density(sample)),
-            Self::Zero => 0.0,
         }
     }
 }
 
-impl Path<'_> {
+impl Path {
     /// Returns how the path looks at a surface.
     #[inline]
     fn looking(&self) -> Look {
@@ -169,31 +152,28 @@ impl PathEngine {
     }
 
     /// The same, for paths that `policy` may end earlier.
-    pub(crate) fn follow<'a>(
+    pub(crate) fn follow(
         &self,
         raycaster: &Raycaster,
-        start: Start<'a>,
-        policy: &'a impl PathPolicy,
+        start: Start,
+        policy: &impl PathPolicy,
         sampler: &mut Sampler,
     ) -> Vec3 {
-        let Start { hit, direction, inside, emission_weight, image_sampling, depth } = start;
+        let Start { hit, direction, inside } = start;
         let path = Path {
             hit,
             origin: Vec3::ZERO,
             direction,
             inside,
-            emission_weight,
-            passed_specular: false,
-            image_sampling,
-            image_mirror: None,
-            depth,
-            scatterings: depth,
-            forks: 0,
+            emission_weight: EmissionWeight::Full,
+            passed_pane: false,
+            depth: 0,
+            scatterings: 0,
             throughput: Vec3::ONE,
             eta2: 1.0,
             aimed_by: 1.0,
             width: 0.0,
-            spread: if depth == 0 { EYE_SPREAD } else { SCATTERED_SPREAD },
+            spread: EYE_SPREAD,
             footprint: Footprint::none(),
             worth: Vec3::ONE,
         };
@@ -201,21 +181,21 @@ impl PathEngine {
     }
 
     /// Returns the radiance that the rest of a path brings.
-    fn trace_rest<'a, P: PathPolicy>(
+    fn trace_rest<P: PathPolicy>(
         &self,
         raycaster: &Raycaster,
-        mut path: Path<'a>,
-        policy: &'a P,
+        mut path: Path,
+        policy: &P,
         sampler: &mut Sampler,
     ) -> Vec3 {
         let mut radiance = Vec3::ZERO;
         let mut lessons = P::Lessons::default();
         while path.depth < MAX_DEPTH {
             if self.finds_points {
-                radiance += self.spheres_along(&path, policy);
+                radiance += self.spheres_along(&path);
             }
             let Some(hit) = path.hit else {
-                radiance += self.sky_along(&path, policy);
+                radiance += self.sky_along(&path);
                 break;
             };
             let point = raycaster.surface(hit.triangle, hit.u, hit.v);
@@ -246,12 +226,12 @@ impl PathEngine {
             let cosine = -path.direction.dot(point.normal);
             let front = cosine > 0.0;
             if surface.emits && (front || surface.two_sided) {
-                radiance += self.emission(raycaster, &path, &hit, cosine.abs(), surface, policy);
+                radiance += self.emission(raycaster, &path, &hit, cosine.abs(), surface);
             }
             let facing = if front { point.normal } else { -point.normal };
-            let (smooth, normal) = match self.is_shaded {
-                true => shading::normals(raycaster, &hit, scatter, facing, &path.looking()),
-                false => (facing, facing),
+            let normal = match self.is_shaded {
+                true => shading::normals(raycaster, &hit, scatter, facing, &path.looking()).1,
+                false => facing,
             };
             let frame = Frame::new(normal);
             let wo = frame.to_local(-path.direction);
@@ -285,25 +265,12 @@ impl PathEngine {
                     }
                 }
                 let Path { depth, scatterings, throughput, .. } = path;
-                let inside = &path.inside;
-                let shading = ShadingPoint {
-                    raycaster,
-                    point: &point,
-                    normal: smooth,
-                    lit: normal,
-                    scatter,
-                    inside,
-                    scatterings,
-                    depth,
-                };
-                let indirect = policy.indirect(&shading, sampler).or_else(|| {
-                    let ends = scatterings > self.bounces && self.lights_find_all;
-                    (ends && matches!(scatter, Scatter::Diffuse(_))).then_some(Vec3::ZERO)
-                });
-                // Known indirect light includes what a sample of the material would find.
-                let direct = if indirect.is_some() { Direct::Lights } else { self.direct };
+                let ends = scatterings > self.bounces
+                    && self.lights_find_all
+                    && matches!(scatter, Scatter::Diffuse(_));
+                let direct = if ends { Direct::Lights } else { self.direct };
                 if direct != Direct::Materials && (self.lights.any() || self.suns.any()) {
-                    let count = policy.light_samples(self, scatterings, indirect.is_some());
+                    let count = if scatterings == 1 { self.light_samples } else { 1 };
                     let vertex = LitVertex {
                         raycaster,
                         engine: self,
@@ -325,8 +292,7 @@ impl PathEngine {
                     light_sampling =
                         Some(LightSampling::new(&lights, scatter, &point, frame.n, counts));
                 }
-                if let Some(indirect) = indirect {
-                    radiance += throughput * indirect;
+                if ends {
                     break;
                 }
                 branches = if scatterings == 1 { self.branches } else { 1 };
@@ -344,23 +310,6 @@ impl PathEngine {
                 aims,
                 light_sampling,
             };
-            // Smooth glass: follow both reflection and transmission.
-            if path.forks < policy.forks(path.scatterings)
-                && let Some(ways) = scatter.both_ways(wo, front)
-            {
-                path.forks += 1;
-                for (way, sampled) in (0..).zip(&ways) {
-                    if self.terminator(&vertex, sampled) == 0.0 {
-                        continue;
-                    }
-                    let (mut path, policy) = (path, policy.clone());
-                    path.throughput *= sampled.weight;
-                    path.eta2 *= sampled.eta2;
-                    self.advance(raycaster, &mut path, &vertex, sampled);
-                    radiance += self.trace_rest(raycaster, path, &policy, &mut sampler.fork(way));
-                }
-                break;
-            }
             // The usual case: one continuation.
             if branches == 1 {
                 if self.sample_next(raycaster, &mut path, &vertex, sampler) {
@@ -384,20 +333,19 @@ impl PathEngine {
 
     /// Returns the light of punctual lights that a path brings from its ray, if nothing else can
     /// find it.
-    fn spheres_along(&self, path: &Path, policy: &impl PathPolicy) -> Vec3 {
+    fn spheres_along(&self, path: &Path) -> Vec3 {
         // Paths begin at an eye or with light that is counted elsewhere.
         if path.scatterings == 0 || !matches!(path.emission_weight, EmissionWeight::Full) {
             return Vec3::ZERO;
         }
         let t_max = path.hit.map_or(f32::INFINITY, |hit| hit.t);
-        let light = self.lights.spheres_along(path.origin, path.direction, t_max);
-        policy.clamped(path.throughput * light)
+        path.throughput * self.lights.spheres_along(path.origin, path.direction, t_max)
     }
 
     /// Returns the light of sky and suns that a path brings whose ray meets nothing.
     #[inline]
-    fn sky_along(&self, path: &Path, policy: &impl PathPolicy) -> Vec3 {
-        let weight = if path.passed_specular {
+    fn sky_along(&self, path: &Path) -> Vec3 {
+        let weight = if path.passed_pane {
             1.0
         } else {
             path.emission_weight.factor(self.direct, MaterialSample::sky_density)
@@ -410,12 +358,7 @@ impl PathEngine {
         let met = self
             .suns
             .along(path.direction, |density| path.emission_weight.factor(self.direct, |_| density));
-        let found = path.throughput * met;
-        let only_this_path = matches!(path.emission_weight, EmissionWeight::Full);
-        if only_this_path && !policy.finds_suns(path.scatterings) {
-            return sky;
-        }
-        sky + if only_this_path { policy.clamped(found) } else { found }
+        sky + path.throughput * met
     }
 
     /// Returns the light that a path brings from an emitter that its ray hits at `cosine`.
@@ -427,20 +370,13 @@ impl PathEngine {
         hit: &Hit,
         cosine: f32,
         surface: &Surface,
-        policy: &impl PathPolicy,
     ) -> Vec3 {
-        let weight = match &path.image_mirror {
-            Some(mirror) => mirror.weight(hit, cosine),
-            None => path.emission_weight.factor(self.direct, |sample| {
-                sample.emitter_density(&self.lights, raycaster, hit, cosine)
-            }),
-        };
-        let emission = self.emission_at(raycaster, hit.triangle, [hit.u, hit.v], surface.emission);
-        let light = path.throughput * emission * weight;
-        let only_this_path = matches!(path.emission_weight, EmissionWeight::Full)
-            && path.image_mirror.is_none()
-            && path.scatterings > 0;
-        if only_this_path { policy.clamped(light) } else { light }
+        let weight = path.emission_weight.factor(self.direct, |sample| {
+            sample.emitter_density(&self.lights, raycaster, hit, cosine)
+        });
+        path.throughput
+            * self.emission_at(raycaster, hit.triangle, [hit.u, hit.v], surface.emission)
+            * weight
     }
 }
 

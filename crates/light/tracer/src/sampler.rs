@@ -10,11 +10,9 @@
 //! | [`Purpose::Light`] | one pair for each light sample. The first number chooses in the light tree, and what remains of it chooses one coordinate on the light; the second number is the other coordinate. Light sample j of n has point n·path + j, so that the samples of one path are stratified, and those of all paths too |
 //! | [`Purpose::Scatter`] | lobe and direction, in the order in which the material asks |
 //! | [`Purpose::Roulette`] | whether the path survives |
-//! | [`Purpose::Record`] | whether a coarse record of indirect light is made |
+//! | [`Purpose::Teach`] | whether a path that could end in a cell continues to teach it |
 //! | [`Purpose::Aim`] | one pair: whether to aim at a secondary source or a caustic, at which, and where |
-//! | [`Purpose::Image`] | one pair: which image of a lamp, and where on it |
 //! | [`Purpose::Sun`] | which sun, and one pair: where on it |
-//! | [`Purpose::Caustic`] | one pair: which photon of a caustic, and where in its cone; then ways at mirrors and glass |
 //!
 //! If a path branches, branch j of n uses the numbers of path n·path + j.
 //!
@@ -36,10 +34,8 @@ pub(crate) enum Purpose {
     Roulette = 2,
     Aim = 3,
     /// The remaining purposes have numbers beyond those of all vertices.
-    Record = 1 << 20,
-    Image = 1 << 21,
+    Teach = 1 << 20,
     Sun = 1 << 22,
-    Caustic = 1 << 23,
 }
 
 /// The random numbers of one path.
@@ -71,16 +67,6 @@ impl Sampler {
     pub(crate) fn branch(&self, count: u32, branch: u32) -> Self {
         let index = self.index.wrapping_mul(count).wrapping_add(branch);
         Self { index, reversed: index.reverse_bits(), ..*self }
-    }
-
-    /// Returns the numbers of one continuation of a path that follows several. The first
-    /// continuation has the path's own numbers.
-    #[inline]
-    pub(crate) fn fork(&self, way: u32) -> Self {
-        Self {
-            base: if way == 0 { self.base } else { mix(self.base.wrapping_add(u64::from(way))) },
-            ..*self
-        }
     }
 
     /// Moves to the numbers of a vertex and purpose.

@@ -169,20 +169,3 @@ pub(crate) fn terminator(
     let g = (cosine / (z * between.abs())).min(1.0);
     (g * g + g - g * g * g).min(1.0)
 }
-
-/// Returns whether a direction from a point leaves its surface. `normal` is on the side to leave
-/// to.
-#[inline]
-pub(crate) fn is_above(geometric: Vec3, normal: Vec3, direction: Vec3) -> bool {
-    direction.dot(geometric) * normal.dot(geometric) > 0.0
-}
-
-/// Returns a direction that leaves the surface. A direction into the surface is mirrored at its
-/// plane.
-#[inline]
-pub(crate) fn above(geometric: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
-    if is_above(geometric, normal, direction) {
-        return direction;
-    }
-    direction - geometric * (2.0 * direction.dot(geometric))
-}

@@ -10,7 +10,7 @@ use std::{
 
 use anyhow::{Context, Result, ensure};
 use holo_beamfile::BeamFile;
-use holo_proto::control::{MAX_SECTIONS, RenderSettings, SceneInfo};
+use holo_proto::control::{Engine, MAX_SECTIONS, RenderSettings, SceneInfo};
 use holo_scene::Scene;
 use holo_section::{Section, SectionSpec};
 use serde::{Deserialize, Serialize};
@@ -25,6 +25,9 @@ const FORMAT: u32 = 1;
 /// version must refuse the file, because it would count samples of an earlier scene.
 const FORMAT_OF_GENERATIONS: u32 = 2;
 
+/// An engine of earlier versions. It kept indirect light in records, which are not read any more.
+const EARLIER_ENGINE: &str = "cached";
+
 /// The description of a holodeck: everything except its samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct About {
@@ -38,6 +41,9 @@ pub struct About {
     pub sections: Vec<SectionSpec>,
     /// How samples are traced.
     pub settings: RenderSettings,
+    /// The engine of the file's first samples, if this program no longer has it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub earlier_engine: Option<String>,
     /// The packed scene's hash and length.
     pub scene: SceneInfo,
     /// Where the scene came from, for people.
@@ -138,6 +144,7 @@ impl About {
             generation: 0,
             sections,
             settings,
+            earlier_engine: None,
             scene: SceneInfo {
                 hash: Scene::content_hash(packed_scene),
                 bytes: packed_scene.len() as u64,
@@ -165,7 +172,7 @@ impl About {
         let about = file.blob(ABOUT)?;
         let about =
             about.with_context(|| format!("{path} holds no description of its sections"))?;
-        let about: About = serde_json::from_slice(&about)
+        let about = About::parse(&about)
             .with_context(|| format!("{path}: the description of its sections is damaged"))?;
         ensure!(
             [FORMAT, FORMAT_OF_GENERATIONS].contains(&about.format),
@@ -177,6 +184,27 @@ impl About {
             "{path}: the description of its present scene is lost"
         );
         Ok(about)
+    }
+
+    /// Parses a description. Files of an engine that this program no longer has go on with another.
+    fn parse(json: &[u8]) -> Result<About> {
+        let mut json: serde_json::Value = serde_json::from_slice(json)?;
+        if let Some(engine) = json.pointer_mut("/settings/engine")
+            && engine == EARLIER_ENGINE
+        {
+            *engine = Engine::Gather.name().into();
+            json["earlier_engine"] = EARLIER_ENGINE.into();
+        }
+        Ok(serde_json::from_value(json)?)
+    }
+
+    /// Returns the warning for people who add to a file whose samples are of another engine.
+    pub(crate) fn engine_warning(&self) -> Option<String> {
+        let (earlier, engine) = (self.earlier_engine.as_ref()?, self.settings.engine.name());
+        Some(format!(
+            "its first samples are of the engine `{earlier}`, which is no more; new ones are of \
+             `{engine}`"
+        ))
     }
 
     /// Writes the description into a file, in place of the one that is there.

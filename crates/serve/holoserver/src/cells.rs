@@ -17,7 +17,8 @@ use crate::events::ConnectionId;
 const MAX_CELLS: usize = 1 << 20;
 
 /// The names of blobs of cells begin so. The generation of the scene follows, a slash, and a number.
-const BLOBS: &str = "cells-1/";
+/// Blobs `cells-1/` come from earlier versions, whose makers did not say whose light they used.
+const BLOBS: &str = "cells-2/";
 
 /// Most cells in one blob: 4 MB, a quarter of what a message may hold.
 const BLOB_CELLS: usize = 1 << 16;
@@ -115,9 +116,10 @@ impl SharedCells {
         }
     }
 
-    /// Returns whether one of these makers has made any.
-    pub(crate) fn are_made_by(&self, is_maker: impl Fn(Maker) -> bool) -> bool {
-        self.cells.iter().any(|cell| is_maker(Maker(cell.maker)))
+    /// Takes the cells of some makers of another file whose makers have the same numbers.
+    pub(crate) fn merge_those(&mut self, other: &SharedCells, is_maker: impl Fn(Maker) -> bool) {
+        let cells = other.cells.iter().filter(|cell| is_maker(Maker(cell.maker))).copied();
+        cells.for_each(|cell| _ = self.add(Maker(cell.maker), None, &[cell]));
     }
 
     /// Returns cells from number `from` on, at most `most` and none that connection `to` has made,

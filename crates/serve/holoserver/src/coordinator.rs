@@ -109,7 +109,7 @@ pub struct Coordinator {
     admins: BTreeMap<ConnectionId, Outbox>,
     /// Mail from each connection that is not handled yet.
     mailboxes: BTreeMap<ConnectionId, Arc<Mailbox>>,
-    /// Connections that want records of indirect light, and how many each has been sent.
+    /// Workers that want cells of surface light, and how many each has been sent.
     listeners: BTreeMap<ConnectionId, usize>,
     /// The display for which a packet was last dealt.
     last_served: Option<ConnectionId>,
@@ -225,7 +225,7 @@ impl Coordinator {
             self.begin_checks();
             self.check_goal();
             // Before work, so that what others know is used for it.
-            self.hand_light();
+            self.hand_cells();
             self.deal();
             if self.schedule.is_ending() && (self.is_done() || self.schedule.is_overdue()) {
                 break;
@@ -405,13 +405,21 @@ impl Coordinator {
         match message {
             Message::Results(results) => self.results(id, &results),
             Message::LiveResults(results) => self.live_results(id, &results),
-            Message::Light(light) => self.light(id, &light),
             Message::Cells(cells) => self.cells(id, cells),
             Message::Control(Control::Ready { threads }) => {
                 if let Some(worker) = self.workers.get_mut(&id) {
                     worker.ready(threads);
                 }
                 self.schedule.begin();
+                Ok(())
+            }
+            Message::Control(Control::CellsWanted) => {
+                self.listeners.entry(id).or_insert(0);
+                self.hand_cells();
+                Ok(())
+            }
+            Message::Control(Control::CellsUsed { maker }) => {
+                self.cells_used(id, Maker(maker));
                 Ok(())
             }
             Message::Control(Control::Failed { reason }) => bail!("{reason}"),
@@ -457,7 +465,6 @@ impl Coordinator {
                 }
                 self.blob_wanted(id, Blob::Scene);
             }
-            Control::LightWanted => self.light_wanted(id),
             _ => bail!(NOT_FOR_A_SERVER),
         }
         Ok(())

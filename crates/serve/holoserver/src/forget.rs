@@ -16,10 +16,10 @@ use crate::holodeck::Holodeck;
 pub struct Forgotten {
     /// Samples removed, also those that others had superseded.
     pub samples: u64,
+    /// Those of them that other machines made, with surface light of the forgotten ones.
+    pub samples_of_others: u64,
     /// Unseen beams that are no longer known.
     pub unseen: u64,
-    /// Records of indirect light removed.
-    pub light_records: u64,
     /// Cells of surface light removed.
     pub cells: u64,
     /// Samples that stay.
@@ -27,11 +27,11 @@ pub struct Forgotten {
 }
 
 impl Holodeck {
-    /// Removes from a file what these makers have made. 0 stands for whoever is not known.
+    /// Removes from a file what these makers have made, and what others have made with their surface
+    /// light. 0 stands for whoever is not known.
     ///
     /// The file does not say who found which unseen beam. If one of these makers has found any, all
-    /// are removed, and workers find the true ones again. The same holds for records of indirect
-    /// light and for cells of surface light, because workers make them from those of others.
+    /// are removed, and workers find the true ones again.
     ///
     /// # Errors
     /// If the file has no such maker or blocks of an unknown kind, another process writes to it, or
@@ -64,42 +64,53 @@ impl Holodeck {
 
     fn copy_without(&self, fresh: &Path, makers: &[Maker]) -> Result<Forgotten> {
         let new = self.without_samples(fresh)?;
-        let copied = self.file.copy_samples(&new.file, &|maker| !makers.contains(&maker))?;
+        let known = self.makers();
+        let gone = known.tainted_by(makers);
+        let others: Vec<Maker> = gone
+            .iter()
+            .copied()
+            .filter(|maker| {
+                let machine = known.get(*maker).and_then(|made| made.machine).map(Maker);
+                !makers.contains(maker) && !machine.is_some_and(|machine| makers.contains(&machine))
+            })
+            .collect();
+        let copied = self.file.copy_samples(&new.file, &|maker| !gone.contains(&maker))?;
         self.file.copy_shares(&new.file, &|maker, generation| {
-            (!makers.contains(&maker)).then_some((maker, generation))
+            (!gone.contains(&maker)).then_some((maker, generation))
         })?;
         new.file.begin_generation(self.about.generation)?;
-        let known = self.makers();
         let made = || known.iter().filter(|made| makers.contains(&Maker(made.id)));
-        // Claims and records of unknown workers are not counted.
+        // Claims of unknown workers are not counted.
         let is_unknown = makers.contains(&Maker::UNKNOWN);
         let has_claims = is_unknown || made().any(|made| made.claims > 0);
-        let has_light = is_unknown || made().any(|made| made.light_records > 0);
         *new.makers_mut() = known.clone();
-        new.makers_mut().remove(makers);
+        new.makers_mut().remove(&gone);
         if !has_claims {
             new.unseen_mut().add(&self.unseen());
             *new.unproven_mut() = self.unproven().clone();
         }
-        if !has_light {
-            new.light_mut().merge(None, self.light().records());
-        }
         new.save_makers()?;
         new.save_unseen()?;
-        // Others may have made cells with the light of these makers.
-        if !self.cells().are_made_by(|maker| makers.contains(&maker)) {
-            new.cells_mut().merge(&self.cells(), |maker| maker);
-        }
-        new.save_light()?;
+        new.cells_mut().merge_those(&self.cells(), |maker| !gone.contains(&maker));
         new.save_cells(true)?;
         new.file.flush()?;
         Ok(Forgotten {
             samples: copied.left_out,
+            samples_of_others: self.samples_of(&others),
             unseen: self.unseen().count() - new.unseen().count(),
-            light_records: (self.light().len() - new.light().len()) as u64,
             cells: (self.cells().len() - new.cells().len()) as u64,
             left: new.file.stats().samples,
         })
+    }
+
+    /// Returns how many samples these makers have made, without those that others had superseded.
+    fn samples_of(&self, makers: &[Maker]) -> u64 {
+        let mut keys = Vec::new();
+        if !makers.is_empty() {
+            self.file.for_each_beam(&mut |key, _| keys.push(key));
+        }
+        let runs = keys.into_iter().flat_map(|key| self.file.makers(key));
+        runs.filter(|(_, maker)| makers.contains(maker)).map(|(run, _)| u64::from(run.count)).sum()
     }
 }
 

@@ -1,5 +1,5 @@
 //! A holodeck on disk: the beam file with its samples. The file also stores the description, the
-//! scene, named views, unseen beams, records of indirect light, and makers.
+//! scene, named views, unseen beams, cells of surface light, and makers.
 
 use std::{
     path::{Path, PathBuf},
@@ -19,7 +19,6 @@ use crate::{
     about::About,
     cells::{SavedCells, SharedCells},
     forget::beside,
-    light::{LightRecords, Saved},
     makers::Makers,
     plausible::Plausible,
     unproven::UnprovenClaims,
@@ -108,9 +107,6 @@ pub struct Holodeck {
     /// The values of [`UnseenBeams::changes`] and [`UnprovenClaims::changes`] for the lists in the
     /// file. Locked while they are written.
     unseen_saved: Mutex<(u64, u64)>,
-    light: RwLock<LightRecords>,
-    /// Locked while records are written.
-    light_saved: Mutex<Saved>,
     cells: RwLock<SharedCells>,
     /// What the file has of them.
     cells_saved: Mutex<SavedCells>,
@@ -148,7 +144,7 @@ impl Holodeck {
 
     /// Replaces the scene of a file by an edited one, which `about` describes. The samples that are
     /// there belong to an earlier generation from now on: displays show them until new ones come.
-    /// Unseen beams and records of indirect light are found anew.
+    /// Unseen beams and cells of surface light are found anew.
     ///
     /// # Errors
     /// If `about` does not [suit](About::suits) the file, it is no holodeck, another process writes
@@ -204,8 +200,6 @@ impl Holodeck {
             unseen: RwLock::default(),
             unproven: RwLock::default(),
             unseen_saved: Mutex::default(),
-            light: RwLock::default(),
-            light_saved: Mutex::new(Saved::none(generation)),
             cells: RwLock::default(),
             cells_saved: Mutex::new(SavedCells::none(generation)),
             makers: RwLock::default(),
@@ -240,13 +234,16 @@ impl Holodeck {
             })?;
         }
         let mut holodeck = Self::new(path, about, sections, file, writable);
+        if writable {
+            holodeck.warnings.extend(holodeck.about.engine_warning());
+        }
         // Workers find them again, so the file can be opened all the same.
         if let Err(error) = holodeck.load_unseen() {
             holodeck
                 .warnings
                 .push(format!("the list of beams that see nothing is lost: {error:#}"));
         }
-        holodeck.load_light();
+        holodeck.load_cells();
         let (makers, result) = Makers::load(&holodeck.file);
         holodeck.warnings.extend(result.err().map(|error| format!("{error:#}")));
         holodeck.makers_saved = Mutex::new(makers.clone());
@@ -254,11 +251,7 @@ impl Holodeck {
         Ok(holodeck)
     }
 
-    fn load_light(&mut self) {
-        let (saved, light, warnings) = Saved::load(&self.file, self.about.generation);
-        self.light_saved = Mutex::new(saved);
-        self.light = RwLock::new(light);
-        self.warnings.extend(warnings);
+    fn load_cells(&mut self) {
         let (saved, cells, warnings) = SavedCells::load(&self.file, self.about.generation);
         self.cells_saved = Mutex::new(saved);
         self.cells = RwLock::new(cells);
@@ -430,15 +423,6 @@ impl Holodeck {
         views.iter().map(|(name, options)| name.len() + options.len() + 24).sum()
     }
 
-    /// Returns the records of indirect light of the file and of all workers.
-    pub fn light(&self) -> RwLockReadGuard<'_, LightRecords> {
-        self.light.read().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    pub(crate) fn light_mut(&self) -> RwLockWriteGuard<'_, LightRecords> {
-        self.light.write().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Returns the cells of surface light of the file and of all workers.
     pub fn cells(&self) -> RwLockReadGuard<'_, SharedCells> {
         self.cells.read().unwrap_or_else(PoisonError::into_inner)
@@ -455,19 +439,6 @@ impl Holodeck {
 
     pub(crate) fn makers_mut(&self) -> RwLockWriteGuard<'_, Makers> {
         self.makers.write().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Writes the records of indirect light that the file does not have. Waits for the disk.
-    ///
-    /// # Errors
-    /// If they cannot be written.
-    pub fn save_light(&self) -> Result<()> {
-        let mut saved = self.light_saved.lock().unwrap_or_else(PoisonError::into_inner);
-        if !self.writable || self.light().len() == saved.records() {
-            return Ok(());
-        }
-        let missing = saved.missing(&self.light());
-        saved.write(&self.file, missing)
     }
 
     /// Writes the cells of surface light if the file lacks many or, at the end, any. Waits for the

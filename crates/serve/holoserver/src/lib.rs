@@ -22,7 +22,6 @@ mod forget;
 mod guard;
 mod handshakes;
 mod holodeck;
-mod light;
 mod listen;
 mod live;
 mod log;
@@ -54,7 +53,6 @@ pub use forget::Forgotten;
 use holo_net::{Ending, Invitation, Shutdown};
 use holo_proto::control::Farewell;
 pub use holodeck::{Holodeck, remove_drafts};
-pub use light::LightRecords;
 use serde::{Deserialize, Serialize};
 use tracing::info;
 

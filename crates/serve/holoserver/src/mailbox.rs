@@ -191,7 +191,6 @@ fn bytes(message: &Message) -> usize {
                     + size_of_val(&*results.unseen)
             }
             Message::LiveResults(live) => size_of_val(&*live.packets) + size_of_val(&*live.hits),
-            Message::Light(light) => size_of_val(&*light.records),
             Message::Cells(cells) => size_of_val(&*cells.cells),
             // Control messages: few are longer than a line.
             _ => 0,
@@ -201,7 +200,7 @@ fn bytes(message: &Message) -> usize {
 #[cfg(test)]
 mod tests {
     use holo_proto::{
-        bulk::{Light, RaysWanted, ViewRequest, WantedBeam},
+        bulk::{Cells, RaysWanted, ViewRequest, WantedBeam},
         control::Control,
     };
     use holo_section::{BeamId, BeamKey, Viewpoint};
@@ -302,7 +301,7 @@ mod tests {
         for (role, kept) in [(Role::Display, 0), (Role::Worker, 5)] {
             let mailbox = Mailbox::new(role);
             for _ in 0..5 {
-                put(&mailbox, Message::Light(Light { records: Vec::new() })).await;
+                put(&mailbox, Message::Cells(Cells { cells: Vec::new() })).await;
             }
             assert_eq!(mailbox.end(Mail::Left(None)), Put::Waits);
             for _ in 0..kept {

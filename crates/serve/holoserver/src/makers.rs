@@ -1,7 +1,11 @@
-//! Who made samples, claims and records of light: machines, which a file knows by numbers.
+//! Who made samples, claims and cells of surface light: machines, which a file knows by numbers.
+//!
+//! A machine that uses surface light of others has further numbers. Each says whose light is in what
+//! is stored under it, so that `forget` finds it.
 //!
 //! Invariants:
 //! - A number means one machine for ever, also after what the machine made was forgotten.
+//! - Light that is in what another maker made counts as used by whoever uses that maker's.
 //! - There are at most [`MAX_MAKERS`]. Further machines have the number of an unknown maker.
 
 use std::{collections::BTreeSet, sync::PoisonError};
@@ -37,12 +41,15 @@ pub struct MadeBy {
     /// The name of the token with which it joined; `None` on the server's machine.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub token: Option<String>,
+    /// The machine's own number, if this one says whose surface light is in what it made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub machine: Option<u16>,
+    /// The machines whose surface light is in it, by their own numbers, in order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub light_of: Vec<u16>,
     /// Beams that it found to see nothing.
     #[serde(default)]
     pub claims: u64,
-    /// Records of indirect light that it made.
-    #[serde(default)]
-    pub light_records: u64,
     /// Why the machine is refused: what it did wrong.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<String>,
@@ -83,6 +90,8 @@ impl Makers {
         ensure!(count <= MAX_MAKERS, "{count} makers are more than {MAX_MAKERS}");
         let ids: BTreeSet<u16> = makers.makers.iter().map(|maker| maker.id).collect();
         let is_known = ids.iter().all(|id| (1..=makers.last).contains(id));
+        let named = makers.makers.iter().flat_map(|made| made.machine.iter().chain(&made.light_of));
+        ensure!({ named }.all(|maker| *maker <= makers.last), "a machine is named that never was");
         ensure!(ids.len() == count && is_known, "a number is wrong, or there twice");
         Ok(makers)
     }
@@ -107,32 +116,94 @@ impl Makers {
     /// for people. Without a key, it is known by its name and its token.
     pub(crate) fn of(&mut self, worker: &str, token: Option<String>, key: Option<String>) -> Maker {
         let name = worker.split(PROCESS).next().unwrap_or(worker).to_owned();
-        let known = self.makers.iter().find(|maker| match &key {
+        let mut machines = self.makers.iter().filter(|maker| maker.machine.is_none());
+        let known = machines.find(|maker| match &key {
             Some(_) => maker.key == key,
             None => maker.key.is_none() && maker.name == name && maker.token == token,
         });
         if let Some(known) = known {
             return Maker(known.id);
         }
+        self.add(MadeBy { name, key, token, ..MadeBy::default() })
+    }
+
+    /// Gives a new number to what one makes. [`Maker::UNKNOWN`] if there is none left.
+    fn add(&mut self, new: MadeBy) -> Maker {
         let Some(id) = self.last.checked_add(1).filter(|_| self.makers.len() < MAX_MAKERS) else {
             return Maker::UNKNOWN;
         };
         self.last = id;
-        let (claims, light_records, fault) = (0, 0, None);
-        self.makers.push(MadeBy { id, name, key, token, claims, light_records, fault });
+        self.makers.push(MadeBy { id, ..new });
         Maker(id)
+    }
+
+    /// Returns the number for what a machine makes with the light of `used`, in addition to the
+    /// light that what it makes under the number `now` has in it.
+    ///
+    /// It may be a number that names more light than is used, so that there are few numbers.
+    pub(crate) fn using(&mut self, now: Maker, used: Maker) -> Maker {
+        let Some(known) = self.get(now).cloned() else { return now };
+        let machine = known.machine.unwrap_or(known.id);
+        let mut light: BTreeSet<u16> = known.light_of.iter().copied().collect();
+        match self.get(used) {
+            Some(used) => {
+                light.insert(used.machine.unwrap_or(used.id));
+                light.extend(&used.light_of);
+            }
+            None => _ = light.insert(used.0),
+        }
+        // What a machine made goes with it in any case.
+        light.remove(&machine);
+        if light.iter().eq(&known.light_of) {
+            return now;
+        }
+        let has_all = |made: &&MadeBy| light.iter().all(|maker| made.light_of.contains(maker));
+        let mut others = self.makers.iter().filter(|made| made.machine == Some(machine));
+        if let Some(known) = others.by_ref().filter(has_all).min_by_key(|made| made.light_of.len())
+        {
+            return Maker(known.id);
+        }
+        let light_of = light.into_iter().collect();
+        self.add(MadeBy { machine: Some(machine), light_of, claims: 0, fault: None, ..known })
+    }
+
+    /// Returns all numbers that go if these machines are forgotten: their own, and those of others
+    /// that used their light.
+    pub(crate) fn tainted_by(&self, makers: &[Maker]) -> Vec<Maker> {
+        let is_named = |number: u16| makers.contains(&Maker(number));
+        let goes = |made: &&MadeBy| {
+            is_named(made.id)
+                || made.machine.is_some_and(is_named)
+                || made.light_of.iter().any(|&maker| is_named(maker))
+        };
+        let mut all = makers.to_vec();
+        all.extend(self.makers.iter().filter(goes).map(|made| Maker(made.id)));
+        all.sort_unstable();
+        all.dedup();
+        all
     }
 
     /// Returns the numbers that the makers of another file have here.
     pub(crate) fn merge(&mut self, others: &Makers) -> Vec<(Maker, Maker)> {
-        let mut numbers = Vec::new();
-        for other in &others.makers {
+        let mut numbers: Vec<(Maker, Maker)> = Vec::new();
+        let here = |numbers: &[(Maker, Maker)], there: u16| {
+            let known = numbers.iter().find(|(other, _)| other.0 == there);
+            known.map_or(Maker::UNKNOWN, |(_, id)| *id)
+        };
+        let (machines, users): (Vec<&MadeBy>, Vec<&MadeBy>) =
+            others.makers.iter().partition(|other| other.machine.is_none());
+        for other in machines {
             let id = self.of(&other.name, other.token.clone(), other.key.clone());
             self.change(id, |maker| {
                 maker.claims = maker.claims.max(other.claims);
-                maker.light_records = maker.light_records.max(other.light_records);
                 maker.fault = maker.fault.take().or_else(|| other.fault.clone());
             });
+            numbers.push((Maker(other.id), id));
+        }
+        for other in users {
+            let machine = here(&numbers, other.machine.unwrap_or_default());
+            let light = other.light_of.iter().map(|&maker| here(&numbers, maker));
+            let id = light.fold(machine, |now, used| self.using(now, used));
             numbers.push((Maker(other.id), id));
         }
         numbers
@@ -222,6 +293,38 @@ mod tests {
                 assert!(parsed.iter().all(|maker| (1..=parsed.last).contains(&maker.id)));
             }
         }
+    }
+
+    #[test]
+    fn what_is_made_with_the_light_of_others_has_numbers_that_say_so() {
+        let mut makers = Makers::default();
+        let of = |makers: &mut Makers, name: &str| makers.of(name, None, Some(name.to_owned()));
+        let [a, b, c] = ["a", "b", "c"].map(|name| of(&mut makers, name));
+        assert_eq!(makers.using(a, a), a, "its own light");
+        let with_b = makers.using(a, b);
+        assert_eq!(makers.get(with_b).unwrap().light_of, [b.0]);
+        assert_eq!(makers.using(with_b, b), with_b);
+        assert_eq!(makers.using(with_b, a), with_b, "its own, from before");
+        assert_eq!(of(&mut makers, "a"), a, "the machine has its own number still");
+        // c uses a's light, which has b's in it.
+        let of_both = makers.using(c, with_b);
+        assert_eq!(makers.get(of_both).unwrap().light_of, [a.0, b.0]);
+        assert_eq!(makers.using(c, b), of_both, "a number that says more than is needed");
+        assert_eq!(makers.tainted_by(&[b]), [b, with_b, of_both]);
+        assert_eq!(makers.tainted_by(&[a]), [a, with_b, of_both]);
+        assert_eq!(makers.tainted_by(&[c]), [c, of_both]);
+
+        let mut merged = Makers::default();
+        let numbers = [of(&mut merged, "x"), of(&mut merged, "b")];
+        let numbers_of_others: std::collections::HashMap<Maker, Maker> =
+            merged.merge(&makers).into_iter().collect();
+        assert_eq!(numbers_of_others[&b], numbers[1]);
+        let mut gone = [b, with_b, of_both].map(|maker| numbers_of_others[&maker]);
+        gone.sort_unstable();
+        assert_eq!(merged.tainted_by(&[numbers[1]]), gone);
+        let count = merged.iter().count();
+        merged.merge(&makers);
+        assert_eq!(merged.iter().count(), count, "a repeated merge changes nothing");
     }
 
     #[test]

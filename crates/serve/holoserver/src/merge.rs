@@ -30,7 +30,7 @@ pub struct Merged {
 
 impl Holodeck {
     /// Adds what another holodeck of the same scene, sections and settings has: samples and their
-    /// shares in layers, unseen beams, records and cells of light, and named views. All is on the
+    /// shares in layers, unseen beams, cells of surface light, and named views. All is on the
     /// disk afterwards.
     ///
     /// # Errors
@@ -61,12 +61,10 @@ impl Holodeck {
             (generation == theirs.generation).then_some((maker, ours.generation))
         })?;
         self.merge_unseen(other, &makers);
-        self.light_mut().merge(None, other.light().records());
         let maker = |maker| makers.get(&maker).copied().unwrap_or_default();
         self.cells_mut().merge(&other.cells(), maker);
         self.save_makers()?;
         self.save_unseen()?;
-        self.save_light()?;
         self.save_cells(true)?;
         for (name, options) in &theirs.views {
             if !self.about.views.iter().any(|(known, _)| known == name) {

@@ -14,7 +14,7 @@
 //! So these checks find garbage. Wrong light of a possible brightness is found by tracing packets
 //! twice (`audits`).
 
-use holo_proto::bulk::{Cell, LiveHit, LiveRay, Record};
+use holo_proto::bulk::{Cell, LiveHit, LiveRay};
 use holo_scene::{PunctualLight, Scene, Sun};
 use holo_section::{Sample, Section, distance, rgbe};
 use serde::{Deserialize, Serialize};
@@ -62,8 +62,8 @@ impl Limits {
 /// of at most 10⁻⁶, one of these is refused.
 const IMPROBABLE: f64 = 1e25;
 
-/// The same for records of light: less, so that no honest sample that uses one is improbable.
-const IMPROBABLE_RECORD: f64 = 1e19;
+/// The same for cells of surface light: less, so that no honest sample that uses one is improbable.
+const IMPROBABLE_CELL: f64 = 1e19;
 
 /// Rounding of distances that are compared with bounds, relative. Tracers work in f32, and codes of
 /// distances have steps of 2⁻¹¹.
@@ -156,16 +156,9 @@ impl Plausible {
         Ok(())
     }
 
-    /// Checks records of indirect light.
-    pub fn records(&self, records: &[Record]) -> Result<(), Implausible> {
-        let most = self.limits.map_or(f32::MAX, |limits| most(&limits, IMPROBABLE_RECORD));
-        let is_bright = |record: &Record| record.irradiance.iter().any(|&light| light > most);
-        if records.iter().any(is_bright) { Err(Implausible::TooBright) } else { Ok(()) }
-    }
-
     /// Checks cells of surface light.
     pub fn cells(&self, cells: &[Cell]) -> Result<(), Implausible> {
-        let most = self.limits.map_or(f32::MAX, |limits| most(&limits, IMPROBABLE_RECORD));
+        let most = self.limits.map_or(f32::MAX, |limits| most(&limits, IMPROBABLE_CELL));
         // The mean light of a cell is the first sum over the second. Surfaces reflect at most what
         // arrives, so the first alone has the same bound for each estimate.
         let is_bright =
@@ -258,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn live_rays_and_records_are_checked_alike() {
+    fn live_rays_and_cells_are_checked_alike() {
         let (plausible, _) = plausible(Some(LIMITS), false);
         let of = |origin: [f64; 3], radiance: [f32; 3], distance: f32| {
             let ray = LiveRay { number: 1, origin, direction: [1.0, 0.0, 0.0] };
@@ -272,21 +265,6 @@ mod tests {
         assert_eq!(of(near, [1.0; 3], 6.0), Err(Implausible::TooFar));
         assert_eq!(of(far, [1.0; 3], 1002.0), Ok(()));
         assert_eq!(of(near, [1e29, 0.0, 0.0], 1.0), Err(Implausible::TooBright));
-        let record = |light: f32| Record {
-            point: [0.0; 3],
-            radius: 1.0,
-            normal: [0.0, 0.0, 1.0],
-            nearest: 1.0,
-            irradiance: [light, 0.0, 0.0],
-            error: 0.1,
-            shift: [[0.0; 3]; 3],
-            turn: [[0.0; 3]; 3],
-            rays: 100,
-            flags: 0,
-            id: 1,
-        };
-        assert_eq!(plausible.records(&[record(1e20)]), Ok(()));
-        assert_eq!(plausible.records(&[record(1e23)]), Err(Implausible::TooBright));
         let cell = |light: f32| Cell {
             point: [0.0; 3],
             normal: [0.0, 0.0, 1.0],

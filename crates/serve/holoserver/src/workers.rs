@@ -14,6 +14,7 @@ use crate::{
     pace::Pace,
     worker_id::WorkerId,
 };
+use holo_beamfile::Maker;
 use holo_net::Outbox;
 use holo_proto::{
     bulk::{LivePacket, LiveWork, Traced, Work},
@@ -53,6 +54,9 @@ pub struct Worker {
     pub name: String,
     /// Its machine, by the file's number, and its seat there.
     pub id: WorkerId,
+    /// The number under which the file stores what it makes: its machine's, or one that also says
+    /// whose surface light it uses.
+    pub stored_as: Maker,
     threads: f64,
     /// Work is counted in rays of so many paths.
     usual_paths: u16,
@@ -71,7 +75,6 @@ pub struct Worker {
     latency: f64,
     /// True if something became overdue since it last returned anything.
     is_stuck: bool,
-    waits_for_light: bool,
 }
 
 /// Something that a worker has.
@@ -97,6 +100,7 @@ impl Worker {
             outbox,
             name,
             id,
+            stored_as: id.maker,
             threads: 0.0,
             usual_paths,
             seconds_per_ray: None,
@@ -109,7 +113,6 @@ impl Worker {
             late: HashMap::new(),
             latency: 0.0,
             is_stuck: false,
-            waits_for_light: false,
         }
     }
 
@@ -123,16 +126,10 @@ impl Worker {
         self.threads > 0.0
     }
 
-    /// Sets whether it must first get the known records of light. Until then it gets no work,
-    /// because it would make records that others have made.
-    pub fn wait_for_light(&mut self, waits: bool) {
-        self.waits_for_light = waits;
-    }
-
     /// Returns the work that it should get now, in rays of the usual paths. The result is 0 while
     /// it has nearly enough, so that messages are not too small.
     pub fn hunger(&self) -> f64 {
-        if self.threads == 0.0 || self.waits_for_light || self.is_stuck || self.room() == 0 {
+        if self.threads == 0.0 || self.is_stuck || self.room() == 0 {
             return 0.0;
         }
         let ahead = self.enough_ahead();
@@ -368,7 +365,7 @@ mod tests {
         let address = listener.local_addr().unwrap();
         let client = tokio::spawn(connect_on(address));
         let (inbox, outbox, ..) = accept(listener.accept().await.unwrap().0).await.unwrap();
-        let id = WorkerId { maker: holo_beamfile::Maker(1), seat: 0 };
+        let id = WorkerId { maker: Maker(1), seat: 0 };
         let mut worker = Worker::new(outbox, "a test".into(), id, 1);
         worker.ready(threads);
         (worker, (client, inbox))

@@ -12,6 +12,7 @@ use holo_net::Outbox;
 use holo_proto::{
     ProtoError,
     bulk::{Cell, Cells},
+    control::Control,
     frame::Kind,
 };
 use holo_tracer::{SharedCell, Tracer, Verdict};
@@ -60,6 +61,13 @@ fn exchange(tracer: &Tracer, outbox: &Outbox, received: &mpsc::Receiver<Cells>) 
         next = Instant::now() + SHARE_EVERY;
         for (maker, verdict) in tracer.review_cells() {
             report(maker, verdict);
+            // The server must know before a sample has this light.
+            if verdict == Verdict::Agrees {
+                if outbox.control(&Control::CellsUsed { maker }).is_err() {
+                    return;
+                }
+                tracer.trust_cells(maker);
+            }
         }
         let new = tracer.new_cells(usize::MAX);
         if new.chunks(MESSAGE_CELLS).try_for_each(|cells| send(cells, outbox)).is_err() {

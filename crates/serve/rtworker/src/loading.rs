@@ -2,7 +2,6 @@
 
 use std::{
     future::Future,
-    hash::{BuildHasher, RandomState},
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -139,7 +138,6 @@ fn build(scene: Scene, hierarchies: &Hierarchies, settings: RenderSettings) -> R
     let tracer = if settings.virtual_distance { tracer.with_virtual_distance() } else { tracer };
     Ok(match settings.engine {
         Engine::Path => tracer,
-        Engine::Cached => tracer.with_cache(settings.accuracy, RandomState::new().hash_one(())),
         Engine::Gather => tracer.with_gather(),
     })
 }

@@ -11,9 +11,7 @@ use holo_proto::{
     MAX_RAYS_PER_PACKET,
     bulk::{LiveHit, LivePacket, LiveRay, Packet, Traced},
 };
-use holo_section::{
-    BeamId, BeamKey, BeamSampler, DVec3, RayCoords, Sample, SampleKind, Section, Viewpoint,
-};
+use holo_section::{BeamId, BeamKey, BeamSampler, DVec3, RayCoords, Sample, Section, Viewpoint};
 use holo_tracer::Tracer;
 use tokio::sync::mpsc;
 
@@ -22,10 +20,6 @@ use crate::unseen::UnseenCache;
 /// Packets that a thread takes at a time. They are few, so that the threads end together. If a
 /// thread took only one, threads would often wait for each other at the queue.
 const TAKE: usize = 4;
-
-/// Rays for records of indirect light, for each sample in a place without records, while a display
-/// waits. While most samples lack records, nearly half of the time goes into records.
-const EFFORT: u32 = 2;
 
 /// Distinguishes the random numbers of live rays from those of samples, whose kinds are 0 to 2.
 const LIVE_SALT: u64 = 3 << 56;
@@ -174,8 +168,6 @@ fn trace(job: &Job, task: &Task) -> Option<Finished> {
 
 fn trace_live(packet: &LivePacket, seed: u64, tracer: &Tracer) -> Finished {
     let start = Instant::now();
-    // A display waits for live rays.
-    tracer.set_effort(EFFORT);
     let hits: Vec<LiveHit> =
         packet.rays.iter().map(|ray| live_hit(tracer, ray, seed, packet.paths)).collect();
     let nanoseconds = u32::try_from(start.elapsed().as_nanos()).unwrap_or(u32::MAX);
@@ -205,12 +197,6 @@ fn trace_beam(job: &BeamJob, task: &Task) -> Option<Finished> {
     if task.unseen.as_ref().is_some_and(|unseen| unseen.is_unseen(raycaster, section, index, beam))
     {
         return Some(Finished::Unseen(job.packet.id));
-    }
-    let is_watched = job.packet.kind() != SampleKind::Uniform;
-    if is_watched {
-        task.tracer.set_effort(EFFORT);
-    } else {
-        task.tracer.set_measured_effort();
     }
     let sampler = section.beam_sampler(index, beam, job.viewpoint.as_ref())?;
     // Samples of all kinds have the same numbers, but need different random numbers.

@@ -3,7 +3,6 @@
 use std::{sync::Arc, time::Duration};
 
 use anyhow::{Context, Result, ensure};
-use holo_light::Store;
 use holo_net::{Destination, Inbox, MachineKey, Message, NetError, Outbox};
 use holo_progress::said_once;
 use holo_proto::{
@@ -22,7 +21,7 @@ use crate::{
     loading::Loader,
     pool::{BeamJob, Job, Pool, Task},
     report::Reporter,
-    sending::{NewLight, send_results},
+    sending::send_results,
     unexpected::unexpected,
     unseen::UnseenCache,
 };
@@ -89,16 +88,18 @@ impl Worker {
         let unseen = welcome.skip_unseen.then(UnseenCache::new);
         let task = Arc::new(Task { tracer, sections: Arc::clone(&sections), unseen });
         let pool = Pool::start(self.threads, &task, &finished).context("starting threads")?;
-        let light = task.tracer.light().cloned();
-        let sender =
-            tokio::spawn(send_results(results, outbox.clone(), light.clone().map(NewLight::new)));
+        let sender = tokio::spawn(send_results(results, outbox.clone()));
         let has_cells = welcome.settings.engine == Engine::Gather;
         let exchange = has_cells
             .then(|| CellExchange::start(Arc::clone(&task.tracer), outbox.clone()))
             .transpose()
             .context("starting a thread")?;
-        if light.is_some() || has_cells {
-            outbox.control(&Control::LightWanted)?;
+        if has_cells {
+            // The tracer may have the light of others from an earlier connection.
+            for maker in task.tracer.trusted_makers() {
+                outbox.control(&Control::CellsUsed { maker })?;
+            }
+            outbox.control(&Control::CellsWanted)?;
         }
         outbox.control(&Control::Ready { threads: self.threads })?;
         self.loader.ready();
@@ -115,7 +116,7 @@ impl Worker {
                 }
                 continue;
             }
-            if let Err(error) = take(message, &pool, &sections, seed, light.as_deref()) {
+            if let Err(error) = take(message, &pool, &sections, seed) {
                 break Err(error);
             }
         };
@@ -126,25 +127,12 @@ impl Worker {
     }
 }
 
-/// Processes a message of the server: work for the pool, or records of light.
-fn take(
-    message: Message,
-    pool: &Pool,
-    sections: &[Section],
-    seed: u64,
-    light: Option<&Store>,
-) -> Result<()> {
+/// Processes a message of the server: work for the pool.
+fn take(message: Message, pool: &Pool, sections: &[Section], seed: u64) -> Result<()> {
     match message {
         Message::Work(work) => pool.push(jobs(&work, sections, seed)?),
         Message::LiveWork(work) => {
             pool.push(work.packets.into_iter().map(|packet| Job::Live(packet, seed)));
-        }
-        Message::Light(message) => {
-            for record in message.records {
-                if let Some(store) = light {
-                    store.receive(record);
-                }
-            }
         }
         Message::Control(_) | Message::BlobChunk(_) => {}
         other => return Err(unexpected(&other)),

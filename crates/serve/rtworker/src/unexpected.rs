@@ -12,7 +12,6 @@ pub fn unexpected(message: &Message) -> anyhow::Error {
         Message::Samples(_) => "samples",
         Message::BlobChunk(_) => "scene",
         Message::Unseen(_) => "unseen beams",
-        Message::Light(_) => "light",
         Message::Cells(_) => "cells",
         Message::Rays(_) => "wanted rays",
         Message::LiveWanted(_) => "live rays",

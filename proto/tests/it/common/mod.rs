@@ -130,31 +130,6 @@ pub fn cells() -> impl Strategy<Value = Cells> {
     vec(cell, 0..20).prop_map(|cells| Cells { cells })
 }
 
-pub fn light() -> impl Strategy<Value = Light> {
-    let three = || prop::array::uniform3(any::<f32>().prop_filter("finite", |x| x.is_finite()));
-    let light = prop::array::uniform3(0.0..=f32::MAX);
-    let record =
-        (three(), three(), light, f32::MIN_POSITIVE..=f32::MAX, any::<(u32, u64)>(), 0_usize..3);
-    let record = record.prop_map(|(point, shift, irradiance, radius, (rays, id), axis)| {
-        let mut normal = [0.0; 3];
-        normal[axis] = -1.0;
-        Record {
-            point,
-            radius,
-            normal,
-            nearest: if rays % 2 == 0 { f32::INFINITY } else { radius },
-            irradiance,
-            error: radius,
-            shift: [shift; 3],
-            turn: [shift; 3],
-            rays,
-            flags: 0,
-            id,
-        }
-    });
-    vec(record, 0..10).prop_map(|records| Light { records })
-}
-
 pub fn live_ray() -> impl Strategy<Value = LiveRay> {
     let direction =
         prop::array::uniform3(-1.0..1.0).prop_filter_map("a direction", |d: [f64; 3]| {
@@ -229,14 +204,13 @@ fn section() -> impl Strategy<Value = SectionSpec> {
 }
 
 fn welcome() -> impl Strategy<Value = Control> {
-    let engine = prop_oneof![Just(Engine::Path), Just(Engine::Cached), Just(Engine::Gather)];
-    let numbers = (any::<Option<u32>>(), 1..=u16::MAX, 1e-6..=1.0_f32, any::<u64>(), any::<bool>());
+    let engine = prop_oneof![Just(Engine::Path), Just(Engine::Gather)];
+    let numbers = (any::<Option<u32>>(), 1..=u16::MAX, any::<u64>(), any::<bool>());
     let settings = (engine, numbers).prop_map(
-        |(engine, (bounces, paths_per_sample, accuracy, seed, virtual_distance))| RenderSettings {
+        |(engine, (bounces, paths_per_sample, seed, virtual_distance))| RenderSettings {
             engine,
             bounces,
             paths_per_sample,
-            accuracy,
             seed,
             virtual_distance,
         },
@@ -298,7 +272,7 @@ pub fn control() -> impl Strategy<Value = Control> {
         any::<u16>().prop_map(|threads| Control::Ready { threads }),
         text().prop_map(|reason| Control::Failed { reason }),
         any::<u32>().prop_map(|view| Control::Settle { view }),
-        Just(Control::LightWanted),
+        Just(Control::CellsWanted),
         (any::<[u8; 32]>(), any::<u64>())
             .prop_map(|(hash, bytes)| Control::StandIns(SceneInfo { hash, bytes })),
         Just(Control::StandInsWanted),
@@ -312,5 +286,6 @@ pub fn control() -> impl Strategy<Value = Control> {
         }),
         (any::<u16>(), any::<Option<u64>>())
             .prop_map(|(section, next)| Control::PartSent { section, next }),
+        any::<u16>().prop_map(|maker| Control::CellsUsed { maker }),
     ]
 }

@@ -49,7 +49,7 @@ pub use shared::{SharedCell, Verdict};
 
 use crate::engine::PathEngine;
 use crate::path::Start;
-use crate::policy::{Carried, LaterVertex, PathPolicy, ShadingPoint};
+use crate::policy::{Carried, LaterVertex, PathPolicy};
 use crate::sampler::{Purpose, Sampler};
 use lessons::Lessons;
 use place::Place;
@@ -105,6 +105,16 @@ impl Gather {
         self.makers().review(&self.cells, raycaster)
     }
 
+    /// Implements [`Tracer::trust_cells`](crate::Tracer::trust_cells).
+    pub(crate) fn trust(&self, raycaster: &Raycaster, maker: u16) {
+        self.makers().trust(&self.cells, raycaster, maker);
+    }
+
+    /// Implements [`Tracer::trusted_makers`](crate::Tracer::trusted_makers).
+    pub(crate) fn trusted(&self) -> Vec<u16> {
+        self.makers().trusted()
+    }
+
     fn makers(&self) -> MutexGuard<'_, Makers> {
         self.makers.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -131,31 +141,6 @@ struct GatherPolicy<'a> {
 impl PathPolicy for GatherPolicy<'_> {
     type Lessons = Lessons;
 
-    #[inline]
-    fn indirect(&self, _: &ShadingPoint, _: &mut Sampler) -> Option<Vec3> {
-        None
-    }
-
-    #[inline]
-    fn forks(&self, _: u32) -> u32 {
-        0
-    }
-
-    #[inline]
-    fn clamped(&self, light: Vec3) -> Vec3 {
-        light
-    }
-
-    #[inline]
-    fn finds_suns(&self, _: u32) -> bool {
-        true
-    }
-
-    #[inline]
-    fn light_samples(&self, engine: &PathEngine, scatterings: u32, _: bool) -> u32 {
-        if scatterings == 1 { engine.light_samples } else { 1 }
-    }
-
     fn ends(
         &self,
         lessons: &mut Lessons,
@@ -169,7 +154,7 @@ impl PathPolicy for GatherPolicy<'_> {
         if let Some(light) = known {
             *carried.radiance += *carried.throughput * albedo * light;
             let share = if lessons.is_empty() { SHARE } else { CHAIN };
-            sampler.turn(at.depth, Purpose::Record);
+            sampler.turn(at.depth, Purpose::Teach);
             if lessons.is_full() || sampler.one() >= share {
                 return true;
             }

@@ -6,7 +6,8 @@
 //! contradicts later, all cells are forgotten, because others may have been taught with its light.
 //!
 //! Invariants:
-//! - No received light counts before [`ENOUGH`] cells of its maker agree with own estimates.
+//! - No received light counts before [`ENOUGH`] cells of its maker agree with own estimates, and the
+//!   caller has been told so. Whoever stores samples can note whose light is in them.
 //! - The test is of a maker's light as a whole, with room for noise: cells are not chosen one by one
 //!   by their light, which would have a bias.
 //! - At most [`MAX_WAITING`] cells wait.
@@ -89,7 +90,7 @@ impl SharedCell {
 /// The result of comparing a maker's light with own estimates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It counts from now on.
+    /// It may count from now on.
     Agrees,
     /// It is left out for good.
     Contradicts,
@@ -144,7 +145,13 @@ impl Comparison {
 
 #[derive(Debug)]
 enum Maker {
-    Waiting { cells: Vec<SharedCell>, compared: usize, comparison: Comparison },
+    Waiting {
+        cells: Vec<SharedCell>,
+        compared: usize,
+        comparison: Comparison,
+    },
+    /// It agrees, and waits until it may count.
+    Agreed(Vec<SharedCell>),
     Trusted(Comparison),
     Refused,
 }
@@ -171,7 +178,7 @@ impl Makers {
         let valid = shared.iter().filter(|cell| cell.is_valid());
         match known {
             Maker::Refused => None,
-            Maker::Waiting { cells, .. } => {
+            Maker::Waiting { cells, .. } | Maker::Agreed(cells) => {
                 let room = MAX_WAITING - self.waiting;
                 let before = cells.len();
                 cells.extend(valid.take(room));
@@ -210,17 +217,31 @@ impl Makers {
             *compared = end;
             let Some(verdict) = comparison.verdict() else { continue };
             let cells = std::mem::take(cells);
-            self.waiting -= cells.len();
             decided.push((maker, verdict));
             *known = match verdict {
-                Verdict::Contradicts => Maker::Refused,
-                Verdict::Agrees => {
-                    cells.iter().for_each(|cell| add(own, raycaster, cell));
-                    Maker::Trusted(Comparison::default())
+                Verdict::Agrees => Maker::Agreed(cells),
+                Verdict::Contradicts => {
+                    self.waiting -= cells.len();
+                    Maker::Refused
                 }
             };
         }
         decided
+    }
+
+    /// Lets the light of a maker count, if it agrees.
+    pub(super) fn trust(&mut self, own: &Cells, raycaster: &Raycaster, maker: u16) {
+        let Some(known) = self.makers.get_mut(&maker) else { return };
+        let Maker::Agreed(cells) = known else { return };
+        cells.iter().for_each(|cell| add(own, raycaster, cell));
+        self.waiting -= cells.len();
+        *known = Maker::Trusted(Comparison::default());
+    }
+
+    /// Returns the makers whose light counts.
+    pub(super) fn trusted(&self) -> Vec<u16> {
+        let trusted = self.makers.iter().filter(|(_, known)| matches!(known, Maker::Trusted(_)));
+        trusted.map(|(&maker, _)| maker).collect()
     }
 }
 
@@ -280,6 +301,9 @@ mod tests {
         }
         let before: f32 = own.estimates();
         assert_eq!(makers.review(&own, &raycaster), [(5, Verdict::Agrees)]);
+        assert_eq!((own.estimates(), makers.trusted()), (before, vec![]), "not before it may");
+        makers.trust(&own, &raycaster, 5);
+        assert_eq!(makers.trusted(), [5]);
         assert!(own.estimates() > 1.4 * before);
         assert!((mean(&own, &raycaster) - 1.0).abs() < 0.1);
     }
@@ -295,6 +319,8 @@ mod tests {
         let mut verdicts = makers.review(&own, &raycaster);
         verdicts.sort_by_key(|(maker, _)| *maker);
         assert_eq!(verdicts, [(7, Verdict::Contradicts), (8, Verdict::Agrees)]);
+        [7, 8].iter().for_each(|maker| makers.trust(&own, &raycaster, *maker));
+        assert_eq!(makers.trusted(), [8]);
         assert!((mean(&own, &raycaster) - 1.0).abs() < 0.1);
         makers.receive(&own, &raycaster, 7, &brighter(honest.clone(), 50.0));
         assert!((mean(&own, &raycaster) - 1.0).abs() < 0.1);

@@ -17,7 +17,6 @@ mod cone;
 mod node;
 mod point;
 mod spheres;
-mod subtrees;
 mod tree;
 mod triangle;
 
@@ -33,7 +32,6 @@ pub(crate) use build::Emitter;
 use cells::{Cell, Cells};
 use node::Child;
 pub(crate) use point::Point;
-pub(crate) use subtrees::Subtree;
 use tree::{Tree, Weights, below_one};
 pub(crate) use triangle::Aim;
 

@@ -111,16 +111,10 @@ impl PathEngine {
         if let Some(beyond) = beyond.filter(|_| sampled.wi.z < 0.0) {
             path.inside = *beyond;
         }
-        // Light samples have also found what is straight ahead behind a pane. They have found light
-        // in a mirror only if the mirror's images were sampled.
+        // Light samples have also found what is straight ahead behind a pane.
         let straight = matches!(scatter, Scatter::Pane { .. }) && sampled.wi.z < 0.0;
-        let image_mirror = path
-            .image_sampling
-            .take_if(|_| !straight)
-            .and_then(|sampling| sampling.mirror_at(point.triangle));
-        path.passed_specular = straight || image_mirror.is_some();
+        path.passed_pane = straight;
         if !straight {
-            path.image_mirror = image_mirror;
             path.emission_weight = match sampled.pdf.zip(light_sampling) {
                 Some((pdf, lights)) => {
                     EmissionWeight::Combined(lights.material_sample(pdf, scatter, sampled.wi))

@@ -25,7 +25,7 @@ fn tracers(model: &Model, covers: &[Cover], suns: &[Sun]) -> [Tracer; 2] {
     assert_eq!(Scene::unpack(&scene.pack()).unwrap(), scene);
     let scene = Arc::new(scene);
     let tracer = || Tracer::new(scene.clone(), Settings::default()).unwrap();
-    [tracer(), tracer().with_cache(0.05, 1)]
+    [tracer(), tracer().with_gather()]
 }
 
 /// Returns the mean over rays that differ by a hair, because a ray decides once what it meets.

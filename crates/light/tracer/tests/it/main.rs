@@ -1,6 +1,5 @@
 //! Tests of the public interface, in one program: each one compiles the same generic code again.
 
-mod cached;
 mod common;
 mod covers;
 mod extremes;

@@ -51,10 +51,8 @@ impl Coordinator {
     /// Takes what another worker returned for the same packet.
     pub(super) fn audited(&mut self, audit: Audit, samples: Option<&[Sample]>) -> Result<()> {
         let settings = &self.holodeck.about.settings;
-        // Two workers of this engine estimate indirect light by different records.
         let noise = match settings.engine {
             Engine::Path => 0.0,
-            Engine::Cached => f64::from(settings.accuracy),
             // Their cells have an error that neighbouring rays share.
             Engine::Gather => CELLS_NOISE,
         };

@@ -49,11 +49,6 @@ impl Coordinator {
         maker
     }
 
-    /// Returns what the file calls a worker's machine.
-    pub(super) fn maker(&self, id: ConnectionId) -> Maker {
-        self.workers.get(&id).map_or(Maker::UNKNOWN, |worker| worker.id.maker)
-    }
-
     /// Returns the connection of a worker that is there.
     pub(super) fn connection_of(&self, worker: WorkerId) -> Option<ConnectionId> {
         let mut workers = self.workers.iter();

@@ -46,7 +46,7 @@ impl Coordinator {
         let mut rest = results.samples.as_slice();
         for traced in &results.packets {
             let Some(worker) = self.workers.get_mut(&id) else { return Ok(()) };
-            let maker = worker.id.maker;
+            let maker = worker.stored_as;
             let (samples, after) = rest.split_at(traced.count as usize);
             rest = after;
             let finished = worker.finish(traced, now)?;

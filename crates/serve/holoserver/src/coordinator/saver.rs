@@ -1,4 +1,5 @@
-//! Writing what workers have found besides samples: beams that see nothing, and records of light.
+//! Writing what workers have found besides samples: beams that see nothing, and cells of surface
+//! light.
 
 use std::{sync::Arc, thread::JoinHandle, time::Duration};
 
@@ -20,8 +21,8 @@ pub struct Saver {
     unseen_at: Instant,
     /// Samples that had been traced then.
     unseen_traced: u64,
-    /// When records of light were last written.
-    light_at: Instant,
+    /// When cells were last written.
+    cells_at: Instant,
     /// Makers, and those at fault, that were known when they were last written.
     makers: (usize, usize),
     thread: Option<JoinHandle<()>>,
@@ -31,7 +32,7 @@ impl Saver {
     /// Returns a saver for findings from now on.
     pub fn new() -> Saver {
         let now = Instant::now();
-        Saver { unseen_at: now, unseen_traced: 0, light_at: now, makers: (0, 0), thread: None }
+        Saver { unseen_at: now, unseen_traced: 0, cells_at: now, makers: (0, 0), thread: None }
     }
 
     /// Starts to write what is due, after `traced` samples.
@@ -43,16 +44,16 @@ impl Saver {
         let bytes = (traced - self.unseen_traced) * size_of::<Sample>() as u64;
         let unseen = now - self.unseen_at >= SAVE_EVERY
             && bytes >= SAMPLES_PER_UNSEEN_BYTE * Self::unseen_bytes(holodeck);
-        let light = now - self.light_at >= SAVE_EVERY;
+        let cells = now - self.cells_at >= SAVE_EVERY;
         let known = holodeck.makers().counts();
         let makers = known != std::mem::replace(&mut self.makers, known);
         if unseen {
             (self.unseen_at, self.unseen_traced) = (now, traced);
         }
-        if light {
-            self.light_at = now;
+        if cells {
+            self.cells_at = now;
         }
-        if makers || unseen || light {
+        if makers || unseen || cells {
             let holodeck = Arc::clone(holodeck);
             // The file's statistics report a disk that fails; what it does not take is found again.
             // If the system gives no thread, it is written next time.
@@ -63,8 +64,7 @@ impl Saver {
                 if unseen {
                     let _ = holodeck.save_unseen();
                 }
-                if light {
-                    let _ = holodeck.save_light();
+                if cells {
                     let _ = holodeck.save_cells(false);
                 }
             };
@@ -86,7 +86,6 @@ impl Saver {
         // If the disk fails, workers find the same again.
         let _ = holodeck.save_makers();
         let _ = holodeck.save_unseen();
-        let _ = holodeck.save_light();
         let _ = holodeck.save_cells(true);
     }
 }

@@ -1,4 +1,6 @@
-"""The engine `cached` beside `path`: seconds to an error, bias, and the cost of many workers."""
+"""The engine `gather` beside `path`: error for a processor's time, bias, pictures at rest, and the
+cost of many workers.
+"""
 
 from __future__ import annotations
 
@@ -11,47 +13,39 @@ from document import Bar, Part, Table
 from harness import Bench
 from program import Failed, compare, run
 from scenes import Case
+from small_scenes import small_scenes
 
-# By scene: the error to reach, and the allowed time over that of `path`.
-WANTED = {"cornell": (0.005, 0.15), "cabin": (0.02, 0.3), "corridor": (0.03, 0.3)}
-# Settings to try, coarse ones first. The quickest that reaches the error counts.
-ACCURACIES = (0.3, 0.2, 0.1, 0.06, 0.03)
-COUNTS = (1, 2, 3, 4, 6, 8)
+# Paths per pixel, and the greatest cost over that of `path`.
+COUNTS = {1: 1.0, 4: 0.6, 16: 0.4}
 BIAS_BAR = 0.01
 BLOCK_BAR = 0.05
-# Limits for many workers over one: CPU seconds per sample, and rays of records.
+# Limit for many workers over one: CPU seconds per sample.
 MANY = 8
 SHARING_BAR = 1.1
-# Limits for a warm sample over one path: least rate, greatest variance.
-RATE_BAR = 0.5
-VARIANCE_BAR = 1 / 30
 # A view at rest: the times of its pictures, the time when it has settled, and the greatest change
 # between pictures.
 REST = (2, 4, 6, 8, 10, 20, 30, 40)
 SETTLED = 10
-ACCURACY = 0.03
+REST_BAR = 0.03
 
 
-def cached(bench: Bench) -> Part:
-    """Time to an error with indirect light from records; bias; cost of many workers."""
+def gather(bench: Bench) -> Part:
+    """Error for a processor's time beside `path`; bias; pictures at rest; cost of many workers."""
     part = Part(
-        "Clean samples: the engine `cached`",
+        "Paths that end in shared light: the engine `gather`",
         [
             (
-                "*Seconds to an error*: of `path`, from its error at 64 paths per pixel (relMSE"
-                " falls as 1/paths); of `cached`, of the quickest of several settings that reaches"
-                " it, its cache empty at the start. *At the default accuracy*: 64 paths per pixel;"
-                " *worst block* of the lit 16 × 16 ones: its error as it is, and with its variance"
-                " by both pictures' standard errors taken off. The corridor's truth is a long"
-                " render of our own by `path`, made once."
+                "*Cost* is relMSE × processor seconds of the whole program, its cells empty at the"
+                " start, over that of `path` with as many paths per pixel. *Bias* and *worst block*"
+                " of the lit 16 × 16 ones are at 16 paths per pixel; the block's error is as it is,"
+                " and with its variance by both pictures' standard errors taken off, which leaves"
+                " the error that its pixels share."
             ),
             (
-                f"*Sharing*: the same job by one worker and by {MANY}, one thread each; the rays of"
-                " records are work that would be done several times if workers did not tell each"
-                f" other. Preparing the scene, which every worker does once, is said apart. {MANY}"
-                " programs on fewer cores take turns and push each other's data out of the caches:"
-                " what each costs more than alone is measured with renders by `path`, which share"
-                " nothing."
+                f"*Sharing*: the same job by one worker and by {MANY}, one thread each. Preparing"
+                f" the scene, which every worker does once, is said apart. {MANY} programs on fewer"
+                " cores take turns and push each other's data out of the caches: what each costs"
+                " more than alone is measured with renders by `path`, which share nothing."
             ),
             (
                 "*A view at rest* of a filled file (Cornell box 20 s, cabin 60 s) after the first"
@@ -65,127 +59,72 @@ def cached(bench: Bench) -> Part:
             ),
         ],
     )
-    seconds = Table(
-        "Seconds to an error",
-        [
-            ["scene", ""], ["relMSE", ".3f"], ["path, s", ".2f"], ["cached, s", ".2f"],
-            ["ratio", ".2f"], ["accuracy", "g"], ["paths", "d"]
-        ],
-    )
+    columns = [["scene", ""]]
+    for count in COUNTS:
+        columns += [[f"{count}: path, relMSE", ".4f"], ["s", ".1f"], ["gather, relMSE", ".4f"],
+                    ["s", ".1f"], ["cost", ".2f"]]  # fmt: skip
+    cost = Table("Cost by paths per pixel", columns)
     bias = Table(
-        "At the default accuracy",
-        [
-            ["view", ""], ["seconds", ".1f"], ["relMSE", ".4f"], ["bias", "+.2%"],
-            ["worst block", ".1%"], ["without noise", ".1%"]
-        ],
+        "Bias",
+        [["scene", ""], ["bias", "+.2%"], ["worst block", ".1%"], ["without noise", ".1%"]],
     )
-    for case in (*bench.scenes.referenced(), bench.scenes.corridor()):
-        if case.name in WANTED:
-            seconds.rows.append(to_error(bench, part, case))
-        truth, error = bench.truth(case), bench.work / f"{case.name}-cached-se.pfm"
-        picture, said = bench.render(
-            case, "cached", "--engine", "cached", "--spp", str(bench.paths(64)), "--se", error
-        )
-        theirs = ("--reference-se", case.reference.standard_error) if case.reference else ()
-        found = compare(bench.holodeck, picture, truth, "--se", error, *theirs)
-        worst = found["worst_block_beyond_noise"]
-        bias.rows.append(
-            [
-                case.title, said["seconds"], found["relmse_trim"], found["bias"],
-                found["worst_block"], worst
-            ]
-        )
-        part.bars.append(
-            Bar(
-                f"bias, {case.title}", f"{found['bias']:+.2%}", f"≤ {BIAS_BAR:.0%}",
-                abs(found["bias"]) <= BIAS_BAR
+    for case in cases(bench):
+        truth = bench.truth(case)
+        row: list = [case.title]
+        for count, bar in COUNTS.items():
+            costs = []
+            for engine in ("path", "gather"):
+                picture, seconds = traced(bench, case, engine, count)
+                found = compare(bench.holodeck, picture, truth)["relmse_trim"]
+                row += [found, seconds]
+                costs.append(found * seconds)
+            ratio = costs[1] / costs[0]
+            row.append(ratio)
+            part.bars.append(
+                Bar(
+                    f"cost over that of path at {count} paths, {case.title}", f"{ratio:.2f} ×",
+                    f"≤ {bar:g} ×", ratio <= bar
+                )
             )
-        )
-        part.bars.append(
-            Bar(
-                f"worst block without noise, {case.title}", f"{worst:.1%}", f"≤ {BLOCK_BAR:.0%}",
-                worst <= BLOCK_BAR
-            )
-        )
+        cost.rows.append(row)
+        bias.rows.append(biased(bench, part, case, truth))
     if not bench.scenes.referenced():
-        part.skipped.append("../shared is not there: of references only our own of the corridor")
-    part.tables += [seconds, bias, warm(bench, part), flicker(bench, part), sharing(bench, part)]
+        part.skipped.append("../shared is not there: of references only our own")
+    part.tables += [cost, bias, flicker(bench, part), sharing(bench, part)]
     return part
 
 
-def to_error(bench: Bench, part: Part, case: Case) -> list:
-    """Returns a row: the seconds of both engines to the case's error."""
-    wanted, bar = WANTED[case.name]
-    truth = bench.truth(case)
-    picture, said = bench.render(case, "to-error", "--spp", str(bench.paths(64)))
-    paths_seconds = (
-        said["seconds"] * compare(bench.holodeck, picture, truth)["relmse_trim"] / wanted
+def cases(bench: Bench) -> list[Case]:
+    small = small_scenes(bench.work / "small", bench.scenes.bundle())
+    return [*bench.scenes.referenced(), bench.scenes.corridor(), *small]
+
+
+def traced(bench: Bench, case: Case, engine: str, count: int) -> tuple[Path, float]:
+    """Renders a picture; returns it and the processor seconds of the whole program."""
+    picture = bench.work / f"{case.name}-{engine}-{count}.pfm"
+    command = [
+        bench.holodeck, "render", *case.scene, *case.view.options(), "--size", case.size,
+        "--engine", engine, "--spp", str(count), "--quiet", "-o", picture
+    ]
+    return picture, run(command).processor
+
+
+def biased(bench: Bench, part: Part, case: Case, truth: Path) -> list:
+    """Returns a row: the bias of a picture of 16 paths per pixel, and its worst block."""
+    error = bench.work / f"{case.name}-gather-se.pfm"
+    picture, _ = bench.render(
+        case, "gather", "--engine", "gather", "--spp", str(bench.paths(16)), "--se", error
     )
-    best = None
-    for accuracy in ACCURACIES:
-        for count in COUNTS:
-            picture, said = bench.render(
-                case, "to-error", "--engine", "cached", "--accuracy", str(accuracy), "--spp",
-                str(count)
-            )
-            if best and said["seconds"] >= best[0]:
-                break
-            if compare(bench.holodeck, picture, truth)["relmse_trim"] <= wanted:
-                best = (said["seconds"], accuracy, count)
-                break
-    if not best:
+    theirs = ("--reference-se", case.reference.standard_error) if case.reference else ()
+    found = compare(bench.holodeck, picture, truth, "--se", error, *theirs)
+    worst = found["worst_block_beyond_noise"]
+    for what, value, bar in (
+        ("bias", found["bias"], BIAS_BAR), ("worst block without noise", worst, BLOCK_BAR)
+    ):
         part.bars.append(
-            Bar(
-                f"seconds to relMSE {wanted:g}, {case.title}", "never", f"≤ {bar:g} × path's", False
-            )
+            Bar(f"{what}, {case.title}", f"{value:+.2%}", f"≤ {bar:.0%}", abs(value) <= bar)
         )
-        return [case.title, wanted, paths_seconds, None, None, None, None]
-    ratio = best[0] / paths_seconds
-    part.bars.append(
-        Bar(
-            f"seconds to relMSE {wanted:g}, {case.title}", f"{ratio:.2f} × path's", f"≤ {bar:g} ×",
-            ratio <= bar
-        )
-    )
-    return [case.title, wanted, paths_seconds, best[0], ratio, best[1], best[2]]
-
-
-def warm(bench: Bench, part: Part) -> Table:
-    table = Table(
-        "A sample, its surroundings known",
-        [["scene", ""], ["path, M/s", ".3f"], ["variance", ".4f"], ["cached, M/s", ".3f"],
-         ["variance", ".5f"], ["rate", ".2f"], ["variance, one of", ".0f"]],
-    )  # fmt: skip
-    program = bench.cargo.build("holo-tracer", "--example", "warm")
-    for case in (bench.scenes.cornell(), bench.scenes.room()):
-        if not case.scene[0].endswith(".obj"):
-            part.skipped.append(
-                f"a warm sample of the {case.title}: the example takes plain OBJ files"
-            )
-            continue
-        found = json.loads(
-            run([program, case.scene[0], case.view.vp, case.view.vd, f"{case.view.vh:g}"]).stdout
-        )
-        rate, variance = (
-            found[f"cached_{what}"] / found[f"path_{what}"] for what in ("rate", "variance")
-        )
-        table.rows.append([case.title, found["path_rate"] / 1e6, found["path_variance"],
-                           found["cached_rate"] / 1e6, found["cached_variance"], rate,
-                           1 / variance])  # fmt: skip
-        if case.name == "cabin":
-            part.bars.append(
-                Bar(
-                    "samples a second, warm, over paths', cabin", f"{rate:.2f} ×",
-                    f"≥ {RATE_BAR:g} ×", rate >= RATE_BAR
-                )
-            )
-            part.bars.append(
-                Bar(
-                    "variance of such a sample, cabin", f"1/{1 / variance:.0f}", "≤ 1/30",
-                    variance <= VARIANCE_BAR
-                )
-            )
-    return table
+    return [case.title, found["bias"], found["worst_block"], worst]
 
 
 def flicker(bench: Bench, part: Part) -> Table:
@@ -199,7 +138,7 @@ def flicker(bench: Bench, part: Part) -> Table:
         "A view at rest: the worst lit 16 × 16 block from one picture to the next", columns
     )
     for case, seconds in ((bench.scenes.cornell(), 20), (bench.scenes.room(), 60)):
-        filled, _ = bench.fill(f"{case.name}-cached", case, seconds, "--engine", "cached")
+        filled, _ = bench.fill(f"{case.name}-gather", case, seconds, "--engine", "gather")
         for state, file in (("filled", filled), ("empty", None)):
             for driver in ("surfaces", "quadtree"):
                 changes = changes_at_rest(bench, case, driver, file)
@@ -212,7 +151,7 @@ def flicker(bench: Bench, part: Part) -> Table:
                 }
                 for kind, values in of.items():
                     table.rows.append([case.title, state, driver, kind, *values])
-                # During the first step records are still made, or the view's own samples arrive.
+                # During the first step the view's own samples arrive.
                 worst = {kind: max(values[1:]) for kind, values in of.items()}
                 if file is None:
                     for kind in ("as displayed", "away from the reference"):
@@ -222,7 +161,7 @@ def flicker(bench: Bench, part: Part) -> Table:
                 for kind, value in worst.items():
                     title = f"flicker, {case.title}, {driver}, {state} file, {kind}"
                     part.bars.append(
-                        Bar(title, f"{value:.1%}", f"≤ {ACCURACY:.0%}", value <= ACCURACY)
+                        Bar(title, f"{value:.1%}", f"≤ {REST_BAR:.0%}", value <= REST_BAR)
                     )
     return table
 
@@ -240,7 +179,7 @@ def changes_at_rest(
     ]
     script = bench.work / "rest.txt"
     script.write_text("\n".join([*lines, ""]), encoding="utf-8")
-    opened = [*case.scene, "--engine", "cached"]
+    opened = [*case.scene, "--engine", "gather"]
     if filled is not None:
         # The session adds to the file, so each session gets the same copy.
         file = bench.work / "rest.holo"
@@ -266,8 +205,7 @@ def changes_at_rest(
 def sharing(bench: Bench, part: Part) -> Table:
     table = Table(
         "Sharing",
-        [["scene", ""], ["workers", "d"], ["samples", ",d"], ["records", ",d"],
-         ["rays of records", ",d"],
+        [["scene", ""], ["workers", "d"], ["samples", ",d"], ["cells", ",d"],
          ["CPU s, scene prepared", ".1f"], ["CPU s, preparing", ".1f"], ["µs a sample", ".1f"]],
     )  # fmt: skip
     for case, samples in ((bench.scenes.cornell(), 4_000_000), (bench.scenes.room(), 1_000_000)):
@@ -275,11 +213,10 @@ def sharing(bench: Bench, part: Part) -> Table:
         for workers in (1, 2, MANY):
             prepared = cpu_of_fill(bench, case, workers, 1)[0]
             cpu, info = cpu_of_fill(bench, case, workers, bench.paths(samples))
-            found[workers] = ((cpu - prepared) / info["samples"], info["light_rays"])
-            table.rows.append([case.title, workers, info["samples"], info["light_records"],
-                               info["light_rays"], cpu - prepared, prepared,
-                               found[workers][0] * 1e6])  # fmt: skip
-        time, rays = (many / one for many, one in zip(found[MANY], found[1]))
+            found[workers] = (cpu - prepared) / info["samples"]
+            table.rows.append([case.title, workers, info["samples"], info["cells"],
+                               cpu - prepared, prepared, found[workers] * 1e6])  # fmt: skip
+        time = found[MANY] / found[1]
         part.bars.append(
             Bar(
                 f"CPU seconds per sample, {MANY} workers over one, {case.title}", f"{time:.2f} ×",
@@ -292,12 +229,6 @@ def sharing(bench: Bench, part: Part) -> Table:
             f" {case.title}"
         )
         part.bars.append(Bar(title, f"{apart:.2f} ×", f"≤ {SHARING_BAR:g} ×", apart <= SHARING_BAR))
-        part.bars.append(
-            Bar(
-                f"rays of records, the same, {case.title}", f"{rays:.2f} ×", f"≤ {SHARING_BAR:g} ×",
-                rays <= SHARING_BAR
-            )
-        )
     return table
 
 
@@ -338,7 +269,7 @@ def cpu_of_fill(bench: Bench, case: Case, workers: int, samples: int) -> tuple[f
     # A nearly empty file, then a server and workers started by hand.
     run(
         [
-            bench.holodeck, "fill", *case.scene, "-o", file, "--engine", "cached", "--samples", "1",
+            bench.holodeck, "fill", *case.scene, "-o", file, "--engine", "gather", "--samples", "1",
             "--quiet"
         ]
     )

@@ -1,52 +1,11 @@
-//! Data that all processes share: records of indirect light, and the packed scene in pieces.
+//! The packed scene in pieces.
 
 use std::cmp::Ordering;
 
-pub use holo_light::Record;
-
-use super::{Head, Reader, put};
 use crate::{ProtoError, frame::MAX_BULK_BYTES};
 
 /// Most bytes that one compressed byte can stand for, in blocks of LZ4.
 const MOST_EXPANSION: usize = 255;
-
-/// Records of indirect light. A receiver may merge them twice or in another order without effect.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Light {
-    /// The records, all valid.
-    pub records: Vec<Record>,
-}
-
-impl Light {
-    /// Returns the payload: number and length of the records, records.
-    pub fn encode(&self) -> Vec<u8> {
-        let mut out = Vec::with_capacity(8 + size_of_val(self.records.as_slice()));
-        put(
-            &mut out,
-            &Head { first: self.records.len() as u32, second: size_of::<Record>() as u32 },
-        );
-        out.extend_from_slice(bytemuck::cast_slice(&self.records));
-        out
-    }
-
-    /// Parses a payload.
-    ///
-    /// # Errors
-    /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for an impossible record.
-    pub fn decode(bytes: &[u8]) -> Result<Light, ProtoError> {
-        let mut reader = Reader(bytes);
-        let head: Head = reader.one("light message")?;
-        if head.second != size_of::<Record>() as u32 {
-            return Err(ProtoError::Number("the length of a light record"));
-        }
-        let records = reader.many::<Record>("light record list", u64::from(head.first))?;
-        reader.end()?;
-        if !records.iter().all(Record::is_valid) {
-            return Err(ProtoError::Number("a record of indirect light"));
-        }
-        Ok(Light { records })
-    }
-}
 
 /// A piece of the packed scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
