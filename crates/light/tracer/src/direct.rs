@@ -124,7 +124,8 @@ fn sky_pdf(sky: f32, scatter: &Scatter, wi: Vec3) -> f32 {
 }
 
 impl LitVertex<'_> {
-    /// Returns an estimate of direct light from `count` stratified samples of the lights.
+    /// Returns an estimate of direct light from `count` stratified samples of the lights, and the
+    /// variance of one sample's brightness (the sum of the channels): 0 if there is only one.
     #[inline]
     pub(crate) fn direct_light(
         &self,
@@ -132,25 +133,26 @@ impl LitVertex<'_> {
         count: u32,
         direct: Direct,
         sampler: &mut Sampler,
-    ) -> Vec3 {
-        let mut sum = Vec3::ZERO;
+    ) -> (Vec3, f32) {
+        let (mut sum, mut squares) = (Vec3::ZERO, 0.0);
         let pairs = sampler.pairs(count);
         for j in 0..count {
             let (first, second) = pairs.at(j);
-            match self.engine.lights.choose(lights, first) {
-                Some(Chosen::Sky { rest }) => {
-                    sum += self.sky(lights, count, direct, [rest, second]);
-                }
+            let light = match self.engine.lights.choose(lights, first) {
+                Some(Chosen::Sky { rest }) => self.sky(lights, count, direct, [rest, second]),
                 Some(Chosen::Triangle { triangle, probability, rest }) => {
-                    sum += self.emitter(triangle, probability, count, direct, [rest, second]);
+                    self.emitter(triangle, probability, count, direct, [rest, second])
                 }
-                Some(Chosen::Point { point, probability }) => {
-                    sum += self.point(&point) / probability;
-                }
-                None => {}
-            }
+                Some(Chosen::Point { point, probability }) => self.point(&point) / probability,
+                None => Vec3::ZERO,
+            };
+            sum += light;
+            squares += light.element_sum().powi(2);
         }
-        sum / count as f32
+        let n = count as f32;
+        let mean = sum / n;
+        let variance = (squares - n * mean.element_sum().powi(2)).max(0.0) / (n - 1.0).max(1.0);
+        (mean, variance)
     }
 
     /// Returns the factor with which a smooth normal dims light from a direction; 1 on facets.

@@ -12,6 +12,7 @@ use crate::caustics::{Caustics, LightSources};
 use crate::lights::{GRIDS, Lights};
 use crate::medium::{Inside, Nesting};
 use crate::panes::Panes;
+use crate::policy::Spread;
 use crate::secondary::SecondarySources;
 use crate::suns::Suns;
 use crate::surface::{Surface, surfaces};
@@ -89,6 +90,11 @@ impl PathEngine {
             branches: 1,
             is_shaded: scene.shading.is_some(),
         }
+    }
+
+    /// Returns the numbers of light samples and continuations that hold everywhere.
+    pub(crate) fn spread(&self) -> Spread {
+        Spread { lights: self.light_samples, branches: self.branches, is_probe: false }
     }
 
     /// Returns the solids that contain `eye` (world coordinates).

@@ -202,10 +202,7 @@ impl Tracer {
     /// Switches to the engine `gather`: paths end in cells of surface light that all threads share.
     #[must_use]
     pub fn with_gather(mut self) -> Self {
-        self.gather = Some(Gather::new(&self.raycaster));
-        if self.settings.bounces != Some(0) {
-            self.engine.branches = self.engine.branches.max(gather::BRANCHES);
-        }
+        self.gather = Some(Gather::new(&self.engine, &self.raycaster));
         self
     }
 

@@ -36,7 +36,7 @@ use crate::gather::Footprint;
 use crate::geometry::Frame;
 use crate::medium::{Crossing, Inside, TOUCH};
 use crate::panes::MAX_DEPTH;
-use crate::policy::{Carried, LaterVertex, PathPolicy, Unbiased};
+use crate::policy::{Carried, FirstSurface, LaterVertex, PathPolicy, Spread, Unbiased};
 use crate::sampler::{Purpose, Sampler};
 use crate::shading::{self, Look};
 use crate::surface::Surface;
@@ -238,7 +238,9 @@ impl PathEngine {
             if wo.z <= 0.0 {
                 break;
             }
-            let (mut light_sampling, mut branches) = (None, 1);
+            let mut light_sampling = None;
+            let mut spread = Spread { lights: 1, branches: 1, is_probe: false };
+            let (mut direct_light, mut direct_variance) = (Vec3::ZERO, 0.0);
             // Direct light, and indirect light if it is known, for surfaces that scatter with a
             // density.
             if !scatter.is_delta() {
@@ -265,12 +267,15 @@ impl PathEngine {
                     }
                 }
                 let Path { depth, scatterings, throughput, .. } = path;
+                if scatterings == 1 {
+                    spread = policy.spread(self, point.point);
+                }
                 let ends = scatterings > self.bounces
                     && self.lights_find_all
                     && matches!(scatter, Scatter::Diffuse(_));
                 let direct = if ends { Direct::Lights } else { self.direct };
                 if direct != Direct::Materials && (self.lights.any() || self.suns.any()) {
-                    let count = if scatterings == 1 { self.light_samples } else { 1 };
+                    let count = spread.lights;
                     let vertex = LitVertex {
                         raycaster,
                         engine: self,
@@ -283,7 +288,9 @@ impl PathEngine {
                     let lights =
                         direct::lights_at(&self.lights, scatter, &point, frame.n, scatterings);
                     sampler.turn(depth, Purpose::Light);
-                    radiance += throughput * vertex.direct_light(&lights, count, direct, sampler);
+                    let (light, variance) = vertex.direct_light(&lights, count, direct, sampler);
+                    (direct_light, direct_variance) = (throughput * light, variance);
+                    radiance += direct_light;
                     if self.suns.any() {
                         sampler.turn(depth, Purpose::Sun);
                         radiance += throughput * vertex.sunlight(direct, sampler);
@@ -295,7 +302,6 @@ impl PathEngine {
                 if ends {
                     break;
                 }
-                branches = if scatterings == 1 { self.branches } else { 1 };
             }
             let aims = if scatter.is_wide() { self.aims(&point, frame.n) } else { None };
             let error = if crossing.is_some() { point.error * TOUCH } else { point.error };
@@ -311,21 +317,35 @@ impl PathEngine {
                 light_sampling,
             };
             // The usual case: one continuation.
-            if branches == 1 {
+            if spread.branches == 1 {
                 if self.sample_next(raycaster, &mut path, &vertex, sampler) {
                     continue;
                 }
                 break;
             }
             // Several continuations share the path up to here.
-            let mut sum = Vec3::ZERO;
-            for branch in 0..branches {
-                let (mut path, mut sampler) = (path, sampler.branch(branches, branch));
+            let Spread { branches: count, is_probe, .. } = spread;
+            let (mut sum, mut squares) = (Vec3::ZERO, 0.0);
+            for branch in 0..count {
+                let (mut path, mut sampler) = (path, sampler.branch(count, branch, is_probe));
                 if self.sample_next(raycaster, &mut path, &vertex, &mut sampler) {
-                    sum += self.trace_rest(raycaster, path, policy, &mut sampler);
+                    let light = self.trace_rest(raycaster, path, policy, &mut sampler);
+                    sum += light;
+                    squares += light.element_sum().powi(2);
                 }
             }
-            radiance += sum / branches as f32;
+            let mean = sum / count as f32;
+            radiance += mean;
+            let indirect = mean.element_sum();
+            let seen = FirstSurface {
+                direct: direct_light.element_sum(),
+                direct_variance: direct_variance * (path.throughput.element_sum() / 3.0).powi(2),
+                indirect,
+                indirect_variance: ((squares - count as f32 * indirect * indirect)
+                    / (count - 1) as f32)
+                    .max(0.0),
+            };
+            policy.branched(point.point, &seen);
             break;
         }
         policy.learn(raycaster, lessons, radiance)

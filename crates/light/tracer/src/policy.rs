@@ -4,6 +4,7 @@ use glam::Vec3;
 use holo_raycast::{Raycaster, SurfacePoint};
 
 use crate::bsdf::Scatter;
+use crate::engine::PathEngine;
 use crate::sampler::Sampler;
 
 /// A vertex after the first, on a surface that is neither a mirror nor glass.
@@ -33,6 +34,27 @@ pub(crate) struct Carried<'a> {
     pub worth: &'a mut Vec3,
 }
 
+/// The numbers of light samples and of continuations at a path's first surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spread {
+    pub lights: u32,
+    pub branches: u32,
+    /// True if the path measures, with other numbers than its neighbours. Its continuations then
+    /// have random numbers of their own, because the usual ones are other paths' too.
+    pub is_probe: bool,
+}
+
+/// Brightness (the sum of the channels) at a path's first surface, and its variance.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FirstSurface {
+    pub direct: f32,
+    /// Variance of one light sample; 0 if there was only one.
+    pub direct_variance: f32,
+    pub indirect: f32,
+    /// Variance of one continuation.
+    pub indirect_variance: f32,
+}
+
 /// The decisions of one engine about a path.
 pub(crate) trait PathPolicy {
     /// What a path has to teach once it ends.
@@ -50,6 +72,16 @@ pub(crate) trait PathPolicy {
     ) -> bool {
         false
     }
+
+    /// Returns the numbers for a path whose first surface is at `point`.
+    #[inline]
+    fn spread(&self, engine: &PathEngine, _point: Vec3) -> Spread {
+        engine.spread()
+    }
+
+    /// Learns from a path that had several continuations.
+    #[inline]
+    fn branched(&self, _point: Vec3, _seen: &FirstSurface) {}
 
     /// Ends the lessons of a path that has brought `radiance` since the last one began. Returns the
     /// radiance of the whole path.

@@ -62,11 +62,12 @@ impl Sampler {
 
     /// Returns the numbers of one of `count` branches of this path; `branch` is below `count`. They
     /// are those of path number `count` · `path` + `branch`, so that the branches of all paths are
-    /// stratified together.
+    /// stratified together. `is_apart`: those of another seed.
     #[inline]
-    pub(crate) fn branch(&self, count: u32, branch: u32) -> Self {
+    pub(crate) fn branch(&self, count: u32, branch: u32, is_apart: bool) -> Self {
         let index = self.index.wrapping_mul(count).wrapping_add(branch);
-        Self { index, reversed: index.reverse_bits(), ..*self }
+        let base = if is_apart { mix(self.base.wrapping_add(1)) } else { self.base };
+        Self { base, index, reversed: index.reverse_bits(), ..*self }
     }
 
     /// Moves to the numbers of a vertex and purpose.

@@ -1,7 +1,8 @@
 //! The engine `gather`. Its paths end early, in cells of surface light that all paths share.
 //!
 //! The first surface of a path that is neither a mirror nor glass is treated as by the engine
-//! `path`. At each later diffuse surface, the path ends if a cell knows the light there
+//! `path`, with as many light samples and continuations as pay there ([`Spreads`]). At each later
+//! diffuse surface, the path ends if a cell knows the light there
 //! ([`Cells`]). Otherwise it continues as a path would, and its light becomes an estimate for the
 //! cell. A share of paths ([`SHARE`]) also continues where a cell is known, and only teaches it.
 //!
@@ -9,9 +10,9 @@
 //! that a surface emits is no part of it: emission is counted as by `path`, with the same weights.
 //!
 //! Invariants:
-//! - Decisions depend on counts and geometry, never on light. So a path that ends in a cell has the
-//!   same expectation as one that continues, apart from the width of the cell, and no light is lost
-//!   while cells are few.
+//! - Where a path ends depends on counts and geometry, never on light. So a path that ends in a cell
+//!   has the same expectation as one that continues, apart from the width of the cell, and no light
+//!   is lost while cells are few.
 //! - A path ends only in a cell narrower than half the path's footprint ([`Footprint`]), as wide at
 //!   most as [`room`] allows, and visible from the path's vertex. So corners and contacts stay
 //!   sharp, and no light passes through walls.
@@ -37,6 +38,7 @@ mod lessons;
 mod place;
 mod room;
 mod shared;
+mod spread;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -49,11 +51,12 @@ pub use shared::{SharedCell, Verdict};
 
 use crate::engine::PathEngine;
 use crate::path::Start;
-use crate::policy::{Carried, LaterVertex, PathPolicy};
+use crate::policy::{Carried, FirstSurface, LaterVertex, PathPolicy, Spread};
 use crate::sampler::{Purpose, Sampler};
 use lessons::Lessons;
 use place::Place;
 use shared::Makers;
+use spread::Spreads;
 
 /// Share of paths that continue where a cell is known, and teach it. With 1/8, the error that
 /// neighbouring pixels share is a sixth greater in a furnished house.
@@ -64,20 +67,24 @@ const SHARE: f32 = 0.25;
 /// again.
 const CHAIN: f32 = 0.5;
 
-/// Continuations of a path from the first surface, and light samples there. Paths that end early
-/// cost little, so more of them share the first surface.
-pub(crate) const BRANCHES: u32 = 2;
-
 /// The cells of one scene.
 #[derive(Debug)]
 pub(crate) struct Gather {
     cells: Cells,
     makers: Mutex<Makers>,
+    /// `None` if the engine's own numbers hold everywhere.
+    spreads: Option<Spreads>,
 }
 
 impl Gather {
-    pub(crate) fn new(raycaster: &Raycaster) -> Self {
-        Self { cells: Cells::new(room::widest_cell(raycaster)), makers: Mutex::default() }
+    pub(crate) fn new(engine: &PathEngine, raycaster: &Raycaster) -> Self {
+        let widest = room::widest_cell(raycaster);
+        let is_free = engine.bounces > 0 && engine.branches == 1;
+        Self {
+            cells: Cells::new(widest),
+            makers: Mutex::default(),
+            spreads: is_free.then(|| Spreads::new(widest)),
+        }
     }
 
     /// Returns the number of cells.
@@ -127,7 +134,8 @@ impl Gather {
         start: Start,
         sampler: &mut Sampler,
     ) -> Vec3 {
-        engine.follow(raycaster, start, &GatherPolicy { cells: &self.cells, engine }, sampler)
+        let policy = GatherPolicy { cells: &self.cells, spreads: self.spreads.as_ref(), engine };
+        engine.follow(raycaster, start, &policy, sampler)
     }
 }
 
@@ -135,6 +143,7 @@ impl Gather {
 #[derive(Clone, Copy)]
 struct GatherPolicy<'a> {
     cells: &'a Cells,
+    spreads: Option<&'a Spreads>,
     engine: &'a PathEngine,
 }
 
@@ -163,6 +172,18 @@ impl PathPolicy for GatherPolicy<'_> {
             lessons.begin(place.spot(), albedo, carried, known.is_some());
         }
         false
+    }
+
+    #[inline]
+    fn spread(&self, engine: &PathEngine, point: Vec3) -> Spread {
+        self.spreads.map_or_else(|| engine.spread(), |spreads| spreads.at(point))
+    }
+
+    #[inline]
+    fn branched(&self, point: Vec3, seen: &FirstSurface) {
+        if let Some(spreads) = self.spreads {
+            spreads.learn(point, seen);
+        }
     }
 
     fn learn(&self, raycaster: &Raycaster, lessons: Lessons, radiance: Vec3) -> Vec3 {

@@ -194,5 +194,8 @@ fn a_box_with_blocks_is_as_bright_as_with_paths() {
     // It shines upwards only: most of the room has nothing but indirect light.
     let square = [[-0.3, -0.3, 1.5], [0.3, -0.3, 1.5], [0.3, 0.3, 1.5], [-0.3, 0.3, 1.5]];
     model.polygon(&square, lamp);
+    // With two lamps, light samples and continuations follow what earlier paths found.
+    let small = [[1.2, 2.4, 1.0], [1.4, 2.4, 1.0], [1.4, 2.6, 1.0], [1.2, 2.6, 1.0]];
+    model.polygon(&small, lamp);
     expect_as_paths(&model, DVec3::new(-1.5, -2.5, 1.2), 0.01);
 }
