@@ -71,7 +71,7 @@ struct Info {
     /// The engine of the first samples, if it is no more.
     #[serde(skip_serializing_if = "Option::is_none")]
     earlier_engine: Option<String>,
-    scene: SceneInfo,
+    scene: SceneSummary,
     /// Cells of surface light.
     cells: usize,
     views: Vec<(String, String)>,
@@ -126,7 +126,7 @@ struct WorkerInfo {
 }
 
 #[derive(Serialize)]
-struct SceneInfo {
+struct SceneSummary {
     source: String,
     hash: String,
     bytes: u64,
@@ -169,7 +169,7 @@ fn collect(file: &Path) -> Result<Info> {
         sections: sections.collect(),
         settings: about.settings,
         earlier_engine: about.earlier_engine.clone(),
-        scene: SceneInfo {
+        scene: SceneSummary {
             source: about.source.clone(),
             hash: about.scene.hash.iter().map(|byte| format!("{byte:02x}")).collect(),
             bytes: about.scene.bytes,
@@ -218,17 +218,17 @@ fn bytes_per_hour(file: &Path) -> std::io::Result<f64> {
 
 /// Numbers of samples.
 #[derive(Default)]
-struct Numbers {
+struct SampleCounts {
     /// Samples by their number of paths.
     paths: BTreeMap<u16, u64>,
     /// Samples by their maker.
     makers: BTreeMap<Maker, u64>,
 }
 
-fn numbers(file: &BeamFile) -> Numbers {
+fn numbers(file: &BeamFile) -> SampleCounts {
     let mut beams = Vec::new();
     file.for_each_beam(&mut |key, _| beams.push(key));
-    let mut numbers = Numbers::default();
+    let mut numbers = SampleCounts::default();
     for (run, maker) in beams.into_iter().flat_map(|key| file.makers(key)) {
         *numbers.paths.entry(run.paths).or_default() += u64::from(run.count);
         *numbers.makers.entry(maker).or_default() += u64::from(run.count);

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 
 use holo_net::Message;
-use holo_proto::{bulk::Cells, control::Control, frame::Kind, hello::Role};
+use holo_proto::{bulk::CellBatch, control::Control, frame::FrameKind, hello::Role};
 use holo_tests::{Place, stored, wait_until};
 use rustix::process::Signal;
 use serde_json::Value;
@@ -69,7 +69,7 @@ async fn lie(server: SocketAddr) {
                 for cell in &mut cells.cells {
                     cell.light = cell.light.map(|light| 1.25 * light);
                 }
-                outbox.send(Kind::Cells, &Cells { cells: cells.cells }.encode()).unwrap();
+                outbox.send(FrameKind::Cells, &CellBatch { cells: cells.cells }.encode()).unwrap();
             }
             Message::Control(Control::Ping(number)) => {
                 outbox.control(&Control::Pong(number)).unwrap();

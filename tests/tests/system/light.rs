@@ -6,17 +6,17 @@ use std::{collections::BTreeMap, net::SocketAddr};
 use holo_beamfile::{BeamFile, Options};
 use holo_net::{Inbox, Message, Outbox};
 use holo_proto::{
-    bulk::{Cell, Cells},
+    bulk::{CellBatch, WireCell},
     control::Control,
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_tests::{LIMIT, Place};
 use rustix::process::Signal;
 
 /// Returns a cell with four estimates for each of these places.
-fn cells(places: std::ops::Range<u32>) -> Cells {
-    let cell = |place| Cell {
+fn cells(places: std::ops::Range<u32>) -> CellBatch {
+    let cell = |place| WireCell {
         point: [place as f32, 0.0, 0.0],
         normal: [0.0, 0.0, 1.0],
         material: 0,
@@ -27,7 +27,7 @@ fn cells(places: std::ops::Range<u32>) -> Cells {
         light: [1.0, 2.0, 3.0],
         albedo: [2.0; 3],
     };
-    Cells { cells: places.map(cell).collect() }
+    CellBatch { cells: places.map(cell).collect() }
 }
 
 struct Client {
@@ -44,7 +44,7 @@ impl Client {
     }
 
     fn tell(&self, places: std::ops::Range<u32>) {
-        self.outbox.send(Kind::Cells, &cells(places).encode()).unwrap();
+        self.outbox.send(FrameKind::Cells, &cells(places).encode()).unwrap();
     }
 
     /// Waits until the server has answered a ping. Returns the estimates that have arrived by then,
