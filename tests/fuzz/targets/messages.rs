@@ -4,11 +4,11 @@
 
 use holo_proto::{
     bulk::{
-        BlobChunk, CellBatch, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted, Results,
-        ViewSamples, Unseen, ViewRequest, WorkPackets,
+        BlobChunk, CellBatch, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted,
+        Results, Unseen, ViewRequest, ViewSamples, WorkPackets,
     },
     control::Control,
-    frame::{HEADER_BYTES, FrameHeader, FrameKind},
+    frame::{FrameHeader, FrameKind, HEADER_BYTES},
     hello::{Answer, Hello},
     proof::{Challenge, MachineProof, Proof},
     stand_ins,
