@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use holo_display::{Driver, Look, UsefulBeam};
-use holo_proto::bulk::{LiveSamples, Samples, Source, WantedBeam};
+use holo_proto::bulk::{LiveSamples, RequestedBeam, SampleSource, ViewSamples};
 
 use super::{live::LiveRays, received::Received};
 
@@ -11,7 +11,7 @@ use super::{live::LiveRays, received::Received};
 pub struct CurrentView {
     pub look: Look,
     /// Beams that the view crosses, with their weights.
-    pub wanted: Vec<WantedBeam>,
+    pub wanted: Vec<RequestedBeam>,
     /// Distance of the nearest visible surface, scene units, as well as it is known.
     pub nearest: f64,
     /// True if that distance was taken from the picture.
@@ -69,14 +69,14 @@ pub enum Asked {
 
 impl CurrentView {
     /// Passes samples to the driver, except those that it already has.
-    pub fn insert(&mut self, driver: &mut dyn Driver, message: &Samples) {
+    pub fn insert(&mut self, driver: &mut dyn Driver, message: &ViewSamples) {
         let is_late = message.view < self.first_request;
-        if !is_late && !matches!(message.source, Source::Part | Source::Earlier) {
+        if !is_late && !matches!(message.source, SampleSource::Part | SampleSource::Earlier) {
             let seconds = self.since.elapsed().as_secs_f64();
             self.counts.first_samples.get_or_insert(seconds);
         }
         for (run, samples) in message.iter() {
-            if message.source == Source::Earlier {
+            if message.source == SampleSource::Earlier {
                 let present = self.received.count(run.key);
                 self.counts.stored += self.received.earlier.insert(driver, run, samples, present);
                 continue;
@@ -86,10 +86,12 @@ impl CurrentView {
                 driver.insert(run.key, run.paths, &samples[fresh]);
                 self.received.earlier.note(run.key, count);
                 match message.source {
-                    Source::Part | Source::Earlier => self.counts.parts += count,
-                    Source::Traced | Source::Stored if is_late => self.counts.late += count,
-                    Source::Traced => self.counts.traced += count,
-                    Source::Stored => self.counts.stored += count,
+                    SampleSource::Part | SampleSource::Earlier => self.counts.parts += count,
+                    SampleSource::Traced | SampleSource::Stored if is_late => {
+                        self.counts.late += count
+                    }
+                    SampleSource::Traced => self.counts.traced += count,
+                    SampleSource::Stored => self.counts.stored += count,
                 }
             }
         }

@@ -10,7 +10,7 @@ use holo_net::{Outbox, SceneReceiver};
 use holo_proto::{
     bulk::BlobChunk,
     control::{Control, SceneInfo},
-    stand_ins::{StandIn, decode},
+    stand_ins::{StandInRecord, decode},
 };
 use holo_raycast::{Hierarchies, Raycaster};
 use holo_scene::Scene;
@@ -120,7 +120,7 @@ fn build_stand_ins(blob: &[u8], hash: [u8; 32]) -> Result<Vec<LoadedStandIn>> {
         "the stand-ins' bytes do not have the announced hash"
     );
     let parts = decode(blob).context("reading the server's stand-ins")?;
-    let build = |part: StandIn| {
+    let build = |part: StandInRecord| {
         let build = || {
             Raycaster::build(Arc::new(Scene::unpack(&part.packed)?)).map_err(anyhow::Error::from)
         };
