@@ -113,7 +113,9 @@ impl SurfacesDriver {
 
     /// Replaces the scene, and forgets all samples.
     pub(crate) fn change_scene(&mut self, raycaster: Arc<Raycaster>) {
+        let interrupt = std::mem::take(&mut self.interrupt);
         *self = Self::new(Arc::clone(&self.sections), raycaster, self.denoiser.take());
+        self.interrupt = interrupt;
     }
 
     /// Puts all waiting samples into the store, and removes those that must leave it.

@@ -8,7 +8,8 @@ use crate::SurfacesDriver;
 use crate::portals::{Beyond, looking_beyond};
 use holo_denoise::Denoiser;
 use holo_display::{
-    BeamSearch, Driver, DriverError, Frame, LiveSample, Look, Search, SurfaceAt, section_of,
+    BeamSearch, Driver, DriverError, Frame, Interrupt, LiveSample, Look, Search, SurfaceAt,
+    section_of,
 };
 use holo_picture::View;
 use holo_raycast::Raycaster;
@@ -93,6 +94,20 @@ impl Driver for StandInsDriver {
         }
     }
 
+    fn insert_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
+        self.driver.insert_earlier(beam, paths, samples);
+        if let Some(Beyond { driver, .. }) = &mut self.beyond {
+            driver.insert_earlier(beam, paths, samples);
+        }
+    }
+
+    fn remove_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) -> bool {
+        let beyond = self.beyond.as_mut();
+        let is_gone =
+            beyond.is_none_or(|beyond| beyond.driver.remove_earlier(beam, paths, samples));
+        self.driver.remove_earlier(beam, paths, samples) && is_gone
+    }
+
     fn insert_unseen(&mut self, beam: BeamKey) {
         // The geometry shows what lies along such a beam, except beyond portals.
         if let Some(Beyond { driver, .. }) = &mut self.beyond {
@@ -111,6 +126,10 @@ impl Driver for StandInsDriver {
         self.driver.draw_for_file();
     }
 
+    fn end_early_by(&mut self, interrupt: Interrupt) {
+        self.driver.end_early_by(interrupt);
+    }
+
     fn settle(&mut self) {
         self.driver.settle();
     }
@@ -121,7 +140,9 @@ impl Driver for StandInsDriver {
 
     fn draw(&mut self, stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
         let mut frame = self.driver.draw(stage_ended);
-        if let Some(beyond) = &mut self.beyond {
+        // An interrupted frame has nothing in it.
+        let is_whole = frame.depth.len() > 1;
+        if let Some(beyond) = self.beyond.as_mut().filter(|_| is_whole) {
             beyond.paint(&mut frame);
         }
         frame

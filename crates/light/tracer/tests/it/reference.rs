@@ -65,7 +65,8 @@ struct Block {
 }
 
 fn compare(scene: &str, picture: &str, bounces: Option<u32>, view: &View) {
-    let shared: PathBuf = [env!("CARGO_MANIFEST_DIR"), "..", "..", "..", "..", "shared"].iter().collect();
+    let shared: PathBuf =
+        [env!("CARGO_MANIFEST_DIR"), "..", "..", "..", "..", "shared"].iter().collect();
     let obj = shared.join("scenes").join(scene).join(format!("{scene}.obj"));
     let reference = shared.join("reference").join(format!("{picture}.pfm"));
     let errors = shared.join("reference").join(format!("{picture}_se.pfm"));

@@ -1,0 +1,169 @@
+//! What every driver must do. A wrapper that forwards too little fails here.
+
+use holo_contract::{Room, RoomSample, SUBJECTS, Subject, Viewer};
+use holo_display::Frame;
+
+/// More pixels than a view whose first picture is its best.
+const SIZE: (u32, u32) = (400, 300);
+const VIEW: &str = "-vp 2.6 1.2 1.5 -vd 0.1 1 -0.15 -vu 0 0 1 -vh 75";
+const BESIDE: &str = "-vp 2.8 1.3 1.5 -vd 0.2 1 -0.15 -vu 0 0 1 -vh 75";
+
+fn bits(frame: &Frame) -> Vec<[u32; 3]> {
+    frame.picture.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+}
+
+fn mean(frame: &Frame) -> f64 {
+    let sum: f64 = frame.picture.pixels.iter().map(|pixel| f64::from(pixel[1])).sum();
+    sum / frame.picture.pixels.len() as f64
+}
+
+/// Returns a viewer of the room's view with these samples.
+fn viewer(room: &Room, subject: &Subject, samples: &[RoomSample]) -> Viewer {
+    let mut viewer = subject.make(room);
+    viewer.look(&room.view(VIEW, SIZE), SIZE, false);
+    viewer.insert(samples);
+    viewer
+}
+
+fn samples(room: &Room, seed: u64) -> Vec<RoomSample> {
+    let mut samples = room.samples_of_view(&room.view(VIEW, SIZE), 40_000, seed);
+    samples.extend(room.samples(10_000, seed));
+    samples
+}
+
+#[test]
+fn an_interrupt_ends_a_frame_at_rest_but_no_first_one_and_none_for_a_file() {
+    let room = Room::new();
+    for subject in &SUBJECTS {
+        let mut viewer = viewer(&room, subject, &samples(&room, 1));
+        viewer.interrupt.set();
+        assert!(viewer.draw(SIZE).is_some(), "{}: the first frame", subject.name);
+        viewer.settle();
+        let at_rest = viewer.draw(SIZE);
+        assert_eq!(at_rest.is_none(), subject.ends_early, "{}: at rest", subject.name);
+        assert!(viewer.draw_for_file(SIZE).is_some(), "{}: for a file", subject.name);
+        viewer.interrupt.clear();
+        assert!(viewer.draw(SIZE).is_some(), "{}: without interrupt", subject.name);
+    }
+}
+
+#[test]
+fn earlier_light_is_shown_and_fades() {
+    let room = Room::new();
+    let (present, before) = (samples(&room, 1), samples(&room, 2));
+    let (few, bright) = (&present[..2000], room.brighter(&before, 8.0));
+    for subject in &SUBJECTS {
+        let drawn = |viewer: &mut Viewer| {
+            viewer.settle();
+            viewer.draw_for_file(SIZE).unwrap()
+        };
+        let without = drawn(&mut viewer(&room, subject, few));
+        let mut edited = viewer(&room, subject, few);
+        edited.insert_earlier(&bright);
+        let with_earlier = drawn(&mut edited);
+        assert!(mean(&with_earlier) > 1.2 * mean(&without), "{}: it is shown", subject.name);
+        assert_eq!(edited.remove_earlier(&bright), subject.forgets_earlier, "{}", subject.name);
+        if subject.forgets_earlier {
+            assert!(bits(&drawn(&mut edited)) == bits(&without), "{}: it fades", subject.name);
+        }
+    }
+}
+
+#[test]
+fn the_order_of_samples_changes_no_bit() {
+    let room = Room::new();
+    let samples = samples(&room, 3);
+    let backwards: Vec<RoomSample> = samples.iter().rev().copied().collect();
+    for subject in SUBJECTS.iter().filter(|subject| subject.ignores_order) {
+        let drawn = |samples: &[RoomSample], pause: bool| {
+            let (early, late) = samples.split_at(samples.len() / 3);
+            let mut viewer = viewer(&room, subject, early);
+            if pause {
+                viewer.draw(SIZE).unwrap();
+            }
+            viewer.insert(late);
+            viewer.settle();
+            bits(&viewer.draw_for_file(SIZE).unwrap())
+        };
+        let once = drawn(&samples, false);
+        assert!(once == drawn(&backwards, false), "{}: backwards", subject.name);
+        assert!(once == drawn(&samples, true), "{}: with a frame between", subject.name);
+    }
+}
+
+#[test]
+fn the_same_calls_draw_the_same_bits() {
+    let room = Room::new();
+    let (samples, beside) = (samples(&room, 4), room.view(BESIDE, SIZE));
+    for subject in &SUBJECTS {
+        let drawn = || {
+            let mut viewer = viewer(&room, subject, &samples);
+            let first = bits(&viewer.draw(SIZE).unwrap());
+            viewer.look(&beside, SIZE, true);
+            (first, bits(&viewer.draw(SIZE).unwrap()))
+        };
+        assert!(drawn() == drawn(), "{}", subject.name);
+    }
+}
+
+#[test]
+fn a_driver_without_a_scene_works() {
+    let room = Room::new();
+    let samples = samples(&room, 5);
+    for subject in SUBJECTS.iter().filter(|subject| subject.needs_no_scene) {
+        let mut viewer = viewer(&room, subject, &samples);
+        let frame = viewer.draw(SIZE).unwrap();
+        let lit = frame.picture.pixels.iter().filter(|pixel| pixel[1] > 0.0).count();
+        assert!(2 * lit > frame.depth.len(), "{}: {lit} pixels", subject.name);
+        let depths = viewer.depths();
+        assert!(depths.iter().any(|depth| *depth > 0.0), "{}", subject.name);
+        let with_depth = frame.depth.iter().filter(|depth| **depth > 0.0).count();
+        assert!(2 * with_depth > frame.depth.len(), "{}: {with_depth} pixels", subject.name);
+    }
+}
+
+#[test]
+fn nothing_is_known_before_the_first_view_and_outside_a_picture() {
+    let room = Room::new();
+    for subject in &SUBJECTS {
+        let mut unused = subject.make(&room);
+        unused.insert(&room.samples(100, 6));
+        assert!(unused.draw(SIZE).is_none(), "{}", subject.name);
+        assert!(unused.distance_at(0, 0).is_none() && unused.uncovered().is_empty());
+        let mut used = viewer(&room, subject, &samples(&room, 6));
+        used.draw(SIZE).unwrap();
+        let outside = [used.distance_at(SIZE.0, 0), used.distance_at(0, SIZE.1)];
+        assert_eq!(outside, [None; 2], "{}", subject.name);
+    }
+}
+
+#[test]
+fn a_moving_eye_wants_no_live_rays() {
+    let room = Room::new();
+    let past = room.view("-vp 2.6 0.1 2.85 -vd 0.2 1 -0.5 -vu 0 0 1 -vh 80", SIZE);
+    let mut wanting = 0;
+    for subject in &SUBJECTS {
+        let mut viewer = subject.make(&room);
+        viewer.look(&past, SIZE, false);
+        wanting += usize::from(!viewer.uncovered().is_empty());
+        viewer.look(&past, SIZE, true);
+        assert!(viewer.uncovered().is_empty(), "{}", subject.name);
+    }
+    assert!(wanting >= 5, "{wanting} drivers want live rays at rest");
+}
+
+#[test]
+fn a_driver_with_room_shows_samples_of_one_view_in_the_next() {
+    let room = Room::new();
+    let beside = room.view(BESIDE, SIZE);
+    for subject in &SUBJECTS {
+        let mut viewer = viewer(&room, subject, &samples(&room, 8));
+        if viewer.room() == 0 {
+            continue;
+        }
+        viewer.look(&beside, SIZE, false);
+        viewer.settle();
+        let frame = viewer.draw(SIZE).unwrap();
+        assert!(frame.samples_used > 10_000, "{}: {}", subject.name, frame.samples_used);
+    }
+}
