@@ -12,6 +12,8 @@
 
 mod room;
 mod subject;
+#[path = "../../display/tests/common/viewer.rs"]
+mod viewer;
 
 pub use room::{Room, RoomSample};
 pub use subject::{SUBJECTS, Subject, Viewer};

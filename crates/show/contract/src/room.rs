@@ -206,7 +206,7 @@ impl Room {
     pub fn samples(&self, count: u64, seed: u64) -> Vec<RoomSample> {
         let sample = |number: u64| {
             let bits = split_mix(seed << 32 | number);
-            let section = (number % 8 == 0) as u16;
+            let section = u16::from(number.is_multiple_of(8));
             let beam = BeamId(bits % self.sections[usize::from(section)].beam_count());
             let coords = RayCoords((split_mix(bits) as u32).to_le_bytes());
             self.sample(section, beam, coords, split_mix(bits ^ 1))

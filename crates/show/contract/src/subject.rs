@@ -1,11 +1,13 @@
 //! Every driver, and one way to use any of them.
 
+use crate::viewer;
 use crate::{Room, RoomSample};
 use holo_display::{Driver, Frame, Interrupt, Look, Resolution};
-use holo_driver_quadtree::{Filling, QuadtreeDriver};
-use holo_driver_rendercache::{FramelessDriver, PointImageParams, RenderCacheDriver};
-use holo_driver_surfaces::{StandIn, StandIns, StandInsDriver, SurfacesDriver};
+use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
+use holo_driver_rendercache::{PointImageParams, frameless_driver, pointimage_driver};
+use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver};
 use holo_picture::{Picture, View};
+use holo_raycast::Raycaster;
 use holo_section::BeamKey;
 use std::sync::Arc;
 
@@ -13,7 +15,7 @@ use std::sync::Arc;
 pub struct Subject {
     /// Its name in tests.
     pub name: &'static str,
-    make: fn(&Room) -> Box<dyn Driver>,
+    make: fn(&Room) -> Driver,
     /// Its frames at rest are a function of the set of samples, in any order.
     pub ignores_order: bool,
     /// Its frames at rest end when they are interrupted. Others are drawn too fast for that.
@@ -30,7 +32,7 @@ pub const SUBJECTS: [Subject; 7] = [
         name: "surfaces",
         make: |room| {
             let (sections, scene) = (Arc::clone(&room.sections), Arc::clone(&room.raycaster));
-            Box::new(SurfacesDriver::new(sections, scene, None))
+            surfaces_driver(sections, scene, None)
         },
         ignores_order: true,
         ends_early: true,
@@ -39,17 +41,7 @@ pub const SUBJECTS: [Subject; 7] = [
     },
     Subject {
         name: "surfaces of stand-ins",
-        make: |room| {
-            let (sections, sky) = (Arc::clone(&room.sections), room.sky());
-            let stand_in = StandIn { geometry: Some(Arc::clone(&room.simple)), portals: None };
-            Box::new(StandInsDriver::new(
-                Arc::clone(&room.sections),
-                Arc::clone(&room.raycaster),
-                StandIns([(0, stand_in)].into()),
-                None,
-                Box::new(move || Box::new(QuadtreeDriver::new(Arc::clone(&sections), sky))),
-            ))
-        },
+        make: |room| with_stand_in(room, None),
         ignores_order: true,
         ends_early: true,
         forgets_earlier: true,
@@ -57,18 +49,7 @@ pub const SUBJECTS: [Subject; 7] = [
     },
     Subject {
         name: "surfaces of stand-ins with a portal",
-        make: |room| {
-            let (sections, sky) = (Arc::clone(&room.sections), room.sky());
-            let geometry = Some(Arc::clone(&room.simple));
-            let stand_in = StandIn { geometry, portals: Some(Arc::clone(&room.portal)) };
-            Box::new(StandInsDriver::new(
-                Arc::clone(&room.sections),
-                Arc::clone(&room.raycaster),
-                StandIns([(0, stand_in)].into()),
-                None,
-                Box::new(move || Box::new(QuadtreeDriver::new(Arc::clone(&sections), sky))),
-            ))
-        },
+        make: |room| with_stand_in(room, Some(&room.portal)),
         ignores_order: true,
         ends_early: true,
         // The driver beyond the portal does not.
@@ -77,7 +58,7 @@ pub const SUBJECTS: [Subject; 7] = [
     },
     Subject {
         name: "quadtree",
-        make: |room| Box::new(QuadtreeDriver::new(Arc::clone(&room.sections), room.sky())),
+        make: |room| quadtree_driver(Arc::clone(&room.sections), room.sky()),
         ignores_order: true,
         ends_early: false,
         forgets_earlier: false,
@@ -87,7 +68,7 @@ pub const SUBJECTS: [Subject; 7] = [
         name: "cells",
         make: |room| {
             let sections = Arc::clone(&room.sections);
-            Box::new(QuadtreeDriver::of_cells(sections, room.sky(), Filling::Smooth))
+            cells_driver(sections, room.sky(), Filling::Smooth)
         },
         ignores_order: true,
         ends_early: false,
@@ -98,7 +79,7 @@ pub const SUBJECTS: [Subject; 7] = [
         name: "pointimage",
         make: |room| {
             let params = PointImageParams::default();
-            Box::new(RenderCacheDriver::new(Arc::clone(&room.sections), room.sky(), params))
+            pointimage_driver(Arc::clone(&room.sections), room.sky(), params)
         },
         ignores_order: false,
         ends_early: false,
@@ -107,7 +88,7 @@ pub const SUBJECTS: [Subject; 7] = [
     },
     Subject {
         name: "frameless",
-        make: |room| Box::new(FramelessDriver::new(Arc::clone(&room.sections), room.sky())),
+        make: |room| frameless_driver(Arc::clone(&room.sections), room.sky()),
         ignores_order: false,
         ends_early: false,
         forgets_earlier: false,
@@ -115,112 +96,122 @@ pub const SUBJECTS: [Subject; 7] = [
     },
 ];
 
+/// Returns the driver of the room with simpler geometry.
+fn with_stand_in(room: &Room, portal: Option<&Arc<Raycaster>>) -> Driver {
+    let (sections, sky) = (Arc::clone(&room.sections), room.sky());
+    let stand_in =
+        StandIn { geometry: Some(Arc::clone(&room.simple)), portals: portal.map(Arc::clone) };
+    stand_ins_driver(
+        Arc::clone(&room.sections),
+        Arc::clone(&room.raycaster),
+        StandIns([(0, stand_in)].into()),
+        None,
+        Arc::new(move || quadtree_driver(Arc::clone(&sections), sky)),
+    )
+}
+
 impl Subject {
     /// Makes the driver.
     #[must_use]
     pub fn make(&self, room: &Room) -> Viewer {
-        let mut driver = (self.make)(room);
-        let interrupt = Interrupt::default();
-        driver.end_early_by(interrupt.clone());
-        Viewer { driver, interrupt }
+        Viewer(viewer::Viewer::new((self.make)(room)))
     }
 }
 
 /// A driver in use, as a session uses it.
-pub struct Viewer {
-    driver: Box<dyn Driver>,
-    /// Ends frames at rest.
-    pub interrupt: Interrupt,
-}
+pub struct Viewer(viewer::Viewer);
 
 impl Viewer {
+    /// Returns a viewer of another view of the same light.
+    #[must_use]
+    pub fn beside(&self) -> Viewer {
+        Viewer(self.0.beside())
+    }
+
+    /// Returns the signal that ends frames at rest.
+    #[must_use]
+    pub fn interrupt(&self) -> &Interrupt {
+        &self.0.interrupt
+    }
+
     /// Shows a view.
     pub fn look(&mut self, view: &View, size: (u32, u32), is_moving: bool) {
         let resolution = if is_moving { Resolution::Moving } else { Resolution::Full };
         let look = Look { view: *view, size, resolution };
-        self.driver.weigh(&look, Vec::new()).unwrap();
-        self.driver.look(&look).unwrap();
-        self.driver.set_nearest(0.5);
+        self.0.weigh(&look, Vec::new()).unwrap();
+        self.0.viewpoint_radius(&look, 0.5);
+        self.0.look(&look).unwrap();
     }
 
     /// Inserts samples one by one.
     pub fn insert(&mut self, samples: &[RoomSample]) {
         for (beam, sample) in samples {
-            self.driver.insert(*beam, 1, std::slice::from_ref(sample));
+            self.0.insert(*beam, 1, std::slice::from_ref(sample));
         }
     }
 
     /// Inserts samples of the scene before an edit.
     pub fn insert_earlier(&mut self, samples: &[RoomSample]) {
         for (beam, sample) in samples {
-            self.driver.insert_earlier(*beam, 1, std::slice::from_ref(sample));
+            self.0.insert_earlier(*beam, 1, std::slice::from_ref(sample));
         }
     }
 
     /// Takes samples of the scene before an edit out again. Returns whether the driver could.
     pub fn remove_earlier(&mut self, samples: &[RoomSample]) -> bool {
-        let remove = |(beam, sample): &RoomSample| {
-            self.driver.remove_earlier(*beam, 1, std::slice::from_ref(sample))
-        };
-        samples.iter().map(remove).fold(true, |all, removed| all && removed)
+        let mut is_able = true;
+        for (beam, sample) in samples {
+            is_able &= self.0.remove_earlier(*beam, 1, std::slice::from_ref(sample));
+        }
+        is_able
     }
 
     /// Marks beams as unseen.
     pub fn insert_unseen(&mut self, beams: &[BeamKey]) {
-        beams.iter().for_each(|&beam| self.driver.insert_unseen(beam));
+        beams.iter().for_each(|&beam| self.0.insert_unseen(beam));
     }
 
     /// Inserts live rays through all pixels that want some. Returns their number.
     pub fn insert_live(&mut self, room: &Room, view: &View, size: (u32, u32)) -> usize {
-        let pixels = self.driver.uncovered();
-        self.driver.insert_live(1, &room.live(view, size, &pixels));
+        let pixels = self.uncovered();
+        self.0.insert_live(1, &room.live(view, size, &pixels));
         pixels.len()
     }
 
     /// Returns the pixels that want live rays.
-    #[must_use]
     pub fn uncovered(&mut self) -> Vec<u32> {
-        self.driver.uncovered()
+        self.0.uncovered()
     }
 
     /// Reports that all samples of the view have arrived, and does all work in advance.
     pub fn settle(&mut self) {
-        self.driver.settle();
-        while self.driver.prepare() {}
+        self.0.settle();
+        while self.0.prepare() {}
     }
 
-    /// Draws a frame of `size` pixels; `None` if it was interrupted.
-    pub fn draw(&mut self, size: (u32, u32)) -> Option<Frame> {
-        let frame = self.driver.draw(&mut |_| {});
-        (frame.picture.size() == size).then_some(frame)
+    /// Draws a frame; `None` without a view, and if it was interrupted.
+    pub fn draw(&mut self) -> Option<Frame> {
+        self.0.try_draw()
     }
 
     /// Draws a frame for a file.
-    pub fn draw_for_file(&mut self, size: (u32, u32)) -> Option<Frame> {
-        self.driver.draw_for_file();
-        self.draw(size)
+    pub fn draw_for_file(&mut self) -> Frame {
+        self.0.draw_for_file()
     }
 
-    /// Draws the left part of a picture; `None` if the driver cannot, or was interrupted.
-    pub fn draw_part(&mut self, view: &View, size: (u32, u32)) -> Option<Picture> {
-        let look = Look { view: *view, size, resolution: Resolution::Full };
-        let plan = self.driver.plan_parts(&look)?;
-        self.driver.draw_part(&plan, 0..size.0 / 2, 0..size.1)
+    /// Draws the left half of a picture; `None` if the driver cannot, or was interrupted.
+    pub fn draw_half(&mut self, view: &View, size: (u32, u32)) -> Option<Picture> {
+        self.0.draw_half(&Look { view: *view, size, resolution: Resolution::Full })
     }
 
     /// Returns the known distances from the eye.
     pub fn depths(&mut self) -> Vec<f32> {
-        self.driver.depth()
+        self.0.depths()
     }
 
-    /// Returns the distance of the surface under a pixel, if it is known.
-    pub fn distance_at(&mut self, column: u32, row: u32) -> Option<f32> {
-        Some(self.driver.surface_at(column, row)?.distance)
-    }
-
-    /// Returns how many samples the driver keeps from view to view.
+    /// Returns how many samples the light keeps from view to view.
     #[must_use]
     pub fn room(&self) -> u64 {
-        self.driver.room()
+        self.0.room()
     }
 }

@@ -8,12 +8,15 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod stored;
+#[path = "../../display/tests/common/viewer.rs"]
+mod viewer;
 
-use holo_display::{Driver, Look, Resolution};
-use holo_driver_surfaces::SurfacesDriver;
+use holo_display::{Look, Resolution};
+use holo_driver_surfaces::surfaces_driver;
 use holo_picture::View;
 use std::time::Instant;
 use stored::{Stored, seconds};
+use viewer::Viewer;
 
 /// Frames drawn while the eye moves.
 const FRAMES: u32 = 20;
@@ -31,7 +34,7 @@ fn main() {
     let args: Vec<String> = std::env::args().collect();
     let [_, file, name, out] = &args[..] else { panic!("see the source") };
     let Stored { raycaster, sections, beams, view, size } = Stored::read(file, name);
-    let mut driver = SurfacesDriver::new(sections, raycaster, None);
+    let mut driver = Viewer::new(surfaces_driver(sections, raycaster, None));
     let count: usize = beams.iter().map(|(_, read)| read.samples.len()).sum();
     let look = |view: View, resolution| Look { view, size, resolution };
 
@@ -40,13 +43,13 @@ fn main() {
     });
     let half = look(view, Resolution::Half);
     timed("half, nothing known: look, ms", 1, 1e3, || driver.look(&half).unwrap());
-    timed("half, nothing known: draw, ms", 1, 1e3, || drop(driver.draw(&mut |_| {})));
+    timed("half, nothing known: draw, ms", 1, 1e3, || drop(driver.draw()));
     let full = look(view, Resolution::Full);
-    let finish = |driver: &mut SurfacesDriver| while driver.prepare() {};
+    let finish = |driver: &mut Viewer| while driver.prepare() {};
     timed("full: look, ms", 1, 1e3, || driver.look(&full).unwrap());
-    timed("full: first draw, ms", 1, 1e3, || drop(driver.draw(&mut |_| {})));
+    timed("full: first draw, ms", 1, 1e3, || drop(driver.draw()));
     timed("full: look into edges, ms", 1, 1e3, || finish(&mut driver));
-    timed("full: draw again, ms", 1, 1e3, || drop(driver.draw(&mut |_| {})));
+    timed("full: draw again, ms", 1, 1e3, || drop(driver.draw()));
     let steps: Vec<Look> = (0..FRAMES)
         .rev()
         .map(|step| {
@@ -60,14 +63,14 @@ fn main() {
     });
     timed("moving: draw, ms", FRAMES, 1e3, || {
         for _ in 0..FRAMES {
-            drop(driver.draw(&mut |_| {}));
+            drop(driver.draw());
         }
     });
     timed("stopped: look, ms", 1, 1e3, || driver.look(&full).unwrap());
     let mut stopped = None;
-    timed("stopped: draw, ms", 1, 1e3, || stopped = Some(driver.draw(&mut |_| {})));
+    timed("stopped: draw, ms", 1, 1e3, || stopped = Some(driver.draw()));
     stopped.unwrap().picture.write(format!("{out}-stopped.pfm")).unwrap();
     driver.settle();
     finish(&mut driver);
-    driver.draw(&mut |_| {}).picture.write(format!("{out}-refined.pfm")).unwrap();
+    driver.draw().picture.write(format!("{out}-refined.pfm")).unwrap();
 }

@@ -1,14 +1,14 @@
 //! The list of drivers: the only place that names them all.
 //!
-//! A new driver is a crate that implements [`Driver`], an option in [`DriverArg`], and an arm here.
+//! A new driver is a crate that makes a [`Driver`], an option in [`DriverArg`], and an arm here.
 
 use std::sync::Arc;
 
 use holo_denoise::Quality;
 use holo_display::Driver;
-use holo_driver_quadtree::{Filling, QuadtreeDriver};
-use holo_driver_rendercache::{FramelessDriver, RenderCacheDriver};
-use holo_driver_surfaces::{StandIns, StandInsDriver, SurfacesDriver};
+use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
+use holo_driver_rendercache::{frameless_driver, pointimage_driver};
+use holo_driver_surfaces::{StandIns, stand_ins_driver, surfaces_driver};
 use holo_raycast::Raycaster;
 use holo_section::Section;
 
@@ -59,35 +59,30 @@ impl DriverChoice {
     }
 
     /// Makes the chosen driver. Without a scene, `auto` draws cells from samples only.
-    pub fn make(&self, scene: Option<&LoadedScene>) -> Box<dyn Driver> {
+    pub fn make(&self, scene: Option<&LoadedScene>) -> Driver {
         let sections = Arc::clone(&self.sections);
         let sky = self.sky;
         match self.args.driver {
-            DriverArg::Quadtree => Box::new(QuadtreeDriver::new(sections, sky)),
-            DriverArg::Pointimage => {
-                Box::new(RenderCacheDriver::new(sections, sky, self.points.params()))
-            }
-            DriverArg::Frameless => Box::new(FramelessDriver::new(sections, sky)),
+            DriverArg::Quadtree => quadtree_driver(sections, sky),
+            DriverArg::Pointimage => pointimage_driver(sections, sky, self.points.params()),
+            DriverArg::Frameless => frameless_driver(sections, sky),
             DriverArg::Auto | DriverArg::Surfaces => match scene {
                 Some(scene) => self.surfaces(scene),
-                None => Box::new(QuadtreeDriver::of_cells(sections, sky, self.filling())),
+                None => cells_driver(sections, sky, self.filling()),
             },
         }
     }
 
-    fn surfaces(&self, scene: &LoadedScene) -> Box<dyn Driver> {
+    fn surfaces(&self, scene: &LoadedScene) -> Driver {
         let (sections, raycaster) = (Arc::clone(&self.sections), Arc::clone(&scene.raycaster));
         // `check` has already loaded a library that was named.
         let denoiser = self.args.denoise.load(Quality::Balanced).unwrap_or_default();
         if scene.stand_ins.0.is_empty() {
-            return Box::new(SurfacesDriver::new(sections, raycaster, denoiser));
+            return surfaces_driver(sections, raycaster, denoiser);
         }
         let (of_beyond, sky) = (Arc::clone(&sections), self.sky);
-        let make = move || -> Box<dyn Driver> {
-            Box::new(QuadtreeDriver::new(Arc::clone(&of_beyond), sky))
-        };
-        let stand_ins = scene.stand_ins.clone();
-        Box::new(StandInsDriver::new(sections, raycaster, stand_ins, denoiser, Box::new(make)))
+        let make = move || quadtree_driver(Arc::clone(&of_beyond), sky);
+        stand_ins_driver(sections, raycaster, scene.stand_ins.clone(), denoiser, Arc::new(make))
     }
 
     fn filling(&self) -> Filling {

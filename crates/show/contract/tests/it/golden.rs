@@ -67,7 +67,7 @@ fn walk(lines: &mut Lines, room: &Room, subject: &Subject, size: (u32, u32)) {
     let count = u64::from(size.0) * u64::from(size.1) / 2;
     let mut viewer = subject.make(room);
     let mut draw = |viewer: &mut holo_contract::Viewer, phase: &str| {
-        lines.add(&named(phase), &viewer.draw(size).unwrap());
+        lines.add(&named(phase), &viewer.draw().unwrap());
     };
     viewer.look(&ahead, size, false);
     draw(&mut viewer, "without samples");
@@ -81,12 +81,12 @@ fn walk(lines: &mut Lines, room: &Room, subject: &Subject, size: (u32, u32)) {
     viewer.settle();
     draw(&mut viewer, "refined");
     draw(&mut viewer, "refined again");
-    lines.add(&named("for a file"), &viewer.draw_for_file(size).unwrap());
-    if let Some(part) = viewer.draw_part(&out, size) {
+    lines.add(&named("for a file"), &viewer.draw_for_file());
+    if let Some(part) = viewer.draw_half(&out, size) {
         lines.add_picture(&named("a part"), &part, &[]);
     }
     let mut draw = |viewer: &mut holo_contract::Viewer, phase: &str| {
-        lines.add(&named(phase), &viewer.draw(size).unwrap());
+        lines.add(&named(phase), &viewer.draw().unwrap());
     };
     viewer.look(&beside, size, true);
     draw(&mut viewer, "moving");

@@ -3,9 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
 use crate::common::section;
+use crate::viewer::Viewer;
 use glam::DVec3;
-use holo_display::{Driver, Frame, LiveSample, Look, Resolution, Search, select_beams};
-use holo_driver_quadtree::{Filling, QuadtreeDriver};
+use holo_display::{Frame, LiveSample, Look, Resolution, Search, select_beams};
+use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_picture::View;
 use holo_section::{BeamId, BeamKey, Sample, Section, ViewClass};
 use std::sync::Arc;
@@ -21,11 +22,11 @@ fn cube() -> Section {
 }
 
 /// A driver of each kind.
-fn drivers() -> [QuadtreeDriver; 3] {
+fn drivers() -> [Viewer; 3] {
     let sections: Arc<[Section]> = Arc::from([cube()]);
-    let cells = |filling| QuadtreeDriver::of_cells(Arc::clone(&sections), SKY, filling);
-    let leaves = QuadtreeDriver::new(Arc::clone(&sections), SKY);
-    [leaves, cells(Filling::Smooth), cells(Filling::Constant)]
+    let cells = |filling| cells_driver(Arc::clone(&sections), SKY, filling);
+    let leaves = quadtree_driver(Arc::clone(&sections), SKY);
+    [leaves, cells(Filling::Smooth), cells(Filling::Constant)].map(Viewer::new)
 }
 
 /// A view from the middle of the cube, turned to the right by so many degrees.
@@ -36,16 +37,16 @@ fn view(degrees: f64) -> View {
 }
 
 /// Starts a view.
-fn look(driver: &mut QuadtreeDriver, degrees: f64, resolution: Resolution) {
+fn look(driver: &mut Viewer, degrees: f64, resolution: Resolution) {
     driver.look(&Look { view: view(degrees), size: SIZE, resolution }).unwrap();
 }
 
-fn draw(driver: &mut QuadtreeDriver) -> Frame {
-    driver.draw(&mut |_| {})
+fn draw(driver: &mut Viewer) -> Frame {
+    driver.draw()
 }
 
 /// Starts a view and draws what there is already.
-fn glance(driver: &mut QuadtreeDriver, degrees: f64) -> Frame {
+fn glance(driver: &mut Viewer, degrees: f64) -> Frame {
     look(driver, degrees, Resolution::Full);
     draw(driver)
 }
@@ -64,13 +65,13 @@ fn samples(degrees: f64) -> Vec<(BeamId, Sample)> {
     (0..SIZE.0 * SIZE.1).map(sample).collect()
 }
 
-fn put(driver: &mut dyn Driver, samples: &[(BeamId, Sample)]) {
+fn put(driver: &mut Viewer, samples: &[(BeamId, Sample)]) {
     samples.iter().for_each(|(beam, sample)| {
         driver.insert(BeamKey { section: 0, beam: *beam }, 1, &[*sample])
     });
 }
 
-fn put_unseen(driver: &mut dyn Driver, beam: BeamId) {
+fn put_unseen(driver: &mut Viewer, beam: BeamId) {
     driver.insert_unseen(BeamKey { section: 0, beam });
 }
 
@@ -152,33 +153,14 @@ fn at_half_resolution_four_pixels_show_one_and_the_samples_are_kept_for_the_full
 #[test]
 fn what_is_asked_of_the_scene_is_told_by_the_view_s_own_samples() {
     for mut driver in drivers() {
-        assert!(driver.depth().is_empty() && driver.surface_beams(Search::Thorough).is_none());
+        assert!(driver.depths().is_empty() && driver.surface_beams(Search::Thorough).is_none());
         look(&mut driver, 0.0, Resolution::Full);
         put(&mut driver, &samples(0.0));
         let near = |depth: &f32| (f64::from(*depth) / RADIUS - 1.0).abs() < 0.04;
-        assert!(!driver.depth().is_empty() && driver.depth().iter().all(near));
+        assert!(!driver.depths().is_empty() && driver.depths().iter().all(near));
         assert!(!driver.surface_beams(Search::Thorough).unwrap()().is_empty());
         look(&mut driver, 5.0, Resolution::Full);
-        assert!(driver.depth().is_empty() && driver.surface_beams(Search::Thorough).is_none());
-    }
-}
-
-#[test]
-fn the_distance_under_a_pixel_is_that_of_the_last_frame() {
-    for mut driver in drivers() {
-        assert_eq!(driver.surface_at(3, 4), None);
-        look(&mut driver, 0.0, Resolution::Full);
-        put(&mut driver, &samples(0.0));
-        assert_eq!(driver.surface_at(3, 4), None, "nothing is drawn yet");
-        let frame = draw(&mut driver);
-        let surface = driver.surface_at(3, 4).unwrap();
-        assert_eq!(surface.distance, frame.depth[(4 * SIZE.0 + 3) as usize]);
-        assert!((f64::from(surface.distance) / RADIUS - 1.0).abs() < 0.04);
-        assert_eq!(surface.triangle, None);
-        assert_eq!(driver.surface_at(SIZE.0, 0), None);
-        assert_eq!(driver.surface_at(0, SIZE.1), None);
-        glance(&mut driver, 50.0);
-        assert_eq!(driver.surface_at(3, 4), None, "nothing is known here");
+        assert!(driver.depths().is_empty() && driver.surface_beams(Search::Thorough).is_none());
     }
 }
 
@@ -199,7 +181,7 @@ fn unseen_beams_show_the_sky_until_the_next_view_has_settled() {
 }
 
 /// A view past the side of the cube, and live rays through the middles of its uncovered pixels.
-fn past(driver: &mut QuadtreeDriver, resolution: Resolution) -> (Vec<u32>, Vec<LiveSample>) {
+fn past(driver: &mut Viewer, resolution: Resolution) -> (Vec<u32>, Vec<LiveSample>) {
     let eye = DVec3::new(-2.0, 0.5, 0.0);
     let view = View::new(eye, DVec3::X, DVec3::Z, Some(60.0), None, SIZE).unwrap();
     driver.look(&Look { view, size: SIZE, resolution }).unwrap();
@@ -248,7 +230,7 @@ fn a_driver_without_a_view_has_a_name_and_shows_nothing() {
         assert_eq!(driver.name(), name);
         put(&mut driver, &samples(0.0));
         driver.settle();
-        assert_eq!(draw(&mut driver).samples_used, 0);
+        assert!(driver.try_draw().is_none());
         assert!(driver.uncovered().is_empty());
         // Samples that came before the first view are lost.
         assert_eq!(glance(&mut driver, 0.0).samples_used, 0);

@@ -2,9 +2,10 @@
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
+use crate::viewer::Viewer;
 use glam::DVec3;
-use holo_display::{Driver, Frame, Interrupt, Look, Resolution};
-use holo_driver_surfaces::SurfacesDriver;
+use holo_display::{Frame, Look, Resolution};
+use holo_driver_surfaces::surfaces_driver;
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
@@ -68,7 +69,7 @@ fn look_of(size: (u32, u32), options: &str, resolution: Resolution) -> Look {
 }
 
 /// Inserts dark samples along the same rays, which no frame has shown yet.
-fn insert_dark(driver: &mut SurfacesDriver, section: &Section, samples: &[(BeamKey, Sample)]) {
+fn insert_dark(driver: &mut Viewer, section: &Section, samples: &[(BeamKey, Sample)]) {
     for (beam, sample) in samples {
         let distance = sample.distance(section.diagonal());
         let dark = Sample::encode(sample.coords, [0.0; 3], distance, section.diagonal(), 0);
@@ -76,12 +77,12 @@ fn insert_dark(driver: &mut SurfacesDriver, section: &Section, samples: &[(BeamK
     }
 }
 
-fn draw(driver: &mut SurfacesDriver) -> Frame {
-    driver.draw(&mut |_| {})
+fn draw(driver: &mut Viewer) -> Frame {
+    driver.draw()
 }
 
 /// Does all work that improves the next frame.
-fn finish(driver: &mut SurfacesDriver) {
+fn finish(driver: &mut Viewer) {
     while driver.prepare() {}
 }
 
@@ -92,7 +93,7 @@ const ASIDE: &str = "-vp 0.3 -0.2 1.2 -vd 0.2 0 -1 -vu 0 1 0 -vh 50";
 #[test]
 fn a_new_view_shows_the_light_that_earlier_views_brought() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = Viewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     driver.look(&look(DOWN, Resolution::Full)).unwrap();
     assert!(draw(&mut driver).empty_pixels > 0, "nothing is known yet");
     for (beam, sample) in samples(&sections[0], 60_000) {
@@ -114,7 +115,7 @@ fn a_new_view_shows_the_light_that_earlier_views_brought() {
 #[test]
 fn a_moving_eye_sees_the_light_that_the_last_picture_found() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = Viewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     for (beam, sample) in samples(&sections[0], 60_000) {
         driver.insert(beam, 1, &[sample]);
     }
@@ -153,7 +154,7 @@ fn a_moving_eye_sees_the_light_that_the_last_picture_found() {
 fn known_light_of_a_coat_serves_an_eye_that_moves_round_it() {
     let coat = Bsdf::Coated { kd: [ALBEDO; 3], ks: [1.0; 3], ior: 1.5, alpha: 0.1 };
     let (sections, raycaster) = floor_of(coat);
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = Viewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     let samples = samples(&sections[0], 60_000);
     samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
     driver.look(&look(DOWN, Resolution::Full)).unwrap();
@@ -170,7 +171,7 @@ fn known_light_of_a_coat_serves_an_eye_that_moves_round_it() {
 fn a_frame_counts_the_glossy_pixels_whose_gleams_are_a_guess() {
     let guessed = |bsdf: Bsdf| {
         let (sections, raycaster) = floor_of(bsdf);
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+        let mut driver = Viewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
         driver.look(&look(DOWN, Resolution::Full)).unwrap();
         for (beam, sample) in samples(&sections[0], 2_000) {
             driver.insert(beam, 1, &[sample]);
@@ -191,7 +192,8 @@ fn a_frame_counts_the_glossy_pixels_whose_gleams_are_a_guess() {
 fn a_glance_shows_known_light_first_unless_the_driver_settles() {
     let (sections, raycaster) = floor();
     let shown = |options: &str, settles: bool| {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        let mut driver =
+            Viewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
         let samples = samples(&sections[0], 60_000);
         samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
         driver.look(&look(DOWN, Resolution::Full)).unwrap();
@@ -217,10 +219,10 @@ fn a_glance_shows_known_light_first_unless_the_driver_settles() {
 #[test]
 fn a_glance_shows_the_light_of_the_last_picture_also_if_that_was_finer() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = Viewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     let samples = samples(&sections[0], 60_000);
     let middle = (SIZE.1 / 2 * SIZE.0 + SIZE.0 / 2) as usize;
-    let shown = |driver: &mut SurfacesDriver, resolution| {
+    let shown = |driver: &mut Viewer, resolution| {
         driver.look(&look(DOWN, resolution)).unwrap();
         draw(driver).picture.pixels[middle][1] / LIGHT
     };
@@ -240,7 +242,8 @@ fn the_first_frame_after_a_stop_shows_known_light_unless_it_is_for_a_file() {
     let samples = samples(&sections[0], 60_000);
     let middle = (SIZE.1 / 2 * SIZE.0 + SIZE.0 / 2) as usize;
     for (is_for_file, first) in [(false, 1.0), (true, 0.5)] {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        let mut driver =
+            Viewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
         samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
         driver.look(&look(DOWN, Resolution::Full)).unwrap();
         draw(&mut driver);
@@ -249,11 +252,10 @@ fn the_first_frame_after_a_stop_shows_known_light_unless_it_is_for_a_file() {
         driver.look(&look(DOWN, Resolution::Full)).unwrap();
         // All samples have arrived, but the person waits for the first frame.
         driver.settle();
-        if is_for_file {
-            driver.draw_for_file();
-        }
-        for expected in [first, 0.5] {
-            let shown = draw(&mut driver).picture.pixels[middle][1] / LIGHT;
+        for (number, expected) in [first, 0.5].into_iter().enumerate() {
+            let is_file = is_for_file && number == 0;
+            let frame = if is_file { driver.draw_for_file() } else { driver.draw() };
+            let shown = frame.picture.pixels[middle][1] / LIGHT;
             assert!((shown - expected).abs() < 0.1, "{shown}, {expected} expected");
         }
     }
@@ -262,7 +264,7 @@ fn the_first_frame_after_a_stop_shows_known_light_unless_it_is_for_a_file() {
 #[test]
 fn the_second_picture_of_a_large_view_at_rest_is_the_refined_one() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = Viewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     for (beam, sample) in samples(&sections[0], 60_000) {
         driver.insert(beam, 1, &[sample]);
     }
@@ -317,7 +319,8 @@ fn a_picture_is_drawn_as_well_as_possible_once_no_more_samples_come() {
     let samples: Vec<_> =
         samples(section, 300_000).into_iter().filter_map(in_view).cycle().take(1_200_000).collect();
     let driver = || {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        let mut driver =
+            Viewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
         samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
         driver.look(&look_of(LARGE, DOWN, Resolution::Full)).unwrap();
         driver.settle();
@@ -331,15 +334,14 @@ fn a_picture_is_drawn_as_well_as_possible_once_no_more_samples_come() {
     assert!(!of_frames.refines() && soon != best);
     assert!(draw(&mut of_frames).picture.pixels == best);
     let mut of_file = driver();
-    of_file.draw_for_file();
-    assert!(draw(&mut of_file).picture.pixels == best);
+    assert!(of_file.draw_for_file().picture.pixels == best);
     assert!(!of_file.refines());
 }
 
 #[test]
 fn the_first_picture_of_a_small_view_is_the_refined_one() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = Viewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     for (beam, sample) in samples(&sections[0], 60_000) {
         driver.insert(beam, 1, &[sample]);
     }
@@ -355,7 +357,8 @@ fn edges_are_looked_into_while_samples_pour_in() {
     let (sections, raycaster) = floor();
     let (beam, sample) = samples(&sections[0], 100)[0];
     for pours in [false, true] {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        let mut driver =
+            Viewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
         driver.look(&look_of(LARGE, WIDE, Resolution::Full)).unwrap();
         let count = if pours { 1 << 16 } else { 1 << 10 };
         driver.insert(beam, 1, &vec![sample; count]);
@@ -372,7 +375,8 @@ fn the_order_of_samples_changes_no_bit() {
     let mut all = samples(&sections[0], 20_000);
     let mut pictures = Vec::new();
     for _ in 0..2 {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        let mut driver =
+            Viewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
         driver.look(&look(DOWN, Resolution::Full)).unwrap();
         all.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
         pictures.push(draw(&mut driver).picture.pixels);
@@ -386,7 +390,8 @@ fn preparing_between_samples_changes_no_bit() {
     let (sections, raycaster) = floor();
     let samples = samples(&sections[0], 40_000);
     let drawn = |prepares: bool| {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        let mut driver =
+            Viewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
         driver.look(&look(DOWN, Resolution::Full)).unwrap();
         for some in samples.chunks(9000) {
             if prepares {
@@ -405,9 +410,8 @@ fn preparing_between_samples_changes_no_bit() {
 #[test]
 fn a_signal_ends_frames_at_rest_and_no_others() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
-    let interrupt = Interrupt::default();
-    driver.end_early_by(interrupt.clone());
+    let mut driver = Viewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
+    let interrupt = driver.interrupt.clone();
     for (beam, sample) in samples(&sections[0], 20_000) {
         driver.insert(beam, 1, &[sample]);
     }
@@ -417,9 +421,9 @@ fn a_signal_ends_frames_at_rest_and_no_others() {
     finish(&mut driver);
     let undisturbed = draw(&mut driver).picture.pixels;
     interrupt.set();
-    assert!(draw(&mut driver).picture.pixels.len() < pixels, "the frame ended early");
-    driver.draw_for_file();
-    assert_eq!(draw(&mut driver).picture.pixels.len(), pixels, "a picture for a file is whole");
+    assert!(driver.try_draw().is_none(), "the frame ended early");
+    let for_file = driver.draw_for_file().picture.pixels.len();
+    assert_eq!(for_file, pixels, "a picture for a file is whole");
     driver.look(&look(WIDE, Resolution::Moving)).unwrap();
     assert_eq!(draw(&mut driver).picture.pixels.len(), pixels, "frames go on while the eye moves");
     interrupt.clear();
@@ -431,29 +435,27 @@ fn a_signal_ends_frames_at_rest_and_no_others() {
 }
 
 #[test]
-fn depth_under_a_pixel_is_that_of_the_surface() {
+fn depth_of_a_pixel_is_that_of_the_surface() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(sections, raycaster, None);
-    assert!(driver.surface_at(0, 0).is_none(), "there is no view");
-    driver.look(&look("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60", Resolution::Full)).unwrap();
-    let middle = driver.surface_at(SIZE.0 / 2, SIZE.1 / 2).unwrap();
-    assert!((middle.distance - 1.0).abs() < 1e-2, "{}", middle.distance);
+    let mut driver = Viewer::new(surfaces_driver(sections, raycaster, None));
+    assert!(driver.depths().is_empty(), "there is no view");
     // A parallel view from the same height, and one from a far eye.
     for (options, depth) in [
+        ("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60", 1.0),
         ("-vtl -vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 2", 1.0),
         ("-vp 0 0 4000 -vd 0 0 -1 -vu 0 1 0 -vh 0.05", 4000.0),
         ("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60 -vo 0.5", 1.0),
     ] {
         driver.look(&look(options, Resolution::Full)).unwrap();
-        let middle = driver.surface_at(SIZE.0 / 2, SIZE.1 / 2).unwrap();
-        assert!((middle.distance / depth - 1.0).abs() < 1e-2, "{options}: {}", middle.distance);
+        let middle = driver.depths()[(SIZE.1 / 2 * SIZE.0 + SIZE.0 / 2) as usize];
+        assert!((middle / depth - 1.0).abs() < 1e-2, "{options}: {middle}");
     }
 }
 
 #[test]
 fn clipping_surfaces_cut_the_scene_its_light_and_the_sky() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = Viewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     for (beam, sample) in samples(&sections[0], 60_000) {
         driver.insert(beam, 1, &[sample]);
     }
@@ -470,7 +472,8 @@ fn clipping_surfaces_cut_the_scene_its_light_and_the_sky() {
 fn light_of_the_scene_before_an_edit_is_shown_until_new_light_comes() {
     let (sections, raycaster) = floor();
     let new = || {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        let mut driver =
+            Viewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
         driver.look(&look(DOWN, Resolution::Full)).unwrap();
         driver
     };
@@ -483,7 +486,7 @@ fn light_of_the_scene_before_an_edit_is_shown_until_new_light_comes() {
         (*beam, Sample::encode(sample.coords, [3.0 * LIGHT, 0.0, 0.0], distance, diagonal, 0))
     };
     let old: Vec<_> = old.iter().map(before).collect();
-    let shown = |driver: &mut SurfacesDriver| {
+    let shown = |driver: &mut Viewer| {
         draw(driver);
         finish(driver);
         draw(driver).picture.pixels
@@ -491,10 +494,10 @@ fn light_of_the_scene_before_an_edit_is_shown_until_new_light_comes() {
     let green = |pixels: &[[f32; 3]]| {
         pixels.iter().map(|pixel| f64::from(pixel[1])).sum::<f64>() / pixels.len() as f64
     };
-    let insert = |driver: &mut SurfacesDriver, samples: &[(BeamKey, Sample)]| {
+    let insert = |driver: &mut Viewer, samples: &[(BeamKey, Sample)]| {
         samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
     };
-    let insert_earlier = |driver: &mut SurfacesDriver| {
+    let insert_earlier = |driver: &mut Viewer| {
         old.iter().for_each(|(beam, sample)| driver.insert_earlier(*beam, 1, &[*sample]));
     };
     let mut driver = new();

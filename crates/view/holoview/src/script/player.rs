@@ -173,8 +173,11 @@ impl Player {
         if !self.session.has_view() {
             bail!("there is no view to take a picture of");
         }
-        let drawn = if can_wait { self.session.draw_for_file() } else { self.session.draw() };
-        let report = write_picture(&self.session, path.to_owned(), &self.config.look, drawn)?;
+        let (frame, stages) =
+            if can_wait { self.session.draw_for_file() } else { self.session.draw() };
+        let frame = frame.context("drawing the view")?;
+        let look = &self.config.look;
+        let report = write_picture(&self.session, path.to_owned(), look, (frame, stages))?;
         if self.config.json {
             holo_progress::print_line!("{}", serde_json::to_string(&report)?);
         } else {
@@ -185,13 +188,13 @@ impl Player {
 
     /// Prints what a pixel shows to standard output.
     fn probe(&mut self, column: u32, row: u32) -> Result<()> {
-        let (frame, _) = self.session.draw();
+        let frame = self.session.draw().0.context("there is no view to probe")?;
         let Some(radiance) = frame.picture.get(column, row) else {
             bail!("pixel {column} {row} lies outside the picture");
         };
-        let surface = self.session.surface_at(column, row);
-        let distance = surface.map(|surface| surface.distance);
-        let triangle = surface.and_then(|surface| surface.triangle);
+        let distance = frame.depth.get((row * frame.picture.width + column) as usize).copied();
+        let distance = distance.filter(|distance| *distance > 0.0);
+        let triangle = self.session.triangle_at(column, row);
         let luminance = luminance(radiance);
         if self.config.json {
             let line = json!({

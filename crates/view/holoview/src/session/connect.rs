@@ -217,9 +217,8 @@ impl Connected {
                 Arrived::Stop => return Ok(None),
             }
         }
-        let mut driver = self.choice.make(scene.as_deref());
+        let driver = self.choice.make(scene.as_deref());
         let interrupt = Interrupt::default();
-        driver.end_early_by(interrupt.clone());
         let sections = self.choice.sections.len();
         Ok(Some(Session {
             driver,

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use holo_display::{Driver, Look, UsefulBeam};
+use holo_display::{Age, Light, Look, Renderer, UsefulBeam, ViewPhases};
 use holo_proto::bulk::{LiveSamples, Samples, Source, WantedBeam};
 
 use super::{live::LiveRays, received::Received};
@@ -10,6 +10,7 @@ use super::{live::LiveRays, received::Received};
 /// A view and what has arrived for it.
 pub struct CurrentView {
     pub look: Look,
+    pub phases: ViewPhases,
     /// Beams that the view crosses, with their weights.
     pub wanted: Vec<WantedBeam>,
     /// Distance of the nearest visible surface, scene units, as well as it is known.
@@ -35,8 +36,8 @@ pub struct CurrentView {
     pub received: Received,
     pub since: Instant,
     pub counts: Counts,
-    /// When single rays were last requested.
-    pub rays_asked: Instant,
+    /// When single rays were last requested. `None` if the driver never wants any.
+    pub rays_asked: Option<Instant>,
 }
 
 /// Number of samples that have arrived for a view.
@@ -68,8 +69,8 @@ pub enum Asked {
 }
 
 impl CurrentView {
-    /// Passes samples to the driver, except those that it already has.
-    pub fn insert(&mut self, driver: &mut dyn Driver, message: &Samples) {
+    /// Passes samples to the driver's light, except those that it already has.
+    pub fn insert(&mut self, light: &mut dyn Light, message: &Samples) {
         let is_late = message.view < self.first_request;
         if !is_late && !matches!(message.source, Source::Part | Source::Earlier) {
             let seconds = self.since.elapsed().as_secs_f64();
@@ -78,12 +79,12 @@ impl CurrentView {
         for (run, samples) in message.iter() {
             if message.source == Source::Earlier {
                 let present = self.received.count(run.key);
-                self.counts.stored += self.received.earlier.insert(driver, run, samples, present);
+                self.counts.stored += self.received.earlier.insert(light, run, samples, present);
                 continue;
             }
             for fresh in self.received.add(run) {
                 let count = fresh.len() as u64;
-                driver.insert(run.key, run.paths, &samples[fresh]);
+                light.insert(Age::Present, run.key, run.paths, &samples[fresh]);
                 self.received.earlier.note(run.key, count);
                 match message.source {
                     Source::Part | Source::Earlier => self.counts.parts += count,
@@ -96,20 +97,20 @@ impl CurrentView {
     }
 
     /// Takes the samples of an earlier generation out of the driver that no longer count.
-    pub fn fade(&mut self, driver: &mut dyn Driver) {
+    pub fn fade(&mut self, light: &mut dyn Light) {
         let mut earlier = std::mem::take(&mut self.received.earlier);
-        earlier.fade(driver, |key| self.received.count(key));
+        earlier.fade(light, |key| self.received.count(key));
         self.received.earlier = earlier;
     }
 
-    /// Passes live rays to the driver, if they were requested for this view.
-    pub fn insert_live(&mut self, driver: &mut dyn Driver, message: &LiveSamples) {
+    /// Passes live rays to the renderer, if they were requested for this view.
+    pub fn insert_live(&mut self, renderer: &mut dyn Renderer, message: &LiveSamples) {
         if message.view == self.first_request
             && let Some(live) = &mut self.live
         {
             let fresh = live.take(&message.samples);
             if !fresh.is_empty() {
-                driver.insert_live(live.paths(), &fresh);
+                renderer.insert_live(live.paths(), &fresh);
             }
         }
     }

@@ -9,7 +9,8 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use holo_display::{
-    Look, Resolution, Search, SelectOptions, Selection, UsefulBeam, select_beams, viewpoint,
+    Look, Resolution, Search, SelectOptions, Selection, UsefulBeam, ViewPhases, select_beams,
+    viewpoint,
 };
 use holo_picture::ViewSpec;
 use holo_proto::{
@@ -88,7 +89,7 @@ impl Session {
         let resolution = self.pace.next(Instant::now());
         let look = Look { view, size, resolution };
         let has_glance = resolution == Resolution::Full && !look.is_small();
-        if has_glance && self.driver.keeps_samples() {
+        if has_glance && self.keeps_samples() {
             self.look(Look { resolution: Resolution::Half, ..look })?;
             let until = Some(self.since() + GLANCE);
             self.current.iter_mut().for_each(|current| current.glance_until = until);
@@ -104,12 +105,14 @@ impl Session {
         current.glance_until = None;
         current.look.resolution = Resolution::Full;
         let look = current.look;
-        self.driver.look(&look)?;
+        self.driver.renderer.look(&look)?;
         if current.asked == Asked::All {
-            self.driver.settle();
+            current.phases.settle();
+            self.driver.renderer.settle();
         }
-        let uncovered = if self.welcome.tracing { self.driver.uncovered() } else { Vec::new() };
+        let uncovered = self.uncovered();
         let paths = self.welcome.settings.paths_per_sample;
+        let Some(current) = &mut self.current else { return Ok(()) };
         current.live = LiveRays::new(uncovered, look.view, look.size, paths);
         Ok(())
     }
@@ -136,7 +139,7 @@ impl Session {
     /// # Errors
     /// If the driver cannot show the view, or no section covers any of it.
     pub fn look(&mut self, look: Look) -> Result<()> {
-        if self.is_moving && self.driver.keeps_samples() && self.requested_just_now() {
+        if self.is_moving && self.keeps_samples() && self.requested_just_now() {
             return self.look_on(look);
         }
         let since = Instant::now();
@@ -144,7 +147,7 @@ impl Session {
         let is_inside = sections.iter().any(|section| section.contains(look.view.vp));
         let is_moving = |view: &CurrentView| view.look.resolution == Resolution::Moving;
         let stops = !self.is_moving && self.current.as_ref().is_some_and(is_moving);
-        let has_light = self.has_whole_file() || (stops && self.driver.keeps_samples());
+        let has_light = self.has_whole_file() || (stops && self.keeps_samples());
         if self.is_walked && is_inside && has_light && self.current.is_some() {
             // Most light is already here, so the view is shown before anything is requested.
             self.look_on(look)?;
@@ -166,7 +169,7 @@ impl Session {
         }
         let diagonal = sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
         let nearest = GUESSED_DISTANCE * diagonal;
-        let beams = self.driver.weigh(&look, beams)?;
+        let beams = self.driver.renderer.wishes().weigh(&look, beams)?;
         let wanted = beams.iter().map(|beam| WantedBeam {
             key: beam.key,
             weight: beam.weight,
@@ -177,23 +180,28 @@ impl Session {
         self.request_number += 1;
         let before = self.current.take();
         let had_live = before.as_ref().is_some_and(|before| before.live.is_some());
-        let received = before.filter(|_| self.driver.keeps_samples()).map(|before| before.received);
+        let phases = match &before {
+            Some(before) if has_looked => before.phases,
+            before => phases_after(before.as_ref(), &look),
+        };
+        let received = before.filter(|_| self.keeps_samples()).map(|before| before.received);
         let received = received.unwrap_or_default();
         // The request goes first: samples are under way while the driver evaluates the view.
-        self.request(&look, nearest, wanted.clone(), &received)?;
+        let radius = self.driver.renderer.wishes().viewpoint_radius(&look, nearest);
+        self.request(&look, radius, wanted.clone(), &received)?;
         if had_live {
             // Cancels the live rays of the view before.
             let none = LiveWanted { view: self.request_number, pixels: 0, rays: Vec::new() };
             self.outbox.send(Kind::LiveWanted, &none.encode())?;
         }
         if !has_looked {
-            self.driver.look(&look)?;
+            self.driver.renderer.look(&look)?;
         }
-        self.driver.set_nearest(nearest);
         let paths = self.welcome.settings.paths_per_sample;
-        let uncovered = if self.welcome.tracing { self.driver.uncovered() } else { Vec::new() };
+        let uncovered = self.uncovered();
         self.current = Some(CurrentView {
             look,
+            phases,
             wanted,
             nearest,
             nearest_is_seen: false,
@@ -208,12 +216,12 @@ impl Session {
             received,
             since,
             counts: Counts::default(),
-            rays_asked: since,
+            rays_asked: Some(since),
         });
         self.ask_rays()?;
-        if self.driver.knows_depth() {
+        if self.driver.knows_surfaces {
             self.see_nearest()?;
-            if self.driver.keeps_samples() {
+            if self.keeps_samples() {
                 // Such a driver chooses beams without waiting for samples.
                 self.ask_on(false)?;
             }
@@ -244,6 +252,14 @@ impl Session {
         self.ask_for_all()
     }
 
+    /// Returns the pixels of the current view that live rays can improve, if the server traces.
+    fn uncovered(&mut self) -> Vec<u32> {
+        match self.welcome.tracing {
+            true => self.driver.renderer.wishes().uncovered(),
+            false => Vec::new(),
+        }
+    }
+
     /// Returns whether the last request is too recent to be replaced while the eye moves.
     fn requested_just_now(&self) -> bool {
         let has_crossed = self.current.as_ref().is_none_or(|current| current.has_crossed);
@@ -253,8 +269,8 @@ impl Session {
     /// Shows a view while samples for the view before still arrive.
     fn look_on(&mut self, look: Look) -> Result<()> {
         let Some(current) = &mut self.current else { return Ok(()) };
-        self.driver.look(&look)?;
-        self.driver.set_nearest(current.nearest);
+        self.driver.renderer.look(&look)?;
+        current.phases = phases_after(Some(current), &look);
         current.look = look;
         // The live rays belonged to another view.
         current.live = None;
@@ -275,7 +291,7 @@ impl Session {
         let Some(current) = &self.current else { return Ok(None) };
         let rests = current.since + AT_REST;
         let nearest = (!current.nearest_is_seen).then(|| current.since + NEAREST_AFTER);
-        let rays = current.rays_asked + RAYS_EVERY;
+        let rays = current.rays_asked.filter(|_| !ending).map(|asked| asked + RAYS_EVERY);
         let search = current.since + SEARCH_AFTER;
         let searches = current.asks_later && !self.is_moving;
         let closely = current.glance_until;
@@ -293,18 +309,17 @@ impl Session {
             self.current.iter_mut().for_each(|current| current.asks_later = false);
             self.ask_on(ending)?;
         }
-        let asks_rays = !ending && self.driver.wants_rays();
-        if asks_rays && now >= rays {
+        let asks_rays = rays.is_some_and(|at| now >= at);
+        if asks_rays {
             self.ask_rays()?;
         }
         // A person who moves on at once does not need live rays, and they delay stored samples.
         if !ending && now >= rests {
             self.ask_live()?;
         }
-        let rays = if now >= rays { now + RAYS_EVERY } else { rays };
+        let rays = if asks_rays { Some(now + RAYS_EVERY) } else { rays };
         let ahead = if ending { None } else { self.ask_ahead(now)? };
         let search = searches.then_some(search);
-        let rays = asks_rays.then_some(rays);
         let due = [Some(rests), closely, search, nearest, rays, ahead];
         Ok(due.into_iter().flatten().filter(|at| *at > now).min())
     }
@@ -339,7 +354,7 @@ impl Session {
             }
             Asked::All => return Ok(()),
         };
-        let Some(search) = self.driver.surface_beams(search) else {
+        let Some(search) = self.driver.renderer.wishes().surface_beams(search) else {
             return self.has_all(ending);
         };
         let first_request = current.first_request;
@@ -383,7 +398,7 @@ impl Session {
     /// Records that all stored samples for the view have arrived.
     fn has_all(&mut self, ending: bool) -> Result<()> {
         self.current.iter_mut().for_each(|current| current.asked = Asked::All);
-        self.driver.settle();
+        self.settle_view();
         if ending { self.ask_to_settle() } else { Ok(()) }
     }
 
@@ -420,21 +435,22 @@ impl Session {
         self.request_current(wanted)
     }
 
-    fn request_current(&self, wanted: Vec<WantedBeam>) -> Result<()> {
+    fn request_current(&mut self, wanted: Vec<WantedBeam>) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
-        self.request(&current.look, current.nearest, wanted, &current.received)
+        let (look, nearest) = (current.look, current.nearest);
+        let radius = self.driver.renderer.wishes().viewpoint_radius(&look, nearest);
+        self.request(&look, radius, wanted, &current.received)
     }
 
-    /// Sends a request for a view whose nearest visible surface is at distance `nearest`. Stored
-    /// samples of a beam are not sent if all of them are in `received`.
+    /// Sends a request for a view whose rays should pass within `radius` of the eye. Stored samples
+    /// of a beam are not sent if all of them are in `received`.
     fn request(
         &self,
         look: &Look,
-        nearest: f64,
+        radius: f64,
         mut beams: Vec<WantedBeam>,
         received: &Received,
     ) -> Result<()> {
-        let radius = self.driver.viewpoint_radius(&look.view, look.size, nearest);
         let viewpoint = viewpoint(&self.choice.sections, &look.view, radius);
         for beam in &mut beams {
             beam.held = received.held(beam.key);
@@ -453,7 +469,7 @@ impl Session {
     /// Takes the distance of the nearest visible surface from the picture, and requests rays that
     /// pass the eye accordingly.
     fn see_nearest(&mut self) -> Result<()> {
-        let mut depths = self.driver.depth();
+        let mut depths = self.driver.renderer.wishes().depths();
         let Some(current) = &mut self.current else { return Ok(()) };
         current.nearest_is_seen = true;
         depths.retain(|&depth| depth > 0.0 && depth.is_finite());
@@ -463,7 +479,6 @@ impl Session {
         let at = (depths.len() as f64 * NEARER_PIXELS) as usize;
         let (_, &mut nearest, _) = depths.select_nth_unstable_by(at, f32::total_cmp);
         current.nearest = f64::from(nearest);
-        self.driver.set_nearest(current.nearest);
         let wanted = current.wanted.clone();
         self.request_current(wanted)
     }
@@ -472,8 +487,9 @@ impl Session {
     fn ask_rays(&mut self) -> Result<()> {
         let traces = self.welcome.tracing && !self.is_paused;
         let Some(current) = self.current.as_mut().filter(|_| traces) else { return Ok(()) };
-        current.rays_asked = Instant::now();
-        let rays = self.driver.wanted_rays().into_iter();
+        let wanted = self.driver.renderer.wishes().rays();
+        current.rays_asked = wanted.is_some().then(Instant::now);
+        let rays = wanted.unwrap_or_default().into_iter();
         let rays = rays.map(|(key, coords)| WantedRay { key, coords });
         let request = RaysWanted { view: self.request_number, rays: rays.collect() };
         if request.rays.is_empty() {
@@ -496,4 +512,19 @@ impl Session {
         let request = LiveWanted { view: current.first_request, pixels: live.pixels(), rays };
         Ok(self.outbox.send(Kind::LiveWanted, &request.encode())?)
     }
+}
+
+/// Returns the phases of a view that follows `before`. A view that was drawn in a glance has had
+/// its first frame.
+fn phases_after(before: Option<&CurrentView>, look: &Look) -> ViewPhases {
+    let is_moving = look.resolution == Resolution::Moving;
+    let mut phases = ViewPhases::after(before.map(|before| &before.phases), is_moving);
+    let glanced = |before: &CurrentView| {
+        let Look { view, resolution, .. } = before.look;
+        view == look.view && resolution == Resolution::Half && before.phases.is_drawn()
+    };
+    if before.is_some_and(glanced) {
+        phases.note_frame();
+    }
+    phases
 }

@@ -34,13 +34,14 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use holo_display::{Driver, Frame, Interrupt, Look, PartsPlan, SurfaceAt};
+use holo_display::{Driver, Frame, Interrupt, Look, PartsPlan, Phase};
 use holo_net::{Message, Outbox};
-use holo_picture::{Picture, ViewSpec};
+use holo_picture::{Picture, View, ViewSpec};
 use holo_proto::{
     bulk::Source,
     control::{Control, Status, Welcome},
 };
+use holo_raycast::Ray;
 
 use crate::{
     args::PointArgs,
@@ -70,7 +71,7 @@ const SETTLE_TIME: Duration = Duration::from_secs(60);
 pub struct Session {
     welcome: Welcome,
     choice: DriverChoice,
-    driver: Box<dyn Driver>,
+    driver: Driver,
     /// Ends the drawing of a frame at rest.
     interrupt: Interrupt,
     /// The scene, once it has arrived.
@@ -176,7 +177,7 @@ impl Session {
 
     /// Returns the driver's name.
     pub fn driver_name(&self) -> &'static str {
-        self.driver.name()
+        self.driver.name
     }
 
     /// Returns how many samples have arrived for the current view.
@@ -207,10 +208,10 @@ impl Session {
     /// # Errors
     /// If the driver has no such part.
     pub fn switch(&mut self, part: &str, on: bool) -> Result<()> {
-        if !self.driver.switch(part, on) {
+        if !self.driver.renderer.switch(part, on) {
             bail!(
                 "driver {} has no part `{part}` to switch; `--driver pointimage` has parts",
-                self.driver.name()
+                self.driver.name
             );
         }
         self.choice.points.switch(part, on);
@@ -223,11 +224,22 @@ impl Session {
     }
 
     /// Draws the current view with the samples that have arrived, and measures the driver's stages.
-    pub fn draw(&mut self) -> (Frame, Vec<StageTime>) {
+    /// There is no frame without a view, and if the frame was interrupted.
+    pub fn draw(&mut self) -> (Option<Frame>, Vec<StageTime>) {
+        let phase = self.current.as_ref().map_or(Phase::First, |current| current.phases.next());
+        self.draw_in(phase)
+    }
+
+    /// Draws as [`draw`](Self::draw) does, as well as the driver can. Nothing interrupts the frame.
+    pub fn draw_for_file(&mut self) -> (Option<Frame>, Vec<StageTime>) {
+        self.draw_in(Phase::File)
+    }
+
+    fn draw_in(&mut self, phase: Phase) -> (Option<Frame>, Vec<StageTime>) {
         let mut stages: Vec<StageTime> = Vec::new();
         let begin = Instant::now();
         let mut last = begin;
-        let frame = self.driver.draw(&mut |stage| {
+        let frame = self.driver.renderer.draw(phase, &self.interrupt, &mut |stage| {
             let now = Instant::now();
             let milliseconds = 1e3 * now.saturating_duration_since(last).as_secs_f64();
             last = now;
@@ -237,22 +249,17 @@ impl Session {
             }
         });
         self.drawing = begin.elapsed();
-        if let Some(until) = self.current.as_mut().and_then(|view| view.glance_until.as_mut()) {
-            *until = begin;
+        if let Some(view) = self.current.as_mut().filter(|_| frame.is_some()) {
+            view.phases.note_frame();
+            view.glance_until.iter_mut().for_each(|until| *until = begin);
         }
         (frame, stages)
-    }
-
-    /// Draws as [`draw`](Self::draw) does, as well as the driver can.
-    pub fn draw_for_file(&mut self) -> (Frame, Vec<StageTime>) {
-        self.driver.draw_for_file();
-        self.draw()
     }
 
     /// Plans a picture that is drawn in parts beside the current view, from the samples that have
     /// arrived. `None` if the driver cannot draw parts.
     pub fn plan_parts(&mut self, look: &Look) -> Option<PartsPlan> {
-        self.driver.plan_parts(look)
+        self.driver.renderer.parts().map(|parts| parts.plan(look))
     }
 
     /// Draws these columns and rows of a planned picture. `None` if it was interrupted.
@@ -262,28 +269,46 @@ impl Session {
         columns: Range<u32>,
         rows: Range<u32>,
     ) -> Option<Picture> {
-        self.driver.draw_part(plan, columns, rows)
+        self.driver.renderer.parts()?.part(plan, columns, rows, &self.interrupt)
     }
 
-    /// Returns the signal that ends the drawing of a frame at rest. That frame has nothing in it.
+    /// Returns the signal that ends the drawing of frames at rest and of parts.
     pub fn interrupt(&self) -> Interrupt {
         self.interrupt.clone()
     }
 
     /// Returns whether drawing again would improve the frame without any new samples.
     pub fn refines(&self) -> bool {
-        self.driver.refines()
+        self.driver.renderer.refines()
     }
 
     /// Lets the driver finish all work that improves the next frame without further samples.
     pub fn finish_view(&mut self) {
-        self.driver.settle();
-        while self.driver.prepare() {}
+        self.settle_view();
+        while self.driver.renderer.prepare() {}
     }
 
-    /// Returns the surface under a pixel of the current view.
-    pub fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
-        self.driver.surface_at(column, row)
+    /// Reports that all stored samples of the current view have arrived.
+    fn settle_view(&mut self) {
+        self.driver.renderer.settle();
+        self.current.iter_mut().for_each(|current| current.phases.settle());
+    }
+
+    /// Returns whether samples of one view serve the next.
+    fn keeps_samples(&self) -> bool {
+        self.driver.light.room() > 0
+    }
+
+    /// Returns the triangle of the scene under the middle of a pixel of the current view. `None`
+    /// if nothing is there, and if the driver does not draw from the scene.
+    pub fn triangle_at(&self, column: u32, row: u32) -> Option<u32> {
+        let (look, scene) = (self.current.as_ref()?.look, self.scene.as_ref()?);
+        let (x, y) = View::pixel_centre(look.size, column, row);
+        let (origin, direction, reach) = look.view.clipped_ray(x, y)?;
+        let (ray, skipped) = scene.raycaster.localize(origin, direction)?;
+        let ray = Ray { t_max: (reach - skipped) as f32, ..ray };
+        let hit = scene.raycaster.nearest(&ray).filter(|_| self.driver.knows_surfaces);
+        hit.map(|hit| hit.triangle)
     }
 
     /// Processes messages until `deadline`, and meanwhile sends the requests that are due.
@@ -305,7 +330,7 @@ impl Session {
     pub fn settle(&mut self) -> Result<()> {
         self.settle_once()?;
         let Some(current) = &mut self.current else { return Ok(()) };
-        current.fade(self.driver.as_mut());
+        current.fade(self.driver.light.as_mut());
         if current.received.earlier.is_stuck(true) {
             // Only a new driver of this kind shows none. Nothing more is traced for that.
             let was_paused = std::mem::replace(&mut self.is_paused, true);
@@ -362,7 +387,7 @@ impl Session {
                     // A search uses the same threads and brings samples, so it goes first.
                     let is_searching =
                         self.current.as_ref().is_some_and(|current| current.is_searching);
-                    if !is_searching && Instant::now() < until && self.driver.prepare() {
+                    if !is_searching && Instant::now() < until && self.driver.renderer.prepare() {
                         continue;
                     }
                     self.messages.recv_timeout(until.saturating_duration_since(Instant::now()))
@@ -404,7 +429,8 @@ impl Session {
     }
 
     fn samples(&mut self, message: Message) -> Result<()> {
-        let (driver, newest) = (self.driver.as_mut(), self.request_number);
+        let (keeps_samples, newest) = (self.keeps_samples(), self.request_number);
+        let Driver { light, renderer, .. } = &mut self.driver;
         let current = self.current.as_mut();
         let is_of =
             |current: &CurrentView, number| (current.first_request..=newest).contains(&number);
@@ -415,13 +441,13 @@ impl Session {
                 }
                 let counts = |current: &&mut CurrentView| {
                     matches!(samples.source, Source::Part | Source::Earlier)
-                        || driver.keeps_samples()
+                        || keeps_samples
                         || is_of(current, samples.view)
                 };
                 if let Some(current) = current.filter(counts) {
-                    current.insert(driver, &samples);
+                    current.insert(light.as_mut(), &samples);
                     if current.received.earlier.is_due() {
-                        current.fade(driver);
+                        current.fade(light.as_mut());
                     }
                     if current.received.earlier.is_stuck(false) {
                         self.make_driver()?;
@@ -431,13 +457,13 @@ impl Session {
             Message::Unseen(unseen) => {
                 if current.is_some_and(|current| is_of(current, unseen.view)) {
                     for &beam in &unseen.beams {
-                        driver.insert_unseen(beam);
+                        light.insert_unseen(beam);
                     }
                 }
             }
             Message::LiveSamples(samples) => {
                 if let Some(current) = current {
-                    current.insert_live(driver, &samples);
+                    current.insert_live(renderer.as_mut(), &samples);
                 }
             }
             _ => bail!("the server sent a message that is not for a display"),
@@ -486,7 +512,6 @@ impl Session {
     /// Creates the chosen driver again, and shows it the current view.
     fn make_driver(&mut self) -> Result<()> {
         self.driver = self.choice.make(self.scene.as_deref());
-        self.driver.end_early_by(self.interrupt.clone());
         self.ahead.restart();
         if let Some(current) = &mut self.current {
             current.received = Received::default();

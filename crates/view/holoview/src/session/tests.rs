@@ -128,7 +128,7 @@ async fn a_large_view_is_glanced_at_until_it_is_drawn_and_a_small_one_is_not() {
             session.show(&view(), size).unwrap();
             // Two neighbouring pixels never see points at the same distance.
             let differing = |session: &mut Session| {
-                let depth = session.draw().0.depth;
+                let depth = session.draw().0.unwrap().depth;
                 depth.windows(2).filter(|pair| pair[0] != pair[1]).count()
             };
             let pixels = (size.0 * size.1) as usize;

@@ -444,11 +444,8 @@ impl Painter {
         }
         let looked = Instant::now();
         let samples = self.arrived();
-        let (mut frame, _) = self.session.draw();
-        if frame.depth.len() < size.0 as usize * size.1 as usize {
-            // The frame was interrupted. If the view stays, the frame is still due.
-            return Ok(());
-        }
+        // If the frame was interrupted and the view stays, the frame is still due.
+        let (Some(mut frame), _) = self.session.draw() else { return Ok(()) };
         self.drawn_samples = samples;
         if frame.samples_used == 0 {
             // Without any sample, all pixels are guessed, and a guess does not count as known
@@ -548,12 +545,14 @@ impl Painter {
                 }
             }
             self.session.finish_view();
-            let picture = self.session.draw_for_file().0.picture;
-            let pixels = picture.pixels.clone();
-            let begun = Box::new(BegunPicture { view, size, preview: picture });
-            // The mailbox has room for both. If nobody wants the picture any more, it is dropped.
-            let _ = order.news.try_send(PictureNews::Begun(begun));
-            let _ = order.news.try_send(PictureNews::Band(pixels));
+            if let (Some(Frame { picture, .. }), _) = self.session.draw_for_file() {
+                let pixels = picture.pixels.clone();
+                let begun = Box::new(BegunPicture { view, size, preview: picture });
+                // The mailbox has room for both. If nobody wants the picture any more, it is
+                // dropped.
+                let _ = order.news.try_send(PictureNews::Begun(begun));
+                let _ = order.news.try_send(PictureNews::Band(pixels));
+            }
         } else {
             order.refuse("the view cannot be shown".to_owned());
         }
