@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     ProtoError,
-    frame::{Kind, MAX_CONTROL_BYTES},
+    frame::{FrameKind, MAX_CONTROL_BYTES},
     printable,
-    report::Report,
+    report::StatusReport,
 };
 
 /// Most sections in one holodeck: enough for the rooms of a large building.
@@ -250,7 +250,7 @@ pub enum Control {
     /// Administrator: send a report on the server's state.
     ReportWanted,
     /// Server to administrator: the report.
-    Report(Box<Report>),
+    Report(Box<StatusReport>),
     /// Display: send stored samples without a view. A display loads a whole file in such parts.
     PartWanted {
         /// The section whose beams are sent.
@@ -292,7 +292,7 @@ impl Control {
         let length = bytes.len() as u64;
         if length > MAX_CONTROL_BYTES {
             return Err(ProtoError::TooLong {
-                kind: Kind::Control,
+                kind: FrameKind::Control,
                 length,
                 limit: MAX_CONTROL_BYTES,
             });

@@ -30,7 +30,7 @@ pub enum ProtoError {
     #[error("a {kind:?} message of {length} bytes, more than the {limit} allowed")]
     TooLong {
         /// The frame's kind.
-        kind: crate::kind::Kind,
+        kind: crate::kind::FrameKind,
         /// Its stated length, bytes.
         length: u64,
         /// The limit, bytes.

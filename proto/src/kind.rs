@@ -12,20 +12,20 @@ pub const MAX_HELLO_BYTES: u64 = 4096;
 /// The content of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
-pub enum Kind {
+pub enum FrameKind {
     /// [`crate::hello::Hello`], the first frame of a peer.
     Hello = 1,
     /// [`crate::hello::Answer`], the first frame back.
     Answer = 2,
     /// [`crate::control::Control`], either way.
     Control = 3,
-    /// [`crate::bulk::Work`], server to worker.
+    /// [`crate::bulk::WorkPackets`], server to worker.
     Work = 4,
     /// [`crate::bulk::Results`], worker to server.
     Results = 5,
     /// [`crate::bulk::ViewRequest`], display to server.
     View = 6,
-    /// [`crate::bulk::Samples`], server to display.
+    /// [`crate::bulk::ViewSamples`], server to display.
     Samples = 7,
     /// [`crate::bulk::BlobChunk`], server to worker or display: a piece of the packed scene.
     BlobChunk = 8,
@@ -49,33 +49,33 @@ pub enum Kind {
     Proof = 17,
     /// [`crate::proof::MachineProof`], a worker's answer to a challenge.
     MachineProof = 18,
-    /// [`crate::bulk::Cells`], worker to server, and server to peers that requested light.
+    /// [`crate::bulk::CellBatch`], worker to server, and server to peers that requested light.
     Cells = 19,
 }
 
-impl Kind {
+impl FrameKind {
     /// Returns the kind with this number, if there is one.
-    pub fn from_byte(byte: u8) -> Option<Kind> {
+    pub fn from_byte(byte: u8) -> Option<FrameKind> {
         [
-            Kind::Hello,
-            Kind::Answer,
-            Kind::Control,
-            Kind::Work,
-            Kind::Results,
-            Kind::View,
-            Kind::Samples,
-            Kind::BlobChunk,
-            Kind::Unseen,
-            Kind::Light,
-            Kind::Rays,
-            Kind::LiveWanted,
-            Kind::LiveWork,
-            Kind::LiveResults,
-            Kind::LiveSamples,
-            Kind::Challenge,
-            Kind::Proof,
-            Kind::MachineProof,
-            Kind::Cells,
+            FrameKind::Hello,
+            FrameKind::Answer,
+            FrameKind::Control,
+            FrameKind::Work,
+            FrameKind::Results,
+            FrameKind::View,
+            FrameKind::Samples,
+            FrameKind::BlobChunk,
+            FrameKind::Unseen,
+            FrameKind::Light,
+            FrameKind::Rays,
+            FrameKind::LiveWanted,
+            FrameKind::LiveWork,
+            FrameKind::LiveResults,
+            FrameKind::LiveSamples,
+            FrameKind::Challenge,
+            FrameKind::Proof,
+            FrameKind::MachineProof,
+            FrameKind::Cells,
         ]
         .into_iter()
         .find(|&kind| kind as u8 == byte)
@@ -84,23 +84,25 @@ impl Kind {
     /// Returns the longest payload of this kind, bytes.
     pub fn max_bytes(self) -> u64 {
         match self {
-            Kind::Hello | Kind::Answer | Kind::Challenge | Kind::Proof | Kind::MachineProof => {
-                MAX_HELLO_BYTES
-            }
-            Kind::Control => MAX_CONTROL_BYTES,
-            Kind::Work
-            | Kind::Results
-            | Kind::View
-            | Kind::Samples
-            | Kind::BlobChunk
-            | Kind::Unseen
-            | Kind::Light
-            | Kind::Cells
-            | Kind::Rays
-            | Kind::LiveWork
-            | Kind::LiveResults
-            | Kind::LiveSamples => MAX_BULK_BYTES,
-            Kind::LiveWanted => MAX_LIVE_WANTED_BYTES,
+            FrameKind::Hello
+            | FrameKind::Answer
+            | FrameKind::Challenge
+            | FrameKind::Proof
+            | FrameKind::MachineProof => MAX_HELLO_BYTES,
+            FrameKind::Control => MAX_CONTROL_BYTES,
+            FrameKind::Work
+            | FrameKind::Results
+            | FrameKind::View
+            | FrameKind::Samples
+            | FrameKind::BlobChunk
+            | FrameKind::Unseen
+            | FrameKind::Light
+            | FrameKind::Cells
+            | FrameKind::Rays
+            | FrameKind::LiveWork
+            | FrameKind::LiveResults
+            | FrameKind::LiveSamples => MAX_BULK_BYTES,
+            FrameKind::LiveWanted => MAX_LIVE_WANTED_BYTES,
         }
     }
 }

@@ -9,7 +9,7 @@ pub const MAX_FAULTS: usize = 256;
 
 /// The state of a server: its file, its workers and its displays.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+pub struct StatusReport {
     /// The server's name and version.
     pub software: String,
     /// The path of the file that the server serves.
@@ -86,7 +86,7 @@ pub struct FaultReport {
     pub is_dropped: bool,
 }
 
-impl Report {
+impl StatusReport {
     /// Replaces control characters in texts.
     pub(crate) fn clean(&mut self) {
         let names = self.workers.iter_mut().map(|worker| &mut worker.name);

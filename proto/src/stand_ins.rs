@@ -24,7 +24,7 @@ pub enum StandInKind {
 
 /// One stand-in.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StandIn {
+pub struct StandInRecord {
     /// The section whose views use the stand-in.
     pub section: u16,
     /// The use of the stand-in.
@@ -34,9 +34,9 @@ pub struct StandIn {
 }
 
 /// Returns the blob of these stand-ins.
-pub fn encode(stand_ins: &[StandIn]) -> Vec<u8> {
+pub fn encode(stand_ins: &[StandInRecord]) -> Vec<u8> {
     let mut bytes = VERSION.to_le_bytes().to_vec();
-    for StandIn { section, kind, packed } in stand_ins {
+    for StandInRecord { section, kind, packed } in stand_ins {
         bytes.extend(section.to_le_bytes());
         bytes.extend([u8::from(*kind == StandInKind::Portals), 0]);
         bytes.extend((packed.len() as u64).to_le_bytes());
@@ -50,7 +50,7 @@ pub fn encode(stand_ins: &[StandIn]) -> Vec<u8> {
 /// # Errors
 /// [`ProtoError::Truncated`], [`ProtoError::TooMany`], or [`ProtoError::Number`] for an unknown
 /// version or kind.
-pub fn decode(bytes: &[u8]) -> Result<Vec<StandIn>, ProtoError> {
+pub fn decode(bytes: &[u8]) -> Result<Vec<StandInRecord>, ProtoError> {
     let truncated = |needed: u64, found: usize| ProtoError::Truncated {
         what: "stand-in",
         needed,
@@ -79,7 +79,7 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<StandIn>, ProtoError> {
         let length = u64::from_le_bytes(length);
         let split = usize::try_from(length).ok().and_then(|length| scene.split_at_checked(length));
         let (packed, after) = split.ok_or(truncated(length, scene.len()))?;
-        stand_ins.push(StandIn {
+        stand_ins.push(StandInRecord {
             section: u16::from_le_bytes([s0, s1]),
             kind,
             packed: packed.to_vec(),
@@ -93,9 +93,9 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<StandIn>, ProtoError> {
 mod tests {
     use super::*;
 
-    fn examples() -> Vec<StandIn> {
+    fn examples() -> Vec<StandInRecord> {
         let stand_in =
-            |section, kind, packed: &[u8]| StandIn { section, kind, packed: packed.to_vec() };
+            |section, kind, packed: &[u8]| StandInRecord { section, kind, packed: packed.to_vec() };
         vec![
             stand_in(0, StandInKind::Geometry, b"scene"),
             stand_in(0x0102, StandInKind::Portals, b""),
@@ -122,7 +122,7 @@ mod tests {
             assert!(decode(&other).is_err(), "{at}");
         }
         let many = vec![
-            StandIn { section: 0, kind: StandInKind::Portals, packed: vec![] };
+            StandInRecord { section: 0, kind: StandInKind::Portals, packed: vec![] };
             2 * MAX_SECTIONS + 1
         ];
         assert!(matches!(decode(&encode(&many)), Err(ProtoError::TooMany { .. })));

@@ -8,8 +8,8 @@ use std::{
 use holo_proto::{
     ProtoError,
     bulk::{
-        BlobChunk, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, Results, Samples, Unseen,
-        ViewRequest, Work,
+        BlobChunk, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, Results, Unseen,
+        ViewRequest, ViewSamples, WorkPackets,
     },
     control::Control,
     frame::MAX_CONTROL_BYTES,
@@ -72,10 +72,10 @@ fn bulk_messages_that_claim_more_than_they_bring_take_no_memory() {
             let mut payload = vec![0; 300];
             payload[4 * at..4 * at + 4].copy_from_slice(&count.to_le_bytes());
             let taken = peak(|| {
-                let _ = Work::decode(&payload);
+                let _ = WorkPackets::decode(&payload);
                 let _ = Results::decode(&payload);
                 let _ = ViewRequest::decode(&payload);
-                let _ = Samples::decode(&payload);
+                let _ = ViewSamples::decode(&payload);
                 let _ = Unseen::decode(&payload);
                 let _ = Light::decode(&payload);
                 let _ = LiveWanted::decode(&payload);
@@ -88,12 +88,12 @@ fn bulk_messages_that_claim_more_than_they_bring_take_no_memory() {
             assert!(taken <= 4 * payload.len(), "count {count} at {at}: {taken} bytes");
         }
     }
-    let full = Work {
+    let full = WorkPackets {
         packets: Vec::new(),
         viewpoints: vec![holo_section::Viewpoint { eye: [0.0; 3], radius: 1.0 }; 1 << 15],
     };
     let payload = full.encode();
-    let taken = peak(|| drop(Work::decode(&payload)));
+    let taken = peak(|| drop(WorkPackets::decode(&payload)));
     assert!(
         (payload.len() - 8..=3 * payload.len()).contains(&taken),
         "{taken} of {}",

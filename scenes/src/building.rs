@@ -1,13 +1,13 @@
 //! The building: rooms, walls with openings, floors, windows and doors.
 //!
 //! Invariant: walls, floor and ceiling are solids that meet without gaps, so light enters only
-//! through windows. They do not intrude into the space of a [`Room`].
+//! through windows. They do not intrude into the space of a [`RoomSpace`].
 
 use crate::material::{
-    BRASS, CEILING, FACADE, GROUT, LACQUER, Material, OAK, OAK_DARK, OAK_LIGHT, TRIM, WINDOW,
+    BRASS, CEILING, FACADE, GROUT, LACQUER, NamedMaterial, OAK, OAK_DARK, OAK_LIGHT, TRIM, WINDOW,
 };
 use crate::mesh::Mesh;
-use crate::random::Random;
+use crate::random::SeededRandom;
 use crate::shapes::{ball, cuboid, rectangle, rounded};
 
 /// Height of the rooms from floor to ceiling.
@@ -17,7 +17,7 @@ pub const OUTER: f64 = 0.3;
 
 /// The space of a room between its walls.
 #[derive(Debug)]
-pub struct Room {
+pub struct RoomSpace {
     /// Its name.
     pub name: &'static str,
     /// Extent from west to east.
@@ -26,33 +26,33 @@ pub struct Room {
     pub y: (f64, f64),
 }
 
-pub static LIVING: Room = Room { name: "living room", x: (0.0, 6.0), y: (0.0, 5.0) };
-pub static KITCHEN: Room = Room { name: "kitchen", x: (6.15, 11.15), y: (0.0, 5.0) };
-pub static HALL: Room = Room { name: "hallway", x: (0.0, 11.15), y: (5.15, 6.55) };
-pub static BEDROOM: Room = Room { name: "bedroom", x: (0.0, 5.0), y: (6.7, 10.7) };
-pub static BATH: Room = Room { name: "bathroom", x: (5.15, 8.15), y: (6.7, 10.7) };
-pub static STUDY: Room = Room { name: "study", x: (8.3, 11.15), y: (6.7, 10.7) };
+pub static LIVING: RoomSpace = RoomSpace { name: "living room", x: (0.0, 6.0), y: (0.0, 5.0) };
+pub static KITCHEN: RoomSpace = RoomSpace { name: "kitchen", x: (6.15, 11.15), y: (0.0, 5.0) };
+pub static HALL: RoomSpace = RoomSpace { name: "hallway", x: (0.0, 11.15), y: (5.15, 6.55) };
+pub static BEDROOM: RoomSpace = RoomSpace { name: "bedroom", x: (0.0, 5.0), y: (6.7, 10.7) };
+pub static BATH: RoomSpace = RoomSpace { name: "bathroom", x: (5.15, 8.15), y: (6.7, 10.7) };
+pub static STUDY: RoomSpace = RoomSpace { name: "study", x: (8.3, 11.15), y: (6.7, 10.7) };
 /// All rooms.
-pub static ROOMS: [&Room; 6] = [&LIVING, &KITCHEN, &HALL, &BEDROOM, &BATH, &STUDY];
+pub static ROOMS: [&RoomSpace; 6] = [&LIVING, &KITCHEN, &HALL, &BEDROOM, &BATH, &STUDY];
 
 /// The wall of a room against which something stands.
 #[derive(Clone, Copy)]
-pub enum Side {
+pub enum WallSide {
     South,
     North,
     West,
     East,
 }
 
-impl Room {
+impl RoomSpace {
     /// Places `thing`, modelled with its back at y = 0, against a wall at coordinate `along` it,
     /// facing the room.
-    pub fn against(&self, side: Side, along: f64, thing: Mesh) -> Mesh {
+    pub fn against(&self, side: WallSide, along: f64, thing: Mesh) -> Mesh {
         match side {
-            Side::South => thing.at(along, self.y.0, 0.0),
-            Side::North => thing.turned(180.0).at(along, self.y.1, 0.0),
-            Side::West => thing.turned(-90.0).at(self.x.0, along, 0.0),
-            Side::East => thing.turned(90.0).at(self.x.1, along, 0.0),
+            WallSide::South => thing.at(along, self.y.0, 0.0),
+            WallSide::North => thing.turned(180.0).at(along, self.y.1, 0.0),
+            WallSide::West => thing.turned(-90.0).at(self.x.0, along, 0.0),
+            WallSide::East => thing.turned(90.0).at(self.x.1, along, 0.0),
         }
     }
 
@@ -69,19 +69,19 @@ impl Room {
 /// A hole in a wall, by coordinate along the wall and by height. It is a door if it reaches the
 /// floor, otherwise a window.
 #[derive(Clone, Copy)]
-pub struct Opening {
+pub struct WallOpening {
     pub from: f64,
     pub to: f64,
     pub sill: f64,
     pub head: f64,
 }
 
-const fn door(from: f64) -> Opening {
-    Opening { from, to: from + 0.9, sill: 0.0, head: 2.1 }
+const fn door(from: f64) -> WallOpening {
+    WallOpening { from, to: from + 0.9, sill: 0.0, head: 2.1 }
 }
 
-const fn window(from: f64, to: f64, sill: f64, head: f64) -> Opening {
-    Opening { from, to, sill, head }
+const fn window(from: f64, to: f64, sill: f64, head: f64) -> WallOpening {
+    WallOpening { from, to, sill, head }
 }
 
 /// A straight wall between `near` and `far` across it. `faces` are the materials of its two sides,
@@ -92,15 +92,15 @@ struct Wall<'a> {
     to: f64,
     near: f64,
     far: f64,
-    faces: [&'static Material; 2],
-    openings: &'a [Opening],
+    faces: [&'static NamedMaterial; 2],
+    openings: &'a [WallOpening],
 }
 
 impl Wall<'_> {
     /// Returns a box, given along the wall, across it, and in height.
     fn solid(
         &self,
-        material: &'static Material,
+        material: &'static NamedMaterial,
         along: (f64, f64),
         across: (f64, f64),
         z: (f64, f64),
@@ -156,7 +156,7 @@ impl Wall<'_> {
     }
 
     /// Returns boards around a door, on both sides of the wall.
-    fn casing(&self, hole: &Opening) -> Mesh {
+    fn casing(&self, hole: &WallOpening) -> Mesh {
         let (wide, proud) = (0.07, 0.018);
         Mesh::of(
             [(self.near - proud, self.near), (self.far, self.far + proud)].into_iter().flat_map(
@@ -178,7 +178,7 @@ impl Wall<'_> {
 
     /// Returns a frame with mullions, one pane of glass in the middle of the wall, and a sill on
     /// each side.
-    fn window(&self, hole: &Opening) -> Mesh {
+    fn window(&self, hole: &WallOpening) -> Mesh {
         let middle = (self.near + self.far) / 2.0;
         let (across, bar) = ((middle - 0.03, middle + 0.03), 0.05);
         let lights = ((hole.to - hole.from) / 1.1).round().max(1.0) as usize;
@@ -209,7 +209,7 @@ impl Wall<'_> {
 }
 
 /// Returns walls, slabs, windows and casings: everything that bounds the rooms.
-pub fn shell(paint: impl Fn(&Room) -> &'static Material) -> Mesh {
+pub fn shell(paint: impl Fn(&RoomSpace) -> &'static NamedMaterial) -> Mesh {
     let [living, kitchen, hall, bedroom, bath, study] = ROOMS.map(&paint);
     let (west, east, south, north) = (-OUTER, 11.15 + OUTER, -OUTER, 10.7 + OUTER);
     let wall = |along_x, span: (f64, f64), across: (f64, f64), faces, openings| {
@@ -269,7 +269,7 @@ pub fn shell(paint: impl Fn(&Room) -> &'static Material) -> Mesh {
             (0.0, 5.0),
             (6.0, 6.15),
             [living, kitchen],
-            &[Opening { from: 1.2, to: 3.7, sill: 0.0, head: 2.35 }],
+            &[WallOpening { from: 1.2, to: 3.7, sill: 0.0, head: 2.35 }],
         ),
         wall(false, (6.7, 10.7), (5.0, 5.15), [bedroom, bath], &[]),
         wall(false, (6.7, 10.7), (8.15, 8.3), [bath, study], &[]),
@@ -284,10 +284,10 @@ pub fn shell(paint: impl Fn(&Room) -> &'static Material) -> Mesh {
 }
 
 /// Returns a floor of separate boards along x, 2 cm thick.
-fn planks(room: &Room) -> Mesh {
+fn planks(room: &RoomSpace) -> Mesh {
     let [x0, y0, x1, y1] = room.panels();
     let (wide, gap) = (0.16, 0.0015);
-    let random = &mut Random::new((x0 * 100.0 + y0 * 10_000.0) as u64);
+    let random = &mut SeededRandom::new((x0 * 100.0 + y0 * 10_000.0) as u64);
     let mut floor = Mesh::default();
     let rows = ((y1 - y0) / wide).ceil() as usize;
     for row in 0..rows {
@@ -308,9 +308,9 @@ fn planks(room: &Room) -> Mesh {
 
 /// Returns a floor of square tiles, 2 cm thick, of which every fourth has the second colour.
 pub fn tiled_floor(
-    room: &Room,
-    tile: &'static Material,
-    second: &'static Material,
+    room: &RoomSpace,
+    tile: &'static NamedMaterial,
+    second: &'static NamedMaterial,
     size: f64,
 ) -> Mesh {
     let [x0, y0, x1, y1] = room.panels();

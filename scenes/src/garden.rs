@@ -2,9 +2,9 @@
 //! seen from far away, through glass.
 
 use crate::furniture::plant::tree;
-use crate::material::{LAWN, LEAF, LEAF_DARK, Material, OAK_DARK, SLATE, WALNUT};
+use crate::material::{LAWN, LEAF, LEAF_DARK, NamedMaterial, OAK_DARK, SLATE, WALNUT};
 use crate::mesh::Mesh;
-use crate::random::Random;
+use crate::random::SeededRandom;
 use crate::shapes::{ball, block, cuboid, lathe, rounded};
 use glam::DVec3;
 
@@ -13,7 +13,7 @@ const LAWN_Z: f64 = -0.32;
 
 /// Returns everything outdoors.
 pub fn garden() -> Mesh {
-    let random = &mut Random::new(2);
+    let random = &mut SeededRandom::new(2);
     let mut garden = cuboid(&LAWN, [-16.0, -18.0, LAWN_Z - 0.2], [28.0, 28.0, LAWN_Z]);
     for i in 0..14 {
         let y = -0.32 - 0.2 * f64::from(i);
@@ -42,7 +42,7 @@ pub fn garden() -> Mesh {
 }
 
 /// Returns a tree: a trunk under a crown of lumps.
-fn grown_tree(random: &mut Random) -> Mesh {
+fn grown_tree(random: &mut SeededRandom) -> Mesh {
     let height = random.range(2.6, 3.8);
     let mut tree = lathe(&WALNUT, 10, &[(0.16, 0.0), (0.10, height * 0.5), (0.05, height)]);
     for i in 0..10 {
@@ -59,7 +59,7 @@ fn grown_tree(random: &mut Random) -> Mesh {
 }
 
 /// Returns a bumpy ball of foliage.
-fn lump(material: &'static Material, radius: f64, phase: f64) -> Mesh {
+fn lump(material: &'static NamedMaterial, radius: f64, phase: f64) -> Mesh {
     let mut lump = ball(material, radius, 14);
     for p in &mut lump.points {
         let q = *p / radius;

@@ -8,16 +8,16 @@ use std::fmt::{self, Display};
 
 /// A named material.
 #[derive(Debug)]
-pub struct Material {
+pub struct NamedMaterial {
     /// Its name in the library.
     pub name: &'static str,
     /// How it scatters light.
-    pub kind: Kind,
+    pub kind: Scattering,
 }
 
 /// How a material scatters light; colours are linear RGB.
 #[derive(Clone, Copy, Debug)]
-pub enum Kind {
+pub enum Scattering {
     /// Lambertian reflection with this albedo.
     Diffuse([f64; 3]),
     /// A metal of this colour and shininess; a perfect mirror from shininess 999.
@@ -30,34 +30,34 @@ pub enum Kind {
     Light([f64; 3]),
 }
 
-impl Material {
+impl NamedMaterial {
     /// Returns whether it emits light.
     #[cfg(test)]
     pub fn is_light(&self) -> bool {
-        matches!(self.kind, Kind::Light(_))
+        matches!(self.kind, Scattering::Light(_))
     }
 }
 
 /// Writes the material's entry in an MTL library.
-impl Display for Material {
+impl Display for NamedMaterial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rgb = |key: &str, [r, g, b]: [f64; 3]| format!("{key} {r} {g} {b}\n");
         writeln!(f, "newmtl {}", self.name)?;
         match self.kind {
-            Kind::Diffuse(kd) => writeln!(f, "{}illum 1", rgb("Kd", kd)),
-            Kind::Metal(ks, ns) => writeln!(f, "Kd 0 0 0\n{}Ns {ns}\nillum 3", rgb("Ks", ks)),
-            Kind::Pane(tf) => writeln!(f, "Kd 0 0 0\n{}Ni 1.5\nillum 4", rgb("Tf", tf)),
-            Kind::Glass(tf) => writeln!(f, "Kd 0 0 0\n{}Ni 1.5\nillum 7", rgb("Tf", tf)),
-            Kind::Light(ke) => writeln!(f, "Kd 0.5 0.5 0.5\n{}illum 1", rgb("Ke", ke)),
+            Scattering::Diffuse(kd) => writeln!(f, "{}illum 1", rgb("Kd", kd)),
+            Scattering::Metal(ks, ns) => writeln!(f, "Kd 0 0 0\n{}Ns {ns}\nillum 3", rgb("Ks", ks)),
+            Scattering::Pane(tf) => writeln!(f, "Kd 0 0 0\n{}Ni 1.5\nillum 4", rgb("Tf", tf)),
+            Scattering::Glass(tf) => writeln!(f, "Kd 0 0 0\n{}Ni 1.5\nillum 7", rgb("Tf", tf)),
+            Scattering::Light(ke) => writeln!(f, "Kd 0.5 0.5 0.5\n{}illum 1", rgb("Ke", ke)),
         }
     }
 }
 
 macro_rules! materials {
     ($($id:ident = $name:literal $kind:ident $value:tt;)*) => {
-        $(pub static $id: Material = Material { name: $name, kind: Kind::$kind $value };)*
+        $(pub static $id: NamedMaterial = NamedMaterial { name: $name, kind: Scattering::$kind $value };)*
         /// All materials, in the order of the library.
-        pub static ALL: &[&Material] = &[$(&$id),*];
+        pub static ALL: &[&NamedMaterial] = &[$(&$id),*];
     };
 }
 
@@ -130,7 +130,7 @@ materials! {
 }
 
 /// Colours of book spines.
-pub static BOOKS: &[&Material] = &[
+pub static BOOKS: &[&NamedMaterial] = &[
     &CORAL,
     &TEAL,
     &MUSTARD,

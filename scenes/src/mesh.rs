@@ -3,16 +3,16 @@
 //! Invariant: faces are counter-clockwise seen from outside, even after affine maps with a
 //! negative determinant. So lamps shine outwards, and glass knows its inside.
 
-use crate::material::Material;
+use crate::material::NamedMaterial;
 use glam::{DAffine3, DMat3, DVec3};
 
 /// One triangle of a [`Mesh`].
 #[derive(Clone, Copy, Debug)]
-pub struct Face {
+pub struct MeshFace {
     /// Indices into the mesh's points, counter-clockwise from outside.
     pub corners: [u32; 3],
     /// Its material.
-    pub material: &'static Material,
+    pub material: &'static NamedMaterial,
 }
 
 /// Points and triangles.
@@ -21,7 +21,7 @@ pub struct Mesh {
     /// Corners, in metres.
     pub points: Vec<DVec3>,
     /// Triangles.
-    pub faces: Vec<Face>,
+    pub faces: Vec<MeshFace>,
 }
 
 impl Mesh {
@@ -39,7 +39,9 @@ impl Mesh {
         let base = self.points.len() as u32;
         self.points.extend(part.points);
         self.faces.extend(
-            part.faces.iter().map(|face| Face { corners: face.corners.map(|c| c + base), ..*face }),
+            part.faces
+                .iter()
+                .map(|face| MeshFace { corners: face.corners.map(|c| c + base), ..*face }),
         );
     }
 
@@ -51,11 +53,11 @@ impl Mesh {
 
     /// Adds a quadrilateral of four point indices, counter-clockwise. If sides have length zero, a
     /// triangle or nothing is added.
-    pub fn quad(&mut self, material: &'static Material, [a, b, c, d]: [u32; 4]) {
+    pub fn quad(&mut self, material: &'static NamedMaterial, [a, b, c, d]: [u32; 4]) {
         for corners in [[a, b, c], [a, c, d]] {
             let [p, q, r] = corners.map(|i| self.points[i as usize]);
             if (q - p).cross(r - p).length_squared() > 1e-18 {
-                self.faces.push(Face { corners, material });
+                self.faces.push(MeshFace { corners, material });
             }
         }
     }
@@ -95,7 +97,7 @@ impl Mesh {
 
     /// Returns the corners of each triangle, with its material.
     #[cfg(test)]
-    pub fn triangles(&self) -> impl Iterator<Item = ([DVec3; 3], &'static Material)> + '_ {
+    pub fn triangles(&self) -> impl Iterator<Item = ([DVec3; 3], &'static NamedMaterial)> + '_ {
         self.faces.iter().map(|face| (face.corners.map(|c| self.points[c as usize]), face.material))
     }
 }

@@ -2,9 +2,9 @@
 //! every run.
 
 /// A sequence that depends only on its seed.
-pub struct Random(u64);
+pub struct SeededRandom(u64);
 
-impl Random {
+impl SeededRandom {
     /// Returns the sequence of `seed`.
     pub fn new(seed: u64) -> Self {
         Self(seed)

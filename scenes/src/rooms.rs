@@ -4,7 +4,7 @@
 //! the holodeck lie there.
 
 use crate::building::{
-    self, BATH, BEDROOM, HALL, KITCHEN, LIVING, Room, STUDY, Side, leaf, tiled_floor,
+    self, BATH, BEDROOM, HALL, KITCHEN, LIVING, RoomSpace, STUDY, WallSide, leaf, tiled_floor,
 };
 use crate::furniture::bath::{heated_rail, rolled_towels, towel, tub, vanity, water_closet};
 use crate::furniture::bed::{bed, wardrobe};
@@ -25,7 +25,7 @@ use crate::furniture::table::{
 use crate::garden::garden;
 use crate::material::*;
 use crate::mesh::Mesh;
-use crate::random::Random;
+use crate::random::SeededRandom;
 use crate::shapes::rounded;
 
 /// A named part of the scene.
@@ -64,17 +64,17 @@ pub fn interior() -> Vec<Object> {
 }
 
 /// Returns a grid of downlights between two corners.
-fn downlights(room: &Room, x: &[f64], y: &[f64]) -> Mesh {
+fn downlights(room: &RoomSpace, x: &[f64], y: &[f64]) -> Mesh {
     Mesh::of(x.iter().flat_map(|&x| y.iter().map(move |&y| room.hung(x, y, downlight()))))
 }
 
 fn living() -> Vec<Mesh> {
     let room = &LIVING;
     let hang = |side, along, z, thing: Mesh| room.against(side, along, thing.at(0.0, 0.0, z));
-    let random = &mut Random::new(11);
+    let random = &mut SeededRandom::new(11);
     vec![
         rug(&RUG, &RUG_NAVY, 3.4, 2.6).at(2.7, 2.5, 0.0),
-        room.against(Side::North, 2.7, sofa(&FABRIC, 3, &[&MUSTARD, &TEAL, &CORAL])),
+        room.against(WallSide::North, 2.7, sofa(&FABRIC, 3, &[&MUSTARD, &TEAL, &CORAL])),
         coffee_table(&WALNUT).at(2.7, 2.75, 0.012),
         pile(3, random).turned(15.0).at(2.4, 2.65, 0.432),
         vase(&AQUA).at(2.95, 2.85, 0.432),
@@ -84,15 +84,15 @@ fn living() -> Vec<Mesh> {
         side_table(&WALNUT, 0.5).at(4.55, 4.45, 0.0),
         table_lamp(&CERAMIC_BLUE).at(4.55, 4.45, 0.5),
         floor_lamp().at(0.75, 4.6, 0.0),
-        room.against(Side::West, 2.55, bookcase(&WALNUT, 2.9, 4, 6, 5)),
+        room.against(WallSide::West, 2.55, bookcase(&WALNUT, 2.9, 4, 6, 5)),
         palm(1.75, 11, 3).at(5.5, 0.55, 0.0),
         broadleaf(0.85, 34, 8).at(0.42, 0.45, 0.0),
-        hang(Side::North, 2.7, 1.18, mirror(&BRASS, 1.9, 1.0)),
-        hang(Side::East, 4.4, 1.15, picture(&INK, 0.85, 1.05, 21)),
-        hang(Side::East, 0.58, 1.30, picture(&OAK, 0.6, 0.8, 22)),
-        hang(Side::North, 0.85, 1.75, sconce()),
-        hang(Side::North, 4.4, 1.75, sconce()),
-        room.against(Side::South, 3.0, curtains(&CURTAIN, 4.6, 2.52, 0.16)),
+        hang(WallSide::North, 2.7, 1.18, mirror(&BRASS, 1.9, 1.0)),
+        hang(WallSide::East, 4.4, 1.15, picture(&INK, 0.85, 1.05, 21)),
+        hang(WallSide::East, 0.58, 1.30, picture(&OAK, 0.6, 0.8, 22)),
+        hang(WallSide::North, 0.85, 1.75, sconce()),
+        hang(WallSide::North, 4.4, 1.75, sconce()),
+        room.against(WallSide::South, 3.0, curtains(&CURTAIN, 4.6, 2.52, 0.16)),
         room.hung(2.7, 2.5, raft(&STRIP, 3.0, 2.2)),
         downlights(room, &[0.7, 5.3], &[0.9, 2.5, 4.1]),
         downlights(room, &[2.1, 3.3], &[2.1, 2.9]).at(0.0, 0.0, -0.17),
@@ -105,22 +105,22 @@ fn kitchen() -> Vec<Mesh> {
     let (x, y) = (8.1, 2.35);
     let mut parts = vec![
         tiled_floor(room, &TILE_FLOOR, &TILE_FLOOR_DARK, 0.5),
-        room.against(Side::East, 2.15, run(3.9)),
-        room.against(Side::East, 4.5, refrigerator()),
+        room.against(WallSide::East, 2.15, run(3.9)),
+        room.against(WallSide::East, 4.5, refrigerator()),
         dining_table(&OAK_DARK, 1.0, 2.2).at(x, y, 0.0),
         fruit(&CERAMIC).at(x, y, 0.75),
         candle().at(x - 0.05, y - 0.45, 0.75),
         candle().at(x + 0.07, y - 0.35, 0.75),
         candle().at(x, y + 0.42, 0.75),
         bottle().scaled(0.75, 0.75, 0.75).at(x + 0.12, y + 0.32, 0.75),
-        room.against(Side::North, 7.5, sideboard(&WALNUT, &LACQUER, 1.9, 4, 1)),
+        room.against(WallSide::North, 7.5, sideboard(&WALNUT, &LACQUER, 1.9, 4, 1)),
         vase(&CERAMIC_BLUE).at(6.8, 4.78, 0.76),
         bottle().at(7.95, 4.80, 0.76),
         bottle().at(8.06, 4.74, 0.76),
         bowl(&COPPER, 0.15).at(7.4, 4.78, 0.76),
-        hang(Side::North, 7.5, 1.25, picture(&INK, 1.4, 0.9, 31)),
-        hang(Side::West, 4.4, 1.2, picture(&BRASS, 0.7, 0.9, 32)),
-        room.against(Side::South, 8.4, curtains(&CURTAIN, 2.8, 2.45, 0.15)),
+        hang(WallSide::North, 7.5, 1.25, picture(&INK, 1.4, 0.9, 31)),
+        hang(WallSide::West, 4.4, 1.2, picture(&BRASS, 0.7, 0.9, 32)),
+        room.against(WallSide::South, 8.4, curtains(&CURTAIN, 2.8, 2.45, 0.15)),
         tree(1.9, 0.48, 300, 6).at(6.72, 0.62, 0.0),
         broadleaf(0.5, 22, 9).scaled(0.6, 0.6, 0.6).at(10.85, 0.5, 0.9),
         stool(&BIRCH).at(10.2, 0.9, 0.0),
@@ -148,23 +148,23 @@ fn hallway() -> Vec<Mesh> {
     let hang = |side, along, z, thing: Mesh| room.against(side, along, thing.at(0.0, 0.0, z));
     let mut parts = vec![
         rug(&RUG_RED, &RUG_NAVY, 0.8, 6.0).turned(90.0).at(5.0, 5.85, 0.0),
-        room.against(Side::West, 5.85, mirror(&OAK, 0.95, 2.0).at(0.0, 0.0, 0.08)),
-        room.against(Side::North, 5.75, console(&WALNUT, 1.1)),
+        room.against(WallSide::West, 5.85, mirror(&OAK, 0.95, 2.0).at(0.0, 0.0, 0.08)),
+        room.against(WallSide::North, 5.75, console(&WALNUT, 1.1)),
         vase(&AMBER).at(6.1, 6.4, 0.8),
-        pile(3, &mut Random::new(17)).at(5.45, 6.4, 0.8),
-        hang(Side::North, 5.75, 1.2, round_mirror(&BRASS, 0.38)),
-        hang(Side::North, 1.6, 1.1, picture(&INK, 1.1, 0.85, 41)),
-        hang(Side::South, 1.4, 1.1, picture(&OAK, 0.7, 0.9, 42)),
-        hang(Side::South, 2.6, 1.1, picture(&OAK, 0.7, 0.9, 43)),
-        hang(Side::South, 3.8, 1.1, picture(&OAK, 0.7, 0.9, 44)),
-        hang(Side::South, 7.5, 1.15, picture(&BRASS, 1.6, 0.8, 45)),
+        pile(3, &mut SeededRandom::new(17)).at(5.45, 6.4, 0.8),
+        hang(WallSide::North, 5.75, 1.2, round_mirror(&BRASS, 0.38)),
+        hang(WallSide::North, 1.6, 1.1, picture(&INK, 1.1, 0.85, 41)),
+        hang(WallSide::South, 1.4, 1.1, picture(&OAK, 0.7, 0.9, 42)),
+        hang(WallSide::South, 2.6, 1.1, picture(&OAK, 0.7, 0.9, 43)),
+        hang(WallSide::South, 3.8, 1.1, picture(&OAK, 0.7, 0.9, 44)),
+        hang(WallSide::South, 7.5, 1.15, picture(&BRASS, 1.6, 0.8, 45)),
         palm(1.4, 9, 12).scaled(0.7, 0.7, 1.0).at(10.75, 5.5, 0.0),
         // The front door in the east wall, shut.
-        room.against(Side::East, 5.85, leaf().at(-0.44, 0.08, 0.0)),
+        room.against(WallSide::East, 5.85, leaf().at(-0.44, 0.08, 0.0)),
         downlights(room, &[1.0, 3.0, 5.0, 7.0, 9.0, 10.6], &[5.85]),
     ];
     for along in [2.0, 6.4, 8.6] {
-        parts.push(hang(Side::South, along, 1.8, sconce()));
+        parts.push(hang(WallSide::South, along, 1.8, sconce()));
     }
     parts
 }
@@ -174,14 +174,14 @@ fn bedroom() -> Vec<Mesh> {
     let hang = |side, along, z, thing: Mesh| room.against(side, along, thing.at(0.0, 0.0, z));
     let mut parts = vec![
         rug(&LINEN, &CURTAIN_BLUE, 2.6, 2.0).turned(90.0).at(2.0, 8.7, 0.0),
-        room.against(Side::West, 8.7, bed(&WALNUT, &FABRIC_DARK)),
-        room.against(Side::East, 9.2, wardrobe(2.7, 4, 2)),
-        room.against(Side::South, 1.6, sideboard(&OAK, &LACQUER, 1.5, 3, 2)),
-        hang(Side::South, 1.6, 1.05, round_mirror(&BRASS, 0.4)),
+        room.against(WallSide::West, 8.7, bed(&WALNUT, &FABRIC_DARK)),
+        room.against(WallSide::East, 9.2, wardrobe(2.7, 4, 2)),
+        room.against(WallSide::South, 1.6, sideboard(&OAK, &LACQUER, 1.5, 3, 2)),
+        hang(WallSide::South, 1.6, 1.05, round_mirror(&BRASS, 0.4)),
         vase(&CLAY).at(1.05, 6.9, 0.76),
-        hang(Side::West, 8.7, 1.2, picture(&OAK, 1.3, 0.75, 51)),
-        hang(Side::West, 8.7, 2.25, garland(2.6, 15)),
-        room.against(Side::North, 2.5, curtains(&CURTAIN_BLUE, 3.0, 2.45, 0.17)),
+        hang(WallSide::West, 8.7, 1.2, picture(&OAK, 1.3, 0.75, 51)),
+        hang(WallSide::West, 8.7, 2.25, garland(2.6, 15)),
+        room.against(WallSide::North, 2.5, curtains(&CURTAIN_BLUE, 3.0, 2.45, 0.17)),
         broadleaf(0.95, 40, 14).at(4.45, 10.35, 0.0).at(-0.65, 0.0, 0.0),
         room.hung(2.4, 8.7, pendant(0.27, 0.17)),
         armchair(&MUSTARD, &CURTAIN_BLUE).turned(150.0).at(3.3, 10.2, 0.0),
@@ -189,7 +189,7 @@ fn bedroom() -> Vec<Mesh> {
         downlights(room, &[0.6, 3.8], &[7.2, 10.2]),
     ];
     for y in [7.45, 9.95] {
-        parts.push(room.against(Side::West, y, nightstand(&WALNUT, &LACQUER)));
+        parts.push(room.against(WallSide::West, y, nightstand(&WALNUT, &LACQUER)));
         parts.push(table_lamp(&CERAMIC).scaled(0.8, 0.8, 0.8).at(0.22, y, 0.5));
     }
     parts
@@ -201,15 +201,19 @@ fn bathroom() -> Vec<Mesh> {
     let (half, middle) = (1.5, 6.65);
     vec![
         tiled_floor(room, &TILE_FLOOR_DARK, &TILE_FLOOR, 0.25),
-        room.against(Side::North, middle, tiles(&TILE_SEA, 2.0 * half, 1.45, 0.15, 0.145)),
-        room.against(Side::West, 8.7, tiles(&TILE_SEA_DEEP, 4.0, 1.05, 0.20, 0.105)),
-        room.against(Side::East, 8.7, tiles(&TILE_SEA, 4.0, 1.05, 0.20, 0.105)),
-        room.against(Side::North, middle, tub(&TILE_WHITE, 2.0 * half - 0.02).at(0.0, 0.01, 0.0)),
-        room.against(Side::West, 8.35, vanity(1.6).at(0.0, 0.009, 0.0)),
-        room.against(Side::East, 9.2, water_closet().at(0.0, 0.009, 0.0)),
-        hang(Side::East, 8.3, 0.9, towel(&CORAL).at(0.0, 0.009, 0.0)),
-        hang(Side::East, 7.4, 0.6, heated_rail().at(0.0, 0.009, 0.0)),
-        hang(Side::South, 6.1, 1.55, towel(&TEAL)),
+        room.against(WallSide::North, middle, tiles(&TILE_SEA, 2.0 * half, 1.45, 0.15, 0.145)),
+        room.against(WallSide::West, 8.7, tiles(&TILE_SEA_DEEP, 4.0, 1.05, 0.20, 0.105)),
+        room.against(WallSide::East, 8.7, tiles(&TILE_SEA, 4.0, 1.05, 0.20, 0.105)),
+        room.against(
+            WallSide::North,
+            middle,
+            tub(&TILE_WHITE, 2.0 * half - 0.02).at(0.0, 0.01, 0.0),
+        ),
+        room.against(WallSide::West, 8.35, vanity(1.6).at(0.0, 0.009, 0.0)),
+        room.against(WallSide::East, 9.2, water_closet().at(0.0, 0.009, 0.0)),
+        hang(WallSide::East, 8.3, 0.9, towel(&CORAL).at(0.0, 0.009, 0.0)),
+        hang(WallSide::East, 7.4, 0.6, heated_rail().at(0.0, 0.009, 0.0)),
+        hang(WallSide::South, 6.1, 1.55, towel(&TEAL)),
         rolled_towels().at(5.45, 7.3, 0.0),
         rounded(&LINEN, [0.9, 0.55, 0.014], 0.006).at(6.6, 9.55, 0.0),
         broadleaf(0.55, 24, 15).scaled(0.8, 0.8, 0.9).at(7.75, 10.35, 0.56),
@@ -225,18 +229,18 @@ fn study() -> Vec<Mesh> {
     let hang = |side, along, z, thing: Mesh| room.against(side, along, thing.at(0.0, 0.0, z));
     vec![
         rug(&RUG_RED, &MUSTARD, 1.7, 1.3).turned(90.0).at(9.75, 8.5, 0.0),
-        room.against(Side::North, 9.85, desk(&OAK, &LACQUER, 1.7)),
+        room.against(WallSide::North, 9.85, desk(&OAK, &LACQUER, 1.7)),
         desk_lamp().turned(-140.0).at(10.35, 10.45, 0.74),
-        pile(4, &mut Random::new(23)).at(9.25, 10.4, 0.74),
+        pile(4, &mut SeededRandom::new(23)).at(9.25, 10.4, 0.74),
         globe().at(9.6, 10.48, 0.74),
         rounded(&PAPER, [0.30, 0.21, 0.004], 0.001).turned(8.0).at(9.95, 10.2, 0.74),
         desk_chair(&FABRIC_DARK).turned(-12.0).at(9.8, 9.72, 0.0),
-        room.against(Side::West, 8.9, bookcase(&OAK, 3.0, 4, 6, 7)),
+        room.against(WallSide::West, 8.9, bookcase(&OAK, 3.0, 4, 6, 7)),
         armchair(&CORAL, &LINEN).turned(70.0).at(10.75, 8.1, 0.0),
         side_table(&OAK, 0.5).at(10.85, 7.35, 0.0),
         bowl(&AQUA, 0.12).at(10.85, 7.35, 0.5),
-        hang(Side::East, 9.8, 1.1, picture(&INK, 0.75, 0.95, 61)),
-        hang(Side::East, 7.15, 1.1, picture(&INK, 0.5, 0.65, 62)),
+        hang(WallSide::East, 9.8, 1.1, picture(&INK, 0.75, 0.95, 61)),
+        hang(WallSide::East, 7.15, 1.1, picture(&INK, 0.5, 0.65, 62)),
         palm(1.5, 9, 25).scaled(0.75, 0.75, 1.0).at(10.75, 10.25, 0.0),
         room.hung(9.75, 8.5, panel(0.6, 1.2)),
         downlights(room, &[9.0, 10.6], &[7.2, 9.9]),

@@ -4,7 +4,7 @@
 //! Invariant: closed shapes face outwards. A shape stands on z = 0, centred in x and y, unless
 //! its documentation says otherwise.
 
-use crate::material::Material;
+use crate::material::NamedMaterial;
 use crate::mesh::Mesh;
 use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
@@ -13,7 +13,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 const CUSHION: usize = 8;
 
 /// Returns the box between two corners.
-pub fn cuboid(material: &'static Material, min: [f64; 3], max: [f64; 3]) -> Mesh {
+pub fn cuboid(material: &'static NamedMaterial, min: [f64; 3], max: [f64; 3]) -> Mesh {
     let mut mesh = Mesh::default();
     for i in 0..8 {
         let pick = |axis: usize| if i >> axis & 1 == 0 { min[axis] } else { max[axis] };
@@ -27,12 +27,12 @@ pub fn cuboid(material: &'static Material, min: [f64; 3], max: [f64; 3]) -> Mesh
 }
 
 /// Returns a box of a size.
-pub fn block(material: &'static Material, [w, d, h]: [f64; 3]) -> Mesh {
+pub fn block(material: &'static NamedMaterial, [w, d, h]: [f64; 3]) -> Mesh {
     cuboid(material, [-w / 2.0, -d / 2.0, 0.0], [w / 2.0, d / 2.0, h])
 }
 
 /// Returns a box of a size whose edges are rounded to `radius`.
-pub fn rounded(material: &'static Material, size: [f64; 3], radius: f64) -> Mesh {
+pub fn rounded(material: &'static NamedMaterial, size: [f64; 3], radius: f64) -> Mesh {
     let half = DVec3::from(size) / 2.0;
     let radius = radius.min(half.min_element());
     let inner = half - radius;
@@ -59,14 +59,14 @@ pub fn rounded(material: &'static Material, size: [f64; 3], radius: f64) -> Mesh
 }
 
 /// Returns a cushion: square in outline, round in profile.
-pub fn cushion(material: &'static Material, size: [f64; 3]) -> Mesh {
+pub fn cushion(material: &'static NamedMaterial, size: [f64; 3]) -> Mesh {
     superellipsoid(material, size, 5.0, 2.4)
 }
 
 /// Returns a superellipsoid with separate exponents for outline (x, y) and profile; 2 is an
 /// ellipse, and more is squarer.
 pub fn superellipsoid(
-    material: &'static Material,
+    material: &'static NamedMaterial,
     size: [f64; 3],
     outline: f64,
     profile: f64,
@@ -92,7 +92,11 @@ enum Along {
 }
 
 /// Returns the six faces of a cube, of `n` by `n` cells each, mapped by `bend`.
-fn cube_faces(material: &'static Material, n: usize, bend: impl Fn([Along; 3]) -> DVec3) -> Mesh {
+fn cube_faces(
+    material: &'static NamedMaterial,
+    n: usize,
+    bend: impl Fn([Along; 3]) -> DVec3,
+) -> Mesh {
     Mesh::of((0..6).map(|face| {
         let (axis, side) = (face / 2, if face % 2 == 0 { -1.0 } else { 1.0 });
         // (axis, u, v) is right-handed, so the far wall runs u then v, and the near wall v then u.
@@ -112,7 +116,7 @@ fn cube_faces(material: &'static Material, n: usize, bend: impl Fn([Along; 3]) -
 /// Returns a sheet of `nu` by `nv` cells with points `at(u, v)`, both in [0, 1]. Its outside is the
 /// side of ∂u × ∂v.
 pub fn sheet(
-    material: &'static Material,
+    material: &'static NamedMaterial,
     nu: usize,
     nv: usize,
     at: impl Fn(f64, f64) -> DVec3,
@@ -121,7 +125,7 @@ pub fn sheet(
 }
 
 fn indexed(
-    material: &'static Material,
+    material: &'static NamedMaterial,
     nu: usize,
     nv: usize,
     at: impl Fn(usize, usize) -> DVec3,
@@ -145,14 +149,19 @@ fn indexed(
 }
 
 /// Returns a rectangle from a corner along two edges. Its outside is the side of `u` × `v`.
-pub fn rectangle(material: &'static Material, corner: [f64; 3], u: [f64; 3], v: [f64; 3]) -> Mesh {
+pub fn rectangle(
+    material: &'static NamedMaterial,
+    corner: [f64; 3],
+    u: [f64; 3],
+    v: [f64; 3],
+) -> Mesh {
     let (corner, u, v) = (DVec3::from(corner), DVec3::from(u), DVec3::from(v));
     sheet(material, 1, 1, |s, t| corner + u * s + v * t)
 }
 
 /// Returns a solid of revolution about the z axis; `profile` holds pairs of radius and height.
 /// Going up, its outside is away from the axis.
-pub fn lathe(material: &'static Material, segments: usize, profile: &[(f64, f64)]) -> Mesh {
+pub fn lathe(material: &'static NamedMaterial, segments: usize, profile: &[(f64, f64)]) -> Mesh {
     let mut mesh = Mesh::default();
     for &(radius, z) in profile {
         for i in 0..segments {
@@ -174,12 +183,12 @@ pub fn lathe(material: &'static Material, segments: usize, profile: &[(f64, f64)
 
 /// Returns a solid of revolution with a smooth profile through the given pairs of radius and
 /// height.
-pub fn turned(material: &'static Material, segments: usize, profile: &[(f64, f64)]) -> Mesh {
+pub fn turned(material: &'static NamedMaterial, segments: usize, profile: &[(f64, f64)]) -> Mesh {
     lathe(material, segments, &smooth(profile, 2))
 }
 
 /// Returns a ball about the origin.
-pub fn ball(material: &'static Material, radius: f64, segments: usize) -> Mesh {
+pub fn ball(material: &'static NamedMaterial, radius: f64, segments: usize) -> Mesh {
     let rings = segments / 2;
     let profile: Vec<_> = (0..=rings)
         .map(|j| {
@@ -192,7 +201,12 @@ pub fn ball(material: &'static Material, radius: f64, segments: usize) -> Mesh {
 }
 
 /// Returns a round rod along `path`, with caps.
-pub fn tube(material: &'static Material, path: &[DVec3], radius: f64, segments: usize) -> Mesh {
+pub fn tube(
+    material: &'static NamedMaterial,
+    path: &[DVec3],
+    radius: f64,
+    segments: usize,
+) -> Mesh {
     let mut mesh = Mesh::default();
     let last = path.len() - 1;
     let tangent = |i: usize| (path[(i + 1).min(last)] - path[i.saturating_sub(1)]).normalize();
@@ -225,7 +239,7 @@ pub fn tube(material: &'static Material, path: &[DVec3], radius: f64, segments: 
 }
 
 /// Returns a rod that bends smoothly through the given points.
-pub fn bent(material: &'static Material, through: &[[f64; 3]], radius: f64) -> Mesh {
+pub fn bent(material: &'static NamedMaterial, through: &[[f64; 3]], radius: f64) -> Mesh {
     let xy: Vec<_> = through.iter().map(|p| (p[0], p[1])).collect();
     let z: Vec<_> = through.iter().map(|p| (p[2], 0.0)).collect();
     let path: Vec<_> = smooth(&xy, 4)

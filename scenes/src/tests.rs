@@ -2,7 +2,7 @@
 
 use crate::building::ROOMS;
 use crate::config::{SECTIONS, VIEWS};
-use crate::material::{ALL, Material};
+use crate::material::{ALL, NamedMaterial};
 use crate::rooms::{Object, SHELL, interior};
 use crate::{Bundled, config, cornell, corridor, obj_and_mtl, write};
 use glam::DVec3;
@@ -14,7 +14,7 @@ type Triangle = [DVec3; 3];
 
 static INTERIOR: LazyLock<Vec<Object>> = LazyLock::new(interior);
 
-fn triangles() -> impl Iterator<Item = (Triangle, &'static Material)> {
+fn triangles() -> impl Iterator<Item = (Triangle, &'static NamedMaterial)> {
     INTERIOR.iter().flat_map(|object| object.mesh.triangles())
 }
 
@@ -150,7 +150,7 @@ fn lights_shine_into_the_rooms() {
 #[test]
 fn no_light_leaks_between_walls() {
     let shell = shell();
-    let random = &mut crate::random::Random::new(1);
+    let random = &mut crate::random::SeededRandom::new(1);
     for room in ROOMS {
         let from = DVec3::new((room.x.0 + room.x.1) / 2.0, (room.y.0 + room.y.1) / 2.0, 1.3);
         for _ in 0..300 {
@@ -303,7 +303,7 @@ fn the_corridor_is_small_closed_and_loads_without_a_warning() {
     assert!(loaded.warnings.is_empty(), "{}", loaded.warnings[0]);
     assert_eq!(loaded.scene.triangles().len(), 70);
     let all = corridor_triangles();
-    let random = &mut crate::random::Random::new(2);
+    let random = &mut crate::random::SeededRandom::new(2);
     for from in
         [[2.2, 0.8, 1.55], [7.1, 0.6, 1.55], [7.0, 3.0, 1.5], [9.0, 7.0, 1.0]].map(DVec3::from)
     {

@@ -10,9 +10,9 @@ use std::{net::SocketAddr, time::Instant};
 use holo_net::{Inbox, Message, NetError, Outbox};
 use holo_picture::{Picture, View};
 use holo_proto::{
-    bulk::{LiveHit, LiveResults, LiveWork, Results, Traced, Work},
+    bulk::{LiveHit, LiveResults, LiveWork, Results, TracedPacket, WorkPackets},
     control::Control,
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_section::{DVec3, Sample, Section};
@@ -81,7 +81,7 @@ impl World {
         )
     }
 
-    fn answer(&self, sections: &[Section], work: &Work) -> Results {
+    fn answer(&self, sections: &[Section], work: &WorkPackets) -> Results {
         let mut results = Results::default();
         for packet in &work.packets {
             let start = Instant::now();
@@ -96,7 +96,11 @@ impl World {
                 results.samples.push(self.sample(section, &sampler.ray(coords), coords));
             }
             let count = u32::from(packet.count);
-            results.packets.push(Traced { id: packet.id, count, nanoseconds: nanoseconds(start) });
+            results.packets.push(TracedPacket {
+                id: packet.id,
+                count,
+                nanoseconds: nanoseconds(start),
+            });
         }
         results
     }
@@ -113,7 +117,11 @@ impl World {
                 results.hits.push(LiveHit { radiance: hit.rgb.map(|x| x as f32), distance });
             }
             let count = packet.rays.len() as u32;
-            results.packets.push(Traced { id: packet.id, count, nanoseconds: nanoseconds(start) });
+            results.packets.push(TracedPacket {
+                id: packet.id,
+                count,
+                nanoseconds: nanoseconds(start),
+            });
         }
         results
     }
@@ -157,11 +165,11 @@ pub async fn work(address: SocketAddr, world: World) {
         match inbox.next().await {
             Ok(Message::Work(work)) => {
                 let results = world.answer(&sections, &work);
-                outbox.send(Kind::Results, &results.encode()).expect("it fits");
+                outbox.send(FrameKind::Results, &results.encode()).expect("it fits");
             }
             Ok(Message::LiveWork(work)) => {
                 let results = world.answer_live(&work);
-                outbox.send(Kind::LiveResults, &results.encode()).expect("it fits");
+                outbox.send(FrameKind::LiveResults, &results.encode()).expect("it fits");
             }
             Ok(Message::Control(Control::Ping(number))) => {
                 outbox.control(&Control::Pong(number)).expect("it fits")

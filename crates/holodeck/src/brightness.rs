@@ -7,8 +7,8 @@ use glam::DVec3;
 use holo_picture::{Look, Picture, ViewSpec};
 use holo_tracer::{Settings, Tracer};
 
-use crate::opening::Opened;
-use crate::passes::{Job, Limit};
+use crate::opening::OpenedScene;
+use crate::passes::{TraceJob, WorkLimit};
 
 /// Width and height of the picture that determines the brightness, and its paths per pixel. The
 /// log-average of so many paths is within a few percent of a good picture's.
@@ -20,7 +20,7 @@ const PATHS: u32 = 16;
 ///
 /// # Errors
 /// If there is no view, or the scene cannot be traced.
-pub fn of_first_view(opened: &mut Opened, bounces: Option<u32>) -> Result<Option<f32>> {
+pub fn of_first_view(opened: &mut OpenedScene, bounces: Option<u32>) -> Result<Option<f32>> {
     let up = Some(DVec3::from_array(opened.up));
     let mut spec = ViewSpec { vu: up, ..ViewSpec::default() };
     if let Some((_, first)) = opened.views.first() {
@@ -28,13 +28,13 @@ pub fn of_first_view(opened: &mut Opened, bounces: Option<u32>) -> Result<Option
     }
     let (view, size) = spec.resolve(SIZE)?;
     let settings = Settings { bounces, ..Settings::default() };
-    let job = Job {
+    let job = TraceJob {
         tracer: Tracer::with_raycaster(opened.raycaster()?, settings)?,
         view,
         size,
         seed: 0,
         threads: std::thread::available_parallelism().map_or(1, usize::from),
-        limit: Limit::Paths(PATHS),
+        limit: WorkLimit::Paths(PATHS),
         has_errors: false,
     };
     let sums = job.run(|| Duration::ZERO, || false, |_| {}).sums;

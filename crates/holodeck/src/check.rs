@@ -18,7 +18,7 @@ use crate::{
 /// Check a model: lists what is odd, how often, where, and what it does to pictures
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  holodeck check house.obj --json")]
-pub struct Args {
+pub struct CheckArgs {
     /// The scene
     #[arg(value_name = "MODEL")]
     scene: Option<PathBuf>,
@@ -29,8 +29,8 @@ pub struct Args {
     json: bool,
 }
 
-/// See [`Args`].
-pub fn run(args: &Args) -> Result<()> {
+/// See [`CheckArgs`].
+pub fn run(args: &CheckArgs) -> Result<()> {
     let config = args.scene_args.resolve(args.scene.as_ref())?;
     check_units(&config)?;
     let loaded = loading::load_quietly(&config)?;

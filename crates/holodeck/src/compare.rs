@@ -10,7 +10,7 @@ use serde::Serialize;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck compare view.pfm truth.pfm\n  \
     holodeck compare view.pfm truth.pfm --se view_se.pfm --reference-se truth_se.pfm")]
-pub struct Args {
+pub struct CompareArgs {
     /// The picture (.exr .hdr .pfm)
     picture: PathBuf,
     /// The picture that it should be
@@ -30,7 +30,7 @@ pub struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct ComparisonReport {
     #[serde(flatten)]
     measures: holo_picture::Measures,
     /// The worst block's error as displayed, clipped at white.
@@ -46,8 +46,8 @@ struct Report {
     worst_block_beyond_noise: Option<f64>,
 }
 
-/// See [`Args`].
-pub fn run(args: &Args) -> Result<()> {
+/// See [`CompareArgs`].
+pub fn run(args: &CompareArgs) -> Result<()> {
     let read = |path: &PathBuf| Picture::read(path);
     let (picture, reference) = (read(&args.picture)?, read(&args.reference)?);
     let measures = holo_picture::compare(&picture, &reference)?;
@@ -68,7 +68,7 @@ pub fn run(args: &Args) -> Result<()> {
     if args.json {
         holo_progress::print_line!(
             "{}",
-            serde_json::to_string(&Report {
+            serde_json::to_string(&ComparisonReport {
                 measures,
                 worst_block_shown,
                 worst_block_away,

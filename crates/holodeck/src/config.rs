@@ -16,7 +16,7 @@ use serde::Deserialize;
 /// most likely misspelt.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Config {
+pub struct HolodeckConfig {
     /// The scene, relative to this file.
     pub scene: Option<PathBuf>,
     /// Up axis of the scene: a direction, or "y" or "z".
@@ -29,7 +29,7 @@ pub struct Config {
     /// True if lights shine from both sides.
     pub two_sided_lights: Option<bool>,
     /// Sections.
-    pub section: Vec<Section>,
+    pub section: Vec<SectionTable>,
     /// Most rooms that get a section if no section is stated.
     #[serde(deserialize_with = "ranges::rooms")]
     pub max_rooms: Option<usize>,
@@ -45,7 +45,7 @@ pub struct Config {
     #[serde(skip)]
     pub portals: Vec<(usize, PathBuf)>,
     /// Views by name. A display begins with the first.
-    pub view: Vec<View>,
+    pub view: Vec<ViewTable>,
     /// Views of an existing file, as Radiance options. They count if `view` is empty.
     #[serde(skip)]
     pub named_views: Vec<(String, String)>,
@@ -236,7 +236,7 @@ mod ranges {
 /// One section. Its shape is checked against the scene later.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Section {
+pub struct SectionTable {
     /// Its name, for people.
     #[serde(default)]
     pub name: Option<String>,
@@ -255,7 +255,7 @@ pub struct Section {
     pub portals: Option<PathBuf>,
 }
 
-impl Section {
+impl SectionTable {
     /// Returns the section as the value of `--section`.
     pub fn to_option(&self) -> String {
         let triple = |v: [f64; 3]| format!("{},{},{}", v[0], v[1], v[2]);
@@ -282,7 +282,7 @@ pub enum Obstructions {
 /// One view.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct View {
+pub struct ViewTable {
     /// The name that `--view` takes.
     pub name: String,
     /// Type: `v`, `l`, `c`, `a` or `h`.
@@ -307,7 +307,7 @@ pub struct View {
     pub va: Option<f64>,
 }
 
-impl View {
+impl ViewTable {
     /// Checks that the view can be shown, as far as that is known without the scene's up axis.
     fn check(&self) -> Result<(), ViewError> {
         let mut spec = ViewSpec::default();
@@ -336,7 +336,7 @@ impl View {
     }
 }
 
-impl Config {
+impl HolodeckConfig {
     /// Returns the views by name, as Radiance options.
     pub fn views(&self) -> Vec<(String, String)> {
         match self.view.is_empty() {
@@ -350,10 +350,10 @@ impl Config {
     /// # Errors
     /// If the file cannot be read, or a key is unknown or has the wrong type. The error names the
     /// file and the line.
-    pub fn read(path: &Path) -> Result<Config> {
+    pub fn read(path: &Path) -> Result<HolodeckConfig> {
         let text =
             std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
-        let mut config: Config =
+        let mut config: HolodeckConfig =
             toml::from_str(&text).with_context(|| path.display().to_string())?;
         for (index, view) in config.view.iter().enumerate() {
             let place = || {
@@ -393,7 +393,7 @@ mod tests {
 
     #[test]
     fn up_and_unit_are_numbers_or_names() {
-        let read = |text: &str| toml::from_str::<Config>(text);
+        let read = |text: &str| toml::from_str::<HolodeckConfig>(text);
         let config = read("up = [0, 1, 0]\nunit = 0.3").unwrap();
         assert_eq!((config.up, config.unit), (Some(Up([0.0, 1.0, 0.0])), Some(Unit(0.3))));
         let config = read("up = \"z\"\nunit = \"in\"").unwrap();
@@ -412,11 +412,11 @@ mod tests {
         let views = view("left", "vd = [0, 1, 0]") + &view("up", "vd = [0, 0, 1]");
         let error = |text: &str| {
             std::fs::write(&path, text).unwrap();
-            format!("{:#}", Config::read(&path).unwrap_err())
+            format!("{:#}", HolodeckConfig::read(&path).unwrap_err())
         };
         std::fs::write(&path, "accuracy = 0.1\nsky = [0, 1, 2]\ncache = 9\n".to_owned() + &views)
             .unwrap();
-        assert_eq!(Config::read(&path).unwrap().views().len(), 2);
+        assert_eq!(HolodeckConfig::read(&path).unwrap().views().len(), 2);
         for (line, words) in [
             ("accuracy = 2", "from 0.002 to 0.5"),
             ("accuracy = nan", "from 0.002 to 0.5"),

@@ -16,7 +16,8 @@ use tokio::{
 };
 
 use crate::{
-    config::Config, joining::ListenArgs, prepare::Edited, processes::Server, worker::KeptWorker,
+    config::HolodeckConfig, joining::ListenArgs, prepare::Edited, processes::LocalServer,
+    worker::KeptWorker,
 };
 
 /// Most times that a server is started again within [`FEW_ENDS_IN`].
@@ -26,11 +27,11 @@ const MOST_ENDS: usize = 3;
 const FEW_ENDS_IN: Duration = Duration::from_secs(60);
 
 /// The processes of a live session.
-pub struct Crew {
+pub struct SessionProcesses {
     /// The holodeck.
     file: PathBuf,
     /// How its scene can be read again. `None`: as the file says.
-    scene: Option<Config>,
+    scene: Option<HolodeckConfig>,
     /// The scene that is being read again, and who wants it.
     reading: Option<(JoinHandle<Result<Edited>>, Answer)>,
     /// The scene that was read again.
@@ -40,7 +41,7 @@ pub struct Crew {
     /// Further arguments of the server.
     arguments: Vec<OsString>,
     how: WorkerArgs,
-    server: Server,
+    server: LocalServer,
     worker: KeptWorker,
     /// When the server has ended by itself.
     ends: Vec<Instant>,
@@ -62,7 +63,7 @@ pub struct WorkerArgs {
     pub quiet: bool,
 }
 
-impl Crew {
+impl SessionProcesses {
     /// Starts server and worker, and prints the string to join with if other machines may join. The
     /// server gets `arguments` as well.
     ///
@@ -70,18 +71,18 @@ impl Crew {
     /// If one of them cannot be started.
     pub async fn start(
         file: PathBuf,
-        scene: Option<Config>,
+        scene: Option<HolodeckConfig>,
         mut listen: ListenArgs,
         arguments: Vec<OsString>,
         how: WorkerArgs,
-    ) -> Result<Crew> {
+    ) -> Result<SessionProcesses> {
         let (server, worker) = begin(&file, &listen, &arguments, how).await?;
         server.invite();
         // Whoever joins expects a server that starts again at the same address.
         listen.stay_at(server.outside.as_ref().map_or(server.address, |outside| outside.address));
         let (giver, orders) = holo_view::crew();
         let (reading, edited) = (None, None);
-        Ok(Crew {
+        Ok(SessionProcesses {
             file,
             scene,
             reading,
@@ -236,11 +237,11 @@ async fn begin(
     listen: &ListenArgs,
     arguments: &[OsString],
     how: WorkerArgs,
-) -> Result<(Server, KeptWorker)> {
+) -> Result<(LocalServer, KeptWorker)> {
     let mut all: Vec<OsString> = vec![file.into()];
     all.extend(listen.arguments());
     all.extend_from_slice(arguments);
-    let server = Server::start(all).await?;
+    let server = LocalServer::start(all).await?;
     let worker = KeptWorker::start(server.address, how.threads, how.nice, how.quiet)?;
     Ok((server, worker))
 }

@@ -13,7 +13,7 @@ use holo_scenes::Bundled;
 use holo_view::{DriverArgs, LookArgs, PointArgs, ViewArgs};
 
 use crate::{
-    config::{Config, View},
+    config::{HolodeckConfig, ViewTable},
     joining::ListenArgs,
     prepare::{self, OtherScene},
     view::{FrontEnd, LiveSession},
@@ -22,7 +22,7 @@ use crate::{
 /// Trace the bundled house with everything on this machine, and write pictures as it refines
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  holodeck demo --time 60s --size 1280x720")]
-pub struct Args {
+pub struct DemoArgs {
     /// Time to trace: two thirds for the first room, the rest for the others
     #[arg(long, value_name = "TIME", default_value = "30s", value_parser = holo_view::parse_seconds)]
     time: f64,
@@ -37,9 +37,9 @@ pub struct Args {
     threads: Option<u16>,
 }
 
-impl Default for Args {
-    fn default() -> Args {
-        Args { time: 30.0, out: "demo".into(), size: (640, 360), threads: None }
+impl Default for DemoArgs {
+    fn default() -> DemoArgs {
+        DemoArgs { time: 30.0, out: "demo".into(), size: (640, 360), threads: None }
     }
 }
 
@@ -61,7 +61,7 @@ pub fn has_desktop() -> bool {
 /// samples.
 pub async fn walk(front_end: FrontEnd) -> Result<()> {
     front_end.check()?;
-    let out = Args::default().out;
+    let out = DemoArgs::default().out;
     let config = house(&out)?;
     let file = out.join("interior.holo");
     drop(prepare::make(&file, &config, OtherScene::Refuse, true)?);
@@ -80,12 +80,12 @@ pub async fn walk(front_end: FrontEnd) -> Result<()> {
 }
 
 /// Writes the bundled house to a folder, and returns its configuration.
-fn house(folder: &Path) -> Result<Config> {
+fn house(folder: &Path) -> Result<HolodeckConfig> {
     let name = folder.display();
     std::fs::create_dir_all(folder).with_context(|| format!("making {name}"))?;
     let written = holo_scenes::write(Bundled::Interior, folder)
         .with_context(|| format!("writing to {name}"))?;
-    let mut config = Config::read(&written.config)?;
+    let mut config = HolodeckConfig::read(&written.config)?;
     // Records for so many small surfaces take longer than a demonstration.
     config.engine = Some(Engine::Path);
     Ok(config)
@@ -112,8 +112,8 @@ fn viewer(
     }
 }
 
-/// See [`Args`].
-pub async fn run(args: Args) -> Result<()> {
+/// See [`DemoArgs`].
+pub async fn run(args: DemoArgs) -> Result<()> {
     let config = house(&args.out)?;
     holo_progress::print_line!("scene: {}", args.out.join("interior.obj").display());
     let file = args.out.join("interior.holo");
@@ -144,7 +144,7 @@ pub async fn run(args: Args) -> Result<()> {
 ///
 /// The first view gets [`FIRST_ROOM`] of the time, with pictures named by their seconds. The others
 /// share the rest, with one picture each.
-fn script(views: &[View], time: f64, out: &Path) -> String {
+fn script(views: &[ViewTable], time: f64, out: &Path) -> String {
     let mut script = String::new();
     let others = views.len().saturating_sub(1);
     let first = if others == 0 { time } else { time * FIRST_ROOM };
@@ -189,11 +189,11 @@ fn farewell(out: &Path, file: &Path, names: &[&str]) -> String {
 mod tests {
     use super::*;
 
-    fn view(name: &str) -> View {
+    fn view(name: &str) -> ViewTable {
         let (vp, vd) = ([1.0, 2.0, 3.0], [0.0, 1.0, 0.0]);
         let none = (None, None, None, None, None, None, None);
         let (vu, (vt, vh, vv, vs, vl, vo, va)) = (None, none);
-        View { name: name.into(), vt, vp, vd, vu, vh, vv, vs, vl, vo, va }
+        ViewTable { name: name.into(), vt, vp, vd, vu, vh, vv, vs, vl, vo, va }
     }
 
     #[test]

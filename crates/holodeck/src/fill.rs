@@ -10,14 +10,14 @@ use std::{
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
 use holo_progress::{HumanBytes, HumanCount};
-use holo_server::{About, Shard, Summary};
+use holo_server::{HolodeckDescription, Shard, Summary};
 use tempfile::NamedTempFile;
 
 use crate::{
-    config::Config,
+    config::HolodeckConfig,
     joining::ListenArgs,
     prepare::{self, OtherScene},
-    processes::Server,
+    processes::LocalServer,
     scene_args::{SceneArgs, Usage, scene_path},
     seen::seen_beams,
     worker::{KeptWorker, NICE},
@@ -33,7 +33,7 @@ use crate::{
     holodeck fill room.obj -o part-0.holo --time 8h --shard 0/8\n  \
     holodeck fill room.obj --views tour.vf --disk 50GB\n  \
     holodeck fill statue.obj -o statue.holo --exterior --sky 1,1,1 --samples 20M")]
-pub struct Args {
+pub struct FillArgs {
     /// The scene
     #[arg(value_name = "MODEL")]
     scene: Option<PathBuf>,
@@ -89,8 +89,8 @@ pub struct Args {
 /// The time that a file is filled by default.
 const DEFAULT_TIME: Duration = Duration::from_secs(60);
 
-/// See [`Args`].
-pub async fn run(args: Args) -> Result<()> {
+/// See [`FillArgs`].
+pub async fn run(args: FillArgs) -> Result<()> {
     let config = args.scene_args.resolve(args.scene.as_ref())?;
     let output = match &args.output {
         Some(output) => output.clone(),
@@ -108,7 +108,7 @@ pub async fn run(args: Args) -> Result<()> {
         arguments.extend(["--beams".into(), list.path().into()]);
     }
     let mut server = tokio::select! {
-        server = Server::start(arguments) => server?,
+        server = LocalServer::start(arguments) => server?,
         // The server ends with its standard input.
         () = shutdown.wait() => return Ok(()),
     };
@@ -138,7 +138,11 @@ pub async fn run(args: Args) -> Result<()> {
 }
 
 /// Returns the server's arguments.
-fn server_arguments(args: &Args, config: &Config, output: &Path) -> Result<Vec<OsString>> {
+fn server_arguments(
+    args: &FillArgs,
+    config: &HolodeckConfig,
+    output: &Path,
+) -> Result<Vec<OsString>> {
     let configured =
         config.time.as_deref().map(holo_server::parse_time).transpose().map_err(Usage)?;
     let time = args.time.or(configured.filter(|_| args.samples.is_none() && args.disk.is_none()));
@@ -169,7 +173,7 @@ fn server_arguments(args: &Args, config: &Config, output: &Path) -> Result<Vec<O
 }
 
 /// Writes the list of the beams that the views in a file see. The list lasts as long as the result.
-fn list_of_beams(views: &Path, about: &About) -> Result<NamedTempFile> {
+fn list_of_beams(views: &Path, about: &HolodeckDescription) -> Result<NamedTempFile> {
     let beams = seen_beams(views, about)?;
     let mut file = NamedTempFile::new().context("making a temporary file")?;
     write!(file, "{beams}").and_then(|()| file.flush()).context("writing a temporary file")?;

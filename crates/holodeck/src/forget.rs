@@ -13,7 +13,7 @@ use holo_server::{Forgotten, Holodeck};
 /// that were dropped. A later fill traces the removed samples again.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  holodeck forget room.holo --worker 3")]
-pub struct Args {
+pub struct ForgetArgs {
     /// The holodeck; nothing else may write to it meanwhile
     #[arg(value_name = "FILE.holo")]
     file: PathBuf,
@@ -25,8 +25,8 @@ pub struct Args {
     json: bool,
 }
 
-/// See [`Args`].
-pub fn run(args: &Args) -> Result<()> {
+/// See [`ForgetArgs`].
+pub fn run(args: &ForgetArgs) -> Result<()> {
     let makers: Vec<Maker> = args.worker.iter().map(|&number| Maker(number)).collect();
     let forgotten = Holodeck::forget(&args.file, &makers)?;
     if args.json {

@@ -68,7 +68,7 @@ struct Info {
     extents: u64,
     sections: Vec<SectionInfo>,
     settings: RenderSettings,
-    scene: SceneInfo,
+    scene: SceneSummary,
     /// Records of indirect light.
     light_records: usize,
     /// Cells of surface light.
@@ -127,7 +127,7 @@ struct WorkerInfo {
 }
 
 #[derive(Serialize)]
-struct SceneInfo {
+struct SceneSummary {
     source: String,
     hash: String,
     bytes: u64,
@@ -169,7 +169,7 @@ fn collect(file: &Path) -> Result<Info> {
         extents: stats.extents,
         sections: sections.collect(),
         settings: about.settings,
-        scene: SceneInfo {
+        scene: SceneSummary {
             source: about.source.clone(),
             hash: about.scene.hash.iter().map(|byte| format!("{byte:02x}")).collect(),
             bytes: about.scene.bytes,
@@ -220,17 +220,17 @@ fn bytes_per_hour(file: &Path) -> std::io::Result<f64> {
 
 /// Numbers of samples.
 #[derive(Default)]
-struct Numbers {
+struct SampleCounts {
     /// Samples by their number of paths.
     paths: BTreeMap<u16, u64>,
     /// Samples by their maker.
     makers: BTreeMap<Maker, u64>,
 }
 
-fn numbers(file: &BeamFile) -> Numbers {
+fn numbers(file: &BeamFile) -> SampleCounts {
     let mut beams = Vec::new();
     file.for_each_beam(&mut |key, _| beams.push(key));
-    let mut numbers = Numbers::default();
+    let mut numbers = SampleCounts::default();
     for (run, maker) in beams.into_iter().flat_map(|key| file.makers(key)) {
         *numbers.paths.entry(run.paths).or_default() += u64::from(run.count);
         *numbers.makers.entry(maker).or_default() += u64::from(run.count);

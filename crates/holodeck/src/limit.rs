@@ -3,7 +3,7 @@
 use holo_section::{Section, SectionSpec, ViewClass};
 use holo_survey::{Door, Survey};
 
-use crate::config::Config;
+use crate::config::HolodeckConfig;
 
 /// Most rooms by default.
 const ROOMS: usize = 8;
@@ -17,7 +17,7 @@ const DOOR_BEAMS: f64 = 20_000.0;
 
 /// Limits a survey to the rooms that the configuration allows, at least one, and to the doors for
 /// which beams are left.
-pub fn apply(config: &Config, survey: &mut Survey) {
+pub fn apply(config: &HolodeckConfig, survey: &mut Survey) {
     let mut left = config.max_beams.unwrap_or(BEAMS);
     let mut fits = |axes: [[f64; 3]; 3], grid: [u32; 3]| {
         let beams = beams(axes, grid);
@@ -50,16 +50,16 @@ fn beams(axes: [[f64; 3]; 3], grid: [u32; 3]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::opening::{Wanted, open};
+    use crate::opening::{OpeningRequest, open};
 
     /// Returns the number of beams of each section of a flat with two rooms under a limit, and the
     /// sections' names.
     fn sections(max_beams: Option<u64>) -> (Vec<u64>, Vec<String>) {
         let folder = tempfile::tempdir().unwrap();
         let scene = holo_scenes::write_model("sketchup-flat", folder.path()).unwrap();
-        let config = Config { scene, max_beams, ..Config::default() };
-        let sections = open(&config, Wanted::Sections, true).unwrap().sections;
-        let of = |section: &crate::config::Section| {
+        let config = HolodeckConfig { scene, max_beams, ..HolodeckConfig::default() };
+        let sections = open(&config, OpeningRequest::Sections, true).unwrap().sections;
+        let of = |section: &crate::config::SectionTable| {
             beams(section.axes, section.grid.unwrap_or_else(|| Section::default_grid(section.axes)))
         };
         let names = sections.iter().map(|section| section.name.clone().unwrap_or_default());

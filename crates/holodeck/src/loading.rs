@@ -7,14 +7,14 @@ use holo_progress::{HumanBytes, HumanCount, Meter};
 use holo_scene::{LoadOptions, LoadProgress, Loaded, load_watched};
 use holo_survey::white_materials;
 
-use crate::{config::Config, scene_args::scene_path};
+use crate::{config::HolodeckConfig, scene_args::scene_path};
 
 /// Loads the configuration's scene. Warnings go to standard error, and so does the progress unless
 /// `quiet`.
 ///
 /// # Errors
 /// If there is no scene or it cannot be loaded.
-pub fn load(config: &Config, quiet: bool) -> Result<Loaded> {
+pub fn load(config: &HolodeckConfig, quiet: bool) -> Result<Loaded> {
     let path = scene_path(config)?;
     let loaded = load_file(path, config, quiet)?;
     for (name, albedo) in white_materials(&loaded.scene) {
@@ -29,11 +29,11 @@ pub fn load(config: &Config, quiet: bool) -> Result<Loaded> {
 }
 
 /// Loads the configuration's scene without output. The caller gets the warnings.
-pub fn load_quietly(config: &Config) -> Result<Loaded> {
+pub fn load_quietly(config: &HolodeckConfig) -> Result<Loaded> {
     Ok(holo_scene::load(scene_path(config)?, &options(config))?)
 }
 
-fn options(config: &Config) -> LoadOptions {
+fn options(config: &HolodeckConfig) -> LoadOptions {
     LoadOptions {
         sky: config.sky.unwrap_or([0.0; 3]),
         two_sided_lights: config.two_sided_lights.unwrap_or(false),
@@ -41,7 +41,7 @@ fn options(config: &Config) -> LoadOptions {
 }
 
 /// Loads any OBJ file with the configuration's options.
-pub fn load_file(path: &Path, config: &Config, quiet: bool) -> Result<Loaded> {
+pub fn load_file(path: &Path, config: &HolodeckConfig, quiet: bool) -> Result<Loaded> {
     let options = options(config);
     let mut meter = Meter::new(quiet);
     let start = Instant::now();
@@ -82,7 +82,7 @@ mod tests {
         let obj = "mtllib room.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n\
                    usemtl snow\nf 1 2 3\nusemtl paint\nf 1 2 4\n";
         std::fs::write(&path, obj).unwrap();
-        let scene = load_file(&path, &Config::default(), true).unwrap().scene;
+        let scene = load_file(&path, &HolodeckConfig::default(), true).unwrap().scene;
         assert_eq!(white_materials(&scene), [("snow", 0.96)]);
     }
 

@@ -72,25 +72,25 @@ struct Program {
 
 #[derive(Subcommand)]
 enum Command {
-    Demo(demo::Args),
+    Demo(demo::DemoArgs),
     View(Box<view::ViewCommand>),
-    Fill(fill::Args),
+    Fill(fill::FillArgs),
     Replay(view::ReplayCommand),
     Picture(view::PictureCommand),
-    Render(render::Args),
-    Sections(sections::Args),
-    Check(check::Args),
-    Compare(compare::Args),
+    Render(render::RenderArgs),
+    Sections(sections::SectionsArgs),
+    Check(check::CheckArgs),
+    Compare(compare::CompareArgs),
     Info(info::InfoArgs),
     Verify(info::VerifyArgs),
-    Merge(merge::Args),
-    Forget(forget::Args),
-    Status(status::Args),
+    Merge(merge::MergeArgs),
+    Forget(forget::ForgetArgs),
+    Status(status::StatusArgs),
     Tokens(joining::TokensArgs),
     /// Serve one holodeck to workers and displays (also the program `holoserver`)
     Holoserver(holo_server::Config),
     /// Trace for a holoserver (also the program `rtworker`)
-    Rtworker(holo_rtworker::Config),
+    Rtworker(holo_rtworker::WorkerConfig),
     /// Show what a holoserver serves (also the program `holoview`)
     #[command(after_help = "Example:\n  holoview --connect 127.0.0.1:7070 --script walk.txt")]
     Holoview(holo_view::Config),
@@ -172,7 +172,7 @@ async fn run(program: Program, screen: Screen) -> anyhow::Result<()> {
         } else if demo::has_desktop() {
             demo::walk(FrontEnd::Browser(BrowserArgs::default())).await
         } else {
-            demo::run(demo::Args::default()).await
+            demo::run(demo::DemoArgs::default()).await
         };
     };
     match command {

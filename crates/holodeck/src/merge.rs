@@ -14,7 +14,7 @@ use crate::prepare::SMALL_CACHE;
 /// repeated.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  holodeck merge room.holo part-0.holo part-1.holo part-2.holo")]
-pub struct Args {
+pub struct MergeArgs {
     /// The file that gets all samples; made if it does not exist
     #[arg(value_name = "FILE.holo")]
     into: PathBuf,
@@ -29,8 +29,8 @@ pub struct Args {
     quiet: bool,
 }
 
-/// See [`Args`].
-pub fn run(args: &Args) -> Result<()> {
+/// See [`MergeArgs`].
+pub fn run(args: &MergeArgs) -> Result<()> {
     let mut total = Merged::default();
     let mut into = None;
     for path in &args.parts {

@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use axum::{Router, http::StatusCode, routing::get};
 use holo_net::Shutdown;
 use holo_progress::said_once;
-use holo_proto::report::{Report, WorkerReport};
+use holo_proto::report::{StatusReport, WorkerReport};
 use prometheus_client::{
     encoding::text,
     metrics::{family::Family, gauge::Gauge},
@@ -14,14 +14,14 @@ use prometheus_client::{
 };
 use tokio::net::TcpListener;
 
-use crate::status::{Server, ask};
+use crate::status::{QueriedServer, ask};
 
 /// Answers Prometheus at `/metrics` until a signal. Each answer is a new report of the server. If
 /// the server does not answer, Prometheus gets an error.
 ///
 /// # Errors
 /// If the address is not free.
-pub async fn serve(server: Server, address: SocketAddr) -> Result<()> {
+pub async fn serve(server: QueriedServer, address: SocketAddr) -> Result<()> {
     let listener = TcpListener::bind(address).await;
     let listener = listener.with_context(|| format!("listening at {address}"))?;
     let shutdown = Shutdown::new();
@@ -46,7 +46,7 @@ type Number = Gauge<f64, AtomicU64>;
 type Labels = Vec<(&'static str, String)>;
 
 /// Returns a report in the format of Prometheus.
-pub fn text_of(report: &Report) -> Result<String> {
+pub fn text_of(report: &StatusReport) -> Result<String> {
     let mut registry = Registry::with_prefix("holodeck");
     let mut add = |name: &str, help: &str, value: f64| {
         let gauge = Number::default();

@@ -8,10 +8,10 @@ use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use holo_progress::{HumanCount, Meter};
 use holo_raycast::{Hierarchies, Raycaster};
-use holo_scene::{Camera, Loaded, Scene};
-use holo_survey::{Frame, Room, Sight, Survey, unit_words};
+use holo_scene::{Loaded, ModelCamera, Scene};
+use holo_survey::{ChosenView, Room, Survey, UprightAxes, unit_words};
 
-use crate::config::{self, Config};
+use crate::config::{self, HolodeckConfig};
 use crate::{limit, loading, places, preview, scene_args::scene_path};
 
 /// Share of the scene's size between its bounds and the section around it, on each side.
@@ -21,7 +21,7 @@ const MARGIN: f64 = 0.05;
 const MANY: usize = 500_000;
 
 /// A scene with everything that is needed to show it.
-pub struct Opened {
+pub struct OpenedScene {
     /// The scene.
     pub scene: Arc<Scene>,
     /// The scene's up axis.
@@ -31,7 +31,7 @@ pub struct Opened {
     /// Views by name. A session begins with the first.
     pub views: Vec<(String, String)>,
     /// Sections. Empty if only a picture is wanted.
-    pub sections: Vec<config::Section>,
+    pub sections: Vec<config::SectionTable>,
     /// The choices and their reasons, for people.
     pub choices: Vec<String>,
     /// What of its file is left out or odd, for people.
@@ -43,7 +43,7 @@ pub struct Opened {
 
 /// The parts of an opened scene that a command needs.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Wanted {
+pub enum OpeningRequest {
     /// A view to begin with.
     View,
     /// Sections, too.
@@ -54,7 +54,7 @@ pub enum Wanted {
 ///
 /// # Errors
 /// If there is no scene, or it cannot be loaded.
-pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
+pub fn open(config: &HolodeckConfig, wanted: OpeningRequest, quiet: bool) -> Result<OpenedScene> {
     let Loaded { mut scene, about, warnings, .. } = loading::load(config, quiet)?;
     let mut choices = Vec::new();
     let features = scene.features();
@@ -81,7 +81,7 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
         choices.push(format!("views: the file's cameras {}", names.join(", ")));
         views = about.cameras.iter().map(camera_view).collect();
     }
-    let mut opened = Opened {
+    let mut opened = OpenedScene {
         scene: Arc::new(scene),
         up: up.to_array(),
         unit: config.unit.map_or(1.0, |unit| unit.0),
@@ -95,13 +95,13 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
     };
     let has_lamps = features.emitters + features.punctual_lights > 0;
     let may_be_dark = has_no_sky && features.suns == 0 && !opened.is_lit_by_lamps(has_lamps)?;
-    let needs_sections = wanted == Wanted::Sections && opened.sections.is_empty();
+    let needs_sections = wanted == OpeningRequest::Sections && opened.sections.is_empty();
     // A dark scene is always surveyed, because its rooms may need lamps, which must be the same
     // each time.
     if needs_sections || opened.views.is_empty() || may_be_dark {
         let raycaster = opened.raycaster()?;
         let unit = config.unit.map(|unit| unit.0);
-        let mut survey = Survey::new(&raycaster, Frame::new(up), unit, &about);
+        let mut survey = Survey::new(&raycaster, UprightAxes::new(up), unit, &about);
         opened.unit = survey.unit.value;
         if unit.is_none() {
             opened.choices.push(format!("unit: {} (--unit mm|cm|m|in|ft)", survey.unit.reason));
@@ -132,7 +132,7 @@ pub fn open(config: &Config, wanted: Wanted, quiet: bool) -> Result<Opened> {
     Ok(opened)
 }
 
-impl Opened {
+impl OpenedScene {
     /// Returns the scene's raycaster, which is built once.
     pub fn raycaster(&mut self) -> Result<Arc<Raycaster>> {
         if let Some(raycaster) = &self.raycaster {
@@ -201,7 +201,7 @@ impl Opened {
     }
 
     /// Prints the choices.
-    pub fn say(&self, config: &Config) -> Result<()> {
+    pub fn say(&self, config: &HolodeckConfig) -> Result<()> {
         let name = scene_path(config)?.display();
         self.choices.iter().for_each(|choice| eprintln!("{name}: {choice}"));
         Ok(())
@@ -209,7 +209,12 @@ impl Opened {
 
     /// Chooses sections for the rooms of a survey. `found` is the number of rooms before they were
     /// limited.
-    fn choose_sections(&mut self, config: &Config, survey: &Survey, found: usize) -> Result<()> {
+    fn choose_sections(
+        &mut self,
+        config: &HolodeckConfig,
+        survey: &Survey,
+        found: usize,
+    ) -> Result<()> {
         let rooms: &[Room] = if config.exterior { &[] } else { &survey.rooms };
         if rooms.is_empty() {
             let how = if config.exterior { "as stated" } else { "because it has no closed rooms" };
@@ -217,11 +222,11 @@ impl Opened {
             self.sections = vec![around(&self.scene)?];
             return Ok(());
         }
-        let sections = rooms.iter().enumerate().map(|(n, room)| config::Section {
+        let sections = rooms.iter().enumerate().map(|(n, room)| config::SectionTable {
             name: Some(format!("room {}", n + 1)),
             ..section(room.origin, room.axes, false)
         });
-        let doors = survey.doors.iter().enumerate().map(|(n, door)| config::Section {
+        let doors = survey.doors.iter().enumerate().map(|(n, door)| config::SectionTable {
             name: Some(format!("door {}", n + 1)),
             grid: Some(limit::door_grid(door)),
             ..section(door.origin, door.axes, false)
@@ -250,7 +255,7 @@ impl Opened {
         Ok(())
     }
 
-    fn choose_views(&mut self, config: &Config, survey: &Survey) -> Result<()> {
+    fn choose_views(&mut self, config: &HolodeckConfig, survey: &Survey) -> Result<()> {
         let raycaster = self.raycaster()?;
         let views = match config.exterior {
             true => vec![("outside".to_owned(), survey.outside(&raycaster))],
@@ -258,7 +263,7 @@ impl Opened {
         };
         let (low, high) = self.scene.bounds();
         let step = places::step(low.distance(high), self.unit);
-        let options = |sight: Sight| sight_options(&sight, step);
+        let options = |sight: ChosenView| sight_options(&sight, step);
         self.views = views.into_iter().map(|(name, sight)| (name, options(sight))).collect();
         if let Some((name, options)) = self.views.first() {
             let reason = match survey.is_thing && !config.exterior {
@@ -282,8 +287,8 @@ fn counted(count: usize, one: &str, many: &str) -> String {
 }
 
 /// Returns a section with default options.
-fn section(origin: DVec3, axes: [DVec3; 3], exterior: bool) -> config::Section {
-    config::Section {
+fn section(origin: DVec3, axes: [DVec3; 3], exterior: bool) -> config::SectionTable {
+    config::SectionTable {
         name: None,
         origin: origin.to_array(),
         axes: axes.map(|axis| axis.to_array()),
@@ -296,7 +301,7 @@ fn section(origin: DVec3, axes: [DVec3; 3], exterior: bool) -> config::Section {
 
 /// Returns the section around a scene, for views into it. Even a flat scene gets a section with a
 /// volume.
-fn around(scene: &Scene) -> Result<config::Section> {
+fn around(scene: &Scene) -> Result<config::SectionTable> {
     let (low, high) = scene.bounds();
     let margin = DVec3::splat(MARGIN * (high - low).max_element());
     let size = high - low + margin * 2.0;
@@ -311,7 +316,7 @@ fn around(scene: &Scene) -> Result<config::Section> {
 const DIRECTION_STEP: f64 = 1e-4;
 
 /// Returns a view as Radiance options. Its eye is rounded to multiples of `step`.
-fn sight_options(sight: &Sight, step: f64) -> String {
+fn sight_options(sight: &ChosenView, step: f64) -> String {
     let triple = |name: &str, v: DVec3, step: f64| {
         let [x, y, z] = v.to_array().map(|c| places::rounded(c, step));
         format!("-{name} {x} {y} {z}")
@@ -326,7 +331,7 @@ fn sight_options(sight: &Sight, step: f64) -> String {
     .join(" ")
 }
 
-fn camera_view(camera: &Camera) -> (String, String) {
+fn camera_view(camera: &ModelCamera) -> (String, String) {
     let triple = |name: &str, [x, y, z]: [f64; 3]| format!("-{name} {x} {y} {z}");
     let kind = if camera.is_parallel { "-vtl" } else { "-vtv" };
     let options = [
@@ -376,11 +381,11 @@ mod tests {
             ("blender-kitchen", y, 1.0, 1, true),
         ] {
             let scene = holo_scenes::write_model(name, folder.path()).unwrap();
-            let config = Config { scene, ..Config::default() };
-            let opened = open(&config, Wanted::Sections, true).unwrap();
+            let config = HolodeckConfig { scene, ..HolodeckConfig::default() };
+            let opened = open(&config, OpeningRequest::Sections, true).unwrap();
             let said = opened.choices.join("\n");
             assert_eq!((opened.up, opened.unit), (up, unit), "{name}: {said}");
-            let is_room = |section: &&config::Section| {
+            let is_room = |section: &&config::SectionTable| {
                 section.name.as_ref().is_some_and(|name| name.starts_with("room"))
             };
             let interior = opened.sections.iter().filter(is_room).count();
@@ -454,8 +459,8 @@ mod tests {
         let eye = |offset: [f64; 3], scale: f64, unit: &str| {
             let scene = Some(room(folder.path(), offset, scale));
             let unit = Some(unit.parse().unwrap());
-            let config = Config { scene, unit, ..Config::default() };
-            let opened = open(&config, Wanted::View, true).unwrap();
+            let config = HolodeckConfig { scene, unit, ..HolodeckConfig::default() };
+            let opened = open(&config, OpeningRequest::View, true).unwrap();
             let mut view = holo_picture::ViewSpec::default();
             view.apply_line(&opened.views[0].1).unwrap();
             view.vp.unwrap() - DVec3::from_array(offset)

@@ -1,7 +1,7 @@
 //! Passes of `holodeck render`. Each adds paths to every pixel, until there are enough.
 //!
 //! The first pass goes over ever finer grids of pixels. If it is ended early, pixels without a path
-//! copy a pixel nearby ([`Traced::fill`]).
+//! copy a pixel nearby ([`TracedPicture::fill`]).
 //!
 //! Invariants:
 //! - A pixel's value is a function of its number of paths (engine `path`).
@@ -17,7 +17,7 @@ use std::time::Duration;
 use holo_picture::View;
 use holo_tracer::Tracer;
 
-use crate::sums::{Grid, Sums, Traced, add};
+use crate::sums::{PictureSums, PixelGrid, TracedPicture, add};
 
 /// Pixels that a thread takes at a time: some milliseconds of work.
 const BLOCK: usize = 64;
@@ -43,7 +43,7 @@ const RECORD_TIME: Duration = Duration::from_secs(1);
 const REPORT_EVERY: Duration = Duration::from_millis(100);
 
 /// A picture to be traced.
-pub struct Job {
+pub struct TraceJob {
     /// The engine, with the scene.
     pub tracer: Tracer,
     /// The view.
@@ -55,14 +55,14 @@ pub struct Job {
     /// Threads that trace.
     pub threads: usize,
     /// The end of the work.
-    pub limit: Limit,
+    pub limit: WorkLimit,
     /// True if standard errors are wanted.
     pub has_errors: bool,
 }
 
 /// The condition that ends the work, besides an interruption.
 #[derive(Clone, Copy, Debug)]
-pub enum Limit {
+pub enum WorkLimit {
     /// A number of paths per pixel.
     Paths(u32),
     /// A time since the work began.
@@ -72,11 +72,11 @@ pub enum Limit {
 /// New sums of one pixel.
 #[derive(Default)]
 struct PixelSums {
-    sums: Sums,
+    sums: PictureSums,
     squares: [f64; 3],
 }
 
-impl Job {
+impl TraceJob {
     /// Traces passes until the limit is reached or `is_interrupted`. `clock` returns the time since
     /// the work began. `show` gets the number of paths so far, several times a second.
     pub fn run(
@@ -84,16 +84,16 @@ impl Job {
         clock: impl Fn() -> Duration + Sync,
         is_interrupted: impl Fn() -> bool + Sync,
         mut show: impl FnMut(u64),
-    ) -> Traced {
-        let traced = Mutex::new(Traced::new(self.size, self.has_errors));
+    ) -> TracedPicture {
+        let traced = Mutex::new(TracedPicture::new(self.size, self.has_errors));
         let is_over = || match self.limit {
-            Limit::Time(time) => {
+            WorkLimit::Time(time) => {
                 let elapsed = clock();
                 let last = time.mul_f64(RECORD_SHARE).min(time.saturating_sub(RECORD_TIME));
                 self.tracer.set_effort(if elapsed < last { EFFORT } else { 0 });
                 is_interrupted() || elapsed >= time
             }
-            Limit::Paths(_) => {
+            WorkLimit::Paths(_) => {
                 let is_over = is_interrupted();
                 if is_over {
                     // The samples that threads are tracing begin no more records.
@@ -105,19 +105,21 @@ impl Job {
         // The first coarse picture must be ready soon, so no sample waits for records of light if
         // there is a time limit.
         let is_first_over = || match self.limit {
-            Limit::Time(time) => is_interrupted() || clock() >= time,
-            Limit::Paths(_) => is_over(),
+            WorkLimit::Time(time) => is_interrupted() || clock() >= time,
+            WorkLimit::Paths(_) => is_over(),
         };
-        if matches!(self.limit, Limit::Time(_)) {
+        if matches!(self.limit, WorkLimit::Time(_)) {
             self.tracer.set_effort(0);
         }
         let mut before = 0;
-        let mut pass =
-            |grid: Grid, block: usize, paths: Range<u32>, is_over: &(dyn Fn() -> bool + Sync)| {
-                before += self.pass(&traced, grid, block, paths, is_over, |new| show(before + new));
-                show(before);
-            };
-        let coarsest = Grid::coarsest(self.size);
+        let mut pass = |grid: PixelGrid,
+                        block: usize,
+                        paths: Range<u32>,
+                        is_over: &(dyn Fn() -> bool + Sync)| {
+            before += self.pass(&traced, grid, block, paths, is_over, |new| show(before + new));
+            show(before);
+        };
+        let coarsest = PixelGrid::coarsest(self.size);
         pass(coarsest, FIRST_BLOCK, 0..1, &|| {
             is_first_over();
             false
@@ -126,13 +128,13 @@ impl Job {
         let mut paths = 1;
         loop {
             let count = match self.limit {
-                Limit::Paths(wanted) => PASS.min(wanted.saturating_sub(paths)),
-                Limit::Time(_) => PASS,
+                WorkLimit::Paths(wanted) => PASS.min(wanted.saturating_sub(paths)),
+                WorkLimit::Time(_) => PASS,
             };
             if count == 0 || is_over() {
                 break;
             }
-            pass(Grid::all(self.size), BLOCK, paths..paths + count, &is_over);
+            pass(PixelGrid::all(self.size), BLOCK, paths..paths + count, &is_over);
             paths += count;
         }
         traced.into_inner().unwrap_or_else(PoisonError::into_inner)
@@ -142,8 +144,8 @@ impl Job {
     /// paths, and reports it to `show` meanwhile.
     fn pass(
         &self,
-        traced: &Mutex<Traced>,
-        grid: Grid,
+        traced: &Mutex<TracedPicture>,
+        grid: PixelGrid,
         block: usize,
         paths: Range<u32>,
         is_over: &(dyn Fn() -> bool + Sync),
@@ -257,7 +259,7 @@ mod tests {
     const SIZE: (u32, u32) = (32, 24);
     const THREADS: u64 = 2;
 
-    fn job(is_cached: bool, limit: Limit) -> Job {
+    fn job(is_cached: bool, limit: WorkLimit) -> TraceJob {
         let folder = tempfile::tempdir().unwrap();
         let written = holo_scenes::write(Bundled::Cornell, folder.path()).unwrap();
         let scene = holo_scene::load(&written.obj, &Default::default()).unwrap().scene;
@@ -266,11 +268,11 @@ mod tests {
         spec.apply_line("-vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60").unwrap();
         let (view, size) = spec.resolve(SIZE).unwrap();
         let tracer = if is_cached { tracer.with_cache(0.03, 1) } else { tracer };
-        Job { tracer, view, size, seed: 1, threads: THREADS as usize, limit, has_errors: true }
+        TraceJob { tracer, view, size, seed: 1, threads: THREADS as usize, limit, has_errors: true }
     }
 
     /// Traces with a clock that advances by a second at each reading.
-    fn run(job: &Job) -> Traced {
+    fn run(job: &TraceJob) -> TracedPicture {
         let readings = AtomicU64::new(0);
         job.run(|| Duration::from_secs(readings.fetch_add(1, Ordering::Relaxed)), || false, |_| {})
     }
@@ -280,10 +282,10 @@ mod tests {
         // A thread reads the clock before each block. Beyond the coarsest grid, whose pixels always
         // get a path, no block begins after the limit.
         for seconds in [0, 1, 5, 20, 100] {
-            let sums = run(&job(false, Limit::Time(Duration::from_secs(seconds)))).sums;
+            let sums = run(&job(false, WorkLimit::Time(Duration::from_secs(seconds)))).sums;
             assert!(sums.iter().all(|sums| sums.paths == 0 || sums.paths % PASS == 1));
             let paths: u64 = sums.iter().map(|sums| u64::from(sums.paths)).sum();
-            let coarsest = Grid::coarsest(SIZE).len() as u64;
+            let coarsest = PixelGrid::coarsest(SIZE).len() as u64;
             let most = coarsest + seconds * BLOCK as u64 * u64::from(PASS);
             assert!((coarsest..=most).contains(&paths), "{seconds}: {paths}");
             // Readings that begin no block: one for each grid and pass, and one for each thread.
@@ -296,13 +298,13 @@ mod tests {
 
     #[test]
     fn a_first_pass_that_is_cut_off_is_filled_from_pixels_nearby() {
-        let mut cut = run(&job(false, Limit::Time(Duration::from_secs(6))));
+        let mut cut = run(&job(false, WorkLimit::Time(Duration::from_secs(6))));
         let before = cut.sums.clone();
         let untraced = cut.fill();
         let traced = before.iter().filter(|sums| sums.paths > 0).count();
         assert!((50..before.len()).contains(&traced), "{traced}");
         assert_eq!(traced + untraced, before.len());
-        let whole = run(&job(false, Limit::Time(Duration::from_secs(40)))).sums;
+        let whole = run(&job(false, WorkLimit::Time(Duration::from_secs(40)))).sums;
         for (pixel, filled) in cut.sums.iter().enumerate() {
             assert_eq!(filled.paths, 1);
             if before[pixel].paths > 0 {
@@ -324,16 +326,16 @@ mod tests {
     fn squares_of_the_finest_whole_grid_have_all_paths() {
         let mut steps = Vec::new();
         for seconds in [0, 5, 9, 40] {
-            let traced = run(&job(false, Limit::Time(Duration::from_secs(seconds))));
+            let traced = run(&job(false, WorkLimit::Time(Duration::from_secs(seconds))));
             let found = traced.finest_whole_grid();
             steps.push(found);
             let (size, squares) = traced.reduced(found);
             let sums = traced.sums;
             assert_eq!(size, (SIZE.0.div_ceil(found), SIZE.1.div_ceil(found)));
             assert!(squares.iter().all(|sums| sums.paths > 0), "{seconds}: {found}");
-            let paths = |sums: &[Sums]| sums.iter().map(|sums| sums.paths).sum::<u32>();
+            let paths = |sums: &[PictureSums]| sums.iter().map(|sums| sums.paths).sum::<u32>();
             assert_eq!(paths(&squares), paths(&sums));
-            let light = |sums: &[Sums]| sums.iter().map(|sums| sums.first[1]).sum::<f64>();
+            let light = |sums: &[PictureSums]| sums.iter().map(|sums| sums.first[1]).sum::<f64>();
             assert!((light(&squares) - light(&sums)).abs() <= 1e-9 * light(&sums));
         }
         assert!(steps.is_sorted_by(|a, b| a >= b) && steps[0] > 1 && steps[3] == 1, "{steps:?}");
@@ -341,16 +343,16 @@ mod tests {
 
     #[test]
     fn a_pixel_with_as_many_paths_has_the_same_value() {
-        let uneven = run(&job(false, Limit::Time(Duration::from_secs(40))));
+        let uneven = run(&job(false, WorkLimit::Time(Duration::from_secs(40))));
         for count in [1 + PASS, 1 + 2 * PASS] {
-            let even = run(&job(false, Limit::Paths(count)));
+            let even = run(&job(false, WorkLimit::Paths(count)));
             assert!(even.sums.iter().all(|sums| sums.paths == count));
             let mut compared = 0;
             for pixel in 0..even.sums.len() {
                 if uneven.sums[pixel].paths != count {
                     continue;
                 }
-                let values = |traced: &Traced| {
+                let values = |traced: &TracedPicture| {
                     let [sums, squares] = [traced.sums[pixel].first, traced.squares[pixel]];
                     sums.into_iter().chain(squares).collect::<Vec<_>>()
                 };
@@ -365,14 +367,14 @@ mod tests {
 
     #[test]
     fn the_first_picture_under_a_time_limit_waits_for_no_records_of_light() {
-        let hurried = job(true, Limit::Time(Duration::ZERO));
+        let hurried = job(true, WorkLimit::Time(Duration::ZERO));
         assert!(run(&hurried).sums.iter().any(|sums| sums.paths == 1));
-        let records = |job: &Job| job.tracer.light().map_or(0, |light| light.len());
+        let records = |job: &TraceJob| job.tracer.light().map_or(0, |light| light.len());
         assert_eq!(records(&hurried), 0);
-        let patient = job(true, Limit::Paths(1));
+        let patient = job(true, WorkLimit::Paths(1));
         run(&patient);
         assert!(records(&patient) > 100, "{}", records(&patient));
-        let longer = job(true, Limit::Time(Duration::from_secs(200)));
+        let longer = job(true, WorkLimit::Time(Duration::from_secs(200)));
         run(&longer);
         assert!(records(&longer) > 0, "later passes make records");
     }
@@ -380,7 +382,7 @@ mod tests {
     #[test]
     fn an_interruption_ends_the_first_pass_and_leaves_a_sensible_picture() {
         for is_cached in [false, true] {
-            let job = job(is_cached, Limit::Paths(1000));
+            let job = job(is_cached, WorkLimit::Paths(1000));
             // Interrupted from the beginning, and in the middle of the first pass.
             for readings in [0, 9] {
                 let asked = AtomicU64::new(0);
@@ -389,7 +391,7 @@ mod tests {
                 let mut traced =
                     job.run(|| Duration::ZERO, is_interrupted, |paths| shown.push(paths));
                 let paths: u64 = traced.sums.iter().map(|sums| u64::from(sums.paths)).sum();
-                let coarsest = Grid::coarsest(SIZE).len() as u64;
+                let coarsest = PixelGrid::coarsest(SIZE).len() as u64;
                 assert!((coarsest..600).contains(&paths), "{readings}: {paths}");
                 assert_eq!(paths == coarsest, readings == 0, "{readings}: {paths}");
                 assert!(shown.is_sorted() && shown.last() == Some(&paths), "{shown:?}");

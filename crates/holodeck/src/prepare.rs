@@ -10,18 +10,18 @@ use glam::DVec3;
 use holo_net::Shutdown;
 use holo_proto::{
     control::Engine,
-    stand_ins::{StandIn, StandInKind},
+    stand_ins::{StandInKind, StandInRecord},
 };
 use holo_scene::{Bsdf, Scene};
 use holo_section::{Section, SectionSpec, ViewClass};
-use holo_server::{About, Holodeck, Limits, Reading};
+use holo_server::{Holodeck, HolodeckDescription, RadianceLimits, SceneReading};
 
 use crate::{
     brightness,
-    config::{self, Config, Obstructions},
+    config::{self, HolodeckConfig, Obstructions},
     differences,
     loading::load_file,
-    opening::{Opened, Wanted, open},
+    opening::{OpenedScene, OpeningRequest, open},
     scene_args::{check_units, scene_path, settings},
 };
 
@@ -54,26 +54,26 @@ impl OtherScene {
 /// If the scene cannot be loaded, the file cannot be written, or it has another scene.
 pub fn make(
     path: &Path,
-    config: &Config,
+    config: &HolodeckConfig,
     other_scene: OtherScene,
     quiet: bool,
 ) -> Result<Holodeck> {
     check_units(config)?;
     let existing = path.exists().then(|| Holodeck::open(path, SMALL_CACHE)).transpose()?;
     let mut opened = match &existing {
-        None => open(config, Wanted::Sections, quiet)?,
+        None => open(config, OpeningRequest::Sections, quiet)?,
         // The choices stored in the file stay.
-        Some(file) => open(&chosen_before(config, &file.about), Wanted::Sections, true)?,
+        Some(file) => open(&chosen_before(config, &file.about), OpeningRequest::Sections, true)?,
     };
     let packed = opened.scene.pack();
     let sections = sections(config, &opened)?;
     let source = scene_path(config)?.display().to_string();
     let engine = engine_for(&opened.scene, config.bounces);
-    let mut about = About::new(sections, settings(config, engine), &packed, source);
+    let mut about = HolodeckDescription::new(sections, settings(config, engine), &packed, source);
     about.up = opened.up;
     about.sky = opened.scene.sky;
     about.unit = opened.unit;
-    about.limits = Some(Limits::of(&opened.scene));
+    about.limits = Some(RadianceLimits::of(&opened.scene));
     about.views.clone_from(&opened.views);
     about.reading = Some(reading(config)?);
     let is_other = existing.as_ref().is_some_and(|file| file.about.scene != about.scene);
@@ -126,11 +126,11 @@ pub fn make(
 /// As [`make`], and if `shutdown` was triggered.
 pub async fn make_unless_ended(
     path: &Path,
-    config: &Config,
+    config: &HolodeckConfig,
     other_scene: OtherScene,
     quiet: bool,
     shutdown: &Shutdown,
-) -> Result<About> {
+) -> Result<HolodeckDescription> {
     let (file, config) = (path.to_owned(), config.clone());
     let making = tokio::task::spawn_blocking(move || {
         Ok(make(&file, &config, other_scene, quiet)?.about.clone())
@@ -147,9 +147,9 @@ pub async fn make_unless_ended(
 
 /// An edited scene, with which a file can go on.
 pub struct Edited {
-    about: About,
+    about: HolodeckDescription,
     packed: Vec<u8>,
-    stand_ins: Vec<(StandIn, String)>,
+    stand_ins: Vec<(StandInRecord, String)>,
     /// What differs from the scene before, for people.
     differences: String,
     warnings: Vec<String>,
@@ -160,22 +160,23 @@ impl Edited {
     ///
     /// # Errors
     /// If the scene cannot be used, is as before, or the file cannot go on with it.
-    pub fn read(path: &Path, config: Option<&Config>) -> Result<Edited> {
+    pub fn read(path: &Path, config: Option<&HolodeckConfig>) -> Result<Edited> {
         let file = Holodeck::open_read_only(path, SMALL_CACHE)?;
         let config = config.map_or_else(|| config_of(path, &file.about), |c| Ok(c.clone()))?;
-        let mut opened = open(&chosen_before(&config, &file.about), Wanted::Sections, true)?;
+        let mut opened =
+            open(&chosen_before(&config, &file.about), OpeningRequest::Sections, true)?;
         let packed = opened.scene.pack();
         let name = scene_path(&config)?.display().to_string();
         let usual = file.about.settings.engine;
         let settings = settings(&config, usual);
         let sections = sections(&config, &opened)?;
-        let mut about = About::new(sections, settings, &packed, name.clone());
+        let mut about = HolodeckDescription::new(sections, settings, &packed, name.clone());
         ensure!(
             about.scene != file.about.scene,
             "{name} is as it was: edit it, save it, and restart then"
         );
         (about.up, about.unit, about.sky) = (opened.up, opened.unit, opened.scene.sky);
-        about.limits = Some(Limits::of(&opened.scene));
+        about.limits = Some(RadianceLimits::of(&opened.scene));
         about.views.clone_from(&opened.views);
         about.reading = Some(reading(&config)?);
         about.exposure = file.about.exposure;
@@ -219,9 +220,9 @@ impl Edited {
 }
 
 /// Returns how a configuration's scene is read.
-fn reading(config: &Config) -> Result<Reading> {
+fn reading(config: &HolodeckConfig) -> Result<SceneReading> {
     let path = scene_path(config)?;
-    Ok(Reading {
+    Ok(SceneReading {
         path: std::path::absolute(path)
             .with_context(|| format!("looking for {}", path.display()))?,
         sky: config.sky,
@@ -235,7 +236,7 @@ fn reading(config: &Config) -> Result<Reading> {
 }
 
 /// Returns the configuration by which a file was made.
-fn config_of(path: &Path, about: &About) -> Result<Config> {
+fn config_of(path: &Path, about: &HolodeckDescription) -> Result<HolodeckConfig> {
     let name = path.display();
     let reading = about.reading.as_ref().with_context(|| {
         format!(
@@ -244,9 +245,9 @@ fn config_of(path: &Path, about: &About) -> Result<Config> {
             about.source
         )
     })?;
-    let Reading { path, sky, two_sided_lights, obstructions } = reading.clone();
+    let SceneReading { path, sky, two_sided_lights, obstructions } = reading.clone();
     let settings = &about.settings;
-    Ok(Config {
+    Ok(HolodeckConfig {
         scene: Some(path),
         sky,
         two_sided_lights,
@@ -257,7 +258,7 @@ fn config_of(path: &Path, about: &About) -> Result<Config> {
         accuracy: Some(settings.accuracy),
         seed: Some(settings.seed),
         virtual_distance: Some(settings.virtual_distance),
-        ..Config::default()
+        ..HolodeckConfig::default()
     })
 }
 
@@ -270,12 +271,12 @@ fn differences_of(file: &Holodeck, scene: &Scene) -> String {
 }
 
 /// Returns the configuration, completed by the choices that were made when the file was created.
-fn chosen_before(config: &Config, about: &About) -> Config {
+fn chosen_before(config: &HolodeckConfig, about: &HolodeckDescription) -> HolodeckConfig {
     let mut config = config.clone();
     config.up = config.up.or(Some(config::Up(about.up)));
     config.unit = config.unit.or(Some(config::Unit(about.unit)));
     if config.section.is_empty() && !config.exterior {
-        let section = |spec: &SectionSpec| config::Section {
+        let section = |spec: &SectionSpec| config::SectionTable {
             name: None,
             origin: spec.origin,
             axes: spec.axes,
@@ -293,7 +294,12 @@ fn chosen_before(config: &Config, about: &About) -> Config {
 }
 
 /// Checks that a file has samples of this scene, with these settings and sections.
-fn check_same(path: &Path, file: &Holodeck, now: &About, scene: &Scene) -> Result<()> {
+fn check_same(
+    path: &Path,
+    file: &Holodeck,
+    now: &HolodeckDescription,
+    scene: &Scene,
+) -> Result<()> {
     let name = path.display();
     if file.about.scene != now.scene {
         let found = differences_of(file, scene);
@@ -317,13 +323,17 @@ fn check_same(path: &Path, file: &Holodeck, now: &About, scene: &Scene) -> Resul
 
 /// Loads the stand-ins for the scene, and returns the origin of each. The command line's come
 /// before those of the configuration's sections.
-fn stand_ins(config: &Config, sections: usize, quiet: bool) -> Result<Vec<(StandIn, String)>> {
+fn stand_ins(
+    config: &HolodeckConfig,
+    sections: usize,
+    quiet: bool,
+) -> Result<Vec<(StandInRecord, String)>> {
     let of = |kind: StandInKind| {
         let (name, given) = match kind {
             StandInKind::Geometry => ("geometry", &config.geometry),
             StandInKind::Portals => ("portals", &config.portals),
         };
-        let from_section = |section: &config::Section| match kind {
+        let from_section = |section: &config::SectionTable| match kind {
             StandInKind::Geometry => section.geometry.clone(),
             StandInKind::Portals => section.portals.clone(),
         };
@@ -344,7 +354,7 @@ fn stand_ins(config: &Config, sections: usize, quiet: bool) -> Result<Vec<(Stand
                 .with_context(|| format!("{name} of section {section}"))?;
             let section = u16::try_from(section)?;
             let packed = loaded.scene.pack();
-            Ok((StandIn { section, kind, packed }, file.display().to_string()))
+            Ok((StandInRecord { section, kind, packed }, file.display().to_string()))
         };
         files.into_iter().map(load)
     };
@@ -379,7 +389,7 @@ fn engine_words(engine: Engine) -> &'static str {
     }
 }
 
-fn sections(config: &Config, opened: &Opened) -> Result<Vec<SectionSpec>> {
+fn sections(config: &HolodeckConfig, opened: &OpenedScene) -> Result<Vec<SectionSpec>> {
     let specs = opened.sections.iter().enumerate().map(|(index, section)| {
         spec(config, &opened.scene, section, index).with_context(|| format!("section {index}"))
     });
@@ -387,9 +397,9 @@ fn sections(config: &Config, opened: &Opened) -> Result<Vec<SectionSpec>> {
 }
 
 fn spec(
-    config: &Config,
+    config: &HolodeckConfig,
     scene: &Scene,
-    section: &config::Section,
+    section: &config::SectionTable,
     index: usize,
 ) -> Result<SectionSpec> {
     let inside = scene

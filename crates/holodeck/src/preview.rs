@@ -5,7 +5,7 @@ use anyhow::Result;
 use glam::{DVec3, Vec3};
 use holo_raycast::{Ray, Raycaster};
 use holo_scene::{Bsdf, Material, Rgb, Scene, Sun};
-use holo_survey::{Room, Sight};
+use holo_survey::{ChosenView, Room};
 
 /// Radiance of the sky for a scene in which nothing glows, W·sr⁻¹·m⁻².
 const SKY: f32 = 1.0;
@@ -49,7 +49,7 @@ pub fn words(radiance: Rgb) -> String {
 
 /// Returns a sun that shows the shape of an object in this view. It shines from above, the left and
 /// behind the viewer. It is as strong beside this sky as on a clear day.
-pub fn sun(sight: &Sight, sky: Rgb) -> Sun {
+pub fn sun(sight: &ChosenView, sky: Rgb) -> Sun {
     let right = sight.direction.cross(sight.up).normalize_or_zero();
     let towards = sight.up * 0.8 - right * 0.7 - sight.direction * 0.6;
     let irradiance = sky.map(|c| c * std::f32::consts::PI / SKY_OVER_SUN);

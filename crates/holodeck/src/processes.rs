@@ -136,7 +136,7 @@ pub async fn relay(mut lines: Lines<BufReader<ChildStderr>>) -> VecDeque<String>
 }
 
 /// A server started here.
-pub struct Server {
+pub struct LocalServer {
     /// The process.
     pub process: Process,
     /// The address where the server listens on this machine.
@@ -147,13 +147,13 @@ pub struct Server {
     pub output: JoinHandle<Vec<String>>,
 }
 
-impl Server {
+impl LocalServer {
     /// Starts a server, and waits until it accepts connections. The arguments state where it
     /// listens.
     ///
     /// # Errors
     /// If it cannot be started or ends at once. It then reports the reason on standard error.
-    pub async fn start(arguments: Vec<OsString>) -> Result<Server> {
+    pub async fn start(arguments: Vec<OsString>) -> Result<LocalServer> {
         let mut process = Process::start("holoserver", &arguments, Stdio::inherit())?;
         let mut output = process.output()?;
         let (mut invitation, mut elsewhere) = (None, None);
@@ -180,7 +180,7 @@ impl Server {
             }
             lines
         });
-        Ok(Server { process, address, outside, output })
+        Ok(LocalServer { process, address, outside, output })
     }
 
     /// Prints the string to join with and the address, if other machines may join.

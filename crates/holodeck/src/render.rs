@@ -20,18 +20,18 @@ use holo_view::{DenoiseArg, Denoiser, LookArgs, Quality, ViewArgs, denoise};
 
 use crate::{
     arguments::picture_path,
-    config::Config,
-    opening::{Opened, Wanted, open},
-    passes::{Job, Limit},
+    config::HolodeckConfig,
+    opening::{OpenedScene, OpeningRequest, open},
+    passes::{TraceJob, WorkLimit},
     scene_args::{SceneArgs, Usage, check_units, scene_path, settings},
-    sums::{Sums, Traced},
+    sums::{PictureSums, TracedPicture},
 };
 
 /// Make a picture straight from the tracer
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck render room.obj\n  \
     holodeck render room.obj --vp 1,2,1.6 --vd 0,1,0 --vh 60 --spp 256 -o truth.pfm")]
-pub struct Args {
+pub struct RenderArgs {
     /// The scene
     #[arg(value_name = "MODEL")]
     scene: Option<PathBuf>,
@@ -79,13 +79,13 @@ const DENOISE_AT_END: Duration = Duration::from_secs(1);
 /// Time between two looks at whether the process is to end.
 const ASK_EVERY: Duration = Duration::from_millis(50);
 
-/// See [`Args`].
-pub async fn run(args: Args) -> Result<()> {
+/// See [`RenderArgs`].
+pub async fn run(args: RenderArgs) -> Result<()> {
     let config = args.scene_args.resolve(args.scene.as_ref())?;
     check_units(&config)?;
     let limit = match (args.spp, args.time) {
-        (Some(paths), _) => Limit::Paths(paths),
-        (None, time) => Limit::Time(time.unwrap_or(DEFAULT_TIME)),
+        (Some(paths), _) => WorkLimit::Paths(paths),
+        (None, time) => WorkLimit::Time(time.unwrap_or(DEFAULT_TIME)),
     };
     let output = match &args.output {
         Some(output) => output.clone(),
@@ -110,7 +110,7 @@ pub async fn run(args: Args) -> Result<()> {
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;
     let (seed, has_errors) = (settings.seed, args.se.is_some());
-    let job = Job { tracer, view, size, seed, threads, limit, has_errors };
+    let job = TraceJob { tracer, view, size, seed, threads, limit, has_errors };
     let (quiet, until) = (args.quiet, shutdown.clone());
     let rendered = tokio::task::spawn_blocking(move || render(&job, quiet, &until)).await?;
     let denoised = denoiser.and_then(|denoiser| rendered.denoised(denoiser, raycaster, &shutdown));
@@ -119,7 +119,10 @@ pub async fn run(args: Args) -> Result<()> {
 
 /// Opens the scene, and returns it with the view and the size of the picture. If the view is stated
 /// in full, no other is needed.
-fn open_view(args: &Args, config: &Config) -> Result<(Opened, View, (u32, u32))> {
+fn open_view(
+    args: &RenderArgs,
+    config: &HolodeckConfig,
+) -> Result<(OpenedScene, View, (u32, u32))> {
     let stated = args.view.spec(&config.views()).ok();
     let is_whole = stated.is_some_and(|view| view.vp.is_some() && view.vd.is_some());
     let mut config = config.clone();
@@ -127,7 +130,7 @@ fn open_view(args: &Args, config: &Config) -> Result<(Opened, View, (u32, u32))>
         // A stated view makes the search for views unnecessary.
         config.named_views = vec![("stated".to_owned(), String::new())];
     }
-    let opened = open(&config, Wanted::View, args.quiet)?;
+    let opened = open(&config, OpeningRequest::View, args.quiet)?;
     if !args.quiet {
         opened.say(&config)?;
     }
@@ -152,13 +155,13 @@ fn cores() -> usize {
 /// A traced picture.
 struct Rendered {
     view: View,
-    traced: Traced,
+    traced: TracedPicture,
     seconds: f64,
     nonfinite: u64,
 }
 
 /// Traces until there are enough paths, the time is up, or Ctrl-C is pressed.
-fn render(job: &Job, quiet: bool, shutdown: &Shutdown) -> Rendered {
+fn render(job: &TraceJob, quiet: bool, shutdown: &Shutdown) -> Rendered {
     let start = Instant::now();
     let mut meter = Meter::new(quiet);
     let pixels = f64::from(job.size.0) * f64::from(job.size.1);
@@ -168,8 +171,8 @@ fn render(job: &Job, quiet: bool, shutdown: &Shutdown) -> Rendered {
         |paths| {
             let (seconds, per_pixel) = (start.elapsed().as_secs_f64(), paths as f64 / pixels);
             let share = match job.limit {
-                Limit::Paths(wanted) => per_pixel / f64::from(wanted),
-                Limit::Time(time) => seconds / time.as_secs_f64(),
+                WorkLimit::Paths(wanted) => per_pixel / f64::from(wanted),
+                WorkLimit::Time(time) => seconds / time.as_secs_f64(),
             };
             let rate = paths as f64 / seconds / 1e6;
             meter.show(share, &format!("{per_pixel:.1} paths per pixel, {rate:.2} M/s"));
@@ -182,10 +185,10 @@ fn render(job: &Job, quiet: bool, shutdown: &Shutdown) -> Rendered {
 }
 
 impl Rendered {
-    fn picture_of(&self, sums: &[Sums], size: (u32, u32)) -> Picture {
+    fn picture_of(&self, sums: &[PictureSums], size: (u32, u32)) -> Picture {
         let mut picture = Picture::new(size.0, size.1);
         picture.view = Some(self.view);
-        picture.pixels = sums.iter().map(Sums::mean).collect();
+        picture.pixels = sums.iter().map(PictureSums::mean).collect();
         picture
     }
 
@@ -232,7 +235,7 @@ impl Rendered {
         Some(Ok(picture))
     }
 
-    fn write(mut self, args: &Args, denoised: Option<Picture>, path: &Path) -> Result<()> {
+    fn write(mut self, args: &RenderArgs, denoised: Option<Picture>, path: &Path) -> Result<()> {
         let all = || self.traced.sums.iter().map(|sums| sums.paths);
         let paths: f64 = all().map(f64::from).sum();
         let (least, most) = (all().min().unwrap_or(0), all().max().unwrap_or(0));

@@ -9,7 +9,7 @@ use clap::{
 };
 use holo_proto::control::{Engine, RenderSettings};
 
-use crate::config::{self, Config, Obstructions};
+use crate::config::{self, HolodeckConfig, Obstructions};
 
 /// Wrong usage of the program: exit status 2.
 #[derive(Debug)]
@@ -32,7 +32,7 @@ pub struct SceneArgs {
     /// A section: origin, three axes and, if wanted, the grid. May be repeated [default: boxes in
     /// the scene's rooms, or a box around it if it has none or with --exterior]
     #[arg(long, value_name = "\"OX,OY,OZ AX,AY,AZ BX,BY,BZ CX,CY,CZ [NX,NY,NZ]\"", value_parser = parse_section, allow_hyphen_values = true)]
-    pub section: Vec<config::Section>,
+    pub section: Vec<config::SectionTable>,
     /// A simpler scene that displays use for views of a section [default: 0]. Samples that do not
     /// lie on its surfaces are not shown. May be repeated
     #[arg(long, value_name = "[SECTION=]FILE.obj", value_parser = stand_in_parser())]
@@ -95,8 +95,9 @@ impl SceneArgs {
     ///
     /// # Errors
     /// If the file cannot be read or has an error.
-    pub fn resolve(&self, scene: Option<&PathBuf>) -> Result<Config> {
-        let mut config = self.config.as_deref().map(Config::read).transpose()?.unwrap_or_default();
+    pub fn resolve(&self, scene: Option<&PathBuf>) -> Result<HolodeckConfig> {
+        let mut config =
+            self.config.as_deref().map(HolodeckConfig::read).transpose()?.unwrap_or_default();
         config.scene = scene.cloned().or(config.scene);
         if !self.section.is_empty() {
             config.section.clone_from(&self.section);
@@ -125,7 +126,7 @@ impl SceneArgs {
 }
 
 /// Returns the settings of samples. `engine` is the default for a configuration without an engine.
-pub fn settings(config: &Config, engine: Engine) -> RenderSettings {
+pub fn settings(config: &HolodeckConfig, engine: Engine) -> RenderSettings {
     RenderSettings {
         engine: config.engine.unwrap_or(engine),
         bounces: config.bounces,
@@ -211,7 +212,7 @@ pub fn check_sky(radiance: [f32; 3]) -> Result<[f32; 3], String> {
         .ok_or_else(|| "radiance cannot be negative or infinite".to_owned())
 }
 
-fn parse_section(text: &str) -> Result<config::Section, String> {
+fn parse_section(text: &str) -> Result<config::SectionTable, String> {
     let parts: Vec<[f64; 3]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
     let (origin, axes, grid) = match parts[..] {
         [origin, a, b, c] => (origin, [a, b, c], None),
@@ -229,7 +230,7 @@ fn parse_section(text: &str) -> Result<config::Section, String> {
             .then(|| grid.map(|n| n as u32))
             .ok_or_else(|| format!("the grid in `{text}` is not three counts"))
     });
-    Ok(config::Section {
+    Ok(config::SectionTable {
         name: None,
         origin,
         axes,
@@ -244,7 +245,7 @@ fn parse_section(text: &str) -> Result<config::Section, String> {
 ///
 /// # Errors
 /// If the configuration has no scene.
-pub fn scene_path(config: &Config) -> Result<&PathBuf> {
+pub fn scene_path(config: &HolodeckConfig) -> Result<&PathBuf> {
     let path = config.scene.as_ref();
     path.ok_or_else(|| {
         Usage(
@@ -255,7 +256,7 @@ pub fn scene_path(config: &Config) -> Result<&PathBuf> {
 }
 
 /// Checks that the unit and the up axis can be used.
-pub fn check_units(config: &Config) -> Result<()> {
+pub fn check_units(config: &HolodeckConfig) -> Result<()> {
     ensure!(
         config.unit.is_none_or(|unit| unit.0.is_finite() && unit.0 > 0.0),
         "`unit` must be a positive number of metres"

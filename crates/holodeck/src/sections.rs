@@ -7,15 +7,15 @@ use holo_picture::Image;
 
 use crate::{
     arguments::picture_path,
-    config::Section,
-    opening::{Wanted, open},
+    config::SectionTable,
+    opening::{OpeningRequest, open},
     scene_args::{SceneArgs, check_units},
 };
 
 /// Find the rooms of a scene: prints sections as options to paste, and draws a plan
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  holodeck sections house.obj -o plan.png")]
-pub struct Args {
+pub struct SectionsArgs {
     /// The scene
     #[arg(value_name = "MODEL")]
     scene: Option<PathBuf>,
@@ -32,13 +32,13 @@ pub struct Args {
     quiet: bool,
 }
 
-/// See [`Args`].
-pub fn run(args: &Args) -> Result<()> {
+/// See [`SectionsArgs`].
+pub fn run(args: &SectionsArgs) -> Result<()> {
     let config = args.scene_args.resolve(args.scene.as_ref())?;
     check_units(&config)?;
-    let opened = open(&config, Wanted::Sections, args.quiet || args.json)?;
+    let opened = open(&config, OpeningRequest::Sections, args.quiet || args.json)?;
     if args.json {
-        let sections: Vec<_> = opened.sections.iter().map(Section::to_option).collect();
+        let sections: Vec<_> = opened.sections.iter().map(SectionTable::to_option).collect();
         let report = serde_json::json!({
             "up": opened.up, "unit": opened.unit, "sections": sections,
             "exterior": opened.sections.iter().any(|section| section.exterior),

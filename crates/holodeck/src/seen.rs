@@ -7,7 +7,7 @@ use glam::DVec3;
 use holo_display::{SelectOptions, select_beams};
 use holo_picture::View;
 use holo_section::Section;
-use holo_server::{About, BeamList};
+use holo_server::{BeamList, HolodeckDescription};
 
 /// Picture size assumed for a view that does not state both angles, pixels.
 const SIZE: (u32, u32) = (1280, 720);
@@ -17,7 +17,7 @@ const SIZE: (u32, u32) = (1280, 720);
 ///
 /// # Errors
 /// If the file cannot be read, a line is no view, or no view sees a beam.
-pub fn seen_beams(path: &Path, about: &About) -> Result<BeamList> {
+pub fn seen_beams(path: &Path, about: &HolodeckDescription) -> Result<BeamList> {
     let name = path.display();
     let text = fs::read_to_string(path).with_context(|| format!("reading {name}"))?;
     let sections: Vec<Section> =
@@ -45,7 +45,7 @@ mod tests {
 
     use super::*;
 
-    fn room() -> About {
+    fn room() -> HolodeckDescription {
         let spec = SectionSpec {
             origin: [0.0; 3],
             axes: [[4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 3.0]],
@@ -53,7 +53,7 @@ mod tests {
             class: ViewClass::Interior,
             obstructions: true,
         };
-        About::new(vec![spec], RenderSettings::default(), b"", "a room".into())
+        HolodeckDescription::new(vec![spec], RenderSettings::default(), b"", "a room".into())
     }
 
     fn seen(text: &str) -> Result<BeamList> {

@@ -8,7 +8,7 @@ use holo_progress::{HumanBytes, HumanCount};
 use holo_proto::{
     control::Control,
     hello::Role,
-    report::{FaultReport, Report},
+    report::{FaultReport, StatusReport},
 };
 
 use crate::{joining, metrics};
@@ -17,7 +17,7 @@ use crate::{joining, metrics};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck status --connect 127.0.0.1:7070\n  \
     holodeck status --connect 127.0.0.1:7070 --prometheus")]
-pub struct Args {
+pub struct StatusArgs {
     /// The holoserver: its address on this machine, or an administrator's string to join with (see
     /// `holodeck tokens --add admin`)
     #[arg(
@@ -42,10 +42,11 @@ pub struct Args {
     serve: Option<String>,
 }
 
-/// See [`Args`].
-pub async fn run(args: Args) -> Result<()> {
+/// See [`StatusArgs`].
+pub async fn run(args: StatusArgs) -> Result<()> {
     let destination = Destination::parse(&args.connect)?;
-    let server = Server { destination, identity: args.identity.or_else(Identity::users_folder) };
+    let server =
+        QueriedServer { destination, identity: args.identity.or_else(Identity::users_folder) };
     if let Some(address) = &args.serve {
         return metrics::serve(server, holo_net::loopback(address)?).await;
     }
@@ -63,7 +64,7 @@ pub async fn run(args: Args) -> Result<()> {
 
 /// A server that is queried.
 #[derive(Clone)]
-pub struct Server {
+pub struct QueriedServer {
     /// The server's address.
     destination: Destination,
     /// Folder of the server's certificate and tokens, if the server is this user's own.
@@ -71,7 +72,7 @@ pub struct Server {
 }
 
 /// Requests a server's report.
-pub async fn ask(server: &Server) -> Result<Report> {
+pub async fn ask(server: &QueriedServer) -> Result<StatusReport> {
     let connect = |to| holo_net::connect(to, Role::Admin, "holodeck status");
     let mut connected = connect(server.destination.clone()).await;
     // A server for other machines refuses connections without a token, even on this machine.
@@ -93,7 +94,7 @@ pub async fn ask(server: &Server) -> Result<Report> {
 }
 
 /// Returns a report as a table for people.
-fn table(report: &Report) -> String {
+fn table(report: &StatusReport) -> String {
     let mut text = format!(
         "{}: {} samples, {}; {} traced, {}/s; {} beams see nothing\n",
         report.file,
@@ -157,7 +158,7 @@ pub mod tests {
 
     use super::*;
 
-    pub fn report() -> Report {
+    pub fn report() -> StatusReport {
         let worker = |name: &str, threads| WorkerReport {
             name: name.into(),
             maker: 7,
@@ -169,7 +170,7 @@ pub mod tests {
             latency: 0.25,
             queued_bytes: 0,
         };
-        Report {
+        StatusReport {
             file: "a.holo".into(),
             samples: 1_000_000,
             workers: vec![worker("rtworker 1", 4), worker("an \"odd\" one", 0)],
@@ -186,7 +187,7 @@ pub mod tests {
                 reason: "its red light is 0.50 times that of others".into(),
                 is_dropped: true,
             }],
-            ..Report::default()
+            ..StatusReport::default()
         }
     }
 

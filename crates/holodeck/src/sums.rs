@@ -1,7 +1,7 @@
 //! Sums over the paths of each pixel, on ever finer grids of pixels.
 //!
 //! Invariant: a pixel whose paths have all been added has the value that its number of paths
-//! determines. Only [`Traced::fill`] gives pixels the value of another one.
+//! determines. Only [`TracedPicture::fill`] gives pixels the value of another one.
 
 /// Most pixels of the coarsest grid along each side of a picture. They have a path in any picture,
 /// whatever ends it.
@@ -12,15 +12,15 @@ const LEAST_COARSE: u32 = 16;
 
 /// Sums over a pixel's paths, for each channel.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Sums {
+pub struct PictureSums {
     /// Number of paths.
     pub paths: u32,
     /// Sums of the paths' radiances.
     pub first: [f64; 3],
 }
 
-impl Sums {
-    pub(crate) fn add(&mut self, other: &Sums) {
+impl PictureSums {
+    pub(crate) fn add(&mut self, other: &PictureSums) {
         self.paths += other.paths;
         add(&mut self.first, other.first);
     }
@@ -38,30 +38,30 @@ pub(crate) fn add(sums: &mut [f64; 3], other: [f64; 3]) {
 
 /// The pixels of every `step`th column and row.
 #[derive(Clone, Copy, Debug)]
-pub struct Grid {
+pub struct PixelGrid {
     size: (u32, u32),
     step: u32,
     /// True for a grid without the pixels of the grid of twice its step.
     is_between: bool,
 }
 
-impl Grid {
+impl PixelGrid {
     /// Returns the grid of all pixels.
-    pub fn all(size: (u32, u32)) -> Grid {
-        Grid { size, step: 1, is_between: false }
+    pub fn all(size: (u32, u32)) -> PixelGrid {
+        PixelGrid { size, step: 1, is_between: false }
     }
 
     /// Returns the coarsest grid of a picture, with at most 256 pixels if the picture is larger.
-    pub fn coarsest(size: (u32, u32)) -> Grid {
+    pub fn coarsest(size: (u32, u32)) -> PixelGrid {
         let step = size.0.max(size.1).div_ceil(FIRST).next_power_of_two().max(LEAST_COARSE);
-        Grid { size, step, is_between: false }
+        PixelGrid { size, step, is_between: false }
     }
 
     /// Returns the grids, each with half the step of the one before, of the pixels that this grid
     /// lacks. All of them together have every other pixel once.
-    pub fn finer(self) -> impl Iterator<Item = Grid> {
+    pub fn finer(self) -> impl Iterator<Item = PixelGrid> {
         let steps = std::iter::successors(Some(self.step / 2), |step| Some(step / 2));
-        steps.take_while(|&step| step > 0).map(move |step| Grid {
+        steps.take_while(|&step| step > 0).map(move |step| PixelGrid {
             size: self.size,
             step,
             is_between: true,
@@ -90,26 +90,26 @@ impl Grid {
 
 /// A traced picture, in rows from the top.
 #[derive(Clone, Debug)]
-pub struct Traced {
+pub struct TracedPicture {
     /// Width and height in pixels.
     pub size: (u32, u32),
     /// The sums of each pixel.
-    pub sums: Vec<Sums>,
+    pub sums: Vec<PictureSums>,
     /// Sums of the squares of the paths' radiances. Empty unless standard errors are wanted.
     pub squares: Vec<[f64; 3]>,
 }
 
-impl Traced {
+impl TracedPicture {
     /// Returns a picture without paths.
-    pub fn new(size: (u32, u32), has_squares: bool) -> Traced {
+    pub fn new(size: (u32, u32), has_squares: bool) -> TracedPicture {
         let pixels = size.0 as usize * size.1 as usize;
         let squares = vec![[0.0; 3]; if has_squares { pixels } else { 0 }];
-        Traced { size, sums: vec![Sums::default(); pixels], squares }
+        TracedPicture { size, sums: vec![PictureSums::default(); pixels], squares }
     }
 
     /// Returns the standard errors of the means, as if paths were independent.
     pub fn standard_errors(&self) -> Vec<[f32; 3]> {
-        let of_pixel = |(sums, squares): (&Sums, &[f64; 3])| {
+        let of_pixel = |(sums, squares): (&PictureSums, &[f64; 3])| {
             let n = f64::from(sums.paths.max(1));
             std::array::from_fn(|channel| {
                 let mean = sums.first[channel] / n;
@@ -124,7 +124,7 @@ impl Traced {
     /// the left or above. Returns the number of such pixels.
     pub fn fill(&mut self) -> usize {
         let width = self.size.0;
-        let coarsest = Grid::coarsest(self.size).step;
+        let coarsest = PixelGrid::coarsest(self.size).step;
         let mut filled = 0;
         for pixel in 0..self.sums.len() {
             if self.sums[pixel].paths > 0 {
@@ -148,9 +148,9 @@ impl Traced {
 
     /// Returns the step of the finest grid of pixels that all have paths.
     pub fn finest_whole_grid(&self) -> u32 {
-        let coarsest = Grid::coarsest(self.size).step;
+        let coarsest = PixelGrid::coarsest(self.size).step;
         let is_whole = |step: &u32| {
-            let grid = Grid { size: self.size, step: *step, is_between: false };
+            let grid = PixelGrid { size: self.size, step: *step, is_between: false };
             let mut pixels = (0..grid.len()).filter_map(|place| grid.pixel(place));
             pixels.all(|pixel| self.sums[pixel as usize].paths > 0)
         };
@@ -160,10 +160,10 @@ impl Traced {
 
     /// Returns the size of a picture of squares of `step` pixels a side, and the sums of these
     /// squares.
-    pub fn reduced(&self, step: u32) -> ((u32, u32), Vec<Sums>) {
+    pub fn reduced(&self, step: u32) -> ((u32, u32), Vec<PictureSums>) {
         let (width, height) = self.size;
         let size = (width.div_ceil(step), height.div_ceil(step));
-        let mut squares = vec![Sums::default(); size.0 as usize * size.1 as usize];
+        let mut squares = vec![PictureSums::default(); size.0 as usize * size.1 as usize];
         for (pixel, sums) in (0..).zip(&self.sums) {
             let (column, row): (u32, u32) = (pixel % width, pixel / width);
             squares[(row / step * size.0 + column / step) as usize].add(sums);
@@ -179,21 +179,22 @@ mod tests {
     #[test]
     fn grids_reach_every_pixel_once() {
         for size in [(1, 1), (16, 16), (37, 19), (64, 5), (700, 3), (300, 290)] {
-            let coarsest = Grid::coarsest(size);
+            let coarsest = PixelGrid::coarsest(size);
             assert!((1..=256).contains(&coarsest.len()), "{size:?}");
-            let pixels = |grid: Grid| (0..grid.len()).filter_map(move |place| grid.pixel(place));
+            let pixels =
+                |grid: PixelGrid| (0..grid.len()).filter_map(move |place| grid.pixel(place));
             let finer = coarsest.finer().flat_map(pixels);
             let mut reached: Vec<u32> = pixels(coarsest).chain(finer).collect();
             reached.sort_unstable();
             assert_eq!(reached, (0..size.0 * size.1).collect::<Vec<_>>());
-            assert_eq!(pixels(Grid::all(size)).collect::<Vec<_>>(), reached);
+            assert_eq!(pixels(PixelGrid::all(size)).collect::<Vec<_>>(), reached);
         }
     }
 
     #[test]
     fn pixels_without_paths_copy_the_nearest_traced_pixel_of_a_coarser_grid() {
         let size = (600, 300);
-        let mut traced = Traced::new(size, true);
+        let mut traced = TracedPicture::new(size, true);
         let is_traced = |column: u32, row: u32| {
             column.is_multiple_of(64) && row.is_multiple_of(64)
                 || column < 200 && column.is_multiple_of(8) && row.is_multiple_of(8)
@@ -203,7 +204,7 @@ mod tests {
         for (row, column) in (0..size.1).flat_map(|row| (0..size.0).map(move |c| (row, c))) {
             if is_traced(column, row) {
                 let pixel = (row * size.0 + column) as usize;
-                traced.sums[pixel] = Sums { paths: 1, first: [value(column, row); 3] };
+                traced.sums[pixel] = PictureSums { paths: 1, first: [value(column, row); 3] };
                 traced.squares[pixel] = [value(column, row).powi(2); 3];
             }
         }
@@ -223,8 +224,8 @@ mod tests {
 
     #[test]
     fn squares_at_the_edges_have_the_pixels_that_there_are() {
-        let mut traced = Traced::new((5, 3), false);
-        traced.sums.fill(Sums { paths: 1, ..Sums::default() });
+        let mut traced = TracedPicture::new((5, 3), false);
+        traced.sums.fill(PictureSums { paths: 1, ..PictureSums::default() });
         let (size, squares) = traced.reduced(2);
         assert_eq!(size, (3, 2));
         assert_eq!(squares.iter().map(|sums| sums.paths).collect::<Vec<_>>(), [4, 4, 2, 2, 2, 1]);

@@ -10,8 +10,8 @@ use tokio::sync::oneshot;
 
 use crate::{
     arguments::picture_path,
-    config::Config,
-    crew::{Crew, WorkerArgs},
+    config::HolodeckConfig,
+    crew::{SessionProcesses, WorkerArgs},
     joining::ListenArgs,
     prepare::{self, Edited, OtherScene, SMALL_CACHE},
     scene_args::{SceneArgs, Usage},
@@ -248,7 +248,7 @@ pub struct LiveSession {
     /// The holodeck's path.
     pub file: PathBuf,
     /// How the scene can be read again. `None`: as the file says.
-    pub scene: Option<Config>,
+    pub scene: Option<HolodeckConfig>,
     /// Threads that trace.
     pub threads: Option<u16>,
     /// Memory for beams, MiB.
@@ -279,7 +279,8 @@ impl LiveSession {
         shutdown.on_signals(false)?;
         let (threads, nice, quiet) = (self.threads, NICE_BESIDE_DISPLAY, self.quiet);
         let how = WorkerArgs { threads, nice, quiet };
-        let mut crew = Crew::start(self.file, self.scene, self.listen, arguments, how).await?;
+        let mut crew =
+            SessionProcesses::start(self.file, self.scene, self.listen, arguments, how).await?;
         let (sender, ready) = oneshot::channel();
         let (is_ready, shutdown_before) = (crew.worker_is_ready(), shutdown.clone());
         tokio::spawn(async move {

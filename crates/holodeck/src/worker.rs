@@ -11,7 +11,7 @@ use std::{
 
 use anyhow::{Error, Result, anyhow};
 use holo_progress::{Meter, said_once};
-use holo_rtworker::Report;
+use holo_rtworker::ReportState;
 use tokio::{
     io::{BufReader, Lines},
     process::ChildStdout,
@@ -42,7 +42,7 @@ const FIRST_PAUSE: Duration = Duration::from_millis(500);
 /// A worker process that is restarted when it dies.
 pub struct KeptWorker {
     arguments: Vec<OsString>,
-    life: Option<Life>,
+    life: Option<WorkerProcess>,
     deaths: Deaths,
     ready: watch::Sender<bool>,
     meter: Meter,
@@ -51,7 +51,7 @@ pub struct KeptWorker {
 }
 
 /// A running worker process.
-struct Life {
+struct WorkerProcess {
     process: Process,
     output: Lines<BufReader<ChildStdout>>,
     last_words: JoinHandle<VecDeque<String>>,
@@ -76,7 +76,7 @@ impl KeptWorker {
         if let Some(threads) = threads {
             arguments.extend(["--threads".into(), threads.to_string().into()]);
         }
-        let life = Some(Life::begin(&arguments)?);
+        let life = Some(WorkerProcess::begin(&arguments)?);
         let (ready, _) = watch::channel(false);
         Ok(KeptWorker {
             arguments,
@@ -110,7 +110,7 @@ impl KeptWorker {
         loop {
             let life = match &mut self.life {
                 Some(life) => life,
-                None => match Life::begin(&self.arguments) {
+                None => match WorkerProcess::begin(&self.arguments) {
                     Ok(life) => self.life.insert(life),
                     Err(error) => return error,
                 },
@@ -178,8 +178,8 @@ impl KeptWorker {
     }
 }
 
-impl Life {
-    fn begin(arguments: &[OsString]) -> Result<Life> {
+impl WorkerProcess {
+    fn begin(arguments: &[OsString]) -> Result<WorkerProcess> {
         let mut process = Process::start("rtworker", arguments, Stdio::piped())?;
         let output = process.output()?;
         let errors = process.errors();
@@ -189,7 +189,7 @@ impl Life {
                 None => VecDeque::new(),
             }
         });
-        Ok(Life { process, output, last_words, ready: None })
+        Ok(WorkerProcess { process, output, last_words, ready: None })
     }
 
     /// Follows the worker's reports until it ends.
@@ -199,12 +199,12 @@ impl Life {
         ready: &watch::Sender<bool>,
     ) -> Result<ExitStatus> {
         while let Ok(Some(line)) = self.output.next_line().await {
-            match Report::parse(&line) {
+            match ReportState::parse(&line) {
                 // Later lives load while the server shows its own progress.
-                Some(Report::Loading { share, text }) if !*ready.borrow() => {
+                Some(ReportState::Loading { share, text }) if !*ready.borrow() => {
                     meter.show(share, &text);
                 }
-                Some(Report::Ready) => {
+                Some(ReportState::Ready) => {
                     meter.finish();
                     self.ready = Some(Instant::now());
                     ready.send_replace(true);

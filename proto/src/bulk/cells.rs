@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Head, Reader, put};
+use super::{Head, RecordReader, put};
 use crate::ProtoError;
 
 /// Most estimates in one cell. Sums of more would lose digits.
@@ -12,7 +12,7 @@ pub const MAX_ESTIMATES: u32 = 1 << 22;
 /// wire and in the file. Lengths are in scene units, and points are relative to the scene's origin.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Cell {
+pub struct WireCell {
     /// A point of the surface. Its bits, with the other fields up to `level`, name the cell.
     pub point: [f32; 3],
     /// Unit normal on the lit side.
@@ -32,9 +32,9 @@ pub struct Cell {
     /// Sum of the shares of light that their places reflect, not negative.
     pub albedo: [f32; 3],
 }
-const _: () = assert!(size_of::<Cell>() == 64);
+const _: () = assert!(size_of::<WireCell>() == 64);
 
-impl Cell {
+impl WireCell {
     /// Returns true if a worker could have made the cell.
     #[must_use]
     pub fn is_valid(&self) -> bool {
@@ -52,16 +52,16 @@ impl Cell {
 
 /// Cells of surface light: new estimates alone, which a receiver adds to those that it has.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Cells {
+pub struct CellBatch {
     /// The cells, all valid.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<WireCell>,
 }
 
-impl Cells {
+impl CellBatch {
     /// Returns the payload: number and length of the cells, cells.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(8 + size_of_val(self.cells.as_slice()));
-        let head = Head { first: self.cells.len() as u32, second: size_of::<Cell>() as u32 };
+        let head = Head { first: self.cells.len() as u32, second: size_of::<WireCell>() as u32 };
         put(&mut out, &head);
         out.extend_from_slice(bytemuck::cast_slice(&self.cells));
         out
@@ -71,17 +71,17 @@ impl Cells {
     ///
     /// # Errors
     /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for an impossible cell.
-    pub fn decode(bytes: &[u8]) -> Result<Cells, ProtoError> {
-        let mut reader = Reader(bytes);
+    pub fn decode(bytes: &[u8]) -> Result<CellBatch, ProtoError> {
+        let mut reader = RecordReader(bytes);
         let head: Head = reader.one("message of cells")?;
-        if head.second != size_of::<Cell>() as u32 {
+        if head.second != size_of::<WireCell>() as u32 {
             return Err(ProtoError::Number("the length of a cell"));
         }
-        let cells = reader.many::<Cell>("list of cells", u64::from(head.first))?;
+        let cells = reader.many::<WireCell>("list of cells", u64::from(head.first))?;
         reader.end()?;
-        if !cells.iter().all(Cell::is_valid) {
+        if !cells.iter().all(WireCell::is_valid) {
             return Err(ProtoError::Number("a cell of surface light"));
         }
-        Ok(Cells { cells })
+        Ok(CellBatch { cells })
     }
 }

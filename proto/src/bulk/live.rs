@@ -3,7 +3,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Head, Reader, Traced, expect_rays, put};
+use super::{Head, RecordReader, TracedPacket, expect_rays, put};
 use crate::ProtoError;
 
 /// Most live rays in one message of a display: some hundredths of a second of work.
@@ -103,7 +103,7 @@ impl LiveWanted {
     /// # Errors
     /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for an impossible ray.
     pub fn decode(bytes: &[u8]) -> Result<LiveWanted, ProtoError> {
-        let mut reader = Reader(bytes);
+        let mut reader = RecordReader(bytes);
         let head: WantedHead = reader.one("message of live rays")?;
         if head.rays > MAX_LIVE_RAYS as u32 {
             let (found, limit) = (u64::from(head.rays), MAX_LIVE_RAYS as u64);
@@ -136,13 +136,13 @@ pub struct LiveWork {
 
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct RawPacket {
+struct RawLivePacket {
     id: u64,
     count: u32,
     paths: u16,
     reserved: u16,
 }
-const _: () = assert!(size_of::<RawPacket>() == 16);
+const _: () = assert!(size_of::<RawLivePacket>() == 16);
 
 impl LiveWork {
     /// Returns the payload: numbers of packets and rays, packets, rays.
@@ -152,7 +152,10 @@ impl LiveWork {
         put(&mut out, &Head { first: self.packets.len() as u32, second: rays as u32 });
         for packet in &self.packets {
             let count = packet.rays.len() as u32;
-            put(&mut out, &RawPacket { id: packet.id, count, paths: packet.paths, reserved: 0 });
+            put(
+                &mut out,
+                &RawLivePacket { id: packet.id, count, paths: packet.paths, reserved: 0 },
+            );
         }
         self.packets
             .iter()
@@ -165,9 +168,9 @@ impl LiveWork {
     /// # Errors
     /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for an impossible ray.
     pub fn decode(bytes: &[u8]) -> Result<LiveWork, ProtoError> {
-        let mut reader = Reader(bytes);
+        let mut reader = RecordReader(bytes);
         let counts: Head = reader.one("live work message")?;
-        let packets = reader.many::<RawPacket>("live packet list", u64::from(counts.first))?;
+        let packets = reader.many::<RawLivePacket>("live packet list", u64::from(counts.first))?;
         let rays = reader.many::<LiveRay>("live ray list", u64::from(counts.second))?;
         reader.end()?;
         expect_rays("live ray list", packets.iter().map(|packet| packet.count), &rays)?;
@@ -176,7 +179,7 @@ impl LiveWork {
             return Err(ProtoError::Number("a packet's number of paths"));
         }
         let mut rays = rays.into_iter();
-        let parse = |raw: RawPacket| LivePacket {
+        let parse = |raw: RawLivePacket| LivePacket {
             id: raw.id,
             paths: raw.paths,
             rays: rays.by_ref().take(raw.count as usize).collect(),
@@ -211,7 +214,7 @@ impl LiveHit {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LiveResults {
     /// The packets, in the order of their hits.
-    pub packets: Vec<Traced>,
+    pub packets: Vec<TracedPacket>,
     /// The results, one for each ray of each packet, in the order of the rays.
     pub hits: Vec<LiveHit>,
 }
@@ -232,9 +235,9 @@ impl LiveResults {
     /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for an impossible radiance or
     /// distance.
     pub fn decode(bytes: &[u8]) -> Result<LiveResults, ProtoError> {
-        let mut reader = Reader(bytes);
+        let mut reader = RecordReader(bytes);
         let counts: Head = reader.one("live results message")?;
-        let packets = reader.many::<Traced>("live packet list", u64::from(counts.first))?;
+        let packets = reader.many::<TracedPacket>("live packet list", u64::from(counts.first))?;
         let hits = reader.many::<LiveHit>("live hit list", u64::from(counts.second))?;
         reader.end()?;
         expect_rays("live hit list", packets.iter().map(|packet| packet.count), &hits)?;
@@ -246,13 +249,13 @@ impl LiveResults {
 /// The result of one of a display's live rays. 24 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct LiveSample {
+pub struct LiveResult {
     /// The display's name for the ray.
     pub number: u64,
     /// Its result.
     pub hit: LiveHit,
 }
-const _: () = assert!(size_of::<LiveSample>() == 24);
+const _: () = assert!(size_of::<LiveResult>() == 24);
 
 /// Server to display: the results of its live rays.
 #[derive(Clone, Debug, PartialEq)]
@@ -260,7 +263,7 @@ pub struct LiveSamples {
     /// The view of the rays.
     pub view: u32,
     /// The results.
-    pub samples: Vec<LiveSample>,
+    pub samples: Vec<LiveResult>,
 }
 
 impl LiveSamples {
@@ -278,9 +281,9 @@ impl LiveSamples {
     /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for an impossible radiance or
     /// distance.
     pub fn decode(bytes: &[u8]) -> Result<LiveSamples, ProtoError> {
-        let mut reader = Reader(bytes);
+        let mut reader = RecordReader(bytes);
         let counts: Head = reader.one("live samples message")?;
-        let samples = reader.many::<LiveSample>("live sample list", u64::from(counts.second))?;
+        let samples = reader.many::<LiveResult>("live sample list", u64::from(counts.second))?;
         reader.end()?;
         samples.iter().try_for_each(|sample| sample.hit.check())?;
         Ok(LiveSamples { view: counts.first, samples })

@@ -10,17 +10,17 @@ mod view;
 mod work;
 
 use bytemuck::{Pod, Zeroable};
-pub use cells::{Cell, Cells, MAX_ESTIMATES};
+pub use cells::{CellBatch, MAX_ESTIMATES, WireCell};
 use holo_section::Viewpoint;
 pub use live::{
-    LiveHit, LivePacket, LiveRay, LiveResults, LiveSample, LiveSamples, LiveWanted, LiveWork,
+    LiveHit, LivePacket, LiveRay, LiveResult, LiveResults, LiveSamples, LiveWanted, LiveWork,
     MAX_LIVE_RAYS, MAX_LIVE_RAYS_HELD,
 };
-pub use results::{Results, Traced};
-pub use samples::{MAX_RUN, Samples, Source, Unseen};
+pub use results::{Results, TracedPacket};
+pub use samples::{MAX_RUN, SampleSource, Unseen, ViewSamples};
 pub use shared::{BlobChunk, Light, Record};
-pub use view::{MAX_HELD, RaysWanted, ViewRequest, WantedBeam, WantedRay};
-pub use work::{Packet, Work};
+pub use view::{MAX_HELD, RaysWanted, RequestedBeam, ViewRequest, WantedRay};
+pub use work::{Packet, WorkPackets};
 
 use crate::{MAX_RAYS_PER_PACKET, ProtoError};
 
@@ -57,9 +57,9 @@ impl RawViewpoint {
 }
 
 /// Reads records from a payload. A missing record is an error before memory is allocated for it.
-struct Reader<'a>(&'a [u8]);
+struct RecordReader<'a>(&'a [u8]);
 
-impl<'a> Reader<'a> {
+impl<'a> RecordReader<'a> {
     fn take(&mut self, what: &'static str, bytes: u64) -> Result<&'a [u8], ProtoError> {
         let found = self.0.len() as u64;
         let (head, rest) = usize::try_from(bytes)

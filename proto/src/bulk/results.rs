@@ -3,14 +3,14 @@
 use bytemuck::{Pod, Zeroable};
 use holo_section::Sample;
 
-use super::{Reader, expect_rays, put};
+use super::{RecordReader, expect_rays, put};
 use crate::ProtoError;
 
 /// Worker to server: the results of packets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Results {
     /// The traced packets, in the order of their samples.
-    pub packets: Vec<Traced>,
+    pub packets: Vec<TracedPacket>,
     /// Samples of all traced packets, one after the other.
     pub samples: Vec<Sample>,
     /// Ids of packets that were not traced because their beams are unseen: no ray of them hits
@@ -21,7 +21,7 @@ pub struct Results {
 /// One packet of a [`Results`]. 16 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Traced {
+pub struct TracedPacket {
     /// The packet's id.
     pub id: u64,
     /// Number of samples: as many as in the packet.
@@ -29,7 +29,7 @@ pub struct Traced {
     /// Time that one thread took, nanoseconds. Longer times are `u32::MAX`.
     pub nanoseconds: u32,
 }
-const _: () = assert!(size_of::<Traced>() == 16);
+const _: () = assert!(size_of::<TracedPacket>() == 16);
 
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
@@ -59,9 +59,10 @@ impl Results {
     /// # Errors
     /// Any [`ProtoError`] about counts.
     pub fn decode(bytes: &[u8]) -> Result<Results, ProtoError> {
-        let mut reader = Reader(bytes);
+        let mut reader = RecordReader(bytes);
         let counts: ResultCounts = reader.one("results message")?;
-        let packets = reader.many::<Traced>("traced packet list", u64::from(counts.packets))?;
+        let packets =
+            reader.many::<TracedPacket>("traced packet list", u64::from(counts.packets))?;
         let samples = reader.many::<Sample>("sample list", u64::from(counts.samples))?;
         let unseen = reader.many::<u64>("unseen packet list", u64::from(counts.unseen))?;
         reader.end()?;

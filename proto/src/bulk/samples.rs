@@ -1,18 +1,18 @@
 //! The answer to a view, server to display: samples, and unseen beams.
 
 use bytemuck::{Pod, Zeroable};
-use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
+use holo_section::{BeamId, BeamKey, NumberRun, Sample, SampleKind};
 
-use super::{Head, Reader, expect_total, put};
+use super::{Head, RecordReader, expect_total, put};
 use crate::ProtoError;
 
-/// Most samples of a run in a [`Samples`] message.
+/// Most samples of a run in a [`ViewSamples`] message.
 pub const MAX_RUN: u32 = 1 << 20;
 
 /// The source of samples for a display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Source {
+pub enum SampleSource {
     /// The file.
     Stored = 0,
     /// A worker, moments ago.
@@ -26,13 +26,13 @@ pub enum Source {
 
 /// Server to display: samples for a view.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Samples {
-    /// The view of the samples. For [`Source::Part`], any number.
+pub struct ViewSamples {
+    /// The view of the samples. For [`SampleSource::Part`], any number.
     pub view: u32,
     /// The source of the samples.
-    pub source: Source,
+    pub source: SampleSource,
     /// The runs, in the order of their samples.
-    pub runs: Vec<Run>,
+    pub runs: Vec<NumberRun>,
     /// Samples of all runs, one after the other.
     pub samples: Vec<Sample>,
 }
@@ -50,7 +50,7 @@ struct RawRun {
 }
 const _: () = assert!(size_of::<RawRun>() == 24);
 
-impl Samples {
+impl ViewSamples {
     /// Returns the payload: view and source, numbers of runs and samples, runs, samples.
     pub fn encode(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(16 + self.runs.len() * 24 + self.samples.len() * 10);
@@ -78,28 +78,28 @@ impl Samples {
     ///
     /// # Errors
     /// Any [`ProtoError`] about counts, kinds or numbers.
-    pub fn decode(bytes: &[u8]) -> Result<Samples, ProtoError> {
-        let mut reader = Reader(bytes);
+    pub fn decode(bytes: &[u8]) -> Result<ViewSamples, ProtoError> {
+        let mut reader = RecordReader(bytes);
         let head: Head = reader.one("samples message")?;
         let counts: Head = reader.one("samples message")?;
         let raw = reader.many::<RawRun>("run list", u64::from(counts.first))?;
         let samples = reader.many::<Sample>("sample list", u64::from(counts.second))?;
         reader.end()?;
         let source = match head.second {
-            0 => Source::Stored,
-            1 => Source::Traced,
-            2 => Source::Part,
-            3 => Source::Earlier,
+            0 => SampleSource::Stored,
+            1 => SampleSource::Traced,
+            2 => SampleSource::Part,
+            3 => SampleSource::Earlier,
             _ => return Err(ProtoError::Number("the source of samples")),
         };
         let runs = raw.into_iter().map(parse_run).collect::<Result<Vec<_>, _>>()?;
         let said = runs.iter().map(|run| u64::from(run.count)).sum();
         expect_total("sample list", said, &samples)?;
-        Ok(Samples { view: head.first, source, runs, samples })
+        Ok(ViewSamples { view: head.first, source, runs, samples })
     }
 
     /// Returns each run with its samples.
-    pub fn iter(&self) -> impl Iterator<Item = (&Run, &[Sample])> {
+    pub fn iter(&self) -> impl Iterator<Item = (&NumberRun, &[Sample])> {
         let mut rest = self.samples.as_slice();
         self.runs.iter().map(move |run| {
             let (samples, after) = rest.split_at(rest.len().min(run.count as usize));
@@ -109,7 +109,7 @@ impl Samples {
     }
 }
 
-fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
+fn parse_run(raw: RawRun) -> Result<NumberRun, ProtoError> {
     let kind = SampleKind::from_code(raw.kind).ok_or(ProtoError::SampleKind(raw.kind))?;
     if raw.count == 0 || raw.count > MAX_RUN {
         return Err(ProtoError::TooMany {
@@ -124,7 +124,7 @@ fn parse_run(raw: RawRun) -> Result<Run, ProtoError> {
     if raw.first.checked_add(raw.count).is_none() {
         return Err(ProtoError::Number("a run's first sample number"));
     }
-    Ok(Run {
+    Ok(NumberRun {
         key: BeamKey { section: raw.section, beam: BeamId(raw.beam) },
         kind,
         first: raw.first,
@@ -168,7 +168,7 @@ impl Unseen {
     /// # Errors
     /// Any [`ProtoError`] about counts.
     pub fn decode(bytes: &[u8]) -> Result<Unseen, ProtoError> {
-        let mut reader = Reader(bytes);
+        let mut reader = RecordReader(bytes);
         let counts: Head = reader.one("unseen message")?;
         let beams = reader.many::<RawUnseen>("unseen beam list", u64::from(counts.second))?;
         reader.end()?;

@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 pub use holo_light::Record;
 
-use super::{Head, Reader, put};
+use super::{Head, RecordReader, put};
 use crate::{ProtoError, frame::MAX_BULK_BYTES};
 
 /// Most bytes that one compressed byte can stand for, in blocks of LZ4.
@@ -34,7 +34,7 @@ impl Light {
     /// # Errors
     /// Any [`ProtoError`] about counts; [`ProtoError::Number`] for an impossible record.
     pub fn decode(bytes: &[u8]) -> Result<Light, ProtoError> {
-        let mut reader = Reader(bytes);
+        let mut reader = RecordReader(bytes);
         let head: Head = reader.one("light message")?;
         if head.second != size_of::<Record>() as u32 {
             return Err(ProtoError::Number("the length of a light record"));

@@ -3,12 +3,12 @@
 use bytemuck::{Pod, Zeroable};
 use holo_section::{BeamId, BeamKey, RayCoords, Viewpoint};
 
-use super::{Head, RawViewpoint, Reader, put};
+use super::{Head, RawViewpoint, RecordReader, put};
 use crate::ProtoError;
 
 /// A beam that a display wants.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WantedBeam {
+pub struct RequestedBeam {
     /// The beam.
     pub key: BeamKey,
     /// The number of pixels that the beam serves, positive.
@@ -20,10 +20,10 @@ pub struct WantedBeam {
     pub has_earlier: bool,
 }
 
-/// Greatest number of samples that [`WantedBeam::held`] states.
+/// Greatest number of samples that [`RequestedBeam::held`] states.
 pub const MAX_HELD: u16 = (1 << 15) - 1;
 
-/// Bit that states [`WantedBeam::has_earlier`].
+/// Bit that states [`RequestedBeam::has_earlier`].
 const EARLIER: u16 = 1 << 15;
 
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -45,7 +45,7 @@ pub struct ViewRequest {
     /// The eye, and the greatest distance of rays from it (Larson & Simmons 1999, Appendix A).
     pub viewpoint: Viewpoint,
     /// The beams.
-    pub beams: Vec<WantedBeam>,
+    pub beams: Vec<RequestedBeam>,
 }
 
 impl ViewRequest {
@@ -54,7 +54,7 @@ impl ViewRequest {
         let mut out = Vec::with_capacity(40 + self.beams.len() * 16);
         put(&mut out, &Head { first: self.view, second: self.beams.len() as u32 });
         put(&mut out, &RawViewpoint::new(&self.viewpoint));
-        for &WantedBeam { key, weight, held, has_earlier } in &self.beams {
+        for &RequestedBeam { key, weight, held, has_earlier } in &self.beams {
             let BeamKey { section, beam } = key;
             let held = held.min(MAX_HELD) | if has_earlier { EARLIER } else { 0 };
             put(&mut out, &RawWantedBeam { beam: beam.0, weight, section, held });
@@ -67,7 +67,7 @@ impl ViewRequest {
     /// # Errors
     /// Any [`ProtoError`] about counts or numbers.
     pub fn decode(bytes: &[u8]) -> Result<ViewRequest, ProtoError> {
-        let mut reader = Reader(bytes);
+        let mut reader = RecordReader(bytes);
         let counts: Head = reader.one("view message")?;
         let viewpoint = reader.one::<RawViewpoint>("viewpoint")?.parse()?;
         let beams = reader.many::<RawWantedBeam>("beam list", u64::from(counts.second))?;
@@ -77,7 +77,7 @@ impl ViewRequest {
         }
         let beams = beams
             .into_iter()
-            .map(|raw| WantedBeam {
+            .map(|raw| RequestedBeam {
                 key: BeamKey { section: raw.section, beam: BeamId(raw.beam) },
                 weight: raw.weight,
                 held: raw.held & MAX_HELD,
@@ -135,7 +135,7 @@ impl RaysWanted {
     /// # Errors
     /// Any [`ProtoError`] about counts.
     pub fn decode(bytes: &[u8]) -> Result<RaysWanted, ProtoError> {
-        let mut reader = Reader(bytes);
+        let mut reader = RecordReader(bytes);
         let counts: Head = reader.one("message of wanted rays")?;
         let rays = reader.many::<RawWantedRay>("ray list", u64::from(counts.second))?;
         reader.end()?;

@@ -1,9 +1,9 @@
 //! Packets to trace, server to worker.
 
 use bytemuck::{Pod, Zeroable};
-use holo_section::{BeamId, BeamKey, RayCoords, Run, SampleKind, Viewpoint};
+use holo_section::{BeamId, BeamKey, NumberRun, RayCoords, SampleKind, Viewpoint};
 
-use super::{Head, RawViewpoint, Reader, put};
+use super::{Head, RawViewpoint, RecordReader, put};
 use crate::{MAX_RAYS_PER_PACKET, ProtoError};
 
 /// A packet to trace. Its rays are a function of (section, beam, kind, first number, viewpoint)
@@ -20,7 +20,8 @@ pub struct Packet {
     pub count: u8,
     /// Paths averaged into each sample, at least 1.
     pub paths: u16,
-    /// Index into [`Work::viewpoints`], less than 65534. `None` if rays need not pass near an eye.
+    /// Index into [`WorkPackets::viewpoints`], less than 65534. `None` if rays need not pass near
+    /// an eye.
     pub viewpoint: Option<u16>,
     /// The positions of its rays, `count` of them and then zeros, if a display requested single
     /// rays. The packet then has no viewpoint.
@@ -38,15 +39,15 @@ impl Packet {
     }
 
     /// Returns the samples of the packet.
-    pub fn run(&self) -> Run {
+    pub fn run(&self) -> NumberRun {
         let Packet { key, first, count, paths, .. } = *self;
-        Run { key, kind: self.kind(), first, count: u32::from(count), paths }
+        NumberRun { key, kind: self.kind(), first, count: u32::from(count), paths }
     }
 }
 
 /// Server to worker: packets.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Work {
+pub struct WorkPackets {
     /// The viewpoints that the packets refer to.
     pub viewpoints: Vec<Viewpoint>,
     /// The packets, the most urgent first.
@@ -55,7 +56,7 @@ pub struct Work {
 
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct RawPacket {
+struct RawWorkPacket {
     id: u64,
     beam: u64,
     first: u32,
@@ -65,15 +66,15 @@ struct RawPacket {
     count: u8,
     reserved: [u8; 5],
 }
-const _: () = assert!(size_of::<RawPacket>() == 32);
+const _: () = assert!(size_of::<RawWorkPacket>() == 32);
 
-/// `RawPacket::viewpoint` of a uniform packet.
+/// `RawWorkPacket::viewpoint` of a uniform packet.
 const NO_VIEWPOINT: u16 = u16::MAX;
 
-/// `RawPacket::viewpoint` of a packet of single rays.
+/// `RawWorkPacket::viewpoint` of a packet of single rays.
 const SINGLE_RAYS: u16 = u16::MAX - 1;
 
-impl Work {
+impl WorkPackets {
     /// Returns the payload: numbers of viewpoints and packets, viewpoints, packets, positions of
     /// single rays.
     pub fn encode(&self) -> Vec<u8> {
@@ -81,7 +82,7 @@ impl Work {
         let (viewpoints, packets) = (self.viewpoints.len() as u32, self.packets.len() as u32);
         put(&mut out, &Head { first: viewpoints, second: packets });
         self.viewpoints.iter().for_each(|viewpoint| put(&mut out, &RawViewpoint::new(viewpoint)));
-        self.packets.iter().for_each(|packet| put(&mut out, &RawPacket::new(packet)));
+        self.packets.iter().for_each(|packet| put(&mut out, &RawWorkPacket::new(packet)));
         for packet in &self.packets {
             if let Some(rays) = &packet.rays {
                 let count = usize::from(packet.count).min(MAX_RAYS_PER_PACKET);
@@ -95,11 +96,11 @@ impl Work {
     ///
     /// # Errors
     /// Any [`ProtoError`] about counts, viewpoints, or numbers.
-    pub fn decode(bytes: &[u8]) -> Result<Work, ProtoError> {
-        let mut reader = Reader(bytes);
+    pub fn decode(bytes: &[u8]) -> Result<WorkPackets, ProtoError> {
+        let mut reader = RecordReader(bytes);
         let head: Head = reader.one("work message")?;
         let viewpoints = reader.many::<RawViewpoint>("viewpoint list", u64::from(head.first))?;
-        let packets = reader.many::<RawPacket>("packet list", u64::from(head.second))?;
+        let packets = reader.many::<RawWorkPacket>("packet list", u64::from(head.second))?;
         let single = packets.iter().filter(|raw| raw.viewpoint == SINGLE_RAYS);
         let rays =
             reader.many::<RayCoords>("ray list", single.map(|raw| u64::from(raw.count)).sum())?;
@@ -111,18 +112,18 @@ impl Work {
             .into_iter()
             .map(|raw| raw.parse(viewpoints.len(), &mut rays))
             .collect::<Result<Vec<_>, _>>()?;
-        Ok(Work { viewpoints, packets })
+        Ok(WorkPackets { viewpoints, packets })
     }
 }
 
-impl RawPacket {
-    fn new(packet: &Packet) -> RawPacket {
+impl RawWorkPacket {
+    fn new(packet: &Packet) -> RawWorkPacket {
         let BeamKey { section, beam } = packet.key;
         let viewpoint = match packet.rays {
             Some(_) => SINGLE_RAYS,
             None => packet.viewpoint.unwrap_or(NO_VIEWPOINT),
         };
-        RawPacket {
+        RawWorkPacket {
             id: packet.id,
             beam: beam.0,
             first: packet.first,

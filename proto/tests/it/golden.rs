@@ -8,13 +8,13 @@ use holo_proto::{
     PROTOCOL_VERSION, ProtoError,
     bulk::*,
     control::*,
-    frame::{self, HEADER_BYTES, Header, Kind},
+    frame::{self, FrameHeader, FrameKind, HEADER_BYTES},
     hello::{Answer, Hello, Role},
     proof::{Challenge, MachineProof, Proof},
-    report::{DisplayReport, FaultReport, Report, WorkerReport},
+    report::{DisplayReport, FaultReport, StatusReport, WorkerReport},
 };
 use holo_section::{
-    BeamId, BeamKey, RayCoords, Run, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint,
+    BeamId, BeamKey, NumberRun, RayCoords, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint,
 };
 
 fn folder() -> PathBuf {
@@ -34,14 +34,14 @@ enum Any {
     Hello(Hello),
     Answer(Answer),
     Control(Control),
-    Work(Work),
+    Work(WorkPackets),
     Results(Results),
     View(ViewRequest),
-    Samples(Samples),
+    Samples(ViewSamples),
     BlobChunk(BlobChunk),
     Unseen(Unseen),
     Light(Light),
-    Cells(Cells),
+    Cells(CellBatch),
     Rays(RaysWanted),
     LiveWanted(LiveWanted),
     LiveWork(LiveWork),
@@ -55,59 +55,59 @@ enum Any {
 impl Any {
     fn frame(&self) -> Vec<u8> {
         let (kind, payload) = match self {
-            Any::Hello(message) => (Kind::Hello, message.encode()),
-            Any::Answer(message) => (Kind::Answer, message.encode()),
-            Any::Control(message) => (Kind::Control, message.encode().unwrap()),
-            Any::Work(message) => (Kind::Work, message.encode()),
-            Any::Results(message) => (Kind::Results, message.encode()),
-            Any::View(message) => (Kind::View, message.encode()),
-            Any::Samples(message) => (Kind::Samples, message.encode()),
-            Any::BlobChunk(message) => (Kind::BlobChunk, message.encode()),
-            Any::Unseen(message) => (Kind::Unseen, message.encode()),
-            Any::Light(message) => (Kind::Light, message.encode()),
-            Any::Cells(message) => (Kind::Cells, message.encode()),
-            Any::Rays(message) => (Kind::Rays, message.encode()),
-            Any::LiveWanted(message) => (Kind::LiveWanted, message.encode()),
-            Any::LiveWork(message) => (Kind::LiveWork, message.encode()),
-            Any::LiveResults(message) => (Kind::LiveResults, message.encode()),
-            Any::LiveSamples(message) => (Kind::LiveSamples, message.encode()),
-            Any::Challenge(message) => (Kind::Challenge, message.encode()),
-            Any::Proof(message) => (Kind::Proof, message.encode()),
-            Any::MachineProof(message) => (Kind::MachineProof, message.encode()),
+            Any::Hello(message) => (FrameKind::Hello, message.encode()),
+            Any::Answer(message) => (FrameKind::Answer, message.encode()),
+            Any::Control(message) => (FrameKind::Control, message.encode().unwrap()),
+            Any::Work(message) => (FrameKind::Work, message.encode()),
+            Any::Results(message) => (FrameKind::Results, message.encode()),
+            Any::View(message) => (FrameKind::View, message.encode()),
+            Any::Samples(message) => (FrameKind::Samples, message.encode()),
+            Any::BlobChunk(message) => (FrameKind::BlobChunk, message.encode()),
+            Any::Unseen(message) => (FrameKind::Unseen, message.encode()),
+            Any::Light(message) => (FrameKind::Light, message.encode()),
+            Any::Cells(message) => (FrameKind::Cells, message.encode()),
+            Any::Rays(message) => (FrameKind::Rays, message.encode()),
+            Any::LiveWanted(message) => (FrameKind::LiveWanted, message.encode()),
+            Any::LiveWork(message) => (FrameKind::LiveWork, message.encode()),
+            Any::LiveResults(message) => (FrameKind::LiveResults, message.encode()),
+            Any::LiveSamples(message) => (FrameKind::LiveSamples, message.encode()),
+            Any::Challenge(message) => (FrameKind::Challenge, message.encode()),
+            Any::Proof(message) => (FrameKind::Proof, message.encode()),
+            Any::MachineProof(message) => (FrameKind::MachineProof, message.encode()),
         };
         frame::encode(kind, &payload).unwrap()
     }
 
     fn decode(frame: &[u8]) -> Result<Any, ProtoError> {
         let (header, payload) = frame.split_first_chunk::<HEADER_BYTES>().unwrap();
-        let header = Header::parse(*header)?;
+        let header = FrameHeader::parse(*header)?;
         assert_eq!(header.length as usize, payload.len(), "the length is the payload's");
         Ok(match header.kind {
-            Kind::Hello => Any::Hello(Hello::decode(payload)?),
-            Kind::Answer => Any::Answer(Answer::decode(payload)?),
-            Kind::Control => Any::Control(Control::decode(payload)?),
-            Kind::Work => Any::Work(Work::decode(payload)?),
-            Kind::Results => Any::Results(Results::decode(payload)?),
-            Kind::View => Any::View(ViewRequest::decode(payload)?),
-            Kind::Samples => Any::Samples(Samples::decode(payload)?),
-            Kind::BlobChunk => Any::BlobChunk(BlobChunk::decode(payload)?),
-            Kind::Unseen => Any::Unseen(Unseen::decode(payload)?),
-            Kind::Light => Any::Light(Light::decode(payload)?),
-            Kind::Cells => Any::Cells(Cells::decode(payload)?),
-            Kind::Rays => Any::Rays(RaysWanted::decode(payload)?),
-            Kind::LiveWanted => Any::LiveWanted(LiveWanted::decode(payload)?),
-            Kind::LiveWork => Any::LiveWork(LiveWork::decode(payload)?),
-            Kind::LiveResults => Any::LiveResults(LiveResults::decode(payload)?),
-            Kind::LiveSamples => Any::LiveSamples(LiveSamples::decode(payload)?),
-            Kind::Challenge => Any::Challenge(Challenge::decode(payload)?),
-            Kind::Proof => Any::Proof(Proof::decode(payload)?),
-            Kind::MachineProof => Any::MachineProof(MachineProof::decode(payload)?),
+            FrameKind::Hello => Any::Hello(Hello::decode(payload)?),
+            FrameKind::Answer => Any::Answer(Answer::decode(payload)?),
+            FrameKind::Control => Any::Control(Control::decode(payload)?),
+            FrameKind::Work => Any::Work(WorkPackets::decode(payload)?),
+            FrameKind::Results => Any::Results(Results::decode(payload)?),
+            FrameKind::View => Any::View(ViewRequest::decode(payload)?),
+            FrameKind::Samples => Any::Samples(ViewSamples::decode(payload)?),
+            FrameKind::BlobChunk => Any::BlobChunk(BlobChunk::decode(payload)?),
+            FrameKind::Unseen => Any::Unseen(Unseen::decode(payload)?),
+            FrameKind::Light => Any::Light(Light::decode(payload)?),
+            FrameKind::Cells => Any::Cells(CellBatch::decode(payload)?),
+            FrameKind::Rays => Any::Rays(RaysWanted::decode(payload)?),
+            FrameKind::LiveWanted => Any::LiveWanted(LiveWanted::decode(payload)?),
+            FrameKind::LiveWork => Any::LiveWork(LiveWork::decode(payload)?),
+            FrameKind::LiveResults => Any::LiveResults(LiveResults::decode(payload)?),
+            FrameKind::LiveSamples => Any::LiveSamples(LiveSamples::decode(payload)?),
+            FrameKind::Challenge => Any::Challenge(Challenge::decode(payload)?),
+            FrameKind::Proof => Any::Proof(Proof::decode(payload)?),
+            FrameKind::MachineProof => Any::MachineProof(MachineProof::decode(payload)?),
         })
     }
 }
 
-fn cell() -> Cell {
-    Cell {
+fn cell() -> WireCell {
+    WireCell {
         point: [1.5, -2.0, 0.25],
         normal: [0.0, 0.0, 1.0],
         material: 7,
@@ -163,11 +163,11 @@ fn live() -> [(&'static str, Any); 4] {
         LivePacket { id: 1 << 63, paths: 1, rays: vec![c] },
     ];
     let traced = vec![
-        Traced { id: 1, count: 2, nanoseconds: 1000 },
-        Traced { id: 1 << 63, count: 1, nanoseconds: u32::MAX },
+        TracedPacket { id: 1, count: 2, nanoseconds: 1000 },
+        TracedPacket { id: 1 << 63, count: 1, nanoseconds: u32::MAX },
     ];
     let samples =
-        [a, b].iter().zip(hits).map(|(ray, hit)| LiveSample { number: ray.number, hit }).collect();
+        [a, b].iter().zip(hits).map(|(ray, hit)| LiveResult { number: ray.number, hit }).collect();
     [
         ("live-wanted", Any::LiveWanted(LiveWanted { view: 7, pixels: 1000, rays: vec![a, b] })),
         ("live-work", Any::LiveWork(LiveWork { packets })),
@@ -247,7 +247,7 @@ fn welcome_shown() -> Any {
 }
 
 fn report() -> Any {
-    Any::Control(Control::Report(Box::new(Report {
+    Any::Control(Control::Report(Box::new(StatusReport {
         software: "holoserver 9".into(),
         file: "a.holo".into(),
         file_bytes: 4096,
@@ -298,7 +298,7 @@ fn work() -> Any {
         viewpoint,
         rays,
     };
-    Any::Work(Work {
+    Any::Work(WorkPackets {
         viewpoints: vec![
             Viewpoint { eye: [1.0, 2.0, 3.0], radius: 0.01 },
             Viewpoint { eye: [-1.5, 0.0, 1e6], radius: 0.0 },
@@ -335,7 +335,7 @@ fn work_named() -> Any {
     };
     let packet =
         Packet { id: 1, key: key(2, 6), first: 7, count: 2, paths: 1, viewpoint: None, rays: None };
-    Any::Work(Work {
+    Any::Work(WorkPackets {
         viewpoints: Vec::new(),
         packets: vec![
             Packet { rays: named(&[[1, 2, 3, 4], [5, 6, 7, 8]]), ..packet },
@@ -354,7 +354,7 @@ fn samples() -> Vec<Sample> {
 }
 
 fn stored() -> Any {
-    let uniform = Run {
+    let uniform = NumberRun {
         key: key(0, 0x01_0203_0405),
         kind: SampleKind::Uniform,
         first: 40,
@@ -362,10 +362,10 @@ fn stored() -> Any {
         paths: 16,
     };
     let single =
-        Run { key: key(1023, 9), kind: SampleKind::SingleRay, first: 0, count: 1, paths: 1 };
-    Any::Samples(Samples {
+        NumberRun { key: key(1023, 9), kind: SampleKind::SingleRay, first: 0, count: 1, paths: 1 };
+    Any::Samples(ViewSamples {
         view: 7,
-        source: Source::Stored,
+        source: SampleSource::Stored,
         runs: vec![uniform, single],
         samples: samples(),
     })
@@ -373,15 +373,20 @@ fn stored() -> Any {
 
 fn traced() -> Any {
     let kind = SampleKind::ViewpointLimited;
-    let run = Run { key: key(3, 6), kind, first: 21, count: 3, paths: u16::MAX };
-    Any::Samples(Samples { view: 8, source: Source::Traced, runs: vec![run], samples: samples() })
+    let run = NumberRun { key: key(3, 6), kind, first: 21, count: 3, paths: u16::MAX };
+    Any::Samples(ViewSamples {
+        view: 8,
+        source: SampleSource::Traced,
+        runs: vec![run],
+        samples: samples(),
+    })
 }
 
 fn earlier() -> Any {
     let kind = SampleKind::Uniform;
-    let run = Run { key: key(0, 5), kind, first: 70, count: 2, paths: 1 };
+    let run = NumberRun { key: key(0, 5), kind, first: 70, count: 2, paths: 1 };
     let samples = samples().into_iter().take(2).collect();
-    Any::Samples(Samples { view: 8, source: Source::Earlier, runs: vec![run], samples })
+    Any::Samples(ViewSamples { view: 8, source: SampleSource::Earlier, runs: vec![run], samples })
 }
 
 fn cases() -> Vec<(&'static str, Any)> {
@@ -450,13 +455,13 @@ fn cases() -> Vec<(&'static str, Any)> {
         ("control-part-last", Any::Control(Control::PartSent { section: 258, next: None })),
         ("work", work()),
         ("work-named", work_named()),
-        ("work-empty", Any::Work(Work::default())),
+        ("work-empty", Any::Work(WorkPackets::default())),
         (
             "results",
             Any::Results(Results {
                 packets: vec![
-                    Traced { id: 1, count: 2, nanoseconds: 1000 },
-                    Traced { id: 1 << 63, count: 1, nanoseconds: u32::MAX },
+                    TracedPacket { id: 1, count: 2, nanoseconds: 1000 },
+                    TracedPacket { id: 1 << 63, count: 1, nanoseconds: u32::MAX },
                 ],
                 samples: samples(),
                 unseen: vec![2, 0x0102_0304_0506_0708],
@@ -468,13 +473,13 @@ fn cases() -> Vec<(&'static str, Any)> {
                 view: 7,
                 viewpoint: Viewpoint { eye: [0.5, -0.25, 1.75], radius: 0.001 },
                 beams: vec![
-                    WantedBeam {
+                    RequestedBeam {
                         key: key(0, 0x01_0203_0405),
                         weight: 12.5,
                         held: 42,
                         has_earlier: false,
                     },
-                    WantedBeam { key: key(1023, 9), weight: 0.125, held: 9, has_earlier: true },
+                    RequestedBeam { key: key(1023, 9), weight: 0.125, held: 9, has_earlier: true },
                 ],
             }),
         ),
@@ -486,7 +491,7 @@ fn cases() -> Vec<(&'static str, Any)> {
             Any::Unseen(Unseen { view: 7, beams: vec![key(0, 0x01_0203_0405), key(1023, 9)] }),
         ),
         ("light", Any::Light(Light { records: vec![record()] })),
-        ("cells", Any::Cells(Cells { cells: vec![cell()] })),
+        ("cells", Any::Cells(CellBatch { cells: vec![cell()] })),
         (
             "rays",
             Any::Rays(RaysWanted {
@@ -547,7 +552,7 @@ fn every_file_is_of_a_message_and_begins_with_a_comment() {
 fn every_kind_and_every_control_message_has_a_file() {
     let kinds: BTreeSet<u8> = cases().iter().map(|(_, message)| message.frame()[4]).collect();
     let known: BTreeSet<u8> =
-        (0..=u8::MAX).filter(|&byte| Kind::from_byte(byte).is_some()).collect();
+        (0..=u8::MAX).filter(|&byte| FrameKind::from_byte(byte).is_some()).collect();
     assert_eq!(kinds, known);
     // A message's first four bytes are its variant number. The next number after the last has no
     // message.
@@ -568,7 +573,7 @@ fn every_kind_and_every_control_message_has_a_file() {
 fn a_message_cut_anywhere_or_with_a_byte_more_is_refused() {
     for (name, message) in cases() {
         let payload = &golden(name)[HEADER_BYTES..];
-        let kind = Kind::from_byte(golden(name)[4]).unwrap();
+        let kind = FrameKind::from_byte(golden(name)[4]).unwrap();
         let decode = |payload: &[u8]| Any::decode(&frame::encode(kind, payload)?);
         // Hellos and answers may grow in later versions.
         let may_grow = matches!(message, Any::Hello(_) | Any::Answer(_));

@@ -6,7 +6,7 @@ use holo_proto::{
     MAX_RAYS_PER_PACKET, PROTOCOL_VERSION, ProtoError,
     bulk::*,
     control::{Control, Farewell},
-    frame::{self, HEADER_BYTES, Header, Kind},
+    frame::{self, FrameHeader, FrameKind, HEADER_BYTES},
     hello::{Answer, Hello, MAGIC, MAX_TEXT_BYTES, Role},
 };
 use proptest::{collection::vec, prelude::*};
@@ -19,7 +19,7 @@ fn decode_all(bytes: &[u8]) {
         let again = message.encode().unwrap();
         assert_eq!(Control::decode(&again).unwrap().encode().unwrap(), again);
     }
-    if let Ok(message) = Work::decode(bytes) {
+    if let Ok(message) = WorkPackets::decode(bytes) {
         assert!(
             message
                 .packets
@@ -32,7 +32,7 @@ fn decode_all(bytes: &[u8]) {
                 .iter()
                 .all(|p| p.viewpoint.is_none_or(|v| usize::from(v) < message.viewpoints.len()))
         );
-        assert_eq!(Work::decode(&message.encode()), Ok(message));
+        assert_eq!(WorkPackets::decode(&message.encode()), Ok(message));
     }
     if let Ok(message) = Results::decode(bytes) {
         assert_eq!(
@@ -44,7 +44,7 @@ fn decode_all(bytes: &[u8]) {
     if let Ok(message) = ViewRequest::decode(bytes) {
         assert_eq!(ViewRequest::decode(&message.encode()), Ok(message));
     }
-    if let Ok(message) = Samples::decode(bytes) {
+    if let Ok(message) = ViewSamples::decode(bytes) {
         assert_eq!(
             message
                 .iter()
@@ -52,7 +52,7 @@ fn decode_all(bytes: &[u8]) {
                 .sum::<usize>(),
             message.runs.len()
         );
-        assert_eq!(Samples::decode(&message.encode()), Ok(message));
+        assert_eq!(ViewSamples::decode(&message.encode()), Ok(message));
     }
     if let Ok(message) = Unseen::decode(bytes) {
         assert_eq!(Unseen::decode(&message.encode()), Ok(message));
@@ -61,8 +61,8 @@ fn decode_all(bytes: &[u8]) {
         assert!(message.records.iter().all(Record::is_valid));
         assert_eq!(message.encode(), bytes);
     }
-    if let Ok(message) = Cells::decode(bytes) {
-        assert!(message.cells.iter().all(Cell::is_valid));
+    if let Ok(message) = CellBatch::decode(bytes) {
+        assert!(message.cells.iter().all(WireCell::is_valid));
         assert_eq!(message.encode(), bytes);
     }
     if let Ok(message) = LiveWanted::decode(bytes) {
@@ -154,13 +154,13 @@ proptest! {
         prop_assert_eq!(LiveResults::decode(&live.2.encode()), Ok(live.2));
         prop_assert_eq!(LiveSamples::decode(&live.3.encode()), Ok(live.3));
         prop_assert_eq!(Control::decode(&control.encode().unwrap()), Ok(control));
-        prop_assert_eq!(Work::decode(&work.encode()), Ok(work));
+        prop_assert_eq!(WorkPackets::decode(&work.encode()), Ok(work));
         prop_assert_eq!(Results::decode(&results.encode()), Ok(results));
         prop_assert_eq!(ViewRequest::decode(&view.encode()), Ok(view));
-        prop_assert_eq!(Samples::decode(&samples.encode()), Ok(samples));
+        prop_assert_eq!(ViewSamples::decode(&samples.encode()), Ok(samples));
         prop_assert_eq!(Unseen::decode(&unseen.encode()), Ok(unseen));
         prop_assert_eq!(Light::decode(&light.encode()), Ok(light));
-        prop_assert_eq!(Cells::decode(&cells.encode()), Ok(cells));
+        prop_assert_eq!(CellBatch::decode(&cells.encode()), Ok(cells));
         prop_assert_eq!(BlobChunk::decode(&chunk.encode()), Ok(chunk.clone()));
         prop_assert_eq!(BlobChunk::decode(&chunk.encode_compressed()), Ok(chunk));
     }
@@ -202,7 +202,7 @@ proptest! {
             bytes[5..].fill(0);
         }
         let length = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-        match Header::parse(bytes) {
+        match FrameHeader::parse(bytes) {
             Ok(header) => {
                 prop_assert_eq!((header.kind as u8, header.length), (kind, length));
                 prop_assert!(u64::from(length) <= header.kind.max_bytes());
@@ -239,13 +239,13 @@ proptest! {
 
 #[test]
 fn each_kind_of_frame_has_its_limit_at_both_ends() {
-    for kind in (1..=15).map(|byte| Kind::from_byte(byte).unwrap()) {
+    for kind in (1..=15).map(|byte| FrameKind::from_byte(byte).unwrap()) {
         let limit = kind.max_bytes();
-        let header = Header { kind, length: limit as u32 };
-        assert_eq!(Header::parse(header.to_bytes()), Ok(header));
-        let longer = Header { length: limit as u32 + 1, ..header };
+        let header = FrameHeader { kind, length: limit as u32 };
+        assert_eq!(FrameHeader::parse(header.to_bytes()), Ok(header));
+        let longer = FrameHeader { length: limit as u32 + 1, ..header };
         let refused = ProtoError::TooLong { kind, length: limit + 1, limit };
-        assert_eq!(Header::parse(longer.to_bytes()), Err(refused));
+        assert_eq!(FrameHeader::parse(longer.to_bytes()), Err(refused));
         let payload = vec![0; limit as usize + 1];
         assert!(frame::encode(kind, &payload).is_err());
         assert_eq!(
@@ -324,7 +324,7 @@ fn a_control_message_that_is_too_long_to_send_is_an_error() {
     let reason = |bytes: usize| Control::Failed { reason: "x".repeat(bytes) };
     let limit = frame::MAX_CONTROL_BYTES;
     assert_eq!(reason(limit as usize - 12).encode().unwrap().len() as u64, limit);
-    let refused = ProtoError::TooLong { kind: Kind::Control, length: limit + 1, limit };
+    let refused = ProtoError::TooLong { kind: FrameKind::Control, length: limit + 1, limit };
     assert_eq!(reason(limit as usize - 11).encode(), Err(refused));
 }
 
@@ -340,7 +340,7 @@ fn wrong_numbers_in_bulk_messages_are_named() {
         bytes.extend(viewpoint.to_le_bytes());
         bytes.extend(paths.to_le_bytes());
         bytes.extend([count, 0, 0, 0, 0, 0]);
-        Work::decode(&bytes)
+        WorkPackets::decode(&bytes)
     };
     assert!(packet(0, 0xffff, 1, 21).is_ok());
     assert_eq!(packet(0, 0xffff, 1, 0), Err(ProtoError::RayCount(0)));
@@ -384,7 +384,7 @@ fn wrong_numbers_in_bulk_messages_are_named() {
         bytes.extend(paths.to_le_bytes());
         bytes.extend([kind, 0, 0, 0]);
         bytes.extend(std::iter::repeat_n(0, 10 * count as usize));
-        Samples::decode(&bytes)
+        ViewSamples::decode(&bytes)
     };
     assert!(samples(1, u32::MAX - 2, 2, 1, 2).is_ok());
     assert!(samples(0, 0, MAX_RUN, 1, 0).is_ok());
@@ -461,12 +461,12 @@ fn impossible_live_rays_and_impossible_results_are_refused() {
 
     let hit = |radiance: f32, distance: f32| LiveHit { radiance: [1.0, radiance, 0.0], distance };
     let results = |hit: LiveHit| {
-        let packets = vec![Traced { id: 1, count: 1, nanoseconds: 1 }];
+        let packets = vec![TracedPacket { id: 1, count: 1, nanoseconds: 1 }];
         LiveResults::decode(&LiveResults { packets, hits: vec![hit] }.encode())
     };
     let samples = |hit: LiveHit| {
         LiveSamples::decode(
-            &LiveSamples { view: 1, samples: vec![LiveSample { number: 1, hit }] }.encode(),
+            &LiveSamples { view: 1, samples: vec![LiveResult { number: 1, hit }] }.encode(),
         )
     };
     assert!(results(hit(0.0, f32::INFINITY)).is_ok() && samples(hit(0.0, 0.0)).is_ok());

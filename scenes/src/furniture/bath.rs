@@ -3,7 +3,7 @@
 use super::kitchen::tap;
 use super::lamp::rod;
 use crate::material::{
-    CERAMIC, CHROME, CORAL, LACQUER, LINEN, Material, STONE, STRIP_COOL, TEAL, WALNUT, WINDOW,
+    CERAMIC, CHROME, CORAL, LACQUER, LINEN, NamedMaterial, STONE, STRIP_COOL, TEAL, WALNUT, WINDOW,
 };
 use crate::mesh::Mesh;
 use crate::shapes::{
@@ -14,7 +14,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// A built-in tub, `w` long in x and 0.75 m deep, 0.56 m high, with a screen of glass at its left
 /// end.
-pub fn tub(panel: &'static Material, w: f64) -> Mesh {
+pub fn tub(panel: &'static NamedMaterial, w: f64) -> Mesh {
     let (d, h) = (0.75, 0.56);
     let mut tub = cuboid(panel, [-w / 2.0, d - 0.02, 0.0], [w / 2.0, d, h - 0.03]);
     // From the rim's rectangle to the rounded foot of the hollow: sinking rings of a superellipse.
@@ -146,7 +146,7 @@ pub fn water_closet() -> Mesh {
 }
 
 /// A rail with a towel over it, 0.6 m wide; the rail is at z = 0.
-pub fn towel(cloth: &'static Material) -> Mesh {
+pub fn towel(cloth: &'static NamedMaterial) -> Mesh {
     let rail = [DVec3::new(-0.3, 0.07, 0.0), DVec3::new(0.3, 0.07, 0.0)];
     let mut towel = tube(&CHROME, &rail, 0.009, 14);
     for x in [-0.29, 0.29] {
@@ -171,7 +171,7 @@ pub fn towel(cloth: &'static Material) -> Mesh {
 
 /// A pile of rolled towels.
 pub fn rolled_towels() -> Mesh {
-    let roll = |cloth: &'static Material| {
+    let roll = |cloth: &'static NamedMaterial| {
         lathe(
             cloth,
             24,

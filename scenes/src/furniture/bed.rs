@@ -1,13 +1,13 @@
 //! A bed with mattress, pillows, a duvet that hangs over its sides, and a folded blanket; and a
 //! wardrobe.
 
-use crate::material::{BRASS, CORAL, LACQUER, LINEN, MIRROR, MUSTARD, Material, SHEET, TEAL};
+use crate::material::{BRASS, CORAL, LACQUER, LINEN, MIRROR, MUSTARD, NamedMaterial, SHEET, TEAL};
 use crate::mesh::Mesh;
 use crate::shapes::{cuboid, cushion, rounded, sheet, superellipsoid, tube};
 use glam::DVec3;
 
 /// A bed 1.8 m × 2.1 m with an upholstered headboard of 0.98 m.
-pub fn bed(wood: &'static Material, fabric: &'static Material) -> Mesh {
+pub fn bed(wood: &'static NamedMaterial, fabric: &'static NamedMaterial) -> Mesh {
     let mut bed = rounded(wood, [1.86, 2.08, 0.22], 0.03).at(0.0, 1.12, 0.08);
     for (x, y) in [(-0.8, 0.25), (0.8, 0.25), (-0.8, 2.0), (0.8, 2.0)] {
         bed.add(cuboid(wood, [x - 0.03, y - 0.03, 0.0], [x + 0.03, y + 0.03, 0.09]));
@@ -30,7 +30,7 @@ pub fn bed(wood: &'static Material, fabric: &'static Material) -> Mesh {
 
 /// A cloth over the bed from y0 to y1 at height `top`, in soft folds. It hangs down beyond `half`
 /// of the width.
-fn cover(cloth: &'static Material, y0: f64, y1: f64, top: f64, half: f64) -> Mesh {
+fn cover(cloth: &'static NamedMaterial, y0: f64, y1: f64, top: f64, half: f64) -> Mesh {
     let hang = top - 0.27;
     let span = half + hang;
     sheet(cloth, 64, 32, |u, v| {

@@ -1,19 +1,19 @@
 //! Pictures, mirrors, rugs, curtains, and things on tables.
 
 use crate::material::{
-    AMBER, BOOKS, CERAMIC, CERAMIC_BLUE, CORAL, CRYSTAL, INK, LIME, MIRROR, MUSTARD, Material,
+    AMBER, BOOKS, CERAMIC, CERAMIC_BLUE, CORAL, CRYSTAL, INK, LIME, MIRROR, MUSTARD, NamedMaterial,
     PAPER, STEEL, TEAL,
 };
 use crate::mesh::Mesh;
-use crate::random::Random;
+use crate::random::SeededRandom;
 use crate::shapes::{ball, block, cuboid, lathe, rounded, sheet, tube, turned};
 use glam::DVec3;
 use std::f64::consts::TAU;
 
 /// A framed abstract picture of bands and discs, which depend on `seed`; its lower edge is at z =
 /// 0.
-pub fn picture(frame: &'static Material, w: f64, h: f64, seed: u64) -> Mesh {
-    let random = &mut Random::new(seed);
+pub fn picture(frame: &'static NamedMaterial, w: f64, h: f64, seed: u64) -> Mesh {
+    let random = &mut SeededRandom::new(seed);
     let mut art = framed(frame, &PAPER, w, h);
     let (x0, z0, pw, ph) = (0.09 - w / 2.0, 0.09, w - 0.18, h - 0.18);
     let bands = 3 + (random.unit() * 3.0) as usize;
@@ -37,12 +37,12 @@ pub fn picture(frame: &'static Material, w: f64, h: f64, seed: u64) -> Mesh {
 }
 
 /// A framed mirror; its lower edge is at z = 0.
-pub fn mirror(frame: &'static Material, w: f64, h: f64) -> Mesh {
+pub fn mirror(frame: &'static NamedMaterial, w: f64, h: f64) -> Mesh {
     framed(frame, &MIRROR, w, h)
 }
 
 /// A round mirror in a rim; its lower edge is at z = 0.
-pub fn round_mirror(rim: &'static Material, radius: f64) -> Mesh {
+pub fn round_mirror(rim: &'static NamedMaterial, radius: f64) -> Mesh {
     let ring = [(radius, 0.0), (radius + 0.02, 0.0), (radius + 0.02, 0.03), (radius, 0.03)];
     Mesh::of([
         lathe(rim, 64, &ring).tilted(-90.0),
@@ -51,7 +51,7 @@ pub fn round_mirror(rim: &'static Material, radius: f64) -> Mesh {
     .at(0.0, 0.0, radius + 0.02)
 }
 
-fn framed(frame: &'static Material, inside: &'static Material, w: f64, h: f64) -> Mesh {
+fn framed(frame: &'static NamedMaterial, inside: &'static NamedMaterial, w: f64, h: f64) -> Mesh {
     let (bar, deep) = (0.03, 0.035);
     let mut framed = cuboid(
         inside,
@@ -68,7 +68,7 @@ fn framed(frame: &'static Material, inside: &'static Material, w: f64, h: f64) -
 }
 
 /// A rug with a border and stripes, 12 mm thick.
-pub fn rug(ground: &'static Material, stripe: &'static Material, w: f64, d: f64) -> Mesh {
+pub fn rug(ground: &'static NamedMaterial, stripe: &'static NamedMaterial, w: f64, d: f64) -> Mesh {
     let mut rug = rounded(stripe, [w, d, 0.010], 0.005);
     rug.add(cuboid(
         ground,
@@ -89,7 +89,7 @@ pub fn rug(ground: &'static Material, stripe: &'static Material, w: f64, d: f64)
 
 /// A pair of curtains on a rod, drawn aside from a window `w` wide. Each gathers in folds over
 /// `part` of the width.
-pub fn curtains(cloth: &'static Material, w: f64, h: f64, part: f64) -> Mesh {
+pub fn curtains(cloth: &'static NamedMaterial, w: f64, h: f64, part: f64) -> Mesh {
     let reach = w / 2.0 + 0.2;
     let rod = [DVec3::new(-reach, 0.09, h), DVec3::new(reach, 0.09, h)];
     let mut pair = tube(&STEEL, &rod, 0.012, 16);
@@ -120,7 +120,7 @@ pub fn curtains(cloth: &'static Material, w: f64, h: f64, part: f64) -> Mesh {
 
 /// A vase with a narrow neck, 0.3 m high, open at the top. It is a closed solid, so it may be of
 /// glass.
-pub fn vase(material: &'static Material) -> Mesh {
+pub fn vase(material: &'static NamedMaterial) -> Mesh {
     turned(
         material,
         28,
@@ -142,7 +142,7 @@ pub fn vase(material: &'static Material) -> Mesh {
 }
 
 /// A bowl.
-pub fn bowl(material: &'static Material, radius: f64) -> Mesh {
+pub fn bowl(material: &'static NamedMaterial, radius: f64) -> Mesh {
     let profile = [
         (0.0, 0.0),
         (0.4, 0.0),
@@ -158,7 +158,7 @@ pub fn bowl(material: &'static Material, radius: f64) -> Mesh {
 }
 
 /// A bowl of fruit.
-pub fn fruit(material: &'static Material) -> Mesh {
+pub fn fruit(material: &'static NamedMaterial) -> Mesh {
     let mut filled = bowl(material, 0.18);
     let colours = [&CORAL, &LIME, &MUSTARD];
     for i in 0..9_u8 {

@@ -2,7 +2,7 @@
 
 use crate::furniture::lamp::strip;
 use crate::material::{
-    BRASS, CABINET, CHROME, COPPER, GROUT, INK, Material, STEEL, STONE, STONE_DARK, STRIP,
+    BRASS, CABINET, CHROME, COPPER, GROUT, INK, NamedMaterial, STEEL, STONE, STONE_DARK, STRIP,
     TILE_WHITE,
 };
 use crate::mesh::Mesh;
@@ -75,7 +75,7 @@ fn worktop(w: f64, sink: f64) -> Mesh {
 }
 
 /// An open box: the inside of a sink, with its rim at z = `deep`.
-pub fn basin(material: &'static Material, w: f64, d: f64, deep: f64) -> Mesh {
+pub fn basin(material: &'static NamedMaterial, w: f64, d: f64, deep: f64) -> Mesh {
     let (x, y, wall) = (w / 2.0, d / 2.0, 0.008);
     Mesh::of([
         cuboid(material, [-x, -y, 0.0], [x, y, wall]),
@@ -88,7 +88,7 @@ pub fn basin(material: &'static Material, w: f64, d: f64, deep: f64) -> Mesh {
 }
 
 /// A high tap that arches towards +y.
-pub fn tap(metal: &'static Material) -> Mesh {
+pub fn tap(metal: &'static NamedMaterial) -> Mesh {
     Mesh::of([
         lathe(
             metal,
@@ -160,7 +160,7 @@ fn hood() -> Mesh {
 }
 
 /// Single tiles on a wall from z = 0, centred in x, in front of a bed of grout.
-pub fn tiles(tile: &'static Material, w: f64, h: f64, tile_w: f64, tile_h: f64) -> Mesh {
+pub fn tiles(tile: &'static NamedMaterial, w: f64, h: f64, tile_w: f64, tile_h: f64) -> Mesh {
     let (columns, rows) = ((w / tile_w).round() as usize, (h / tile_h).round() as usize);
     let (cw, ch) = (w / columns as f64, h / rows as f64);
     let mut wall = cuboid(&GROUT, [-w / 2.0, 0.0, 0.0], [w / 2.0, 0.004, h]);

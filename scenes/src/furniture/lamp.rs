@@ -3,8 +3,8 @@
 //! Invariant: a luminous face points away from its housing. No light stands behind glass.
 
 use crate::material::{
-    BRASS, BULB, CEILING, CERAMIC, FABRIC_DARK, FLAME, GLOBE, INK, LINEN, Material, PANEL, SHADE,
-    SPOT, STEEL,
+    BRASS, BULB, CEILING, CERAMIC, FABRIC_DARK, FLAME, GLOBE, INK, LINEN, NamedMaterial, PANEL,
+    SHADE, SPOT, STEEL,
 };
 use crate::mesh::Mesh;
 use crate::shapes::{ball, bent, block, cuboid, lathe, rectangle, rounded, tube, turned};
@@ -29,7 +29,7 @@ pub fn panel(w: f64, d: f64) -> Mesh {
 
 /// A luminous strip along x, 20 mm wide, that shines upwards; `tilted` by 180 degrees it shines
 /// downwards.
-pub fn strip(light: &'static Material, length: f64) -> Mesh {
+pub fn strip(light: &'static NamedMaterial, length: f64) -> Mesh {
     Mesh::of([
         block(&STEEL, [length + 0.01, 0.026, 0.012]),
         rectangle(light, [-length / 2.0, -0.01, 0.013], [length, 0.0, 0.0], [0.0, 0.02, 0.0]),
@@ -37,7 +37,7 @@ pub fn strip(light: &'static Material, length: f64) -> Mesh {
 }
 
 /// A vertical luminous rod on a wall, beside a mirror.
-pub fn rod(light: &'static Material, length: f64) -> Mesh {
+pub fn rod(light: &'static NamedMaterial, length: f64) -> Mesh {
     Mesh::of([
         cuboid(&STEEL, [-0.02, 0.0, 0.0], [0.02, 0.02, length]),
         lathe(light, 16, &[(0.018, 0.019), (0.018, length - 0.019)]).at(0.0, 0.045, 0.0),
@@ -61,7 +61,7 @@ pub fn pendant(drop: f64, radius: f64) -> Mesh {
 }
 
 /// A bell of metal over a bulb; its rim hangs `drop` below the ceiling.
-pub fn bell(metal: &'static Material, drop: f64) -> Mesh {
+pub fn bell(metal: &'static NamedMaterial, drop: f64) -> Mesh {
     let outside =
         [(0.17, 0.0), (0.165, 0.05), (0.13, 0.12), (0.06, 0.17), (0.025, 0.21), (0.02, 0.26)];
     Mesh::of([
@@ -93,7 +93,7 @@ fn shade(low: f64, high: f64, height: f64) -> Mesh {
 }
 
 /// A table lamp: a lathed foot and a glowing shade; 0.52 m high.
-pub fn table_lamp(foot: &'static Material) -> Mesh {
+pub fn table_lamp(foot: &'static NamedMaterial) -> Mesh {
     let profile = [
         (0.0, 0.0),
         (0.07, 0.0),
@@ -179,7 +179,7 @@ pub fn ceiling_disc(radius: f64) -> Mesh {
 
 /// A slab under the ceiling with luminous strips on its upper side, so that the ceiling reflects
 /// the light.
-pub fn raft(light: &'static Material, w: f64, d: f64) -> Mesh {
+pub fn raft(light: &'static NamedMaterial, w: f64, d: f64) -> Mesh {
     let mut raft = rounded(&CEILING, [w, d, 0.05], 0.015).at(0.0, 0.0, -0.17);
     for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
         let rod = tube(&STEEL, &[DVec3::new(0.0, 0.0, -0.13), DVec3::ZERO], 0.006, 8);

@@ -1,17 +1,17 @@
 //! Plants in pots: arching fronds, broad leaves, a small tree.
 
-use crate::material::{CLAY, LEAF, LEAF_DARK, LEAF_LIGHT, Material, SOIL, WALNUT};
+use crate::material::{CLAY, LEAF, LEAF_DARK, LEAF_LIGHT, NamedMaterial, SOIL, WALNUT};
 use crate::mesh::Mesh;
-use crate::random::Random;
+use crate::random::SeededRandom;
 use crate::shapes::{bent, lathe, sheet};
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::PI;
 
-const LEAVES: [&Material; 4] = [&LEAF, &LEAF, &LEAF_LIGHT, &LEAF_DARK];
+const LEAVES: [&NamedMaterial; 4] = [&LEAF, &LEAF, &LEAF_LIGHT, &LEAF_DARK];
 
 /// A leaf along +x that droops; parameters are its length, its greatest width, and the fall of its
 /// tip.
-fn leaf(material: &'static Material, length: f64, width: f64, droop: f64) -> Mesh {
+fn leaf(material: &'static NamedMaterial, length: f64, width: f64, droop: f64) -> Mesh {
     sheet(material, 5, 2, |u, v| {
         let side = 2.0 * v - 1.0;
         let broad = (PI * u.powf(0.75)).sin() * width / 2.0;
@@ -28,7 +28,7 @@ fn pointed(leaf: Mesh, root: DVec3, azimuth: f64, elevation: f64) -> Mesh {
 }
 
 /// A tapered pot with soil; `height` high.
-fn pot(material: &'static Material, radius: f64, height: f64) -> Mesh {
+fn pot(material: &'static NamedMaterial, radius: f64, height: f64) -> Mesh {
     let profile = [
         (0.0, 0.0),
         (radius * 0.72, 0.0),
@@ -50,7 +50,7 @@ fn pot(material: &'static Material, radius: f64, height: f64) -> Mesh {
 
 /// A palm, about `height` tall: stems from the middle, each with rows of narrow leaflets.
 pub fn palm(height: f64, stems: usize, seed: u64) -> Mesh {
-    let random = &mut Random::new(seed);
+    let random = &mut SeededRandom::new(seed);
     let mut palm = pot(&CLAY, 0.19, 0.36);
     for i in 0..stems {
         let azimuth = 2.0 * PI * (i as f64 + random.range(-0.3, 0.3)) / stems as f64;
@@ -80,7 +80,7 @@ pub fn palm(height: f64, stems: usize, seed: u64) -> Mesh {
 
 /// Broad leaves on stalks from one root; spreads about 0.35 m, `height` tall.
 pub fn broadleaf(height: f64, count: usize, seed: u64) -> Mesh {
-    let random = &mut Random::new(seed);
+    let random = &mut SeededRandom::new(seed);
     let mut plant = pot(&CLAY, 0.13, 0.24);
     for i in 0..count {
         let azimuth = 2.399_963 * i as f64;
@@ -102,7 +102,7 @@ pub fn broadleaf(height: f64, count: usize, seed: u64) -> Mesh {
 
 /// A small tree with a round crown of `count` leaves.
 pub fn tree(height: f64, crown: f64, count: usize, seed: u64) -> Mesh {
-    let random = &mut Random::new(seed);
+    let random = &mut SeededRandom::new(seed);
     let mut tree = pot(&CLAY, 0.21, 0.38);
     let middle = height - crown;
     tree.add(bent(

@@ -1,12 +1,16 @@
 //! Sofas, armchairs, chairs and stools.
 
-use crate::material::{Material, STEEL, WALNUT};
+use crate::material::{NamedMaterial, STEEL, WALNUT};
 use crate::mesh::Mesh;
 use crate::shapes::{bent, block, cushion, lathe, rounded, superellipsoid, tube, turned};
 use glam::DVec3;
 
 /// A sofa `seats` × 0.75 m wide with loose cushions in `accents`; its back is 0.85 m high.
-pub fn sofa(fabric: &'static Material, seats: usize, accents: &[&'static Material]) -> Mesh {
+pub fn sofa(
+    fabric: &'static NamedMaterial,
+    seats: usize,
+    accents: &[&'static NamedMaterial],
+) -> Mesh {
     let inside = seats as f64 * 0.75;
     let mut sofa = rounded(fabric, [inside + 0.4, 0.90, 0.20], 0.04).at(0.0, 0.47, 0.12);
     sofa.add(rounded(fabric, [inside + 0.4, 0.22, 0.60], 0.07).at(0.0, 0.13, 0.18));
@@ -36,7 +40,7 @@ pub fn sofa(fabric: &'static Material, seats: usize, accents: &[&'static Materia
 }
 
 /// A deep chair with a round shell.
-pub fn armchair(fabric: &'static Material, accent: &'static Material) -> Mesh {
+pub fn armchair(fabric: &'static NamedMaterial, accent: &'static NamedMaterial) -> Mesh {
     let mut chair = superellipsoid(fabric, [0.66, 0.64, 0.20], 5.0, 4.0).at(0.0, 0.42, 0.26);
     // The shell: an arc of upholstery behind and beside the seat, lower towards its ends.
     let (segments, radius, thick) = (28, 0.38, 0.055);
@@ -71,7 +75,7 @@ pub fn leg(height: f64) -> Mesh {
 }
 
 /// A dining chair, centred, its back towards -y, 0.84 m high.
-pub fn chair(wood: &'static Material, fabric: &'static Material) -> Mesh {
+pub fn chair(wood: &'static NamedMaterial, fabric: &'static NamedMaterial) -> Mesh {
     let mut chair = superellipsoid(fabric, [0.45, 0.44, 0.07], 5.0, 2.6).at(0.0, 0.0, 0.42);
     chair.add(rounded(wood, [0.43, 0.42, 0.03], 0.012).at(0.0, 0.0, 0.40));
     for side in [-1.0, 1.0] {
@@ -106,7 +110,7 @@ pub fn chair(wood: &'static Material, fabric: &'static Material) -> Mesh {
 }
 
 /// A high stool with a metal ring for the feet.
-pub fn stool(wood: &'static Material) -> Mesh {
+pub fn stool(wood: &'static NamedMaterial) -> Mesh {
     let mut stool =
         turned(wood, 32, &[(0.0, 0.60), (0.15, 0.60), (0.17, 0.62), (0.165, 0.645), (0.0, 0.64)]);
     for i in 0..4 {
@@ -126,7 +130,7 @@ pub fn stool(wood: &'static Material) -> Mesh {
 }
 
 /// A desk chair on a star of five feet, centred, its back towards -y, 0.98 m high.
-pub fn desk_chair(fabric: &'static Material) -> Mesh {
+pub fn desk_chair(fabric: &'static NamedMaterial) -> Mesh {
     let mut chair = superellipsoid(fabric, [0.50, 0.48, 0.10], 5.0, 2.6).at(0.0, 0.0, 0.42);
     chair.add(
         superellipsoid(fabric, [0.44, 0.48, 0.09], 5.0, 2.6).tilted(96.0).at(0.0, -0.20, 0.74),

@@ -1,9 +1,9 @@
 //! Shelves, books and the things between them.
 
 use super::decor::{bowl, vase};
-use crate::material::{AQUA, BOOKS, CERAMIC_BLUE, COPPER, Material, PAPER};
+use crate::material::{AQUA, BOOKS, CERAMIC_BLUE, COPPER, NamedMaterial, PAPER};
 use crate::mesh::Mesh;
-use crate::random::Random;
+use crate::random::SeededRandom;
 use crate::shapes::{cuboid, rectangle, sheet};
 use glam::DVec3;
 
@@ -12,8 +12,14 @@ const DEPTH: f64 = 0.32;
 const BOARD: f64 = 0.022;
 
 /// A filled bookcase of `columns` × `rows` compartments; 0.36 m per row.
-pub fn bookcase(wood: &'static Material, w: f64, columns: usize, rows: usize, seed: u64) -> Mesh {
-    let random = &mut Random::new(seed);
+pub fn bookcase(
+    wood: &'static NamedMaterial,
+    w: f64,
+    columns: usize,
+    rows: usize,
+    seed: u64,
+) -> Mesh {
+    let random = &mut SeededRandom::new(seed);
     let (pitch, step) = ((w - BOARD) / columns as f64, 0.36);
     let h = 0.08 + rows as f64 * step + BOARD;
     let mut case = cuboid(wood, [-w / 2.0, 0.0, 0.0], [w / 2.0, 0.012, h]);
@@ -37,7 +43,7 @@ pub fn bookcase(wood: &'static Material, w: f64, columns: usize, rows: usize, se
 }
 
 /// The contents of a compartment from x = 0 to `w`: books, and sometimes a thing at the end.
-fn compartment(w: f64, h: f64, random: &mut Random) -> Mesh {
+fn compartment(w: f64, h: f64, random: &mut SeededRandom) -> Mesh {
     let mut filled = Mesh::default();
     let mut end = w;
     let kind = random.unit();
@@ -76,7 +82,7 @@ fn compartment(w: f64, h: f64, random: &mut Random) -> Mesh {
 }
 
 /// A book with a round spine towards +y, its lower left edge on the y axis.
-fn standing_book(thick: f64, deep: f64, high: f64, random: &mut Random) -> Mesh {
+fn standing_book(thick: f64, deep: f64, high: f64, random: &mut SeededRandom) -> Mesh {
     let cover = random.pick(BOOKS);
     let spine = |u: f64, v: f64| {
         let angle = std::f64::consts::PI * u;
@@ -96,7 +102,7 @@ fn standing_book(thick: f64, deep: f64, high: f64, random: &mut Random) -> Mesh 
 }
 
 /// A pile of lying books.
-pub fn pile(books: usize, random: &mut Random) -> Mesh {
+pub fn pile(books: usize, random: &mut SeededRandom) -> Mesh {
     let mut pile = Mesh::default();
     let mut z = 0.0;
     for _ in 0..books {

@@ -1,13 +1,13 @@
 //! Tables, desks and low cupboards.
 
 use super::seat::leg;
-use crate::material::{BRASS, Material, STEEL, TABLE_GLASS};
+use crate::material::{BRASS, NamedMaterial, STEEL, TABLE_GLASS};
 use crate::mesh::Mesh;
 use crate::shapes::{ball, cuboid, rectangle, rounded, tube, turned};
 use glam::DVec3;
 
 /// A low table: a pane of glass over a shelf, in a frame; 0.42 m high.
-pub fn coffee_table(wood: &'static Material) -> Mesh {
+pub fn coffee_table(wood: &'static NamedMaterial) -> Mesh {
     let (w, d) = (1.20, 0.70);
     let mut table =
         rectangle(&TABLE_GLASS, [-w / 2.0, -d / 2.0, 0.418], [w, 0.0, 0.0], [0.0, d, 0.0]);
@@ -23,7 +23,7 @@ pub fn coffee_table(wood: &'static Material) -> Mesh {
 }
 
 /// A dining table, 0.75 m high, long in y.
-pub fn dining_table(wood: &'static Material, w: f64, d: f64) -> Mesh {
+pub fn dining_table(wood: &'static NamedMaterial, w: f64, d: f64) -> Mesh {
     let mut table = rounded(wood, [w, d, 0.04], 0.014).at(0.0, 0.0, 0.71);
     table.add(rounded(wood, [w - 0.2, d - 0.2, 0.08], 0.01).at(0.0, 0.0, 0.63));
     let profile = [
@@ -45,7 +45,7 @@ pub fn dining_table(wood: &'static Material, w: f64, d: f64) -> Mesh {
 }
 
 /// A round side table on one foot.
-pub fn side_table(wood: &'static Material, height: f64) -> Mesh {
+pub fn side_table(wood: &'static NamedMaterial, height: f64) -> Mesh {
     let top = [
         (0.0, height - 0.03),
         (0.22, height - 0.03),
@@ -61,7 +61,7 @@ pub fn side_table(wood: &'static Material, height: f64) -> Mesh {
 }
 
 /// A desk against a wall, 0.74 m high, with drawers on one side.
-pub fn desk(wood: &'static Material, front: &'static Material, w: f64) -> Mesh {
+pub fn desk(wood: &'static NamedMaterial, front: &'static NamedMaterial, w: f64) -> Mesh {
     let mut desk = rounded(wood, [w, 0.70, 0.035], 0.012).at(0.0, 0.35, 0.705);
     desk.add(chest(wood, front, 0.42, 0.60, 0.60, 1, 3).at(w / 2.0 - 0.26, 0.04, 0.105));
     for y in [0.08, 0.62] {
@@ -83,8 +83,8 @@ pub fn desk(wood: &'static Material, front: &'static Material, w: f64) -> Mesh {
 
 /// A cupboard on legs: a `columns` × `rows` front with knobs.
 pub fn sideboard(
-    wood: &'static Material,
-    front: &'static Material,
+    wood: &'static NamedMaterial,
+    front: &'static NamedMaterial,
     w: f64,
     columns: usize,
     rows: usize,
@@ -99,7 +99,7 @@ pub fn sideboard(
 }
 
 /// A small cupboard beside a bed, 0.5 m high.
-pub fn nightstand(wood: &'static Material, front: &'static Material) -> Mesh {
+pub fn nightstand(wood: &'static NamedMaterial, front: &'static NamedMaterial) -> Mesh {
     let mut stand = chest(wood, front, 0.46, 0.40, 0.36, 1, 2).at(0.0, 0.0, 0.14);
     for x in [-0.19, 0.19] {
         for y in [0.05, 0.35] {
@@ -110,7 +110,7 @@ pub fn nightstand(wood: &'static Material, front: &'static Material) -> Mesh {
 }
 
 /// A narrow hallway table, 0.8 m high.
-pub fn console(wood: &'static Material, w: f64) -> Mesh {
+pub fn console(wood: &'static NamedMaterial, w: f64) -> Mesh {
     let mut table = rounded(wood, [w, 0.28, 0.035], 0.012).at(0.0, 0.15, 0.765);
     table.add(rounded(wood, [w - 0.06, 0.24, 0.02], 0.008).at(0.0, 0.15, 0.2));
     for x in [-1.0, 1.0] {
@@ -124,8 +124,8 @@ pub fn console(wood: &'static Material, w: f64) -> Mesh {
 
 /// A chest with rounded fronts and a knob on each.
 fn chest(
-    wood: &'static Material,
-    front: &'static Material,
+    wood: &'static NamedMaterial,
+    front: &'static NamedMaterial,
     w: f64,
     d: f64,
     h: f64,

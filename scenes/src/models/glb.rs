@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use glam::{DVec2, DVec3};
 
-use super::parts::Face;
+use super::parts::PartFace;
 use super::png;
 
 /// Materials: name and its members.
@@ -33,7 +33,7 @@ const MATERIALS: [(&str, &str); 5] = [
 ];
 
 /// Returns the bytes of a model. Faces are fans.
-pub(super) fn glb(faces: &[Face]) -> Vec<u8> {
+pub(super) fn glb(faces: &[PartFace]) -> Vec<u8> {
     let turn = |v: DVec3| [v.x as f32, v.z as f32, -v.y as f32];
     let (mut binary, mut views) = (Vec::new(), String::new());
     let (mut accessors, mut primitives) = (String::new(), String::new());

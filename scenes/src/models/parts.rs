@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 
 /// A face with normals and texture coordinates at its corners, counter-clockwise from the front.
-pub(super) struct Face {
+pub(super) struct PartFace {
     pub corners: Vec<DVec3>,
     pub normals: Vec<DVec3>,
     pub uvs: Vec<DVec2>,
@@ -14,18 +14,18 @@ pub(super) struct Face {
 }
 
 /// A flat face. Its texture repeats every metre.
-fn flat(corners: impl IntoIterator<Item = DVec3>, material: &'static str) -> Face {
+fn flat(corners: impl IntoIterator<Item = DVec3>, material: &'static str) -> PartFace {
     let corners: Vec<DVec3> = corners.into_iter().collect();
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
     let uv = |p: &DVec3| {
         if normal.z.abs() > 0.5 { DVec2::new(p.x, p.y) } else { DVec2::new(p.x + p.y, p.z) }
     };
     let (normals, uvs) = (vec![normal; corners.len()], corners.iter().map(uv).collect());
-    Face { corners, normals, uvs, material, is_curved: false }
+    PartFace { corners, normals, uvs, material, is_curved: false }
 }
 
 /// A box seen from outside, or from inside.
-fn cuboid(low: DVec3, high: DVec3, inside: bool, material: &'static str) -> Vec<Face> {
+fn cuboid(low: DVec3, high: DVec3, inside: bool, material: &'static str) -> Vec<PartFace> {
     let mut faces = Vec::new();
     for axis in 0..3 {
         for (side, at) in [(0, low), (1, high)] {
@@ -47,7 +47,7 @@ fn cuboid(low: DVec3, high: DVec3, inside: bool, material: &'static str) -> Vec<
 }
 
 /// A turned shape of so many sides, on the floor at the origin.
-pub(super) fn vase(sides: usize) -> Vec<Face> {
+pub(super) fn vase(sides: usize) -> Vec<PartFace> {
     let rings = 32;
     let radius = |z: f64| 0.08 + 0.05 * (z / 0.3 * 5.0).sin() + 0.03 * (z / 0.3);
     let slope = |z: f64| (radius(z + 1e-5) - radius(z - 1e-5)) / 2e-5;
@@ -60,7 +60,7 @@ pub(super) fn vase(sides: usize) -> Vec<Face> {
     let mut faces = Vec::new();
     for (i, j) in (0..sides).flat_map(|i| (0..rings).map(move |j| (i, j))) {
         let corners = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
-        faces.push(Face {
+        faces.push(PartFace {
             corners: corners.iter().map(|c| c.0).collect(),
             normals: corners.iter().map(|c| c.1).collect(),
             uvs: vec![DVec2::ZERO; 4],
@@ -73,7 +73,7 @@ pub(super) fn vase(sides: usize) -> Vec<Face> {
 }
 
 /// A table with a vase on it.
-fn table(at: DVec3) -> Vec<Face> {
+fn table(at: DVec3) -> Vec<PartFace> {
     let mut faces =
         cuboid(at + DVec3::new(-0.7, -0.4, 0.7), at + DVec3::new(0.7, 0.4, 0.75), false, "Table");
     for (x, y) in [(-0.62, -0.32), (0.62, -0.32), (0.62, 0.32), (-0.62, 0.32)] {
@@ -90,7 +90,7 @@ fn table(at: DVec3) -> Vec<Face> {
 }
 
 /// A room of 5 by 4 by 2.6 m with a window in its wall at y = 4, a table, and a lamp if wanted.
-pub(super) fn room(lamp: bool) -> Vec<Face> {
+pub(super) fn room(lamp: bool) -> Vec<PartFace> {
     let (low, high) = (DVec3::ZERO, DVec3::new(5.0, 4.0, 2.6));
     let mut faces = shell(low, high, &[1.5, 3.5]);
     faces.extend(table(DVec3::new(2.6, 1.8, 0.0)));
@@ -103,7 +103,7 @@ pub(super) fn room(lamp: bool) -> Vec<Face> {
 
 /// The floor, ceiling and walls of a room. Its far wall has glazed windows, each from one of
 /// `windows` to the next.
-fn shell(low: DVec3, high: DVec3, windows: &[f64]) -> Vec<Face> {
+fn shell(low: DVec3, high: DVec3, windows: &[f64]) -> Vec<PartFace> {
     let mut faces = cuboid(low, high, true, "Wall");
     // In the order of `cuboid`: the far wall is the fourth, floor and ceiling are the last two.
     faces[4].material = "Floor";
@@ -119,7 +119,7 @@ fn shell(low: DVec3, high: DVec3, windows: &[f64]) -> Vec<Face> {
 }
 
 /// Two rooms with a door between them, each with a window.
-pub(super) fn two_rooms() -> Vec<Face> {
+pub(super) fn two_rooms() -> Vec<PartFace> {
     let high = DVec3::new(8.5, 4.0, 2.6);
     let mut faces = shell(DVec3::ZERO, high, &[1.5, 3.5, 5.8, 7.4]);
     for (from, to, up) in [(0.0, 1.4, 2.6), (2.3, 4.0, 2.6)] {

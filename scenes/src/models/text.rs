@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use glam::{DVec2, DVec3};
 
-use super::parts::Face;
+use super::parts::PartFace;
 
 /// The habits of a program.
 #[derive(Clone, Copy, Default)]
@@ -24,7 +24,7 @@ pub(super) struct Style<'a> {
 }
 
 /// Returns the text of a model.
-pub(super) fn obj(faces: &[Face], style: &Style) -> String {
+pub(super) fn obj(faces: &[PartFace], style: &Style) -> String {
     let mut text = format!("{}mtllib {}\n", style.header, style.library);
     let scale = if style.scale == 0.0 { 1.0 } else { style.scale };
     let turn = |v: DVec3| if style.y_up { DVec3::new(v.x, v.z, -v.y) } else { v };

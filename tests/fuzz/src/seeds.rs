@@ -10,10 +10,10 @@ use std::{
 
 use holo_beamfile::{BeamFile, Maker, Options, format::BLOCK_HEADER_BYTES};
 use holo_fuzz::short;
-use holo_proto::frame::{HEADER_BYTES, Header};
+use holo_proto::frame::{HEADER_BYTES, FrameHeader};
 use holo_scene::{LoadOptions, load};
 use holo_scenes::{Bundled, MODELS, obj_and_mtl, write_model};
-use holo_section::{BeamId, BeamKey, RayCoords, Run, Sample, SampleKind};
+use holo_section::{BeamId, BeamKey, RayCoords, NumberRun, Sample, SampleKind};
 
 /// Models above this length are left out: a fuzzer gets nowhere with long ones.
 const LONGEST: usize = 6 << 10;
@@ -76,7 +76,7 @@ fn messages(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
             text.lines().filter(|line| !line.starts_with('#')).flat_map(str::split_whitespace);
         let frame = hex.map(|byte| u8::from_str_radix(byte, 16)).collect::<Result<Vec<u8>, _>>()?;
         let header = frame.first_chunk::<HEADER_BYTES>().ok_or("a frame without a header")?;
-        let kind = Header::parse(*header)?.kind as u8;
+        let kind = FrameHeader::parse(*header)?.kind as u8;
         let name = path.file_stem().ok_or("a file without a name")?.to_string_lossy();
         write(folder, "messages", &name, &[&[kind], &frame[HEADER_BYTES..]].concat())?;
     }
@@ -97,7 +97,7 @@ fn beam_file(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
             let key = BeamKey { section: 0, beam: BeamId(number as u64) };
             let samples =
                 [Sample::from_codes(RayCoords([1, 2, 3, 4]), [128, 64, 32, 128], 500); 30];
-            let run = Run { key, kind, first: 0, count: samples.len() as u32, paths };
+            let run = NumberRun { key, kind, first: 0, count: samples.len() as u32, paths };
             match paths {
                 1 => file.append(run, Maker(1), &samples)?,
                 _ => file.supersede(run, Maker(2), &samples)?,

@@ -4,11 +4,11 @@
 
 use holo_proto::{
     bulk::{
-        BlobChunk, Cells, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted, Results,
-        Samples, Unseen, ViewRequest, Work,
+        BlobChunk, CellBatch, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted,
+        Results, Unseen, ViewRequest, ViewSamples, WorkPackets,
     },
     control::Control,
-    frame::{HEADER_BYTES, Header, Kind},
+    frame::{FrameHeader, FrameKind, HEADER_BYTES},
     hello::{Answer, Hello},
     proof::{Challenge, MachineProof, Proof},
     stand_ins,
@@ -29,23 +29,23 @@ macro_rules! stays {
 fuzz_target!(|bytes: &[u8]| {
     let Some((&kind, payload)) = bytes.split_first() else { return };
     if let Some(header) = bytes.first_chunk::<HEADER_BYTES>()
-        && let Ok(header) = Header::parse(*header)
+        && let Ok(header) = FrameHeader::parse(*header)
     {
         assert!(u64::from(header.length) <= header.kind.max_bytes());
     }
-    let Some(kind) = Kind::from_byte(kind) else {
+    let Some(kind) = FrameKind::from_byte(kind) else {
         if let Ok(found) = stand_ins::decode(payload) {
             assert!(stand_ins::encode(&found) == payload);
         }
         return;
     };
     match kind {
-        Kind::Hello => stays!(payload, Hello),
-        Kind::Answer => stays!(payload, Answer),
-        Kind::Challenge => stays!(payload, Challenge),
-        Kind::Proof => stays!(payload, Proof),
-        Kind::MachineProof => stays!(payload, MachineProof),
-        Kind::Control => {
+        FrameKind::Hello => stays!(payload, Hello),
+        FrameKind::Answer => stays!(payload, Answer),
+        FrameKind::Challenge => stays!(payload, Challenge),
+        FrameKind::Proof => stays!(payload, Proof),
+        FrameKind::MachineProof => stays!(payload, MachineProof),
+        FrameKind::Control => {
             if let Ok(message) = Control::decode(payload) {
                 // Texts may grow: what is no UTF-8 becomes U+FFFD.
                 let Ok(sent) = message.encode() else { return };
@@ -53,18 +53,18 @@ fuzz_target!(|bytes: &[u8]| {
                 assert!(again.encode().is_ok_and(|again| again == sent));
             }
         }
-        Kind::Work => stays!(payload, Work),
-        Kind::Results => stays!(payload, Results),
-        Kind::View => stays!(payload, ViewRequest),
-        Kind::Samples => stays!(payload, Samples),
-        Kind::BlobChunk => stays!(payload, BlobChunk),
-        Kind::Unseen => stays!(payload, Unseen),
-        Kind::Light => stays!(payload, Light),
-        Kind::Cells => stays!(payload, Cells),
-        Kind::Rays => stays!(payload, RaysWanted),
-        Kind::LiveWanted => stays!(payload, LiveWanted),
-        Kind::LiveWork => stays!(payload, LiveWork),
-        Kind::LiveResults => stays!(payload, LiveResults),
-        Kind::LiveSamples => stays!(payload, LiveSamples),
+        FrameKind::Work => stays!(payload, WorkPackets),
+        FrameKind::Results => stays!(payload, Results),
+        FrameKind::View => stays!(payload, ViewRequest),
+        FrameKind::Samples => stays!(payload, ViewSamples),
+        FrameKind::BlobChunk => stays!(payload, BlobChunk),
+        FrameKind::Unseen => stays!(payload, Unseen),
+        FrameKind::Light => stays!(payload, Light),
+        FrameKind::Cells => stays!(payload, CellBatch),
+        FrameKind::Rays => stays!(payload, RaysWanted),
+        FrameKind::LiveWanted => stays!(payload, LiveWanted),
+        FrameKind::LiveWork => stays!(payload, LiveWork),
+        FrameKind::LiveResults => stays!(payload, LiveResults),
+        FrameKind::LiveSamples => stays!(payload, LiveSamples),
     }
 });

@@ -8,7 +8,7 @@ use holo_proto::{
     hello::Role,
 };
 use holo_section::{SectionSpec, ViewClass};
-use holo_server::{About, Holodeck};
+use holo_server::{Holodeck, HolodeckDescription};
 use holo_tests::{LIMIT, Place, analytic::join};
 
 /// A square above another, and no light unless `more` adds some to the material.
@@ -135,7 +135,7 @@ fn a_scene_that_cannot_be_read_is_named_and_nobody_waits_for_it() {
         obstructions: false,
     };
     let settings = RenderSettings::default();
-    let about = About::new(vec![spec], settings, b"the scene", "a room".into());
+    let about = HolodeckDescription::new(vec![spec], settings, b"the scene", "a room".into());
     drop(Holodeck::create(&place.path("a.holo"), about, b"the scene", 0).unwrap());
     let file =
         BeamFile::open(place.path("a.holo"), Options { cache_bytes: 0, layout: vec![] }).unwrap();

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use holo_picture::{Picture, ViewSpec};
 use holo_proto::control::RenderSettings;
 use holo_section::{DVec3, Section, SectionSpec, ViewClass};
-use holo_server::{About, Holodeck};
+use holo_server::{Holodeck, HolodeckDescription};
 use holo_tests::{
     Place,
     analytic::{Verdict, World, compare, work},
@@ -29,7 +29,7 @@ fn section(
 /// requested.
 fn make(place: &Place, sections: Vec<SectionSpec>) {
     let settings = RenderSettings::default();
-    let about = About::new(sections, settings, b"known", "a known room".into());
+    let about = HolodeckDescription::new(sections, settings, b"known", "a known room".into());
     let file = Holodeck::create(&place.path("room.holo"), about, b"known", 0).unwrap();
     file.file.flush().unwrap();
 }

@@ -9,9 +9,9 @@ use std::{
 use holo_beamfile::BeamFile;
 use holo_net::Message;
 use holo_proto::{
-    bulk::{ViewRequest, WantedBeam},
+    bulk::{RequestedBeam, ViewRequest},
     control::Control,
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_section::{BeamKey, Sample, SampleKind, Section, Viewpoint};
@@ -330,12 +330,17 @@ fn what_a_display_looks_at_stays_as_it_is_and_the_rest_gets_better() {
     let mut shown = Samples::new();
     let beams = (0..7680)
         .step_by(2)
-        .map(|number| WantedBeam { key: beam(number), weight: 1e-5, held: 0, has_earlier: false })
+        .map(|number| RequestedBeam {
+            key: beam(number),
+            weight: 1e-5,
+            held: 0,
+            has_earlier: false,
+        })
         .collect();
     let viewpoint = Viewpoint { eye: [2.7, 2.7, -2.0], radius: 1.0 };
     runtime.block_on(async {
         let (mut inbox, outbox, _) = join(server.address, Role::Display).await;
-        outbox.send(Kind::View, &ViewRequest { view: 1, viewpoint, beams }.encode()).unwrap();
+        outbox.send(FrameKind::View, &ViewRequest { view: 1, viewpoint, beams }.encode()).unwrap();
         let mut is_sent = false;
         let odd_are_better = || {
             let [even, odd] = most_paths_in_even_and_odd_beams(&samples(&place.path("a.holo")));

@@ -4,7 +4,7 @@
 use holo_picture::{Picture, ViewSpec};
 use holo_proto::control::RenderSettings;
 use holo_section::{DVec3, Section, SectionSpec, ViewClass};
-use holo_server::{About, Holodeck};
+use holo_server::{Holodeck, HolodeckDescription};
 use holo_tests::{
     Place,
     analytic::{World, compare, work},
@@ -27,7 +27,7 @@ fn a_file_without_a_scene_is_shown_in_cells_and_seen_right() {
         obstructions: false,
     };
     let settings = RenderSettings::default();
-    let about = About::new(vec![spec.clone()], settings, b"", "a known room".into());
+    let about = HolodeckDescription::new(vec![spec.clone()], settings, b"", "a known room".into());
     assert_eq!(about.scene.bytes, 0);
     drop(Holodeck::create(&place.path("room.holo"), about, b"", 0).unwrap());
     let world = World {

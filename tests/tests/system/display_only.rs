@@ -8,9 +8,9 @@ use std::{
 use holo_net::Message;
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
-    bulk::{ViewRequest, WantedBeam},
+    bulk::{RequestedBeam, ViewRequest},
     control::Control,
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_section::{BeamKey, Viewpoint};
@@ -77,10 +77,10 @@ fn a_file_is_read_while_another_process_fills_it() {
 
 /// Returns the beams of stored samples that a server sends for a view, in order of arrival, and how
 /// many samples arrive together.
-async fn sent(address: SocketAddr, beams: Vec<WantedBeam>) -> Vec<(BeamKey, usize)> {
+async fn sent(address: SocketAddr, beams: Vec<RequestedBeam>) -> Vec<(BeamKey, usize)> {
     let (mut inbox, outbox, _) = join(address, Role::Display).await;
     let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
-    outbox.send(Kind::View, &ViewRequest { view: 1, viewpoint, beams }.encode()).unwrap();
+    outbox.send(FrameKind::View, &ViewRequest { view: 1, viewpoint, beams }.encode()).unwrap();
     let mut arrived = Vec::new();
     loop {
         match tokio::time::timeout(LIMIT, inbox.next()).await.expect("in time").unwrap() {
@@ -108,8 +108,12 @@ fn a_display_is_sent_no_beam_of_which_it_holds_all_samples() {
         (key, [0, count - 1, count][at % 3] as u16)
     };
     let held: BTreeMap<BeamKey, u16> = all.iter().enumerate().map(held).collect();
-    let wanted =
-        |(&key, &held): (&BeamKey, &u16)| WantedBeam { key, weight: 1.0, held, has_earlier: false };
+    let wanted = |(&key, &held): (&BeamKey, &u16)| RequestedBeam {
+        key,
+        weight: 1.0,
+        held,
+        has_earlier: false,
+    };
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let mut arrived = BTreeMap::new();
     for (key, count) in runtime.block_on(sent(server.address, held.iter().map(wanted).collect())) {
@@ -130,8 +134,12 @@ fn a_display_is_sent_some_samples_of_every_beam_of_its_view_then_more_and_then_o
     let weight = |at: usize| [1e-6, 20.0, 1e-5, 400.0][at % 4];
     let weights: BTreeMap<BeamKey, f32> =
         keys.into_iter().enumerate().map(|(at, key)| (key, weight(at))).collect();
-    let wanted =
-        |(&key, &weight): (&BeamKey, &f32)| WantedBeam { key, weight, held: 0, has_earlier: false };
+    let wanted = |(&key, &weight): (&BeamKey, &f32)| RequestedBeam {
+        key,
+        weight,
+        held: 0,
+        has_earlier: false,
+    };
     let server = place.server("a.holo", &["--display-only"]);
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let arrived = runtime.block_on(sent(server.address, weights.iter().map(wanted).collect()));

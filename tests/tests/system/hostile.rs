@@ -10,10 +10,10 @@ use holo_proto::{
     PROTOCOL_VERSION,
     bulk::{
         LiveHit, LiveRay, LiveResults, LiveSamples, LiveWanted, MAX_LIVE_RAYS, Packet, RaysWanted,
-        Results, Traced, ViewRequest, WantedBeam, WantedRay, Work,
+        RequestedBeam, Results, TracedPacket, ViewRequest, WantedRay, WorkPackets,
     },
     control::Control,
-    frame::{self, Kind},
+    frame::{self, FrameKind},
     hello::{Answer, Hello, Role},
 };
 use holo_section::{BeamId, BeamKey, RayCoords, Sample, SampleKind, Viewpoint};
@@ -80,20 +80,21 @@ fn who_does_not_speak_the_protocol_is_dropped() {
     assert_eq!(answer(address, &[0xff; 4096]), b"", "noise");
     // A hello that claims to be longer than allowed is refused by its header, before its bytes are
     // read or kept.
-    assert_eq!(answer(address, &[0xff, 0xff, 0xff, 0x7f, Kind::Hello as u8, 0, 0, 0]), b"");
+    assert_eq!(answer(address, &[0xff, 0xff, 0xff, 0x7f, FrameKind::Hello as u8, 0, 0, 0]), b"");
     // The first frame is not a hello, but otherwise correct.
     assert_eq!(
-        answer(address, &frame::encode(Kind::Work, &Work::default().encode()).unwrap()),
+        answer(address, &frame::encode(FrameKind::Work, &WorkPackets::default().encode()).unwrap()),
         b""
     );
     let mut hello = Hello::new(Role::Display, "a visitor");
     hello.version += 7;
-    let reason = refusal(&answer(address, &frame::encode(Kind::Hello, &hello.encode()).unwrap()));
+    let reason =
+        refusal(&answer(address, &frame::encode(FrameKind::Hello, &hello.encode()).unwrap()));
     let said = format!("version {}, this program speaks {PROTOCOL_VERSION}", hello.version);
     assert!(reason.contains(&said), "{reason}");
     let mut bytes = Hello::new(Role::Display, "a visitor").encode();
     bytes[10] = 9;
-    let reason = refusal(&answer(address, &frame::encode(Kind::Hello, &bytes).unwrap()));
+    let reason = refusal(&answer(address, &frame::encode(FrameKind::Hello, &bytes).unwrap()));
     assert!(reason.contains("role 9"), "{reason}");
     // The server does not wait long for a silent client, and meanwhile serves others.
     let silent = TcpStream::connect(address).unwrap();
@@ -124,7 +125,7 @@ async fn dropped((mut inbox, outbox): (Inbox, Outbox)) -> Option<String> {
     }
 }
 
-async fn next_work(inbox: &mut Inbox) -> Work {
+async fn next_work(inbox: &mut Inbox) -> WorkPackets {
     loop {
         if let Message::Work(work) =
             tokio::time::timeout(LIMIT, inbox.next()).await.unwrap().unwrap()
@@ -145,7 +146,7 @@ fn displays_that_break_the_rules_are_dropped() {
             ViewRequest {
                 view: 1,
                 viewpoint,
-                beams: vec![WantedBeam {
+                beams: vec![RequestedBeam {
                     key: BeamKey { section, beam: BeamId(beam) },
                     weight,
                     held: 0,
@@ -163,24 +164,28 @@ fn displays_that_break_the_rules_are_dropped() {
         };
         let samples = LiveSamples { view: 1, samples: Vec::new() }.encode();
         let bad = [
-            (Kind::LiveWanted, live([1.0, 1.0, 0.0], 1), "a ray's direction"),
+            (FrameKind::LiveWanted, live([1.0, 1.0, 0.0], 1), "a ray's direction"),
             (
-                Kind::LiveWanted,
+                FrameKind::LiveWanted,
                 live([1.0, 0.0, 0.0], MAX_LIVE_RAYS + 1),
                 "live rays, more than the 16384 allowed",
             ),
-            (Kind::LiveSamples, samples, "not for a server"),
-            (Kind::LiveResults, LiveResults::default().encode(), "not for a server"),
-            (Kind::Rays, rays.clone(), "rays of beams that do not exist"),
-            (Kind::Rays, rays[..20].to_vec(), "ray list"),
-            (Kind::View, view(0, 7_680, 1.0), "beams that do not exist"),
-            (Kind::View, view(1, 0, 1.0), "beams that do not exist"),
-            (Kind::View, view(0, u64::MAX, 1.0), "beams that do not exist"),
-            (Kind::View, view(0, 0, f32::NAN), "weight"),
-            (Kind::View, view(0, 0, 1.0)[..45].to_vec(), "beam list"),
-            (Kind::Results, Results::default().encode(), "not for a server"),
-            (Kind::Control, Control::Ready { threads: 3 }.encode().unwrap(), "not for a server"),
-            (Kind::Control, vec![0xee; 40], "malformed control message"),
+            (FrameKind::LiveSamples, samples, "not for a server"),
+            (FrameKind::LiveResults, LiveResults::default().encode(), "not for a server"),
+            (FrameKind::Rays, rays.clone(), "rays of beams that do not exist"),
+            (FrameKind::Rays, rays[..20].to_vec(), "ray list"),
+            (FrameKind::View, view(0, 7_680, 1.0), "beams that do not exist"),
+            (FrameKind::View, view(1, 0, 1.0), "beams that do not exist"),
+            (FrameKind::View, view(0, u64::MAX, 1.0), "beams that do not exist"),
+            (FrameKind::View, view(0, 0, f32::NAN), "weight"),
+            (FrameKind::View, view(0, 0, 1.0)[..45].to_vec(), "beam list"),
+            (FrameKind::Results, Results::default().encode(), "not for a server"),
+            (
+                FrameKind::Control,
+                Control::Ready { threads: 3 }.encode().unwrap(),
+                "not for a server",
+            ),
+            (FrameKind::Control, vec![0xee; 40], "malformed control message"),
         ];
         for (kind, payload, reason) in bad {
             let (inbox, outbox, _) = join(server.address, Role::Display).await;
@@ -201,8 +206,8 @@ fn frames_that_are_too_long_are_not_even_read() {
     let place = Place::new();
     let (server, worker) = busy(&place);
     let mut bytes =
-        frame::encode(Kind::Hello, &Hello::new(Role::Display, "a giant").encode()).unwrap();
-    bytes.extend([0xff, 0xff, 0xff, 0xff, Kind::View as u8, 0, 0, 0]);
+        frame::encode(FrameKind::Hello, &Hello::new(Role::Display, "a giant").encode()).unwrap();
+    bytes.extend([0xff, 0xff, 0xff, 0xff, FrameKind::View as u8, 0, 0, 0]);
     // The answer, the welcome, and then the end instead of a wait for four gigabytes.
     assert!(!answer(server.address, &bytes).is_empty());
     server.process.wait_for_error("more than the 16777216 allowed");
@@ -226,7 +231,7 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
     let mut given: Vec<Packet> = Vec::new();
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
-        type Cheat = fn(&Work) -> (u64, u32);
+        type Cheat = fn(&WorkPackets) -> (u64, u32);
         let cheats: [(Cheat, &str); 3] = [
             (|_| (u64::MAX, 1), "a packet that it was not given"),
             (
@@ -245,11 +250,11 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
             given.extend(&work.packets);
             let (id, count) = cheat(&work);
             let results = Results {
-                packets: vec![Traced { id, count, nanoseconds: 1000 }],
+                packets: vec![TracedPacket { id, count, nanoseconds: 1000 }],
                 samples: vec![sample; count as usize],
                 unseen: Vec::new(),
             };
-            outbox.send(Kind::Results, &results.encode()).unwrap();
+            outbox.send(FrameKind::Results, &results.encode()).unwrap();
             let said = dropped((inbox, outbox)).await;
             assert!(
                 said.as_ref().is_some_and(|said| said.contains(reason)),
@@ -260,20 +265,20 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
         // Live rays that it was not given.
         let (inbox, outbox, _) = join(server.address, Role::Worker).await;
         let results = LiveResults {
-            packets: vec![Traced { id: 1, count: 0, nanoseconds: 1 }],
+            packets: vec![TracedPacket { id: 1, count: 0, nanoseconds: 1 }],
             hits: Vec::new(),
         };
-        outbox.send(Kind::LiveResults, &results.encode()).unwrap();
+        outbox.send(FrameKind::LiveResults, &results.encode()).unwrap();
         assert!(
             dropped((inbox, outbox)).await.is_some_and(|said| said.contains("a packet of 0 rays"))
         );
         let (inbox, outbox, _) = join(server.address, Role::Worker).await;
         let hit = LiveHit { radiance: [1.0; 3], distance: 1.0 };
         let results = LiveResults {
-            packets: vec![Traced { id: 1, count: 1, nanoseconds: 1 }],
+            packets: vec![TracedPacket { id: 1, count: 1, nanoseconds: 1 }],
             hits: vec![hit],
         };
-        outbox.send(Kind::LiveResults, &results.encode()).unwrap();
+        outbox.send(FrameKind::LiveResults, &results.encode()).unwrap();
         assert!(
             dropped((inbox, outbox))
                 .await
@@ -286,15 +291,15 @@ fn workers_that_cheat_are_dropped_and_their_packets_traced_by_others() {
         given.extend(&work.packets);
         let packet = work.packets[0];
         let count = u32::from(packet.count);
-        let traced = Traced { id: packet.id, count, nanoseconds: 1000 };
+        let traced = TracedPacket { id: packet.id, count, nanoseconds: 1000 };
         let results = Results {
             packets: vec![traced],
             samples: vec![sample; count as usize],
             unseen: vec![],
         }
         .encode();
-        outbox.send(Kind::Results, &results).unwrap();
-        outbox.send(Kind::Results, &results).unwrap();
+        outbox.send(FrameKind::Results, &results).unwrap();
+        outbox.send(FrameKind::Results, &results).unwrap();
         let said = dropped((inbox, outbox)).await;
         assert!(said.is_some_and(|said| said.contains("a packet that it was not given")));
     });

@@ -7,7 +7,7 @@ use holo_net::{Inbox, Message, Outbox};
 use holo_proto::{
     bulk::{Light, Record},
     control::Control,
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_tests::{LIMIT, Place};
@@ -43,7 +43,7 @@ impl Client {
     }
 
     fn tell(&self, ids: std::ops::Range<u64>) {
-        self.outbox.send(Kind::Light, &Light { records: records(ids) }.encode()).unwrap();
+        self.outbox.send(FrameKind::Light, &Light { records: records(ids) }.encode()).unwrap();
     }
 
     /// Waits until `count` records have arrived and then until the server has answered. Returns all

@@ -7,10 +7,10 @@ use holo_picture::{Picture, View, ViewSpec};
 use holo_proto::{
     bulk::{
         LiveHit, LivePacket, LiveRay, LiveResults, LiveWanted, LiveWork, MAX_LIVE_RAYS,
-        MAX_LIVE_RAYS_HELD, Traced, ViewRequest, WantedBeam,
+        MAX_LIVE_RAYS_HELD, RequestedBeam, TracedPacket, ViewRequest,
     },
     control::Control,
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_section::{Section, Viewpoint};
@@ -215,20 +215,24 @@ impl Peer {
         Peer { inbox, outbox, live: Vec::new() }
     }
 
-    fn send(&self, kind: Kind, payload: Vec<u8>) {
+    fn send(&self, kind: FrameKind, payload: Vec<u8>) {
         self.outbox.send(kind, &payload).unwrap();
     }
 
     /// Looks at one beam, for which some fifty rays are dealt and no more, because workers here do
     /// not trace.
     fn look(&self, view: u32) {
-        let beams = vec![WantedBeam { key: beam(400), weight: 0.05, held: 0, has_earlier: false }];
+        let beams =
+            vec![RequestedBeam { key: beam(400), weight: 0.05, held: 0, has_earlier: false }];
         let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
-        self.send(Kind::View, ViewRequest { view, viewpoint, beams }.encode());
+        self.send(FrameKind::View, ViewRequest { view, viewpoint, beams }.encode());
     }
 
     fn ask(&self, view: u32, rays: &[LiveRay]) {
-        self.send(Kind::LiveWanted, LiveWanted { view, pixels: 50, rays: rays.to_vec() }.encode());
+        self.send(
+            FrameKind::LiveWanted,
+            LiveWanted { view, pixels: 50, rays: rays.to_vec() }.encode(),
+        );
     }
 
     async fn next(&mut self) -> Message {
@@ -280,14 +284,14 @@ impl Peer {
     fn answer(&self, packets: &[LivePacket]) {
         let mut results = LiveResults::default();
         for packet in packets {
-            results.packets.push(Traced {
+            results.packets.push(TracedPacket {
                 id: packet.id,
                 count: packet.rays.len() as u32,
                 nanoseconds: 50_000,
             });
             results.hits.extend(packet.rays.iter().map(saw));
         }
-        self.send(Kind::LiveResults, results.encode());
+        self.send(FrameKind::LiveResults, results.encode());
     }
 }
 

@@ -6,9 +6,9 @@ use std::collections::BTreeSet;
 use holo_net::Message;
 use holo_picture::{Picture, compare};
 use holo_proto::{
-    bulk::{RaysWanted, ViewRequest, WantedBeam, WantedRay},
+    bulk::{RaysWanted, RequestedBeam, ViewRequest, WantedRay},
     control::Control,
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_section::{RayCoords, SampleKind, Viewpoint};
@@ -147,7 +147,7 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
     runtime.block_on(async {
         let (mut inbox, outbox, _) = join(server.address, Role::Display).await;
         let beams = [400, 2000]
-            .map(|number| WantedBeam {
+            .map(|number| RequestedBeam {
                 key: beam(number),
                 weight: 1.0,
                 held: 0,
@@ -156,13 +156,13 @@ fn single_rays_are_traced_as_they_were_asked_for_and_stored() {
             .to_vec();
         let viewpoint = Viewpoint { eye: [2.0, 2.0, -1.0], radius: 0.01 };
         let view = ViewRequest { view: 1, viewpoint, beams }.encode();
-        outbox.send(Kind::View, &view).unwrap();
+        outbox.send(FrameKind::View, &view).unwrap();
         let ray = |&(number, coords): &(u64, RayCoords)| WantedRay { key: beam(number), coords };
         let rays: Vec<WantedRay> = wanted.iter().map(ray).collect();
         // Rays of another view are ignored.
         let other = vec![WantedRay { coords: RayCoords([255; 4]), ..rays[0] }];
-        outbox.send(Kind::Rays, &RaysWanted { view: 9, rays: other }.encode()).unwrap();
-        outbox.send(Kind::Rays, &RaysWanted { view: 1, rays }.encode()).unwrap();
+        outbox.send(FrameKind::Rays, &RaysWanted { view: 9, rays: other }.encode()).unwrap();
+        outbox.send(FrameKind::Rays, &RaysWanted { view: 1, rays }.encode()).unwrap();
         let mut arrived = BTreeSet::new();
         while arrived.len() < wanted.len() {
             match tokio::time::timeout(LIMIT, inbox.next()).await.expect("all rays come").unwrap() {

@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use bytemuck::Zeroable;
 use holo_beamfile::{BeamFile, DiskStorage, Maker, Options, Storage};
-use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
+use holo_section::{BeamId, BeamKey, NumberRun, Sample, SampleKind};
 
 const BEAMS: u64 = 100_000;
 const PACKET: u32 = 21;
@@ -53,7 +53,7 @@ fn make(path: &Path, blocks: u64, extents: u64) -> Result<(), Box<dyn std::error
     let file = BeamFile::create_on(disk, path, options())?;
     let packet = [Sample::zeroed(); PACKET as usize];
     for i in 0..blocks * extents {
-        let run = Run {
+        let run = NumberRun {
             key: BeamKey { section: 0, beam: BeamId(i * 61_803 % BEAMS) },
             first: (i / BEAMS) as u32 * PACKET,
             count: 0,

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
 use holo_beamfile::{BeamFile, Caching, Maker, Options};
-use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
+use holo_section::{BeamId, BeamKey, NumberRun, Sample, SampleKind};
 
 const BEAMS: u64 = 100_000;
 const PACKET: u32 = 21;
@@ -52,7 +52,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let start = Instant::now();
     for i in 0..packets {
         let round = (i / BEAMS) as u32;
-        let run = Run {
+        let run = NumberRun {
             key: key(i * 61_803 % BEAMS),
             first: round * PACKET,
             count: 0,

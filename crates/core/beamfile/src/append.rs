@@ -3,11 +3,11 @@
 use std::sync::MutexGuard;
 use std::time::Instant;
 
-use holo_section::{BeamKey, Run, Sample};
+use holo_section::{BeamKey, NumberRun, Sample};
 
 use crate::file::BeamFile;
 use crate::format::Class;
-use crate::state::State;
+use crate::state::FileState;
 use crate::{Error, Maker, Result};
 
 /// Memory for samples that wait for the disk, in bytes. Appends wait while more than this is used.
@@ -34,7 +34,7 @@ impl BeamFile {
     ///   full. The samples were not taken. If there were more than a million, only the last ones
     ///   were not taken.
     /// - [`Error::Lost`]: another program deleted, moved, replaced or cut off the file.
-    pub fn append(&self, run: Run, maker: Maker, samples: &[Sample]) -> Result<()> {
+    pub fn append(&self, run: NumberRun, maker: Maker, samples: &[Sample]) -> Result<()> {
         self.put(run, maker, samples, false)
     }
 
@@ -43,13 +43,13 @@ impl BeamFile {
     ///
     /// # Errors
     /// The errors of [`BeamFile::append`].
-    pub fn supersede(&self, run: Run, maker: Maker, samples: &[Sample]) -> Result<()> {
+    pub fn supersede(&self, run: NumberRun, maker: Maker, samples: &[Sample]) -> Result<()> {
         self.put(run, maker, samples, true)
     }
 
     pub(crate) fn put(
         &self,
-        run: Run,
+        run: NumberRun,
         maker: Maker,
         samples: &[Sample],
         supersedes: bool,
@@ -60,7 +60,7 @@ impl BeamFile {
         if count.and_then(|count| run.first.checked_add(count)).is_none() {
             return Err(Error::SampleNumbers { first: run.first, count: samples.len() });
         }
-        let Run { key, kind, mut first, paths, .. } = run;
+        let NumberRun { key, kind, mut first, paths, .. } = run;
         let class = Class { kind: kind as u8, supersedes, paths, maker };
         for part in samples.chunks(APPEND_SAMPLES) {
             let mut state = self.room()?;
@@ -86,7 +86,7 @@ impl BeamFile {
     }
 
     /// Returns the state once there is room for more samples.
-    fn room(&self) -> Result<MutexGuard<'_, State>> {
+    fn room(&self) -> Result<MutexGuard<'_, FileState>> {
         let mut state = self.shared.state();
         while state.pending_bytes() >= MAX_PENDING_BYTES {
             if state.writer_gone || state.last_error.is_some() {

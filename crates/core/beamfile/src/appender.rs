@@ -3,8 +3,8 @@
 //! Invariants: a block's header is written after its body. After a failed write the file is cut off
 //! where the block began.
 
-use crate::batch::Body;
-use crate::directory::Block;
+use crate::batch::BlockBytes;
+use crate::directory::DiskBlock;
 use crate::format::{BLOCK_HEADER_BYTES, BlockHeader, CHUNK_BYTES, aligned};
 use crate::storage::Storage;
 
@@ -22,8 +22,8 @@ impl Appender {
         &mut self,
         storage: &dyn Storage,
         file_id: u64,
-        body: &Body,
-    ) -> std::io::Result<Block> {
+        body: &BlockBytes,
+    ) -> std::io::Result<DiskBlock> {
         let header = BlockHeader {
             file_id,
             sequence: self.sequence + 1,
@@ -40,7 +40,7 @@ impl Appender {
         let crcs = body.table[crcs_at..]
             .chunks_exact(4)
             .map(|crc| u32::from_le_bytes([crc[0], crc[1], crc[2], crc[3]]));
-        let block = Block { header, offset: self.at, crcs: crcs.collect(), blob: None };
+        let block = DiskBlock { header, offset: self.at, crcs: crcs.collect(), blob: None };
         rest.extend_from_slice(&body.payload);
         rest.resize(header.block_bytes() as usize - BLOCK_HEADER_BYTES, 0);
 

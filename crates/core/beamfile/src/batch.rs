@@ -25,7 +25,7 @@ pub(crate) struct Append {
 }
 
 /// A block's table and payload, ready to be written.
-pub(crate) struct Body {
+pub(crate) struct BlockBytes {
     pub kind: BlockKind,
     /// Entries in the table; 1 for a part of a blob.
     pub entries: u32,
@@ -34,7 +34,7 @@ pub(crate) struct Body {
 }
 
 #[derive(Debug, Default)]
-pub(crate) struct Batch {
+pub(crate) struct WriteBatch {
     /// Number of the batch, rising with every batch of the open file.
     pub id: u64,
     appends: Vec<Append>,
@@ -43,7 +43,7 @@ pub(crate) struct Batch {
     beams: BeamMap<(u32, u32)>,
 }
 
-impl Batch {
+impl WriteBatch {
     pub fn with_id(self, id: u64) -> Self {
         Self { id, ..self }
     }
@@ -98,7 +98,7 @@ impl Batch {
     /// Returns the batch's extents and its block's body, as samples of a generation.
     ///
     /// Extents are in the order (beam, kind, time). Appends that continue each other are joined.
-    pub fn body(&self, generation: u32) -> (Vec<Entry>, Body) {
+    pub fn body(&self, generation: u32) -> (Vec<Entry>, BlockBytes) {
         let mut order: Vec<_> =
             self.appends.iter().enumerate().map(|(i, a)| (a.key, a.class.kind, i)).collect();
         order.sort_unstable();
@@ -117,7 +117,8 @@ impl Batch {
         let mut table = Vec::with_capacity(entries.len() * 32 + payload.len() / 1000 + 4);
         entries.iter().for_each(|entry| entry.encode(0, &mut table));
         push_chunk_crcs(&payload, &mut table);
-        let body = Body { kind: BlockKind::Samples, entries: entries.len() as u32, table, payload };
+        let body =
+            BlockBytes { kind: BlockKind::Samples, entries: entries.len() as u32, table, payload };
         (entries, body)
     }
 }

@@ -7,14 +7,14 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
-use crate::directory::Block;
+use crate::directory::DiskBlock;
 use crate::format::BlobPart;
 
 /// A block that holds a part of a blob, and its number in the directory.
 #[derive(Clone, Debug)]
 pub(crate) struct PartBlock {
     pub id: u32,
-    pub block: Arc<Block>,
+    pub block: Arc<DiskBlock>,
 }
 
 /// The blocks of one copy of a blob, in order.
@@ -46,7 +46,7 @@ struct UnfinishedCopy {
 
 /// The blobs of a file.
 #[derive(Debug, Default)]
-pub(crate) struct Blobs {
+pub(crate) struct BlobList {
     /// The whole copies of each blob's newest bytes, oldest first.
     whole: BTreeMap<String, Vec<BlobCopy>>,
     /// By blob id.
@@ -55,9 +55,9 @@ pub(crate) struct Blobs {
     broken: BTreeSet<String>,
 }
 
-impl Blobs {
+impl BlobList {
     /// Takes the next part of a copy, in file order. Its block has number `id` in the directory.
-    pub fn add(&mut self, part: BlobPart, id: u32, block: Arc<Block>) {
+    pub fn add(&mut self, part: BlobPart, id: u32, block: Arc<DiskBlock>) {
         if part.offset == 0 {
             let copy = BlobCopy { total: part.total, parts: Vec::new() };
             let begun = UnfinishedCopy { name: part.name.clone(), have: 0, copy };

@@ -6,12 +6,12 @@
 //! Invariant: replacing a blob is atomic. Reads return the old bytes until the first copy of the
 //! new ones is complete.
 
-use crate::batch::Body;
+use crate::batch::BlockBytes;
 use crate::blob_list::PartBlock;
-use crate::directory::Block;
+use crate::directory::DiskBlock;
 use crate::file::BeamFile;
 use crate::format::{
-    BLOB_PART_BYTES, BlobPart, BlockKind, CHUNK_BYTES, MAX_BLOB_BYTES, MAX_BLOB_NAME, Table,
+    BLOB_PART_BYTES, BlobPart, BlockKind, BlockTable, CHUNK_BYTES, MAX_BLOB_BYTES, MAX_BLOB_NAME,
     push_chunk_crcs,
 };
 use crate::shared::locked;
@@ -66,10 +66,10 @@ impl BeamFile {
         let mut table = Vec::new();
         part.encode(&mut table);
         push_chunk_crcs(bytes, &mut table);
-        let body = Body { kind: BlockKind::Blob, entries: 1, table, payload: bytes.to_vec() };
+        let body = BlockBytes { kind: BlockKind::Blob, entries: 1, table, payload: bytes.to_vec() };
         let block = self.shared.write_block(&body, "writing a blob")?;
-        let block = Block { blob: Some(part.name.as_str().into()), ..block };
-        self.shared.state().found(block, Table::Blob(part))
+        let block = DiskBlock { blob: Some(part.name.as_str().into()), ..block };
+        self.shared.state().found(block, BlockTable::Blob(part))
     }
 
     /// Returns the bytes stored under a name, if any.

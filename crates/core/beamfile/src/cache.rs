@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use holo_section::{BeamKey, Run};
+use holo_section::{BeamKey, NumberRun};
 use lru::LruCache;
 
 use crate::types::BeamSamples;
@@ -13,14 +13,14 @@ use crate::types::BeamSamples;
 /// Bytes that a cached beam takes besides its samples: key, links, hash slot, allocations.
 const OVERHEAD: u64 = 160;
 
-struct Cached {
+struct CachedBeam {
     version: u32,
     bytes: u64,
     samples: Arc<BeamSamples>,
 }
 
 pub(crate) struct Cache {
-    beams: LruCache<BeamKey, Cached>,
+    beams: LruCache<BeamKey, CachedBeam>,
     budget: u64,
     pub bytes: u64,
     pub hits: u64,
@@ -47,7 +47,7 @@ impl Cache {
 
     pub fn put(&mut self, key: BeamKey, version: u32, samples: &Arc<BeamSamples>) {
         let bytes = (size_of_val(samples.samples.as_slice())
-            + samples.runs.len() * size_of::<Run>()) as u64
+            + samples.runs.len() * size_of::<NumberRun>()) as u64
             + OVERHEAD;
         if let Some(old) = self.beams.pop(&key) {
             self.bytes -= old.bytes;
@@ -62,6 +62,6 @@ impl Cache {
             }
         }
         self.bytes += bytes;
-        self.beams.put(key, Cached { version, bytes, samples: Arc::clone(samples) });
+        self.beams.put(key, CachedBeam { version, bytes, samples: Arc::clone(samples) });
     }
 }

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::directory::Block;
+use crate::directory::DiskBlock;
 use crate::format::{BLOCK_HEADER_BYTES, BlockHeader, CHUNK_BYTES, FileHeader, decode_table};
 use crate::storage::Storage;
 use crate::types::{Damage, DamageKind};
@@ -16,7 +16,7 @@ pub(crate) fn chunks_match(payload: &[u8], crcs: &[u32]) -> bool {
 }
 
 /// Returns the chunks of the block's payload that do not match their checksums.
-pub(crate) fn bad_chunks(storage: &dyn Storage, block: &Block) -> io::Result<Vec<u32>> {
+pub(crate) fn bad_chunks(storage: &dyn Storage, block: &DiskBlock) -> io::Result<Vec<u32>> {
     let mut bad = Vec::new();
     let mut buffer = Vec::new();
     for (group, crcs) in block.crcs.chunks(CHUNKS_TOGETHER).enumerate() {
@@ -36,7 +36,7 @@ pub(crate) fn bad_chunks(storage: &dyn Storage, block: &Block) -> io::Result<Vec
 pub(crate) fn block_damage(
     storage: &dyn Storage,
     file: &FileHeader,
-    block: &Block,
+    block: &DiskBlock,
 ) -> io::Result<Option<Damage>> {
     let bytes = block.header.block_bytes();
     let mut head = [0; BLOCK_HEADER_BYTES];
@@ -47,6 +47,6 @@ pub(crate) fn block_damage(
     let mut table = vec![0; block.header.table_bytes as usize];
     storage.read_exact_at(&mut table, block.offset + BLOCK_HEADER_BYTES as u64)?;
     let sound = decode_table(&block.header, &table, file).is_some();
-    let what = Block::table_damage(&block.header);
+    let what = DiskBlock::table_damage(&block.header);
     Ok((!sound).then_some(Damage { offset: block.offset, bytes, what }))
 }

@@ -1,11 +1,11 @@
 //! Copies a file's samples to another file, except those of some makers.
 
-use holo_section::{Run, Sample};
+use holo_section::{NumberRun, Sample};
 
-use crate::directory::Block;
+use crate::directory::DiskBlock;
 use crate::file::BeamFile;
-use crate::format::{CHUNK_BYTES, CHUNK_SAMPLES, Entry, Table};
-use crate::scan::{Stretch, scan};
+use crate::format::{BlockTable, CHUNK_BYTES, CHUNK_SAMPLES, Entry};
+use crate::scan::{ScanRange, scan};
 use crate::{Maker, Result};
 
 /// Counts of copied samples and of samples left out.
@@ -35,11 +35,16 @@ impl BeamFile {
             storage,
             path,
             &self.shared.header,
-            Stretch::WHOLE,
+            ScanRange::WHOLE,
             &mut damage,
             &mut |block, table| match table {
-                Table::Samples(entries) => self.copy_block(to, &block, &entries, keep, &mut copied),
-                Table::Blob(_) | Table::Shares(_) | Table::Index(_) | Table::Unknown => Ok(()),
+                BlockTable::Samples(entries) => {
+                    self.copy_block(to, &block, &entries, keep, &mut copied)
+                }
+                BlockTable::Blob(_)
+                | BlockTable::Shares(_)
+                | BlockTable::Index(_)
+                | BlockTable::Unknown => Ok(()),
             },
         )?;
         Ok(copied)
@@ -48,7 +53,7 @@ impl BeamFile {
     fn copy_block(
         &self,
         to: &BeamFile,
-        block: &Block,
+        block: &DiskBlock,
         entries: &[Entry],
         keep: &dyn Fn(Maker) -> bool,
         copied: &mut Copied,
@@ -78,7 +83,7 @@ impl BeamFile {
                 let chunk = from / CHUNK_SAMPLES;
                 let to_sample = ((chunk + 1) * CHUNK_SAMPLES).min(end);
                 if intact.get(chunk as usize) == Some(&true) {
-                    let run = Run {
+                    let run = NumberRun {
                         key: entry.key,
                         kind: entry.class.sample_kind(),
                         first: entry.first + (from - begin),

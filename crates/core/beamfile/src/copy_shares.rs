@@ -8,13 +8,14 @@ use std::io;
 use std::sync::Arc;
 
 use crate::Result;
-use crate::batch::Body;
-use crate::directory::Block;
+use crate::batch::BlockBytes;
+use crate::directory::DiskBlock;
 use crate::file::BeamFile;
 use crate::format::{
-    BLOCK_HEADER_BYTES, BlockKind, CHUNK_BYTES, Class, Entry, Table, decode_table, push_chunk_crcs,
+    BLOCK_HEADER_BYTES, BlockKind, BlockTable, CHUNK_BYTES, Class, Entry, decode_table,
+    push_chunk_crcs,
 };
-use crate::shared::Shared;
+use crate::shared::OpenFile;
 use crate::shares::ShareRun;
 use crate::types::Maker;
 
@@ -114,25 +115,25 @@ impl Kept {
         self.runs.iter().for_each(|run| run.entry.encode(run.layer, &mut table));
         push_chunk_crcs(&self.payload, &mut table);
         let entries = self.runs.len() as u32;
-        let body = Body { kind: BlockKind::Shares, entries, table, payload: self.payload };
+        let body = BlockBytes { kind: BlockKind::Shares, entries, table, payload: self.payload };
         let block = to.shared.write_block(&body, "writing shares of layers")?;
-        to.shared.state().found(block, Table::Shares(self.runs))
+        to.shared.state().found(block, BlockTable::Shares(self.runs))
     }
 }
 
 /// Returns the listed blocks of shares.
-fn share_blocks(shared: &Shared) -> Vec<Arc<Block>> {
+fn share_blocks(shared: &OpenFile) -> Vec<Arc<DiskBlock>> {
     let state = shared.state();
     let blocks = state.directory.blocks.iter();
     blocks.filter(|block| block.header.kind == BlockKind::Shares).cloned().collect()
 }
 
 /// Returns the runs of a block of shares; none if its table was damaged since it was listed.
-fn runs(shared: &Shared, block: &Block) -> io::Result<Vec<ShareRun>> {
+fn runs(shared: &OpenFile, block: &DiskBlock) -> io::Result<Vec<ShareRun>> {
     let mut table = vec![0; block.header.table_bytes as usize];
     shared.storage.read_exact_at(&mut table, block.offset + BLOCK_HEADER_BYTES as u64)?;
     Ok(match decode_table(&block.header, &table, &shared.header) {
-        Some((Table::Shares(runs), _)) => runs,
+        Some((BlockTable::Shares(runs), _)) => runs,
         _ => Vec::new(),
     })
 }

@@ -24,7 +24,7 @@ pub(crate) const NONE: u32 = u32::MAX;
 
 /// A block on disk.
 #[derive(Debug)]
-pub(crate) struct Block {
+pub(crate) struct DiskBlock {
     pub header: BlockHeader,
     /// Its first byte in the file.
     pub offset: u64,
@@ -34,7 +34,7 @@ pub(crate) struct Block {
     pub blob: Option<Box<str>>,
 }
 
-impl Block {
+impl DiskBlock {
     /// Returns the bytes of the file that a chunk takes: the first, and one past the last.
     pub fn chunk_range(&self, chunk: u32) -> (u64, u64) {
         let payload = self.offset + self.header.payload_offset();
@@ -89,7 +89,7 @@ const _: () = assert!(size_of::<Extent>() == 28);
 
 /// A beam that has samples.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Beam {
+pub(crate) struct BeamEntry {
     /// First and last extent.
     head: u32,
     tail: u32,
@@ -101,7 +101,7 @@ pub(crate) struct Beam {
     pub samples: u64,
 }
 
-impl Beam {
+impl BeamEntry {
     pub fn empty(generation: u32) -> Self {
         // Far from the versions of other generations, of which there may be copies.
         let version = generation.wrapping_mul(0x9e37_79b9);
@@ -148,14 +148,14 @@ impl Beam {
 #[derive(Debug, Default)]
 pub(crate) struct Directory {
     /// By beam, what the present generation has.
-    pub beams: BeamMap<Beam>,
+    pub beams: BeamMap<BeamEntry>,
     /// By beam, what its newest earlier generation has.
-    pub earlier: BeamMap<Beam>,
+    pub earlier: BeamMap<BeamEntry>,
     /// Number of samples of these.
     pub earlier_samples: u64,
     /// The present generation.
     pub generation: u32,
-    pub blocks: Vec<Arc<Block>>,
+    pub blocks: Vec<Arc<DiskBlock>>,
     pub sections: Vec<SectionStats>,
     /// Samples whose numbers existed already when they were counted.
     pub superseded: u64,
@@ -203,7 +203,7 @@ impl Directory {
         self.listed(self.earlier.get(&key))
     }
 
-    fn listed(&self, beam: Option<&Beam>) -> impl Iterator<Item = &Extent> {
+    fn listed(&self, beam: Option<&BeamEntry>) -> impl Iterator<Item = &Extent> {
         let mut at = beam.map_or(NONE, |beam| beam.head);
         std::iter::from_fn(move || {
             let extent = self.extents.get(at as usize)?;
@@ -219,7 +219,7 @@ impl Directory {
             MapEntry::Occupied(entry) => entry.into_mut(),
             MapEntry::Vacant(entry) => {
                 section.nonempty_beams += 1;
-                entry.insert(Beam::empty(self.generation))
+                entry.insert(BeamEntry::empty(self.generation))
             }
         };
         let new = beam.count(&mut self.gaps, key, kind, first, count);
@@ -228,7 +228,7 @@ impl Directory {
     }
 
     /// Lists a block that is on disk, and returns its number.
-    pub fn add_block(&mut self, block: Arc<Block>) -> Result<u32> {
+    pub fn add_block(&mut self, block: Arc<DiskBlock>) -> Result<u32> {
         let id = self.blocks.len() as u32;
         if id == NONE {
             return Err(Error::DirectoryFull);

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 
 use crate::cache::Cache;
-use crate::open::{self, Opened};
-use crate::shared::Shared;
+use crate::open::{self, OpenedFile};
+use crate::shared::OpenFile;
 use crate::storage::{DiskStorage, Storage};
 use crate::types::{Damage, OpenReport, Options, Skipped, Stats};
 use crate::writer;
@@ -18,7 +18,7 @@ use crate::{Error, Result};
 /// Threads share it by reference or `Arc`. Dropping it writes pending samples if the disk permits.
 /// [`BeamFile::flush`] and [`BeamFile::close`] report failures.
 pub struct BeamFile {
-    pub(crate) shared: Arc<Shared>,
+    pub(crate) shared: Arc<OpenFile>,
     report: OpenReport,
     writer: Option<JoinHandle<()>>,
     /// Locked while a blob is written: one at a time.
@@ -102,13 +102,13 @@ impl BeamFile {
     fn start(
         storage: Box<dyn Storage>,
         path: &Path,
-        opened: Opened,
+        opened: OpenedFile,
         cache_bytes: u64,
         read_only: bool,
     ) -> Result<Self> {
-        let Opened { header, state, appender, report, index } = opened;
+        let OpenedFile { header, state, appender, report, index } = opened;
         let parts = (state, appender, Cache::new(cache_bytes));
-        let shared = Arc::new(Shared::new(path.to_owned(), storage, header, read_only, parts));
+        let shared = Arc::new(OpenFile::new(path.to_owned(), storage, header, read_only, parts));
         let writer = if read_only {
             None
         } else {

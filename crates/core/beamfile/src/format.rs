@@ -388,7 +388,7 @@ impl BlobPart {
 
 /// A block's table, checked.
 #[derive(Debug)]
-pub(crate) enum Table {
+pub(crate) enum BlockTable {
     Samples(Vec<Entry>),
     Blob(BlobPart),
     Shares(Vec<ShareRun>),
@@ -411,7 +411,7 @@ pub(crate) fn decode_table(
     block: &BlockHeader,
     bytes: &[u8],
     header: &FileHeader,
-) -> Option<(Table, Box<[u32]>)> {
+) -> Option<(BlockTable, Box<[u32]>)> {
     if crc32fast::hash(bytes) != block.table_crc {
         return None;
     }
@@ -425,7 +425,7 @@ pub(crate) fn decode_entries(
     block: &BlockHeader,
     bytes: &[u8],
     header: &FileHeader,
-) -> Option<Table> {
+) -> Option<BlockTable> {
     Some(match block.kind {
         BlockKind::Samples => {
             let entries: Vec<Entry> = layered_entries(block, bytes, header)?
@@ -436,14 +436,14 @@ pub(crate) fn decode_entries(
             if samples * u64::from(SAMPLE_BYTES) != u64::from(block.payload_bytes) {
                 return None;
             }
-            Table::Samples(entries)
+            BlockTable::Samples(entries)
         }
-        BlockKind::Blob => Table::Blob(BlobPart::decode(bytes)?),
+        BlockKind::Blob => BlockTable::Blob(BlobPart::decode(bytes)?),
         BlockKind::Shares => {
-            Table::Shares(ShareRun::list(layered_entries(block, bytes, header)?, block)?)
+            BlockTable::Shares(ShareRun::list(layered_entries(block, bytes, header)?, block)?)
         }
-        BlockKind::Index => Table::Index(IndexRange::list(block.entries, bytes)?),
-        BlockKind::Unknown(_) => Table::Unknown,
+        BlockKind::Index => BlockTable::Index(IndexRange::list(block.entries, bytes)?),
+        BlockKind::Unknown(_) => BlockTable::Unknown,
     })
 }
 

@@ -15,10 +15,10 @@ use std::collections::HashMap;
 
 use holo_section::{BeamId, BeamKey};
 
-use crate::directory::{Block, Extent, NONE};
+use crate::directory::{DiskBlock, Extent, NONE};
 use crate::format::{
-    BlockHeader, BlockKind, Class, Entry, FIRST_BLOCK, FileHeader, POINTER_BYTES, SAMPLE_BYTES,
-    Table, aligned, decode_entries, u32_at, u64_at,
+    BlockHeader, BlockKind, BlockTable, Class, Entry, FIRST_BLOCK, FileHeader, POINTER_BYTES,
+    SAMPLE_BYTES, aligned, decode_entries, u32_at, u64_at,
 };
 use crate::types::Maker;
 
@@ -143,9 +143,9 @@ fn push_number(bytes: &mut Vec<u8>, mut number: u64) {
 }
 
 /// Reads a payload from front to back.
-struct Reader<'a>(&'a [u8]);
+struct PayloadCursor<'a>(&'a [u8]);
 
-impl<'a> Reader<'a> {
+impl<'a> PayloadCursor<'a> {
     fn take(&mut self, bytes: usize) -> Option<&'a [u8]> {
         let (taken, rest) = self.0.split_at_checked(bytes)?;
         self.0 = rest;
@@ -223,7 +223,7 @@ struct RangeExtent {
 
 impl RangeBuilder {
     /// Adds the next block. `entries` is its table without the checksums of chunks.
-    pub fn push(&mut self, block: &Block, table: &Table, entries: &[u8]) {
+    pub fn push(&mut self, block: &DiskBlock, table: &BlockTable, entries: &[u8]) {
         let BlockHeader { sequence, kind, entries: count, table_bytes, payload_bytes, .. } =
             block.header;
         for number in [
@@ -243,7 +243,7 @@ impl RangeBuilder {
         if matches!(kind, BlockKind::Blob | BlockKind::Shares) {
             self.blocks.extend_from_slice(entries);
         }
-        if let Table::Samples(entries) = table {
+        if let BlockTable::Samples(entries) = table {
             let mut at = 0;
             for entry in entries {
                 // No writer goes back to an earlier generation.
@@ -324,7 +324,7 @@ pub(crate) struct BeamExtents {
 /// A range as opening needs it.
 #[derive(Debug, Default)]
 pub(crate) struct Indexed {
-    pub blocks: Vec<(Block, Option<Table>)>,
+    pub blocks: Vec<(DiskBlock, Option<BlockTable>)>,
     /// In the order of beams; those of one beam in file order.
     pub beams: Vec<BeamExtents>,
     /// The extents of all `beams`, one after the other. Blocks are numbers within `blocks`.
@@ -333,12 +333,12 @@ pub(crate) struct Indexed {
 
 impl Indexed {
     /// Returns blocks that were read one by one, in file order, as a range.
-    pub fn of_blocks(found: Vec<(Block, Table)>) -> Indexed {
+    pub fn of_blocks(found: Vec<(DiskBlock, BlockTable)>) -> Indexed {
         let mut indexed = Indexed::default();
         let mut sorted = Vec::new();
         let mut newest = 0;
         for (number, (block, table)) in (0..).zip(found) {
-            if let Table::Samples(entries) = &table {
+            if let BlockTable::Samples(entries) = &table {
                 let mut at = 0;
                 for &Entry { key, class, first, count, generation } in entries {
                     let extent = Extent { block: number, at, first, count, class, next: NONE };
@@ -359,7 +359,7 @@ impl Indexed {
 
     /// Returns the description of a range; `None` if any value in it is wrong.
     pub fn decode(payload: &[u8], range: &IndexRange, header: &FileHeader) -> Option<Indexed> {
-        let mut reader = Reader(payload);
+        let mut reader = PayloadCursor(payload);
         let classes = classes(&mut reader)?;
         let count = reader.small()?;
         // Each block takes at least nine bytes, and each extent at least five.
@@ -408,7 +408,7 @@ impl Indexed {
     /// Reads the extents of one beam. `samples` has the number of samples in each block.
     fn beam(
         &mut self,
-        reader: &mut Reader,
+        reader: &mut PayloadCursor,
         key: BeamKey,
         classes: &[(Class, u32)],
         samples: &[u32],
@@ -440,7 +440,7 @@ impl Indexed {
     }
 }
 
-fn classes(reader: &mut Reader) -> Option<Vec<(Class, u32)>> {
+fn classes(reader: &mut PayloadCursor) -> Option<Vec<(Class, u32)>> {
     let count = reader.small()? as usize;
     let bytes = reader.take(count.checked_mul(CLASS_BYTES)?)?;
     let class = |raw: &[u8]| {
@@ -456,11 +456,11 @@ fn classes(reader: &mut Reader) -> Option<Vec<(Class, u32)>> {
 }
 
 fn block(
-    reader: &mut Reader,
+    reader: &mut PayloadCursor,
     file: &FileHeader,
     offset: u64,
     sequence: u64,
-) -> Option<(Block, Option<Table>)> {
+) -> Option<(DiskBlock, Option<BlockTable>)> {
     let kind = BlockKind::from_code(reader.small()?);
     let step = reader.number()?;
     let header = BlockHeader {
@@ -484,13 +484,13 @@ fn block(
         }
         BlockKind::Samples | BlockKind::Index | BlockKind::Unknown(_) => None,
     };
-    Some((Block { header, offset, crcs, blob: blob_name(table.as_ref()) }, table))
+    Some((DiskBlock { header, offset, crcs, blob: blob_name(table.as_ref()) }, table))
 }
 
 /// Returns the name of the blob that a block is a part of.
-pub(crate) fn blob_name(table: Option<&Table>) -> Option<Box<str>> {
+pub(crate) fn blob_name(table: Option<&BlockTable>) -> Option<Box<str>> {
     match table {
-        Some(Table::Blob(part)) => Some(part.name.as_str().into()),
+        Some(BlockTable::Blob(part)) => Some(part.name.as_str().into()),
         _ => None,
     }
 }

@@ -6,8 +6,8 @@ use std::io;
 
 use crate::checksums::chunks_match;
 use crate::format::{
-    BLOCK_HEADER_BYTES, BlockHeader, BlockKind, FIRST_BLOCK, FileHeader, HEADER_COPY_BYTES,
-    MAX_PAYLOAD_BYTES, MAX_TABLE_BYTES, POINTER_BYTES, POINTER_OFFSET, Table, aligned,
+    BLOCK_HEADER_BYTES, BlockHeader, BlockKind, BlockTable, FIRST_BLOCK, FileHeader,
+    HEADER_COPY_BYTES, MAX_PAYLOAD_BYTES, MAX_TABLE_BYTES, POINTER_BYTES, POINTER_OFFSET, aligned,
     decode_table,
 };
 use crate::index::{IndexPointer, IndexRange, Indexed, PointerState};
@@ -155,7 +155,9 @@ fn decode_block(block: &[u8], file: &FileHeader) -> Option<IndexBlock> {
         return None;
     }
     let table = block.get(BLOCK_HEADER_BYTES..)?.get(..header.table_bytes as usize)?;
-    let (Table::Index(ranges), crcs) = decode_table(&header, table, file)? else { return None };
+    let (BlockTable::Index(ranges), crcs) = decode_table(&header, table, file)? else {
+        return None;
+    };
     let payload = block.get(header.payload_offset() as usize..)?;
     let payload = payload.get(..header.payload_bytes as usize)?;
     let payload = chunks_match(payload, &crcs).then(|| payload.to_vec());

@@ -7,14 +7,14 @@ use std::io;
 use std::sync::Arc;
 
 use crate::Result;
-use crate::batch::Body;
-use crate::directory::Block;
+use crate::batch::BlockBytes;
+use crate::directory::DiskBlock;
 use crate::format::{
     BLOCK_HEADER_BYTES, BlockKind, FIRST_BLOCK, MAX_PAYLOAD_BYTES, decode_table, push_chunk_crcs,
 };
 use crate::index::{IndexPointer, IndexRange, RangeBuilder};
 use crate::index_read::pointer_offset;
-use crate::shared::Shared;
+use crate::shared::OpenFile;
 use crate::storage::Storage;
 
 /// Blocks without an index after which one is written: five minutes of filling, which writes two
@@ -52,14 +52,14 @@ impl IndexWriter {
     }
 
     /// Returns whether enough blocks have come since the last attempt.
-    pub fn is_due(&self, shared: &Shared) -> bool {
+    pub fn is_due(&self, shared: &OpenFile) -> bool {
         let state = shared.state();
         state.directory.blocks.len() >= self.blocks + BLOCKS_TOGETHER
             || state.directory.extents() >= self.extents + EXTENTS_TOGETHER
     }
 
     /// Returns whether a file that is closed needs another index block.
-    pub fn is_due_at_close(&self, shared: &Shared) -> bool {
+    pub fn is_due_at_close(&self, shared: &OpenFile) -> bool {
         shared.state().directory.blocks.len() > self.opened || self.is_due(shared)
     }
 
@@ -67,7 +67,7 @@ impl IndexWriter {
     ///
     /// # Errors
     /// If the disk cannot be read or written. The index is then as before, or has no pointer.
-    pub fn write(&mut self, shared: &Shared) -> Result<bool> {
+    pub fn write(&mut self, shared: &OpenFile) -> Result<bool> {
         {
             let state = shared.state();
             self.blocks = state.directory.blocks.len();
@@ -99,7 +99,7 @@ impl IndexWriter {
             listed.for_each(|range| range.encode(&mut table));
             push_chunk_crcs(&payload, &mut table);
             let entries = kept as u32 + 1;
-            let body = Body { kind: BlockKind::Index, entries, table, payload };
+            let body = BlockBytes { kind: BlockKind::Index, entries, table, payload };
             let block = Arc::new(shared.write_block(&body, "writing the index")?);
             range.offset = block.offset;
             range.bytes = block.header.block_bytes() as u32;
@@ -118,7 +118,7 @@ impl IndexWriter {
     ///
     /// Like a binary counter, it takes in the ranges directly before it that have no more blocks.
     /// So a file that is continued a thousand times has few ranges, and each block enters few.
-    fn join(&self, blocks: &[Arc<Block>]) -> (usize, u64) {
+    fn join(&self, blocks: &[Arc<DiskBlock>]) -> (usize, u64) {
         let mut begin = self.from;
         let mut kept = self.ranges.len();
         let mut count = blocks.len();
@@ -137,15 +137,15 @@ impl IndexWriter {
     }
 }
 
-fn extents_of(block: &Block) -> u64 {
+fn extents_of(block: &DiskBlock) -> u64 {
     if block.header.kind == BlockKind::Samples { block.header.entries.into() } else { 0 }
 }
 
 /// Returns the listed blocks from an offset on, in file order.
-fn blocks_from(shared: &Shared, from: u64) -> Vec<Arc<Block>> {
+fn blocks_from(shared: &OpenFile, from: u64) -> Vec<Arc<DiskBlock>> {
     let state = shared.state();
     // Parts of blobs and samples may be listed in another order than they were written.
-    let mut blocks: Vec<Arc<Block>> =
+    let mut blocks: Vec<Arc<DiskBlock>> =
         state.directory.blocks.iter().filter(|block| block.offset >= from).cloned().collect();
     drop(state);
     blocks.sort_unstable_by_key(|block| block.offset);
@@ -154,7 +154,7 @@ fn blocks_from(shared: &Shared, from: u64) -> Vec<Arc<Block>> {
 
 /// Returns the first blocks that follow each other without a gap, within the limits of a range. The
 /// first one is among them.
-fn first_run(blocks: &[Arc<Block>]) -> &[Arc<Block>] {
+fn first_run(blocks: &[Arc<DiskBlock>]) -> &[Arc<DiskBlock>] {
     let (mut extents, mut chunks) = (0, 0);
     let mut end = None;
     let run = blocks.iter().take_while(|block| {
@@ -170,7 +170,7 @@ fn first_run(blocks: &[Arc<Block>]) -> &[Arc<Block>] {
 }
 
 /// Reads the tables of blocks, up to the first damaged one.
-fn describe(shared: &Shared, run: &[Arc<Block>]) -> io::Result<(RangeBuilder, IndexRange)> {
+fn describe(shared: &OpenFile, run: &[Arc<DiskBlock>]) -> io::Result<(RangeBuilder, IndexRange)> {
     let begin = run.first().map_or(FIRST_BLOCK, |block| block.offset);
     let mut builder = RangeBuilder::default();
     let mut range =

@@ -6,20 +6,20 @@
 use std::sync::Arc;
 
 use crate::Result;
-use crate::directory::{Beam, Directory, Extent};
+use crate::directory::{BeamEntry, Directory, Extent};
 use crate::gaps::Gaps;
 use crate::index::{BeamExtents, Indexed};
-use crate::state::State;
+use crate::state::FileState;
 
 /// Extents of one beam and one generation in one range.
-struct Part {
+struct ExtentRun {
     beam: BeamExtents,
     /// The range, and the part's first extent in it.
     range: u32,
     from: usize,
 }
 
-impl State {
+impl FileState {
     /// Lists the blocks and extents of all ranges, which are in file order. The state must be new.
     pub fn list_ranges(&mut self, mut ranges: Vec<Indexed>) -> Result<()> {
         let mut parts = Vec::new();
@@ -34,7 +34,7 @@ impl State {
             for &beam in &indexed.beams {
                 if beam.generation >= earliest {
                     generation = generation.max(beam.generation);
-                    parts.push(Part { beam, range, from });
+                    parts.push(ExtentRun { beam, range, from });
                 }
                 from += beam.count as usize;
             }
@@ -47,12 +47,18 @@ impl State {
 }
 
 impl Directory {
-    fn list_sorted(&mut self, parts: &[Part], ranges: &[Indexed], generation: u32) -> Result<()> {
+    fn list_sorted(
+        &mut self,
+        parts: &[ExtentRun],
+        ranges: &[Indexed],
+        generation: u32,
+    ) -> Result<()> {
         self.generation = generation;
         let extents: u64 = parts.iter().map(|part| u64::from(part.beam.count)).sum();
         self.reserve_extents(extents)?;
-        let is_same =
-            |a: &Part, b: &Part| (a.beam.key, a.beam.generation) == (b.beam.key, b.beam.generation);
+        let is_same = |a: &ExtentRun, b: &ExtentRun| {
+            (a.beam.key, a.beam.generation) == (b.beam.key, b.beam.generation)
+        };
         self.beams.reserve(parts.chunk_by(is_same).count());
         let mut earlier_gaps = Gaps::default();
         for same in parts.chunk_by(is_same) {
@@ -60,7 +66,7 @@ impl Directory {
             else {
                 continue;
             };
-            let mut beam = Beam::empty(its);
+            let mut beam = BeamEntry::empty(its);
             for part in same {
                 let extents = &ranges[part.range as usize].extents[part.from..];
                 for extent in &extents[..part.beam.count as usize] {

@@ -64,7 +64,7 @@ pub use file::BeamFile;
 pub use read::Caching;
 pub use storage::{DiskStorage, Storage};
 pub use types::{
-    BeamSamples, Counts, Damage, DamageKind, Maker, Mark, OpenReport, Options, SectionStats,
+    BeamSamples, Damage, DamageKind, Maker, Mark, NextNumbers, OpenReport, Options, SectionStats,
     Skipped, Stats,
 };
 

@@ -7,11 +7,11 @@ use std::io;
 use std::sync::Arc;
 
 use bytemuck::Zeroable;
-use holo_section::{Run, Sample};
+use holo_section::{NumberRun, Sample};
 
-use crate::directory::Block;
+use crate::directory::DiskBlock;
 use crate::format::{CHUNK_SAMPLES, SAMPLE_BYTES};
-use crate::plan::{Location, Plan, PlannedRun};
+use crate::plan::{Location, PlannedRun, ReadPlan};
 use crate::storage::Storage;
 use crate::types::BeamSamples;
 
@@ -24,14 +24,14 @@ const MAX_SPAN: u64 = 4 << 20;
 pub(crate) type BadChunks = Vec<(u32, u32)>;
 
 /// Samples on disk that a plan needs.
-struct Piece<'a> {
+struct LoadPiece<'a> {
     /// Index of the plan.
     plan: usize,
     /// Index in the beam's samples where they are stored.
     to: usize,
     /// The block, and its number in the directory.
     id: u32,
-    block: &'a Arc<Block>,
+    block: &'a Arc<DiskBlock>,
     /// The first one's index in the block's payload, and their number.
     at: u32,
     count: u32,
@@ -44,7 +44,7 @@ struct Piece<'a> {
 /// chunks instead.
 pub(crate) fn load(
     storage: &dyn Storage,
-    plans: &[Plan],
+    plans: &[ReadPlan],
 ) -> io::Result<Result<Vec<Arc<BeamSamples>>, BadChunks>> {
     let (mut beams, pieces) = plan_pieces(plans);
     let mut bad = BadChunks::new();
@@ -72,7 +72,7 @@ pub(crate) fn load(
 }
 
 /// Returns the beams with their samples in memory, and the pieces on disk, in the file's order.
-fn plan_pieces(plans: &[Plan]) -> (Vec<Vec<Sample>>, Vec<Piece<'_>>) {
+fn plan_pieces(plans: &[ReadPlan]) -> (Vec<Vec<Sample>>, Vec<LoadPiece<'_>>) {
     let mut beams: Vec<Vec<Sample>> = Vec::with_capacity(plans.len());
     let mut pieces = Vec::new();
     for (index, plan) in plans.iter().enumerate() {
@@ -88,7 +88,7 @@ fn plan_pieces(plans: &[Plan]) -> (Vec<Vec<Sample>>, Vec<Piece<'_>>) {
                 Location::Disk { id, block, at } => {
                     let (begin, _) = block.chunk_range(at / CHUNK_SAMPLES);
                     let (_, end) = block.chunk_range((at + run.count - 1) / CHUNK_SAMPLES);
-                    pieces.push(Piece {
+                    pieces.push(LoadPiece {
                         plan: index,
                         to,
                         id: *id,
@@ -104,12 +104,12 @@ fn plan_pieces(plans: &[Plan]) -> (Vec<Vec<Sample>>, Vec<Piece<'_>>) {
         }
         beams.push(samples);
     }
-    pieces.sort_unstable_by_key(|piece: &Piece| (piece.begin, piece.at));
+    pieces.sort_unstable_by_key(|piece: &LoadPiece| (piece.begin, piece.at));
     (beams, pieces)
 }
 
 /// Returns the number of first pieces to read together, and the end of the last one's chunks.
-fn read_together(pieces: &[Piece]) -> (usize, u64) {
+fn read_together(pieces: &[LoadPiece]) -> (usize, u64) {
     let Some(first) = pieces.first() else { return (0, 0) };
     let (mut end, mut together) = (first.end, 1);
     for piece in &pieces[1..] {
@@ -124,7 +124,7 @@ fn read_together(pieces: &[Piece]) -> (usize, u64) {
 }
 
 /// Copies the samples of pieces from `buffer`, which begins at offset `begin` of the file.
-fn copy_samples(pieces: &[Piece], buffer: &[u8], begin: u64, beams: &mut [Vec<Sample>]) {
+fn copy_samples(pieces: &[LoadPiece], buffer: &[u8], begin: u64, beams: &mut [Vec<Sample>]) {
     for piece in pieces {
         let (payload, _) = piece.block.chunk_range(0);
         let from = (payload + u64::from(piece.at) * u64::from(SAMPLE_BYTES) - begin) as usize;
@@ -135,7 +135,7 @@ fn copy_samples(pieces: &[Piece], buffer: &[u8], begin: u64, beams: &mut [Vec<Sa
 }
 
 /// Compares every chunk of the pieces with its checksum, once. Pieces are in file order.
-fn check(span: &[Piece], buffer: &[u8], origin: u64, bad: &mut BadChunks) {
+fn check(span: &[LoadPiece], buffer: &[u8], origin: u64, bad: &mut BadChunks) {
     let mut checked = None;
     for piece in span {
         for chunk in piece.at / CHUNK_SAMPLES..=(piece.at + piece.count - 1) / CHUNK_SAMPLES {
@@ -153,8 +153,8 @@ fn check(span: &[Piece], buffer: &[u8], origin: u64, bad: &mut BadChunks) {
 }
 
 /// Returns the runs of a plan. Runs that continue each other are joined.
-fn joined_runs(plan: &Plan) -> Vec<Run> {
-    let mut runs: Vec<Run> = Vec::with_capacity(plan.runs.len());
+fn joined_runs(plan: &ReadPlan) -> Vec<NumberRun> {
+    let mut runs: Vec<NumberRun> = Vec::with_capacity(plan.runs.len());
     for PlannedRun { run, .. } in &plan.runs {
         match runs.last_mut() {
             Some(last)

@@ -18,16 +18,16 @@ use crate::format::{
 use crate::index::{IndexRange, Indexed};
 use crate::index_read;
 use crate::index_write::{IndexWriter, write_pointer};
-use crate::scan::{ScanEnd, Stretch, Tail, scan};
-use crate::state::State;
+use crate::scan::{ScanEnd, ScanRange, Tail, scan};
+use crate::state::FileState;
 use crate::storage::Storage;
 use crate::types::{Damage, DamageKind, OpenReport};
 use crate::{Error, Result};
 
 /// An opened file, before threads share it.
-pub(crate) struct Opened {
+pub(crate) struct OpenedFile {
     pub header: FileHeader,
-    pub state: State,
+    pub state: FileState,
     pub appender: Appender,
     pub report: OpenReport,
     pub index: IndexWriter,
@@ -48,7 +48,7 @@ pub(crate) fn file(path: &Path, options: &OpenOptions, lock: bool) -> Result<Fil
 }
 
 /// Writes both copies of a new file's header.
-pub(crate) fn create(storage: &dyn Storage, path: &Path, layout: &[u64]) -> Result<Opened> {
+pub(crate) fn create(storage: &dyn Storage, path: &Path, layout: &[u64]) -> Result<OpenedFile> {
     if !(1..=MAX_SECTIONS).contains(&layout.len()) {
         return Err(Error::SectionCount(layout.len()));
     }
@@ -58,8 +58,8 @@ pub(crate) fn create(storage: &dyn Storage, path: &Path, layout: &[u64]) -> Resu
         .write_all_at(&copies, 0)
         .and_then(|()| storage.sync_data())
         .map_err(io_error(path, "writing the header of a new holodeck"))?;
-    Ok(Opened {
-        state: State::new(layout.len()),
+    Ok(OpenedFile {
+        state: FileState::new(layout.len()),
         header,
         appender: Appender { at: FIRST_BLOCK, sequence: 0 },
         report: OpenReport::default(),
@@ -80,7 +80,7 @@ fn random_id() -> u64 {
 
 /// Reads the header, the index, and the tables of blocks that the index lacks. If `writable`, it
 /// repairs a damaged copy of the header and cuts off a torn tail.
-pub(crate) fn open(storage: &dyn Storage, path: &Path, writable: bool) -> Result<Opened> {
+pub(crate) fn open(storage: &dyn Storage, path: &Path, writable: bool) -> Result<OpenedFile> {
     let mut damage = Vec::new();
     let header = read_header(storage, path, &mut damage)?;
     if writable && !damage.is_empty() {
@@ -104,7 +104,7 @@ pub(crate) fn open(storage: &dyn Storage, path: &Path, writable: bool) -> Result
             .map_err(io_error(path, "repairing the place of its index"))?;
     }
     damage.append(&mut index.damage);
-    let mut state = State::new(header.layout.len());
+    let mut state = FileState::new(header.layout.len());
     let indexed = index.ranges.iter().map(|(range, _)| u64::from(range.blocks)).sum();
     let rest = list_index(storage, path, &header, index.ranges, &mut state, &mut damage)?;
     let end = scan(storage, path, &header, rest, &mut damage, &mut |block, table| {
@@ -137,7 +137,7 @@ pub(crate) fn open(storage: &dyn Storage, path: &Path, writable: bool) -> Result
         unfinished_blobs: state.blobs.unfinished(),
     };
     let index = IndexWriter::new(index.kept, state.directory.blocks.len());
-    Ok(Opened { header, state, appender, report, index })
+    Ok(OpenedFile { header, state, appender, report, index })
 }
 
 /// Lists what the index describes, and reads the blocks between its ranges one by one. Returns the
@@ -147,14 +147,14 @@ fn list_index(
     path: &Path,
     header: &FileHeader,
     ranges: Vec<(IndexRange, Indexed)>,
-    state: &mut State,
+    state: &mut FileState,
     damage: &mut Vec<Damage>,
-) -> Result<Stretch> {
+) -> Result<ScanRange> {
     let mut all = Vec::with_capacity(ranges.len());
-    let mut rest = Stretch::WHOLE;
+    let mut rest = ScanRange::WHOLE;
     for (range, indexed) in ranges {
         if range.begin > rest.from {
-            let between = Stretch { to: range.begin, ..rest };
+            let between = ScanRange { to: range.begin, ..rest };
             let mut found = Vec::new();
             let end = scan(storage, path, header, between, damage, &mut |block, table| {
                 found.push((block, table));
@@ -165,7 +165,7 @@ fn list_index(
             }
             all.push(Indexed::of_blocks(found));
         }
-        rest = Stretch { from: range.end, sequence: range.sequence, ..rest };
+        rest = ScanRange { from: range.end, sequence: range.sequence, ..rest };
         all.push(indexed);
     }
     state.list_ranges(all)?;

@@ -4,33 +4,33 @@
 
 use std::sync::Arc;
 
-use holo_section::{BeamKey, Run, Sample};
+use holo_section::{BeamKey, NumberRun, Sample};
 
-use crate::batch::Batch;
-use crate::directory::{Block, Extent};
+use crate::batch::WriteBatch;
+use crate::directory::{DiskBlock, Extent};
 use crate::format::{CHUNK_SAMPLES, Class, SAMPLE_BYTES};
-use crate::state::State;
+use crate::state::FileState;
 use crate::types::{Maker, Mark};
 use crate::visible::{Offer, visible};
 
 /// The location of a planned run's samples.
 pub(crate) enum Location {
     /// On disk: in block number `id`, from sample `at` of its payload on.
-    Disk { id: u32, block: Arc<Block>, at: u32 },
+    Disk { id: u32, block: Arc<DiskBlock>, at: u32 },
     /// In a batch that waits to be written, from its sample `at` on.
-    Frozen { batch: Arc<Batch>, at: u32 },
+    Frozen { batch: Arc<WriteBatch>, at: u32 },
     /// A copy of samples of the active batch.
     Copied(Vec<Sample>),
 }
 
 /// A run that a read returns, and the location of its samples.
 pub(crate) struct PlannedRun {
-    pub run: Run,
+    pub run: NumberRun,
     pub location: Location,
 }
 
 /// A plan for reading one beam.
-pub(crate) struct Plan {
+pub(crate) struct ReadPlan {
     pub key: BeamKey,
     /// The beam's version in the directory when the plan was made.
     pub version: u32,
@@ -38,7 +38,7 @@ pub(crate) struct Plan {
     pub runs: Vec<PlannedRun>,
 }
 
-impl Plan {
+impl ReadPlan {
     /// Returns the number of samples that the plan reads.
     pub fn samples(&self) -> u64 {
         self.runs.iter().map(|planned| u64::from(planned.run.count)).sum()
@@ -59,15 +59,15 @@ impl Plan {
 /// The location of an [`Offer`]'s samples, like [`Location`] but without copies.
 enum OfferedAt<'a> {
     Disk { id: u32, at: u32 },
-    Frozen { batch: &'a Arc<Batch>, at: u32 },
+    Frozen { batch: &'a Arc<WriteBatch>, at: u32 },
     Active { at: u32 },
 }
 
-fn run(key: BeamKey, class: Class, first: u32, count: u32) -> Run {
-    Run { key, kind: class.sample_kind(), first, count, paths: class.paths }
+fn run(key: BeamKey, class: Class, first: u32, count: u32) -> NumberRun {
+    NumberRun { key, kind: class.sample_kind(), first, count, paths: class.paths }
 }
 
-impl State {
+impl FileState {
     /// Returns everything that was appended to a beam, oldest first, with its location.
     fn offers(&self, key: BeamKey) -> (Vec<Offer>, Vec<(Class, OfferedAt<'_>)>) {
         let mut offers: Vec<Offer> = Vec::new();
@@ -96,13 +96,13 @@ impl State {
 
     /// Returns how to read a beam's samples of its newest earlier generation; `None` if there are
     /// none. All of them are on disk.
-    pub fn plan_earlier(&self, key: BeamKey) -> Option<Plan> {
+    pub fn plan_earlier(&self, key: BeamKey) -> Option<ReadPlan> {
         self.plan_extents(key, self.directory.earlier_extents_of(key))
     }
 
     /// Returns how to read those of a beam's samples that were on disk at a mark; `None` if there
     /// are none.
-    pub fn plan_until(&self, key: BeamKey, mark: Mark) -> Option<Plan> {
+    pub fn plan_until(&self, key: BeamKey, mark: Mark) -> Option<ReadPlan> {
         let extents = self.directory.extents_of(key).take_while(|extent| extent.block < mark.0);
         self.plan_extents(key, extents)
     }
@@ -111,7 +111,7 @@ impl State {
         &self,
         key: BeamKey,
         extents: impl Iterator<Item = &'a Extent>,
-    ) -> Option<Plan> {
+    ) -> Option<ReadPlan> {
         let mut offers: Vec<Offer> = Vec::new();
         let mut places = Vec::new();
         for extent in extents {
@@ -129,11 +129,11 @@ impl State {
             PlannedRun { run: run(key, class, seen.first, seen.count), location }
         });
         let runs: Vec<PlannedRun> = runs.collect();
-        (!runs.is_empty()).then_some(Plan { key, version: 0, runs })
+        (!runs.is_empty()).then_some(ReadPlan { key, version: 0, runs })
     }
 
-    /// Returns the runs that [`State::plan`] would read, in its order, and their makers.
-    pub fn runs(&self, key: BeamKey) -> impl Iterator<Item = (Run, Maker)> {
+    /// Returns the runs that [`FileState::plan`] would read, in its order, and their makers.
+    pub fn runs(&self, key: BeamKey) -> impl Iterator<Item = (NumberRun, Maker)> {
         let (offers, places) = self.offers(key);
         visible(&offers).into_iter().map(move |seen| {
             let class = places[seen.offer].0;
@@ -143,7 +143,7 @@ impl State {
 
     /// Returns a plan for reading the present state of a beam; `None` if nothing was ever appended
     /// to it.
-    pub fn plan(&self, key: BeamKey) -> Option<Plan> {
+    pub fn plan(&self, key: BeamKey) -> Option<ReadPlan> {
         let version = self.directory.beams.get(&key)?.version;
         let (offers, places) = self.offers(key);
         let runs = visible(&offers).into_iter().map(|seen| {
@@ -164,7 +164,7 @@ impl State {
             };
             PlannedRun { run: run(key, *class, seen.first, seen.count), location }
         });
-        Some(Plan { key, version, runs: runs.collect() })
+        Some(ReadPlan { key, version, runs: runs.collect() })
     }
 
     /// Returns the samples outside bad chunks, among `count` samples from `at` in a block. Each

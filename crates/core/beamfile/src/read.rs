@@ -4,14 +4,14 @@ use std::collections::HashSet;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use holo_section::{BeamKey, Run};
+use holo_section::{BeamKey, NumberRun};
 
 use crate::Result;
 use crate::file::BeamFile;
 use crate::load::load;
-use crate::plan::Plan;
-use crate::state::State;
-use crate::types::{BeamSamples, Counts, Maker, Mark};
+use crate::plan::ReadPlan;
+use crate::state::FileState;
+use crate::types::{BeamSamples, Maker, Mark, NextNumbers};
 
 /// Most samples and most beams that [`BeamFile::read_many`] reads together.
 const GROUP_SAMPLES: u64 = 400_000;
@@ -60,7 +60,7 @@ impl BeamFile {
     ) -> Result<()> {
         keys.iter().try_for_each(|&key| self.check(key))?;
         let mut seen = HashSet::with_capacity(keys.len());
-        let mut plans: Vec<Plan> = Vec::new();
+        let mut plans: Vec<ReadPlan> = Vec::new();
         for some in keys.chunks(LOOKUP_BEAMS) {
             let mut ready = Vec::new();
             let state = self.shared.state();
@@ -107,7 +107,7 @@ impl BeamFile {
         keys: &[BeamKey],
         sink: &mut dyn FnMut(BeamKey, Arc<BeamSamples>) -> ControlFlow<()>,
     ) -> Result<()> {
-        self.read_planned(keys, &State::plan_earlier, sink)
+        self.read_planned(keys, &FileState::plan_earlier, sink)
     }
 
     /// Returns a mark of what is on disk now, for [`read_until`](Self::read_until).
@@ -133,13 +133,14 @@ impl BeamFile {
     fn read_planned(
         &self,
         keys: &[BeamKey],
-        plan: &dyn Fn(&State, BeamKey) -> Option<Plan>,
+        plan: &dyn Fn(&FileState, BeamKey) -> Option<ReadPlan>,
         sink: &mut dyn FnMut(BeamKey, Arc<BeamSamples>) -> ControlFlow<()>,
     ) -> Result<()> {
         keys.iter().try_for_each(|&key| self.check(key))?;
         for some in keys.chunks(LOOKUP_BEAMS) {
             let state = self.shared.state();
-            let mut plans: Vec<Plan> = some.iter().filter_map(|&key| plan(&state, key)).collect();
+            let mut plans: Vec<ReadPlan> =
+                some.iter().filter_map(|&key| plan(&state, key)).collect();
             drop(state);
             plans.sort_by_cached_key(|plan| (plan.file_position(), plan.key));
             let beams = loop {
@@ -169,7 +170,7 @@ impl BeamFile {
     }
 
     /// Returns the beam as it is now, if it is in the cache or has no samples.
-    fn cached(&self, state: &State, key: BeamKey) -> Option<Arc<BeamSamples>> {
+    fn cached(&self, state: &FileState, key: BeamKey) -> Option<Arc<BeamSamples>> {
         match state.directory.beams.get(&key) {
             Some(beam) => self.shared.cache().get(key, beam.version),
             None => Some(Arc::default()),
@@ -180,7 +181,7 @@ impl BeamFile {
     /// again without the damaged chunks.
     fn load_group(
         &self,
-        mut plans: Vec<Plan>,
+        mut plans: Vec<ReadPlan>,
         caching: Caching,
     ) -> Result<Vec<(BeamKey, Arc<BeamSamples>)>> {
         loop {
@@ -209,12 +210,12 @@ impl BeamFile {
     ///
     /// The runs are in the same order, but runs that continue each other are not joined. Empty if
     /// the beam has no samples.
-    pub fn runs(&self, key: BeamKey) -> Vec<Run> {
+    pub fn runs(&self, key: BeamKey) -> Vec<NumberRun> {
         self.shared.state().runs(key).map(|(run, _)| run).collect()
     }
 
     /// Returns the same runs as [`BeamFile::runs`], each with its samples' maker.
-    pub fn makers(&self, key: BeamKey) -> Vec<(Run, Maker)> {
+    pub fn makers(&self, key: BeamKey) -> Vec<(NumberRun, Maker)> {
         self.shared.state().runs(key).collect()
     }
 
@@ -224,9 +225,9 @@ impl BeamFile {
     }
 
     /// Returns the next free sample numbers of a beam.
-    pub fn counts(&self, key: BeamKey) -> Counts {
+    pub fn counts(&self, key: BeamKey) -> NextNumbers {
         let next = self.shared.state().directory.beams.get(&key).map_or([0; 3], |beam| beam.next);
-        Counts { uniform: next[0], limited: next[1], single: next[2] }
+        NextNumbers { uniform: next[0], limited: next[1], single: next[2] }
     }
 
     /// Returns the number of samples of a beam, also of those not yet on disk; each number counts

@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::file::BeamFile;
-use crate::scan::{Stretch, Tail, scan};
+use crate::scan::{ScanRange, Tail, scan};
 
 impl BeamFile {
     /// Checks that the file was not cut off. Otherwise [`BeamFile::lost`] reports it from now on.
@@ -35,7 +35,7 @@ impl BeamFile {
             &*self.shared.storage,
             &self.shared.path,
             &self.shared.header,
-            Stretch { from: appender.at, to: u64::MAX, sequence: appender.sequence },
+            ScanRange { from: appender.at, to: u64::MAX, sequence: appender.sequence },
             &mut damage,
             &mut |block, table| -> Result<()> {
                 found.push((block, table));

@@ -7,11 +7,11 @@ use std::io;
 use std::path::Path;
 
 use crate::Result;
-use crate::directory::Block;
+use crate::directory::DiskBlock;
 use crate::error::io_error;
 use crate::format::{
-    BLOCK_ALIGNMENT, BLOCK_HEADER_BYTES, BLOCK_MAGIC, BlockHeader, FIRST_BLOCK, FileHeader, Table,
-    aligned, decode_table,
+    BLOCK_ALIGNMENT, BLOCK_HEADER_BYTES, BLOCK_MAGIC, BlockHeader, BlockTable, FIRST_BLOCK,
+    FileHeader, aligned, decode_table,
 };
 use crate::index::blob_name;
 use crate::storage::Storage;
@@ -45,7 +45,7 @@ pub(crate) struct ScanEnd {
 }
 
 /// A part of a file to scan.
-pub(crate) struct Stretch {
+pub(crate) struct ScanRange {
     /// Where it begins: at a block.
     pub from: u64,
     /// One past its last byte, unless the file ends before.
@@ -54,9 +54,9 @@ pub(crate) struct Stretch {
     pub sequence: u64,
 }
 
-impl Stretch {
+impl ScanRange {
     /// Everything that a file can hold.
-    pub const WHOLE: Stretch = Stretch { from: FIRST_BLOCK, to: u64::MAX, sequence: 0 };
+    pub const WHOLE: ScanRange = ScanRange { from: FIRST_BLOCK, to: u64::MAX, sequence: 0 };
 }
 
 /// Calls `found` for every block of a stretch, in file order. Blocks whose sequence number is not
@@ -65,9 +65,9 @@ pub(crate) fn scan(
     storage: &dyn Storage,
     path: &Path,
     file: &FileHeader,
-    Stretch { from, to, mut sequence }: Stretch,
+    ScanRange { from, to, mut sequence }: ScanRange,
     damage: &mut Vec<Damage>,
-    found: &mut dyn FnMut(Block, Table) -> Result<()>,
+    found: &mut dyn FnMut(DiskBlock, BlockTable) -> Result<()>,
 ) -> Result<ScanEnd> {
     let failed = io_error(path, "reading its blocks");
     let length = storage.length().map_err(&failed)?.min(to);
@@ -107,12 +107,12 @@ pub(crate) fn scan(
         match decode_table(&header, &table, file) {
             Some((table, crcs)) => {
                 let blob = blob_name(Some(&table));
-                found(Block { header, offset: at, crcs, blob }, table)?;
+                found(DiskBlock { header, offset: at, crcs, blob }, table)?;
             }
             None => damage.push(Damage {
                 offset: at,
                 bytes: header.block_bytes(),
-                what: Block::table_damage(&header),
+                what: DiskBlock::table_damage(&header),
             }),
         }
         at += header.block_bytes();

@@ -9,21 +9,21 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
 use crate::appender::Appender;
-use crate::batch::Body;
+use crate::batch::BlockBytes;
 use crate::cache::Cache;
-use crate::directory::Block;
+use crate::directory::DiskBlock;
 use crate::format::{FileHeader, aligned};
-use crate::state::State;
+use crate::state::FileState;
 use crate::storage::Storage;
 use crate::{Error, FileLoss, Result};
 
 /// One open file, without the handle of its writer's thread.
-pub(crate) struct Shared {
+pub(crate) struct OpenFile {
     pub path: PathBuf,
     pub storage: Box<dyn Storage>,
     pub header: FileHeader,
     pub read_only: bool,
-    state: Mutex<State>,
+    state: Mutex<FileState>,
     /// Signals to the writer that it has work.
     pub wake: Condvar,
     /// Signals from the writer that a write was done, or failed.
@@ -40,15 +40,15 @@ pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Shared {
+impl OpenFile {
     pub fn new(
         path: PathBuf,
         storage: Box<dyn Storage>,
         header: FileHeader,
         read_only: bool,
-        (state, appender, cache): (State, Appender, Cache),
-    ) -> Shared {
-        Shared {
+        (state, appender, cache): (FileState, Appender, Cache),
+    ) -> OpenFile {
+        OpenFile {
             path,
             storage,
             header,
@@ -61,7 +61,7 @@ impl Shared {
         }
     }
 
-    pub fn state(&self) -> MutexGuard<'_, State> {
+    pub fn state(&self) -> MutexGuard<'_, FileState> {
         locked(&self.state)
     }
 
@@ -88,7 +88,7 @@ impl Shared {
     }
 
     /// Returns the error for samples that could not be written.
-    pub fn not_written(&self, state: &State) -> Error {
+    pub fn not_written(&self, state: &FileState) -> Error {
         if let Some(how) = state.lost {
             return Error::Lost { path: self.path.clone(), how };
         }
@@ -103,20 +103,23 @@ impl Shared {
     pub fn wait<'a>(
         &self,
         on: &Condvar,
-        state: MutexGuard<'a, State>,
+        state: MutexGuard<'a, FileState>,
         time: Duration,
-    ) -> MutexGuard<'a, State> {
+    ) -> MutexGuard<'a, FileState> {
         on.wait_timeout(state, time).unwrap_or_else(PoisonError::into_inner).0
     }
 
     /// Waits until the writer makes progress, or a second has passed.
-    pub fn wait_for_writer<'a>(&self, state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
+    pub fn wait_for_writer<'a>(
+        &self,
+        state: MutexGuard<'a, FileState>,
+    ) -> MutexGuard<'a, FileState> {
         self.wait(&self.progress, state, Duration::from_secs(1))
     }
 
     /// Appends one block. When this returns, the block is on the disk itself, in the file at the
     /// path.
-    pub fn write_block(&self, body: &Body, doing: &'static str) -> Result<Block> {
+    pub fn write_block(&self, body: &BlockBytes, doing: &'static str) -> Result<DiskBlock> {
         let mut appender = self.appender();
         self.check_file(&appender)?;
         let written = appender.write(&*self.storage, self.header.file_id, body);

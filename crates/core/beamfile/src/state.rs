@@ -10,29 +10,29 @@ use std::time::Instant;
 
 use holo_section::{BeamKey, Sample};
 
-use crate::batch::Batch;
-use crate::blob_list::Blobs;
-use crate::directory::{Block, Directory};
-use crate::format::{BlockKind, Class, Entry, Table};
+use crate::batch::WriteBatch;
+use crate::blob_list::BlobList;
+use crate::directory::{Directory, DiskBlock};
+use crate::format::{BlockKind, BlockTable, Class, Entry};
 use crate::types::{Damage, Skipped};
 use crate::{FileLoss, Result};
 
 #[derive(Default)]
-pub(crate) struct State {
+pub(crate) struct FileState {
     pub directory: Directory,
-    pub blobs: Blobs,
+    pub blobs: BlobList,
     /// Number of shares of each layer.
     pub layers: BTreeMap<u16, u64>,
     /// Blocks of kinds that this program does not know, by kind.
     pub skipped: BTreeMap<u32, Skipped>,
     /// The batch that receives samples now.
-    pub active: Batch,
+    pub active: WriteBatch,
     /// Time of the first append to the active batch.
     pub active_since: Option<Instant>,
     /// Memory for the next batch.
-    pub spare: Option<Batch>,
+    pub spare: Option<WriteBatch>,
     /// Batches that wait to be written, oldest first.
-    pub frozen: VecDeque<Arc<Batch>>,
+    pub frozen: VecDeque<Arc<WriteBatch>>,
     frozen_bytes: u64,
     /// All batches with smaller ids are on disk.
     pub written: u64,
@@ -53,7 +53,7 @@ pub(crate) struct State {
     pub bad: HashSet<(u32, u32)>,
 }
 
-impl State {
+impl FileState {
     pub fn new(sections: usize) -> Self {
         Self { directory: Directory::new(sections), ..Self::default() }
     }
@@ -83,7 +83,7 @@ impl State {
     }
 
     /// Removes the oldest frozen batch, whose extents are all in the directory.
-    pub fn batch_written(&mut self) -> Option<Arc<Batch>> {
+    pub fn batch_written(&mut self) -> Option<Arc<WriteBatch>> {
         let batch = self.frozen.pop_front()?;
         self.frozen_bytes -= batch.bytes();
         self.written = batch.id + 1;
@@ -91,8 +91,8 @@ impl State {
     }
 
     /// Lists a block that was found in the file.
-    pub fn found(&mut self, block: Block, table: Table) -> Result<()> {
-        let Table::Samples(entries) = table else {
+    pub fn found(&mut self, block: DiskBlock, table: BlockTable) -> Result<()> {
+        let BlockTable::Samples(entries) = table else {
             self.list_block(Arc::new(block), Some(table))?;
             return Ok(());
         };
@@ -112,11 +112,11 @@ impl State {
     }
 
     /// Lists a block, and what it holds except samples. Returns its number.
-    pub fn list_block(&mut self, block: Arc<Block>, table: Option<Table>) -> Result<u32> {
+    pub fn list_block(&mut self, block: Arc<DiskBlock>, table: Option<BlockTable>) -> Result<u32> {
         let id = self.directory.add_block(Arc::clone(&block))?;
         match (table, block.header.kind) {
-            (Some(Table::Blob(part)), _) => self.blobs.add(part, id, block),
-            (Some(Table::Shares(runs)), _) => {
+            (Some(BlockTable::Blob(part)), _) => self.blobs.add(part, id, block),
+            (Some(BlockTable::Shares(runs)), _) => {
                 for run in runs.iter().filter(|run| run.layer > 0) {
                     *self.layers.entry(run.layer).or_default() += u64::from(run.entry.count);
                 }

@@ -2,13 +2,13 @@
 
 use std::fmt;
 
-use holo_section::{Run, Sample};
+use holo_section::{NumberRun, Sample};
 
 use crate::format::SAMPLE_BYTES;
 
 /// The next free sample number of each kind in one beam: one more than the highest number stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
+pub struct NextNumbers {
     /// For [`Uniform`](holo_section::SampleKind::Uniform).
     pub uniform: u32,
     /// For [`ViewpointLimited`](holo_section::SampleKind::ViewpointLimited).
@@ -44,14 +44,14 @@ pub struct Options {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BeamSamples {
     /// The runs that `samples` consists of, in order. Their counts add up to its length.
-    pub runs: Vec<Run>,
+    pub runs: Vec<NumberRun>,
     /// The samples of all runs, one run after the other.
     pub samples: Vec<Sample>,
 }
 
 impl BeamSamples {
     /// Returns each run with its samples.
-    pub fn iter(&self) -> impl Iterator<Item = (&Run, &[Sample])> {
+    pub fn iter(&self) -> impl Iterator<Item = (&NumberRun, &[Sample])> {
         let mut rest = self.samples.as_slice();
         self.runs.iter().map(move |run| {
             let (samples, after) = rest.split_at((run.count as usize).min(rest.len()));

@@ -36,7 +36,7 @@ pub(crate) fn visible(offers: &[Offer]) -> Vec<Visible> {
     if disjoint {
         return order.into_iter().map(whole).collect();
     }
-    let mut painted = Painted::default();
+    let mut painted = VisibleRuns::default();
     for (i, offer) in offers.iter().enumerate() {
         let (begin, end) = (offer.first, offer.first + offer.count);
         if offer.supersedes {
@@ -55,9 +55,9 @@ pub(crate) fn visible(offers: &[Offer]) -> Vec<Visible> {
 
 /// Disjoint runs: (kind, first) to (end, offer).
 #[derive(Default)]
-struct Painted(BTreeMap<(u8, u32), (u32, usize)>);
+struct VisibleRuns(BTreeMap<(u8, u32), (u32, usize)>);
 
-impl Painted {
+impl VisibleRuns {
     fn overlapping(&self, kind: u8, begin: u32, end: u32) -> Vec<(u32, u32, usize)> {
         let before = self.0.range((kind, 0)..(kind, begin)).next_back();
         let within = self.0.range((kind, begin)..(kind, end));

@@ -7,12 +7,12 @@ use std::sync::{Arc, MutexGuard};
 use std::time::{Duration, Instant};
 
 use crate::Result;
-use crate::batch::Batch;
-use crate::directory::Block;
+use crate::batch::WriteBatch;
+use crate::directory::DiskBlock;
 use crate::format::Entry;
 use crate::index_write::{CLOSING_RANGES, IndexWriter};
-use crate::shared::Shared;
-use crate::state::State;
+use crate::shared::OpenFile;
+use crate::state::FileState;
 
 /// Longest wait of samples before they are written. Even on a slow disk, the write then ends within
 /// the promised second.
@@ -25,7 +25,7 @@ const RETRY_INTERVAL: Duration = Duration::from_millis(500);
 const EXTENTS_TOGETHER: usize = 1024;
 
 /// Wakes threads that wait for the writer when it ends, even by a panic.
-struct Gone<'a>(&'a Shared);
+struct Gone<'a>(&'a OpenFile);
 
 impl Drop for Gone<'_> {
     fn drop(&mut self) {
@@ -36,7 +36,7 @@ impl Drop for Gone<'_> {
 
 /// Runs the writer's thread. It ends when it must stop and nothing is left to write, or when
 /// writing fails for good.
-pub(crate) fn run(shared: &Arc<Shared>, mut index: IndexWriter) {
+pub(crate) fn run(shared: &Arc<OpenFile>, mut index: IndexWriter) {
     let _gone = Gone(shared);
     let mut failed_at: Option<Instant> = None;
     while let Some(batch) = next_batch(shared, failed_at) {
@@ -51,7 +51,7 @@ pub(crate) fn run(shared: &Arc<Shared>, mut index: IndexWriter) {
                 let done = state.batch_written();
                 drop(state);
                 drop(batch);
-                let spare = done.and_then(Arc::into_inner).map(Batch::emptied);
+                let spare = done.and_then(Arc::into_inner).map(WriteBatch::emptied);
                 state = shared.state();
                 state.spare = spare;
                 state.last_error = None;
@@ -77,7 +77,7 @@ pub(crate) fn run(shared: &Arc<Shared>, mut index: IndexWriter) {
 }
 
 /// Writes the index of a file that is closed.
-fn close_index(shared: &Shared, index: &mut IndexWriter) {
+fn close_index(shared: &OpenFile, index: &mut IndexWriter) {
     if shared.state().lost.is_some() || !index.is_due_at_close(shared) {
         return;
     }
@@ -89,7 +89,7 @@ fn close_index(shared: &Shared, index: &mut IndexWriter) {
 }
 
 /// Lists a block's extents in small groups, so that appends and reads wait only briefly.
-fn list(shared: &Shared, block: Block, entries: &[Entry]) -> Result<()> {
+fn list(shared: &OpenFile, block: DiskBlock, entries: &[Entry]) -> Result<()> {
     let id = shared.state().directory.add_block(Arc::new(block))?;
     let mut at = 0;
     for some in entries.chunks(EXTENTS_TOGETHER) {
@@ -103,8 +103,8 @@ fn list(shared: &Shared, block: Block, entries: &[Entry]) -> Result<()> {
 }
 
 /// Waits for a batch to write; `None` when the writer must stop.
-fn next_batch(shared: &Shared, failed_at: Option<Instant>) -> Option<Arc<Batch>> {
-    let mut state: MutexGuard<State> = shared.state();
+fn next_batch(shared: &OpenFile, failed_at: Option<Instant>) -> Option<Arc<WriteBatch>> {
+    let mut state: MutexGuard<FileState> = shared.state();
     loop {
         if state.stop {
             state.freeze();

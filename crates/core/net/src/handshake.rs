@@ -3,7 +3,7 @@
 use holo_proto::{
     ProtoError,
     control::{Control, Welcome},
-    frame::{Kind, MAX_HELLO_BYTES},
+    frame::{FrameKind, MAX_HELLO_BYTES},
     hello::{Answer, Hello, Role},
     proof::{Challenge, MachineProof, Proof},
 };
@@ -100,11 +100,11 @@ async fn introduce(
     machine: Option<&MachineKey>,
 ) -> Result<(Inbox, Outbox, Welcome), NetError> {
     let hello = Hello::new(role, name).encode();
-    outbox.send(Kind::Hello, &hello)?;
+    outbox.send(FrameKind::Hello, &hello)?;
     if token.is_some() || role == Role::Worker {
         let challenge = challenged(&mut reader).await?;
         if let Some((token, _)) = &token {
-            outbox.send(Kind::Proof, &prove(token, &challenge, &hello).encode())?;
+            outbox.send(FrameKind::Proof, &prove(token, &challenge, &hello).encode())?;
         }
         if role == Role::Worker {
             let fingerprint = token.map_or(NO_CERTIFICATE, |(_, fingerprint)| fingerprint);
@@ -112,11 +112,11 @@ async fn introduce(
                 Some(machine) => machine.prove(&challenge, &fingerprint, &hello),
                 None => MachineKey::new()?.prove(&challenge, &fingerprint, &hello),
             };
-            outbox.send(Kind::MachineProof, &proof.encode())?;
+            outbox.send(FrameKind::MachineProof, &proof.encode())?;
         }
     }
-    accepted(&reader.frame_of(Kind::Answer).await?)?;
-    match Control::decode(&reader.frame_of(Kind::Control).await?)? {
+    accepted(&reader.frame_of(FrameKind::Answer).await?)?;
+    match Control::decode(&reader.frame_of(FrameKind::Control).await?)? {
         Control::Welcome(welcome) => {
             let inbox = Inbox::start(reader, outbox.downgrade(), FROM_THE_SERVER);
             Ok((inbox, outbox, *welcome))
@@ -144,8 +144,8 @@ async fn open(address: impl ToSocketAddrs) -> Result<TcpStream, NetError> {
 
 /// Waits for a server's challenge.
 async fn challenged(reader: &mut FrameReader) -> Result<Challenge, NetError> {
-    let (kind, payload) = reader.frame_of_either(Kind::Challenge, Kind::Answer).await?;
-    if kind == Kind::Answer {
+    let (kind, payload) = reader.frame_of_either(FrameKind::Challenge, FrameKind::Answer).await?;
+    if kind == FrameKind::Answer {
         accepted(&payload)?;
         // A server that asks for no proof is not the one that issued the token.
         return Err(ProtoError::NotHolodeck.into());
@@ -275,7 +275,7 @@ async fn refused(outbox: &Outbox, reason: &str) -> NetError {
 /// Sends a challenge.
 fn challenge(outbox: &Outbox) -> Result<Challenge, NetError> {
     let challenge = Challenge(random()?);
-    outbox.send(Kind::Challenge, &challenge.encode())?;
+    outbox.send(FrameKind::Challenge, &challenge.encode())?;
     Ok(challenge)
 }
 
@@ -286,7 +286,7 @@ async fn check_machine(
     fingerprint: &[u8; 32],
     hello: &[u8],
 ) -> Result<Option<MachineId>, NetError> {
-    let proof = MachineProof::decode(&reader.frame_of(Kind::MachineProof).await?)?;
+    let proof = MachineProof::decode(&reader.frame_of(FrameKind::MachineProof).await?)?;
     Ok(machine::proven(&proof, challenge, fingerprint, hello))
 }
 
@@ -295,7 +295,7 @@ async fn read_hello(
     reader: &mut FrameReader,
     outbox: &Outbox,
 ) -> Result<(Vec<u8>, Hello), NetError> {
-    let bytes = reader.frame_of(Kind::Hello).await?;
+    let bytes = reader.frame_of(FrameKind::Hello).await?;
     let hello = Hello::decode(&bytes);
     match hello.and_then(|hello| hello.check_version().map(|()| hello)) {
         Ok(hello) => Ok((bytes, hello)),
@@ -314,7 +314,7 @@ async fn check_proof(
     identity: &Identity,
     hello: &[u8],
 ) -> Result<Option<Access>, NetError> {
-    let proof = Proof::decode(&reader.frame_of(Kind::Proof).await?)?;
+    let proof = Proof::decode(&reader.frame_of(FrameKind::Proof).await?)?;
     let known = identity.tokens()?.into_iter().find(|(token, _)| token.id == proof.token);
     Ok(known.and_then(|(token, rights)| {
         let said = [&challenge.0, hello].concat();
@@ -329,7 +329,7 @@ async fn check_proof(
 /// [`ProtoError::TooLong`] if the welcome is longer than a control message may be.
 pub fn welcome(outbox: &Outbox, welcome: Welcome) -> Result<(), ProtoError> {
     let welcome = Control::Welcome(Box::new(welcome));
-    outbox.send(Kind::Answer, &Answer::Accepted.encode())?;
+    outbox.send(FrameKind::Answer, &Answer::Accepted.encode())?;
     outbox.control(&welcome)?;
     outbox.keep_alive();
     Ok(())
@@ -338,7 +338,7 @@ pub fn welcome(outbox: &Outbox, welcome: Welcome) -> Result<(), ProtoError> {
 /// Refuses a peer with a reason. The connection ends when the halves are dropped.
 pub fn refuse(outbox: &Outbox, reason: &str) {
     // The answer to a hello always fits its frame, because texts are truncated.
-    let _ = outbox.send(Kind::Answer, &Answer::Refused(reason.to_owned()).encode());
+    let _ = outbox.send(FrameKind::Answer, &Answer::Refused(reason.to_owned()).encode());
 }
 
 /// Disables Nagle's algorithm.

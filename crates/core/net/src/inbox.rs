@@ -8,7 +8,7 @@ use std::{
 use holo_proto::{
     ProtoError,
     control::{Control, Farewell},
-    frame::{HEADER_BYTES, Header, Kind},
+    frame::{FrameHeader, FrameKind, HEADER_BYTES},
 };
 use tokio::{
     io::{AsyncReadExt, BufReader},
@@ -142,7 +142,7 @@ impl FrameReader {
 
     /// Reads a frame of the given kind, and refuses others. A handshake reads nothing else, and
     /// nothing longer.
-    pub(crate) async fn frame_of(&mut self, kind: Kind) -> Result<Vec<u8>, NetError> {
+    pub(crate) async fn frame_of(&mut self, kind: FrameKind) -> Result<Vec<u8>, NetError> {
         match self.header().await {
             Ok(header) if header.kind == kind => self.payload(header).await,
             // The peer is a browser, for example, whose first bytes are no frame.
@@ -156,9 +156,9 @@ impl FrameReader {
     /// Reads a frame of one of two kinds, and refuses others.
     pub(crate) async fn frame_of_either(
         &mut self,
-        one: Kind,
-        other: Kind,
-    ) -> Result<(Kind, Vec<u8>), NetError> {
+        one: FrameKind,
+        other: FrameKind,
+    ) -> Result<(FrameKind, Vec<u8>), NetError> {
         match self.header().await {
             Ok(header) if header.kind == one || header.kind == other => {
                 Ok((header.kind, self.payload(header).await?))
@@ -177,14 +177,14 @@ impl FrameReader {
         Ok(Message::decode(header.kind, &payload)?)
     }
 
-    async fn header(&mut self) -> Result<Header, NetError> {
+    async fn header(&mut self) -> Result<FrameHeader, NetError> {
         let mut bytes = [0; HEADER_BYTES];
         self.fill(&mut bytes).await?;
-        Ok(Header::parse(bytes)?)
+        Ok(FrameHeader::parse(bytes)?)
     }
 
     /// Reads a payload. Memory is taken as its bytes arrive.
-    async fn payload(&mut self, header: Header) -> Result<Vec<u8>, NetError> {
+    async fn payload(&mut self, header: FrameHeader) -> Result<Vec<u8>, NetError> {
         let length = header.length as usize;
         let mut payload = Vec::new();
         let mut share = Unfinished::default();

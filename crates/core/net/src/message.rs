@@ -3,11 +3,11 @@
 use holo_proto::{
     ProtoError,
     bulk::{
-        BlobChunk, Cells, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted,
-        Results, Samples, Unseen, ViewRequest, Work,
+        BlobChunk, CellBatch, Light, LiveResults, LiveSamples, LiveWanted, LiveWork, RaysWanted,
+        Results, Unseen, ViewRequest, ViewSamples, WorkPackets,
     },
     control::Control,
-    frame::Kind,
+    frame::FrameKind,
 };
 
 /// Any message that may follow the handshake, parsed.
@@ -16,13 +16,13 @@ pub enum Message {
     /// A control message.
     Control(Control),
     /// Packets for a worker to trace.
-    Work(Work),
+    Work(WorkPackets),
     /// Samples that a worker has traced.
     Results(Results),
     /// A view that a display wants.
     View(ViewRequest),
     /// Samples for a display.
-    Samples(Samples),
+    Samples(ViewSamples),
     /// One piece of the scene or of the stand-ins.
     BlobChunk(BlobChunk),
     /// Beams whose rays hit nothing, for a display.
@@ -30,7 +30,7 @@ pub enum Message {
     /// Records of indirect light.
     Light(Light),
     /// Cells of surface light.
-    Cells(Cells),
+    Cells(CellBatch),
     /// Single rays that a display wants traced and stored.
     Rays(RaysWanted),
     /// Rays that a display wants traced and not stored.
@@ -44,25 +44,29 @@ pub enum Message {
 }
 
 impl Message {
-    pub(crate) fn decode(kind: Kind, payload: &[u8]) -> Result<Message, ProtoError> {
+    pub(crate) fn decode(kind: FrameKind, payload: &[u8]) -> Result<Message, ProtoError> {
         Ok(match kind {
-            Kind::Hello | Kind::Answer | Kind::Challenge | Kind::Proof | Kind::MachineProof => {
+            FrameKind::Hello
+            | FrameKind::Answer
+            | FrameKind::Challenge
+            | FrameKind::Proof
+            | FrameKind::MachineProof => {
                 return Err(ProtoError::Kind(kind as u8));
             }
-            Kind::Control => Message::Control(Control::decode(payload)?),
-            Kind::Work => Message::Work(Work::decode(payload)?),
-            Kind::Results => Message::Results(Results::decode(payload)?),
-            Kind::View => Message::View(ViewRequest::decode(payload)?),
-            Kind::Samples => Message::Samples(Samples::decode(payload)?),
-            Kind::BlobChunk => Message::BlobChunk(BlobChunk::decode(payload)?),
-            Kind::Unseen => Message::Unseen(Unseen::decode(payload)?),
-            Kind::Light => Message::Light(Light::decode(payload)?),
-            Kind::Cells => Message::Cells(Cells::decode(payload)?),
-            Kind::Rays => Message::Rays(RaysWanted::decode(payload)?),
-            Kind::LiveWanted => Message::LiveWanted(LiveWanted::decode(payload)?),
-            Kind::LiveWork => Message::LiveWork(LiveWork::decode(payload)?),
-            Kind::LiveResults => Message::LiveResults(LiveResults::decode(payload)?),
-            Kind::LiveSamples => Message::LiveSamples(LiveSamples::decode(payload)?),
+            FrameKind::Control => Message::Control(Control::decode(payload)?),
+            FrameKind::Work => Message::Work(WorkPackets::decode(payload)?),
+            FrameKind::Results => Message::Results(Results::decode(payload)?),
+            FrameKind::View => Message::View(ViewRequest::decode(payload)?),
+            FrameKind::Samples => Message::Samples(ViewSamples::decode(payload)?),
+            FrameKind::BlobChunk => Message::BlobChunk(BlobChunk::decode(payload)?),
+            FrameKind::Unseen => Message::Unseen(Unseen::decode(payload)?),
+            FrameKind::Light => Message::Light(Light::decode(payload)?),
+            FrameKind::Cells => Message::Cells(CellBatch::decode(payload)?),
+            FrameKind::Rays => Message::Rays(RaysWanted::decode(payload)?),
+            FrameKind::LiveWanted => Message::LiveWanted(LiveWanted::decode(payload)?),
+            FrameKind::LiveWork => Message::LiveWork(LiveWork::decode(payload)?),
+            FrameKind::LiveResults => Message::LiveResults(LiveResults::decode(payload)?),
+            FrameKind::LiveSamples => Message::LiveSamples(LiveSamples::decode(payload)?),
         })
     }
 }

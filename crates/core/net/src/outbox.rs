@@ -12,7 +12,7 @@ use std::{
 use holo_proto::{
     ProtoError,
     control::Control,
-    frame::{self, Kind},
+    frame::{self, FrameKind},
 };
 use tokio::{
     io::{AsyncWriteExt, BufWriter},
@@ -37,7 +37,7 @@ impl Outbox {
     pub(crate) fn start(socket: WriteHalf) -> Outbox {
         let (queue, frames) = mpsc::unbounded_channel();
         let queued = Arc::new(AtomicUsize::new(0));
-        let writer = Writer {
+        let writer = OutboxWriter {
             stream: BufWriter::with_capacity(1 << 16, socket),
             in_hand: 0,
             queued: Arc::clone(&queued),
@@ -51,7 +51,7 @@ impl Outbox {
     ///
     /// # Errors
     /// [`ProtoError::TooLong`] if the payload must be split.
-    pub fn send(&self, kind: Kind, payload: &[u8]) -> Result<(), ProtoError> {
+    pub fn send(&self, kind: FrameKind, payload: &[u8]) -> Result<(), ProtoError> {
         let frame = frame::encode(kind, payload)?;
         let bytes = frame.len();
         self.queued.fetch_add(bytes, Ordering::Relaxed);
@@ -66,7 +66,7 @@ impl Outbox {
     /// # Errors
     /// As [`Control::encode`].
     pub fn control(&self, message: &Control) -> Result<(), ProtoError> {
-        self.send(Kind::Control, &message.encode()?)
+        self.send(FrameKind::Control, &message.encode()?)
     }
 
     /// Closes the connection once all frames queued so far are written. Later frames are dropped.
@@ -134,14 +134,14 @@ impl WeakOutbox {
 /// It ends with the last [`Outbox`], at an empty frame, or when the other side is gone. It also
 /// ends when the other side has taken nothing for [`SILENCE`]: a process that hangs must not hold
 /// its connection's memory for ever.
-struct Writer {
+struct OutboxWriter {
     stream: BufWriter<WriteHalf>,
     /// Bytes taken off the queue, counted in `queued` and not yet with the operating system.
     in_hand: usize,
     queued: Arc<AtomicUsize>,
 }
 
-impl Writer {
+impl OutboxWriter {
     async fn run(mut self, mut frames: mpsc::UnboundedReceiver<Vec<u8>>) {
         if self.write_all(&mut frames).await.is_ok() {
             let _ = timeout(SILENCE, self.stream.shutdown()).await;

@@ -33,7 +33,7 @@ pub use hash::seed;
 pub use importance::ImportanceTable;
 pub use line::LineHit;
 pub use order::BeamOrder;
-pub use run::{BeamKey, Run};
+pub use run::{BeamKey, NumberRun};
 pub use sample::{Sample, SampleKind};
 pub use sampler::{BeamSampler, Viewpoint};
 pub use section::{

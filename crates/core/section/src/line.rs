@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use crate::cells::{CellIndex, CellPair, RayCoords, wall_directions};
-use crate::section::{Frame, Section};
+use crate::section::{Section, StepMap};
 
 /// Where a line meets a section. Points are `origin + t * direction` of that line.
 #[derive(Copy, Clone, Debug, PartialEq)]
@@ -82,7 +82,7 @@ impl Section {
 /// A point that may be a stored ray's entry or exit point, rounded to world coordinates, becomes
 /// exactly that point. Otherwise the slope of a grazing ray multiplies the rounding error, and
 /// moves the ray's other end by many byte positions.
-fn snap_to_stored(frame: Frame, world: DVec3) -> DVec3 {
+fn snap_to_stored(frame: StepMap, world: DVec3) -> DVec3 {
     let steps = frame.to_steps(world);
     let uncertainty = frame.uncertainty(world);
     for axis in 0..3 {
@@ -100,7 +100,7 @@ fn snap_to_stored(frame: Frame, world: DVec3) -> DVec3 {
 }
 
 /// Returns the cell and byte position of a point on a wall. The point is in steps.
-fn cell_at(frame: Frame, wall: u8, point: DVec3) -> (CellIndex, [u8; 2]) {
+fn cell_at(frame: StepMap, wall: u8, point: DVec3) -> (CellIndex, [u8; 2]) {
     let (u, v) = wall_directions(wall);
     // Rounding may put a point just outside. Below 0 the conversion saturates.
     let step = |axis: usize| (point[axis] as u32).min(frame.size[axis] as u32 - 1);

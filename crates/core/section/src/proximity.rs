@@ -15,7 +15,7 @@ use glam::DVec3;
 
 use crate::cells::{CellIndex, CellPair, RayCoords};
 use crate::polygon::{Linear, Region, clip_unit_square};
-use crate::section::{Frame, STEPS_PER_CELL};
+use crate::section::{STEPS_PER_CELL, StepMap};
 use crate::sobol::ScrambledSobol;
 
 /// Greatest distance, in byte positions, of the search for a ray nearer to the eye, by growing
@@ -47,7 +47,7 @@ const MAX_MARGIN: f64 = 1e9;
 /// The rays of one beam near one eye.
 #[derive(Clone, Debug)]
 pub(crate) struct Proximity {
-    frame: Frame,
+    frame: StepMap,
     far: CellIndex,
     near: CellIndex,
     far_is_entry: bool,
@@ -67,7 +67,7 @@ impl Proximity {
     /// Returns `None` if no ray of the beam passes within `radius` of the eye, or the eye is not
     /// finite.
     pub(crate) fn new(
-        frame: Frame,
+        frame: StepMap,
         pair: CellPair,
         eye: DVec3,
         radius: f64,

@@ -36,7 +36,7 @@ impl fmt::Display for BeamKey {
 /// A sample's name is its beam, its kind and its number. Numbers of different kinds are independent
 /// of each other.
 #[derive(Copy, Clone, Debug, PartialEq, Eq)]
-pub struct Run {
+pub struct NumberRun {
     /// The beam.
     pub key: BeamKey,
     /// How the rays were chosen.

@@ -8,7 +8,7 @@ use glam::DVec3;
 use crate::cells::{BeamId, CellPair, RayCoords};
 use crate::hash::combine;
 use crate::proximity::Proximity;
-use crate::section::{Frame, Section, SectionRay};
+use crate::section::{Section, SectionRay, StepMap};
 use crate::sobol::ScrambledSobol;
 
 /// An eye near which rays are wanted.
@@ -23,7 +23,7 @@ pub struct Viewpoint {
 /// Chooses the rays of one beam, by sample number.
 #[derive(Clone, Debug)]
 pub struct BeamSampler {
-    frame: Frame,
+    frame: StepMap,
     pair: CellPair,
     sequence: ScrambledSobol,
     proximity: Option<Proximity>,

@@ -115,7 +115,7 @@ pub fn ray_eye_distance(ray: &SectionRay, eye: DVec3) -> f64 {
 
 /// The affine map between world coordinates and steps.
 #[derive(Copy, Clone, Debug, PartialEq)]
-pub(crate) struct Frame {
+pub(crate) struct StepMap {
     pub(crate) origin: DVec3,
     /// World vectors of one step along each axis.
     step: [DVec3; 3],
@@ -127,13 +127,13 @@ pub(crate) struct Frame {
     extent: DVec3,
 }
 
-impl Frame {
+impl StepMap {
     fn new(origin: DVec3, axes: [DVec3; 3], grid: [u32; 3]) -> Self {
         let size = DVec3::from_array(grid.map(|n| f64::from(n) * STEPS_PER_CELL));
         let [a, b, c] = axes;
         let det = a.dot(b.cross(c));
         let dual = [b.cross(c), c.cross(a), a.cross(b)];
-        Frame {
+        StepMap {
             origin,
             step: [a / size.x, b / size.y, c / size.z],
             dual: [dual[0] * (size.x / det), dual[1] * (size.y / det), dual[2] * (size.z / det)],
@@ -207,7 +207,7 @@ impl Frame {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Section {
     spec: SectionSpec,
-    pub(crate) frame: Frame,
+    pub(crate) frame: StepMap,
     numbering: Numbering,
     axes: [DVec3; 3],
     diagonal: f64,
@@ -242,7 +242,7 @@ impl Section {
             return Err(SectionError::Degenerate { axes: spec.axes, height, diagonal });
         }
         let origin = DVec3::from_array(spec.origin);
-        let frame = Frame::new(origin, axes, spec.grid);
+        let frame = StepMap::new(origin, axes, spec.grid);
         let farthest = origin.abs() + frame.extent;
         let uncertainty = frame.uncertainty(farthest).max_element();
         if uncertainty > MAX_UNCERTAINTY {

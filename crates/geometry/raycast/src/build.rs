@@ -21,8 +21,8 @@ use rustc_hash::FxBuildHasher;
 
 use crate::dispatch::LARGE_STACK;
 use crate::facet::Facet;
-use crate::node::{Block, Hierarchy, LANES, LEAF, Node, SmallScene, WIDTH};
-use crate::tree::Tree;
+use crate::node::{Hierarchy, LANES, LEAF, SmallScene, TriangleBlock, WIDTH, WideNode};
+use crate::tree::BinaryTree;
 
 /// Padding of boxes, as a share of the greatest coordinate.
 ///
@@ -33,7 +33,7 @@ use crate::tree::Tree;
 pub(crate) const PAD: f32 = 1.0 / (1 << 19) as f32;
 
 /// Least padding. A scene whose vertices are all 0 still needs boxes that are not empty, and the
-/// padding must exceed the least step of a [`Node`].
+/// padding must exceed the least step of a [`WideNode`].
 pub(crate) const LEAST_PAD: f32 = 1e-25;
 
 /// Number of boxes up to which the preset is followed. Beyond it, pairs are searched for less far,
@@ -65,7 +65,7 @@ pub(crate) fn hierarchy(facets: &[Facet], reach: f32) -> Hierarchy {
 pub(crate) fn padded(facets: &[Facet], pad: f32) -> Hierarchy {
     let hierarchy = collapse(&tree_of(facets), facets, pad);
     match hierarchy.stack_need > LARGE_STACK {
-        true => collapse(&Tree::balanced(&boxes(facets)), facets, pad),
+        true => collapse(&BinaryTree::balanced(&boxes(facets)), facets, pad),
         false => hierarchy,
     }
 }
@@ -73,7 +73,7 @@ pub(crate) fn padded(facets: &[Facet], pad: f32) -> Hierarchy {
 /// Builds a hierarchy over boxes, at least one. Leaves are references to single boxes: [`LEAF`] and
 /// the index.
 pub(crate) fn over_boxes(boxes: &[Aabb], pad: f32) -> Hierarchy {
-    let collapse = |tree: &Tree| {
+    let collapse = |tree: &BinaryTree| {
         let mut hierarchy = Hierarchy::default();
         collapse_to(&mut hierarchy, tree, 1, pad, |_, index| index[0]);
         hierarchy
@@ -83,7 +83,7 @@ pub(crate) fn over_boxes(boxes: &[Aabb], pad: f32) -> Hierarchy {
         agglomerated(&boxes, (0..boxes.len() as u32).collect())
     }));
     match hierarchy.stack_need > LARGE_STACK {
-        true => collapse(&Tree::balanced(boxes)),
+        true => collapse(&BinaryTree::balanced(boxes)),
         false => hierarchy,
     }
 }
@@ -98,7 +98,7 @@ fn bounds(facet: &Facet) -> Aabb {
 }
 
 /// Builds a binary tree over facets.
-fn tree_of(facets: &[Facet]) -> Tree {
+fn tree_of(facets: &[Facet]) -> BinaryTree {
     joined(&boxes(facets), |chosen| binary(&of(facets, chosen)))
 }
 
@@ -112,17 +112,17 @@ fn of<'a, T: Copy>(items: &'a [T], numbers: Option<&[u32]>) -> Cow<'a, [T]> {
 
 /// Builds a binary tree over boxes. `build` joins the boxes of these numbers, or all. It refers to
 /// them by their positions in the list. Of many equal boxes it gets one.
-fn joined(boxes: &[Aabb], build: impl FnOnce(Option<&[u32]>) -> Bvh2) -> Tree {
+fn joined(boxes: &[Aabb], build: impl FnOnce(Option<&[u32]>) -> Bvh2) -> BinaryTree {
     let groups = equal_boxes(boxes);
     if groups.is_empty() {
-        return Tree::from_obvhs(&build(None));
+        return BinaryTree::from_obvhs(&build(None));
     }
     let mut is_chosen = vec![true; boxes.len()];
     groups.iter().flat_map(|group| &group[1..]).for_each(|&i| is_chosen[i as usize] = false);
     let chosen: Vec<u32> = (0..boxes.len() as u32).filter(|&i| is_chosen[i as usize]).collect();
     let mut bvh = build(Some(&chosen));
     bvh.primitive_indices.iter_mut().for_each(|i| *i = chosen[*i as usize]);
-    let mut tree = Tree::from_obvhs(&bvh);
+    let mut tree = BinaryTree::from_obvhs(&bvh);
     tree.add_equal(&groups);
     tree
 }
@@ -194,7 +194,7 @@ fn optimize(bvh: &mut Bvh2, boxes: usize) {
     ReinsertionOptimizer::default().run(bvh, ratio * share, None);
 }
 
-fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
+fn collapse(tree: &BinaryTree, facets: &[Facet], pad: f32) -> Hierarchy {
     // Large pages: a million triangles exceed the translation cache by far.
     let mut hierarchy = Hierarchy {
         nodes: holo_cpu::reserved(facets.len() / FACETS_OF_NODE),
@@ -212,12 +212,12 @@ fn collapse(tree: &Tree, facets: &[Facet], pad: f32) -> Hierarchy {
 /// `lanes` triangles.
 fn collapse_to(
     hierarchy: &mut Hierarchy,
-    tree: &Tree,
+    tree: &BinaryTree,
     lanes: usize,
     pad: f32,
-    leaf: impl Fn(&mut Vec<Block>, &[u32]) -> u32,
+    leaf: impl Fn(&mut Vec<TriangleBlock>, &[u32]) -> u32,
 ) {
-    hierarchy.nodes.push(Node::EMPTY);
+    hierarchy.nodes.push(WideNode::EMPTY);
     // Depth first, so that a subtree is contiguous in memory.
     let mut pending = vec![(0_u32, 0_usize, 1_usize)];
     let (mut children, mut boxes) = (Vec::with_capacity(WIDTH), Vec::with_capacity(WIDTH));
@@ -232,7 +232,7 @@ fn collapse_to(
                 tree.triangles(child, &mut below, &mut triangles);
                 LEAF | leaf(&mut hierarchy.blocks, &triangles)
             } else {
-                hierarchy.nodes.push(Node::EMPTY);
+                hierarchy.nodes.push(WideNode::EMPTY);
                 let node = hierarchy.nodes.len() - 1;
                 pending.push((child, node, depth + 1));
                 node as u32
@@ -244,8 +244,8 @@ fn collapse_to(
     }
 }
 
-fn block(triangles: &[u32], facets: &[Facet]) -> Block {
-    let mut block = Block::EMPTY;
+fn block(triangles: &[u32], facets: &[Facet]) -> TriangleBlock {
+    let mut block = TriangleBlock::EMPTY;
     for (lane, &triangle) in triangles.iter().enumerate() {
         block.set(lane, triangle, facets[triangle as usize].vertices.map(|v| v.to_array()));
     }
@@ -282,7 +282,7 @@ mod tests {
     #[test]
     fn every_triangle_is_in_a_leaf_and_inside_the_boxes_above_it() {
         let facets = chain(300);
-        for tree in [tree_of(&facets), Tree::balanced(&boxes(&facets))] {
+        for tree in [tree_of(&facets), BinaryTree::balanced(&boxes(&facets))] {
             let h = collapse(&tree, &facets, 1e-6);
             assert_eq!(references(&h), (0..300).collect::<Vec<_>>());
             // Split triangles extend beyond their boxes; these are too small to be split.
@@ -335,7 +335,7 @@ mod tests {
     #[test]
     fn a_balanced_tree_never_exceeds_the_stack() {
         let facets = chain(3000);
-        let h = collapse(&Tree::balanced(&boxes(&facets)), &facets, 1e-6);
+        let h = collapse(&BinaryTree::balanced(&boxes(&facets)), &facets, 1e-6);
         assert_eq!(references(&h).len(), 3000);
         // There are 3000 / 4 leaves, and a node opens at least two levels of a balanced tree.
         assert!(h.stack_need <= (WIDTH - 1) * 12 + 1, "{}", h.stack_need);

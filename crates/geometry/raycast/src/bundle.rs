@@ -3,9 +3,9 @@
 //! Invariant: the pyramid is wider than its rays by more than the rounding of the tests. It
 //! excludes no box or triangle that a ray may meet.
 
-use crate::node::{Block, LANES, Node, ROW, WIDTH};
+use crate::node::{LANES, ROW, TriangleBlock, WIDTH, WideNode};
 use crate::prepared::{LENGTH_SQUARED, Prepared};
-use crate::simd::Near;
+use crate::simd::ChildDistances;
 use crate::triangle::Directions;
 use crate::{MAX_TILE, Ray};
 
@@ -21,9 +21,9 @@ pub(crate) const ROWS: usize = MAX_TILE / ROW;
 /// A side of the pyramid, compared with one side of a box. `(row * step + origin + shift) * factor`
 /// bounds the distances along the main axis at which a ray may be in the box.
 #[derive(Clone, Copy)]
-struct Side {
+struct PyramidSide {
     axis: usize,
-    /// Index into `Node::bounds`.
+    /// Index into `WideNode::bounds`.
     row: usize,
     shift: f32,
     factor: f32,
@@ -42,7 +42,7 @@ pub(crate) struct Bundle<'a> {
     sign: f32,
     /// Least and greatest slope along the minor axes.
     slopes: [(f32, f32); 2],
-    sides: [Side; 6],
+    sides: [PyramidSide; 6],
     pub slack: f32,
     /// Shears by axis, row and ray.
     pub shear: [[[f32; ROW]; ROWS]; 2],
@@ -113,7 +113,7 @@ impl<'a> Bundle<'a> {
             return None;
         }
         let slack = SLACK * reach;
-        let along = |row: usize, shift: f32, is_lower: bool| Side {
+        let along = |row: usize, shift: f32, is_lower: bool| PyramidSide {
             axis: main,
             row,
             shift,
@@ -129,10 +129,20 @@ impl<'a> Bundle<'a> {
             let high = if high.abs() < LEAST_SLOPE { LEAST_SLOPE } else { high };
             let axis = axes[other];
             // high * distance >= the box's least coordinate, low * distance <= its greatest.
-            sides[2 + 2 * other] =
-                Side { axis, row: 0, shift: -slack, factor: high.recip(), is_lower: high > 0.0 };
-            sides[3 + 2 * other] =
-                Side { axis, row: 1, shift: slack, factor: low.recip(), is_lower: low < 0.0 };
+            sides[2 + 2 * other] = PyramidSide {
+                axis,
+                row: 0,
+                shift: -slack,
+                factor: high.recip(),
+                is_lower: high > 0.0,
+            };
+            sides[3 + 2 * other] = PyramidSide {
+                axis,
+                row: 1,
+                shift: slack,
+                factor: low.recip(),
+                is_lower: low < 0.0,
+            };
         }
         Some(Self {
             rays,
@@ -153,7 +163,7 @@ impl<'a> Bundle<'a> {
     /// Returns the distances at which the pyramid may enter the eight boxes, and one bit per box
     /// that it may enter before `limit`.
     #[inline(always)]
-    pub(crate) fn enter(&self, node: &Node, limit: f32) -> (Near, u32) {
+    pub(crate) fn enter(&self, node: &WideNode, limit: f32) -> (ChildDistances, u32) {
         let mut near = [0.0_f32; WIDTH];
         let mut far = [limit; WIDTH];
         let origin = &self.eye;
@@ -181,13 +191,13 @@ impl<'a> Bundle<'a> {
             near[i] *= 1.0 - SLACK;
             mask |= u32::from(near[i] <= far[i] * (1.0 + SLACK) + self.slack) << i;
         }
-        (Near(near), mask)
+        (ChildDistances(near), mask)
     }
 
     /// Returns the corners of the block's triangles relative to the origin, along the axes of the
     /// rays.
     #[inline(always)]
-    pub(crate) fn relative(&self, block: &Block) -> Corners {
+    pub(crate) fn relative(&self, block: &TriangleBlock) -> Corners {
         let mut corners = [[[0.0; LANES]; 3]; 3];
         for (axis, corners) in corners.iter_mut().enumerate() {
             let from = &block.vertices[self.axes[axis] % 3];

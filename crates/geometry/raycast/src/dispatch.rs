@@ -24,7 +24,7 @@ pub(crate) const LARGE_STACK: usize = 512;
 
 /// The instruction set for tracing on this processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Isa {
+pub(crate) enum RayIsa {
     Portable,
     #[cfg(target_arch = "x86_64")]
     Avx2(Avx2),
@@ -32,7 +32,7 @@ pub(crate) enum Isa {
     Avx512(Avx512),
 }
 
-impl Isa {
+impl RayIsa {
     pub(crate) fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
         {
@@ -86,7 +86,7 @@ impl Isa {
     }
 }
 
-impl Isa {
+impl RayIsa {
     /// Finds the nearest hits of at most [`MAX_TILE`](crate::MAX_TILE) rays from one eye. Returns
     /// `false` if they are not from one eye.
     #[allow(unsafe_code)]
@@ -129,7 +129,7 @@ impl Isa {
     }
 }
 
-impl Isa {
+impl RayIsa {
     /// Replaces `best` by the nearest hit on an instance that is nearer, or with `ANY` by some hit.
     #[allow(unsafe_code)]
     pub(crate) fn trace_instances<const ANY: bool>(

@@ -18,7 +18,7 @@ use crate::build::{self, LEAST_PAD, PAD};
 use crate::dispatch::{LARGE_STACK, SMALL_STACK};
 use crate::facet::{BuildError, facets};
 use crate::kernel::Query;
-use crate::node::{Block, Hierarchy, LANES, LEAF, Node, WIDTH};
+use crate::node::{Hierarchy, LANES, LEAF, TriangleBlock, WIDTH, WideNode};
 use crate::prepared::Prepared;
 use crate::simd::{STRETCH, Simd, entry, unpack};
 use crate::triangle::intersect;
@@ -151,7 +151,7 @@ fn visit<S: Simd, const STACK: usize, const ANY: bool>(
 
 /// The leaves of a hierarchy that a ray enters, nearest first.
 struct Walk<'a, const STACK: usize> {
-    nodes: &'a [Node],
+    nodes: &'a [WideNode],
     ray: &'a Prepared,
     /// Where the ray begins, in units of its direction.
     begin: f32,
@@ -218,10 +218,10 @@ fn local(placement: &Placement, ray: &Prepared) -> Option<(Prepared, f32)> {
 
 /// Returns a leaf's triangles at their places in the scene.
 #[inline(always)]
-fn placed(block: &Block, instance: &Instance) -> Block {
+fn placed(block: &TriangleBlock, instance: &Instance) -> TriangleBlock {
     let rows = instance.placement.rows();
     let order = if instance.placement.is_mirrored() { [0, 2, 1] } else { [0, 1, 2] };
-    let mut placed = Block::EMPTY;
+    let mut placed = TriangleBlock::EMPTY;
     let [x, y, z] = &block.vertices;
     for (axis, row) in rows.iter().enumerate() {
         for (vertex, from) in order.into_iter().enumerate() {

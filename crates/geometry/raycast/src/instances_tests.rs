@@ -138,7 +138,7 @@ fn hits_on_instances_have_the_same_bits_as_on_copies() {
         let flat = Raycaster::build(flat).expect("built");
         assert_eq!(shared.reach, flat.reach);
         let expected = answers(&flat, &rays);
-        for isa in Isa::all() {
+        for isa in RayIsa::all() {
             shared.isa = isa;
             let found = answers(&shared, &rays);
             for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {

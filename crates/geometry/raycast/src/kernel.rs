@@ -4,7 +4,7 @@
 //! of the three operations of a slab test (Ize 2013, "Robust BVH Ray Traversal"). Boxes are padded
 //! for the rounding of the triangle test.
 
-use crate::node::{FEW, Hierarchy, LEAF, Node, ROW, SmallScene, WIDTH};
+use crate::node::{FEW, Hierarchy, LEAF, ROW, SmallScene, WIDTH, WideNode};
 use crate::prepared::Prepared;
 use crate::simd::{STRETCH, Simd, unpack};
 use crate::triangle::{consider, intersect};
@@ -141,7 +141,7 @@ pub(crate) fn advance<S: Simd, const ANY: bool, const ALONE: bool>(
 
 /// Starts to fetch the children in `mask`.
 #[inline(always)]
-fn prefetch_children<S: Simd>(simd: S, hierarchy: &Hierarchy, node: &Node, mut mask: u32) {
+fn prefetch_children<S: Simd>(simd: S, hierarchy: &Hierarchy, node: &WideNode, mut mask: u32) {
     while mask != 0 {
         prefetch(simd, hierarchy, node.children[mask.trailing_zeros() as usize % WIDTH]);
         mask &= mask - 1;

@@ -17,7 +17,7 @@ pub(crate) const WIDTH: usize = 8;
 pub(crate) const LANES: usize = 4;
 /// Most triangles of a [`SmallScene`]: one bit each.
 pub(crate) const FEW: usize = 64;
-/// Number of triangles of a [`Row`].
+/// Number of triangles of a [`TriangleRow`].
 pub(crate) const ROW: usize = 16;
 /// Set in a reference to a leaf block; the other bits are an index.
 pub(crate) const LEAF: u32 = 1 << 31;
@@ -29,7 +29,7 @@ const LEAST_STEP: f64 = f64::from_bits((1023 - 90) << 52);
 /// Eight boxes, as bytes on the node's own grid, and references to their contents.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub(crate) struct Node {
+pub(crate) struct WideNode {
     /// The coordinates of byte 0, by axis.
     pub origin: [f32; 3],
     /// The size of one unit of a byte, by axis: a power of two.
@@ -41,9 +41,9 @@ pub(crate) struct Node {
     pub children: [u32; WIDTH],
 }
 
-const _: () = assert!(size_of::<Node>() == 128);
+const _: () = assert!(size_of::<WideNode>() == 128);
 
-impl Node {
+impl WideNode {
     pub(crate) const EMPTY: Self = Self {
         origin: [0.0; 3],
         step: [0.0; 3],
@@ -91,14 +91,14 @@ impl Node {
 /// Up to four triangles.
 #[derive(Clone, Copy, Debug, Zeroable)]
 #[repr(C, align(64))]
-pub(crate) struct Block {
+pub(crate) struct TriangleBlock {
     /// Indexed by axis, vertex and lane. The fourth vertex does not exist and fills the register.
     pub vertices: [[[f32; LANES]; 4]; 3],
 }
 
-const _: () = assert!(size_of::<Block>() == 192);
+const _: () = assert!(size_of::<TriangleBlock>() == 192);
 
-impl Block {
+impl TriangleBlock {
     pub(crate) const EMPTY: Self = Self { vertices: [[[f32::NAN; LANES]; 4]; 3] };
 
     /// Returns the scene's index of a lane's triangle. It is stored in the unused fourth vertex.
@@ -135,7 +135,7 @@ impl Block {
 /// Sixteen triangles as a structure of arrays.
 #[derive(Clone, Copy, Debug, Zeroable)]
 #[repr(C, align(64))]
-pub(crate) struct Row {
+pub(crate) struct TriangleRow {
     /// Indexed by axis, vertex and lane.
     pub vertices: [[[f32; ROW]; 3]; 3],
 }
@@ -143,7 +143,7 @@ pub(crate) struct Row {
 /// All triangles of a scene with at most [`FEW`] of them, in the scene's order.
 #[derive(Debug)]
 pub(crate) struct SmallScene {
-    pub rows: Vec<Row>,
+    pub rows: Vec<TriangleRow>,
     /// Vertices, indexed by triangle.
     pub triangles: Vec<[[f32; 3]; 3]>,
 }
@@ -153,8 +153,10 @@ impl SmallScene {
         if triangles.len() > FEW {
             return None;
         }
-        let mut rows =
-            vec![Row { vertices: [[[f32::NAN; ROW]; 3]; 3] }; triangles.len().div_ceil(ROW)];
+        let mut rows = vec![
+            TriangleRow { vertices: [[[f32::NAN; ROW]; 3]; 3] };
+            triangles.len().div_ceil(ROW)
+        ];
         for (i, vertices) in triangles.iter().enumerate() {
             for (vertex, position) in vertices.iter().enumerate() {
                 for (axis, coordinate) in position.iter().enumerate() {
@@ -169,8 +171,8 @@ impl SmallScene {
 /// The hierarchy. The root is node 0; without triangles there are no nodes.
 #[derive(Debug, Default)]
 pub(crate) struct Hierarchy {
-    pub nodes: Vec<Node>,
-    pub blocks: Vec<Block>,
+    pub nodes: Vec<WideNode>,
+    pub blocks: Vec<TriangleBlock>,
     /// All triangles, if there are so few that testing all is faster than traversal.
     pub few: Option<SmallScene>,
     /// Most entries that a traversal puts on its stack.

@@ -11,7 +11,7 @@
 use crate::Hit;
 use crate::kernel::{Query, advance, prefetch};
 use crate::node::{Hierarchy, LEAF, WIDTH};
-use crate::simd::{Limits, Near, RAYS, RayBytes, STRETCH, Simd, entry, unpack};
+use crate::simd::{ChildDistances, RAYS, RayBytes, RayLimits, STRETCH, Simd, entry, unpack};
 use crate::triangle::intersect;
 
 /// A subtree to visit and the rays that enter it.
@@ -100,7 +100,7 @@ pub(crate) fn traverse_many<S: Simd, const STACK: usize>(
 ) {
     const SLOTS: [u32; WIDTH] = [0, 1, 2, 3, 4, 5, 6, 7];
     let count = queries.len().min(RAYS);
-    let mut limits = Limits([f32::NEG_INFINITY; RAYS]);
+    let mut limits = RayLimits([f32::NEG_INFINITY; RAYS]);
     for (limit, best) in limits.0[..count].iter_mut().zip(best.iter()) {
         *limit = best.t * STRETCH;
     }
@@ -159,7 +159,7 @@ pub(crate) fn traverse_many<S: Simd, const STACK: usize>(
             continue;
         }
         let node = &hierarchy.nodes[child as usize];
-        let mut least = Near([f32::INFINITY; WIDTH]);
+        let mut least = ChildDistances([f32::INFINITY; WIDTH]);
         let mut masks = RayBytes([0; RAYS]);
         let mut any = 0;
         while rays != 0 {

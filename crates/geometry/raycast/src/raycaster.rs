@@ -8,7 +8,7 @@ use holo_scene::{Rgb, Scene, SceneError, Sun};
 use crate::build;
 use crate::chance;
 use crate::coincident::{self, Coincident};
-use crate::dispatch::Isa;
+use crate::dispatch::RayIsa;
 use crate::facet::{BuildError, Facet, facets};
 use crate::instances::{self, Instances};
 use crate::kernel::Query;
@@ -41,7 +41,7 @@ pub struct Raycaster {
     hierarchy: Arc<Hierarchy>,
     /// Hierarchies of shared meshes, if the scene has instances.
     instances: Option<Arc<Instances>>,
-    isa: Isa,
+    isa: RayIsa,
     /// Half the side of the cube around the scene's origin that contains all vertices.
     reach: f32,
     covers: Covers,
@@ -87,7 +87,7 @@ impl Raycaster {
             facets: Arc::new(facets),
             hierarchy: Arc::new(hierarchy),
             instances,
-            isa: Isa::detect(),
+            isa: RayIsa::detect(),
             reach,
             covers,
             coincident,

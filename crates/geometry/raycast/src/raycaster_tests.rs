@@ -67,7 +67,7 @@ fn small_scenes_give_the_same_bits_as_the_hierarchy() {
             rays.iter().enumerate().map(ask).collect()
         };
         let mut answers = Vec::new();
-        for isa in Isa::all() {
+        for isa in RayIsa::all() {
             raycaster.isa = isa;
             answers.push(ask(&raycaster));
         }
@@ -100,7 +100,7 @@ fn every_instruction_set_gives_the_same_bits() {
         }));
     }
     let mut answers = Vec::new();
-    for isa in Isa::all() {
+    for isa in RayIsa::all() {
         raycaster.isa = isa;
         let mut together = vec![None; rays.len()];
         raycaster.nearest_many(&rays, &mut together);

@@ -45,22 +45,22 @@ pub struct Shaft {
 /// A half space that contains a convex body: normal · x ≥ offset for all its points, within
 /// rounding.
 #[derive(Clone, Copy, Debug)]
-struct Plane {
+struct ShaftPlane {
     normal: DVec3,
     offset: f64,
 }
 
 /// A convex body: the hull of some points, extended without end along some directions.
 #[derive(Clone, Debug)]
-struct Body {
+struct ConvexBody {
     points: Vec<DVec3>,
     /// Unit length.
     directions: Vec<DVec3>,
-    planes: Vec<Plane>,
+    planes: Vec<ShaftPlane>,
     margin: f64,
 }
 
-impl Body {
+impl ConvexBody {
     /// Makes a body with the planes that bound it. Candidates are the planes through an edge of `a`
     /// or `b` and a vertex of the other, and the planes of `a` and `b`.
     fn new(
@@ -89,9 +89,9 @@ impl Body {
     fn bound(&mut self, normal: DVec3) {
         let Some(normal) = normal.try_normalize() else { return };
         for normal in [normal, -normal] {
-            let known = |plane: &Plane| plane.normal.dot(normal) > 1.0 - 1e-12;
+            let known = |plane: &ShaftPlane| plane.normal.dot(normal) > 1.0 - 1e-12;
             if let Some(offset) = self.least(normal).filter(|_| !self.planes.iter().any(known)) {
-                self.planes.push(Plane { normal, offset });
+                self.planes.push(ShaftPlane { normal, offset });
             }
         }
     }
@@ -115,7 +115,7 @@ impl Body {
 
     /// Returns false only if no point of the triangle is in the body.
     fn may_meet_triangle(&self, triangle: [DVec3; 3]) -> bool {
-        let reaches = |plane: &Plane| {
+        let reaches = |plane: &ShaftPlane| {
             triangle.iter().any(|vertex| plane.normal.dot(*vertex) >= plane.offset - self.margin)
         };
         if !self.planes.iter().all(reaches) {
@@ -162,18 +162,22 @@ impl Raycaster {
             .iter()
             .flat_map(|to| a.iter().filter_map(|from| (*to - *from).try_normalize()))
             .collect();
-        let beyond = Body::new(b.to_vec(), directions, [&a, &b], margin);
+        let beyond = ConvexBody::new(b.to_vec(), directions, [&a, &b], margin);
         if self.meets(&beyond) {
             return true;
         }
         shaft.between && {
-            let hull =
-                Body::new(a.iter().chain(&b).copied().collect(), Vec::new(), [&a, &b], margin);
+            let hull = ConvexBody::new(
+                a.iter().chain(&b).copied().collect(),
+                Vec::new(),
+                [&a, &b],
+                margin,
+            );
             self.meets(&hull)
         }
     }
 
-    fn meets(&self, body: &Body) -> bool {
+    fn meets(&self, body: &ConvexBody) -> bool {
         let met = |triangle| {
             body.may_meet_triangle(self.vertices(triangle).map(|vertex| vertex.as_dvec3()))
         };
@@ -249,13 +253,13 @@ mod tests {
 
     /// Returns the shaft from a square of half width 1 at z = 0 through one at z = 1. Beyond it,
     /// the half width at z is 2z - 1.
-    fn widening() -> Body {
+    fn widening() -> ConvexBody {
         let (a, b) = (square(0.0, 1.0), square(1.0, 1.0));
         let directions = b
             .iter()
             .flat_map(|to| a.iter().filter_map(|from| (*to - *from).try_normalize()))
             .collect();
-        Body::new(b.to_vec(), directions, [&a, &b], 1e-9)
+        ConvexBody::new(b.to_vec(), directions, [&a, &b], 1e-9)
     }
 
     #[test]

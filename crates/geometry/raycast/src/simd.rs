@@ -4,7 +4,7 @@
 //! [`Simd::enter`] need not: it is conservative in any rounding, and entering more boxes than
 //! necessary does not change a result.
 
-use crate::node::{Block, LANES, Node, ROW, Row, WIDTH};
+use crate::node::{LANES, ROW, TriangleBlock, TriangleRow, WIDTH, WideNode};
 use crate::prepared::Prepared;
 
 /// Rays of a packet, rounded up to the bits of a mask.
@@ -16,7 +16,7 @@ pub(crate) const STRETCH: f32 = 1.0 + 6.0 * f32::EPSILON;
 /// Distances of the eight children.
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
-pub(crate) struct Near(pub [f32; WIDTH]);
+pub(crate) struct ChildDistances(pub [f32; WIDTH]);
 
 /// One byte per ray of a packet.
 #[derive(Clone, Copy)]
@@ -26,7 +26,7 @@ pub(crate) struct RayBytes(pub [u8; RAYS]);
 /// Farthest distances that still matter, by ray.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-pub(crate) struct Limits(pub [f32; RAYS]);
+pub(crate) struct RayLimits(pub [f32; RAYS]);
 
 /// The triangles that a ray may meet, one bit per lane.
 #[derive(Clone, Copy)]
@@ -54,7 +54,7 @@ pub(crate) fn unpack(entry: u64) -> (u32, f32) {
 #[inline(always)]
 pub(crate) fn stack_scalar<const SORTED: bool>(
     children: &[u32; WIDTH],
-    near: &Near,
+    near: &ChildDistances,
     mut mask: u32,
     stack: &mut [u64; WIDTH],
 ) {
@@ -77,13 +77,19 @@ pub(crate) fn stack_scalar<const SORTED: bool>(
 pub(crate) trait Simd: Copy {
     /// Returns the distances at which the ray enters the eight boxes, and one bit per box that it
     /// enters between `t_min` and `t_max`.
-    fn enter(self, node: &Node, ray: &Prepared, t_min: f32, t_max: f32) -> (Near, u32);
+    fn enter(
+        self,
+        node: &WideNode,
+        ray: &Prepared,
+        t_min: f32,
+        t_max: f32,
+    ) -> (ChildDistances, u32);
 
     /// Returns the signs of the edge functions of four triangles.
-    fn edge_signs(self, block: &Block, ray: &Prepared) -> EdgeSigns;
+    fn edge_signs(self, block: &TriangleBlock, ray: &Prepared) -> EdgeSigns;
 
     /// The same for sixteen triangles, with the same roundings.
-    fn edge_signs_of_row(self, row: &Row, ray: &Prepared) -> EdgeSigns;
+    fn edge_signs_of_row(self, row: &TriangleRow, ray: &Prepared) -> EdgeSigns;
 
     /// The same for one triangle and sixteen rays of one origin, with the same roundings. `corners`
     /// is indexed by vertex; corners are relative to the origin, along the axes of the rays'
@@ -100,24 +106,24 @@ pub(crate) trait Simd: Copy {
     fn stack<const SORTED: bool>(
         self,
         children: &[u32; WIDTH],
-        near: &Near,
+        near: &ChildDistances,
         mask: u32,
         stack: &mut [u64; WIDTH],
     );
 
     /// Lowers the distances that are in `mask` to those of `near`.
-    fn least(self, so_far: &mut Near, near: &Near, mask: u32);
+    fn least(self, so_far: &mut ChildDistances, near: &ChildDistances, mask: u32);
 
     /// Returns one bit per ray whose limit is at least `near`.
-    fn at_least(self, limits: &Limits, near: f32) -> u32;
+    fn at_least(self, limits: &RayLimits, near: f32) -> u32;
 
     /// Turns one bit per child for each ray into one bit per ray for each child.
     fn transpose(self, masks: &RayBytes) -> [u32; WIDTH];
 
     /// Prefetches memory that will be needed soon.
-    fn prefetch_node(self, node: &Node);
+    fn prefetch_node(self, node: &WideNode);
     /// Prefetches memory that will be needed soon.
-    fn prefetch_block(self, block: &Block);
+    fn prefetch_block(self, block: &TriangleBlock);
 }
 
 /// Code for any processor.
@@ -126,7 +132,13 @@ pub(crate) struct Portable;
 
 impl Simd for Portable {
     #[inline(always)]
-    fn enter(self, node: &Node, ray: &Prepared, t_min: f32, t_max: f32) -> (Near, u32) {
+    fn enter(
+        self,
+        node: &WideNode,
+        ray: &Prepared,
+        t_min: f32,
+        t_max: f32,
+    ) -> (ChildDistances, u32) {
         let max = |a: f32, b: f32| if a > b { a } else { b };
         let min = |a: f32, b: f32| if a < b { a } else { b };
         let mut near = [t_min; WIDTH];
@@ -145,11 +157,11 @@ impl Simd for Portable {
         for i in 0..WIDTH {
             mask |= u32::from(near[i] <= far[i] * STRETCH) << i;
         }
-        (Near(near), mask)
+        (ChildDistances(near), mask)
     }
 
     #[inline(always)]
-    fn edge_signs(self, block: &Block, ray: &Prepared) -> EdgeSigns {
+    fn edge_signs(self, block: &TriangleBlock, ray: &Prepared) -> EdgeSigns {
         let [kx, ky, kz] = ray.axes;
         let (rx, ry, rz) =
             (&block.vertices[kx % 3], &block.vertices[ky % 3], &block.vertices[kz % 3]);
@@ -177,7 +189,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn edge_signs_of_row(self, row: &Row, ray: &Prepared) -> EdgeSigns {
+    fn edge_signs_of_row(self, row: &TriangleRow, ray: &Prepared) -> EdgeSigns {
         let [kx, ky, kz] = ray.axes;
         let (rx, ry, rz) = (&row.vertices[kx % 3], &row.vertices[ky % 3], &row.vertices[kz % 3]);
         let [ox, oy, oz] = ray.sheared_origin;
@@ -224,7 +236,7 @@ impl Simd for Portable {
     fn stack<const SORTED: bool>(
         self,
         children: &[u32; WIDTH],
-        near: &Near,
+        near: &ChildDistances,
         mask: u32,
         stack: &mut [u64; WIDTH],
     ) {
@@ -232,7 +244,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn least(self, so_far: &mut Near, near: &Near, mask: u32) {
+    fn least(self, so_far: &mut ChildDistances, near: &ChildDistances, mask: u32) {
         for i in 0..WIDTH {
             if mask >> i & 1 != 0 && near.0[i] < so_far.0[i] {
                 so_far.0[i] = near.0[i];
@@ -241,7 +253,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn at_least(self, limits: &Limits, near: f32) -> u32 {
+    fn at_least(self, limits: &RayLimits, near: f32) -> u32 {
         limits
             .0
             .iter()
@@ -261,7 +273,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn prefetch_node(self, _: &Node) {}
+    fn prefetch_node(self, _: &WideNode) {}
     #[inline(always)]
-    fn prefetch_block(self, _: &Block) {}
+    fn prefetch_block(self, _: &TriangleBlock) {}
 }

@@ -28,7 +28,7 @@ use rayon::prelude::*;
 use crate::NO_TRIANGLE;
 use crate::dispatch::LARGE_STACK;
 use crate::facet::Facet;
-use crate::node::{Block, Hierarchy, LANES, LEAF, Node, WIDTH};
+use crate::node::{Hierarchy, LANES, LEAF, TriangleBlock, WIDTH, WideNode};
 
 const MAGIC: [u8; 8] = *b"holobvh\n";
 
@@ -42,7 +42,7 @@ const MOST_PER_TRIANGLE: u64 = 2;
 /// The bytes before the nodes.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Header {
+struct HierarchyHeader {
     magic: [u8; 8],
     version: u32,
     triangles: u32,
@@ -51,7 +51,7 @@ struct Header {
     geometry: [u8; 32],
     content: [u8; 32],
 }
-const _: () = assert!(size_of::<Header>() == 88);
+const _: () = assert!(size_of::<HierarchyHeader>() == 88);
 
 /// The triangles of a leaf.
 type Ids = [u32; LANES];
@@ -92,7 +92,7 @@ pub(crate) fn write(
         .map(|block| std::array::from_fn(|lane| block.used(lane).unwrap_or(NO_TRIANGLE)))
         .collect();
     let (nodes, ids) = (bytemuck::cast_slice(&hierarchy.nodes), bytemuck::cast_slice(&ids));
-    let header = Header {
+    let header = HierarchyHeader {
         magic: MAGIC,
         version: VERSION,
         triangles: triangles as u32,
@@ -107,8 +107,8 @@ pub(crate) fn write(
 }
 
 /// A hierarchy that was read, still without vertices.
-pub(crate) struct Stored {
-    nodes: Vec<Node>,
+pub(crate) struct StoredHierarchy {
+    nodes: Vec<WideNode>,
     ids: Vec<Ids>,
     stack_need: usize,
 }
@@ -120,9 +120,9 @@ pub(crate) fn read(
     bytes: u64,
     triangles: usize,
     geometry: [u8; 32],
-) -> Result<Stored, StoredError> {
+) -> Result<StoredHierarchy, StoredError> {
     let damaged = |_| StoredError::Damaged;
-    let mut header = Header::zeroed();
+    let mut header = HierarchyHeader::zeroed();
     input.read_exact(bytemuck::bytes_of_mut(&mut header)).map_err(damaged)?;
     if header.magic != MAGIC || header.version != VERSION {
         return Err(StoredError::Version);
@@ -131,12 +131,12 @@ pub(crate) fn read(
         return Err(StoredError::Scene);
     }
     let (nodes, blocks) = (u64::from(header.nodes), u64::from(header.blocks));
-    let content = nodes * size_of::<Node>() as u64 + blocks * size_of::<Ids>() as u64;
+    let content = nodes * size_of::<WideNode>() as u64 + blocks * size_of::<Ids>() as u64;
     let most = MOST_PER_TRIANGLE * triangles as u64;
-    if nodes.max(blocks) > most || bytes != size_of::<Header>() as u64 + content {
+    if nodes.max(blocks) > most || bytes != size_of::<HierarchyHeader>() as u64 + content {
         return Err(StoredError::Damaged);
     }
-    let mut nodes: Vec<Node> = holo_cpu::zeroed(header.nodes as usize);
+    let mut nodes: Vec<WideNode> = holo_cpu::zeroed(header.nodes as usize);
     let mut ids: Vec<Ids> = bytemuck::zeroed_vec(header.blocks as usize);
     input.read_exact(bytemuck::cast_slice_mut(&mut nodes)).map_err(damaged)?;
     input.read_exact(bytemuck::cast_slice_mut(&mut ids)).map_err(damaged)?;
@@ -144,10 +144,10 @@ pub(crate) fn read(
         return Err(StoredError::Damaged);
     }
     let stack_need = stack_need(&nodes, ids.len()).ok_or(StoredError::Damaged)?;
-    Ok(Stored { nodes, ids, stack_need })
+    Ok(StoredHierarchy { nodes, ids, stack_need })
 }
 
-impl Stored {
+impl StoredHierarchy {
     /// Fills the leaves with the vertices of the scene's facets.
     pub(crate) fn over(self, facets: &[Facet]) -> Result<Hierarchy, StoredError> {
         let exists = |&id: &u32| id == NO_TRIANGLE || (id as usize) < facets.len();
@@ -160,8 +160,8 @@ impl Stored {
     }
 }
 
-fn block(ids: &Ids, facets: &[Facet]) -> Block {
-    let mut block = Block::EMPTY;
+fn block(ids: &Ids, facets: &[Facet]) -> TriangleBlock {
+    let mut block = TriangleBlock::EMPTY;
     for (lane, &id) in ids.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
         block.set(lane, id, facets[id as usize].vertices.map(|v| v.to_array()));
     }
@@ -174,7 +174,7 @@ fn hash(nodes: &[u8], ids: &[u8]) -> [u8; 32] {
 
 /// Returns the most stack entries of a traversal. `None` if a reference is wrong, or if there would
 /// be more than [`LARGE_STACK`].
-fn stack_need(nodes: &[Node], blocks: usize) -> Option<usize> {
+fn stack_need(nodes: &[WideNode], blocks: usize) -> Option<usize> {
     // 0: nothing refers to the node.
     let mut depths = vec![0_usize; nodes.len()];
     *depths.first_mut()? = 1;

@@ -37,7 +37,7 @@ fn read_all(bytes: &[u8], facets: &[Facet]) -> Result<Hierarchy, StoredError> {
 
 /// Sets the hash of the content, as a forger would.
 fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
-    let content = hash(&bytes[size_of::<Header>()..], &[]);
+    let content = hash(&bytes[size_of::<HierarchyHeader>()..], &[]);
     bytes[56..88].copy_from_slice(&content);
     bytes
 }

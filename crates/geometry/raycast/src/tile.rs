@@ -6,7 +6,7 @@
 //! a ray may meet. Triangles are tested by the same operations with the same roundings.
 
 use crate::bundle::{ROWS, SLACK, greater};
-use crate::node::{Block, Hierarchy, LANES, LEAF, ROW, WIDTH};
+use crate::node::{Hierarchy, LANES, LEAF, ROW, TriangleBlock, WIDTH};
 use crate::prepared::Prepared;
 use crate::simd::{Simd, unpack};
 use crate::triangle::{Located, consider, inside_exactly, locate_row};
@@ -131,7 +131,7 @@ pub(crate) fn traverse_tile<S: Simd, const STACK: usize>(
 fn meet<S: Simd>(
     simd: S,
     bundle: &Bundle,
-    block: &Block,
+    block: &TriangleBlock,
     lane: usize,
     corners: &[[f32; 3]; 3],
     nearest: f32,

@@ -8,7 +8,7 @@ use rustc_hash::FxHashMap;
 use crate::node::WIDTH;
 
 /// A binary tree. Children come after their parents.
-pub(crate) struct Tree {
+pub(crate) struct BinaryTree {
     pub nodes: Vec<TreeNode>,
 }
 
@@ -33,7 +33,7 @@ impl TreeNode {
     }
 }
 
-impl Tree {
+impl BinaryTree {
     pub fn from_obvhs(bvh: &Bvh2) -> Self {
         let convert = |node: &Bvh2Node, first: u32| {
             let content = if node.is_leaf() {

@@ -9,7 +9,7 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::node::{Block, ROW};
+use crate::node::{ROW, TriangleBlock};
 use crate::prepared::Prepared;
 use crate::simd::Simd;
 use crate::{Hit, NO_TRIANGLE};
@@ -25,7 +25,7 @@ pub(crate) type Nearest = Hit;
 #[inline(always)]
 pub(crate) fn intersect<S: Simd>(
     simd: S,
-    block: &Block,
+    block: &TriangleBlock,
     ray: &Prepared,
     t_min: f32,
     skip: [u32; 2],

@@ -13,9 +13,11 @@ use std::arch::x86_64::*;
 
 use holo_cpu::Instructions;
 
-use crate::node::{Block, Node, ROW, Row, WIDTH};
+use crate::node::{ROW, TriangleBlock, TriangleRow, WIDTH, WideNode};
 use crate::prepared::Prepared;
-use crate::simd::{EdgeSigns, Limits, Near, RAYS, RayBytes, STRETCH, Simd, stack_scalar};
+use crate::simd::{
+    ChildDistances, EdgeSigns, RAYS, RayBytes, RayLimits, STRETCH, Simd, stack_scalar,
+};
 
 // The functions below have no closures. A closure lacks the target features of its function, so its
 // instructions become calls, which is three times slower.
@@ -42,9 +44,15 @@ impl Avx512 {
 
 impl Simd for Avx2 {
     #[inline(always)]
-    fn enter(self, node: &Node, ray: &Prepared, t_min: f32, t_max: f32) -> (Near, u32) {
+    fn enter(
+        self,
+        node: &WideNode,
+        ray: &Prepared,
+        t_min: f32,
+        t_max: f32,
+    ) -> (ChildDistances, u32) {
         // SAFETY: `self` proves AVX2 and FMA. Rows are read 8 bytes at a time at `axis`, `0..=2`,
-        // within `bounds`; `Near` is aligned to 32 bytes.
+        // within `bounds`; `ChildDistances` is aligned to 32 bytes.
         unsafe {
             let mut near = _mm256_set1_ps(t_min);
             let mut far = _mm256_set1_ps(t_max);
@@ -64,14 +72,14 @@ impl Simd for Avx2 {
             }
             let hit =
                 _mm256_cmp_ps::<_CMP_LE_OQ>(near, _mm256_mul_ps(far, _mm256_set1_ps(STRETCH)));
-            let mut out = Near([0.0; WIDTH]);
+            let mut out = ChildDistances([0.0; WIDTH]);
             _mm256_store_ps(out.0.as_mut_ptr(), near);
             (out, _mm256_movemask_ps(hit) as u32)
         }
     }
 
     #[inline(always)]
-    fn edge_signs(self, block: &Block, ray: &Prepared) -> EdgeSigns {
+    fn edge_signs(self, block: &TriangleBlock, ray: &Prepared) -> EdgeSigns {
         // SAFETY: `self` proves AVX2. Every load reads four lanes of one vertex.
         unsafe {
             let [kx, ky, kz] = ray.axes;
@@ -113,7 +121,7 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn edge_signs_of_row(self, row: &Row, ray: &Prepared) -> EdgeSigns {
+    fn edge_signs_of_row(self, row: &TriangleRow, ray: &Prepared) -> EdgeSigns {
         // SAFETY: `self` proves AVX2. Loads read lanes 0 to 7 and 8 to 15 of a vertex, aligned to
         // 32 bytes.
         unsafe {
@@ -175,7 +183,7 @@ impl Simd for Avx2 {
     fn stack<const SORTED: bool>(
         self,
         children: &[u32; WIDTH],
-        near: &Near,
+        near: &ChildDistances,
         mask: u32,
         stack: &mut [u64; WIDTH],
     ) {
@@ -183,8 +191,8 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn least(self, so_far: &mut Near, near: &Near, mask: u32) {
-        // SAFETY: `self` proves AVX2; `Near` is aligned to 32 bytes.
+    fn least(self, so_far: &mut ChildDistances, near: &ChildDistances, mask: u32) {
+        // SAFETY: `self` proves AVX2; `ChildDistances` is aligned to 32 bytes.
         unsafe {
             let bit = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
             let chosen =
@@ -199,8 +207,8 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn at_least(self, limits: &Limits, near: f32) -> u32 {
-        // SAFETY: `self` proves AVX2; `Limits` is four rows of eight, aligned.
+    fn at_least(self, limits: &RayLimits, near: f32) -> u32 {
+        // SAFETY: `self` proves AVX2; `RayLimits` is four rows of eight, aligned.
         unsafe {
             let near = _mm256_set1_ps(near);
             let mut bits = 0;
@@ -234,8 +242,8 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn prefetch_node(self, node: &Node) {
-        let start: *const Node = node;
+    fn prefetch_node(self, node: &WideNode) {
+        let start: *const WideNode = node;
         // SAFETY: prefetching has no effect on memory, and both lines belong to the node.
         unsafe {
             _mm_prefetch::<_MM_HINT_T0>(start.cast());
@@ -244,8 +252,8 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn prefetch_block(self, block: &Block) {
-        let start: *const Block = block;
+    fn prefetch_block(self, block: &TriangleBlock) {
+        let start: *const TriangleBlock = block;
         // SAFETY: prefetching has no effect on memory, and the three lines belong to the block.
         unsafe {
             _mm_prefetch::<_MM_HINT_T0>(start.cast());

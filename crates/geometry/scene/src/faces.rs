@@ -3,7 +3,7 @@
 //! Invariant: runs are in the order of their triangles, and each has at least one face.
 
 /// Faces on consecutive lines with the same material and number of corners, as most are.
-struct Run {
+struct FaceRun {
     /// The first triangle of the first face.
     triangle: u32,
     triangles_per_face: u32,
@@ -15,7 +15,7 @@ struct Run {
 /// The line and the material of every triangle.
 #[derive(Default)]
 pub(crate) struct Faces {
-    runs: Vec<Run>,
+    runs: Vec<FaceRun>,
     triangles: usize,
 }
 
@@ -27,7 +27,7 @@ impl Faces {
 
     /// Adds a face of at least one triangle. There are at most [`crate::limits::MAX_TRIANGLES`].
     pub(crate) fn push(&mut self, triangles: usize, line: usize, material: u32) {
-        let continues = |run: &Run| {
+        let continues = |run: &FaceRun| {
             let faces = (self.triangles - run.triangle as usize) / run.triangles_per_face as usize;
             run.triangles_per_face as usize == triangles
                 && run.material == material
@@ -35,7 +35,7 @@ impl Faces {
         };
         if !self.runs.last().is_some_and(continues) {
             let (triangle, triangles_per_face) = (self.triangles as u32, triangles as u32);
-            self.runs.push(Run { triangle, triangles_per_face, line, material });
+            self.runs.push(FaceRun { triangle, triangles_per_face, line, material });
         }
         self.triangles += triangles;
     }

@@ -5,7 +5,7 @@ use crate::mtl::MtlMaterial;
 
 /// A program whose meanings count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Program {
+pub(crate) enum Exporter {
     /// `Ns` is a roughness, `Ks` is in units of 0.08, and `illum 3` is metal.
     Blender,
     /// `illum 7` is on every material and means nothing.
@@ -18,14 +18,14 @@ pub(crate) enum Program {
 }
 
 /// Words in a file's first comments by which a program is recognised.
-const COMMENTS: [(&str, Program); 2] =
-    [("blender", Program::Blender), ("cinema 4d", Program::Cinema4d)];
+const COMMENTS: [(&str, Exporter); 2] =
+    [("blender", Exporter::Blender), ("cinema 4d", Exporter::Cinema4d)];
 
 /// Number of lines that are searched for comments.
 const COMMENT_LINES: usize = 4;
 
 /// Returns the program that wrote an MTL file.
-pub(crate) fn program(text: &str, materials: &[MtlMaterial]) -> Program {
+pub(crate) fn program(text: &str, materials: &[MtlMaterial]) -> Exporter {
     let comments = text.trim_start_matches('\u{feff}').lines().take(COMMENT_LINES);
     let comments: Vec<String> =
         comments.take_while(|line| line.starts_with('#')).map(|line| line.to_lowercase()).collect();
@@ -33,8 +33,8 @@ pub(crate) fn program(text: &str, materials: &[MtlMaterial]) -> Program {
     let by_comment = COMMENTS.iter().find(|(words, _)| names(words));
     match by_comment {
         Some(&(_, program)) => program,
-        None if is_of_maya(materials) => Program::Maya,
-        None => Program::Other,
+        None if is_of_maya(materials) => Exporter::Maya,
+        None => Exporter::Other,
     }
 }
 

@@ -4,7 +4,7 @@ use crate::text::excerpt;
 
 /// A direction or a length, and the words of the file that say so.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Said<T> {
+pub struct StatedValue<T> {
     /// What is said.
     pub value: T,
     /// The words, for people.
@@ -13,22 +13,22 @@ pub struct Said<T> {
 
 /// Facts that a model file states, besides its surfaces.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct About {
+pub struct ModelFacts {
     /// The up axis that the file states.
-    pub up: Option<Said<[f64; 3]>>,
+    pub up: Option<StatedValue<[f64; 3]>>,
     /// Metres per unit that the file states.
-    pub unit: Option<Said<f64>>,
+    pub unit: Option<StatedValue<f64>>,
     /// The usual up axis of the program that wrote the file.
-    pub usual_up: Option<Said<[f64; 3]>>,
+    pub usual_up: Option<StatedValue<[f64; 3]>>,
     /// Metres per unit that this program usually has.
-    pub usual_unit: Option<Said<f64>>,
+    pub usual_unit: Option<StatedValue<f64>>,
     /// Cameras of the file by name.
-    pub cameras: Vec<Camera>,
+    pub cameras: Vec<ModelCamera>,
 }
 
 /// A camera of a model file, in world coordinates.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Camera {
+pub struct ModelCamera {
     /// Its name, for people.
     pub name: String,
     /// Eye.
@@ -89,8 +89,8 @@ const PROGRAMS: [(&str, [f64; 3], Option<f64>); 9] = [
 ];
 
 /// Reads the comments at the beginning of an OBJ file.
-pub(crate) fn read(text: &str) -> About {
-    let mut about = About::default();
+pub(crate) fn read(text: &str) -> ModelFacts {
+    let mut about = ModelFacts::default();
     let mut rest = text;
     for _ in 0..MOST_LINES {
         let end = rest.bytes().position(|b| b == b'\n' || b == b'\r').unwrap_or(rest.len());
@@ -106,7 +106,7 @@ pub(crate) fn read(text: &str) -> About {
     about
 }
 
-fn read_comment(comment: &str, about: &mut About) {
+fn read_comment(comment: &str, about: &mut ModelFacts) {
     let lower = comment.to_lowercase();
     let words: Vec<&str> = lower
         .split(|c: char| !c.is_alphanumeric() && c != '+')
@@ -124,7 +124,7 @@ fn read_comment(comment: &str, about: &mut About) {
         _ => None,
     });
     if let Some(value) = up.or(joined) {
-        about.up.get_or_insert_with(|| Said { value, words: shown() });
+        about.up.get_or_insert_with(|| StatedValue { value, words: shown() });
     }
     let names_units = words.iter().any(|word| *word == "unit" || *word == "units");
     let speaks_of_units = names_units || words.len() <= 3;
@@ -133,12 +133,12 @@ fn read_comment(comment: &str, about: &mut About) {
     let is_sure = |name: &str| name.len() > 2 || names_units;
     if let Some((name, metres)) = unit.filter(|(name, _)| speaks_of_units && is_sure(name)) {
         let value = metres * number_before(&lower, name);
-        about.unit.get_or_insert_with(|| Said { value, words: shown() });
+        about.unit.get_or_insert_with(|| StatedValue { value, words: shown() });
     }
     if let Some((_, up, unit)) = PROGRAMS.iter().find(|(name, ..)| lower.contains(name)) {
-        about.usual_up.get_or_insert_with(|| Said { value: *up, words: shown() });
+        about.usual_up.get_or_insert_with(|| StatedValue { value: *up, words: shown() });
         if let Some(value) = *unit {
-            about.usual_unit.get_or_insert_with(|| Said { value, words: shown() });
+            about.usual_unit.get_or_insert_with(|| StatedValue { value, words: shown() });
         }
     }
 }

@@ -19,7 +19,7 @@ use crate::limits::{
 };
 use crate::placement::Placement;
 use crate::scene::{Geometry, check_limit};
-use crate::thin::{Fault, Shapes};
+use crate::thin::{InstanceFault, Shapes};
 use crate::{Scene, SceneError};
 
 /// A mesh at a place in the scene.
@@ -36,22 +36,22 @@ pub struct Instance {
 /// The part of a scene's arrays that belongs to a mesh. Triangles count their corners from the
 /// mesh's first position.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Part {
+pub(crate) struct MeshRange {
     pub positions: Range<usize>,
     pub triangles: Range<usize>,
 }
 
 /// All instances of a scene, at least one.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Shared {
-    pub own: Part,
-    pub meshes: Vec<Part>,
+pub(crate) struct InstanceTable {
+    pub own: MeshRange,
+    pub meshes: Vec<MeshRange>,
     pub instances: Vec<Instance>,
     /// Number of triangles of the scene.
     pub triangles: u32,
 }
 
-impl Shared {
+impl InstanceTable {
     /// Returns where a triangle is stored, and its instance if it belongs to one.
     ///
     /// # Panics
@@ -103,13 +103,14 @@ impl Scene {
             return Ok(self);
         }
         let mut parts = Vec::with_capacity(meshes.len());
-        let own = Part { positions: 0..self.positions.len(), triangles: 0..self.triangles.len() };
+        let own =
+            MeshRange { positions: 0..self.positions.len(), triangles: 0..self.triangles.len() };
         for mesh in meshes {
             let (position, triangle) = (self.positions.len(), self.triangles.len());
             self.positions.extend_from_slice(mesh.positions);
             self.triangles.extend_from_slice(mesh.triangles);
             self.material_ids.extend_from_slice(mesh.material_ids);
-            parts.push(Part {
+            parts.push(MeshRange {
                 positions: position..self.positions.len(),
                 triangles: triangle..self.triangles.len(),
             });
@@ -120,8 +121,8 @@ impl Scene {
     /// Makes the last parts of the scene's arrays shared meshes.
     pub(crate) fn share(
         mut self,
-        own: Part,
-        meshes: Vec<Part>,
+        own: MeshRange,
+        meshes: Vec<MeshRange>,
         instances: &[(u32, Placement)],
     ) -> Result<Scene, SceneError> {
         let problem = |instance, problem| Err(SceneError::Instance { instance, problem });
@@ -143,12 +144,12 @@ impl Scene {
             triangles += part.triangles.len();
             check_limit("triangles of instances", triangles, MAX_TRIANGLES)?;
         }
-        let is_empty = |part: &Part| part.triangles.is_empty() || part.positions.is_empty();
+        let is_empty = |part: &MeshRange| part.triangles.is_empty() || part.positions.is_empty();
         if meshes.iter().any(is_empty) || is_used.contains(&false) {
             return problem(0, "a mesh is empty or has no instance");
         }
         let triangles = triangles as u32;
-        self.shared = Some(Box::new(Shared { own, meshes, instances: placed, triangles }));
+        self.shared = Some(Box::new(InstanceTable { own, meshes, instances: placed, triangles }));
         self.validated()
     }
 
@@ -180,11 +181,11 @@ impl Scene {
         for (id, instance) in shared.instances.iter().enumerate() {
             match shapes.fault(instance.mesh, &instance.placement) {
                 None => {}
-                Some(Fault::TooFar) => {
+                Some(InstanceFault::TooFar) => {
                     let problem = "a corner of its box is not finite or too far away";
                     return Err(SceneError::Instance { instance: id, problem });
                 }
-                Some(Fault::NoArea(triangle)) => {
+                Some(InstanceFault::NoArea(triangle)) => {
                     return Err(SceneError::NoArea(instance.first_triangle as usize + triangle));
                 }
             }
@@ -204,7 +205,7 @@ impl Scene {
         self.shared.as_ref().map_or(&[], |shared| &shared.instances)
     }
 
-    pub(crate) fn part(&self, part: &Part) -> Geometry<'_> {
+    pub(crate) fn part(&self, part: &MeshRange) -> Geometry<'_> {
         Geometry {
             positions: &self.positions[part.positions.clone()],
             triangles: &self.triangles[part.triangles.clone()],
@@ -212,7 +213,7 @@ impl Scene {
         }
     }
 
-    fn mesh_of(&self, shared: &Shared, instance: &Instance) -> Geometry<'_> {
+    fn mesh_of(&self, shared: &InstanceTable, instance: &Instance) -> Geometry<'_> {
         self.part(&shared.meshes[instance.mesh as usize])
     }
 
@@ -237,7 +238,7 @@ impl Scene {
     #[inline(never)]
     pub(crate) fn located<'a>(
         &self,
-        shared: &'a Shared,
+        shared: &'a InstanceTable,
         triangle: u32,
     ) -> (usize, Option<&'a Instance>) {
         shared.locate(triangle)
@@ -246,7 +247,7 @@ impl Scene {
     /// Returns the corners of a triangle of a scene with instances.
     #[cold]
     #[inline(never)]
-    pub(crate) fn placed_corners(&self, shared: &Shared, triangle: u32) -> [Vec3; 3] {
+    pub(crate) fn placed_corners(&self, shared: &InstanceTable, triangle: u32) -> [Vec3; 3] {
         let (stored, instance) = shared.locate(triangle);
         let corners = self.triangles[stored];
         match instance {
@@ -262,7 +263,7 @@ impl Scene {
     /// Returns a triangle's corners in its mesh.
     pub(crate) fn mesh_corners(
         &self,
-        shared: &Shared,
+        shared: &InstanceTable,
         instance: &Instance,
         stored: usize,
     ) -> [[f32; 3]; 3] {

@@ -65,7 +65,7 @@ mod thin;
 mod warnings;
 
 pub use error::{PackedError, SceneError};
-pub use header::{About, Camera, Said};
+pub use header::{ModelCamera, ModelFacts, StatedValue};
 pub use instances::Instance;
 pub use kept::KeptFiles;
 pub use load::{LoadOptions, Loaded, load, load_watched};
@@ -73,7 +73,7 @@ pub use material::{Bsdf, Material, Rgb};
 pub use model::LoadProgress;
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
 pub use placement::{MAX_STRETCH, Placement, coordinate, greatest};
-pub use punctual::{Beam, MAX_PUNCTUAL_LIGHTS, PunctualLight};
+pub use punctual::{MAX_PUNCTUAL_LIGHTS, PunctualBeam, PunctualLight};
 pub use scene::{Features, Geometry, Scene};
 pub use shading::{
     Base, CUT_OUT, Channel, Cover, CutOut, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral,

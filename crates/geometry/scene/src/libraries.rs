@@ -3,7 +3,7 @@
 use crate::foreign;
 use crate::limits::{MAX_MATERIALS, MAX_MTL_BYTES};
 use crate::mtl::MtlMaterial;
-use crate::mtl_maps::{Placement, mean_finish, textures};
+use crate::mtl_maps::{MapOptions, mean_finish, textures};
 use crate::mtl_text::parse_mtl;
 use crate::named_file::beside;
 use crate::obj::ObjFile;
@@ -25,7 +25,7 @@ pub(crate) struct Looks {
     /// For each material.
     pub covers: Vec<Cover>,
     /// The placement of textures on the surfaces of each material.
-    pub placements: Vec<Placement>,
+    pub placements: Vec<MapOptions>,
 }
 
 /// Returns the materials of `obj.uses`, in that order, and their textures.
@@ -51,7 +51,7 @@ pub(crate) fn materials(
     for wanted in &obj.uses {
         let name = wanted.name.as_deref();
         let found = name.and_then(find);
-        let (mut maps, mut placement) = (Maps::default(), Placement::default());
+        let (mut maps, mut placement) = (Maps::default(), MapOptions::default());
         let mut cover = Cover::default();
         materials.push(match (found, name) {
             (Some(id), _) => {

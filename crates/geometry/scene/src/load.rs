@@ -5,9 +5,9 @@
 //! material is grey diffuse 0.5.
 
 use crate::assemble::{Assembled, assemble};
-use crate::model::{LoadProgress, Reader, Source};
+use crate::model::{FormatReader, LoadProgress, ModelFile};
 use crate::warnings::{Warning, Warnings};
-use crate::{About, Rgb, Scene, SceneError, gltf_file, obj_model, other_formats, sheets};
+use crate::{ModelFacts, Rgb, Scene, SceneError, gltf_file, obj_model, other_formats, sheets};
 use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::path::Path;
@@ -31,7 +31,7 @@ pub struct Loaded {
     /// Reports on everything that was ignored or replaced.
     pub warnings: Vec<Warning>,
     /// The unit, the up axis and the cameras that the file states.
-    pub about: About,
+    pub about: ModelFacts,
 }
 
 /// Reads a scene from a model file: OBJ with its MTL files, or glTF 2.0 (`.gltf`, `.glb`). The
@@ -60,7 +60,7 @@ pub fn load_watched(
     watch: &mut dyn FnMut(LoadProgress),
 ) -> Result<Loaded, SceneError> {
     let mut warnings = Warnings::default();
-    let source = Source { path, options, watch, warnings: &mut warnings };
+    let source = ModelFile { path, options, watch, warnings: &mut warnings };
     let mut model = (reader_for(path)?.read)(source)?;
     if let Some(instead) = model.instead.take() {
         let instead = other_formats::by_name(path).map_or(instead, ToOwned::to_owned);
@@ -91,13 +91,13 @@ pub fn load_watched(
 
 /// All readers. The last one accepts every file. If it cannot read the file, its error names the
 /// file's format.
-const READERS: [Reader; 2] = [gltf_file::READER, obj_model::READER];
+const READERS: [FormatReader; 2] = [gltf_file::READER, obj_model::READER];
 
 /// Bytes at the beginning of a file that are used to recognise its format.
 const FIRST_BYTES: u64 = 256;
 
 /// Returns the reader for a file.
-fn reader_for(path: &Path) -> Result<Reader, SceneError> {
+fn reader_for(path: &Path) -> Result<FormatReader, SceneError> {
     let io = |source| SceneError::Io { path: path.to_owned(), source };
     let mut first = Vec::new();
     let file = std::fs::File::open(path).map_err(io)?;

@@ -1,13 +1,13 @@
 //! The common part of readers of model files. Each format has one reader.
 //!
-//! A format is one module that has a [`Reader`], and an entry in the list of `load`.
+//! A format is one module that has a [`FormatReader`], and an entry in the list of `load`.
 
 use std::path::Path;
 
 use glam::{DMat4, DVec3};
 
 use crate::warnings::Warnings;
-use crate::{About, Geometry, LoadOptions, Material, PunctualLight, SceneError, Shading, Sun};
+use crate::{Geometry, LoadOptions, Material, ModelFacts, PunctualLight, SceneError, Shading, Sun};
 
 /// The contents of a file, in world coordinates.
 #[derive(Default)]
@@ -22,7 +22,7 @@ pub(crate) struct Model {
     pub suns: Vec<Sun>,
     /// Point and spot lights, and their places. The scene decides their radius.
     pub punctual_lights: Vec<(DVec3, PunctualLight)>,
-    pub about: About,
+    pub about: ModelFacts,
     /// Meshes that several nodes share, in their own coordinates.
     pub meshes: Vec<SharedMesh>,
     /// Indices into `meshes`, and maps to world coordinates.
@@ -68,7 +68,7 @@ pub struct LoadProgress {
 }
 
 /// A file to be read.
-pub(crate) struct Source<'a> {
+pub(crate) struct ModelFile<'a> {
     pub path: &'a Path,
     pub options: &'a LoadOptions,
     /// Called with the progress of reading.
@@ -77,9 +77,9 @@ pub(crate) struct Source<'a> {
 }
 
 /// Reads one format.
-pub(crate) struct Reader {
+pub(crate) struct FormatReader {
     /// Returns whether a file has this format, from its first bytes and its name.
     pub recognises: fn(&[u8], &Path) -> bool,
     /// Reads a file.
-    pub read: fn(Source) -> Result<Model, SceneError>,
+    pub read: fn(ModelFile) -> Result<Model, SceneError>,
 }

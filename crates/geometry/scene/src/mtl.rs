@@ -39,9 +39,9 @@
 //!   `map_Bump` bend normals. Other textures and unknown statements are ignored with a warning.
 //!   Keywords may be in upper or lower case.
 
-use crate::habits::Program;
+use crate::habits::Exporter;
 use crate::limits::{MAX_IOR, MAX_RADIANCE, MIN_IOR};
-use crate::mtl_maps::{MapStatement, Slot};
+use crate::mtl_maps::{MapSlot, MapStatement};
 use crate::shading::{Base, Channel, Cover};
 use crate::text::excerpt;
 use crate::warnings::Warnings;
@@ -60,7 +60,7 @@ pub(crate) struct Stated<T> {
 pub(crate) struct MtlMaterial {
     pub name: String,
     /// The program that wrote the file.
-    pub program: Program,
+    pub program: Exporter,
     pub path: PathBuf,
     pub line: usize,
     pub kd: Option<Stated<[f64; 3]>>,
@@ -105,7 +105,7 @@ impl MtlMaterial {
         warnings: &mut Warnings,
     ) -> (Material, Cover) {
         let mut warn = |line: usize, text: String| warnings.push(&self.path, Some(line), text);
-        let has_map = self.has_map(Slot::Emission);
+        let has_map = self.has_map(MapSlot::Emission);
         let is_dark = |ke: &Stated<[f64; 3]>| ke.value.iter().all(|&c| c <= 0.0);
         let ke = self.ke.filter(|ke| !(has_map && is_dark(ke)));
         // A texture of emission without `Ke` emits its own values.
@@ -125,7 +125,7 @@ impl MtlMaterial {
         warn: &mut impl FnMut(usize, String),
     ) -> Bsdf {
         let illum = self.illum.map(|illum| illum.value);
-        let is_idle = self.is_of(Program::Cinema4d) && illum == Some(7);
+        let is_idle = self.is_of(Exporter::Cinema4d) && illum == Some(7);
         let illum = if is_idle { Some(1) } else { illum };
         let illum_line = self.illum.map_or(self.line, |illum| illum.line);
         let finish = self.of_blender(finish, illum);
@@ -163,10 +163,10 @@ impl MtlMaterial {
             (Some(2), Some(ks)) if shines => {
                 let ns = self.ns.unwrap_or(Stated { value: 0.0, line: self.line });
                 let mut ks = clamped("Ks", ks, 1.0, warn);
-                if self.is_of(Program::Blender) {
+                if self.is_of(Exporter::Blender) {
                     ks = ks.map(|c| (2.0 * c).min(1.0));
                 }
-                let alpha = match self.blender_roughness().filter(|_| self.is_of(Program::Blender))
+                let alpha = match self.blender_roughness().filter(|_| self.is_of(Exporter::Blender))
                 {
                     Some(roughness) => (roughness * roughness).max(1e-4),
                     None => alpha(ns, warn),
@@ -197,7 +197,7 @@ impl MtlMaterial {
     /// way.
     fn of_blender(&self, finish: [Option<f32>; 2], illum: Option<u8>) -> [Option<f32>; 2] {
         let [rough, metal] = finish;
-        let is_metal = self.is_of(Program::Blender) && illum == Some(3) && metal.is_none();
+        let is_metal = self.is_of(Exporter::Blender) && illum == Some(3) && metal.is_none();
         if is_metal { [rough.or(self.blender_roughness()), Some(1.0)] } else { finish }
     }
 
@@ -210,11 +210,11 @@ impl MtlMaterial {
     fn is_invisible(&self, illum: Option<u8>) -> bool {
         let is_air = self.ni.is_some_and(|ni| (ni.value - 1.0).abs() < 1e-6);
         let is_white = self.tf.is_some_and(|tf| tf.value.iter().all(|&c| c >= 1.0));
-        let is_paint = is_white && (is_air || self.is_of(Program::Maya));
+        let is_paint = is_white && (is_air || self.is_of(Exporter::Maya));
         illum == Some(4) && is_paint && self.opacity().is_none()
     }
 
-    fn is_of(&self, program: Program) -> bool {
+    fn is_of(&self, program: Exporter) -> bool {
         self.program == program
     }
 
@@ -223,7 +223,7 @@ impl MtlMaterial {
         self.ke.is_some_and(|ke| ke.value.iter().any(|&c| c > 0.0))
     }
 
-    fn has_map(&self, slot: Slot) -> bool {
+    fn has_map(&self, slot: MapSlot) -> bool {
         self.maps.iter().any(|map| map.slot == slot)
     }
 
@@ -265,7 +265,7 @@ impl MtlMaterial {
             .tr
             .filter(|tr| tr.value != 1.0)
             .map(|tr| Stated { value: 1.0 - tr.value, line: tr.line });
-        let has_map = self.has_map(Slot::Opacity);
+        let has_map = self.has_map(MapSlot::Opacity);
         self.d.or(from_tr).filter(|d| d.value < 1.0 && !(has_map && d.value <= 0.0))
     }
 
@@ -293,8 +293,8 @@ impl MtlMaterial {
         let is_black = |kd: &Stated<[f64; 3]>| kd.value == [0.0; 3];
         match self.kd {
             // Exporters write a black `Kd` beside a texture, or none, and mean the texture.
-            None if self.has_map(Slot::Base) => [1.0; 3],
-            Some(kd) if is_black(&kd) && self.has_map(Slot::Base) => [1.0; 3],
+            None if self.has_map(MapSlot::Base) => [1.0; 3],
+            Some(kd) if is_black(&kd) && self.has_map(MapSlot::Base) => [1.0; 3],
             Some(kd) => clamped("Kd", kd, 1.0, warn),
             None if emits => [0.0; 3],
             None => {
@@ -312,7 +312,7 @@ impl MtlMaterial {
         let clear = clamped("Tf", tf, 1.0, warn);
         // No pane transmits nothing: `Tf 0` with `illum 4` is Maya's clear glass.
         let is_pane = self.illum.is_some_and(|illum| illum.value == 4);
-        let is_opacity = self.is_of(Program::Maya) || (is_pane && clear == [0.0; 3]);
+        let is_opacity = self.is_of(Exporter::Maya) || (is_pane && clear == [0.0; 3]);
         if is_pane && is_opacity {
             warn(
                 tf.line,

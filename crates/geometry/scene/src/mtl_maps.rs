@@ -22,7 +22,7 @@ use crate::{Maps, mtl::DEFAULT_ROUGHNESS};
 
 /// The property that a texture changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Slot {
+pub(crate) enum MapSlot {
     Base,
     Emission,
     Opacity,
@@ -31,16 +31,16 @@ pub(crate) enum Slot {
     Metalness,
 }
 
-impl Slot {
+impl MapSlot {
     /// Returns the slot of a keyword in lower case.
-    pub(crate) fn of(keyword: &str) -> Option<Slot> {
+    pub(crate) fn of(keyword: &str) -> Option<MapSlot> {
         match keyword {
-            "map_kd" => Some(Slot::Base),
-            "map_ke" => Some(Slot::Emission),
-            "map_d" | "map_opacity" => Some(Slot::Opacity),
-            "norm" | "map_bump" | "bump" | "map_kn" => Some(Slot::Normal),
-            "map_pr" => Some(Slot::Roughness),
-            "map_pm" => Some(Slot::Metalness),
+            "map_kd" => Some(MapSlot::Base),
+            "map_ke" => Some(MapSlot::Emission),
+            "map_d" | "map_opacity" => Some(MapSlot::Opacity),
+            "norm" | "map_bump" | "bump" | "map_kn" => Some(MapSlot::Normal),
+            "map_pr" => Some(MapSlot::Roughness),
+            "map_pm" => Some(MapSlot::Metalness),
             _ => None,
         }
     }
@@ -48,18 +48,18 @@ impl Slot {
 
 /// The placement of a texture on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Placement {
+pub(crate) struct MapOptions {
     scale: [f32; 2],
     offset: [f32; 2],
 }
 
-impl Default for Placement {
-    fn default() -> Placement {
-        Placement { scale: [1.0; 2], offset: [0.0; 2] }
+impl Default for MapOptions {
+    fn default() -> MapOptions {
+        MapOptions { scale: [1.0; 2], offset: [0.0; 2] }
     }
 }
 
-impl Placement {
+impl MapOptions {
     /// Returns the texture's coordinates, down from its top, at `vt`, which counts from its bottom.
     pub(crate) fn of(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         let [x, y] = [u * self.scale[0] + self.offset[0], v * self.scale[1] + self.offset[1]];
@@ -71,10 +71,10 @@ impl Placement {
 /// A statement about a texture.
 #[derive(Clone, Debug)]
 pub(crate) struct MapStatement {
-    pub slot: Slot,
+    pub slot: MapSlot,
     pub line: usize,
     file: String,
-    placement: Placement,
+    placement: MapOptions,
     wrap: Wrap,
     strength: f32,
     channel: u8,
@@ -82,8 +82,9 @@ pub(crate) struct MapStatement {
 
 impl MapStatement {
     /// Reads what follows the keyword; `None` if it names no file.
-    pub(crate) fn read(slot: Slot, line: usize, text: &str) -> Option<MapStatement> {
-        let (mut placement, mut wrap, mut rest) = (Placement::default(), Wrap::Repeat, text.trim());
+    pub(crate) fn read(slot: MapSlot, line: usize, text: &str) -> Option<MapStatement> {
+        let (mut placement, mut wrap, mut rest) =
+            (MapOptions::default(), Wrap::Repeat, text.trim());
         let (mut strength, mut channel) = (1.0, 0);
         while let Some((option, after)) =
             rest.split_once(char::is_whitespace).filter(|(option, _)| option.starts_with('-'))
@@ -129,8 +130,8 @@ impl MapStatement {
 
     /// Returns how its picture is used.
     pub(crate) fn how(&self) -> Use {
-        let is_colour = matches!(self.slot, Slot::Base | Slot::Emission);
-        let is_mask = self.slot == Slot::Opacity;
+        let is_colour = matches!(self.slot, MapSlot::Base | MapSlot::Emission);
+        let is_mask = self.slot == MapSlot::Opacity;
         Use { wrap: [self.wrap; 2], is_linear: !is_colour, is_mask }
     }
 }
@@ -159,7 +160,7 @@ fn numbers(text: &mut &str, kept: &mut [f32]) {
 #[derive(Clone, Copy, Default)]
 pub(crate) struct MtlTextures {
     pub maps: Maps,
-    pub placement: Placement,
+    pub placement: MapOptions,
     /// True if the texture of its colour, or of its emission, cannot be read.
     pub lacks_colour: bool,
     pub lacks_emission: bool,
@@ -183,7 +184,7 @@ pub(crate) fn textures(
         let how = statement.how();
         let mut warn = |problem: String| {
             let instead = match statement.slot {
-                Slot::Base => "grey 0.5 is taken",
+                MapSlot::Base => "grey 0.5 is taken",
                 _ => "it is left out",
             };
             let text = format!("`{}`: {problem}; {instead}", excerpt(&statement.file));
@@ -198,14 +199,14 @@ pub(crate) fn textures(
             found.map(|texture| Channel { texture: Some(texture), channel, factor })
         };
         match statement.slot {
-            Slot::Base => (maps.base, lacks_colour) = (found, found.is_none()),
-            Slot::Emission => (maps.emission, lacks_emission) = (found, found.is_none()),
-            Slot::Opacity => {
+            MapSlot::Base => (maps.base, lacks_colour) = (found, found.is_none()),
+            MapSlot::Emission => (maps.emission, lacks_emission) = (found, found.is_none()),
+            MapSlot::Opacity => {
                 maps.cut_out = found.map(|texture| CutOut { texture, least: CUT_OUT });
             }
-            Slot::Roughness => numbers[0] = number(roughness),
-            Slot::Metalness => numbers[1] = number(metalness),
-            Slot::Normal => {
+            MapSlot::Roughness => numbers[0] = number(roughness),
+            MapSlot::Metalness => numbers[1] = number(metalness),
+            MapSlot::Normal => {
                 let has_normals = |&texture: &u32| is_of_normals(&files.textures[texture as usize]);
                 if found.is_some_and(|texture| !has_normals(&texture)) {
                     warn("it has heights, not normals".to_owned());
@@ -226,7 +227,7 @@ pub(crate) fn textures(
     }
     // One placement for all: a triangle has one set of coordinates.
     let first = statements.iter().min_by_key(|statement| statement.slot as u8);
-    let placement = first.map_or(Placement::default(), |statement| statement.placement);
+    let placement = first.map_or(MapOptions::default(), |statement| statement.placement);
     MtlTextures { maps, placement, lacks_colour, lacks_emission }
 }
 
@@ -256,8 +257,8 @@ mod tests {
 
     #[test]
     fn options_and_names_are_told_apart() {
-        let read = |text: &str| MapStatement::read(Slot::Base, 1, text).unwrap();
-        let plain = Placement::default();
+        let read = |text: &str| MapStatement::read(MapSlot::Base, 1, text).unwrap();
+        let plain = MapOptions::default();
         for (text, file, placement, wrap) in [
             ("wood.png", "wood.png", plain, Wrap::Repeat),
             ("my wood.png", "my wood.png", plain, Wrap::Repeat),
@@ -265,13 +266,13 @@ mod tests {
             (
                 "-s 2 3 1 -o 0.5 0 0 7",
                 "7",
-                Placement { scale: [2.0, 3.0], offset: [0.5, 0.0] },
+                MapOptions { scale: [2.0, 3.0], offset: [0.5, 0.0] },
                 Wrap::Repeat,
             ),
             (
                 "-bm 0.3 -mm 0 1 -s 4 -imfchan l a.jpg",
                 "a.jpg",
-                Placement { scale: [4.0, 1.0], ..plain },
+                MapOptions { scale: [4.0, 1.0], ..plain },
                 Wrap::Repeat,
             ),
         ] {
@@ -283,14 +284,14 @@ mod tests {
             );
         }
         assert!(
-            MapStatement::read(Slot::Base, 1, "-s 1 1 1 ").is_none_or(|found| found.file == "1")
+            MapStatement::read(MapSlot::Base, 1, "-s 1 1 1 ").is_none_or(|found| found.file == "1")
         );
-        assert!(MapStatement::read(Slot::Base, 1, "").is_none());
+        assert!(MapStatement::read(MapSlot::Base, 1, "").is_none());
     }
 
     #[test]
     fn textures_count_from_the_top() {
-        let placement = Placement { scale: [2.0, 3.0], offset: [0.5, 0.25] };
+        let placement = MapOptions { scale: [2.0, 3.0], offset: [0.5, 0.25] };
         assert_eq!(placement.of([1.0, 0.0]), [2.5, 0.75]);
         assert_eq!(placement.of([f32::MAX, f32::MIN]), [0.0, 0.0]);
     }

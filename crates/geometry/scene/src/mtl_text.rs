@@ -6,10 +6,10 @@
 //! words of the file. Materials are named by numbers. Lines and names are remembered here.
 
 use crate::SceneError;
-use crate::habits::{self, Program};
+use crate::habits::{self, Exporter};
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES};
 use crate::mtl::{MtlMaterial, Stated};
-use crate::mtl_maps::{MapStatement, Slot};
+use crate::mtl_maps::{MapSlot, MapStatement};
 use crate::text::{excerpt, keyword, logical_lines, loose_number, number, without_comment};
 use crate::warnings::Warnings;
 use std::collections::{HashMap, HashSet};
@@ -36,13 +36,13 @@ pub(crate) fn parse_mtl(
     let parsed = tobj::load_mtl_buf(&mut clean.clean.as_bytes());
     let (materials, _) =
         parsed.map_err(|source| SceneError::Parser { path: path.to_owned(), source })?;
-    let whole = |(header, material): (Header, _)| header.with(path, material);
+    let whole = |(header, material): (MaterialFacts, _)| header.with(path, material);
     let mut materials: Vec<MtlMaterial> =
         clean.headers.into_iter().zip(materials).map(whole).collect();
     let program = habits::program(text, &materials);
     materials.iter_mut().for_each(|material| material.program = program);
     let is_affected = |material: &&MtlMaterial| material.illum.is_some_and(|i| i.value == 7);
-    let first = materials.iter().find(is_affected).filter(|_| program == Program::Cinema4d);
+    let first = materials.iter().find(is_affected).filter(|_| program == Exporter::Cinema4d);
     if let Some(first) = first {
         let count = materials.iter().filter(is_affected).count();
         let text = format!(
@@ -54,7 +54,7 @@ pub(crate) fn parse_mtl(
 }
 
 /// Facts about a material that `tobj` does not report.
-struct Header {
+struct MaterialFacts {
     name: String,
     line: usize,
     /// The line of each statement; the last one if there are several.
@@ -66,7 +66,7 @@ struct Header {
 struct CleanMtl<'a> {
     path: &'a Path,
     clean: String,
-    headers: Vec<Header>,
+    headers: Vec<MaterialFacts>,
     unknown: HashSet<String>,
 }
 
@@ -114,8 +114,8 @@ impl CleanMtl<'_> {
             }
             self.clean.extend(["newmtl ", &self.headers.len().to_string(), "\n"]);
             let (name, lines) = (rest.to_owned(), HashMap::new());
-            self.headers.push(Header { name, line, lines, maps: Vec::new() });
-        } else if let Some(slot) = Slot::of(&lower)
+            self.headers.push(MaterialFacts { name, line, lines, maps: Vec::new() });
+        } else if let Some(slot) = MapSlot::of(&lower)
             && let Some(header) = self.headers.last_mut()
             && let Some(map) = MapStatement::read(slot, line, rest)
         {
@@ -209,7 +209,7 @@ fn plain(token: &str) -> Option<String> {
     loose_number(token).map(|number| number.to_string())
 }
 
-impl Header {
+impl MaterialFacts {
     /// Returns the whole material.
     fn with(self, path: &Path, parsed: tobj::Material) -> MtlMaterial {
         // Properties without a field in `tobj` come as text, which is that of the clean text.
@@ -231,7 +231,7 @@ impl Header {
             illum: self.stated("illum", parsed.illumination_model),
             maps: self.maps,
             name: self.name,
-            program: Program::default(),
+            program: Exporter::default(),
             path: path.to_owned(),
             line: self.line,
         }

@@ -23,10 +23,10 @@ pub(crate) const CROSSED: &str = "f crossed";
 /// Statements that are ignored or left out: how many of each kind, and where the first is.
 #[derive(Default)]
 pub(crate) struct Ignored {
-    kinds: HashMap<String, Kind>,
+    kinds: HashMap<String, IgnoredStatement>,
 }
 
-struct Kind {
+struct IgnoredStatement {
     line: usize,
     count: usize,
     /// The problem of the first one, for people.
@@ -43,7 +43,7 @@ impl Ignored {
         if let Some(known) = self.kinds.get_mut(kind) {
             known.count += 1;
         } else if self.kinds.len() < Self::MAX_KINDS || kind == CROSSED {
-            self.kinds.insert(kind.to_owned(), Kind { line, count: 1, example: None });
+            self.kinds.insert(kind.to_owned(), IgnoredStatement { line, count: 1, example: None });
         }
     }
 
@@ -57,7 +57,7 @@ impl Ignored {
         match self.kinds.get_mut(kind) {
             Some(known) => known.count += 1,
             None => {
-                let kind_of_first = Kind { line, count: 1, example: Some(example()) };
+                let kind_of_first = IgnoredStatement { line, count: 1, example: Some(example()) };
                 self.kinds.insert(kind.to_owned(), kind_of_first);
             }
         }
@@ -77,7 +77,7 @@ impl Ignored {
     pub(crate) fn warn(self, path: &Path, warnings: &mut Warnings) {
         let mut kinds: Vec<_> = self.kinds.into_iter().collect();
         kinds.sort_by(|a, b| (a.1.line, &a.0).cmp(&(b.1.line, &b.0)));
-        for (kind, Kind { line, count, example }) in kinds {
+        for (kind, IgnoredStatement { line, count, example }) in kinds {
             let why = match (kind.as_str(), example) {
                 (_, Some(example)) => example + "; it is left out",
                 ("l", _) => "lines and points (`l`, `p`) are ignored".to_owned(),

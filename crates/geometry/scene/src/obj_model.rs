@@ -4,16 +4,16 @@ use glam::Vec3;
 
 use crate::libraries::{self, Looks};
 use crate::limits::MAX_OBJ_BYTES;
-use crate::model::{Model, Reader, Source};
+use crate::model::{FormatReader, Model, ModelFile};
 use crate::obj::{ObjFile, parse_obj};
 use crate::obj_checked::NONE;
 use crate::text::read_text;
 use crate::{Octahedral, SceneError, Shading, WHITE, smooth};
 
-pub(crate) const READER: Reader = Reader { recognises: |_, _| true, read };
+pub(crate) const READER: FormatReader = FormatReader { recognises: |_, _| true, read };
 
-fn read(source: Source) -> Result<Model, SceneError> {
-    let Source { path, options, watch, warnings } = source;
+fn read(source: ModelFile) -> Result<Model, SceneError> {
+    let ModelFile { path, options, watch, warnings } = source;
     let text = read_text(path, MAX_OBJ_BYTES)?;
     let about = crate::header::read(&text);
     let obj = parse_obj(path, &text, watch, warnings)?;

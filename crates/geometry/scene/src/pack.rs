@@ -136,7 +136,7 @@ pub const HEADER_BYTES: usize = 88;
 /// matter.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Header {
+struct PackHeader {
     magic: [u8; 8],
     version: [u8; 4],
     reserved: [u8; 4],
@@ -148,7 +148,7 @@ struct Header {
     sky: [[u8; 4]; 3],
     padding: [u8; 4],
 }
-const _: () = assert!(size_of::<Header>() == HEADER_BYTES);
+const _: () = assert!(size_of::<PackHeader>() == HEADER_BYTES);
 
 /// A material's bytes before its parameters and name.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -182,7 +182,7 @@ impl Scene {
             (None, true) => VERSION,
             (None, false) => SHADED_VERSION,
         };
-        let header = Header {
+        let header = PackHeader {
             magic: MAGIC,
             version: version.to_le_bytes(),
             reserved: [0; 4],
@@ -229,7 +229,7 @@ impl Scene {
         if !packed.starts_with(&MAGIC[..packed.len().min(MAGIC.len())]) {
             return Err(PackedError::Magic.into());
         }
-        let (header, rest) = split::<Header>(packed).ok_or(too_short)?;
+        let (header, rest) = split::<PackHeader>(packed).ok_or(too_short)?;
         let version = u32::from_le_bytes(header.version);
         if ![VERSION, SHADED_VERSION, SHARED_VERSION].contains(&version) {
             return Err(PackedError::Version { found: version, known: VERSION }.into());

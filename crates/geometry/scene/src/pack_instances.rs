@@ -2,7 +2,7 @@
 //!
 //! The format is in [`crate::pack`].
 
-use crate::instances::{Part, Shared};
+use crate::instances::{InstanceTable, MeshRange};
 use crate::limits::{MAX_INSTANCES, MAX_MESHES};
 use crate::pack::split;
 use crate::placement::Placement;
@@ -22,7 +22,7 @@ struct InstanceRecord {
 }
 const _: () = assert!(size_of::<InstanceRecord>() == 100);
 
-pub(crate) fn pack_instances(shared: &Shared, out: &mut Vec<u8>) {
+pub(crate) fn pack_instances(shared: &InstanceTable, out: &mut Vec<u8>) {
     out.extend((shared.meshes.len() as u32).to_le_bytes());
     out.extend((shared.instances.len() as u32).to_le_bytes());
     for part in &shared.meshes {
@@ -38,8 +38,8 @@ pub(crate) fn pack_instances(shared: &Shared, out: &mut Vec<u8>) {
 
 /// The parts of a scene's arrays, and its instances.
 pub(crate) struct Unpacked {
-    own: Part,
-    meshes: Vec<Part>,
+    own: MeshRange,
+    meshes: Vec<MeshRange>,
     instances: Vec<(u32, Placement)>,
 }
 
@@ -75,13 +75,13 @@ pub(crate) fn unpack_instances(
     if of_meshes > positions as u64 || of_triangles > triangles as u64 {
         return Err(malformed.into());
     }
-    let own = Part {
+    let own = MeshRange {
         positions: 0..positions - of_meshes as usize,
         triangles: 0..triangles - of_triangles as usize,
     };
     let (mut position, mut triangle) = (own.positions.end, own.triangles.end);
     let meshes = lengths.map(|[positions, triangles]| {
-        let part = Part {
+        let part = MeshRange {
             positions: position..position + positions,
             triangles: triangle..triangle + triangles,
         };

@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::limits::MAX_NAME_BYTES;
 use crate::pack::split;
 use crate::punctual::MAX_PUNCTUAL_LIGHTS;
-use crate::{Beam, PackedError, PunctualLight};
+use crate::{PackedError, PunctualBeam, PunctualLight};
 
 /// A light's bytes before its names.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -27,8 +27,8 @@ pub(crate) fn pack_punctual_lights(lights: &[PunctualLight], out: &mut Vec<u8>) 
     out.extend((lights.len() as u32).to_le_bytes());
     for light in lights {
         let (has_cone, axis, angles) = match light.beam {
-            Beam::Everywhere => (0_u32, [0.0; 3], [0.0; 2]),
-            Beam::Cone { axis, inner, outer } => (1, axis, [inner, outer]),
+            PunctualBeam::Everywhere => (0_u32, [0.0; 3], [0.0; 2]),
+            PunctualBeam::Cone { axis, inner, outer } => (1, axis, [inner, outer]),
         };
         let header = LightHeader {
             position: light.position.map(f32::to_le_bytes),
@@ -61,10 +61,10 @@ fn unpack_light(bytes: &mut &[u8]) -> Option<PunctualLight> {
     *bytes = rest;
     let [name, group] = header.name_bytes.map(|n| take_name(bytes, u32::from_le_bytes(n)));
     let beam = match u32::from_le_bytes(header.has_cone) {
-        0 if header.axis == [[0; 4]; 3] && header.angles == [[0; 4]; 2] => Beam::Everywhere,
+        0 if header.axis == [[0; 4]; 3] && header.angles == [[0; 4]; 2] => PunctualBeam::Everywhere,
         1 => {
             let [inner, outer] = header.angles.map(f32::from_le_bytes);
-            Beam::Cone { axis: header.axis.map(f32::from_le_bytes), inner, outer }
+            PunctualBeam::Cone { axis: header.axis.map(f32::from_le_bytes), inner, outer }
         }
         _ => return None,
     };

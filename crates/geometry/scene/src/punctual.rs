@@ -22,17 +22,17 @@ pub struct PunctualLight {
     pub group: String,
     /// Its place, relative to the scene's origin.
     pub position: [f32; 3],
-    /// Radiant intensity where [`Beam::share`] is 1, W·sr⁻¹.
+    /// Radiant intensity where [`PunctualBeam::share`] is 1, W·sr⁻¹.
     pub intensity: Rgb,
     /// Radius of the sphere, in scene units.
     pub radius: f32,
     /// The distribution of its light over directions.
-    pub beam: Beam,
+    pub beam: PunctualBeam,
 }
 
 /// The distribution of a punctual light over directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Beam {
+pub enum PunctualBeam {
     /// The same in all directions: a point light.
     Everywhere,
     /// A cone: a spot light. All light is within `outer`, and its intensity is full within `inner`.
@@ -46,7 +46,7 @@ pub enum Beam {
     },
 }
 
-impl Beam {
+impl PunctualBeam {
     /// Returns the factors of a cone's falloff by the cosine to its axis: scale and offset of
     /// KHR_lights_punctual. `None` for light in all directions.
     #[must_use]
@@ -129,8 +129,10 @@ mod tests {
 
     #[test]
     fn a_cone_has_the_falloff_of_the_format() {
-        let cone = |inner: f32, outer: f32| Beam::Cone { axis: [0.0, 0.0, -1.0], inner, outer };
-        let at = |beam: &Beam, angle: f32| beam.share(Vec3::new(angle.sin(), 0.0, -angle.cos()));
+        let cone =
+            |inner: f32, outer: f32| PunctualBeam::Cone { axis: [0.0, 0.0, -1.0], inner, outer };
+        let at =
+            |beam: &PunctualBeam, angle: f32| beam.share(Vec3::new(angle.sin(), 0.0, -angle.cos()));
         let beam = cone(0.3, 0.6);
         for angle in [0.0, 0.2, 0.299_f32] {
             assert!((at(&beam, angle) - 1.0).abs() < 1e-5, "{angle}");
@@ -145,6 +147,6 @@ mod tests {
         // Equal angles leave an edge of a thousandth in the cosine.
         let hard = cone(0.6, 0.6);
         assert_eq!((at(&hard, 0.598), at(&hard, 0.601)), (1.0, 0.0));
-        assert_eq!(Beam::Everywhere.share(Vec3::X), 1.0);
+        assert_eq!(PunctualBeam::Everywhere.share(Vec3::X), 1.0);
     }
 }

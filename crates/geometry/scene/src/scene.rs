@@ -3,7 +3,7 @@
 //! A [`Scene`] is valid: only [`Scene::new`] and [`Scene::from_world`] make one.
 
 use crate::inside::OpenBox;
-use crate::instances::Shared;
+use crate::instances::InstanceTable;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::material::is_radiance;
 use crate::{Bsdf, Cover, Maps, Material, PunctualLight, Rgb, SceneError, Shading, Sun, WHITE};
@@ -38,7 +38,7 @@ pub struct Scene {
     /// Normals, textures and colours of corners, if the scene has some.
     pub shading: Option<Box<Shading>>,
     /// Instances of meshes, if the scene has some.
-    pub(crate) shared: Option<Box<Shared>>,
+    pub(crate) shared: Option<Box<InstanceTable>>,
 }
 
 /// Triangles as a scene stores them.

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use crate::instances::Shared;
+use crate::instances::InstanceTable;
 use crate::shading::{Channel, Cover, Maps, Octahedral, Shading, WHITE, from_octahedral};
 use crate::texture::linear_table;
 use crate::{Bsdf, Rgb, Scene, SceneError};
@@ -284,7 +284,12 @@ impl Scene {
 
     /// Returns an attribute of the corners of a triangle in a scene with instances.
     #[cold]
-    fn attribute<T: Copy>(&self, shared: &Shared, all: &[[T; 3]], triangle: u32) -> Option<[T; 3]> {
+    fn attribute<T: Copy>(
+        &self,
+        shared: &InstanceTable,
+        all: &[[T; 3]],
+        triangle: u32,
+    ) -> Option<[T; 3]> {
         let (stored, instance) = self.located(shared, triangle);
         let corners = *all.get(stored)?;
         Some(instance.map_or(corners, |instance| instance.placement.ordered(corners)))
@@ -293,7 +298,7 @@ impl Scene {
     #[cold]
     fn placed_normals(
         &self,
-        shared: &Shared,
+        shared: &InstanceTable,
         shading: &Shading,
         triangle: u32,
     ) -> Option<[Octahedral; 3]> {

@@ -92,7 +92,7 @@ fn sheets(
     let corners = |k: usize| triangles[k].map(&at);
     let mut parts = open_parts(&glass, triangles.len(), &corners);
     if !parts.is_empty() {
-        let tree = Tree::new(glass.iter().map(|&k| corners(k)).collect());
+        let tree = SheetTree::new(glass.iter().map(|&k| corners(k)).collect());
         parts.retain(|part| is_sheet(part, &corners, &tree));
     }
     parts
@@ -166,7 +166,7 @@ fn root(parent: &mut [usize], mut at: usize) -> usize {
 }
 
 /// Returns whether fewer than half of the rays from a part's faces inwards leave glass again.
-fn is_sheet(part: &[usize], corners: &impl Fn(usize) -> [DVec3; 3], tree: &Tree) -> bool {
+fn is_sheet(part: &[usize], corners: &impl Fn(usize) -> [DVec3; 3], tree: &SheetTree) -> bool {
     let step = part.len().div_ceil(RAYS);
     let (mut sent, mut left) = (0, 0);
     for &triangle in part.iter().step_by(step) {
@@ -185,7 +185,7 @@ fn is_sheet(part: &[usize], corners: &impl Fn(usize) -> [DVec3; 3], tree: &Tree)
 }
 
 /// A node's box, and its triangles in order or its two halves.
-struct Node {
+struct SheetNode {
     low: DVec3,
     high: DVec3,
     first: usize,
@@ -195,14 +195,14 @@ struct Node {
 }
 
 /// A tree of boxes around triangles of glass.
-struct Tree {
-    nodes: Vec<Node>,
+struct SheetTree {
+    nodes: Vec<SheetNode>,
     triangles: Vec<[DVec3; 3]>,
 }
 
-impl Tree {
-    fn new(triangles: Vec<[DVec3; 3]>) -> Tree {
-        let mut tree = Tree { nodes: Vec::new(), triangles };
+impl SheetTree {
+    fn new(triangles: Vec<[DVec3; 3]>) -> SheetTree {
+        let mut tree = SheetTree { nodes: Vec::new(), triangles };
         tree.add(0, tree.triangles.len(), 0);
         tree
     }
@@ -214,7 +214,7 @@ impl Tree {
             (low, high) = (low.min(*corner), high.max(*corner));
         }
         let node = self.nodes.len();
-        self.nodes.push(Node { low, high, first, count, second: 0 });
+        self.nodes.push(SheetNode { low, high, first, count, second: 0 });
         if count <= LEAF || depth == MAX_DEPTH {
             return;
         }

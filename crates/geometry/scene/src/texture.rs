@@ -65,7 +65,7 @@ pub struct Texture {
     pub is_mask: bool,
     /// True if its file asks for a turned or mirrored picture, which is not done.
     pub(crate) is_turned: bool,
-    levels: Arc<Vec<Level>>,
+    levels: Arc<Vec<TextureLevel>>,
 }
 
 impl PartialEq for Texture {
@@ -114,7 +114,7 @@ fn other_format(encoded: &[u8]) -> Option<String> {
 
 /// A picture of a texture, in rows from the top.
 #[derive(Debug)]
-struct Level {
+struct TextureLevel {
     width: usize,
     height: usize,
     texels: Texels,
@@ -166,7 +166,7 @@ impl Texture {
         // Coordinates on surfaces belong to the picture as it is stored. Modellers show it so.
         let is_turned = decoder.orientation().is_ok_and(|o| o != Orientation::NoTransforms);
         let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
-        let mut level = Level::new(image)?;
+        let mut level = TextureLevel::new(image)?;
         if is_mask {
             level.take_brightness_as_opacity();
         }
@@ -190,7 +190,7 @@ impl Texture {
     /// Returns the bytes of memory that it takes.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        let texels = |level: &Level| match &level.texels {
+        let texels = |level: &TextureLevel| match &level.texels {
             Texels::Bytes(texels) => 4 * texels.len(),
             Texels::Floats(texels) => 16 * texels.len(),
         };
@@ -236,8 +236,8 @@ impl Texture {
     }
 }
 
-impl Level {
-    fn new(image: DynamicImage) -> Result<Level, String> {
+impl TextureLevel {
+    fn new(image: DynamicImage) -> Result<TextureLevel, String> {
         let (width, height) = (image.width() as usize, image.height() as usize);
         if width == 0 || height == 0 {
             return Err("it has no pixels".to_owned());
@@ -250,7 +250,7 @@ impl Level {
             }
             other => Texels::Bytes(other.into_rgba8().into_raw().as_chunks::<4>().0.to_vec()),
         };
-        Ok(Level { width, height, texels })
+        Ok(TextureLevel { width, height, texels })
     }
 
     fn take_brightness_as_opacity(&mut self) {
@@ -262,7 +262,7 @@ impl Level {
     }
 
     /// Returns a picture of half the size, rounded up, whose texels are means of four.
-    fn halved(&self, is_linear: bool) -> Level {
+    fn halved(&self, is_linear: bool) -> TextureLevel {
         let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
         let mean = |index: usize| -> [f32; 4] {
             let (x, y) = (2 * (index % width), 2 * (index / width));
@@ -284,7 +284,7 @@ impl Level {
                     .collect(),
             ),
         };
-        Level { width, height, texels }
+        TextureLevel { width, height, texels }
     }
 
     /// Returns a texel as linear numbers.

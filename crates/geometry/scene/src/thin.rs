@@ -15,7 +15,7 @@ use crate::scene::doubled_area_normal;
 
 /// What is wrong with an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Fault {
+pub(crate) enum InstanceFault {
     /// The box of its mesh is not finite or reaches too far away.
     TooFar,
     /// A triangle of its mesh has no area there.
@@ -23,7 +23,7 @@ pub(crate) enum Fault {
 }
 
 /// The bounds of a mesh, and its triangles that are thin somewhere.
-struct Shape {
+struct MeshShape {
     /// The corners of its box. Rounding is monotonic, so placed points lie between them.
     corners: [[f32; 3]; 8],
     /// Heights and numbers of triangles, lowest first.
@@ -33,7 +33,7 @@ struct Shape {
 /// The shapes of meshes.
 pub(crate) struct Shapes<'a> {
     meshes: &'a [Geometry<'a>],
-    shapes: Vec<Shape>,
+    shapes: Vec<MeshShape>,
 }
 
 impl<'a> Shapes<'a> {
@@ -42,9 +42,9 @@ impl<'a> Shapes<'a> {
         meshes: &'a [Geometry<'a>],
         instances: impl Iterator<Item = (u32, &'p Placement)>,
     ) -> Shapes<'a> {
-        let mut shapes: Vec<Shape> = meshes
+        let mut shapes: Vec<MeshShape> = meshes
             .iter()
-            .map(|mesh| Shape { corners: box_corners(mesh.positions), thin: Vec::new() })
+            .map(|mesh| MeshShape { corners: box_corners(mesh.positions), thin: Vec::new() })
             .collect();
         let mut greatest = vec![0.0_f64; meshes.len()];
         for (mesh, placement) in instances {
@@ -67,22 +67,22 @@ impl<'a> Shapes<'a> {
     }
 
     /// Returns what is wrong with an instance, which is one of those given to [`new`](Self::new).
-    pub(crate) fn fault(&self, mesh: u32, placement: &Placement) -> Option<Fault> {
+    pub(crate) fn fault(&self, mesh: u32, placement: &Placement) -> Option<InstanceFault> {
         let (shape, mesh) = (&self.shapes[mesh as usize], &self.meshes[mesh as usize]);
         let is_within = |point: Vec3| f64::from(point.abs().max_element()) <= MAX_COORDINATE;
         if !shape.corners.iter().all(|&corner| is_within(placement.point(corner))) {
-            return Some(Fault::TooFar);
+            return Some(InstanceFault::TooFar);
         }
         let place = |corner: u32| placement.point(mesh.positions[corner as usize]);
         let is_flat = |triangle: u32| {
             doubled_area_normal(mesh.triangles[triangle as usize].map(place)).is_none()
         };
         let flat = shape.thin_at(placement).iter().find(|thin| is_flat(thin.1));
-        flat.map(|thin| Fault::NoArea(thin.1 as usize))
+        flat.map(|thin| InstanceFault::NoArea(thin.1 as usize))
     }
 }
 
-impl Shape {
+impl MeshShape {
     fn thin_at(&self, placement: &Placement) -> &[(f64, u32)] {
         let height = self.thin_height(placement);
         &self.thin[..self.thin.partition_point(|thin| thin.0 <= height)]

@@ -1,10 +1,10 @@
 //! Runs of free cells in the columns of a grid, from floor to ceiling.
 
-use crate::grid::Grid;
+use crate::grid::SceneGrid;
 
 /// Free cells of one column above a touched cell.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Run {
+pub(crate) struct ColumnRun {
     pub x: u32,
     pub y: u32,
     /// The lowest free cell.
@@ -15,7 +15,7 @@ pub(crate) struct Run {
     pub roofed: bool,
 }
 
-impl Run {
+impl ColumnRun {
     /// Returns the number of cells.
     pub(crate) fn height(&self) -> u32 {
         self.to - self.from
@@ -23,7 +23,7 @@ impl Run {
 }
 
 /// Returns all runs of a grid.
-pub(crate) fn runs(grid: &Grid) -> Vec<Run> {
+pub(crate) fn runs(grid: &SceneGrid) -> Vec<ColumnRun> {
     let mut runs = Vec::new();
     for x in 0..grid.size[0] {
         for y in 0..grid.size[1] {
@@ -41,17 +41,24 @@ pub(crate) fn runs(grid: &Grid) -> Vec<Run> {
     runs
 }
 
-fn push(runs: &mut Vec<Run>, x: usize, y: usize, floor: Option<usize>, to: usize, roofed: bool) {
+fn push(
+    runs: &mut Vec<ColumnRun>,
+    x: usize,
+    y: usize,
+    floor: Option<usize>,
+    to: usize,
+    roofed: bool,
+) {
     if let Some(from) = floor.filter(|&from| from < to) {
         let (x, y, from, to) = (x as u32, y as u32, from as u32, to as u32);
-        runs.push(Run { x, y, from, to, roofed });
+        runs.push(ColumnRun { x, y, from, to, roofed });
     }
 }
 
 /// Returns the commonest height of a storey in cells, from floor to ceiling. Heights within 15 % of
 /// each other count together, each by its volume, because spaces below tables and in walls are many
 /// but low. `None` without a roof.
-pub(crate) fn storey(runs: &[Run]) -> Option<f64> {
+pub(crate) fn storey(runs: &[ColumnRun]) -> Option<f64> {
     let mut volume: Vec<f64> = Vec::new();
     for run in runs.iter().filter(|run| run.roofed && run.height() >= 3) {
         let height = run.height() as usize;

@@ -6,9 +6,9 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use crate::grid::Grid;
-use crate::level::Level;
-use crate::rectangle::Rectangle;
+use crate::grid::SceneGrid;
+use crate::level::Storey;
+use crate::rectangle::CellRectangle;
 
 /// Least width of a passage, as a share of the eye's height: 0.4 m for a person.
 const LEAST_WIDTH: f64 = 0.25;
@@ -29,13 +29,18 @@ const NONE: usize = usize::MAX;
 
 /// Returns boxes that join rooms of one storey, in the order of their ways' lengths. `eye` is the
 /// height of eyes in cells.
-pub(crate) fn joints(grid: &Grid, level: &Level, rooms: &[Rectangle], eye: f64) -> Vec<Rectangle> {
+pub(crate) fn joints(
+    grid: &SceneGrid,
+    level: &Storey,
+    rooms: &[CellRectangle],
+    eye: f64,
+) -> Vec<CellRectangle> {
     let free = Free { mask: level.away_from_walls(grid, 1), size: [grid.size[0], grid.size[1]] };
     let mut joined: Vec<usize> = (0..rooms.len()).collect();
-    let mut joints: Vec<Rectangle> = Vec::new();
+    let mut joints: Vec<CellRectangle> = Vec::new();
     for way in free.ways(rooms, (LONGEST * eye) as usize) {
         let [a, b] = way.rooms.map(|room| joined[room]);
-        let covered: Vec<Rectangle> = rooms.iter().chain(&joints).copied().collect();
+        let covered: Vec<CellRectangle> = rooms.iter().chain(&joints).copied().collect();
         if a == b {
             continue;
         }
@@ -53,7 +58,7 @@ struct Free {
 }
 
 /// The shortest way from one room to another.
-struct Way {
+struct DoorAxis {
     rooms: [usize; 2],
     /// Neighbouring places on the way, from room to room.
     places: Vec<[usize; 2]>,
@@ -77,7 +82,7 @@ impl Free {
 
     /// Floods from all rooms at once. Returns the shortest way between each pair of rooms whose
     /// floods meet, the shortest first.
-    fn ways(&self, rooms: &[Rectangle], longest: usize) -> Vec<Way> {
+    fn ways(&self, rooms: &[CellRectangle], longest: usize) -> Vec<DoorAxis> {
         let mut flood = vec![(NONE, 0, [0; 2]); self.mask.len()];
         let mut queue = VecDeque::new();
         for (number, room) in rooms.iter().enumerate() {
@@ -123,15 +128,20 @@ impl Free {
             let mut places = back(from);
             places.reverse();
             places.extend(back(to));
-            Way { rooms, places }
+            DoorAxis { rooms, places }
         };
         found.into_iter().map(way).collect()
     }
 
     /// Covers a way by free boxes that overlap by a place. The ends of a way lie in rooms. `None`
     /// if the way is too narrow, or needs too many boxes.
-    fn boxes(&self, way: &[[usize; 2]], covered: &[Rectangle], eye: f64) -> Option<Vec<Rectangle>> {
-        let mut boxes: Vec<Rectangle> = Vec::new();
+    fn boxes(
+        &self,
+        way: &[[usize; 2]],
+        covered: &[CellRectangle],
+        eye: f64,
+    ) -> Option<Vec<CellRectangle>> {
+        let mut boxes: Vec<CellRectangle> = Vec::new();
         let is_covered = |at: &[usize; 2]| covered.iter().any(|rectangle| rectangle.contains(*at));
         let mut next = way.iter().position(|at| !is_covered(at)).unwrap_or(way.len());
         while next < way.len() {
@@ -140,7 +150,7 @@ impl Free {
             }
             // Begin at the covered place before, so that boxes overlap.
             let first = next.saturating_sub(1);
-            let mut found = Rectangle { low: way[first], high: way[first] };
+            let mut found = CellRectangle { low: way[first], high: way[first] };
             let mut last = first;
             for (step, &at) in way.iter().enumerate().skip(first) {
                 let longer = found.with(at);
@@ -170,7 +180,7 @@ impl Free {
     }
 
     /// Widens a rectangle to both sides where it is free, up to `most` places on each side.
-    fn widened(&self, rectangle: Rectangle, most: usize) -> Rectangle {
+    fn widened(&self, rectangle: CellRectangle, most: usize) -> CellRectangle {
         let mut found = rectangle;
         loop {
             let before = found;
@@ -206,8 +216,8 @@ mod tests {
         Free { mask, size: [rows.len(), rows[0].len()] }
     }
 
-    fn rectangle(low: [usize; 2], high: [usize; 2]) -> Rectangle {
-        Rectangle { low, high }
+    fn rectangle(low: [usize; 2], high: [usize; 2]) -> CellRectangle {
+        CellRectangle { low, high }
     }
 
     #[test]
@@ -238,7 +248,7 @@ mod tests {
         let rooms = [rectangle([0, 0], [1, 1]), rectangle([5, 8], [6, 9])];
         let ways = plan.ways(&rooms, 20);
         let boxes = plan.boxes(&ways[0].places, &rooms, 8.0).unwrap();
-        let all: Vec<Rectangle> = rooms.iter().chain(&boxes).copied().collect();
+        let all: Vec<CellRectangle> = rooms.iter().chain(&boxes).copied().collect();
         for step in ways[0].places.windows(2) {
             assert!(all.iter().any(|r| r.contains(step[0]) && r.contains(step[1])), "{step:?}");
         }

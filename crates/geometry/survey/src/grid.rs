@@ -8,7 +8,7 @@ use holo_raycast::Raycaster;
 use holo_scene::Scene;
 
 use crate::clip;
-use crate::frame::Frame;
+use crate::frame::UprightAxes;
 
 /// Most cells of a grid: one byte of memory each.
 pub const MAX_CELLS: f64 = 4e6;
@@ -29,8 +29,8 @@ const OUTLIERS: f64 = 0.01;
 const FAR: f64 = 4.0;
 
 /// The cells of a scene, in local coordinates relative to the scene's origin.
-pub(crate) struct Grid {
-    pub frame: Frame,
+pub(crate) struct SceneGrid {
+    pub frame: UprightAxes,
     /// The lowest corner.
     pub low: DVec3,
     /// The side of a cell.
@@ -40,9 +40,9 @@ pub(crate) struct Grid {
     touched: Vec<bool>,
 }
 
-impl Grid {
+impl SceneGrid {
     /// Makes the grid of a scene. `None` if it has no triangle or is a point.
-    pub(crate) fn new(raycaster: &Raycaster, frame: Frame) -> Option<Grid> {
+    pub(crate) fn new(raycaster: &Raycaster, frame: UprightAxes) -> Option<SceneGrid> {
         let scene = raycaster.scene();
         let local = |p: Vec3| frame.to_local(p.as_dvec3());
         let (low, high) = extent(&points(scene, local))?;
@@ -67,7 +67,7 @@ impl Grid {
         let low = low - (counts * cell - size) * 0.5;
         let size = counts.to_array().map(|n| n as usize);
         let touched = vec![false; size.iter().product()];
-        let mut grid = Grid { frame, low, cell, size, touched };
+        let mut grid = SceneGrid { frame, low, cell, size, touched };
         for triangle in scene.triangles() {
             grid.touch(scene.corners(triangle).map(local));
         }
@@ -180,14 +180,14 @@ mod tests {
     use super::*;
 
     /// Returns the grid of a square of side 1 with each of its halves so many times.
-    fn grid_of_copies(copies: usize) -> Grid {
+    fn grid_of_copies(copies: usize) -> SceneGrid {
         let corners = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]].to_vec();
         let triangles = [[0, 1, 2], [0, 2, 3]].repeat(copies);
         let ids = vec![0; triangles.len()];
         let materials = vec![Material::grey("m")];
         let made = Scene::new(DVec3::ZERO, corners, triangles, ids, materials, [0.0; 3]);
         let raycaster = Raycaster::build(Arc::new(made.unwrap())).unwrap();
-        Grid::new(&raycaster, Frame::new(DVec3::Z)).unwrap()
+        SceneGrid::new(&raycaster, UprightAxes::new(DVec3::Z)).unwrap()
     }
 
     #[test]

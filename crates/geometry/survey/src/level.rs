@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use holo_raycast::{Ray, Raycaster};
 
-use crate::columns::Run;
-use crate::grid::Grid;
+use crate::columns::ColumnRun;
+use crate::grid::SceneGrid;
 
 /// Directions that are probed from a place.
 const DIRECTIONS: usize = 26;
@@ -36,7 +36,7 @@ const FURNISHED: usize = 2;
 const MORE_THAN_A_BOX: usize = 13;
 
 /// The free places of one storey.
-pub(crate) struct Level {
+pub(crate) struct Storey {
     /// The cell at eye height.
     pub eye: usize,
     /// The free cells around the eye at each place: the lowest, and the one above the highest.
@@ -47,7 +47,7 @@ pub(crate) struct Level {
 
 /// Counts of what is visible around a place.
 #[derive(Default)]
-struct Seen {
+struct SightCounts {
     hits: usize,
     backs: usize,
     is_flat: bool,
@@ -76,14 +76,14 @@ const LEAST_AREA: f64 = 0.2;
 
 /// Returns the storeys that have rooms, from below.
 pub(crate) fn levels(
-    grid: &Grid,
+    grid: &SceneGrid,
     raycaster: &Raycaster,
-    runs: &[Run],
+    runs: &[ColumnRun],
     heights: Heights,
-) -> Vec<Level> {
+) -> Vec<Storey> {
     let headroom = (heights.eye / 10).max(1);
-    let mut left: Vec<Run> = runs.to_vec();
-    let mut levels: Vec<Level> = Vec::new();
+    let mut left: Vec<ColumnRun> = runs.to_vec();
+    let mut levels: Vec<Storey> = Vec::new();
     for _ in 0..MAX_LEVELS {
         let mut floors = vec![0usize; grid.size[2] + 1];
         let tall = left.iter().filter(|run| run.height() > heights.eye + headroom);
@@ -93,27 +93,27 @@ pub(crate) fn levels(
         let floor = floor as u32;
         let eye = floor + heights.eye;
         // Places above furniture count, too: a table is no storey of its own.
-        let is_here = |run: &Run| {
+        let is_here = |run: &ColumnRun| {
             (run.from + heights.below..run.to).contains(&eye) && run.from + heights.slack >= floor
         };
-        let mut level = Level::new(grid, eye as usize, left.iter().filter(|run| is_here(run)));
+        let mut level = Storey::new(grid, eye as usize, left.iter().filter(|run| is_here(run)));
         left.retain(|run| !is_here(run) && run.from != floor);
         level.find_rooms(grid, raycaster, heights.is_low);
         levels.push(level);
     }
-    let most = levels.iter().map(Level::area).max().unwrap_or(0);
+    let most = levels.iter().map(Storey::area).max().unwrap_or(0);
     levels.retain(|level| level.area() as f64 > LEAST_AREA * most as f64);
     levels.sort_by_key(|level| level.eye);
     levels
 }
 
-impl Level {
-    fn new<'a>(grid: &Grid, eye: usize, runs: impl Iterator<Item = &'a Run>) -> Level {
+impl Storey {
+    fn new<'a>(grid: &SceneGrid, eye: usize, runs: impl Iterator<Item = &'a ColumnRun>) -> Storey {
         let mut places = vec![None; grid.size[0] * grid.size[1]];
         for run in runs {
             places[run.x as usize * grid.size[1] + run.y as usize] = Some((run.from, run.to));
         }
-        Level { eye, indoors: vec![false; places.len()], runs: places }
+        Storey { eye, indoors: vec![false; places.len()], runs: places }
     }
 
     /// Returns the number of places in rooms.
@@ -123,7 +123,7 @@ impl Level {
 
     /// Returns true for each place in a room that is at least `margin` cells away from places
     /// outside rooms.
-    pub(crate) fn away_from_walls(&self, grid: &Grid, margin: usize) -> Vec<bool> {
+    pub(crate) fn away_from_walls(&self, grid: &SceneGrid, margin: usize) -> Vec<bool> {
         let [depth, width, _] = grid.size;
         let mut mask = self.indoors.clone();
         for _ in 0..margin {
@@ -141,14 +141,14 @@ impl Level {
     }
 
     /// Determines which places are in rooms, or in hollows that `is_low`.
-    fn find_rooms(&mut self, grid: &Grid, raycaster: &Raycaster, is_low: bool) {
+    fn find_rooms(&mut self, grid: &SceneGrid, raycaster: &Raycaster, is_low: bool) {
         let width = grid.size[1];
         let count = self.runs.iter().filter(|run| run.is_some()).count();
         let stride = (count as f64 / MAX_PROBES as f64).sqrt().ceil().max(1.0) as usize;
         let probed = |place: usize| {
             (place / width / stride) * stride * width + (place % width / stride) * stride
         };
-        let mut seen: Vec<Option<Seen>> = Vec::new();
+        let mut seen: Vec<Option<SightCounts>> = Vec::new();
         seen.resize_with(self.runs.len(), || None);
         let mut inside = vec![false; self.runs.len()];
         let free = self.runs.iter().enumerate().filter_map(|(place, run)| run.map(|_| place));
@@ -162,7 +162,7 @@ impl Level {
         }
         for region in regions(&inside, width) {
             let corners: BTreeSet<usize> = region.iter().map(|&place| probed(place)).collect();
-            let views: Vec<&Seen> =
+            let views: Vec<&SightCounts> =
                 corners.iter().filter_map(|&corner| seen[corner].as_ref()).collect();
             if is_room(&views, is_low) {
                 region.iter().for_each(|&place| self.indoors[place] = true);
@@ -171,11 +171,12 @@ impl Level {
     }
 }
 
-fn is_room(views: &[&Seen], is_low: bool) -> bool {
-    let sum = |of: fn(&Seen) -> usize| views.iter().map(|seen| of(seen)).sum::<usize>() as f64;
+fn is_room(views: &[&SightCounts], is_low: bool) -> bool {
+    let sum =
+        |of: fn(&SightCounts) -> usize| views.iter().map(|seen| of(seen)).sum::<usize>() as f64;
     let (hits, backs) = (sum(|seen| seen.hits), sum(|seen| seen.backs));
     let flat = sum(|seen| usize::from(seen.is_flat));
-    let distinct = |of: fn(&Seen) -> &BTreeSet<u32>| {
+    let distinct = |of: fn(&SightCounts) -> &BTreeSet<u32>| {
         views.iter().flat_map(|seen| of(seen)).collect::<BTreeSet<_>>().len()
     };
     let is_on_a_floor = flat >= FLAT * views.len() as f64;
@@ -193,10 +194,10 @@ fn is_room(views: &[&Seen], is_low: bool) -> bool {
     is_on_a_floor && (backs <= BACKS * hits || is_furnished())
 }
 
-fn look_around(grid: &Grid, raycaster: &Raycaster, from: DVec3) -> Seen {
+fn look_around(grid: &SceneGrid, raycaster: &Raycaster, from: DVec3) -> SightCounts {
     let scene = raycaster.scene();
     let origin = grid.frame.to_world(from).as_vec3();
-    let mut seen = Seen::default();
+    let mut seen = SightCounts::default();
     for direction in directions() {
         let world = grid.frame.to_world(direction).as_vec3();
         let Some(hit) = raycaster.nearest(&Ray::new(origin, world)) else { continue };

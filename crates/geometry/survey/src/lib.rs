@@ -1,10 +1,11 @@
 //! Surveys a scene without metadata, and determines what a person would see at first sight: the up
 //! direction, the length of the unit, the rooms, and where to stand.
 //!
-//! A [`Frame`] states which way is up. [`Survey::new`] divides the scene into cells, finds the
-//! places where a person's eyes can be, and puts boxes into the rooms among them. [`Survey::limit`]
-//! limits their number, and joins the remaining ones through doors. A scene without rooms is an
-//! object, and its view is from outside. So is that of a thing with rooms, such as a car.
+//! A [`UprightAxes`] states which way is up. [`Survey::new`] divides the scene into cells, finds
+//! the places where a person's eyes can be, and puts boxes into the rooms among them.
+//! [`Survey::limit`] limits their number, and joins the remaining ones through doors. A scene
+//! without rooms is an object, and its view is from outside. So is that of a thing with rooms, such
+//! as a car.
 //!
 //! Invariants:
 //! - Each guess comes with its reason, in words for people.
@@ -30,11 +31,11 @@ mod unit;
 mod up;
 
 pub use findings::{Finding, findings, memory, white_materials};
-pub use frame::Frame;
+pub use frame::UprightAxes;
 pub use lit::is_lit_by_lamps;
-pub use plan::Plan;
+pub use plan::FloorPlan;
 pub use rooms::{Door, Room, Survey};
-pub use sight::Sight;
+pub use sight::ChosenView;
 pub use unit::{Unit, unit_words};
 pub use up::guess_up;
 

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use holo_raycast::{NO_TRIANGLE, Raycaster, SurfacePoint};
-use holo_scene::{Beam, PunctualLight, Scene};
+use holo_scene::{PunctualBeam, PunctualLight, Scene};
 
 /// Number of points on surfaces from which lamps are searched for.
 const POINTS: usize = 512;
@@ -26,7 +26,7 @@ struct LampPoint {
     point: SurfacePoint,
     is_two_sided: bool,
     /// Set for a punctual light.
-    beam: Option<Beam>,
+    beam: Option<PunctualBeam>,
 }
 
 /// Returns true if enough of the scene's surface shines or is reached by direct light from lamps.
@@ -224,7 +224,7 @@ mod tests {
     fn punctual_lights_light_what_is_in_their_beam() {
         let points = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
         let points = points.map(|[x, y]| DVec3::new(x, y, 0.0));
-        let with = |beam: Beam| {
+        let with = |beam: PunctualBeam| {
             let materials = vec![Material::grey("floor")];
             let triangles = [[0, 1, 2], [0, 2, 3]];
             let scene = Scene::from_world(&points, &triangles, &[0; 2], materials, [0.0; 3]);
@@ -239,8 +239,9 @@ mod tests {
             let scene = scene.unwrap().0.with_punctual_lights(vec![light]).unwrap();
             is_lit_by_lamps(&Raycaster::build(Arc::new(scene)).unwrap())
         };
-        let cone = |z: f32, outer: f32| Beam::Cone { axis: [0.0, 0.0, z], inner: 0.0, outer };
-        assert!(with(Beam::Everywhere) && with(cone(-1.0, 1.5)));
+        let cone =
+            |z: f32, outer: f32| PunctualBeam::Cone { axis: [0.0, 0.0, z], inner: 0.0, outer };
+        assert!(with(PunctualBeam::Everywhere) && with(cone(-1.0, 1.5)));
         assert!(!with(cone(1.0, 1.5)) && !with(cone(-1.0, 0.1)));
     }
 

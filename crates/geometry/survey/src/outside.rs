@@ -7,9 +7,9 @@ use glam::DVec3;
 use holo_raycast::{Hit, Ray, Raycaster};
 use holo_scene::Scene;
 
-use crate::frame::Frame;
+use crate::frame::UprightAxes;
 use crate::lit::Lamps;
-use crate::sight::Sight;
+use crate::sight::ChosenView;
 
 /// Directions of views, in the frame's axes. The usual one comes first: from the front, the right
 /// and above. Then come other sides, one from high above, and those straight into boxes that are
@@ -64,7 +64,11 @@ const LEAST_DISTANCE: f64 = 0.6;
 /// Returns a view of the whole scene from outside. It looks through the scene's open side, if there
 /// is one. Otherwise it has the usual direction. It has another one if the usual one shows surfaces
 /// edge-on, such as a board from its side, or dark ones, such as the back of a screen before a lamp.
-pub(crate) fn from_outside(frame: &Frame, raycaster: &Raycaster, open: Option<&Look>) -> Sight {
+pub(crate) fn from_outside(
+    frame: &UprightAxes,
+    raycaster: &Raycaster,
+    open: Option<&OutsideView>,
+) -> ChosenView {
     let scene = raycaster.scene();
     if let Some(look) = open {
         return look.whole(frame, scene);
@@ -73,7 +77,7 @@ pub(crate) fn from_outside(frame: &Frame, raycaster: &Raycaster, open: Option<&L
     // A sky or a sun lights what lamps do not. A scene that is dark without one will get it.
     let lamps = (!features.sky && features.suns == 0).then(|| Lamps::new(raycaster));
     let lamps = lamps.filter(|lamps| lamps.suffice(raycaster));
-    let looks = DIRECTIONS.map(|direction| Look::new(frame, direction));
+    let looks = DIRECTIONS.map(|direction| OutsideView::new(frame, direction));
     let shown = looks.each_ref().map(|look| look.shown(raycaster, lamps.as_ref()));
     let most = shown.into_iter().fold(0.0, f64::max);
     let best = shown.iter().position(|&shown| shown == most).unwrap_or(0);
@@ -82,9 +86,9 @@ pub(crate) fn from_outside(frame: &Frame, raycaster: &Raycaster, open: Option<&L
 
 /// Returns the look through the missing side of a scene, such as a doll's house or a stage. Level
 /// rays through that side hit surfaces, most of them deep inside.
-pub(crate) fn open_side(frame: &Frame, raycaster: &Raycaster) -> Option<Look> {
+pub(crate) fn open_side(frame: &UprightAxes, raycaster: &Raycaster) -> Option<OutsideView> {
     let half = half_extent(raycaster.scene());
-    let is_open = |look: &Look| {
+    let is_open = |look: &OutsideView| {
         if half.dot(look.direction.abs()) < LEAST_DEPTH * half.length() {
             return false;
         }
@@ -97,7 +101,7 @@ pub(crate) fn open_side(frame: &Frame, raycaster: &Raycaster) -> Option<Look> {
         f64::from(hits) > CLOSED * all && f64::from(deep) > OPEN * all
     };
     let level = DIRECTIONS.into_iter().filter(|[.., up]| *up == 0.0);
-    level.map(|direction| Look::new(frame, direction)).find(is_open)
+    level.map(|direction| OutsideView::new(frame, direction)).find(is_open)
 }
 
 /// What views of a scene from outside show.
@@ -117,10 +121,10 @@ const SIDES: usize = 4;
 
 impl Facade {
     /// Looks at a scene from its four sides.
-    pub(crate) fn new(frame: &Frame, raycaster: &Raycaster) -> Facade {
+    pub(crate) fn new(frame: &UprightAxes, raycaster: &Raycaster) -> Facade {
         let (mut hits, mut fronts, mut triangles) = (0, 0, BTreeSet::new());
         for direction in DIRECTIONS.into_iter().take(SIDES) {
-            let look = Look::new(frame, direction);
+            let look = OutsideView::new(frame, direction);
             look.cast(raycaster, |_, hit| {
                 let normal = raycaster.geometric_normal(hit.triangle).as_dvec3();
                 hits += 1;
@@ -155,17 +159,17 @@ impl Facade {
 }
 
 /// A direction of view, and the directions to the right and upwards in the picture.
-pub(crate) struct Look {
+pub(crate) struct OutsideView {
     direction: DVec3,
     right: DVec3,
     above: DVec3,
 }
 
-impl Look {
-    fn new(frame: &Frame, towards: [f64; 3]) -> Look {
+impl OutsideView {
+    fn new(frame: &UprightAxes, towards: [f64; 3]) -> OutsideView {
         let direction = frame.to_world(DVec3::from_array(towards).normalize());
         let right = direction.cross(frame.up).normalize_or(frame.up.any_orthonormal_vector());
-        Look { direction, right, above: right.cross(direction) }
+        OutsideView { direction, right, above: right.cross(direction) }
     }
 
     /// Returns the area that surfaces cover in a parallel view. Those that no lamp lights count
@@ -201,7 +205,7 @@ impl Look {
     }
 
     /// Returns the view in this direction from as far as the whole scene needs.
-    fn whole(&self, frame: &Frame, scene: &Scene) -> Sight {
+    fn whole(&self, frame: &UprightAxes, scene: &Scene) -> ChosenView {
         let (low, high) = scene.bounds();
         let middle = (low + high) * 0.5;
         let slope = (0.5 * ANGLE.to_radians()).tan() * FILLED;
@@ -213,7 +217,7 @@ impl Look {
         });
         let distance = distance.fold(LEAST_DISTANCE * low.distance(high), f64::max);
         let eye = middle - self.direction * distance;
-        Sight { eye, direction: self.direction, up: frame.up, angle: ANGLE }
+        ChosenView { eye, direction: self.direction, up: frame.up, angle: ANGLE }
     }
 }
 

@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 
-use crate::rectangle::Rectangle;
+use crate::rectangle::CellRectangle;
 use crate::rooms::Survey;
 
 /// An image of 8 bits, red, green and blue, in rows from the top.
-pub struct Plan {
+pub struct FloorPlan {
     /// Width in pixels.
     pub width: usize,
     /// Height in pixels.
@@ -42,7 +42,7 @@ impl Survey {
     /// furniture at eye height are dark, rooms and doors are coloured, and a dot with a line is a
     /// view. `None` without rooms.
     #[must_use]
-    pub fn plan(&self) -> Option<Plan> {
+    pub fn plan(&self) -> Option<FloorPlan> {
         let grid = self.grid.as_ref().filter(|_| !self.rooms.is_empty())?;
         let [across, along, _] = grid.size;
         let zoom = LEAST_WIDTH.div_ceil(across).max(1);
@@ -50,7 +50,7 @@ impl Survey {
         let (width, each) = (across * zoom, along * zoom + gap);
         let used: Vec<usize> =
             (0..self.levels.len()).filter(|&n| self.rooms.iter().any(|r| r.level == n)).collect();
-        let mut plan = Plan { width, height: each * used.len() - gap, rgb: Vec::new() };
+        let mut plan = FloorPlan { width, height: each * used.len() - gap, rgb: Vec::new() };
         plan.rgb = [255; 3].repeat(plan.width * plan.height);
         for (place, &n) in used.iter().rev().enumerate() {
             let level = &self.levels[n];
@@ -79,14 +79,14 @@ impl Survey {
     }
 
     fn room_colour(&self, level: usize, at: [usize; 2]) -> Option<[u8; 3]> {
-        let is_here = |of: usize, rectangle: Rectangle| of == level && rectangle.contains(at);
+        let is_here = |of: usize, rectangle: CellRectangle| of == level && rectangle.contains(at);
         let room = self.rooms.iter().position(|room| is_here(room.level, room.rectangle));
         let is_door = || self.doors.iter().any(|door| is_here(door.level, door.rectangle));
         room.map(|index| ROOMS[index % ROOMS.len()]).or_else(|| is_door().then_some(DOOR))
     }
 }
 
-impl Plan {
+impl FloorPlan {
     fn set(&mut self, x: usize, y: usize, colour: [u8; 3]) {
         if x < self.width && y < self.height {
             self.rgb[3 * (y * self.width + x)..][..3].copy_from_slice(&colour);

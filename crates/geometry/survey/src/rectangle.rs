@@ -2,12 +2,12 @@
 
 /// Cells from `low` to `high`, inclusive.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Rectangle {
+pub(crate) struct CellRectangle {
     pub low: [usize; 2],
     pub high: [usize; 2],
 }
 
-impl Rectangle {
+impl CellRectangle {
     /// Returns the number of cells.
     pub(crate) fn cells(&self) -> usize {
         (self.high[0] + 1 - self.low[0]) * (self.high[1] + 1 - self.low[1])
@@ -19,9 +19,9 @@ impl Rectangle {
     }
 
     /// Returns the least rectangle that also contains this cell.
-    pub(crate) fn with(self, at: [usize; 2]) -> Rectangle {
+    pub(crate) fn with(self, at: [usize; 2]) -> CellRectangle {
         let (low, high) = (self.low, self.high);
-        Rectangle {
+        CellRectangle {
             low: [low[0].min(at[0]), low[1].min(at[1])],
             high: [high[0].max(at[0]), high[1].max(at[1])],
         }
@@ -29,14 +29,14 @@ impl Rectangle {
 
     /// Returns all cells.
     pub(crate) fn places(self) -> impl Iterator<Item = [usize; 2]> {
-        let Rectangle { low, high } = self;
+        let CellRectangle { low, high } = self;
         (low[0]..=high[0]).flat_map(move |x| (low[1]..=high[1]).map(move |y| [x, y]))
     }
 }
 
 /// Returns the largest rectangle of set cells, in rows of `width`. Among equal ones, the first.
-pub(crate) fn largest(mask: &[bool], width: usize) -> Option<Rectangle> {
-    let mut best: Option<Rectangle> = None;
+pub(crate) fn largest(mask: &[bool], width: usize) -> Option<CellRectangle> {
+    let mut best: Option<CellRectangle> = None;
     // Number of set cells that end at the present row, by column.
     let mut depths = vec![0usize; width];
     for (row, cells) in mask.chunks_exact(width).enumerate() {
@@ -49,7 +49,8 @@ pub(crate) fn largest(mask: &[bool], width: usize) -> Option<Rectangle> {
             let depth = depths.get(column).copied().unwrap_or(0);
             let mut begin = column;
             while let Some(&(from, deeper)) = open.last().filter(|(_, open)| *open > depth) {
-                let found = Rectangle { low: [row + 1 - deeper, from], high: [row, column - 1] };
+                let found =
+                    CellRectangle { low: [row + 1 - deeper, from], high: [row, column - 1] };
                 if best.is_none_or(|best| found.cells() > best.cells()) {
                     best = Some(found);
                 }
@@ -108,8 +109,8 @@ mod tests {
     fn the_largest_rectangle_is_found() {
         let rows = ["..##.", ".####", ".####", "##..#"];
         let mask: Vec<bool> = rows.concat().chars().map(|c| c == '#').collect();
-        assert_eq!(largest(&mask, 5), Some(Rectangle { low: [1, 1], high: [2, 4] }));
+        assert_eq!(largest(&mask, 5), Some(CellRectangle { low: [1, 1], high: [2, 4] }));
         assert_eq!(largest(&[false; 6], 3), None);
-        assert_eq!(largest(&[true; 6], 3), Some(Rectangle { low: [0, 0], high: [1, 2] }));
+        assert_eq!(largest(&[true; 6], 3), Some(CellRectangle { low: [0, 0], high: [1, 2] }));
     }
 }

@@ -4,17 +4,17 @@ use std::cell::OnceCell;
 
 use glam::DVec3;
 use holo_raycast::Raycaster;
-use holo_scene::{About, Said};
+use holo_scene::{ModelFacts, StatedValue};
 
 use crate::Guess;
 use crate::columns::{runs, storey};
 use crate::doors::joints;
-use crate::frame::Frame;
-use crate::grid::Grid;
-use crate::level::{Heights, Level, levels};
-use crate::outside::{Facade, Look, from_outside, open_side};
-use crate::rectangle::{Rectangle, largest, opened};
-use crate::sight::{self, Sight};
+use crate::frame::UprightAxes;
+use crate::grid::SceneGrid;
+use crate::level::{Heights, Storey, levels};
+use crate::outside::{Facade, OutsideView, from_outside, open_side};
+use crate::rectangle::{CellRectangle, largest, opened};
+use crate::sight::{self, ChosenView};
 use crate::unit::{Unit, by_extent, by_storey, unit_words};
 
 /// Height of eyes above floors, metres.
@@ -74,10 +74,10 @@ pub struct Room {
     /// The three edges from that corner.
     pub axes: [DVec3; 3],
     /// The view along the box's longest sight line.
-    pub sight: Sight,
+    pub sight: ChosenView,
     /// Index of its storey, from below.
     pub level: usize,
-    pub(crate) rectangle: Rectangle,
+    pub(crate) rectangle: CellRectangle,
 }
 
 impl Room {
@@ -95,7 +95,7 @@ pub struct Door {
     pub axes: [DVec3; 3],
     /// Index of its storey, from below.
     pub level: usize,
-    pub(crate) rectangle: Rectangle,
+    pub(crate) rectangle: CellRectangle,
 }
 
 /// The rooms of a scene and where to stand.
@@ -110,11 +110,11 @@ pub struct Survey {
     /// True if the scene is a thing to be seen from outside, although it has rooms, such as a car or
     /// a doll's house.
     pub is_thing: bool,
-    frame: Frame,
-    open_side: Option<Look>,
-    outside: OnceCell<Sight>,
-    pub(crate) levels: Vec<Level>,
-    pub(crate) grid: Option<Grid>,
+    frame: UprightAxes,
+    open_side: Option<OutsideView>,
+    outside: OnceCell<ChosenView>,
+    pub(crate) levels: Vec<Storey>,
+    pub(crate) grid: Option<SceneGrid>,
     /// Height of eyes above floors, in scene units.
     eye: f64,
     /// The scene's origin in world coordinates.
@@ -126,13 +126,18 @@ impl Survey {
     /// follows from the scene's file, the height of its rooms, the usual unit of the program that
     /// wrote it, or the scene's size.
     #[must_use]
-    pub fn new(raycaster: &Raycaster, frame: Frame, unit: Option<Unit>, about: &About) -> Survey {
+    pub fn new(
+        raycaster: &Raycaster,
+        frame: UprightAxes,
+        unit: Option<Unit>,
+        about: &ModelFacts,
+    ) -> Survey {
         let scene = raycaster.scene();
         let (unit, usual) = known_unit(unit, about);
         let (low, high) = scene.bounds();
         let (open_side, outside) = (open_side(&frame, raycaster), OnceCell::new());
         let extent = (high - low).max_element();
-        let Some(grid) = Grid::new(raycaster, frame) else {
+        let Some(grid) = SceneGrid::new(raycaster, frame) else {
             let unit = unit.or(usual).unwrap_or_else(|| by_extent(extent));
             return Survey {
                 rooms: Vec::new(),
@@ -209,7 +214,7 @@ impl Survey {
         let Some(grid) = &self.grid else { return };
         for (number, level) in self.levels.iter().enumerate() {
             let here = self.rooms.iter().filter(|room| room.level == number);
-            let rectangles: Vec<Rectangle> = here.map(|room| room.rectangle).collect();
+            let rectangles: Vec<CellRectangle> = here.map(|room| room.rectangle).collect();
             for rectangle in joints(grid, level, &rectangles, self.eye / grid.cell) {
                 let heights = heights(grid, level, rectangle, reach(grid, self.eye));
                 let (origin, axes) = cuboid(grid, self.origin, rectangle, heights);
@@ -221,7 +226,7 @@ impl Survey {
     /// Returns the views of the survey by name: one for each room, the largest first. Without rooms,
     /// and before those of a thing, comes the view from outside.
     #[must_use]
-    pub fn views(&self, raycaster: &Raycaster) -> Vec<(String, Sight)> {
+    pub fn views(&self, raycaster: &Raycaster) -> Vec<(String, ChosenView)> {
         let rooms = self.rooms.iter().enumerate();
         let rooms = rooms.map(|(n, room)| (format!("room {}", n + 1), room.sight));
         let is_seen_from_outside = self.is_thing || self.rooms.is_empty();
@@ -232,7 +237,7 @@ impl Survey {
     /// Returns a view of the whole scene from outside. Later calls return the same, even if the
     /// scene has got light since.
     #[must_use]
-    pub fn outside(&self, raycaster: &Raycaster) -> Sight {
+    pub fn outside(&self, raycaster: &Raycaster) -> ChosenView {
         let find = || from_outside(&self.frame, raycaster, self.open_side.as_ref());
         *self.outside.get_or_init(find)
     }
@@ -240,8 +245,11 @@ impl Survey {
 
 /// Returns the unit that a person or else the file has stated, and the usual one for the program
 /// that wrote the file.
-fn known_unit(unit: Option<Unit>, about: &About) -> (Option<Guess<Unit>>, Option<Guess<Unit>>) {
-    let said = |said: &Said<Unit>, how: &str| {
+fn known_unit(
+    unit: Option<Unit>,
+    about: &ModelFacts,
+) -> (Option<Guess<Unit>>, Option<Guess<Unit>>) {
+    let said = |said: &StatedValue<Unit>, how: &str| {
         Guess::new(said.value, format!("{}, {how} `{}`", unit_words(said.value), said.words))
     };
     let by_person = unit.map(|unit| Guess::new(unit, format!("{}, as stated", unit_words(unit))));
@@ -259,13 +267,13 @@ fn eye_height(metres: Unit, storey: Option<f64>) -> f64 {
     }
 }
 
-fn rooms(grid: &Grid, raycaster: &Raycaster, levels: &[Level], eye: f64) -> Vec<Room> {
+fn rooms(grid: &SceneGrid, raycaster: &Raycaster, levels: &[Storey], eye: f64) -> Vec<Room> {
     let margin = (OFF_WALLS * eye / grid.cell).ceil().max(1.0) as usize;
     let reach = reach(grid, eye);
     let least = (LEAST_SIDE * eye / grid.cell).max(2.0);
     let mut left: Vec<Vec<bool>> =
         levels.iter().map(|level| level.away_from_walls(grid, margin)).collect();
-    let mut found: Vec<(usize, Rectangle)> = Vec::new();
+    let mut found: Vec<(usize, CellRectangle)> = Vec::new();
     // Wide places come first. Otherwise, a box through several doors in a row might be the largest.
     let width = (DOOR * eye / grid.cell).ceil() as usize;
     let mut wide: Vec<Vec<bool>> =
@@ -289,7 +297,7 @@ fn take_largest(
     masks: &mut [Vec<bool>],
     width: usize,
     [short, long]: [f64; 2],
-    rooms: &mut Vec<(usize, Rectangle)>,
+    rooms: &mut Vec<(usize, CellRectangle)>,
 ) {
     let mut first = rooms.first().map_or(0, |(_, rectangle)| rectangle.cells());
     while rooms.len() < MAX_ROOMS {
@@ -313,13 +321,18 @@ fn take_largest(
 }
 
 /// Returns the extents of boxes below and above the eye, in cells.
-fn reach(grid: &Grid, eye: f64) -> (u32, u32) {
+fn reach(grid: &SceneGrid, eye: f64) -> (u32, u32) {
     ((BELOW * eye / grid.cell) as u32, (ABOVE * eye / grid.cell) as u32)
 }
 
 /// Returns the cells around the eye that are free everywhere in a rectangle: the lowest, and the
 /// one above the highest.
-fn heights(grid: &Grid, level: &Level, rectangle: Rectangle, reach: (u32, u32)) -> (u32, u32) {
+fn heights(
+    grid: &SceneGrid,
+    level: &Storey,
+    rectangle: CellRectangle,
+    reach: (u32, u32),
+) -> (u32, u32) {
     let eye = level.eye as u32;
     let (mut low, mut high) = (eye.saturating_sub(reach.0), eye + reach.1 + 1);
     for [x, y] in rectangle.places() {
@@ -333,25 +346,25 @@ fn heights(grid: &Grid, level: &Level, rectangle: Rectangle, reach: (u32, u32)) 
 }
 
 fn room(
-    grid: &Grid,
+    grid: &SceneGrid,
     raycaster: &Raycaster,
     level: usize,
     eye: usize,
-    rectangle: Rectangle,
+    rectangle: CellRectangle,
     heights: (u32, u32),
 ) -> Room {
     let scene_origin = raycaster.scene().origin;
     let (origin, axes) = cuboid(grid, scene_origin, rectangle, heights);
     let sight = sight::in_room(grid, raycaster, rectangle, eye);
-    let sight = Sight { eye: scene_origin + sight.eye, ..sight };
+    let sight = ChosenView { eye: scene_origin + sight.eye, ..sight };
     Room { origin, axes, sight, level, rectangle }
 }
 
 /// Returns a corner of a box in world coordinates, and the edges from there.
 fn cuboid(
-    grid: &Grid,
+    grid: &SceneGrid,
     scene_origin: DVec3,
-    rectangle: Rectangle,
+    rectangle: CellRectangle,
     (low, high): (u32, u32),
 ) -> (DVec3, [DVec3; 3]) {
     let [x, y] = rectangle.low.map(|c| c as f64);

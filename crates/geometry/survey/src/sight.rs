@@ -5,12 +5,12 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 use holo_raycast::{Ray, Raycaster};
 
-use crate::grid::Grid;
-use crate::rectangle::Rectangle;
+use crate::grid::SceneGrid;
+use crate::rectangle::CellRectangle;
 
 /// A chosen view.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sight {
+pub struct ChosenView {
     /// World coordinates of the eye.
     pub eye: DVec3,
     /// Unit direction of the view.
@@ -43,9 +43,14 @@ const DOWN: f64 = 0.08;
 /// Returns the view along the longest sight lines of a rectangle at eye height, relative to the
 /// scene's origin. All lines within the view count, so that a single line through a gap between
 /// chairs does not decide.
-pub(crate) fn in_room(grid: &Grid, raycaster: &Raycaster, room: Rectangle, eye: usize) -> Sight {
+pub(crate) fn in_room(
+    grid: &SceneGrid,
+    raycaster: &Raycaster,
+    room: CellRectangle,
+    eye: usize,
+) -> ChosenView {
     let inset = |axis: usize| (INSET * (room.high[axis] - room.low[axis]) as f64).round() as usize;
-    let room = Rectangle {
+    let room = CellRectangle {
         low: [room.low[0] + inset(0), room.low[1] + inset(1)],
         high: [room.high[0] - inset(0), room.high[1] - inset(1)],
     };
@@ -84,7 +89,7 @@ pub(crate) fn in_room(grid: &Grid, raycaster: &Raycaster, room: Rectangle, eye: 
     let middle = grid.middle([room.low[0], room.low[1], eye]);
     let (_, eye, ahead) = best.unwrap_or((0.0, middle, DVec3::Y));
     let direction = (ahead - DVec3::Z * DOWN).normalize();
-    Sight {
+    ChosenView {
         eye: grid.frame.to_world(eye),
         direction: grid.frame.to_world(direction),
         up: grid.frame.up,

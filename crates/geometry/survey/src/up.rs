@@ -1,7 +1,7 @@
 //! Guesses the up direction.
 
 use glam::DVec3;
-use holo_scene::{About, Material, Said, Scene};
+use holo_scene::{Material, ModelFacts, Scene, StatedValue};
 
 use crate::{Guess, names};
 
@@ -15,8 +15,8 @@ const LOW: f64 = 0.67;
 /// normals of materials called floor or ceiling, the directions of lamps, the usual axis of its
 /// program, or the direction in which the scene is low. Otherwise it is +y, as in most model files.
 #[must_use]
-pub fn guess_up(scene: &Scene, about: &About) -> Guess<DVec3> {
-    let said = |up: &Said<[f64; 3]>, how: &str| {
+pub fn guess_up(scene: &Scene, about: &ModelFacts) -> Guess<DVec3> {
+    let said = |up: &StatedValue<[f64; 3]>, how: &str| {
         let axis = DVec3::from_array(up.value);
         Guess::new(axis, format!("+{}, {how} `{}`", name(axis), up.words))
     };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use holo_raycast::Raycaster;
-use holo_scene::{Beam, Bsdf, Material, PunctualLight, Scene};
+use holo_scene::{Bsdf, Material, PunctualBeam, PunctualLight, Scene};
 
 use crate::engine::PathEngine;
 use crate::secondary_tests::estimate;
@@ -14,7 +14,7 @@ use crate::weighting::Direct;
 /// Reflectance of the floor.
 const KD: f64 = 0.5;
 
-fn light(position: [f32; 3], intensity: f32, beam: Beam) -> PunctualLight {
+fn light(position: [f32; 3], intensity: f32, beam: PunctualBeam) -> PunctualLight {
     let (name, group) = ("one".to_owned(), "all".to_owned());
     PunctualLight { name, group, position, intensity: [intensity; 3], radius: 0.01, beam }
 }
@@ -60,10 +60,11 @@ fn looking_at(place: DVec3) -> (DVec3, DVec3) {
 
 #[test]
 fn one_light_has_the_intensity_of_its_format_in_every_direction() {
-    let cone = Beam::Cone { axis: [0.0, 0.0, -1.0], inner: 0.3, outer: 0.6 };
-    for (beam, places) in
-        [(Beam::Everywhere, [0.0, 3.0, 8.0, 20.0, 1.5]), (cone, [0.0, 0.734, 1.449, 2.328, 1.9])]
-    {
+    let cone = PunctualBeam::Cone { axis: [0.0, 0.0, -1.0], inner: 0.3, outer: 0.6 };
+    for (beam, places) in [
+        (PunctualBeam::Everywhere, [0.0, 3.0, 8.0, 20.0, 1.5]),
+        (cone, [0.0, 0.734, 1.449, 2.328, 1.9]),
+    ] {
         let light = light([0.0, 0.0, 3.0], 1000.0, beam);
         let raycaster = floor(&[], vec![light.clone()]);
         let engine = PathEngine::new(&raycaster, None, Direct::Both, 1);
@@ -85,10 +86,11 @@ fn many_lights_add_up_and_each_hides_nothing() {
         let at = [k % 3, k / 3 % 3, k / 9].map(|i| i as f32 * 2.0 - 2.0);
         let position = [at[0], at[1], 3.0 + at[2]];
         let tilt = Vec3::new(0.3 * at[0], -0.2 * at[1], -1.0).normalize().to_array();
-        lights.push(light(position, 1.0 + k as f32, Beam::Everywhere));
-        let narrow = Beam::Cone { axis: tilt, inner: 0.1, outer: 0.4 };
+        lights.push(light(position, 1.0 + k as f32, PunctualBeam::Everywhere));
+        let narrow = PunctualBeam::Cone { axis: tilt, inner: 0.1, outer: 0.4 };
         lights.push(light(position, 40.0, narrow));
-        let wide = Beam::Cone { axis: [-tilt[0], tilt[1], tilt[2]], inner: 0.5, outer: 1.2 };
+        let wide =
+            PunctualBeam::Cone { axis: [-tilt[0], tilt[1], tilt[2]], inner: 0.5, outer: 1.2 };
         lights.push(light(position, 10.0, wide));
     }
     let raycaster = floor(&[], lights.clone());
@@ -109,8 +111,8 @@ fn many_lights_add_up_and_each_hides_nothing() {
 fn mirrors_throw_the_light_of_a_point_onto_surfaces_and_eyes_see_none() {
     let upright = [[4.0, -9.0, 0.0], [4.0, 9.0, 0.0], [4.0, 9.0, 9.0], [4.0, -9.0, 9.0]];
     let mirror = Bsdf::Mirror { ks: [0.9; 3] };
-    let cone = Beam::Cone { axis: [0.6, 0.0, -0.8], inner: 0.2, outer: 1.1 };
-    for beam in [Beam::Everywhere, cone] {
+    let cone = PunctualBeam::Cone { axis: [0.6, 0.0, -0.8], inner: 0.2, outer: 1.1 };
+    for beam in [PunctualBeam::Everywhere, cone] {
         let lamp = light([1.0, 0.5, 2.0], 7.0, beam);
         let raycaster = floor(&[(mirror, upright)], vec![lamp.clone()]);
         let mut engine = PathEngine::new(&raycaster, Some(0), Direct::Both, 1);
@@ -140,7 +142,7 @@ fn mirrors_throw_the_light_of_a_point_onto_surfaces_and_eyes_see_none() {
 fn panes_let_their_share_of_a_point_through() {
     let level = [[-9.0, -9.0, 1.5], [9.0, -9.0, 1.5], [9.0, 9.0, 1.5], [-9.0, 9.0, 1.5]];
     let pane = Bsdf::ThinGlass { ior: 1.5, transmittance: [0.8; 3] };
-    let lamp = light([0.0, 0.0, 3.0], 100.0, Beam::Everywhere);
+    let lamp = light([0.0, 0.0, 3.0], 100.0, PunctualBeam::Everywhere);
     let raycaster = floor(&[(pane, level)], vec![lamp.clone()]);
     let engine = PathEngine::new(&raycaster, Some(0), Direct::Both, 1);
     let eye = (DVec3::new(0.6, 0.3, 1.0), DVec3::new(-0.6, -0.3, -1.0));

@@ -28,12 +28,12 @@ use common::{Peer, Place, Server, beam, results, work};
 use holo_beamfile::Maker;
 use holo_net::{Destination, Message};
 use holo_proto::{
-    bulk::{Packet, Source, ViewRequest, WantedBeam},
+    bulk::{Packet, RequestedBeam, SampleSource, ViewRequest},
     control::Control,
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
-use holo_section::{Run, SampleKind, Viewpoint};
+use holo_section::{NumberRun, SampleKind, Viewpoint};
 use holo_server::Holodeck;
 use serde_json::json;
 
@@ -171,7 +171,7 @@ async fn traced(admin: &mut Peer) -> u64 {
 
 fn view(number: u32, first: u64, beams: u64) -> Vec<u8> {
     let wanted =
-        |number| WantedBeam { key: beam(number), weight: 1.0, held: 0, has_earlier: false };
+        |number| RequestedBeam { key: beam(number), weight: 1.0, held: 0, has_earlier: false };
     let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
     let beams = (first..first + beams).map(wanted).collect();
     ViewRequest { view: number, viewpoint, beams }.encode()
@@ -183,7 +183,7 @@ fn store(place: &Place, beams: u64, count: u32) {
     let samples = vec![common::sample(true); count as usize];
     for number in 0..beams {
         let (key, kind) = (beam(number), SampleKind::Uniform);
-        let run = Run { key, kind, first: 0, count, paths: 1 };
+        let run = NumberRun { key, kind, first: 0, count, paths: 1 };
         holodeck.file.append(run, Maker::UNKNOWN, &samples).unwrap();
     }
     holodeck.file.flush().unwrap();
@@ -198,7 +198,7 @@ async fn recall(is_secure: bool) -> f64 {
     let mut times = Vec::new();
     for number in 1..=10 {
         let start = Instant::now();
-        display.send(Kind::View, &view(number, 0, BEAMS));
+        display.send(FrameKind::View, &view(number, 0, BEAMS));
         let mut have = 0;
         loop {
             match display.inbox.next().await.unwrap() {
@@ -233,11 +233,11 @@ async fn first_samples(changes: u32) -> [f64; 2] {
         // By now every worker has packets of the view before.
         tokio::time::sleep(Duration::from_millis(300)).await;
         let start = Instant::now();
-        display.send(Kind::View, &view(number, u64::from(number % 90) * 1000, 1000));
+        display.send(FrameKind::View, &view(number, u64::from(number % 90) * 1000, 1000));
         display
             .wait_for(|message| {
                 matches!(message, Message::Samples(samples)
-                    if samples.view == number && samples.source == Source::Traced)
+                    if samples.view == number && samples.source == SampleSource::Traced)
             })
             .await;
         times.push(start.elapsed().as_secs_f64() * 1e3);
@@ -286,7 +286,7 @@ async fn simulated_worker(server: Destination, ray: Duration) {
                 for (traced, packet) in message.packets.iter_mut().zip(&done) {
                     traced.nanoseconds = took(packet).as_nanos() as u32;
                 }
-                outbox.send(Kind::Results, &message.encode()).unwrap();
+                outbox.send(FrameKind::Results, &message.encode()).unwrap();
             }
         }
     }

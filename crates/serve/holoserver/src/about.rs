@@ -15,19 +15,20 @@ use holo_scene::Scene;
 use holo_section::{Section, SectionSpec};
 use serde::{Deserialize, Serialize};
 
-use crate::plausible::Limits;
+use crate::plausible::RadianceLimits;
 
-/// Name of the blob that holds [`About`], as JSON, so that people and other programs can read it.
+/// Name of the blob that holds [`HolodeckDescription`], as JSON, so that people and other programs
+/// can read it.
 const ABOUT: &str = "holodeck";
-/// Version of [`About`] of a file with one generation.
+/// Version of [`HolodeckDescription`] of a file with one generation.
 const FORMAT: u32 = 1;
-/// Version of [`About`] of a file with several generations. A program that knows only the other
-/// version must refuse the file, because it would count samples of an earlier scene.
+/// Version of [`HolodeckDescription`] of a file with several generations. A program that knows only
+/// the other version must refuse the file, because it would count samples of an earlier scene.
 const FORMAT_OF_GENERATIONS: u32 = 2;
 
 /// The description of a holodeck: everything except its samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct About {
+pub struct HolodeckDescription {
     /// Version of this record: 1, or 2 from the second generation on.
     pub format: u32,
     /// The number of times that an edited scene has replaced the scene. Samples with lower numbers
@@ -61,15 +62,15 @@ pub struct About {
     pub stand_ins: Option<AboutStandIns>,
     /// Limits that the scene sets; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub limits: Option<Limits>,
+    pub limits: Option<RadianceLimits>,
     /// How the scene can be read again; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reading: Option<Reading>,
+    pub reading: Option<SceneReading>,
 }
 
 /// How a scene was read from its file, so that it can be read again.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Reading {
+pub struct SceneReading {
     /// The file, from the root. A name that is not UTF-8 is stored as its bytes.
     #[serde(with = "stored_path")]
     pub path: PathBuf,
@@ -96,7 +97,7 @@ mod stored_path {
 
     #[derive(Deserialize)]
     #[serde(untagged)]
-    enum Stored {
+    enum StoredDescription {
         Text(String),
         Bytes(Vec<u8>),
     }
@@ -109,9 +110,9 @@ mod stored_path {
     }
 
     pub fn deserialize<'a, D: Deserializer<'a>>(deserializer: D) -> Result<PathBuf, D::Error> {
-        Ok(match Stored::deserialize(deserializer)? {
-            Stored::Text(text) => text.into(),
-            Stored::Bytes(bytes) => OsString::from_vec(bytes).into(),
+        Ok(match StoredDescription::deserialize(deserializer)? {
+            StoredDescription::Text(text) => text.into(),
+            StoredDescription::Bytes(bytes) => OsString::from_vec(bytes).into(),
         })
     }
 }
@@ -125,15 +126,15 @@ pub struct AboutStandIns {
     pub sources: Vec<(u16, String, String)>,
 }
 
-impl About {
+impl HolodeckDescription {
     /// Returns a record of the present format, with defaults where nothing is said.
     pub fn new(
         sections: Vec<SectionSpec>,
         settings: RenderSettings,
         packed_scene: &[u8],
         source: String,
-    ) -> About {
-        About {
+    ) -> HolodeckDescription {
+        HolodeckDescription {
             format: FORMAT,
             generation: 0,
             sections,
@@ -160,12 +161,12 @@ impl About {
     /// # Errors
     /// If the file has no description, or if the description is damaged, has a later format, or
     /// belongs to an earlier generation.
-    pub(crate) fn read(file: &BeamFile, path: &Path) -> Result<About> {
+    pub(crate) fn read(file: &BeamFile, path: &Path) -> Result<HolodeckDescription> {
         let path = path.display();
         let about = file.blob(ABOUT)?;
         let about =
             about.with_context(|| format!("{path} holds no description of its sections"))?;
-        let about: About = serde_json::from_slice(&about)
+        let about: HolodeckDescription = serde_json::from_slice(&about)
             .with_context(|| format!("{path}: the description of its sections is damaged"))?;
         ensure!(
             [FORMAT, FORMAT_OF_GENERATIONS].contains(&about.format),
@@ -191,9 +192,9 @@ impl About {
     ///
     /// # Errors
     /// If `old` has the last generation.
-    pub(crate) fn after(&self, old: &About) -> Result<About> {
+    pub(crate) fn after(&self, old: &HolodeckDescription) -> Result<HolodeckDescription> {
         let generation = old.generation.checked_add(1).context("there is no generation left")?;
-        Ok(About { format: FORMAT_OF_GENERATIONS, generation, ..self.clone() })
+        Ok(HolodeckDescription { format: FORMAT_OF_GENERATIONS, generation, ..self.clone() })
     }
 
     /// Returns the name of a blob that each generation has for itself.
@@ -227,8 +228,8 @@ impl About {
     ///
     /// # Errors
     /// If it cannot go on. The error says what differs, and what the user can do.
-    pub fn suits(&self, old: &About) -> Result<()> {
-        let places = |about: &About| {
+    pub fn suits(&self, old: &HolodeckDescription) -> Result<()> {
+        let places = |about: &HolodeckDescription| {
             let place = |spec: &SectionSpec| SectionSpec { obstructions: false, ..spec.clone() };
             about.sections.iter().map(place).collect::<Vec<_>>()
         };

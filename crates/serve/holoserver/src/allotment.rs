@@ -9,10 +9,10 @@ use rustc_hash::FxHashMap;
 
 /// Gives out sample numbers so that none is traced twice.
 #[derive(Default)]
-pub struct Allotment(FxHashMap<(BeamKey, SampleKind), Numbers>);
+pub struct Allotment(FxHashMap<(BeamKey, SampleKind), FreeNumbers>);
 
 /// The numbers of one beam and kind that may be given out.
-struct Numbers {
+struct FreeNumbers {
     /// All from here on.
     next: u32,
     /// Ranges below: the first number, and how many.
@@ -29,7 +29,7 @@ impl Allotment {
         kind: SampleKind,
         count: u8,
     ) -> Option<(u32, u8)> {
-        let numbers = self.0.entry((key, kind)).or_insert_with(|| Numbers::of(file, key, kind));
+        let numbers = self.0.entry((key, kind)).or_insert_with(|| FreeNumbers::of(file, key, kind));
         if let Some((first, free)) = numbers.free.last_mut() {
             let taken = (*first, (*free).min(u32::from(count)));
             (*first, *free) = (*first + taken.1, *free - taken.1);
@@ -52,20 +52,20 @@ impl Allotment {
     /// Returns how many samples of a beam are stored or under way.
     pub fn taken(&self, file: &BeamFile, key: BeamKey) -> u64 {
         let kinds = [SampleKind::Uniform, SampleKind::ViewpointLimited, SampleKind::SingleRay];
-        let known = kinds.map(|kind| self.0.get(&(key, kind)).map(Numbers::taken));
+        let known = kinds.map(|kind| self.0.get(&(key, kind)).map(FreeNumbers::taken));
         if known == [None; 3] {
             return file.count(key);
         }
         let stored = kinds.into_iter().zip(known);
         stored
-            .map(|(kind, known)| known.unwrap_or_else(|| Numbers::of(file, key, kind).taken()))
+            .map(|(kind, known)| known.unwrap_or_else(|| FreeNumbers::of(file, key, kind).taken()))
             .sum()
     }
 }
 
-impl Numbers {
+impl FreeNumbers {
     /// Returns the numbers that a file lacks.
-    fn of(file: &BeamFile, key: BeamKey, kind: SampleKind) -> Numbers {
+    fn of(file: &BeamFile, key: BeamKey, kind: SampleKind) -> FreeNumbers {
         let counts = file.counts(key);
         let next = match kind {
             SampleKind::Uniform => counts.uniform,
@@ -73,12 +73,12 @@ impl Numbers {
             SampleKind::SingleRay => counts.single,
         };
         if next == 0 {
-            return Numbers { next, free: Vec::new() };
+            return FreeNumbers { next, free: Vec::new() };
         }
         let all = [counts.uniform, counts.limited, counts.single].map(u64::from).iter().sum();
         // Most beams lack nothing, and then their runs need not be read.
         let free = if file.count(key) < all { holes(file, key, kind, next) } else { Vec::new() };
-        Numbers { next, free }
+        FreeNumbers { next, free }
     }
 
     fn taken(&self) -> u64 {
@@ -105,7 +105,7 @@ fn holes(file: &BeamFile, key: BeamKey, kind: SampleKind, next: u32) -> Vec<(u32
 #[cfg(test)]
 mod tests {
     use holo_beamfile::{Maker, Options};
-    use holo_section::{BeamId, Run, Sample};
+    use holo_section::{BeamId, NumberRun, Sample};
 
     use super::*;
 
@@ -116,7 +116,7 @@ mod tests {
         let file = BeamFile::create(folder.path().join("a"), options).unwrap();
         let key = BeamKey { section: 0, beam: BeamId(3) };
         for (first, count) in [(5, 10), (40, 3)] {
-            let run = Run { key, kind: SampleKind::Uniform, first, count, paths: 1 };
+            let run = NumberRun { key, kind: SampleKind::Uniform, first, count, paths: 1 };
             file.append(run, Maker::UNKNOWN, &vec![Sample::default(); count as usize]).unwrap();
         }
         let (mut allotment, kind) = (Allotment::default(), SampleKind::Uniform);

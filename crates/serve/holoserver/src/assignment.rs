@@ -1,14 +1,14 @@
 //! A packet in a worker's hands, and what becomes of it.
 
 use holo_proto::bulk::Packet;
-use holo_section::{BeamKey, Run, Sample, SampleKind, Viewpoint};
+use holo_section::{BeamKey, NumberRun, Sample, SampleKind, Viewpoint};
 use thiserror::Error;
 
 use crate::{audits::Audit, claims::Check, events::ConnectionId, worker_id::WorkerId};
 
 /// The purpose of a packet's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
+pub enum PacketPurpose {
     /// They are stored.
     Store,
     /// They check whether a beam sees nothing.
@@ -27,7 +27,7 @@ pub struct Assignment {
     /// The display whose view it serves, if any.
     pub display: Option<ConnectionId>,
     /// What its samples are for.
-    pub purpose: Purpose,
+    pub purpose: PacketPurpose,
     /// A worker that gets it only if there is no other.
     pub not_for: Option<WorkerId>,
 }
@@ -37,9 +37,9 @@ impl Assignment {
     /// worker.
     pub fn is_for(&self, worker: WorkerId, is_alone: bool) -> bool {
         match self.purpose {
-            Purpose::Store => is_alone || self.not_for != Some(worker),
-            Purpose::Claim(check) => check.is_for(worker),
-            Purpose::Again(audit) => audit.checker == worker,
+            PacketPurpose::Store => is_alone || self.not_for != Some(worker),
+            PacketPurpose::Claim(check) => check.is_for(worker),
+            PacketPurpose::Again(audit) => audit.checker == worker,
         }
     }
 
@@ -58,8 +58,8 @@ impl Assignment {
     }
 
     /// Returns the samples that it asks for.
-    pub fn run(&self) -> Run {
-        Run { kind: self.kind(), ..self.packet.run() }
+    pub fn run(&self) -> NumberRun {
+        NumberRun { kind: self.kind(), ..self.packet.run() }
     }
 
     /// Returns whether samples belong to the rays that the packet names, if it names any.
@@ -76,7 +76,7 @@ impl Assignment {
 
 /// The state of a packet whose results have arrived.
 #[derive(Debug)]
-pub enum Finished<T> {
+pub enum PacketState<T> {
     /// They came in time.
     InTime(T),
     /// The packet was overdue and taken away. It may still wait under another name, unless it was

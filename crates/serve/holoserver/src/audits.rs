@@ -63,20 +63,20 @@ pub struct Audit {
 
 /// A difference between a worker's samples and those of others.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Difference {
+pub enum SampleDifference {
     /// The share of its rays that hit something else.
     Moved(f64),
     /// Its radiance in one channel, as a multiple of others'.
     Light(&'static str, f64),
 }
 
-impl fmt::Display for Difference {
+impl fmt::Display for SampleDifference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Difference::Moved(share) => {
+            SampleDifference::Moved(share) => {
                 write!(f, "{:.1} % of its rays hit something else than others'", 100.0 * share)
             }
-            Difference::Light(channel, factor) => {
+            SampleDifference::Light(channel, factor) => {
                 write!(f, "its {channel} light is {factor:.2} times that of others")
             }
         }
@@ -85,12 +85,12 @@ impl fmt::Display for Difference {
 
 /// What a comparison shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Verdict {
+pub enum AuditVerdict {
     /// This worker is broken.
-    Broken(WorkerId, Difference),
+    Broken(WorkerId, SampleDifference),
     /// Two workers differ, and it is unknown which one is wrong. The difference is stated for the
     /// first.
-    Undecided(WorkerId, WorkerId, Difference),
+    Undecided(WorkerId, WorkerId, SampleDifference),
 }
 
 /// All comparisons.
@@ -150,7 +150,7 @@ impl Audits {
         audit: Audit,
         again: Option<&[Sample]>,
         noise: f64,
-    ) -> Option<Verdict> {
+    ) -> Option<AuditVerdict> {
         let (_, before) = self.waiting.remove(&audit.number)?;
         let key = pair(audit.first, audit.checker);
         self.make_room(key);
@@ -166,13 +166,13 @@ impl Audits {
         }
         let difference = tally.difference(noise)?;
         let broken = [key.0, key.1].into_iter().find_map(|worker| self.broken(worker, noise));
-        Some(broken.unwrap_or(Verdict::Undecided(key.0, key.1, difference)))
+        Some(broken.unwrap_or(AuditVerdict::Undecided(key.0, key.1, difference)))
     }
 
     /// Returns how a worker differs from others, if most that were compared with it say so. All
     /// workers of another machine have one vote.
-    fn broken(&self, worker: WorkerId, noise: f64) -> Option<Verdict> {
-        let mut votes: BTreeMap<WorkerId, Option<Difference>> = BTreeMap::new();
+    fn broken(&self, worker: WorkerId, noise: f64) -> Option<AuditVerdict> {
+        let mut votes: BTreeMap<WorkerId, Option<SampleDifference>> = BTreeMap::new();
         for ((first, second), tally) in &self.pairs {
             let other = if *first == worker { *second } else { *first };
             if (*first != worker && *second != worker) || tally.rays < ENOUGH_RAYS {
@@ -187,9 +187,9 @@ impl Audits {
             let vote = votes.entry(voter).or_default();
             *vote = vote.or(difference);
         }
-        let differ: Vec<Difference> = votes.values().copied().flatten().collect();
+        let differ: Vec<SampleDifference> = votes.values().copied().flatten().collect();
         let is_broken = differ.len() >= 2 && 2 * differ.len() > votes.len();
-        is_broken.then(|| Verdict::Broken(worker, differ[0]))
+        is_broken.then(|| AuditVerdict::Broken(worker, differ[0]))
     }
 
     /// Makes room for a pair that is not known yet.
@@ -218,24 +218,26 @@ impl Audits {
     }
 }
 
-impl Difference {
+impl SampleDifference {
     /// Returns the difference as a sentence about two workers that accuses neither.
     pub fn between(&self, first: &str, second: &str) -> String {
         match self {
-            Difference::Moved(share) => {
+            SampleDifference::Moved(share) => {
                 format!("{:.1} % of the same rays hit something else", 100.0 * share)
             }
-            Difference::Light(channel, factor) => {
+            SampleDifference::Light(channel, factor) => {
                 format!("the {channel} light of {first} is {factor:.2} times that of {second}")
             }
         }
     }
 
     /// Returns the same difference from the view of the other worker.
-    fn of_the_other(self) -> Difference {
+    fn of_the_other(self) -> SampleDifference {
         match self {
-            Difference::Moved(share) => Difference::Moved(share),
-            Difference::Light(channel, factor) => Difference::Light(channel, 1.0 / factor),
+            SampleDifference::Moved(share) => SampleDifference::Moved(share),
+            SampleDifference::Light(channel, factor) => {
+                SampleDifference::Light(channel, 1.0 / factor)
+            }
         }
     }
 }
@@ -283,14 +285,14 @@ impl Tally {
     }
 
     /// Returns how the first worker's samples differ from the second's, if they do.
-    fn difference(&self, noise: f64) -> Option<Difference> {
+    fn difference(&self, noise: f64) -> Option<SampleDifference> {
         if self.rays < ENOUGH_RAYS {
             return None;
         }
         let rays = self.rays as f64;
         let moved = self.moved as f64 / rays;
         if moved > MOST_MOVED {
-            return Some(Difference::Moved(moved));
+            return Some(SampleDifference::Moved(moved));
         }
         let channels = ["red", "green", "blue"].into_iter().zip(self.sum.iter().zip(self.squares));
         channels.into_iter().find_map(|(channel, (sum, squares))| {
@@ -298,7 +300,7 @@ impl Tally {
             let error = ((squares / rays - mean * mean).max(0.0) / rays).sqrt();
             let is_different = mean.abs() > MOST_DIFFERENCE + noise + NOISE * error;
             let factor = (1.0 + mean) / (1.0 - mean).max(1e-6);
-            is_different.then_some(Difference::Light(channel, factor))
+            is_different.then_some(SampleDifference::Light(channel, factor))
         })
     }
 }
@@ -353,14 +355,14 @@ mod tests {
     }
 
     /// Has workers trace so many packets each. Returns them, and the first verdict.
-    fn session(machines: &[Machine], packets: u64) -> (Vec<WorkerId>, Vec<Verdict>) {
+    fn session(machines: &[Machine], packets: u64) -> (Vec<WorkerId>, Vec<AuditVerdict>) {
         let ids: Vec<WorkerId> = machines.iter().map(|_| next()).collect();
         let verdicts = session_of(&ids, machines, packets);
         (ids, verdicts)
     }
 
     /// As [`session`], with these workers.
-    fn session_of(ids: &[WorkerId], machines: &[Machine], packets: u64) -> Vec<Verdict> {
+    fn session_of(ids: &[WorkerId], machines: &[Machine], packets: u64) -> Vec<AuditVerdict> {
         let (mut audits, mut random, mut verdicts) = (Audits::default(), Random(7), Vec::new());
         for packet in 0..packets * machines.len() as u64 {
             let at = (packet % machines.len() as u64) as usize;
@@ -383,7 +385,7 @@ mod tests {
         let lies = Machine { gain: 4.0, ..SOUND };
         let verdicts = session_of(&ids, &[SOUND, lies, lies], 20_000);
         assert!(!verdicts.is_empty());
-        let is_broken = |verdict: &Verdict| matches!(verdict, Verdict::Broken(..));
+        let is_broken = |verdict: &AuditVerdict| matches!(verdict, AuditVerdict::Broken(..));
         assert!(!verdicts.iter().any(is_broken), "{:?}", verdicts.iter().find(|v| is_broken(v)));
     }
 
@@ -405,14 +407,16 @@ mod tests {
                 machines[1] = broken;
                 let (ids, verdicts) = session(&machines, 20_000);
                 let found = verdicts.iter().find_map(|verdict| match verdict {
-                    Verdict::Broken(id, difference) => Some((*id, *difference)),
-                    Verdict::Undecided(..) => None,
+                    AuditVerdict::Broken(id, difference) => Some((*id, *difference)),
+                    AuditVerdict::Undecided(..) => None,
                 });
                 let (id, difference) = found.expect("somebody is broken");
                 assert_eq!(id, ids[1]);
                 match difference {
-                    Difference::Moved(share) => assert!(moves && share < 0.2, "{share}"),
-                    Difference::Light(_, factor) => assert!(!moves && factor < 0.8, "{factor}"),
+                    SampleDifference::Moved(share) => assert!(moves && share < 0.2, "{share}"),
+                    SampleDifference::Light(_, factor) => {
+                        assert!(!moves && factor < 0.8, "{factor}")
+                    }
                 }
             }
         }
@@ -423,7 +427,8 @@ mod tests {
         let (ids, verdicts) = session(&[SOUND, Machine { gain: 3.0, ..SOUND }], 20_000);
         assert!(!verdicts.is_empty());
         for verdict in verdicts {
-            let Verdict::Undecided(a, b, Difference::Light("red", factor)) = verdict else {
+            let AuditVerdict::Undecided(a, b, SampleDifference::Light("red", factor)) = verdict
+            else {
                 panic!("{verdict:?}");
             };
             assert!((a, b) == (ids[0], ids[1]) && factor < 0.7, "{factor}");
@@ -475,7 +480,7 @@ mod tests {
             };
             let checker = ids.iter().position(|id| *id == audit.checker).unwrap();
             let again = machine(checker).trace(packet, &mut random);
-            if let Some(Verdict::Broken(id, _)) = audits.finish(audit, Some(&again), 0.0) {
+            if let Some(AuditVerdict::Broken(id, _)) = audits.finish(audit, Some(&again), 0.0) {
                 found = Some(id);
                 break;
             }

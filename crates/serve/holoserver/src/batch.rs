@@ -65,7 +65,7 @@ pub struct BatchOrder {
 
 /// What a beam should have.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Target {
+pub enum BatchTarget {
     /// So many samples.
     Samples(u64),
     /// At least so many paths in each of its samples.
@@ -180,7 +180,7 @@ impl BatchOrder {
 
     /// Returns the next beam and what it should have at the end of this sweep; `None` once every
     /// beam has all it may get.
-    pub fn next(&mut self, unseen: &UnseenBeams) -> Option<(BeamKey, Target)> {
+    pub fn next(&mut self, unseen: &UnseenBeams) -> Option<(BeamKey, BatchTarget)> {
         if self.next == self.beams {
             if self.level == 0 {
                 self.target = self.enough_density(unseen);
@@ -202,11 +202,11 @@ impl BatchOrder {
         let beam = holo_section::BeamId(index - first);
         let key = BeamKey { section: number as u16, beam };
         if let Some(paths) = self.better_paths() {
-            return Some((key, Target::Paths(paths)));
+            return Some((key, BatchTarget::Paths(paths)));
         }
         let wanted = section.cells(beam).map_or(0.0, |pair| self.density * table.of(pair));
         let samples = round_to_packets(wanted, holo_section::seed(key.section, beam, u32::MAX));
-        Some((key, Target::Samples(samples)))
+        Some((key, BatchTarget::Samples(samples)))
     }
 }
 
@@ -246,7 +246,7 @@ mod tests {
     /// Returns the next beam and the samples that it should have.
     fn next(order: &mut BatchOrder, unseen: &UnseenBeams) -> (BeamKey, u64) {
         match order.next(unseen) {
-            Some((key, Target::Samples(wanted))) => (key, wanted),
+            Some((key, BatchTarget::Samples(wanted))) => (key, wanted),
             other => panic!("{other:?}"),
         }
     }
@@ -404,14 +404,14 @@ mod tests {
             let mut levels: Vec<(u16, HashMap<BeamKey, u32>)> = Vec::new();
             while let Some((key, wanted)) = order.next(&unseen) {
                 match wanted {
-                    Target::Samples(wanted) => {
+                    BatchTarget::Samples(wanted) => {
                         assert!(levels.is_empty(), "no more samples once there are enough");
                         if !unseen.contains(key) {
                             let have = have.entry(key).or_default();
                             *have = wanted.max(*have);
                         }
                     }
-                    Target::Paths(paths) => {
+                    BatchTarget::Paths(paths) => {
                         if levels.last().is_none_or(|last| last.0 != paths) {
                             levels.push((paths, HashMap::new()));
                         }
@@ -463,8 +463,8 @@ mod tests {
         let unseen = UnseenBeams::default();
         let mut order = BatchOrder::new(&sections, 1_000_000, &unseen, Some(0), 1);
         let first: Vec<_> = (0..order.beams).map(|_| order.next(&unseen).unwrap().1).collect();
-        assert!(first.iter().all(|wanted| *wanted == Target::Samples(0)));
-        assert_eq!(order.next(&unseen).unwrap().1, Target::Paths(4));
+        assert!(first.iter().all(|wanted| *wanted == BatchTarget::Samples(0)));
+        assert_eq!(order.next(&unseen).unwrap().1, BatchTarget::Paths(4));
         assert_eq!(order.better_paths(), Some(4));
     }
 }

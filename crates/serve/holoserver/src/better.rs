@@ -11,7 +11,7 @@
 use std::ops::Range;
 
 use holo_proto::MAX_RAYS_PER_PACKET;
-use holo_section::{Run, SampleKind};
+use holo_section::{NumberRun, SampleKind};
 
 /// The factor from one level's paths to the next level's. The error halves with each level.
 const MORE_PATHS: u32 = 4;
@@ -41,7 +41,7 @@ pub fn rays_per_packet(paths: u16) -> u32 {
 /// Returns the ranges of `numbers` whose samples are uniform and have fewer than `paths` paths.
 ///
 /// `runs` are the beam's runs in the file. The ranges are in order, and neighbours are joined.
-pub fn worse(runs: &[Run], paths: u16, numbers: &Range<u32>) -> Vec<Range<u32>> {
+pub fn worse(runs: &[NumberRun], paths: u16, numbers: &Range<u32>) -> Vec<Range<u32>> {
     let mut found: Vec<Range<u32>> = Vec::new();
     for run in runs.iter().filter(|run| run.kind == SampleKind::Uniform && run.paths < paths) {
         let range = run.first.max(numbers.start)..(run.first + run.count).min(numbers.end);
@@ -77,7 +77,7 @@ mod tests {
     fn only_uniform_samples_of_fewer_paths_are_traced_again() {
         let run = |kind, first, count, paths| {
             let key = BeamKey { section: 0, beam: BeamId(1) };
-            Run { key, first, count, kind, paths }
+            NumberRun { key, first, count, kind, paths }
         };
         let uniform = SampleKind::Uniform;
         let runs = [

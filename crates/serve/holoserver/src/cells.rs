@@ -8,7 +8,7 @@
 
 use anyhow::{Context, Result, ensure};
 use holo_beamfile::{BeamFile, Maker};
-use holo_proto::bulk::{Cell, Cells, MAX_ESTIMATES};
+use holo_proto::bulk::{CellBatch, MAX_ESTIMATES, WireCell};
 use rustc_hash::FxHashMap;
 
 use crate::events::ConnectionId;
@@ -38,9 +38,10 @@ struct Name {
 }
 
 impl Name {
-    fn of(cell: &Cell) -> Name {
-        let Cell { point: [a, b, c], normal: [d, e, f], material, bounces, level, maker, .. } =
-            *cell;
+    fn of(cell: &WireCell) -> Name {
+        let WireCell {
+            point: [a, b, c], normal: [d, e, f], material, bounces, level, maker, ..
+        } = *cell;
         Name { place: [a, b, c, d, e, f].map(f32::to_bits), material, bounces, level, maker }
     }
 }
@@ -48,7 +49,7 @@ impl Name {
 /// All cells of a holodeck.
 #[derive(Debug, Default)]
 pub struct SharedCells {
-    cells: Vec<Cell>,
+    cells: Vec<WireCell>,
     /// The connection that sent each first; `None` for those from the file.
     sources: Vec<Option<ConnectionId>>,
     numbers: FxHashMap<Name, usize>,
@@ -67,7 +68,7 @@ impl SharedCells {
     }
 
     /// Returns all of them.
-    pub fn cells(&self) -> &[Cell] {
+    pub fn cells(&self) -> &[WireCell] {
         &self.cells
     }
 
@@ -81,9 +82,9 @@ impl SharedCells {
         &mut self,
         maker: Maker,
         source: Option<ConnectionId>,
-        new: &[Cell],
+        new: &[WireCell],
     ) -> Vec<Option<usize>> {
-        let own = new.iter().map(|cell| Cell { maker: maker.0, ..*cell });
+        let own = new.iter().map(|cell| WireCell { maker: maker.0, ..*cell });
         own.map(|cell| {
             let number = self.number(&cell, source)?;
             let known = &mut self.cells[number];
@@ -105,7 +106,7 @@ impl SharedCells {
     /// both have, the one with more estimates stays: it contains those of the other.
     pub(crate) fn merge(&mut self, other: &SharedCells, maker: impl Fn(Maker) -> Maker) {
         for cell in &other.cells {
-            let cell = Cell { maker: maker(Maker(cell.maker)).0, ..*cell };
+            let cell = WireCell { maker: maker(Maker(cell.maker)).0, ..*cell };
             if let Some(number) = self.number(&cell, None)
                 && self.cells[number].count < cell.count
             {
@@ -122,7 +123,12 @@ impl SharedCells {
 
     /// Returns cells from number `from` on, at most `most` and none that connection `to` has made,
     /// and the number to go on from.
-    pub(crate) fn since(&self, from: usize, most: usize, to: ConnectionId) -> (Vec<Cell>, usize) {
+    pub(crate) fn since(
+        &self,
+        from: usize,
+        most: usize,
+        to: ConnectionId,
+    ) -> (Vec<WireCell>, usize) {
         let end = self.len().min(from + most);
         let others = (from..end).filter(|number| self.sources[*number] != Some(to));
         (others.map(|number| self.cells[number]).collect(), end)
@@ -130,7 +136,7 @@ impl SharedCells {
 
     /// Returns the number of a cell, which is new and has no estimates unless it is known. `None`
     /// if there is no room.
-    fn number(&mut self, cell: &Cell, source: Option<ConnectionId>) -> Option<usize> {
+    fn number(&mut self, cell: &WireCell, source: Option<ConnectionId>) -> Option<usize> {
         let name = Name::of(cell);
         if let Some(number) = self.numbers.get(&name) {
             return Some(*number);
@@ -139,7 +145,7 @@ impl SharedCells {
         if number == MAX_CELLS {
             return None;
         }
-        self.cells.push(Cell { count: 0, light: [0.0; 3], albedo: [0.0; 3], ..*cell });
+        self.cells.push(WireCell { count: 0, light: [0.0; 3], albedo: [0.0; 3], ..*cell });
         self.sources.push(source);
         self.numbers.insert(name, number);
         Some(number)
@@ -189,7 +195,7 @@ impl SavedCells {
         let is_due = now as f64 >= GROWTH * saved as f64 || is_end;
         (now != saved && is_due).then(|| {
             let blobs = cells.cells.chunks(BLOB_CELLS);
-            (now, blobs.map(|cells| Cells { cells: cells.to_vec() }.encode()).collect())
+            (now, blobs.map(|cells| CellBatch { cells: cells.to_vec() }.encode()).collect())
         })
     }
 
@@ -203,10 +209,10 @@ impl SavedCells {
     }
 }
 
-fn read(file: &BeamFile, name: &str) -> Result<Cells> {
+fn read(file: &BeamFile, name: &str) -> Result<CellBatch> {
     let bytes = file.blob(name)?.with_context(|| format!("blob {name} is missing"))?;
     ensure!(!bytes.is_empty(), "blob {name} is empty");
-    Cells::decode(&bytes).with_context(|| format!("blob {name}"))
+    CellBatch::decode(&bytes).with_context(|| format!("blob {name}"))
 }
 
 #[cfg(test)]
@@ -215,9 +221,9 @@ mod tests {
 
     use super::*;
 
-    fn cell(place: u32, count: u32) -> Cell {
+    fn cell(place: u32, count: u32) -> WireCell {
         let sum = count as f32;
-        Cell {
+        WireCell {
             point: [place as f32, 0.0, 0.0],
             normal: [0.0, 1.0, 0.0],
             material: 0,
@@ -273,7 +279,7 @@ mod tests {
     #[test]
     fn no_more_is_kept_than_there_is_room_for() {
         let mut cells = SharedCells::default();
-        let many: Vec<Cell> = (0..MAX_CELLS as u32 + 5).map(|place| cell(place, 1)).collect();
+        let many: Vec<WireCell> = (0..MAX_CELLS as u32 + 5).map(|place| cell(place, 1)).collect();
         let numbers = cells.add(Maker(1), None, &many);
         assert_eq!(cells.len(), MAX_CELLS);
         assert_eq!(numbers.iter().filter(|number| number.is_none()).count(), 5);
@@ -289,7 +295,7 @@ mod tests {
         let path = folder.path().join("a.holo");
         let file = BeamFile::create(&path, Options { cache_bytes: 0, layout: vec![1] }).unwrap();
         let (mut saved, mut cells, _) = SavedCells::load(&file, 0);
-        let many: Vec<Cell> = (0..BLOB_CELLS as u32 + 10).map(|place| cell(place, 2)).collect();
+        let many: Vec<WireCell> = (0..BLOB_CELLS as u32 + 10).map(|place| cell(place, 2)).collect();
         cells.add(Maker(7), None, &many);
         let missing = saved.missing(&cells, false).unwrap();
         saved.write(&file, missing).unwrap();

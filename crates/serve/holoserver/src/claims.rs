@@ -31,7 +31,7 @@ const MOST_CHECKED: u64 = 1024;
 
 /// All claims, by worker.
 #[derive(Debug, Default)]
-pub struct Claims {
+pub struct UnseenClaims {
     claimers: BTreeMap<WorkerId, Claimer>,
     /// Decides which claims are checked.
     secret: RandomState,
@@ -87,20 +87,20 @@ pub struct Passed {
     pub told: UnseenBeams,
 }
 
-impl Claims {
+impl UnseenClaims {
     /// Returns the claims that a file lists as unproven.
-    pub fn restore(unproven: &UnprovenClaims) -> Claims {
+    pub fn restore(unproven: &UnprovenClaims) -> UnseenClaims {
         let claimer = |claims: &UnseenBeams| Claimer {
             open: claims.clone(),
             has_left: true,
             ..Claimer::default()
         };
         let claimers = unproven.iter();
-        Claims {
+        UnseenClaims {
             claimers: claimers
                 .map(|(maker, claims)| (WorkerId::earlier(maker), claimer(claims)))
                 .collect(),
-            ..Claims::default()
+            ..UnseenClaims::default()
         }
     }
 
@@ -261,14 +261,14 @@ mod tests {
     }
 
     /// Returns claims of so many beams by one worker.
-    fn claims_of(worker: WorkerId, beams: u64) -> Claims {
-        let mut claims = Claims::default();
+    fn claims_of(worker: WorkerId, beams: u64) -> UnseenClaims {
+        let mut claims = UnseenClaims::default();
         (0..beams).for_each(|beam| claims.add(worker, key(beam)));
         claims
     }
 
     /// Has all checks of a batch pass. Returns what the last of them led to.
-    fn pass(claims: &mut Claims, worker: WorkerId, checks: usize) -> Passed {
+    fn pass(claims: &mut UnseenClaims, worker: WorkerId, checks: usize) -> Passed {
         (1..checks).for_each(|_| assert_eq!(claims.passed(worker).proven.count(), 0));
         claims.passed(worker)
     }
@@ -311,7 +311,7 @@ mod tests {
     fn claims_of_an_earlier_server_are_open_to_everyone() {
         let mut set = UnseenBeams::default();
         (0..50).for_each(|beam| _ = set.insert(key(beam)));
-        let mut claims = Claims::restore(&UnprovenClaims::of(A.maker, set));
+        let mut claims = UnseenClaims::restore(&UnprovenClaims::of(A.maker, set));
         let earlier = WorkerId::earlier(A.maker);
         let (drawn, check) = claims.begin(&[A]).unwrap();
         assert!(check.claimer == earlier && check.is_for(A), "it may refute itself");

@@ -49,22 +49,22 @@ use crate::{
     assignment::Assignment,
     audits::Audits,
     batch::BatchOrder,
-    claims::Claims,
+    claims::UnseenClaims,
     damage::DamageReport,
-    events::{ConnectionId, Event},
+    events::{ConnectionId, ServerEvent},
     holodeck::Holodeck,
     mailbox::{Mail, Mailbox},
-    progress::{Progress, Totals},
+    progress::{SampleProgress, Totals},
     recall::Blob,
     schedule::{Goal, Schedule},
     shard::Share,
-    workers::Worker,
+    workers::ConnectedWorker,
 };
 use blobs::BlobQueue;
-use display::Display;
+use display::ConnectedDisplay;
 use fill::Fill;
 use saver::Saver;
-use writer::Writer;
+use writer::ViewWriter;
 
 /// Interval at which displays get a status.
 const STATUS_EVERY: Duration = Duration::from_millis(500);
@@ -102,9 +102,9 @@ pub struct FillOptions {
 /// A server's whole state.
 pub struct Coordinator {
     holodeck: Arc<Holodeck>,
-    events: UnboundedSender<Event>,
-    workers: BTreeMap<ConnectionId, Worker>,
-    displays: BTreeMap<ConnectionId, Display>,
+    events: UnboundedSender<ServerEvent>,
+    workers: BTreeMap<ConnectionId, ConnectedWorker>,
+    displays: BTreeMap<ConnectionId, ConnectedDisplay>,
     /// Who asks how the server fares.
     admins: BTreeMap<ConnectionId, Outbox>,
     /// Mail from each connection that is not handled yet.
@@ -115,7 +115,7 @@ pub struct Coordinator {
     last_served: Option<ConnectionId>,
     /// Packets of lost workers, and overdue ones, by name.
     lost: BTreeMap<u64, Assignment>,
-    claims: Claims,
+    claims: UnseenClaims,
     audits: Audits,
     /// Machines that returned impossible results since the server started.
     faults: BTreeMap<Maker, FaultReport>,
@@ -127,12 +127,12 @@ pub struct Coordinator {
     fill: Option<Fill>,
     last_packet: u64,
     schedule: Schedule,
-    progress: Progress,
+    progress: SampleProgress,
     last_status: Instant,
     /// When overdue packets were last looked for.
     last_overdue: Instant,
     saver: Saver,
-    writer: Writer,
+    writer: ViewWriter,
     /// Blobs for peers that asked for some.
     blobs: BTreeMap<ConnectionId, BlobQueue>,
     damage: DamageReport,
@@ -147,10 +147,10 @@ impl Coordinator {
     /// no display wants anything.
     pub fn new(
         holodeck: Arc<Holodeck>,
-        events: UnboundedSender<Event>,
+        events: UnboundedSender<ServerEvent>,
         fill: Option<FillOptions>,
         goal: Goal,
-        progress: Progress,
+        progress: SampleProgress,
     ) -> Self {
         let stored = holodeck.file.stats().samples;
         let damage = DamageReport::of_opening(&holodeck.file);
@@ -162,7 +162,7 @@ impl Coordinator {
             let stored = share.all_shards(stored);
             Fill::new(BatchOrder::new(&holodeck.sections, stored, &unseen, enough, paths), share)
         });
-        let claims = Claims::restore(&holodeck.unproven());
+        let claims = UnseenClaims::restore(&holodeck.unproven());
         Coordinator {
             holodeck,
             events,
@@ -186,7 +186,7 @@ impl Coordinator {
             last_status: Instant::now(),
             last_overdue: Instant::now(),
             saver: Saver::new(),
-            writer: Writer::default(),
+            writer: ViewWriter::default(),
             blobs: BTreeMap::new(),
             damage,
             stalled: false,
@@ -202,7 +202,7 @@ impl Coordinator {
     /// If samples cannot be stored.
     pub async fn run(
         mut self,
-        mut events: UnboundedReceiver<Event>,
+        mut events: UnboundedReceiver<ServerEvent>,
         doors: impl Future<Output = ()>,
     ) -> Result<Totals> {
         loop {
@@ -253,7 +253,7 @@ impl Coordinator {
     fn is_done(&self) -> bool {
         // Packets of lost workers are traced again first, if there is another worker.
         let lost = !self.lost.is_empty() && !self.workers.is_empty();
-        !lost && self.workers.values().all(Worker::is_idle)
+        !lost && self.workers.values().all(ConnectedWorker::is_idle)
     }
 
     /// Stores everything and says goodbye.
@@ -302,7 +302,7 @@ impl Coordinator {
         if self.schedule.goal.disk.is_none() {
             return 0;
         }
-        let assignments = self.workers.values().flat_map(Worker::assignments);
+        let assignments = self.workers.values().flat_map(ConnectedWorker::assignments);
         let under_way: usize = assignments
             .map(|assignment| {
                 PACKET_BYTES + usize::from(assignment.packet.count) * size_of::<Sample>()
@@ -317,13 +317,13 @@ impl Coordinator {
         // Nobody can check the claims of the only worker, so they end a fill. Until a
         // worker is ready, claims of earlier ones do not.
         let is_known = !self.is_checking()
-            && (self.workers.values().any(Worker::is_ready)
+            && (self.workers.values().any(ConnectedWorker::is_ready)
                 || self.holodeck.unproven().count() == 0);
         if self.schedule.goal.samples.is_some() && is_known && self.sees_nothing() {
             return Some("no ray of any section hits anything: there is nothing to trace");
         }
         let exhausted = self.fill.as_ref().is_some_and(Fill::is_exhausted);
-        let idle = self.lost.is_empty() && self.workers.values().all(Worker::is_idle);
+        let idle = self.lost.is_empty() && self.workers.values().all(ConnectedWorker::is_idle);
         (self.schedule.goal.is_some() && exhausted && idle && is_known && self.displays.is_empty())
             .then_some(
                 "every sample has as many paths as it may get: there is nothing left to trace",
@@ -339,32 +339,32 @@ impl Coordinator {
 
     /// Handles an event. Only a failing disk is an error. Any other fault ends the connection that
     /// caused it.
-    fn handle(&mut self, event: Event) -> Result<()> {
+    fn handle(&mut self, event: ServerEvent) -> Result<()> {
         match event {
-            Event::Joined { id, hello, access, outbox, mailbox } => {
+            ServerEvent::Joined { id, hello, access, outbox, mailbox } => {
                 self.mailboxes.insert(id, mailbox);
                 self.join(id, hello, access, outbox);
             }
-            Event::Mail { id, mailbox } => {
+            ServerEvent::Mail { id, mailbox } => {
                 let (mail, is_more) = mailbox.take();
                 if is_more {
                     // The mail goes behind that of other peers. Sending fails only if the
                     // coordinator itself is gone.
-                    let _ = self.events.send(Event::Mail { id, mailbox });
+                    let _ = self.events.send(ServerEvent::Mail { id, mailbox });
                 }
                 return mail.map_or(Ok(()), |mail| self.mail(id, mail));
             }
-            Event::Recalled { id, view, result } => self.recalled(id, view, result),
-            Event::PartSent { id, section, result } => self.part_sent(id, section, result),
-            Event::Flushed { id, view, mark } => {
+            ServerEvent::Recalled { id, view, result } => self.recalled(id, view, result),
+            ServerEvent::PartSent { id, section, result } => self.part_sent(id, section, result),
+            ServerEvent::Flushed { id, view, mark } => {
                 if let Some(display) = self.displays.get_mut(&id) {
                     display.settled_at = Some(mark);
                     let _ = display.outbox.control(&Control::Settled { view });
                 }
             }
-            Event::ViewsKept { views, refused } => self.views_kept(views, refused),
-            Event::BlobSent { id } => self.blob_sent(id),
-            Event::Shutdown(farewell) => {
+            ServerEvent::ViewsKept { views, refused } => self.views_kept(views, refused),
+            ServerEvent::BlobSent { id } => self.blob_sent(id),
+            ServerEvent::Shutdown(farewell) => {
                 self.farewell = farewell;
                 self.schedule.end();
             }

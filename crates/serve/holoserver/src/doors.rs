@@ -10,7 +10,7 @@ use anyhow::{Context, Result};
 use holo_net::{Identity, Invitation, Rights};
 use tokio::{net::TcpListener, sync::mpsc::UnboundedSender, task::JoinSet};
 
-use crate::{Config, Outside, Ready, events::Event, holodeck::Holodeck, listen};
+use crate::{Config, Outside, Ready, events::ServerEvent, holodeck::Holodeck, listen};
 
 /// Listening sockets.
 pub struct Doors {
@@ -52,9 +52,13 @@ impl Doors {
     }
 
     /// Takes connections until the tasks are ended.
-    pub fn listen(self, holodeck: &Arc<Holodeck>, events: &UnboundedSender<Event>) -> JoinSet<()> {
+    pub fn listen(
+        self,
+        holodeck: &Arc<Holodeck>,
+        events: &UnboundedSender<ServerEvent>,
+    ) -> JoinSet<()> {
         let mut tasks = JoinSet::new();
-        let shared = listen::Shared::new(Arc::clone(holodeck), events.clone());
+        let shared = listen::ListenContext::new(Arc::clone(holodeck), events.clone());
         tasks.spawn(listen::listen(self.local, None, shared.clone()));
         if let Some((outside, identity)) = self.outside {
             tasks.spawn(listen::listen(outside, Some(identity), shared));

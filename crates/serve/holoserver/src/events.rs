@@ -25,7 +25,7 @@ impl ConnectionId {
 
 /// Something that has happened.
 #[derive(Debug)]
-pub enum Event {
+pub enum ServerEvent {
     /// A peer has joined.
     Joined { id: ConnectionId, hello: Hello, access: Access, outbox: Outbox, mailbox: Arc<Mailbox> },
     /// A peer has sent something.

@@ -16,10 +16,10 @@ const MAX_UNFINISHED: usize = 128;
 
 /// Handshakes under way.
 #[derive(Clone, Debug, Default)]
-pub struct Handshakes(Arc<Mutex<State>>);
+pub struct Handshakes(Arc<Mutex<HandshakeState>>);
 
 #[derive(Debug, Default)]
-struct State {
+struct HandshakeState {
     last: u64,
     /// The oldest first.
     open: Vec<Open>,
@@ -54,13 +54,13 @@ impl Handshakes {
         self.lock().open.retain(|open| open.number != number);
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, HandshakeState> {
         // Each change is whole before anything can panic.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl State {
+impl HandshakeState {
     /// Returns the place of the oldest handshake of the address that has most of them.
     fn victim(&self) -> Option<usize> {
         let mut counts: HashMap<IpAddr, usize> = HashMap::new();

@@ -16,11 +16,11 @@ use holo_scene::Scene;
 use holo_section::Section;
 
 use crate::{
-    about::About,
+    about::HolodeckDescription,
     cells::{SavedCells, SharedCells},
     forget::beside,
     light::{LightRecords, Saved},
-    makers::Makers,
+    makers::MachineList,
     plausible::Plausible,
     unproven::UnprovenClaims,
     unseen::UnseenBeams,
@@ -70,7 +70,7 @@ pub fn remove_drafts() {
 }
 
 /// Writes a scene and then its description, which makes it the file's scene.
-fn write_scene(file: &BeamFile, about: &About, packed_scene: &[u8]) -> Result<()> {
+fn write_scene(file: &BeamFile, about: &HolodeckDescription, packed_scene: &[u8]) -> Result<()> {
     ensure!(
         Scene::content_hash(packed_scene) == about.scene.hash,
         "the description is of another scene"
@@ -84,7 +84,7 @@ fn write_scene(file: &BeamFile, about: &About, packed_scene: &[u8]) -> Result<()
 /// An open holodeck.
 pub struct Holodeck {
     /// Its description.
-    pub about: About,
+    pub about: HolodeckDescription,
     /// Its sections, checked.
     pub sections: Arc<[Section]>,
     /// Its samples.
@@ -114,9 +114,9 @@ pub struct Holodeck {
     cells: RwLock<SharedCells>,
     /// What the file has of them.
     cells_saved: Mutex<SavedCells>,
-    makers: RwLock<Makers>,
+    makers: RwLock<MachineList>,
     /// The list in the file. Locked while it is written.
-    pub(crate) makers_saved: Mutex<Makers>,
+    pub(crate) makers_saved: Mutex<MachineList>,
 }
 
 impl Holodeck {
@@ -127,7 +127,7 @@ impl Holodeck {
     /// If the file exists or cannot be written, or a section is not valid.
     pub fn create(
         path: &Path,
-        about: About,
+        about: HolodeckDescription,
         packed_scene: &[u8],
         cache_bytes: u64,
     ) -> Result<Holodeck> {
@@ -153,7 +153,7 @@ impl Holodeck {
     /// # Errors
     /// If `about` does not [suit](About::suits) the file, it is no holodeck, another process writes
     /// to it, or the disk fails. The file then has the scene that it had.
-    pub fn restart(path: &Path, about: &About, packed_scene: &[u8]) -> Result<()> {
+    pub fn restart(path: &Path, about: &HolodeckDescription, packed_scene: &[u8]) -> Result<()> {
         let old = Self::open(path, 0)?;
         about.suits(&old.about)?;
         write_scene(&old.file, &about.after(&old.about)?, packed_scene)
@@ -184,7 +184,7 @@ impl Holodeck {
 
     fn new(
         path: &Path,
-        about: About,
+        about: HolodeckDescription,
         sections: Arc<[Section]>,
         file: BeamFile,
         writable: bool,
@@ -231,7 +231,7 @@ impl Holodeck {
     }
 
     fn from_file(path: &Path, file: BeamFile, writable: bool) -> Result<Holodeck> {
-        let mut about = About::read(&file, path)?;
+        let mut about = HolodeckDescription::read(&file, path)?;
         file.begin_generation(about.generation)?;
         let sections = about.checked_sections()?;
         if let Some(views) = file.blob(VIEWS)? {
@@ -247,7 +247,7 @@ impl Holodeck {
                 .push(format!("the list of beams that see nothing is lost: {error:#}"));
         }
         holodeck.load_light();
-        let (makers, result) = Makers::load(&holodeck.file);
+        let (makers, result) = MachineList::load(&holodeck.file);
         holodeck.warnings.extend(result.err().map(|error| format!("{error:#}")));
         holodeck.makers_saved = Mutex::new(makers.clone());
         holodeck.makers = RwLock::new(makers);
@@ -449,11 +449,11 @@ impl Holodeck {
     }
 
     /// Returns who made samples.
-    pub fn makers(&self) -> RwLockReadGuard<'_, Makers> {
+    pub fn makers(&self) -> RwLockReadGuard<'_, MachineList> {
         self.makers.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(crate) fn makers_mut(&self) -> RwLockWriteGuard<'_, Makers> {
+    pub(crate) fn makers_mut(&self) -> RwLockWriteGuard<'_, MachineList> {
         self.makers.write().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -534,9 +534,9 @@ mod tests {
     use holo_section::{SectionSpec, ViewClass};
 
     use super::*;
-    use crate::about::Reading;
+    use crate::about::SceneReading;
 
-    fn about(scene: &[u8]) -> About {
+    fn about(scene: &[u8]) -> HolodeckDescription {
         let spec = SectionSpec {
             origin: [0.0; 3],
             axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
@@ -544,7 +544,7 @@ mod tests {
             class: ViewClass::Interior,
             obstructions: true,
         };
-        About::new(vec![spec], RenderSettings::default(), scene, "a test".into())
+        HolodeckDescription::new(vec![spec], RenderSettings::default(), scene, "a test".into())
     }
 
     fn names(folder: &Path) -> usize {
@@ -580,7 +580,7 @@ mod tests {
         for path in [long, latin] {
             let mut about = about(b"a scene");
             let model = path.with_extension("obj");
-            about.reading = Some(Reading { path: model.clone(), ..Reading::default() });
+            about.reading = Some(SceneReading { path: model.clone(), ..SceneReading::default() });
             drop(Holodeck::create(&path, about, b"a scene", 0).unwrap());
             let opened = Holodeck::open_read_only(&path, 0).unwrap();
             assert_eq!(opened.about.reading.as_ref().unwrap().path, model);

@@ -46,7 +46,7 @@ mod workers;
 
 use std::{net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
 
-pub use about::{About, Reading};
+pub use about::{HolodeckDescription, SceneReading};
 use anyhow::Result;
 use clap::Args;
 pub use file_size::outlive_file_size_limit;
@@ -60,11 +60,11 @@ use tracing::info;
 
 use coordinator::{Coordinator, FillOptions};
 use doors::Doors;
-use events::Event;
-pub use makers::{MadeBy, Makers};
+use events::ServerEvent;
+pub use makers::{MachineList, MadeBy};
 pub use merge::Merged;
-pub use plausible::Limits;
-use progress::Progress;
+pub use plausible::RadianceLimits;
+use progress::SampleProgress;
 pub use progress::superseded_bytes;
 pub use schedule::Goal;
 use shard::Share;
@@ -324,7 +324,7 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) 
 
     let (events, receiver) = tokio::sync::mpsc::unbounded_channel();
     let goal = Goal { time: config.time, samples: config.samples, disk: config.disk };
-    let progress = Progress::new(&holodeck.file.stats(), config.quiet);
+    let progress = SampleProgress::new(&holodeck.file.stats(), config.quiet);
     let beams = config.beams.as_deref().map(BeamList::read).transpose()?;
     let fill = config.fill.then(|| FillOptions {
         enough: config.enough,
@@ -338,7 +338,7 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) 
             Ending::ToStartAgain => Farewell::StartsAgain,
         };
         // If the coordinator has ended, nothing is left to end.
-        let _ = events.send(Event::Shutdown(farewell));
+        let _ = events.send(ServerEvent::Shutdown(farewell));
     });
     // Not one of the runtime's threads: it may wait for the disk when memory for samples runs out.
     let runtime = tokio::runtime::Handle::current();

@@ -17,7 +17,7 @@ use tokio::{
 };
 
 use crate::{
-    events::{ConnectionId, Event},
+    events::{ConnectionId, ServerEvent},
     guard::Guard,
     handshakes::Handshakes,
     holodeck::Holodeck,
@@ -43,28 +43,28 @@ const REVOKED: &str = "its token was revoked";
 
 /// What every connection needs.
 #[derive(Clone)]
-pub struct Shared {
+pub struct ListenContext {
     holodeck: Arc<Holodeck>,
-    events: UnboundedSender<Event>,
-    places: Arc<Mutex<Places>>,
+    events: UnboundedSender<ServerEvent>,
+    places: Arc<Mutex<ConnectionSlots>>,
 }
 
 /// The connections that are served.
 #[derive(Default)]
-struct Places {
+struct ConnectionSlots {
     /// Workers and displays, by token.
     peers: BTreeMap<Option<String>, usize>,
     admins: usize,
 }
 
 /// A connection's place. It is free again when this is dropped.
-struct Place {
-    places: Arc<Mutex<Places>>,
+struct ConnectionSlot {
+    places: Arc<Mutex<ConnectionSlots>>,
     role: Role,
     token: Option<String>,
 }
 
-impl Places {
+impl ConnectionSlots {
     /// Returns whether there is a place for a peer.
     fn has_room(&self, role: Role, token: &Option<String>) -> bool {
         if role == Role::Admin {
@@ -82,20 +82,24 @@ impl Places {
     }
 }
 
-impl Place {
+impl ConnectionSlot {
     /// Takes a place for a peer; `None` if there is none.
-    fn take(places: &Arc<Mutex<Places>>, role: Role, token: Option<String>) -> Option<Place> {
+    fn take(
+        places: &Arc<Mutex<ConnectionSlots>>,
+        role: Role,
+        token: Option<String>,
+    ) -> Option<ConnectionSlot> {
         let mut known = lock(places);
         if !known.has_room(role, &token) {
             return None;
         }
         *known.count(role, &token) += 1;
         drop(known);
-        Some(Place { places: Arc::clone(places), role, token })
+        Some(ConnectionSlot { places: Arc::clone(places), role, token })
     }
 }
 
-impl Drop for Place {
+impl Drop for ConnectionSlot {
     fn drop(&mut self) {
         let mut places = lock(&self.places);
         let count = places.count(self.role, &self.token);
@@ -104,21 +108,21 @@ impl Drop for Place {
     }
 }
 
-fn lock(places: &Mutex<Places>) -> MutexGuard<'_, Places> {
+fn lock(places: &Mutex<ConnectionSlots>) -> MutexGuard<'_, ConnectionSlots> {
     // Each change is whole before anything can panic.
     places.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Shared {
+impl ListenContext {
     /// Returns what connections to this holodeck need.
-    pub fn new(holodeck: Arc<Holodeck>, events: UnboundedSender<Event>) -> Shared {
-        Shared { holodeck, events, places: Arc::default() }
+    pub fn new(holodeck: Arc<Holodeck>, events: UnboundedSender<ServerEvent>) -> ListenContext {
+        ListenContext { holodeck, events, places: Arc::default() }
     }
 }
 
 /// Takes connections until the task is dropped. With an identity, they are encrypted, and whoever
 /// connects must prove that it holds a token.
-pub async fn listen(listener: TcpListener, identity: Option<Identity>, shared: Shared) {
+pub async fn listen(listener: TcpListener, identity: Option<Identity>, shared: ListenContext) {
     let guard = identity.map(|identity| Arc::new(Guard::new(identity)));
     let handshakes = Handshakes::default();
     loop {
@@ -169,10 +173,10 @@ pub async fn serve(
     hello: Hello,
     access: Access,
     revoked: impl Future<Output = ()>,
-    shared: &Shared,
+    shared: &ListenContext,
 ) {
-    let Shared { holodeck, events, places } = shared;
-    let place = Place::take(places, hello.role, access.token.clone());
+    let ListenContext { holodeck, events, places } = shared;
+    let place = ConnectionSlot::take(places, hello.role, access.token.clone());
     if let Some(reason) = refusal(holodeck, hello.role, place.is_none()) {
         holo_net::refuse(&outbox, &reason);
         outbox.drained().await;
@@ -183,7 +187,7 @@ pub async fn serve(
     }
     let id = ConnectionId::next();
     let mailbox = Arc::new(Mailbox::new(hello.role));
-    let joined = Event::Joined { id, hello, access, outbox, mailbox: Arc::clone(&mailbox) };
+    let joined = ServerEvent::Joined { id, hello, access, outbox, mailbox: Arc::clone(&mailbox) };
     if events.send(joined).is_ok() {
         deliver(id, inbox, revoked, &mailbox, events).await;
     }
@@ -195,7 +199,7 @@ async fn deliver(
     mut inbox: Inbox,
     revoked: impl Future<Output = ()>,
     mailbox: &Arc<Mailbox>,
-    events: &UnboundedSender<Event>,
+    events: &UnboundedSender<ServerEvent>,
 ) {
     let mut revoked = pin!(revoked);
     loop {
@@ -212,7 +216,7 @@ async fn deliver(
             None => mailbox.end(Mail::Broke(REVOKED.to_owned())),
         };
         if put == Put::Announce
-            && events.send(Event::Mail { id, mailbox: Arc::clone(mailbox) }).is_err()
+            && events.send(ServerEvent::Mail { id, mailbox: Arc::clone(mailbox) }).is_err()
         {
             return;
         }
@@ -246,13 +250,13 @@ mod tests {
     #[test]
     fn one_token_leaves_room_for_others_and_administrators_always_find_some() {
         let places = Arc::default();
-        let take = |role, token: &str| Place::take(&places, role, Some(token.to_owned()));
+        let take = |role, token: &str| ConnectionSlot::take(&places, role, Some(token.to_owned()));
         let many = |token| (0..1000).map_while(move |_| take(Role::Display, token)).collect();
-        let first: Vec<Place> = many("a");
-        let second: Vec<Place> = many("b");
+        let first: Vec<ConnectionSlot> = many("a");
+        let second: Vec<ConnectionSlot> = many("b");
         assert_eq!((first.len(), second.len()), (MAX_OF_TOKEN, MAX_CONNECTIONS - MAX_OF_TOKEN));
         assert!(take(Role::Worker, "c").is_none());
-        let admins: Vec<Place> = (0..100).map_while(|_| take(Role::Admin, "a")).collect();
+        let admins: Vec<ConnectionSlot> = (0..100).map_while(|_| take(Role::Admin, "a")).collect();
         assert_eq!(admins.len(), MAX_ADMINS);
         drop((first, admins));
         assert!(take(Role::Worker, "a").is_some() && take(Role::Admin, "b").is_some());

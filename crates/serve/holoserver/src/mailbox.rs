@@ -41,13 +41,13 @@ pub enum Mail {
 #[derive(Debug)]
 pub struct Mailbox {
     role: Role,
-    state: Mutex<State>,
+    state: Mutex<MailboxState>,
     /// Wakes the one who waits for room.
     room: Notify,
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct MailboxState {
     mail: VecDeque<Mail>,
     bytes: usize,
     /// True if the coordinator knows that there is mail.
@@ -132,13 +132,13 @@ impl Mailbox {
         self.room.notify_one();
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, MailboxState> {
         // Each change is whole before anything can panic.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl State {
+impl MailboxState {
     /// Puts a newer view in the place of older ones. Returns whether there were any.
     fn replace_older_views(&mut self, message: &mut Message) -> bool {
         let Message::View(newer) = &*message else { return false };
@@ -201,7 +201,7 @@ fn bytes(message: &Message) -> usize {
 #[cfg(test)]
 mod tests {
     use holo_proto::{
-        bulk::{Light, RaysWanted, ViewRequest, WantedBeam},
+        bulk::{Light, RaysWanted, RequestedBeam, ViewRequest},
         control::Control,
     };
     use holo_section::{BeamId, BeamKey, Viewpoint};
@@ -212,7 +212,7 @@ mod tests {
     fn view(view: u32, beams: usize) -> Message {
         let key = BeamKey { section: 0, beam: BeamId(0) };
         let viewpoint = Viewpoint { eye: [0.0; 3], radius: f64::from(view) };
-        let beams = vec![WantedBeam { key, weight: 1.0, held: 0, has_earlier: false }; beams];
+        let beams = vec![RequestedBeam { key, weight: 1.0, held: 0, has_earlier: false }; beams];
         Message::View(ViewRequest { view, viewpoint, beams })
     }
 

@@ -7,7 +7,7 @@ use clap::Parser;
 /// Serve one holodeck: workers trace for it, displays look at it
 #[derive(Parser)]
 #[command(name = "holoserver", version)]
-struct Program {
+struct ServerProgram {
     #[command(flatten)]
     config: holo_server::Config,
 }
@@ -16,6 +16,6 @@ struct Program {
 async fn main() -> ExitCode {
     holo_progress::exit_code(
         "holoserver",
-        holo_server::run_until_signal(Program::parse().config).await,
+        holo_server::run_until_signal(ServerProgram::parse().config).await,
     )
 }

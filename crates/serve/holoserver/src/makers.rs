@@ -50,23 +50,23 @@ pub struct MadeBy {
 
 /// All machines of a file.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Makers {
+pub struct MachineList {
     /// The greatest number that was ever given.
     last: u16,
     makers: Vec<MadeBy>,
 }
 
-impl Makers {
+impl MachineList {
     /// Reads the list of a file. If it is damaged, returns an error and an empty list. The numbers
     /// in the file's extents stay taken even then.
-    pub(crate) fn load(file: &BeamFile) -> (Makers, Result<()>) {
-        let read = || -> Result<Makers> {
-            let Some(bytes) = file.blob(BLOB)? else { return Ok(Makers::default()) };
-            Makers::parse(&bytes).context("the list of those who made samples is lost")
+    pub(crate) fn load(file: &BeamFile) -> (MachineList, Result<()>) {
+        let read = || -> Result<MachineList> {
+            let Some(bytes) = file.blob(BLOB)? else { return Ok(MachineList::default()) };
+            MachineList::parse(&bytes).context("the list of those who made samples is lost")
         };
         let (mut makers, result) = match read() {
             Ok(makers) => (makers, Ok(())),
-            Err(error) => (Makers::default(), Err(error)),
+            Err(error) => (MachineList::default(), Err(error)),
         };
         // After a crash, the file may hold samples of a machine that was not written down.
         makers.last = makers.last.max(file.last_maker().0);
@@ -77,8 +77,8 @@ impl Makers {
     ///
     /// # Errors
     /// If it is not a list of makers of different numbers, from 1 to the last one given.
-    fn parse(bytes: &[u8]) -> Result<Makers> {
-        let makers: Makers = serde_json::from_slice(bytes)?;
+    fn parse(bytes: &[u8]) -> Result<MachineList> {
+        let makers: MachineList = serde_json::from_slice(bytes)?;
         let count = makers.makers.len();
         ensure!(count <= MAX_MAKERS, "{count} makers are more than {MAX_MAKERS}");
         let ids: BTreeSet<u16> = makers.makers.iter().map(|maker| maker.id).collect();
@@ -124,7 +124,7 @@ impl Makers {
     }
 
     /// Returns the numbers that the makers of another file have here.
-    pub(crate) fn merge(&mut self, others: &Makers) -> Vec<(Maker, Maker)> {
+    pub(crate) fn merge(&mut self, others: &MachineList) -> Vec<(Maker, Maker)> {
         let mut numbers = Vec::new();
         for other in &others.makers {
             let id = self.of(&other.name, other.token.clone(), other.key.clone());
@@ -179,7 +179,7 @@ mod tests {
 
     #[test]
     fn a_machine_keeps_its_number_whatever_process_comes_from_it() {
-        let mut makers = Makers::default();
+        let mut makers = MachineList::default();
         let first = makers.of("rtworker on a #1", None, None);
         assert_eq!((first, makers.of("rtworker on a #2", None, None)), (Maker(1), Maker(1)));
         let token = Some("GkdS3h6pXzU".to_owned());
@@ -196,20 +196,20 @@ mod tests {
 
     #[test]
     fn a_list_comes_back_from_its_bytes_and_a_damaged_one_is_refused_or_sound() {
-        let mut makers = Makers::default();
+        let mut makers = MachineList::default();
         makers.of("rtworker on a", None, None);
         makers.of("rtworker on b", Some("GkdS3h6pXzU".into()), Some("key".into()));
         makers.accuse(Maker(2), "its light is wrong");
         makers.remove(&[Maker(1)]);
         let good = serde_json::to_vec(&makers).unwrap();
-        assert_eq!(Makers::parse(&good).unwrap(), makers);
+        assert_eq!(MachineList::parse(&good).unwrap(), makers);
         let text = String::from_utf8(good.clone()).unwrap();
         for (found, wrong) in [("\"id\":2", "\"id\":3"), ("\"id\":2", "\"id\":0"), ("[", "[1,")] {
-            assert!(Makers::parse(text.replace(found, wrong).as_bytes()).is_err(), "{wrong}");
+            assert!(MachineList::parse(text.replace(found, wrong).as_bytes()).is_err(), "{wrong}");
         }
         let twice =
             text.replace("[", &format!("[{},", &text[text.find("[").unwrap() + 1..text.len() - 2]));
-        assert!(Makers::parse(twice.as_bytes()).is_err(), "{twice}");
+        assert!(MachineList::parse(twice.as_bytes()).is_err(), "{twice}");
         let mut state = 1u64;
         for _ in 0..20_000 {
             let mut bytes = good.clone();
@@ -218,7 +218,7 @@ mod tests {
                 let at = (state >> 33) as usize % bytes.len();
                 bytes[at] = (state >> 20) as u8;
             }
-            if let Ok(parsed) = Makers::parse(&bytes) {
+            if let Ok(parsed) = MachineList::parse(&bytes) {
                 assert!(parsed.iter().all(|maker| (1..=parsed.last).contains(&maker.id)));
             }
         }
@@ -226,7 +226,7 @@ mod tests {
 
     #[test]
     fn makers_beyond_the_most_are_nobody() {
-        let mut makers = Makers::default();
+        let mut makers = MachineList::default();
         for machine in 0..MAX_MAKERS {
             assert_ne!(makers.of(&format!("machine {machine}"), None, None), Maker::UNKNOWN);
         }

@@ -12,7 +12,7 @@ use std::{
 
 use anyhow::{Result, ensure};
 use holo_beamfile::{Caching, Error, Maker};
-use holo_section::{Run, Sample};
+use holo_section::{NumberRun, Sample};
 use serde::Serialize;
 
 use crate::{better, holodeck::Holodeck};
@@ -95,7 +95,7 @@ impl Holodeck {
 
     fn merge_run(
         &self,
-        run: &Run,
+        run: &NumberRun,
         maker: Maker,
         samples: &[Sample],
         merged: &mut Merged,
@@ -103,7 +103,7 @@ impl Holodeck {
         let have = self.file.runs(run.key);
         let numbers = run.first..run.first + samples.len() as u32;
         let part = |range: &Range<u32>| {
-            let run = Run { first: range.start, count: range.len() as u32, ..*run };
+            let run = NumberRun { first: range.start, count: range.len() as u32, ..*run };
             (run, &samples[(range.start - numbers.start) as usize..][..range.len()])
         };
         let missing = missing(&have, run, &numbers);
@@ -128,23 +128,23 @@ impl Holodeck {
 
 /// Divides a run's samples among those who made them.
 fn by_maker<'a>(
-    run: &Run,
+    run: &NumberRun,
     samples: &'a [Sample],
-    made: &[(Run, Maker)],
-) -> Vec<(Run, &'a [Sample], Maker)> {
+    made: &[(NumberRun, Maker)],
+) -> Vec<(NumberRun, &'a [Sample], Maker)> {
     let of_kind = made.iter().filter(|(part, _)| part.kind == run.kind);
-    let part = |(part, maker): &(Run, Maker)| {
+    let part = |(part, maker): &(NumberRun, Maker)| {
         let first = part.first.max(run.first);
         let end = (part.first + part.count).min(run.first + run.count);
         let count = end.checked_sub(first).filter(|count| *count > 0)?;
         let samples = samples.get((first - run.first) as usize..)?.get(..count as usize)?;
-        Some((Run { first, count, ..*run }, samples, *maker))
+        Some((NumberRun { first, count, ..*run }, samples, *maker))
     };
     of_kind.filter_map(part).collect()
 }
 
 /// Returns the numbers that a beam with the runs `have` lacks of `run`'s kind.
-fn missing(have: &[Run], run: &Run, numbers: &Range<u32>) -> Vec<Range<u32>> {
+fn missing(have: &[NumberRun], run: &NumberRun, numbers: &Range<u32>) -> Vec<Range<u32>> {
     let mut known: Vec<Range<u32>> = have
         .iter()
         .filter(|have| have.kind == run.kind)
@@ -178,7 +178,7 @@ mod tests {
     fn what_is_missing_is_all_that_no_run_of_the_kind_has() {
         let key = BeamKey { section: 0, beam: BeamId(1) };
         let uniform = SampleKind::Uniform;
-        let run = |kind, first, count| Run { key, first, count, kind, paths: 1 };
+        let run = |kind, first, count| NumberRun { key, first, count, kind, paths: 1 };
         let have =
             [run(uniform, 20, 5), run(uniform, 3, 4), run(SampleKind::ViewpointLimited, 0, 99)];
         let of = |numbers: Range<u32>| {
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn samples_go_to_those_who_made_them_by_kind_and_number() {
         let key = BeamKey { section: 0, beam: BeamId(1) };
-        let run = |kind, first, count| Run { key, first, count, kind, paths: 1 };
+        let run = |kind, first, count| NumberRun { key, first, count, kind, paths: 1 };
         let (uniform, single) = (SampleKind::Uniform, SampleKind::SingleRay);
         let made = [
             (run(uniform, 0, 4), Maker(1)),

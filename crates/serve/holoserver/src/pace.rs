@@ -27,14 +27,14 @@ const HALF_LIFE: f64 = 2.0;
 
 /// The work that a worker returns per second while it has any.
 #[derive(Debug, Default)]
-pub struct Pace {
+pub struct WorkerPace {
     work: f64,
     seconds: f64,
     /// When the worker last returned something, or got work after having had none.
     since: Option<Instant>,
 }
 
-impl Pace {
+impl WorkerPace {
     /// Takes note that the worker gets work.
     pub fn begin(&mut self, now: Instant) {
         self.since.get_or_insert(now);
@@ -75,7 +75,7 @@ mod tests {
     #[test]
     fn the_rate_is_that_of_the_time_in_which_there_was_work() {
         let start = Instant::now();
-        let mut pace = Pace::default();
+        let mut pace = WorkerPace::default();
         assert_eq!((pace.rate(), pace.deadline(1.0)), (None, FIRST_DEADLINE));
         for round in 0..20 {
             // Half a second of work, then ten seconds without any.
@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn a_deadline_follows_from_the_rate_and_has_bounds() {
         let start = Instant::now();
-        let mut pace = Pace::default();
+        let mut pace = WorkerPace::default();
         pace.begin(start);
         pace.returned(100.0, false, after(start, 1.0));
         assert_eq!(pace.deadline(0.0), LEAST_DEADLINE);

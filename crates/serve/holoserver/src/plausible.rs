@@ -14,17 +14,17 @@
 //! So these checks find garbage. Wrong light of a possible brightness is found by tracing packets
 //! twice (`audits`).
 
-use holo_proto::bulk::{Cell, LiveHit, LiveRay, Record};
+use holo_proto::bulk::{LiveHit, LiveRay, Record, WireCell};
 use holo_scene::{PunctualLight, Scene, Sun};
 use holo_section::{Sample, Section, distance, rgbe};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::about::About;
+use crate::about::HolodeckDescription;
 
 /// Limits that a scene sets, stored in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Limits {
+pub struct RadianceLimits {
     /// The lowest corner of the scene's bounds, world coordinates.
     pub low: [f64; 3],
     /// The highest corner.
@@ -34,16 +34,16 @@ pub struct Limits {
     pub brightest: f32,
 }
 
-impl Limits {
+impl RadianceLimits {
     /// Returns the limits that a scene sets.
-    pub fn of(scene: &Scene) -> Limits {
+    pub fn of(scene: &Scene) -> RadianceLimits {
         let (low, high) = scene.bounds();
         let lamps = scene.materials.iter().flat_map(|material| material.emission);
         let per_irradiance = (1.0 / Sun::projected_solid_angle()) as f32;
         let suns = scene.suns.iter().flat_map(|sun| sun.irradiance.map(|e| e * per_irradiance));
         let points = scene.punctual_lights.iter().flat_map(PunctualLight::radiance);
         let brightest = lamps.chain(scene.sky).chain(suns).chain(points).fold(0.0, f32::max);
-        Limits { low: low.to_array(), high: high.to_array(), brightest }
+        RadianceLimits { low: low.to_array(), high: high.to_array(), brightest }
     }
 
     /// Returns the distance from a point to the farthest point within the bounds.
@@ -90,7 +90,7 @@ pub struct Plausible {
     /// Light of rays that hit nothing. `None` if mirrors may have shown it.
     sky: Option<[f32; 3]>,
     /// `None` for files of earlier versions, which do not store them.
-    limits: Option<Limits>,
+    limits: Option<RadianceLimits>,
     /// The greatest exponent of a stored colour.
     exponent: u8,
     are_distances_straight: bool,
@@ -98,7 +98,7 @@ pub struct Plausible {
 
 impl Plausible {
     /// Returns the limits for a holodeck with these sections.
-    pub fn new(about: &About, sections: &[Section]) -> Plausible {
+    pub fn new(about: &HolodeckDescription, sections: &[Section]) -> Plausible {
         let are_distances_straight = !about.settings.virtual_distance;
         let limits = about.limits;
         let farthest = |section: &Section| {
@@ -164,12 +164,12 @@ impl Plausible {
     }
 
     /// Checks cells of surface light.
-    pub fn cells(&self, cells: &[Cell]) -> Result<(), Implausible> {
+    pub fn cells(&self, cells: &[WireCell]) -> Result<(), Implausible> {
         let most = self.limits.map_or(f32::MAX, |limits| most(&limits, IMPROBABLE_RECORD));
         // The mean light of a cell is the first sum over the second. Surfaces reflect at most what
         // arrives, so the first alone has the same bound for each estimate.
         let is_bright =
-            |cell: &Cell| cell.light.iter().any(|&light| light > most * cell.count as f32);
+            |cell: &WireCell| cell.light.iter().any(|&light| light > most * cell.count as f32);
         if cells.iter().any(is_bright) { Err(Implausible::TooBright) } else { Ok(()) }
     }
 
@@ -182,7 +182,7 @@ impl Plausible {
 }
 
 /// Returns so many times the brightest light, as far as there are such numbers.
-fn most(limits: &Limits, times: f64) -> f32 {
+fn most(limits: &RadianceLimits, times: f64) -> f32 {
     // Conversions saturate at infinity, which no radiance exceeds.
     (f64::from(limits.brightest) * times) as f32
 }
@@ -206,10 +206,10 @@ mod tests {
     use super::*;
 
     const SKY: [f32; 3] = [0.3, 17.0, 900.1];
-    const LIMITS: Limits =
-        Limits { low: [-3.0, 0.0, 0.0], high: [2.0, 1.0, 4.0], brightest: 900.1 };
+    const LIMITS: RadianceLimits =
+        RadianceLimits { low: [-3.0, 0.0, 0.0], high: [2.0, 1.0, 4.0], brightest: 900.1 };
 
-    fn plausible(limits: Option<Limits>, virtual_distance: bool) -> (Plausible, Section) {
+    fn plausible(limits: Option<RadianceLimits>, virtual_distance: bool) -> (Plausible, Section) {
         let spec = SectionSpec {
             origin: [0.0; 3],
             axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
@@ -219,7 +219,7 @@ mod tests {
         };
         let settings = RenderSettings { virtual_distance, ..RenderSettings::default() };
         let section = Section::new(spec.clone()).unwrap();
-        let mut about = About::new(vec![spec], settings, b"a scene", "a test".into());
+        let mut about = HolodeckDescription::new(vec![spec], settings, b"a scene", "a test".into());
         (about.sky, about.limits) = (SKY, limits);
         (Plausible::new(&about, std::slice::from_ref(&section)), section)
     }
@@ -287,7 +287,7 @@ mod tests {
         };
         assert_eq!(plausible.records(&[record(1e20)]), Ok(()));
         assert_eq!(plausible.records(&[record(1e23)]), Err(Implausible::TooBright));
-        let cell = |light: f32| Cell {
+        let cell = |light: f32| WireCell {
             point: [0.0; 3],
             normal: [0.0, 0.0, 1.0],
             material: 0,

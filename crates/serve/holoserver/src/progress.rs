@@ -31,7 +31,7 @@ pub struct Totals {
 
 /// Counts samples and shows them.
 #[derive(Debug)]
-pub struct Progress {
+pub struct SampleProgress {
     before: u64,
     added: u64,
     better: u64,
@@ -41,10 +41,10 @@ pub struct Progress {
     last_error: Option<String>,
 }
 
-impl Progress {
+impl SampleProgress {
     /// Returns a count of 0 for a file in its present state. With `quiet`, nothing is shown.
-    pub fn new(file: &Stats, quiet: bool) -> Progress {
-        Progress {
+    pub fn new(file: &Stats, quiet: bool) -> SampleProgress {
+        SampleProgress {
             before: file.samples,
             added: 0,
             better: 0,

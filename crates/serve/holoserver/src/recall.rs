@@ -22,11 +22,11 @@ use holo_net::{Outbox, SCENE_CHUNK_BYTES};
 use holo_progress::said_once;
 use holo_proto::{
     LEAST_TRACED_WEIGHT, ProtoError,
-    bulk::{BlobChunk, MAX_RUN, Samples, Source, Unseen},
+    bulk::{BlobChunk, MAX_RUN, SampleSource, Unseen, ViewSamples},
     fading,
-    frame::Kind,
+    frame::FrameKind,
 };
-use holo_section::{BeamId, BeamKey, Run};
+use holo_section::{BeamId, BeamKey, NumberRun};
 use rustc_hash::FxHashMap;
 
 use crate::holodeck::Holodeck;
@@ -108,11 +108,11 @@ impl Recall {
         let (crossed, others): (Vec<_>, Vec<_>) = self.keys.iter().copied().partition(is_crossed);
         let sender =
             |source| Sender::new(&self.holodeck, &self.outbox, (self.view, source), &is_wanted);
-        let mut stored = sender(Source::Stored);
+        let mut stored = sender(SampleSource::Stored);
         stored.send_in_rounds(&crossed)?;
         stored.send_by_weight(&others)?;
         stored.finish()?;
-        let mut earlier = sender(Source::Earlier);
+        let mut earlier = sender(SampleSource::Earlier);
         earlier.send_by_weight(&self.earlier)?;
         earlier.finish()
     }
@@ -129,7 +129,7 @@ impl Recall {
 }
 
 /// A part of the file that no view requested.
-pub struct Part {
+pub struct FilePart {
     pub holodeck: Arc<Holodeck>,
     pub outbox: Outbox,
     pub section: u16,
@@ -141,7 +141,7 @@ pub struct Part {
     pub until: Option<Mark>,
 }
 
-impl Part {
+impl FilePart {
     /// Reads and sends on a thread of its own. At the end it calls `done` with the number of the
     /// next beam, or with an error's text.
     pub fn start(
@@ -177,7 +177,7 @@ impl Part {
             next += 1;
         }
         let is_wanted = || !self.outbox.is_closed();
-        for (source, keys) in [(Source::Part, keys), (Source::Earlier, earlier)] {
+        for (source, keys) in [(SampleSource::Part, keys), (SampleSource::Earlier, earlier)] {
             let mut sender = Sender::new(&self.holodeck, &self.outbox, (0, source), &is_wanted);
             sender.until = self.until;
             sender.send_beams(&keys)?;
@@ -210,7 +210,7 @@ fn named_if_cut<T>(holodeck: &Holodeck, result: Result<T>) -> Result<T, String> 
 struct Sender<'a> {
     holodeck: &'a Holodeck,
     outbox: &'a Outbox,
-    message: Samples,
+    message: ViewSamples,
     /// Most paths that are stated for a sample. Displays weigh samples by their paths, but equal
     /// weights make better pictures: docs/notes/weights.md.
     usual_paths: u16,
@@ -224,10 +224,10 @@ impl<'a> Sender<'a> {
     fn new(
         holodeck: &'a Holodeck,
         outbox: &'a Outbox,
-        (view, source): (u32, Source),
+        (view, source): (u32, SampleSource),
         is_wanted: &'a dyn Fn() -> bool,
     ) -> Sender<'a> {
-        let message = Samples { view, source, runs: Vec::new(), samples: Vec::new() };
+        let message = ViewSamples { view, source, runs: Vec::new(), samples: Vec::new() };
         let usual_paths = holodeck.about.settings.paths_per_sample;
         Sender { holodeck, outbox, message, usual_paths, is_wanted, until: None }
     }
@@ -240,7 +240,7 @@ impl<'a> Sender<'a> {
         let mut sent = Ok(());
         let mut send = |key: BeamKey, beam: Arc<BeamSamples>| {
             sent = match source {
-                Source::Earlier => self.add_earlier(&beam, file.count(key)),
+                SampleSource::Earlier => self.add_earlier(&beam, file.count(key)),
                 _ => self.add(&beam, 0..beam.samples.len()),
             };
             if sent.is_err() || !(self.is_wanted)() {
@@ -250,13 +250,15 @@ impl<'a> Sender<'a> {
             }
         };
         match source {
-            Source::Earlier => file.read_earlier(keys, &mut send)?,
+            SampleSource::Earlier => file.read_earlier(keys, &mut send)?,
             // A display requests each part once. Beams of views must not leave the cache for it.
-            Source::Part => match until {
+            SampleSource::Part => match until {
                 Some(mark) => file.read_until(keys, mark, &mut send)?,
                 None => file.read_many(keys, Caching::Bypass, &mut send)?,
             },
-            Source::Stored | Source::Traced => file.read_many(keys, Caching::Fill, &mut send)?,
+            SampleSource::Stored | SampleSource::Traced => {
+                file.read_many(keys, Caching::Fill, &mut send)?
+            }
         }
         sent
     }
@@ -317,7 +319,7 @@ impl<'a> Sender<'a> {
             for ranks in fading::lasting(first..end, present) {
                 let part = &samples[(ranks.start - first) as usize..(ranks.end - first) as usize];
                 let count = ranks.len() as u32;
-                self.message.runs.push(Run { first: ranks.start, count, paths, ..*run });
+                self.message.runs.push(NumberRun { first: ranks.start, count, paths, ..*run });
                 self.message.samples.extend_from_slice(part);
                 if self.message.samples.len() >= SAMPLES_PER_MESSAGE {
                     self.send()?;
@@ -337,7 +339,7 @@ impl<'a> Sender<'a> {
             for part in samples[from - begin..to - begin].chunks(MAX_RUN as usize) {
                 let count = part.len() as u32;
                 let paths = run.paths.min(self.usual_paths);
-                self.message.runs.push(Run { first, count, paths, ..*run });
+                self.message.runs.push(NumberRun { first, count, paths, ..*run });
                 self.message.samples.extend_from_slice(part);
                 first += count;
                 if self.message.samples.len() >= SAMPLES_PER_MESSAGE {
@@ -354,7 +356,7 @@ impl<'a> Sender<'a> {
         while self.outbox.queued_bytes() > QUEUE_BYTES && (self.is_wanted)() {
             thread::sleep(PAUSE);
         }
-        self.outbox.send(Kind::Samples, &self.message.encode())?;
+        self.outbox.send(FrameKind::Samples, &self.message.encode())?;
         self.message.runs.clear();
         self.message.samples.clear();
         Ok(())
@@ -407,7 +409,7 @@ fn by_weight(beams: &[(BeamKey, f32)]) -> impl Iterator<Item = Vec<BeamKey>> {
 /// Informs a display which of its view's beams see nothing.
 pub fn send_unseen(outbox: &Outbox, view: u32, beams: &[BeamKey]) -> Result<(), ProtoError> {
     beams.chunks(UNSEEN_PER_MESSAGE).try_for_each(|part| {
-        outbox.send(Kind::Unseen, &Unseen { view, beams: part.to_vec() }.encode())
+        outbox.send(FrameKind::Unseen, &Unseen { view, beams: part.to_vec() }.encode())
     })
 }
 
@@ -455,7 +457,7 @@ fn send_pieces(read: Result<Arc<[u8]>>, outbox: &Outbox) {
                 // requested.
                 eprintln!("{}", said_once(error.as_ref()));
             }
-            let _ = outbox.send(Kind::BlobChunk, &holo_net::absent().encode());
+            let _ = outbox.send(FrameKind::BlobChunk, &holo_net::absent().encode());
             return;
         }
     };
@@ -465,7 +467,7 @@ fn send_pieces(read: Result<Arc<[u8]>>, outbox: &Outbox) {
             thread::sleep(PAUSE);
         }
         let chunk = BlobChunk { offset, bytes: piece.to_vec() };
-        if outbox.send(Kind::BlobChunk, &chunk.encode_compressed()).is_err() {
+        if outbox.send(FrameKind::BlobChunk, &chunk.encode_compressed()).is_err() {
             return;
         }
         offset += piece.len() as u64;

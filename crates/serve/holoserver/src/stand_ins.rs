@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 use holo_proto::{
     control::SceneInfo,
-    stand_ins::{self, StandIn, StandInKind},
+    stand_ins::{self, StandInKind, StandInRecord},
 };
 use holo_scene::Scene;
 
@@ -20,7 +20,7 @@ impl Holodeck {
     ///
     /// # Errors
     /// If one is for a section that does not exist, or they cannot be written.
-    pub fn set_stand_ins(&mut self, parts: &[(StandIn, String)]) -> Result<()> {
+    pub fn set_stand_ins(&mut self, parts: &[(StandInRecord, String)]) -> Result<()> {
         let known = |section: u16| usize::from(section) < self.sections.len();
         if let Some((part, source)) = parts.iter().find(|(part, _)| !known(part.section)) {
             bail!(
@@ -29,7 +29,7 @@ impl Holodeck {
                 self.sections.len()
             );
         }
-        let source = |(part, source): &(StandIn, String)| {
+        let source = |(part, source): &(StandInRecord, String)| {
             let kind = match part.kind {
                 StandInKind::Geometry => "geometry",
                 StandInKind::Portals => "portals",

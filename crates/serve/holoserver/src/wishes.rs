@@ -13,7 +13,7 @@ use std::{
 
 use holo_proto::{
     LEAST_TRACED_WEIGHT, MAX_RAYS_PER_PACKET,
-    bulk::{WantedBeam, WantedRay},
+    bulk::{RequestedBeam, WantedRay},
 };
 use holo_section::{BeamKey, RayCoords, Viewpoint};
 use rustc_hash::FxHashMap;
@@ -32,7 +32,7 @@ pub fn most_beams(displays: usize) -> usize {
 }
 
 /// Drops the beams of least weight above `most`. The others stay in the order of their names.
-pub fn keep_heaviest(beams: &mut Vec<WantedBeam>, most: usize) {
+pub fn keep_heaviest(beams: &mut Vec<RequestedBeam>, most: usize) {
     if beams.len() > most {
         beams.select_nth_unstable_by(most, |one, other| other.weight.total_cmp(&one.weight));
         beams.truncate(most);
@@ -47,7 +47,7 @@ pub struct Wishes {
     pub view: u32,
     /// The point that rays must pass, and how near.
     pub viewpoint: Viewpoint,
-    beams: Box<[Wish]>,
+    beams: Box<[BeamWish]>,
     queue: BinaryHeap<Reverse<(Ratio, u32)>>,
     /// Single rays by beam, the most wanted first.
     rays: VecDeque<RayPacket>,
@@ -67,14 +67,14 @@ pub struct RayPacket {
     pub count: u8,
 }
 
-struct Wish {
+struct BeamWish {
     key: BeamKey,
     /// The number of pixels that the beam serves.
     weight: f32,
     /// Rays stored or under way.
     computed: u32,
 }
-const _: () = assert!(size_of::<Wish>() == 24);
+const _: () = assert!(size_of::<BeamWish>() == 24);
 
 /// Computed rays over wanted rays, in total order.
 #[derive(Clone, Copy, PartialEq)]
@@ -102,9 +102,9 @@ impl Wishes {
         viewpoint: Viewpoint,
         beams: impl IntoIterator<Item = (BeamKey, f32, u64)>,
     ) -> Wishes {
-        let beams: Box<[Wish]> = beams
+        let beams: Box<[BeamWish]> = beams
             .into_iter()
-            .map(|(key, weight, computed)| Wish {
+            .map(|(key, weight, computed)| BeamWish {
                 key,
                 weight,
                 computed: u32::try_from(computed).unwrap_or(u32::MAX),
@@ -220,15 +220,15 @@ impl Wishes {
 }
 
 /// Returns the beams that may get rays, the least filled first.
-fn queue(beams: &[Wish]) -> BinaryHeap<Reverse<(Ratio, u32)>> {
-    let may_get = |wish: &Wish| {
+fn queue(beams: &[BeamWish]) -> BinaryHeap<Reverse<(Ratio, u32)>> {
+    let may_get = |wish: &BeamWish| {
         wish.weight >= LEAST_TRACED_WEIGHT && f64::from(wish.ratio().0) < MAX_RAYS_PER_PIXEL
     };
     let traced = beams.iter().zip(0..).filter(|(wish, _)| may_get(wish));
     traced.map(|(wish, index)| Reverse((wish.ratio(), index))).collect()
 }
 
-impl Wish {
+impl BeamWish {
     fn ratio(&self) -> Ratio {
         Ratio(self.computed as f32 / self.weight)
     }
@@ -273,7 +273,7 @@ mod tests {
 
     #[test]
     fn of_more_beams_than_fit_the_heaviest_stay_and_in_order() {
-        let wanted = |i: u64| WantedBeam {
+        let wanted = |i: u64| RequestedBeam {
             key: key(i),
             weight: ((i * 37) % 101) as f32 + 1.0,
             held: 0,

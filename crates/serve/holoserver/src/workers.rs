@@ -9,14 +9,14 @@
 use std::{collections::HashMap, time::Duration};
 
 use crate::{
-    assignment::{Assignment, Finished, ResultsError},
+    assignment::{Assignment, PacketState, ResultsError},
     live::LiveAssignment,
-    pace::Pace,
+    pace::WorkerPace,
     worker_id::WorkerId,
 };
 use holo_net::Outbox;
 use holo_proto::{
-    bulk::{LivePacket, LiveWork, Traced, Work},
+    bulk::{LivePacket, LiveWork, TracedPacket, WorkPackets},
     report::WorkerReport,
 };
 use tokio::time::Instant;
@@ -47,7 +47,7 @@ pub const MAX_PACKETS_HELD: usize = 16_384;
 const LATENCY_SHARE: f64 = 0.05;
 
 /// One connected worker.
-pub struct Worker {
+pub struct ConnectedWorker {
     pub outbox: Outbox,
     /// Its name, for people.
     pub name: String,
@@ -57,7 +57,7 @@ pub struct Worker {
     /// Work is counted in rays of so many paths.
     usual_paths: u16,
     seconds_per_ray: Option<f64>,
-    pace: Pace,
+    pace: WorkerPace,
     rays_ahead: f64,
     work_ahead: f64,
     /// Work that it has returned.
@@ -90,17 +90,17 @@ struct Late {
     renamed: Option<u64>,
 }
 
-impl Worker {
+impl ConnectedWorker {
     /// Returns a worker that is not ready yet. Its work is counted in rays of `usual_paths` paths.
-    pub fn new(outbox: Outbox, name: String, id: WorkerId, usual_paths: u16) -> Worker {
-        Worker {
+    pub fn new(outbox: Outbox, name: String, id: WorkerId, usual_paths: u16) -> ConnectedWorker {
+        ConnectedWorker {
             outbox,
             name,
             id,
             threads: 0.0,
             usual_paths,
             seconds_per_ray: None,
-            pace: Pace::default(),
+            pace: WorkerPace::default(),
             rays_ahead: 0.0,
             work_ahead: 0.0,
             work_returned: 0.0,
@@ -167,7 +167,7 @@ impl Worker {
     /// Sends it packets.
     pub fn assign(&mut self, assignments: Vec<Assignment>, now: Instant) {
         self.pace.begin(now);
-        let mut work = Work::default();
+        let mut work = WorkPackets::default();
         for mut assignment in assignments {
             assignment.packet.viewpoint = assignment.viewpoint.map(|viewpoint| {
                 let known = work.viewpoints.iter().position(|&other| other == viewpoint);
@@ -183,7 +183,7 @@ impl Worker {
             self.assigned.insert(assignment.packet.id, held);
         }
         // A message holds what a worker's hunger allows, which is far below a frame's limit.
-        let _ = self.outbox.send(holo_proto::frame::Kind::Work, &work.encode());
+        let _ = self.outbox.send(holo_proto::frame::FrameKind::Work, &work.encode());
     }
 
     /// Sends it live rays.
@@ -197,15 +197,15 @@ impl Worker {
             self.live.insert(id, Held { what: assignment, given: now, ahead: self.work_ahead });
         }
         // As with packets of beams.
-        let _ = self.outbox.send(holo_proto::frame::Kind::LiveWork, &work.encode());
+        let _ = self.outbox.send(holo_proto::frame::FrameKind::LiveWork, &work.encode());
     }
 
     /// Takes the results of live rays: the worker no longer has them.
     pub fn finish_live(
         &mut self,
-        traced: &Traced,
+        traced: &TracedPacket,
         now: Instant,
-    ) -> Result<Finished<LiveAssignment>, ResultsError> {
+    ) -> Result<PacketState<LiveAssignment>, ResultsError> {
         let Some(held) = self.live.get(&traced.id) else { return self.finish_late(traced.id, now) };
         let asked = held.what.rays.len();
         if asked != traced.count as usize {
@@ -216,7 +216,7 @@ impl Worker {
         self.took(traced, asked as f64, asked as f64);
         self.waited(held.given, now);
         self.returned(asked as f64, now);
-        Ok(Finished::InTime(held.what))
+        Ok(PacketState::InTime(held.what))
     }
 
     /// Takes away all live rays.
@@ -227,9 +227,9 @@ impl Worker {
     /// Processes the results of a packet, which the worker no longer holds.
     pub fn finish(
         &mut self,
-        traced: &Traced,
+        traced: &TracedPacket,
         now: Instant,
-    ) -> Result<Finished<Assignment>, ResultsError> {
+    ) -> Result<PacketState<Assignment>, ResultsError> {
         let Some(held) = self.assigned.get(&traced.id) else {
             return self.finish_late(traced.id, now);
         };
@@ -243,7 +243,7 @@ impl Worker {
         self.took(traced, work, f64::from(asked));
         self.waited(given, now);
         self.returned(work, now);
-        Ok(Finished::InTime(assignment))
+        Ok(PacketState::InTime(assignment))
     }
 
     /// Ends a packet that it did not trace, because its beam sees nothing.
@@ -251,18 +251,18 @@ impl Worker {
         &mut self,
         id: u64,
         now: Instant,
-    ) -> Result<Finished<Assignment>, ResultsError> {
+    ) -> Result<PacketState<Assignment>, ResultsError> {
         let Some(held) = self.assigned.remove(&id) else { return self.finish_late(id, now) };
         let work = self.put_down(&held.what);
         self.returned(work, now);
-        Ok(Finished::InTime(held.what))
+        Ok(PacketState::InTime(held.what))
     }
 
     /// Takes note that it has returned a packet which was taken away before.
-    fn finish_late<T>(&mut self, id: u64, now: Instant) -> Result<Finished<T>, ResultsError> {
+    fn finish_late<T>(&mut self, id: u64, now: Instant) -> Result<PacketState<T>, ResultsError> {
         let late = self.late.remove(&id).ok_or(ResultsError::Unknown)?;
         self.returned(late.work, now);
-        Ok(Finished::Late(late.renamed))
+        Ok(PacketState::Late(late.renamed))
     }
 
     /// Takes a packet off what it has, and returns the packet's work.
@@ -314,7 +314,7 @@ impl Worker {
     }
 
     /// Learns its speed from a packet of so much work and so many rays.
-    fn took(&mut self, traced: &Traced, work: f64, rays: f64) {
+    fn took(&mut self, traced: &TracedPacket, work: f64, rays: f64) {
         // Smoothed over some hundred rays: beams differ much in what a ray costs.
         let seconds = f64::from(traced.nanoseconds.max(1)) * 1e-9 / work;
         let share = 0.005 * rays;
@@ -363,13 +363,13 @@ mod tests {
     use super::*;
 
     /// Returns a worker of so many threads that is ready, and the other end of its connection.
-    async fn worker(threads: u16) -> (Worker, impl Sized) {
+    async fn worker(threads: u16) -> (ConnectedWorker, impl Sized) {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let client = tokio::spawn(connect_on(address));
         let (inbox, outbox, ..) = accept(listener.accept().await.unwrap().0).await.unwrap();
         let id = WorkerId { maker: holo_beamfile::Maker(1), seat: 0 };
-        let mut worker = Worker::new(outbox, "a test".into(), id, 1);
+        let mut worker = ConnectedWorker::new(outbox, "a test".into(), id, 1);
         worker.ready(threads);
         (worker, (client, inbox))
     }
@@ -380,7 +380,7 @@ mod tests {
     }
 
     /// Gives a worker packets of 21 rays, as many as it wants. Returns their names.
-    fn feed(worker: &mut Worker, last: &mut u64, now: Instant) -> Vec<u64> {
+    fn feed(worker: &mut ConnectedWorker, last: &mut u64, now: Instant) -> Vec<u64> {
         let packets = ((worker.hunger() / 21.0).ceil() as usize).min(worker.room());
         let names: Vec<u64> = (0..packets).map(|_| next(last)).collect();
         let key = BeamKey { section: 0, beam: BeamId(0) };
@@ -390,7 +390,7 @@ mod tests {
             packet: packet(id),
             viewpoint: None,
             display: None,
-            purpose: crate::assignment::Purpose::Store,
+            purpose: crate::assignment::PacketPurpose::Store,
             not_for: None,
         };
         worker.assign(names.iter().map(assignment).collect(), now);
@@ -403,8 +403,8 @@ mod tests {
     }
 
     /// Returns results that took this long, according to the worker.
-    fn traced(id: u64, nanoseconds: u32) -> Traced {
-        Traced { id, count: 21, nanoseconds }
+    fn traced(id: u64, nanoseconds: u32) -> TracedPacket {
+        TracedPacket { id, count: 21, nanoseconds }
     }
 
     fn seconds(seconds: f64) -> Duration {
@@ -428,7 +428,9 @@ mod tests {
         // A result arrives after all, under the packet's old name, once.
         let late = start + seconds(60.0);
         let finished = worker.finish(&traced(given[5], 1), late).unwrap();
-        assert!(matches!(finished, Finished::Late(Some(renamed)) if renamed > given.len() as u64));
+        assert!(
+            matches!(finished, PacketState::Late(Some(renamed)) if renamed > given.len() as u64)
+        );
         assert!(worker.finish(&traced(given[5], 1), late).is_err(), "twice");
         assert!(worker.hunger() > 0.0);
     }
@@ -486,7 +488,7 @@ mod tests {
             now += seconds(5.0);
             if let Some(id) = held.pop_front() {
                 let finished = worker.finish(&traced(id, u32::MAX), now).unwrap();
-                assert!(matches!(finished, Finished::InTime(_)), "step {step}");
+                assert!(matches!(finished, PacketState::InTime(_)), "step {step}");
             }
             let (lost, _) = worker.take_overdue(now, || next(&mut last));
             assert!(lost.is_empty(), "step {step}: {} overdue", lost.len());

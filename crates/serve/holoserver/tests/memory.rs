@@ -7,7 +7,7 @@ mod common;
 
 use common::{Peer, Place, run, view};
 use holo_net::Message;
-use holo_proto::{control::Control, frame::Kind, hello::Role};
+use holo_proto::{control::Control, frame::FrameKind, hello::Role};
 use peak_alloc::PeakAlloc;
 
 /// Beams of a view: about as many as a message holds.
@@ -37,7 +37,7 @@ fn all_beam_views_of_many_displays_take_no_more_memory_than_a_few() {
         // One after the other: the first views are taken whole.
         for _ in 0..DISPLAYS {
             let mut display = Peer::join(server.address, Role::Display).await;
-            display.send(Kind::View, &view(1, BEAMS));
+            display.send(FrameKind::View, &view(1, BEAMS));
             let is_sent =
                 |message: &Message| *message == Message::Control(Control::StoredSent { view: 1 });
             display.wait_for(is_sent).await;

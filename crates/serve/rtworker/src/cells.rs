@@ -11,8 +11,8 @@ use std::{
 use holo_net::Outbox;
 use holo_proto::{
     ProtoError,
-    bulk::{Cell, Cells},
-    frame::Kind,
+    bulk::{CellBatch, WireCell},
+    frame::FrameKind,
 };
 use holo_tracer::{SharedCell, Tracer, Verdict};
 
@@ -25,7 +25,7 @@ const MESSAGE_CELLS: usize = 1 << 13;
 
 /// A thread that gives received cells to the tracer, and sends the tracer's own. Both take too long
 /// for the connection's thread. It ends when this is dropped.
-pub struct CellExchange(mpsc::Sender<Cells>);
+pub struct CellExchange(mpsc::Sender<CellBatch>);
 
 impl CellExchange {
     /// Starts the thread.
@@ -40,13 +40,13 @@ impl CellExchange {
     }
 
     /// Takes cells that the server sent.
-    pub fn receive(&self, cells: Cells) {
+    pub fn receive(&self, cells: CellBatch) {
         // If the thread has ended, the connection has too.
         let _ = self.0.send(cells);
     }
 }
 
-fn exchange(tracer: &Tracer, outbox: &Outbox, received: &mpsc::Receiver<Cells>) {
+fn exchange(tracer: &Tracer, outbox: &Outbox, received: &mpsc::Receiver<CellBatch>) {
     let mut next = Instant::now() + SHARE_EVERY;
     loop {
         match received.recv_timeout(next.saturating_duration_since(Instant::now())) {
@@ -69,12 +69,12 @@ fn exchange(tracer: &Tracer, outbox: &Outbox, received: &mpsc::Receiver<Cells>) 
 }
 
 fn send(cells: &[SharedCell], outbox: &Outbox) -> Result<(), ProtoError> {
-    let cells = cells.iter().filter_map(to_message).filter(Cell::is_valid).collect();
-    outbox.send(Kind::Cells, &Cells { cells }.encode())
+    let cells = cells.iter().filter_map(to_message).filter(WireCell::is_valid).collect();
+    outbox.send(FrameKind::Cells, &CellBatch { cells }.encode())
 }
 
 /// Gives the tracer cells that the server sent.
-fn receive(tracer: &Tracer, cells: &Cells) {
+fn receive(tracer: &Tracer, cells: &CellBatch) {
     for cells in cells.cells.chunk_by(|a, b| a.maker == b.maker) {
         let Some(first) = cells.first() else { continue };
         let received: Vec<SharedCell> = cells.iter().map(from_message).collect();
@@ -94,13 +94,13 @@ fn report(maker: u16, verdict: Verdict) {
     }
 }
 
-fn to_message(cell: &SharedCell) -> Option<Cell> {
+fn to_message(cell: &SharedCell) -> Option<WireCell> {
     let SharedCell { point, normal, light, albedo, count, material, bounces, level } = *cell;
     let level = u16::try_from(level).ok()?;
-    Some(Cell { point, normal, material, bounces, level, maker: 0, count, light, albedo })
+    Some(WireCell { point, normal, material, bounces, level, maker: 0, count, light, albedo })
 }
 
-fn from_message(cell: &Cell) -> SharedCell {
-    let Cell { point, normal, material, bounces, level, count, light, albedo, .. } = *cell;
+fn from_message(cell: &WireCell) -> SharedCell {
+    let WireCell { point, normal, material, bounces, level, count, light, albedo, .. } = *cell;
     SharedCell { point, normal, light, albedo, count, material, bounces, level: level.into() }
 }

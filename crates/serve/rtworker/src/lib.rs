@@ -22,13 +22,13 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use holo_net::{Destination, MachineKey, NetError, RETURN_TIME, Shutdown};
 use holo_proto::control::Farewell;
-pub use report::Report;
+pub use report::ReportState;
 
 /// Options of `rtworker`.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = "Examples:\n  rtworker --connect 127.0.0.1:7070 --threads 4\n  \
     rtworker --join holodeck://192.0.2.7:7070/FINGERPRINT/TOKEN")]
-pub struct Config {
+pub struct WorkerConfig {
     /// The holoserver: its address on this machine, or the string to join with that it prints
     #[arg(
         long,
@@ -68,14 +68,14 @@ pub struct Config {
 /// # Errors
 /// If the server cannot be reached for `config.retry` seconds, refuses, drops this worker, breaks
 /// the protocol, or its scene cannot be traced.
-pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
+pub async fn run(config: WorkerConfig, shutdown: Shutdown) -> Result<()> {
     let server = Destination::parse(&config.connect)?;
     if config.nice > 0 {
         // If the system refuses, tracing continues at normal priority.
         let _ = rustix::process::nice(config.nice);
     }
     let machine = machine_key(&config)?;
-    let mut worker = session::Worker::new(&config);
+    let mut worker = session::WorkerState::new(&config);
     let retry = Duration::try_from_secs_f64(config.retry).unwrap_or_default();
     let mut patience = retry;
     loop {
@@ -107,7 +107,7 @@ pub async fn run(config: Config, shutdown: Shutdown) -> Result<()> {
 }
 
 /// Returns this machine's key. If it cannot be kept, servers take this process for a new machine.
-fn machine_key(config: &Config) -> Result<MachineKey> {
+fn machine_key(config: &WorkerConfig) -> Result<MachineKey> {
     let Some(folder) = config.identity.clone().or_else(MachineKey::users_folder) else {
         return Ok(MachineKey::new()?);
     };
@@ -122,8 +122,8 @@ fn machine_key(config: &Config) -> Result<MachineKey> {
 }
 
 async fn serve(
-    worker: &mut session::Worker,
-    config: &Config,
+    worker: &mut session::WorkerState,
+    config: &WorkerConfig,
     server: &Destination,
     machine: &MachineKey,
     patience: Duration,
@@ -145,13 +145,13 @@ async fn serve(
 }
 
 /// Prints a line for a person who has started this program by hand.
-fn chat(config: &Config, text: &str) {
+fn chat(config: &WorkerConfig, text: &str) {
     if !config.with_parent {
         say(config, text);
     }
 }
 
-fn say(config: &Config, text: &str) {
+fn say(config: &WorkerConfig, text: &str) {
     if !config.quiet {
         eprintln!("rtworker: {text}");
     }
@@ -161,7 +161,7 @@ fn say(config: &Config, text: &str) {
 ///
 /// # Errors
 /// As [`run`].
-pub async fn run_until_signal(config: Config) -> Result<()> {
+pub async fn run_until_signal(config: WorkerConfig) -> Result<()> {
     let shutdown = Shutdown::new();
     shutdown.on_signals(config.with_parent)?;
     run(config, shutdown).await

@@ -9,7 +9,7 @@ use std::{
 
 use holo_proto::{
     MAX_RAYS_PER_PACKET,
-    bulk::{LiveHit, LivePacket, LiveRay, Packet, Traced},
+    bulk::{LiveHit, LivePacket, LiveRay, Packet, TracedPacket},
 };
 use holo_section::{
     BeamId, BeamKey, BeamSampler, DVec3, RayCoords, Sample, SampleKind, Section, Viewpoint,
@@ -43,7 +43,7 @@ pub struct BeamJob {
 
 /// Work for a thread.
 #[derive(Debug)]
-pub enum Job {
+pub enum PoolJob {
     /// A packet of a beam.
     Beam(BeamJob),
     /// A packet of live rays, with the holodeck's seed.
@@ -52,13 +52,13 @@ pub enum Job {
 
 /// A finished packet.
 #[derive(Debug)]
-pub enum Finished {
+pub enum PoolResult {
     /// A traced packet: its message, and the samples in the order of their numbers.
-    Traced(Traced, Vec<Sample>),
+    Traced(TracedPacket, Vec<Sample>),
     /// The number of a packet that was not traced, because no ray of its beam hits anything.
     Unseen(u64),
     /// Traced live rays: their message, and the hits in the order of the rays.
-    Live(Traced, Vec<LiveHit>),
+    Live(TracedPacket, Vec<LiveHit>),
 }
 
 /// The task of all threads of a session.
@@ -73,17 +73,17 @@ pub struct Task {
 
 #[derive(Default)]
 struct Queue {
-    jobs: VecDeque<Job>,
+    jobs: VecDeque<PoolJob>,
     closed: bool,
 }
 
 #[derive(Default)]
-struct Shared {
+struct PoolState {
     queue: Mutex<Queue>,
     more: Condvar,
 }
 
-impl Shared {
+impl PoolState {
     fn lock(&self) -> MutexGuard<'_, Queue> {
         // The queue is only pushed to and popped from, so a thread that panics leaves it intact.
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
@@ -93,7 +93,7 @@ impl Shared {
 /// The threads of one session. Dropping the pool discards the queue, and waits for packets that are
 /// being traced.
 pub struct Pool {
-    shared: Arc<Shared>,
+    shared: Arc<PoolState>,
     threads: Vec<JoinHandle<()>>,
 }
 
@@ -105,7 +105,7 @@ impl Pool {
     pub fn start(
         threads: u16,
         task: &Arc<Task>,
-        finished: &mpsc::UnboundedSender<Finished>,
+        finished: &mpsc::UnboundedSender<PoolResult>,
     ) -> std::io::Result<Pool> {
         let mut pool = Pool { shared: Arc::default(), threads: Vec::new() };
         for index in 0..threads {
@@ -120,7 +120,7 @@ impl Pool {
     }
 
     /// Appends jobs to the queue.
-    pub fn push(&self, jobs: impl IntoIterator<Item = Job>) {
+    pub fn push(&self, jobs: impl IntoIterator<Item = PoolJob>) {
         self.shared.lock().jobs.extend(jobs);
         self.shared.more.notify_all();
     }
@@ -141,8 +141,8 @@ impl Drop for Pool {
     }
 }
 
-fn work(shared: &Shared, task: &Task, finished: &mpsc::UnboundedSender<Finished>) {
-    let mut jobs: Vec<Job> = Vec::with_capacity(TAKE);
+fn work(shared: &PoolState, task: &Task, finished: &mpsc::UnboundedSender<PoolResult>) {
+    let mut jobs: Vec<PoolJob> = Vec::with_capacity(TAKE);
     loop {
         {
             let mut queue = shared.lock();
@@ -165,21 +165,21 @@ fn work(shared: &Shared, task: &Task, finished: &mpsc::UnboundedSender<Finished>
     }
 }
 
-fn trace(job: &Job, task: &Task) -> Option<Finished> {
+fn trace(job: &PoolJob, task: &Task) -> Option<PoolResult> {
     match job {
-        Job::Beam(job) => trace_beam(job, task),
-        Job::Live(packet, seed) => Some(trace_live(packet, *seed, &task.tracer)),
+        PoolJob::Beam(job) => trace_beam(job, task),
+        PoolJob::Live(packet, seed) => Some(trace_live(packet, *seed, &task.tracer)),
     }
 }
 
-fn trace_live(packet: &LivePacket, seed: u64, tracer: &Tracer) -> Finished {
+fn trace_live(packet: &LivePacket, seed: u64, tracer: &Tracer) -> PoolResult {
     let start = Instant::now();
     // A display waits for live rays.
     tracer.set_effort(EFFORT);
     let hits: Vec<LiveHit> =
         packet.rays.iter().map(|ray| live_hit(tracer, ray, seed, packet.paths)).collect();
     let nanoseconds = u32::try_from(start.elapsed().as_nanos()).unwrap_or(u32::MAX);
-    Finished::Live(Traced { id: packet.id, count: hits.len() as u32, nanoseconds }, hits)
+    PoolResult::Live(TracedPacket { id: packet.id, count: hits.len() as u32, nanoseconds }, hits)
 }
 
 fn live_hit(tracer: &Tracer, ray: &LiveRay, seed: u64, paths: u16) -> LiveHit {
@@ -196,7 +196,7 @@ fn live_hit(tracer: &Tracer, ray: &LiveRay, seed: u64, paths: u16) -> LiveHit {
     LiveHit { radiance: traced.radiance.map(usable), distance }
 }
 
-fn trace_beam(job: &BeamJob, task: &Task) -> Option<Finished> {
+fn trace_beam(job: &BeamJob, task: &Task) -> Option<PoolResult> {
     let start = Instant::now();
     let Packet { key, first, count, paths, .. } = job.packet;
     let BeamKey { section: index, beam } = key;
@@ -204,7 +204,7 @@ fn trace_beam(job: &BeamJob, task: &Task) -> Option<Finished> {
     let raycaster = task.tracer.raycaster();
     if task.unseen.as_ref().is_some_and(|unseen| unseen.is_unseen(raycaster, section, index, beam))
     {
-        return Some(Finished::Unseen(job.packet.id));
+        return Some(PoolResult::Unseen(job.packet.id));
     }
     let is_watched = job.packet.kind() != SampleKind::Uniform;
     if is_watched {
@@ -228,8 +228,8 @@ fn trace_beam(job: &BeamJob, task: &Task) -> Option<Finished> {
         })
         .collect();
     let nanoseconds = u32::try_from(start.elapsed().as_nanos()).unwrap_or(u32::MAX);
-    Some(Finished::Traced(
-        Traced { id: job.packet.id, count: u32::from(count), nanoseconds },
+    Some(PoolResult::Traced(
+        TracedPacket { id: job.packet.id, count: u32::from(count), nanoseconds },
         samples,
     ))
 }

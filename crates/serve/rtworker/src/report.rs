@@ -12,7 +12,7 @@ const REPORT_EVERY: Duration = Duration::from_millis(200);
 
 /// One line on the standard output of a worker that another program has started.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Report {
+pub enum ReportState {
     /// The worker is loading the scene.
     Loading {
         /// Finished share of this step, 0 to 1.
@@ -24,23 +24,23 @@ pub enum Report {
     Ready,
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for ReportState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Report::Loading { share, text } => write!(f, "loading {share:.3} {text}"),
-            Report::Ready => f.write_str("ready"),
+            ReportState::Loading { share, text } => write!(f, "loading {share:.3} {text}"),
+            ReportState::Ready => f.write_str("ready"),
         }
     }
 }
 
-impl Report {
+impl ReportState {
     /// Parses a line; `None` for any other line.
-    pub fn parse(line: &str) -> Option<Report> {
+    pub fn parse(line: &str) -> Option<ReportState> {
         if line == "ready" {
-            return Some(Report::Ready);
+            return Some(ReportState::Ready);
         }
         let (share, text) = line.strip_prefix("loading ")?.split_once(' ')?;
-        Some(Report::Loading { share: share.parse().ok()?, text: text.to_owned() })
+        Some(ReportState::Loading { share: share.parse().ok()?, text: text.to_owned() })
     }
 }
 
@@ -75,7 +75,7 @@ impl Reporter {
                     *last = Some(Instant::now());
                     holo_progress::print_line!(
                         "{}",
-                        Report::Loading { share, text: text.to_owned() }
+                        ReportState::Loading { share, text: text.to_owned() }
                     );
                 }
             }
@@ -86,7 +86,7 @@ impl Reporter {
     pub fn ready(&mut self) {
         match self {
             Reporter::People(meter) => meter.finish(),
-            Reporter::Parent { .. } => holo_progress::print_line!("{}", Report::Ready),
+            Reporter::Parent { .. } => holo_progress::print_line!("{}", ReportState::Ready),
         }
     }
 }
@@ -108,12 +108,13 @@ mod tests {
 
     #[test]
     fn reports_of_a_worker_can_be_parsed_by_its_parent() {
-        let loading = Report::Loading { share: 0.25, text: "fetching: 1 MiB of 4 MiB".to_owned() };
-        for report in [loading, Report::Ready] {
-            assert_eq!(Report::parse(&report.to_string()), Some(report));
+        let loading =
+            ReportState::Loading { share: 0.25, text: "fetching: 1 MiB of 4 MiB".to_owned() };
+        for report in [loading, ReportState::Ready] {
+            assert_eq!(ReportState::parse(&report.to_string()), Some(report));
         }
         for other in ["", "readiness", "loading", "loading much of it", "a panic"] {
-            assert_eq!(Report::parse(other), None, "{other}");
+            assert_eq!(ReportState::parse(other), None, "{other}");
         }
     }
 }

@@ -7,11 +7,11 @@ use holo_net::Outbox;
 use holo_proto::{
     ProtoError,
     bulk::{Light, LiveResults, Results},
-    frame::Kind,
+    frame::FrameKind,
 };
 use tokio::sync::mpsc;
 
-use crate::pool::Finished;
+use crate::pool::PoolResult;
 
 /// Most packets in one message: 5,000 samples, some milliseconds of work.
 const MAX_RESULTS: usize = 256;
@@ -29,7 +29,7 @@ const SHARED_RECORDS: usize = 1 << 13;
 /// Sends finished packets until the pool is gone. Packets that finish in quick succession share a
 /// message. Records of light go before the packets that they were made for.
 pub async fn send_results(
-    mut results: mpsc::UnboundedReceiver<Finished>,
+    mut results: mpsc::UnboundedReceiver<PoolResult>,
     outbox: Outbox,
     mut light: Option<NewLight>,
 ) {
@@ -64,26 +64,26 @@ pub async fn send_results(
 }
 
 /// Sends packets. 256 packets of 21 samples are far below a frame's limit.
-fn send_batch(batch: &mut Vec<Finished>, outbox: &Outbox) -> Result<(), ProtoError> {
+fn send_batch(batch: &mut Vec<PoolResult>, outbox: &Outbox) -> Result<(), ProtoError> {
     let (mut stored, mut live) = (Results::default(), LiveResults::default());
     for finished in batch.drain(..) {
         match finished {
-            Finished::Traced(traced, samples) => {
+            PoolResult::Traced(traced, samples) => {
                 stored.packets.push(traced);
                 stored.samples.extend_from_slice(&samples);
             }
-            Finished::Unseen(id) => stored.unseen.push(id),
-            Finished::Live(traced, hits) => {
+            PoolResult::Unseen(id) => stored.unseen.push(id),
+            PoolResult::Live(traced, hits) => {
                 live.packets.push(traced);
                 live.hits.extend(hits);
             }
         }
     }
     if !live.packets.is_empty() {
-        outbox.send(Kind::LiveResults, &live.encode())?;
+        outbox.send(FrameKind::LiveResults, &live.encode())?;
     }
     if !stored.packets.is_empty() || !stored.unseen.is_empty() {
-        outbox.send(Kind::Results, &stored.encode())?;
+        outbox.send(FrameKind::Results, &stored.encode())?;
     }
     Ok(())
 }
@@ -113,7 +113,7 @@ impl NewLight {
             };
             self.next = next;
             if !records.is_empty() {
-                outbox.send(Kind::Light, &Light { records }.encode())?;
+                outbox.send(FrameKind::Light, &Light { records }.encode())?;
             }
         }
         Ok(())

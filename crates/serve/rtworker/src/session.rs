@@ -7,7 +7,7 @@ use holo_light::Store;
 use holo_net::{Destination, Inbox, MachineKey, Message, NetError, Outbox};
 use holo_progress::said_once;
 use holo_proto::{
-    bulk::Work,
+    bulk::WorkPackets,
     control::{Control, Engine, Farewell, Welcome},
     hello::Role,
 };
@@ -16,11 +16,11 @@ use holo_section::Section;
 use tokio::sync::mpsc;
 
 use crate::{
-    Config,
+    WorkerConfig,
     cache::SceneCache,
     cells::CellExchange,
     loading::Loader,
-    pool::{BeamJob, Job, Pool, Task},
+    pool::{BeamJob, Pool, PoolJob, Task},
     report::Reporter,
     sending::{NewLight, send_results},
     unexpected::unexpected,
@@ -44,21 +44,21 @@ pub async fn reach(
 }
 
 /// The state that survives from one connection to the next.
-pub struct Worker {
+pub struct WorkerState {
     threads: u16,
     loader: Loader,
 }
 
-impl Worker {
+impl WorkerState {
     /// Returns a worker without a scene.
-    pub fn new(config: &Config) -> Worker {
+    pub fn new(config: &WorkerConfig) -> WorkerState {
         let cores = std::thread::available_parallelism()
             .map_or(1, |n| u16::try_from(n.get()).unwrap_or(u16::MAX));
         let cache = SceneCache::new(config.scene_cache.clone());
         let hierarchies = Hierarchies::new(config.scene_cache.clone());
         let reporter = Reporter::new(config.with_parent, config.quiet);
         let loader = Loader::new(cache, hierarchies, reporter);
-        Worker { threads: config.threads.unwrap_or(cores).max(1), loader }
+        WorkerState { threads: config.threads.unwrap_or(cores).max(1), loader }
     }
 
     /// Works until the server says goodbye, and returns the reason. A server that starts again is
@@ -137,7 +137,7 @@ fn take(
     match message {
         Message::Work(work) => pool.push(jobs(&work, sections, seed)?),
         Message::LiveWork(work) => {
-            pool.push(work.packets.into_iter().map(|packet| Job::Live(packet, seed)));
+            pool.push(work.packets.into_iter().map(|packet| PoolJob::Live(packet, seed)));
         }
         Message::Light(message) => {
             for record in message.records {
@@ -153,7 +153,7 @@ fn take(
 }
 
 /// Returns the jobs of a message. Checks here that every beam exists, so that the threads need not.
-fn jobs(work: &Work, sections: &[Section], seed: u64) -> Result<Vec<Job>> {
+fn jobs(work: &WorkPackets, sections: &[Section], seed: u64) -> Result<Vec<PoolJob>> {
     work.packets
         .iter()
         .map(|packet| {
@@ -167,7 +167,7 @@ fn jobs(work: &Work, sections: &[Section], seed: u64) -> Result<Vec<Job>> {
             );
             let viewpoint =
                 packet.viewpoint.and_then(|index| work.viewpoints.get(usize::from(index))).copied();
-            Ok(Job::Beam(BeamJob { packet: *packet, viewpoint, seed }))
+            Ok(PoolJob::Beam(BeamJob { packet: *packet, viewpoint, seed }))
         })
         .collect()
 }

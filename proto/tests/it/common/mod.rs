@@ -2,7 +2,7 @@
 
 use holo_proto::{bulk::*, control::*};
 use holo_section::{
-    BeamId, BeamKey, RayCoords, Run, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint,
+    BeamId, BeamKey, NumberRun, RayCoords, Sample, SampleKind, SectionSpec, ViewClass, Viewpoint,
 };
 use proptest::{collection::vec, prelude::*};
 
@@ -24,7 +24,7 @@ pub fn viewpoint() -> impl Strategy<Value = Viewpoint> {
         .prop_map(|(eye, radius)| Viewpoint { eye, radius: radius.abs() })
 }
 
-pub fn work() -> impl Strategy<Value = Work> {
+pub fn work() -> impl Strategy<Value = WorkPackets> {
     vec(viewpoint(), 0..4).prop_flat_map(|viewpoints| {
         let known = viewpoints.len() as u16;
         let rays = prop::option::of(vec(any::<[u8; 4]>(), 21));
@@ -47,7 +47,8 @@ pub fn work() -> impl Strategy<Value = Work> {
                         })
                     }),
                 });
-        vec(packet, 0..20).prop_map(move |packets| Work { viewpoints: viewpoints.clone(), packets })
+        vec(packet, 0..20)
+            .prop_map(move |packets| WorkPackets { viewpoints: viewpoints.clone(), packets })
     })
 }
 
@@ -57,7 +58,7 @@ pub fn results() -> impl Strategy<Value = Results> {
         unseen,
         packets: packets
             .iter()
-            .map(|(id, nanoseconds, samples)| Traced {
+            .map(|(id, nanoseconds, samples)| TracedPacket {
                 id: *id,
                 count: samples.len() as u32,
                 nanoseconds: *nanoseconds,
@@ -71,7 +72,7 @@ pub fn view() -> impl Strategy<Value = ViewRequest> {
     let wanted =
         (key(), prop::num::f32::POSITIVE | prop::num::f32::NORMAL, 0..=MAX_HELD, any::<bool>())
             .prop_filter("finite", |(_, weight, ..)| weight.is_finite() && *weight != 0.0)
-            .prop_map(|(key, weight, held, has_earlier)| WantedBeam {
+            .prop_map(|(key, weight, held, has_earlier)| RequestedBeam {
                 key,
                 weight: weight.abs(),
                 held,
@@ -81,7 +82,7 @@ pub fn view() -> impl Strategy<Value = ViewRequest> {
         .prop_map(|(view, viewpoint, beams)| ViewRequest { view, viewpoint, beams })
 }
 
-pub fn samples() -> impl Strategy<Value = Samples> {
+pub fn samples() -> impl Strategy<Value = ViewSamples> {
     let kind = prop_oneof![
         Just(SampleKind::Uniform),
         Just(SampleKind::ViewpointLimited),
@@ -89,17 +90,17 @@ pub fn samples() -> impl Strategy<Value = Samples> {
     ];
     let run = (key(), kind, 0..u32::MAX - 50, 1..=u16::MAX, vec(sample(), 1..50));
     let source = prop_oneof![
-        Just(Source::Stored),
-        Just(Source::Traced),
-        Just(Source::Part),
-        Just(Source::Earlier)
+        Just(SampleSource::Stored),
+        Just(SampleSource::Traced),
+        Just(SampleSource::Part),
+        Just(SampleSource::Earlier)
     ];
-    (any::<u32>(), source, vec(run, 0..8)).prop_map(|(view, source, runs)| Samples {
+    (any::<u32>(), source, vec(run, 0..8)).prop_map(|(view, source, runs)| ViewSamples {
         view,
         source,
         runs: runs
             .iter()
-            .map(|(key, kind, first, paths, samples)| Run {
+            .map(|(key, kind, first, paths, samples)| NumberRun {
                 key: *key,
                 kind: *kind,
                 first: *first,
@@ -116,7 +117,7 @@ pub fn unseen() -> impl Strategy<Value = Unseen> {
 }
 
 /// Records of all legal numbers, also the least and the greatest.
-pub fn cells() -> impl Strategy<Value = Cells> {
+pub fn cells() -> impl Strategy<Value = CellBatch> {
     let three = || prop::array::uniform3(-1e30..=1e30_f32);
     let positive = || prop::array::uniform3(0.0..=1.0_f32);
     let numbers = (any::<[u32; 2]>(), any::<[u16; 2]>(), 1..=MAX_ESTIMATES, 0_usize..3);
@@ -124,10 +125,10 @@ pub fn cells() -> impl Strategy<Value = Cells> {
         |(point, light, albedo, ([material, bounces], [level, maker], count, axis))| {
             let mut normal = [0.0; 3];
             normal[axis] = -1.0;
-            Cell { point, normal, material, bounces, level, maker, count, light, albedo }
+            WireCell { point, normal, material, bounces, level, maker, count, light, albedo }
         },
     );
-    vec(cell, 0..20).prop_map(|cells| Cells { cells })
+    vec(cell, 0..20).prop_map(|cells| CellBatch { cells })
 }
 
 pub fn light() -> impl Strategy<Value = Light> {
@@ -189,7 +190,7 @@ pub fn live_results() -> impl Strategy<Value = LiveResults> {
         LiveResults {
             packets: packets
                 .iter()
-                .map(|(id, nanoseconds, hits)| Traced {
+                .map(|(id, nanoseconds, hits)| TracedPacket {
                     id: *id,
                     count: hits.len() as u32,
                     nanoseconds: *nanoseconds,
@@ -201,7 +202,7 @@ pub fn live_results() -> impl Strategy<Value = LiveResults> {
 }
 
 pub fn live_samples() -> impl Strategy<Value = LiveSamples> {
-    let sample = (any::<u64>(), live_hit()).prop_map(|(number, hit)| LiveSample { number, hit });
+    let sample = (any::<u64>(), live_hit()).prop_map(|(number, hit)| LiveResult { number, hit });
     (any::<u32>(), vec(sample, 0..30)).prop_map(|(view, samples)| LiveSamples { view, samples })
 }
 

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use crate::common::{key, kind, options, run, sample, samples};
-use holo_beamfile::{BeamFile, BeamSamples, Caching, Copied, Counts, Error, Maker, Options};
-use holo_section::{BeamKey, Run, SampleKind};
+use holo_beamfile::{BeamFile, BeamSamples, Caching, Copied, Error, Maker, NextNumbers, Options};
+use holo_section::{BeamKey, NumberRun, SampleKind};
 
 fn fresh() -> (tempfile::TempDir, std::path::PathBuf, BeamFile) {
     let folder = tempfile::tempdir().unwrap();
@@ -55,8 +55,8 @@ fn packets_that_continue_each_other_become_one_extent() {
 fn superseding_samples_replace_only_their_numbers_and_a_late_copy_changes_nothing() {
     let (_folder, path, file) = fresh();
     let rough = run(key(0, 7), 0);
-    let better = Run { first: 10, paths: 16, ..rough };
-    let other_kind = Run { first: 0, kind: SampleKind::SingleRay, ..rough };
+    let better = NumberRun { first: 10, paths: 16, ..rough };
+    let other_kind = NumberRun { first: 0, kind: SampleKind::SingleRay, ..rough };
     file.append(rough, Maker::UNKNOWN, &samples(&rough, 40, 1)).unwrap();
     file.append(other_kind, Maker::UNKNOWN, &samples(&other_kind, 3, 1)).unwrap();
     file.supersede(better, Maker::UNKNOWN, &samples(&better, 20, 2)).unwrap();
@@ -68,8 +68,8 @@ fn superseding_samples_replace_only_their_numbers_and_a_late_copy_changes_nothin
             .iter()
             .map(|(m, s)| (m.kind as u8, m.first, m.count, m.paths, s.to_vec()))
             .collect();
-        let expect = |run: &Run, first, count, tag| {
-            let run = Run { first, ..*run };
+        let expect = |run: &NumberRun, first, count, tag| {
+            let run = NumberRun { first, ..*run };
             (run.kind as u8, first, count, run.paths, samples(&run, count, tag))
         };
         let uniform =
@@ -77,7 +77,7 @@ fn superseding_samples_replace_only_their_numbers_and_a_late_copy_changes_nothin
         assert_eq!(runs[..3], uniform);
         assert_eq!(runs[3..], [expect(&other_kind, 0, 3, 1)]);
         assert_eq!(file.count(rough.key), 43);
-        assert_eq!(file.counts(rough.key), Counts { uniform: 40, limited: 0, single: 3 });
+        assert_eq!(file.counts(rough.key), NextNumbers { uniform: 40, limited: 0, single: 3 });
     };
     check(&file);
     file.flush().unwrap();
@@ -204,7 +204,7 @@ fn readers_beside_the_writer_see_whole_blocks_and_never_a_wrong_sample() {
         });
         for packet in 0..3000 {
             for beam in 0..6 {
-                let run = Run { kind: kind(1), ..run(key(0, beam), packet * 21) };
+                let run = NumberRun { kind: kind(1), ..run(key(0, beam), packet * 21) };
                 file.append(run, Maker::UNKNOWN, &samples(&run, 21, 0)).unwrap();
             }
             if packet % 150 == 0 {
@@ -289,10 +289,10 @@ fn a_long_append_and_the_last_sample_number_are_kept() {
 
 /// Writes samples of two makers. Maker 1 made samples 0 to 20 of a beam and all of another beam.
 /// Maker 2 made better samples 5 to 9 of the first beam.
-fn by_two_makers(file: &BeamFile) -> [Run; 3] {
-    let rough = Run { count: 21, ..run(key(0, 3), 0) };
-    let better = Run { first: 5, count: 5, paths: 16, ..rough };
-    let other = Run { count: 500, ..run(key(1, 2), 0) };
+fn by_two_makers(file: &BeamFile) -> [NumberRun; 3] {
+    let rough = NumberRun { count: 21, ..run(key(0, 3), 0) };
+    let better = NumberRun { first: 5, count: 5, paths: 16, ..rough };
+    let other = NumberRun { count: 500, ..run(key(1, 2), 0) };
     file.append(rough, Maker(1), &samples(&rough, rough.count, 0)).unwrap();
     file.supersede(better, Maker(2), &samples(&better, better.count, 1)).unwrap();
     file.append(other, Maker(1), &samples(&other, other.count, 0)).unwrap();
@@ -305,11 +305,11 @@ fn a_sample_keeps_its_maker_through_memory_disk_and_opening() {
     let (_folder, path, file) = fresh();
     let [rough, better, other] = by_two_makers(&file);
     let expected = [
-        (Run { count: 5, ..rough }, Maker(1)),
+        (NumberRun { count: 5, ..rough }, Maker(1)),
         (better, Maker(2)),
-        (Run { first: 10, count: 11, ..rough }, Maker(1)),
+        (NumberRun { first: 10, count: 11, ..rough }, Maker(1)),
     ];
-    let waiting = Run { count: 21, ..run(key(0, 4), 0) };
+    let waiting = NumberRun { count: 21, ..run(key(0, 4), 0) };
     file.append(waiting, Maker(3), &samples(&waiting, 21, 0)).unwrap();
     assert_eq!(file.makers(waiting.key), [(waiting, Maker(3))]);
     assert_eq!(file.makers(rough.key), expected);
@@ -381,10 +381,10 @@ fn a_new_generation_numbers_its_samples_anew_and_the_earlier_ones_stay() {
     file.begin_generation(1).unwrap();
     assert_eq!((file.generation(), file.stats().samples, file.stats().earlier), (1, 0, 60));
     assert!(file.read(one.key).unwrap().samples.is_empty() && file.runs(one.key).is_empty());
-    assert_eq!((file.counts(one.key), file.count(one.key)), (Counts::default(), 0));
+    assert_eq!((file.counts(one.key), file.count(one.key)), (NextNumbers::default(), 0));
     assert_eq!(earlier(&file, one.key), samples(&one, 30, 1));
     for packet in [0, 10] {
-        let run = Run { first: packet, ..one };
+        let run = NumberRun { first: packet, ..one };
         file.append(run, Maker(2), &samples(&run, 10, 2)).unwrap();
     }
     file.flush().unwrap();

@@ -9,7 +9,7 @@ use crate::common::{
 };
 use holo_beamfile::format::{BLOCK_HEADER_BYTES, BLOCK_MAGIC, FIRST_BLOCK, HEADER_COPY_BYTES};
 use holo_beamfile::{BeamFile, DamageKind, Error, Maker, Skipped};
-use holo_section::Run;
+use holo_section::NumberRun;
 
 /// A file of a few blocks without an index, each flushed, its model after each block, and where each
 /// block ends.
@@ -31,7 +31,7 @@ fn build(blocks: u32, extents: u32) -> Built {
         for i in 0..extents {
             let section = (i % 2) as u16;
             let key = key(section, u64::from(i * 7 % 12).min(LAYOUT[usize::from(section)] - 1));
-            let run = Run { kind: kind((i % 3) as u8), ..run(key, block * 10_000 + i * 21) };
+            let run = NumberRun { kind: kind((i % 3) as u8), ..run(key, block * 10_000 + i * 21) };
             let new = samples(&run, 21, block);
             file.append(run, Maker::UNKNOWN, &new).unwrap();
             model.put(&run, &new, false);
@@ -202,7 +202,7 @@ fn damage_in_a_better_sample_uncovers_the_one_that_it_superseded() {
     let path = folder.path().join("test.holo");
     let file = BeamFile::create(&path, options()).unwrap();
     let rough = run(key(0, 0), 0);
-    let better = Run { paths: 64, ..rough };
+    let better = NumberRun { paths: 64, ..rough };
     file.append(rough, Maker::UNKNOWN, &samples(&rough, 30, 1)).unwrap();
     file.flush().unwrap();
     file.supersede(better, Maker::UNKNOWN, &samples(&better, 30, 2)).unwrap();

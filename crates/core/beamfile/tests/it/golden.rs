@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use crate::common::{key, options, run, samples};
 use crate::layers::{announced, append_block, append_shares, read_shares, shares};
 use holo_beamfile::{BeamFile, Maker, Skipped};
-use holo_section::{Run, Sample, SampleKind};
+use holo_section::{NumberRun, Sample, SampleKind};
 
 /// The kind that no version knows.
 const UNKNOWN: u32 = 0xfeed;
@@ -18,16 +18,16 @@ fn golden(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name)
 }
 
-fn uniform() -> Run {
+fn uniform() -> NumberRun {
     run(key(0, 3), 0)
 }
 
-fn limited() -> Run {
-    Run { kind: SampleKind::ViewpointLimited, ..run(key(0, 4), 5) }
+fn limited() -> NumberRun {
+    NumberRun { kind: SampleKind::ViewpointLimited, ..run(key(0, 4), 5) }
 }
 
-fn single() -> Run {
-    Run { kind: SampleKind::SingleRay, ..run(key(1, 2), 0) }
+fn single() -> NumberRun {
+    NumberRun { kind: SampleKind::SingleRay, ..run(key(1, 2), 0) }
 }
 
 fn scene() -> Vec<u8> {
@@ -48,7 +48,7 @@ fn the_golden_file_of_this_version_can_be_written_again() {
         file.append(run, Maker(maker), &samples(&run, count, 0)).unwrap();
     }
     file.flush().unwrap();
-    let better = Run { paths: 8, ..uniform() };
+    let better = NumberRun { paths: 8, ..uniform() };
     file.supersede(better, Maker(2), &samples(&better, 10, 1)).unwrap();
     file.put_blob("holodeck", b"{\"golden\": true}").unwrap();
     file.flush().unwrap();
@@ -82,7 +82,8 @@ fn check(file: &BeamFile, more: &[Sample]) {
     earlier.sort_by_key(|(key, _)| *key);
     let [(_, first), (_, second), (_, third)] = earlier.as_slice() else { panic!("three beams") };
     let expected =
-        [samples(&uniform(), 10, 1), samples(&Run { first: 10, ..uniform() }, 20, 0)].concat();
+        [samples(&uniform(), 10, 1), samples(&NumberRun { first: 10, ..uniform() }, 20, 0)]
+            .concat();
     assert_eq!(first.samples, expected);
     assert_eq!(first.runs.iter().map(|run| run.paths).collect::<Vec<_>>(), [8, 1]);
     assert_eq!(second.samples, samples(&limited(), 20, 0));
@@ -113,7 +114,7 @@ fn files_of_all_versions_open_and_go_on() {
         assert!(fs::read(&path).unwrap() == before);
 
         let file = BeamFile::open(&path, options()).unwrap();
-        let more = Run { first: 7, ..uniform() };
+        let more = NumberRun { first: 7, ..uniform() };
         file.append(more, Maker(2), &samples(&more, 11, 2)).unwrap();
         file.close().unwrap();
         let file = BeamFile::open_read_only(&path, 0).unwrap();

@@ -15,7 +15,7 @@ use holo_beamfile::format::{
     BLOCK_HEADER_BYTES, FIRST_BLOCK, HEADER_COPY_BYTES, POINTER_BYTES, POINTER_OFFSET,
 };
 use holo_beamfile::{BeamFile, Damage, DamageKind, Maker, Storage};
-use holo_section::Run;
+use holo_section::NumberRun;
 
 /// What a disk was told to do.
 #[derive(Clone)]
@@ -101,7 +101,7 @@ impl Random {
 fn put_block(file: &BeamFile, model: &mut Model, random: &mut Random, tag: u32) {
     for _ in 0..=random.below(6) {
         let section = random.below(2) as u16;
-        let run = Run {
+        let run = NumberRun {
             kind: kind(random.below(3) as u8),
             paths: 1 + random.below(2) as u16,
             ..run(key(section, random.below(12)), random.below(90) as u32)

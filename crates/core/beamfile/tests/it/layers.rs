@@ -8,7 +8,7 @@ use std::path::Path;
 use crate::common::{key, options, run, samples};
 use holo_beamfile::format::{BLOCK_MAGIC, FIRST_BLOCK};
 use holo_beamfile::{BeamFile, DamageKind, Maker};
-use holo_section::{BeamKey, Run, Sample};
+use holo_section::{BeamKey, NumberRun, Sample};
 
 /// Samples whose shares are known: beam, kind, first, count, paths, maker, generation.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
@@ -117,7 +117,12 @@ fn blocks(file: &[u8]) -> Vec<Block> {
 pub type Known = BTreeMap<u16, [u8; 4]>;
 
 /// A reader by the document: the shares of the samples of a run that count, by number.
-pub fn read_shares(file: &[u8], run: &Run, maker: Maker, generation: u32) -> BTreeMap<u32, Known> {
+pub fn read_shares(
+    file: &[u8],
+    run: &NumberRun,
+    maker: Maker,
+    generation: u32,
+) -> BTreeMap<u32, Known> {
     let mut known: BTreeMap<u32, Known> = BTreeMap::new();
     for block in blocks(file).iter().filter(|block| block.kind == 3) {
         let mut at = block.payload_at();
@@ -148,7 +153,7 @@ pub fn read_shares(file: &[u8], run: &Run, maker: Maker, generation: u32) -> BTr
     known
 }
 
-pub fn announced(run: &Run, count: u32, maker: u16) -> Announced {
+pub fn announced(run: &NumberRun, count: u32, maker: u16) -> Announced {
     Announced {
         section: run.key.section,
         beam: run.key.beam.0,
@@ -178,8 +183,8 @@ pub fn shares(layers: impl Iterator<Item = u16>, first: u32, count: u32) -> Vec<
 }
 
 /// A file with samples of two beams and makers.
-fn file(path: &Path) -> (Run, Run) {
-    let (one, other) = (run(key(0, 3), 0), Run { paths: 4, ..run(key(1, 2), 50) });
+fn file(path: &Path) -> (NumberRun, NumberRun) {
+    let (one, other) = (run(key(0, 3), 0), NumberRun { paths: 4, ..run(key(1, 2), 50) });
     let file = BeamFile::create(path, options()).unwrap();
     file.append(one, Maker(1), &samples(&one, 21, 0)).unwrap();
     file.append(other, Maker(2), &samples(&other, 30, 0)).unwrap();
@@ -236,7 +241,7 @@ fn shares_of_many_layers_are_stored_counted_and_read_back() {
     assert!(known.range(60..).all(|(_, layers)| layers.is_empty()), "known to be black");
     // The same numbers, but samples of another maker or of more paths: nothing is known.
     assert!(read_shares(&bytes, &other, Maker(1), 0).is_empty());
-    assert!(read_shares(&bytes, &Run { paths: 1, ..other }, Maker(2), 0).is_empty());
+    assert!(read_shares(&bytes, &NumberRun { paths: 1, ..other }, Maker(2), 0).is_empty());
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use crate::common::{LAYOUT, Model, assert_same, contents, key, kind, options, run, samples};
 use holo_beamfile::{BeamFile, Caching, Maker};
-use holo_section::Run;
+use holo_section::NumberRun;
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
@@ -37,10 +37,14 @@ fn assert_figures(file: &BeamFile, model: &Model, put: u64) {
     assert_eq!(stats.superseded, put - stats.samples);
     for (section, &beams) in (0..).zip(&LAYOUT) {
         for beam in (0..beams).map(|beam| key(section, beam)) {
-            let numbers = |runs: &[Run]| {
-                let each = |run: &Run| {
+            let numbers = |runs: &[NumberRun]| {
+                let each = |run: &NumberRun| {
                     let run = *run;
-                    (0..run.count).map(move |at| Run { first: run.first + at, count: 1, ..run })
+                    (0..run.count).map(move |at| NumberRun {
+                        first: run.first + at,
+                        count: 1,
+                        ..run
+                    })
                 };
                 runs.iter().flat_map(each).collect::<Vec<_>>()
             };
@@ -95,7 +99,8 @@ proptest! {
         for (tag, step) in (0..).zip(steps) {
             match step {
                 Step::Put { section, beam, kind: code, first, count, paths, supersedes } => {
-                    let run = Run { kind: kind(code), paths, ..run(key(section, beam), first) };
+                    let start = run(key(section, beam), first);
+                    let run = NumberRun { kind: kind(code), paths, ..start };
                     let new = samples(&run, count, tag);
                     if supersedes {
                         file.supersede(run, Maker::UNKNOWN, &new).unwrap();

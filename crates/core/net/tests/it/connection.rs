@@ -6,23 +6,24 @@ use crate::common::{SOON, pair, raw_client, until};
 use holo_net::{Message, NetError, SILENCE};
 use holo_proto::{
     ProtoError,
-    bulk::{BlobChunk, Samples, Source},
+    bulk::{BlobChunk, SampleSource, ViewSamples},
     control::{Control, Farewell},
-    frame::{self, Header, Kind},
+    frame::{self, FrameHeader, FrameKind},
 };
-use holo_section::{BeamId, BeamKey, RayCoords, Run, Sample, SampleKind};
+use holo_section::{BeamId, BeamKey, NumberRun, RayCoords, Sample, SampleKind};
 use tokio::{
     io::{AsyncReadExt, AsyncWriteExt},
     time::{Instant, sleep, timeout},
 };
 
-fn samples(count: u32) -> Samples {
+fn samples(count: u32) -> ViewSamples {
     let kind = SampleKind::Uniform;
-    let run = Run { key: BeamKey { section: 1, beam: BeamId(2) }, kind, first: 3, count, paths: 4 };
+    let run =
+        NumberRun { key: BeamKey { section: 1, beam: BeamId(2) }, kind, first: 3, count, paths: 4 };
     let samples = (0..count)
         .map(|i| Sample::from_codes(RayCoords(i.to_le_bytes()), [i as u8; 4], i as u16))
         .collect();
-    Samples { view: 5, source: Source::Traced, runs: vec![run], samples }
+    ViewSamples { view: 5, source: SampleSource::Traced, runs: vec![run], samples }
 }
 
 fn ping(number: u64) -> Message {
@@ -34,7 +35,7 @@ async fn messages_arrive_whole_and_in_order_both_ways() {
     let ((mut inbox, outbox), (mut theirs_in, theirs_out)) = pair().await;
     for number in 1..=1000 {
         outbox.control(&Control::Ping(number)).unwrap();
-        theirs_out.send(Kind::Samples, &samples(number as u32).encode()).unwrap();
+        theirs_out.send(FrameKind::Samples, &samples(number as u32).encode()).unwrap();
     }
     for number in 1..=1000 {
         assert_eq!(theirs_in.next().await.unwrap(), ping(number));
@@ -64,7 +65,7 @@ async fn a_frame_that_comes_byte_by_byte_arrives() {
     let (mut client, (mut inbox, _outbox)) = raw_client().await;
     client.set_nodelay(true).unwrap();
     let message = samples(30);
-    let frame = frame::encode(Kind::Samples, &message.encode()).unwrap();
+    let frame = frame::encode(FrameKind::Samples, &message.encode()).unwrap();
     let writing = tokio::spawn(async move {
         for byte in frame {
             client.write_all(&[byte]).await.unwrap();
@@ -82,10 +83,10 @@ async fn the_longest_frame_arrives_and_one_byte_more_is_not_sent() {
     let ((mut inbox, _outbox), (_theirs_in, theirs_out)) = pair().await;
     let bytes = (frame::MAX_BULK_BYTES - 12) as usize;
     let chunk = BlobChunk { offset: 1 << 40, bytes: (0..bytes).map(|i| (i % 251) as u8).collect() };
-    theirs_out.send(Kind::BlobChunk, &chunk.encode()).unwrap();
+    theirs_out.send(FrameKind::BlobChunk, &chunk.encode()).unwrap();
     let longer = BlobChunk { offset: 0, bytes: vec![0; bytes + 1] };
     assert!(matches!(
-        theirs_out.send(Kind::BlobChunk, &longer.encode()),
+        theirs_out.send(FrameKind::BlobChunk, &longer.encode()),
         Err(ProtoError::TooLong { .. })
     ));
     let Message::BlobChunk(arrived) = timeout(SOON, inbox.next()).await.unwrap().unwrap() else {
@@ -99,13 +100,13 @@ async fn the_longest_frame_arrives_and_one_byte_more_is_not_sent() {
 #[tokio::test]
 async fn a_hostile_length_ends_the_connection_before_anything_is_read() {
     let (mut client, (mut inbox, _outbox)) = raw_client().await;
-    let header = [0xff, 0xff, 0xff, 0xff, Kind::Samples as u8, 0, 0, 0];
+    let header = [0xff, 0xff, 0xff, 0xff, FrameKind::Samples as u8, 0, 0, 0];
     client.write_all(&header).await.unwrap();
     // Nothing follows the header. A reader that waited for the payload would wait until silence is
     // noticed.
     let error = timeout(SOON, inbox.next()).await.unwrap().unwrap_err();
     let refused = ProtoError::TooLong {
-        kind: Kind::Samples,
+        kind: FrameKind::Samples,
         length: u64::from(u32::MAX),
         limit: frame::MAX_BULK_BYTES,
     };
@@ -115,10 +116,10 @@ async fn a_hostile_length_ends_the_connection_before_anything_is_read() {
 #[tokio::test]
 async fn broken_messages_are_distinguished_from_closed_connections() {
     for (bytes, expected) in [
-        (frame::encode(Kind::Hello, b"again").unwrap(), ProtoError::Kind(1)),
-        (frame::encode(Kind::Samples, &[0; 17]).unwrap(), ProtoError::Trailing(1)),
+        (frame::encode(FrameKind::Hello, b"again").unwrap(), ProtoError::Kind(1)),
+        (frame::encode(FrameKind::Samples, &[0; 17]).unwrap(), ProtoError::Trailing(1)),
         (
-            Header { kind: Kind::Work, length: 0 }.to_bytes().to_vec(),
+            FrameHeader { kind: FrameKind::Work, length: 0 }.to_bytes().to_vec(),
             ProtoError::Truncated { what: "work message", needed: 8, found: 0 },
         ),
     ] {
@@ -130,7 +131,7 @@ async fn broken_messages_are_distinguished_from_closed_connections() {
     // The connection closes within a frame.
     let (mut client, (mut inbox, _outbox)) = raw_client().await;
     client
-        .write_all(&frame::encode(Kind::Samples, &samples(9).encode()).unwrap()[..50])
+        .write_all(&frame::encode(FrameKind::Samples, &samples(9).encode()).unwrap()[..50])
         .await
         .unwrap();
     drop(client);
@@ -152,7 +153,7 @@ async fn silence_is_noticed_in_time() {
 async fn a_slow_line_is_not_silence() {
     let (mut client, (mut inbox, _outbox)) = raw_client().await;
     let message = samples(100);
-    let frame = frame::encode(Kind::Samples, &message.encode()).unwrap();
+    let frame = frame::encode(FrameKind::Samples, &message.encode()).unwrap();
     tokio::time::pause();
     let start = Instant::now();
     let writing = tokio::spawn(async move {
@@ -174,7 +175,7 @@ async fn a_side_that_is_busy_for_minutes_is_not_silent_and_loses_nothing() {
     let start = Instant::now();
     let piece = |offset| BlobChunk { offset, bytes: vec![offset as u8; 1 << 20] };
     for offset in 0..32 {
-        outbox.send(Kind::BlobChunk, &piece(offset).encode()).unwrap();
+        outbox.send(FrameKind::BlobChunk, &piece(offset).encode()).unwrap();
     }
     // The peer takes no message out of its inbox, as a display that builds a scene.
     let heard = timeout(10 * SILENCE, inbox.next()).await;
@@ -197,7 +198,7 @@ async fn a_server_that_has_nothing_to_say_is_not_silent() {
 async fn a_wait_for_a_message_that_is_given_up_loses_nothing() {
     let ((mut inbox, _outbox), (_theirs_in, theirs_out)) = pair().await;
     let message = samples(200_000);
-    theirs_out.send(Kind::Samples, &message.encode()).unwrap();
+    theirs_out.send(FrameKind::Samples, &message.encode()).unwrap();
     while timeout(Duration::ZERO, inbox.next()).await.map(|found| found.unwrap())
         != Ok(Message::Samples(message.clone()))
     {
@@ -211,7 +212,7 @@ async fn queued_bytes_count_until_the_system_has_them() {
     let payload = BlobChunk { offset: 0, bytes: vec![1; 8 << 20] }.encode();
     let frame = payload.len() + frame::HEADER_BYTES;
     for _ in 0..4 {
-        outbox.send(Kind::BlobChunk, &payload).unwrap();
+        outbox.send(FrameKind::BlobChunk, &payload).unwrap();
     }
     assert_eq!(outbox.queued_bytes(), 4 * frame, "the task that writes has not run yet");
     // The peer reads nothing. The system's buffers hold some frames, but not all.
@@ -243,13 +244,13 @@ async fn nothing_is_counted_for_a_connection_that_has_gone() {
     let (client, (_inbox, outbox)) = raw_client().await;
     let payload = BlobChunk { offset: 0, bytes: vec![1; 8 << 20] }.encode();
     for _ in 0..4 {
-        outbox.send(Kind::BlobChunk, &payload).unwrap();
+        outbox.send(FrameKind::BlobChunk, &payload).unwrap();
     }
     until(|| outbox.queued_bytes() < 4 * payload.len()).await;
     assert!(outbox.queued_bytes() > 0 && !outbox.is_closed());
     drop(client);
     until(|| outbox.is_closed() && outbox.queued_bytes() == 0).await;
-    outbox.send(Kind::BlobChunk, &payload).unwrap();
+    outbox.send(FrameKind::BlobChunk, &payload).unwrap();
     assert_eq!(outbox.queued_bytes(), 0, "a frame that cannot arrive is dropped");
     outbox.drained().await;
 }
@@ -259,7 +260,7 @@ async fn a_side_that_never_reads_is_given_up() {
     let (client, (_inbox, outbox)) = raw_client().await;
     let payload = BlobChunk { offset: 0, bytes: vec![1; 15 << 20] }.encode();
     for _ in 0..2 {
-        outbox.send(Kind::BlobChunk, &payload).unwrap();
+        outbox.send(FrameKind::BlobChunk, &payload).unwrap();
     }
     until(|| outbox.queued_bytes() < 2 * payload.len()).await;
     tokio::time::pause();
@@ -283,7 +284,7 @@ async fn a_side_that_never_reads_is_given_up() {
 async fn the_last_queued_message_arrives_after_everything_is_dropped() {
     let ((mut inbox, _outbox), (theirs_in, theirs_out)) = pair().await;
     for _ in 0..20 {
-        theirs_out.send(Kind::Samples, &samples(10_000).encode()).unwrap();
+        theirs_out.send(FrameKind::Samples, &samples(10_000).encode()).unwrap();
     }
     let copy = theirs_out.clone();
     drop((theirs_in, theirs_out));
@@ -299,7 +300,7 @@ async fn the_last_queued_message_arrives_after_everything_is_dropped() {
 #[tokio::test]
 async fn a_server_that_starts_again_ends_the_connection_after_all_that_it_has_sent() {
     let ((mut inbox, _outbox), (_theirs_in, theirs_out)) = pair().await;
-    theirs_out.send(Kind::Samples, &samples(10).encode()).unwrap();
+    theirs_out.send(FrameKind::Samples, &samples(10).encode()).unwrap();
     theirs_out.control(&Control::Bye(Farewell::StartsAgain)).unwrap();
     assert_eq!(inbox.next().await.unwrap(), Message::Samples(samples(10)));
     let error = inbox.next().await.unwrap_err();

@@ -7,7 +7,7 @@ use crate::common::{SOON, listener, pair, raw};
 use holo_net::{HANDSHAKE_TIME, MachineKey, NetError, accept, connect, connect_as, refuse};
 use holo_proto::{
     PROTOCOL_VERSION, ProtoError,
-    frame::{self, Kind},
+    frame::{self, FrameKind},
     hello::{Answer, Hello, Role},
     proof::MachineProof,
 };
@@ -70,9 +70,10 @@ async fn a_worker_proves_its_machine_and_nobody_can_take_a_machine_that_is_not_t
         assert!(matches!(client, Err(NetError::Refused(reason)) if reason == "seen"));
     }
     // Another peer sends the key, and a signature of its own making.
-    let mut bytes = frame::encode(Kind::Hello, &Hello::new(Role::Worker, "w").encode()).unwrap();
+    let mut bytes =
+        frame::encode(FrameKind::Hello, &Hello::new(Role::Worker, "w").encode()).unwrap();
     let proof = MachineProof { key: key.id().0, signature: [7; 64] };
-    bytes.extend(frame::encode(Kind::MachineProof, &proof.encode()).unwrap());
+    bytes.extend(frame::encode(FrameKind::MachineProof, &proof.encode()).unwrap());
     let (error, said) = said_to(&bytes).await;
     assert!(matches!(error, NetError::Refused(_)), "{error}");
     // The challenge comes before the answer.
@@ -85,7 +86,7 @@ async fn other_versions_receive_both_numbers_even_if_their_hello_has_grown() {
     for version in [0, PROTOCOL_VERSION + 1, u16::MAX] {
         let mut hello = Hello { version, role: Role::Worker, name: "later".into() }.encode();
         hello.extend([7; 100]);
-        let (error, said) = said_to(&frame::encode(Kind::Hello, &hello).unwrap()).await;
+        let (error, said) = said_to(&frame::encode(FrameKind::Hello, &hello).unwrap()).await;
         assert!(
             matches!(error, NetError::Proto(ProtoError::Version { theirs, .. }) if theirs == version)
         );
@@ -101,7 +102,7 @@ async fn other_versions_receive_both_numbers_even_if_their_hello_has_grown() {
 async fn an_unknown_role_is_refused_with_that_reason() {
     let mut hello = Hello::new(Role::Worker, "w").encode();
     hello[10] = 9;
-    let (error, said) = said_to(&frame::encode(Kind::Hello, &hello).unwrap()).await;
+    let (error, said) = said_to(&frame::encode(FrameKind::Hello, &hello).unwrap()).await;
     assert!(matches!(error, NetError::Proto(ProtoError::Role(9))), "{error}");
     assert!(reason(&said).contains('9'));
 }
@@ -115,10 +116,10 @@ async fn a_browser_is_dropped_without_an_answer() {
 
 #[tokio::test]
 async fn nothing_but_a_short_hello_is_read_from_a_stranger() {
-    let bulk = frame::Header { kind: Kind::Samples, length: 16 << 20 }.to_bytes();
+    let bulk = frame::FrameHeader { kind: FrameKind::Samples, length: 16 << 20 }.to_bytes();
     let (error, _) = said_to(&bulk).await;
     assert!(matches!(error, NetError::Proto(ProtoError::NotHolodeck)), "{error}");
-    let long = frame::Header { kind: Kind::Hello, length: 4097 }.to_bytes();
+    let long = frame::FrameHeader { kind: FrameKind::Hello, length: 4097 }.to_bytes();
     let (error, _) = said_to(&long).await;
     assert!(
         matches!(error, NetError::Proto(ProtoError::TooLong { length: 4097, limit: 4096, .. })),
@@ -163,7 +164,8 @@ async fn a_client_that_dribbles_gets_no_more_time() {
     let start = Instant::now();
     let dribble = tokio::spawn(async move {
         // Each byte is a sign of life, but a hello may not take this long.
-        for byte in frame::encode(Kind::Hello, &Hello::new(Role::Worker, "slow").encode()).unwrap()
+        for byte in
+            frame::encode(FrameKind::Hello, &Hello::new(Role::Worker, "slow").encode()).unwrap()
         {
             tokio::time::sleep(Duration::from_secs(1)).await;
             if client.write_all(&[byte]).await.is_err() {

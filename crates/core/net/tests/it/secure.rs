@@ -9,7 +9,7 @@ use holo_net::{
 use holo_proto::{
     bulk::BlobChunk,
     control::Control,
-    frame::{self, Kind},
+    frame::{self, FrameKind},
     hello::{Answer, Hello, Role},
 };
 use tokio::{
@@ -125,7 +125,7 @@ async fn a_server_with_another_certificate_receives_no_token() {
 async fn a_peer_without_encryption_learns_how_to_join_and_nothing_else() {
     let server = Server::new();
     let (listener, address) = listener().await;
-    let hello = frame::encode(Kind::Hello, &Hello::new(Role::Worker, "w").encode()).unwrap();
+    let hello = frame::encode(FrameKind::Hello, &Hello::new(Role::Worker, "w").encode()).unwrap();
     let client = async {
         let mut stream = TcpStream::connect(address).await.unwrap();
         stream.write_all(&hello).await.unwrap();
@@ -139,8 +139,8 @@ async fn a_peer_without_encryption_learns_how_to_join_and_nothing_else() {
     let (said, taken) = tokio::join!(client, taken);
     assert!(matches!(taken, Err(NetError::Refused(_))), "{taken:?}");
     let (header, answer) = said.split_first_chunk().unwrap();
-    let header = frame::Header::parse(*header).unwrap();
-    assert_eq!((header.kind, header.length as usize), (Kind::Answer, answer.len()));
+    let header = frame::FrameHeader::parse(*header).unwrap();
+    assert_eq!((header.kind, header.length as usize), (FrameKind::Answer, answer.len()));
     match Answer::decode(answer) {
         Ok(Answer::Refused(reason)) => assert!(reason.contains("holodeck://"), "{reason}"),
         other => panic!("{other:?}"),
@@ -180,7 +180,7 @@ async fn messages_arrive_whole_and_in_order_and_the_end_is_seen() {
     let ((mut inbox, outbox), (mut theirs_in, theirs_out, _)) = (ours, theirs.unwrap());
     let piece = |offset| BlobChunk { offset, bytes: vec![offset as u8; 1 << 20] };
     for offset in 0..20 {
-        outbox.send(Kind::BlobChunk, &piece(offset).encode()).unwrap();
+        outbox.send(FrameKind::BlobChunk, &piece(offset).encode()).unwrap();
         theirs_out.control(&Control::Ping(offset + 1)).unwrap();
     }
     for offset in 0..20 {

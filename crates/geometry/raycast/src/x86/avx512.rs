@@ -4,9 +4,9 @@
 use std::arch::x86_64::*;
 
 use super::Avx512;
-use crate::node::{Block, Node, ROW, Row, WIDTH};
+use crate::node::{ROW, TriangleBlock, TriangleRow, WIDTH, WideNode};
 use crate::prepared::Prepared;
-use crate::simd::{EdgeSigns, Limits, Near, RayBytes, STRETCH, Simd};
+use crate::simd::{ChildDistances, EdgeSigns, RayBytes, RayLimits, STRETCH, Simd};
 
 // There are no closures, for the reason given in the parent module.
 
@@ -14,10 +14,16 @@ impl Simd for Avx512 {
     /// Puts near distances in the lower half of a register and negated far ones in the upper half,
     /// so that one maximum serves both.
     #[inline(always)]
-    fn enter(self, node: &Node, ray: &Prepared, t_min: f32, t_max: f32) -> (Near, u32) {
+    fn enter(
+        self,
+        node: &WideNode,
+        ray: &Prepared,
+        t_min: f32,
+        t_max: f32,
+    ) -> (ChildDistances, u32) {
         const UPPER: u16 = 0xff00;
         // SAFETY: `self` proves AVX-512. Sixteen bytes are read at row 0 or 1 of the three rows of
-        // eight; `Near` is aligned.
+        // eight; `ChildDistances` is aligned.
         unsafe {
             let limits = _mm512_mask_mov_ps(_mm512_set1_ps(t_min), UPPER, _mm512_set1_ps(-t_max));
             let sign = _mm512_castsi512_ps(_mm512_maskz_set1_epi32(UPPER, i32::MIN));
@@ -38,7 +44,7 @@ impl Simd for Avx512 {
                 _mm512_max_ps(_mm512_max_ps(rows[0], rows[1]), _mm512_max_ps(rows[2], limits));
             let near = _mm512_castps512_ps256(limits);
             let far = _mm256_mul_ps(_mm512_extractf32x8_ps::<1>(limits), _mm256_set1_ps(-STRETCH));
-            let mut out = Near([0.0; WIDTH]);
+            let mut out = ChildDistances([0.0; WIDTH]);
             _mm256_store_ps(out.0.as_mut_ptr(), near);
             (out, u32::from(_mm256_cmp_ps_mask::<_CMP_LE_OQ>(near, far)))
         }
@@ -47,7 +53,7 @@ impl Simd for Avx512 {
     /// Puts the three vertices of the four triangles in one register, and the three edge functions
     /// in another.
     #[inline(always)]
-    fn edge_signs(self, block: &Block, ray: &Prepared) -> EdgeSigns {
+    fn edge_signs(self, block: &TriangleBlock, ray: &Prepared) -> EdgeSigns {
         // SAFETY: `self` proves AVX-512. A row of a block is 64 bytes, aligned to 64.
         unsafe {
             let [kx, ky, kz] = ray.axes;
@@ -86,7 +92,7 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    fn edge_signs_of_row(self, row: &Row, ray: &Prepared) -> EdgeSigns {
+    fn edge_signs_of_row(self, row: &TriangleRow, ray: &Prepared) -> EdgeSigns {
         // SAFETY: `self` proves AVX-512. Loads read the 64 bytes of a vertex, aligned to 64.
         unsafe {
             let [kx, ky, kz] = ray.axes;
@@ -135,12 +141,12 @@ impl Simd for Avx512 {
     fn stack<const SORTED: bool>(
         self,
         children: &[u32; WIDTH],
-        near: &Near,
+        near: &ChildDistances,
         mask: u32,
         stack: &mut [u64; WIDTH],
     ) {
-        // SAFETY: `self` proves AVX-512; `Near` is aligned to 32 bytes, the others are read and
-        // written unaligned.
+        // SAFETY: `self` proves AVX-512; `ChildDistances` is aligned to 32 bytes, the others are
+        // read and written unaligned.
         unsafe {
             let near = _mm512_cvtepu32_epi64(_mm256_load_si256(near.0.as_ptr().cast()));
             let child = _mm512_cvtepu32_epi64(_mm256_loadu_si256(children.as_ptr().cast()));
@@ -179,8 +185,8 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    fn least(self, so_far: &mut Near, near: &Near, mask: u32) {
-        // SAFETY: `self` proves AVX-512; `Near` is aligned to 32 bytes.
+    fn least(self, so_far: &mut ChildDistances, near: &ChildDistances, mask: u32) {
+        // SAFETY: `self` proves AVX-512; `ChildDistances` is aligned to 32 bytes.
         unsafe {
             let old = _mm256_load_ps(so_far.0.as_ptr());
             let less = _mm256_mask_min_ps(old, mask as u8, old, _mm256_load_ps(near.0.as_ptr()));
@@ -189,8 +195,8 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    fn at_least(self, limits: &Limits, near: f32) -> u32 {
-        // SAFETY: `self` proves AVX-512; `Limits` is two rows of sixteen, aligned.
+    fn at_least(self, limits: &RayLimits, near: f32) -> u32 {
+        // SAFETY: `self` proves AVX-512; `RayLimits` is two rows of sixteen, aligned.
         unsafe {
             let near = _mm512_set1_ps(near);
             let low = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(_mm512_load_ps(limits.0.as_ptr()), near);
@@ -206,12 +212,12 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    fn prefetch_node(self, node: &Node) {
+    fn prefetch_node(self, node: &WideNode) {
         self.0.prefetch_node(node);
     }
 
     #[inline(always)]
-    fn prefetch_block(self, block: &Block) {
+    fn prefetch_block(self, block: &TriangleBlock) {
         self.0.prefetch_block(block);
     }
 }

@@ -5,7 +5,7 @@ use glam::{DMat4, Vec3};
 
 use super::accessor;
 use super::buffers::Buffers;
-use super::reading::Reading;
+use super::reading::GltfReading;
 
 /// The form of a mesh.
 pub(super) struct Form {
@@ -20,7 +20,7 @@ pub(super) struct Form {
 type Fours = Vec<[f32; 4]>;
 
 /// The maps of the vertices of a primitive to the world.
-pub(super) struct Places<'a> {
+pub(super) struct VertexTransforms<'a> {
     form: &'a Form,
     /// Numbers and weights of four joints, for each set and vertex.
     sets: Vec<(Fours, Fours)>,
@@ -37,7 +37,7 @@ impl Form {
 
     /// Returns the form of a node's mesh, whose world matrix is `matrix`.
     pub(super) fn of(
-        reading: &Reading,
+        reading: &GltfReading,
         node: &gltf::Node,
         mesh: &gltf::Mesh,
         matrix: DMat4,
@@ -103,8 +103,8 @@ impl Form {
     pub(super) fn places(
         &self,
         primitive: &gltf::Primitive,
-        reading: &Reading,
-    ) -> Result<Places<'_>, String> {
+        reading: &GltfReading,
+    ) -> Result<VertexTransforms<'_>, String> {
         let mut sets = Vec::new();
         for set in (0..MAX_SETS).take_while(|_| self.is_posed()) {
             let joints = primitive.get(&gltf::Semantic::Joints(set));
@@ -113,11 +113,11 @@ impl Form {
             let read = |array| accessor::floats::<4>(array, &reading.buffers);
             sets.push((read(&joints)?, read(&weights)?));
         }
-        Ok(Places { form: self, sets })
+        Ok(VertexTransforms { form: self, sets })
     }
 }
 
-impl Places<'_> {
+impl VertexTransforms<'_> {
     /// Returns the map of a vertex to the world. Weights need not have the sum 1.
     pub(super) fn matrix(&self, vertex: usize) -> DMat4 {
         let (mut sum, mut whole) = (DMat4::ZERO, 0.0);

@@ -6,10 +6,10 @@ use std::f64::consts::TAU;
 use glam::{DMat4, DVec3};
 use gltf::khr_lights_punctual::{Kind, Light};
 
-use super::reading::Reading;
+use super::reading::GltfReading;
 use crate::limits::{MAX_COORDINATE, MAX_RADIANCE};
 use crate::text::excerpt;
-use crate::{Beam, MAX_PUNCTUAL_LIGHTS, MAX_SUNS, PunctualLight, Sun};
+use crate::{MAX_PUNCTUAL_LIGHTS, MAX_SUNS, PunctualBeam, PunctualLight, Sun};
 
 /// Luminous efficacy for converting radiance to luminance, lm/W (Ward 1994).
 pub(super) const EFFICACY: f64 = 179.0;
@@ -18,7 +18,7 @@ pub(super) const EFFICACY: f64 = 179.0;
 const BLENDER: f64 = 683.0;
 
 /// Adds a light of a node at the origin of `matrix`; it shines towards -z.
-pub(super) fn add(reading: &mut Reading, light: &Light, node: &str, matrix: DMat4) {
+pub(super) fn add(reading: &mut GltfReading, light: &Light, node: &str, matrix: DMat4) {
     let place = matrix.transform_point3(DVec3::ZERO);
     let axis = matrix.transform_vector3(DVec3::NEG_Z).normalize_or_zero();
     let candela = light.color().map(|c| f64::from(c) * f64::from(light.intensity()));
@@ -28,7 +28,7 @@ pub(super) fn add(reading: &mut Reading, light: &Light, node: &str, matrix: DMat
     }
     let beam = match light.kind() {
         Kind::Directional => return sun(reading, axis, candela),
-        Kind::Point => Beam::Everywhere,
+        Kind::Point => PunctualBeam::Everywhere,
         Kind::Spot { inner_cone_angle, outer_cone_angle } => {
             cone(reading, axis, [inner_cone_angle, outer_cone_angle])
         }
@@ -53,8 +53,8 @@ pub(super) fn add(reading: &mut Reading, light: &Light, node: &str, matrix: DMat
         ));
     }
     reading.count(match beam {
-        Beam::Everywhere => "point lights give light and are not seen",
-        Beam::Cone { .. } => "spot lights give light and are not seen",
+        PunctualBeam::Everywhere => "point lights give light and are not seen",
+        PunctualBeam::Cone { .. } => "spot lights give light and are not seen",
     });
     let group = light.name().map_or_else(|| format!("light {}", light.index()), excerpt);
     let light = PunctualLight {
@@ -69,7 +69,7 @@ pub(super) fn add(reading: &mut Reading, light: &Light, node: &str, matrix: DMat
 }
 
 /// Returns the cone of a spot light. Impossible angles become the nearest possible ones.
-fn cone(reading: &mut Reading, axis: DVec3, angles: [f32; 2]) -> Beam {
+fn cone(reading: &mut GltfReading, axis: DVec3, angles: [f32; 2]) -> PunctualBeam {
     let [inner, outer] = angles;
     let is_possible =
         outer > 0.0 && (0.0..=outer).contains(&inner) && outer <= FRAC_PI_2 * 1.000_001;
@@ -78,7 +78,7 @@ fn cone(reading: &mut Reading, axis: DVec3, angles: [f32; 2]) -> Beam {
     }
     let outer = if outer >= 0.0 { outer.min(FRAC_PI_2) } else { 0.0 };
     let inner = if inner >= 0.0 { inner.min(outer) } else { 0.0 };
-    Beam::Cone { axis: axis.as_vec3().to_array(), inner, outer }
+    PunctualBeam::Cone { axis: axis.as_vec3().to_array(), inner, outer }
 }
 
 /// Returns the power that Blender's default export (683 lm/W, the same in all directions) turns
@@ -94,7 +94,7 @@ fn blender_watts(candela: f64) -> Option<f64> {
 }
 
 /// Adds a sun that shines along `axis` with these illuminances, lux.
-fn sun(reading: &mut Reading, axis: DVec3, lux: [f64; 3]) {
+fn sun(reading: &mut GltfReading, axis: DVec3, lux: [f64; 3]) {
     if !lux.iter().any(|&c| c > 0.0) {
         return;
     }

@@ -7,12 +7,12 @@ use crate::{Cover, Maps};
 
 /// The textures of a material, and where their coordinates come from.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Look {
+pub(super) struct MaterialTextures {
     pub maps: Maps,
     pub cover: Cover,
     /// Number of the set of texture coordinates.
     pub set: u32,
-    pub placement: Placement,
+    pub placement: MapTransform,
     /// True if the texture of its colour, or of its emission, cannot be read.
     pub lacks_colour: bool,
     pub lacks_emission: bool,
@@ -20,26 +20,26 @@ pub(super) struct Look {
 
 /// The placement of a texture on a surface (`KHR_texture_transform`).
 #[derive(Clone, Copy, PartialEq)]
-pub(super) struct Placement {
+pub(super) struct MapTransform {
     turn: Mat2,
     offset: Vec2,
 }
 
-impl Default for Placement {
-    fn default() -> Placement {
-        Placement { turn: Mat2::IDENTITY, offset: Vec2::ZERO }
+impl Default for MapTransform {
+    fn default() -> MapTransform {
+        MapTransform { turn: Mat2::IDENTITY, offset: Vec2::ZERO }
     }
 }
 
-impl Placement {
-    pub(super) fn new(transform: Option<TextureTransform>) -> Placement {
-        let Some(transform) = transform else { return Placement::default() };
+impl MapTransform {
+    pub(super) fn new(transform: Option<TextureTransform>) -> MapTransform {
+        let Some(transform) = transform else { return MapTransform::default() };
         // Counter-clockwise in the file's coordinates, whose v runs down.
         let turn = Mat2::from_angle(-transform.rotation());
         let turn = turn * Mat2::from_diagonal(transform.scale().into());
-        let placement = Placement { turn, offset: transform.offset().into() };
+        let placement = MapTransform { turn, offset: transform.offset().into() };
         let is_finite = placement.turn.is_finite() && placement.offset.is_finite();
-        if is_finite { placement } else { Placement::default() }
+        if is_finite { placement } else { MapTransform::default() }
     }
 
     pub(super) fn of(&self, uv: [f32; 2]) -> [f32; 2] {

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use gltf::json::{Root, validation};
 use serde_json::{Map, Value};
 
-use super::schema::{Kind, List, Member, Members, Need};
+use super::schema::{List, Member, Members, Requirement, ValueKind};
 use crate::text::excerpt;
 
 /// A file's JSON as the crate accepts it, and counts of what was dropped or replaced.
@@ -173,46 +173,46 @@ impl Mending {
     fn is_usable(&self, value: &Value, members: Members) -> bool {
         let is_right = |member: &Member| match value.get(member.name).filter(|v| !v.is_null()) {
             Some(value) => {
-                member.need == Need::Optional || self.problem(value, member.kind).is_none()
+                member.need == Requirement::Optional || self.problem(value, member.kind).is_none()
             }
-            None => member.need != Need::Required,
+            None => member.need != Requirement::Required,
         };
         value.is_object() && members.iter().all(is_right)
     }
 
     /// Returns what is wrong with a value.
-    fn problem(&self, value: &Value, kind: Kind) -> Option<Fault> {
+    fn problem(&self, value: &Value, kind: ValueKind) -> Option<Fault> {
         let is = |is_right: bool, what: &str| (!is_right).then(|| format!("is no {what}"));
         let numbers = |value: &Value| {
             value.as_array().filter(|list| list.iter().all(Value::is_number)).map(Vec::len)
         };
         match kind {
-            Kind::Number => is(value.is_number(), "number"),
-            Kind::Numbers(least) => {
+            ValueKind::Number => is(value.is_number(), "number"),
+            ValueKind::Numbers(least) => {
                 let is_right = numbers(value).is_some_and(|count| count >= least);
                 (!is_right).then(|| format!("is no list of {least} numbers"))
             }
-            Kind::AnyNumbers => is(numbers(value).is_some(), "list of numbers"),
-            Kind::Whole => is(whole(value).is_some_and(|n| n <= u64::from(u32::MAX)), "index"),
-            Kind::Size => is(whole(value).is_some(), "size"),
-            Kind::Flag => is(value.is_boolean(), "`true` or `false`"),
-            Kind::Text => is(value.is_string(), "text"),
-            Kind::Word(words) => {
+            ValueKind::AnyNumbers => is(numbers(value).is_some(), "list of numbers"),
+            ValueKind::Whole => is(whole(value).is_some_and(|n| n <= u64::from(u32::MAX)), "index"),
+            ValueKind::Size => is(whole(value).is_some(), "size"),
+            ValueKind::Flag => is(value.is_boolean(), "`true` or `false`"),
+            ValueKind::Text => is(value.is_string(), "text"),
+            ValueKind::Word(words) => {
                 let is_right = value.as_str().is_some_and(|word| words.contains(&word));
                 (!is_right).then(|| format!("is {}, which the format does not have", shown(value)))
             }
-            Kind::Code(codes) => {
+            ValueKind::Code(codes) => {
                 let is_right = whole(value).is_some_and(|code| codes.contains(&code));
                 (!is_right).then(|| format!("is {}, which the format does not have", shown(value)))
             }
-            Kind::Index(list) => self.element(list, value).err(),
-            Kind::Indices(list) => {
+            ValueKind::Index(list) => self.element(list, value).err(),
+            ValueKind::Indices(list) => {
                 let Some(indices) = value.as_array() else { return Some("is no list".to_owned()) };
                 indices.iter().find_map(|index| self.element(list, index).err())
             }
-            Kind::Object(members) => is(self.is_usable(value, members), "complete object"),
-            Kind::Objects(_) => is(value.is_array(), "list"),
-            Kind::Attributes | Kind::Extensions(_) => is(value.is_object(), "object"),
+            ValueKind::Object(members) => is(self.is_usable(value, members), "complete object"),
+            ValueKind::Objects(_) => is(value.is_array(), "list"),
+            ValueKind::Attributes | ValueKind::Extensions(_) => is(value.is_object(), "object"),
         }
     }
 
@@ -238,7 +238,7 @@ impl Mending {
         for member in members {
             let Some(mut value) = object.remove(member.name) else { continue };
             let is_null = value.is_null();
-            if is_null && !matches!(member.kind, Kind::Number | Kind::Numbers(_)) {
+            if is_null && !matches!(member.kind, ValueKind::Number | ValueKind::Numbers(_)) {
                 continue;
             }
             match self.keep_value(&mut value, member.kind, list) {
@@ -249,9 +249,10 @@ impl Mending {
                     let fault = if is_null { "is null".to_owned() } else { fault };
                     let (name, list) = (member.name, list.name());
                     let instead = match member.kind {
-                        Kind::Number | Kind::Numbers(_) | Kind::Word(_) | Kind::Code(_) => {
-                            "the format's default is taken"
-                        }
+                        ValueKind::Number
+                        | ValueKind::Numbers(_)
+                        | ValueKind::Word(_)
+                        | ValueKind::Code(_) => "the format's default is taken",
                         _ => "it is left out",
                     };
                     self.count(format!("`{name}` of {list} {fault}: {instead}"));
@@ -261,9 +262,9 @@ impl Mending {
         *object = kept;
     }
 
-    fn keep_value(&mut self, value: &mut Value, kind: Kind, list: List) -> Result<(), Fault> {
+    fn keep_value(&mut self, value: &mut Value, kind: ValueKind, list: List) -> Result<(), Fault> {
         match (kind, &mut *value) {
-            (Kind::Indices(of), Value::Array(indices)) => {
+            (ValueKind::Indices(of), Value::Array(indices)) => {
                 let all = indices.len();
                 indices.retain(|index| self.element(of, index).is_ok());
                 if indices.len() < all {
@@ -276,7 +277,7 @@ impl Mending {
                 }
                 return Ok(());
             }
-            (Kind::Objects(members), Value::Array(objects)) => {
+            (ValueKind::Objects(members), Value::Array(objects)) => {
                 let all = objects.len();
                 objects.retain(|object| self.is_usable(object, members));
                 if objects.len() < all {
@@ -288,12 +289,12 @@ impl Mending {
                 }
                 return Ok(());
             }
-            (Kind::Object(members), Value::Object(object)) => {
+            (ValueKind::Object(members), Value::Object(object)) => {
                 self.replace_missing_texture(object, members);
                 // Its own faults are named, rather than that it is incomplete.
                 if let Some(fault) = members.iter().find_map(|member| {
                     let value = object.get(member.name).filter(|value| !value.is_null());
-                    let is_needed = member.need != Need::Optional;
+                    let is_needed = member.need != Requirement::Optional;
                     value.filter(|_| is_needed).and_then(|value| self.problem(value, member.kind))
                 }) {
                     return Err(fault);
@@ -301,7 +302,7 @@ impl Mending {
                 self.keep(object, members, list);
                 return self.problem(value, kind).map_or(Ok(()), Err);
             }
-            (Kind::Extensions(members), Value::Object(object)) => {
+            (ValueKind::Extensions(members), Value::Object(object)) => {
                 let mut known = Map::new();
                 for member in members {
                     known.extend(object.remove_entry(member.name));
@@ -318,7 +319,7 @@ impl Mending {
                 object.extend(known);
                 return Ok(());
             }
-            (Kind::Attributes, Value::Object(attributes)) => {
+            (ValueKind::Attributes, Value::Object(attributes)) => {
                 self.keep_attributes(attributes);
                 return Ok(());
             }
@@ -328,10 +329,10 @@ impl Mending {
             return Err(fault);
         }
         match (kind, &mut *value) {
-            (Kind::Numbers(most), Value::Array(numbers)) => numbers.truncate(most),
-            (Kind::Index(of), index) => self.use_element(of, index),
+            (ValueKind::Numbers(most), Value::Array(numbers)) => numbers.truncate(most),
+            (ValueKind::Index(of), index) => self.use_element(of, index),
             // Some programs write whole numbers with a fraction of zero.
-            (Kind::Whole | Kind::Size | Kind::Code(_), number) => {
+            (ValueKind::Whole | ValueKind::Size | ValueKind::Code(_), number) => {
                 *number = whole(number).unwrap_or_default().into();
             }
             _ => {}
@@ -349,7 +350,8 @@ impl Mending {
     /// Lets a texture that does not exist be one without a picture. It is then treated like a
     /// picture that cannot be read.
     fn replace_missing_texture(&mut self, info: &mut Map<String, Value>, members: Members) {
-        let names_texture = |member: &Member| matches!(member.kind, Kind::Index(List::Textures));
+        let names_texture =
+            |member: &Member| matches!(member.kind, ValueKind::Index(List::Textures));
         if !members.iter().any(names_texture) {
             return;
         }

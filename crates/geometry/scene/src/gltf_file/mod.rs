@@ -29,18 +29,18 @@ use std::path::Path;
 use glam::{DMat4, DVec3, Vec3};
 use gltf::mesh::Mode;
 
-use crate::header::{Camera, Said};
+use crate::header::{ModelCamera, StatedValue};
 use crate::limits::{MAX_COORDINATE, MAX_OBJ_BYTES, MAX_POSITIONS, MAX_REPEATED, MAX_TRIANGLES};
-use crate::model::{LoadProgress, Model, Reader, Source};
+use crate::model::{FormatReader, LoadProgress, Model, ModelFile};
 use crate::named_file::read_file;
 use crate::text::excerpt;
 use crate::texture_files::{TURNED, TextureFiles, greyed};
-use crate::{About, Bsdf, Cover, SceneError, Shading, WHITE, smooth};
+use crate::{Bsdf, Cover, ModelFacts, SceneError, Shading, WHITE, smooth};
 use buffers::Buffers;
 use form::Form;
-use reading::Reading;
+use reading::GltfReading;
 
-pub(crate) const READER: Reader = Reader { recognises, read };
+pub(crate) const READER: FormatReader = FormatReader { recognises, read };
 
 /// Extensions that are read, beside those of materials and lights.
 const READ_EXTENSIONS: [&str; 3] =
@@ -55,18 +55,18 @@ fn recognises(first: &[u8], path: &Path) -> bool {
     first.starts_with(b"glTF") || text.trim_ascii_start().starts_with(b"{") || named
 }
 
-fn read(source: Source) -> Result<Model, SceneError> {
+fn read(source: ModelFile) -> Result<Model, SceneError> {
     read_bounded(source, MAX_REPEATED)
 }
 
 /// Reads a file that may repeat so many elements: see [`MAX_REPEATED`].
-fn read_bounded(source: Source, repeated: u64) -> Result<Model, SceneError> {
-    let Source { path, options, watch, warnings } = source;
+fn read_bounded(source: ModelFile, repeated: u64) -> Result<Model, SceneError> {
+    let ModelFile { path, options, watch, warnings } = source;
     let bytes = read_file(path, MAX_OBJ_BYTES)?;
     let (document, blob, counts) = parse(path, &bytes)?;
     let bytes = bytes.len() as u64;
     let buffers = Buffers::load(path, &document, blob, bytes, repeated);
-    let mut reading = Reading {
+    let mut reading = GltfReading {
         path,
         options,
         document: &document,
@@ -118,16 +118,16 @@ fn parse(
 }
 
 /// Facts that the format fixes for all its files.
-fn about() -> About {
+fn about() -> ModelFacts {
     let said = "glTF 2.0".to_owned();
-    About {
-        up: Some(Said { value: [0.0, 1.0, 0.0], words: said.clone() }),
-        unit: Some(Said { value: 1.0, words: said }),
-        ..About::default()
+    ModelFacts {
+        up: Some(StatedValue { value: [0.0, 1.0, 0.0], words: said.clone() }),
+        unit: Some(StatedValue { value: 1.0, words: said }),
+        ..ModelFacts::default()
     }
 }
 
-impl Reading<'_> {
+impl GltfReading<'_> {
     fn note_extensions(&mut self, document: &gltf::Document) {
         for name in document.extensions_used() {
             if !materials::READ_EXTENSIONS.contains(&name) && !READ_EXTENSIONS.contains(&name) {
@@ -392,7 +392,14 @@ impl Reading<'_> {
         }
         let name = camera.name().map_or_else(|| node.to_owned(), excerpt);
         let eye = matrix.transform_point3(DVec3::ZERO).to_array();
-        self.model.about.cameras.push(Camera { name, eye, direction, up, height, is_parallel });
+        self.model.about.cameras.push(ModelCamera {
+            name,
+            eye,
+            direction,
+            up,
+            height,
+            is_parallel,
+        });
     }
 }
 
@@ -438,7 +445,7 @@ mod tests {
         std::fs::write(&path, json).unwrap();
         let (options, mut warnings) = (LoadOptions::default(), Warnings::default());
         let (options, warnings) = (&options, &mut warnings);
-        read_bounded(Source { path: &path, options, watch: &mut |_| {}, warnings }, repeated)
+        read_bounded(ModelFile { path: &path, options, watch: &mut |_| {}, warnings }, repeated)
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::{DMat4, Vec3};
 
 use super::buffers::Buffers;
-use super::look::Look;
+use super::look::MaterialTextures;
 use super::sharing::Sharing;
 use crate::limits::MAX_MATERIALS;
 use crate::model::{LoadProgress, Model};
@@ -14,7 +14,7 @@ use crate::texture_files::TextureFiles;
 use crate::{LoadOptions, Material, SceneError, smooth};
 
 /// A file while it is read.
-pub(super) struct Reading<'a> {
+pub(super) struct GltfReading<'a> {
     pub path: &'a Path,
     pub options: &'a LoadOptions,
     pub document: &'a gltf::Document,
@@ -25,7 +25,7 @@ pub(super) struct Reading<'a> {
     /// Index into the model's materials, by the file's index; `None` is the default material.
     pub materials: BTreeMap<Option<usize>, u32>,
     /// The textures of each of the model's materials.
-    pub looks: Vec<Look>,
+    pub looks: Vec<MaterialTextures>,
     pub files: TextureFiles,
     pub visited: Vec<bool>,
     /// Whether nodes share a mesh, by its index.
@@ -38,7 +38,7 @@ pub(super) struct Reading<'a> {
     pub watch: &'a mut dyn FnMut(LoadProgress),
 }
 
-impl Reading<'_> {
+impl GltfReading<'_> {
     pub(super) fn problem(&self, problem: String) -> SceneError {
         SceneError::Gltf { path: self.path.to_owned(), problem }
     }
@@ -58,7 +58,7 @@ impl Reading<'_> {
             return Err(SceneError::Limit { what: "materials", count, limit });
         }
         self.model.materials.push(made);
-        self.looks.push(Look::default());
+        self.looks.push(MaterialTextures::default());
         self.materials.insert(key, index as u32);
         Ok(index as u32)
     }

@@ -3,7 +3,7 @@
 //! Everything else in the JSON is dropped before the crate `gltf` validates it. So a fault in a
 //! part that no picture needs cannot end a file.
 
-use Kind::{
+use ValueKind::{
     AnyNumbers, Attributes, Code, Extensions, Flag, Index, Indices, Number, Numbers, Object,
     Objects, Size, Text, Whole, Word,
 };
@@ -29,7 +29,7 @@ pub(super) enum List {
 
 /// The kind of a member's value.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Kind {
+pub(super) enum ValueKind {
     Number,
     /// So many numbers; more are cut off.
     Numbers(usize),
@@ -61,13 +61,13 @@ pub(super) enum Kind {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Member {
     pub name: &'static str,
-    pub kind: Kind,
-    pub need: Need,
+    pub kind: ValueKind,
+    pub need: Requirement,
 }
 
 /// Whether an object can be used without a member.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Need {
+pub(super) enum Requirement {
     /// A false value is dropped.
     Optional,
     /// The member may be absent, but a false value makes the object useless.
@@ -78,16 +78,16 @@ pub(super) enum Need {
 
 pub(super) type Members = &'static [Member];
 
-const fn may(name: &'static str, kind: Kind) -> Member {
-    Member { name, kind, need: Need::Optional }
+const fn may(name: &'static str, kind: ValueKind) -> Member {
+    Member { name, kind, need: Requirement::Optional }
 }
 
-const fn sound(name: &'static str, kind: Kind) -> Member {
-    Member { name, kind, need: Need::Sound }
+const fn sound(name: &'static str, kind: ValueKind) -> Member {
+    Member { name, kind, need: Requirement::Sound }
 }
 
-const fn must(name: &'static str, kind: Kind) -> Member {
-    Member { name, kind, need: Need::Required }
+const fn must(name: &'static str, kind: ValueKind) -> Member {
+    Member { name, kind, need: Requirement::Required }
 }
 
 impl List {

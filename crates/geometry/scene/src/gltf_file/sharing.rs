@@ -4,7 +4,7 @@ use glam::{DMat4, DVec3, Vec3};
 
 use super::form::Form;
 use super::instancing;
-use super::reading::Reading;
+use super::reading::GltfReading;
 use crate::assemble::placement;
 use crate::limits::{MAX_COORDINATE, MAX_MESHES, MAX_TRIANGLES};
 use crate::model::SharedMesh;
@@ -81,7 +81,7 @@ pub(super) fn plan(document: &gltf::Document) -> Vec<Sharing> {
     saved.iter().map(of).collect()
 }
 
-impl Reading<'_> {
+impl GltfReading<'_> {
     /// Adds an instance of a mesh if its nodes share it. Returns false if the node needs a copy.
     pub(super) fn share(&mut self, mesh: &gltf::Mesh, matrix: DMat4) -> Result<bool, SceneError> {
         if matches!(self.sharing[mesh.index()], Sharing::Wanted) {

@@ -6,16 +6,16 @@ use glam::{DMat4, Vec3};
 use gltf::material::AlphaMode;
 use gltf::texture::{TextureTransform, WrappingMode};
 
-use super::form::{Form, Places};
-use super::look::{Look, Placement};
-use super::reading::Reading;
+use super::form::{Form, VertexTransforms};
+use super::look::{MapTransform, MaterialTextures};
+use super::reading::GltfReading;
 use super::{accessor, buffers};
 use crate::Bsdf;
 use crate::shading::{Base, CUT_OUT, Channel, CutOut, FinishMap, NormalMap};
 use crate::texture::{MAX_TEXTURE_BYTES, Wrap, srgb_byte};
 use crate::texture_files::Use;
 
-impl Reading<'_> {
+impl GltfReading<'_> {
     /// Decodes the textures of all materials on all cores.
     pub(super) fn decode_textures(&mut self) {
         let mut pictures = BTreeMap::new();
@@ -46,7 +46,11 @@ impl Reading<'_> {
 
     /// Reads the textures of a material. `is_finished` states whether roughness and metalness
     /// matter.
-    pub(super) fn look(&mut self, material: &gltf::Material, is_finished: bool) -> Look {
+    pub(super) fn look(
+        &mut self,
+        material: &gltf::Material,
+        is_finished: bool,
+    ) -> MaterialTextures {
         let pbr = material.pbr_metallic_roughness();
         let base = match material.pbr_specular_glossiness() {
             Some(specular) => specular.diffuse_texture(),
@@ -55,7 +59,7 @@ impl Reading<'_> {
         let emission = material.emissive_texture();
         let finish = pbr.metallic_roughness_texture().filter(|_| is_finished);
         let normal = material.normal_texture();
-        let mut look = Look::default();
+        let mut look = MaterialTextures::default();
         // The crate reads no transform for a texture of normals; that of the colours is used.
         let colour = base.as_ref().map(lies).map(|(_, transform)| transform);
         let own = normal.as_ref().map(|n| (n.tex_coord(), colour.unwrap_or(None)));
@@ -65,7 +69,7 @@ impl Reading<'_> {
             [base_lies, glow_lies, finish_lies, own].into_iter().flatten().enumerate()
         {
             let set = transform.as_ref().and_then(TextureTransform::tex_coord).unwrap_or(set);
-            let placement = Placement::new(transform);
+            let placement = MapTransform::new(transform);
             if first == 0 {
                 (look.set, look.placement) = (set, placement);
             } else if (look.set, look.placement) != (set, placement) {
@@ -105,14 +109,14 @@ impl Reading<'_> {
     }
 
     /// Finds where the surfaces of a material are, by its alpha.
-    fn cover(&self, material: &gltf::Material, look: &mut Look) {
+    fn cover(&self, material: &gltf::Material, look: &mut MaterialTextures) {
         let pbr = material.pbr_metallic_roughness();
         let factor = match material.pbr_specular_glossiness() {
             Some(specular) => specular.diffuse_factor()[3],
             None => pbr.base_color_factor()[3],
         };
         let opacity = if factor > 0.0 { factor.min(1.0) } else { 0.0 };
-        let Look { maps, cover, .. } = look;
+        let MaterialTextures { maps, cover, .. } = look;
         match material.alpha_mode() {
             AlphaMode::Opaque => {}
             AlphaMode::Mask => {
@@ -165,7 +169,7 @@ impl Reading<'_> {
             return Ok(None);
         }
         // A product of opacities is no mask.
-        let Look { maps, cover, .. } = &mut self.looks[material as usize];
+        let MaterialTextures { maps, cover, .. } = &mut self.looks[material as usize];
         if mode == AlphaMode::Blend
             && let Some(mask) = maps.cut_out.take()
         {
@@ -242,7 +246,7 @@ impl Reading<'_> {
         &self,
         primitive: &gltf::Primitive,
         form: &Form,
-        places: &Places,
+        places: &VertexTransforms,
     ) -> Result<Option<Vec<Vec3>>, String> {
         let Some(accessor) = primitive.get(&gltf::Semantic::Normals) else { return Ok(None) };
         let mut normals = accessor::floats::<3>(&accessor, &self.buffers)?;

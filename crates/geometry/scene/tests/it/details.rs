@@ -6,7 +6,7 @@
 use crate::common::messages;
 use base64::Engine as _;
 use glam::Vec3;
-use holo_scene::{Beam, Bsdf, LoadOptions, Loaded, PunctualLight, Scene, SceneError, Sun};
+use holo_scene::{Bsdf, LoadOptions, Loaded, PunctualBeam, PunctualLight, Scene, SceneError, Sun};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -261,9 +261,9 @@ fn with_punctual_lights(scene: Scene) -> Scene {
         position: [1.0, 2.0, -3.0],
         intensity: [1.0, 0.0, 2.0],
         radius: 0.01,
-        beam: Beam::Everywhere,
+        beam: PunctualBeam::Everywhere,
     };
-    let beam = Beam::Cone { axis: [0.0, 0.6, 0.8], inner: 0.2, outer: 1.5 };
+    let beam = PunctualBeam::Cone { axis: [0.0, 0.6, 0.8], inner: 0.2, outer: 1.5 };
     let spot = PunctualLight { beam, ..point.clone() };
     scene.with_punctual_lights(vec![point, spot]).unwrap()
 }
@@ -277,7 +277,7 @@ fn impossible_punctual_lights_are_refused() {
         let error = square("").scene.with_punctual_lights(lights).unwrap_err();
         assert!(matches!(error, SceneError::PunctualLight(1)), "{error}");
     };
-    let cone = |axis, inner, outer| Beam::Cone { axis, inner, outer };
+    let cone = |axis, inner, outer| PunctualBeam::Cone { axis, inner, outer };
     refused(&|light| light.position[0] = f32::NAN);
     refused(&|light| light.intensity = [0.0; 3]);
     refused(&|light| light.intensity[1] = -1.0);

@@ -6,7 +6,7 @@ use crate::common::gltf::{Arrays, file};
 use crate::common::{self, messages};
 use base64::Engine as _;
 use glam::{DVec3, Vec3};
-use holo_scene::{Beam, Bsdf, LoadOptions, Loaded, Scene, SceneError};
+use holo_scene::{Bsdf, LoadOptions, Loaded, PunctualBeam, Scene, SceneError};
 use proptest::prelude::*;
 
 /// Positions of a triangle, indices as bytes, and one sparse replacement.
@@ -242,10 +242,10 @@ fn cameras_are_views_and_lights_have_their_intensity() {
     let [point, spot] = &loaded.scene.punctual_lights[..] else { panic!() };
     let place = Vec3::from(point.position).as_dvec3() + loaded.scene.origin;
     assert!(place.length() < 1e-6, "{place}");
-    assert_eq!((point.intensity, point.beam), ([1.0; 3], Beam::Everywhere));
+    assert_eq!((point.intensity, point.beam), ([1.0; 3], PunctualBeam::Everywhere));
     assert_eq!((point.name.as_str(), point.group.as_str()), ("2", "light 0"));
     let axis = [0.0, 0.0, -1.0];
-    assert_eq!(spot.beam, Beam::Cone { axis, inner: 0.0, outer: 0.5 });
+    assert_eq!(spot.beam, PunctualBeam::Cone { axis, inner: 0.0, outer: 0.5 });
     assert_eq!(loaded.scene.features().punctual_lights, 2);
 }
 

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use holo_raycast::{Ray, Raycaster};
-use holo_scene::{About, Material, Said, Scene};
-use holo_survey::{Frame, Sight, Survey, guess_up};
+use holo_scene::{Material, ModelFacts, Scene, StatedValue};
+use holo_survey::{ChosenView, Survey, UprightAxes, guess_up};
 
 /// Triangles with named materials.
 #[derive(Default)]
@@ -77,7 +77,7 @@ impl Model {
 
     fn survey(&self, up: DVec3, unit: Option<f64>) -> (Survey, Raycaster) {
         let raycaster = Raycaster::build(Arc::new(self.scene())).unwrap();
-        (Survey::new(&raycaster, Frame::new(up), unit, &About::default()), raycaster)
+        (Survey::new(&raycaster, UprightAxes::new(up), unit, &ModelFacts::default()), raycaster)
     }
 }
 
@@ -244,7 +244,7 @@ fn faces_turned_round_do_not_hide_a_room() {
 }
 
 /// Returns whether a view of 16:9 shows all corners of a model.
-fn shows_all(model: &Model, sight: &Sight) -> bool {
+fn shows_all(model: &Model, sight: &ChosenView) -> bool {
     let right = sight.direction.cross(sight.up).normalize();
     let above = right.cross(sight.direction);
     let slope = (sight.angle / 2.0).to_radians().tan();
@@ -406,7 +406,7 @@ fn a_plan_shows_walls_rooms_and_views() {
 
 #[test]
 fn up_follows_from_the_file_names_lamps_habits_or_shape_in_this_order() {
-    let said = |value| Some(Said { value, words: "so".to_owned() });
+    let said = |value| Some(StatedValue { value, words: "so".to_owned() });
     let (y, z) = ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
     let low = |sides: DVec3, name: &str| {
         let mut model = Model::default();
@@ -414,12 +414,12 @@ fn up_follows_from_the_file_names_lamps_habits_or_shape_in_this_order() {
         model.cuboid(DVec3::ZERO, sides, false, material);
         model
     };
-    let up = |model: &Model, about: &About| guess_up(&model.scene(), about).value.to_array();
-    let about = About::default();
+    let up = |model: &Model, about: &ModelFacts| guess_up(&model.scene(), about).value.to_array();
+    let about = ModelFacts::default();
     assert_eq!(up(&low(DVec3::new(3.0, 3.0, 1.0), "a"), &about), z);
     assert_eq!(up(&low(DVec3::new(3.0, 1.0, 3.0), "a"), &about), y);
     assert_eq!(up(&low(DVec3::ONE, "a"), &about), y, "as in most files");
-    let usual = About { usual_up: said(y), ..About::default() };
+    let usual = ModelFacts { usual_up: said(y), ..ModelFacts::default() };
     let mut model = low(DVec3::new(3.0, 3.0, 1.0), "a");
     assert_eq!(up(&model, &usual), y);
     let lamp = model.material("lamp", 1.0);
@@ -432,7 +432,7 @@ fn up_follows_from_the_file_names_lamps_habits_or_shape_in_this_order() {
         floor,
     );
     assert_eq!(up(&model, &usual), y);
-    assert_eq!(up(&model, &About { up: said(z), ..usual }), z);
+    assert_eq!(up(&model, &ModelFacts { up: said(z), ..usual }), z);
 }
 
 impl Model {

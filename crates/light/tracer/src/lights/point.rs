@@ -7,7 +7,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::Vec3;
 use holo_raycast::{NO_TRIANGLE, SurfacePoint};
-use holo_scene::{Beam, PunctualLight};
+use holo_scene::{PunctualBeam, PunctualLight};
 
 use super::build::Emitter;
 use crate::geometry::Frame;
@@ -22,7 +22,7 @@ struct Cone {
     axis: Vec3,
     /// Cosine of the half angle.
     edge: f32,
-    /// Of the falloff between inner and outer angle ([`Beam::falloff`]).
+    /// Of the falloff between inner and outer angle ([`PunctualBeam::falloff`]).
     scale: f32,
     offset: f32,
 }
@@ -41,7 +41,7 @@ pub(crate) struct Point {
 impl Point {
     pub(crate) fn new(light: &PunctualLight) -> Self {
         let cone = match (light.beam, light.beam.falloff()) {
-            (Beam::Cone { axis, outer, .. }, Some([scale, offset])) => {
+            (PunctualBeam::Cone { axis, outer, .. }, Some([scale, offset])) => {
                 let axis = Vec3::from(axis).normalize_or_zero();
                 Some(Cone { axis, edge: outer.cos(), scale, offset })
             }
@@ -118,10 +118,10 @@ mod tests {
     #[test]
     fn directions_of_light_paths_follow_the_intensity() {
         let beams = [
-            Beam::Everywhere,
-            Beam::Cone { axis: [0.0, 0.6, 0.8], inner: 0.3, outer: 0.6 },
-            Beam::Cone { axis: [0.0, -1.0, 0.0], inner: 0.0, outer: 1.5 },
-            Beam::Cone { axis: [1.0, 0.0, 0.0], inner: 0.4, outer: 0.4 },
+            PunctualBeam::Everywhere,
+            PunctualBeam::Cone { axis: [0.0, 0.6, 0.8], inner: 0.3, outer: 0.6 },
+            PunctualBeam::Cone { axis: [0.0, -1.0, 0.0], inner: 0.0, outer: 1.5 },
+            PunctualBeam::Cone { axis: [1.0, 0.0, 0.0], inner: 0.4, outer: 0.4 },
         ];
         for beam in beams {
             let light = PunctualLight {

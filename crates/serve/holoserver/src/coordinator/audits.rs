@@ -11,8 +11,8 @@ use tracing::warn;
 
 use super::Coordinator;
 use crate::{
-    assignment::{Assignment, Purpose, ResultsError},
-    audits::{Audit, Verdict},
+    assignment::{Assignment, PacketPurpose, ResultsError},
+    audits::{Audit, AuditVerdict},
     events::ConnectionId,
     plausible::Implausible,
     worker_id::WorkerId,
@@ -43,7 +43,8 @@ impl Coordinator {
             return;
         };
         self.last_packet += 1;
-        let mut again = Assignment { display: None, purpose: Purpose::Again(audit), ..*traced };
+        let mut again =
+            Assignment { display: None, purpose: PacketPurpose::Again(audit), ..*traced };
         again.packet.id = self.last_packet;
         self.lose([again]);
     }
@@ -60,18 +61,18 @@ impl Coordinator {
         };
         match self.audits.finish(audit, samples, noise) {
             None => {}
-            Some(Verdict::Broken(worker, difference)) => {
+            Some(AuditVerdict::Broken(worker, difference)) => {
                 self.found_broken(worker, &difference.to_string());
             }
             // If there is a third one, it will show which of the two is wrong.
-            Some(Verdict::Undecided(first, second, difference))
+            Some(AuditVerdict::Undecided(first, second, difference))
                 if self.in_doubt.is_empty() && self.workers.len() <= 2 =>
             {
                 let (first, second) = (self.name_of(first), self.name_of(second));
                 let reason = difference.between(&first, &second);
                 self.doubt(&first, &second, &reason);
             }
-            Some(Verdict::Undecided(..)) => {}
+            Some(AuditVerdict::Undecided(..)) => {}
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use std::{collections::BTreeSet, sync::Arc};
 
 use super::Coordinator;
 use crate::{
-    events::{ConnectionId, Event},
+    events::{ConnectionId, ServerEvent},
     recall::{Blob, send_blob},
 };
 
@@ -48,7 +48,7 @@ impl Coordinator {
         let (holodeck, events) = (Arc::clone(&self.holodeck), self.events.clone());
         let started = send_blob(holodeck, outbox, blob, move || {
             // If the coordinator is gone, so is the process.
-            let _ = events.send(Event::BlobSent { id });
+            let _ = events.send(ServerEvent::BlobSent { id });
         });
         if let Err(error) = started {
             self.expel(id, format!("the server cannot send it the scene: {error}"));

@@ -9,7 +9,7 @@ use tracing::warn;
 
 use super::Coordinator;
 use crate::{
-    assignment::{Assignment, Purpose, ResultsError},
+    assignment::{Assignment, PacketPurpose, ResultsError},
     claims::{Check, Passed},
     events::ConnectionId,
     recall::send_unseen,
@@ -44,12 +44,12 @@ impl Coordinator {
         let worker = worker.id;
         let Some(mut assignment) = self.still_open(finished) else { return Ok(None) };
         match assignment.purpose {
-            Purpose::Store => {}
-            Purpose::Claim(check) => {
+            PacketPurpose::Store => {}
+            PacketPurpose::Claim(check) => {
                 self.checked(id, assignment.key(), check, false)?;
                 return Ok(None);
             }
-            Purpose::Again(audit) => {
+            PacketPurpose::Again(audit) => {
                 self.audited(audit, None)?;
                 return Ok(None);
             }
@@ -89,7 +89,8 @@ impl Coordinator {
     /// Returns whether a claim is being checked, or can be. Until that is over, it is unknown
     /// whether anything is left to trace.
     pub(super) fn is_checking(&self) -> bool {
-        let is_claim = |assignment: &Assignment| matches!(assignment.purpose, Purpose::Claim(_));
+        let is_claim =
+            |assignment: &Assignment| matches!(assignment.purpose, PacketPurpose::Claim(_));
         let workers = || self.workers.values().filter(|worker| worker.is_ready());
         let mut waiting = self.checks.values().filter(|assignment| is_claim(assignment));
         waiting.any(|check| workers().any(|worker| check.is_for(worker.id, false)))
@@ -106,7 +107,7 @@ impl Coordinator {
             packet,
             viewpoint: None,
             display: None,
-            purpose: Purpose::Claim(check),
+            purpose: PacketPurpose::Claim(check),
             not_for: None,
         };
         self.lose([assignment]);

@@ -9,14 +9,14 @@ use holo_section::{BeamKey, RayCoords, SampleKind, Viewpoint};
 use tokio::time::Instant;
 use tracing::warn;
 
-use super::{Coordinator, display::is_looked_at, fill::Known};
+use super::{Coordinator, display::is_looked_at, fill::FillState};
 use crate::{
-    assignment::{Assignment, Purpose},
+    assignment::{Assignment, PacketPurpose},
     events::ConnectionId,
     live::LiveAssignment,
     wishes::RayPacket,
     worker_id::WorkerId,
-    workers::Worker,
+    workers::ConnectedWorker,
 };
 
 /// Bytes that may wait for a display. Above, nothing more is traced for it until it reads.
@@ -36,7 +36,7 @@ const CHECKS_AT_A_TIME: usize = 16;
 const LOST_LOOKED_AT: usize = 256;
 
 /// One piece of work for a worker.
-enum Work {
+enum DealtWork {
     /// A packet whose samples are stored.
     Packet(Assignment),
     /// Rays whose samples are not stored.
@@ -104,8 +104,8 @@ impl Coordinator {
     pub(super) fn lose(&mut self, packets: impl IntoIterator<Item = Assignment>) {
         for assignment in packets {
             let waiting = match assignment.purpose {
-                Purpose::Store => &mut self.lost,
-                Purpose::Claim(_) | Purpose::Again(_) => &mut self.checks,
+                PacketPurpose::Store => &mut self.lost,
+                PacketPurpose::Claim(_) | PacketPurpose::Again(_) => &mut self.checks,
             };
             waiting.insert(assignment.packet.id, assignment);
         }
@@ -115,7 +115,7 @@ impl Coordinator {
     /// that it is reached and not overrun.
     fn samples_left(&self) -> f64 {
         let goal = self.schedule.goal.samples.filter(|_| !self.schedule.is_ending());
-        let under_way: f64 = self.workers.values().map(Worker::rays_ahead).sum();
+        let under_way: f64 = self.workers.values().map(ConnectedWorker::rays_ahead).sum();
         goal.map_or(f64::INFINITY, |goal| goal as f64 - self.progress.traced() as f64 - under_way)
     }
 
@@ -136,12 +136,12 @@ impl Coordinator {
         }
         while work < hunger && *left > 0.0 && packets.len() + live.len() < room {
             match self.next_work(worker) {
-                Some(Work::Packet(assignment)) => {
+                Some(DealtWork::Packet(assignment)) => {
                     work += assignment.work(usual);
                     *left -= f64::from(assignment.packet.count);
                     packets.push(assignment);
                 }
-                Some(Work::Live(assignment)) => {
+                Some(DealtWork::Live(assignment)) => {
                     work += assignment.rays.len() as f64;
                     live.push(assignment);
                 }
@@ -160,14 +160,14 @@ impl Coordinator {
 
     /// Returns the most urgent piece of work for a worker. At the end, that is only what lost
     /// workers had.
-    fn next_work(&mut self, worker: WorkerId) -> Option<Work> {
+    fn next_work(&mut self, worker: WorkerId) -> Option<DealtWork> {
         if let Some(assignment) = self.next_lost(worker) {
-            return Some(Work::Packet(assignment));
+            return Some(DealtWork::Packet(assignment));
         }
         if self.schedule.is_ending() {
             return None;
         }
-        self.next_for_displays().or_else(|| self.next_in_batch().map(Work::Packet))
+        self.next_for_displays().or_else(|| self.next_in_batch().map(DealtWork::Packet))
     }
 
     /// Returns the oldest packet of a lost worker that this one may have.
@@ -179,7 +179,7 @@ impl Coordinator {
     }
 
     /// Returns work for the display whose turn it is, or for the next one that wants any.
-    fn next_for_displays(&mut self) -> Option<Work> {
+    fn next_for_displays(&mut self) -> Option<DealtWork> {
         let after = |id: &&ConnectionId| self.last_served.is_some_and(|last| **id > last);
         let later = self.displays.keys().filter(after);
         let ids: Vec<ConnectionId> =
@@ -191,10 +191,10 @@ impl Coordinator {
                 continue;
             }
             let work = if display.live.is_next() {
-                self.next_live(id).map(Work::Live)
+                self.next_live(id).map(DealtWork::Live)
             } else {
                 let packet = self.next_single_rays(id).or_else(|| self.next_of_view(id));
-                packet.map(Work::Packet).or_else(|| self.next_live(id).map(Work::Live))
+                packet.map(DealtWork::Packet).or_else(|| self.next_live(id).map(DealtWork::Live))
             };
             if work.is_some() {
                 self.last_served = Some(id);
@@ -252,7 +252,7 @@ impl Coordinator {
     fn next_in_batch(&mut self) -> Option<Assignment> {
         let fill = self.fill.as_mut()?;
         let displays = &self.displays;
-        let packet = fill.next(&mut Known {
+        let packet = fill.next(&mut FillState {
             file: &self.holodeck.file,
             unseen: &self.holodeck.unseen(),
             allotment: &mut self.allotment,
@@ -278,6 +278,6 @@ impl Coordinator {
         let paths = self.holodeck.about.settings.paths_per_sample;
         let id = self.last_packet;
         let packet = Packet { id, key, first, count, paths, viewpoint: None, rays: None };
-        Assignment { packet, viewpoint, display, purpose: Purpose::Store, not_for: None }
+        Assignment { packet, viewpoint, display, purpose: PacketPurpose::Store, not_for: None }
     }
 }

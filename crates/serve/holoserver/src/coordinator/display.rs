@@ -12,7 +12,7 @@ use holo_section::BeamKey;
 use crate::{events::ConnectionId, live::LiveQueue, recall::Recall, wishes::Wishes};
 
 /// A connected display.
-pub struct Display {
+pub struct ConnectedDisplay {
     pub outbox: Outbox,
     /// Its name, for people.
     pub name: String,
@@ -41,10 +41,10 @@ pub struct Display {
     pub settled_at: Option<Mark>,
 }
 
-impl Display {
+impl ConnectedDisplay {
     /// Returns a display without a view.
-    pub fn new(outbox: Outbox, name: String, is_read_only: bool) -> Display {
-        Display {
+    pub fn new(outbox: Outbox, name: String, is_read_only: bool) -> ConnectedDisplay {
+        ConnectedDisplay {
             outbox,
             name,
             is_read_only,
@@ -67,6 +67,6 @@ impl Display {
 }
 
 /// Returns whether a display may show samples of the beam.
-pub fn is_looked_at(displays: &BTreeMap<ConnectionId, Display>, key: BeamKey) -> bool {
+pub fn is_looked_at(displays: &BTreeMap<ConnectionId, ConnectedDisplay>, key: BeamKey) -> bool {
     displays.values().any(|display| display.looks_at(key))
 }

@@ -8,7 +8,7 @@ use holo_section::{BeamKey, SampleKind};
 
 use crate::{
     allotment::Allotment,
-    batch::{BatchOrder, Target},
+    batch::{BatchOrder, BatchTarget},
     better,
     shard::Share,
     unseen::UnseenBeams,
@@ -53,7 +53,7 @@ pub struct FillPacket {
 }
 
 /// The state that a search reads.
-pub struct Known<'a> {
+pub struct FillState<'a> {
     /// What is stored.
     pub file: &'a BeamFile,
     /// Beams that see nothing.
@@ -80,7 +80,7 @@ impl Fill {
 
     /// Returns the next packet; `None` if nothing is wanted at present, or this search found
     /// nothing.
-    pub fn next(&mut self, known: &mut Known) -> Option<FillPacket> {
+    pub fn next(&mut self, known: &mut FillState) -> Option<FillPacket> {
         for _ in 0..MAX_LOOKS {
             if let Some(packet) = self.next_better(known).or_else(|| self.next_fresh(known)) {
                 self.under_way += 1;
@@ -98,14 +98,14 @@ impl Fill {
     }
 
     /// Goes on to the order's next beam.
-    fn turn(&mut self, known: &Known) {
+    fn turn(&mut self, known: &FillState) {
         match self.order.next(known.unseen) {
             None => self.exhausted = true,
             Some((key, _)) if known.unseen.contains(key) || !self.share.has(key) => {}
-            Some((key, Target::Samples(wanted))) => self.in_turn = Some((key, wanted)),
+            Some((key, BatchTarget::Samples(wanted))) => self.in_turn = Some((key, wanted)),
             // A beam that a display looks at is left as it is until the next level.
-            Some((key, Target::Paths(_))) if (known.is_looked_at)(key) => {}
-            Some((key, Target::Paths(paths))) => {
+            Some((key, BatchTarget::Paths(_))) if (known.is_looked_at)(key) => {}
+            Some((key, BatchTarget::Paths(paths))) => {
                 let worse = better::worse(&known.file.runs(key), paths, &(0..u32::MAX));
                 self.better =
                     worse.into_iter().map(|numbers| BetterRange { key, numbers, paths }).collect();
@@ -114,7 +114,7 @@ impl Fill {
     }
 
     /// Returns the next packet of new samples for the beam in turn.
-    fn next_fresh(&mut self, known: &mut Known) -> Option<FillPacket> {
+    fn next_fresh(&mut self, known: &mut FillState) -> Option<FillPacket> {
         let (key, wanted) = self.in_turn.take().filter(|(key, _)| !known.unseen.contains(*key))?;
         let have = known.allotment.taken(known.file, key);
         let count = wanted.saturating_sub(have).min(MAX_RAYS_PER_PACKET as u64) as u8;
@@ -127,7 +127,7 @@ impl Fill {
     }
 
     /// Returns the next packet of samples to trace again.
-    fn next_better(&mut self, known: &Known) -> Option<FillPacket> {
+    fn next_better(&mut self, known: &FillState) -> Option<FillPacket> {
         let mut range = self.better.pop_front()?;
         if (known.is_looked_at)(range.key) {
             // A display looks at the beam by now, so it is left as it is until the next level.

@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 
 use anyhow::{Result, ensure};
 use holo_proto::{
-    bulk::{LiveResults, LiveSample, LiveSamples, LiveWanted, MAX_LIVE_RAYS_HELD},
-    frame::Kind,
+    bulk::{LiveResult, LiveResults, LiveSamples, LiveWanted, MAX_LIVE_RAYS_HELD},
+    frame::FrameKind,
 };
 use tokio::time::Instant;
 
-use super::{Coordinator, display::Display};
-use crate::{assignment::Finished, events::ConnectionId, live::LiveAssignment};
+use super::{Coordinator, display::ConnectedDisplay};
+use crate::{assignment::PacketState, events::ConnectionId, live::LiveAssignment};
 
-impl Display {
+impl ConnectedDisplay {
     /// Returns whether live rays of this view are still of use.
     fn wants_live(&self, view: u32) -> bool {
         self.settling.is_none() && self.wishes.is_some() && self.live.view() == view
@@ -22,7 +22,9 @@ impl Display {
 impl Coordinator {
     /// Queues the live rays that a display asks for.
     pub(super) fn live_wanted(&mut self, id: ConnectionId, request: &LiveWanted) -> Result<()> {
-        let shows = |display: &&mut Display| display.settling.is_none() && display.wishes.is_some();
+        let shows = |display: &&mut ConnectedDisplay| {
+            display.settling.is_none() && display.wishes.is_some()
+        };
         if let Some(display) = self.displays.get_mut(&id).filter(shows) {
             let taken = display.live.add(request.view, request.pixels, &request.rays);
             ensure!(taken, "it asked for more than {MAX_LIVE_RAYS_HELD} live rays at a time");
@@ -50,7 +52,7 @@ impl Coordinator {
         // Even if a packet was refused: those before it are good.
         for (id, message) in outgoing {
             if let Some(display) = self.displays.get(&id) {
-                display.outbox.send(Kind::LiveSamples, &LiveSamples::encode(&message))?;
+                display.outbox.send(FrameKind::LiveSamples, &LiveSamples::encode(&message))?;
             }
         }
         taken
@@ -70,7 +72,7 @@ impl Coordinator {
             rest = after;
             let finished = worker.finish_live(traced, now)?;
             // Late rays have been given to others.
-            let Finished::InTime(assignment) = finished else { continue };
+            let PacketState::InTime(assignment) = finished else { continue };
             if let Err(error) = self.holodeck.plausible.live(&assignment.rays, hits) {
                 self.live_again([assignment]);
                 return Err(error.into());
@@ -83,7 +85,7 @@ impl Coordinator {
                 let numbers = rays.iter().map(|ray| ray.number);
                 message
                     .samples
-                    .extend(numbers.zip(hits).map(|(number, &hit)| LiveSample { number, hit }));
+                    .extend(numbers.zip(hits).map(|(number, &hit)| LiveResult { number, hit }));
             }
         }
         Ok(())

@@ -10,8 +10,10 @@ use holo_proto::{
 };
 use tracing::info;
 
-use super::{Coordinator, display::Display};
-use crate::{assignment::Purpose, events::ConnectionId, worker_id::WorkerId, workers::Worker};
+use super::{Coordinator, display::ConnectedDisplay};
+use crate::{
+    assignment::PacketPurpose, events::ConnectionId, worker_id::WorkerId, workers::ConnectedWorker,
+};
 
 impl Coordinator {
     /// Admits a peer.
@@ -25,7 +27,7 @@ impl Coordinator {
                 let paths = self.holodeck.about.settings.paths_per_sample;
                 let maker = self.number(&name, access.token, access.machine);
                 let worker = WorkerId::new(maker, self.workers.values().map(|worker| worker.id));
-                self.workers.insert(id, Worker::new(outbox, name, worker, paths));
+                self.workers.insert(id, ConnectedWorker::new(outbox, name, worker, paths));
                 if let Some(reason) = self.fault_of(maker) {
                     self.expel(id, reason);
                 }
@@ -33,7 +35,7 @@ impl Coordinator {
             Role::Display => {
                 self.progress.say(&format!("{name} joined"));
                 let is_read_only = access.rights == Rights::ReadOnly;
-                self.displays.insert(id, Display::new(outbox, name, is_read_only));
+                self.displays.insert(id, ConnectedDisplay::new(outbox, name, is_read_only));
             }
             Role::Admin => _ = self.admins.insert(id, outbox),
         }
@@ -108,7 +110,7 @@ impl Coordinator {
             self.claims.left(id);
             self.audits.left(id);
             self.checks.retain(|_, assignment| match assignment.purpose {
-                Purpose::Again(audit) => audit.checker != id,
+                PacketPurpose::Again(audit) => audit.checker != id,
                 _ => true,
             });
         }

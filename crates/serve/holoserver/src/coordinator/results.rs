@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 use holo_beamfile::{Error as FileError, Maker};
 use holo_proto::{
-    bulk::{Results, Samples, Source},
-    frame::Kind,
+    bulk::{Results, SampleSource, ViewSamples},
+    frame::FrameKind,
 };
-use holo_section::{Run, Sample};
+use holo_section::{NumberRun, Sample};
 use tokio::time::Instant;
 
 use super::{Coordinator, display::is_looked_at};
 use crate::{
-    assignment::{Assignment, Finished, Purpose, ResultsError},
+    assignment::{Assignment, PacketPurpose, PacketState, ResultsError},
     better,
     events::ConnectionId,
 };
@@ -28,7 +28,7 @@ impl Coordinator {
         // Even if a packet was refused: those before it are stored, so displays get them.
         for (id, message) in outgoing {
             if let Some(display) = self.displays.get(&id) {
-                display.outbox.send(Kind::Samples, &message.encode())?;
+                display.outbox.send(FrameKind::Samples, &message.encode())?;
             }
         }
         self.try_settle();
@@ -39,7 +39,7 @@ impl Coordinator {
         &mut self,
         id: ConnectionId,
         results: &Results,
-        outgoing: &mut BTreeMap<ConnectionId, Samples>,
+        outgoing: &mut BTreeMap<ConnectionId, ViewSamples>,
     ) -> Result<()> {
         let usual = self.holodeck.about.settings.paths_per_sample;
         let now = Instant::now();
@@ -66,12 +66,12 @@ impl Coordinator {
                 return Err(error.into());
             }
             match assignment.purpose {
-                Purpose::Store => {}
-                Purpose::Claim(check) => {
+                PacketPurpose::Store => {}
+                PacketPurpose::Claim(check) => {
                     self.check_traced(id, assignment.key(), check, samples)?;
                     continue;
                 }
-                Purpose::Again(audit) => {
+                PacketPurpose::Again(audit) => {
                     self.audited(audit, Some(samples))?;
                     continue;
                 }
@@ -102,10 +102,10 @@ impl Coordinator {
 
     /// Returns the packet whose results have come. `None` if they are too late: another worker has
     /// or had the packet, or no display wants it any more.
-    pub(super) fn still_open(&mut self, finished: Finished<Assignment>) -> Option<Assignment> {
+    pub(super) fn still_open(&mut self, finished: PacketState<Assignment>) -> Option<Assignment> {
         match finished {
-            Finished::InTime(assignment) => Some(assignment),
-            Finished::Late(renamed) => {
+            PacketState::InTime(assignment) => Some(assignment),
+            PacketState::Late(renamed) => {
                 let renamed = renamed?;
                 self.lost.remove(&renamed).or_else(|| self.checks.remove(&renamed))
             }
@@ -150,7 +150,8 @@ impl Coordinator {
         for range in better::worse(&file.runs(key), packet.paths, &numbers) {
             let part = &samples
                 [(range.start - packet.first) as usize..(range.end - packet.first) as usize];
-            let run = Run { first: range.start, count: range.len() as u32, ..assignment.run() };
+            let run =
+                NumberRun { first: range.start, count: range.len() as u32, ..assignment.run() };
             file.supersede(run, maker, part)?;
             self.progress.add_better(part.len() as u64);
         }
@@ -162,16 +163,16 @@ impl Coordinator {
         &self,
         assignment: &Assignment,
         samples: &[Sample],
-        outgoing: &mut BTreeMap<ConnectionId, Samples>,
+        outgoing: &mut BTreeMap<ConnectionId, ViewSamples>,
     ) {
         let key = assignment.key();
         for (&id, display) in &self.displays {
             let Some(wishes) = display.wishes.as_ref().filter(|wishes| wishes.contains(key)) else {
                 continue;
             };
-            let message = outgoing.entry(id).or_insert_with(|| Samples {
+            let message = outgoing.entry(id).or_insert_with(|| ViewSamples {
                 view: wishes.view,
-                source: Source::Traced,
+                source: SampleSource::Traced,
                 runs: Vec::new(),
                 samples: Vec::new(),
             });

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 use holo_proto::{
-    bulk::{Cell, Cells, Light},
+    bulk::{CellBatch, Light, WireCell},
     control::Engine,
-    frame::Kind,
+    frame::FrameKind,
 };
 
 use super::Coordinator;
@@ -38,7 +38,7 @@ impl Coordinator {
     }
 
     /// Keeps a worker's cells of surface light, and hands them to the others.
-    pub(super) fn cells(&mut self, id: ConnectionId, new: Cells) -> Result<()> {
+    pub(super) fn cells(&mut self, id: ConnectionId, new: CellBatch) -> Result<()> {
         let engine = self.holodeck.about.settings.engine;
         ensure!(
             engine == Engine::Gather,
@@ -51,12 +51,12 @@ impl Coordinator {
             // Cells that a listener was not sent yet go to it whole, with these estimates.
             let is_known = |number: &Option<usize>| number.is_some_and(|number| number < sent);
             let known = new.cells.iter().zip(&numbers).filter(|(_, number)| is_known(number));
-            let cells: Vec<Cell> =
-                known.map(|(cell, _)| Cell { maker: maker.0, ..*cell }).collect();
+            let cells: Vec<WireCell> =
+                known.map(|(cell, _)| WireCell { maker: maker.0, ..*cell }).collect();
             let Some(outbox) = self.outbox(to).filter(|_| !cells.is_empty()) else { continue };
             // A listener that reads slowly does without these estimates.
             if outbox.queued_bytes() < QUEUE_BYTES {
-                let _ = outbox.send(Kind::Cells, &Cells { cells }.encode());
+                let _ = outbox.send(FrameKind::Cells, &CellBatch { cells }.encode());
             }
         }
         self.hand_light();
@@ -74,7 +74,10 @@ impl Coordinator {
                 let (found, after) = cells.since(*next, MESSAGE_CELLS, id);
                 *next = after;
                 if !found.is_empty()
-                    && worker.outbox.send(Kind::Cells, &Cells { cells: found }.encode()).is_err()
+                    && worker
+                        .outbox
+                        .send(FrameKind::Cells, &CellBatch { cells: found }.encode())
+                        .is_err()
                 {
                     break;
                 }
@@ -113,7 +116,7 @@ impl Coordinator {
                 *next = after;
                 // The records of a message are far below a frame's limit.
                 if !found.is_empty()
-                    && outbox.send(Kind::Light, &Light { records: found }.encode()).is_err()
+                    && outbox.send(FrameKind::Light, &Light { records: found }.encode()).is_err()
                 {
                     break;
                 }

@@ -4,13 +4,13 @@ use anyhow::{Result, bail};
 use holo_net::Message;
 use holo_proto::{
     control::{Control, Status},
-    report::{DisplayReport, Report},
+    report::{DisplayReport, StatusReport},
 };
 use tokio::time::Instant;
 use tracing::info;
 
 use super::{Coordinator, Fill, NOT_FOR_A_SERVER, STALLED_BYTES, STATUS_EVERY};
-use crate::{events::ConnectionId, workers::Worker};
+use crate::{events::ConnectionId, workers::ConnectedWorker};
 
 impl Coordinator {
     /// Reports the server's state to displays and people every [`STATUS_EVERY`].
@@ -55,7 +55,7 @@ impl Coordinator {
     }
 
     /// Returns a report on the server's state.
-    fn present(&mut self) -> Report {
+    fn present(&mut self) -> StatusReport {
         let stats = self.holodeck.file.stats();
         let displays = self.displays.values().map(|display| DisplayReport {
             name: display.name.clone(),
@@ -63,7 +63,7 @@ impl Coordinator {
             is_read_only: display.is_read_only,
             queued_bytes: display.outbox.queued_bytes() as u64,
         });
-        Report {
+        StatusReport {
             software: self.holodeck.welcome().software,
             file: self.holodeck.path().display().to_string(),
             file_bytes: stats.file_bytes,
@@ -72,7 +72,7 @@ impl Coordinator {
             samples_per_second: self.progress.rate(),
             unseen_beams: self.holodeck.unseen().count(),
             disk_error: stats.last_error.unwrap_or_default(),
-            workers: self.workers.values().map(Worker::report).collect(),
+            workers: self.workers.values().map(ConnectedWorker::report).collect(),
             displays: displays.collect(),
             faults: self.fault_reports(),
         }

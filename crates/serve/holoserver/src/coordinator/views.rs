@@ -7,16 +7,16 @@ use std::{
 
 use anyhow::{Result, ensure};
 use holo_proto::{
-    bulk::{MAX_HELD, RaysWanted, ViewRequest, WantedBeam},
+    bulk::{MAX_HELD, RaysWanted, RequestedBeam, ViewRequest},
     control::Control,
 };
 use tracing::error;
 
-use super::{Coordinator, dealing::DISPLAY_QUEUE_BYTES, display::Display};
+use super::{Coordinator, dealing::DISPLAY_QUEUE_BYTES, display::ConnectedDisplay};
 use crate::{
-    assignment::{Assignment, Purpose},
-    events::{ConnectionId, Event},
-    recall::{Part, Recall, lasting},
+    assignment::{Assignment, PacketPurpose},
+    events::{ConnectionId, ServerEvent},
+    recall::{FilePart, Recall, lasting},
     wishes::{Wishes, keep_heaviest, most_beams},
 };
 
@@ -38,7 +38,7 @@ impl Coordinator {
         let file = &self.holodeck.file;
         let (mut keys, mut earlier) = (Vec::new(), Vec::new());
         let beams = request.beams.iter().map(|wanted| {
-            let &WantedBeam { key, weight, held, has_earlier } = wanted;
+            let &RequestedBeam { key, weight, held, has_earlier } = wanted;
             let stored = file.count(key);
             if held == 0 || held == MAX_HELD || stored > u64::from(held) {
                 keys.push((key, weight));
@@ -79,7 +79,7 @@ impl Coordinator {
             let events = self.events.clone();
             recall.start(move |view, result| {
                 // If the coordinator is gone, so is the process.
-                let _ = events.send(Event::Recalled { id, view, result });
+                let _ = events.send(ServerEvent::Recalled { id, view, result });
             })?;
         }
         Ok(())
@@ -146,9 +146,9 @@ impl Coordinator {
         let (holodeck, outbox) = (Arc::clone(&self.holodeck), display.outbox.clone());
         let events = self.events.clone();
         let until = display.settled_at.filter(|_| as_settled);
-        Part { holodeck, outbox, section, first, samples, until }.start(move |result| {
+        FilePart { holodeck, outbox, section, first, samples, until }.start(move |result| {
             // If the coordinator is gone, so is the process.
-            let _ = events.send(Event::PartSent { id, section, result });
+            let _ = events.send(ServerEvent::PartSent { id, section, result });
         })?;
         Ok(())
     }
@@ -194,8 +194,8 @@ impl Coordinator {
             };
             let under_way = self.workers.values().any(|worker| {
                 worker.assignments().any(|assignment| {
-                    let is_wanted =
-                        assignment.purpose == Purpose::Store && wishes.contains(assignment.key());
+                    let is_wanted = assignment.purpose == PacketPurpose::Store
+                        && wishes.contains(assignment.key());
                     is_wanted && assignment.packet.id <= last
                 })
             });
@@ -271,6 +271,6 @@ impl Coordinator {
 }
 
 /// Returns whether so much waits for a display that words for people are left out.
-fn is_behind(display: &Display) -> bool {
+fn is_behind(display: &ConnectedDisplay) -> bool {
     display.outbox.queued_bytes() > DISPLAY_QUEUE_BYTES
 }

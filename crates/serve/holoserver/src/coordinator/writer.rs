@@ -18,7 +18,7 @@ use holo_progress::said_once;
 use tokio::{sync::mpsc::UnboundedSender, time::Instant};
 
 use crate::{
-    events::{ConnectionId, Event},
+    events::{ConnectionId, ServerEvent},
     holodeck::Holodeck,
 };
 
@@ -33,7 +33,7 @@ const VIEW_BYTES_PER_SECOND: f64 = 16384.0;
 
 /// Changes of views, and displays that settle, since the last thread was started.
 #[derive(Default)]
-pub struct Writer {
+pub struct ViewWriter {
     changes: BTreeMap<String, Change>,
     /// Displays whose views settle, and the numbers of these views.
     settling: BTreeMap<ConnectionId, u32>,
@@ -50,7 +50,7 @@ struct Change {
     askers: Vec<ConnectionId>,
 }
 
-impl Writer {
+impl ViewWriter {
     /// Takes a change of a view. Returns why it is refused, if it is.
     pub fn keep_view(
         &mut self,
@@ -84,7 +84,7 @@ impl Writer {
     }
 
     /// Starts to write what is due. If the system gives no thread, tries again next time.
-    pub fn write(&mut self, holodeck: &Arc<Holodeck>, events: &UnboundedSender<Event>) {
+    pub fn write(&mut self, holodeck: &Arc<Holodeck>, events: &UnboundedSender<ServerEvent>) {
         if self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) {
             return;
         }
@@ -113,7 +113,7 @@ impl Writer {
             let mark = holodeck.file.mark();
             // A server that has ended needs to know nothing.
             for (id, view) in settling {
-                let _ = events.send(Event::Flushed { id, view, mark });
+                let _ = events.send(ServerEvent::Flushed { id, view, mark });
             }
             if !changes.is_empty() {
                 let (views, results) = holodeck.keep_views(&changes);
@@ -123,7 +123,7 @@ impl Writer {
                 };
                 let refused = askers.into_iter().zip(results).filter_map(refused);
                 let refused = refused.flatten().collect();
-                let _ = events.send(Event::ViewsKept { views, refused });
+                let _ = events.send(ServerEvent::ViewsKept { views, refused });
             }
         };
         let Ok(thread) = thread::Builder::new().name("writer".into()).spawn(work) else { return };
@@ -156,7 +156,7 @@ mod tests {
     use tokio::sync::mpsc::unbounded_channel;
 
     use super::*;
-    use crate::about::About;
+    use crate::about::HolodeckDescription;
 
     #[test]
     fn a_flood_of_views_is_one_write_and_every_asker_hears_of_it() {
@@ -168,13 +168,14 @@ mod tests {
             class: ViewClass::Interior,
             obstructions: true,
         };
-        let about = About::new(vec![spec], RenderSettings::default(), b"s", "a test".into());
+        let about =
+            HolodeckDescription::new(vec![spec], RenderSettings::default(), b"s", "a test".into());
         let path = folder.path().join("a.holo");
         let holodeck = Arc::new(Holodeck::create(&path, about, b"s", 0).unwrap());
         let before = holodeck.file.stats().file_bytes;
         let (events, mut received) = unbounded_channel();
         let (a, b) = (ConnectionId::next(), ConnectionId::next());
-        let mut writer = Writer::default();
+        let mut writer = ViewWriter::default();
         for number in 0..100_000 {
             writer.keep_view(a, format!("view {}", number % 3), format!("-vf {number}")).unwrap();
         }
@@ -188,8 +189,10 @@ mod tests {
         writer.keep_view(a, "view 0".into(), String::new()).unwrap();
         writer.write(&holodeck, &events);
         writer.finish(&holodeck);
-        let Some(Event::Flushed { view: 2, .. }) = received.blocking_recv() else { panic!() };
-        let Some(Event::ViewsKept { views, refused }) = received.blocking_recv() else { panic!() };
+        let Some(ServerEvent::Flushed { view: 2, .. }) = received.blocking_recv() else { panic!() };
+        let Some(ServerEvent::ViewsKept { views, refused }) = received.blocking_recv() else {
+            panic!()
+        };
         assert_eq!(views.len(), MAX_CHANGES - 1);
         let options = |name: &str| {
             views.iter().find(|(known, _)| known == name).map(|(_, options)| options.clone())

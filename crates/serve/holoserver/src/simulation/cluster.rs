@@ -19,13 +19,13 @@ use tokio::{
     time::{sleep, timeout},
 };
 
-use super::{peers::Wires, random::Random};
+use super::{peers::Wires, random::SplitMix};
 use crate::{
     coordinator::{Coordinator, FillOptions},
-    events::Event,
+    events::ServerEvent,
     holodeck::Holodeck,
-    listen::{Shared, serve},
-    progress::{Progress, Totals},
+    listen::{ListenContext, serve},
+    progress::{SampleProgress, Totals},
     schedule::Goal,
 };
 
@@ -35,36 +35,36 @@ pub const FOR_EVER: Duration = Duration::from_secs(3600);
 /// A server that peers reach by wires, and that may be away.
 #[derive(Default)]
 pub struct Cluster {
-    server: Mutex<Option<Shared>>,
+    server: Mutex<Option<ListenContext>>,
     is_over: AtomicBool,
 }
 
 /// A server's life.
-pub struct Life {
+pub struct ServerLife {
     holodeck: Arc<Holodeck>,
-    events: UnboundedSender<Event>,
+    events: UnboundedSender<ServerEvent>,
     deciding: JoinHandle<anyhow::Result<Totals>>,
 }
 
 impl Cluster {
     /// Starts a server for a file.
-    pub fn start(&self, file: &Path, fill: Option<FillOptions>, goal: Goal) -> Life {
+    pub fn start(&self, file: &Path, fill: Option<FillOptions>, goal: Goal) -> ServerLife {
         let holodeck = Arc::new(Holodeck::open(file, 1 << 20).unwrap());
         assert_eq!(holodeck.warnings, Vec::<String>::new());
         let (events, receiver) = unbounded_channel();
-        let progress = Progress::new(&holodeck.file.stats(), true);
+        let progress = SampleProgress::new(&holodeck.file.stats(), true);
         let coordinator =
             Coordinator::new(Arc::clone(&holodeck), events.clone(), fill, goal, progress);
         let deciding = tokio::spawn(coordinator.run(receiver, std::future::ready(())));
-        self.serve_by(Some(Shared::new(Arc::clone(&holodeck), events.clone())));
-        Life { holodeck, events, deciding }
+        self.serve_by(Some(ListenContext::new(Arc::clone(&holodeck), events.clone())));
+        ServerLife { holodeck, events, deciding }
     }
 
     /// Waits for the end of a server: by its goal, or by a shutdown if `ask`.
-    pub async fn end(&self, life: Life, ask: bool) -> Totals {
-        let Life { holodeck, events, deciding } = life;
+    pub async fn end(&self, life: ServerLife, ask: bool) -> Totals {
+        let ServerLife { holodeck, events, deciding } = life;
         if ask {
-            events.send(Event::Shutdown(Farewell::SessionOver)).unwrap();
+            events.send(ServerEvent::Shutdown(Farewell::SessionOver)).unwrap();
         }
         let totals = timeout(FOR_EVER, deciding).await.expect("it ends").unwrap().unwrap();
         self.serve_by(None);
@@ -75,7 +75,7 @@ impl Cluster {
         totals
     }
 
-    fn serve_by(&self, server: Option<Shared>) {
+    fn serve_by(&self, server: Option<ListenContext>) {
         *self.server.lock().unwrap_or_else(PoisonError::into_inner) = server;
     }
 
@@ -96,7 +96,7 @@ impl Cluster {
         role: Role,
         name: &str,
         machine: Option<&MachineKey>,
-        random: &mut Random,
+        random: &mut SplitMix,
     ) -> Result<(Inbox, Outbox), NetError> {
         let (near, far) = wires(random).lay(random);
         self.take(far);

@@ -24,12 +24,12 @@ use tokio::{
 };
 
 use crate::{
-    Goal, about::About, coordinator::FillOptions, holodeck::Holodeck, progress::Totals,
-    shard::Share,
+    Goal, about::HolodeckDescription, coordinator::FillOptions, holodeck::Holodeck,
+    progress::Totals, shard::Share,
 };
 use cluster::{Cluster, FOR_EVER};
-use peers::{DisplayPlan, Fault, WorkerPlan};
-use random::Random;
+use peers::{DisplayPlan, WorkerFault, WorkerPlan};
+use random::SplitMix;
 use truth::{Samples, beam, stored};
 use wire::{Cut, Wire};
 
@@ -45,7 +45,7 @@ const BEAMS: u64 = 480;
 const SPEED: u32 = 1000;
 
 /// Runs a cluster for each seed.
-fn for_each_seed<F: Future<Output = ()>>(test: impl Fn(PathBuf, Random) -> F) {
+fn for_each_seed<F: Future<Output = ()>>(test: impl Fn(PathBuf, SplitMix) -> F) {
     for seed in 0..SEEDS {
         println!("seed {seed}");
         let folder = tempfile::tempdir().unwrap();
@@ -64,7 +64,7 @@ fn for_each_seed<F: Future<Output = ()>>(test: impl Fn(PathBuf, Random) -> F) {
                     std::thread::sleep(step / SPEED);
                 }
             });
-            test(file, Random(seed)).await;
+            test(file, SplitMix(seed)).await;
         });
     }
 }
@@ -78,14 +78,15 @@ fn make(file: &std::path::Path) {
         obstructions: true,
     };
     let settings = RenderSettings::default();
-    let about = About::new(vec![spec], settings, b"a scene", "a test".into());
+    let about = HolodeckDescription::new(vec![spec], settings, b"a scene", "a test".into());
     let holodeck = Holodeck::create(file, about, b"a scene", 1 << 20).unwrap();
     assert_eq!(holodeck.sections[0].beam_count(), BEAMS);
 }
 
 /// Returns a wire with faults.
-fn wire(random: &mut Random) -> Wire {
-    let seconds = |random: &mut Random, most: u64| Duration::from_millis(random.below(1000 * most));
+fn wire(random: &mut SplitMix) -> Wire {
+    let seconds =
+        |random: &mut SplitMix, most: u64| Duration::from_millis(random.below(1000 * most));
     let latency = Duration::from_millis(1 + random.below(100));
     let loss = 0.05 * random.unit();
     let stall = (random.below(3) == 0).then(|| (seconds(random, 10), seconds(random, 25)));
@@ -97,10 +98,10 @@ fn wire(random: &mut Random) -> Wire {
 }
 
 /// Returns a worker with faults.
-fn worker(random: &mut Random) -> WorkerPlan {
+fn worker(random: &mut SplitMix) -> WorkerPlan {
     let fault = match random.below(4) {
-        0 => Some(Fault::Dies(50 + random.below(500))),
-        1 => Some(Fault::Hangs(random.below(200), Duration::from_secs(1 + random.below(40)))),
+        0 => Some(WorkerFault::Dies(50 + random.below(500))),
+        1 => Some(WorkerFault::Hangs(random.below(200), Duration::from_secs(1 + random.below(40)))),
         _ => None,
     };
     WorkerPlan { wire, ray: Duration::from_micros(20 + random.below(5000)), fault }
@@ -108,7 +109,7 @@ fn worker(random: &mut Random) -> WorkerPlan {
 
 /// Returns a worker without faults, so that there is one which gets things done.
 fn sound_worker() -> WorkerPlan {
-    let wire = |_: &mut Random| Wire {
+    let wire = |_: &mut SplitMix| Wire {
         latency: Duration::from_millis(1),
         loss: 0.0,
         stall: None,
@@ -118,7 +119,7 @@ fn sound_worker() -> WorkerPlan {
 }
 
 /// Starts 2 to 8 workers with faults.
-fn start_workers(cluster: &Arc<Cluster>, random: &mut Random) -> JoinSet<()> {
+fn start_workers(cluster: &Arc<Cluster>, random: &mut SplitMix) -> JoinSet<()> {
     let mut workers = JoinSet::new();
     for number in 0..2 + random.below(7) {
         let (cluster, plan) = (Arc::clone(cluster), worker(random));
@@ -128,7 +129,7 @@ fn start_workers(cluster: &Arc<Cluster>, random: &mut Random) -> JoinSet<()> {
 }
 
 /// Starts 1 to 4 displays, each with beams of its own.
-fn start_displays(cluster: &Arc<Cluster>, random: &mut Random) -> JoinSet<Samples> {
+fn start_displays(cluster: &Arc<Cluster>, random: &mut SplitMix) -> JoinSet<Samples> {
     let count = 1 + random.below(4);
     let (views, share) = (3, BEAMS / count);
     let mut displays = JoinSet::new();

@@ -4,9 +4,9 @@ use std::{sync::Arc, time::Duration};
 
 use holo_net::{Inbox, MachineKey, Message, NetError, Outbox};
 use holo_proto::{
-    bulk::{Packet, Results, Traced, ViewRequest, WantedBeam},
+    bulk::{Packet, RequestedBeam, Results, TracedPacket, ViewRequest},
     control::Control,
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_section::Viewpoint;
@@ -14,7 +14,7 @@ use tokio::time::sleep;
 
 use super::{
     cluster::Cluster,
-    random::Random,
+    random::SplitMix,
     truth::{self, Samples, beam, is_unseen},
     wire::Wire,
 };
@@ -24,7 +24,7 @@ const PAUSE: Duration = Duration::from_millis(250);
 
 /// A fault of a worker, which occurs after this many packets of each connection.
 #[derive(Clone, Copy, Debug)]
-pub enum Fault {
+pub enum WorkerFault {
     /// It disappears without a message.
     Dies(u64),
     /// It returns nothing for so long, and then goes on.
@@ -32,7 +32,7 @@ pub enum Fault {
 }
 
 /// Returns the wire that a peer uses for its next connection.
-pub type Wires = fn(&mut Random) -> Wire;
+pub type Wires = fn(&mut SplitMix) -> Wire;
 
 /// A worker.
 #[derive(Clone, Copy, Debug)]
@@ -40,11 +40,11 @@ pub struct WorkerPlan {
     pub wire: Wires,
     /// What a ray takes.
     pub ray: Duration,
-    pub fault: Option<Fault>,
+    pub fault: Option<WorkerFault>,
 }
 
 /// Traces until the cluster is over.
-pub async fn worker(cluster: Arc<Cluster>, number: usize, plan: WorkerPlan, mut random: Random) {
+pub async fn worker(cluster: Arc<Cluster>, number: usize, plan: WorkerPlan, mut random: SplitMix) {
     let name = format!("worker {number}");
     let machine = MachineKey::new().unwrap();
     while !cluster.is_over() {
@@ -65,12 +65,12 @@ async fn trace(mut inbox: Inbox, outbox: Outbox, plan: WorkerPlan) -> Result<(),
         let Message::Work(work) = inbox.next().await? else { continue };
         for packet in work.packets {
             match plan.fault {
-                Some(Fault::Dies(after)) if done >= after => return Ok(()),
-                Some(Fault::Hangs(after, time)) if done == after => sleep(time).await,
+                Some(WorkerFault::Dies(after)) if done >= after => return Ok(()),
+                Some(WorkerFault::Hangs(after, time)) if done == after => sleep(time).await,
                 _ => {}
             }
             sleep(plan.ray * u32::from(packet.count)).await;
-            outbox.send(Kind::Results, &results(&packet).encode())?;
+            outbox.send(FrameKind::Results, &results(&packet).encode())?;
             done += 1;
         }
     }
@@ -80,7 +80,7 @@ fn results(packet: &Packet) -> Results {
     if is_unseen(packet.key) {
         return Results { unseen: vec![packet.id], ..Default::default() };
     }
-    let traced = Traced { id: packet.id, count: u32::from(packet.count), nanoseconds: 1000 };
+    let traced = TracedPacket { id: packet.id, count: u32::from(packet.count), nanoseconds: 1000 };
     Results { packets: vec![traced], samples: truth::traced(packet), unseen: Vec::new() }
 }
 
@@ -108,7 +108,7 @@ pub async fn display(
     cluster: Arc<Cluster>,
     number: usize,
     plan: DisplayPlan,
-    mut random: Random,
+    mut random: SplitMix,
 ) -> Samples {
     let name = format!("display {number}");
     let (mut seen, mut view) = (Samples::new(), 1);
@@ -135,10 +135,10 @@ async fn look(
     seen: &mut Samples,
 ) -> Result<(), NetError> {
     let wanted =
-        |number| WantedBeam { key: beam(number), weight: 1.0, held: 0, has_earlier: false };
+        |number| RequestedBeam { key: beam(number), weight: 1.0, held: 0, has_earlier: false };
     let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
     let beams = plan.beams_of(view).map(wanted).collect();
-    outbox.send(Kind::View, &ViewRequest { view, viewpoint, beams }.encode())?;
+    outbox.send(FrameKind::View, &ViewRequest { view, viewpoint, beams }.encode())?;
     let (mut have, mut is_settling) = (0, false);
     loop {
         match inbox.next().await? {

@@ -2,9 +2,9 @@
 
 /// A generator (SplitMix64).
 #[derive(Clone, Debug)]
-pub struct Random(pub u64);
+pub struct SplitMix(pub u64);
 
-impl Random {
+impl SplitMix {
     /// Returns the next number.
     pub fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -22,8 +22,8 @@ impl Random {
     }
 
     /// Returns a generator of its own numbers.
-    pub fn fork(&mut self) -> Random {
-        Random(self.next())
+    pub fn fork(&mut self) -> SplitMix {
+        SplitMix(self.next())
     }
 }
 

@@ -8,7 +8,7 @@ use tokio::{
     time::{Instant, sleep_until},
 };
 
-use super::random::Random;
+use super::random::SplitMix;
 
 /// Bytes that a wire takes at a time, as in a packet of a network.
 const PIECE: usize = 1400;
@@ -46,7 +46,7 @@ pub enum Cut {
 
 impl Wire {
     /// Returns the ends of a new wire.
-    pub fn lay(self, random: &mut Random) -> (DuplexStream, DuplexStream) {
+    pub fn lay(self, random: &mut SplitMix) -> (DuplexStream, DuplexStream) {
         let (near, near_inside) = duplex(BUFFER);
         let (far, far_inside) = duplex(BUFFER);
         let (near_read, near_write) = split(near_inside);
@@ -73,7 +73,7 @@ impl Wire {
         self,
         mut from: ReadHalf<DuplexStream>,
         mut to: WriteHalf<DuplexStream>,
-        mut random: Random,
+        mut random: SplitMix,
     ) {
         let begin = Instant::now();
         let (sender, mut pieces) = mpsc::channel::<(Instant, Vec<u8>)>(UNDER_WAY);
@@ -107,7 +107,7 @@ impl Wire {
     }
 
     /// Returns when a piece arrives that is sent now.
-    fn arrival(&self, begin: Instant, random: &mut Random) -> Instant {
+    fn arrival(&self, begin: Instant, random: &mut SplitMix) -> Instant {
         let mut at = Instant::now() + self.latency.mul_f64(1.0 + random.unit());
         while random.unit() < self.loss {
             at += SENT_AGAIN;

@@ -7,16 +7,16 @@ use crate::common::{Peer, Place, Server, in_time, results, run, work_as_named, w
 use holo_beamfile::Maker;
 use holo_net::Message;
 use holo_proto::{
-    bulk::{Packet, Results, Work},
+    bulk::{Packet, Results, WorkPackets},
     control::{Control, Farewell},
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
-    report::Report,
+    report::StatusReport,
 };
 use holo_section::{RayCoords, Sample};
 use holo_server::Holodeck;
 
-async fn report(server: &Server) -> Report {
+async fn report(server: &Server) -> StatusReport {
     let mut admin = Peer::join(server.address, Role::Admin).await;
     admin.outbox.control(&Control::ReportWanted).unwrap();
     let is_report = |message: &Message| matches!(message, Message::Control(Control::Report(_)));
@@ -27,7 +27,7 @@ async fn report(server: &Server) -> Report {
 }
 
 /// The right samples, four times as bright.
-fn bright(work: &Work) -> Results {
+fn bright(work: &WorkPackets) -> Results {
     let mut results = results(&work.packets, true);
     for sample in &mut results.samples {
         let [red, green, blue, exponent] = sample.rgbe;
@@ -161,14 +161,18 @@ async fn assert_admitted(mut worker: Peer) {
 
 /// Joins as a worker with `answer` again and again, each time for so few packets that they prove
 /// nothing. Returns why it is no longer admitted.
-async fn come_and_go(server: SocketAddr, name: &str, answer: impl Fn(&Work) -> Results) -> String {
+async fn come_and_go(
+    server: SocketAddr,
+    name: &str,
+    answer: impl Fn(&WorkPackets) -> Results,
+) -> String {
     for _ in 0..10_000 {
         let Peer { mut inbox, outbox, .. } = Peer::named(server, Role::Worker, name).await;
         outbox.control(&Control::Ready { threads: 1 }).unwrap();
         for messages in 0.. {
             match in_time(inbox.next()).await {
                 Ok(Message::Work(work)) => {
-                    outbox.send(Kind::Results, &answer(&work).encode()).unwrap();
+                    outbox.send(FrameKind::Results, &answer(&work).encode()).unwrap();
                 }
                 Ok(Message::Control(Control::Bye(farewell))) => return farewell.to_string(),
                 Ok(_) => {}
@@ -223,7 +227,7 @@ fn impossible_results_are_listed_and_their_machine_is_refused_on_return() {
     run(async {
         let place = Place::new();
         let server = place.serve(|config| config.fill = true).await;
-        let outside = |work: &Work| {
+        let outside = |work: &WorkPackets| {
             let mut results = results(&work.packets, true);
             results.samples[0] = Sample::from_codes(RayCoords::default(), [128; 4], 40_000);
             results
@@ -249,7 +253,7 @@ fn what_a_worker_finds_to_see_nothing_is_forgotten_with_its_samples() {
     run(async {
         let place = Place::new();
         let server = place.serve(|config| config.fill = true).await;
-        let claims = |work: &Work| Results {
+        let claims = |work: &WorkPackets| Results {
             unseen: work.packets.iter().map(|packet| packet.id).collect(),
             ..Results::default()
         };
@@ -268,7 +272,7 @@ fn what_a_worker_finds_to_see_nothing_is_forgotten_with_its_samples() {
             .await;
         // It agrees, and hits something elsewhere.
         let claimed = Holodeck::open_read_only(&place.file(), 0).unwrap().unseen().clone();
-        let agrees = move |work: &Work| {
+        let agrees = move |work: &WorkPackets| {
             let is_claimed = |packet: &&Packet| claimed.contains(packet.key);
             let (unseen, others): (Vec<&Packet>, Vec<&Packet>) =
                 work.packets.iter().partition(is_claimed);

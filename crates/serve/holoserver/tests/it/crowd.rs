@@ -6,9 +6,9 @@ use std::{net::SocketAddr, time::Duration};
 use crate::common::{self, Peer, Place, beam, in_time, results, run};
 use holo_net::{Destination, Message, NetError};
 use holo_proto::{
-    bulk::{ViewRequest, WantedBeam},
+    bulk::{RequestedBeam, ViewRequest},
     control::{Control, Farewell},
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_section::Viewpoint;
@@ -47,7 +47,7 @@ fn worker(server: SocketAddr, packets: usize) -> JoinHandle<()> {
                     let done = left.min(work.packets.len());
                     left -= done;
                     let results = results(&work.packets[..done], true);
-                    outbox.send(Kind::Results, &results.encode()).unwrap();
+                    outbox.send(FrameKind::Results, &results.encode()).unwrap();
                 }
                 Ok(Message::Control(Control::Bye(farewell))) => {
                     assert_eq!(farewell, Farewell::SessionOver);
@@ -64,7 +64,7 @@ fn worker(server: SocketAddr, packets: usize) -> JoinHandle<()> {
 fn view_of(display: usize, view: u32) -> Vec<u8> {
     let first = display as u64 * BEAMS / 2 + u64::from(view) * 20_000;
     let wanted =
-        |number| WantedBeam { key: beam(number), weight: 1.0, held: 0, has_earlier: false };
+        |number| RequestedBeam { key: beam(number), weight: 1.0, held: 0, has_earlier: false };
     let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
     let beams = (first..first + BEAMS).map(wanted).collect();
     ViewRequest { view, viewpoint, beams }.encode()
@@ -75,7 +75,7 @@ fn display(server: SocketAddr, number: usize) -> JoinHandle<()> {
     tokio::spawn(async move {
         let mut display = join(server, Role::Display).await;
         for view in 1..=2 {
-            display.send(Kind::View, &view_of(number, view));
+            display.send(FrameKind::View, &view_of(number, view));
             let mut have = 0;
             while have < 500 {
                 let samples = |message: &Message| matches!(message, Message::Samples(_));

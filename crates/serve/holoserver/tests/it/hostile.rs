@@ -6,9 +6,9 @@ use std::collections::BTreeSet;
 use crate::common::{self, Peer, Place, Server, in_time, run, view};
 use holo_net::Message;
 use holo_proto::{
-    bulk::{RaysWanted, Results, WantedRay, Work},
+    bulk::{RaysWanted, Results, WantedRay, WorkPackets},
     control::{Control, Farewell},
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_section::{RayCoords, Sample, SampleKind};
@@ -24,7 +24,7 @@ fn a_worker_that_answers_pings_and_returns_nothing_hangs_nobody() {
         let mut silent = Peer::join(server.address, Role::Worker).await;
         silent.outbox.control(&Control::Ready { threads: u16::MAX }).unwrap();
         let mut display = Peer::join(server.address, Role::Display).await;
-        display.send(Kind::View, &view(1, 500));
+        display.send(FrameKind::View, &view(1, 500));
         let held = silent.work().await;
         assert!(!held.is_empty());
         // An honest worker joins. It traces the packets that the silent one holds, or they are no
@@ -51,18 +51,18 @@ fn a_display_that_floods_delays_no_other_and_leaves_nothing_behind() {
         // Views without end, as fast as the server takes them.
         let flood = tokio::spawn(async move {
             for number in 1.. {
-                flood.send(Kind::View, &view(number, 2000));
+                flood.send(FrameKind::View, &view(number, 2000));
                 while flood.outbox.queued_bytes() > 8 << 20 {
                     tokio::task::yield_now().await;
                 }
             }
         });
         let mut display = Peer::join(server.address, Role::Display).await;
-        display.send(Kind::View, &view(1, 10));
+        display.send(FrameKind::View, &view(1, 10));
         display.samples(1).await;
         assert!(!flood.is_finished(), "it was served beside the flood");
         flood.abort();
-        display.send(Kind::View, &view(2, 10));
+        display.send(FrameKind::View, &view(2, 10));
         display
             .wait_for(|message| *message == Message::Control(Control::StoredSent { view: 2 }))
             .await;
@@ -81,10 +81,10 @@ fn a_worker_that_traces_other_rays_than_it_is_given_is_dropped_and_others_trace_
             common::results(&work.packets, true)
         }));
         let mut display = Peer::join(server.address, Role::Display).await;
-        display.send(Kind::View, &view(1, 1));
+        display.send(FrameKind::View, &view(1, 1));
         let rays =
             (1..=40).map(|at| WantedRay { key: common::beam(0), coords: RayCoords([at; 4]) });
-        display.send(Kind::Rays, &RaysWanted { view: 1, rays: rays.collect() }.encode());
+        display.send(FrameKind::Rays, &RaysWanted { view: 1, rays: rays.collect() }.encode());
         let reason = in_time(liar).await.unwrap().expect("it is told why").to_string();
         assert!(reason.contains("other rays"), "{reason}");
         // An honest one gets them, and returns what they name.
@@ -124,7 +124,7 @@ fn workers_whose_results_no_tracer_makes_are_dropped_at_once_and_others_trace_th
         let place = Place::new();
         let server = place.serve(|_| {}).await;
         let mut display = Peer::join(server.address, Role::Display).await;
-        display.send(Kind::View, &view(1, 50));
+        display.send(FrameKind::View, &view(1, 50));
         let nothing = u16::MAX;
         for (colour, distance, words) in [
             ([200, 0, 0, 255], 77, "brighter than any lamp"),
@@ -200,7 +200,7 @@ fn a_flood_of_named_views_and_scenes_takes_one_thread_and_little_of_the_file() {
 }
 
 /// A worker that calls everything unseen.
-fn nothing_there(work: &Work) -> Results {
+fn nothing_there(work: &WorkPackets) -> Results {
     Results { unseen: work.packets.iter().map(|packet| packet.id).collect(), ..Default::default() }
 }
 

@@ -4,9 +4,9 @@
 use crate::common::{self, Peer, Place, Server, in_time, run, view};
 use holo_net::{Destination, Identity, Invitation, Message, NetError, Rights};
 use holo_proto::{
-    bulk::{Samples, Source},
+    bulk::{SampleSource, ViewSamples},
     control::Control,
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 
@@ -39,7 +39,7 @@ fn by_the_printed_string_a_worker_traces_and_a_display_looks() {
         let invited = || Destination::parse(&printed).unwrap();
         let worker = tokio::spawn(common::work(invited()));
         let mut display = Peer::join(invited(), Role::Display).await;
-        display.send(Kind::View, &view(1, 50));
+        display.send(FrameKind::View, &view(1, 50));
         display.samples(100).await;
         let admin = in_time(holo_net::connect(invited(), Role::Admin, "a test")).await;
         assert!(matches!(admin, Err(NetError::Refused(_))), "it permits no more than that");
@@ -77,7 +77,7 @@ fn for_a_read_only_display_nothing_is_traced_and_it_changes_nothing() {
         let worker = tokio::spawn(common::work(with_token(&server, &identity, Rights::Worker)));
         let reader = with_token(&server, &identity, Rights::ReadOnly);
         let mut reader = Peer::join(reader, Role::Display).await;
-        reader.send(Kind::View, &view(1, 50));
+        reader.send(FrameKind::View, &view(1, 50));
         let keep = Control::KeepView { name: "mine".into(), options: "-vp 0 0 0".into() };
         reader.outbox.control(&keep).unwrap();
         let refused =
@@ -96,9 +96,12 @@ fn for_a_read_only_display_nothing_is_traced_and_it_changes_nothing() {
         // A display with more rights looks. Samples traced for it are shown to both.
         let other = with_token(&server, &identity, Rights::Display);
         let other = Peer::join(other, Role::Display).await;
-        other.send(Kind::View, &view(1, 50));
+        other.send(FrameKind::View, &view(1, 50));
         let traced = reader.wait_for(|message| matches!(message, Message::Samples(_))).await;
-        assert!(matches!(traced, Message::Samples(Samples { source: Source::Traced, .. })));
+        assert!(matches!(
+            traced,
+            Message::Samples(ViewSamples { source: SampleSource::Traced, .. })
+        ));
         drop(other);
         server.end().await;
         worker.await.unwrap();

@@ -6,9 +6,9 @@ use std::collections::HashSet;
 use crate::common::{self, Peer, Place, run, view};
 use holo_net::Message;
 use holo_proto::{
-    bulk::Source,
+    bulk::SampleSource,
     control::{Control, MAX_PART},
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_section::{BeamKey, SampleKind};
@@ -34,7 +34,7 @@ async fn part_of(
     let mut names = Vec::new();
     loop {
         let is_of = |message: &Message| {
-            matches!(message, Message::Samples(samples) if samples.source == Source::Part)
+            matches!(message, Message::Samples(samples) if samples.source == SampleSource::Part)
                 || matches!(message, Message::Control(Control::PartSent { .. }))
         };
         match display.wait_for(is_of).await {
@@ -68,7 +68,7 @@ fn a_display_that_settles_beside_a_fill_gets_what_the_file_held_then() {
         let server = place.serve(|config| config.fill = true).await;
         let worker = tokio::spawn(common::work(server.address));
         let mut display = Peer::join(server.address, Role::Display).await;
-        display.send(Kind::View, &view(1, 10));
+        display.send(FrameKind::View, &view(1, 10));
         display.samples(50).await;
         display.outbox.control(&Control::Settle { view: 1 }).unwrap();
         let settled = Message::Control(Control::Settled { view: 1 });
@@ -105,7 +105,7 @@ fn a_file_that_is_cut_off_under_its_displays_ends_the_server_and_is_named() {
             let mut display = Peer::join(server.address, Role::Display).await;
             let file = std::fs::File::options().write(true).open(place.file()).unwrap();
             file.set_len(40_000).unwrap();
-            display.send(Kind::View, &view(1, 300));
+            display.send(FrameKind::View, &view(1, 300));
             let said = display.expelled().await.expect("it is told why");
             assert!(said.contains("a.holo") && said.contains("cut off at 40000 of"), "{said}");
             assert!(server.failed().await.contains("cut off at 40000 of"));
@@ -121,7 +121,7 @@ fn the_parts_of_a_section_are_all_of_its_samples_each_once() {
         let server = place.serve(|_| {}).await;
         let worker = tokio::spawn(common::work(server.address));
         let mut display = Peer::join(server.address, Role::Display).await;
-        display.send(Kind::View, &view(1, 300));
+        display.send(FrameKind::View, &view(1, 300));
         display.samples(3000).await;
         display.outbox.control(&Control::Settle { view: 1 }).unwrap();
         let settled = Message::Control(Control::Settled { view: 1 });

@@ -7,23 +7,23 @@ use crate::common::{self, Peer, Place, beam, run};
 use holo_beamfile::{BeamFile, Maker, Options};
 use holo_net::Message;
 use holo_proto::{
-    bulk::{MAX_HELD, Source, ViewRequest, WantedBeam},
+    bulk::{MAX_HELD, RequestedBeam, SampleSource, ViewRequest},
     control::Control,
     fading::ENOUGH,
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_section::{BeamKey, Viewpoint};
-use holo_server::{About, Holodeck};
+use holo_server::{Holodeck, HolodeckDescription};
 
 const BEAMS: u64 = 300;
 const EDITED: &[u8] = b"an edited scene";
 
 /// Returns the description of the file with the edited scene.
-fn edited(file: &Path) -> About {
+fn edited(file: &Path) -> HolodeckDescription {
     let old = Holodeck::open_read_only(file, 0).unwrap().about.clone();
-    let new = About::new(old.sections, old.settings, EDITED, old.source);
-    About { limits: old.limits, ..new }
+    let new = HolodeckDescription::new(old.sections, old.settings, EDITED, old.source);
+    HolodeckDescription { limits: old.limits, ..new }
 }
 
 /// Traces about so many samples of a view, on top of what there is, and ends.
@@ -32,7 +32,7 @@ async fn trace(place: &Place, samples: usize) {
     let worker = tokio::spawn(common::work(server.address));
     let mut display = Peer::join(server.address, Role::Display).await;
     // No stored sample is sent, so all that come are new.
-    display.send(Kind::View, &view(MAX_HELD - 1, true));
+    display.send(FrameKind::View, &view(MAX_HELD - 1, true));
     display.samples(samples).await;
     display.outbox.control(&Control::Settle { view: 1 }).unwrap();
     let settled = Message::Control(Control::Settled { view: 1 });
@@ -43,7 +43,7 @@ async fn trace(place: &Place, samples: usize) {
 }
 
 fn view(held: u16, has_earlier: bool) -> Vec<u8> {
-    let wanted = |number| WantedBeam { key: beam(number), weight: 1.0, held, has_earlier };
+    let wanted = |number| RequestedBeam { key: beam(number), weight: 1.0, held, has_earlier };
     let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
     ViewRequest { view: 1, viewpoint, beams: (0..BEAMS).map(wanted).collect() }.encode()
 }
@@ -57,7 +57,7 @@ async fn received(display: &mut Peer, last: impl Fn(&Control) -> bool) -> Sent {
     loop {
         match display.wait_for(|_| true).await {
             Message::Samples(samples) => {
-                let is_earlier = samples.source == Source::Earlier;
+                let is_earlier = samples.source == SampleSource::Earlier;
                 for (run, _) in samples.iter() {
                     let of = &mut sent[usize::from(is_earlier)];
                     *of.entry(run.key).or_default() += u64::from(run.count);
@@ -73,7 +73,7 @@ async fn received(display: &mut Peer, last: impl Fn(&Control) -> bool) -> Sent {
 async fn shown(place: &Place, has_earlier: bool) -> [Sent; 2] {
     let server = place.serve(|config| config.display_only = true).await;
     let mut display = Peer::join(server.address, Role::Display).await;
-    display.send(Kind::View, &view(0, has_earlier));
+    display.send(FrameKind::View, &view(0, has_earlier));
     let of_view =
         received(&mut display, |control| matches!(control, Control::StoredSent { .. })).await;
     let part = Control::PartWanted { section: 0, first: 0, samples: 1 << 18, as_settled: false };

@@ -3,9 +3,9 @@
 
 use crate::common::{self, Peer, Place, run, view};
 use holo_net::Message;
-use holo_proto::{control::Control, frame::Kind, hello::Role, report::Report};
+use holo_proto::{control::Control, frame::FrameKind, hello::Role, report::StatusReport};
 
-async fn ask(admin: &mut Peer) -> Report {
+async fn ask(admin: &mut Peer) -> StatusReport {
     admin.outbox.control(&Control::ReportWanted).unwrap();
     let is_report = |message: &Message| matches!(message, Message::Control(Control::Report(_)));
     match admin.wait_for(is_report).await {
@@ -27,7 +27,7 @@ fn an_administrator_hears_of_every_worker_and_display() {
         let mut silent = Peer::join(server.address, Role::Worker).await;
         silent.outbox.control(&Control::Ready { threads: 3 }).unwrap();
         let mut display = Peer::join(server.address, Role::Display).await;
-        display.send(Kind::View, &view(1, 70));
+        display.send(FrameKind::View, &view(1, 70));
         let held = silent.work().await.len() as u32;
         let _worker = tokio::spawn(common::work(server.address));
         display.samples(50).await;

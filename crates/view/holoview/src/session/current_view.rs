@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use holo_display::{Age, Light, Look, Renderer, UsefulBeam, ViewPhases};
-use holo_proto::bulk::{LiveSamples, Samples, Source, WantedBeam};
+use holo_proto::bulk::{LiveSamples, RequestedBeam, SampleSource, ViewSamples};
 
 use super::{live::LiveRays, received::Received};
 
@@ -12,7 +12,7 @@ pub struct CurrentView {
     pub look: Look,
     pub phases: ViewPhases,
     /// Beams that the view crosses, with their weights.
-    pub wanted: Vec<WantedBeam>,
+    pub wanted: Vec<RequestedBeam>,
     /// Distance of the nearest visible surface, scene units, as well as it is known.
     pub nearest: f64,
     /// True if that distance was taken from the picture.
@@ -70,14 +70,14 @@ pub enum Asked {
 
 impl CurrentView {
     /// Passes samples to the driver's light, except those that it already has.
-    pub fn insert(&mut self, light: &mut dyn Light, message: &Samples) {
+    pub fn insert(&mut self, light: &mut dyn Light, message: &ViewSamples) {
         let is_late = message.view < self.first_request;
-        if !is_late && !matches!(message.source, Source::Part | Source::Earlier) {
+        if !is_late && !matches!(message.source, SampleSource::Part | SampleSource::Earlier) {
             let seconds = self.since.elapsed().as_secs_f64();
             self.counts.first_samples.get_or_insert(seconds);
         }
         for (run, samples) in message.iter() {
-            if message.source == Source::Earlier {
+            if message.source == SampleSource::Earlier {
                 let present = self.received.count(run.key);
                 self.counts.stored += self.received.earlier.insert(light, run, samples, present);
                 continue;
@@ -87,10 +87,12 @@ impl CurrentView {
                 light.insert(Age::Present, run.key, run.paths, &samples[fresh]);
                 self.received.earlier.note(run.key, count);
                 match message.source {
-                    Source::Part | Source::Earlier => self.counts.parts += count,
-                    Source::Traced | Source::Stored if is_late => self.counts.late += count,
-                    Source::Traced => self.counts.traced += count,
-                    Source::Stored => self.counts.stored += count,
+                    SampleSource::Part | SampleSource::Earlier => self.counts.parts += count,
+                    SampleSource::Traced | SampleSource::Stored if is_late => {
+                        self.counts.late += count
+                    }
+                    SampleSource::Traced => self.counts.traced += count,
+                    SampleSource::Stored => self.counts.stored += count,
                 }
             }
         }

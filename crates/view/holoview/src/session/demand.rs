@@ -15,9 +15,9 @@ use holo_display::{
 use holo_picture::ViewSpec;
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
-    bulk::{LiveWanted, RaysWanted, ViewRequest, WantedBeam, WantedRay},
+    bulk::{LiveWanted, RaysWanted, RequestedBeam, ViewRequest, WantedRay},
     control::Control,
-    frame::Kind,
+    frame::FrameKind,
 };
 use holo_section::{BeamKey, Section};
 
@@ -170,13 +170,13 @@ impl Session {
         let diagonal = sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
         let nearest = GUESSED_DISTANCE * diagonal;
         let beams = self.driver.renderer.wishes().weigh(&look, beams)?;
-        let wanted = beams.iter().map(|beam| WantedBeam {
+        let wanted = beams.iter().map(|beam| RequestedBeam {
             key: beam.key,
             weight: beam.weight,
             held: 0,
             has_earlier: false,
         });
-        let wanted: Vec<WantedBeam> = wanted.collect();
+        let wanted: Vec<RequestedBeam> = wanted.collect();
         self.request_number += 1;
         let before = self.current.take();
         let had_live = before.as_ref().is_some_and(|before| before.live.is_some());
@@ -192,7 +192,7 @@ impl Session {
         if had_live {
             // Cancels the live rays of the view before.
             let none = LiveWanted { view: self.request_number, pixels: 0, rays: Vec::new() };
-            self.outbox.send(Kind::LiveWanted, &none.encode())?;
+            self.outbox.send(FrameKind::LiveWanted, &none.encode())?;
         }
         if !has_looked {
             self.driver.renderer.look(&look)?;
@@ -414,7 +414,7 @@ impl Session {
     /// Requests all stored samples that are useful to the view.
     pub(super) fn ask_for_all(&mut self) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
-        let also = |&(key, useful): &UsefulBeam| WantedBeam {
+        let also = |&(key, useful): &UsefulBeam| RequestedBeam {
             key,
             weight: STORED_ONLY * useful,
             held: 0,
@@ -430,12 +430,12 @@ impl Session {
 
     /// Sends a request under a new number, so that the server sends all stored samples that are not
     /// here yet.
-    pub(super) fn ask_anew(&mut self, wanted: Vec<WantedBeam>) -> Result<()> {
+    pub(super) fn ask_anew(&mut self, wanted: Vec<RequestedBeam>) -> Result<()> {
         self.request_number += 1;
         self.request_current(wanted)
     }
 
-    fn request_current(&mut self, wanted: Vec<WantedBeam>) -> Result<()> {
+    fn request_current(&mut self, wanted: Vec<RequestedBeam>) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
         let (look, nearest) = (current.look, current.nearest);
         let radius = self.driver.renderer.wishes().viewpoint_radius(&look, nearest);
@@ -448,7 +448,7 @@ impl Session {
         &self,
         look: &Look,
         radius: f64,
-        mut beams: Vec<WantedBeam>,
+        mut beams: Vec<RequestedBeam>,
         received: &Received,
     ) -> Result<()> {
         let viewpoint = viewpoint(&self.choice.sections, &look.view, radius);
@@ -463,7 +463,7 @@ impl Session {
             beams.iter_mut().for_each(|beam| beam.weight = beam.weight.min(STORED_ONLY));
         }
         let request = ViewRequest { view: self.request_number, viewpoint, beams };
-        Ok(self.outbox.send(Kind::View, &request.encode())?)
+        Ok(self.outbox.send(FrameKind::View, &request.encode())?)
     }
 
     /// Takes the distance of the nearest visible surface from the picture, and requests rays that
@@ -496,7 +496,7 @@ impl Session {
             // Every pixel has enough rays for now.
             return Ok(());
         }
-        Ok(self.outbox.send(Kind::Rays, &request.encode())?)
+        Ok(self.outbox.send(FrameKind::Rays, &request.encode())?)
     }
 
     /// Requests rays outside all sections, if workers trace.
@@ -510,7 +510,7 @@ impl Session {
             return Ok(());
         }
         let request = LiveWanted { view: current.first_request, pixels: live.pixels(), rays };
-        Ok(self.outbox.send(Kind::LiveWanted, &request.encode())?)
+        Ok(self.outbox.send(FrameKind::LiveWanted, &request.encode())?)
     }
 }
 

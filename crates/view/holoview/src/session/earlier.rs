@@ -7,7 +7,7 @@ use std::mem::take;
 
 use holo_display::{Age, Light};
 use holo_proto::fading::lasting;
-use holo_section::{BeamKey, Run, Sample};
+use holo_section::{BeamKey, NumberRun, Sample};
 use rustc_hash::{FxHashMap, FxHashSet};
 
 /// Most samples that are kept: 320 MiB. Further ones are not shown.
@@ -52,7 +52,7 @@ impl Earlier {
     pub fn insert(
         &mut self,
         light: &mut dyn Light,
-        run: &Run,
+        run: &NumberRun,
         samples: &[Sample],
         present: u64,
     ) -> u64 {

@@ -2,7 +2,7 @@
 
 use holo_display::{Look, SelectOptions, select_beams};
 use holo_picture::{View, ViewKind, ViewSpec};
-use holo_proto::bulk::WantedBeam;
+use holo_proto::bulk::RequestedBeam;
 use holo_section::{BeamKey, Section};
 use rustc_hash::FxHashSet;
 
@@ -11,7 +11,7 @@ const OUTSIDE: f32 = 0.02;
 
 /// Lowers the weights of beams that do not cross a part of the picture. `part` is its left, top,
 /// right and bottom in shares of the picture.
-pub fn concentrate(sections: &[Section], look: &Look, part: [f64; 4], beams: &mut [WantedBeam]) {
+pub fn concentrate(sections: &[Section], look: &Look, part: [f64; 4], beams: &mut [RequestedBeam]) {
     let Some((view, size)) = cropped(&look.view, look.size, part) else { return };
     let selected = select_beams(sections, &view, size, &SelectOptions::default()).beams;
     let inside: FxHashSet<BeamKey> = selected.into_iter().map(|beam| beam.key).collect();

@@ -149,7 +149,7 @@ fn bytes_of(message: &Message) -> u32 {
 mod tests {
     use std::time::Duration;
 
-    use holo_proto::{bulk::Unseen, frame::Kind, hello::Role};
+    use holo_proto::{bulk::Unseen, frame::FrameKind, hello::Role};
     use holo_section::{BeamId, BeamKey};
     use tokio::net::TcpListener;
 
@@ -183,7 +183,7 @@ mod tests {
         tokio::spawn(Reader { inbox, outbox, messages, loader: None, room }.run());
         const SENT: u32 = 1000;
         for view in 0..SENT {
-            server.send(Kind::Unseen, &message(view).encode()).unwrap();
+            server.send(FrameKind::Unseen, &message(view).encode()).unwrap();
         }
         let mut queued = usize::MAX;
         while server.queued_bytes() != queued {

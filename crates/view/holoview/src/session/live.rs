@@ -93,7 +93,7 @@ impl LiveRays {
     }
 
     /// Receives traced rays, and returns those that were under way.
-    pub fn take(&mut self, samples: &[bulk::LiveSample]) -> Vec<LiveSample> {
+    pub fn take(&mut self, samples: &[bulk::LiveResult]) -> Vec<LiveSample> {
         let mut fresh = Vec::with_capacity(samples.len());
         for sample in samples {
             if !self.under_way.remove(&sample.number) {
@@ -167,9 +167,9 @@ mod tests {
         (LiveRays::new(pixels, view, size, 1).unwrap(), view)
     }
 
-    fn answer(rays: &[LiveRay]) -> Vec<bulk::LiveSample> {
+    fn answer(rays: &[LiveRay]) -> Vec<bulk::LiveResult> {
         let hit = LiveHit { radiance: [0.5, 1.0, 2.0], distance: 3.0 };
-        rays.iter().map(|ray| bulk::LiveSample { number: ray.number, hit }).collect()
+        rays.iter().map(|ray| bulk::LiveResult { number: ray.number, hit }).collect()
     }
 
     #[test]
@@ -224,7 +224,7 @@ mod tests {
         // The same answers again, and one that was never requested.
         assert!(live.take(&answer(&under_way[..10_000])).is_empty());
         let hit = LiveHit { radiance: [1.0; 3], distance: 1.0 };
-        assert!(live.take(&[bulk::LiveSample { number: u64::MAX, hit }]).is_empty());
+        assert!(live.take(&[bulk::LiveResult { number: u64::MAX, hit }]).is_empty());
         assert_eq!(live.arrived(), 10_000);
         // The next request replaces those that have arrived.
         assert_eq!(live.wanted().len(), 10_000 + most - under_way.len());

@@ -38,7 +38,7 @@ use holo_display::{Driver, Frame, Interrupt, Look, PartsPlan, Phase};
 use holo_net::{Message, Outbox};
 use holo_picture::{Picture, View, ViewSpec};
 use holo_proto::{
-    bulk::Source,
+    bulk::SampleSource,
     control::{Control, Status, Welcome},
 };
 use holo_raycast::Ray;
@@ -436,11 +436,11 @@ impl Session {
             |current: &CurrentView, number| (current.first_request..=newest).contains(&number);
         match message {
             Message::Samples(samples) => {
-                if samples.source != Source::Traced {
+                if samples.source != SampleSource::Traced {
                     self.last_stored = Instant::now();
                 }
                 let counts = |current: &&mut CurrentView| {
-                    matches!(samples.source, Source::Part | Source::Earlier)
+                    matches!(samples.source, SampleSource::Part | SampleSource::Earlier)
                         || keeps_samples
                         || is_of(current, samples.view)
                 };

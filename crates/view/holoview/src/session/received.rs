@@ -2,7 +2,7 @@
 //! may arrive twice: from the file and from the worker.
 
 use holo_proto::bulk::MAX_HELD;
-use holo_section::{BeamKey, Run};
+use holo_section::{BeamKey, NumberRun};
 use rustc_hash::FxHashMap;
 
 use super::earlier::Earlier;
@@ -41,7 +41,7 @@ impl Received {
     }
 
     /// Adds a run. Returns the parts of it that are new, as ranges of positions in the run.
-    pub fn add(&mut self, run: &Run) -> Vec<std::ops::Range<usize>> {
+    pub fn add(&mut self, run: &NumberRun) -> Vec<std::ops::Range<usize>> {
         let OfBeam { count, ranges } = self.beams.entry(run.key).or_default();
         let ranges = &mut ranges[run.kind as usize];
         let (first, end) = (run.first, run.first + run.count);
@@ -88,7 +88,7 @@ mod tests {
         for _ in 0..2000 {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             let (first, count) = ((state >> 33) as u32 % 500, (state >> 50) as u32 % 21 + 1);
-            let run = Run {
+            let run = NumberRun {
                 key: BeamKey { section: 0, beam: BeamId(state >> 63) },
                 kind: SampleKind::Uniform,
                 first,

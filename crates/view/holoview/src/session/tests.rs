@@ -12,12 +12,12 @@ use holo_net::{Message, Outbox, Shutdown, accept};
 use holo_picture::ViewSpec;
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
-    bulk::{BlobChunk, Samples, Source, ViewRequest},
+    bulk::{BlobChunk, SampleSource, ViewRequest, ViewSamples},
     control::{Control, SceneInfo, Welcome},
-    frame::Kind,
+    frame::FrameKind,
 };
 use holo_scene::{Material, Scene};
-use holo_section::{BeamKey, Run, Sample, SampleKind, SectionSpec, ViewClass};
+use holo_section::{BeamKey, NumberRun, Sample, SampleKind, SectionSpec, ViewClass};
 use tokio::{net::TcpListener, time::timeout};
 
 use super::{Connected, Session};
@@ -75,7 +75,7 @@ async fn serve_file(listener: TcpListener, tracing: bool) -> Requests {
     let mut answer = |outbox: &Outbox, message| match message {
         Message::Control(Control::SceneWanted) => {
             let piece = BlobChunk { offset: 0, bytes: packed.clone() };
-            outbox.send(Kind::BlobChunk, &piece.encode()).unwrap();
+            outbox.send(FrameKind::BlobChunk, &piece.encode()).unwrap();
         }
         Message::View(view) => {
             outbox.control(&Control::StoredSent { view: view.view }).unwrap();
@@ -252,16 +252,16 @@ async fn serve_late(listener: TcpListener, completes: bool) -> u32 {
         match message {
             Message::Control(Control::SceneWanted) => {
                 let piece = BlobChunk { offset: 0, bytes: packed.clone() };
-                outbox.send(Kind::BlobChunk, &piece.encode()).unwrap();
+                outbox.send(FrameKind::BlobChunk, &piece.encode()).unwrap();
             }
             Message::View(ViewRequest { view, ref beams, .. }) if view > views => {
                 if views > 0 {
                     let (key, kind) = (beams[0].key, SampleKind::Uniform);
-                    let run = Run { key, kind, first: 21 * view, count: 21, paths: 1 };
+                    let run = NumberRun { key, kind, first: 21 * view, count: 21, paths: 1 };
                     let samples = vec![Sample::default(); 21];
-                    let source = Source::Traced;
-                    let late = Samples { view: views, source, runs: vec![run], samples };
-                    outbox.send(Kind::Samples, &late.encode()).unwrap();
+                    let source = SampleSource::Traced;
+                    let late = ViewSamples { view: views, source, runs: vec![run], samples };
+                    outbox.send(FrameKind::Samples, &late.encode()).unwrap();
                 }
                 if completes {
                     outbox.control(&Control::StoredSent { view }).unwrap();

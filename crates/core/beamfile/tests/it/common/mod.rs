@@ -8,7 +8,7 @@ use std::path::Path;
 
 use holo_beamfile::format::{HEADER_COPY_BYTES, POINTER_BYTES, POINTER_OFFSET};
 use holo_beamfile::{BeamFile, Options};
-use holo_section::{BeamId, BeamKey, Run, Sample, SampleKind};
+use holo_section::{BeamId, BeamKey, NumberRun, Sample, SampleKind};
 
 /// Beams of the two sections that test files have.
 pub const LAYOUT: [u64; 2] = [40, 12];
@@ -29,8 +29,8 @@ pub fn kind(code: u8) -> SampleKind {
     }
 }
 
-pub fn run(key: BeamKey, first: u32) -> Run {
-    Run { key, first, count: 0, kind: SampleKind::Uniform, paths: 1 }
+pub fn run(key: BeamKey, first: u32) -> NumberRun {
+    NumberRun { key, first, count: 0, kind: SampleKind::Uniform, paths: 1 }
 }
 
 /// Ten bytes that are different for each (beam, kind, number, tag).
@@ -46,7 +46,7 @@ pub fn sample(key: BeamKey, kind: SampleKind, number: u32, tag: u32) -> Sample {
     bytemuck::pod_read_unaligned(&bytes)
 }
 
-pub fn samples(run: &Run, count: u32, tag: u32) -> Vec<Sample> {
+pub fn samples(run: &NumberRun, count: u32, tag: u32) -> Vec<Sample> {
     (run.first..run.first + count).map(|n| sample(run.key, run.kind, n, tag)).collect()
 }
 
@@ -69,7 +69,7 @@ pub type Truth = (Vec<u8>, u16);
 pub struct Model(pub BTreeMap<BeamKey, BTreeMap<(u8, u32), Truth>>);
 
 impl Model {
-    pub fn put(&mut self, run: &Run, samples: &[Sample], supersedes: bool) {
+    pub fn put(&mut self, run: &NumberRun, samples: &[Sample], supersedes: bool) {
         for (number, sample) in (run.first..).zip(samples) {
             let truth = (bytemuck::bytes_of(sample).to_vec(), run.paths);
             let numbers = self.0.entry(run.key).or_default();

@@ -8,7 +8,7 @@ use std::time::Duration;
 use holo_net::{Inbox, NetError, Outbox, accept, connect};
 use holo_proto::{
     control::{Control, Welcome},
-    frame::Kind,
+    frame::FrameKind,
     hello::{Hello, Role},
 };
 use tokio::net::{TcpListener, TcpStream};
@@ -75,7 +75,8 @@ pub async fn raw_client() -> (TcpStream, Side) {
     use tokio::io::AsyncWriteExt;
     let (mut client, server) = raw().await;
     let hello =
-        holo_proto::frame::encode(Kind::Hello, &Hello::new(Role::Display, "raw").encode()).unwrap();
+        holo_proto::frame::encode(FrameKind::Hello, &Hello::new(Role::Display, "raw").encode())
+            .unwrap();
     client.write_all(&hello).await.unwrap();
     let (inbox, outbox, ..) = accept(server).await.unwrap();
     (client, (inbox, outbox))

@@ -6,13 +6,13 @@ use std::{future::Future, net::SocketAddr, path::PathBuf, time::Duration};
 
 use holo_net::{Destination, Inbox, Invitation, MachineKey, Message, NetError, Outbox, Shutdown};
 use holo_proto::{
-    bulk::{Packet, Results, Traced, ViewRequest, WantedBeam, Work},
+    bulk::{Packet, RequestedBeam, Results, TracedPacket, ViewRequest, WorkPackets},
     control::{Control, Farewell, RenderSettings, Welcome},
-    frame::Kind,
+    frame::FrameKind,
     hello::Role,
 };
 use holo_section::{BeamId, BeamKey, RayCoords, Sample, SectionSpec, ViewClass, Viewpoint};
-use holo_server::{About, Config, Holodeck, Limits, Ready, Summary};
+use holo_server::{Config, Holodeck, HolodeckDescription, RadianceLimits, Ready, Summary};
 use tokio::{sync::oneshot, task::JoinHandle, time::timeout};
 
 /// Longest wait in a test, in real time.
@@ -34,7 +34,7 @@ pub async fn in_time<T>(what: impl Future<Output = T>) -> T {
 /// A request for a view of the first beams.
 pub fn view(view: u32, beams: u64) -> Vec<u8> {
     let wanted =
-        |number| WantedBeam { key: beam(number), weight: 1.0, held: 0, has_earlier: false };
+        |number| RequestedBeam { key: beam(number), weight: 1.0, held: 0, has_earlier: false };
     let viewpoint = Viewpoint { eye: [0.5; 3], radius: 0.1 };
     ViewRequest { view, viewpoint, beams: (0..beams).map(wanted).collect() }.encode()
 }
@@ -70,8 +70,8 @@ impl Place {
         };
         let settings = RenderSettings::default();
         let place = Place { folder };
-        let mut about = About::new(vec![spec], settings, scene, "a test".into());
-        about.limits = Some(Limits { low: [0.0; 3], high: [1.0; 3], brightest: 1.0 });
+        let mut about = HolodeckDescription::new(vec![spec], settings, scene, "a test".into());
+        about.limits = Some(RadianceLimits { low: [0.0; 3], high: [1.0; 3], brightest: 1.0 });
         Holodeck::create(&place.file(), about, scene, 1 << 20).unwrap();
         place
     }
@@ -147,7 +147,7 @@ impl Peer {
         Peer { inbox, outbox, welcome }
     }
 
-    pub fn send(&self, kind: Kind, payload: &[u8]) {
+    pub fn send(&self, kind: FrameKind, payload: &[u8]) {
         self.outbox.send(kind, payload).unwrap();
     }
 
@@ -220,7 +220,7 @@ pub fn results<'a>(packets: impl IntoIterator<Item = &'a Packet>, hits: bool) ->
     let mut results = Results::default();
     for packet in packets {
         let count = u32::from(packet.count);
-        results.packets.push(Traced { id: packet.id, count, nanoseconds: 1000 });
+        results.packets.push(TracedPacket { id: packet.id, count, nanoseconds: 1000 });
         results.samples.extend(std::iter::repeat_n(sample(hits), count as usize));
     }
     results
@@ -240,7 +240,7 @@ pub async fn work_named(server: impl Into<Destination>, name: &str) {
 /// the session.
 pub async fn work_as(
     server: impl Into<Destination>,
-    answer: impl Fn(&Work) -> Results,
+    answer: impl Fn(&WorkPackets) -> Results,
 ) -> Option<Farewell> {
     answer_work(Peer::join(server, Role::Worker).await, answer).await
 }
@@ -249,18 +249,18 @@ pub async fn work_as(
 pub async fn work_as_named(
     server: impl Into<Destination>,
     name: &str,
-    answer: impl Fn(&Work) -> Results,
+    answer: impl Fn(&WorkPackets) -> Results,
 ) -> Option<Farewell> {
     answer_work(Peer::named(server, Role::Worker, name).await, answer).await
 }
 
-async fn answer_work(worker: Peer, answer: impl Fn(&Work) -> Results) -> Option<Farewell> {
+async fn answer_work(worker: Peer, answer: impl Fn(&WorkPackets) -> Results) -> Option<Farewell> {
     let Peer { mut inbox, outbox, .. } = worker;
     outbox.control(&Control::Ready { threads: 1 }).unwrap();
     loop {
         match inbox.next().await {
             Ok(Message::Work(work)) => {
-                outbox.send(Kind::Results, &answer(&work).encode()).unwrap();
+                outbox.send(FrameKind::Results, &answer(&work).encode()).unwrap();
             }
             Ok(Message::Control(Control::Bye(farewell))) => return Some(farewell),
             Ok(_) => {}
