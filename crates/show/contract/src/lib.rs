@@ -15,5 +15,5 @@ mod subject;
 #[path = "../../display/tests/common/viewer.rs"]
 mod viewer;
 
-pub use room::{Room, RoomSample};
-pub use subject::{SUBJECTS, Subject, Viewer};
+pub use room::{RoomSample, TestRoom};
+pub use subject::{SUBJECTS, Subject, SubjectViewer};

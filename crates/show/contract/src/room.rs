@@ -29,7 +29,7 @@ const MOST_TURNS: u32 = 3;
 pub type RoomSample = (BeamKey, Sample);
 
 /// The room, its sections, and the geometry that stands in for it.
-pub struct Room {
+pub struct TestRoom {
     /// The sections: one in the room, and a small one at its window.
     pub sections: Arc<[Section]>,
     /// The scene.
@@ -41,10 +41,10 @@ pub struct Room {
 }
 
 /// Corners of a quadrilateral, with its material.
-type Face = (&'static str, [[f64; 3]; 4]);
+type Quad = (&'static str, [[f64; 3]; 4]);
 
 /// The room: 6 × 5 × 3, with a window in the wall at x = 6. The floor comes first.
-const SHELL: [Face; 8] = [
+const SHELL: [Quad; 8] = [
     ("floor", [[0.0, 0.0, 0.0], [6.0, 0.0, 0.0], [6.0, 5.0, 0.0], [0.0, 5.0, 0.0]]),
     ("wall", [[0.0, 0.0, 3.0], [0.0, 5.0, 3.0], [6.0, 5.0, 3.0], [6.0, 0.0, 3.0]]),
     ("wall", [[0.0, 0.0, 0.0], [0.0, 0.0, 3.0], [6.0, 0.0, 3.0], [6.0, 0.0, 0.0]]),
@@ -56,13 +56,13 @@ const SHELL: [Face; 8] = [
 ];
 
 /// The wall at y = 5 and its mirror.
-const FAR_WALL: [Face; 2] = [
+const FAR_WALL: [Quad; 2] = [
     ("wall", [[0.0, 5.0, 0.0], [6.0, 5.0, 0.0], [6.0, 5.0, 3.0], [0.0, 5.0, 3.0]]),
     ("mirror", [[2.0, 4.98, 0.8], [4.0, 4.98, 0.8], [4.0, 4.98, 2.4], [2.0, 4.98, 2.4]]),
 ];
 
 /// What stands in the room.
-const FURNITURE: [Face; 6] = [
+const FURNITURE: [Quad; 6] = [
     ("pane", [[4.2, 1.2, 0.0], [4.2, 3.8, 0.0], [4.2, 3.8, 2.0], [4.2, 1.2, 2.0]]),
     ("veil", [[0.8, 4.0, 0.2], [1.8, 4.3, 0.2], [1.8, 4.3, 1.9], [0.8, 4.0, 1.9]]),
     ("coat", [[2.2, 3.2, 0.6], [3.4, 3.2, 0.6], [3.4, 4.2, 0.6], [2.2, 4.2, 0.6]]),
@@ -71,11 +71,11 @@ const FURNITURE: [Face; 6] = [
     ("wall", [[0.3, 2.4, 0.0], [0.9, 2.4, 0.0], [0.9, 2.4, 1.4], [0.3, 2.4, 1.4]]),
 ];
 
-const PORTAL: [Face; 1] =
+const PORTAL: [Quad; 1] =
     [("wall", [[0.0, 4.9, 0.0], [6.0, 4.9, 0.0], [6.0, 4.9, 3.0], [0.0, 4.9, 3.0]])];
 
 /// Writes faces as an OBJ file and loads it.
-fn load(folder: &Path, name: &str, faces: &[Face]) -> Arc<Raycaster> {
+fn load(folder: &Path, name: &str, faces: &[Quad]) -> Arc<Raycaster> {
     let mut obj = String::from("mtllib room.mtl\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n");
     for (number, (material, corners)) in faces.iter().enumerate() {
         for [x, y, z] in corners {
@@ -111,23 +111,23 @@ fn light(at: DVec3) -> f32 {
     (shadow * (0.3 + 2.0 / (1.0 + from_lamp))) as f32
 }
 
-impl Default for Room {
-    fn default() -> Room {
-        Room::new()
+impl Default for TestRoom {
+    fn default() -> TestRoom {
+        TestRoom::new()
     }
 }
 
-impl Room {
+impl TestRoom {
     /// Builds the room. Takes some milliseconds.
     #[must_use]
-    pub fn new() -> Room {
+    pub fn new() -> TestRoom {
         let folder = tempfile::tempdir().unwrap();
         let square = |x: u32, y: u32| if (x / 4 + y / 4).is_multiple_of(2) { 90 } else { 240 };
         let checks = image::GrayImage::from_fn(64, 64, |x, y| image::Luma([square(x, y)]));
         checks.save(folder.path().join("checks.png")).unwrap();
         std::fs::write(folder.path().join("room.mtl"), MATERIALS).unwrap();
-        let all: Vec<Face> = [&SHELL[..], &FAR_WALL, &FURNITURE].concat();
-        Room {
+        let all: Vec<Quad> = [&SHELL[..], &FAR_WALL, &FURNITURE].concat();
+        TestRoom {
             sections: Arc::from([
                 section([0.5, 0.5, 0.3], [5.0, 4.0, 2.4], 6),
                 section([5.2, 1.6, 1.0], [0.7, 1.8, 1.8], 2),

@@ -1,8 +1,8 @@
 //! Every driver, and one way to use any of them.
 
 use crate::viewer;
-use crate::{Room, RoomSample};
-use holo_display::{Driver, Frame, Interrupt, Look, Resolution};
+use crate::{RoomSample, TestRoom};
+use holo_display::{Driver, Frame, Interrupt, Look};
 use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_driver_rendercache::{PointImageParams, frameless_driver, pointimage_driver};
 use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver};
@@ -15,7 +15,7 @@ use std::sync::Arc;
 pub struct Subject {
     /// Its name in tests.
     pub name: &'static str,
-    make: fn(&Room) -> Driver,
+    make: fn(&TestRoom) -> Driver,
     /// Its frames at rest are a function of the set of samples, in any order.
     pub ignores_order: bool,
     /// Its frames at rest end when they are interrupted. Others are drawn too fast for that.
@@ -97,7 +97,7 @@ pub const SUBJECTS: [Subject; 7] = [
 ];
 
 /// Returns the driver of the room with simpler geometry.
-fn with_stand_in(room: &Room, portal: Option<&Arc<Raycaster>>) -> Driver {
+fn with_stand_in(room: &TestRoom, portal: Option<&Arc<Raycaster>>) -> Driver {
     let (sections, sky) = (Arc::clone(&room.sections), room.sky());
     let stand_in =
         StandIn { geometry: Some(Arc::clone(&room.simple)), portals: portal.map(Arc::clone) };
@@ -113,19 +113,19 @@ fn with_stand_in(room: &Room, portal: Option<&Arc<Raycaster>>) -> Driver {
 impl Subject {
     /// Makes the driver.
     #[must_use]
-    pub fn make(&self, room: &Room) -> Viewer {
-        Viewer(viewer::Viewer::new((self.make)(room)))
+    pub fn make(&self, room: &TestRoom) -> SubjectViewer {
+        SubjectViewer(viewer::TestViewer::new((self.make)(room)))
     }
 }
 
 /// A driver in use, as a session uses it.
-pub struct Viewer(viewer::Viewer);
+pub struct SubjectViewer(viewer::TestViewer);
 
-impl Viewer {
+impl SubjectViewer {
     /// Returns a viewer of another view of the same light.
     #[must_use]
-    pub fn beside(&self) -> Viewer {
-        Viewer(self.0.beside())
+    pub fn beside(&self) -> SubjectViewer {
+        SubjectViewer(self.0.beside())
     }
 
     /// Returns the signal that ends frames at rest.
@@ -136,8 +136,7 @@ impl Viewer {
 
     /// Shows a view.
     pub fn look(&mut self, view: &View, size: (u32, u32), is_moving: bool) {
-        let resolution = if is_moving { Resolution::Moving } else { Resolution::Full };
-        let look = Look { view: *view, size, resolution };
+        let look = Look { view: *view, size, is_moving };
         self.0.weigh(&look, Vec::new()).unwrap();
         self.0.viewpoint_radius(&look, 0.5);
         self.0.look(&look).unwrap();
@@ -172,7 +171,7 @@ impl Viewer {
     }
 
     /// Inserts live rays through all pixels that want some. Returns their number.
-    pub fn insert_live(&mut self, room: &Room, view: &View, size: (u32, u32)) -> usize {
+    pub fn insert_live(&mut self, room: &TestRoom, view: &View, size: (u32, u32)) -> usize {
         let pixels = self.uncovered();
         self.0.insert_live(1, &room.live(view, size, &pixels));
         pixels.len()
@@ -201,7 +200,7 @@ impl Viewer {
 
     /// Draws the left half of a picture; `None` if the driver cannot, or was interrupted.
     pub fn draw_half(&mut self, view: &View, size: (u32, u32)) -> Option<Picture> {
-        self.0.draw_half(&Look { view: *view, size, resolution: Resolution::Full })
+        self.0.draw_half(&Look { view: *view, size, is_moving: false })
     }
 
     /// Returns the known distances from the eye.

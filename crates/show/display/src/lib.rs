@@ -3,8 +3,8 @@
 //! [`select_beams`] turns a view into wanted beams (Larson & Simmons 1999, §2.4.2). The server
 //! answers with samples. A [`Driver`] turns samples into a [`Frame`]. It has two parts. [`Light`]
 //! takes the samples and lives for a session. A [`Renderer`] draws the frames of one view after
-//! another from that light, and there may be several. Its [`Wishes`] are the samples that its view
-//! would gain from. A [`Phase`] says what a frame is for. Each driver is a crate of its own that
+//! another from that light, and there may be several. Its [`RayWishes`] are the samples that its view
+//! would gain from. A [`FramePhase`] says what a frame is for. Each driver is a crate of its own that
 //! uses this one and no other driver.
 //!
 //! Invariants, here and in every driver:
@@ -43,12 +43,12 @@ pub use interrupt::Interrupt;
 pub use light::{Age, Light};
 pub use live::LiveSample;
 pub use parts::PartsPlan;
-pub use phase::{Phase, ViewPhases};
+pub use phase::{FramePhase, ViewPhases};
 pub use random::{mix, pair, split_mix};
-pub use renderer::{DriverError, Look, PartsRenderer, Renderer, Resolution};
+pub use renderer::{DriverError, Look, PartsRenderer, Renderer};
 pub use select::{
     Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius,
 };
 pub use stored::{DistanceTable, PlacedSection};
 pub use view_light::{StoringRenderer, ViewLight};
-pub use wishes::Wishes;
+pub use wishes::RayWishes;

@@ -2,11 +2,11 @@
 
 /// What a frame is for. It determines how long a renderer may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
+pub enum FramePhase {
     /// The eye moves, and another view follows soon. A renderer may trade accuracy for time.
     Moving,
-    /// The first frame of a view at rest. It is to appear soon. After a motion it shows light that
-    /// frames of the motion have found.
+    /// The first frame of a view at rest. It is to appear soon, for example by light that earlier
+    /// frames have found.
     First,
     /// A further frame of a view at rest. A new request may interrupt it.
     Rest,
@@ -33,27 +33,23 @@ impl ViewPhases {
         ViewPhases { is_moving, has_stopped, is_settled: false, is_drawn: false }
     }
 
-    /// Returns the phase of the next frame that is displayed.
+    /// Returns the phase of the next frame that is displayed. `is_late` if nobody waits for a first
+    /// frame any more.
     #[must_use]
-    pub fn next(&self) -> Phase {
+    pub fn next(&self, is_late: bool) -> FramePhase {
         match self {
-            _ if self.is_moving => Phase::Moving,
+            _ if self.is_moving => FramePhase::Moving,
+            _ if is_late => FramePhase::Rest,
             // If nothing more is to come, the first frame is the refined one. A person who stops
             // is shown the light of the motion even then, so that the stop has no delay.
-            _ if !self.is_drawn && (self.has_stopped || !self.is_settled) => Phase::First,
-            _ => Phase::Rest,
+            _ if !self.is_drawn && (self.has_stopped || !self.is_settled) => FramePhase::First,
+            _ => FramePhase::Rest,
         }
     }
 
     /// Records that all stored samples of the view have arrived.
     pub fn settle(&mut self) {
         self.is_settled = true;
-    }
-
-    /// Returns whether a frame was drawn.
-    #[must_use]
-    pub fn is_drawn(&self) -> bool {
-        self.is_drawn
     }
 
     /// Records that a frame was drawn.
@@ -69,12 +65,12 @@ mod tests {
     #[test]
     fn a_view_at_rest_has_one_first_frame_unless_everything_is_there() {
         let mut phases = ViewPhases::after(None, false);
-        assert_eq!(phases.next(), Phase::First);
+        assert_eq!(phases.next(false), FramePhase::First);
         phases.note_frame();
-        assert_eq!(phases.next(), Phase::Rest);
+        assert_eq!(phases.next(false), FramePhase::Rest);
         let mut phases = ViewPhases::after(Some(&phases), false);
         phases.settle();
-        assert_eq!(phases.next(), Phase::Rest);
+        assert_eq!(phases.next(false), FramePhase::Rest);
     }
 
     #[test]
@@ -82,11 +78,14 @@ mod tests {
         let mut moving = ViewPhases::after(None, true);
         moving.settle();
         moving.note_frame();
-        assert_eq!(moving.next(), Phase::Moving);
+        assert_eq!(moving.next(false), FramePhase::Moving);
         let mut stopped = ViewPhases::after(Some(&moving), false);
         stopped.settle();
-        assert_eq!(stopped.next(), Phase::First);
+        assert_eq!(
+            (stopped.next(false), stopped.next(true)),
+            (FramePhase::First, FramePhase::Rest)
+        );
         stopped.note_frame();
-        assert_eq!(stopped.next(), Phase::Rest);
+        assert_eq!(stopped.next(false), FramePhase::Rest);
     }
 }

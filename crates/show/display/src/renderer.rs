@@ -4,41 +4,17 @@ use std::ops::Range;
 
 use holo_picture::{Picture, View};
 
-use crate::{Frame, Interrupt, LiveSample, PartsPlan, Phase, Wishes};
+use crate::{Frame, FramePhase, Interrupt, LiveSample, PartsPlan, RayWishes};
 
-/// The number of pixels that a driver computes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Resolution {
-    /// Every pixel of the picture.
-    #[default]
-    Full,
-    /// Every other column and row, enlarged to the whole picture. It serves glances: views that
-    /// follow each other faster than full frames can be drawn, and the first picture of a view.
-    Half,
-    /// Every pixel of a view that the eye will leave soon. The front end has chosen as many pixels
-    /// as the time allows. A driver may trade accuracy for time.
-    Moving,
-}
-
-impl Resolution {
-    /// Returns the number of columns and rows computed for a picture of `size` pixels.
-    pub fn computed(self, size: (u32, u32)) -> (u32, u32) {
-        match self {
-            Self::Full | Self::Moving => size,
-            Self::Half => (size.0.div_ceil(2), size.1.div_ceil(2)),
-        }
-    }
-}
-
-/// A view to draw, with the frame's size and resolution.
+/// A view to draw, with the frame's size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
     /// The view.
     pub view: View,
     /// Width and height of the frame, pixels. [`View::resolve`] returns them and bounds them.
     pub size: (u32, u32),
-    /// The part of these pixels that is computed.
-    pub resolution: Resolution,
+    /// True if the eye moves, so that another view follows soon.
+    pub is_moving: bool,
 }
 
 impl Look {
@@ -49,7 +25,7 @@ impl Look {
     /// nobody notices the delay.
     pub fn is_small(&self) -> bool {
         let (width, height) = self.size;
-        self.resolution == Resolution::Full && u64::from(width) * u64::from(height) <= Self::SMALL
+        !self.is_moving && u64::from(width) * u64::from(height) <= Self::SMALL
     }
 }
 
@@ -76,20 +52,20 @@ pub trait Renderer: Send {
     fn look(&mut self, look: &Look) -> Result<(), DriverError>;
 
     /// Inserts rays of the view itself, each the mean of `paths` paths, traced for the pixels that
-    /// [`Wishes::uncovered`] returned.
+    /// [`RayWishes::uncovered`] returned.
     fn insert_live(&mut self, paths: u16, rays: &[LiveSample]);
 
     /// Reports that all stored samples of the view have arrived.
     fn settle(&mut self);
 
     /// Draws a frame. `None` before the first view, and if `interrupt` ended the frame, which may
-    /// happen only in [`Phase::Rest`]. Renderers that draw fast ignore the interrupt.
+    /// happen only in [`FramePhase::Rest`]. Renderers that draw fast ignore the interrupt.
     ///
     /// Calls `stage_ended` with the name of each stage as it ends, so that the caller can measure
     /// the stages. Renderers without stages never call it.
     fn draw(
         &mut self,
-        phase: Phase,
+        phase: FramePhase,
         interrupt: &Interrupt,
         stage_ended: &mut dyn FnMut(&'static str),
     ) -> Option<Frame>;
@@ -97,9 +73,9 @@ pub trait Renderer: Send {
     /// Returns whether drawing again would improve the frame without any new sample.
     fn refines(&self) -> bool;
 
-    /// Does a piece of work for the next frame in advance. Returns true if more is left. Called
-    /// while no samples arrive.
-    fn prepare(&mut self) -> bool;
+    /// Does a piece of work in advance for the next frame, which has this phase. Returns true if
+    /// more is left. Called while no samples arrive.
+    fn prepare(&mut self, phase: FramePhase) -> bool;
 
     /// Switches a part of the driver's method on or off from the next frame on. Returns whether
     /// the driver has a part of this name.
@@ -109,7 +85,7 @@ pub trait Renderer: Send {
     fn parts(&mut self) -> Option<&mut dyn PartsRenderer>;
 
     /// Returns what the view would gain from.
-    fn wishes(&mut self) -> &mut dyn Wishes;
+    fn wishes(&mut self) -> &mut dyn RayWishes;
 }
 
 /// Draws pictures in parts, as well as the driver can, from the samples that it has. The view that

@@ -5,12 +5,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use holo_section::{BeamKey, RayCoords, Sample};
 
 use crate::{
-    Age, BeamSearch, DriverError, Frame, Interrupt, Light, LiveSample, Look, PartsRenderer, Phase,
-    Renderer, Search, WantedBeam, Wishes,
+    Age, BeamSearch, DriverError, Frame, FramePhase, Interrupt, Light, LiveSample, Look,
+    PartsRenderer, RayWishes, Renderer, Search, WantedBeam,
 };
 
 /// A renderer that stores the samples of its view itself. Its methods are those of [`Light`].
-pub trait StoringRenderer: Renderer + Wishes + 'static {
+pub trait StoringRenderer: Renderer + RayWishes + 'static {
     /// Inserts samples of one beam.
     fn insert(&mut self, age: Age, beam: BeamKey, paths: u16, samples: &[Sample]);
 
@@ -28,7 +28,7 @@ pub struct ViewLight<R> {
 }
 
 /// A renderer that shares its samples' way with a [`ViewLight`].
-struct Shared<R>(Arc<Mutex<R>>);
+struct SharedRenderer<R>(Arc<Mutex<R>>);
 
 impl<R: StoringRenderer> ViewLight<R> {
     /// Returns a light whose renderers `make` makes.
@@ -52,7 +52,7 @@ impl<R: StoringRenderer> Light for ViewLight<R> {
     fn renderer(&mut self) -> Box<dyn Renderer> {
         let renderer = Arc::new(Mutex::new((self.make)()));
         self.renderers.push(Arc::downgrade(&renderer));
-        Box::new(Shared(renderer))
+        Box::new(SharedRenderer(renderer))
     }
 
     fn room(&self) -> u64 {
@@ -78,7 +78,7 @@ impl<R: StoringRenderer> Light for ViewLight<R> {
     }
 }
 
-impl<R: StoringRenderer> Renderer for Shared<R> {
+impl<R: StoringRenderer> Renderer for SharedRenderer<R> {
     fn look(&mut self, look: &Look) -> Result<(), DriverError> {
         lock(&self.0).look(look)
     }
@@ -93,7 +93,7 @@ impl<R: StoringRenderer> Renderer for Shared<R> {
 
     fn draw(
         &mut self,
-        phase: Phase,
+        phase: FramePhase,
         interrupt: &Interrupt,
         stage_ended: &mut dyn FnMut(&'static str),
     ) -> Option<Frame> {
@@ -104,8 +104,8 @@ impl<R: StoringRenderer> Renderer for Shared<R> {
         lock(&self.0).refines()
     }
 
-    fn prepare(&mut self) -> bool {
-        lock(&self.0).prepare()
+    fn prepare(&mut self, phase: FramePhase) -> bool {
+        lock(&self.0).prepare(phase)
     }
 
     fn switch(&mut self, part: &str, on: bool) -> bool {
@@ -117,12 +117,12 @@ impl<R: StoringRenderer> Renderer for Shared<R> {
         None
     }
 
-    fn wishes(&mut self) -> &mut dyn Wishes {
+    fn wishes(&mut self) -> &mut dyn RayWishes {
         self
     }
 }
 
-impl<R: StoringRenderer> Wishes for Shared<R> {
+impl<R: StoringRenderer> RayWishes for SharedRenderer<R> {
     fn weigh(
         &mut self,
         look: &Look,

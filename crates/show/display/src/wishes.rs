@@ -1,4 +1,4 @@
-//! The trait [`Wishes`]: samples that a renderer's view would gain from.
+//! The trait [`RayWishes`]: samples that a renderer's view would gain from.
 
 use holo_section::{BeamKey, RayCoords};
 
@@ -6,7 +6,7 @@ use crate::{BeamSearch, DriverError, Look, Search, WantedBeam};
 
 /// What a renderer's view would gain from: beams by weight, single rays, and rays of the view
 /// itself. Each renderer states all of them, also those that it has no use for.
-pub trait Wishes {
+pub trait RayWishes {
     /// Returns `beams` with weights that consider the driver's samples.
     ///
     /// The session calls it before [`Renderer::look`](crate::Renderer::look), with the beams of the

@@ -10,9 +10,9 @@ use crate::live::Overlay;
 use crate::log::Log;
 use crate::{Cells, Filling, Quadtree, QuadtreeParams};
 use holo_display::{
-    Age, BeamSearch, Driver, DriverError, Frame, Interrupt, LiveSample, Look, PartsRenderer, Phase,
-    Renderer, Resolution, Search, StoringRenderer, ViewLight, WantedBeam, Wishes, uncovered_pixels,
-    viewpoint_radius,
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, LiveSample, Look,
+    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
+    uncovered_pixels, viewpoint_radius,
 };
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 use std::collections::HashSet;
@@ -25,13 +25,13 @@ const MAX_DEGREES: f64 = 20.0;
 /// Returns the driver `quadtree`. `sky` is the radiance of rays that hit nothing.
 pub fn quadtree_driver(sections: Arc<[Section]>, sky: [f32; 3]) -> Driver {
     let make = move || QuadtreeRenderer::new(Arc::clone(&sections), sky, None);
-    Driver::new("quadtree", false, ViewLight::new(make))
+    Driver::new("quadtree", ViewLight::new(make))
 }
 
 /// Returns the driver `cells`, with cells that are filled in this way.
 pub fn cells_driver(sections: Arc<[Section]>, sky: [f32; 3], filling: Filling) -> Driver {
     let make = move || QuadtreeRenderer::new(Arc::clone(&sections), sky, Some(filling));
-    Driver::new("cells", false, ViewLight::new(make))
+    Driver::new("cells", ViewLight::new(make))
 }
 
 /// The quadtree, or cells of its samples, from view to view.
@@ -101,7 +101,7 @@ impl QuadtreeRenderer {
 
     /// Returns an empty shape for a view.
     fn shape(&self, look: &Look) -> Shape {
-        let (sections, size) = (Arc::clone(&self.sections), look.resolution.computed(look.size));
+        let (sections, size) = (Arc::clone(&self.sections), look.size);
         let params = QuadtreeParams { sky: self.sky, ..QuadtreeParams::default() };
         match self.cells {
             None => Shape::Leaves(Box::new(Quadtree::new(sections, look.view, size, params))),
@@ -163,7 +163,7 @@ impl Renderer for QuadtreeRenderer {
 
     fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
         let Some(shown) = &mut self.shown else { return };
-        if shown.look.resolution != Resolution::Full {
+        if shown.look.is_moving {
             return;
         }
         let Look { view, size, .. } = shown.look;
@@ -184,16 +184,12 @@ impl Renderer for QuadtreeRenderer {
 
     fn draw(
         &mut self,
-        _phase: Phase,
+        _phase: FramePhase,
         _interrupt: &Interrupt,
         _stage_ended: &mut dyn FnMut(&'static str),
     ) -> Option<Frame> {
         let shown = self.shown.as_ref()?;
         let mut frame = shown.both.as_ref().unwrap_or(&shown.own).draw();
-        if shown.look.resolution == Resolution::Half {
-            frame = frame.enlarged(shown.look.size);
-            frame.blank_corners(&shown.look.view);
-        }
         if let Some(overlay) = &shown.overlay {
             overlay.paint(&mut frame);
         }
@@ -204,7 +200,7 @@ impl Renderer for QuadtreeRenderer {
         false
     }
 
-    fn prepare(&mut self) -> bool {
+    fn prepare(&mut self, _phase: FramePhase) -> bool {
         false
     }
 
@@ -216,12 +212,12 @@ impl Renderer for QuadtreeRenderer {
         None
     }
 
-    fn wishes(&mut self) -> &mut dyn Wishes {
+    fn wishes(&mut self) -> &mut dyn RayWishes {
         self
     }
 }
 
-impl Wishes for QuadtreeRenderer {
+impl RayWishes for QuadtreeRenderer {
     fn weigh(
         &mut self,
         _look: &Look,
@@ -244,7 +240,7 @@ impl Wishes for QuadtreeRenderer {
 
     fn uncovered(&mut self) -> Vec<u32> {
         match &self.shown {
-            Some(shown) if shown.look.resolution == Resolution::Full => {
+            Some(shown) if !shown.look.is_moving => {
                 let Look { view, size, .. } = shown.look;
                 uncovered_pixels(&shown.own.tree().covered, &view, size)
             }

@@ -6,8 +6,8 @@
 use std::sync::Arc;
 
 use holo_display::{
-    Age, BeamSearch, Driver, DriverError, Frame, Interrupt, LiveSample, Look, PartsRenderer, Phase,
-    Renderer, Search, StoringRenderer, ViewLight, WantedBeam, Wishes,
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, LiveSample, Look,
+    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
 };
 use holo_picture::{View, ViewKind};
 use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
@@ -32,14 +32,11 @@ pub fn pointimage_driver(
     params: PointImageParams,
 ) -> Driver {
     let make = move || PointImageRenderer::new(Arc::clone(&sections), sky, params.clone());
-    Driver::new(NAME, false, ViewLight::new(make))
+    Driver { keeps_pixels: true, ..Driver::new(NAME, ViewLight::new(make)) }
 }
 
 /// Draws each view of a session from the points of all views so far (Walter, Drettakis & Parker
 /// 1999).
-///
-/// It ignores [`Look::resolution`]. A cache of half the size would lose points whenever the camera
-/// starts or stops, and the render cache is fast while the camera moves.
 struct PointImageRenderer {
     sections: Arc<[Section]>,
     sky: [f32; 3],
@@ -124,7 +121,7 @@ impl Renderer for PointImageRenderer {
 
     fn draw(
         &mut self,
-        _phase: Phase,
+        _phase: FramePhase,
         _interrupt: &Interrupt,
         stage_ended: &mut dyn FnMut(&'static str),
     ) -> Option<Frame> {
@@ -139,7 +136,7 @@ impl Renderer for PointImageRenderer {
         false
     }
 
-    fn prepare(&mut self) -> bool {
+    fn prepare(&mut self, _phase: FramePhase) -> bool {
         false
     }
 
@@ -155,12 +152,12 @@ impl Renderer for PointImageRenderer {
         None
     }
 
-    fn wishes(&mut self) -> &mut dyn Wishes {
+    fn wishes(&mut self) -> &mut dyn RayWishes {
         self
     }
 }
 
-impl Wishes for PointImageRenderer {
+impl RayWishes for PointImageRenderer {
     fn weigh(
         &mut self,
         look: &Look,
@@ -185,7 +182,7 @@ impl Wishes for PointImageRenderer {
     }
 
     fn depths(&mut self) -> Vec<f32> {
-        let frame = self.draw(Phase::Rest, &Interrupt::default(), &mut |_| {});
+        let frame = self.draw(FramePhase::Rest, &Interrupt::default(), &mut |_| {});
         frame.map_or_else(Vec::new, |frame| frame.depth)
     }
 

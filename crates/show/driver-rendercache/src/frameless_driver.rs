@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use holo_display::{
-    Age, BeamSearch, Driver, DriverError, Frame, Interrupt, LiveSample, Look, PartsRenderer, Phase,
-    Renderer, Search, StoringRenderer, ViewLight, WantedBeam, Wishes,
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, LiveSample, Look,
+    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
 };
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 
@@ -16,13 +16,11 @@ const NAME: &str = "frameless";
 /// Returns the driver `frameless`. Beams that cannot hit anything show `sky`.
 pub fn frameless_driver(sections: Arc<[Section]>, sky: [f32; 3]) -> Driver {
     let make = move || FramelessRenderer { sections: Arc::clone(&sections), sky, shown: None };
-    Driver::new(NAME, false, ViewLight::new(make))
+    Driver { keeps_pixels: true, ..Driver::new(NAME, ViewLight::new(make)) }
 }
 
 /// Shows the newest sample of each pixel, whichever view the sample was for (Bishop, Fuchs,
 /// McMillan & Scher Zagier 1994).
-///
-/// It ignores [`Look::resolution`], because pixels keep their colours from view to view.
 struct FramelessRenderer {
     sections: Arc<[Section]>,
     sky: [f32; 3],
@@ -93,7 +91,7 @@ impl Renderer for FramelessRenderer {
 
     fn draw(
         &mut self,
-        _phase: Phase,
+        _phase: FramePhase,
         _interrupt: &Interrupt,
         _stage_ended: &mut dyn FnMut(&'static str),
     ) -> Option<Frame> {
@@ -110,7 +108,7 @@ impl Renderer for FramelessRenderer {
         false
     }
 
-    fn prepare(&mut self) -> bool {
+    fn prepare(&mut self, _phase: FramePhase) -> bool {
         false
     }
 
@@ -122,12 +120,12 @@ impl Renderer for FramelessRenderer {
         None
     }
 
-    fn wishes(&mut self) -> &mut dyn Wishes {
+    fn wishes(&mut self) -> &mut dyn RayWishes {
         self
     }
 }
 
-impl Wishes for FramelessRenderer {
+impl RayWishes for FramelessRenderer {
     fn weigh(
         &mut self,
         look: &Look,
@@ -150,7 +148,7 @@ impl Wishes for FramelessRenderer {
     }
 
     fn depths(&mut self) -> Vec<f32> {
-        let frame = self.draw(Phase::Rest, &Interrupt::default(), &mut |_| {});
+        let frame = self.draw(FramePhase::Rest, &Interrupt::default(), &mut |_| {});
         frame.map_or_else(Vec::new, |frame| frame.depth)
     }
 

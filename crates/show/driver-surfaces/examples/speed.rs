@@ -11,12 +11,11 @@ mod stored;
 #[path = "../../display/tests/common/viewer.rs"]
 mod viewer;
 
-use holo_display::{Look, Resolution};
+use holo_display::Look;
 use holo_driver_surfaces::surfaces_driver;
-use holo_picture::View;
 use std::time::Instant;
 use stored::{Stored, seconds};
-use viewer::Viewer;
+use viewer::TestViewer;
 
 /// Frames drawn while the eye moves.
 const FRAMES: u32 = 20;
@@ -34,18 +33,17 @@ fn main() {
     let args: Vec<String> = std::env::args().collect();
     let [_, file, name, out] = &args[..] else { panic!("see the source") };
     let Stored { raycaster, sections, beams, view, size } = Stored::read(file, name);
-    let mut driver = Viewer::new(surfaces_driver(sections, raycaster, None));
+    let mut driver = TestViewer::new(surfaces_driver(sections, raycaster, None));
     let count: usize = beams.iter().map(|(_, read)| read.samples.len()).sum();
-    let look = |view: View, resolution| Look { view, size, resolution };
 
     timed("insertion, ns a sample", u32::try_from(count).unwrap(), 1e9, || {
         beams.iter().for_each(|(key, read)| driver.insert(*key, 1, &read.samples));
     });
-    let half = look(view, Resolution::Half);
-    timed("half, nothing known: look, ms", 1, 1e3, || driver.look(&half).unwrap());
-    timed("half, nothing known: draw, ms", 1, 1e3, || drop(driver.draw()));
-    let full = look(view, Resolution::Full);
-    let finish = |driver: &mut Viewer| while driver.prepare() {};
+    let sketch = Look { view, size: (size.0 / 2, size.1 / 2), is_moving: false };
+    timed("sketch, nothing known: look, ms", 1, 1e3, || driver.look(&sketch).unwrap());
+    timed("sketch, nothing known: draw, ms", 1, 1e3, || drop(driver.draw()));
+    let full = Look { view, size, is_moving: false };
+    let finish = |driver: &mut TestViewer| while driver.prepare() {};
     timed("full: look, ms", 1, 1e3, || driver.look(&full).unwrap());
     timed("full: first draw, ms", 1, 1e3, || drop(driver.draw()));
     timed("full: look into edges, ms", 1, 1e3, || finish(&mut driver));
@@ -55,7 +53,7 @@ fn main() {
         .map(|step| {
             let eye = view.vp + view.right() * 0.02 * f64::from(step);
             let size = (size.0 / 2, size.1 / 2);
-            Look { view: view.moved(eye, view.vd).unwrap(), size, resolution: Resolution::Moving }
+            Look { view: view.moved(eye, view.vd).unwrap(), size, is_moving: true }
         })
         .collect();
     timed("moving: look, ms", FRAMES, 1e3, || {

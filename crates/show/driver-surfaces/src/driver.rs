@@ -13,8 +13,8 @@ use crate::waits::Waits;
 use crate::{Gathered, Materials, Placer, RaySample, Store, View};
 use holo_denoise::Denoiser;
 use holo_display::{
-    Age, BeamSearch, Certainty, Driver, DriverError, Frame, Interrupt, Light, LiveSample, Look,
-    PartsPlan, PartsRenderer, Phase, Renderer, Resolution, Search, WantedBeam, Wishes,
+    Age, BeamSearch, Certainty, Driver, DriverError, Frame, FramePhase, Interrupt, Light,
+    LiveSample, Look, PartsPlan, PartsRenderer, RayWishes, Renderer, Search, WantedBeam,
     beams_ending_on, covered, uncovered_pixels, viewpoint_radius,
 };
 use holo_picture::Picture;
@@ -45,11 +45,11 @@ const LEAST_BATCH: usize = 1 << 12;
 /// Greatest unknown share of a frame of known light, while the eye moves or has just stopped.
 const MOST_UNKNOWN: f32 = 0.5;
 
-/// The same in a glance.
+/// The same in the first frame after a jump.
 const FEW_UNKNOWN: f32 = 0.25;
 
-/// Least side of the filtered squares in a glance and while the eye moves, pixels. In the cabin at
-/// 480 × 360, squares of one pixel delay a glance by 0.3 s.
+/// Least side of the filtered squares while the eye moves, pixels. In the cabin at 480 × 360,
+/// squares of one pixel delayed a frame by 0.3 s.
 const LEAST_STEP: usize = 2;
 
 /// Side of the squares in a view's first frame of all pixels, so that it appears soon, pixels.
@@ -72,7 +72,8 @@ pub fn surfaces_driver(
     raycaster: Arc<Raycaster>,
     denoiser: Option<Denoiser>,
 ) -> Driver {
-    Driver::new(NAME, true, SurfaceLight::new(sections, raycaster, denoiser))
+    let light = SurfaceLight::new(sections, raycaster, denoiser);
+    Driver { knows_surfaces: true, ..Driver::new(NAME, light) }
 }
 
 /// Light that is stored on the scene's surfaces.
@@ -222,20 +223,20 @@ impl LitScene {
 
     /// Starts another view of a renderer.
     fn look(&mut self, number: u64, look: &Look) {
-        let size = look.resolution.computed(look.size);
+        let size = look.size;
         let raycaster = Arc::clone(&self.raycaster);
         let view = View::new(raycaster, Arc::clone(&self.materials), &look.view, size);
         let covered = covered(&self.sections, &look.view, size);
         self.store.begin_round();
         self.live.begin_round();
-        let moved = |shown: &Shown| shown.look.resolution == Resolution::Moving;
-        let has_stopped = self.views.get(&number).is_some_and(moved);
+        let has_stopped = self.views.get(&number).is_some_and(|shown| shown.look.is_moving);
         let lit = (&self.store, &self.known);
-        let known = match look.resolution {
-            Resolution::Moving => view.known(lit, 2, MOST_UNKNOWN),
-            Resolution::Half => view.known(lit, 2, FEW_UNKNOWN),
-            Resolution::Full if has_stopped => view.known(lit, FIRST_STEP, MOST_UNKNOWN),
-            Resolution::Full => None,
+        let known = match look.is_moving {
+            true => view.known(lit, LEAST_STEP, MOST_UNKNOWN),
+            false if has_stopped => view.known(lit, FIRST_STEP, MOST_UNKNOWN),
+            // The best picture of a small view is soon there.
+            false if look.is_small() => None,
+            false => view.known(lit, FIRST_STEP, FEW_UNKNOWN),
         };
         let shown = Shown {
             look: *look,
@@ -258,7 +259,7 @@ impl LitScene {
     fn drawn(
         &mut self,
         number: u64,
-        phase: Phase,
+        phase: FramePhase,
         interrupt: &Interrupt,
     ) -> Option<(Drawn, Option<Gathered>)> {
         if let Some(drawn) = self.drawn_from_known(number, phase) {
@@ -269,13 +270,13 @@ impl LitScene {
     }
 
     /// Draws a view from known light, if it is to be shown now.
-    fn drawn_from_known(&mut self, number: u64, phase: Phase) -> Option<Drawn> {
+    fn drawn_from_known(&mut self, number: u64, phase: FramePhase) -> Option<Drawn> {
         let shown = self.views.get_mut(&number)?;
-        if matches!(phase, Phase::Rest | Phase::File) {
+        if matches!(phase, FramePhase::Rest | FramePhase::File) {
             shown.known = None;
         }
         let drawn = shown.view.draw_known(&self.store, shown.known.as_ref()?);
-        if phase == Phase::First {
+        if phase == FramePhase::First {
             (shown.known, shown.drawn) = (None, Some(Refined::KNOWN));
         }
         Some(drawn)
@@ -285,28 +286,28 @@ impl LitScene {
     fn drawn_from_samples(
         &mut self,
         number: u64,
-        phase: Phase,
+        phase: FramePhase,
         interrupt: &Interrupt,
     ) -> Option<(Drawn, Option<Gathered>)> {
         let shown = self.views.get_mut(&number)?;
-        let Look { resolution, .. } = shown.look;
         if shown.look.is_small() {
             while shown.look_into_edges(&self.store) {}
         }
         let samples = self.store.samples() + self.live.samples();
         let is_best = shown.draws_best(samples, phase);
-        let is_soon = !shown.look.is_small() && matches!(phase, Phase::First | Phase::Moving);
+        let is_soon =
+            !shown.look.is_small() && matches!(phase, FramePhase::First | FramePhase::Moving);
         let mut refined = shown.refined(self.denoiser.is_some(), is_soon);
         let never = Interrupt::default();
-        let can_end_early = phase == Phase::Rest && shown.drawn.is_some();
+        let can_end_early = phase == FramePhase::Rest && shown.drawn.is_some();
         let interrupt = if can_end_early { interrupt } else { &never };
         let (view, store) = (&shown.view, &self.store);
         let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));
         let mut denoiser = self.denoiser.as_mut().filter(|_| refined.is_denoised);
-        let least = match resolution {
-            Resolution::Full if is_soon => FIRST_STEP,
-            Resolution::Full => 1,
-            Resolution::Half | Resolution::Moving => LEAST_STEP,
+        let least = match phase {
+            FramePhase::Moving => LEAST_STEP,
+            FramePhase::First if is_soon => FIRST_STEP,
+            FramePhase::First | FramePhase::Rest | FramePhase::File => 1,
         };
         let has_live = self.live.samples() > 0 && shown.covered.contains(&false);
         let density = gathered.density(view);
@@ -337,11 +338,11 @@ impl LitScene {
         Some((drawn, all))
     }
 
-    fn draw(&mut self, number: u64, phase: Phase, interrupt: &Interrupt) -> Option<Frame> {
+    fn draw(&mut self, number: u64, phase: FramePhase, interrupt: &Interrupt) -> Option<Frame> {
         let (drawn, all) = self.drawn(number, phase, interrupt)?;
         let shown = self.views.get(&number)?;
-        let Look { view, size, resolution } = shown.look;
-        let mut frame = Frame::black(resolution.computed(size));
+        let Look { view, size, .. } = shown.look;
+        let mut frame = Frame::black(size);
         frame.picture.view = Some(view);
         frame.picture.pixels = drawn.pixels;
         frame.depth = shown.depth();
@@ -367,29 +368,29 @@ impl LitScene {
             own < ENOUGH_FOR_GLEAMS && shown.view.is_glossy(&shown.view.seen[pixel])
         };
         frame.gleam_pixels = count(&is_guessed) as u64;
-        if resolution == Resolution::Half {
-            frame = frame.enlarged(size);
-        }
         frame.blank_corners(&view);
         Some(frame)
     }
 
     /// Does a piece of work for the next frame of a view. Returns true if more is left.
-    fn prepare(&mut self, number: u64) -> bool {
+    fn prepare(&mut self, number: u64, phase: FramePhase) -> bool {
         let waits = [&self.waiting, &self.earlier, &self.leaving];
         if waits.iter().any(|waits| waits.len() >= LEAST_BATCH) {
             self.place_waiting();
         }
         let store = &self.store;
-        let gathers = |shown: &&mut Shown| shown.look.resolution != Resolution::Moving;
+        let gathers = |shown: &&mut Shown| !shown.look.is_moving;
         let Some(shown) = self.views.get_mut(&number).filter(gathers) else { return false };
+        if phase == FramePhase::Rest {
+            shown.known = None;
+        }
         if shown.known.is_some() {
             // Gathering now would delay the first frame.
             return false;
         }
         if shown.gathered.is_none() {
             shown.gathered = Some(Gathered::new(&shown.view, store));
-            return shown.look.resolution == Resolution::Full;
+            return true;
         }
         shown.prepare_edges(store)
     }
@@ -446,7 +447,7 @@ impl Renderer for SurfaceRenderer {
 
     fn draw(
         &mut self,
-        phase: Phase,
+        phase: FramePhase,
         interrupt: &Interrupt,
         _stage_ended: &mut dyn FnMut(&'static str),
     ) -> Option<Frame> {
@@ -462,8 +463,8 @@ impl Renderer for SurfaceRenderer {
         scene.views.get(&self.number).is_some_and(refines)
     }
 
-    fn prepare(&mut self) -> bool {
-        lock(&self.scene).prepare(self.number)
+    fn prepare(&mut self, phase: FramePhase) -> bool {
+        lock(&self.scene).prepare(self.number, phase)
     }
 
     fn switch(&mut self, _part: &str, _on: bool) -> bool {
@@ -474,7 +475,7 @@ impl Renderer for SurfaceRenderer {
         Some(self)
     }
 
-    fn wishes(&mut self) -> &mut dyn Wishes {
+    fn wishes(&mut self) -> &mut dyn RayWishes {
         self
     }
 }
@@ -497,7 +498,7 @@ impl PartsRenderer for SurfaceRenderer {
     }
 }
 
-impl Wishes for SurfaceRenderer {
+impl RayWishes for SurfaceRenderer {
     fn weigh(
         &mut self,
         _look: &Look,
@@ -520,7 +521,7 @@ impl Wishes for SurfaceRenderer {
 
     fn uncovered(&mut self) -> Vec<u32> {
         match lock(&self.scene).views.get(&self.number) {
-            Some(shown) if shown.look.resolution == Resolution::Full => {
+            Some(shown) if !shown.look.is_moving => {
                 let mut pixels =
                     uncovered_pixels(&shown.covered, &shown.look.view, shown.look.size);
                 // The sky and lamps need no samples.

@@ -3,7 +3,7 @@
 //!
 //! Invariant: a portal behind a surface has no effect.
 
-use holo_display::{Driver, Frame, Interrupt, Phase};
+use holo_display::{Driver, Frame, FramePhase, Interrupt};
 use holo_picture::View;
 use holo_raycast::{Ray, Raycaster};
 use rayon::prelude::*;
@@ -39,7 +39,12 @@ pub(crate) fn looking_beyond(
 
 impl Beyond {
     /// Copies the pixels that look through portals into a frame. `None` if it was interrupted.
-    pub fn paint(&mut self, frame: &mut Frame, phase: Phase, interrupt: &Interrupt) -> Option<()> {
+    pub fn paint(
+        &mut self,
+        frame: &mut Frame,
+        phase: FramePhase,
+        interrupt: &Interrupt,
+    ) -> Option<()> {
         let drawn = self.driver.renderer.draw(phase, interrupt, &mut |_| {})?;
         for (pixel, _) in self.pixels.iter().enumerate().filter(|(_, is_beyond)| **is_beyond) {
             frame.picture.pixels[pixel] = drawn.picture.pixels[pixel];

@@ -2,7 +2,7 @@
 //! far its frames are refined.
 
 use glam::DVec3;
-use holo_display::{End, Look, Phase, Resolution};
+use holo_display::{End, FramePhase, Look};
 use rayon::prelude::*;
 
 use crate::draw::KnownLight;
@@ -23,8 +23,8 @@ pub(crate) struct Shown {
     /// The sums of the view's samples; `None` until a frame needs them.
     pub(crate) gathered: Option<Gathered>,
     pub(crate) edges: Edges,
-    /// Known light. It is shown while the eye moves, and in the first frame of a glance and after a
-    /// stop, so that these frames appear soon.
+    /// Known light. It is shown while the eye moves, and in the first frame at rest, so that these
+    /// frames appear soon.
     pub(crate) known: Option<KnownLight>,
     /// Refinement of the last frame at rest; `None` before the first one.
     pub(crate) drawn: Option<Refined>,
@@ -61,16 +61,16 @@ impl Refined {
 impl Shown {
     /// Returns true if the next frame is drawn as well as possible, even if it takes longer.
     /// `samples` is the number of samples that it is drawn from.
-    pub(crate) fn draws_best(&self, samples: u64, phase: Phase) -> bool {
+    pub(crate) fn draws_best(&self, samples: u64, phase: FramePhase) -> bool {
         // Without new samples, nothing but a better frame can follow.
         let is_unchanged = matches!(self.edges, Edges::All) && self.drawn_from == Some(samples);
-        phase == Phase::File || is_unchanged || self.look.is_small()
+        phase == FramePhase::File || is_unchanged || self.look.is_small()
     }
 
     /// Returns how the best frame drawn now would be refined. If it is to appear soon, it is not
     /// denoised.
     pub(crate) fn refined(&self, has_denoiser: bool, is_soon: bool) -> Refined {
-        let is_refined = !is_soon && self.look.resolution == Resolution::Full;
+        let is_refined = !is_soon && !self.look.is_moving;
         let has_edges = matches!(self.edges, Edges::All);
         Refined {
             is_gathered: true,
@@ -84,7 +84,7 @@ impl Shown {
     /// Looks into some pixels on edges of a view at rest, unless its first frame shows known light.
     /// Returns true if more are left.
     pub(crate) fn prepare_edges(&mut self, store: &Store) -> bool {
-        let looks = self.look.resolution == Resolution::Full && self.known.is_none();
+        let looks = !self.look.is_moving && self.known.is_none();
         looks && self.look_into_edges(store)
     }
 

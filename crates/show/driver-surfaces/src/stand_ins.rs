@@ -9,8 +9,8 @@ use crate::portals::{Beyond, looking_beyond};
 use crate::{SurfaceLight, SurfaceRenderer};
 use holo_denoise::Denoiser;
 use holo_display::{
-    Age, BeamSearch, Driver, DriverError, Frame, Interrupt, Light, LiveSample, Look, PartsRenderer,
-    Phase, Renderer, Search, StoringRenderer, ViewLight, WantedBeam, Wishes, section_of,
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, Light, LiveSample, Look,
+    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam, section_of,
 };
 use holo_picture::View;
 use holo_raycast::Raycaster;
@@ -65,7 +65,7 @@ pub fn stand_ins_driver(
             beyond: None,
         }
     };
-    Driver::new(NAME, true, ViewLight::new(make))
+    Driver { knows_surfaces: true, ..Driver::new(NAME, ViewLight::new(make)) }
 }
 
 /// Draws light that is stored on stand-ins while one view is shown.
@@ -142,7 +142,7 @@ impl Renderer for StandInsRenderer {
 
     fn draw(
         &mut self,
-        phase: Phase,
+        phase: FramePhase,
         interrupt: &Interrupt,
         stage_ended: &mut dyn FnMut(&'static str),
     ) -> Option<Frame> {
@@ -158,9 +158,10 @@ impl Renderer for StandInsRenderer {
         self.renderer.refines() || beyond.is_some_and(|beyond| beyond.driver.renderer.refines())
     }
 
-    fn prepare(&mut self) -> bool {
+    fn prepare(&mut self, phase: FramePhase) -> bool {
         let beyond = self.beyond.as_mut();
-        self.renderer.prepare() || beyond.is_some_and(|beyond| beyond.driver.renderer.prepare())
+        let prepares = |beyond: &mut Beyond| beyond.driver.renderer.prepare(phase);
+        self.renderer.prepare(phase) || beyond.is_some_and(prepares)
     }
 
     fn switch(&mut self, part: &str, on: bool) -> bool {
@@ -172,12 +173,12 @@ impl Renderer for StandInsRenderer {
         None
     }
 
-    fn wishes(&mut self) -> &mut dyn Wishes {
+    fn wishes(&mut self) -> &mut dyn RayWishes {
         self
     }
 }
 
-impl Wishes for StandInsRenderer {
+impl RayWishes for StandInsRenderer {
     fn weigh(
         &mut self,
         look: &Look,

@@ -1,8 +1,8 @@
 //! The view that a session shows, and what has arrived for it.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use holo_display::{Age, Light, Look, Renderer, UsefulBeam, ViewPhases};
+use holo_display::{Age, FramePhase, Light, Look, Renderer, UsefulBeam, ViewPhases};
 use holo_proto::bulk::{LiveSamples, RequestedBeam, SampleSource, ViewSamples};
 
 use super::{live::LiveRays, received::Received};
@@ -19,8 +19,8 @@ pub struct CurrentView {
     pub nearest_is_seen: bool,
     /// Rays through pixels outside all sections, if the server traces.
     pub live: Option<LiveRays>,
-    /// Until then, only every other column and row is evaluated. `None` if all pixels are.
-    pub glance_until: Option<Instant>,
+    /// When the driver had evaluated the view.
+    pub ready: Instant,
     /// The stored samples that have been requested.
     pub asked: Asked,
     /// True if all stored samples of the beams that the view crosses have arrived.
@@ -39,6 +39,9 @@ pub struct CurrentView {
     /// When single rays were last requested. `None` if the driver never wants any.
     pub rays_asked: Option<Instant>,
 }
+
+/// Time after which nobody waits for the first frame of a view any more.
+const FIRST_TIME: Duration = Duration::from_millis(400);
 
 /// Number of samples that have arrived for a view.
 #[derive(Clone, Default)]
@@ -69,6 +72,16 @@ pub enum Asked {
 }
 
 impl CurrentView {
+    /// Returns the phase of the next frame that is displayed.
+    pub fn phase(&self) -> FramePhase {
+        self.phases.next(self.ready.elapsed() >= FIRST_TIME)
+    }
+
+    /// Returns when nobody waits for the first frame any more.
+    pub fn is_late_at(&self) -> Instant {
+        self.ready + FIRST_TIME
+    }
+
     /// Passes samples to the driver's light, except those that it already has.
     pub fn insert(&mut self, light: &mut dyn Light, message: &ViewSamples) {
         let is_late = message.view < self.first_request;

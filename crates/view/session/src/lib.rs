@@ -26,9 +26,9 @@ mod earlier;
 mod focus;
 mod incoming;
 mod live;
-mod pace;
 mod received;
 mod scene;
+mod schedule;
 #[cfg(test)]
 mod tests;
 
@@ -40,7 +40,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use holo_display::{Driver, Frame, Interrupt, Look, PartsPlan, Phase};
+use holo_display::{Driver, Frame, FramePhase, Interrupt, Look, PartsPlan};
 use holo_net::{Message, Outbox};
 use holo_picture::{Picture, View, ViewSpec};
 use holo_proto::{
@@ -60,8 +60,8 @@ pub use demand::Uncovered;
 pub use driver_choice::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
 pub use holo_net::RETURN_TIME;
 use incoming::Incoming;
-use pace::Pace;
 use received::Received;
+pub use schedule::{FrameSchedule, FrameSize, scaled};
 
 /// Time after a deadline during which messages that have arrived are still processed. If the
 /// deadline had passed before the wait began, the time is at least half the duration of the last
@@ -110,11 +110,10 @@ pub struct Session {
     last_stored: Instant,
     /// Number of the latest request.
     request_number: u32,
-    pace: Pace,
     /// Duration of the last drawing.
     drawing: Duration,
-    /// True if a person walks, who waits for the session.
-    is_walked: bool,
+    /// True if the session loads the whole file when it settles.
+    settles_whole: bool,
     /// True if the eye moves, so that the current view is soon replaced.
     is_moving: bool,
     /// True if tracing for this display is paused.
@@ -242,16 +241,16 @@ impl Session {
     /// Draws the current view with the samples that have arrived, and measures the driver's stages.
     /// There is no frame without a view, and if the frame was interrupted.
     pub fn draw(&mut self) -> (Option<Frame>, Vec<StageTime>) {
-        let phase = self.current.as_ref().map_or(Phase::First, |current| current.phases.next());
+        let phase = self.current.as_ref().map_or(FramePhase::First, CurrentView::phase);
         self.draw_in(phase)
     }
 
     /// Draws as [`draw`](Self::draw) does, as well as the driver can. Nothing interrupts the frame.
     pub fn draw_for_file(&mut self) -> (Option<Frame>, Vec<StageTime>) {
-        self.draw_in(Phase::File)
+        self.draw_in(FramePhase::File)
     }
 
-    fn draw_in(&mut self, phase: Phase) -> (Option<Frame>, Vec<StageTime>) {
+    fn draw_in(&mut self, phase: FramePhase) -> (Option<Frame>, Vec<StageTime>) {
         let mut stages: Vec<StageTime> = Vec::new();
         let begin = Instant::now();
         let mut last = begin;
@@ -267,7 +266,6 @@ impl Session {
         self.drawing = begin.elapsed();
         if let Some(view) = self.current.as_mut().filter(|_| frame.is_some()) {
             view.phases.note_frame();
-            view.glance_until.iter_mut().for_each(|until| *until = begin);
         }
         (frame, stages)
     }
@@ -301,13 +299,47 @@ impl Session {
     /// Lets the driver finish all work that improves the next frame without further samples.
     pub fn finish_view(&mut self) {
         self.settle_view();
-        while self.driver.renderer.prepare() {}
+        while self.driver.renderer.prepare(FramePhase::Rest) {}
     }
 
     /// Reports that all stored samples of the current view have arrived.
     fn settle_view(&mut self) {
         self.driver.renderer.settle();
         self.current.iter_mut().for_each(|current| current.phases.settle());
+    }
+
+    /// Does a piece of work for the next frame. Returns true if more is left.
+    fn prepare(&mut self) -> bool {
+        let phase = self.current.as_ref().map_or(FramePhase::First, CurrentView::phase);
+        self.driver.renderer.prepare(phase)
+    }
+
+    /// Returns how many samples of the current view have arrived that were requested for it.
+    pub fn view_samples(&self) -> u64 {
+        let counts = self.counts();
+        counts.stored + counts.traced + self.live_rays()
+    }
+
+    /// Returns how many samples have arrived since the current view was requested, including parts
+    /// of the file and samples requested for earlier views.
+    pub fn arrived_samples(&self) -> u64 {
+        let counts = self.counts();
+        self.view_samples() + counts.parts + counts.late
+    }
+
+    /// Returns how many samples of the view there are per pixel of a picture of this size.
+    pub fn samples_per_pixel(&self, size: (u32, u32)) -> f64 {
+        let samples = match self.has_whole_file() {
+            true => self.samples_here(),
+            false => self.view_samples(),
+        };
+        samples as f64 / (f64::from(size.0) * f64::from(size.1))
+    }
+
+    /// Returns true if all frames must have the same size, because the driver's pixels keep what
+    /// they showed.
+    pub fn keeps_pixels(&self) -> bool {
+        self.driver.keeps_pixels
     }
 
     /// Returns whether samples of one view serve the next.
@@ -339,11 +371,13 @@ impl Session {
     }
 
     /// Asks the server to stop tracing, and waits until everything under way has arrived and is
-    /// stored. A replay of the file then draws the same picture.
+    /// stored. If `whole`, also loads the whole file, if there is room. A replay of the file then
+    /// draws the same picture.
     ///
     /// # Errors
     /// If the server does not settle, or is lost.
-    pub fn settle(&mut self) -> Result<()> {
+    pub fn settle(&mut self, whole: bool) -> Result<()> {
+        self.settles_whole = whole;
         self.settle_once()?;
         let Some(current) = &mut self.current else { return Ok(()) };
         current.fade(self.driver.light.as_mut());
@@ -359,8 +393,8 @@ impl Session {
     }
 
     fn settle_once(&mut self) -> Result<()> {
-        self.look_closely()?;
-        let loads = self.loads_whole_file() && !self.is_walked;
+        self.ask_if_unasked()?;
+        let loads = self.loads_whole_file() && self.settles_whole;
         let Some(current) = &mut self.current else { return Ok(()) };
         if loads {
             // Loading the whole file replaces all other requests.
@@ -403,7 +437,7 @@ impl Session {
                     // A search uses the same threads and brings samples, so it goes first.
                     let is_searching =
                         self.current.as_ref().is_some_and(|current| current.is_searching);
-                    if !is_searching && Instant::now() < until && self.driver.renderer.prepare() {
+                    if !is_searching && Instant::now() < until && self.prepare() {
                         continue;
                     }
                     self.messages.recv_timeout(until.saturating_duration_since(Instant::now()))
@@ -490,7 +524,7 @@ impl Session {
     fn control(&mut self, message: Control, for_settled: bool) -> Result<Option<Waited>> {
         match message {
             Control::Settled { view } if for_settled && view == self.request_number => {
-                if self.is_walked || !self.loads_whole_file() || self.has_all_of_replay() {
+                if !self.settles_whole || !self.loads_whole_file() || self.has_all_of_replay() {
                     return Ok(Some(Waited::Settled));
                 }
                 self.is_loading_to_settle = true;

@@ -4,7 +4,7 @@
 //! green channel, so that a change shows its size. After a wanted change, run the test with
 //! `HOLO_GOLDEN=write` and explain the differences in the commit.
 
-use holo_contract::{Room, SUBJECTS, Subject};
+use holo_contract::{SUBJECTS, Subject, TestRoom};
 use holo_display::Frame;
 use holo_picture::{Picture, View};
 use std::fmt::Write;
@@ -30,9 +30,9 @@ fn mixed(hash: u64, bits: u32) -> u64 {
 
 /// The lines of frames.
 #[derive(Default)]
-struct Lines(String);
+struct GoldenLines(String);
 
-impl Lines {
+impl GoldenLines {
     fn add_picture(&mut self, name: &str, picture: &Picture, further: &[f32]) {
         let channels = picture.pixels.iter().flatten().chain(further);
         let hash = channels.fold(0, |hash, channel| mixed(hash, channel.to_bits()));
@@ -60,13 +60,13 @@ impl Lines {
 
 /// Draws a walk: a view from nothing to its best frame, a step, a stop, an edit, and a view with
 /// live rays.
-fn walk(lines: &mut Lines, room: &Room, subject: &Subject, size: (u32, u32)) {
+fn walk(lines: &mut GoldenLines, room: &TestRoom, subject: &Subject, size: (u32, u32)) {
     let named = |phase: &str| format!("{}, {} × {}, {phase}", subject.name, size.0, size.1);
     let [ahead, beside, out, past] =
         [AHEAD, BESIDE, OUT, PAST].map(|options| room.view(options, size));
     let count = u64::from(size.0) * u64::from(size.1) / 2;
     let mut viewer = subject.make(room);
-    let mut draw = |viewer: &mut holo_contract::Viewer, phase: &str| {
+    let mut draw = |viewer: &mut holo_contract::SubjectViewer, phase: &str| {
         lines.add(&named(phase), &viewer.draw().unwrap());
     };
     viewer.look(&ahead, size, false);
@@ -85,7 +85,7 @@ fn walk(lines: &mut Lines, room: &Room, subject: &Subject, size: (u32, u32)) {
     if let Some(part) = viewer.draw_half(&out, size) {
         lines.add_picture(&named("a part"), &part, &[]);
     }
-    let mut draw = |viewer: &mut holo_contract::Viewer, phase: &str| {
+    let mut draw = |viewer: &mut holo_contract::SubjectViewer, phase: &str| {
         lines.add(&named(phase), &viewer.draw().unwrap());
     };
     viewer.look(&beside, size, true);
@@ -112,8 +112,8 @@ fn walk(lines: &mut Lines, room: &Room, subject: &Subject, size: (u32, u32)) {
 }
 
 fn all_lines() -> String {
-    let room = Room::new();
-    let mut lines = Lines::default();
+    let room = TestRoom::new();
+    let mut lines = GoldenLines::default();
     for subject in &SUBJECTS {
         walk(&mut lines, &room, subject, SMALL);
         if !subject.needs_no_scene {
@@ -143,7 +143,7 @@ fn frames_are_those_of_earlier_versions_bit_by_bit() {
 
 #[test]
 fn the_room_s_views_see_every_kind_of_surface() {
-    let room = Room::new();
+    let room = TestRoom::new();
     let views = [AHEAD, OUT].map(|options| room.view(options, LARGE));
     let mut seen = std::collections::BTreeSet::new();
     for pixel in 0..LARGE.0 * LARGE.1 {

@@ -4,15 +4,15 @@
 #![allow(clippy::expect_used, reason = "tests")]
 
 use holo_display::{
-    Age, BeamSearch, Driver, DriverError, Frame, Interrupt, Light, LiveSample, Look, Phase,
-    Renderer, Resolution, Search, ViewPhases, WantedBeam,
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, Light, LiveSample, Look,
+    Renderer, Search, ViewPhases, WantedBeam,
 };
 use holo_picture::Picture;
 use holo_section::{BeamKey, RayCoords, Sample};
 use std::sync::{Arc, Mutex, MutexGuard};
 
 /// A driver, the phases of its view, and the signal that interrupts frames at rest.
-pub struct Viewer {
+pub struct TestViewer {
     pub light: Arc<Mutex<Box<dyn Light>>>,
     pub renderer: Box<dyn Renderer>,
     pub interrupt: Interrupt,
@@ -20,20 +20,20 @@ pub struct Viewer {
     phases: ViewPhases,
 }
 
-impl Viewer {
-    pub fn new(driver: Driver) -> Viewer {
+impl TestViewer {
+    pub fn new(driver: Driver) -> TestViewer {
         let Driver { name, light, renderer, .. } = driver;
         let phases = ViewPhases::after(None, false);
         let light = Arc::new(Mutex::new(light));
-        Viewer { light, renderer, interrupt: Interrupt::default(), name, phases }
+        TestViewer { light, renderer, interrupt: Interrupt::default(), name, phases }
     }
 
     /// Returns a viewer of another view of the same light.
-    pub fn beside(&self) -> Viewer {
+    pub fn beside(&self) -> TestViewer {
         let renderer = self.light().renderer();
         let phases = ViewPhases::after(None, false);
         let light = Arc::clone(&self.light);
-        Viewer { light, renderer, interrupt: Interrupt::default(), name: self.name, phases }
+        TestViewer { light, renderer, interrupt: Interrupt::default(), name: self.name, phases }
     }
 
     pub fn light(&self) -> MutexGuard<'_, Box<dyn Light>> {
@@ -57,8 +57,7 @@ impl Viewer {
     }
 
     pub fn look(&mut self, look: &Look) -> Result<(), DriverError> {
-        let is_moving = look.resolution == Resolution::Moving;
-        self.phases = ViewPhases::after(Some(&self.phases), is_moving);
+        self.phases = ViewPhases::after(Some(&self.phases), look.is_moving);
         self.renderer.look(look)
     }
 
@@ -88,7 +87,7 @@ impl Viewer {
     }
 
     pub fn prepare(&mut self) -> bool {
-        self.renderer.prepare()
+        self.renderer.prepare(self.phases.next(false))
     }
 
     pub fn refines(&self) -> bool {
@@ -102,7 +101,7 @@ impl Viewer {
 
     /// Draws as [`try_draw`](Self::try_draw). Also returns the stages that ran.
     pub fn draw_stages(&mut self) -> (Vec<&'static str>, Option<Frame>) {
-        let (mut stages, phase) = (Vec::new(), self.phases.next());
+        let (mut stages, phase) = (Vec::new(), self.phases.next(false));
         let frame = self.renderer.draw(phase, &self.interrupt, &mut |stage| stages.push(stage));
         if frame.is_some() {
             self.phases.note_frame();
@@ -115,7 +114,7 @@ impl Viewer {
     }
 
     pub fn draw_for_file(&mut self) -> Frame {
-        let frame = self.renderer.draw(Phase::File, &self.interrupt, &mut |_| {});
+        let frame = self.renderer.draw(FramePhase::File, &self.interrupt, &mut |_| {});
         self.phases.note_frame();
         frame.expect("there is a view, and nothing interrupts a frame for a file")
     }

@@ -4,9 +4,9 @@
 use std::sync::Arc;
 
 use crate::scenes::view;
-use crate::viewer::Viewer;
+use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Frame, Look, Resolution, SelectOptions, best_beam, select_beams};
+use holo_display::{Frame, Look, SelectOptions, best_beam, select_beams};
 use holo_driver_rendercache::{
     EmptyPixels, PointImageParams, Stage, Stages, frameless_driver, pointimage_driver,
 };
@@ -26,26 +26,26 @@ fn section() -> Section {
 }
 
 fn look(view: View, size: (u32, u32)) -> Look {
-    Look { view, size, resolution: Resolution::Full }
+    Look { view, size, is_moving: false }
 }
 
 fn ahead() -> Look {
     look(view(DVec3::ZERO, 0.0, SIZE), SIZE)
 }
 
-fn render_cache() -> Viewer {
+fn render_cache() -> TestViewer {
     let params = PointImageParams { empty: EmptyPixels::Black, ..PointImageParams::default() };
-    Viewer::new(pointimage_driver(Arc::from([section()]), SKY, params))
+    TestViewer::new(pointimage_driver(Arc::from([section()]), SKY, params))
 }
 
-fn both() -> [Viewer; 2] {
+fn both() -> [TestViewer; 2] {
     let frameless = frameless_driver(Arc::from([section()]), SKY);
-    [render_cache(), Viewer::new(frameless)]
+    [render_cache(), TestViewer::new(frameless)]
 }
 
 /// Inserts a sample of a wall five units ahead for every `step`-th pixel, whose ray passes the eye.
 /// Its light alternates from pixel to pixel. Returns how many samples there were.
-fn insert(driver: &mut Viewer, look: &Look, step: usize, light: [f32; 2]) -> u64 {
+fn insert(driver: &mut TestViewer, look: &Look, step: usize, light: [f32; 2]) -> u64 {
     let section = section();
     let mut count = 0;
     for pixel in (0..look.size.0 * look.size.1).step_by(step) {
@@ -62,7 +62,7 @@ fn insert(driver: &mut Viewer, look: &Look, step: usize, light: [f32; 2]) -> u64
 }
 
 /// Returns the names of the stages that ran, and the frame.
-fn draw(driver: &mut Viewer) -> (Vec<&'static str>, Frame) {
+fn draw(driver: &mut TestViewer) -> (Vec<&'static str>, Frame) {
     let (stages, frame) = driver.draw_stages();
     (stages, frame.unwrap())
 }
@@ -140,7 +140,7 @@ fn looking_at_the_same_view_again_keeps_everything_and_another_view_keeps_the_sa
         let count = insert(&mut driver, &ahead(), 1, CHECKS);
         let before = draw(&mut driver).1;
         assert_eq!((before.samples_used, before.empty_pixels), (count, 0), "{}", driver.name());
-        driver.look(&Look { resolution: Resolution::Half, ..ahead() }).unwrap();
+        driver.look(&Look { is_moving: true, ..ahead() }).unwrap();
         let same = draw(&mut driver).1;
         assert_eq!((same.samples_used, same.picture), (count, before.picture));
         // A little further on the same wall is there.
@@ -216,7 +216,7 @@ fn samples_that_pass_the_eye_replace_those_that_do_not() {
         // The nearest surface is so near that only rays through the very eye are a pixel's own.
         driver.viewpoint_radius(&ahead(), 1e-3);
         let section = section();
-        let light = |driver: &mut Viewer| draw(driver).1.picture.get(24, 18).unwrap()[0];
+        let light = |driver: &mut TestViewer| draw(driver).1.picture.get(24, 18).unwrap()[0];
         // Rays of another eye, a little aside, to what the middle sees.
         let aim = DVec3::new(0.05, 5.0, -0.05);
         for side in [0.2, -0.2] {

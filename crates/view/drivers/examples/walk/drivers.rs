@@ -2,9 +2,7 @@
 //! picture comes out.
 
 use glam::DVec3;
-use holo_display::{
-    Age, DriverError, Interrupt, LiveSample, Look, Phase, Resolution, SelectOptions,
-};
+use holo_display::{Age, DriverError, FramePhase, Interrupt, LiveSample, Look, SelectOptions};
 use holo_driver_quadtree::quadtree_driver;
 use holo_driver_rendercache::frameless::{Frameless, PixelTag};
 use holo_driver_rendercache::{
@@ -224,12 +222,12 @@ impl Stored {
             Draws::Quadtree => quadtree_driver(sections, sky),
             Draws::Surfaces(raycaster) => surfaces_driver(sections, Arc::clone(raycaster), None),
         };
-        renderer.look(&Look { view, size: crate::SIZE, resolution: Resolution::Full })?;
+        renderer.look(&Look { view, size: crate::SIZE, is_moving: false })?;
         for (section, beam, samples) in self.beams() {
             light.insert(Age::Present, BeamKey { section, beam }, self.paths, &samples);
         }
         renderer.insert_live(self.paths, self.live_of(&view));
-        let drawn = renderer.draw(Phase::First, &Interrupt::default(), &mut |_| {});
+        let drawn = renderer.draw(FramePhase::First, &Interrupt::default(), &mut |_| {});
         Ok(drawn.map_or_else(|| Picture::new(crate::SIZE.0, crate::SIZE.1), |frame| frame.picture))
     }
 

@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
 use crate::common::{Random, section, view};
-use crate::viewer::Viewer;
+use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Look, Resolution};
+use holo_display::Look;
 use holo_driver_quadtree::quadtree_driver;
 use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver};
 use holo_picture::View;
@@ -74,14 +74,14 @@ fn samples_draw_what_is_seen_through_a_portal_and_change_nothing_else() {
         let sections: Arc<[Section]> = Arc::from([section.clone()]);
         let stand_in =
             StandIn { geometry: Some(Arc::clone(&standing)), portals: portals.map(Arc::clone) };
-        let mut driver = Viewer::new(stand_ins_driver(
+        let mut driver = TestViewer::new(stand_ins_driver(
             Arc::clone(&sections),
             Arc::clone(&scene),
             StandIns([(0, stand_in)].into()),
             None,
             Arc::new(move || quadtree_driver(Arc::clone(&sections), [0.0; 3])),
         ));
-        driver.look(&Look { view: seen, size: SIZE, resolution: Resolution::Full }).unwrap();
+        driver.look(&Look { view: seen, size: SIZE, is_moving: false }).unwrap();
         for (beam, sample) in &samples {
             driver.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample));
         }

@@ -4,9 +4,9 @@
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
 use crate::common::*;
-use crate::viewer::Viewer;
+use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Look, Resolution, SelectOptions, select_beams, viewpoint};
+use holo_display::{Look, SelectOptions, select_beams, viewpoint};
 use holo_driver_quadtree::{LeafSize, Quadtree, QuadtreeParams};
 use holo_driver_rendercache::{
     Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stages,
@@ -210,10 +210,10 @@ fn walls() -> (Arc<Raycaster>, Vec<[f32; 3]>) {
 }
 
 /// Returns a driver that keeps light on surfaces and shows this view.
-fn surfaces(section: &Section, raycaster: &Arc<Raycaster>, view: View) -> Viewer {
+fn surfaces(section: &Section, raycaster: &Arc<Raycaster>, view: View) -> TestViewer {
     let sections = Arc::from([section.clone()]);
-    let mut driver = Viewer::new(surfaces_driver(sections, Arc::clone(raycaster), None));
-    driver.look(&Look { view, size: SIZE, resolution: Resolution::Full }).unwrap();
+    let mut driver = TestViewer::new(surfaces_driver(sections, Arc::clone(raycaster), None));
+    driver.look(&Look { view, size: SIZE, is_moving: false }).unwrap();
     driver
 }
 
