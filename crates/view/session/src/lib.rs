@@ -361,7 +361,7 @@ impl Session {
 
     /// Processes messages until `deadline`, and meanwhile sends the requests that are due.
     ///
-    /// Messages that have arrived by then are still processed, but only for [`LATE`], so that a
+    /// Messages that have arrived by then are still processed, but only for `LATE`, so that a
     /// server that never pauses does not delay the caller.
     ///
     /// # Errors
