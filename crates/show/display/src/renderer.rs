@@ -19,7 +19,7 @@ pub struct Look {
 
 impl Look {
     /// Most pixels of a small view.
-    const SMALL: u64 = 100_000;
+    pub const SMALL: u64 = 100_000;
 
     /// Returns true if the view has so few pixels that its best picture can be its first, because
     /// nobody notices the delay.

@@ -420,7 +420,10 @@ fn a_signal_ends_frames_at_rest_and_no_others() {
     let for_file = driver.draw_for_file().picture.pixels.len();
     assert_eq!(for_file, pixels, "a picture for a file is whole");
     driver.look(&look(WIDE, MOVING)).unwrap();
-    assert_eq!(draw(&mut driver).picture.pixels.len(), pixels, "frames go on while the eye moves");
+    for _ in 0..2 {
+        let moving = draw(&mut driver).picture.pixels.len();
+        assert_eq!(moving, pixels, "frames go on while the eye moves");
+    }
     interrupt.clear();
     driver.look(&look(DOWN, REST)).unwrap();
     // The first frame after a stop may show known light.

@@ -5,7 +5,7 @@
 //! | phase | pixels | due |
 //! | --- | --- | --- |
 //! | moving | as many as the time allows ([`detail`]) | at once |
-//! | first, at rest | a quarter, if samples are few ([`sketch`]), else all | at once |
+//! | first, at rest | a quarter, if samples are few and pixels many ([`sketch`]), else all | at once |
 //! | at rest | the same; all after two seconds | when samples have arrived, in a part of the time |
 //! | for a file | all | when a person or a script wants it |
 //!
@@ -19,6 +19,7 @@ mod sketch;
 
 use std::time::{Duration, Instant};
 
+use holo_display::Look;
 use holo_picture::ViewSpec;
 
 use detail::Detail;
@@ -124,8 +125,10 @@ impl FrameSchedule {
         now: Instant,
     ) -> FrameSize {
         let rested = now.saturating_duration_since(self.moved);
+        let is_small = u64::from(full.0) * u64::from(full.1) <= Look::SMALL;
         let is_sketch = !is_moving
             && !keeps_pixels
+            && !is_small
             && !self.is_whole
             && self.sketching.suits(samples_per_pixel, rested);
         self.is_whole |= !is_moving && !is_sketch;
@@ -207,6 +210,9 @@ mod tests {
         assert_eq!(size(&mut schedule, false, false, 0.01, 0.1), (640, 360));
         assert_eq!(size(&mut schedule, false, false, 0.01, 3.0), FULL);
         assert_eq!(size(&mut schedule, true, false, 1.0, 0.1), (640, 360));
+        schedule.request(&view(0.0), 2, start);
+        let small = schedule.size((320, 240), false, false, 0.01, start);
+        assert_eq!(small.size, (320, 240), "all pixels of a small picture are soon drawn");
         for is_moving in [false, true] {
             assert_eq!(size(&mut schedule, is_moving, true, 0.01, 0.1), FULL, "pixels are kept");
         }
