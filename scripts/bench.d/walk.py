@@ -69,7 +69,7 @@ def walk(bench: Bench) -> Part:
         "A recorded walk",
         [
             (
-                "`crates/view/holoview/examples/walk`: rest, turns of 90 to 120 degrees a second, a"
+                "`crates/view/drivers/examples/walk`: rest, turns of 90 to 120 degrees a second, a"
                 " walk of 1.5 to 2 m/s through a door, rest, at 30 frames a second and 320×240. In"
                 " each frame a driver gets pixels / *ratio* new samples that it asked for in the"
                 " frame before; the next frame's view is what is predicted. Direct light and"
@@ -84,7 +84,7 @@ def walk(bench: Bench) -> Part:
             ),
         ],
     )
-    program = bench.cargo.build("holo-view", "--example", "walk")
+    program = bench.cargo.build("holo-drivers", "--example", "walk")
     ratios = RATIOS[1:3] if bench.quick else RATIOS
     for recorded in walks(bench, part):
         # Converged pictures are made once for all.
@@ -121,7 +121,7 @@ def walk(bench: Bench) -> Part:
 
 
 def walks(bench: Bench, part: Part) -> list[Recorded]:
-    recordings = bench.root / "crates/view/holoview/examples/walk/walks"
+    recordings = bench.root / "crates/view/drivers/examples/walk/walks"
     interior = bench.scenes.bundle() / "interior.obj"
     found = [Recorded("interior", "bundled interior", interior, recordings / "interior.walk")]
     cabin = bench.shared / "scenes/cabin/cabin.obj"

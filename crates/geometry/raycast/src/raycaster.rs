@@ -102,6 +102,26 @@ impl Raycaster {
         Self { covers, ..self.clone() }
     }
 
+    /// Returns the same caster for rays that meet every surface with an opacity above 0.
+    #[must_use]
+    pub fn of_all_covers(&self) -> Self {
+        let covers = if self.has_covers() { Covers::Holes } else { Covers::None };
+        Self { covers, ..self.clone() }
+    }
+
+    /// Returns the share of light that passes a hit without meeting a face there. `direction` is
+    /// that of the ray.
+    #[must_use]
+    pub fn uncovered_share(&self, hit: &Hit, direction: Vec3) -> f32 {
+        let passes = |hit: &Hit| 1.0 - self.scene.opacity(hit.triangle, hit.u, hit.v);
+        match &self.coincident {
+            Some(coincident) if coincident.shares(hit.triangle) => {
+                self.at_place(coincident, direction, hit).iter().map(passes).product()
+            }
+            _ => passes(hit),
+        }
+    }
+
     /// Returns whether any surface is not there everywhere.
     #[must_use]
     pub fn has_covers(&self) -> bool {

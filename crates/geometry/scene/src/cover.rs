@@ -46,6 +46,15 @@ impl Scene {
             })
     }
 
+    /// Returns whether any surface has an opacity strictly between 0 and 1 somewhere.
+    #[must_use]
+    pub fn has_partial_covers(&self) -> bool {
+        self.shading.as_ref().is_some_and(|shading| {
+            let varies = |cover: &Cover| cover.is_partial() && cover.least == 0.0;
+            shading.covers.iter().any(varies) || !shading.opacities.is_empty()
+        })
+    }
+
     /// Returns whether some light passes a surface: it is glass, or not opaque everywhere.
     ///
     /// # Panics

@@ -58,7 +58,7 @@ impl PathEngine {
     ) -> Self {
         let scene: &Scene = raycaster.scene();
         let surfaces = surfaces(scene);
-        let panes = Arc::new(Panes::new(scene));
+        let panes = Arc::new(Panes::new(raycaster));
         let lights = Lights::new(scene).with_cells(&GRIDS, raycaster, &panes);
         let nesting = Nesting::new(scene);
         let is_specular = nesting.is_some() || surfaces.iter().any(|s| s.scatter.is_delta());

@@ -1,49 +1,37 @@
-//! The display process (Larson & Simmons 1999, §2.4): a session with a server, and front ends that
-//! draw from it.
-//!
-//! - `session` holds the connection, asks for samples, and feeds a driver. It knows no front end.
-//! - A front end (`script`, or `browser` on a `stage`) gives the session the view to show. It knows
-//!   no socket and no driver.
-//! - `commands` is the one list of what a person can do, for all front ends.
-//! - `drivers` is the one list of drivers.
+//! Chooses how a server's holodeck is shown: by a script, on a page, or in a window. Each front end
+//! is a package; here they meet with a session and its driver.
 //!
 //! Invariants:
-//! - The server learns which beams are wanted, and sends samples. It never learns what a picture
-//!   looks like; that is decided here.
-//! - A sample counts once in a picture, however often it arrives.
+//! - Wrong options are refused before anything is opened.
+//! - A front end receives a session or a stage that is connected already. It never connects.
 
-pub mod args;
-mod browser;
-pub mod commands;
-mod crew;
-mod denoised;
-mod drivers;
-mod report;
-mod screen;
-mod script;
-mod session;
-mod stage;
+#[cfg(not(feature = "window"))]
+mod no_window;
+#[cfg(feature = "window")]
 mod window;
 
 use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
+use holo_drivers::{DriverOptions, SWITCHES};
 use holo_net::{Destination, Shutdown};
+use holo_page::PageServer;
+use holo_script::{Script, ScriptOptions};
+use holo_session::Connected;
+use holo_stage::{Front, Stage, Wishes, stage};
 use tokio::sync::oneshot;
 
-pub use args::{
-    CellsArg, DenoiseArg, DriverArg, DriverArgs, EmptyArg, LookArgs, PointArgs, Range,
-    SmoothingArg, ToneArg, ViewArgs, parse_size,
-};
-pub use browser::{BrowserArgs, run as run_in_browser};
-pub use crew::{Crew, CrewOrder, Restarted, crew};
-pub use denoised::denoise;
 pub use holo_denoise::{Denoiser, Quality};
-pub use report::{PictureReport, StageTime};
-pub use script::{Command, Script, Step, parse_seconds};
-pub use session::default_view;
-pub use window::{Desk, Screen, check_desktop, desk, run as run_in_window};
+pub use holo_drivers::{DenoiseArg, DriverArgs, PointArgs, denoise};
+pub use holo_options::{LookArgs, ViewArgs, parse_size};
+pub use holo_page::BrowserArgs;
+pub use holo_script::parse_seconds;
+pub use holo_stage::{Crew, CrewOrder, Restarted, crew};
+#[cfg(not(feature = "window"))]
+pub use no_window::{Desk, Screen, check_desktop, desk, run_in_window};
+#[cfg(feature = "window")]
+pub use window::{Desk, Screen, check_desktop, desk, run_in_window};
 
 /// Options of `holoview`.
 #[derive(Args, Clone, Debug)]
@@ -73,7 +61,7 @@ pub struct Config {
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
     /// How long to run without a script
-    #[arg(long, value_name = "TIME", value_parser = script::parse_seconds, default_value = "0")]
+    #[arg(long, value_name = "TIME", value_parser = parse_seconds, default_value = "0")]
     pub time: f64,
     /// At the end, once all requested samples have arrived, write the picture here (.exr .hdr .pfm
     /// .png)
@@ -103,6 +91,19 @@ impl Config {
         }
         Ok(())
     }
+
+    /// Connects to the server. `walks` is true if a person walks.
+    async fn connect(&self, walks: bool, shutdown: Shutdown) -> Result<Connected> {
+        let server = Destination::parse(&self.connect)?;
+        let (args, points) = (self.driver.clone(), self.points.clone());
+        Connected::new(server, Box::new(DriverOptions { args, points }), walks, shutdown).await
+    }
+
+    /// Connects to the server, and returns a stage for a person who walks.
+    async fn stage(self, record: Option<PathBuf>, shutdown: Shutdown) -> Result<(Stage, Front)> {
+        let connected = self.connect(true, shutdown).await?;
+        Ok(stage(connected, Wishes { view: self.view, record, crew: self.crew }))
+    }
 }
 
 /// Shows a server's holodeck until the script, the time or the session ends, or `shutdown` is
@@ -116,15 +117,26 @@ impl Config {
 /// or a picture cannot be written.
 pub async fn run(config: Config, shutdown: Shutdown, ready: oneshot::Receiver<()>) -> Result<()> {
     config.check()?;
-    let server = Destination::parse(&config.connect)?;
     let steps = match &config.script {
-        Some(path) => Script::open(path)?,
+        Some(path) => Script::open(path, SWITCHES)?,
         None => Script::wait(config.time),
     };
-    let (driver, points) = (config.driver.clone(), config.points.clone());
-    let connected = session::Connected::new(server, driver, points, shutdown).await?;
+    let connected = config.connect(false, shutdown).await?;
+    let Config { view, look, output, json, quiet, .. } = config;
+    let options = ScriptOptions { view, look, output, json, quiet };
     // Drawing keeps its thread busy, and sockets must not wait for it.
-    tokio::task::spawn_blocking(move || script::play(connected, config, steps, ready)).await?
+    tokio::task::spawn_blocking(move || holo_script::play(connected, options, steps, ready)).await?
+}
+
+/// Shows a server's holodeck in a browser until somebody quits or `shutdown` is triggered.
+///
+/// # Errors
+/// If the page cannot be served, or the server cannot be reached or is lost.
+pub async fn run_in_browser(config: Config, args: BrowserArgs, shutdown: Shutdown) -> Result<()> {
+    config.check()?;
+    let page = PageServer::open(&args).await?;
+    let (stage, front) = config.stage(args.record, shutdown).await?;
+    page.show(stage, front).await
 }
 
 /// The whole program: [`run`] until a signal.

@@ -99,7 +99,8 @@ proptest! {
         for (tag, step) in (0..).zip(steps) {
             match step {
                 Step::Put { section, beam, kind: code, first, count, paths, supersedes } => {
-                    let run = NumberRun { kind: kind(code), paths, ..run(key(section, beam), first) };
+                    let start = run(key(section, beam), first);
+                    let run = NumberRun { kind: kind(code), paths, ..start };
                     let new = samples(&run, count, tag);
                     if supersedes {
                         file.supersede(run, Maker::UNKNOWN, &new).unwrap();

@@ -145,6 +145,24 @@ fn lamps_and_suns_shine_through_with_the_rest() {
 }
 
 #[test]
+fn two_curtains_dim_the_sun_and_add_no_noise() {
+    let (mut model, _) = floor_below_panel(BLACK);
+    model.materials[1].emission = [0.0; 3];
+    model.square(1.5, 30.0, true, 2);
+    let covers = [Cover::default(), Cover::default(), covered(0.7)];
+    let sun = Sun { towards: [0.0, 0.0, 1.0], irradiance: [2.0; 3] };
+    let lit = 0.5 * 2.0 / std::f64::consts::PI * 0.3 * 0.3;
+    let [tracer, _] = tracers(&model, &covers, &[sun]);
+    let (eye, down) = (DVec3::new(2.3, 2.0, 0.5), DVec3::new(-0.3, 0.0, -0.5));
+    for seed in 0..64 {
+        let traced = tracer.trace(eye, down.normalize(), seed).radiance;
+        for shown in traced.map(f64::from) {
+            assert!((shown - lit).abs() < 1e-4 * lit, "{shown} instead of {lit}");
+        }
+    }
+}
+
+#[test]
 fn a_lamp_that_covers_half_is_half_as_bright() {
     let (model, panel) = floor_below_panel(BLACK);
     let covers = [Cover::default(), covered(0.5), covered(0.0)];

@@ -1,0 +1,219 @@
+//! The stage: moves the eye of a session, for front ends with a person.
+//!
+//! Front ends send inputs and receive frames. They see neither the session nor each other. What
+//! several of them need is here: the table of actions and command lines ([`commands`]), the state,
+//! and the colours of a screen ([`Viewer`]).
+//!
+//! Two threads share the work. The hand receives inputs, and shows what is known from where the eye
+//! is. The painter owns the session and draws.
+//!
+//! Invariants:
+//! - An input never waits for a server, a disk, a driver or a front end.
+//! - Front ends read the latest frame from a shared place. Slow front ends miss some frames.
+//! - Nothing is drawn unless something is new.
+//! - A frame names the last input that it shows.
+
+mod bell;
+pub mod commands;
+mod crew;
+mod hand;
+mod input;
+mod painter;
+mod picture_file;
+mod picture_job;
+mod picture_order;
+mod record;
+mod screen;
+mod shown;
+mod warp;
+mod world;
+
+#[cfg(test)]
+mod tests;
+
+use std::{
+    sync::{Arc, mpsc},
+    thread,
+    time::Duration,
+};
+
+use anyhow::{Context, Result, anyhow};
+use holo_options::ViewArgs;
+use holo_session::{Again, Connected, Session, Waker, is_lost};
+use tokio::sync::watch;
+
+pub use crew::{Crew, CrewOrder, Restarted, crew};
+pub use holo_session::DriverArg;
+pub use input::{Input, Inputs, Named, Numbered};
+pub use picture_file::{encode_picture, format_refusal};
+pub use picture_order::{PictureNews, PictureOrder};
+pub use screen::{Viewer, on_screen_threads};
+pub use shown::{Phase, Shown, State};
+
+use bell::Bell;
+use hand::{Ending, Hand};
+use painter::Painter;
+use shown::{Publisher, Watched};
+
+/// Pause between two tries to connect to a server that is started again, and most tries.
+const TRY_AGAIN: Duration = Duration::from_millis(200);
+const MOST_TRIES: u32 = 100;
+
+/// Options of a stage.
+pub struct Wishes {
+    /// The first view and the size, as on the command line.
+    pub view: ViewArgs,
+    /// The file that the walk is recorded in, as a script.
+    pub record: Option<std::path::PathBuf>,
+    /// The crew that started server and workers, if it takes orders.
+    pub crew: Option<Crew>,
+}
+
+/// A front end's access to a stage.
+#[derive(Clone)]
+pub struct Front {
+    /// Takes inputs.
+    pub inputs: Inputs,
+    /// The latest frame.
+    pub frames: Arc<watch::Sender<Option<Arc<Shown>>>>,
+    /// The state.
+    pub state: Arc<watch::Sender<Arc<State>>>,
+}
+
+/// A stage that has not begun.
+pub struct Stage {
+    connected: Connected,
+    wishes: Wishes,
+    inputs: mpsc::Receiver<Numbered>,
+    bell: Arc<Bell>,
+    front: Front,
+}
+
+/// Returns a stage and a front end's access to it.
+pub fn stage(connected: Connected, wishes: Wishes) -> (Stage, Front) {
+    let bell = Arc::<Bell>::default();
+    let ringing = Arc::clone(&bell);
+    let (inputs, receiver) = Inputs::new(Arc::new(move || ringing.ring()));
+    let front = Front { inputs, frames: Arc::default(), state: Arc::default() };
+    (Stage { connected, wishes, inputs: receiver, bell, front: front.clone() }, front)
+}
+
+impl Stage {
+    /// Runs until the user quits. Blocks, so call it on a thread of its own.
+    ///
+    /// # Errors
+    /// If the server is lost, or there is no first view. Front ends receive the reason too.
+    pub fn run(self) -> Result<()> {
+        let state = Arc::clone(&self.front.state);
+        let ended = self.play();
+        let reason = match &ended {
+            Ok(()) => "The session has ended.".to_owned(),
+            Err(error) => format!("{error:#}"),
+        };
+        state.send_modify(|state| Arc::make_mut(state).phase = Phase::Ended(reason));
+        ended
+    }
+
+    fn play(self) -> Result<()> {
+        let Stage { connected, wishes, inputs, bell, front } = self;
+        let watched = Watched(Arc::clone(&front.frames));
+        let publisher = Publisher::new(front.clone());
+        let loading = |text: &str| {
+            let phase = Phase::Loading(text.to_owned());
+            front.state.send_modify(|state| Arc::make_mut(state).phase = phase);
+        };
+        let again = connected.again();
+        let Some((session, waker)) = begin(connected, loading)? else { return Ok(()) };
+        let stated = wishes.view.spec(session.named_views())?;
+        let first = session.first_view()?.overridden_by(&stated);
+        let (unit, ringing) = (session.unit(), Arc::clone(&bell));
+        let mut hand = Hand::new(first, unit, &wishes, inputs, ringing, publisher)?;
+        let mut next = Some((session, waker));
+        while let Some((session, waker)) = next.take() {
+            let facts = facts(&session);
+            let bell = Arc::clone(&bell);
+            let (painter, desk) = Painter::new(session, waker, bell, watched.clone());
+            let painter = thread::Builder::new().name("painter".into()).spawn(|| painter.run());
+            let painter = painter.context("starting a thread")?;
+            let played = hand.play(desk, facts);
+            let painted = painter.join().map_err(|_| anyhow!("drawing failed: see above"))?;
+            next = match (painted, played?, &wishes.crew) {
+                (Ok(()), Some(Ending::StartOver), Some(crew)) => {
+                    loading("starting over");
+                    begin(again.connect(crew.start_over()?)?, loading)?
+                }
+                (Ok(()), Some(Ending::Restart), Some(crew)) => {
+                    loading("going on with the edited scene");
+                    let restarted = crew.restart()?;
+                    restarted.trouble.into_iter().for_each(|trouble| hand.refuse(trouble));
+                    begin(again.connect(restarted.address)?, loading)?
+                }
+                (Err(error), None, Some(crew)) if is_lost(&error) => {
+                    loading("the server has ended; it is started again");
+                    begin_again(&again, crew, error, loading)?
+                }
+                // A server that this program has not started may come back.
+                (Err(error), None, None) if is_lost(&error) => {
+                    loading(&format!("{error:#}; trying to reach it again"));
+                    reach(&again, loading)?
+                }
+                (painted, ..) => {
+                    painted?;
+                    None
+                }
+            };
+        }
+        hand.end()
+    }
+}
+
+/// Begins a session. Returns `None` if the user ends the wait for its scene.
+fn begin(connected: Connected, loading: impl Fn(&str)) -> Result<Option<(Session, Waker)>> {
+    let waker = connected.waker();
+    Ok(connected.begin(loading)?.map(|session| (session, waker)))
+}
+
+/// Begins a session with the server that the crew starts after one that has ended. The crew notices
+/// the end later than the session.
+///
+/// # Errors
+/// `lost`, if the crew starts none.
+fn begin_again(
+    again: &Again,
+    crew: &Crew,
+    lost: anyhow::Error,
+    loading: impl Fn(&str),
+) -> Result<Option<(Session, Waker)>> {
+    for _ in 0..MOST_TRIES {
+        let Ok(restarted) = crew.restart() else { return Err(lost) };
+        match again.connect(restarted.address).and_then(|connected| begin(connected, &loading)) {
+            Err(error) if is_lost(&error) => thread::sleep(TRY_AGAIN),
+            begun => return begun,
+        }
+    }
+    Err(lost)
+}
+
+/// Begins a session with a server that was lost, once it is back. Returns `None` if the user ends
+/// the wait.
+fn reach(again: &Again, loading: impl Fn(&str)) -> Result<Option<(Session, Waker)>> {
+    loop {
+        let Some(connected) = again.reach(Duration::MAX, &loading)? else { return Ok(None) };
+        match begin(connected, &loading) {
+            Err(error) if is_lost(&error) => {}
+            begun => return begun,
+        }
+    }
+}
+
+/// Returns the part of the state that is constant during a session.
+fn facts(session: &Session) -> State {
+    State {
+        phase: Phase::Running,
+        traces: session.traces(),
+        sections: Arc::new(session.sections().iter().map(|s| s.spec().clone()).collect()),
+        up: session.up().to_array(),
+        unit: session.unit(),
+        ..State::default()
+    }
+}
