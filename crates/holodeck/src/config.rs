@@ -60,7 +60,6 @@ pub struct HolodeckConfig {
     /// Paths averaged into one sample.
     #[serde(deserialize_with = "ranges::paths")]
     pub paths_per_sample: Option<u16>,
-    /// Relative error of indirect light that the engine `cached` aims at.
     /// Threads that trace.
     pub threads: Option<u16>,
     /// Memory for beams that are kept in memory, MiB.
