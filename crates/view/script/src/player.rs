@@ -8,7 +8,7 @@ use std::{
 use anyhow::{Context, Result, bail};
 use holo_display::Frame;
 use holo_options::{LookArgs, ViewArgs};
-use holo_picture::{ViewSpec, luminance};
+use holo_picture::{Picture, ViewSpec, luminance};
 use holo_progress::Meter;
 use holo_session::{Again, Connected, RETURN_TIME, Session, StageTime, Waited, starts_again};
 use serde_json::json;
@@ -260,11 +260,15 @@ fn write_picture(
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
     let exposure = look.write(&frame.picture, &path)?;
-    let seconds = session.since().elapsed().as_secs_f64();
+    Ok(PictureReport { picture: path, exposure, ..report(session, &frame, stages) })
+}
+
+/// Returns the report on a frame of the session's view, without a file.
+fn report(session: &Session, frame: &Frame, stages: Vec<StageTime>) -> PictureReport {
     let counts = session.counts();
-    Ok(PictureReport {
-        picture: path,
-        seconds,
+    PictureReport {
+        picture: PathBuf::new(),
+        seconds: session.since().elapsed().as_secs_f64(),
         samples: frame.samples_used,
         stored: counts.stored + counts.parts,
         traced: counts.traced,
@@ -277,9 +281,32 @@ fn write_picture(
         gleam_pixels: frame.gleam_pixels,
         driver: session.driver_name(),
         first_samples: counts.first_samples,
-        exposure,
+        exposure: None,
         stages,
-    })
+    }
+}
+
+/// Shows a view until everything requested for it has arrived, and returns the picture, and the
+/// report on it without a file. `None` if the session is ended before. Blocks, so call it on a
+/// thread of its own.
+///
+/// # Errors
+/// If the server is lost, or the view cannot be shown.
+pub fn picture(
+    connected: Connected,
+    view: &ViewArgs,
+    quiet: bool,
+) -> Result<Option<(Picture, PictureReport)>> {
+    let meter = Meter::new(quiet);
+    let Some(mut session) = connected.begin(|text| meter.say(text))? else { return Ok(None) };
+    let said = view.spec(session.named_views())?;
+    let spec = session.first_view()?.overridden_by(&said);
+    session.show(&spec, view.size())?;
+    session.settle()?;
+    meter.finish();
+    let (frame, stages) = session.draw_for_file();
+    let report = report(&session, &frame, stages);
+    Ok(Some((frame.picture, report)))
 }
 
 #[cfg(test)]
