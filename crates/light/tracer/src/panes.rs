@@ -124,9 +124,8 @@ impl Panes {
     #[inline]
     fn passed(&self, raycaster: &Raycaster, hit: &Hit, direction: Vec3, normal: Vec3) -> Vec3 {
         let pane = self.at(raycaster, hit.triangle);
-        let glass = pane.map_or(Vec3::ZERO, |pane| {
-            pane.passes(raycaster.scene(), hit, direction.dot(normal))
-        });
+        let glass = pane
+            .map_or(Vec3::ZERO, |pane| pane.passes(raycaster.scene(), hit, direction.dot(normal)));
         match &self.of_all_covers {
             None => glass,
             Some(_) => {

@@ -1,8 +1,11 @@
-//! The trait [`Driver`] that front ends use, and what several drivers share.
+//! The traits of drivers that a session uses, and what several drivers share.
 //!
 //! [`select_beams`] turns a view into wanted beams (Larson & Simmons 1999, §2.4.2). The server
-//! answers with samples. A [`Driver`] turns samples into a [`Frame`]. Each driver is a crate of
-//! its own that uses this one and no other driver.
+//! answers with samples. A [`Driver`] turns samples into a [`Frame`]. It has two parts. [`Light`]
+//! takes the samples and lives for a session. A [`Renderer`] draws the frames of one view after
+//! another from that light, and there may be several. Its [`RayWishes`] are the samples that its view
+//! would gain from. A [`FramePhase`] says what a frame is for. Each driver is a crate of its own that
+//! uses this one and no other driver.
 //!
 //! Invariants, here and in every driver:
 //! - No input or output, no clock, and no randomness except what the caller seeds: the same calls
@@ -18,24 +21,34 @@ mod driver;
 mod ending;
 mod frame;
 mod interrupt;
+mod light;
 mod live;
 mod parts;
+mod phase;
 mod random;
+mod renderer;
 mod select;
 mod stored;
+mod view_light;
+mod wishes;
 
 pub use bands::for_bands;
 pub use camera::{Camera, PixelWidth};
 pub use candidates::{Candidate, best_beam, candidates, section_of};
 pub use covered::{covered, uncovered_pixels};
-pub use driver::{Driver, DriverError, Look, Resolution, SurfaceAt};
+pub use driver::Driver;
 pub use ending::{BeamSearch, End, Search, UsefulBeam, beams_ending_on};
 pub use frame::{Certainty, Frame};
 pub use interrupt::Interrupt;
+pub use light::{Age, Light};
 pub use live::LiveSample;
 pub use parts::PartsPlan;
+pub use phase::{FramePhase, ViewPhases};
 pub use random::{mix, pair, split_mix};
+pub use renderer::{DriverError, Look, PartsRenderer, Renderer};
 pub use select::{
     Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius,
 };
 pub use stored::{DistanceTable, PlacedSection};
+pub use view_light::{StoringRenderer, ViewLight};
+pub use wishes::RayWishes;

@@ -10,7 +10,7 @@ const PREVIEW_PIXELS: f64 = (1 << 18) as f64;
 /// A picture that is drawn in parts, with what all parts share so that they look alike.
 #[derive(Clone, Debug)]
 pub struct PartsPlan {
-    /// The whole picture. Its resolution is [`Full`](crate::Resolution::Full).
+    /// The whole picture, of an eye at rest.
     pub look: Look,
     /// Side of the squares of pixels that share their light.
     pub step: usize,

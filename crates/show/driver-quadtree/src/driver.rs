@@ -10,10 +10,11 @@ use crate::live::Overlay;
 use crate::log::Log;
 use crate::{Cells, Filling, Quadtree, QuadtreeParams};
 use holo_display::{
-    BeamSearch, Driver, DriverError, Frame, LiveSample, Look, Resolution, Search, SurfaceAt,
-    uncovered_pixels,
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, LiveSample, Look,
+    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
+    uncovered_pixels, viewpoint_radius,
 };
-use holo_section::{BeamKey, Sample, Section};
+use holo_section::{BeamKey, RayCoords, Sample, Section};
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -21,8 +22,20 @@ use std::sync::Arc;
 /// glossy surfaces would look too different (Larson & Simmons 1999, §3).
 const MAX_DEGREES: f64 = 20.0;
 
+/// Returns the driver `quadtree`. `sky` is the radiance of rays that hit nothing.
+pub fn quadtree_driver(sections: Arc<[Section]>, sky: [f32; 3]) -> Driver {
+    let make = move || QuadtreeRenderer::new(Arc::clone(&sections), sky, None);
+    Driver::new("quadtree", ViewLight::new(make))
+}
+
+/// Returns the driver `cells`, with cells that are filled in this way.
+pub fn cells_driver(sections: Arc<[Section]>, sky: [f32; 3], filling: Filling) -> Driver {
+    let make = move || QuadtreeRenderer::new(Arc::clone(&sections), sky, Some(filling));
+    Driver::new("cells", ViewLight::new(make))
+}
+
 /// The quadtree, or cells of its samples, from view to view.
-pub struct QuadtreeDriver {
+struct QuadtreeRenderer {
     sections: Arc<[Section]>,
     sky: [f32; 3],
     /// The way that cells are filled; `None` for a quadtree.
@@ -43,8 +56,6 @@ struct Shown {
     both: Option<Shape>,
     /// `None` before the first live ray.
     overlay: Option<Overlay>,
-    /// Depths of the last frame; empty before it.
-    depth: Vec<f32>,
 }
 
 /// The samples of one picture, in the form used for drawing.
@@ -83,20 +94,14 @@ impl Shape {
     }
 }
 
-impl QuadtreeDriver {
-    /// Returns the driver `quadtree`. `sky` is the radiance of rays that hit nothing.
-    pub fn new(sections: Arc<[Section]>, sky: [f32; 3]) -> Self {
-        Self { sections, sky, cells: None, log: Log::default(), shown: None }
-    }
-
-    /// Returns the driver `cells`.
-    pub fn of_cells(sections: Arc<[Section]>, sky: [f32; 3], filling: Filling) -> Self {
-        Self { cells: Some(filling), ..Self::new(sections, sky) }
+impl QuadtreeRenderer {
+    fn new(sections: Arc<[Section]>, sky: [f32; 3], cells: Option<Filling>) -> Self {
+        Self { sections, sky, cells, log: Log::default(), shown: None }
     }
 
     /// Returns an empty shape for a view.
     fn shape(&self, look: &Look) -> Shape {
-        let (sections, size) = (Arc::clone(&self.sections), look.resolution.computed(look.size));
+        let (sections, size) = (Arc::clone(&self.sections), look.size);
         let params = QuadtreeParams { sky: self.sky, ..QuadtreeParams::default() };
         match self.cells {
             None => Shape::Leaves(Box::new(Quadtree::new(sections, look.view, size, params))),
@@ -126,30 +131,18 @@ impl QuadtreeDriver {
     }
 }
 
-impl Driver for QuadtreeDriver {
-    fn name(&self) -> &'static str {
-        if self.cells.is_some() { "cells" } else { "quadtree" }
-    }
-
-    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
-        let both = self.of_earlier_views(look);
-        self.log.begin_view();
-        self.shown = Some(Shown {
-            look: *look,
-            own: self.shape(look),
-            both,
-            overlay: None,
-            depth: Vec::new(),
-        });
-        Ok(())
-    }
-
-    fn insert(&mut self, key: BeamKey, paths: u16, samples: &[Sample]) {
+impl StoringRenderer for QuadtreeRenderer {
+    fn insert(&mut self, _age: Age, key: BeamKey, paths: u16, samples: &[Sample]) {
         let Some(shown) = &mut self.shown else { return };
         self.log.add(key, paths, samples);
         for shape in shown.both.iter_mut().chain([&mut shown.own]) {
             shape.insert(key, paths, samples);
         }
+    }
+
+    fn remove_earlier(&mut self, _key: BeamKey, _paths: u16, _samples: &[Sample]) -> bool {
+        // Sums of samples do not know which ones they have.
+        false
     }
 
     fn insert_unseen(&mut self, key: BeamKey) {
@@ -158,10 +151,19 @@ impl Driver for QuadtreeDriver {
             shape.insert_unseen(key);
         }
     }
+}
+
+impl Renderer for QuadtreeRenderer {
+    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+        let both = self.of_earlier_views(look);
+        self.log.begin_view();
+        self.shown = Some(Shown { look: *look, own: self.shape(look), both, overlay: None });
+        Ok(())
+    }
 
     fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
         let Some(shown) = &mut self.shown else { return };
-        if shown.look.resolution != Resolution::Full {
+        if shown.look.is_moving {
             return;
         }
         let Look { view, size, .. } = shown.look;
@@ -180,38 +182,65 @@ impl Driver for QuadtreeDriver {
         }
     }
 
-    fn draw(&mut self, _stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
-        let Some(shown) = &mut self.shown else { return Frame::black((1, 1)) };
+    fn draw(
+        &mut self,
+        _phase: FramePhase,
+        _interrupt: &Interrupt,
+        _stage_ended: &mut dyn FnMut(&'static str),
+    ) -> Option<Frame> {
+        let shown = self.shown.as_ref()?;
         let mut frame = shown.both.as_ref().unwrap_or(&shown.own).draw();
-        if shown.look.resolution == Resolution::Half {
-            frame = frame.enlarged(shown.look.size);
-            frame.blank_corners(&shown.look.view);
-        }
         if let Some(overlay) = &shown.overlay {
             overlay.paint(&mut frame);
         }
-        shown.depth.clone_from(&frame.depth);
-        frame
+        Some(frame)
     }
 
-    fn depth(&mut self) -> Vec<f32> {
+    fn refines(&self) -> bool {
+        false
+    }
+
+    fn prepare(&mut self, _phase: FramePhase) -> bool {
+        false
+    }
+
+    fn switch(&mut self, _part: &str, _on: bool) -> bool {
+        false
+    }
+
+    fn parts(&mut self) -> Option<&mut dyn PartsRenderer> {
+        None
+    }
+
+    fn wishes(&mut self) -> &mut dyn RayWishes {
+        self
+    }
+}
+
+impl RayWishes for QuadtreeRenderer {
+    fn weigh(
+        &mut self,
+        _look: &Look,
+        beams: Vec<WantedBeam>,
+    ) -> Result<Vec<WantedBeam>, DriverError> {
+        Ok(beams)
+    }
+
+    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+        None
+    }
+
+    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64 {
+        viewpoint_radius(&look.view, look.size, nearest, 1.0)
+    }
+
+    fn depths(&mut self) -> Vec<f32> {
         self.shown.as_ref().map_or_else(Vec::new, |shown| shown.own.tree().depth())
     }
 
-    fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
-        let shown = self.shown.as_ref()?;
-        let (width, height) = shown.look.size;
-        if column >= width || row >= height {
-            return None;
-        }
-        let pixel = row as usize * width as usize + column as usize;
-        let distance = *shown.depth.get(pixel)?;
-        (distance > 0.0).then_some(SurfaceAt { distance, triangle: None })
-    }
-
-    fn uncovered(&self) -> Vec<u32> {
+    fn uncovered(&mut self) -> Vec<u32> {
         match &self.shown {
-            Some(shown) if shown.look.resolution == Resolution::Full => {
+            Some(shown) if !shown.look.is_moving => {
                 let Look { view, size, .. } = shown.look;
                 uncovered_pixels(&shown.own.tree().covered, &view, size)
             }
@@ -219,7 +248,7 @@ impl Driver for QuadtreeDriver {
         }
     }
 
-    fn surface_beams(&self, search: Search) -> Option<BeamSearch> {
+    fn surface_beams(&mut self, search: Search) -> Option<BeamSearch> {
         self.shown.as_ref()?.own.tree().surface_beams(search)
     }
 }

@@ -1,6 +1,6 @@
 //! The drivers `quadtree` and `cells`: pictures from samples alone, without a scene.
 //!
-//! A [`QuadtreeDriver`] draws a whole session. It shows the samples of the last view in the next
+//! The [driver](quadtree_driver) draws a whole session. It shows the samples of the last view in the next
 //! view until that view's own samples have arrived. For one view it has a [`Quadtree`] (Larson &
 //! Simmons 1999, §2.4.3) or [`Cells`] (§2.4.4).
 //!
@@ -75,5 +75,5 @@ mod surface;
 mod tree;
 
 pub use cells::{Cells, Filling};
-pub use driver::QuadtreeDriver;
+pub use driver::{cells_driver, quadtree_driver};
 pub use tree::{LeafSize, Quadtree, QuadtreeParams};

@@ -5,7 +5,10 @@
 
 use std::sync::Arc;
 
-use holo_display::{Driver, DriverError, Frame, Look, SurfaceAt, WantedBeam};
+use holo_display::{
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, LiveSample, Look,
+    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
+};
 use holo_picture::{View, ViewKind};
 use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
 
@@ -22,21 +25,27 @@ const BY_REQUESTS: f32 = 0.75;
 /// Number of pixels of the picture for each requested ray.
 const PIXELS_PER_REQUEST: usize = 16;
 
+/// Returns the driver `pointimage`. Beams that cannot hit anything show `sky`.
+pub fn pointimage_driver(
+    sections: Arc<[Section]>,
+    sky: [f32; 3],
+    params: PointImageParams,
+) -> Driver {
+    let make = move || PointImageRenderer::new(Arc::clone(&sections), sky, params.clone());
+    Driver { keeps_pixels: true, ..Driver::new(NAME, ViewLight::new(make)) }
+}
+
 /// Draws each view of a session from the points of all views so far (Walter, Drettakis & Parker
 /// 1999).
-///
-/// It ignores [`Look::resolution`]. A cache of half the size would lose points whenever the camera
-/// starts or stops, and the render cache is fast while the camera moves.
-pub struct RenderCacheDriver {
+struct PointImageRenderer {
     sections: Arc<[Section]>,
     sky: [f32; 3],
     params: PointImageParams,
     shown: Option<(PointImage, Screen)>,
 }
 
-impl RenderCacheDriver {
-    /// Returns a driver without points. Beams that cannot hit anything show `sky`.
-    pub fn new(sections: Arc<[Section]>, sky: [f32; 3], params: PointImageParams) -> Self {
+impl PointImageRenderer {
+    fn new(sections: Arc<[Section]>, sky: [f32; 3], params: PointImageParams) -> Self {
         Self { sections, sky, params, shown: None }
     }
 
@@ -63,27 +72,8 @@ impl RenderCacheDriver {
     }
 }
 
-impl Driver for RenderCacheDriver {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn weigh(
-        &mut self,
-        look: &Look,
-        beams: Vec<WantedBeam>,
-    ) -> Result<Vec<WantedBeam>, DriverError> {
-        self.change_view(look, &beams)
-    }
-
-    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
-        if self.shown.as_ref().is_some_and(|(_, screen)| screen.is_of(look)) {
-            return Ok(());
-        }
-        self.change_view(look, &[]).map(|_| ())
-    }
-
-    fn insert(&mut self, key: BeamKey, _paths: u16, samples: &[Stored]) {
+impl StoringRenderer for PointImageRenderer {
+    fn insert(&mut self, _age: Age, key: BeamKey, _paths: u16, samples: &[Stored]) {
         let Some((cache, screen)) = &mut self.shown else { return };
         screen.locate(key, samples, |seen| {
             let (column, row) = seen.pixel;
@@ -101,47 +91,53 @@ impl Driver for RenderCacheDriver {
         });
     }
 
+    fn remove_earlier(&mut self, _key: BeamKey, _paths: u16, _samples: &[Stored]) -> bool {
+        // Points do not know their samples.
+        false
+    }
+
     fn insert_unseen(&mut self, key: BeamKey) {
         if let Some((_, screen)) = &mut self.shown {
             screen.insert_unseen(key);
         }
     }
+}
 
-    fn draw(&mut self, stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
-        let Some((cache, screen)) = &mut self.shown else { return Frame::black((1, 1)) };
+impl Renderer for PointImageRenderer {
+    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+        if self.shown.as_ref().is_some_and(|(_, screen)| screen.is_of(look)) {
+            return Ok(());
+        }
+        self.change_view(look, &[]).map(|_| ())
+    }
+
+    fn insert_live(&mut self, _paths: u16, _rays: &[LiveSample]) {
+        // Uncovered pixels are black, and no rays are wished for.
+    }
+
+    fn settle(&mut self) {
+        // Points of earlier views stay until others take their places.
+    }
+
+    fn draw(
+        &mut self,
+        _phase: FramePhase,
+        _interrupt: &Interrupt,
+        stage_ended: &mut dyn FnMut(&'static str),
+    ) -> Option<Frame> {
+        let (cache, screen) = self.shown.as_mut()?;
         let moment = Moment { view: screen.view, predicted: None, samples: &[], wanted: 0 };
         let frame = cache.frame_watched(&moment, &mut |stage| stage_ended(stage.name()));
         let depth = distances(&screen.view, screen.size, frame.depth());
-        screen.frame(frame.picture(), depth)
+        Some(screen.frame(frame.picture(), depth))
     }
 
-    fn depth(&mut self) -> Vec<f32> {
-        self.draw(&mut |_| {}).depth
+    fn refines(&self) -> bool {
+        false
     }
 
-    fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
-        surface_at(&self.draw(&mut |_| {}), column, row)
-    }
-
-    fn wants_rays(&self) -> bool {
-        true
-    }
-
-    fn wanted_rays(&mut self) -> Vec<(BeamKey, RayCoords)> {
-        let Some((cache, screen)) = &mut self.shown else { return Vec::new() };
-        let wanted = requests(screen.size);
-        let moment = Moment { view: screen.view, predicted: None, samples: &[], wanted };
-        cache.frame(&moment).rays(&self.sections)
-    }
-
-    fn viewpoint_radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
-        radius(&self.sections, view, size, nearest)
-    }
-
-    fn set_nearest(&mut self, nearest: f64) {
-        if let Some((_, screen)) = &mut self.shown {
-            screen.set_nearest(nearest);
-        }
+    fn prepare(&mut self, _phase: FramePhase) -> bool {
+        false
     }
 
     fn switch(&mut self, part: &str, on: bool) -> bool {
@@ -151,20 +147,58 @@ impl Driver for RenderCacheDriver {
         }
         known
     }
+
+    fn parts(&mut self) -> Option<&mut dyn PartsRenderer> {
+        None
+    }
+
+    fn wishes(&mut self) -> &mut dyn RayWishes {
+        self
+    }
+}
+
+impl RayWishes for PointImageRenderer {
+    fn weigh(
+        &mut self,
+        look: &Look,
+        beams: Vec<WantedBeam>,
+    ) -> Result<Vec<WantedBeam>, DriverError> {
+        self.change_view(look, &beams)
+    }
+
+    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+        let Some((cache, screen)) = &mut self.shown else { return Some(Vec::new()) };
+        let wanted = requests(screen.size);
+        let moment = Moment { view: screen.view, predicted: None, samples: &[], wanted };
+        Some(cache.frame(&moment).rays(&self.sections))
+    }
+
+    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64 {
+        let radius = radius(&self.sections, &look.view, look.size, nearest);
+        if let Some((_, screen)) = &mut self.shown {
+            screen.set_radius(look, radius);
+        }
+        radius
+    }
+
+    fn depths(&mut self) -> Vec<f32> {
+        let frame = self.draw(FramePhase::Rest, &Interrupt::default(), &mut |_| {});
+        frame.map_or_else(Vec::new, |frame| frame.depth)
+    }
+
+    fn uncovered(&mut self) -> Vec<u32> {
+        Vec::new()
+    }
+
+    fn surface_beams(&mut self, _search: Search) -> Option<BeamSearch> {
+        // Other beams' samples would only be guesses.
+        None
+    }
 }
 
 /// Returns the number of rays to request at a time.
 fn requests(size: (u32, u32)) -> usize {
     size.0 as usize * size.1 as usize / PIXELS_PER_REQUEST
-}
-
-/// Returns the surface that a frame shows at a pixel; `None` outside the picture and where no
-/// surface is known.
-pub(crate) fn surface_at(frame: &Frame, column: u32, row: u32) -> Option<SurfaceAt> {
-    let (width, height) = frame.picture.size();
-    let is_inside = column < width && row < height;
-    let distance = *frame.depth.get(row as usize * width as usize + column as usize)?;
-    (is_inside && distance > 0.0).then_some(SurfaceAt { distance, triangle: None })
 }
 
 /// Returns the view that follows if the motion from `earlier` to `now` continues. `None` after a

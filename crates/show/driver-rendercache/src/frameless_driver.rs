@@ -2,21 +2,26 @@
 
 use std::sync::Arc;
 
-use holo_display::{Driver, DriverError, Frame, Look, SurfaceAt, WantedBeam};
-use holo_picture::View;
-use holo_section::{BeamKey, Sample, Section};
+use holo_display::{
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, LiveSample, Look,
+    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
+};
+use holo_section::{BeamKey, RayCoords, Sample, Section};
 
-use crate::driver::surface_at;
 use crate::frameless::Frameless;
 use crate::screen::{Screen, radius};
 
 const NAME: &str = "frameless";
 
+/// Returns the driver `frameless`. Beams that cannot hit anything show `sky`.
+pub fn frameless_driver(sections: Arc<[Section]>, sky: [f32; 3]) -> Driver {
+    let make = move || FramelessRenderer { sections: Arc::clone(&sections), sky, shown: None };
+    Driver { keeps_pixels: true, ..Driver::new(NAME, ViewLight::new(make)) }
+}
+
 /// Shows the newest sample of each pixel, whichever view the sample was for (Bishop, Fuchs,
 /// McMillan & Scher Zagier 1994).
-///
-/// It ignores [`Look::resolution`], because pixels keep their colours from view to view.
-pub struct FramelessDriver {
+struct FramelessRenderer {
     sections: Arc<[Section]>,
     sky: [f32; 3],
     shown: Option<Shown>,
@@ -29,27 +34,35 @@ struct Shown {
     depth: Vec<f32>,
 }
 
-impl FramelessDriver {
-    /// Returns a driver that shows nothing yet. Beams that cannot hit anything show `sky`.
-    pub fn new(sections: Arc<[Section]>, sky: [f32; 3]) -> Self {
-        Self { sections, sky, shown: None }
+impl StoringRenderer for FramelessRenderer {
+    fn insert(&mut self, _age: Age, key: BeamKey, _paths: u16, samples: &[Sample]) {
+        let Some(Shown { frameless, screen, depth }) = &mut self.shown else { return };
+        let width = screen.size.0;
+        screen.locate(key, samples, |seen| {
+            let (column, row) = seen.pixel;
+            let Some(tag) = frameless.pixel_tag(column, row) else { return false };
+            if seen.is_own {
+                frameless.insert(tag, seen.radiance);
+                depth[(row * width + column) as usize] = seen.distance;
+            } else {
+                frameless.guess(tag, seen.radiance);
+            }
+            true
+        });
+    }
+
+    fn remove_earlier(&mut self, _key: BeamKey, _paths: u16, _samples: &[Sample]) -> bool {
+        false
+    }
+
+    fn insert_unseen(&mut self, key: BeamKey) {
+        if let Some(shown) = &mut self.shown {
+            shown.screen.insert_unseen(key);
+        }
     }
 }
 
-impl Driver for FramelessDriver {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn weigh(
-        &mut self,
-        look: &Look,
-        beams: Vec<WantedBeam>,
-    ) -> Result<Vec<WantedBeam>, DriverError> {
-        self.look(look)?;
-        Ok(beams)
-    }
-
+impl Renderer for FramelessRenderer {
     fn look(&mut self, look: &Look) -> Result<(), DriverError> {
         let before = self.shown.take();
         let mut frameless = match before.filter(|shown| shown.screen.serves(look)) {
@@ -68,55 +81,83 @@ impl Driver for FramelessDriver {
         Ok(())
     }
 
-    fn insert(&mut self, key: BeamKey, _paths: u16, samples: &[Sample]) {
-        let Some(Shown { frameless, screen, depth }) = &mut self.shown else { return };
-        let width = screen.size.0;
-        screen.locate(key, samples, |seen| {
-            let (column, row) = seen.pixel;
-            let Some(tag) = frameless.pixel_tag(column, row) else { return false };
-            if seen.is_own {
-                frameless.insert(tag, seen.radiance);
-                depth[(row * width + column) as usize] = seen.distance;
-            } else {
-                frameless.guess(tag, seen.radiance);
-            }
-            true
-        });
+    fn insert_live(&mut self, _paths: u16, _rays: &[LiveSample]) {
+        // Uncovered pixels are black, and no rays are wished for.
     }
 
-    fn insert_unseen(&mut self, key: BeamKey) {
-        if let Some(shown) = &mut self.shown {
-            shown.screen.insert_unseen(key);
-        }
+    fn settle(&mut self) {
+        // A pixel keeps its colour until its next sample.
     }
 
-    fn draw(&mut self, _stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
-        let Some(Shown { frameless, screen, depth }) = &mut self.shown else {
-            return Frame::black((1, 1));
-        };
+    fn draw(
+        &mut self,
+        _phase: FramePhase,
+        _interrupt: &Interrupt,
+        _stage_ended: &mut dyn FnMut(&'static str),
+    ) -> Option<Frame> {
+        let Shown { frameless, screen, depth } = self.shown.as_mut()?;
         // A pixel that still shows another view has no known depth.
         let of_view = |(has_colour, &depth): (bool, &f32)| {
             if has_colour && depth == 0.0 { f32::INFINITY } else { depth }
         };
         let depth = frameless.has_colour().zip(&*depth).map(of_view).collect();
-        screen.frame(frameless.picture().clone(), depth)
+        Some(screen.frame(frameless.picture().clone(), depth))
     }
 
-    fn depth(&mut self) -> Vec<f32> {
-        self.draw(&mut |_| {}).depth
+    fn refines(&self) -> bool {
+        false
     }
 
-    fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
-        surface_at(&self.draw(&mut |_| {}), column, row)
+    fn prepare(&mut self, _phase: FramePhase) -> bool {
+        false
     }
 
-    fn viewpoint_radius(&self, view: &View, size: (u32, u32), nearest: f64) -> f64 {
-        radius(&self.sections, view, size, nearest)
+    fn switch(&mut self, _part: &str, _on: bool) -> bool {
+        false
     }
 
-    fn set_nearest(&mut self, nearest: f64) {
-        if let Some(shown) = &mut self.shown {
-            shown.screen.set_nearest(nearest);
+    fn parts(&mut self) -> Option<&mut dyn PartsRenderer> {
+        None
+    }
+
+    fn wishes(&mut self) -> &mut dyn RayWishes {
+        self
+    }
+}
+
+impl RayWishes for FramelessRenderer {
+    fn weigh(
+        &mut self,
+        look: &Look,
+        beams: Vec<WantedBeam>,
+    ) -> Result<Vec<WantedBeam>, DriverError> {
+        self.look(look)?;
+        Ok(beams)
+    }
+
+    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+        None
+    }
+
+    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64 {
+        let radius = radius(&self.sections, &look.view, look.size, nearest);
+        if let Some(Shown { screen, .. }) = &mut self.shown {
+            screen.set_radius(look, radius);
         }
+        radius
+    }
+
+    fn depths(&mut self) -> Vec<f32> {
+        let frame = self.draw(FramePhase::Rest, &Interrupt::default(), &mut |_| {});
+        frame.map_or_else(Vec::new, |frame| frame.depth)
+    }
+
+    fn uncovered(&mut self) -> Vec<u32> {
+        Vec::new()
+    }
+
+    fn surface_beams(&mut self, _search: Search) -> Option<BeamSearch> {
+        // Other beams' samples would only be guesses.
+        None
     }
 }

@@ -43,7 +43,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`RenderCacheDriver`] runs the cache for a session (`driver`). Each request becomes the nearest
+//! [`pointimage_driver`] runs the cache for a session (`driver`). Each request becomes the nearest
 //! ray that can be stored, so traced pixels enter the holodeck. The requests also weight the view's
 //! beams, for tracers that have time for more (`frame`). A stored sample is a pixel's own if its
 //! ray passes the eye within a quarter of a pixel's footprint. At rest a pixel shows the mean of
@@ -52,7 +52,7 @@
 //! # Frameless rendering, `frameless`
 //!
 //! [`frameless::Frameless`] stores one radiance per pixel (Bishop, Fuchs, McMillan & Scher Zagier
-//! 1994). It is the mean of the pixel's samples for the newest view with any. [`FramelessDriver`]
+//! 1994). It is the mean of the pixel's samples for the newest view with any. [`frameless_driver`]
 //! runs it for a session.
 //!
 //! # Invariants
@@ -103,8 +103,8 @@ mod take;
 mod zbuffer;
 
 pub use cache::{Frame, Moment, PointImage};
-pub use driver::RenderCacheDriver;
-pub use frameless_driver::FramelessDriver;
+pub use driver::pointimage_driver;
+pub use frameless_driver::frameless_driver;
 pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing};
 pub use sample::{Place, Sample, Tag};
 pub use settings::{SETTINGS, Setting};

@@ -78,9 +78,11 @@ impl Screen {
         self.size == look.size && sees_alike(&self.view, &look.view)
     }
 
-    /// Sets the distance of the nearest visible surface, scene units.
-    pub fn set_nearest(&mut self, nearest: f64) {
-        self.radius = radius(&self.sections, &self.view, self.size, nearest);
+    /// Sets the viewpoint radius, scene units, if this is the screen of `look`.
+    pub fn set_radius(&mut self, look: &Look, radius: f64) {
+        if self.is_of(look) {
+            self.radius = radius;
+        }
     }
 
     /// Notes that no ray of a beam can hit anything.

@@ -8,12 +8,14 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod stored;
+#[path = "../../display/tests/common/viewer.rs"]
+mod viewer;
 
-use holo_display::{Driver, Look, Resolution};
-use holo_driver_surfaces::SurfacesDriver;
-use holo_picture::View;
+use holo_display::Look;
+use holo_driver_surfaces::surfaces_driver;
 use std::time::Instant;
 use stored::{Stored, seconds};
+use viewer::TestViewer;
 
 /// Frames drawn while the eye moves.
 const FRAMES: u32 = 20;
@@ -31,28 +33,27 @@ fn main() {
     let args: Vec<String> = std::env::args().collect();
     let [_, file, name, out] = &args[..] else { panic!("see the source") };
     let Stored { raycaster, sections, beams, view, size } = Stored::read(file, name);
-    let mut driver = SurfacesDriver::new(sections, raycaster, None);
+    let mut driver = TestViewer::new(surfaces_driver(sections, raycaster, None));
     let count: usize = beams.iter().map(|(_, read)| read.samples.len()).sum();
-    let look = |view: View, resolution| Look { view, size, resolution };
 
     timed("insertion, ns a sample", u32::try_from(count).unwrap(), 1e9, || {
         beams.iter().for_each(|(key, read)| driver.insert(*key, 1, &read.samples));
     });
-    let half = look(view, Resolution::Half);
-    timed("half, nothing known: look, ms", 1, 1e3, || driver.look(&half).unwrap());
-    timed("half, nothing known: draw, ms", 1, 1e3, || drop(driver.draw(&mut |_| {})));
-    let full = look(view, Resolution::Full);
-    let finish = |driver: &mut SurfacesDriver| while driver.prepare() {};
+    let sketch = Look { view, size: (size.0 / 2, size.1 / 2), is_moving: false };
+    timed("sketch, nothing known: look, ms", 1, 1e3, || driver.look(&sketch).unwrap());
+    timed("sketch, nothing known: draw, ms", 1, 1e3, || drop(driver.draw()));
+    let full = Look { view, size, is_moving: false };
+    let finish = |driver: &mut TestViewer| while driver.prepare() {};
     timed("full: look, ms", 1, 1e3, || driver.look(&full).unwrap());
-    timed("full: first draw, ms", 1, 1e3, || drop(driver.draw(&mut |_| {})));
+    timed("full: first draw, ms", 1, 1e3, || drop(driver.draw()));
     timed("full: look into edges, ms", 1, 1e3, || finish(&mut driver));
-    timed("full: draw again, ms", 1, 1e3, || drop(driver.draw(&mut |_| {})));
+    timed("full: draw again, ms", 1, 1e3, || drop(driver.draw()));
     let steps: Vec<Look> = (0..FRAMES)
         .rev()
         .map(|step| {
             let eye = view.vp + view.right() * 0.02 * f64::from(step);
             let size = (size.0 / 2, size.1 / 2);
-            Look { view: view.moved(eye, view.vd).unwrap(), size, resolution: Resolution::Moving }
+            Look { view: view.moved(eye, view.vd).unwrap(), size, is_moving: true }
         })
         .collect();
     timed("moving: look, ms", FRAMES, 1e3, || {
@@ -60,14 +61,14 @@ fn main() {
     });
     timed("moving: draw, ms", FRAMES, 1e3, || {
         for _ in 0..FRAMES {
-            drop(driver.draw(&mut |_| {}));
+            drop(driver.draw());
         }
     });
     timed("stopped: look, ms", 1, 1e3, || driver.look(&full).unwrap());
     let mut stopped = None;
-    timed("stopped: draw, ms", 1, 1e3, || stopped = Some(driver.draw(&mut |_| {})));
+    timed("stopped: draw, ms", 1, 1e3, || stopped = Some(driver.draw()));
     stopped.unwrap().picture.write(format!("{out}-stopped.pfm")).unwrap();
     driver.settle();
     finish(&mut driver);
-    driver.draw(&mut |_| {}).picture.write(format!("{out}-refined.pfm")).unwrap();
+    driver.draw().picture.write(format!("{out}-refined.pfm")).unwrap();
 }

@@ -34,7 +34,7 @@ pub struct Sums {
 
 /// One sample's light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Light {
+pub(crate) struct SampleLight {
     /// Light in whole fixed-point steps, by channel.
     pub rgb: [f32; 3],
     /// Number of paths whose mean this is.
@@ -55,7 +55,7 @@ impl Sums {
 
     /// Returns the sums of one sample.
     #[inline]
-    pub(crate) fn of(light: &Light) -> Sums {
+    pub(crate) fn of(light: &SampleLight) -> Sums {
         let bright = luminance(light.rgb);
         let paths = u64::from(light.paths);
         // Conversions from floats to integers saturate.

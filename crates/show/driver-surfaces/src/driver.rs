@@ -1,8 +1,8 @@
-//! The driver of a whole session: one store of light, and one view of it at a time.
+//! The light of a session, and the views that are drawn from it.
 //!
 //! Unlike other drivers it stores every sample for the whole session. A frame at rest depends on
 //! the set of samples inserted since the session began, in any order. Only the first frame of a
-//! view may show light that earlier frames found.
+//! view may show light that earlier frames found, also those of other renderers.
 
 use crate::draw::Drawn;
 use crate::known::Known;
@@ -13,16 +13,19 @@ use crate::waits::Waits;
 use crate::{Gathered, Materials, Placer, RaySample, Store, View};
 use holo_denoise::Denoiser;
 use holo_display::{
-    BeamSearch, Certainty, Driver, DriverError, Frame, Interrupt, LiveSample, Look, PartsPlan,
-    Resolution, Search, SurfaceAt, beams_ending_on, covered, uncovered_pixels,
+    Age, BeamSearch, Certainty, Driver, DriverError, Frame, FramePhase, Interrupt, Light,
+    LiveSample, Look, PartsPlan, PartsRenderer, RayWishes, Renderer, Search, WantedBeam,
+    beams_ending_on, covered, uncovered_pixels, viewpoint_radius,
 };
 use holo_picture::Picture;
 use holo_raycast::Raycaster;
-use holo_section::{BeamKey, Sample, Section};
+use holo_section::{BeamKey, RayCoords, Sample, Section};
+use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-const NAME: &str = "surfaces";
+/// The driver's name, also with stand-ins.
+pub(crate) const NAME: &str = "surfaces";
 
 /// Most bytes for samples.
 const MOST_BYTES: usize = 1 << 30;
@@ -42,11 +45,11 @@ const LEAST_BATCH: usize = 1 << 12;
 /// Greatest unknown share of a frame of known light, while the eye moves or has just stopped.
 const MOST_UNKNOWN: f32 = 0.5;
 
-/// The same in a glance.
+/// The same in the first frame after a jump.
 const FEW_UNKNOWN: f32 = 0.25;
 
-/// Least side of the filtered squares in a glance and while the eye moves, pixels. In the cabin at
-/// 480 × 360, squares of one pixel delay a glance by 0.3 s.
+/// Least side of the filtered squares while the eye moves, pixels. In the cabin at 480 × 360,
+/// squares of one pixel delayed a frame by 0.3 s.
 const LEAST_STEP: usize = 2;
 
 /// Side of the squares in a view's first frame of all pixels, so that it appears soon, pixels.
@@ -62,8 +65,29 @@ const SLACK: f64 = 0.01;
 /// Relative rounding of a live ray's distance.
 const LIVE_ROUNDING: f64 = 1e-5;
 
-/// Draws light that is stored on the scene's surfaces.
-pub struct SurfacesDriver {
+/// Returns the driver `surfaces`, which stores light on the surfaces of `raycaster`'s scene. A
+/// denoiser is used at rest.
+pub fn surfaces_driver(
+    sections: Arc<[Section]>,
+    raycaster: Arc<Raycaster>,
+    denoiser: Option<Denoiser>,
+) -> Driver {
+    let light = SurfaceLight::new(sections, raycaster, denoiser);
+    Driver { knows_surfaces: true, ..Driver::new(NAME, light) }
+}
+
+/// Light that is stored on the scene's surfaces.
+pub struct SurfaceLight(Arc<Mutex<LitScene>>);
+
+/// Draws one view at a time of light that is stored on the scene's surfaces.
+pub struct SurfaceRenderer {
+    scene: Arc<Mutex<LitScene>>,
+    /// Number of its view.
+    number: u64,
+}
+
+/// The light, and the views of its renderers.
+struct LitScene {
     sections: Arc<[Section]>,
     raycaster: Arc<Raycaster>,
     materials: Arc<Materials>,
@@ -80,14 +104,14 @@ pub struct SurfacesDriver {
     earlier: Waits,
     /// Samples among those that are still in the store and must leave it.
     leaving: Waits,
-    shown: Option<Shown>,
-    /// Ends the drawing of frames at rest.
-    interrupt: Interrupt,
+    /// The views that are shown, by the numbers of their renderers.
+    views: BTreeMap<u64, Shown>,
+    /// Number of the next renderer.
+    next: u64,
 }
 
-impl SurfacesDriver {
-    /// Returns a driver that stores light on the surfaces of `raycaster`'s scene. A denoiser is
-    /// used at rest.
+impl SurfaceLight {
+    /// Returns the light of `raycaster`'s scene, without any sample. A denoiser is used at rest.
     pub fn new(
         sections: Arc<[Section]>,
         raycaster: Arc<Raycaster>,
@@ -95,7 +119,7 @@ impl SurfacesDriver {
     ) -> Self {
         let (low, high) = raycaster.scene().bounds();
         let finest = (FINEST * low.distance(high)).max(f64::from(f32::MIN_POSITIVE)) as f32;
-        Self {
+        Self(Arc::new(Mutex::new(LitScene {
             sections,
             materials: Arc::new(Materials::new(raycaster.scene())),
             raycaster,
@@ -106,16 +130,66 @@ impl SurfacesDriver {
             waiting: Waits::default(),
             earlier: Waits::default(),
             leaving: Waits::default(),
-            shown: None,
-            interrupt: Interrupt::default(),
+            views: BTreeMap::new(),
+            next: 0,
+        })))
+    }
+
+    /// Returns a renderer that draws from this light.
+    pub fn surface_renderer(&self) -> SurfaceRenderer {
+        let mut scene = lock(&self.0);
+        let number = scene.next;
+        scene.next += 1;
+        SurfaceRenderer { scene: Arc::clone(&self.0), number }
+    }
+
+    /// Takes the denoiser, for another light.
+    pub(crate) fn take_denoiser(&mut self) -> Option<Denoiser> {
+        lock(&self.0).denoiser.take()
+    }
+}
+
+fn lock(scene: &Mutex<LitScene>) -> MutexGuard<'_, LitScene> {
+    // After a panic the caller ends too. What it still draws may be incomplete, but is safe.
+    scene.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Light for SurfaceLight {
+    fn renderer(&mut self) -> Box<dyn Renderer> {
+        Box::new(self.surface_renderer())
+    }
+
+    fn room(&self) -> u64 {
+        lock(&self.0).store.most_samples() as u64 / 4 * 3
+    }
+
+    fn insert(&mut self, age: Age, beam: BeamKey, paths: u16, samples: &[Sample]) {
+        let scene = &mut *lock(&self.0);
+        let waits = match age {
+            Age::Present => &mut scene.waiting,
+            Age::Earlier => &mut scene.earlier,
+        };
+        waits.push(beam, paths, samples);
+        if waits.len() >= BATCH {
+            scene.place_waiting();
+            if age == Age::Present {
+                // While samples pour in, the session has no time for `prepare`.
+                scene.views.values_mut().for_each(|shown| _ = shown.prepare_edges(&scene.store));
+            }
         }
     }
 
-    /// Replaces the scene, and forgets all samples.
-    pub(crate) fn change_scene(&mut self, raycaster: Arc<Raycaster>) {
-        *self = Self::new(Arc::clone(&self.sections), raycaster, self.denoiser.take());
+    fn remove_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) -> bool {
+        lock(&self.0).leaving.push(beam, paths, samples);
+        true
     }
 
+    fn insert_unseen(&mut self, _beam: BeamKey) {
+        // The scene shows what lies along such a beam.
+    }
+}
+
+impl LitScene {
     /// Puts all waiting samples into the store, and removes those that must leave it.
     fn place_waiting(&mut self) {
         let placed = self.waiting.take_placed(&self.sections, &self.raycaster, &self.materials);
@@ -134,57 +208,106 @@ impl SurfacesDriver {
     /// Notes that what was found by earlier samples is no longer right.
     fn has_faded(&mut self) {
         self.known = Known::default();
-        self.shown.iter_mut().for_each(|shown| shown.gathered = None);
+        self.views.values_mut().for_each(|shown| shown.gathered = None);
     }
 
-    /// Draws the current view. If there are live rays, also returns the sums that include them,
-    /// from which pixels outside all sections are drawn.
+    /// Adds placed samples to the store, and to all views.
+    fn keep(&mut self, placed: &[Placed]) {
+        if self.store.add(placed) {
+            self.has_faded();
+        }
+        for Shown { view, gathered, .. } in self.views.values_mut() {
+            gathered.iter_mut().for_each(|gathered| gathered.add(view, placed));
+        }
+    }
+
+    /// Starts another view of a renderer.
+    fn look(&mut self, number: u64, look: &Look) {
+        let size = look.size;
+        let raycaster = Arc::clone(&self.raycaster);
+        let view = View::new(raycaster, Arc::clone(&self.materials), &look.view, size);
+        let covered = covered(&self.sections, &look.view, size);
+        self.store.begin_round();
+        self.live.begin_round();
+        let has_stopped = self.views.get(&number).is_some_and(|shown| shown.look.is_moving);
+        let lit = (&self.store, &self.known);
+        let known = match look.is_moving {
+            true => view.known(lit, LEAST_STEP, MOST_UNKNOWN),
+            false if has_stopped => view.known(lit, FIRST_STEP, MOST_UNKNOWN),
+            // The best picture of a small view is soon there.
+            false if look.is_small() => None,
+            false => view.known(lit, FIRST_STEP, FEW_UNKNOWN),
+        };
+        let shown = Shown {
+            look: *look,
+            view,
+            gathered: None,
+            edges: Edges::Some(Vec::new()),
+            known,
+            drawn: None,
+            drawn_from: None,
+            covered,
+        };
+        self.views.insert(number, shown);
+    }
+
+    /// Draws a view. If there are live rays, also returns the sums that include them, from which
+    /// pixels outside all sections are drawn.
     ///
-    /// While the eye moves, the view shows light that earlier frames found, if enough of it is
-    /// known. `None` without a view, or if the frame was interrupted.
-    fn drawn(&mut self) -> Option<(Drawn, Option<Gathered>)> {
-        if let Some(drawn) = self.drawn_from_known() {
+    /// While the eye moves and in the first frame, the view shows light that earlier frames found,
+    /// if enough of it is known. `None` without a view, or if the frame was interrupted.
+    fn drawn(
+        &mut self,
+        number: u64,
+        phase: FramePhase,
+        interrupt: &Interrupt,
+    ) -> Option<(Drawn, Option<Gathered>)> {
+        if let Some(drawn) = self.drawn_from_known(number, phase) {
             return Some((drawn, None));
         }
         self.place_waiting();
-        self.drawn_from_samples()
+        self.drawn_from_samples(number, phase, interrupt)
     }
 
-    /// Draws the current view from known light, if it is to be shown now.
-    fn drawn_from_known(&mut self) -> Option<Drawn> {
-        let shown = self.shown.as_mut()?;
+    /// Draws a view from known light, if it is to be shown now.
+    fn drawn_from_known(&mut self, number: u64, phase: FramePhase) -> Option<Drawn> {
+        let shown = self.views.get_mut(&number)?;
+        if matches!(phase, FramePhase::Rest | FramePhase::File) {
+            shown.known = None;
+        }
         let drawn = shown.view.draw_known(&self.store, shown.known.as_ref()?);
-        if shown.look.resolution != Resolution::Moving {
+        if phase == FramePhase::First {
             (shown.known, shown.drawn) = (None, Some(Refined::KNOWN));
-            shown.is_refined = true;
         }
         Some(drawn)
     }
 
-    /// Draws the current view from all samples in the store. Returns what [`drawn`](Self::drawn)
-    /// does.
-    fn drawn_from_samples(&mut self) -> Option<(Drawn, Option<Gathered>)> {
-        let shown = self.shown.as_mut()?;
-        let Look { resolution, .. } = shown.look;
+    /// Draws a view from all samples in the store. Returns what [`drawn`](Self::drawn) does.
+    fn drawn_from_samples(
+        &mut self,
+        number: u64,
+        phase: FramePhase,
+        interrupt: &Interrupt,
+    ) -> Option<(Drawn, Option<Gathered>)> {
+        let shown = self.views.get_mut(&number)?;
         if shown.look.is_small() {
             while shown.look_into_edges(&self.store) {}
         }
         let samples = self.store.samples() + self.live.samples();
-        let is_best = shown.draws_best(samples);
-        let is_for_file = std::mem::take(&mut shown.is_for_file);
-        let mut refined = shown.refined(self.denoiser.is_some());
+        let is_best = shown.draws_best(samples, phase);
+        let is_soon =
+            !shown.look.is_small() && matches!(phase, FramePhase::First | FramePhase::Moving);
+        let mut refined = shown.refined(self.denoiser.is_some(), is_soon);
         let never = Interrupt::default();
-        let is_first = shown.drawn.is_none();
-        let can_end_early = resolution != Resolution::Moving && !is_for_file && !is_first;
-        let interrupt = if can_end_early { &self.interrupt } else { &never };
+        let can_end_early = phase == FramePhase::Rest && shown.drawn.is_some();
+        let interrupt = if can_end_early { interrupt } else { &never };
         let (view, store) = (&shown.view, &self.store);
         let gathered = shown.gathered.get_or_insert_with(|| Gathered::new(view, store));
         let mut denoiser = self.denoiser.as_mut().filter(|_| refined.is_denoised);
-        let is_soon = !shown.is_refined;
-        let least = match resolution {
-            Resolution::Full if is_soon => FIRST_STEP,
-            Resolution::Full => 1,
-            Resolution::Half | Resolution::Moving => LEAST_STEP,
+        let least = match phase {
+            FramePhase::Moving => LEAST_STEP,
+            FramePhase::First if is_soon => FIRST_STEP,
+            FramePhase::First | FramePhase::Rest | FramePhase::File => 1,
         };
         let has_live = self.live.samples() > 0 && shown.covered.contains(&false);
         let density = gathered.density(view);
@@ -211,189 +334,15 @@ impl SurfacesDriver {
                 drawn
             }
         };
-        shown.is_refined |= resolution != Resolution::Moving;
         (shown.drawn, shown.drawn_from) = (Some(refined), Some(samples));
         Some((drawn, all))
     }
 
-    fn parts(&mut self) -> PartsSource<'_> {
-        PartsSource {
-            sections: &self.sections,
-            raycaster: &self.raycaster,
-            materials: &self.materials,
-            store: &self.store,
-            live: &self.live,
-            denoiser: self.denoiser.as_mut(),
-            interrupt: &self.interrupt,
-        }
-    }
-
-    /// Looks into some of the view's pixels on edges. Returns true if more are left.
-    fn look_into_edges(&mut self) -> bool {
-        let looks =
-            |shown: &&mut Shown| shown.look.resolution == Resolution::Full && shown.known.is_none();
-        let Some(shown) = self.shown.as_mut().filter(looks) else { return false };
-        shown.look_into_edges(&self.store)
-    }
-
-    /// Adds placed samples to the store, and to the current view.
-    fn keep(&mut self, placed: &[Placed]) {
-        if self.store.add(placed) {
-            self.has_faded();
-        }
-        if let Some(Shown { view, gathered: Some(gathered), .. }) = &mut self.shown {
-            gathered.add(view, placed);
-        }
-    }
-}
-
-impl Driver for SurfacesDriver {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn keeps_samples(&self) -> bool {
-        true
-    }
-
-    fn room(&self) -> u64 {
-        self.store.most_samples() as u64 / 4 * 3
-    }
-
-    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
-        let size = look.resolution.computed(look.size);
-        let raycaster = Arc::clone(&self.raycaster);
-        let view = View::new(raycaster, Arc::clone(&self.materials), &look.view, size);
-        let covered = covered(&self.sections, &look.view, size);
-        self.store.begin_round();
-        self.live.begin_round();
-        let look = *look;
-        let glanced = |shown: &Shown| {
-            let Look { view, resolution, .. } = shown.look;
-            view == look.view && resolution == Resolution::Half && shown.is_refined
-        };
-        let is_refined = look.is_small() || self.shown.as_ref().is_some_and(glanced);
-        let moved = |shown: &Shown| shown.look.resolution == Resolution::Moving;
-        let has_stopped = self.shown.as_ref().is_some_and(moved);
-        let lit = (&self.store, &self.known);
-        let known = match look.resolution {
-            Resolution::Moving => view.known(lit, 2, MOST_UNKNOWN),
-            Resolution::Half => view.known(lit, 2, FEW_UNKNOWN),
-            Resolution::Full if has_stopped => view.known(lit, FIRST_STEP, MOST_UNKNOWN),
-            Resolution::Full => None,
-        };
-        self.shown = Some(Shown {
-            look,
-            view,
-            gathered: None,
-            has_stopped,
-            is_refined,
-            is_for_file: false,
-            edges: Edges::Some(Vec::new()),
-            known,
-            drawn: None,
-            drawn_from: None,
-            covered,
-        });
-        Ok(())
-    }
-
-    fn insert(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
-        self.waiting.push(beam, paths, samples);
-        if self.waiting.len() >= BATCH {
-            self.place_waiting();
-            // While samples pour in, the session has no time for `prepare`.
-            self.look_into_edges();
-        }
-    }
-
-    fn insert_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
-        self.earlier.push(beam, paths, samples);
-        if self.earlier.len() >= BATCH {
-            self.place_waiting();
-        }
-    }
-
-    fn remove_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) -> bool {
-        self.leaving.push(beam, paths, samples);
-        true
-    }
-
-    fn insert_unseen(&mut self, _beam: BeamKey) {
-        // The scene shows what lies along such a beam.
-    }
-
-    fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
-        let rays: Vec<RaySample> = rays
-            .iter()
-            .map(|ray| RaySample {
-                origin: ray.origin,
-                direction: ray.direction,
-                distance: ray.distance,
-                uncertainty: LIVE_ROUNDING * ray.distance,
-                radiance: ray.radiance,
-                paths: u32::from(paths),
-            })
-            .collect();
-        let mut placed = Vec::with_capacity(rays.len());
-        Placer::new(&self.raycaster, &self.materials).place_rays(&rays, &mut placed);
-        self.live.add(&placed);
-    }
-
-    fn draw_for_file(&mut self) {
-        if let Some(shown) = &mut self.shown {
-            (shown.known, shown.is_refined, shown.is_for_file) = (None, true, true);
-        }
-    }
-
-    fn plan_parts(&mut self, look: &Look) -> Option<PartsPlan> {
-        self.place_waiting();
-        Some(self.parts().plan(look))
-    }
-
-    fn draw_part(
-        &mut self,
-        plan: &PartsPlan,
-        columns: Range<u32>,
-        rows: Range<u32>,
-    ) -> Option<Picture> {
-        self.parts().part(plan, columns, rows)
-    }
-
-    fn end_early_by(&mut self, interrupt: Interrupt) {
-        self.interrupt = interrupt;
-    }
-
-    fn settle(&mut self) {
-        if let Some(shown) = self.shown.as_mut().filter(|shown| !shown.awaits_first_after_stop()) {
-            (shown.known, shown.is_refined) = (None, true);
-        }
-    }
-
-    fn prepare(&mut self) -> bool {
-        let waits = [&self.waiting, &self.earlier, &self.leaving];
-        if waits.iter().any(|waits| waits.len() >= LEAST_BATCH) {
-            self.place_waiting();
-        }
-        let store = &self.store;
-        let gathers = |shown: &&mut Shown| shown.look.resolution != Resolution::Moving;
-        let Some(shown) = self.shown.as_mut().filter(gathers) else { return false };
-        if shown.known.is_some() {
-            // Gathering now would delay the first frame.
-            return false;
-        }
-        if shown.gathered.is_none() {
-            shown.gathered = Some(Gathered::new(&shown.view, store));
-            return shown.look.resolution == Resolution::Full;
-        }
-        self.look_into_edges()
-    }
-
-    fn draw(&mut self, _stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
-        let Some((drawn, all)) = self.drawn() else { return Frame::black((1, 1)) };
-        let Some(shown) = &self.shown else { return Frame::black((1, 1)) };
-        let Look { view, size, resolution } = shown.look;
-        let mut frame = Frame::black(resolution.computed(size));
+    fn draw(&mut self, number: u64, phase: FramePhase, interrupt: &Interrupt) -> Option<Frame> {
+        let (drawn, all) = self.drawn(number, phase, interrupt)?;
+        let shown = self.views.get(&number)?;
+        let Look { view, size, .. } = shown.look;
+        let mut frame = Frame::black(size);
         frame.picture.view = Some(view);
         frame.picture.pixels = drawn.pixels;
         frame.depth = shown.depth();
@@ -419,43 +368,160 @@ impl Driver for SurfacesDriver {
             own < ENOUGH_FOR_GLEAMS && shown.view.is_glossy(&shown.view.seen[pixel])
         };
         frame.gleam_pixels = count(&is_guessed) as u64;
-        if resolution == Resolution::Half {
-            frame = frame.enlarged(size);
-        }
         frame.blank_corners(&view);
-        frame
+        Some(frame)
+    }
+
+    /// Does a piece of work for the next frame of a view. Returns true if more is left.
+    fn prepare(&mut self, number: u64, phase: FramePhase) -> bool {
+        let waits = [&self.waiting, &self.earlier, &self.leaving];
+        if waits.iter().any(|waits| waits.len() >= LEAST_BATCH) {
+            self.place_waiting();
+        }
+        let store = &self.store;
+        let gathers = |shown: &&mut Shown| !shown.look.is_moving;
+        let Some(shown) = self.views.get_mut(&number).filter(gathers) else { return false };
+        if phase == FramePhase::Rest {
+            shown.known = None;
+        }
+        if shown.known.is_some() {
+            // Gathering now would delay the first frame.
+            return false;
+        }
+        if shown.gathered.is_none() {
+            shown.gathered = Some(Gathered::new(&shown.view, store));
+            return true;
+        }
+        shown.prepare_edges(store)
+    }
+
+    fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
+        let rays: Vec<RaySample> = rays
+            .iter()
+            .map(|ray| RaySample {
+                origin: ray.origin,
+                direction: ray.direction,
+                distance: ray.distance,
+                uncertainty: LIVE_ROUNDING * ray.distance,
+                radiance: ray.radiance,
+                paths: u32::from(paths),
+            })
+            .collect();
+        let mut placed = Vec::with_capacity(rays.len());
+        Placer::new(&self.raycaster, &self.materials).place_rays(&rays, &mut placed);
+        self.live.add(&placed);
+    }
+
+    fn parts<'a>(&'a mut self, interrupt: &'a Interrupt) -> PartsSource<'a> {
+        PartsSource {
+            sections: &self.sections,
+            raycaster: &self.raycaster,
+            materials: &self.materials,
+            store: &self.store,
+            live: &self.live,
+            denoiser: self.denoiser.as_mut(),
+            interrupt,
+        }
+    }
+}
+
+impl Drop for SurfaceRenderer {
+    fn drop(&mut self) {
+        lock(&self.scene).views.remove(&self.number);
+    }
+}
+
+impl Renderer for SurfaceRenderer {
+    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+        lock(&self.scene).look(self.number, look);
+        Ok(())
+    }
+
+    fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
+        lock(&self.scene).insert_live(paths, rays);
+    }
+
+    fn settle(&mut self) {
+        // The phases of frames tell the rest.
+    }
+
+    fn draw(
+        &mut self,
+        phase: FramePhase,
+        interrupt: &Interrupt,
+        _stage_ended: &mut dyn FnMut(&'static str),
+    ) -> Option<Frame> {
+        lock(&self.scene).draw(self.number, phase, interrupt)
     }
 
     fn refines(&self) -> bool {
+        let scene = lock(&self.scene);
+        let has_denoiser = scene.denoiser.is_some();
         let refines = |shown: &Shown| {
-            shown.drawn.is_some_and(|drawn| drawn != shown.refined(self.denoiser.is_some()))
+            shown.drawn.is_some_and(|drawn| drawn != shown.refined(has_denoiser, false))
         };
-        self.shown.as_ref().is_some_and(refines)
+        scene.views.get(&self.number).is_some_and(refines)
     }
 
-    fn depth(&mut self) -> Vec<f32> {
-        self.shown.as_ref().map_or_else(Vec::new, Shown::depth)
+    fn prepare(&mut self, phase: FramePhase) -> bool {
+        lock(&self.scene).prepare(self.number, phase)
     }
 
-    fn knows_depth(&self) -> bool {
-        true
+    fn switch(&mut self, _part: &str, _on: bool) -> bool {
+        false
     }
 
-    fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
-        let shown = self.shown.as_ref()?;
-        let (size, cast) = (shown.look.size, shown.view.size);
-        if column >= size.0 || row >= size.1 {
-            return None;
-        }
-        let at = |at: u32, size: u32, cast: usize| at as usize * cast / size as usize;
-        let pixel = at(row, size.1, cast.1) * cast.0 + at(column, size.0, cast.0);
-        let distance = shown.distance(&shown.view.seen[pixel]);
-        Some(SurfaceAt { distance, triangle: shown.view.triangle(pixel) })
+    fn parts(&mut self) -> Option<&mut dyn PartsRenderer> {
+        Some(self)
     }
 
-    fn uncovered(&self) -> Vec<u32> {
-        match &self.shown {
-            Some(shown) if shown.look.resolution == Resolution::Full => {
+    fn wishes(&mut self) -> &mut dyn RayWishes {
+        self
+    }
+}
+
+impl PartsRenderer for SurfaceRenderer {
+    fn plan(&mut self, look: &Look) -> PartsPlan {
+        let scene = &mut *lock(&self.scene);
+        scene.place_waiting();
+        scene.parts(&Interrupt::default()).plan(look)
+    }
+
+    fn part(
+        &mut self,
+        plan: &PartsPlan,
+        columns: Range<u32>,
+        rows: Range<u32>,
+        interrupt: &Interrupt,
+    ) -> Option<Picture> {
+        lock(&self.scene).parts(interrupt).part(plan, columns, rows)
+    }
+}
+
+impl RayWishes for SurfaceRenderer {
+    fn weigh(
+        &mut self,
+        _look: &Look,
+        beams: Vec<WantedBeam>,
+    ) -> Result<Vec<WantedBeam>, DriverError> {
+        Ok(beams)
+    }
+
+    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+        None
+    }
+
+    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64 {
+        viewpoint_radius(&look.view, look.size, nearest, 1.0)
+    }
+
+    fn depths(&mut self) -> Vec<f32> {
+        lock(&self.scene).views.get(&self.number).map_or_else(Vec::new, Shown::depth)
+    }
+
+    fn uncovered(&mut self) -> Vec<u32> {
+        match lock(&self.scene).views.get(&self.number) {
+            Some(shown) if !shown.look.is_moving => {
                 let mut pixels =
                     uncovered_pixels(&shown.covered, &shown.look.view, shown.look.size);
                 // The sky and lamps need no samples.
@@ -466,9 +532,10 @@ impl Driver for SurfacesDriver {
         }
     }
 
-    fn surface_beams(&self, search: Search) -> Option<BeamSearch> {
-        let ends = self.shown.as_ref()?.ends(self.raycaster.scene().origin);
-        let sections = Arc::clone(&self.sections);
+    fn surface_beams(&mut self, search: Search) -> Option<BeamSearch> {
+        let scene = lock(&self.scene);
+        let ends = scene.views.get(&self.number)?.ends(scene.raycaster.scene().origin);
+        let sections = Arc::clone(&scene.sections);
         (!ends.is_empty()).then(|| -> BeamSearch {
             Box::new(move || beams_ending_on(&sections, &ends, SLACK, search))
         })

@@ -7,7 +7,7 @@
 //! Invariant: the sums in which a sample counts are a function of the sample, the view, and whether
 //! the view has looked into its edges.
 
-use crate::cell::{Face, Light, Sums};
+use crate::cell::{Face, SampleLight, Sums};
 use crate::edges::Piece;
 use crate::owners::{Mirrored, Owners};
 use crate::place::Placed;
@@ -42,7 +42,7 @@ pub struct Gathered {
 /// A sample and the number of the sums that it counts in.
 struct Claim {
     owner: u32,
-    light: Light,
+    light: SampleLight,
 }
 
 /// A sample in the direction of a pixel on an edge, but not on the surface that its middle shows.
@@ -51,7 +51,7 @@ struct Beside {
     pixel: usize,
     point: Vec3,
     face: Face,
-    light: Light,
+    light: SampleLight,
 }
 
 /// The claims of some samples.
@@ -64,7 +64,7 @@ struct Claims {
 
 impl Claims {
     #[inline]
-    fn push(&mut self, owner: usize, light: Light) {
+    fn push(&mut self, owner: usize, light: SampleLight) {
         self.parts[owner / STRIPE % PARTS].push(Claim { owner: owner as u32, light });
     }
 }
@@ -230,7 +230,7 @@ impl Gathered {
         view: &View,
         pixel: usize,
         (point, face): (Vec3, Face),
-        light: Light,
+        light: SampleLight,
         claims: &mut Claims,
     ) {
         let pieces = self.owners.pieces.as_ref().and_then(|pieces| pieces.get(&pixel));

@@ -13,7 +13,8 @@
 //!    materials' reflectance.
 //! 6. While the eye moves, the driver looks up light by place that earlier pictures found.
 //!
-//! A [`StandInsDriver`] does the same for scenes with simpler geometry for some sections.
+//! A [`SurfaceLight`] is the light of a session, and a [`SurfaceRenderer`] draws from it. The
+//! driver of [`stand_ins_driver`] does the same for scenes with simpler geometry for some sections.
 //!
 //! `docs/notes/surface-light.md` lists every filter that was tried, with figures.
 //!
@@ -49,12 +50,12 @@ mod waits;
 
 pub use cell::Sums;
 pub use draw::Drawn;
-pub use driver::SurfacesDriver;
+pub use driver::{SurfaceLight, SurfaceRenderer, surfaces_driver};
 pub use edges::{Edge, Piece};
 pub use filter::EXAMPLE;
 pub use gather::Gathered;
 pub use materials::Materials;
 pub use place::{Placed, Placer, RaySample};
-pub use stand_ins::{MakeDriver, StandIn, StandIns, StandInsDriver};
+pub use stand_ins::{MakeDriver, StandIn, StandIns, stand_ins_driver};
 pub use store::Store;
 pub use view::{InPane, Seen, View, Way};

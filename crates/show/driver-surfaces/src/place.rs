@@ -5,7 +5,7 @@
 //! - A sample is left out if no surface lies near its stored distance, or if it shows a lamp or the
 //!   sky.
 
-use crate::cell::{Face, Light};
+use crate::cell::{Face, SampleLight};
 use crate::materials::{Kind, Materials};
 use crate::trail::{AtPanes, End, Follower, Shown};
 use glam::{DVec3, Vec3};
@@ -47,7 +47,7 @@ pub struct RaySample {
 pub struct Placed {
     pub(crate) point: Vec3,
     pub(crate) face: Face,
-    pub(crate) light: Light,
+    pub(crate) light: SampleLight,
 }
 
 impl Placed {
@@ -119,11 +119,11 @@ impl<'a> Placer<'a> {
     ) {
         let nowhere = Ray { origin: Vec3::ZERO, direction: Vec3::ZERO, t_min: 0.0, t_max: 0.0 };
         let mut rays = [nowhere; MAX_TOGETHER];
-        let mut lights = [Light { rgb: [0.0; 3], paths: 0 }; MAX_TOGETHER];
+        let mut lights = [SampleLight { rgb: [0.0; 3], paths: 0 }; MAX_TOGETHER];
         let mut count = 0;
         for sample in samples.take(MAX_TOGETHER) {
             rays[count] = self.piece(sample);
-            lights[count] = Light { rgb: sample.radiance, paths: sample.paths };
+            lights[count] = SampleLight { rgb: sample.radiance, paths: sample.paths };
             count += 1;
         }
         let mut hits = [None; MAX_TOGETHER];
@@ -162,14 +162,14 @@ impl<'a> Placer<'a> {
     }
 
     /// Returns the sample of a ray with this hit. `None` if it shows no light on a surface.
-    fn on_surface(&self, ray: &Ray, hit: Hit, shown: Light) -> Option<Placed> {
+    fn on_surface(&self, ray: &Ray, hit: Hit, shown: SampleLight) -> Option<Placed> {
         match self.follower.follow(*ray, hit, AtPanes::PassAll) {
             Shown::Surface(end) => self.on_end(&end, shown),
             Shown::Sky(_) | Shown::Unknown => None,
         }
     }
 
-    fn on_end(&self, end: &End, shown: Light) -> Option<Placed> {
+    fn on_end(&self, end: &End, shown: SampleLight) -> Option<Placed> {
         let finish = self.follower.finish(end.material);
         if finish.shines(end.front) || end.share.iter().any(|&share| share < LEAST_SHARE) {
             return None;
@@ -182,6 +182,6 @@ impl<'a> Placer<'a> {
         });
         let leaving = (finish.kind == Kind::Glossy).then_some(end.direction);
         let face = Face::new(end.normal, end.material, leaving);
-        Some(Placed { point: end.point, face, light: Light { rgb, ..shown } })
+        Some(Placed { point: end.point, face, light: SampleLight { rgb, ..shown } })
     }
 }

@@ -3,14 +3,14 @@
 //!
 //! Invariant: a portal behind a surface has no effect.
 
-use holo_display::{Driver, Frame};
+use holo_display::{Driver, Frame, FramePhase, Interrupt};
 use holo_picture::View;
 use holo_raycast::{Ray, Raycaster};
 use rayon::prelude::*;
 
 /// Draws the pixels that look through portals.
 pub(crate) struct Beyond {
-    pub driver: Box<dyn Driver>,
+    pub driver: Driver,
     /// For each pixel, true if it looks through a portal.
     pub pixels: Vec<bool>,
 }
@@ -38,13 +38,19 @@ pub(crate) fn looking_beyond(
 }
 
 impl Beyond {
-    /// Copies the pixels that look through portals into a frame.
-    pub fn paint(&mut self, frame: &mut Frame) {
-        let drawn = self.driver.draw(&mut |_| {});
+    /// Copies the pixels that look through portals into a frame. `None` if it was interrupted.
+    pub fn paint(
+        &mut self,
+        frame: &mut Frame,
+        phase: FramePhase,
+        interrupt: &Interrupt,
+    ) -> Option<()> {
+        let drawn = self.driver.renderer.draw(phase, interrupt, &mut |_| {})?;
         for (pixel, _) in self.pixels.iter().enumerate().filter(|(_, is_beyond)| **is_beyond) {
             frame.picture.pixels[pixel] = drawn.picture.pixels[pixel];
             frame.depth[pixel] = drawn.depth[pixel];
             frame.empty_pixels += u64::from(drawn.depth[pixel] == 0.0);
         }
+        Some(())
     }
 }

@@ -2,7 +2,7 @@
 //! far its frames are refined.
 
 use glam::DVec3;
-use holo_display::{End, Look, Resolution};
+use holo_display::{End, FramePhase, Look};
 use rayon::prelude::*;
 
 use crate::draw::KnownLight;
@@ -22,16 +22,9 @@ pub(crate) struct Shown {
     pub(crate) view: View,
     /// The sums of the view's samples; `None` until a frame needs them.
     pub(crate) gathered: Option<Gathered>,
-    /// True if the eye has just stopped.
-    pub(crate) has_stopped: bool,
-    /// If true, further frames are refined: squares may be small, and frames are denoised. The first
-    /// frame of a large view is not refined, so that it appears soon.
-    pub(crate) is_refined: bool,
-    /// True if the next frame is for a file.
-    pub(crate) is_for_file: bool,
     pub(crate) edges: Edges,
-    /// Known light. It is shown while the eye moves, and in the first frame of a glance and after a
-    /// stop, so that these frames appear soon.
+    /// Known light. It is shown while the eye moves, and in the first frame at rest, so that these
+    /// frames appear soon.
     pub(crate) known: Option<KnownLight>,
     /// Refinement of the last frame at rest; `None` before the first one.
     pub(crate) drawn: Option<Refined>,
@@ -66,23 +59,18 @@ impl Refined {
 }
 
 impl Shown {
-    /// Returns true if the next frame is the first one after a stop. It is to appear soon, even if
-    /// all samples have arrived.
-    pub(crate) fn awaits_first_after_stop(&self) -> bool {
-        self.has_stopped && self.drawn.is_none() && self.look.resolution == Resolution::Full
-    }
-
     /// Returns true if the next frame is drawn as well as possible, even if it takes longer.
     /// `samples` is the number of samples that it is drawn from.
-    pub(crate) fn draws_best(&self, samples: u64) -> bool {
+    pub(crate) fn draws_best(&self, samples: u64, phase: FramePhase) -> bool {
         // Without new samples, nothing but a better frame can follow.
         let is_unchanged = matches!(self.edges, Edges::All) && self.drawn_from == Some(samples);
-        self.is_for_file || is_unchanged || self.look.is_small()
+        phase == FramePhase::File || is_unchanged || self.look.is_small()
     }
 
-    /// Returns how the best frame drawn now would be refined.
-    pub(crate) fn refined(&self, has_denoiser: bool) -> Refined {
-        let is_refined = self.is_refined && self.look.resolution == Resolution::Full;
+    /// Returns how the best frame drawn now would be refined. If it is to appear soon, it is not
+    /// denoised.
+    pub(crate) fn refined(&self, has_denoiser: bool, is_soon: bool) -> Refined {
+        let is_refined = !is_soon && !self.look.is_moving;
         let has_edges = matches!(self.edges, Edges::All);
         Refined {
             is_gathered: true,
@@ -91,6 +79,13 @@ impl Shown {
             // No frame is the best before its edges are known.
             is_best: has_edges,
         }
+    }
+
+    /// Looks into some pixels on edges of a view at rest, unless its first frame shows known light.
+    /// Returns true if more are left.
+    pub(crate) fn prepare_edges(&mut self, store: &Store) -> bool {
+        let looks = !self.look.is_moving && self.known.is_none();
+        looks && self.look_into_edges(store)
     }
 
     /// Looks into some pixels on edges. Returns true if more are left.

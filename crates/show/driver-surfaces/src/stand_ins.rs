@@ -4,20 +4,22 @@
 //! Light is stored on the geometry that was cast when its samples came. Each view therefore begins
 //! without light.
 
-use crate::SurfacesDriver;
+use crate::driver::NAME;
 use crate::portals::{Beyond, looking_beyond};
+use crate::{SurfaceLight, SurfaceRenderer};
 use holo_denoise::Denoiser;
 use holo_display::{
-    BeamSearch, Driver, DriverError, Frame, LiveSample, Look, Search, SurfaceAt, section_of,
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, Light, LiveSample, Look,
+    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam, section_of,
 };
 use holo_picture::View;
 use holo_raycast::Raycaster;
-use holo_section::{BeamKey, Sample, Section};
+use holo_section::{BeamKey, RayCoords, Sample, Section};
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Makes a driver that needs no scene. It draws pixels that look through portals.
-pub type MakeDriver = Box<dyn Fn() -> Box<dyn Driver> + Send>;
+pub type MakeDriver = Arc<dyn Fn() -> Driver + Send + Sync>;
 
 /// The stand-in of one section.
 #[derive(Clone, Debug, Default)]
@@ -40,126 +42,174 @@ impl StandIns {
     }
 }
 
+/// Returns the driver `surfaces` of a scene with stand-ins. It casts `scene` in views without one.
+/// The first of its renderers uses the denoiser.
+pub fn stand_ins_driver(
+    sections: Arc<[Section]>,
+    scene: Arc<Raycaster>,
+    stand_ins: StandIns,
+    denoiser: Option<Denoiser>,
+    make_beyond: MakeDriver,
+) -> Driver {
+    let denoiser = Mutex::new(denoiser);
+    let make = move || {
+        let denoiser = denoiser.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let light = SurfaceLight::new(Arc::clone(&sections), Arc::clone(&scene), denoiser);
+        StandInsRenderer {
+            sections: Arc::clone(&sections),
+            scene: Arc::clone(&scene),
+            stand_ins: stand_ins.clone(),
+            make_beyond: Arc::clone(&make_beyond),
+            renderer: light.surface_renderer(),
+            light,
+            beyond: None,
+        }
+    };
+    Driver { knows_surfaces: true, ..Driver::new(NAME, ViewLight::new(make)) }
+}
+
 /// Draws light that is stored on stand-ins while one view is shown.
-pub struct StandInsDriver {
+struct StandInsRenderer {
     sections: Arc<[Section]>,
     scene: Arc<Raycaster>,
     stand_ins: StandIns,
     make_beyond: MakeDriver,
-    driver: SurfacesDriver,
+    /// The light on the geometry that is cast for the view.
+    light: SurfaceLight,
+    renderer: SurfaceRenderer,
     beyond: Option<Beyond>,
-    /// Width of the current picture, pixels.
-    width: u32,
 }
 
-impl StandInsDriver {
-    /// Returns a driver that casts `scene` in views without a stand-in.
-    pub fn new(
-        sections: Arc<[Section]>,
-        scene: Arc<Raycaster>,
-        stand_ins: StandIns,
-        denoiser: Option<Denoiser>,
-        make_beyond: MakeDriver,
-    ) -> Self {
-        let driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&scene), denoiser);
-        Self { sections, scene, stand_ins, make_beyond, driver, beyond: None, width: 1 }
+impl StandInsRenderer {
+    /// Casts other geometry. All samples are forgotten.
+    fn change_geometry(&mut self, geometry: Arc<Raycaster>) {
+        let denoiser = self.light.take_denoiser();
+        self.light = SurfaceLight::new(Arc::clone(&self.sections), geometry, denoiser);
+        self.renderer = self.light.surface_renderer();
     }
 }
 
-impl Driver for StandInsDriver {
-    fn name(&self) -> &'static str {
-        self.driver.name()
-    }
-
-    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
-        let StandIn { geometry, portals } = self.stand_ins.of(&self.sections, &look.view);
-        let geometry = geometry.unwrap_or_else(|| Arc::clone(&self.scene));
-        self.driver.change_scene(Arc::clone(&geometry));
-        self.width = look.size.0;
-        self.beyond = None;
-        if let Some(portals) = portals {
-            let pixels = looking_beyond(&geometry, &portals, &look.view, look.size);
-            let mut driver = (self.make_beyond)();
-            driver.look(look)?;
-            self.beyond = pixels.contains(&true).then_some(Beyond { driver, pixels });
-        }
-        self.driver.look(look)
-    }
-
-    fn insert(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
-        self.driver.insert(beam, paths, samples);
+impl StoringRenderer for StandInsRenderer {
+    fn insert(&mut self, age: Age, beam: BeamKey, paths: u16, samples: &[Sample]) {
+        self.light.insert(age, beam, paths, samples);
         if let Some(Beyond { driver, .. }) = &mut self.beyond {
-            driver.insert(beam, paths, samples);
+            driver.light.insert(age, beam, paths, samples);
         }
+    }
+
+    fn remove_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) -> bool {
+        let remove = |beyond: &mut Beyond| beyond.driver.light.remove_earlier(beam, paths, samples);
+        let is_gone = self.beyond.as_mut().is_none_or(remove);
+        self.light.remove_earlier(beam, paths, samples) && is_gone
     }
 
     fn insert_unseen(&mut self, beam: BeamKey) {
         // The geometry shows what lies along such a beam, except beyond portals.
         if let Some(Beyond { driver, .. }) = &mut self.beyond {
-            driver.insert_unseen(beam);
+            driver.light.insert_unseen(beam);
         }
+    }
+}
+
+impl Renderer for StandInsRenderer {
+    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+        let StandIn { geometry, portals } = self.stand_ins.of(&self.sections, &look.view);
+        let geometry = geometry.unwrap_or_else(|| Arc::clone(&self.scene));
+        self.change_geometry(Arc::clone(&geometry));
+        self.beyond = None;
+        if let Some(portals) = portals {
+            let pixels = looking_beyond(&geometry, &portals, &look.view, look.size);
+            let mut driver = (self.make_beyond)();
+            driver.renderer.look(look)?;
+            self.beyond = pixels.contains(&true).then_some(Beyond { driver, pixels });
+        }
+        self.renderer.look(look)
     }
 
     fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
-        self.driver.insert_live(paths, rays);
+        self.renderer.insert_live(paths, rays);
         if let Some(Beyond { driver, .. }) = &mut self.beyond {
-            driver.insert_live(paths, rays);
+            driver.renderer.insert_live(paths, rays);
         }
-    }
-
-    fn draw_for_file(&mut self) {
-        self.driver.draw_for_file();
     }
 
     fn settle(&mut self) {
-        self.driver.settle();
-    }
-
-    fn prepare(&mut self) -> bool {
-        self.driver.prepare()
-    }
-
-    fn draw(&mut self, stage_ended: &mut dyn FnMut(&'static str)) -> Frame {
-        let mut frame = self.driver.draw(stage_ended);
-        if let Some(beyond) = &mut self.beyond {
-            beyond.paint(&mut frame);
+        self.renderer.settle();
+        if let Some(Beyond { driver, .. }) = &mut self.beyond {
+            driver.renderer.settle();
         }
-        frame
+    }
+
+    fn draw(
+        &mut self,
+        phase: FramePhase,
+        interrupt: &Interrupt,
+        stage_ended: &mut dyn FnMut(&'static str),
+    ) -> Option<Frame> {
+        let mut frame = self.renderer.draw(phase, interrupt, stage_ended)?;
+        if let Some(beyond) = &mut self.beyond {
+            beyond.paint(&mut frame, phase, interrupt)?;
+        }
+        Some(frame)
     }
 
     fn refines(&self) -> bool {
-        self.driver.refines()
+        let beyond = self.beyond.as_ref();
+        self.renderer.refines() || beyond.is_some_and(|beyond| beyond.driver.renderer.refines())
     }
 
-    fn depth(&mut self) -> Vec<f32> {
-        self.driver.depth()
+    fn prepare(&mut self, phase: FramePhase) -> bool {
+        let beyond = self.beyond.as_mut();
+        let prepares = |beyond: &mut Beyond| beyond.driver.renderer.prepare(phase);
+        self.renderer.prepare(phase) || beyond.is_some_and(prepares)
     }
 
-    fn knows_depth(&self) -> bool {
-        true
+    fn switch(&mut self, part: &str, on: bool) -> bool {
+        self.renderer.switch(part, on)
     }
 
-    fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
-        let pixel = row as usize * self.width as usize + column as usize;
-        match &mut self.beyond {
-            Some(Beyond { driver, pixels }) if pixels.get(pixel) == Some(&true) => {
-                driver.surface_at(column, row)
-            }
-            _ => self.driver.surface_at(column, row),
-        }
+    fn parts(&mut self) -> Option<&mut dyn PartsRenderer> {
+        // A part beyond a portal has no samples of its own.
+        None
     }
 
-    fn uncovered(&self) -> Vec<u32> {
-        let mut pixels = self.driver.uncovered();
-        if let Some(beyond) = &self.beyond {
-            let is_beyond = |pixel: &u32| beyond.pixels[*pixel as usize];
-            pixels.extend(beyond.driver.uncovered().into_iter().filter(is_beyond));
+    fn wishes(&mut self) -> &mut dyn RayWishes {
+        self
+    }
+}
+
+impl RayWishes for StandInsRenderer {
+    fn weigh(
+        &mut self,
+        look: &Look,
+        beams: Vec<WantedBeam>,
+    ) -> Result<Vec<WantedBeam>, DriverError> {
+        self.renderer.weigh(look, beams)
+    }
+
+    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+        self.renderer.rays()
+    }
+
+    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64 {
+        self.renderer.viewpoint_radius(look, nearest)
+    }
+
+    fn depths(&mut self) -> Vec<f32> {
+        self.renderer.depths()
+    }
+
+    fn uncovered(&mut self) -> Vec<u32> {
+        let mut pixels = self.renderer.uncovered();
+        if let Some(Beyond { driver, pixels: of_portals }) = &mut self.beyond {
+            let is_beyond = |pixel: &u32| of_portals[*pixel as usize];
+            pixels.extend(driver.renderer.wishes().uncovered().into_iter().filter(is_beyond));
             pixels.sort_unstable();
         }
         pixels
     }
 
-    fn surface_beams(&self, search: Search) -> Option<BeamSearch> {
-        self.driver.surface_beams(search)
+    fn surface_beams(&mut self, search: Search) -> Option<BeamSearch> {
+        self.renderer.surface_beams(search)
     }
 }

@@ -7,7 +7,7 @@
 //! - Samples never exceed their share of memory. The buckets that no view has read for longest go
 //!   first. If all were read in the last round, every other sample goes, whatever its light.
 
-use crate::cell::{Face, Key, Light, PLACES, Sums};
+use crate::cell::{Face, Key, PLACES, SampleLight, Sums};
 use crate::place::Placed;
 use glam::{IVec3, Vec3};
 use holo_display::split_mix;
@@ -37,7 +37,7 @@ const OFFSET: f32 = 0.3819;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Record {
     pub key: Key,
-    pub light: Light,
+    pub light: SampleLight,
 }
 
 /// Samples, and their sums.

@@ -231,13 +231,6 @@ impl View {
         (Ray { t_max: (reach - skipped) as f32, ..ray }, before as f32)
     }
 
-    /// Returns the first triangle along the ray of a pixel's middle. `None` for the sky.
-    pub(crate) fn triangle(&self, pixel: usize) -> Option<u32> {
-        let (x, y) = (pixel % self.size.0, pixel / self.size.0);
-        let (ray, _) = self.ray(x as f64 + 0.5, y as f64 + 0.5);
-        self.raycaster.nearest(&ray).map(|hit| hit.triangle)
-    }
-
     /// Returns the result for a pixel's ray that hits nothing.
     pub(crate) fn nothing(&self) -> Shown {
         if self.clips_sky { Shown::Unknown } else { Shown::Sky([1.0; 3]) }

@@ -1,6 +1,6 @@
 //! The list of drivers: the only package that names them all, and their options.
 //!
-//! A new driver is a crate that implements [`Driver`], an option in [`DriverArg`], and an arm of
+//! A new driver is a crate that makes a [`Driver`], an option in [`DriverArg`], and an arm of
 //! [`DriverOptions::make`].
 //!
 //! Invariant: a driver depends on its options and on the scene alone, never on a front end.
@@ -13,9 +13,9 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use holo_denoise::Quality;
 use holo_display::Driver;
-use holo_driver_quadtree::{Filling, QuadtreeDriver};
-use holo_driver_rendercache::{FramelessDriver, RenderCacheDriver};
-use holo_driver_surfaces::{StandIn, StandIns, StandInsDriver, SurfacesDriver};
+use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
+use holo_driver_rendercache::{frameless_driver, pointimage_driver};
+use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver};
 use holo_proto::stand_ins::StandInKind;
 use holo_section::Section;
 use holo_session::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
@@ -51,17 +51,15 @@ impl DriverChoice for DriverOptions {
         sections: &Arc<[Section]>,
         sky: [f32; 3],
         scene: Option<&LoadedScene>,
-    ) -> Box<dyn Driver> {
+    ) -> Driver {
         let sections = Arc::clone(sections);
         match self.args.driver {
-            DriverArg::Quadtree => Box::new(QuadtreeDriver::new(sections, sky)),
-            DriverArg::Pointimage => {
-                Box::new(RenderCacheDriver::new(sections, sky, self.points.params()))
-            }
-            DriverArg::Frameless => Box::new(FramelessDriver::new(sections, sky)),
+            DriverArg::Quadtree => quadtree_driver(sections, sky),
+            DriverArg::Pointimage => pointimage_driver(sections, sky, self.points.params()),
+            DriverArg::Frameless => frameless_driver(sections, sky),
             DriverArg::Auto | DriverArg::Surfaces => match scene {
                 Some(scene) => self.surfaces(sections, sky, scene),
-                None => Box::new(QuadtreeDriver::of_cells(sections, sky, self.filling())),
+                None => cells_driver(sections, sky, self.filling()),
             },
         }
     }
@@ -80,24 +78,17 @@ impl DriverChoice for DriverOptions {
 }
 
 impl DriverOptions {
-    fn surfaces(
-        &self,
-        sections: Arc<[Section]>,
-        sky: [f32; 3],
-        scene: &LoadedScene,
-    ) -> Box<dyn Driver> {
+    fn surfaces(&self, sections: Arc<[Section]>, sky: [f32; 3], scene: &LoadedScene) -> Driver {
         let raycaster = Arc::clone(&scene.raycaster);
         // `check` has already loaded a library that was named.
         let denoiser = self.args.denoise.load(Quality::Balanced).unwrap_or_default();
         if scene.stand_ins.is_empty() {
-            return Box::new(SurfacesDriver::new(sections, raycaster, denoiser));
+            return surfaces_driver(sections, raycaster, denoiser);
         }
         let of_beyond = Arc::clone(&sections);
-        let make = move || -> Box<dyn Driver> {
-            Box::new(QuadtreeDriver::new(Arc::clone(&of_beyond), sky))
-        };
+        let make = move || quadtree_driver(Arc::clone(&of_beyond), sky);
         let stand_ins = by_section(&scene.stand_ins);
-        Box::new(StandInsDriver::new(sections, raycaster, stand_ins, denoiser, Box::new(make)))
+        stand_ins_driver(sections, raycaster, stand_ins, denoiser, Arc::new(make))
     }
 
     fn filling(&self) -> Filling {

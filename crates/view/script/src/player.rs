@@ -6,11 +6,14 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
-use holo_display::Frame;
+use holo_display::{Frame, Look};
 use holo_options::{LookArgs, ViewArgs};
 use holo_picture::{Picture, ViewSpec, luminance};
 use holo_progress::Meter;
-use holo_session::{Again, Connected, RETURN_TIME, Session, StageTime, Waited, starts_again};
+use holo_session::{
+    Again, Connected, FrameSchedule, FrameSize, RETURN_TIME, Session, StageTime, Waited,
+    starts_again,
+};
 use serde_json::json;
 use tokio::sync::oneshot;
 
@@ -23,6 +26,9 @@ use super::{
 /// Time after which a picture of a view may take seconds longer. Earlier pictures show what is known
 /// at their moment.
 const PATIENT: Duration = Duration::from_secs(5);
+
+/// Views that follow each other faster are a motion, as of a person who walks.
+const MOTION: Duration = Duration::from_millis(150);
 
 /// Interval at which a typed script is checked for new lines.
 const TYPED_TICK: Duration = Duration::from_millis(20);
@@ -62,20 +68,55 @@ pub fn play(
     let since = Instant::now();
     session.start_clock(since);
     let duration = script.duration();
-    Player { session, again, shown: None, since, options, meter, duration }.follow(script)
+    let eye = ScriptEye::new(since);
+    Player { session, again, eye, since, options, meter, duration }.follow(script)
 }
 
 struct Player {
     session: Session,
     again: Again,
-    /// The view that is shown.
-    shown: Option<ViewSpec>,
+    eye: ScriptEye,
     /// The start of the script's seconds: when the view was first shown.
     since: Instant,
     options: ScriptOptions,
     meter: Meter,
     /// Seconds that the script takes; 0 if unknown.
     duration: f64,
+}
+
+/// The eye that a script moves.
+struct ScriptEye {
+    schedule: FrameSchedule,
+    /// The view that is shown.
+    shown: Option<ViewSpec>,
+    /// When it was shown.
+    moved: Instant,
+    /// True if it moves.
+    is_moving: bool,
+    /// Number of views that did not follow from a motion.
+    jumps: u64,
+    /// What the session was last asked to show.
+    looked: Option<Look>,
+}
+
+impl ScriptEye {
+    fn new(now: Instant) -> ScriptEye {
+        let schedule = FrameSchedule::new(now);
+        ScriptEye { schedule, shown: None, moved: now, is_moving: false, jumps: 0, looked: None }
+    }
+
+    /// Moves to a view.
+    fn show(&mut self, spec: &ViewSpec, now: Instant) {
+        let is_first = self.shown.replace(*spec).is_none();
+        self.is_moving = !is_first && now.saturating_duration_since(self.moved) < MOTION;
+        self.jumps += u64::from(!self.is_moving);
+        self.moved = now;
+    }
+
+    /// Returns when the motion ends, if the eye moves.
+    fn rests_at(&self) -> Option<Instant> {
+        self.is_moving.then(|| self.moved + MOTION)
+    }
 }
 
 impl Player {
@@ -110,7 +151,7 @@ impl Player {
                     self.show(&spec)?;
                 }
                 Command::Picture(path) => {
-                    let can_wait = self.session.since().elapsed() >= PATIENT;
+                    let can_wait = self.since.elapsed() >= PATIENT;
                     self.picture(&path, can_wait)?;
                 }
                 Command::Probe(column, row) => self.probe(column, row)?,
@@ -125,10 +166,64 @@ impl Player {
     }
 
     fn show(&mut self, spec: &ViewSpec) -> Result<()> {
-        self.shown = Some(*spec);
-        self.session.show(spec, self.options.view.size())?;
-        self.since = self.session.since();
-        Ok(())
+        let now = Instant::now();
+        self.eye.show(spec, now);
+        self.since = now;
+        self.look(now).map(drop)
+    }
+
+    /// Shows the view to the session as the schedule wants it now. Returns the size of its frames.
+    fn look(&mut self, now: Instant) -> Result<Option<FrameSize>> {
+        let Player { session, eye, options, .. } = self;
+        let Some(spec) = eye.shown else { return Ok(None) };
+        let (view, full) = spec.resolve(options.view.size())?;
+        eye.is_moving &= eye.rests_at().is_some_and(|at| now < at);
+        let is_moving = eye.is_moving;
+        eye.schedule.request(&spec, eye.jumps, now);
+        let (keeps_pixels, samples) = (session.keeps_pixels(), session.samples_per_pixel(full));
+        let size = eye.schedule.size(full, is_moving, keeps_pixels, samples, now);
+        session.set_moving(is_moving);
+        let look = Look { view, size: size.size, is_moving };
+        if eye.looked != Some(look) {
+            session.look(look)?;
+            eye.looked = Some(look);
+        }
+        Ok(Some(size))
+    }
+
+    /// Shows all pixels of the view to the session, whatever the schedule wants. Returns the size
+    /// of its frames.
+    fn look_in_full(&mut self) -> Result<Option<FrameSize>> {
+        let Player { session, eye, options, .. } = self;
+        let Some(spec) = eye.shown else { return Ok(None) };
+        let (view, full) = spec.resolve(options.view.size())?;
+        session.set_moving(false);
+        let look = Look { view, size: full, is_moving: false };
+        if eye.looked != Some(look) {
+            session.look(look)?;
+            eye.looked = Some(look);
+        }
+        Ok(Some(FrameSize { size: full, full, is_moving: false, is_sketch: false }))
+    }
+
+    /// Draws the view as the schedule wants it now, or for a file. Frames of fewer pixels are
+    /// enlarged to the size of the picture.
+    fn draw(&mut self, for_file: bool) -> Result<(Frame, Vec<StageTime>)> {
+        let begin = Instant::now();
+        let size = if for_file { self.look_in_full()? } else { self.look(begin)? };
+        let arrived = self.session.arrived_samples();
+        let (frame, stages) =
+            if for_file { self.session.draw_for_file() } else { self.session.draw() };
+        let (Some(mut frame), Some(size)) = (frame, size) else { bail!("there is no view") };
+        let is_lit = frame.samples_used > 0;
+        self.eye.schedule.note_frame(size, [begin, Instant::now()], arrived, is_lit);
+        if size.size != size.full {
+            frame = frame.enlarged(size.full);
+            if let Some(view) = frame.picture.view {
+                frame.blank_corners(&view);
+            }
+        }
+        Ok((frame, stages))
     }
 
     /// Goes on with a server that starts again, where another one would be an error. Returns whether
@@ -137,7 +232,7 @@ impl Player {
         if !starts_again(&ended) {
             return Err(ended);
         }
-        let Player { again, meter, session, since, .. } = self;
+        let Player { again, meter, session, since, eye, .. } = self;
         meter.say("the server starts again; trying to reach it");
         // Parts that the script has switched off stay off.
         again.choice = session.choice();
@@ -148,9 +243,8 @@ impl Player {
         let Some(begun) = connected.begin(|text| meter.say(text))? else { return Ok(false) };
         *session = begun;
         session.start_clock(start);
-        if let Some(shown) = self.shown {
-            self.show(&shown)?;
-        }
+        (eye.looked, eye.is_moving) = (None, false);
+        self.look(Instant::now())?;
         // The script's seconds continue.
         self.since = since;
         Ok(true)
@@ -158,10 +252,12 @@ impl Player {
 
     /// Waits until `deadline` and shows progress.
     fn wait(&mut self, deadline: Instant) -> Result<Waited> {
-        /// Interval at which progress is shown.
-        const TICK: Duration = Duration::from_millis(500);
+        /// Interval at which progress is shown, and the schedule is followed.
+        const TICK: Duration = Duration::from_millis(200);
         loop {
+            self.look(Instant::now())?;
             let next = deadline.min(Instant::now() + TICK);
+            let next = self.eye.rests_at().map_or(next, |rests| next.min(rests));
             let waited = match self.session.wait(next) {
                 Ok(waited) => waited,
                 Err(error) => match self.reach_again(error)? {
@@ -185,8 +281,10 @@ impl Player {
         if !self.session.has_view() {
             bail!("there is no view to take a picture of");
         }
-        let drawn = if can_wait { self.session.draw_for_file() } else { self.session.draw() };
-        let report = write_picture(&self.session, path.to_owned(), &self.options.look, drawn)?;
+        let (frame, stages) = self.draw(can_wait)?;
+        let look = &self.options.look;
+        let report =
+            write_picture(&self.session, self.since, path.to_owned(), look, (frame, stages))?;
         if self.options.json {
             holo_progress::print_line!("{}", serde_json::to_string(&report)?);
         } else {
@@ -197,13 +295,13 @@ impl Player {
 
     /// Prints what a pixel shows to standard output.
     fn probe(&mut self, column: u32, row: u32) -> Result<()> {
-        let (frame, _) = self.session.draw();
+        let (frame, _) = self.draw(false)?;
         let Some(radiance) = frame.picture.get(column, row) else {
             bail!("pixel {column} {row} lies outside the picture");
         };
-        let surface = self.session.surface_at(column, row);
-        let distance = surface.map(|surface| surface.distance);
-        let triangle = surface.and_then(|surface| surface.triangle);
+        let distance = frame.depth.get((row * frame.picture.width + column) as usize).copied();
+        let distance = distance.filter(|distance| *distance > 0.0);
+        let triangle = self.session.triangle_at(column, row);
         let luminance = luminance(radiance);
         if self.options.json {
             let line = json!({
@@ -231,7 +329,9 @@ impl Player {
 
     /// Waits until everything under way has arrived and is stored, and writes the last picture.
     fn end(&mut self) -> Result<()> {
-        while let Err(error) = self.session.settle() {
+        loop {
+            self.look_in_full()?;
+            let Err(error) = self.session.settle(true) else { break };
             if !self.reach_again(error)? {
                 return Ok(());
             }
@@ -252,6 +352,7 @@ fn begins_with_view(next: &Next) -> bool {
 /// Writes a frame of the session's view to `path`, and returns the report.
 fn write_picture(
     session: &Session,
+    since: Instant,
     path: PathBuf,
     look: &LookArgs,
     (frame, stages): (Frame, Vec<StageTime>),
@@ -260,15 +361,20 @@ fn write_picture(
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
     let exposure = look.write(&frame.picture, &path)?;
-    Ok(PictureReport { picture: path, exposure, ..report(session, &frame, stages) })
+    Ok(PictureReport { picture: path, exposure, ..report(session, since, &frame, stages) })
 }
 
-/// Returns the report on a frame of the session's view, without a file.
-fn report(session: &Session, frame: &Frame, stages: Vec<StageTime>) -> PictureReport {
+/// Returns the report on a frame of the session's view, which was shown at `since`, without a file.
+fn report(
+    session: &Session,
+    since: Instant,
+    frame: &Frame,
+    stages: Vec<StageTime>,
+) -> PictureReport {
     let counts = session.counts();
     PictureReport {
         picture: PathBuf::new(),
-        seconds: session.since().elapsed().as_secs_f64(),
+        seconds: since.elapsed().as_secs_f64(),
         samples: frame.samples_used,
         stored: counts.stored + counts.parts,
         traced: counts.traced,
@@ -299,13 +405,16 @@ pub fn picture(
 ) -> Result<Option<(Picture, PictureReport)>> {
     let meter = Meter::new(quiet);
     let Some(mut session) = connected.begin(|text| meter.say(text))? else { return Ok(None) };
+    let since = Instant::now();
     let said = view.spec(session.named_views())?;
     let spec = session.first_view()?.overridden_by(&said);
-    session.show(&spec, view.size())?;
-    session.settle()?;
+    let (view, size) = spec.resolve(view.size())?;
+    session.look(Look { view, size, is_moving: false })?;
+    session.settle(true)?;
     meter.finish();
     let (frame, stages) = session.draw_for_file();
-    let report = report(&session, &frame, stages);
+    let Some(frame) = frame else { bail!("there is no frame of the view") };
+    let report = report(&session, since, &frame, stages);
     Ok(Some((frame.picture, report)))
 }
 
@@ -319,6 +428,20 @@ mod tests {
 
     use super::*;
     use crate::server::{LIMIT, serve};
+
+    #[test]
+    fn views_in_quick_succession_are_a_motion_and_others_are_jumps() {
+        let start = Instant::now();
+        let mut eye = ScriptEye::new(start);
+        let spec = ViewSpec::default();
+        eye.show(&spec, start);
+        assert!(!eye.is_moving && eye.jumps == 1);
+        eye.show(&spec, start + MOTION / 2);
+        assert!(eye.is_moving && eye.jumps == 1);
+        assert_eq!(eye.rests_at(), Some(start + MOTION / 2 + MOTION));
+        eye.show(&spec, start + 3 * MOTION);
+        assert!(!eye.is_moving && eye.jumps == 2 && eye.rests_at().is_none());
+    }
 
     /// Draws, and returns whether the prefilter ran.
     fn filters(player: &mut Player) -> bool {
@@ -351,8 +474,9 @@ mod tests {
                 let session = connected.begin(|_| {}).unwrap().unwrap();
                 let view = session.first_view().unwrap();
                 let (since, meter) = (Instant::now(), Meter::new(true));
+                let eye = ScriptEye::new(since);
                 let mut player =
-                    Player { session, again, shown: None, since, options, meter, duration: 0.0 };
+                    Player { session, again, eye, since, options, meter, duration: 0.0 };
                 player.show(&view).unwrap();
                 assert!(filters(&mut player));
                 player.session.switch("prefilter", false).unwrap();

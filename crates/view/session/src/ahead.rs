@@ -84,7 +84,7 @@ impl Ahead {
 impl Session {
     /// Returns whether the driver has room for all samples of the file.
     pub(super) fn loads_whole_file(&self) -> bool {
-        self.stored() <= self.driver.room()
+        self.stored() <= self.driver.light.room()
     }
 
     /// Returns whether all stored samples are here, except a few that were stored for others since.

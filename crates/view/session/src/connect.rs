@@ -21,7 +21,6 @@ use super::{
     Ahead, Session,
     driver_choice::{DriverChoice, LoadedScene, SceneUse},
     incoming::{Incoming, MAX_WAITING_BYTES, Reader},
-    pace::Pace,
     scene::SceneLoader,
 };
 
@@ -234,9 +233,8 @@ impl Connected {
                 Arrived::Stop => return Ok(None),
             }
         }
-        let mut driver = self.choice.make(&self.sections, self.welcome.sky, scene.as_deref());
+        let driver = self.choice.make(&self.sections, self.welcome.sky, scene.as_deref());
         let interrupt = Interrupt::default();
-        driver.end_early_by(interrupt.clone());
         let sections = self.sections.len();
         Ok(Some(Session {
             driver,
@@ -255,9 +253,8 @@ impl Connected {
             current: None,
             awaits_beside: false,
             request_number: 0,
-            pace: Pace::default(),
             drawing: Duration::ZERO,
-            is_walked: false,
+            settles_whole: false,
             is_moving: false,
             is_paused: false,
             focus: None,

@@ -41,10 +41,9 @@ impl Session {
         self.welcome.tracing
     }
 
-    /// Records that a person walks, and whether the eye moves. Slow work that serves only the
-    /// current view then waits until the eye has rested for a while.
+    /// Records whether the eye moves. Slow work that serves only the current view then waits until
+    /// the eye has rested for a while.
     pub fn set_moving(&mut self, is_moving: bool) {
-        self.is_walked = true;
         self.is_moving = is_moving;
     }
 

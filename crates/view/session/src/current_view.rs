@@ -1,8 +1,8 @@
 //! The view that a session shows, and what has arrived for it.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use holo_display::{Driver, Look, UsefulBeam};
+use holo_display::{Age, FramePhase, Light, Look, Renderer, UsefulBeam, ViewPhases};
 use holo_proto::bulk::{LiveSamples, RequestedBeam, SampleSource, ViewSamples};
 
 use super::{live::LiveRays, received::Received};
@@ -10,6 +10,7 @@ use super::{live::LiveRays, received::Received};
 /// A view and what has arrived for it.
 pub struct CurrentView {
     pub look: Look,
+    pub phases: ViewPhases,
     /// Beams that the view crosses, with their weights.
     pub wanted: Vec<RequestedBeam>,
     /// Distance of the nearest visible surface, scene units, as well as it is known.
@@ -18,8 +19,8 @@ pub struct CurrentView {
     pub nearest_is_seen: bool,
     /// Rays through pixels outside all sections, if the server traces.
     pub live: Option<LiveRays>,
-    /// Until then, only every other column and row is evaluated. `None` if all pixels are.
-    pub glance_until: Option<Instant>,
+    /// When the driver had evaluated the view.
+    pub ready: Instant,
     /// The stored samples that have been requested.
     pub asked: Asked,
     /// True if all stored samples of the beams that the view crosses have arrived.
@@ -35,9 +36,12 @@ pub struct CurrentView {
     pub received: Received,
     pub since: Instant,
     pub counts: Counts,
-    /// When single rays were last requested.
-    pub rays_asked: Instant,
+    /// When single rays were last requested. `None` if the driver never wants any.
+    pub rays_asked: Option<Instant>,
 }
+
+/// Time after which nobody waits for the first frame of a view any more.
+const FIRST_TIME: Duration = Duration::from_millis(400);
 
 /// Number of samples that have arrived for a view.
 #[derive(Clone, Default)]
@@ -68,8 +72,18 @@ pub enum Asked {
 }
 
 impl CurrentView {
-    /// Passes samples to the driver, except those that it already has.
-    pub fn insert(&mut self, driver: &mut dyn Driver, message: &ViewSamples) {
+    /// Returns the phase of the next frame that is displayed.
+    pub fn phase(&self) -> FramePhase {
+        self.phases.next(self.ready.elapsed() >= FIRST_TIME)
+    }
+
+    /// Returns when nobody waits for the first frame any more.
+    pub fn is_late_at(&self) -> Instant {
+        self.ready + FIRST_TIME
+    }
+
+    /// Passes samples to the driver's light, except those that it already has.
+    pub fn insert(&mut self, light: &mut dyn Light, message: &ViewSamples) {
         let is_late = message.view < self.first_request;
         if !is_late && !matches!(message.source, SampleSource::Part | SampleSource::Earlier) {
             let seconds = self.since.elapsed().as_secs_f64();
@@ -78,12 +92,12 @@ impl CurrentView {
         for (run, samples) in message.iter() {
             if message.source == SampleSource::Earlier {
                 let present = self.received.count(run.key);
-                self.counts.stored += self.received.earlier.insert(driver, run, samples, present);
+                self.counts.stored += self.received.earlier.insert(light, run, samples, present);
                 continue;
             }
             for fresh in self.received.add(run) {
                 let count = fresh.len() as u64;
-                driver.insert(run.key, run.paths, &samples[fresh]);
+                light.insert(Age::Present, run.key, run.paths, &samples[fresh]);
                 self.received.earlier.note(run.key, count);
                 match message.source {
                     SampleSource::Part | SampleSource::Earlier => self.counts.parts += count,
@@ -98,20 +112,20 @@ impl CurrentView {
     }
 
     /// Takes the samples of an earlier generation out of the driver that no longer count.
-    pub fn fade(&mut self, driver: &mut dyn Driver) {
+    pub fn fade(&mut self, light: &mut dyn Light) {
         let mut earlier = std::mem::take(&mut self.received.earlier);
-        earlier.fade(driver, |key| self.received.count(key));
+        earlier.fade(light, |key| self.received.count(key));
         self.received.earlier = earlier;
     }
 
-    /// Passes live rays to the driver, if they were requested for this view.
-    pub fn insert_live(&mut self, driver: &mut dyn Driver, message: &LiveSamples) {
+    /// Passes live rays to the renderer, if they were requested for this view.
+    pub fn insert_live(&mut self, renderer: &mut dyn Renderer, message: &LiveSamples) {
         if message.view == self.first_request
             && let Some(live) = &mut self.live
         {
             let fresh = live.take(&message.samples);
             if !fresh.is_empty() {
-                driver.insert_live(live.paths(), &fresh);
+                renderer.insert_live(live.paths(), &fresh);
             }
         }
     }

@@ -9,9 +9,8 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use holo_display::{
-    Look, Resolution, Search, SelectOptions, Selection, UsefulBeam, select_beams, viewpoint,
+    Look, Search, SelectOptions, Selection, UsefulBeam, ViewPhases, select_beams, viewpoint,
 };
-use holo_picture::ViewSpec;
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
     bulk::{LiveWanted, RaysWanted, RequestedBeam, ViewRequest, WantedRay},
@@ -26,7 +25,6 @@ use super::{
     focus::concentrate,
     incoming::Incoming,
     live::LiveRays,
-    pace::AT_REST,
     received::Received,
 };
 
@@ -58,10 +56,8 @@ const MOVING_PATIENCE: Duration = Duration::from_secs(1);
 /// end on what it shows.
 pub(super) const SEARCH_AFTER: Duration = Duration::from_millis(400);
 
-/// Time for which only every other column and row of a large new view is evaluated, unless the view
-/// is drawn earlier. This takes a quarter of the time, so the first picture appears sooner and has
-/// more samples.
-const GLANCE: Duration = Duration::from_millis(400);
+/// Time after which a view is at rest. Until then, a person may move on at once.
+const AT_REST: Duration = Duration::from_millis(150);
 
 /// Interval between requests of single rays, for drivers that request them.
 const RAYS_EVERY: Duration = Duration::from_millis(50);
@@ -79,73 +75,67 @@ impl std::fmt::Display for Uncovered {
 impl std::error::Error for Uncovered {}
 
 impl Session {
-    /// Shows a view in a picture of at most `size` pixels.
-    ///
-    /// # Errors
-    /// If the view is malformed, or no section covers any of it.
-    pub fn show(&mut self, spec: &ViewSpec, size: (u32, u32)) -> Result<()> {
-        let (view, size) = spec.resolve(size)?;
-        let resolution = self.pace.next(Instant::now());
-        let look = Look { view, size, resolution };
-        let has_glance = resolution == Resolution::Full && !look.is_small();
-        if has_glance && self.driver.keeps_samples() {
-            self.look(Look { resolution: Resolution::Half, ..look })?;
-            let until = Some(self.since() + GLANCE);
-            self.current.iter_mut().for_each(|current| current.glance_until = until);
-            return Ok(());
-        }
-        self.look(look)
-    }
-
-    /// Evaluates every pixel of the current view, if only some were.
-    pub(super) fn look_closely(&mut self) -> Result<()> {
-        let is_glance = |current: &&mut CurrentView| current.glance_until.is_some();
-        let Some(current) = self.current.as_mut().filter(is_glance) else { return Ok(()) };
-        current.glance_until = None;
-        current.look.resolution = Resolution::Full;
-        let look = current.look;
-        self.driver.look(&look)?;
-        if current.asked == Asked::All {
-            self.driver.settle();
-        }
-        let uncovered = if self.welcome.tracing { self.driver.uncovered() } else { Vec::new() };
-        let paths = self.welcome.settings.paths_per_sample;
-        current.live = LiveRays::new(uncovered, look.view, look.size, paths);
-        Ok(())
-    }
-
     /// Shows the current view again with another driver. Its seconds continue.
     pub(super) fn show_again(&mut self) -> Result<()> {
         let Some(CurrentView { look, since, .. }) = self.current else { return Ok(()) };
-        self.look(look)?;
+        self.look_anew(look)?;
         self.current.iter_mut().for_each(|current| current.since = since);
         Ok(())
     }
 
-    /// Shows the current view again at full resolution, because the eye has stopped.
-    fn rest(&mut self) -> Result<()> {
-        let resolution = self.pace.rest(Instant::now());
-        if let Some(current) = &mut self.current {
-            current.look.resolution = resolution;
+    /// Shows the current view at another size. What was requested stays requested, and samples that
+    /// have arrived count as before.
+    fn resize(&mut self, look: Look) -> Result<()> {
+        let sections = &self.sections;
+        let options = SelectOptions::default();
+        let Selection { beams, .. } = select_beams(sections, &look.view, look.size, &options);
+        self.driver.renderer.look(&look)?;
+        let uncovered = self.uncovered();
+        let paths = self.welcome.settings.paths_per_sample;
+        let Some(current) = &mut self.current else { return Ok(()) };
+        current.phases = ViewPhases::after(Some(&current.phases), look.is_moving);
+        if current.asked == Asked::All {
+            current.phases.settle();
+            self.driver.renderer.settle();
         }
-        self.show_again()
+        (current.look, current.ready) = (look, Instant::now());
+        current.live = LiveRays::new(uncovered, look.view, look.size, paths);
+        let has_more = beams.len() > current.wanted.len();
+        if has_more {
+            current.wanted = beams.iter().map(requested).collect();
+            return self.ask_for_all();
+        }
+        Ok(())
     }
 
-    /// Shows a view at a size and a resolution.
+    /// Shows a view.
     ///
     /// # Errors
     /// If the driver cannot show the view, or no section covers any of it.
     pub fn look(&mut self, look: Look) -> Result<()> {
-        if self.is_moving && self.driver.keeps_samples() && self.requested_just_now() {
+        // Live rays of the other size must not be taken for those of this one.
+        let is_same = |current: &CurrentView| {
+            let is_at_rest = !look.is_moving && !current.look.is_moving;
+            is_at_rest && current.look.view == look.view && current.live.is_none()
+        };
+        if self.keeps_samples() && self.current.as_ref().is_some_and(is_same) {
+            return self.resize(look);
+        }
+        self.look_anew(look)
+    }
+
+    /// Shows a view, also if it was shown before.
+    fn look_anew(&mut self, look: Look) -> Result<()> {
+        if self.is_moving && self.keeps_samples() && self.requested_just_now() {
             return self.look_on(look);
         }
         let since = Instant::now();
         let sections = &self.sections;
         let is_inside = sections.iter().any(|section| section.contains(look.view.vp));
-        let is_moving = |view: &CurrentView| view.look.resolution == Resolution::Moving;
-        let stops = !self.is_moving && self.current.as_ref().is_some_and(is_moving);
-        let has_light = self.has_whole_file() || (stops && self.driver.keeps_samples());
-        if self.is_walked && is_inside && has_light && self.current.is_some() {
+        let stops =
+            !self.is_moving && self.current.as_ref().is_some_and(|view| view.look.is_moving);
+        let has_light = self.has_whole_file() || (stops && self.keeps_samples());
+        if is_inside && has_light && self.current.is_some() {
             // Most light is already here, so the view is shown before anything is requested.
             self.look_on(look)?;
             self.current.iter_mut().for_each(|current| current.since = since);
@@ -166,39 +156,40 @@ impl Session {
         }
         let diagonal = sections.iter().map(Section::diagonal).fold(f64::INFINITY, f64::min);
         let nearest = GUESSED_DISTANCE * diagonal;
-        let beams = self.driver.weigh(&look, beams)?;
-        let wanted = beams.iter().map(|beam| RequestedBeam {
-            key: beam.key,
-            weight: beam.weight,
-            held: 0,
-            has_earlier: false,
-        });
-        let wanted: Vec<RequestedBeam> = wanted.collect();
+        let beams = self.driver.renderer.wishes().weigh(&look, beams)?;
+        let wanted: Vec<RequestedBeam> = beams.iter().map(requested).collect();
         self.request_number += 1;
         let before = self.current.take();
         let had_live = before.as_ref().is_some_and(|before| before.live.is_some());
-        let received = before.filter(|_| self.driver.keeps_samples()).map(|before| before.received);
+        let phases = match &before {
+            Some(before) if has_looked => before.phases,
+            before => {
+                ViewPhases::after(before.as_ref().map(|before| &before.phases), look.is_moving)
+            }
+        };
+        let received = before.filter(|_| self.keeps_samples()).map(|before| before.received);
         let received = received.unwrap_or_default();
         // The request goes first: samples are under way while the driver evaluates the view.
-        self.request(&look, nearest, wanted.clone(), &received)?;
+        let radius = self.driver.renderer.wishes().viewpoint_radius(&look, nearest);
+        self.request(&look, radius, wanted.clone(), &received)?;
         if had_live {
             // Cancels the live rays of the view before.
             let none = LiveWanted { view: self.request_number, pixels: 0, rays: Vec::new() };
             self.outbox.send(FrameKind::LiveWanted, &none.encode())?;
         }
         if !has_looked {
-            self.driver.look(&look)?;
+            self.driver.renderer.look(&look)?;
         }
-        self.driver.set_nearest(nearest);
         let paths = self.welcome.settings.paths_per_sample;
-        let uncovered = if self.welcome.tracing { self.driver.uncovered() } else { Vec::new() };
+        let uncovered = self.uncovered();
         self.current = Some(CurrentView {
             look,
+            phases,
             wanted,
             nearest,
             nearest_is_seen: false,
             live: LiveRays::new(uncovered, view, size, paths),
-            glance_until: None,
+            ready: Instant::now(),
             asked: Asked::Crossed,
             has_crossed: false,
             is_searching: false,
@@ -208,12 +199,12 @@ impl Session {
             received,
             since,
             counts: Counts::default(),
-            rays_asked: since,
+            rays_asked: Some(since),
         });
         self.ask_rays()?;
-        if self.driver.knows_depth() {
+        if self.driver.knows_surfaces {
             self.see_nearest()?;
-            if self.driver.keeps_samples() {
+            if self.keeps_samples() {
                 // Such a driver chooses beams without waiting for samples.
                 self.ask_on(false)?;
             }
@@ -244,6 +235,14 @@ impl Session {
         self.ask_for_all()
     }
 
+    /// Returns the pixels of the current view that live rays can improve, if the server traces.
+    fn uncovered(&mut self) -> Vec<u32> {
+        match self.welcome.tracing {
+            true => self.driver.renderer.wishes().uncovered(),
+            false => Vec::new(),
+        }
+    }
+
     /// Returns whether the last request is too recent to be replaced while the eye moves.
     fn requested_just_now(&self) -> bool {
         let has_crossed = self.current.as_ref().is_none_or(|current| current.has_crossed);
@@ -253,12 +252,22 @@ impl Session {
     /// Shows a view while samples for the view before still arrive.
     fn look_on(&mut self, look: Look) -> Result<()> {
         let Some(current) = &mut self.current else { return Ok(()) };
-        self.driver.look(&look)?;
-        self.driver.set_nearest(current.nearest);
-        current.look = look;
+        self.driver.renderer.look(&look)?;
+        current.phases = ViewPhases::after(Some(&current.phases), look.is_moving);
+        (current.look, current.ready) = (look, Instant::now());
         // The live rays belonged to another view.
         current.live = None;
         Ok(())
+    }
+
+    /// Requests the samples of the current view, if nothing was requested for it yet.
+    pub(super) fn ask_if_unasked(&mut self) -> Result<()> {
+        match self.current {
+            Some(CurrentView { look, since, .. }) if std::mem::take(&mut self.is_unasked) => {
+                self.look_and_ask(look, since, true)
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Sends all requests that are due. Returns when the next one is due.
@@ -267,25 +276,14 @@ impl Session {
         now: Instant,
         ending: bool,
     ) -> Result<Option<Instant>> {
-        if std::mem::take(&mut self.is_unasked)
-            && let Some(CurrentView { look, since, .. }) = self.current
-        {
-            self.look_and_ask(look, since, true)?;
-        }
+        self.ask_if_unasked()?;
         let Some(current) = &self.current else { return Ok(None) };
         let rests = current.since + AT_REST;
         let nearest = (!current.nearest_is_seen).then(|| current.since + NEAREST_AFTER);
-        let rays = current.rays_asked + RAYS_EVERY;
+        let rays = current.rays_asked.filter(|_| !ending).map(|asked| asked + RAYS_EVERY);
         let search = current.since + SEARCH_AFTER;
         let searches = current.asks_later && !self.is_moving;
-        let closely = current.glance_until;
-        let is_moving = current.look.resolution == Resolution::Half && closely.is_none();
-        if is_moving && now >= rests {
-            self.rest()?;
-        }
-        if closely.is_some_and(|at| now >= at) {
-            self.look_closely()?;
-        }
+        let late = current.is_late_at();
         if nearest.is_some_and(|at| now >= at) {
             self.see_nearest()?;
         }
@@ -293,19 +291,18 @@ impl Session {
             self.current.iter_mut().for_each(|current| current.asks_later = false);
             self.ask_on(ending)?;
         }
-        let asks_rays = !ending && self.driver.wants_rays();
-        if asks_rays && now >= rays {
+        let asks_rays = rays.is_some_and(|at| now >= at);
+        if asks_rays {
             self.ask_rays()?;
         }
         // A person who moves on at once does not need live rays, and they delay stored samples.
         if !ending && now >= rests {
             self.ask_live()?;
         }
-        let rays = if now >= rays { now + RAYS_EVERY } else { rays };
+        let rays = if asks_rays { Some(now + RAYS_EVERY) } else { rays };
         let ahead = if ending { None } else { self.ask_ahead(now)? };
         let search = searches.then_some(search);
-        let rays = asks_rays.then_some(rays);
-        let due = [Some(rests), closely, search, nearest, rays, ahead];
+        let due = [Some(rests), Some(late), search, nearest, rays, ahead];
         Ok(due.into_iter().flatten().filter(|at| *at > now).min())
     }
 
@@ -320,7 +317,7 @@ impl Session {
         }
         let Some(current) = &mut self.current else { return Ok(()) };
         let is_fresh = current.since.elapsed() < SEARCH_AFTER;
-        if (self.is_moving || (self.is_walked && is_fresh)) && !ending {
+        if (self.is_moving || is_fresh) && !ending {
             // The search takes threads from drawing, and a person who only pauses must not wait for
             // it.
             current.asks_later = true;
@@ -339,7 +336,7 @@ impl Session {
             }
             Asked::All => return Ok(()),
         };
-        let Some(search) = self.driver.surface_beams(search) else {
+        let Some(search) = self.driver.renderer.wishes().surface_beams(search) else {
             return self.has_all(ending);
         };
         let first_request = current.first_request;
@@ -383,7 +380,7 @@ impl Session {
     /// Records that all stored samples for the view have arrived.
     fn has_all(&mut self, ending: bool) -> Result<()> {
         self.current.iter_mut().for_each(|current| current.asked = Asked::All);
-        self.driver.settle();
+        self.settle_view();
         if ending { self.ask_to_settle() } else { Ok(()) }
     }
 
@@ -420,21 +417,22 @@ impl Session {
         self.request_current(wanted)
     }
 
-    fn request_current(&self, wanted: Vec<RequestedBeam>) -> Result<()> {
+    fn request_current(&mut self, wanted: Vec<RequestedBeam>) -> Result<()> {
         let Some(current) = &self.current else { return Ok(()) };
-        self.request(&current.look, current.nearest, wanted, &current.received)
+        let (look, nearest) = (current.look, current.nearest);
+        let radius = self.driver.renderer.wishes().viewpoint_radius(&look, nearest);
+        self.request(&look, radius, wanted, &current.received)
     }
 
-    /// Sends a request for a view whose nearest visible surface is at distance `nearest`. Stored
-    /// samples of a beam are not sent if all of them are in `received`.
+    /// Sends a request for a view whose rays should pass within `radius` of the eye. Stored samples
+    /// of a beam are not sent if all of them are in `received`.
     fn request(
         &self,
         look: &Look,
-        nearest: f64,
+        radius: f64,
         mut beams: Vec<RequestedBeam>,
         received: &Received,
     ) -> Result<()> {
-        let radius = self.driver.viewpoint_radius(&look.view, look.size, nearest);
         let viewpoint = viewpoint(&self.sections, &look.view, radius);
         for beam in &mut beams {
             beam.held = received.held(beam.key);
@@ -453,7 +451,7 @@ impl Session {
     /// Takes the distance of the nearest visible surface from the picture, and requests rays that
     /// pass the eye accordingly.
     fn see_nearest(&mut self) -> Result<()> {
-        let mut depths = self.driver.depth();
+        let mut depths = self.driver.renderer.wishes().depths();
         let Some(current) = &mut self.current else { return Ok(()) };
         current.nearest_is_seen = true;
         depths.retain(|&depth| depth > 0.0 && depth.is_finite());
@@ -463,7 +461,6 @@ impl Session {
         let at = (depths.len() as f64 * NEARER_PIXELS) as usize;
         let (_, &mut nearest, _) = depths.select_nth_unstable_by(at, f32::total_cmp);
         current.nearest = f64::from(nearest);
-        self.driver.set_nearest(current.nearest);
         let wanted = current.wanted.clone();
         self.request_current(wanted)
     }
@@ -472,8 +469,9 @@ impl Session {
     fn ask_rays(&mut self) -> Result<()> {
         let traces = self.welcome.tracing && !self.is_paused;
         let Some(current) = self.current.as_mut().filter(|_| traces) else { return Ok(()) };
-        current.rays_asked = Instant::now();
-        let rays = self.driver.wanted_rays().into_iter();
+        let wanted = self.driver.renderer.wishes().rays();
+        current.rays_asked = wanted.is_some().then(Instant::now);
+        let rays = wanted.unwrap_or_default().into_iter();
         let rays = rays.map(|(key, coords)| WantedRay { key, coords });
         let request = RaysWanted { view: self.request_number, rays: rays.collect() };
         if request.rays.is_empty() {
@@ -496,4 +494,9 @@ impl Session {
         let request = LiveWanted { view: current.first_request, pixels: live.pixels(), rays };
         Ok(self.outbox.send(FrameKind::LiveWanted, &request.encode())?)
     }
+}
+
+/// Returns the request of a beam, none of whose samples are here.
+fn requested(beam: &holo_display::WantedBeam) -> RequestedBeam {
+    RequestedBeam { key: beam.key, weight: beam.weight, held: 0, has_earlier: false }
 }

@@ -16,12 +16,8 @@ pub trait DriverChoice: Send + Sync {
 
     /// Makes the chosen driver for a holodeck with these sections. `sky` is the radiance of rays
     /// that hit nothing.
-    fn make(
-        &self,
-        sections: &Arc<[Section]>,
-        sky: [f32; 3],
-        scene: Option<&LoadedScene>,
-    ) -> Box<dyn Driver>;
+    fn make(&self, sections: &Arc<[Section]>, sky: [f32; 3], scene: Option<&LoadedScene>)
+    -> Driver;
 
     /// Chooses another driver.
     fn choose(&mut self, driver: DriverArg);

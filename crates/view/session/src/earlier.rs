@@ -5,7 +5,7 @@
 
 use std::mem::take;
 
-use holo_display::Driver;
+use holo_display::{Age, Light};
 use holo_proto::fading::lasting;
 use holo_section::{BeamKey, NumberRun, Sample};
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -51,7 +51,7 @@ impl Earlier {
     /// new.
     pub fn insert(
         &mut self,
-        driver: &mut dyn Driver,
+        light: &mut dyn Light,
         run: &NumberRun,
         samples: &[Sample],
         present: u64,
@@ -62,7 +62,7 @@ impl Earlier {
             let is_room = self.samples + part.len() as u64 <= MOST;
             let known = self.beams.get(&run.key).map_or(&[][..], Vec::as_slice);
             if is_room && !known.iter().any(|piece| piece.has(ranks.start)) {
-                driver.insert_earlier(run.key, run.paths, part);
+                light.insert(Age::Earlier, run.key, run.paths, part);
                 self.samples += part.len() as u64;
                 let piece = Piece { first: ranks.start, paths: run.paths, samples: part.to_vec() };
                 self.beams.entry(run.key).or_default().push(piece);
@@ -86,7 +86,7 @@ impl Earlier {
 
     /// Takes the samples out of the driver that no longer count. `present` returns how many present
     /// samples of a beam there are.
-    pub fn fade(&mut self, driver: &mut dyn Driver, present: impl Fn(BeamKey) -> u64) {
+    pub fn fade(&mut self, light: &mut dyn Light, present: impl Fn(BeamKey) -> u64) {
         self.fresh = 0;
         for key in take(&mut self.stale) {
             let Some(pieces) = self.beams.get_mut(&key) else { continue };
@@ -95,7 +95,7 @@ impl Earlier {
                 let ranks = *first..*first + samples.len() as u32;
                 let stays = lasting(ranks.clone(), present(key)).next();
                 let gone = (stays.map_or(ranks.end, |stays| stays.start) - ranks.start) as usize;
-                if gone > 0 && !driver.remove_earlier(key, *paths, &samples[..gone]) {
+                if gone > 0 && !light.remove_earlier(key, *paths, &samples[..gone]) {
                     self.stuck += gone as u64;
                 }
                 samples.drain(..gone);

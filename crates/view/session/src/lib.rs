@@ -26,9 +26,9 @@ mod earlier;
 mod focus;
 mod incoming;
 mod live;
-mod pace;
 mod received;
 mod scene;
+mod schedule;
 #[cfg(test)]
 mod tests;
 
@@ -40,13 +40,14 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use holo_display::{Driver, Frame, Interrupt, Look, PartsPlan, SurfaceAt};
+use holo_display::{Driver, Frame, FramePhase, Interrupt, Look, PartsPlan};
 use holo_net::{Message, Outbox};
-use holo_picture::{Picture, ViewSpec};
+use holo_picture::{Picture, View, ViewSpec};
 use holo_proto::{
     bulk::SampleSource,
     control::{Control, Status, Welcome},
 };
+use holo_raycast::Ray;
 use holo_section::Section;
 use serde::Serialize;
 
@@ -59,8 +60,8 @@ pub use demand::Uncovered;
 pub use driver_choice::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
 pub use holo_net::RETURN_TIME;
 use incoming::Incoming;
-use pace::Pace;
 use received::Received;
+pub use schedule::{FrameSchedule, FrameSize, scaled};
 
 /// Time after a deadline during which messages that have arrived are still processed. If the
 /// deadline had passed before the wait began, the time is at least half the duration of the last
@@ -86,7 +87,7 @@ pub struct Session {
     choice: Box<dyn DriverChoice>,
     /// The holodeck's sections.
     sections: Arc<[Section]>,
-    driver: Box<dyn Driver>,
+    driver: Driver,
     /// Ends the drawing of a frame at rest.
     interrupt: Interrupt,
     /// The scene, once it has arrived.
@@ -109,11 +110,10 @@ pub struct Session {
     last_stored: Instant,
     /// Number of the latest request.
     request_number: u32,
-    pace: Pace,
     /// Duration of the last drawing.
     drawing: Duration,
-    /// True if a person walks, who waits for the session.
-    is_walked: bool,
+    /// True if the session loads the whole file when it settles.
+    settles_whole: bool,
     /// True if the eye moves, so that the current view is soon replaced.
     is_moving: bool,
     /// True if tracing for this display is paused.
@@ -192,7 +192,7 @@ impl Session {
 
     /// Returns the driver's name.
     pub fn driver_name(&self) -> &'static str {
-        self.driver.name()
+        self.driver.name
     }
 
     /// Returns how many samples have arrived for the current view.
@@ -223,10 +223,10 @@ impl Session {
     /// # Errors
     /// If the driver has no such part.
     pub fn switch(&mut self, part: &str, on: bool) -> Result<()> {
-        if !self.driver.switch(part, on) {
+        if !self.driver.renderer.switch(part, on) {
             bail!(
                 "driver {} has no part `{part}` to switch; `--driver pointimage` has parts",
-                self.driver.name()
+                self.driver.name
             );
         }
         self.choice.switch(part, on);
@@ -239,11 +239,22 @@ impl Session {
     }
 
     /// Draws the current view with the samples that have arrived, and measures the driver's stages.
-    pub fn draw(&mut self) -> (Frame, Vec<StageTime>) {
+    /// There is no frame without a view, and if the frame was interrupted.
+    pub fn draw(&mut self) -> (Option<Frame>, Vec<StageTime>) {
+        let phase = self.current.as_ref().map_or(FramePhase::First, CurrentView::phase);
+        self.draw_in(phase)
+    }
+
+    /// Draws as [`draw`](Self::draw) does, as well as the driver can. Nothing interrupts the frame.
+    pub fn draw_for_file(&mut self) -> (Option<Frame>, Vec<StageTime>) {
+        self.draw_in(FramePhase::File)
+    }
+
+    fn draw_in(&mut self, phase: FramePhase) -> (Option<Frame>, Vec<StageTime>) {
         let mut stages: Vec<StageTime> = Vec::new();
         let begin = Instant::now();
         let mut last = begin;
-        let frame = self.driver.draw(&mut |stage| {
+        let frame = self.driver.renderer.draw(phase, &self.interrupt, &mut |stage| {
             let now = Instant::now();
             let milliseconds = 1e3 * now.saturating_duration_since(last).as_secs_f64();
             last = now;
@@ -253,22 +264,16 @@ impl Session {
             }
         });
         self.drawing = begin.elapsed();
-        if let Some(until) = self.current.as_mut().and_then(|view| view.glance_until.as_mut()) {
-            *until = begin;
+        if let Some(view) = self.current.as_mut().filter(|_| frame.is_some()) {
+            view.phases.note_frame();
         }
         (frame, stages)
-    }
-
-    /// Draws as [`draw`](Self::draw) does, as well as the driver can.
-    pub fn draw_for_file(&mut self) -> (Frame, Vec<StageTime>) {
-        self.driver.draw_for_file();
-        self.draw()
     }
 
     /// Plans a picture that is drawn in parts beside the current view, from the samples that have
     /// arrived. `None` if the driver cannot draw parts.
     pub fn plan_parts(&mut self, look: &Look) -> Option<PartsPlan> {
-        self.driver.plan_parts(look)
+        self.driver.renderer.parts().map(|parts| parts.plan(look))
     }
 
     /// Draws these columns and rows of a planned picture. `None` if it was interrupted.
@@ -278,28 +283,80 @@ impl Session {
         columns: Range<u32>,
         rows: Range<u32>,
     ) -> Option<Picture> {
-        self.driver.draw_part(plan, columns, rows)
+        self.driver.renderer.parts()?.part(plan, columns, rows, &self.interrupt)
     }
 
-    /// Returns the signal that ends the drawing of a frame at rest. That frame has nothing in it.
+    /// Returns the signal that ends the drawing of frames at rest and of parts.
     pub fn interrupt(&self) -> Interrupt {
         self.interrupt.clone()
     }
 
     /// Returns whether drawing again would improve the frame without any new samples.
     pub fn refines(&self) -> bool {
-        self.driver.refines()
+        self.driver.renderer.refines()
     }
 
     /// Lets the driver finish all work that improves the next frame without further samples.
     pub fn finish_view(&mut self) {
-        self.driver.settle();
-        while self.driver.prepare() {}
+        self.settle_view();
+        while self.driver.renderer.prepare(FramePhase::Rest) {}
     }
 
-    /// Returns the surface under a pixel of the current view.
-    pub fn surface_at(&mut self, column: u32, row: u32) -> Option<SurfaceAt> {
-        self.driver.surface_at(column, row)
+    /// Reports that all stored samples of the current view have arrived.
+    fn settle_view(&mut self) {
+        self.driver.renderer.settle();
+        self.current.iter_mut().for_each(|current| current.phases.settle());
+    }
+
+    /// Does a piece of work for the next frame. Returns true if more is left.
+    fn prepare(&mut self) -> bool {
+        let phase = self.current.as_ref().map_or(FramePhase::First, CurrentView::phase);
+        self.driver.renderer.prepare(phase)
+    }
+
+    /// Returns how many samples of the current view have arrived that were requested for it.
+    pub fn view_samples(&self) -> u64 {
+        let counts = self.counts();
+        counts.stored + counts.traced + self.live_rays()
+    }
+
+    /// Returns how many samples have arrived since the current view was requested, including parts
+    /// of the file and samples requested for earlier views.
+    pub fn arrived_samples(&self) -> u64 {
+        let counts = self.counts();
+        self.view_samples() + counts.parts + counts.late
+    }
+
+    /// Returns how many samples of the view there are per pixel of a picture of this size.
+    pub fn samples_per_pixel(&self, size: (u32, u32)) -> f64 {
+        let samples = match self.has_whole_file() {
+            true => self.samples_here(),
+            false => self.view_samples(),
+        };
+        samples as f64 / (f64::from(size.0) * f64::from(size.1))
+    }
+
+    /// Returns true if all frames must have the same size, because the driver's pixels keep what
+    /// they showed.
+    pub fn keeps_pixels(&self) -> bool {
+        self.driver.keeps_pixels
+    }
+
+    /// Returns whether samples of one view serve the next.
+    fn keeps_samples(&self) -> bool {
+        self.driver.light.room() > 0
+    }
+
+    /// Returns the triangle of the scene under the middle of a pixel of the current view. `None`
+    /// if nothing is there, and if the driver does not draw from the scene.
+    pub fn triangle_at(&self, column: u32, row: u32) -> Option<u32> {
+        let (look, scene) = (self.current.as_ref()?.look, self.scene.as_ref()?);
+        let (x, y) = View::pixel_centre(look.size, column, row);
+        let (origin, direction, reach) = look.view.clipped_ray(x, y)?;
+        let (ray, skipped) = scene.raycaster.localize(origin, direction)?;
+        let ray = Ray { t_max: (reach - skipped) as f32, ..ray };
+        let hit = scene.raycaster.nearest(&ray).filter(|_| self.driver.knows_surfaces);
+        hit.map(|hit| hit.triangle)
     }
 
     /// Processes messages until `deadline`, and meanwhile sends the requests that are due.
@@ -314,14 +371,16 @@ impl Session {
     }
 
     /// Asks the server to stop tracing, and waits until everything under way has arrived and is
-    /// stored. A replay of the file then draws the same picture.
+    /// stored. If `whole`, also loads the whole file, if there is room. A replay of the file then
+    /// draws the same picture.
     ///
     /// # Errors
     /// If the server does not settle, or is lost.
-    pub fn settle(&mut self) -> Result<()> {
+    pub fn settle(&mut self, whole: bool) -> Result<()> {
+        self.settles_whole = whole;
         self.settle_once()?;
         let Some(current) = &mut self.current else { return Ok(()) };
-        current.fade(self.driver.as_mut());
+        current.fade(self.driver.light.as_mut());
         if current.received.earlier.is_stuck(true) {
             // Only a new driver of this kind shows none. Nothing more is traced for that.
             let was_paused = std::mem::replace(&mut self.is_paused, true);
@@ -334,8 +393,8 @@ impl Session {
     }
 
     fn settle_once(&mut self) -> Result<()> {
-        self.look_closely()?;
-        let loads = self.loads_whole_file() && !self.is_walked;
+        self.ask_if_unasked()?;
+        let loads = self.loads_whole_file() && self.settles_whole;
         let Some(current) = &mut self.current else { return Ok(()) };
         if loads {
             // Loading the whole file replaces all other requests.
@@ -378,7 +437,7 @@ impl Session {
                     // A search uses the same threads and brings samples, so it goes first.
                     let is_searching =
                         self.current.as_ref().is_some_and(|current| current.is_searching);
-                    if !is_searching && Instant::now() < until && self.driver.prepare() {
+                    if !is_searching && Instant::now() < until && self.prepare() {
                         continue;
                     }
                     self.messages.recv_timeout(until.saturating_duration_since(Instant::now()))
@@ -420,7 +479,8 @@ impl Session {
     }
 
     fn samples(&mut self, message: Message) -> Result<()> {
-        let (driver, newest) = (self.driver.as_mut(), self.request_number);
+        let (keeps_samples, newest) = (self.keeps_samples(), self.request_number);
+        let Driver { light, renderer, .. } = &mut self.driver;
         let current = self.current.as_mut();
         let is_of =
             |current: &CurrentView, number| (current.first_request..=newest).contains(&number);
@@ -431,13 +491,13 @@ impl Session {
                 }
                 let counts = |current: &&mut CurrentView| {
                     matches!(samples.source, SampleSource::Part | SampleSource::Earlier)
-                        || driver.keeps_samples()
+                        || keeps_samples
                         || is_of(current, samples.view)
                 };
                 if let Some(current) = current.filter(counts) {
-                    current.insert(driver, &samples);
+                    current.insert(light.as_mut(), &samples);
                     if current.received.earlier.is_due() {
-                        current.fade(driver);
+                        current.fade(light.as_mut());
                     }
                     if current.received.earlier.is_stuck(false) {
                         self.make_driver()?;
@@ -447,13 +507,13 @@ impl Session {
             Message::Unseen(unseen) => {
                 if current.is_some_and(|current| is_of(current, unseen.view)) {
                     for &beam in &unseen.beams {
-                        driver.insert_unseen(beam);
+                        light.insert_unseen(beam);
                     }
                 }
             }
             Message::LiveSamples(samples) => {
                 if let Some(current) = current {
-                    current.insert_live(driver, &samples);
+                    current.insert_live(renderer.as_mut(), &samples);
                 }
             }
             _ => bail!("the server sent a message that is not for a display"),
@@ -464,7 +524,7 @@ impl Session {
     fn control(&mut self, message: Control, for_settled: bool) -> Result<Option<Waited>> {
         match message {
             Control::Settled { view } if for_settled && view == self.request_number => {
-                if self.is_walked || !self.loads_whole_file() || self.has_all_of_replay() {
+                if !self.settles_whole || !self.loads_whole_file() || self.has_all_of_replay() {
                     return Ok(Some(Waited::Settled));
                 }
                 self.is_loading_to_settle = true;
@@ -503,7 +563,6 @@ impl Session {
     fn make_driver(&mut self) -> Result<()> {
         let (sky, scene) = (self.welcome.sky, self.scene.as_deref());
         self.driver = self.choice.make(&self.sections, sky, scene);
-        self.driver.end_early_by(self.interrupt.clone());
         self.ahead.restart();
         if let Some(current) = &mut self.current {
             current.received = Received::default();

@@ -8,8 +8,8 @@ use std::{
 };
 
 use glam::DVec3;
-use holo_display::{Driver, Look, Resolution};
-use holo_driver_surfaces::SurfacesDriver;
+use holo_display::{Driver, Look};
+use holo_driver_surfaces::surfaces_driver;
 use holo_net::{Message, Outbox, Shutdown, accept};
 use holo_picture::ViewSpec;
 use holo_proto::{
@@ -108,14 +108,9 @@ impl DriverChoice for Surfaces {
         SceneUse::Required
     }
 
-    fn make(
-        &self,
-        sections: &Arc<[Section]>,
-        _: [f32; 3],
-        scene: Option<&LoadedScene>,
-    ) -> Box<dyn Driver> {
+    fn make(&self, sections: &Arc<[Section]>, _: [f32; 3], scene: Option<&LoadedScene>) -> Driver {
         let raycaster = Arc::clone(&scene.unwrap().raycaster);
-        Box::new(SurfacesDriver::new(Arc::clone(sections), raycaster, None))
+        surfaces_driver(Arc::clone(sections), raycaster, None)
     }
 
     fn choose(&mut self, driver: DriverArg) {
@@ -143,31 +138,31 @@ fn view() -> ViewSpec {
     spec
 }
 
+/// Shows a view at rest.
+fn show(session: &mut Session, spec: &ViewSpec, size: (u32, u32)) {
+    let (view, size) = spec.resolve(size).unwrap();
+    session.look(Look { view, size, is_moving: false }).unwrap();
+}
+
 #[tokio::test(flavor = "multi_thread")]
-async fn a_large_view_is_glanced_at_until_it_is_drawn_and_a_small_one_is_not() {
-    for (size, is_large) in [((480, 360), true), ((96, 72), false)] {
-        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let address = listener.local_addr().unwrap();
-        let serving = tokio::spawn(serve(listener));
-        let connected = connect(address).await;
-        let looking = tokio::task::spawn_blocking(move || {
-            let mut session = connected.begin(|_| {}).unwrap().unwrap();
-            session.show(&view(), size).unwrap();
-            // Two neighbouring pixels never see points at the same distance.
-            let differing = |session: &mut Session| {
-                let depth = session.draw().0.depth;
-                depth.windows(2).filter(|pair| pair[0] != pair[1]).count()
-            };
-            let pixels = (size.0 * size.1) as usize;
-            if is_large {
-                assert!((1..=pixels / 2).contains(&differing(&mut session)));
-                session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
-            }
-            assert!(differing(&mut session) > pixels * 9 / 10);
-        });
-        timeout(LIMIT, looking).await.unwrap().unwrap();
-        timeout(LIMIT, serving).await.unwrap().unwrap();
-    }
+async fn a_view_at_another_size_begins_no_view_anew() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let serving = tokio::spawn(serve(listener));
+    let connected = connect(address).await;
+    let looking = tokio::task::spawn_blocking(move || {
+        let mut session = connected.begin(|_| {}).unwrap().unwrap();
+        for size in [(240, 180), (480, 360)] {
+            show(&mut session, &view(), size);
+            let frame = session.draw().0.unwrap();
+            assert_eq!(frame.picture.size(), size);
+            session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
+        }
+        session.current.as_ref().unwrap().first_request
+    });
+    let first_request = timeout(LIMIT, looking).await.unwrap().unwrap();
+    timeout(LIMIT, serving).await.unwrap().unwrap();
+    assert_eq!(first_request, 1, "the second size belongs to the first view");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -178,7 +173,7 @@ async fn beams_that_end_on_visible_surfaces_are_requested_by_use_and_then_only_t
     let connected = connect(address).await;
     let looking = tokio::task::spawn_blocking(move || {
         let mut session = connected.begin(|_| {}).unwrap().unwrap();
-        session.show(&view(), (96, 72)).unwrap();
+        show(&mut session, &view(), (96, 72));
         assert!(!session.has_stored());
         let end = Instant::now() + LIMIT;
         while !session.has_stored() && Instant::now() < end {
@@ -227,13 +222,13 @@ async fn an_idle_session_loads_the_whole_file_and_later_views_search_for_nothing
                 session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
             }
         };
-        session.show(&view(), (96, 72)).unwrap();
+        show(&mut session, &view(), (96, 72));
         wait_until(&mut session, Session::has_stored);
-        assert!(!session.has_whole_file());
         wait_until(&mut session, Session::has_whole_file);
         let mut aside = view();
         aside.apply_line("-vd -1 .2 .1").unwrap();
-        session.show(&aside, (96, 72)).unwrap();
+        show(&mut session, &aside, (96, 72));
+        session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
         wait_until(&mut session, Session::has_stored);
     });
     timeout(LIMIT, looking).await.unwrap().unwrap();
@@ -252,12 +247,12 @@ async fn a_settling_session_loads_the_file_again_only_if_something_may_have_been
         let connected = connect(address).await;
         let looking = tokio::task::spawn_blocking(move || {
             let mut session = connected.begin(|_| {}).unwrap().unwrap();
-            session.show(&view(), (96, 72)).unwrap();
+            show(&mut session, &view(), (96, 72));
             let end = Instant::now() + LIMIT;
             while !session.has_whole_file() && Instant::now() < end {
                 session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
             }
-            session.settle().unwrap();
+            session.settle(true).unwrap();
         });
         timeout(LIMIT, looking).await.unwrap().unwrap();
         let requests = timeout(LIMIT, serving).await.unwrap().unwrap();
@@ -317,7 +312,7 @@ async fn turn(completes: bool, is_done: fn(&Session) -> bool) -> (u32, u64) {
             let aside = start.elapsed().as_secs_f64().sin();
             turned.apply_line(&format!("-vd 1 {aside} .1")).unwrap();
             let (view, size) = turned.resolve((96, 72)).unwrap();
-            session.look(Look { view, size, resolution: Resolution::Moving }).unwrap();
+            session.look(Look { view, size, is_moving: true }).unwrap();
             session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
         }
         (start.elapsed(), session.samples_here())

@@ -16,7 +16,6 @@
 mod bell;
 pub mod commands;
 mod crew;
-mod detail;
 mod hand;
 mod input;
 mod painter;
@@ -26,7 +25,6 @@ mod picture_order;
 mod record;
 mod screen;
 mod shown;
-mod sketch;
 mod warp;
 mod world;
 

@@ -9,35 +9,17 @@ use std::{
 };
 
 use anyhow::Result;
-use holo_display::{Frame, Interrupt, Look, Resolution};
+use holo_display::{Frame, Interrupt, Look};
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
-use holo_session::{DriverArg, Session, Uncovered, Waited, Waker, is_of_connection};
+use holo_session::{DriverArg, FrameSchedule, Session, Uncovered, Waited, Waker, is_of_connection};
 
 use super::{
     Watched,
     bell::Bell,
-    detail::Detail,
     picture_job::{PictureJob, Progress, STORED_PATIENCE, WHOLE_PIXELS},
     picture_order::{BegunPicture, PictureNews, PictureOrder},
-    sketch::Sketching,
 };
-
-/// Least time between two frames of a view at rest.
-const REDRAW: Duration = Duration::from_millis(100);
-
-/// Longest time between two frames of a view at rest while samples arrive.
-const LATEST_REDRAW: Duration = Duration::from_secs(2);
-
-/// Pause between frames at rest, as a share of the time since the eye moved. The longer the eye
-/// rests, the less new samples change the picture.
-const REDRAW_SHARE: f64 = 0.1;
-
-/// Drawing frames at rest takes at most 1/`DRAWING_PART` of the time; the rest is for tracing.
-const DRAWING_PART: u32 = 4;
-
-/// A picture at rest is drawn again at once when this many times as many samples have arrived.
-const MANY_MORE: u64 = 2;
 
 /// Interval at which the painter checks for news from the server while it rests.
 const NEWS: Duration = Duration::from_millis(100);
@@ -206,30 +188,14 @@ pub struct Painter {
     interrupt: Interrupt,
     bell: Arc<Bell>,
     watched: Watched,
-    detail: Detail,
+    schedule: FrameSchedule,
     /// The view that the session currently shows.
     looked: Option<Look>,
     /// The last request that was drawn, and whether it could be shown.
     drawn: Option<(Wanted, bool)>,
-    times: Times,
-    /// Samples that had arrived when the last frame was drawn.
-    drawn_samples: u64,
-    sketching: Sketching,
-    /// True if the last picture at rest was a sketch.
-    is_sketch: bool,
     /// The picture that is being saved.
     job: Option<Box<PictureJob>>,
     news: News,
-}
-
-/// Times of the last events.
-struct Times {
-    /// When another view was requested.
-    moved: Instant,
-    /// When the last frame was ready.
-    frame: Instant,
-    /// Time that it took.
-    drawn_in: Duration,
 }
 
 /// Marks the end of the painter's work, however it ends.
@@ -258,8 +224,6 @@ impl Painter {
             waker: waker.clone(),
             interrupt: interrupt.clone(),
         };
-        let now = Instant::now();
-        let times = Times { moved: now, frame: now, drawn_in: Duration::ZERO };
         let painter = Painter {
             session,
             waker,
@@ -267,13 +231,9 @@ impl Painter {
             interrupt,
             bell,
             watched,
-            detail: Detail::default(),
+            schedule: FrameSchedule::new(Instant::now()),
             looked: None,
             drawn: None,
-            times,
-            drawn_samples: 0,
-            sketching: Sketching::default(),
-            is_sketch: false,
             job: None,
             news: News::default(),
         };
@@ -288,7 +248,7 @@ impl Painter {
         let _end = AtEnd(Arc::clone(&self.papers), Arc::clone(&self.bell));
         loop {
             if self.session.wait(self.next_due())? == Waited::Stop {
-                return self.session.settle();
+                return self.session.settle(false);
             }
             let (wanted, orders) = {
                 let mut papers = lock(&self.papers);
@@ -299,7 +259,7 @@ impl Painter {
             };
             for order in orders {
                 match order {
-                    Order::Quit => return self.session.settle(),
+                    Order::Quit => return self.session.settle(false),
                     Order::Leave => return Ok(()),
                     order => self.follow(order)?,
                 }
@@ -325,6 +285,7 @@ impl Painter {
             }
             Order::Driver(driver) => {
                 (self.looked, self.drawn) = (None, None);
+                self.schedule.restart();
                 if let Some(job) = self.job.take() {
                     job.order.refuse("another driver was chosen meanwhile".to_owned());
                 }
@@ -347,40 +308,14 @@ impl Painter {
     fn is_due(&mut self, wanted: &Wanted) -> bool {
         match &self.drawn {
             Some((drawn, is_shown)) if drawn == wanted => {
-                let samples = self.arrived();
-                let is_new = samples != self.drawn_samples || self.session.refines();
-                let now = Instant::now();
-                let is_much = samples / MANY_MORE > self.drawn_samples
-                    && now >= self.times.frame + self.times.drawn_in;
+                let (arrived, refines) = (self.session.arrived_samples(), self.session.refines());
                 *is_shown
                     && !wanted.is_moving
                     && self.watched.is_watched()
-                    && (self.is_overdue_sketch()
-                        || (is_new && now >= self.next_redraw())
-                        || is_much)
+                    && self.schedule.is_due(arrived, refines, Instant::now())
             }
             _ => true,
         }
-    }
-
-    /// Returns whether the last picture was a sketch and a full picture is due.
-    fn is_overdue_sketch(&self) -> bool {
-        self.is_sketch && Sketching::is_over(self.times.moved.elapsed())
-    }
-
-    /// Returns how many samples of the view there are per pixel of a picture of size `full`.
-    fn samples_per_pixel(&self, full: (u32, u32)) -> f64 {
-        let samples = match self.session.has_whole_file() {
-            true => self.session.samples_here(),
-            false => self.samples(),
-        };
-        samples as f64 / (f64::from(full.0) * f64::from(full.1))
-    }
-
-    fn next_redraw(&self) -> Instant {
-        let looked = self.times.frame.saturating_duration_since(self.times.moved);
-        let pause = looked.mul_f64(REDRAW_SHARE).clamp(REDRAW, LATEST_REDRAW);
-        self.times.frame + pause.max(self.times.drawn_in * DRAWING_PART)
     }
 
     /// Returns when the painter must act next, unless the hand wakes it before.
@@ -395,43 +330,18 @@ impl Painter {
         if is_other || has_work() { now } else { now + NEWS }
     }
 
-    /// Returns the number of samples that have arrived for the current view.
-    fn samples(&self) -> u64 {
-        let counts = self.session.counts();
-        counts.stored + counts.traced + self.session.live_rays()
-    }
-
-    /// Returns the number of samples that have arrived since the view was requested, including
-    /// parts of the file and samples requested for earlier views.
-    fn arrived(&self) -> u64 {
-        let counts = self.session.counts();
-        self.samples() + counts.parts + counts.late
-    }
-
     /// Draws a frame of the requested view.
     fn paint(&mut self, wanted: Wanted) -> Result<()> {
         let begin = Instant::now();
         let (view, full) = wanted.spec.resolve(wanted.size)?;
         let is_moving = wanted.is_moving;
-        let is_same = |(drawn, _): &(Wanted, bool)| {
-            (&drawn.spec, drawn.jumps) == (&wanted.spec, wanted.jumps)
-        };
-        if !self.drawn.as_ref().is_some_and(is_same) {
-            self.times.moved = begin;
-        }
-        self.sketching.note(&wanted.spec, wanted.jumps);
-        let is_sketch = !is_moving
-            && self.sketching.suits(self.samples_per_pixel(full), self.times.moved.elapsed());
-        let has_few = is_moving || is_sketch;
-        let size = match has_few {
-            true if is_moving => self.detail.size(full),
-            true => (full.0.div_ceil(2), full.1.div_ceil(2)),
-            false => full,
-        };
+        self.schedule.request(&wanted.spec, wanted.jumps, begin);
+        let (keeps_pixels, samples) =
+            (self.session.keeps_pixels(), self.session.samples_per_pixel(full));
+        let size = self.schedule.size(full, is_moving, keeps_pixels, samples, begin);
         self.session.set_moving(is_moving);
         self.session.set_focus(wanted.focus)?;
-        let resolution = if is_moving { Resolution::Moving } else { Resolution::Full };
-        let look = Look { view, size, resolution };
+        let look = Look { view, size: size.size, is_moving };
         let was_shown = self.drawn.as_ref().is_some_and(|(_, is_shown)| *is_shown);
         let is_shown = (self.looked == Some(look) && was_shown) || self.look(look)?;
         self.drawn = Some((wanted.clone(), is_shown));
@@ -439,13 +349,9 @@ impl Painter {
             return Ok(());
         }
         let looked = Instant::now();
-        let samples = self.arrived();
-        let (mut frame, _) = self.session.draw();
-        if frame.depth.len() < size.0 as usize * size.1 as usize {
-            // The frame was interrupted. If the view stays, the frame is still due.
-            return Ok(());
-        }
-        self.drawn_samples = samples;
+        let arrived = self.session.arrived_samples();
+        // If the frame was interrupted and the view stays, the frame is still due.
+        let (Some(mut frame), _) = self.session.draw() else { return Ok(()) };
         if frame.samples_used == 0 {
             // Without any sample, all pixels are guessed, and a guess does not count as known
             // light.
@@ -455,15 +361,12 @@ impl Painter {
         self.news.gleams = (100 * frame.gleam_pixels / pixels) as u32;
         let end = Instant::now();
         let took = [looked - begin, end - looked];
-        (self.times.frame, self.times.drawn_in) = (end, end - begin);
-        self.is_sketch = is_sketch;
-        if is_moving && frame.samples_used > 0 {
-            self.detail.note(size, full, self.times.drawn_in.as_secs_f64());
-        }
+        self.schedule.note_frame(size, [begin, end], arrived, frame.samples_used > 0);
+        let has_few = size.has_few();
         let painted = Painted { wanted, view, frame: Arc::new(frame), took, has_few };
         let mut papers = lock(&self.papers);
         papers.painted = Some(painted);
-        papers.moving_share = Some(self.detail.share());
+        papers.moving_share = Some(self.schedule.moving_share());
         drop(papers);
         self.bell.ring();
         Ok(())
@@ -530,6 +433,7 @@ impl Painter {
             return Ok(());
         }
         self.drawn = None;
+        self.schedule.restart();
         self.session.set_moving(false);
         if self.look(*look)? {
             let end = Instant::now() + STORED_PATIENCE;
@@ -544,12 +448,14 @@ impl Painter {
                 }
             }
             self.session.finish_view();
-            let picture = self.session.draw_for_file().0.picture;
-            let pixels = picture.pixels.clone();
-            let begun = Box::new(BegunPicture { view, size, preview: picture });
-            // The mailbox has room for both. If nobody wants the picture any more, it is dropped.
-            let _ = order.news.try_send(PictureNews::Begun(begun));
-            let _ = order.news.try_send(PictureNews::Band(pixels));
+            if let (Some(Frame { picture, .. }), _) = self.session.draw_for_file() {
+                let pixels = picture.pixels.clone();
+                let begun = Box::new(BegunPicture { view, size, preview: picture });
+                // The mailbox has room for both. If nobody wants the picture any more, it is
+                // dropped.
+                let _ = order.news.try_send(PictureNews::Begun(begun));
+                let _ = order.news.try_send(PictureNews::Band(pixels));
+            }
         } else {
             order.refuse("the view cannot be shown".to_owned());
         }
@@ -591,7 +497,7 @@ impl Painter {
             self.news.views = Arc::new(self.session.named_views().to_vec());
         }
         self.news = News {
-            view_samples: self.samples(),
+            view_samples: self.session.view_samples(),
             samples: status.map_or(0, |status| status.samples),
             samples_per_second: status.map_or(0.0, |status| status.samples_per_second),
             workers: status.map(|status| status.workers),

@@ -6,7 +6,7 @@
 
 use std::time::{Duration, Instant};
 
-use holo_display::{Look, PartsPlan, Resolution};
+use holo_display::{Look, PartsPlan};
 use holo_picture::{Picture, View};
 use holo_session::Session;
 use tokio::sync::mpsc::error::TrySendError;
@@ -70,7 +70,7 @@ pub enum Progress {
 impl PictureJob {
     /// Returns a job that draws `view` in a picture of `size` pixels.
     pub fn new(order: PictureOrder, view: View, size: (u32, u32)) -> PictureJob {
-        let look = Look { view, size, resolution: Resolution::Full };
+        let look = Look { view, size, is_moving: false };
         let phase = Phase::Fetching(Instant::now() + STORED_PATIENCE);
         PictureJob { order, look, phase, waits_since: None }
     }

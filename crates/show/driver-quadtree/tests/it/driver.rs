@@ -3,9 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
 use crate::common::section;
+use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Driver, Frame, LiveSample, Look, Resolution, Search, select_beams};
-use holo_driver_quadtree::{Filling, QuadtreeDriver};
+use holo_display::{Frame, LiveSample, Look, Search, select_beams};
+use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_picture::View;
 use holo_section::{BeamId, BeamKey, Sample, Section, ViewClass};
 use std::sync::Arc;
@@ -21,11 +22,11 @@ fn cube() -> Section {
 }
 
 /// A driver of each kind.
-fn drivers() -> [QuadtreeDriver; 3] {
+fn drivers() -> [TestViewer; 3] {
     let sections: Arc<[Section]> = Arc::from([cube()]);
-    let cells = |filling| QuadtreeDriver::of_cells(Arc::clone(&sections), SKY, filling);
-    let leaves = QuadtreeDriver::new(Arc::clone(&sections), SKY);
-    [leaves, cells(Filling::Smooth), cells(Filling::Constant)]
+    let cells = |filling| cells_driver(Arc::clone(&sections), SKY, filling);
+    let leaves = quadtree_driver(Arc::clone(&sections), SKY);
+    [leaves, cells(Filling::Smooth), cells(Filling::Constant)].map(TestViewer::new)
 }
 
 /// A view from the middle of the cube, turned to the right by so many degrees.
@@ -36,17 +37,17 @@ fn view(degrees: f64) -> View {
 }
 
 /// Starts a view.
-fn look(driver: &mut QuadtreeDriver, degrees: f64, resolution: Resolution) {
-    driver.look(&Look { view: view(degrees), size: SIZE, resolution }).unwrap();
+fn look(driver: &mut TestViewer, degrees: f64, is_moving: bool) {
+    driver.look(&Look { view: view(degrees), size: SIZE, is_moving }).unwrap();
 }
 
-fn draw(driver: &mut QuadtreeDriver) -> Frame {
-    driver.draw(&mut |_| {})
+fn draw(driver: &mut TestViewer) -> Frame {
+    driver.draw()
 }
 
 /// Starts a view and draws what there is already.
-fn glance(driver: &mut QuadtreeDriver, degrees: f64) -> Frame {
-    look(driver, degrees, Resolution::Full);
+fn glance(driver: &mut TestViewer, degrees: f64) -> Frame {
+    look(driver, degrees, false);
     draw(driver)
 }
 
@@ -64,13 +65,13 @@ fn samples(degrees: f64) -> Vec<(BeamId, Sample)> {
     (0..SIZE.0 * SIZE.1).map(sample).collect()
 }
 
-fn put(driver: &mut dyn Driver, samples: &[(BeamId, Sample)]) {
+fn put(driver: &mut TestViewer, samples: &[(BeamId, Sample)]) {
     samples.iter().for_each(|(beam, sample)| {
         driver.insert(BeamKey { section: 0, beam: *beam }, 1, &[*sample])
     });
 }
 
-fn put_unseen(driver: &mut dyn Driver, beam: BeamId) {
+fn put_unseen(driver: &mut TestViewer, beam: BeamId) {
     driver.insert_unseen(BeamKey { section: 0, beam });
 }
 
@@ -93,11 +94,11 @@ fn the_last_view_s_samples_are_shown_until_the_next_one_s_have_come() {
 #[test]
 fn a_picture_at_rest_does_not_depend_on_where_one_came_from() {
     for (mut walked, mut alone) in drivers().into_iter().zip(drivers()) {
-        look(&mut walked, 0.0, Resolution::Full);
+        look(&mut walked, 0.0, false);
         put(&mut walked, &samples(0.0));
         let own = samples(8.0);
         for driver in [&mut walked, &mut alone] {
-            look(driver, 8.0, Resolution::Full);
+            look(driver, 8.0, false);
             put(driver, &own[..600]);
         }
         assert!(draw(&mut walked).samples_used > draw(&mut alone).samples_used);
@@ -114,10 +115,10 @@ fn a_picture_at_rest_does_not_depend_on_where_one_came_from() {
 #[test]
 fn after_a_view_has_settled_only_its_own_samples_are_kept_for_the_next() {
     for (mut walked, mut alone) in drivers().into_iter().zip(drivers()) {
-        look(&mut walked, 0.0, Resolution::Full);
+        look(&mut walked, 0.0, false);
         put(&mut walked, &samples(0.0));
         for driver in [&mut walked, &mut alone] {
-            look(driver, 8.0, Resolution::Full);
+            look(driver, 8.0, false);
             put(driver, &samples(8.0)[..600]);
             driver.settle();
         }
@@ -126,23 +127,14 @@ fn after_a_view_has_settled_only_its_own_samples_are_kept_for_the_next() {
 }
 
 #[test]
-fn at_half_resolution_four_pixels_show_one_and_the_samples_are_kept_for_the_full_picture() {
+fn samples_of_a_moving_eye_are_kept_for_the_picture_at_rest() {
     for (mut moving, mut alone) in drivers().into_iter().zip(drivers()) {
-        look(&mut moving, 0.0, Resolution::Half);
+        look(&mut moving, 0.0, true);
         put(&mut moving, &samples(0.0));
-        let half = draw(&mut moving);
-        assert_eq!((half.picture.width, half.picture.height), SIZE);
-        let at = |column: u32, row: u32| (row * SIZE.0 + column) as usize;
-        for (column, row) in
-            (0..SIZE.0).flat_map(|column| (0..SIZE.1).map(move |row| (column, row)))
-        {
-            let first = at(column / 2 * 2, row / 2 * 2);
-            assert_eq!(half.picture.pixels[at(column, row)], half.picture.pixels[first]);
-            assert_eq!(half.depth[at(column, row)], half.depth[first]);
-        }
+        draw(&mut moving);
         // The camera rests, and nothing has come yet.
         let full = glance(&mut moving, 0.0);
-        look(&mut alone, 0.0, Resolution::Full);
+        look(&mut alone, 0.0, false);
         put(&mut alone, &samples(0.0));
         assert!(full.samples_used > PIXELS * 9 / 10);
         assert_eq!(full.picture, draw(&mut alone).picture);
@@ -152,40 +144,21 @@ fn at_half_resolution_four_pixels_show_one_and_the_samples_are_kept_for_the_full
 #[test]
 fn what_is_asked_of_the_scene_is_told_by_the_view_s_own_samples() {
     for mut driver in drivers() {
-        assert!(driver.depth().is_empty() && driver.surface_beams(Search::Thorough).is_none());
-        look(&mut driver, 0.0, Resolution::Full);
+        assert!(driver.depths().is_empty() && driver.surface_beams(Search::Thorough).is_none());
+        look(&mut driver, 0.0, false);
         put(&mut driver, &samples(0.0));
         let near = |depth: &f32| (f64::from(*depth) / RADIUS - 1.0).abs() < 0.04;
-        assert!(!driver.depth().is_empty() && driver.depth().iter().all(near));
+        assert!(!driver.depths().is_empty() && driver.depths().iter().all(near));
         assert!(!driver.surface_beams(Search::Thorough).unwrap()().is_empty());
-        look(&mut driver, 5.0, Resolution::Full);
-        assert!(driver.depth().is_empty() && driver.surface_beams(Search::Thorough).is_none());
-    }
-}
-
-#[test]
-fn the_distance_under_a_pixel_is_that_of_the_last_frame() {
-    for mut driver in drivers() {
-        assert_eq!(driver.surface_at(3, 4), None);
-        look(&mut driver, 0.0, Resolution::Full);
-        put(&mut driver, &samples(0.0));
-        assert_eq!(driver.surface_at(3, 4), None, "nothing is drawn yet");
-        let frame = draw(&mut driver);
-        let surface = driver.surface_at(3, 4).unwrap();
-        assert_eq!(surface.distance, frame.depth[(4 * SIZE.0 + 3) as usize]);
-        assert!((f64::from(surface.distance) / RADIUS - 1.0).abs() < 0.04);
-        assert_eq!(surface.triangle, None);
-        assert_eq!(driver.surface_at(SIZE.0, 0), None);
-        assert_eq!(driver.surface_at(0, SIZE.1), None);
-        glance(&mut driver, 50.0);
-        assert_eq!(driver.surface_at(3, 4), None, "nothing is known here");
+        look(&mut driver, 5.0, false);
+        assert!(driver.depths().is_empty() && driver.surface_beams(Search::Thorough).is_none());
     }
 }
 
 #[test]
 fn unseen_beams_show_the_sky_until_the_next_view_has_settled() {
     for mut driver in drivers() {
-        look(&mut driver, 0.0, Resolution::Full);
+        look(&mut driver, 0.0, false);
         let beams = select_beams(&[cube()], &view(0.0), SIZE, &Default::default()).beams;
         beams.iter().for_each(|wanted| put_unseen(&mut driver, wanted.key.beam));
         let frame = draw(&mut driver);
@@ -199,10 +172,10 @@ fn unseen_beams_show_the_sky_until_the_next_view_has_settled() {
 }
 
 /// A view past the side of the cube, and live rays through the middles of its uncovered pixels.
-fn past(driver: &mut QuadtreeDriver, resolution: Resolution) -> (Vec<u32>, Vec<LiveSample>) {
+fn past(driver: &mut TestViewer, is_moving: bool) -> (Vec<u32>, Vec<LiveSample>) {
     let eye = DVec3::new(-2.0, 0.5, 0.0);
     let view = View::new(eye, DVec3::X, DVec3::Z, Some(60.0), None, SIZE).unwrap();
-    driver.look(&Look { view, size: SIZE, resolution }).unwrap();
+    driver.look(&Look { view, size: SIZE, is_moving }).unwrap();
     let pixels = driver.uncovered();
     let rays = pixels.iter().map(|pixel| {
         let (x, y) = View::pixel_centre(SIZE, pixel % SIZE.0, pixel / SIZE.0);
@@ -216,7 +189,7 @@ fn past(driver: &mut QuadtreeDriver, resolution: Resolution) -> (Vec<u32>, Vec<L
 #[test]
 fn uncovered_pixels_show_what_live_rays_saw_and_covered_ones_do_not_change() {
     for mut driver in drivers() {
-        let (pixels, rays) = past(&mut driver, Resolution::Full);
+        let (pixels, rays) = past(&mut driver, false);
         assert!(pixels.len() > 200 && pixels.len() < PIXELS as usize - 200);
         let before = draw(&mut driver);
         assert!(before.picture.pixels.iter().all(|pixel| *pixel == [0.0; 3]));
@@ -232,10 +205,10 @@ fn uncovered_pixels_show_what_live_rays_saw_and_covered_ones_do_not_change() {
             }
         }
         // Live rays belong to one view alone.
-        past(&mut driver, Resolution::Full);
+        past(&mut driver, false);
         assert_eq!(draw(&mut driver).picture, before.picture);
         // While the camera moves, the driver requests no live rays and shows none.
-        let (pixels, _) = past(&mut driver, Resolution::Half);
+        let (pixels, _) = past(&mut driver, true);
         assert!(pixels.is_empty());
         driver.insert_live(4, &rays);
         assert_eq!(draw(&mut driver).picture, before.picture);
@@ -248,7 +221,7 @@ fn a_driver_without_a_view_has_a_name_and_shows_nothing() {
         assert_eq!(driver.name(), name);
         put(&mut driver, &samples(0.0));
         driver.settle();
-        assert_eq!(draw(&mut driver).samples_used, 0);
+        assert!(driver.try_draw().is_none());
         assert!(driver.uncovered().is_empty());
         // Samples that came before the first view are lost.
         assert_eq!(glance(&mut driver, 0.0).samples_used, 0);

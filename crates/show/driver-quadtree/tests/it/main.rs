@@ -10,3 +10,5 @@ mod outside;
 mod pictures;
 mod rooms;
 mod unseen;
+#[path = "../../../display/tests/common/viewer.rs"]
+mod viewer;

@@ -4,10 +4,11 @@
 use std::sync::Arc;
 
 use crate::scenes::view;
+use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Driver, Frame, Look, Resolution, SelectOptions, best_beam, select_beams};
+use holo_display::{Frame, Look, SelectOptions, best_beam, select_beams};
 use holo_driver_rendercache::{
-    EmptyPixels, FramelessDriver, PointImageParams, RenderCacheDriver, Stage, Stages,
+    EmptyPixels, PointImageParams, Stage, Stages, frameless_driver, pointimage_driver,
 };
 use holo_picture::View;
 use holo_section::{BeamKey, Sample, Section, SectionSpec, ViewClass};
@@ -25,26 +26,26 @@ fn section() -> Section {
 }
 
 fn look(view: View, size: (u32, u32)) -> Look {
-    Look { view, size, resolution: Resolution::Full }
+    Look { view, size, is_moving: false }
 }
 
 fn ahead() -> Look {
     look(view(DVec3::ZERO, 0.0, SIZE), SIZE)
 }
 
-fn render_cache() -> RenderCacheDriver {
+fn render_cache() -> TestViewer {
     let params = PointImageParams { empty: EmptyPixels::Black, ..PointImageParams::default() };
-    RenderCacheDriver::new(Arc::from([section()]), SKY, params)
+    TestViewer::new(pointimage_driver(Arc::from([section()]), SKY, params))
 }
 
-fn both() -> [Box<dyn Driver>; 2] {
-    let frameless = FramelessDriver::new(Arc::from([section()]), SKY);
-    [Box::new(render_cache()), Box::new(frameless)]
+fn both() -> [TestViewer; 2] {
+    let frameless = frameless_driver(Arc::from([section()]), SKY);
+    [render_cache(), TestViewer::new(frameless)]
 }
 
 /// Inserts a sample of a wall five units ahead for every `step`-th pixel, whose ray passes the eye.
 /// Its light alternates from pixel to pixel. Returns how many samples there were.
-fn insert(driver: &mut dyn Driver, look: &Look, step: usize, light: [f32; 2]) -> u64 {
+fn insert(driver: &mut TestViewer, look: &Look, step: usize, light: [f32; 2]) -> u64 {
     let section = section();
     let mut count = 0;
     for pixel in (0..look.size.0 * look.size.1).step_by(step) {
@@ -61,10 +62,9 @@ fn insert(driver: &mut dyn Driver, look: &Look, step: usize, light: [f32; 2]) ->
 }
 
 /// Returns the names of the stages that ran, and the frame.
-fn draw(driver: &mut dyn Driver) -> (Vec<&'static str>, Frame) {
-    let mut stages = Vec::new();
-    let frame = driver.draw(&mut |stage| stages.push(stage));
-    (stages, frame)
+fn draw(driver: &mut TestViewer) -> (Vec<&'static str>, Frame) {
+    let (stages, frame) = driver.draw_stages();
+    (stages, frame.unwrap())
 }
 
 fn black_pixels(frame: &Frame) -> usize {
@@ -75,7 +75,7 @@ fn black_pixels(frame: &Frame) -> usize {
 fn parts_are_left_out_at_once_and_come_back() {
     let mut driver = render_cache();
     driver.look(&ahead()).unwrap();
-    driver.set_nearest(5.0);
+    driver.viewpoint_radius(&ahead(), 5.0);
     insert(&mut driver, &ahead(), 3, CHECKS);
     let (prefilter, interpolation) = (Stage::Prefilter.name(), Stage::Interpolate.name());
     let (stages, all) = draw(&mut driver);
@@ -115,12 +115,11 @@ fn every_part_has_a_name_and_frameless_rendering_has_no_parts() {
 #[test]
 fn before_the_first_view_nothing_is_shown() {
     for mut driver in both() {
-        insert(&mut *driver, &ahead(), 100, CHECKS);
+        insert(&mut driver, &ahead(), 100, CHECKS);
         let beam = section().beam(section().line(DVec3::ZERO, DVec3::Y).unwrap().pair);
         driver.insert_unseen(BeamKey { section: 0, beam });
-        driver.set_nearest(1.0);
-        assert!(driver.wanted_rays().is_empty() && driver.surface_at(0, 0).is_none());
-        assert_eq!(draw(&mut *driver).1.samples_used, 0, "{}", driver.name());
+        assert!(driver.rays().is_none_or(|rays| rays.is_empty()) && driver.depths().is_empty());
+        assert!(driver.try_draw().is_none(), "{}", driver.name());
     }
 }
 
@@ -137,17 +136,17 @@ fn looking_at_the_same_view_again_keeps_everything_and_another_view_keeps_the_sa
     for mut driver in both() {
         driver.weigh(&ahead(), Vec::new()).unwrap();
         driver.look(&ahead()).unwrap();
-        driver.set_nearest(5.0);
-        let count = insert(&mut *driver, &ahead(), 1, CHECKS);
-        let before = draw(&mut *driver).1;
+        driver.viewpoint_radius(&ahead(), 5.0);
+        let count = insert(&mut driver, &ahead(), 1, CHECKS);
+        let before = draw(&mut driver).1;
         assert_eq!((before.samples_used, before.empty_pixels), (count, 0), "{}", driver.name());
-        driver.look(&Look { resolution: Resolution::Half, ..ahead() }).unwrap();
-        let same = draw(&mut *driver).1;
+        driver.look(&Look { is_moving: true, ..ahead() }).unwrap();
+        let same = draw(&mut driver).1;
         assert_eq!((same.samples_used, same.picture), (count, before.picture));
         // A little further on the same wall is there.
         let next = look(view(DVec3::new(0.05, 0.0, 0.0), 0.5, SIZE), SIZE);
         driver.look(&next).unwrap();
-        let moved = draw(&mut *driver).1;
+        let moved = draw(&mut driver).1;
         assert_eq!(moved.samples_used, 0);
         assert_eq!(moved.picture.view, Some(next.view));
         assert!(black_pixels(&moved) < 100, "{}: {} pixels", driver.name(), black_pixels(&moved));
@@ -158,22 +157,19 @@ fn looking_at_the_same_view_again_keeps_everything_and_another_view_keeps_the_sa
 fn pixels_show_the_distance_of_their_samples() {
     for mut driver in both() {
         driver.look(&ahead()).unwrap();
-        driver.set_nearest(5.0);
-        insert(&mut *driver, &ahead(), 1, CHECKS);
-        let depth = driver.depth();
+        driver.viewpoint_radius(&ahead(), 5.0);
+        insert(&mut driver, &ahead(), 1, CHECKS);
+        let depth = driver.depths();
         for (column, row) in [(0, 0), (24, 18), (47, 35)] {
             let (x, y) = View::pixel_centre(SIZE, column, row);
             let (_, direction) = ahead().view.ray(x, y);
-            let surface = driver.surface_at(column, row).unwrap();
+            let distance = depth[(row * SIZE.0 + column) as usize];
             let expected = 5.0 / direction.y;
             // Codes of distances are exact within 1/2048 of the section's diagonal, and positions
             // in cells within 1/256 of them.
-            let error = (f64::from(surface.distance) - expected).abs();
-            assert!(error < 0.01, "{}: {surface:?} for {expected}", driver.name());
-            assert_eq!(surface.triangle, None);
-            assert_eq!(surface.distance, depth[(row * SIZE.0 + column) as usize]);
+            let error = (f64::from(distance) - expected).abs();
+            assert!(error < 0.01, "{}: {distance} for {expected}", driver.name());
         }
-        assert_eq!(driver.surface_at(48, 0), None);
     }
 }
 
@@ -195,7 +191,7 @@ fn beams_that_hit_nothing_show_the_sky_and_pixels_outside_every_section_stay_bla
         // Sections and beams that do not exist change nothing.
         driver.insert_unseen(BeamKey { section: 7, ..unseen });
         driver.insert(BeamKey { section: 7, ..unseen }, 1, &[]);
-        let frame = draw(&mut *driver).1;
+        let frame = draw(&mut driver).1;
         let pixels = frame.picture.pixels.iter().zip(&frame.depth).zip(&beams);
         for ((pixel, depth), beam) in pixels {
             if *beam == Some(unseen) {
@@ -218,9 +214,9 @@ fn samples_that_pass_the_eye_replace_those_that_do_not() {
         let name = driver.name();
         driver.look(&ahead()).unwrap();
         // The nearest surface is so near that only rays through the very eye are a pixel's own.
-        driver.set_nearest(1e-3);
+        driver.viewpoint_radius(&ahead(), 1e-3);
         let section = section();
-        let light = |driver: &mut dyn Driver| draw(driver).1.picture.get(24, 18).unwrap()[0];
+        let light = |driver: &mut TestViewer| draw(driver).1.picture.get(24, 18).unwrap()[0];
         // Rays of another eye, a little aside, to what the middle sees.
         let aim = DVec3::new(0.05, 5.0, -0.05);
         for side in [0.2, -0.2] {
@@ -230,17 +226,16 @@ fn samples_that_pass_the_eye_replace_those_that_do_not() {
             let sample = Sample::encode(hit.coords, [0.25; 3], distance, section.diagonal(), 0);
             driver.insert(BeamKey { section: 0, beam: section.beam(hit.pair) }, 1, &[sample]);
         }
-        assert!((light(&mut *driver) - 0.25).abs() < 0.01, "{name}: the guess is shown");
+        assert!((light(&mut driver) - 0.25).abs() < 0.01, "{name}: the guess is shown");
         // The render cache counts what it found as the first of the pixel's own samples.
-        (0..60).for_each(|_| assert!(insert(&mut *driver, &ahead(), 1, [0.75; 2]) > 0));
-        assert!((light(&mut *driver) - 0.75).abs() < 0.01, "{name}: the guess is still there");
+        (0..60).for_each(|_| assert!(insert(&mut driver, &ahead(), 1, [0.75; 2]) > 0));
+        assert!((light(&mut driver) - 0.75).abs() < 0.01, "{name}: the guess is still there");
     }
 }
 
 #[test]
 fn the_render_cache_asks_for_rays_of_pixels_that_lack_samples() {
     let [mut cache, mut frameless] = both();
-    assert!(cache.wants_rays() && !frameless.wants_rays());
     let beams = select_beams(&[section()], &ahead().view, SIZE, &SelectOptions::default()).beams;
     let total = |beams: &[holo_display::WantedBeam]| {
         beams.iter().map(|beam| f64::from(beam.weight)).sum::<f64>()
@@ -248,10 +243,10 @@ fn the_render_cache_asks_for_rays_of_pixels_that_lack_samples() {
     assert_eq!(frameless.weigh(&ahead(), beams.clone()).unwrap(), beams);
     let weighed = cache.weigh(&ahead(), beams.clone()).unwrap();
     assert!((total(&weighed) / total(&beams) - 1.0).abs() < 1e-3);
-    cache.set_nearest(5.0);
-    insert(&mut *cache, &ahead(), 1, CHECKS);
-    let rays = cache.wanted_rays();
-    assert!(rays.len() > 50 && frameless.wanted_rays().is_empty(), "{}", rays.len());
+    cache.viewpoint_radius(&ahead(), 5.0);
+    insert(&mut cache, &ahead(), 1, CHECKS);
+    let rays = cache.rays().unwrap();
+    assert!(rays.len() > 50 && frameless.rays().is_none(), "{}", rays.len());
     for (BeamKey { section: number, beam }, coords) in rays {
         let section = section();
         let ray = section.ray(section.cells(beam).unwrap(), coords);
@@ -263,10 +258,9 @@ fn the_render_cache_asks_for_rays_of_pixels_that_lack_samples() {
 
 #[test]
 fn own_rays_pass_within_a_quarter_of_a_pixel_but_not_closer_than_rays_are_stored() {
-    for driver in both() {
-        let view = ahead().view;
-        let radius = |nearest| driver.viewpoint_radius(&view, SIZE, nearest);
-        let footprint = view.pixel_footprint(SIZE, 100.0);
+    for mut driver in both() {
+        let mut radius = |nearest| driver.viewpoint_radius(&ahead(), nearest);
+        let footprint = ahead().view.pixel_footprint(SIZE, 100.0);
         assert!((radius(100.0) / (footprint / 4.0) - 1.0).abs() < 1e-9);
         assert_eq!(radius(1e-6), 2.0 / 8.0 / 256.0);
     }

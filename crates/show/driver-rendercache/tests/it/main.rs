@@ -8,3 +8,5 @@ mod same;
 mod scenes;
 mod settings;
 mod unasked;
+#[path = "../../../display/tests/common/viewer.rs"]
+mod viewer;

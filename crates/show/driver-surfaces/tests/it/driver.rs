@@ -2,9 +2,10 @@
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
+use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Driver, Frame, Interrupt, Look, Resolution};
-use holo_driver_surfaces::SurfacesDriver;
+use holo_display::{Frame, Look};
+use holo_driver_surfaces::surfaces_driver;
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
@@ -16,6 +17,9 @@ const SIZE: (u32, u32) = (64, 48);
 const LARGE: (u32, u32) = (400, 300);
 const ALBEDO: f32 = 0.5;
 const LIGHT: f32 = 0.8;
+/// Whether the eye moves.
+const REST: bool = false;
+const MOVING: bool = true;
 
 /// A floor of 8 × 8 at height 0, and a section of 2 × 2 × 2 above its middle.
 fn floor() -> (Arc<[Section]>, Arc<Raycaster>) {
@@ -56,19 +60,19 @@ fn samples(section: &Section, count: u64) -> Vec<(BeamKey, Sample)> {
     (0..count).filter_map(sample).collect()
 }
 
-fn look(options: &str, resolution: Resolution) -> Look {
-    look_of(SIZE, options, resolution)
+fn look(options: &str, is_moving: bool) -> Look {
+    look_of(SIZE, options, is_moving)
 }
 
-fn look_of(size: (u32, u32), options: &str, resolution: Resolution) -> Look {
+fn look_of(size: (u32, u32), options: &str, is_moving: bool) -> Look {
     let mut spec = ViewSpec::default();
     spec.apply_line(options).unwrap();
     let (view, size): (View, _) = spec.resolve(size).unwrap();
-    Look { view, size, resolution }
+    Look { view, size, is_moving }
 }
 
 /// Inserts dark samples along the same rays, which no frame has shown yet.
-fn insert_dark(driver: &mut SurfacesDriver, section: &Section, samples: &[(BeamKey, Sample)]) {
+fn insert_dark(driver: &mut TestViewer, section: &Section, samples: &[(BeamKey, Sample)]) {
     for (beam, sample) in samples {
         let distance = sample.distance(section.diagonal());
         let dark = Sample::encode(sample.coords, [0.0; 3], distance, section.diagonal(), 0);
@@ -76,12 +80,12 @@ fn insert_dark(driver: &mut SurfacesDriver, section: &Section, samples: &[(BeamK
     }
 }
 
-fn draw(driver: &mut SurfacesDriver) -> Frame {
-    driver.draw(&mut |_| {})
+fn draw(driver: &mut TestViewer) -> Frame {
+    driver.draw()
 }
 
 /// Does all work that improves the next frame.
-fn finish(driver: &mut SurfacesDriver) {
+fn finish(driver: &mut TestViewer) {
     while driver.prepare() {}
 }
 
@@ -92,16 +96,14 @@ const ASIDE: &str = "-vp 0.3 -0.2 1.2 -vd 0.2 0 -1 -vu 0 1 0 -vh 50";
 #[test]
 fn a_new_view_shows_the_light_that_earlier_views_brought() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
-    driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    let mut driver = TestViewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
+    driver.look(&look(DOWN, REST)).unwrap();
     assert!(draw(&mut driver).empty_pixels > 0, "nothing is known yet");
     for (beam, sample) in samples(&sections[0], 60_000) {
         driver.insert(beam, 1, &[sample]);
     }
-    for (options, resolution) in
-        [(DOWN, Resolution::Full), (ASIDE, Resolution::Full), (ASIDE, Resolution::Half)]
-    {
-        driver.look(&look(options, resolution)).unwrap();
+    for (options, is_moving) in [(DOWN, REST), (ASIDE, REST), (ASIDE, MOVING)] {
+        driver.look(&look(options, is_moving)).unwrap();
         let frame = draw(&mut driver);
         assert_eq!(frame.picture.pixels.len(), (SIZE.0 * SIZE.1) as usize);
         let shown = frame.picture.pixels.iter().map(|pixel| pixel[1]);
@@ -114,17 +116,17 @@ fn a_new_view_shows_the_light_that_earlier_views_brought() {
 #[test]
 fn a_moving_eye_sees_the_light_that_the_last_picture_found() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = TestViewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     for (beam, sample) in samples(&sections[0], 60_000) {
         driver.insert(beam, 1, &[sample]);
     }
-    driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    driver.look(&look(DOWN, REST)).unwrap();
     let at_rest = draw(&mut driver);
     let mean = |frame: &Frame| {
         let sum: f32 = frame.picture.pixels.iter().map(|pixel| pixel[1]).sum();
         sum / frame.picture.pixels.len() as f32
     };
-    driver.look(&look(DOWN, Resolution::Moving)).unwrap();
+    driver.look(&look(DOWN, MOVING)).unwrap();
     let moving = draw(&mut driver);
     assert_eq!(moving.picture.pixels.len(), at_rest.picture.pixels.len());
     assert!((mean(&moving) / mean(&at_rest) - 1.0).abs() < 0.02);
@@ -143,7 +145,7 @@ fn a_moving_eye_sees_the_light_that_the_last_picture_found() {
     }
     assert!((mean(&draw(&mut driver)) / mean(&at_rest) - 1.0).abs() < 0.02);
     // The first frame after a stop shows known light, and the next one all samples.
-    driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    driver.look(&look(DOWN, REST)).unwrap();
     assert!((mean(&draw(&mut driver)) / mean(&at_rest) - 1.0).abs() < 0.02);
     assert!(driver.refines());
     assert!(mean(&draw(&mut driver)) > 1.5 * mean(&at_rest));
@@ -153,14 +155,14 @@ fn a_moving_eye_sees_the_light_that_the_last_picture_found() {
 fn known_light_of_a_coat_serves_an_eye_that_moves_round_it() {
     let coat = Bsdf::Coated { kd: [ALBEDO; 3], ks: [1.0; 3], ior: 1.5, alpha: 0.1 };
     let (sections, raycaster) = floor_of(coat);
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = TestViewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     let samples = samples(&sections[0], 60_000);
     samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
-    driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    driver.look(&look(DOWN, REST)).unwrap();
     draw(&mut driver);
     insert_dark(&mut driver, &sections[0], &samples);
     let aslant = "-vp 0 -1 1 -vd 0 1 -1 -vu 0 0 1 -vh 30";
-    driver.look(&look(aslant, Resolution::Moving)).unwrap();
+    driver.look(&look(aslant, MOVING)).unwrap();
     let pixels = draw(&mut driver).picture.pixels;
     let known = pixels.iter().filter(|pixel| (pixel[1] / LIGHT - 1.0).abs() < 0.02).count();
     assert!(10 * known > 9 * pixels.len(), "{known} of {} pixels", pixels.len());
@@ -170,8 +172,8 @@ fn known_light_of_a_coat_serves_an_eye_that_moves_round_it() {
 fn a_frame_counts_the_glossy_pixels_whose_gleams_are_a_guess() {
     let guessed = |bsdf: Bsdf| {
         let (sections, raycaster) = floor_of(bsdf);
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
-        driver.look(&look(DOWN, Resolution::Full)).unwrap();
+        let mut driver = TestViewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
+        driver.look(&look(DOWN, REST)).unwrap();
         for (beam, sample) in samples(&sections[0], 2_000) {
             driver.insert(beam, 1, &[sample]);
         }
@@ -188,21 +190,22 @@ fn a_frame_counts_the_glossy_pixels_whose_gleams_are_a_guess() {
 }
 
 #[test]
-fn a_glance_shows_known_light_first_unless_the_driver_settles() {
+fn the_first_frame_after_a_jump_shows_known_light_unless_the_driver_settles() {
     let (sections, raycaster) = floor();
     let shown = |options: &str, settles: bool| {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        let mut driver =
+            TestViewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
         let samples = samples(&sections[0], 60_000);
         samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
-        driver.look(&look(DOWN, Resolution::Full)).unwrap();
+        driver.look(&look_of(LARGE, DOWN, REST)).unwrap();
         draw(&mut driver);
         insert_dark(&mut driver, &sections[0], &samples);
-        driver.look(&look(options, Resolution::Half)).unwrap();
+        driver.look(&look_of(LARGE, options, REST)).unwrap();
         if settles {
             driver.settle();
         }
         finish(&mut driver);
-        let middle = (SIZE.1 / 2 * SIZE.0 + SIZE.0 / 2) as usize;
+        let middle = (LARGE.1 / 2 * LARGE.0 + LARGE.0 / 2) as usize;
         [(); 2].map(|()| draw(&mut driver).picture.pixels[middle][1] / LIGHT)
     };
     let is_near = |shown: [f32; 2], expected: [f32; 2]| {
@@ -215,23 +218,24 @@ fn a_glance_shows_known_light_first_unless_the_driver_settles() {
 }
 
 #[test]
-fn a_glance_shows_the_light_of_the_last_picture_also_if_that_was_finer() {
+fn a_moving_eye_sees_the_light_of_the_last_picture_also_if_that_was_finer() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = TestViewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     let samples = samples(&sections[0], 60_000);
-    let middle = (SIZE.1 / 2 * SIZE.0 + SIZE.0 / 2) as usize;
-    let shown = |driver: &mut SurfacesDriver, resolution| {
-        driver.look(&look(DOWN, resolution)).unwrap();
-        draw(driver).picture.pixels[middle][1] / LIGHT
+    let middle = |size: (u32, u32)| (size.1 / 2 * size.0 + size.0 / 2) as usize;
+    let half = (SIZE.0 / 2, SIZE.1 / 2);
+    let shown = |driver: &mut TestViewer, size, is_moving| {
+        driver.look(&look_of(size, DOWN, is_moving)).unwrap();
+        draw(driver).picture.pixels[middle(size)][1] / LIGHT
     };
     samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
-    let glance = shown(&mut driver, Resolution::Half);
-    assert!((glance - 1.0).abs() < 0.1, "{glance}");
+    let coarse = shown(&mut driver, half, MOVING);
+    assert!((coarse - 1.0).abs() < 0.1, "{coarse}");
     insert_dark(&mut driver, &sections[0], &samples);
-    for resolution in [Resolution::Full, Resolution::Half] {
-        let light = shown(&mut driver, resolution);
-        assert!((light - 0.5).abs() < 0.1, "{resolution:?}: {light}");
-    }
+    driver.look(&look(DOWN, REST)).unwrap();
+    driver.draw_for_file();
+    let light = shown(&mut driver, half, MOVING);
+    assert!((light - 0.5).abs() < 0.1, "{light}");
 }
 
 #[test]
@@ -240,20 +244,20 @@ fn the_first_frame_after_a_stop_shows_known_light_unless_it_is_for_a_file() {
     let samples = samples(&sections[0], 60_000);
     let middle = (SIZE.1 / 2 * SIZE.0 + SIZE.0 / 2) as usize;
     for (is_for_file, first) in [(false, 1.0), (true, 0.5)] {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        let mut driver =
+            TestViewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
         samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
-        driver.look(&look(DOWN, Resolution::Full)).unwrap();
+        driver.look(&look(DOWN, REST)).unwrap();
         draw(&mut driver);
         insert_dark(&mut driver, &sections[0], &samples);
-        driver.look(&look(DOWN, Resolution::Moving)).unwrap();
-        driver.look(&look(DOWN, Resolution::Full)).unwrap();
+        driver.look(&look(DOWN, MOVING)).unwrap();
+        driver.look(&look(DOWN, REST)).unwrap();
         // All samples have arrived, but the person waits for the first frame.
         driver.settle();
-        if is_for_file {
-            driver.draw_for_file();
-        }
-        for expected in [first, 0.5] {
-            let shown = draw(&mut driver).picture.pixels[middle][1] / LIGHT;
+        for (number, expected) in [first, 0.5].into_iter().enumerate() {
+            let is_file = is_for_file && number == 0;
+            let frame = if is_file { driver.draw_for_file() } else { driver.draw() };
+            let shown = frame.picture.pixels[middle][1] / LIGHT;
             assert!((shown - expected).abs() < 0.1, "{shown}, {expected} expected");
         }
     }
@@ -262,13 +266,13 @@ fn the_first_frame_after_a_stop_shows_known_light_unless_it_is_for_a_file() {
 #[test]
 fn the_second_picture_of_a_large_view_at_rest_is_the_refined_one() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = TestViewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     for (beam, sample) in samples(&sections[0], 60_000) {
         driver.insert(beam, 1, &[sample]);
     }
     assert!(!driver.refines());
     // The floor's border goes through this view.
-    driver.look(&look_of(LARGE, WIDE, Resolution::Full)).unwrap();
+    driver.look(&look_of(LARGE, WIDE, REST)).unwrap();
     assert!(!driver.refines());
     let first = draw(&mut driver).picture.pixels;
     assert!(!driver.refines(), "no edge was looked into yet");
@@ -288,15 +292,8 @@ fn the_second_picture_of_a_large_view_at_rest_is_the_refined_one() {
     let second = draw(&mut driver).picture.pixels;
     assert!(second != before);
     // Once all stored samples have come, the first picture is refined.
-    driver.look(&look_of(LARGE, WIDE, Resolution::Full)).unwrap();
+    driver.look(&look_of(LARGE, WIDE, REST)).unwrap();
     driver.settle();
-    finish(&mut driver);
-    assert_eq!(draw(&mut driver).picture.pixels, second);
-    // So is the first one after a glance that has shown a picture.
-    driver.look(&look_of(LARGE, WIDE, Resolution::Half)).unwrap();
-    let glance = draw(&mut driver).picture.pixels;
-    assert!(glance != second);
-    driver.look(&look_of(LARGE, WIDE, Resolution::Full)).unwrap();
     finish(&mut driver);
     assert_eq!(draw(&mut driver).picture.pixels, second);
 }
@@ -317,9 +314,10 @@ fn a_picture_is_drawn_as_well_as_possible_once_no_more_samples_come() {
     let samples: Vec<_> =
         samples(section, 300_000).into_iter().filter_map(in_view).cycle().take(1_200_000).collect();
     let driver = || {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
+        let mut driver =
+            TestViewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
         samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
-        driver.look(&look_of(LARGE, DOWN, Resolution::Full)).unwrap();
+        driver.look(&look_of(LARGE, DOWN, REST)).unwrap();
         driver.settle();
         finish(&mut driver);
         driver
@@ -331,19 +329,18 @@ fn a_picture_is_drawn_as_well_as_possible_once_no_more_samples_come() {
     assert!(!of_frames.refines() && soon != best);
     assert!(draw(&mut of_frames).picture.pixels == best);
     let mut of_file = driver();
-    of_file.draw_for_file();
-    assert!(draw(&mut of_file).picture.pixels == best);
+    assert!(of_file.draw_for_file().picture.pixels == best);
     assert!(!of_file.refines());
 }
 
 #[test]
 fn the_first_picture_of_a_small_view_is_the_refined_one() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = TestViewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     for (beam, sample) in samples(&sections[0], 60_000) {
         driver.insert(beam, 1, &[sample]);
     }
-    driver.look(&look(WIDE, Resolution::Full)).unwrap();
+    driver.look(&look(WIDE, REST)).unwrap();
     let first = draw(&mut driver).picture.pixels;
     finish(&mut driver);
     assert!(!driver.refines());
@@ -355,8 +352,9 @@ fn edges_are_looked_into_while_samples_pour_in() {
     let (sections, raycaster) = floor();
     let (beam, sample) = samples(&sections[0], 100)[0];
     for pours in [false, true] {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
-        driver.look(&look_of(LARGE, WIDE, Resolution::Full)).unwrap();
+        let mut driver =
+            TestViewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
+        driver.look(&look_of(LARGE, WIDE, REST)).unwrap();
         let count = if pours { 1 << 16 } else { 1 << 10 };
         driver.insert(beam, 1, &vec![sample; count]);
         driver.settle();
@@ -372,8 +370,9 @@ fn the_order_of_samples_changes_no_bit() {
     let mut all = samples(&sections[0], 20_000);
     let mut pictures = Vec::new();
     for _ in 0..2 {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
-        driver.look(&look(DOWN, Resolution::Full)).unwrap();
+        let mut driver =
+            TestViewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
+        driver.look(&look(DOWN, REST)).unwrap();
         all.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
         pictures.push(draw(&mut driver).picture.pixels);
         all.reverse();
@@ -386,8 +385,9 @@ fn preparing_between_samples_changes_no_bit() {
     let (sections, raycaster) = floor();
     let samples = samples(&sections[0], 40_000);
     let drawn = |prepares: bool| {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
-        driver.look(&look(DOWN, Resolution::Full)).unwrap();
+        let mut driver =
+            TestViewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
+        driver.look(&look(DOWN, REST)).unwrap();
         for some in samples.chunks(9000) {
             if prepares {
                 driver.prepare();
@@ -405,25 +405,27 @@ fn preparing_between_samples_changes_no_bit() {
 #[test]
 fn a_signal_ends_frames_at_rest_and_no_others() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
-    let interrupt = Interrupt::default();
-    driver.end_early_by(interrupt.clone());
+    let mut driver = TestViewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
+    let interrupt = driver.interrupt.clone();
     for (beam, sample) in samples(&sections[0], 20_000) {
         driver.insert(beam, 1, &[sample]);
     }
     let pixels = (SIZE.0 * SIZE.1) as usize;
-    driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    driver.look(&look(DOWN, REST)).unwrap();
     driver.settle();
     finish(&mut driver);
     let undisturbed = draw(&mut driver).picture.pixels;
     interrupt.set();
-    assert!(draw(&mut driver).picture.pixels.len() < pixels, "the frame ended early");
-    driver.draw_for_file();
-    assert_eq!(draw(&mut driver).picture.pixels.len(), pixels, "a picture for a file is whole");
-    driver.look(&look(WIDE, Resolution::Moving)).unwrap();
-    assert_eq!(draw(&mut driver).picture.pixels.len(), pixels, "frames go on while the eye moves");
+    assert!(driver.try_draw().is_none(), "the frame ended early");
+    let for_file = driver.draw_for_file().picture.pixels.len();
+    assert_eq!(for_file, pixels, "a picture for a file is whole");
+    driver.look(&look(WIDE, MOVING)).unwrap();
+    for _ in 0..2 {
+        let moving = draw(&mut driver).picture.pixels.len();
+        assert_eq!(moving, pixels, "frames go on while the eye moves");
+    }
     interrupt.clear();
-    driver.look(&look(DOWN, Resolution::Full)).unwrap();
+    driver.look(&look(DOWN, REST)).unwrap();
     // The first frame after a stop may show known light.
     draw(&mut driver);
     finish(&mut driver);
@@ -431,36 +433,34 @@ fn a_signal_ends_frames_at_rest_and_no_others() {
 }
 
 #[test]
-fn depth_under_a_pixel_is_that_of_the_surface() {
+fn depth_of_a_pixel_is_that_of_the_surface() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(sections, raycaster, None);
-    assert!(driver.surface_at(0, 0).is_none(), "there is no view");
-    driver.look(&look("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60", Resolution::Full)).unwrap();
-    let middle = driver.surface_at(SIZE.0 / 2, SIZE.1 / 2).unwrap();
-    assert!((middle.distance - 1.0).abs() < 1e-2, "{}", middle.distance);
+    let mut driver = TestViewer::new(surfaces_driver(sections, raycaster, None));
+    assert!(driver.depths().is_empty(), "there is no view");
     // A parallel view from the same height, and one from a far eye.
     for (options, depth) in [
+        ("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60", 1.0),
         ("-vtl -vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 2", 1.0),
         ("-vp 0 0 4000 -vd 0 0 -1 -vu 0 1 0 -vh 0.05", 4000.0),
         ("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60 -vo 0.5", 1.0),
     ] {
-        driver.look(&look(options, Resolution::Full)).unwrap();
-        let middle = driver.surface_at(SIZE.0 / 2, SIZE.1 / 2).unwrap();
-        assert!((middle.distance / depth - 1.0).abs() < 1e-2, "{options}: {}", middle.distance);
+        driver.look(&look(options, REST)).unwrap();
+        let middle = driver.depths()[(SIZE.1 / 2 * SIZE.0 + SIZE.0 / 2) as usize];
+        assert!((middle / depth - 1.0).abs() < 1e-2, "{options}: {middle}");
     }
 }
 
 #[test]
 fn clipping_surfaces_cut_the_scene_its_light_and_the_sky() {
     let (sections, raycaster) = floor();
-    let mut driver = SurfacesDriver::new(Arc::clone(&sections), raycaster, None);
+    let mut driver = TestViewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
     for (beam, sample) in samples(&sections[0], 60_000) {
         driver.insert(beam, 1, &[sample]);
     }
     // The floor lies at a depth of 1: nearer than the fore surface, and farther than the aft one.
     for (clip, shown) in [("-vo 2", [1.0; 3]), ("-va 0.5", [0.0; 3])] {
         let options = format!("-vp 0 0 1 -vd 0 0 -1 -vu 0 1 0 -vh 60 {clip}");
-        driver.look(&look(&options, Resolution::Full)).unwrap();
+        driver.look(&look(&options, REST)).unwrap();
         let frame = draw(&mut driver);
         assert!(frame.picture.pixels.iter().all(|pixel| *pixel == shown), "{clip}");
     }
@@ -470,8 +470,9 @@ fn clipping_surfaces_cut_the_scene_its_light_and_the_sky() {
 fn light_of_the_scene_before_an_edit_is_shown_until_new_light_comes() {
     let (sections, raycaster) = floor();
     let new = || {
-        let mut driver = SurfacesDriver::new(Arc::clone(&sections), Arc::clone(&raycaster), None);
-        driver.look(&look(DOWN, Resolution::Full)).unwrap();
+        let mut driver =
+            TestViewer::new(surfaces_driver(Arc::clone(&sections), Arc::clone(&raycaster), None));
+        driver.look(&look(DOWN, REST)).unwrap();
         driver
     };
     let all = samples(&sections[0], 400_000);
@@ -483,7 +484,7 @@ fn light_of_the_scene_before_an_edit_is_shown_until_new_light_comes() {
         (*beam, Sample::encode(sample.coords, [3.0 * LIGHT, 0.0, 0.0], distance, diagonal, 0))
     };
     let old: Vec<_> = old.iter().map(before).collect();
-    let shown = |driver: &mut SurfacesDriver| {
+    let shown = |driver: &mut TestViewer| {
         draw(driver);
         finish(driver);
         draw(driver).picture.pixels
@@ -491,10 +492,10 @@ fn light_of_the_scene_before_an_edit_is_shown_until_new_light_comes() {
     let green = |pixels: &[[f32; 3]]| {
         pixels.iter().map(|pixel| f64::from(pixel[1])).sum::<f64>() / pixels.len() as f64
     };
-    let insert = |driver: &mut SurfacesDriver, samples: &[(BeamKey, Sample)]| {
+    let insert = |driver: &mut TestViewer, samples: &[(BeamKey, Sample)]| {
         samples.iter().for_each(|(beam, sample)| driver.insert(*beam, 1, &[*sample]));
     };
-    let insert_earlier = |driver: &mut SurfacesDriver| {
+    let insert_earlier = |driver: &mut TestViewer| {
         old.iter().for_each(|(beam, sample)| driver.insert_earlier(*beam, 1, &[*sample]));
     };
     let mut driver = new();
@@ -521,7 +522,7 @@ fn light_of_the_scene_before_an_edit_is_shown_until_new_light_comes() {
     }
     assert_eq!(shown(&mut driver), expected, "nothing of it is left");
     for driver in [&mut driver, &mut without] {
-        driver.look(&look(ASIDE, Resolution::Full)).unwrap();
+        driver.look(&look(ASIDE, REST)).unwrap();
     }
     assert_eq!(shown(&mut driver), shown(&mut without));
 }

@@ -8,3 +8,5 @@ mod filter;
 mod likely;
 mod store;
 mod texture;
+#[path = "../../../display/tests/common/viewer.rs"]
+mod viewer;

@@ -2,13 +2,13 @@
 //! picture comes out.
 
 use glam::DVec3;
-use holo_display::{DriverError, LiveSample, Look, Resolution, SelectOptions};
-use holo_driver_quadtree::QuadtreeDriver;
+use holo_display::{Age, DriverError, FramePhase, Interrupt, LiveSample, Look, SelectOptions};
+use holo_driver_quadtree::quadtree_driver;
 use holo_driver_rendercache::frameless::{Frameless, PixelTag};
 use holo_driver_rendercache::{
     Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stages, Tag,
 };
-use holo_driver_surfaces::SurfacesDriver;
+use holo_driver_surfaces::surfaces_driver;
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamId, BeamKey, LineHit, Section};
@@ -218,18 +218,17 @@ impl Stored {
     /// Draws a view with a newly made driver.
     fn draw(&self, draws: &Draws, view: View) -> Result<Picture, DriverError> {
         let (sections, sky) = (Arc::clone(&self.sections), self.sky);
-        let mut driver: Box<dyn holo_display::Driver> = match draws {
-            Draws::Quadtree => Box::new(QuadtreeDriver::new(sections, sky)),
-            Draws::Surfaces(raycaster) => {
-                Box::new(SurfacesDriver::new(sections, Arc::clone(raycaster), None))
-            }
+        let holo_display::Driver { mut light, mut renderer, .. } = match draws {
+            Draws::Quadtree => quadtree_driver(sections, sky),
+            Draws::Surfaces(raycaster) => surfaces_driver(sections, Arc::clone(raycaster), None),
         };
-        driver.look(&Look { view, size: crate::SIZE, resolution: Resolution::Full })?;
+        renderer.look(&Look { view, size: crate::SIZE, is_moving: false })?;
         for (section, beam, samples) in self.beams() {
-            driver.insert(BeamKey { section, beam }, self.paths, &samples);
+            light.insert(Age::Present, BeamKey { section, beam }, self.paths, &samples);
         }
-        driver.insert_live(self.paths, self.live_of(&view));
-        Ok(driver.draw(&mut |_| {}).picture)
+        renderer.insert_live(self.paths, self.live_of(&view));
+        let drawn = renderer.draw(FramePhase::First, &Interrupt::default(), &mut |_| {});
+        Ok(drawn.map_or_else(|| Picture::new(crate::SIZE.0, crate::SIZE.1), |frame| frame.picture))
     }
 
     /// Returns the live rays of a view.

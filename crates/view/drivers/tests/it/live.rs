@@ -3,10 +3,11 @@
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
 use crate::common::{Random, section, view};
+use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Driver, Frame, LiveSample, Look, Resolution, covered};
-use holo_driver_quadtree::QuadtreeDriver;
-use holo_driver_surfaces::SurfacesDriver;
+use holo_display::{Driver, Frame, LiveSample, Look, covered};
+use holo_driver_quadtree::quadtree_driver;
+use holo_driver_surfaces::surfaces_driver;
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_scene::{Material, Scene};
@@ -51,19 +52,20 @@ impl Stage {
         }
     }
 
-    fn look(&self, mut driver: Box<dyn Driver>) -> Box<dyn Driver> {
-        let look = Look { view: self.view, size: SIZE, resolution: Resolution::Full };
+    fn look(&self, driver: Driver) -> TestViewer {
+        let mut driver = TestViewer::new(driver);
+        let look = Look { view: self.view, size: SIZE, is_moving: false };
         driver.look(&look).unwrap();
         driver
     }
 
-    fn quadtree(&self) -> Box<dyn Driver> {
-        self.look(Box::new(QuadtreeDriver::new(Arc::clone(&self.sections), SKY)))
+    fn quadtree(&self) -> TestViewer {
+        self.look(quadtree_driver(Arc::clone(&self.sections), SKY))
     }
 
-    fn surfaces(&self) -> Box<dyn Driver> {
+    fn surfaces(&self) -> TestViewer {
         let raycaster = Arc::clone(&self.raycaster);
-        self.look(Box::new(SurfacesDriver::new(Arc::clone(&self.sections), raycaster, None)))
+        self.look(surfaces_driver(Arc::clone(&self.sections), raycaster, None))
     }
 
     /// Returns what the view's ray through a point of a pixel sees.
@@ -119,9 +121,9 @@ impl Stage {
 }
 
 /// Draws the picture at rest.
-fn draw(driver: &mut Box<dyn Driver>) -> Frame {
+fn draw(driver: &mut TestViewer) -> Frame {
     driver.settle();
-    driver.draw(&mut |_| {})
+    driver.draw()
 }
 
 fn bits(frame: &Frame) -> Vec<[u32; 3]> {
@@ -217,7 +219,7 @@ fn live_rays_change_no_covered_pixel_and_their_order_changes_no_bit() {
     let stage = Stage::new(VIEWS[0]);
     let samples = stage.samples(4000);
     let (early, late) = samples.split_at(samples.len() / 2);
-    let insert = |driver: &mut Box<dyn Driver>, samples: &[(BeamId, Sample)]| {
+    let insert = |driver: &mut TestViewer, samples: &[(BeamId, Sample)]| {
         for (beam, sample) in samples {
             driver.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample));
         }

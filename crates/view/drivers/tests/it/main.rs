@@ -6,3 +6,5 @@ mod common;
 mod live;
 mod portals;
 mod view_types;
+#[path = "../../../../show/display/tests/common/viewer.rs"]
+mod viewer;

@@ -3,10 +3,11 @@
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
 use crate::common::{Random, section, view};
+use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Driver, Look, Resolution};
-use holo_driver_quadtree::QuadtreeDriver;
-use holo_driver_surfaces::{StandIn, StandIns, StandInsDriver};
+use holo_display::Look;
+use holo_driver_quadtree::quadtree_driver;
+use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver};
 use holo_picture::View;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
@@ -73,18 +74,18 @@ fn samples_draw_what_is_seen_through_a_portal_and_change_nothing_else() {
         let sections: Arc<[Section]> = Arc::from([section.clone()]);
         let stand_in =
             StandIn { geometry: Some(Arc::clone(&standing)), portals: portals.map(Arc::clone) };
-        let mut driver = StandInsDriver::new(
+        let mut driver = TestViewer::new(stand_ins_driver(
             Arc::clone(&sections),
             Arc::clone(&scene),
             StandIns([(0, stand_in)].into()),
             None,
-            Box::new(move || Box::new(QuadtreeDriver::new(Arc::clone(&sections), [0.0; 3]))),
-        );
-        driver.look(&Look { view: seen, size: SIZE, resolution: Resolution::Full }).unwrap();
+            Arc::new(move || quadtree_driver(Arc::clone(&sections), [0.0; 3])),
+        ));
+        driver.look(&Look { view: seen, size: SIZE, is_moving: false }).unwrap();
         for (beam, sample) in &samples {
             driver.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample));
         }
-        driver.draw(&mut |_| {})
+        driver.draw()
     };
     let (through, blind) = (draw(Some(&portal)), draw(None));
     let (mut beyond, mut other) = (0, 0);

@@ -4,13 +4,14 @@
 #![allow(clippy::unwrap_used, reason = "helpers beside the tests fail them in the same way")]
 
 use crate::common::*;
+use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Driver, Look, Resolution, SelectOptions, select_beams, viewpoint};
+use holo_display::{Look, SelectOptions, select_beams, viewpoint};
 use holo_driver_quadtree::{LeafSize, Quadtree, QuadtreeParams};
 use holo_driver_rendercache::{
     Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stages,
 };
-use holo_driver_surfaces::SurfacesDriver;
+use holo_driver_surfaces::surfaces_driver;
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene as Geometry};
@@ -209,10 +210,10 @@ fn walls() -> (Arc<Raycaster>, Vec<[f32; 3]>) {
 }
 
 /// Returns a driver that keeps light on surfaces and shows this view.
-fn surfaces(section: &Section, raycaster: &Arc<Raycaster>, view: View) -> SurfacesDriver {
+fn surfaces(section: &Section, raycaster: &Arc<Raycaster>, view: View) -> TestViewer {
     let sections = Arc::from([section.clone()]);
-    let mut driver = SurfacesDriver::new(sections, Arc::clone(raycaster), None);
-    driver.look(&Look { view, size: SIZE, resolution: Resolution::Full }).unwrap();
+    let mut driver = TestViewer::new(surfaces_driver(sections, Arc::clone(raycaster), None));
+    driver.look(&Look { view, size: SIZE, is_moving: false }).unwrap();
     driver
 }
 
@@ -247,7 +248,7 @@ fn surfaces_shows_every_type_with_true_edges() {
                 &[Sample::encode(coords, colours[wall], distance, section.diagonal(), 0)],
             );
         }
-        let drawn = driver.draw(&mut |_| {});
+        let drawn = driver.draw();
         let mut compared = 0;
         for (pixel, x, y) in pixels() {
             let (colour, depth) = (drawn.picture.pixels[pixel], drawn.depth[pixel]);
@@ -369,7 +370,7 @@ fn surfaces_ignores_what_is_before_the_fore_surface_and_beyond_the_aft_surface()
             |clips: &str| View::parse_vf(&format!("{} {clips}", plain.to_vf_options())).unwrap();
         let seen_by = |clips: &str| words(clips).resolve(SIZE).unwrap().0;
         let (clipped, near_only) = (seen_by("-vo 5 -va 7.4"), seen_by("-vo 5"));
-        let drawn = |view: View| surfaces(&section, &raycaster, view).draw(&mut |_| {});
+        let drawn = |view: View| surfaces(&section, &raycaster, view).draw();
         let (frame, open) = (drawn(clipped), drawn(near_only));
         let mut count = [0; 3];
         for (pixel, x, y) in pixels() {

@@ -487,8 +487,8 @@ function showLost(view) {
   $('lost-arrow').textContent = angle === null ? '◎' : '↑';
   $('lost-arrow').style.transform = angle === null ? '' : `rotate(${angle}rad)`;
   const distance = lengthOf(Math.hypot(...minus(middles[0], view.eye)));
-  $('lost-text').textContent = angle === null ? `Outside all sections: the next one is ahead, ${distance} away`
-    : z < 0 ? `Outside all sections: the next one is behind you, ${distance} away` : `Outside all sections: turn to the next one, ${distance} away`;
+  $('lost-text').textContent = angle === null ? `Outside the known rooms: the next one is ahead, ${distance} away`
+    : z < 0 ? `Outside the known rooms: the next one is behind you, ${distance} away` : `Outside the known rooms: turn to the next one, ${distance} away`;
 }
 
 $('plan').addEventListener('click', event => {
@@ -885,7 +885,7 @@ function toggleGrid() {
   gridMode = { auto: 'on', on: 'off', off: 'auto' }[gridMode];
   press('b-grid', gridMode === 'on');
   store('grid', gridMode);
-  notice(`Section grids: ${{ auto: 'where nothing is known', on: 'always', off: 'never' }[gridMode]}`, 1800);
+  notice(`Outlines of the rooms: ${{ auto: 'where nothing is known', on: 'always', off: 'never' }[gridMode]}`, 1800);
   drawGrid();
 }
 

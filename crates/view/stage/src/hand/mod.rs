@@ -16,14 +16,13 @@ use glam::DVec3;
 use holo_display::Frame;
 use holo_picture::{DEFAULT_VH, View, ViewKind, ViewSpec};
 use holo_raycast::Raycaster;
-use holo_session::DriverArg;
+use holo_session::{DriverArg, scaled};
 use holo_walk::{Controls, Pose, Surroundings, Walker};
 use tokio::sync::oneshot;
 
 use super::{
     bell::Bell,
     crew::Crew,
-    detail::scaled,
     input::Numbered,
     painter::{Desk, Done, News, Order, Painted, Wanted},
     record::Record,

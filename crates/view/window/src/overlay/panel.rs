@@ -74,7 +74,7 @@ impl Page<'_, '_> {
         let (exposure, tone) = model.display.words();
         let seen = model.seen.as_deref();
         let driver = model.state.driver.to_owned();
-        let light = [("Driver", driver), ("Exposure", exposure), ("Shown", tone.to_owned())];
+        let light = [("Drawing", driver), ("Exposure", exposure), ("Shown", tone.to_owned())];
         self.write((x, layout.rect.y + high / 2), "LIGHT", Weight::Bold, theme.dim);
         let values = light.into_iter().chain(words::under_cursor(seen, model.cursor()));
         for (row, (name, value)) in (0..).zip(values) {

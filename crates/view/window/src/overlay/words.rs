@@ -124,7 +124,7 @@ pub fn lost(lost: &Lost) -> String {
         Lost { is_behind: true, .. } => format!("the next one is behind you, {distance} away"),
         _ => format!("turn to the next one, {distance} away"),
     };
-    format!("Outside all sections: {way}. H goes home")
+    format!("Outside the known rooms: {way}. H goes home")
 }
 
 /// Formats a count with three digits.

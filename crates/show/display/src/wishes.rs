@@ -1,0 +1,42 @@
+//! The trait [`RayWishes`]: samples that a renderer's view would gain from.
+
+use holo_section::{BeamKey, RayCoords};
+
+use crate::{BeamSearch, DriverError, Look, Search, WantedBeam};
+
+/// What a renderer's view would gain from: beams by weight, single rays, and rays of the view
+/// itself. Each renderer states all of them, also those that it has no use for.
+pub trait RayWishes {
+    /// Returns `beams` with weights that consider the driver's samples.
+    ///
+    /// The session calls it before [`Renderer::look`](crate::Renderer::look), with the beams of the
+    /// view to come. It must be quick, because the request to the server waits for it.
+    ///
+    /// # Errors
+    /// If the driver cannot show the view.
+    fn weigh(
+        &mut self,
+        look: &Look,
+        beams: Vec<WantedBeam>,
+    ) -> Result<Vec<WantedBeam>, DriverError>;
+
+    /// Returns the single rays that would improve the frame most. `None` if the driver never wants
+    /// any.
+    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>>;
+
+    /// Returns the distance from the eye within which rays for a view should pass, scene units. The
+    /// nearest visible surface is at distance `nearest`.
+    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64;
+
+    /// Returns the known distances from the eye, scene units, of points spread over the picture.
+    fn depths(&mut self) -> Vec<f32>;
+
+    /// Returns the pixels that live rays can improve, by number, row by row from the top. No
+    /// section covers them, and their rays may hit something. Empty while the eye moves, because it
+    /// leaves the view soon.
+    fn uncovered(&mut self) -> Vec<u32>;
+
+    /// Returns a search for beams that the view does not cross but whose stored samples are useful.
+    /// `None` without such beams.
+    fn surface_beams(&mut self, search: Search) -> Option<BeamSearch>;
+}
