@@ -1,103 +1,56 @@
-//! `holodeck check`: lists the peculiarities of a model, with their number, place and effect on
-//! pictures.
+//! The peculiarities of a model, with their number, place and effect on pictures.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Result;
-use holo_progress::{HumanBytes, HumanCount};
+use holo_progress::HumanCount;
 use holo_raycast::Raycaster;
 use holo_scene::Scene;
-use serde_json::json;
+use holo_survey::Finding;
 
-use crate::{
-    loading, places,
-    scene_args::{SceneArgs, check_units},
-};
+use crate::{config::HolodeckConfig, loading, places, settings::check_units};
 
-/// Check a model: lists what is odd, how often, where, and what it does to pictures
-#[derive(clap::Args)]
-#[command(after_help = "Example:\n  holodeck check house.obj --json")]
-pub struct CheckArgs {
-    /// The scene
-    #[arg(value_name = "MODEL")]
-    scene: Option<PathBuf>,
-    #[command(flatten)]
-    scene_args: SceneArgs,
-    /// Report as JSON
-    #[arg(long)]
-    json: bool,
+/// A model that was checked.
+pub struct CheckedModel {
+    /// The model, prepared for tracing.
+    pub raycaster: Raycaster,
+    /// What is odd.
+    pub findings: Vec<Finding>,
+    /// What of its file is left out or odd, for people.
+    pub warnings: Vec<String>,
+    /// The scene's memory without its hierarchy, bytes.
+    pub memory: usize,
+    /// The step to which places in it are rounded for people, scene units.
+    pub step: f64,
 }
 
-/// See [`CheckArgs`].
-pub fn run(args: &CheckArgs) -> Result<()> {
-    let config = args.scene_args.resolve(args.scene.as_ref())?;
-    check_units(&config)?;
-    let loaded = loading::load_quietly(&config)?;
+/// Loads a configuration's scene, and lists what is odd. Prints nothing.
+///
+/// # Errors
+/// If there is no scene, or it cannot be loaded or traced.
+pub fn check(config: &HolodeckConfig) -> Result<CheckedModel> {
+    check_units(config)?;
+    let loaded = loading::load_quietly(config)?;
+    let warnings = loaded.warnings.iter().map(ToString::to_string).collect();
     let raycaster = Raycaster::build(Arc::new(loaded.scene))?;
     let scene: &Scene = raycaster.scene();
-    let findings = holo_survey::findings(&raycaster);
-    let memory = holo_survey::memory(scene);
-    let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     let (low, high) = scene.bounds();
-    if args.json {
-        let findings: Vec<_> = findings
-            .iter()
-            .map(|found| {
-                json!({
-                    "kind": found.kind, "count": found.count, "at": found.at,
-                    "material": found.material, "means": found.means,
-                })
-            })
-            .collect();
-        let report = json!({
-            "triangles": scene.triangles().len(), "stored_triangles": stored_triangles(scene),
-            "instances": scene.instances().len(), "materials": scene.materials.len(),
-            "textures": scene.shading.as_ref().map_or(0, |shading| shading.textures.len()),
-            "low": low.to_array(), "high": high.to_array(), "memory_bytes": memory,
-            "findings": findings, "warnings": warnings,
-        });
-        holo_progress::print_line!("{report}");
-        return Ok(());
-    }
-    holo_progress::print_line!(
-        "{}, {} materials, {} in memory without its hierarchy",
-        triangles_in_words(scene),
-        scene.materials.len(),
-        HumanBytes(memory as u64)
-    );
     let stated = config.unit.map(|unit| unit.0);
     let unit = stated.or(loaded.about.unit.as_ref().map(|said| said.value)).unwrap_or(1.0);
     let step = places::step(low.distance(high), unit);
-    for found in &findings {
-        let place = found
-            .at
-            .map(|place| place.map(|part| places::rounded(part, step)))
-            .map_or_else(String::new, |[x, y, z]| format!(", first at {x} {y} {z}"));
-        let of = found.material.as_ref().map_or_else(String::new, |name| format!(" of `{name}`"));
-        holo_progress::print_line!(
-            "{}: {}{of}{place}: {}",
-            found.kind,
-            HumanCount(found.count as u64),
-            found.means
-        );
-    }
-    warnings.iter().for_each(|warning| holo_progress::print_line!("{warning}"));
-    if findings.is_empty() && warnings.is_empty() {
-        holo_progress::print_line!("nothing odd");
-    }
-    Ok(())
+    let (findings, memory) = (holo_survey::findings(&raycaster), holo_survey::memory(scene));
+    Ok(CheckedModel { raycaster, findings, warnings, memory, step })
 }
 
 /// Returns the number of triangles in memory. Those of a mesh that instances share count once.
-fn stored_triangles(scene: &Scene) -> usize {
+pub fn stored_triangles(scene: &Scene) -> usize {
     let of_meshes: usize = scene.meshes().map(|mesh| mesh.triangles.len()).sum();
     scene.own().triangles.len() + of_meshes
 }
 
 /// Returns the number of triangles that the scene shows. With instances, it also says why so many
 /// take so little memory.
-fn triangles_in_words(scene: &Scene) -> String {
+pub fn triangles_in_words(scene: &Scene) -> String {
     let count = |number: usize| HumanCount(number as u64);
     let shown = format!("{} triangles", count(scene.triangles().len()));
     match scene.instances().len() {

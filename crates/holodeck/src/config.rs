@@ -6,7 +6,6 @@ use std::{
 };
 
 use anyhow::{Context, Result};
-use clap::ValueEnum;
 use glam::DVec3;
 use holo_picture::{ViewError, ViewSpec};
 use holo_proto::control::Engine;
@@ -182,7 +181,7 @@ impl Unit {
 mod ranges {
     use serde::{Deserialize, Deserializer, de::Error};
 
-    use crate::scene_args::check_sky;
+    use crate::value_ranges::check_sky;
 
     /// Reads a value, and checks it.
     fn checked<'a, D, T, E>(
@@ -260,15 +259,15 @@ impl SectionTable {
 }
 
 /// Visibility of objects inside a section, which determines where rays begin.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Obstructions {
-    /// On for sections that have geometry inside
+    /// On for sections that have geometry inside.
     #[default]
     Auto,
-    /// Rays begin at the entry wall
+    /// Rays begin at the entry wall.
     On,
-    /// Rays of interior sections begin at the exit wall
+    /// Rays of interior sections begin at the exit wall.
     Off,
 }
 

@@ -3,12 +3,12 @@
 use std::{
     ffi::OsString,
     net::SocketAddr,
-    path::PathBuf,
+    path::{Path, PathBuf},
     time::{Duration, Instant},
 };
 
 use anyhow::{Context, Result};
-use holo_server::Holodeck;
+use holo_server::{Holodeck, Outside};
 use holo_view::{CrewOrder, Restarted};
 use tokio::{
     sync::{mpsc::UnboundedReceiver, oneshot},
@@ -16,7 +16,7 @@ use tokio::{
 };
 
 use crate::{
-    config::HolodeckConfig, joining::ListenArgs, prepare::Edited, processes::LocalServer,
+    config::HolodeckConfig, listening::ListenOptions, prepare::Edited, processes::LocalServer,
     worker::KeptWorker,
 };
 
@@ -28,6 +28,8 @@ const FEW_ENDS_IN: Duration = Duration::from_secs(60);
 
 /// The processes of a live session.
 pub struct SessionProcesses {
+    /// The program that contains server and worker.
+    program: PathBuf,
     /// The holodeck.
     file: PathBuf,
     /// How its scene can be read again. `None`: as the file says.
@@ -37,7 +39,7 @@ pub struct SessionProcesses {
     /// The scene that was read again.
     edited: Option<Edited>,
     /// Where the server listens.
-    listen: ListenArgs,
+    listen: ListenOptions,
     /// Further arguments of the server.
     arguments: Vec<OsString>,
     how: WorkerArgs,
@@ -64,25 +66,25 @@ pub struct WorkerArgs {
 }
 
 impl SessionProcesses {
-    /// Starts server and worker, and prints the string to join with if other machines may join. The
-    /// server gets `arguments` as well.
+    /// Starts server and worker: both are `program`. The server gets `arguments` as well.
     ///
     /// # Errors
     /// If one of them cannot be started.
     pub async fn start(
+        program: PathBuf,
         file: PathBuf,
         scene: Option<HolodeckConfig>,
-        mut listen: ListenArgs,
+        mut listen: ListenOptions,
         arguments: Vec<OsString>,
         how: WorkerArgs,
     ) -> Result<SessionProcesses> {
-        let (server, worker) = begin(&file, &listen, &arguments, how).await?;
-        server.invite();
+        let (server, worker) = begin(&program, &file, &listen, &arguments, how).await?;
         // Whoever joins expects a server that starts again at the same address.
         listen.stay_at(server.outside.as_ref().map_or(server.address, |outside| outside.address));
         let (giver, orders) = holo_view::crew();
         let (reading, edited) = (None, None);
         Ok(SessionProcesses {
+            program,
             file,
             scene,
             reading,
@@ -101,6 +103,11 @@ impl SessionProcesses {
     /// Returns where the server listens.
     pub fn address(&self) -> SocketAddr {
         self.server.address
+    }
+
+    /// Returns where other machines join, if they may.
+    pub fn outside(&self) -> Option<&Outside> {
+        self.server.outside.as_ref()
     }
 
     /// Returns the sender of orders.
@@ -179,8 +186,7 @@ impl SessionProcesses {
             eprintln!("{words}");
             Some(words)
         });
-        (self.server, self.worker) =
-            begin(&self.file, &self.listen, &self.arguments, self.how).await?;
+        self.begin().await?;
         Ok(trouble)
     }
 
@@ -189,9 +195,7 @@ impl SessionProcesses {
         self.server.process.end_to_start_again().await?;
         let file = self.file.clone();
         tokio::task::spawn_blocking(move || Holodeck::start_over(&file)).await??;
-        (self.server, self.worker) =
-            begin(&self.file, &self.listen, &self.arguments, self.how).await?;
-        Ok(())
+        self.begin().await
     }
 
     /// Starts server and worker again after the server has ended by itself, unless that happens too
@@ -204,8 +208,13 @@ impl SessionProcesses {
         self.ends.push(Instant::now());
         eprintln!("{error:#}; it is started again");
         self.worker.kill().await?;
+        self.begin().await
+    }
+
+    /// Starts server and worker again.
+    async fn begin(&mut self) -> Result<()> {
         (self.server, self.worker) =
-            begin(&self.file, &self.listen, &self.arguments, self.how).await?;
+            begin(&self.program, &self.file, &self.listen, &self.arguments, self.how).await?;
         Ok(())
     }
 
@@ -233,15 +242,16 @@ async fn finished(
 }
 
 async fn begin(
-    file: &PathBuf,
-    listen: &ListenArgs,
+    program: &Path,
+    file: &Path,
+    listen: &ListenOptions,
     arguments: &[OsString],
     how: WorkerArgs,
 ) -> Result<(LocalServer, KeptWorker)> {
     let mut all: Vec<OsString> = vec![file.into()];
     all.extend(listen.arguments());
     all.extend_from_slice(arguments);
-    let server = LocalServer::start(all).await?;
-    let worker = KeptWorker::start(server.address, how.threads, how.nice, how.quiet)?;
+    let server = LocalServer::start(program, &all).await?;
+    let worker = KeptWorker::start(program, server.address, how.threads, how.nice, how.quiet)?;
     Ok((server, worker))
 }

@@ -1,4 +1,4 @@
-//! `holodeck fill`: traces a scene into a file without a viewer.
+//! Fills a file with samples of a scene, without a viewer.
 
 use std::{
     ffi::OsString,
@@ -9,112 +9,129 @@ use std::{
 
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
-use holo_progress::{HumanBytes, HumanCount};
-use holo_server::{HolodeckDescription, Shard, Summary};
+use holo_server::{HolodeckDescription, Outside, Shard, Summary};
 use tempfile::NamedTempFile;
 
 use crate::{
     config::HolodeckConfig,
-    joining::ListenArgs,
+    listening::ListenOptions,
     prepare::{self, OtherScene},
     processes::LocalServer,
-    scene_args::{SceneArgs, Usage, scene_path},
     seen::seen_beams,
     worker::{KeptWorker, NICE},
 };
 
-/// Trace a scene into a holodeck without a viewer; run again, it continues
-///
-/// Once the file has enough samples, they are traced again with more paths: four times as many in
-/// each sweep over all beams. The samples get better, and the file's growth falls to a quarter each
-/// time.
-#[derive(clap::Args)]
-#[command(after_help = "Examples:\n  holodeck fill room.obj -o room.holo --time 30m\n  \
-    holodeck fill room.obj -o part-0.holo --time 8h --shard 0/8\n  \
-    holodeck fill room.obj --views tour.vf --disk 50GB\n  \
-    holodeck fill statue.obj -o statue.holo --exterior --sky 1,1,1 --samples 20M")]
-pub struct FillArgs {
-    /// The scene
-    #[arg(value_name = "MODEL")]
-    scene: Option<PathBuf>,
-    /// The holodeck [default: the scene's name with .holo, in this folder]
-    #[arg(short, value_name = "FILE.holo")]
-    output: Option<PathBuf>,
-    /// Stop after tracing for this time, such as 30s, 10m or 8h; loading does not count [default:
-    /// 1m if neither --samples nor --disk is given]
-    #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time)]
-    time: Option<Duration>,
-    /// Stop after this many samples, such as 20M; those traced again count
-    #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
-    samples: Option<u64>,
-    /// Stop before the file is longer than this, such as 500MB or 50GB
-    #[arg(long, value_name = "SIZE", value_parser = holo_server::parse_size)]
-    disk: Option<u64>,
-    /// Fill only what these views see: a file with one view in each line, as in Radiance. Views
-    /// that do not state both angles are taken for 1280 by 720 pixels
-    #[arg(long, value_name = "FILE")]
-    views: Option<PathBuf>,
-    /// Enough samples for the file, such as 60M, or 0 for no new ones. Then known samples are
-    /// traced again with more paths [default: 512 for each beam that sees something, at least 50M]
-    #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
-    enough: Option<u64>,
-    /// Fill only the beams of this share, such as 0/8: the first of eight. `holodeck merge` puts
-    /// the files of all shares together
-    #[arg(long, value_name = "I/N")]
-    shard: Option<Shard>,
-    #[command(flatten)]
-    scene_args: SceneArgs,
-    /// If the file was made of the scene before an edit: go on with the scene as it is now
-    #[arg(long)]
-    restart: bool,
-    /// Threads that trace [default: one per core]
-    #[arg(long, value_name = "N")]
-    threads: Option<u16>,
-    /// Memory for beams that are kept at hand, MiB [default: 256]
-    #[arg(long, value_name = "MIB", value_parser = holo_server::parse_memory)]
-    cache: Option<u64>,
-    #[command(flatten)]
-    listen: ListenArgs,
-    /// Also trace beams whose rays cannot hit anything, for comparison
-    #[arg(long)]
-    no_skip_unseen: bool,
-    /// Print a summary as JSON at the end
-    #[arg(long)]
-    json: bool,
-    /// Print less
-    #[arg(short, long)]
-    quiet: bool,
+/// A fill: what is traced, into which file, and when it ends.
+#[derive(Clone, Debug)]
+pub struct FillRequest {
+    /// The program that contains server and worker: `holodeck`.
+    pub program: PathBuf,
+    /// The holodeck; made if it does not exist.
+    pub file: PathBuf,
+    /// The scene, its sections, and the settings of samples. The limits of a fill in it are not
+    /// used.
+    pub config: HolodeckConfig,
+    /// What becomes of a file of another scene.
+    pub other_scene: OtherScene,
+    /// Where workers and displays of other machines join.
+    pub listen: ListenOptions,
+    /// Time of tracing. Loading does not count.
+    pub time: Option<Duration>,
+    /// Number of samples to trace; those traced again count.
+    pub samples: Option<u64>,
+    /// Longest file, bytes.
+    pub disk: Option<u64>,
+    /// Number of samples in the file from which known samples are traced again.
+    pub enough: Option<u64>,
+    /// The share of the beams to fill.
+    pub shard: Option<Shard>,
+    /// A file of views. Only the beams that they see are filled.
+    pub views: Option<PathBuf>,
+    /// Threads that trace. `None`: one per core.
+    pub threads: Option<u16>,
+    /// Memory for beams, MiB.
+    pub cache: Option<u64>,
+    /// True if beams whose rays cannot hit anything are traced, too.
+    pub traces_unseen: bool,
+    /// Hides progress.
+    pub quiet: bool,
 }
 
-/// The time that a file is filled by default.
-const DEFAULT_TIME: Duration = Duration::from_secs(60);
+impl FillRequest {
+    /// Returns a fill without an end, by this program.
+    pub fn new(program: PathBuf, file: PathBuf, config: HolodeckConfig) -> FillRequest {
+        FillRequest {
+            program,
+            file,
+            config,
+            other_scene: OtherScene::Refuse,
+            listen: ListenOptions::default(),
+            time: None,
+            samples: None,
+            disk: None,
+            enough: None,
+            shard: None,
+            views: None,
+            threads: None,
+            cache: None,
+            traces_unseen: false,
+            quiet: true,
+        }
+    }
 
-/// See [`FillArgs`].
-pub async fn run(args: FillArgs) -> Result<()> {
-    let config = args.scene_args.resolve(args.scene.as_ref())?;
-    let output = match &args.output {
-        Some(output) => output.clone(),
-        None => scene_path(&config)?.with_extension("holo").file_name().unwrap_or_default().into(),
-    };
-    let mut arguments = server_arguments(&args, &config, &output)?;
-    let shutdown = Shutdown::new();
-    shutdown.on_signals(false)?;
+    /// Returns the server's arguments.
+    fn server_arguments(&self) -> Vec<OsString> {
+        let numbers = [
+            ("--time", self.time.map(|time| time.as_secs_f64().to_string())),
+            ("--samples", self.samples.map(|samples| samples.to_string())),
+            ("--disk", self.disk.map(|bytes| bytes.to_string())),
+            ("--enough", self.enough.map(|enough| enough.to_string())),
+            ("--shard", self.shard.map(|shard| shard.to_string())),
+            ("--cache", self.cache.map(|cache| cache.to_string())),
+        ];
+        let mut arguments: Vec<OsString> = vec![self.file.clone().into(), "--fill".into()];
+        for (name, number) in numbers {
+            arguments.extend(number.into_iter().flat_map(|number| [name.into(), number.into()]));
+        }
+        arguments.extend(self.listen.arguments());
+        if self.traces_unseen {
+            arguments.push("--no-skip-unseen".into());
+        }
+        if self.quiet {
+            arguments.push("--quiet".into());
+        }
+        arguments
+    }
+}
+
+/// Fills a file until it has what the request asks for, or `shutdown` is triggered, and returns
+/// what was traced. `None` if `shutdown` was triggered before tracing began. Calls `invite` if
+/// other machines may join.
+///
+/// # Errors
+/// If the scene cannot be loaded or the file cannot be written, or the server or its worker fails.
+pub async fn fill(
+    request: &FillRequest,
+    shutdown: &Shutdown,
+    invite: impl FnOnce(&Outside),
+) -> Result<Option<Summary>> {
+    let FillRequest { program, file, config, other_scene, quiet, .. } = request;
     // The file is only made, checked and closed here, because the server writes it.
-    let other_scene = OtherScene::of_option(args.restart);
-    let about =
-        prepare::make_unless_ended(&output, &config, other_scene, args.quiet, &shutdown).await?;
-    let list = args.views.as_deref().map(|views| list_of_beams(views, &about)).transpose()?;
+    let about = prepare::make_unless_ended(file, config, *other_scene, *quiet, shutdown).await?;
+    let list = request.views.as_deref().map(|views| list_of_beams(views, &about)).transpose()?;
+    let mut arguments = request.server_arguments();
     if let Some(list) = &list {
         arguments.extend(["--beams".into(), list.path().into()]);
     }
     let mut server = tokio::select! {
-        server = LocalServer::start(arguments) => server?,
+        server = LocalServer::start(program, &arguments) => server?,
         // The server ends with its standard input.
-        () = shutdown.wait() => return Ok(()),
+        () = shutdown.wait() => return Ok(None),
     };
-    server.invite();
-    let threads = args.threads.or(config.threads);
-    let mut worker = KeptWorker::start(server.address, threads, NICE, args.quiet)?;
+    if let Some(outside) = &server.outside {
+        invite(outside);
+    }
+    let mut worker = KeptWorker::start(program, server.address, request.threads, NICE, *quiet)?;
     let failed = tokio::select! {
         ended = server.process.wait() => ended.err(),
         // After Ctrl-C, the server stores everything and reports what it has.
@@ -127,49 +144,7 @@ pub async fn run(args: FillArgs) -> Result<()> {
         return Err(error);
     }
     ended?;
-    let lines = server.output.await?;
-    let last = lines.last().map(String::as_str).unwrap_or_default();
-    if args.json {
-        holo_progress::print_line!("{last}");
-    } else if let Ok(summary) = serde_json::from_str::<Summary>(last) {
-        holo_progress::print_line!("{}: {}", output.display(), summary_words(&summary));
-    }
-    Ok(())
-}
-
-/// Returns the server's arguments.
-fn server_arguments(
-    args: &FillArgs,
-    config: &HolodeckConfig,
-    output: &Path,
-) -> Result<Vec<OsString>> {
-    let configured =
-        config.time.as_deref().map(holo_server::parse_time).transpose().map_err(Usage)?;
-    let time = args.time.or(configured.filter(|_| args.samples.is_none() && args.disk.is_none()));
-    let has_end = args.samples.is_some() || args.disk.is_some();
-    let time = time.or((!has_end).then_some(DEFAULT_TIME));
-    let configured =
-        config.enough.as_deref().map(holo_server::parse_count).transpose().map_err(Usage)?;
-    let numbers = [
-        ("--time", time.map(|time| time.as_secs_f64().to_string())),
-        ("--samples", args.samples.map(|samples| samples.to_string())),
-        ("--disk", args.disk.map(|bytes| bytes.to_string())),
-        ("--enough", args.enough.or(configured).map(|enough| enough.to_string())),
-        ("--shard", args.shard.map(|shard| shard.to_string())),
-        ("--cache", args.cache.or(config.cache).map(|cache| cache.to_string())),
-    ];
-    let mut arguments: Vec<OsString> = vec![output.into(), "--fill".into(), "--json".into()];
-    for (name, number) in numbers {
-        arguments.extend(number.into_iter().flat_map(|number| [name.into(), number.into()]));
-    }
-    arguments.extend(args.listen.arguments());
-    if args.no_skip_unseen {
-        arguments.push("--no-skip-unseen".into());
-    }
-    if args.quiet {
-        arguments.push("--quiet".into());
-    }
-    Ok(arguments)
+    Ok(server.summary.await?)
 }
 
 /// Writes the list of the beams that the views in a file see. The list lasts as long as the result.
@@ -178,39 +153,4 @@ fn list_of_beams(views: &Path, about: &HolodeckDescription) -> Result<NamedTempF
     let mut file = NamedTempFile::new().context("making a temporary file")?;
     write!(file, "{beams}").and_then(|()| file.flush()).context("writing a temporary file")?;
     Ok(file)
-}
-
-/// Returns the summary of a fill, for people.
-fn summary_words(summary: &Summary) -> String {
-    format!(
-        "{} samples added, {} made better, {} in all; {} ({} superseded), growing by about {}/h",
-        HumanCount(summary.added),
-        HumanCount(summary.better),
-        HumanCount(summary.samples),
-        HumanBytes(summary.file_bytes),
-        HumanBytes(summary.superseded_bytes),
-        HumanBytes(summary.bytes_per_hour as u64)
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn people_read_numbers_with_units() {
-        let summary = Summary {
-            added: 1_234_567,
-            better: 0,
-            samples: 2_000_000,
-            file_bytes: 300 << 20,
-            superseded_bytes: 5 << 20,
-            bytes_per_hour: 4_238_517_257.0,
-            seconds: 60.0,
-        };
-        let words = summary_words(&summary);
-        assert!(words.contains("1,234,567 samples added"), "{words}");
-        assert!(words.contains("300.00 MiB (5.00 MiB superseded)"), "{words}");
-        assert!(words.contains("growing by about 3.95 GiB/h"), "{words}");
-    }
 }

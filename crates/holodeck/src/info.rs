@@ -1,4 +1,4 @@
-//! `holodeck info` and `verify`: show the content of a file, and check it for damage.
+//! What a file holds, and its damage.
 
 use std::{
     collections::BTreeMap,
@@ -7,9 +7,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use holo_beamfile::{BeamFile, Maker, Skipped};
-use holo_progress::{HumanBytes, HumanCount, said_once};
+use holo_progress::said_once;
 use holo_proto::control::RenderSettings;
 use holo_section::{ImportanceTable, Section, ViewClass};
 use holo_server::{Holodeck, MadeBy, UnseenBeams, superseded_bytes};
@@ -23,116 +23,126 @@ const QUIET: Duration = Duration::from_secs(2);
 /// Time for which a file with a writer is watched, in order to measure its growth.
 const WATCHED: Duration = Duration::from_secs(2);
 
-/// Show what a holodeck holds; if it is being written, also how fast it grows (this takes 2
-/// seconds)
-#[derive(clap::Args)]
-#[command(after_help = "Example:\n  holodeck info room.holo --json")]
-pub struct InfoArgs {
-    /// The holodeck
-    #[arg(value_name = "FILE.holo")]
-    file: PathBuf,
-    /// Report as JSON
-    #[arg(long)]
-    json: bool,
-}
-
-/// Read a whole holodeck and check every checksum
-#[derive(clap::Args)]
-#[command(after_help = "Example:\n  holodeck verify room.holo")]
-pub struct VerifyArgs {
-    /// The holodeck
-    #[arg(value_name = "FILE.holo")]
-    file: PathBuf,
-    /// Report as JSON
-    #[arg(long)]
-    json: bool,
-}
-
+/// What a holodeck holds.
 #[derive(Serialize)]
-struct Info {
-    file: PathBuf,
-    bytes: u64,
+pub struct HolodeckInfo {
+    /// The file.
+    pub file: PathBuf,
+    /// Length of the file, bytes.
+    pub bytes: u64,
     /// The part of these bytes for samples that better ones have replaced.
-    superseded_bytes: u64,
+    pub superseded_bytes: u64,
     /// Growth; 0 if no process writes to the file.
-    bytes_per_hour: f64,
-    samples: u64,
+    pub bytes_per_hour: f64,
+    /// Number of samples.
+    pub samples: u64,
     /// How often the scene was replaced by an edited one.
-    generation: u32,
+    pub generation: u32,
     /// Samples of scenes before. Displays show them until new ones come.
-    earlier_samples: u64,
+    pub earlier_samples: u64,
     /// Number of samples by their paths.
-    paths: BTreeMap<u16, u64>,
+    pub paths: BTreeMap<u16, u64>,
     /// The makers of the samples.
-    workers: Vec<WorkerInfo>,
-    extents: u64,
-    sections: Vec<SectionInfo>,
-    settings: RenderSettings,
+    pub workers: Vec<WorkerInfo>,
+    /// Number of extents, each with samples of one beam.
+    pub extents: u64,
+    /// The sections.
+    pub sections: Vec<SectionInfo>,
+    /// The settings of samples.
+    pub settings: RenderSettings,
     /// The engine of the first samples, if it is no more.
     #[serde(skip_serializing_if = "Option::is_none")]
-    earlier_engine: Option<String>,
-    scene: SceneSummary,
+    pub earlier_engine: Option<String>,
+    /// The scene.
+    pub scene: SceneSummary,
     /// Cells of surface light.
-    cells: usize,
-    views: Vec<(String, String)>,
+    pub cells: usize,
+    /// Views by name, as Radiance options.
+    pub views: Vec<(String, String)>,
     /// Factor from radiance to display light that pictures share.
-    exposure: Option<f32>,
+    pub exposure: Option<f32>,
     /// The choices made in place of missing options, with their reasons.
-    choices: Vec<String>,
+    pub choices: Vec<String>,
     /// Simpler scenes for displays: section, `geometry` or `portals`, and the file's origin.
-    stand_ins: Vec<(u16, String, String)>,
-    up: [f64; 3],
-    unit: f64,
-    /// Blocks of the file, and those of them that its index describes.
-    blocks: u64,
-    indexed_blocks: u64,
+    pub stand_ins: Vec<(u16, String, String)>,
+    /// The scene's up axis.
+    pub up: [f64; 3],
+    /// Length of the scene's unit, metres.
+    pub unit: f64,
+    /// Blocks of the file.
+    pub blocks: u64,
+    /// Blocks that the index describes.
+    pub indexed_blocks: u64,
     /// Number of shares of samples, by layer.
-    layers: BTreeMap<u16, u64>,
+    pub layers: BTreeMap<u16, u64>,
     /// Blocks of kinds that this version does not know.
-    skipped: Vec<SkippedInfo>,
-    damage: Vec<String>,
+    pub skipped: Vec<SkippedInfo>,
+    /// The damage that was found when the file was opened.
+    pub damage: Vec<String>,
 }
 
+/// Blocks of a kind that this version does not know.
 #[derive(Serialize)]
-struct SkippedInfo {
-    kind: u32,
-    blocks: u64,
-    bytes: u64,
+pub struct SkippedInfo {
+    /// The kind's number.
+    pub kind: u32,
+    /// Number of blocks.
+    pub blocks: u64,
+    /// Their length.
+    pub bytes: u64,
 }
 
+/// What a section holds.
 #[derive(Serialize)]
-struct SectionInfo {
-    grid: [u32; 3],
-    beams: u64,
-    nonempty: u64,
+pub struct SectionInfo {
+    /// Cells along each axis.
+    pub grid: [u32; 3],
+    /// Number of beams.
+    pub beams: u64,
+    /// Beams with samples.
+    pub nonempty: u64,
     /// Beams that see nothing and are not traced.
-    unseen: u64,
+    pub unseen: u64,
     /// Share of the unseen beams in the section's importance, which is the share of tracing saved.
-    unseen_share: f64,
-    samples: u64,
-    origin: [f64; 3],
-    axes: [[f64; 3]; 3],
-    class: ViewClass,
-    obstructions: bool,
+    pub unseen_share: f64,
+    /// Number of samples.
+    pub samples: u64,
+    /// One corner.
+    pub origin: [f64; 3],
+    /// The three edges from that corner.
+    pub axes: [[f64; 3]; 3],
+    /// Whether views look out of the section or into it.
+    pub class: ViewClass,
+    /// True if objects inside the section are visible.
+    pub obstructions: bool,
 }
 
 /// A machine that has worked for the file. Number 0 stands for all unknown ones.
 #[derive(Serialize)]
-struct WorkerInfo {
+pub struct WorkerInfo {
+    /// The machine.
     #[serde(flatten)]
-    made_by: MadeBy,
+    pub made_by: MadeBy,
     /// The machine's samples, except those that better ones have replaced.
-    samples: u64,
+    pub samples: u64,
 }
 
+/// The scene of a holodeck.
 #[derive(Serialize)]
-struct SceneSummary {
-    source: String,
-    hash: String,
-    bytes: u64,
+pub struct SceneSummary {
+    /// The file that it was read from.
+    pub source: String,
+    /// Checksum of its packed form, in hexadecimal.
+    pub hash: String,
+    /// Length of its packed form.
+    pub bytes: u64,
 }
 
-fn collect(file: &Path) -> Result<Info> {
+/// Returns what a holodeck holds. If a process writes to the file, this takes two seconds.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn info(file: &Path) -> Result<HolodeckInfo> {
     let bytes_per_hour =
         bytes_per_hour(file).with_context(|| format!("reading {}", file.display()))?;
     let holodeck = Holodeck::open_read_only(file, SMALL_CACHE)?;
@@ -155,7 +165,7 @@ fn collect(file: &Path) -> Result<Info> {
             obstructions: section.spec().obstructions,
         },
     );
-    Ok(Info {
+    Ok(HolodeckInfo {
         file: file.to_owned(),
         bytes: stats.file_bytes,
         superseded_bytes: superseded_bytes(&stats),
@@ -271,124 +281,12 @@ fn damage(holodeck: &Holodeck) -> Vec<String> {
     damage.chain(holodeck.warnings.iter().cloned()).collect()
 }
 
-/// See [`InfoArgs`].
-pub fn info(args: &InfoArgs) -> Result<()> {
-    let info = collect(&args.file)?;
-    if args.json {
-        holo_progress::print_line!("{}", serde_json::to_string_pretty(&info)?);
-        return Ok(());
-    }
-    holo_progress::print_line!(
-        "{}: {}, {} samples",
-        args.file.display(),
-        HumanBytes(info.bytes),
-        HumanCount(info.samples)
-    );
-    if info.bytes_per_hour > 0.0 {
-        holo_progress::print_line!(
-            "being written: growing by about {}/h",
-            HumanBytes(info.bytes_per_hour as u64)
-        );
-    }
-    if info.superseded_bytes > 0 {
-        holo_progress::print_line!(
-            "superseded: {} of samples that better ones have replaced",
-            HumanBytes(info.superseded_bytes)
-        );
-    }
-    if info.generation > 0 {
-        holo_progress::print_line!(
-            "generation {}: {} samples of the scene before, shown until new ones come",
-            info.generation,
-            HumanCount(info.earlier_samples)
-        );
-    }
-    let paths =
-        info.paths.iter().map(|(paths, samples)| format!("{} have {paths}", HumanCount(*samples)));
-    holo_progress::print_line!("paths per sample: {}", paths.collect::<Vec<_>>().join(", "));
-    for WorkerInfo { made_by, samples } in &info.workers {
-        let token = made_by.token.as_ref().map_or_else(String::new, |t| format!(", token {t}"));
-        let of = made_by.light_of.iter().map(u16::to_string).collect::<Vec<_>>().join(", ");
-        let light = if of.is_empty() { of } else { format!(", with surface light of {of}") };
-        holo_progress::print_line!(
-            "worker {} ({}{token}{light}): {} samples, {} beams that see nothing",
-            made_by.id,
-            made_by.name,
-            HumanCount(*samples),
-            HumanCount(made_by.claims)
-        );
-    }
-    holo_progress::print_line!("scene: {}", info.scene.source);
-    let bounces =
-        info.settings.bounces.map_or("unlimited bounces".to_owned(), |n| format!("{n} bounces"));
-    let engine = info.settings.engine.name();
-    let earlier = info.earlier_engine.as_ref();
-    let earlier = earlier.map_or_else(String::new, |name| format!(" (first samples: {name})"));
-    let distances = if info.settings.virtual_distance { ", virtual distances" } else { "" };
-    holo_progress::print_line!(
-        "engine: {engine}{earlier}, {bounces}, {} paths per new sample{distances}",
-        info.settings.paths_per_sample
-    );
-    if info.cells > 0 {
-        holo_progress::print_line!("surface light: {} cells", HumanCount(info.cells as u64));
-    }
-    for (index, section) in info.sections.iter().enumerate() {
-        let [w, d, h] = section.grid;
-        let obstructions = if section.obstructions { "on" } else { "off" };
-        let class = match section.class {
-            ViewClass::Interior => "interior",
-            ViewClass::Exterior => "exterior",
-        };
-        holo_progress::print_line!(
-            "section {index}: {class}, grid {w}x{d}x{h}, obstructions {obstructions}, {} of {} beams \
-             hold {} samples, {} see nothing",
-            HumanCount(section.nonempty),
-            HumanCount(section.beams),
-            HumanCount(section.samples),
-            HumanCount(section.unseen)
-        );
-    }
-    for (section, kind, source) in &info.stand_ins {
-        holo_progress::print_line!("section {section}: {kind} from {source}");
-    }
-    for choice in &info.choices {
-        holo_progress::print_line!("chosen: {choice}");
-    }
-    for (name, options) in &info.views {
-        holo_progress::print_line!("view {name}: {options}");
-    }
-    print_blocks(&info);
-    for damage in &info.damage {
-        holo_progress::print_line!("damaged: {damage}");
-    }
-    Ok(())
-}
-
-/// Prints the index, layers, and blocks of unknown kinds.
-fn print_blocks(info: &Info) {
-    holo_progress::print_line!(
-        "index: {} of {} blocks",
-        HumanCount(info.indexed_blocks),
-        HumanCount(info.blocks)
-    );
-    if !info.layers.is_empty() {
-        holo_progress::print_line!(
-            "layers: {}, with {} shares of samples",
-            info.layers.len(),
-            HumanCount(info.layers.values().sum())
-        );
-    }
-    for SkippedInfo { kind, blocks, bytes } in &info.skipped {
-        holo_progress::print_line!(
-            "skipped: {blocks} blocks of kind {kind} ({}), which a later version wrote",
-            HumanBytes(*bytes)
-        );
-    }
-}
-
-/// See [`VerifyArgs`].
-pub fn verify(args: &VerifyArgs) -> Result<()> {
-    let holodeck = Holodeck::open_read_only(&args.file, SMALL_CACHE)?;
+/// Reads a whole holodeck, checks every checksum, and returns the damage, for people.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn verify(file: &Path) -> Result<Vec<String>> {
+    let holodeck = Holodeck::open_read_only(file, SMALL_CACHE)?;
     let mut damage = damage(&holodeck);
     for found in holodeck.file.verify()? {
         let found = found.to_string();
@@ -399,21 +297,5 @@ pub fn verify(args: &VerifyArgs) -> Result<()> {
     if let Err(error) = holodeck.packed_scene() {
         damage.push(said_once(error.as_ref()));
     }
-    if args.json {
-        holo_progress::print_line!(
-            "{}",
-            serde_json::json!({ "file": args.file, "damage": damage })
-        );
-    } else {
-        for damage in &damage {
-            holo_progress::print_line!("{damage}");
-        }
-    }
-    if damage.is_empty() {
-        if !args.json {
-            holo_progress::print_line!("{}: whole", args.file.display());
-        }
-        return Ok(());
-    }
-    bail!("{}: {} damaged places; the rest can be used", args.file.display(), damage.len());
+    Ok(damage)
 }

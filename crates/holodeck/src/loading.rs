@@ -7,7 +7,7 @@ use holo_progress::{HumanBytes, HumanCount, Meter};
 use holo_scene::{LoadOptions, LoadProgress, Loaded, load_watched};
 use holo_survey::white_materials;
 
-use crate::{config::HolodeckConfig, scene_args::scene_path};
+use crate::{config::HolodeckConfig, settings::scene_path};
 
 /// Loads the configuration's scene. Warnings go to standard error, and so does the progress unless
 /// `quiet`.

@@ -3,45 +3,18 @@
 //! It starts the other processes by running itself with their name as first argument, so that this
 //! one program is enough.
 
-mod arguments;
-mod brightness;
-mod check;
-mod compare;
-mod config;
-mod crew;
-mod demo;
-mod differences;
-mod fill;
-mod forget;
-mod info;
-mod joining;
-mod limit;
-mod loading;
-mod merge;
-mod metrics;
-mod opening;
-#[cfg(test)]
-mod options_page;
-mod passes;
-mod places;
-mod prepare;
-mod preview;
-mod processes;
-mod render;
-mod scene_args;
-mod sections;
-mod seen;
-mod status;
-mod sums;
-mod view;
-mod worker;
+mod commands;
 
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use holo_view::{BrowserArgs, Screen};
+use holodeck::{session::FrontEnd, settings::Usage};
 
-use view::FrontEnd;
+use commands::{
+    arguments, check, compare, demo, fill, forget, info, merge, picture, render, sections, status,
+    tokens, view,
+};
 
 /// Stack of the thread that does the work, bytes: as large as a main thread's on usual systems.
 const STACK: usize = 8 << 20;
@@ -76,7 +49,7 @@ enum Command {
     View(Box<view::ViewCommand>),
     Fill(fill::FillArgs),
     Replay(view::ReplayCommand),
-    Picture(view::PictureCommand),
+    Picture(picture::PictureCommand),
     Render(render::RenderArgs),
     Sections(sections::SectionsArgs),
     Check(check::CheckArgs),
@@ -86,7 +59,7 @@ enum Command {
     Merge(merge::MergeArgs),
     Forget(forget::ForgetArgs),
     Status(status::StatusArgs),
-    Tokens(joining::TokensArgs),
+    Tokens(tokens::TokensArgs),
     /// Serve one holodeck to workers and displays (also the program `holoserver`)
     Holoserver(holo_server::Config),
     /// Trace for a holoserver (also the program `rtworker`)
@@ -158,8 +131,7 @@ fn work(program: Program, screen: Screen) -> ExitCode {
     let result = runtime.block_on(run(program, screen));
     // A thread that reads standard input would delay an orderly end for ever.
     runtime.shutdown_background();
-    let is_usage =
-        result.as_ref().is_err_and(|error| error.downcast_ref::<scene_args::Usage>().is_some());
+    let is_usage = result.as_ref().is_err_and(|error| error.downcast_ref::<Usage>().is_some());
     let code = holo_progress::exit_code(speaker, result);
     if is_usage { ExitCode::from(2) } else { code }
 }
@@ -180,7 +152,7 @@ async fn run(program: Program, screen: Screen) -> anyhow::Result<()> {
         Command::View(args) => view::view(*args, screen).await,
         Command::Fill(args) => fill::run(args).await,
         Command::Replay(args) => view::replay(args, screen).await,
-        Command::Picture(args) => view::picture(args).await,
+        Command::Picture(args) => picture::run(args).await,
         Command::Render(args) => render::run(args).await,
         Command::Sections(args) => sections::run(&args),
         Command::Check(args) => check::run(&args),
@@ -190,7 +162,7 @@ async fn run(program: Program, screen: Screen) -> anyhow::Result<()> {
         Command::Merge(args) => merge::run(&args),
         Command::Forget(args) => forget::run(&args),
         Command::Status(args) => status::run(args).await,
-        Command::Tokens(args) => joining::tokens(&args),
+        Command::Tokens(args) => tokens::run(&args),
         Command::Holoserver(config) => holo_server::run_until_signal(config).await,
         Command::Rtworker(config) => holo_rtworker::run_until_signal(config).await,
         Command::Holoview(config) => holo_view::run_until_signal(config).await,

@@ -12,7 +12,10 @@ use holo_scene::{Loaded, ModelCamera, Scene};
 use holo_survey::{ChosenView, Room, Survey, UprightAxes, unit_words};
 
 use crate::config::{self, HolodeckConfig};
-use crate::{limit, loading, places, preview, scene_args::scene_path};
+use crate::{
+    limit, loading, places, preview,
+    settings::{check_units, scene_path},
+};
 
 /// Share of the scene's size between its bounds and the section around it, on each side.
 const MARGIN: f64 = 0.05;
@@ -50,11 +53,13 @@ pub enum OpeningRequest {
     Sections,
 }
 
-/// Opens the configuration's scene, and chooses what the configuration does not state.
+/// Opens the configuration's scene, and chooses what the configuration does not state. With `quiet`,
+/// no progress is shown.
 ///
 /// # Errors
 /// If there is no scene, or it cannot be loaded.
 pub fn open(config: &HolodeckConfig, wanted: OpeningRequest, quiet: bool) -> Result<OpenedScene> {
+    check_units(config)?;
     let Loaded { mut scene, about, warnings, .. } = loading::load(config, quiet)?;
     let mut choices = Vec::new();
     let features = scene.features();
@@ -134,6 +139,9 @@ pub fn open(config: &HolodeckConfig, wanted: OpeningRequest, quiet: bool) -> Res
 
 impl OpenedScene {
     /// Returns the scene's raycaster, which is built once.
+    ///
+    /// # Errors
+    /// If the scene cannot be traced.
     pub fn raycaster(&mut self) -> Result<Arc<Raycaster>> {
         if let Some(raycaster) = &self.raycaster {
             return Ok(raycaster.clone());
@@ -200,7 +208,10 @@ impl OpenedScene {
         self.survey.as_ref()
     }
 
-    /// Prints the choices.
+    /// Prints the choices to standard error.
+    ///
+    /// # Errors
+    /// If the configuration has no scene.
     pub fn say(&self, config: &HolodeckConfig) -> Result<()> {
         let name = scene_path(config)?.display();
         self.choices.iter().for_each(|choice| eprintln!("{name}: {choice}"));

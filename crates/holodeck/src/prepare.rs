@@ -22,7 +22,7 @@ use crate::{
     differences,
     loading::load_file,
     opening::{OpenedScene, OpeningRequest, open},
-    scene_args::{check_units, scene_path, settings},
+    settings::{scene_path, settings},
 };
 
 /// Memory for beams while a file is only made or read.
@@ -55,7 +55,6 @@ pub fn make(
     other_scene: OtherScene,
     quiet: bool,
 ) -> Result<Holodeck> {
-    check_units(config)?;
     let existing = path.exists().then(|| Holodeck::open(path, SMALL_CACHE)).transpose()?;
     let mut opened = match &existing {
         None => open(config, OpeningRequest::Sections, quiet)?,

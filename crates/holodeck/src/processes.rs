@@ -1,19 +1,25 @@
-//! Starts the other processes: this same program, with their name as first argument.
+//! Starts the other processes: the program `holodeck`, with their name as first argument.
+//!
+//! A process reports over the socket that is its standard input (`holo_net::parent`). What it
+//! prints on standard error is for people.
 
 use std::{
     collections::VecDeque,
     ffi::OsString,
     net::SocketAddr,
+    path::Path,
     process::{ExitStatus, Stdio},
     time::Duration,
 };
 
 use anyhow::{Context, Result, bail};
-use holo_net::AGAIN;
-use holo_server::Outside;
+use holo_net::{AGAIN, ChildReports, child_link};
+use holo_server::{Outside, ServerReport, Summary};
+use serde::de::DeserializeOwned;
 use tokio::{
     io::{AsyncBufReadExt, AsyncRead, AsyncWriteExt, BufReader, Lines},
-    process::{Child, ChildStderr, ChildStdin, ChildStdout, Command},
+    net::unix::OwnedWriteHalf,
+    process::{Child, ChildStderr, Command},
     task::JoinHandle,
     time::timeout,
 };
@@ -29,33 +35,35 @@ const LAST_LINES: usize = 3;
 pub struct Process {
     name: &'static str,
     child: Child,
-    /// Held separately, because waiting for a child closes the input that it still holds.
-    input: Option<ChildStdin>,
+    /// This process's end of the child's standard input.
+    input: Option<OwnedWriteHalf>,
 }
 
 impl Process {
-    /// Starts this program as `name`. Its standard output is piped to this process.
-    pub fn start(name: &'static str, arguments: &[OsString], stderr: Stdio) -> Result<Process> {
-        let program = std::env::current_exe().context("finding this program")?;
-        let mut child = Command::new(program)
+    /// Starts `program` as `name`. Returns also the reports of the process.
+    ///
+    /// # Errors
+    /// If it cannot be started.
+    pub fn start<T: DeserializeOwned>(
+        program: &Path,
+        name: &'static str,
+        arguments: &[OsString],
+        stderr: Stdio,
+    ) -> Result<(Process, ChildReports<T>)> {
+        let starting = || format!("starting {name}");
+        let (input, reports, end) = child_link().with_context(starting)?;
+        let child = Command::new(program)
             .arg(name)
             .args(arguments)
-            .arg("--with-parent")
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
+            .args(["--with-parent", "--reports"])
+            .stdin(input)
+            .stdout(Stdio::null())
             .stderr(stderr)
             // Ctrl-C reaches this process alone, which then ends the others in order.
             .process_group(0)
             .spawn()
-            .with_context(|| format!("starting {name}"))?;
-        let input = child.stdin.take();
-        Ok(Process { name, child, input })
-    }
-
-    /// Returns the lines of the process's standard output.
-    pub fn output(&mut self) -> Result<Lines<BufReader<ChildStdout>>> {
-        let output = self.child.stdout.take();
-        Ok(lines(output.with_context(|| format!("reading the output of {}", self.name))?))
+            .with_context(starting)?;
+        Ok((Process { name, child, input: Some(end) }, reports))
     }
 
     /// Returns the lines of the process's standard error, if that is piped.
@@ -143,8 +151,8 @@ pub struct LocalServer {
     pub address: SocketAddr,
     /// Where others join, if they may.
     pub outside: Option<Outside>,
-    /// The lines that the server prints later, available once it has ended.
-    pub output: JoinHandle<Vec<String>>,
+    /// What the server did. `None` if it has not ended in order.
+    pub summary: JoinHandle<Option<Summary>>,
 }
 
 impl LocalServer {
@@ -152,42 +160,29 @@ impl LocalServer {
     /// listens.
     ///
     /// # Errors
-    /// If it cannot be started or ends at once. It then reports the reason on standard error.
-    pub async fn start(arguments: Vec<OsString>) -> Result<LocalServer> {
-        let mut process = Process::start("holoserver", &arguments, Stdio::inherit())?;
-        let mut output = process.output()?;
-        let (mut invitation, mut elsewhere) = (None, None);
-        let address = loop {
-            let line = output.next_line().await?;
-            let line = line.as_deref().unwrap_or_default();
-            if let Some(join) = line.strip_prefix("join with ") {
-                invitation = Some(join.parse()?);
-            } else if let Some(address) = line.strip_prefix("listening for other machines on ") {
-                elsewhere = Some(address.parse()?);
-            } else if let Some(address) = line.strip_prefix("listening on ") {
-                break address.parse()?;
-            } else {
-                process.wait().await?;
-                bail!("the server did not say where it listens");
-            }
+    /// If it cannot be started or ends at once. It then prints the reason on standard error.
+    pub async fn start(program: &Path, arguments: &[OsString]) -> Result<LocalServer> {
+        let (mut process, mut reports) =
+            Process::start(program, "holoserver", arguments, Stdio::inherit())?;
+        let Some(ServerReport::Listening { address, outside }) = reports.next().await? else {
+            process.wait().await?;
+            bail!("the server did not report where it listens");
         };
-        let outside = invitation.zip(elsewhere);
-        let outside = outside.map(|(invitation, address)| Outside { address, invitation });
-        let output = tokio::spawn(async move {
-            let mut lines = Vec::new();
-            while let Ok(Some(line)) = output.next_line().await {
-                lines.push(line);
+        let outside = match outside {
+            Some((address, invitation)) => {
+                Some(Outside { address, invitation: invitation.parse()? })
             }
-            lines
+            None => None,
+        };
+        let summary = tokio::spawn(async move {
+            let mut summary = None;
+            while let Ok(Some(report)) = reports.next().await {
+                if let ServerReport::Ended(ended) = report {
+                    summary = Some(ended);
+                }
+            }
+            summary
         });
-        Ok(LocalServer { process, address, outside, output })
-    }
-
-    /// Prints the string to join with and the address, if other machines may join.
-    pub fn invite(&self) {
-        if let Some(Outside { address, invitation }) = &self.outside {
-            holo_progress::print_line!("join with {invitation}");
-            holo_progress::print_line!("listening for other machines on {address}");
-        }
+        Ok(LocalServer { process, address, outside, summary })
     }
 }

@@ -1,7 +1,6 @@
-//! `holodeck render`: traces a picture directly, as a reference for holodecks.
+//! A picture straight from the tracer, as a reference for holodecks.
 
 use std::{
-    path::{Path, PathBuf},
     sync::{
         Arc,
         mpsc::{RecvTimeoutError, channel},
@@ -16,62 +15,17 @@ use holo_progress::Meter;
 use holo_proto::control::Engine;
 use holo_raycast::Raycaster;
 use holo_tracer::{Settings, Tracer};
-use holo_view::{DenoiseArg, Denoiser, LookArgs, Quality, ViewArgs, denoise};
+use holo_view::{Denoiser, ViewArgs, denoise};
 
 use crate::{
-    arguments::picture_path,
     config::HolodeckConfig,
     opening::{OpenedScene, OpeningRequest, open},
-    passes::{TraceJob, WorkLimit},
-    scene_args::{SceneArgs, Usage, check_units, scene_path, settings},
+    passes::TraceJob,
+    settings::settings,
     sums::{PictureSums, TracedPicture},
 };
 
-/// Make a picture straight from the tracer
-#[derive(clap::Args)]
-#[command(after_help = "Examples:\n  holodeck render room.obj\n  \
-    holodeck render room.obj --vp 1,2,1.6 --vd 0,1,0 --vh 60 --spp 256 -o truth.pfm")]
-pub struct RenderArgs {
-    /// The scene
-    #[arg(value_name = "MODEL")]
-    scene: Option<PathBuf>,
-    /// The picture (.exr .hdr .pfm .png)
-    /// [default: the scene's name with .png, in this folder]
-    #[arg(short, value_name = "FILE", value_parser = picture_path())]
-    output: Option<PathBuf>,
-    #[command(flatten)]
-    view: ViewArgs,
-    #[command(flatten)]
-    look: LookArgs,
-    /// Paths per pixel
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    spp: Option<u32>,
-    /// Trace for this time, such as 60s, with as many paths as fit; loading does not count
-    /// [default: 10s]
-    #[arg(long, value_name = "TIME", value_parser = holo_server::parse_time, conflicts_with = "spp")]
-    time: Option<Duration>,
-    /// Denoise the picture by Open Image Denoise. `auto`: if it is installed; `off`; or the file of
-    /// its library. The bias of denoised pictures is unknown
-    #[arg(long, value_name = "auto|off|FILE", default_value = "off")]
-    denoise: DenoiseArg,
-    /// Also write every pixel's standard error to this file, as if its paths were independent
-    #[arg(long, value_name = "FILE", value_parser = picture_path())]
-    se: Option<PathBuf>,
-    #[command(flatten)]
-    scene_args: SceneArgs,
-    /// Threads that trace [default: one per core]
-    #[arg(long, value_name = "N")]
-    threads: Option<u16>,
-    /// Report as JSON
-    #[arg(long)]
-    json: bool,
-    /// Print less
-    #[arg(short, long)]
-    quiet: bool,
-}
-
-/// The time that a picture is traced by default.
-const DEFAULT_TIME: Duration = Duration::from_secs(10);
+pub use crate::passes::WorkLimit;
 
 /// Time that a denoiser still has once the process is to end.
 const DENOISE_AT_END: Duration = Duration::from_secs(1);
@@ -79,22 +33,49 @@ const DENOISE_AT_END: Duration = Duration::from_secs(1);
 /// Time between two looks at whether the process is to end.
 const ASK_EVERY: Duration = Duration::from_millis(50);
 
-/// See [`RenderArgs`].
-pub async fn run(args: RenderArgs) -> Result<()> {
-    let config = args.scene_args.resolve(args.scene.as_ref())?;
-    check_units(&config)?;
-    let limit = match (args.spp, args.time) {
-        (Some(paths), _) => WorkLimit::Paths(paths),
-        (None, time) => WorkLimit::Time(time.unwrap_or(DEFAULT_TIME)),
-    };
-    let output = match &args.output {
-        Some(output) => output.clone(),
-        None => scene_path(&config)?.with_extension("png").file_name().unwrap_or_default().into(),
-    };
-    args.look.check(&output).map_err(Usage)?;
-    // Load it first, because tracing may take hours.
-    let denoiser = args.denoise.load(Quality::High)?;
-    let (mut opened, view, size) = open_view(&args, &config)?;
+/// A picture to be traced.
+pub struct RenderRequest {
+    /// The scene, and the settings of paths.
+    pub config: HolodeckConfig,
+    /// The view, and the size of the picture.
+    pub view: ViewArgs,
+    /// The end of the work.
+    pub limit: WorkLimit,
+    /// The denoiser of the picture, if any.
+    pub denoiser: Option<Denoiser>,
+    /// True if standard errors are wanted.
+    pub has_errors: bool,
+    /// Threads that trace. `None`: one per core.
+    pub threads: Option<u16>,
+    /// Hides progress and the choices about the scene.
+    pub quiet: bool,
+}
+
+/// A picture from the tracer.
+pub struct RenderedPicture {
+    /// The picture.
+    pub picture: Picture,
+    /// The standard error of every pixel, as if its paths were independent, if they were wanted.
+    pub errors: Option<Picture>,
+    /// Number of paths of all pixels.
+    pub paths: u64,
+    /// Least and most paths of a pixel.
+    pub spp: (u32, u32),
+    /// Duration of tracing, seconds.
+    pub seconds: f64,
+    /// Paths that were not finite. They count as black.
+    pub nonfinite: u64,
+    /// Pixels without a path, each of which copies another pixel.
+    pub untraced: usize,
+}
+
+/// Traces a picture until its limit, or until `shutdown` is triggered.
+///
+/// # Errors
+/// If the scene cannot be opened or traced, or the view does not exist.
+pub async fn render(request: RenderRequest, shutdown: &Shutdown) -> Result<RenderedPicture> {
+    let (mut opened, view, size) = open_view(&request)?;
+    let RenderRequest { config, limit, denoiser, has_errors, threads, quiet, .. } = request;
     let settings = settings(&config, Engine::Path);
     let raycaster = opened.raycaster()?;
     let tracer = Tracer::with_raycaster(
@@ -105,32 +86,26 @@ pub async fn run(args: RenderArgs) -> Result<()> {
         Engine::Path => tracer,
         Engine::Gather => tracer.with_gather(),
     };
-    let threads = args.threads.or(config.threads).map_or_else(cores, usize::from).max(1);
-    let shutdown = Shutdown::new();
-    shutdown.on_signals(false)?;
-    let (seed, has_errors) = (settings.seed, args.se.is_some());
-    let job = TraceJob { tracer, view, size, seed, threads, limit, has_errors };
-    let (quiet, until) = (args.quiet, shutdown.clone());
-    let rendered = tokio::task::spawn_blocking(move || render(&job, quiet, &until)).await?;
-    let denoised = denoiser.and_then(|denoiser| rendered.denoised(denoiser, raycaster, &shutdown));
-    rendered.write(&args, denoised.transpose()?, &output)
+    let threads = threads.map_or_else(cores, usize::from).max(1);
+    let job = TraceJob { tracer, view, size, seed: settings.seed, threads, limit, has_errors };
+    let until = shutdown.clone();
+    let traced = tokio::task::spawn_blocking(move || trace(&job, quiet, &until)).await?;
+    let denoised = denoiser.and_then(|denoiser| traced.denoised(denoiser, raycaster, shutdown));
+    Ok(traced.finish(has_errors, denoised.transpose()?))
 }
 
 /// Opens the scene, and returns it with the view and the size of the picture. If the view is stated
 /// in full, no other is needed.
-fn open_view(
-    args: &RenderArgs,
-    config: &HolodeckConfig,
-) -> Result<(OpenedScene, View, (u32, u32))> {
-    let stated = args.view.spec(&config.views()).ok();
+fn open_view(request: &RenderRequest) -> Result<(OpenedScene, View, (u32, u32))> {
+    let mut config = request.config.clone();
+    let stated = request.view.spec(&config.views()).ok();
     let is_whole = stated.is_some_and(|view| view.vp.is_some() && view.vd.is_some());
-    let mut config = config.clone();
     if is_whole && config.views().is_empty() {
         // A stated view makes the search for views unnecessary.
         config.named_views = vec![("stated".to_owned(), String::new())];
     }
-    let opened = open(&config, OpeningRequest::View, args.quiet)?;
-    if !args.quiet {
+    let opened = open(&config, OpeningRequest::View, request.quiet)?;
+    if !request.quiet {
         opened.say(&config)?;
     }
     let up = Some(glam::DVec3::from_array(opened.up));
@@ -138,12 +113,12 @@ fn open_view(
     if let Some((_, first)) = opened.views.first() {
         spec.apply_line(first)?;
     }
-    let stated = args.view.spec(&opened.views)?;
+    let stated = request.view.spec(&opened.views)?;
     // The first view's place does not suit another direction, nor its up vector another place.
     if stated.vp.is_some() {
         spec.vu = up;
     }
-    let (view, size) = spec.overridden_by(&stated).resolve(args.view.size())?;
+    let (view, size) = spec.overridden_by(&stated).resolve(request.view.size())?;
     Ok((opened, view, size))
 }
 
@@ -151,8 +126,8 @@ fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// A traced picture.
-struct Rendered {
+/// A traced view.
+struct TracedView {
     view: View,
     traced: TracedPicture,
     seconds: f64,
@@ -160,7 +135,7 @@ struct Rendered {
 }
 
 /// Traces until there are enough paths, the time is up, or Ctrl-C is pressed.
-fn render(job: &TraceJob, quiet: bool, shutdown: &Shutdown) -> Rendered {
+fn trace(job: &TraceJob, quiet: bool, shutdown: &Shutdown) -> TracedView {
     let start = Instant::now();
     let mut meter = Meter::new(quiet);
     let pixels = f64::from(job.size.0) * f64::from(job.size.1);
@@ -180,10 +155,10 @@ fn render(job: &TraceJob, quiet: bool, shutdown: &Shutdown) -> Rendered {
     let seconds = start.elapsed().as_secs_f64();
     meter.finish();
     let nonfinite = job.tracer.nonfinite_paths();
-    Rendered { view: job.view, traced, seconds, nonfinite }
+    TracedView { view: job.view, traced, seconds, nonfinite }
 }
 
-impl Rendered {
+impl TracedView {
     fn picture_of(&self, sums: &[PictureSums], size: (u32, u32)) -> Picture {
         let mut picture = Picture::new(size.0, size.1);
         picture.view = Some(self.view);
@@ -234,52 +209,19 @@ impl Rendered {
         Some(Ok(picture))
     }
 
-    fn write(mut self, args: &RenderArgs, denoised: Option<Picture>, path: &Path) -> Result<()> {
+    /// Returns the picture, which is the denoised one if there is one.
+    fn finish(mut self, has_errors: bool, denoised: Option<Picture>) -> RenderedPicture {
         let all = || self.traced.sums.iter().map(|sums| sums.paths);
-        let paths: f64 = all().map(f64::from).sum();
-        let (least, most) = (all().min().unwrap_or(0), all().max().unwrap_or(0));
-        let pixels = self.traced.sums.len();
+        let paths = all().map(u64::from).sum();
+        let spp = (all().min().unwrap_or(0), all().max().unwrap_or(0));
         let untraced = self.traced.fill();
         let size = self.traced.size;
         let picture = denoised.unwrap_or_else(|| self.picture_of(&self.traced.sums, size));
-        let errors = args.se.is_some().then(|| self.traced.standard_errors());
-        // A large picture's sums take gigabytes.
-        self.traced.sums = Vec::new();
-        let exposure = args.look.write(&picture, path)?;
-        if let (Some(path), Some(pixels)) = (&args.se, errors) {
-            Picture { pixels, ..Picture::new(size.0, size.1) }.write(path)?;
-        }
-        if untraced > 0 {
-            eprintln!(
-                "{}: {:.1} % of the pixels were traced before the end; each of the others copies one \
-                 to its left or above it",
-                path.display(),
-                100.0 * (pixels - untraced) as f64 / pixels as f64
-            );
-        }
-        if self.nonfinite > 0 {
-            eprintln!("{} paths were not finite and count as black", self.nonfinite);
-        }
-        let (rate, seconds) = (paths / self.seconds, self.seconds);
-        if args.json {
-            let report = serde_json::json!({
-                "picture": path, "spp": least, "paths": paths, "seconds": seconds,
-                "paths_per_second": rate, "nonfinite_paths": self.nonfinite,
-                "untraced_pixels": untraced, "exposure": exposure,
-            });
-            holo_progress::print_line!("{report}");
-        } else if !args.quiet {
-            let count = if least == most { most.to_string() } else { format!("{least} to {most}") };
-            let (output, rate) = (path.display(), rate / 1e6);
-            holo_progress::print_line!(
-                "{output}: {count} paths per pixel in {seconds:.1} s, {rate:.2} M/s"
-            );
-            if let Some(factor) = exposure {
-                holo_progress::print_line!(
-                    "{output}: radiance times {factor:.4} (--exposure ={factor:.4})"
-                );
-            }
-        }
-        Ok(())
+        let errors = has_errors.then(|| {
+            let pixels = self.traced.standard_errors();
+            Picture { pixels, ..Picture::new(size.0, size.1) }
+        });
+        let TracedView { seconds, nonfinite, .. } = self;
+        RenderedPicture { picture, errors, paths, spp, seconds, nonfinite, untraced }
     }
 }

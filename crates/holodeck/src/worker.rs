@@ -5,20 +5,16 @@ use std::{
     ffi::OsString,
     future,
     net::SocketAddr,
+    path::{Path, PathBuf},
     process::{ExitStatus, Stdio},
     time::{Duration, Instant},
 };
 
 use anyhow::{Error, Result, anyhow};
+use holo_net::ChildReports;
 use holo_progress::{Meter, said_once};
-use holo_rtworker::ReportState;
-use tokio::{
-    io::{BufReader, Lines},
-    process::ChildStdout,
-    sync::watch,
-    task::JoinHandle,
-    time::sleep,
-};
+use holo_rtworker::WorkerProgress;
+use tokio::{sync::watch, task::JoinHandle, time::sleep};
 
 use crate::processes::{Process, relay};
 
@@ -41,6 +37,7 @@ const FIRST_PAUSE: Duration = Duration::from_millis(500);
 
 /// A worker process that is restarted when it dies.
 pub struct KeptWorker {
+    program: PathBuf,
     arguments: Vec<OsString>,
     life: Option<WorkerProcess>,
     deaths: Deaths,
@@ -53,18 +50,19 @@ pub struct KeptWorker {
 /// A running worker process.
 struct WorkerProcess {
     process: Process,
-    output: Lines<BufReader<ChildStdout>>,
+    reports: ChildReports<WorkerProgress>,
     last_words: JoinHandle<VecDeque<String>>,
     ready: Option<Instant>,
 }
 
 impl KeptWorker {
-    /// Starts a worker, on all cores unless `threads` states a number. It shows its progress of
+    /// Starts `program` as a worker, on all cores unless `threads` states a number. It shows its progress of
     /// loading unless `quiet`.
     ///
     /// # Errors
     /// If it cannot be started.
     pub fn start(
+        program: &Path,
         server: SocketAddr,
         threads: Option<u16>,
         nice: u8,
@@ -76,9 +74,10 @@ impl KeptWorker {
         if let Some(threads) = threads {
             arguments.extend(["--threads".into(), threads.to_string().into()]);
         }
-        let life = Some(WorkerProcess::begin(&arguments)?);
+        let life = Some(WorkerProcess::begin(program, &arguments)?);
         let (ready, _) = watch::channel(false);
         Ok(KeptWorker {
+            program: program.to_owned(),
             arguments,
             life,
             deaths: Deaths::default(),
@@ -110,7 +109,7 @@ impl KeptWorker {
         loop {
             let life = match &mut self.life {
                 Some(life) => life,
-                None => match WorkerProcess::begin(&self.arguments) {
+                None => match WorkerProcess::begin(&self.program, &self.arguments) {
                     Ok(life) => self.life.insert(life),
                     Err(error) => return error,
                 },
@@ -179,9 +178,9 @@ impl KeptWorker {
 }
 
 impl WorkerProcess {
-    fn begin(arguments: &[OsString]) -> Result<WorkerProcess> {
-        let mut process = Process::start("rtworker", arguments, Stdio::piped())?;
-        let output = process.output()?;
+    fn begin(program: &Path, arguments: &[OsString]) -> Result<WorkerProcess> {
+        let (mut process, reports) =
+            Process::start(program, "rtworker", arguments, Stdio::piped())?;
         let errors = process.errors();
         let last_words = tokio::spawn(async move {
             match errors {
@@ -189,7 +188,7 @@ impl WorkerProcess {
                 None => VecDeque::new(),
             }
         });
-        Ok(WorkerProcess { process, output, last_words, ready: None })
+        Ok(WorkerProcess { process, reports, last_words, ready: None })
     }
 
     /// Follows the worker's reports until it ends.
@@ -198,21 +197,21 @@ impl WorkerProcess {
         meter: &mut Meter,
         ready: &watch::Sender<bool>,
     ) -> Result<ExitStatus> {
-        while let Ok(Some(line)) = self.output.next_line().await {
-            match ReportState::parse(&line) {
+        while let Ok(Some(report)) = self.reports.next().await {
+            match report {
                 // Later lives load while the server shows its own progress.
-                Some(ReportState::Loading { share, text }) if !*ready.borrow() => {
+                WorkerProgress::Loading { share, text } if !*ready.borrow() => {
                     meter.show(share, &text);
                 }
-                Some(ReportState::Ready) => {
+                WorkerProgress::Loading { .. } => {}
+                WorkerProgress::Ready => {
                     meter.finish();
                     self.ready = Some(Instant::now());
                     ready.send_replace(true);
                 }
-                _ => {}
             }
         }
-        // The output has ended, so the process has ended or is about to.
+        // The reports have ended, so the process has ended or is about to.
         self.process.ended().await
     }
 

@@ -17,9 +17,10 @@ use tokio::{
 use crate::{
     Access, Destination, HANDSHAKE_TIME, Identity, Inbox, MachineId, MachineKey, NetError, Outbox,
     Token,
-    identity::{key, random},
+    identity::key,
     inbox::{FROM_A_PEER, FROM_THE_SERVER, FrameReader},
     machine,
+    private_files::random,
     tls::{self, ReadHalf, WriteHalf},
 };
 

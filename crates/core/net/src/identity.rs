@@ -2,20 +2,14 @@
 //! are files in a folder that only their owner can read.
 
 use std::{
-    fmt,
-    fs::{self, File, OpenOptions},
-    io::{self, Write},
+    fmt, fs, io,
     net::IpAddr,
-    os::unix::fs::OpenOptionsExt,
     path::{Path, PathBuf},
     sync::Arc,
 };
 
 use base64::{Engine, engine::general_purpose::URL_SAFE_NO_PAD};
-use ring::{
-    digest, hmac,
-    rand::{SecureRandom, SystemRandom},
-};
+use ring::{digest, hmac};
 use tokio::net::TcpStream;
 use tokio_rustls::{
     TlsAcceptor,
@@ -27,6 +21,7 @@ use tokio_rustls::{
     },
 };
 
+use crate::private_files::{config_folder, random, write};
 use crate::{NetError, Rights, Token, page_certificate};
 
 /// A connection that a server has encrypted.
@@ -204,13 +199,6 @@ impl Identity {
     }
 }
 
-/// Returns the user's configuration folder, if the user has a home.
-pub(crate) fn config_folder() -> Option<PathBuf> {
-    let absolute =
-        |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    absolute("XDG_CONFIG_HOME").or_else(|| Some(absolute("HOME")?.join(".config")))
-}
-
 fn make_tokens(folder: &Path) -> io::Result<()> {
     fs::create_dir_all(folder)?;
     write_tokens(&folder.join("tokens"), &[(new_token()?, Rights::Admin)])
@@ -254,14 +242,6 @@ fn new_token() -> io::Result<Token> {
     Ok(Token { id: random()?, secret: random()? })
 }
 
-/// Returns cryptographically random bytes.
-pub(crate) fn random<const N: usize>() -> io::Result<[u8; N]> {
-    let mut bytes = [0; N];
-    let filled = SystemRandom::new().fill(&mut bytes);
-    filled.map_err(|_| io::Error::other("the system gives no random numbers"))?;
-    Ok(bytes)
-}
-
 pub(crate) fn sha256(bytes: &[u8]) -> [u8; 32] {
     let mut hash = [0; 32];
     hash.copy_from_slice(digest::digest(&digest::SHA256, bytes).as_ref());
@@ -277,37 +257,6 @@ fn write_tokens(path: &Path, tokens: &[(Token, Rights)]) -> io::Result<()> {
     let lines: String =
         tokens.iter().map(|(token, rights)| format!("{rights} {token}\n")).collect();
     write(path, lines.as_bytes())
-}
-
-/// Writes a file that only its owner can read. The file appears whole or not at all.
-fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let temporary = path.with_extension(format!("{}.part", std::process::id()));
-    let placed = write_temporary(&temporary, bytes).and_then(|()| fs::rename(&temporary, path));
-    if let Err(error) = placed {
-        let _ = fs::remove_file(&temporary);
-        return Err(error);
-    }
-    Ok(())
-}
-
-/// Writes a file as [`write()`] does, if there is none. Of several processes, the first one wins.
-pub(crate) fn write_once(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let number = u64::from_le_bytes(random()?);
-    let temporary = path.with_extension(format!("{number:x}.part"));
-    let placed = write_temporary(&temporary, bytes).and_then(|()| fs::hard_link(&temporary, path));
-    let _ = fs::remove_file(&temporary);
-    match placed {
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
-        placed => placed,
-    }
-}
-
-fn write_temporary(temporary: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut options = OpenOptions::new();
-    let mut file: File =
-        options.write(true).create(true).truncate(true).mode(0o600).open(temporary)?;
-    file.write_all(bytes)?;
-    file.sync_all()
 }
 
 #[cfg(test)]

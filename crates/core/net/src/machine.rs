@@ -14,7 +14,7 @@ use ring::signature::{ED25519, Ed25519KeyPair, KeyPair, UnparsedPublicKey};
 
 use crate::{
     NetError,
-    identity::{random, write_once},
+    private_files::{config_folder, random, write_once},
 };
 
 /// Bytes of a machine's secret: the seed of an Ed25519 key.
@@ -72,7 +72,7 @@ impl MachineKey {
 
     /// Returns the folder of the keys of the user's machines, if the user has a home.
     pub fn users_folder() -> Option<PathBuf> {
-        Some(crate::identity::config_folder()?.join("holodeck/machines"))
+        Some(config_folder()?.join("holodeck/machines"))
     }
 
     /// Returns the public key.

@@ -19,9 +19,10 @@ use obvhs::triangle::Triangle;
 use rayon::prelude::*;
 use rustc_hash::FxBuildHasher;
 
-use crate::dispatch::LARGE_STACK;
 use crate::facet::Facet;
-use crate::node::{Hierarchy, LANES, LEAF, SmallScene, TriangleBlock, WIDTH, WideNode};
+use crate::node::{
+    Hierarchy, LANES, LARGE_STACK, LEAF, SmallScene, TriangleBlock, WIDTH, WideNode,
+};
 use crate::tree::BinaryTree;
 
 /// Padding of boxes, as a share of the greatest coordinate.

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use crate::facet::Facet;
 use crate::node::Hierarchy;
-use crate::shaft::{find, triangles};
+use crate::search::{find, triangles};
 
 /// Greatest distance between two faces at one place, over the largest coordinate: a few roundings
 /// of f32.

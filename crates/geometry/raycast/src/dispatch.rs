@@ -7,7 +7,7 @@
 
 use crate::instances::{Instances, traverse_instances};
 use crate::kernel::{Query, sweep, traverse};
-use crate::node::Hierarchy;
+use crate::node::{Hierarchy, LARGE_STACK, SMALL_STACK};
 use crate::packet::traverse_many;
 use crate::simd::{Portable, RAYS, Simd};
 use crate::tile::{Bundle, traverse_tile};
@@ -15,12 +15,6 @@ use crate::tile::{Bundle, traverse_tile};
 use crate::x86::{Avx2, Avx512};
 use crate::{Hit, NO_TRIANGLE, Ray};
 use holo_scene::Instance;
-
-/// Stack of ordinary hierarchies. It is small because it is cleared for every ray. Half of it
-/// gained 1 to 2 %, but is too small for 10⁶ triangles.
-pub(crate) const SMALL_STACK: usize = 96;
-/// Stack of the deepest hierarchies that are accepted.
-pub(crate) const LARGE_STACK: usize = 512;
 
 /// The instruction set for tracing on this processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,10 +15,11 @@ use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use crate::build::{self, LEAST_PAD, PAD};
-use crate::dispatch::{LARGE_STACK, SMALL_STACK};
 use crate::facet::{BuildError, facets};
 use crate::kernel::Query;
-use crate::node::{Hierarchy, LANES, LEAF, TriangleBlock, WIDTH, WideNode};
+use crate::node::{
+    Hierarchy, LANES, LARGE_STACK, LEAF, SMALL_STACK, TriangleBlock, WIDTH, WideNode,
+};
 use crate::prepared::Prepared;
 use crate::simd::{STRETCH, Simd, entry, unpack};
 use crate::triangle::intersect;

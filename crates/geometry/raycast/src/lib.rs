@@ -36,6 +36,7 @@ mod node;
 mod packet;
 mod prepared;
 mod raycaster;
+mod search;
 mod shaft;
 mod simd;
 mod stored;

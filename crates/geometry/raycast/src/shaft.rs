@@ -14,7 +14,7 @@ use glam::DVec3;
 use holo_scene::Placement;
 
 use crate::Raycaster;
-use crate::node::{Hierarchy, LANES, LEAF, WIDTH};
+use crate::search::{find, triangles};
 
 /// Margin of every comparison, as a share of the scene's reach.
 ///
@@ -201,25 +201,6 @@ impl Raycaster {
     }
 }
 
-/// Returns whether `met` is true for a leaf in boxes for which `enters` is true.
-pub(crate) fn find(
-    hierarchy: &Hierarchy,
-    enters: impl Fn(DVec3, DVec3) -> bool,
-    met: impl Fn(u32) -> bool,
-) -> bool {
-    // The root is node 0.
-    let mut stack: Vec<u32> = (0..hierarchy.nodes.len().min(1) as u32).collect();
-    while let Some(child) = stack.pop() {
-        if child & LEAF == 0 {
-            let entered = children(hierarchy, child).filter(|(low, high, _)| enters(*low, *high));
-            stack.extend(entered.map(|(.., child)| child));
-        } else if met(child & !LEAF) {
-            return true;
-        }
-    }
-    false
-}
-
 /// Returns the box around a placed box.
 fn placed(placement: &Placement, low: DVec3, high: DVec3) -> (DVec3, DVec3) {
     let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
@@ -227,19 +208,6 @@ fn placed(placement: &Placement, low: DVec3, high: DVec3) -> (DVec3, DVec3) {
     let middle = DVec3::from_array(rows.map(|(row, sum)| row.dot(middle) + sum));
     let half = DVec3::from_array(rows.map(|(row, _)| row.abs().dot(half)));
     (middle - half, middle + half)
-}
-
-/// Returns the boxes of a node's children, and references to their contents.
-fn children(hierarchy: &Hierarchy, node: u32) -> impl Iterator<Item = (DVec3, DVec3, u32)> {
-    let node = &hierarchy.nodes[node as usize];
-    (0..WIDTH)
-        .filter_map(|slot| node.child_box(slot).map(|(low, high)| (low, high, node.children[slot])))
-}
-
-/// Returns the triangles of a leaf.
-pub(crate) fn triangles(hierarchy: &Hierarchy, leaf: u32) -> impl Iterator<Item = u32> {
-    let block = &hierarchy.blocks[leaf as usize];
-    (0..LANES).filter_map(|lane| block.used(lane))
 }
 
 #[cfg(test)]

@@ -26,9 +26,8 @@ use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
 use crate::NO_TRIANGLE;
-use crate::dispatch::LARGE_STACK;
 use crate::facet::Facet;
-use crate::node::{Hierarchy, LANES, LEAF, TriangleBlock, WIDTH, WideNode};
+use crate::node::{Hierarchy, LANES, LARGE_STACK, LEAF, TriangleBlock, WIDTH, WideNode};
 
 const MAGIC: [u8; 8] = *b"holobvh\n";
 

@@ -1,21 +1,8 @@
 //! Habits of programs that write MTL files: they mean other things by some statements than the
 //! format says.
 
+use crate::exporter::Exporter;
 use crate::mtl::MtlMaterial;
-
-/// A program whose meanings count.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Exporter {
-    /// `Ns` is a roughness, `Ks` is in units of 0.08, and `illum 3` is metal.
-    Blender,
-    /// `illum 7` is on every material and means nothing.
-    Cinema4d,
-    /// `Tf` is 1 - transparency, and `illum 4` is on every material.
-    Maya,
-    /// The format's own meanings count.
-    #[default]
-    Other,
-}
 
 /// Words in a file's first comments by which a program is recognised.
 const COMMENTS: [(&str, Exporter); 2] =

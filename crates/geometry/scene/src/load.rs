@@ -7,20 +7,11 @@
 use crate::assemble::{Assembled, assemble};
 use crate::model::{FormatReader, LoadProgress, ModelFile};
 use crate::warnings::{Warning, Warnings};
-use crate::{ModelFacts, Rgb, Scene, SceneError, gltf_file, obj_model, other_formats, sheets};
-use serde::{Deserialize, Serialize};
+use crate::{
+    LoadOptions, ModelFacts, Scene, SceneError, gltf_file, obj_model, other_formats, sheets,
+};
 use std::io::Read;
 use std::path::Path;
-
-/// Options for what a file cannot express.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LoadOptions {
-    /// Radiance of the sky, the same in all directions, W·sr⁻¹·m⁻².
-    pub sky: Rgb,
-    /// Surfaces with `Ke` emit on both sides.
-    pub two_sided_lights: bool,
-}
 
 /// A scene from a file, and warnings about what it does not represent.
 #[derive(Clone, Debug, PartialEq)]

@@ -39,7 +39,7 @@
 //!   `map_Bump` bend normals. Other textures and unknown statements are ignored with a warning.
 //!   Keywords may be in upper or lower case.
 
-use crate::habits::Exporter;
+use crate::exporter::{DEFAULT_ROUGHNESS, Exporter};
 use crate::limits::{MAX_IOR, MAX_RADIANCE, MIN_IOR};
 use crate::mtl_maps::{MapSlot, MapStatement};
 use crate::shading::{Base, Channel, Cover};
@@ -86,8 +86,6 @@ const METAL: f32 = 0.5;
 /// `Pr` below which a metal is a mirror, and `Pr` above which a plastic is diffuse.
 const SMOOTH: f32 = 0.03;
 const MATT: f32 = 0.75;
-/// Roughness of a metal that states none.
-pub(crate) const DEFAULT_ROUGHNESS: f32 = 0.5;
 const GREY: f64 = 0.5;
 
 impl MtlMaterial {

@@ -16,9 +16,10 @@ use glam::Vec3;
 use crate::shading::{CUT_OUT, Channel, CutOut, FinishMap, NormalMap};
 use crate::text::{excerpt, number};
 use crate::texture::{Texture, Wrap};
-use crate::texture_files::{TextureFiles, Use};
+use crate::texture_files::TextureFiles;
+use crate::texture_use::TextureUse;
 use crate::warnings::Warnings;
-use crate::{Maps, mtl::DEFAULT_ROUGHNESS};
+use crate::{Maps, exporter::DEFAULT_ROUGHNESS};
 
 /// The property that a texture changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,10 +130,10 @@ impl MapStatement {
     }
 
     /// Returns how its picture is used.
-    pub(crate) fn how(&self) -> Use {
+    pub(crate) fn how(&self) -> TextureUse {
         let is_colour = matches!(self.slot, MapSlot::Base | MapSlot::Emission);
         let is_mask = self.slot == MapSlot::Opacity;
-        Use { wrap: [self.wrap; 2], is_linear: !is_colour, is_mask }
+        TextureUse { wrap: [self.wrap; 2], is_linear: !is_colour, is_mask }
     }
 }
 

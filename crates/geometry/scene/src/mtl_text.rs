@@ -6,7 +6,8 @@
 //! words of the file. Materials are named by numbers. Lines and names are remembered here.
 
 use crate::SceneError;
-use crate::habits::{self, Exporter};
+use crate::exporter::Exporter;
+use crate::habits;
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES};
 use crate::mtl::{MtlMaterial, Stated};
 use crate::mtl_maps::{MapSlot, MapStatement};

@@ -112,6 +112,7 @@
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::pack_instances::{pack_instances, unpack_instances};
 use crate::pack_shading::{pack_shading, unpack_shading};
+use crate::pack_values::split;
 use crate::{Bsdf, Material, PackedError, Rgb, Scene, SceneError, Shading};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -323,12 +324,6 @@ fn bounded(what: &'static str, count: [u8; 8], limit: usize) -> Result<usize, Sc
         count,
         limit: limit as u64,
     })
-}
-
-/// Returns the plain-old-data value at the beginning of `bytes`, and the rest.
-pub(crate) fn split<T: Pod>(bytes: &[u8]) -> Option<(T, &[u8])> {
-    let (head, rest) = bytes.split_at_checked(size_of::<T>())?;
-    Some((bytemuck::pod_read_unaligned(head), rest))
 }
 
 fn pack_material(material: &Material, out: &mut Vec<u8>) {

@@ -4,7 +4,7 @@
 
 use crate::instances::{InstanceTable, MeshRange};
 use crate::limits::{MAX_INSTANCES, MAX_MESHES};
-use crate::pack::split;
+use crate::pack_values::split;
 use crate::placement::Placement;
 use crate::scene::check_limit;
 use crate::{PackedError, Scene, SceneError};

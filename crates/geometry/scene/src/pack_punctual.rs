@@ -5,7 +5,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::limits::MAX_NAME_BYTES;
-use crate::pack::split;
+use crate::pack_values::split;
 use crate::punctual::MAX_PUNCTUAL_LIGHTS;
 use crate::{PackedError, PunctualBeam, PunctualLight};
 

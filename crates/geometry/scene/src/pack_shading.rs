@@ -15,7 +15,7 @@ use crate::shading::{
 use crate::sun::MAX_SUNS;
 use crate::texture::MAX_TEXTURE_BYTES;
 use crate::texture_decode::decode_all;
-use crate::texture_files::Use;
+use crate::texture_use::TextureUse;
 use crate::{Bsdf, Maps, PackedError, PunctualLight, SceneError, Shading, Sun, Texture, Wrap};
 
 const HAS_UVS: u32 = 1;
@@ -353,7 +353,7 @@ fn unpack_textures(
         }
         let file = take::<u8>(&mut bytes, length)?;
         let wrap = [wrap(across)?, wrap(down)?];
-        let how = Use { wrap, is_linear: linear == 1, is_mask: mask == 1 };
+        let how = TextureUse { wrap, is_linear: linear == 1, is_mask: mask == 1 };
         encoded.push((Arc::from(file), how));
     }
     if !bytes.is_empty() {

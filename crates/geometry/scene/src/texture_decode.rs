@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::thread;
 
 use crate::texture::Texture;
-use crate::texture_files::Use;
+use crate::texture_use::TextureUse;
 
 /// Most pictures that are decoded at once. Each may take 1 GiB for a moment.
 const MAX_AT_ONCE: usize = 8;
@@ -13,11 +13,11 @@ const MAX_AT_ONCE: usize = 8;
 /// Decodes pictures on all cores. `take` receives each result with its number, in order, and ends
 /// the decoding with an error. At most [`MAX_AT_ONCE`] pictures are decoded ahead.
 pub(crate) fn decode_all<E>(
-    pictures: &[(Arc<[u8]>, Use)],
+    pictures: &[(Arc<[u8]>, TextureUse)],
     mut take: impl FnMut(usize, Result<Texture, String>) -> Result<(), E>,
 ) -> Result<(), E> {
     let cores = thread::available_parallelism().map_or(1, usize::from).min(MAX_AT_ONCE);
-    let decode = |(encoded, how): &(Arc<[u8]>, Use)| {
+    let decode = |(encoded, how): &(Arc<[u8]>, TextureUse)| {
         Texture::decode(encoded.clone(), how.wrap, how.is_linear, how.is_mask)
     };
     let mut first = 0;

@@ -7,22 +7,13 @@ use std::sync::Arc;
 use crate::named_file::{beside, read_file};
 use crate::shading::{MAX_BYTES_OF_TEXTURES, MAX_TEXTURES};
 use crate::text::excerpt;
-use crate::texture::{MAX_TEXTURE_BYTES, Texture, Wrap};
+use crate::texture::{MAX_TEXTURE_BYTES, Texture};
 use crate::texture_decode::decode_all;
+use crate::texture_use::TextureUse;
 use crate::{Bsdf, Rgb, SceneError};
 
-/// How a picture is used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) struct Use {
-    pub wrap: [Wrap; 2],
-    /// True if its bytes are numbers, not colours in sRGB.
-    pub is_linear: bool,
-    /// True if its brightness is used as opacity.
-    pub is_mask: bool,
-}
-
 /// A file, or nothing and a number within the model's file; and a use of it.
-type Key = (PathBuf, usize, Use);
+type Key = (PathBuf, usize, TextureUse);
 
 /// The textures read so far.
 #[derive(Default)]
@@ -74,7 +65,7 @@ impl TextureFiles {
     /// Decodes files in the folders of models on all cores, before [`file`](Self::file) wants them.
     pub(crate) fn decode_files<'a>(
         &mut self,
-        wanted: impl Iterator<Item = (&'a Path, &'a str, Use)>,
+        wanted: impl Iterator<Item = (&'a Path, &'a str, TextureUse)>,
     ) {
         let mut pictures = Vec::new();
         let mut keys = HashSet::new();
@@ -90,7 +81,10 @@ impl TextureFiles {
 
     /// Decodes pictures of a model's file on all cores, before [`embedded`](Self::embedded) wants
     /// them.
-    pub(crate) fn decode_embedded(&mut self, wanted: impl Iterator<Item = (usize, Use, Vec<u8>)>) {
+    pub(crate) fn decode_embedded(
+        &mut self,
+        wanted: impl Iterator<Item = (usize, TextureUse, Vec<u8>)>,
+    ) {
         self.decode_ahead(
             wanted.map(|(number, how, bytes)| ((PathBuf::new(), number, how), bytes)).collect(),
         );
@@ -117,7 +111,7 @@ impl TextureFiles {
         &mut self,
         model: &Path,
         name: &str,
-        how: Use,
+        how: TextureUse,
     ) -> Result<Option<u32>, String> {
         let file = file_of(model, name);
         let key = (file.clone(), 0, how);
@@ -133,7 +127,7 @@ impl TextureFiles {
         &mut self,
         number: usize,
         bytes: impl FnOnce() -> Result<Vec<u8>, String>,
-        how: Use,
+        how: TextureUse,
     ) -> Result<Option<u32>, String> {
         self.once((PathBuf::new(), number, how), bytes)
     }

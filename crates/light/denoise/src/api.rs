@@ -8,7 +8,7 @@ use std::{
 
 use libloading::Library;
 
-use crate::{DenoiseError, Quality};
+use crate::{error::DenoiseError, quality::Quality};
 
 /// `OIDN_DEVICE_TYPE_CPU`.
 const CPU: c_int = 1;

@@ -10,65 +10,17 @@
 #![allow(unsafe_code)]
 
 mod api;
+mod error;
 mod places;
+mod quality;
 
 use std::path::{Path, PathBuf};
 
 pub use api::GoesOn;
 use api::{Api, Device, Filter};
-
-/// File name of the library in an installed package.
-const NAME: &str = if cfg!(target_os = "macos") {
-    "libOpenImageDenoise.2.dylib"
-} else if cfg!(windows) {
-    "OpenImageDenoise.dll"
-} else {
-    "libOpenImageDenoise.so.2"
-};
-
-/// The reason why a picture cannot be denoised.
-#[derive(Debug, thiserror::Error)]
-pub enum DenoiseError {
-    /// The library is not found, or has another version.
-    #[error(
-        "Open Image Denoise 2 cannot be loaded from {}: {reason}. Install it, or name its library",
-        path.display()
-    )]
-    Load {
-        /// The file or name that was tried.
-        path: PathBuf,
-        /// The system's message.
-        reason: String,
-    },
-    /// The library reports a failure.
-    #[error("Open Image Denoise: {0}")]
-    Library(String),
-    /// The caller has ended the work.
-    #[error("denoising was ended early")]
-    Ended,
-    /// The number of pixels does not match the size.
-    #[error("{found} pixels of {what} for a picture of {width} x {height}")]
-    Size {
-        /// Name of the picture.
-        what: &'static str,
-        /// Pixels given.
-        found: usize,
-        /// Columns.
-        width: usize,
-        /// Rows.
-        height: usize,
-    },
-}
-
-/// The effort of the library.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quality {
-    /// For pictures that a person waits for. Takes 0.43 of the time of [`High`](Self::High), and
-    /// loses 0.1 to 0.2 dB.
-    Balanced,
-    /// For pictures that are made once.
-    High,
-}
+pub use error::DenoiseError;
+use places::NAME;
+pub use quality::Quality;
 
 /// Returns the library that [`Denoiser::load`] finds without a path: its file, or the name by which
 /// the system finds it.

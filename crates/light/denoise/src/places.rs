@@ -6,7 +6,14 @@
 use std::env;
 use std::path::{Path, PathBuf};
 
-use crate::NAME;
+/// File name of the library in an installed package.
+pub(crate) const NAME: &str = if cfg!(target_os = "macos") {
+    "libOpenImageDenoise.2.dylib"
+} else if cfg!(windows) {
+    "OpenImageDenoise.dll"
+} else {
+    "libOpenImageDenoise.so.2"
+};
 
 /// Most entries of a folder that are looked at.
 const MOST_ENTRIES: usize = 4096;

@@ -15,7 +15,7 @@ use holo_scene::Scene;
 use holo_section::{Section, SectionSpec};
 use serde::{Deserialize, Serialize};
 
-use crate::plausible::RadianceLimits;
+use crate::radiance_limits::RadianceLimits;
 
 /// Name of the blob that holds [`HolodeckDescription`], as JSON, so that people and other programs
 /// can read it.

@@ -10,7 +10,25 @@ use anyhow::{Context, Result};
 use holo_net::{Identity, Invitation, Rights};
 use tokio::{net::TcpListener, sync::mpsc::UnboundedSender, task::JoinSet};
 
-use crate::{Config, Outside, Ready, events::ServerEvent, holodeck::Holodeck, listen};
+use crate::{config::Config, events::ServerEvent, holodeck::Holodeck, listen};
+
+/// Where a server takes connections.
+#[derive(Clone, Debug)]
+pub struct Ready {
+    /// On this machine, without encryption.
+    pub address: SocketAddr,
+    /// From elsewhere, if it does.
+    pub outside: Option<Outside>,
+}
+
+/// Where a server takes connections from other machines.
+#[derive(Clone, Debug)]
+pub struct Outside {
+    /// The address that it listens at. Others may see this machine under another one.
+    pub address: SocketAddr,
+    /// What others join with.
+    pub invitation: Invitation,
+}
 
 /// Listening sockets.
 pub struct Doors {

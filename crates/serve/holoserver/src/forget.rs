@@ -3,13 +3,13 @@
 //! The file is written anew without it, and takes the old one's place at the end. So an error or a
 //! crash leaves the old file as it was.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use holo_beamfile::Maker;
 use serde::Serialize;
 
-use crate::holodeck::Holodeck;
+use crate::holodeck::{Holodeck, beside};
 
 /// Numbers of removed and remaining parts of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -112,16 +112,4 @@ impl Holodeck {
         let runs = keys.into_iter().flat_map(|key| self.file.makers(key));
         runs.filter(|(_, maker)| makers.contains(maker)).map(|(run, _)| u64::from(run.count)).sum()
     }
-}
-
-/// Returns the path of the file that is to take the place of another. A file that an earlier try
-/// left there is removed.
-pub fn beside(path: &Path) -> Result<PathBuf> {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".new");
-    let fresh = PathBuf::from(name);
-    if fresh.exists() {
-        std::fs::remove_file(&fresh).with_context(|| format!("removing {}", fresh.display()))?;
-    }
-    Ok(fresh)
 }

@@ -437,6 +437,20 @@ impl Holodeck {
         self.makers.read().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Writes who made samples, if the file says otherwise. Waits for the disk.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn save_makers(&self) -> Result<()> {
+        let mut saved = self.makers_saved.lock().unwrap_or_else(PoisonError::into_inner);
+        let makers = self.makers().clone();
+        if self.writable && makers != *saved {
+            makers.store(&self.file)?;
+            *saved = makers;
+        }
+        Ok(())
+    }
+
     pub(crate) fn makers_mut(&self) -> RwLockWriteGuard<'_, MachineList> {
         self.makers.write().unwrap_or_else(PoisonError::into_inner)
     }
@@ -495,6 +509,18 @@ impl Holodeck {
             unit: self.about.unit,
         }
     }
+}
+
+/// Returns the path of the file that is to take the place of another. A file that an earlier try
+/// left there is removed.
+pub(crate) fn beside(path: &Path) -> Result<PathBuf> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".new");
+    let fresh = PathBuf::from(name);
+    if fresh.exists() {
+        std::fs::remove_file(&fresh).with_context(|| format!("removing {}", fresh.display()))?;
+    }
+    Ok(fresh)
 }
 
 #[cfg(test)]

@@ -8,13 +8,11 @@
 //! - Light that is in what another maker made counts as used by whoever uses that maker's.
 //! - There are at most [`MAX_MAKERS`]. Further machines have the number of an unknown maker.
 
-use std::{collections::BTreeSet, sync::PoisonError};
+use std::collections::BTreeSet;
 
 use anyhow::{Context, Result, ensure};
 use holo_beamfile::{BeamFile, Maker};
 use serde::{Deserialize, Serialize};
-
-use crate::holodeck::Holodeck;
 
 /// Name of the blob that holds the list, as JSON.
 const BLOB: &str = "makers";
@@ -222,25 +220,17 @@ impl MachineList {
         self.change(maker, |made| _ = made.fault.get_or_insert_with(fault));
     }
 
-    /// Removes makers. Their numbers stay taken.
-    pub(crate) fn remove(&mut self, makers: &[Maker]) {
-        self.makers.retain(|made| !makers.contains(&Maker(made.id)));
-    }
-}
-
-impl Holodeck {
-    /// Writes who made samples, if the file says otherwise. Waits for the disk.
+    /// Writes the list into a file. Waits for the disk.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn save_makers(&self) -> Result<()> {
-        let mut saved = self.makers_saved.lock().unwrap_or_else(PoisonError::into_inner);
-        let makers = self.makers().clone();
-        if self.writable && makers != *saved {
-            self.file.put_blob(BLOB, serde_json::to_string_pretty(&makers)?.as_bytes())?;
-            *saved = makers;
-        }
-        Ok(())
+    pub(crate) fn store(&self, file: &BeamFile) -> Result<()> {
+        Ok(file.put_blob(BLOB, serde_json::to_string_pretty(self)?.as_bytes())?)
+    }
+
+    /// Removes makers. Their numbers stay taken.
+    pub(crate) fn remove(&mut self, makers: &[Maker]) {
+        self.makers.retain(|made| !makers.contains(&Maker(made.id)));
     }
 }
 

@@ -8,6 +8,7 @@
 
 mod cache;
 mod cells;
+mod config;
 mod loading;
 mod pool;
 mod report;
@@ -16,52 +17,13 @@ mod session;
 mod unexpected;
 mod unseen;
 
-use std::{path::PathBuf, time::Duration};
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use clap::Args;
+pub use config::WorkerConfig;
 use holo_net::{Destination, MachineKey, NetError, RETURN_TIME, Shutdown};
 use holo_proto::control::Farewell;
-pub use report::ReportState;
-
-/// Options of `rtworker`.
-#[derive(Args, Clone, Debug)]
-#[command(after_help = "Examples:\n  rtworker --connect 127.0.0.1:7070 --threads 4\n  \
-    rtworker --join holodeck://192.0.2.7:7070/FINGERPRINT/TOKEN")]
-pub struct WorkerConfig {
-    /// The holoserver: its address on this machine, or the string to join with that it prints
-    #[arg(
-        long,
-        visible_alias = "join",
-        value_name = "HOST:PORT|STRING",
-        default_value = "127.0.0.1:7070"
-    )]
-    pub connect: String,
-    /// Threads that trace [default: one per core]
-    #[arg(long, value_name = "N")]
-    pub threads: Option<u16>,
-    /// Give way to other programs by this much (0 to 19)
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(i32).range(0..=19))]
-    pub nice: i32,
-    /// How long to try to reach the server, at the start and after a lost connection. A server that
-    /// starts again has at least five minutes
-    #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
-    pub retry: f64,
-    /// Folder for scenes that servers have sent, and their hierarchies [default: holodeck/scenes in
-    /// the user's cache folder]
-    #[arg(long, value_name = "DIR")]
-    pub scene_cache: Option<PathBuf>,
-    /// Folder of this machine's key, by which servers know it [default: holodeck/machines in the
-    /// user's configuration folder]
-    #[arg(long, value_name = "DIR")]
-    pub identity: Option<PathBuf>,
-    /// Print less
-    #[arg(short, long)]
-    pub quiet: bool,
-    /// End when standard input ends (set by the program that starts this one)
-    #[arg(long, hide = true)]
-    pub with_parent: bool,
-}
+pub use report::WorkerProgress;
 
 /// Traces for a server until the server says goodbye, or `shutdown` is triggered.
 ///
@@ -75,7 +37,7 @@ pub async fn run(config: WorkerConfig, shutdown: Shutdown) -> Result<()> {
         let _ = rustix::process::nice(config.nice);
     }
     let machine = machine_key(&config)?;
-    let mut worker = session::WorkerState::new(&config);
+    let mut worker = session::WorkerState::new(&config)?;
     let retry = Duration::try_from_secs_f64(config.retry).unwrap_or_default();
     let mut patience = retry;
     loop {

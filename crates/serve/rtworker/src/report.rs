@@ -1,18 +1,22 @@
 //! Reports of a worker while it loads, to people or to the program that started it.
 
 use std::{
-    fmt,
+    io,
     time::{Duration, Instant},
 };
 
+use holo_net::ParentLink;
 use holo_progress::{HumanBytes, Meter};
+use serde::{Deserialize, Serialize};
+
+use crate::WorkerConfig;
 
 /// Interval between reports to the program that started this one.
 const REPORT_EVERY: Duration = Duration::from_millis(200);
 
-/// One line on the standard output of a worker that another program has started.
-#[derive(Clone, Debug, PartialEq)]
-pub enum ReportState {
+/// A report of a worker to the program that started it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum WorkerProgress {
     /// The worker is loading the scene.
     Loading {
         /// Finished share of this step, 0 to 1.
@@ -24,59 +28,44 @@ pub enum ReportState {
     Ready,
 }
 
-impl fmt::Display for ReportState {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            ReportState::Loading { share, text } => write!(f, "loading {share:.3} {text}"),
-            ReportState::Ready => f.write_str("ready"),
-        }
-    }
-}
-
-impl ReportState {
-    /// Parses a line; `None` for any other line.
-    pub fn parse(line: &str) -> Option<ReportState> {
-        if line == "ready" {
-            return Some(ReportState::Ready);
-        }
-        let (share, text) = line.strip_prefix("loading ")?.split_once(' ')?;
-        Some(ReportState::Loading { share: share.parse().ok()?, text: text.to_owned() })
-    }
-}
-
 /// The receiver of reports.
 #[derive(Debug)]
 pub enum Reporter {
     /// To people: a bar, or lines on standard error.
     People(Box<Meter>),
-    /// To the program that started this one: lines on standard output.
+    /// To a script: a line on standard output once the worker is ready.
+    Script,
+    /// To the program that started this one.
     Parent {
+        /// The link to it.
+        link: ParentLink,
         /// Time of the last report.
         last: Option<Instant>,
     },
 }
 
 impl Reporter {
-    /// Returns a reporter. With `quiet`, nothing is reported to people.
-    pub fn new(with_parent: bool, quiet: bool) -> Reporter {
-        if with_parent {
-            Reporter::Parent { last: None }
-        } else {
-            Reporter::People(Box::new(Meter::new(quiet)))
-        }
+    /// Returns the reporter that the options ask for.
+    ///
+    /// # Errors
+    /// If reports are wanted, and there is no link to the program that started this one.
+    pub fn new(config: &WorkerConfig) -> io::Result<Reporter> {
+        Ok(match (config.reports, config.with_parent) {
+            (true, _) => Reporter::Parent { link: ParentLink::of_standard_input()?, last: None },
+            (false, true) => Reporter::Script,
+            (false, false) => Reporter::People(Box::new(Meter::new(config.quiet))),
+        })
     }
 
     /// Reports that `share` of a step of loading is done (0 to 1).
     pub fn loading(&mut self, share: f64, text: &str) {
         match self {
             Reporter::People(meter) => meter.show(share, text),
-            Reporter::Parent { last } => {
+            Reporter::Script => {}
+            Reporter::Parent { link, last } => {
                 if last.is_none_or(|last| last.elapsed() >= REPORT_EVERY) {
                     *last = Some(Instant::now());
-                    holo_progress::print_line!(
-                        "{}",
-                        ReportState::Loading { share, text: text.to_owned() }
-                    );
+                    link.report(&WorkerProgress::Loading { share, text: text.to_owned() });
                 }
             }
         }
@@ -86,7 +75,8 @@ impl Reporter {
     pub fn ready(&mut self) {
         match self {
             Reporter::People(meter) => meter.finish(),
-            Reporter::Parent { .. } => holo_progress::print_line!("{}", ReportState::Ready),
+            Reporter::Script => holo_progress::print_line!("ready"),
+            Reporter::Parent { link, .. } => link.report(&WorkerProgress::Ready),
         }
     }
 }
@@ -100,21 +90,4 @@ pub fn transfer_text(done: u64, total: u64, start: Instant) -> String {
         HumanBytes(total),
         HumanBytes(rate as u64)
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn reports_of_a_worker_can_be_parsed_by_its_parent() {
-        let loading =
-            ReportState::Loading { share: 0.25, text: "fetching: 1 MiB of 4 MiB".to_owned() };
-        for report in [loading, ReportState::Ready] {
-            assert_eq!(ReportState::parse(&report.to_string()), Some(report));
-        }
-        for other in ["", "readiness", "loading", "loading much of it", "a panic"] {
-            assert_eq!(ReportState::parse(other), None, "{other}");
-        }
-    }
 }

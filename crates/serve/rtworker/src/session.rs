@@ -50,14 +50,17 @@ pub struct WorkerState {
 
 impl WorkerState {
     /// Returns a worker without a scene.
-    pub fn new(config: &WorkerConfig) -> WorkerState {
+    ///
+    /// # Errors
+    /// If reports are wanted, and there is no link to the program that started this one.
+    pub fn new(config: &WorkerConfig) -> std::io::Result<WorkerState> {
         let cores = std::thread::available_parallelism()
             .map_or(1, |n| u16::try_from(n.get()).unwrap_or(u16::MAX));
         let cache = SceneCache::new(config.scene_cache.clone());
         let hierarchies = Hierarchies::new(config.scene_cache.clone());
-        let reporter = Reporter::new(config.with_parent, config.quiet);
+        let reporter = Reporter::new(config)?;
         let loader = Loader::new(cache, hierarchies, reporter);
-        WorkerState { threads: config.threads.unwrap_or(cores).max(1), loader }
+        Ok(WorkerState { threads: config.threads.unwrap_or(cores).max(1), loader })
     }
 
     /// Works until the server says goodbye, and returns the reason. A server that starts again is

@@ -17,6 +17,7 @@ use clap::Args;
 use holo_drivers::{DriverOptions, SWITCHES};
 use holo_net::{Destination, Shutdown};
 use holo_page::PageServer;
+use holo_picture::Picture;
 use holo_script::{Script, ScriptOptions};
 use holo_session::Connected;
 use holo_stage::{Front, Stage, Wishes, stage};
@@ -26,7 +27,7 @@ pub use holo_denoise::{Denoiser, Quality};
 pub use holo_drivers::{DenoiseArg, DriverArgs, PointArgs, denoise};
 pub use holo_options::{LookArgs, ViewArgs, parse_size};
 pub use holo_page::BrowserArgs;
-pub use holo_script::parse_seconds;
+pub use holo_script::{PictureReport, parse_seconds};
 pub use holo_stage::{Crew, CrewOrder, Restarted, crew};
 #[cfg(not(feature = "window"))]
 pub use no_window::{Desk, Screen, check_desktop, desk, run_in_window};
@@ -126,6 +127,22 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: oneshot::Receiver<()
     let options = ScriptOptions { view, look, output, json, quiet };
     // Drawing keeps its thread busy, and sockets must not wait for it.
     tokio::task::spawn_blocking(move || holo_script::play(connected, options, steps, ready)).await?
+}
+
+/// Returns the picture of a view with everything that a server sends for it, and the report on it
+/// without a file. `None` if `shutdown` is triggered before. The script, the time and the output of
+/// `config` are not used.
+///
+/// # Errors
+/// If the server cannot be reached, refuses, or leaves before the end, or the view does not exist.
+pub async fn picture(
+    config: Config,
+    shutdown: Shutdown,
+) -> Result<Option<(Picture, PictureReport)>> {
+    config.check()?;
+    let connected = config.connect(false, shutdown).await?;
+    let (view, quiet) = (config.view, config.quiet || config.json);
+    tokio::task::spawn_blocking(move || holo_script::picture(connected, &view, quiet)).await?
 }
 
 /// Shows a server's holodeck in a browser until somebody quits or `shutdown` is triggered.

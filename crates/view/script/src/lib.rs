@@ -12,4 +12,5 @@ mod report;
 mod server;
 
 pub use parse::{Command, Script, Step, parse_seconds};
-pub use player::{ScriptOptions, play};
+pub use player::{ScriptOptions, picture, play};
+pub use report::PictureReport;

@@ -8,7 +8,7 @@ use std::{
 use anyhow::{Context, Result, bail};
 use holo_display::{Frame, Look};
 use holo_options::{LookArgs, ViewArgs};
-use holo_picture::{ViewSpec, luminance};
+use holo_picture::{Picture, ViewSpec, luminance};
 use holo_progress::Meter;
 use holo_session::{
     Again, Connected, FrameSchedule, FrameSize, RETURN_TIME, Session, StageTime, Waited,
@@ -361,11 +361,20 @@ fn write_picture(
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
     let exposure = look.write(&frame.picture, &path)?;
-    let seconds = since.elapsed().as_secs_f64();
+    Ok(PictureReport { picture: path, exposure, ..report(session, since, &frame, stages) })
+}
+
+/// Returns the report on a frame of the session's view, which was shown at `since`, without a file.
+fn report(
+    session: &Session,
+    since: Instant,
+    frame: &Frame,
+    stages: Vec<StageTime>,
+) -> PictureReport {
     let counts = session.counts();
-    Ok(PictureReport {
-        picture: path,
-        seconds,
+    PictureReport {
+        picture: PathBuf::new(),
+        seconds: since.elapsed().as_secs_f64(),
         samples: frame.samples_used,
         stored: counts.stored + counts.parts,
         traced: counts.traced,
@@ -378,9 +387,35 @@ fn write_picture(
         gleam_pixels: frame.gleam_pixels,
         driver: session.driver_name(),
         first_samples: counts.first_samples,
-        exposure,
+        exposure: None,
         stages,
-    })
+    }
+}
+
+/// Shows a view until everything requested for it has arrived, and returns the picture, and the
+/// report on it without a file. `None` if the session is ended before. Blocks, so call it on a
+/// thread of its own.
+///
+/// # Errors
+/// If the server is lost, or the view cannot be shown.
+pub fn picture(
+    connected: Connected,
+    view: &ViewArgs,
+    quiet: bool,
+) -> Result<Option<(Picture, PictureReport)>> {
+    let meter = Meter::new(quiet);
+    let Some(mut session) = connected.begin(|text| meter.say(text))? else { return Ok(None) };
+    let since = Instant::now();
+    let said = view.spec(session.named_views())?;
+    let spec = session.first_view()?.overridden_by(&said);
+    let (view, size) = spec.resolve(view.size())?;
+    session.look(Look { view, size, is_moving: false })?;
+    session.settle(true)?;
+    meter.finish();
+    let (frame, stages) = session.draw_for_file();
+    let Some(frame) = frame else { bail!("there is no frame of the view") };
+    let report = report(&session, since, &frame, stages);
+    Ok(Some((frame.picture, report)))
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use super::{accessor, buffers};
 use crate::Bsdf;
 use crate::shading::{Base, CUT_OUT, Channel, CutOut, FinishMap, NormalMap};
 use crate::texture::{MAX_TEXTURE_BYTES, Wrap, srgb_byte};
-use crate::texture_files::Use;
+use crate::texture_use::TextureUse;
 
 impl GltfReading<'_> {
     /// Decodes the textures of all materials on all cores.
@@ -37,7 +37,7 @@ impl GltfReading<'_> {
                 }
             }
         }
-        let pictures: Vec<(usize, Use, Vec<u8>)> = pictures
+        let pictures: Vec<(usize, TextureUse, Vec<u8>)> = pictures
             .into_values()
             .filter_map(|(image, how)| Some((image.index(), how, self.picture(&image).ok()?)))
             .collect();
@@ -263,14 +263,14 @@ impl GltfReading<'_> {
 }
 
 /// Returns how a texture's picture is used.
-fn use_of(texture: &gltf::Texture, is_linear: bool) -> Use {
+fn use_of(texture: &gltf::Texture, is_linear: bool) -> TextureUse {
     let sampler = texture.sampler();
     let wrap = [sampler.wrap_s(), sampler.wrap_t()].map(|mode| match mode {
         WrappingMode::Repeat => Wrap::Repeat,
         WrappingMode::ClampToEdge => Wrap::Clamp,
         WrappingMode::MirroredRepeat => Wrap::Mirror,
     });
-    Use { wrap, is_linear, is_mask: false }
+    TextureUse { wrap, is_linear, is_mask: false }
 }
 
 /// Returns the set of coordinates that a texture uses, and its transform.

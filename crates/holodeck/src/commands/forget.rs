@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use holo_beamfile::Maker;
 use holo_progress::HumanCount;
-use holo_server::{Forgotten, Holodeck};
+use holodeck::files::{Forgotten, forget};
 
 /// Remove the samples of some workers from a holodeck
 ///
@@ -28,8 +27,7 @@ pub struct ForgetArgs {
 
 /// See [`ForgetArgs`].
 pub fn run(args: &ForgetArgs) -> Result<()> {
-    let makers: Vec<Maker> = args.worker.iter().map(|&number| Maker(number)).collect();
-    let forgotten = Holodeck::forget(&args.file, &makers)?;
+    let forgotten = forget(&args.file, &args.worker)?;
     if args.json {
         holo_progress::print_line!("{}", serde_json::to_string(&forgotten)?);
         return Ok(());

@@ -4,13 +4,12 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use holo_picture::Image;
-
-use crate::{
-    arguments::picture_path,
+use holodeck::{
     config::SectionTable,
     opening::{OpeningRequest, open},
-    scene_args::{SceneArgs, check_units},
 };
+
+use crate::commands::{arguments::picture_path, scene_args::SceneArgs};
 
 /// Find the rooms of a scene: prints sections as options to paste, and draws a plan
 #[derive(clap::Args)]
@@ -35,7 +34,6 @@ pub struct SectionsArgs {
 /// See [`SectionsArgs`].
 pub fn run(args: &SectionsArgs) -> Result<()> {
     let config = args.scene_args.resolve(args.scene.as_ref())?;
-    check_units(&config)?;
     let opened = open(&config, OpeningRequest::Sections, args.quiet || args.json)?;
     if args.json {
         let sections: Vec<_> = opened.sections.iter().map(SectionTable::to_option).collect();

@@ -10,13 +10,14 @@ use std::{
 use anyhow::{Context, Result};
 use holo_scenes::Bundled;
 use holo_view::{DriverArgs, LookArgs, PointArgs, ViewArgs};
-
-use crate::{
+use holodeck::{
     config::{HolodeckConfig, ViewTable},
-    joining::ListenArgs,
+    listening::ListenOptions,
     prepare::{self, OtherScene},
-    view::{FrontEnd, LiveSession},
+    session::{FrontEnd, LiveSession},
 };
+
+use crate::commands::{print_invitation, program};
 
 /// Trace the bundled house with everything on this machine, and write pictures as it refines
 #[derive(clap::Args)]
@@ -65,8 +66,9 @@ pub async fn walk(front_end: FrontEnd) -> Result<()> {
     let file = out.join("interior.holo");
     drop(prepare::make(&file, &config, OtherScene::Refuse, true)?);
     eprintln!("everything is kept in {}", file.display());
-    let listen = ListenArgs::default();
+    let listen = ListenOptions::default();
     let session = LiveSession {
+        program: program()?,
         file,
         scene: Some(config),
         threads: None,
@@ -75,7 +77,7 @@ pub async fn walk(front_end: FrontEnd) -> Result<()> {
         listen,
         front_end,
     };
-    session.run(|address| viewer(address, None, None)).await
+    session.run(|address| viewer(address, None, None), print_invitation).await
 }
 
 /// Writes the bundled house to a folder, and returns its configuration.
@@ -122,15 +124,17 @@ pub async fn run(args: DemoArgs) -> Result<()> {
     std::fs::write(&path, script(&config.view, args.time, &args.out))
         .with_context(|| format!("writing {}", path.display()))?;
     let session = LiveSession {
+        program: program()?,
         file: file.clone(),
         scene: None,
         threads: args.threads,
         cache: None,
         quiet: false,
-        listen: ListenArgs::default(),
+        listen: ListenOptions::default(),
         front_end: FrontEnd::Script,
     };
-    session.run(|address| viewer(address, Some(args.size), Some(path))).await?;
+    let size = Some(args.size);
+    session.run(|address| viewer(address, size, Some(path)), print_invitation).await?;
     let names: Vec<&str> = config.view.iter().map(|view| view.name.as_str()).collect();
     holo_progress::print_line!("{}", farewell(&args.out, &file, &names));
     Ok(())

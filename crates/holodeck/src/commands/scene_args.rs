@@ -2,26 +2,16 @@
 
 use std::{ffi::OsStr, os::unix::ffi::OsStrExt, path::PathBuf};
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use clap::{
     Args,
-    builder::{OsStringValueParser, TypedValueParser},
+    builder::{OsStringValueParser, PossibleValue, PossibleValuesParser, TypedValueParser},
 };
-use holo_proto::control::{Engine, RenderSettings};
-
-use crate::config::{self, HolodeckConfig, Obstructions};
-
-/// Wrong usage of the program: exit status 2.
-#[derive(Debug)]
-pub struct Usage(pub String);
-
-impl std::fmt::Display for Usage {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for Usage {}
+use holo_proto::control::Engine;
+use holodeck::{
+    config::{self, HolodeckConfig, Obstructions},
+    value_ranges::check_sky,
+};
 
 /// Options for the scene and its sections.
 #[derive(Args, Clone, Debug, Default)]
@@ -52,7 +42,7 @@ pub struct SceneArgs {
     #[arg(long, value_name = "N", value_parser = holo_server::parse_count)]
     pub max_beams: Option<u64>,
     /// Whether objects inside sections are visible [default: auto]
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = obstructions_parser())]
     pub obstructions: Option<Obstructions>,
     /// The up direction: y, z or a direction [default: as the file states, or guessed with a
     /// reason]
@@ -120,15 +110,18 @@ impl SceneArgs {
     }
 }
 
-/// Returns the settings of samples. `engine` is the default for a configuration without an engine.
-pub fn settings(config: &HolodeckConfig, engine: Engine) -> RenderSettings {
-    RenderSettings {
-        engine: config.engine.unwrap_or(engine),
-        bounces: config.bounces,
-        paths_per_sample: config.paths_per_sample.unwrap_or(1).max(1),
-        seed: config.seed.unwrap_or(0),
-        virtual_distance: config.virtual_distance.unwrap_or(false),
-    }
+/// Returns the parser of the visibility of objects, whose values have a help of their own.
+fn obstructions_parser() -> impl TypedValueParser<Value = Obstructions> {
+    PossibleValuesParser::new([
+        PossibleValue::new("auto").help("On for sections that have geometry inside"),
+        PossibleValue::new("on").help("Rays begin at the entry wall"),
+        PossibleValue::new("off").help("Rays of interior sections begin at the exit wall"),
+    ])
+    .map(|name| match name.as_str() {
+        "on" => Obstructions::On,
+        "off" => Obstructions::Off,
+        _ => Obstructions::Auto,
+    })
 }
 
 fn parse_engine(text: &str) -> Result<Engine, String> {
@@ -181,17 +174,6 @@ fn parse_colour(text: &str) -> Result<[f32; 3], String> {
         .map_err(|error| format!("`{text}`: {error}"))
 }
 
-/// Returns the radiance if it is one.
-///
-/// # Errors
-/// The reason why it is none, for people.
-pub fn check_sky(radiance: [f32; 3]) -> Result<[f32; 3], String> {
-    let is_plausible = radiance.iter().all(|channel| channel.is_finite() && *channel >= 0.0);
-    is_plausible
-        .then_some(radiance)
-        .ok_or_else(|| "radiance cannot be negative or infinite".to_owned())
-}
-
 fn parse_section(text: &str) -> Result<config::SectionTable, String> {
     let parts: Vec<[f64; 3]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
     let (origin, axes, grid) = match parts[..] {
@@ -219,31 +201,6 @@ fn parse_section(text: &str) -> Result<config::SectionTable, String> {
         geometry: None,
         portals: None,
     })
-}
-
-/// Returns the path of the scene.
-///
-/// # Errors
-/// If the configuration has no scene.
-pub fn scene_path(config: &HolodeckConfig) -> Result<&PathBuf> {
-    let path = config.scene.as_ref();
-    path.ok_or_else(|| {
-        Usage(
-            "no scene: name a model (.obj, .gltf, .glb), or a configuration with a `scene`".into(),
-        )
-        .into()
-    })
-}
-
-/// Checks that the unit and the up axis can be used.
-pub fn check_units(config: &HolodeckConfig) -> Result<()> {
-    ensure!(
-        config.unit.is_none_or(|unit| unit.0.is_finite() && unit.0 > 0.0),
-        "`unit` must be a positive number of metres"
-    );
-    let usable = |config::Up(up)| up.iter().all(|x| x.is_finite()) && up.iter().any(|&x| x != 0.0);
-    ensure!(config.up.is_none_or(usable), "`up` must be a direction");
-    Ok(())
 }
 
 #[cfg(test)]

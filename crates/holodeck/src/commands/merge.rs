@@ -2,11 +2,9 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use holo_progress::HumanCount;
-use holo_server::{Holodeck, Merged};
-
-use crate::prepare::SMALL_CACHE;
+use holodeck::files::{Merged, MergedPart, merge};
 
 /// Put the samples of several holodecks of one scene into one
 ///
@@ -31,16 +29,8 @@ pub struct MergeArgs {
 
 /// See [`MergeArgs`].
 pub fn run(args: &MergeArgs) -> Result<()> {
-    let mut total = Merged::default();
-    let mut into = None;
-    for path in &args.parts {
-        let part = Holodeck::open_read_only(path, SMALL_CACHE)?;
-        let into = match &into {
-            Some(into) => into,
-            None if args.into.exists() => into.insert(Holodeck::open(&args.into, SMALL_CACHE)?),
-            None => into.insert(part.without_samples(&args.into)?),
-        };
-        for skipped in part.file.skipped() {
+    let total = merge(&args.into, &args.parts, |MergedPart { path, merged, skipped }| {
+        for skipped in skipped {
             eprintln!(
                 "{}: {} blocks of kind {}, which a later version wrote, are not merged",
                 path.display(),
@@ -48,15 +38,10 @@ pub fn run(args: &MergeArgs) -> Result<()> {
                 skipped.kind
             );
         }
-        let doing = || format!("merging {} into {}", path.display(), args.into.display());
-        let merged = into.merge(&part).with_context(doing)?;
         if !args.quiet && !args.json {
             holo_progress::print_line!("{}: {}", path.display(), words(&merged));
         }
-        total.added += merged.added;
-        total.better += merged.better;
-        total.known += merged.known;
-    }
+    })?;
     if args.json {
         holo_progress::print_line!("{}", serde_json::to_string(&total)?);
     }

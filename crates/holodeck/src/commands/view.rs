@@ -1,21 +1,18 @@
-//! `holodeck view`, `replay` and `picture`: run a viewer, with a server and workers as needed.
+//! `holodeck view` and `replay`: run a viewer, with a server and workers as needed.
 
-use std::{ffi::OsString, net::SocketAddr, path::PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
-use holo_server::Holodeck;
 use holo_view::{BrowserArgs, DriverArgs, LookArgs, PointArgs, Screen, ViewArgs};
-use tokio::sync::oneshot;
+use holodeck::{
+    prepare::{self, Edited, OtherScene},
+    session::{self, FrontEnd, LiveSession},
+    settings::Usage,
+};
 
-use crate::{
-    arguments::picture_path,
-    config::HolodeckConfig,
-    crew::{SessionProcesses, WorkerArgs},
-    joining::ListenArgs,
-    prepare::{self, Edited, OtherScene, SMALL_CACHE},
-    scene_args::{SceneArgs, Usage},
-    worker::NICE_BESIDE_DISPLAY,
+use crate::commands::{
+    arguments::picture_path, listen_args::ListenArgs, program, scene_args::SceneArgs,
 };
 
 /// Options for showing and following a session.
@@ -124,49 +121,6 @@ impl SessionArgs {
     }
 }
 
-/// The front end of a session.
-pub enum FrontEnd {
-    /// A page in a browser.
-    Browser(BrowserArgs),
-    /// A window.
-    Window {
-        /// The file in which the walk is recorded, as a script.
-        record: Option<PathBuf>,
-        /// Connection to the thread that windows belong to.
-        screen: Screen,
-    },
-    /// Nothing is shown, and a script is followed.
-    Script,
-}
-
-impl FrontEnd {
-    /// Checks that this front end can run here, before the session is prepared.
-    ///
-    /// # Errors
-    /// The reason why it cannot.
-    pub fn check(&self) -> Result<()> {
-        if let FrontEnd::Window { .. } = self { holo_view::check_desktop() } else { Ok(()) }
-    }
-
-    /// Shows a session until it ends. A script's time begins when `ready` completes.
-    async fn show(
-        self,
-        config: holo_view::Config,
-        shutdown: Shutdown,
-        ready: oneshot::Receiver<()>,
-    ) -> Result<()> {
-        match self {
-            FrontEnd::Browser(browser) => {
-                holo_view::run_in_browser(config, browser, shutdown).await
-            }
-            FrontEnd::Window { record, screen } => {
-                holo_view::run_in_window(config, record, shutdown, screen).await
-            }
-            FrontEnd::Script => holo_view::run(config, shutdown, ready).await,
-        }
-    }
-}
-
 /// Walk through a scene or a holodeck in a browser or a window, with everything on this machine
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck view room.obj\n  \
@@ -217,7 +171,7 @@ pub async fn view(args: ViewCommand, screen: Screen) -> Result<()> {
         return front_end.show(config, shutdown, holo_view::at_once()).await;
     }
     let quiet = args.session.quiet || args.session.json;
-    let listen = args.listen;
+    let (listen, program) = (args.listen.into(), program()?);
     if let Some(file) = args.what.as_ref().filter(|_| is_holodeck) {
         let (threads, cache) = (args.threads, args.cache);
         let file = file.clone();
@@ -227,8 +181,9 @@ pub async fn view(args: ViewCommand, screen: Screen) -> Result<()> {
                 .await??;
         }
         let scene = None;
-        let session = LiveSession { file, scene, threads, cache, quiet, listen, front_end };
-        return session.run(|address| args.session.viewer(address)).await;
+        let session =
+            LiveSession { program, file, scene, threads, cache, quiet, listen, front_end };
+        return session.run(|address| args.session.viewer(address), super::print_invitation).await;
     }
     let config = args.scene_args.resolve(args.what.as_ref())?;
     // Without a name, samples exist only as long as the session.
@@ -239,64 +194,8 @@ pub async fn view(args: ViewCommand, screen: Screen) -> Result<()> {
     prepare::make_unless_ended(&file, &config, other_scene, quiet, &shutdown).await?;
     let (threads, cache) = (args.threads.or(config.threads), args.cache.or(config.cache));
     let scene = Some(config);
-    let session = LiveSession { file, scene, threads, cache, quiet, listen, front_end };
-    session.run(|address| args.session.viewer(address)).await
-}
-
-/// A viewer in this process, with a server and a worker in other processes.
-pub struct LiveSession {
-    /// The holodeck's path.
-    pub file: PathBuf,
-    /// How the scene can be read again. `None`: as the file says.
-    pub scene: Option<HolodeckConfig>,
-    /// Threads that trace.
-    pub threads: Option<u16>,
-    /// Memory for beams, MiB.
-    pub cache: Option<u64>,
-    /// Hides the worker's progress of loading.
-    pub quiet: bool,
-    /// Options for workers and displays on other machines.
-    pub listen: ListenArgs,
-    /// The front end of the session.
-    pub front_end: FrontEnd,
-}
-
-impl LiveSession {
-    /// Starts server and worker, runs a viewer, and ends all of them. `viewer` makes the viewer's
-    /// options for the server's address.
-    ///
-    /// The viewer prepares the scene while the worker does. Its script starts once the worker is
-    /// ready, so that its seconds are seconds of tracing. A page or window opens at once.
-    ///
-    /// # Errors
-    /// The first failure.
-    pub async fn run(self, viewer: impl FnOnce(SocketAddr) -> holo_view::Config) -> Result<()> {
-        let mut arguments: Vec<OsString> = vec!["--quiet".into()];
-        if let Some(cache) = self.cache {
-            arguments.extend(["--cache".into(), cache.to_string().into()]);
-        }
-        let shutdown = Shutdown::new();
-        shutdown.on_signals(false)?;
-        let (threads, nice, quiet) = (self.threads, NICE_BESIDE_DISPLAY, self.quiet);
-        let how = WorkerArgs { threads, nice, quiet };
-        let mut crew =
-            SessionProcesses::start(self.file, self.scene, self.listen, arguments, how).await?;
-        let (sender, ready) = oneshot::channel();
-        let (is_ready, shutdown_before) = (crew.worker_is_ready(), shutdown.clone());
-        tokio::spawn(async move {
-            tokio::select! {
-                () = is_ready => {
-                    // A viewer that has failed meanwhile no longer receives.
-                    let _ = sender.send(());
-                }
-                () = shutdown_before.wait() => {}
-            }
-        });
-        let config = holo_view::Config { crew: Some(crew.orders()), ..viewer(crew.address()) };
-        let viewing = self.front_end.show(config, shutdown.clone(), ready);
-        let result = crew.keep(viewing).await;
-        result.and(crew.end().await)
-    }
+    let session = LiveSession { program, file, scene, threads, cache, quiet, listen, front_end };
+    session.run(|address| args.session.viewer(address), super::print_invitation).await
 }
 
 /// Walk through a holodeck without tracing anything
@@ -315,81 +214,5 @@ pub struct ReplayCommand {
 pub async fn replay(args: ReplayCommand, screen: Screen) -> Result<()> {
     args.session.check(false, "holodeck replay room.holo --headless -o view.png")?;
     let front_end = args.session.front_end(screen)?;
-    show_stored(args.file, front_end, |address| args.session.viewer(address)).await
-}
-
-/// Make a picture from what a holodeck holds, without tracing anything
-#[derive(clap::Args)]
-#[command(after_help = "Examples:\n  holodeck picture room.holo --view bedroom -o view.png\n  \
-    holodeck picture room.holo --vp 12.5,0.5,5 --vd 0.7,0.7,0 --vh 60 --size 640x480 -o view.exr\n  \
-    holodeck picture room.holo --falsecolor=1:1000 --log --contours -o luminance.png")]
-pub struct PictureCommand {
-    /// The holodeck
-    #[arg(value_name = "FILE.holo")]
-    file: PathBuf,
-    /// The picture (.exr .hdr .pfm .png)
-    #[arg(short, value_name = "FILE", value_parser = picture_path())]
-    output: PathBuf,
-    #[command(flatten)]
-    view: ViewArgs,
-    #[command(flatten)]
-    driver: DriverArgs,
-    #[command(flatten)]
-    points: PointArgs,
-    #[command(flatten)]
-    look: LookArgs,
-    /// Report as JSON
-    #[arg(long)]
-    json: bool,
-    /// Print less
-    #[arg(short, long)]
-    quiet: bool,
-}
-
-/// See [`PictureCommand`].
-pub async fn picture(args: PictureCommand) -> Result<()> {
-    args.driver.check().map_err(Usage)?;
-    args.look.check(&args.output).map_err(Usage)?;
-    let kept = Holodeck::open_read_only(&args.file, SMALL_CACHE)?.about.exposure;
-    let look = args.look.with_kept_exposure(kept);
-    show_stored(args.file, FrontEnd::Script, |address| holo_view::Config {
-        connect: address.to_string(),
-        view: args.view,
-        driver: args.driver,
-        points: args.points,
-        look,
-        script: None,
-        time: 0.0,
-        output: Some(args.output),
-        json: args.json,
-        quiet: args.quiet,
-        with_parent: false,
-        crew: None,
-    })
-    .await
-}
-
-/// Runs a display-only server and a viewer, both in this process.
-async fn show_stored(
-    file: PathBuf,
-    front_end: FrontEnd,
-    viewer: impl FnOnce(SocketAddr) -> holo_view::Config,
-) -> Result<()> {
-    let config = holo_server::Config { display_only: true, ..holo_server::Config::new(file) };
-    let shutdown = Shutdown::new();
-    shutdown.on_signals(false)?;
-    let ending = Shutdown::new();
-    let (sender, address) = oneshot::channel();
-    let server = tokio::spawn(holo_server::run(config, ending.clone(), |ready| {
-        // The receiver waits right below.
-        let _ = sender.send(ready.address);
-    }));
-    let Ok(address) = address.await else {
-        return server.await?.map(|_| ());
-    };
-    let config = viewer(address);
-    let result = front_end.show(config, shutdown, holo_view::at_once()).await;
-    ending.trigger();
-    server.await??;
-    result
+    session::replay(args.file, front_end, |address| args.session.viewer(address)).await
 }

@@ -7,14 +7,13 @@ use axum::{Router, http::StatusCode, routing::get};
 use holo_net::Shutdown;
 use holo_progress::said_once;
 use holo_proto::report::{StatusReport, WorkerReport};
+use holodeck::status::QueriedServer;
 use prometheus_client::{
     encoding::text,
     metrics::{family::Family, gauge::Gauge},
     registry::Registry,
 };
 use tokio::net::TcpListener;
-
-use crate::status::{QueriedServer, ask};
 
 /// Answers Prometheus at `/metrics` until a signal. Each answer is a new report of the server. If
 /// the server does not answer, Prometheus gets an error.
@@ -30,7 +29,7 @@ pub async fn serve(server: QueriedServer, address: SocketAddr) -> Result<()> {
     let answer = move || {
         let server = server.clone();
         async move {
-            let text = ask(&server).await.and_then(|report| text_of(&report));
+            let text = server.report().await.and_then(|report| text_of(&report));
             text.map_err(|error| (StatusCode::BAD_GATEWAY, said_once(error.as_ref()) + "\n"))
         }
     };
@@ -92,7 +91,7 @@ pub fn text_of(report: &StatusReport) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::status::tests::report;
+    use crate::commands::status::tests::report;
 
     #[test]
     fn prometheus_reads_a_value_for_each_worker_and_display() {

@@ -1,0 +1,48 @@
+//! What the program `holodeck` does, as functions that return values: its commands only parse
+//! options and print results.
+//!
+//! | task | function |
+//! | --- | --- |
+//! | open a scene, and choose what is not stated | [`opening::open`] |
+//! | make a file of a scene | [`prepare::make`] |
+//! | trace a scene into a file | [`fill::fill`] |
+//! | walk through a scene while it is traced | [`session::LiveSession`] |
+//! | show a file, or make a picture of it | [`session::replay`], [`session::picture`] |
+//! | a picture straight from the tracer | [`render::render`] |
+//! | what a file holds, and its damage | [`info::info`], [`info::verify`] |
+//! | merge files, remove samples | [`files::merge`], [`files::forget`] |
+//! | what is odd in a model | [`check::check`] |
+//! | the difference between two pictures | [`compare::compare`] |
+//! | the state of a running server | [`status::QueriedServer`] |
+//!
+//! Invariants:
+//! - Nothing here prints on standard output. Progress, notes and warnings go to standard error as
+//!   they come.
+//! - Another process is known by the reports that it sends ([`processes`]), never by what it prints.
+
+mod brightness;
+pub mod check;
+pub mod compare;
+pub mod config;
+mod crew;
+mod differences;
+pub mod files;
+pub mod fill;
+pub mod info;
+mod limit;
+pub mod listening;
+mod loading;
+pub mod opening;
+mod passes;
+pub mod places;
+pub mod prepare;
+mod preview;
+pub mod processes;
+pub mod render;
+mod seen;
+pub mod session;
+pub mod settings;
+pub mod status;
+mod sums;
+pub mod value_ranges;
+mod worker;
