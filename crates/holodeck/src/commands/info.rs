@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use holo_progress::{HumanBytes, HumanCount};
-use holo_proto::control::Engine;
 use holo_section::ViewClass;
 use holodeck::info::{HolodeckInfo, SkippedInfo, WorkerInfo};
 
