@@ -21,7 +21,7 @@ pub struct ComparedPictures<'a> {
 
 /// The difference between a picture and a reference.
 #[derive(Clone, Debug, Serialize)]
-pub struct Comparison {
+pub struct PictureComparison {
     /// The measures of the whole picture.
     #[serde(flatten)]
     pub measures: holo_picture::Measures,
@@ -42,7 +42,7 @@ pub struct Comparison {
 ///
 /// # Errors
 /// If the pictures differ in size, or cannot be compared for another reason.
-pub fn compare(pictures: &ComparedPictures) -> Result<Comparison> {
+pub fn compare(pictures: &ComparedPictures) -> Result<PictureComparison> {
     let ComparedPictures { picture, reference, before, .. } = *pictures;
     let (se, reference_se) = (pictures.standard_errors, pictures.reference_errors);
     let away = before.map(|before| holo_picture::worst_block_away(picture, before, reference));
@@ -53,7 +53,7 @@ pub fn compare(pictures: &ComparedPictures) -> Result<Comparison> {
             Some(holo_picture::worst_block_beyond_noise(picture, se, reference, reference_se)?),
         ),
     };
-    Ok(Comparison {
+    Ok(PictureComparison {
         measures: holo_picture::compare(picture, reference)?,
         worst_block_shown: holo_picture::worst_block_shown(picture, reference)?,
         worst_block_away: away.transpose()?,
