@@ -204,7 +204,7 @@ proptest! {
                 prop_assert_eq!(header.to_bytes(), bytes);
             }
             Err(ProtoError::Kind(found)) => {
-                prop_assert!(found == kind && !(1..=15).contains(&kind));
+                prop_assert!(found == kind && (kind == 10 || !(1..=19).contains(&kind)));
             }
             Err(ProtoError::TooLong { kind, limit, .. }) => {
                 prop_assert!(u64::from(length) > limit && limit == kind.max_bytes());
@@ -234,7 +234,7 @@ proptest! {
 
 #[test]
 fn each_kind_of_frame_has_its_limit_at_both_ends() {
-    for kind in (1..=15).map(|byte| FrameKind::from_byte(byte).unwrap()) {
+    for kind in (1..=19).filter_map(FrameKind::from_byte) {
         let limit = kind.max_bytes();
         let header = FrameHeader { kind, length: limit as u32 };
         assert_eq!(FrameHeader::parse(header.to_bytes()), Ok(header));
