@@ -161,7 +161,7 @@ fn the_engine_is_gather_unless_light_is_direct_or_another_is_named() {
 fn file_of_the_engine_cached(place: &Place, file: &str, samples: &str) {
     place.fill_small_with(file, samples, &["--engine", "gather"]);
     let options = Options { cache_bytes: 0, layout: Vec::new() };
-    let file = BeamFile::open(&place.path(file), options).unwrap();
+    let file = BeamFile::open(place.path(file), options).unwrap();
     let about = file.blob("holodeck").unwrap().unwrap();
     let mut about: serde_json::Value = serde_json::from_slice(&about).unwrap();
     about["settings"]["engine"] = "cached".into();
