@@ -6,7 +6,9 @@ use anyhow::{Result, bail};
 use holo_net::Shutdown;
 use holo_picture::Picture;
 use holo_server::{Outside, Summary};
-use holo_view::{BrowserArgs, DriverArgs, LookArgs, PictureReport, PointArgs, Screen, ViewArgs};
+use holo_view::{
+    AbsentWindow, BrowserArgs, DriverArgs, LookArgs, PictureReport, PointArgs, ViewArgs,
+};
 use tokio::{sync::oneshot, task::JoinHandle};
 
 use crate::{
@@ -25,7 +27,7 @@ pub enum FrontEnd {
         /// The file in which the walk is recorded, as a script.
         record: Option<PathBuf>,
         /// Connection to the thread that windows belong to.
-        screen: Screen,
+        screen: AbsentWindow,
     },
     /// Nothing is shown, and a script is followed.
     Script,

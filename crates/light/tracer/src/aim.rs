@@ -27,7 +27,7 @@ pub(crate) struct Aims<'a> {
 
 /// The distribution of a vertex's next sample.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Choice {
+pub(crate) enum LobeChoice {
     /// The material.
     Material,
     /// A point on a source.
@@ -40,7 +40,7 @@ pub(crate) enum Choice {
 
 /// The weight of a sample once its hit is known.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Weight {
+pub(crate) struct SampleWeight {
     /// Factor to value over density by the material.
     pub weight: f32,
     /// True if aiming could have produced the sample.
@@ -60,23 +60,23 @@ impl PathEngine {
 
 impl Aims<'_> {
     /// Chooses the distribution of the next sample, with numbers of
-    /// [`Purpose::Aim`](crate::sampler::Purpose::Aim).
+    /// [`Purpose::Aim`](crate::sampler::NumberPurpose::Aim).
     #[inline]
-    pub(crate) fn choose(&self, raycaster: &Raycaster, sampler: &mut Sampler) -> Choice {
+    pub(crate) fn choose(&self, raycaster: &Raycaster, sampler: &mut Sampler) -> LobeChoice {
         let (mut first, second) = sampler.pairs(1).at(0);
         let share = f64::from(SHARE);
         if let Some(sources) = &self.sources {
             if first < share {
                 let target = sources.target(raycaster, first / share, second);
-                return target.map_or(Choice::Nothing, Choice::Source);
+                return target.map_or(LobeChoice::Nothing, LobeChoice::Source);
             }
             first -= share;
         }
         match &self.caustics {
             Some(caustics) if first < f64::from(caustics.share()) => caustics
                 .choose(first / f64::from(caustics.share()), second)
-                .map_or(Choice::Nothing, Choice::Caustic),
-            _ => Choice::Material,
+                .map_or(LobeChoice::Nothing, LobeChoice::Caustic),
+            _ => LobeChoice::Material,
         }
     }
 
@@ -88,15 +88,15 @@ impl Aims<'_> {
         &self,
         raycaster: &Raycaster,
         (direction, pdf): (Vec3, f32),
-        choice: &Choice,
+        choice: &LobeChoice,
         met: Option<&Hit>,
-    ) -> Option<Weight> {
+    ) -> Option<SampleWeight> {
         let is_met = match choice {
-            Choice::Source(target) => met.is_some_and(|met| met.triangle == target.triangle),
-            Choice::Caustic(_) => met.is_some_and(|met| {
+            LobeChoice::Source(target) => met.is_some_and(|met| met.triangle == target.triangle),
+            LobeChoice::Caustic(_) => met.is_some_and(|met| {
                 self.caustics.is_some_and(|caustics| caustics.caustics.may_show(met.triangle))
             }),
-            Choice::Material | Choice::Nothing => true,
+            LobeChoice::Material | LobeChoice::Nothing => true,
         };
         if !is_met {
             return None;
@@ -110,6 +110,6 @@ impl Aims<'_> {
             density += caustics.share() * met.map_or(0.0, |met| caustics.density(direction, met));
             rest -= caustics.share();
         }
-        Some(Weight { weight: pdf / (rest * pdf + density), is_aimed: density > 0.0 })
+        Some(SampleWeight { weight: pdf / (rest * pdf + density), is_aimed: density > 0.0 })
     }
 }

@@ -20,7 +20,7 @@ const OUTWARDS: usize = 128;
 
 /// A function of the cosine to the normal, linear between entries.
 #[derive(Clone, Debug)]
-pub(crate) struct Table {
+pub(crate) struct AlbedoTable {
     /// Entries are evenly spaced in the square root of ln(1 + cosine / alpha). Shadowing sets in
     /// where the cosine is about alpha, and is steepest at 0.
     entries: Vec<f32>,
@@ -31,7 +31,7 @@ pub(crate) struct Table {
     pub mean: f32,
 }
 
-impl Table {
+impl AlbedoTable {
     pub(crate) fn new(ggx: Ggx, mut f: impl FnMut(f32) -> f64) -> Self {
         let alpha = f64::from(ggx.alpha());
         let range = (1.0 / alpha).ln_1p();

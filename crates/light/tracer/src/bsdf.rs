@@ -16,8 +16,8 @@ use std::sync::Arc;
 use glam::Vec3;
 use holo_scene::Bsdf;
 
-use crate::albedo::Table;
-use crate::coat::{Coat, Layer};
+use crate::albedo::AlbedoTable;
+use crate::coat::{Coat, CoatTables};
 use crate::conductor::Conductor;
 use crate::fresnel::{dielectric, mirrored, pane, refract};
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
@@ -62,8 +62,8 @@ pub(crate) enum Scatter {
 /// ms to compute.
 #[derive(Debug, Default)]
 pub(crate) struct Tables {
-    losses: HashMap<[u32; 2], Arc<Table>>,
-    layers: HashMap<[u32; 2], Arc<Layer>>,
+    losses: HashMap<[u32; 2], Arc<AlbedoTable>>,
+    layers: HashMap<[u32; 2], Arc<CoatTables>>,
 }
 
 fn shared<T>(
@@ -96,8 +96,9 @@ impl Scatter {
                 })
             }
             Bsdf::Coated { kd, ks, ior, alpha } => {
-                let layer =
-                    shared(&mut tables.layers, [alpha, ior], || Layer::new(ior, Ggx::new(alpha)));
+                let layer = shared(&mut tables.layers, [alpha, ior], || {
+                    CoatTables::new(ior, Ggx::new(alpha))
+                });
                 Self::Coated(Box::new(Coat::new(kd.into(), ks.into(), layer)))
             }
         }

@@ -22,8 +22,8 @@ use std::sync::Arc;
 use glam::Vec3;
 use holo_raycast::{Hit, Raycaster};
 
-use crate::surface::Surface;
-use leaf::{Leaf, Tree};
+use crate::surface::TracedMaterial;
+use leaf::{Leaf, LeafTree};
 use photons::Casters;
 pub(crate) use photons::LightSources;
 
@@ -31,7 +31,7 @@ pub(crate) use photons::LightSources;
 #[derive(Debug)]
 pub(crate) struct Caustics {
     casters: Casters,
-    tree: Tree,
+    tree: LeafTree,
 }
 
 /// A vertex that photons reach.
@@ -46,12 +46,12 @@ impl Caustics {
     /// Finds the caustics of a scene. `None` if there are none.
     pub(crate) fn find(
         raycaster: &Arc<Raycaster>,
-        surfaces: &[Surface],
+        surfaces: &[TracedMaterial],
         sources: &LightSources,
     ) -> Option<Self> {
         let casters = Casters::new(raycaster.scene())?;
         let photons = photons::shoot(raycaster, surfaces, sources, &casters);
-        let tree = Tree::new(photons, raycaster.scene())?;
+        let tree = LeafTree::new(photons, raycaster.scene())?;
         Some(Self { casters, tree })
     }
 

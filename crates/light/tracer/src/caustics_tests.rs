@@ -8,9 +8,9 @@ use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene, Sun};
 
 use crate::engine::PathEngine;
-use crate::geometry::{Frame, cosine_hemisphere};
+use crate::geometry::{ShadingFrame, cosine_hemisphere};
 use crate::path::first_hit;
-use crate::sampler::{Purpose, Sampler};
+use crate::sampler::{NumberPurpose, Sampler};
 use crate::secondary_tests::estimate;
 use crate::weighting::Direct;
 
@@ -113,11 +113,11 @@ fn directions_have_the_stated_density() {
         hit.map_or(0.0, |hit| vertex.density(direction, &hit))
     };
     let n = 100_000;
-    let frame = Frame::new(Vec3::Z);
+    let frame = ShadingFrame::new(Vec3::Z);
     let (mut by_choice, mut by_chance) = ([0.0_f64; 2], [0.0_f64; 2]);
     for seed in 0..n {
         let mut sampler = Sampler::new(seed, 0);
-        sampler.turn(0, Purpose::Aim);
+        sampler.turn(0, NumberPurpose::Aim);
         let [first, second] = sampler.two();
         if let Some(direction) = vertex.choose(f64::from(first), second) {
             let d = f64::from(density(direction));

@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::albedo::Table;
+use crate::albedo::AlbedoTable;
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::interface::Interface;
 use crate::microfacet::Ggx;
@@ -31,13 +31,13 @@ const MOST_COAT: f32 = 0.25;
 
 /// The tables that coats of one index and roughness share.
 #[derive(Clone, Debug)]
-pub(crate) struct Layer {
+pub(crate) struct CoatTables {
     interface: Interface,
     /// Reflected share of a coat of colour 1, by cosine.
-    reflected: Table,
+    reflected: AlbedoTable,
 }
 
-impl Layer {
+impl CoatTables {
     pub(crate) fn new(ior: f32, ggx: Ggx) -> Self {
         let interface = Interface::new(ggx, ior);
         let reflected = interface.reflectance();
@@ -50,13 +50,13 @@ impl Layer {
 pub(crate) struct Coat {
     kd: Vec3,
     ks: Vec3,
-    layer: Arc<Layer>,
+    layer: Arc<CoatTables>,
     /// kd / (π (1 - ks Ē)).
     base: Vec3,
 }
 
 impl Coat {
-    pub(crate) fn new(kd: Vec3, ks: Vec3, layer: Arc<Layer>) -> Self {
+    pub(crate) fn new(kd: Vec3, ks: Vec3, layer: Arc<CoatTables>) -> Self {
         let below = (Vec3::ONE - ks * layer.reflected.mean).max(Vec3::splat(1e-3));
         Self { kd, ks, base: kd * FRAC_1_PI / below, layer }
     }

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::albedo::{Table, over_normals};
+use crate::albedo::{AlbedoTable, over_normals};
 use crate::fresnel::reflect;
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::interface::reflection;
@@ -24,15 +24,15 @@ use crate::sampler::Sampler;
 pub(crate) struct Conductor {
     ks: Vec3,
     ggx: Ggx,
-    loss: Arc<Table>,
+    loss: Arc<AlbedoTable>,
     /// Reflectance of light that meets several facets, over π L̄.
     several: Vec3,
 }
 
 impl Conductor {
     /// Returns the share that light loses if it meets only one facet of a white metal, by cosine.
-    pub(crate) fn loss(ggx: Ggx) -> Table {
-        Table::new(ggx, |cosine| {
+    pub(crate) fn loss(ggx: Ggx) -> AlbedoTable {
+        AlbedoTable::new(ggx, |cosine| {
             over_normals(ggx, cosine, |wo, m| {
                 let wi = reflect(wo, m);
                 if wi.z > 0.0 { 1.0 - ggx.shadowing(wo, wi) } else { 1.0 }
@@ -41,7 +41,7 @@ impl Conductor {
     }
 
     /// `loss` is the table of [`loss`](Self::loss) for the same roughness.
-    pub(crate) fn new(ks: Vec3, ggx: Ggx, loss: Arc<Table>) -> Self {
+    pub(crate) fn new(ks: Vec3, ggx: Ggx, loss: Arc<AlbedoTable>) -> Self {
         let reflectance = ks * ks * (1.0 - loss.mean) / (Vec3::ONE - ks * loss.mean);
         // In f32, a polished metal loses nothing.
         let several =

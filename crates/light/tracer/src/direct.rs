@@ -8,8 +8,8 @@ use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 
 use crate::bsdf::Scatter;
 use crate::engine::PathEngine;
-use crate::geometry::{Frame, cosine_hemisphere, cosine_pdf};
-use crate::lights::{Aim, Chosen, Lights, Point, VertexLights};
+use crate::geometry::{ShadingFrame, cosine_hemisphere, cosine_pdf};
+use crate::lights::{Aim, ChosenLight, Lights, PreparedPoint, VertexLights};
 use crate::sampler::Sampler;
 use crate::shading;
 use crate::weighting::Direct;
@@ -20,7 +20,7 @@ pub(crate) struct LitVertex<'a> {
     pub engine: &'a PathEngine,
     pub scatter: &'a Scatter,
     pub point: &'a SurfacePoint,
-    pub frame: &'a Frame,
+    pub frame: &'a ShadingFrame,
     pub wo: Vec3,
     pub front: bool,
 }
@@ -139,11 +139,11 @@ impl LitVertex<'_> {
         for j in 0..count {
             let (first, second) = pairs.at(j);
             let light = match self.engine.lights.choose(lights, first) {
-                Some(Chosen::Sky { rest }) => self.sky(lights, count, direct, [rest, second]),
-                Some(Chosen::Triangle { triangle, probability, rest }) => {
+                Some(ChosenLight::Sky { rest }) => self.sky(lights, count, direct, [rest, second]),
+                Some(ChosenLight::Triangle { triangle, probability, rest }) => {
                     self.emitter(triangle, probability, count, direct, [rest, second])
                 }
-                Some(Chosen::Point { point, probability }) => self.point(&point) / probability,
+                Some(ChosenLight::Point { point, probability }) => self.point(&point) / probability,
                 None => Vec3::ZERO,
             };
             sum += light;
@@ -212,7 +212,7 @@ impl LitVertex<'_> {
 
     /// Returns the light that a point brings. No sample of the material can find it.
     #[inline]
-    fn point(&self, light: &Point) -> Vec3 {
+    fn point(&self, light: &PreparedPoint) -> Vec3 {
         let towards = light.position - self.point.point;
         let distance2 = towards.length_squared();
         let Some(direction) = towards.try_normalize() else { return Vec3::ZERO };

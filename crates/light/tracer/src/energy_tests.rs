@@ -4,7 +4,7 @@
 use glam::Vec3;
 use holo_scene::Bsdf;
 
-use crate::albedo::{Table, over_normals};
+use crate::albedo::{AlbedoTable, over_normals};
 use crate::bsdf::{Scatter, Tables};
 use crate::fresnel::{dielectric, reflect};
 use crate::microfacet::Ggx;
@@ -198,7 +198,7 @@ fn tables_are_as_exact_as_stated() {
             let share = if wi.z > 0.0 { ggx.shadowing(wo, wi) } else { 0.0 };
             share * dielectric(wo.dot(m).max(0.0), 1.5).0
         };
-        let table = Table::new(ggx, |cosine| over_normals(ggx, cosine, f));
+        let table = AlbedoTable::new(ggx, |cosine| over_normals(ggx, cosine, f));
         for i in (1..100).step_by(3) {
             // Fourth powers put most of them close to grazing angles.
             let cosine = (i as f32 / 100.0).powi(4);

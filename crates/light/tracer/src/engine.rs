@@ -15,14 +15,14 @@ use crate::panes::Panes;
 use crate::policy::Spread;
 use crate::secondary::SecondarySources;
 use crate::suns::Suns;
-use crate::surface::{Surface, surfaces};
+use crate::surface::{TracedMaterial, surfaces};
 use crate::weighting::Direct;
 
 /// The path tracer of one scene.
 #[derive(Debug)]
 pub(crate) struct PathEngine {
     /// Indexed by material.
-    pub surfaces: Vec<Surface>,
+    pub surfaces: Vec<TracedMaterial>,
     pub lights: Lights,
     pub panes: Arc<Panes>,
     pub secondary: Option<SecondarySources>,

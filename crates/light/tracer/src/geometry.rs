@@ -6,13 +6,13 @@ use glam::Vec3;
 
 /// A right-handed orthonormal frame whose third axis is a given normal.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Frame {
+pub(crate) struct ShadingFrame {
     pub s: Vec3,
     pub t: Vec3,
     pub n: Vec3,
 }
 
-impl Frame {
+impl ShadingFrame {
     /// Builds a frame without the cancellation near n.z = -1 (Duff et al. 2017, "Building an
     /// Orthonormal Basis, Revisited", JCGT 6(1)).
     #[inline]
@@ -99,7 +99,7 @@ mod tests {
                     (if i % 2 == 0 { v * Vec3::new(1e-5, 1e-4, 1.0) } else { v }).normalize()
                 }
             };
-            let f = Frame::new(n);
+            let f = ShadingFrame::new(n);
             let near = |a: f32, b: f32| (a - b).abs() < 4e-7;
             assert!(near(f.s.length(), 1.0) && near(f.t.length(), 1.0), "{n}");
             assert!(

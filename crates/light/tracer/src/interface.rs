@@ -14,7 +14,7 @@ use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 
-use crate::albedo::{Table, over_normals};
+use crate::albedo::{AlbedoTable, over_normals};
 use crate::fresnel::{dielectric, reflect, refract};
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::microfacet::Ggx;
@@ -25,11 +25,11 @@ const NO_LOSS: f32 = 1e-8;
 
 /// The properties of one side.
 #[derive(Clone, Debug)]
-struct Side {
+struct InterfaceSide {
     /// Index of refraction beyond the boundary over this side's.
     eta: f32,
     /// Share of flux that is lost if light meets only one facet.
-    loss: Option<Table>,
+    loss: Option<AlbedoTable>,
     /// Share of the loss that is returned as transmission.
     transmitted: f32,
 }
@@ -38,8 +38,8 @@ struct Side {
 #[derive(Clone, Debug)]
 pub(crate) struct Interface {
     ggx: Ggx,
-    front: Side,
-    back: Side,
+    front: InterfaceSide,
+    back: InterfaceSide,
 }
 
 /// A direction that an interface scatters light from. Colours are up to the caller.
@@ -58,7 +58,7 @@ impl Interface {
     pub(crate) fn new(ggx: Ggx, eta: f32) -> Self {
         let mut plain = Self::without_compensation(ggx, eta);
         let [front, back] = [&plain.front, &plain.back].map(|side| {
-            let table = Table::new(ggx, |cosine| {
+            let table = AlbedoTable::new(ggx, |cosine| {
                 over_normals(ggx, cosine, |wo, m| plain.lost(side, wo, m))
             });
             (table.mean > NO_LOSS).then_some(table)
@@ -81,16 +81,16 @@ impl Interface {
     /// Makes a boundary that does not return the lost light. For scenes with more pairs of media
     /// than [`Nesting`](crate::medium::Nesting) makes tables for.
     pub(crate) fn without_compensation(ggx: Ggx, eta: f32) -> Self {
-        let side = |eta| Side { eta, loss: None, transmitted: 0.0 };
+        let side = |eta| InterfaceSide { eta, loss: None, transmitted: 0.0 };
         Self { ggx, front: side(eta), back: side(1.0 / eta) }
     }
 
-    fn sides(&self, front: bool) -> (&Side, &Side) {
+    fn sides(&self, front: bool) -> (&InterfaceSide, &InterfaceSide) {
         if front { (&self.front, &self.back) } else { (&self.back, &self.front) }
     }
 
     /// Returns the share of the flux reaching a facet of normal `m` that then meets another facet.
-    fn lost(&self, side: &Side, wo: Vec3, m: Vec3) -> f32 {
+    fn lost(&self, side: &InterfaceSide, wo: Vec3, m: Vec3) -> f32 {
         let (reflected, beyond) = dielectric(wo.dot(m).max(0.0), side.eta);
         let wi = reflect(wo, m);
         let mut kept = if wi.z > 0.0 { reflected * self.ggx.shadowing(wo, wi) } else { 0.0 };
@@ -103,9 +103,9 @@ impl Interface {
 
     /// Returns the share of flux from the front that is reflected, by cosine. It counts all facets
     /// that light meets.
-    pub(crate) fn reflectance(&self) -> Table {
+    pub(crate) fn reflectance(&self) -> AlbedoTable {
         let side = &self.front;
-        Table::new(self.ggx, |cosine| {
+        AlbedoTable::new(self.ggx, |cosine| {
             let once = over_normals(self.ggx, cosine, |wo, m| {
                 let wi = reflect(wo, m);
                 if wi.z > 0.0 {

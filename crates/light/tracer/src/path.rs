@@ -33,13 +33,13 @@ use crate::bsdf::Scatter;
 use crate::direct::{self, LightSampling, LitVertex, MaterialSample};
 use crate::engine::PathEngine;
 use crate::gather::Footprint;
-use crate::geometry::Frame;
+use crate::geometry::ShadingFrame;
 use crate::medium::{Crossing, Inside, TOUCH};
 use crate::panes::MAX_DEPTH;
 use crate::policy::{Carried, FirstSurface, LaterVertex, PathPolicy, Spread, Unbiased};
-use crate::sampler::{Purpose, Sampler};
-use crate::shading::{self, Look};
-use crate::surface::Surface;
+use crate::sampler::{NumberPurpose, Sampler};
+use crate::shading::{self, PathArrival};
+use crate::surface::TracedMaterial;
 use crate::weighting::Direct;
 
 /// Growth of a path's width with the distance from an eye: about one pixel of a common picture.
@@ -99,7 +99,7 @@ struct OutgoingVertex<'a> {
     point: &'a SurfacePoint,
     /// Bound on the error of `point`. At the boundary of a solid it covers surfaces that touch it.
     error: Vec3,
-    frame: Frame,
+    frame: ShadingFrame,
     wo: Vec3,
     front: bool,
     scatter: &'a Scatter,
@@ -134,8 +134,8 @@ impl EmissionWeight {
 impl Path {
     /// Returns how the path looks at a surface.
     #[inline]
-    fn looking(&self) -> Look {
-        Look { towards_eye: -self.direction, width: self.width }
+    fn looking(&self) -> PathArrival {
+        PathArrival { towards_eye: -self.direction, width: self.width }
     }
 }
 
@@ -233,7 +233,7 @@ impl PathEngine {
                 true => shading::normals(raycaster, &hit, scatter, facing, &path.looking()).1,
                 false => facing,
             };
-            let frame = Frame::new(normal);
+            let frame = ShadingFrame::new(normal);
             let wo = frame.to_local(-path.direction);
             if wo.z <= 0.0 {
                 break;
@@ -287,12 +287,12 @@ impl PathEngine {
                     };
                     let lights =
                         direct::lights_at(&self.lights, scatter, &point, frame.n, scatterings);
-                    sampler.turn(depth, Purpose::Light);
+                    sampler.turn(depth, NumberPurpose::Light);
                     let (light, variance) = vertex.direct_light(&lights, count, direct, sampler);
                     (direct_light, direct_variance) = (throughput * light, variance);
                     radiance += direct_light;
                     if self.suns.any() {
-                        sampler.turn(depth, Purpose::Sun);
+                        sampler.turn(depth, NumberPurpose::Sun);
                         radiance += throughput * vertex.sunlight(direct, sampler);
                     }
                     let counts = [count, scatterings];
@@ -389,7 +389,7 @@ impl PathEngine {
         path: &Path,
         hit: &Hit,
         cosine: f32,
-        surface: &Surface,
+        surface: &TracedMaterial,
     ) -> Vec3 {
         let weight = path.emission_weight.factor(self.direct, |sample| {
             sample.emitter_density(&self.lights, raycaster, hit, cosine)

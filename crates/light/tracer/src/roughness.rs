@@ -9,9 +9,9 @@ use std::sync::{Arc, OnceLock};
 use glam::Vec3;
 use holo_scene::{Bsdf, FinishMap};
 
-use crate::albedo::Table;
+use crate::albedo::AlbedoTable;
 use crate::bsdf::Scatter;
-use crate::coat::{Coat, Layer};
+use crate::coat::{Coat, CoatTables};
 use crate::conductor::Conductor;
 use crate::microfacet::Ggx;
 
@@ -26,9 +26,9 @@ const DIFFUSE: f32 = 0.75;
 
 /// The tables of metals and coats, by step of roughness.
 #[derive(Debug, Default)]
-struct Steps<T>(Vec<OnceLock<Arc<T>>>);
+struct RoughnessTables<T>(Vec<OnceLock<Arc<T>>>);
 
-impl<T> Steps<T> {
+impl<T> RoughnessTables<T> {
     fn new() -> Self {
         Self((0..STEPS).map(|_| OnceLock::new()).collect())
     }
@@ -46,7 +46,7 @@ impl<T> Steps<T> {
 #[derive(Debug)]
 struct Metal {
     ggx: Ggx,
-    loss: Arc<Table>,
+    loss: Arc<AlbedoTable>,
 }
 
 /// A material with textures of roughness or metalness.
@@ -56,16 +56,16 @@ pub(crate) struct Varied {
     /// Colour and index of refraction of the coat where the surface is no metal.
     coat: Vec3,
     ior: f32,
-    metals: Arc<Steps<Metal>>,
-    layers: Arc<Steps<Layer>>,
+    metals: Arc<RoughnessTables<Metal>>,
+    layers: Arc<RoughnessTables<CoatTables>>,
 }
 
 /// The tables that such materials share.
 #[derive(Debug, Default)]
 pub(crate) struct VariedTables {
-    metals: Option<Arc<Steps<Metal>>>,
+    metals: Option<Arc<RoughnessTables<Metal>>>,
     /// By the bits of the index of refraction.
-    layers: HashMap<u32, Arc<Steps<Layer>>>,
+    layers: HashMap<u32, Arc<RoughnessTables<CoatTables>>>,
 }
 
 impl Varied {
@@ -86,11 +86,11 @@ impl Varied {
             colour: colour.into(),
             coat: coat.into(),
             ior,
-            metals: tables.metals.get_or_insert_with(|| Arc::new(Steps::new())).clone(),
+            metals: tables.metals.get_or_insert_with(|| Arc::new(RoughnessTables::new())).clone(),
             layers: tables
                 .layers
                 .entry(ior.to_bits())
-                .or_insert_with(|| Arc::new(Steps::new()))
+                .or_insert_with(|| Arc::new(RoughnessTables::new()))
                 .clone(),
         })
     }
@@ -115,7 +115,7 @@ impl Varied {
         if roughness >= DIFFUSE {
             return Scatter::Diffuse(colour);
         }
-        let layer = self.layers.at(roughness, |ggx| Layer::new(self.ior, ggx));
+        let layer = self.layers.at(roughness, |ggx| CoatTables::new(self.ior, ggx));
         Scatter::Coated(Box::new(Coat::new(colour, self.coat, layer)))
     }
 }

@@ -2,17 +2,17 @@
 //! "Practical Hash-based Owen Scrambling", JCGT 9(4)). Each pair of dimensions is scrambled and
 //! shuffled independently.
 //!
-//! A number is identified by the vertex of the path, a [`Purpose`], and its position among the
-//! numbers of that vertex and purpose.
+//! A number is identified by the vertex of the path, a [`NumberPurpose`], and its position among
+//! the numbers of that vertex and purpose.
 //!
 //! | purpose | points |
 //! | --- | --- |
-//! | [`Purpose::Light`] | one pair for each light sample. The first number chooses in the light tree, and what remains of it chooses one coordinate on the light; the second number is the other coordinate. Light sample j of n has point n·path + j, so that the samples of one path are stratified, and those of all paths too |
-//! | [`Purpose::Scatter`] | lobe and direction, in the order in which the material asks |
-//! | [`Purpose::Roulette`] | whether the path survives |
-//! | [`Purpose::Teach`] | whether a path that could end in a cell continues to teach it |
-//! | [`Purpose::Aim`] | one pair: whether to aim at a secondary source or a caustic, at which, and where |
-//! | [`Purpose::Sun`] | which sun, and one pair: where on it |
+//! | [`NumberPurpose::Light`] | one pair for each light sample. The first number chooses in the light tree, and what remains of it chooses one coordinate on the light; the second number is the other coordinate. Light sample j of n has point n·path + j, so that the samples of one path are stratified, and those of all paths too |
+//! | [`NumberPurpose::Scatter`] | lobe and direction, in the order in which the material asks |
+//! | [`NumberPurpose::Roulette`] | whether the path survives |
+//! | [`NumberPurpose::Teach`] | whether a path that could end in a cell continues to teach it |
+//! | [`NumberPurpose::Aim`] | one pair: whether to aim at a secondary source or a caustic, at which, and where |
+//! | [`NumberPurpose::Sun`] | which sun, and one pair: where on it |
 //!
 //! If a path branches, branch j of n uses the numbers of path n·path + j.
 //!
@@ -28,7 +28,7 @@ const STEP: u64 = 0x9E37_79B9_7F4A_7C15;
 
 /// The purpose of a number. Each purpose has its own dimensions at every vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Purpose {
+pub(crate) enum NumberPurpose {
     Scatter = 0,
     Light = 1,
     Roulette = 2,
@@ -72,7 +72,7 @@ impl Sampler {
 
     /// Moves to the numbers of a vertex and purpose.
     #[inline]
-    pub(crate) fn turn(&mut self, vertex: u32, purpose: Purpose) {
+    pub(crate) fn turn(&mut self, vertex: u32, purpose: NumberPurpose) {
         self.state = mix(self.base
             ^ u64::from(vertex * 4 + purpose as u32 + 1).wrapping_mul(0xD6E8_FEB8_6659_FD93));
     }
@@ -86,28 +86,28 @@ impl Sampler {
     /// Returns a number that is uniform in [0, 1).
     #[inline]
     pub fn one(&mut self) -> f32 {
-        let [x, _] = Pair { keys: self.next() }.point(self.reversed);
+        let [x, _] = SobolPair { keys: self.next() }.point(self.reversed);
         unit(x)
     }
 
     /// Returns a point that is uniform in the unit square.
     #[inline]
     pub fn two(&mut self) -> [f32; 2] {
-        Pair { keys: self.next() }.point(self.reversed).map(unit)
+        SobolPair { keys: self.next() }.point(self.reversed).map(unit)
     }
 
     /// Returns the pairs of `count` light samples.
     #[inline]
     pub(crate) fn pairs(&mut self, count: u32) -> Pairs {
         // If the index overflows, the sequence starts again; aligned blocks stay blocks.
-        Pairs { pair: Pair { keys: self.next() }, first: self.index.wrapping_mul(count) }
+        Pairs { pair: SobolPair { keys: self.next() }, first: self.index.wrapping_mul(count) }
     }
 }
 
 /// Points of consecutive indices in one pair of dimensions.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pairs {
-    pair: Pair,
+    pair: SobolPair,
     first: u32,
 }
 
@@ -127,11 +127,11 @@ impl Pairs {
 
 /// One pair of dimensions: a Sobol (0,2)-sequence in base 2, shuffled and scrambled by `keys`.
 #[derive(Clone, Copy, Debug)]
-struct Pair {
+struct SobolPair {
     keys: u64,
 }
 
-impl Pair {
+impl SobolPair {
     #[inline]
     fn point(self, reversed: u32) -> [u32; 2] {
         let index = shuffle(reversed, self.keys as u32);
@@ -215,12 +215,12 @@ mod tests {
             for i in 0..n {
                 let mut s = if by_path { Sampler::new(9, i) } else { Sampler::new(i, 0) };
                 let mut x = [0.0; 6];
-                s.turn(0, Purpose::Scatter);
+                s.turn(0, NumberPurpose::Scatter);
                 (x[0], x[1]) = (s.one(), s.two()[1]);
-                s.turn(0, Purpose::Light);
+                s.turn(0, NumberPurpose::Light);
                 let (a, b) = s.pairs(2).at(1);
                 (x[2], x[3]) = (a as f32, b);
-                s.turn(1, Purpose::Scatter);
+                s.turn(1, NumberPurpose::Scatter);
                 [x[4], x[5]] = s.two();
                 let x = x.map(|x| f64::from(x) - 0.5);
                 for (j, (row, a)) in sums.iter_mut().zip(x).enumerate() {
@@ -299,11 +299,11 @@ mod tests {
                         let mut by_light = vec![0; 4 * n as usize];
                         for path in block * n..(block + 1) * n {
                             let mut s = Sampler::new(seed, path);
-                            s.turn(2, Purpose::Scatter);
+                            s.turn(2, NumberPurpose::Scatter);
                             let [x, y] = s.two();
                             by_two[(x * across as f32) as usize * up + (y * up as f32) as usize] +=
                                 1;
-                            s.turn(0, Purpose::Light);
+                            s.turn(0, NumberPurpose::Light);
                             let pairs = s.pairs(4);
                             for j in 0..4 {
                                 let (x, y) = pairs.at(j);

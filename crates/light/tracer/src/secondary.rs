@@ -19,12 +19,12 @@ use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::Scene;
 
-use crate::geometry::{Frame, cosine_hemisphere, triangle};
-use crate::lights::{Aim, Chosen, Emitter, LATER, Lights, Point, VertexLights};
+use crate::geometry::{ShadingFrame, cosine_hemisphere, triangle};
+use crate::lights::{Aim, ChosenLight, Emitter, LATER, Lights, PreparedPoint, VertexLights};
 use crate::luminance::luminance;
 use crate::panes::Panes;
-use crate::sampler::{Purpose, Sampler};
-use crate::surface::Surface;
+use crate::sampler::{NumberPurpose, Sampler};
+use crate::surface::TracedMaterial;
 
 /// Number of light paths: about 50 ms of work.
 const PATHS: u32 = 1 << 16;
@@ -93,7 +93,7 @@ impl AimedVertex<'_> {
         first: f64,
         second: f32,
     ) -> Option<SurfacePoint> {
-        let Chosen::Triangle { triangle, rest, .. } =
+        let ChosenLight::Triangle { triangle, rest, .. } =
             self.sources.tree.choose(&self.lights(), first)?
         else {
             return None;
@@ -131,7 +131,7 @@ impl SecondarySources {
     /// Finds the sources of a scene. `None` if there are none.
     pub(crate) fn find(
         raycaster: &Arc<Raycaster>,
-        surfaces: &[Surface],
+        surfaces: &[TracedMaterial],
         lights: &Lights,
     ) -> Option<Self> {
         let scene = raycaster.scene();
@@ -139,7 +139,7 @@ impl SecondarySources {
             scene.materials.iter().map(|m| f64::from(luminance(m.emission))).collect();
         let power = |t: u32| strength[scene.material_id(t) as usize] * scene.area(t);
         let (emitters, points) = (lights.triangles(), lights.points());
-        let of_point = |p: &Point| f64::from(p.strength() * p.extent());
+        let of_point = |p: &PreparedPoint| f64::from(p.strength() * p.extent());
         let powers = emitters.iter().map(|&t| power(t)).chain(points.iter().map(of_point));
         let mut total = 0.0;
         let sums: Vec<f64> = powers
@@ -154,12 +154,12 @@ impl SecondarySources {
         let mut outgoing = HashMap::<u32, OutgoingFlux>::new();
         for path in 0..PATHS {
             let mut sampler = Sampler::new(SEED, u64::from(path));
-            sampler.turn(0, Purpose::Light);
+            sampler.turn(0, NumberPurpose::Light);
             let (choice, _) = sampler.pairs(1).at(0);
             let i = sums.partition_point(|&sum| sum <= choice * total).min(sums.len() - 1);
             let light = match emitters.get(i) {
-                Some(&triangle) => Start::Triangle(triangle),
-                None => Start::Point(&points[i - emitters.len()]),
+                Some(&triangle) => LightPathStart::Triangle(triangle),
+                None => LightPathStart::Point(&points[i - emitters.len()]),
             };
             follow(raycaster, surfaces, &light, &mut sampler, &mut |t, side, share| {
                 let mut one = OutgoingFlux { flux: [0.0; 2], paths: 1 };
@@ -264,33 +264,33 @@ const CELLS: f32 = 512.0;
 const SEED: u64 = 0x5EC0_DA2E;
 
 /// The emitter where a light path starts.
-enum Start<'a> {
+enum LightPathStart<'a> {
     Triangle(u32),
-    Point(&'a Point),
+    Point(&'a PreparedPoint),
 }
 
 /// Traces one light path from a point of an emitter. Calls `outgoing` for each surface that
 /// reflects it, with triangle, side (0: counter-clockwise) and remaining flux.
 fn follow(
     raycaster: &Raycaster,
-    surfaces: &[Surface],
-    light: &Start,
+    surfaces: &[TracedMaterial],
+    light: &LightPathStart,
     sampler: &mut Sampler,
     outgoing: &mut impl FnMut(u32, usize, f32),
 ) {
     let surface = |triangle: u32| &surfaces[raycaster.scene().material_id(triangle) as usize];
     let (mut point, mut direction, mut share) = match *light {
-        Start::Triangle(emitter) => {
+        LightPathStart::Triangle(emitter) => {
             let (u, v) = triangle(sampler.two());
             let point = raycaster.surface(emitter, u, v);
             let mut normal = point.normal;
             if surface(emitter).two_sided && sampler.one() < 0.5 {
                 normal = -normal;
             }
-            let direction = Frame::new(normal).to_world(cosine_hemisphere(sampler.two()));
+            let direction = ShadingFrame::new(normal).to_world(cosine_hemisphere(sampler.two()));
             (point, direction, 1.0)
         }
-        Start::Point(light) => {
+        LightPathStart::Point(light) => {
             let (direction, share) = light.direction(sampler.two());
             (light.place(), direction, share)
         }
@@ -300,12 +300,12 @@ fn follow(
         let Some(hit) = raycaster.nearest_from(&ray, point.triangle) else { return };
         point = raycaster.surface(hit.triangle, hit.u, hit.v);
         let front = direction.dot(point.normal) < 0.0;
-        let frame = Frame::new(if front { point.normal } else { -point.normal });
+        let frame = ShadingFrame::new(if front { point.normal } else { -point.normal });
         let wo = frame.to_local(-direction);
         if wo.z <= 0.0 {
             return;
         }
-        sampler.turn(depth, Purpose::Scatter);
+        sampler.turn(depth, NumberPurpose::Scatter);
         let scatter = &surface(hit.triangle).scatter;
         let Some(sampled) = scatter.sample(wo, front, sampler) else { return };
         share *= luminance(sampled.weight.to_array()).min(1.0);

@@ -11,8 +11,8 @@ use holo_raycast::{Hit, Raycaster, is_in_share};
 
 use crate::bsdf::Scatter;
 use crate::engine::PathEngine;
-use crate::geometry::Frame;
-use crate::surface::Surface;
+use crate::geometry::ShadingFrame;
+use crate::surface::TracedMaterial;
 
 /// Least cosine between a smooth normal and the direction to the eye. Beyond, the normal is bent to
 /// the eye: a surface that is seen faces it.
@@ -25,7 +25,7 @@ impl PathEngine {
         &self,
         raycaster: &Raycaster,
         hit: &Hit,
-        surface: &Surface,
+        surface: &TracedMaterial,
         width: f32,
     ) -> Option<Scatter> {
         let texture = raycaster.scene().base_texture(hit.triangle, hit.u, hit.v, width);
@@ -54,9 +54,9 @@ impl PathEngine {
         &self,
         raycaster: &Raycaster,
         hit: &Hit,
-        surface: &'s Surface,
+        surface: &'s TracedMaterial,
         direction: Vec3,
-    ) -> Option<&'s Surface> {
+    ) -> Option<&'s TracedMaterial> {
         let base = surface.base.as_deref()?;
         let glass = raycaster.scene().glass_share(hit.triangle, hit.u, hit.v)?;
         (!is_in_share(hit, direction, glass)).then_some(base)
@@ -100,7 +100,7 @@ impl PathEngine {
 
 /// The direction and width of a path that reaches a surface.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Look {
+pub(crate) struct PathArrival {
     /// The unit direction from the surface to the previous point of the path.
     pub towards_eye: Vec3,
     /// The width of the path, in scene units.
@@ -116,7 +116,7 @@ pub(crate) fn normals(
     hit: &Hit,
     scatter: &Scatter,
     facing: Vec3,
-    look: &Look,
+    look: &PathArrival,
 ) -> (Vec3, Vec3) {
     if matches!(scatter, Scatter::Pane { .. } | Scatter::Clear { .. }) {
         return (facing, facing);
@@ -148,7 +148,7 @@ pub(crate) fn normals(
 /// the facets' own shadows (Chiang, Li and Burley 2019, "Taming the Shadow Terminator").
 #[inline]
 pub(crate) fn terminator(
-    frame: &Frame,
+    frame: &ShadingFrame,
     geometric: Vec3,
     direction: Vec3,
     z: f32,

@@ -6,14 +6,14 @@
 use glam::Vec3;
 use holo_scene::{SUN_RADIUS, Scene, Sun};
 
-use crate::geometry::{Frame, disc};
+use crate::geometry::{ShadingFrame, disc};
 use crate::luminance::luminance;
 
 /// A sun, prepared for sampling.
 #[derive(Clone, Copy, Debug)]
 struct Disc {
     /// Its third axis points to the middle.
-    frame: Frame,
+    frame: ShadingFrame,
     radiance: Vec3,
     /// Probability of choosing it.
     share: f32,
@@ -31,7 +31,7 @@ pub(crate) struct Suns {
 
 /// A point of a sun.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Chosen {
+pub(crate) struct SunPoint {
     pub direction: Vec3,
     pub radiance: Vec3,
     /// Density per solid angle with which it was chosen.
@@ -44,7 +44,7 @@ impl Suns {
         let all: f32 = scene.suns.iter().map(power).sum();
         let density = (1.0 / Sun::projected_solid_angle()) as f32;
         let disc = |sun: &Sun| Disc {
-            frame: Frame::new(Vec3::from(sun.towards).normalize_or_zero()),
+            frame: ShadingFrame::new(Vec3::from(sun.towards).normalize_or_zero()),
             radiance: Vec3::from(sun.irradiance) * density,
             share: power(sun) / all,
         };
@@ -58,7 +58,7 @@ impl Suns {
 
     /// Returns a point of a sun, chosen by three uniform numbers in proportion to its irradiance.
     #[inline]
-    pub(crate) fn choose(&self, mut which: f32, at: [f32; 2]) -> Option<Chosen> {
+    pub(crate) fn choose(&self, mut which: f32, at: [f32; 2]) -> Option<SunPoint> {
         let last = self.discs.last()?;
         let chosen = self.discs.iter().find(|disc| {
             which -= disc.share;
@@ -68,7 +68,7 @@ impl Suns {
         let [x, y] = disc(at).map(|c| c * self.radius);
         let local = Vec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt());
         let direction = sun.frame.to_world(local);
-        Some(Chosen { direction, radiance: sun.radiance, density: sun.share * self.density })
+        Some(SunPoint { direction, radiance: sun.radiance, density: sun.share * self.density })
     }
 
     /// Returns the direction to the middle of a sun, chosen by a uniform number in proportion to its

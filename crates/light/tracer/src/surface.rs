@@ -8,7 +8,7 @@ use crate::roughness::{Varied, VariedTables};
 
 /// A material, prepared for tracing.
 #[derive(Clone, Debug)]
-pub(crate) struct Surface {
+pub(crate) struct TracedMaterial {
     pub scatter: Scatter,
     /// Set if textures decide at each point; `scatter` is the mean then.
     pub varied: Option<Box<Varied>>,
@@ -17,11 +17,11 @@ pub(crate) struct Surface {
     /// Whether the back emits too.
     pub two_sided: bool,
     /// What glass is besides glass, for part of the rays.
-    pub base: Option<Box<Surface>>,
+    pub base: Option<Box<TracedMaterial>>,
 }
 
 /// Returns the materials of a scene, in order.
-pub(crate) fn surfaces(scene: &Scene) -> Vec<Surface> {
+pub(crate) fn surfaces(scene: &Scene) -> Vec<TracedMaterial> {
     let mut used = vec![false; scene.materials.len()];
     scene.material_ids().for_each(|m| used[m as usize] = true);
     let (mut tables, mut varied) = (Tables::default(), VariedTables::default());
@@ -32,7 +32,7 @@ pub(crate) fn surfaces(scene: &Scene) -> Vec<Surface> {
         .zip(used)
         .enumerate()
         .map(|(id, (m, used))| {
-            let whole = Surface {
+            let whole = TracedMaterial {
                 varied: Varied::new(&m.bsdf, finish(id), &mut varied).map(Box::new),
                 scatter: match m.bsdf {
                     // The scattering of a solid depends on the media on both sides (`nesting`).
@@ -47,9 +47,9 @@ pub(crate) fn surfaces(scene: &Scene) -> Vec<Surface> {
             };
             let base = scene.base(id).filter(|_| used).map(|base| {
                 let scatter = Scatter::new(&base.bsdf, &mut tables);
-                Box::new(Surface { scatter, varied: None, ..whole.clone() })
+                Box::new(TracedMaterial { scatter, varied: None, ..whole.clone() })
             });
-            Surface { base, ..whole }
+            TracedMaterial { base, ..whole }
         })
         .collect()
 }

@@ -19,7 +19,7 @@ use holo_scene::{Bsdf, Scene};
 use crate::bsdf::Scatter;
 use crate::engine::PathEngine;
 use crate::fresnel::{dielectric, mirrored, pane, refract};
-use crate::geometry::Frame;
+use crate::geometry::ShadingFrame;
 use crate::luminance::luminance;
 use crate::medium::{Crossing, TOUCH};
 use crate::path::Start;
@@ -117,7 +117,7 @@ impl VirtualDistance {
                     f64::from(left.distance(raycaster.point(found.triangle, found.u, found.v)));
             }
             let front = direction.dot(point.normal) < 0.0;
-            let frame = Frame::new(if front { point.normal } else { -point.normal });
+            let frame = ShadingFrame::new(if front { point.normal } else { -point.normal });
             let wo = frame.to_local(-direction);
             let there = matches!(scatter, Scatter::Clear { .. });
             let emits = surface.emits && (front || surface.two_sided);

@@ -2,7 +2,7 @@
 
 use crate::viewer;
 use crate::{RoomSample, TestRoom};
-use holo_display::{Driver, Frame, Interrupt, Look};
+use holo_display::{Driver, Frame, FrameRequest, Interrupt};
 use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_driver_rendercache::{PointImageParams, frameless_driver, pointimage_driver};
 use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver};
@@ -136,7 +136,7 @@ impl SubjectViewer {
 
     /// Shows a view.
     pub fn look(&mut self, view: &View, size: (u32, u32), is_moving: bool) {
-        let look = Look { view: *view, size, is_moving };
+        let look = FrameRequest { view: *view, size, is_moving };
         self.0.weigh(&look, Vec::new()).unwrap();
         self.0.viewpoint_radius(&look, 0.5);
         self.0.look(&look).unwrap();
@@ -200,7 +200,7 @@ impl SubjectViewer {
 
     /// Draws the left half of a picture; `None` if the driver cannot, or was interrupted.
     pub fn draw_half(&mut self, view: &View, size: (u32, u32)) -> Option<Picture> {
-        self.0.draw_half(&Look { view: *view, size, is_moving: false })
+        self.0.draw_half(&FrameRequest { view: *view, size, is_moving: false })
     }
 
     /// Returns the known distances from the eye.

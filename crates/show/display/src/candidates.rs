@@ -16,7 +16,7 @@ use holo_section::{BeamKey, Section};
 
 /// The side of the eye on which a view ray meets a section.
 #[derive(Clone, Copy)]
-enum Side {
+enum RaySide {
     /// The eye is inside the section, or on its wall.
     Around,
     /// The ray enters the section ahead of the eye.
@@ -47,23 +47,23 @@ pub fn candidates(sections: &[Section], eye: DVec3, direction: DVec3, found: &mu
     for (number, section) in (0..=u16::MAX).zip(sections) {
         let Some(hit) = section.line(eye, direction) else { continue };
         let (side, rank_distance) = if hit.entry_t > 0.0 {
-            (Side::Ahead, hit.entry_t)
+            (RaySide::Ahead, hit.entry_t)
         } else if hit.exit_t < 0.0 {
-            (Side::Behind, -hit.exit_t)
+            (RaySide::Behind, -hit.exit_t)
         } else {
-            (Side::Around, hit.exit_t - hit.entry_t)
+            (RaySide::Around, hit.exit_t - hit.entry_t)
         };
         let candidate = Candidate {
             key: BeamKey { section: number, beam: section.beam(hit.pair) },
             rank_distance,
         };
         let nearest = match side {
-            Side::Around => {
+            RaySide::Around => {
                 found.push(candidate);
                 continue;
             }
-            Side::Ahead => &mut ahead,
-            Side::Behind => &mut behind,
+            RaySide::Ahead => &mut ahead,
+            RaySide::Behind => &mut behind,
         };
         // Strictly nearer, so that of equal ones the lower section number stays.
         if nearest.is_none_or(|kept| candidate.rank_distance < kept.rank_distance) {

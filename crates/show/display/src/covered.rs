@@ -17,7 +17,7 @@ const SIDE: usize = 16;
 
 /// The side of the eye on which a ray meets a section.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Side {
+enum EyeSide {
     Around,
     Ahead,
     Behind,
@@ -26,7 +26,7 @@ enum Side {
 /// Returns whether some section covers each pixel of a picture of `size`, row by row from the top.
 pub fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Vec<bool> {
     let (width, height) = (size.0 as usize, size.1 as usize);
-    let coverage = Coverage { sections, view, size: (width as f64, height as f64) };
+    let coverage = PictureRays { sections, view, size: (width as f64, height as f64) };
     let mut covered = vec![false; width * height];
     for_bands(&mut covered, width, SIDE, |band, lines| {
         let (mut hint, top) = (0, band * SIDE);
@@ -48,13 +48,13 @@ pub fn covered(sections: &[Section], view: &View, size: (u32, u32)) -> Vec<bool>
 }
 
 /// The rays of a picture's pixels, and the sections that they may meet.
-struct Coverage<'a> {
+struct PictureRays<'a> {
     sections: &'a [Section],
     view: &'a View,
     size: (f64, f64),
 }
 
-impl Coverage<'_> {
+impl PictureRays<'_> {
     /// Returns origin and direction of the ray through a pixel's middle. The direction is 0 in the
     /// corners of a fisheye, which show nothing.
     fn ray(&self, column: usize, row: usize) -> (DVec3, DVec3) {
@@ -64,12 +64,12 @@ impl Coverage<'_> {
     }
 
     /// Returns the side of the eye on which a pixel's ray meets a section; `None` if it misses.
-    fn side(&self, section: &Section, column: usize, row: usize) -> Option<Side> {
+    fn side(&self, section: &Section, column: usize, row: usize) -> Option<EyeSide> {
         let (eye, along) = self.ray(column, row);
         section.line(eye, along).map(|hit| match hit.entry_t {
-            entry if entry > 0.0 => Side::Ahead,
-            _ if hit.exit_t < 0.0 => Side::Behind,
-            _ => Side::Around,
+            entry if entry > 0.0 => EyeSide::Ahead,
+            _ if hit.exit_t < 0.0 => EyeSide::Behind,
+            _ => EyeSide::Around,
         })
     }
 

@@ -50,7 +50,7 @@ const MOST_BEAMS: usize = 900_000;
 
 /// A visible point.
 #[derive(Clone, Copy, Debug)]
-pub struct End {
+pub struct VisibleEnd {
     /// The point, in the scene.
     pub point: DVec3,
     /// The normal of its surface on the visible side, if it is known.
@@ -71,7 +71,7 @@ pub type BeamSearch = Box<dyn FnOnce() -> Vec<UsefulBeam> + Send>;
 /// largest such error, relative to the ray's length.
 pub fn beams_ending_on(
     sections: &[Section],
-    points: &[End],
+    points: &[VisibleEnd],
     slack: f64,
     search: Search,
 ) -> Vec<UsefulBeam> {
@@ -89,7 +89,12 @@ pub fn beams_ending_on(
 
 /// Tries `count` lines for each section. Returns the beams of these lines. Their weights grow with
 /// the probability that their rays end on the points.
-fn by_lines(sections: &[Section], points: &[End], slack: f64, count: usize) -> Vec<(BeamKey, u32)> {
+fn by_lines(
+    sections: &[Section],
+    points: &[VisibleEnd],
+    slack: f64,
+    count: usize,
+) -> Vec<(BeamKey, u32)> {
     if points.is_empty() {
         return Vec::new();
     }
@@ -123,7 +128,13 @@ fn lines_per_section(count: usize, sections: usize) -> usize {
 /// point. `None` if no ray of the beam can show the point.
 ///
 /// `near` is the gap at which a line's weight is half, scene units.
-fn beam(section: &Section, points: &[End], line: u64, slack: f64, near: f64) -> Option<(u64, u32)> {
+fn beam(
+    section: &Section,
+    points: &[VisibleEnd],
+    line: u64,
+    slack: f64,
+    near: f64,
+) -> Option<(u64, u32)> {
     let random = |salt: u64| (split_mix(line * 4 + salt) >> 11) as f64 / (1_u64 << 53) as f64;
     let end = points.get((random(0) * points.len() as f64) as usize)?;
     let from = section.local_to_world(DVec3::new(random(1), random(2), random(3)));

@@ -37,7 +37,7 @@ pub use camera::{Camera, PixelWidth};
 pub use candidates::{Candidate, best_beam, candidates, section_of};
 pub use covered::{covered, uncovered_pixels};
 pub use driver::Driver;
-pub use ending::{BeamSearch, End, Search, UsefulBeam, beams_ending_on};
+pub use ending::{BeamSearch, Search, UsefulBeam, VisibleEnd, beams_ending_on};
 pub use frame::{Certainty, Frame};
 pub use interrupt::Interrupt;
 pub use light::{Age, Light};
@@ -45,7 +45,7 @@ pub use live::LiveSample;
 pub use parts::PartsPlan;
 pub use phase::{FramePhase, ViewPhases};
 pub use random::{mix, pair, split_mix};
-pub use renderer::{DriverError, Look, PartsRenderer, Renderer};
+pub use renderer::{DriverError, FrameRequest, PartsRenderer, Renderer};
 pub use select::{
     Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius,
 };

@@ -2,7 +2,7 @@
 
 use holo_picture::Picture;
 
-use crate::Look;
+use crate::FrameRequest;
 
 /// Most pixels of a preview.
 const PREVIEW_PIXELS: f64 = (1 << 18) as f64;
@@ -11,7 +11,7 @@ const PREVIEW_PIXELS: f64 = (1 << 18) as f64;
 #[derive(Clone, Debug)]
 pub struct PartsPlan {
     /// The whole picture, of an eye at rest.
-    pub look: Look,
+    pub look: FrameRequest,
     /// Side of the squares of pixels that share their light.
     pub step: usize,
     /// The whole picture with fewer pixels.

@@ -8,7 +8,7 @@ use crate::{Frame, FramePhase, Interrupt, LiveSample, PartsPlan, RayWishes};
 
 /// A view to draw, with the frame's size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
+pub struct FrameRequest {
     /// The view.
     pub view: View,
     /// Width and height of the frame, pixels. [`View::resolve`] returns them and bounds them.
@@ -17,7 +17,7 @@ pub struct Look {
     pub is_moving: bool,
 }
 
-impl Look {
+impl FrameRequest {
     /// Most pixels of a small view.
     pub const SMALL: u64 = 100_000;
 
@@ -49,7 +49,7 @@ pub trait Renderer: Send {
     ///
     /// # Errors
     /// If the driver cannot show the view.
-    fn look(&mut self, look: &Look) -> Result<(), DriverError>;
+    fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError>;
 
     /// Inserts rays of the view itself, each the mean of `paths` paths, traced for the pixels that
     /// [`RayWishes::uncovered`] returned.
@@ -92,7 +92,7 @@ pub trait Renderer: Send {
 /// is shown does not change.
 pub trait PartsRenderer {
     /// Plans a picture.
-    fn plan(&mut self, look: &Look) -> PartsPlan;
+    fn plan(&mut self, look: &FrameRequest) -> PartsPlan;
 
     /// Draws these columns and rows of a planned picture, counted from its left and top. `None` if
     /// it was interrupted.

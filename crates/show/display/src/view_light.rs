@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use holo_section::{BeamKey, RayCoords, Sample};
 
 use crate::{
-    Age, BeamSearch, DriverError, Frame, FramePhase, Interrupt, Light, LiveSample, Look,
+    Age, BeamSearch, DriverError, Frame, FramePhase, FrameRequest, Interrupt, Light, LiveSample,
     PartsRenderer, RayWishes, Renderer, Search, WantedBeam,
 };
 
@@ -79,7 +79,7 @@ impl<R: StoringRenderer> Light for ViewLight<R> {
 }
 
 impl<R: StoringRenderer> Renderer for SharedRenderer<R> {
-    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+    fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
         lock(&self.0).look(look)
     }
 
@@ -125,7 +125,7 @@ impl<R: StoringRenderer> Renderer for SharedRenderer<R> {
 impl<R: StoringRenderer> RayWishes for SharedRenderer<R> {
     fn weigh(
         &mut self,
-        look: &Look,
+        look: &FrameRequest,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         lock(&self.0).weigh(look, beams)
@@ -135,7 +135,7 @@ impl<R: StoringRenderer> RayWishes for SharedRenderer<R> {
         lock(&self.0).rays()
     }
 
-    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64 {
+    fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {
         lock(&self.0).viewpoint_radius(look, nearest)
     }
 

@@ -2,7 +2,7 @@
 
 use holo_section::{BeamKey, RayCoords};
 
-use crate::{BeamSearch, DriverError, Look, Search, WantedBeam};
+use crate::{BeamSearch, DriverError, FrameRequest, Search, WantedBeam};
 
 /// What a renderer's view would gain from: beams by weight, single rays, and rays of the view
 /// itself. Each renderer states all of them, also those that it has no use for.
@@ -16,7 +16,7 @@ pub trait RayWishes {
     /// If the driver cannot show the view.
     fn weigh(
         &mut self,
-        look: &Look,
+        look: &FrameRequest,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError>;
 
@@ -26,7 +26,7 @@ pub trait RayWishes {
 
     /// Returns the distance from the eye within which rays for a view should pass, scene units. The
     /// nearest visible surface is at distance `nearest`.
-    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64;
+    fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64;
 
     /// Returns the known distances from the eye, scene units, of points spread over the picture.
     fn depths(&mut self) -> Vec<f32>;

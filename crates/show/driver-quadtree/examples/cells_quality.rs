@@ -11,7 +11,7 @@ mod common;
 
 use common::*;
 use holo_display::Frame;
-use holo_driver_quadtree::{Cells, Filling, QuadtreeParams};
+use holo_driver_quadtree::{Filling, QuadtreeParams, ViewCells};
 use holo_picture::Picture;
 use std::sync::Arc;
 
@@ -45,7 +45,7 @@ fn main() {
                 show(&|| tree.draw());
                 for filling in [Filling::Constant, Filling::Smooth] {
                     let sections = Arc::from([section.clone()]);
-                    let mut cells = Cells::new(sections, view, SIZE, filling, params);
+                    let mut cells = ViewCells::new(sections, view, SIZE, filling, params);
                     stored.iter().for_each(|(beam, sample)| {
                         cells.insert(key(0, *beam), 1, std::slice::from_ref(sample));
                     });

@@ -10,7 +10,7 @@ mod clock;
 mod common;
 
 use common::*;
-use holo_driver_quadtree::{Cells, Filling, QuadtreeParams};
+use holo_driver_quadtree::{Filling, QuadtreeParams, ViewCells};
 use std::sync::Arc;
 
 const SIZE: (u32, u32) = (512, 512);
@@ -41,7 +41,7 @@ fn main() {
             println!("{kind}, {name}: {used} samples land; quadtree {drawn:.1}");
             for filling in [Filling::Constant, Filling::Smooth] {
                 let sections = Arc::from([section.clone()]);
-                let mut cells = Cells::new(sections, view, SIZE, filling, params);
+                let mut cells = ViewCells::new(sections, view, SIZE, filling, params);
                 let start = clock::now();
                 stored.chunk_by(|a, b| a.0 == b.0).for_each(|same| {
                     let samples: Vec<_> = same.iter().map(|stored| stored.1).collect();

@@ -9,7 +9,7 @@
 //! uses the aligned samples alone.
 
 use crate::blend::own_surface;
-use crate::leaf::{KAPPA, KAPPA_LINEAR, Reader};
+use crate::leaf::{KAPPA, KAPPA_LINEAR, LeafReader};
 use crate::surface::Bins;
 use glam::Vec4;
 use std::ops::Range;
@@ -48,8 +48,8 @@ impl Agreement {
     /// pixel. The mean over aligned samples has the rest.
     pub fn of(
         &mut self,
-        all: &mut Reader,
-        aligned: &mut Reader,
+        all: &mut LeafReader,
+        aligned: &mut LeafReader,
         (column, row): (usize, usize),
         bins: Bins,
     ) -> f32 {
@@ -74,8 +74,8 @@ impl Agreement {
 
 /// Compares the samples around one pixel.
 fn agreement(
-    all: &mut Reader,
-    aligned: &mut Reader,
+    all: &mut LeafReader,
+    aligned: &mut LeafReader,
     (column, row): (usize, usize),
     bins: Bins,
 ) -> f32 {

@@ -6,7 +6,7 @@
 //! Invariant: the choice is a function of the view, the sections and the set of samples so far.
 
 use crate::Quadtree;
-use holo_display::{BeamSearch, End, Search, beams_ending_on};
+use holo_display::{BeamSearch, Search, VisibleEnd, beams_ending_on};
 use std::sync::Arc;
 
 /// Relative slack of distances. Depths are known to 1.6 %, and walls of the scene may coincide with
@@ -31,10 +31,10 @@ impl Quadtree {
     }
 
     /// Returns points of the scene that the picture shows, spread over it.
-    fn points(&self) -> Vec<End> {
+    fn points(&self) -> Vec<VisibleEnd> {
         let point = |(column, row, depth): (usize, usize, f32)| {
             let (eye, along) = self.middle(column, row);
-            End { point: eye + along * f64::from(depth), normal: None }
+            VisibleEnd { point: eye + along * f64::from(depth), normal: None }
         };
         self.depths().into_iter().map(point).collect()
     }

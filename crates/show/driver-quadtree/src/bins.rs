@@ -6,7 +6,7 @@
 //!   So a bin that is among the nearest at the end was never refused or removed.
 //! - Memory is 140 bytes for each pixel and 384 bytes for each pixel with more than one bin.
 
-use crate::sums::{Colour, Sums};
+use crate::sums::{BinSums, Colour};
 
 /// Number of depth bins of each pixel, the nearest ones. A pixel rarely sees more than two
 /// surfaces.
@@ -43,10 +43,10 @@ pub(crate) struct PixelBins {
     /// The bins of each pixel, nearest first.
     bins: Vec<[u16; BINS_KEPT]>,
     /// Sums of each pixel's nearest bin; no meaning if the pixel has none.
-    nearest: Vec<Sums>,
+    nearest: Vec<BinSums>,
     /// Index into `further` of a pixel's other bins; no meaning if it has one bin or none.
     places: Vec<u32>,
-    further: Vec<[Sums; BINS_KEPT - 1]>,
+    further: Vec<[BinSums; BINS_KEPT - 1]>,
 }
 
 impl PixelBins {
@@ -89,23 +89,23 @@ impl PixelBins {
         bins[rank..].rotate_right(1);
         bins[rank] = bin;
         if count == 0 {
-            self.nearest[pixel] = Sums::default();
+            self.nearest[pixel] = BinSums::default();
             return;
         }
         if count == 1 {
             self.places[pixel] = self.further.len() as u32;
-            self.further.push([Sums::default(); BINS_KEPT - 1]);
+            self.further.push([BinSums::default(); BINS_KEPT - 1]);
         }
         let further = &mut self.further[self.places[pixel] as usize];
         let shifted = &mut further[rank.saturating_sub(1)..];
         shifted.rotate_right(1);
         shifted[0] =
-            if rank == 0 { std::mem::take(&mut self.nearest[pixel]) } else { Sums::default() };
+            if rank == 0 { std::mem::take(&mut self.nearest[pixel]) } else { BinSums::default() };
     }
 
     /// Returns the bins of a pixel, nearest first, with their sums.
     #[inline(always)]
-    pub fn of(&self, pixel: usize) -> impl Iterator<Item = (u16, &Sums)> {
+    pub fn of(&self, pixel: usize) -> impl Iterator<Item = (u16, &BinSums)> {
         let bins = self.bins[pixel].iter().take_while(|&&bin| bin != NONE);
         bins.enumerate().map(move |(rank, &bin)| match rank {
             0 => (bin, &self.nearest[pixel]),
@@ -122,11 +122,11 @@ pub(crate) fn merged(
     a: &PixelBins,
     b: &PixelBins,
     pixel: usize,
-) -> impl Iterator<Item = (u16, Sums)> {
+) -> impl Iterator<Item = (u16, BinSums)> {
     let (mut a, mut b) = (a.of(pixel).peekable(), b.of(pixel).peekable());
     let next = move || {
         let bin = a.peek().into_iter().chain(b.peek()).map(|(bin, _)| *bin).min()?;
-        let mut sums = Sums::default();
+        let mut sums = BinSums::default();
         for part in [a.next_if(|next| next.0 == bin), b.next_if(|next| next.0 == bin)] {
             part.into_iter().for_each(|(_, part)| sums.join(part));
         }
@@ -148,14 +148,14 @@ mod tests {
             samples in prop::collection::vec((0..9_u16, any::<[u8; 4]>(), 1..70_000_u32), 0..200)
         ) {
             let mut bins = PixelBins::new(3);
-            let mut model: BTreeMap<u16, Sums> = BTreeMap::new();
+            let mut model: BTreeMap<u16, BinSums> = BTreeMap::new();
             for &(bin, rgbe, weight) in &samples {
                 let (colour, near) = (Colour::from_rgbe(rgbe), usize::from(bin) % NEAR_CLASSES);
                 bins.add(1, bin, &colour, weight, Some(near));
                 model.entry(bin).or_default().add(&colour, weight, Some(near));
             }
-            let kept: Vec<(u16, Sums)> = bins.of(1).map(|(bin, sums)| (bin, *sums)).collect();
-            let expected: Vec<(u16, Sums)> = model.into_iter().take(BINS_KEPT).collect();
+            let kept: Vec<(u16, BinSums)> = bins.of(1).map(|(bin, sums)| (bin, *sums)).collect();
+            let expected: Vec<(u16, BinSums)> = model.into_iter().take(BINS_KEPT).collect();
             prop_assert_eq!(kept, expected);
             prop_assert_eq!(bins.of(0).count() + bins.of(2).count(), 0);
             prop_assert!(bins.further.len() < 2);
@@ -173,8 +173,8 @@ mod tests {
                 parts[usize::from(part)].add(0, bin, &colour, weight, None);
                 whole.add(0, bin, &colour, weight, None);
             }
-            let found: Vec<(u16, Sums)> = merged(&parts[0], &parts[1], 0).collect();
-            let expected: Vec<(u16, Sums)> = whole.of(0).map(|(bin, sums)| (bin, *sums)).collect();
+            let found: Vec<(u16, BinSums)> = merged(&parts[0], &parts[1], 0).collect();
+            let expected: Vec<(u16, BinSums)> = whole.of(0).map(|(bin, sums)| (bin, *sums)).collect();
             prop_assert_eq!(found, expected);
         }
     }

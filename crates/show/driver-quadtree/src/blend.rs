@@ -2,13 +2,13 @@
 //!
 //! Invariant: only samples of one surface are averaged: those in bins connected to the pixel's own.
 
-use crate::pyramid::Level;
-use crate::surface::{Bins, Surface, gap_allowed};
+use crate::pyramid::PyramidLevel;
+use crate::surface::{Bins, LeafSurface, gap_allowed};
 use glam::Vec4;
 
 /// Weighted mean over neighbouring leaves of one level, of one surface.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Blend {
+pub(crate) struct LeafBlend {
     /// Mean colour and, last, mean root of luminance.
     pub mean: Vec4,
     /// Squared standard error for samples of unit deviation: Σw² / (Σw)². Infinite if few samples
@@ -20,7 +20,7 @@ pub(crate) struct Blend {
 
 /// Sums over the parts of a surface in two leaves, one above the other.
 #[derive(Clone, Copy)]
-struct Pair {
+struct LeafPair {
     /// Weighted sums of colour and root.
     sum: Vec4,
     weight: f32,
@@ -28,11 +28,12 @@ struct Pair {
     is_mixed: bool,
 }
 
-const NOTHING: Pair = Pair { sum: Vec4::ZERO, weight: 0.0, error_squared: 0.0, is_mixed: false };
+const NOTHING: LeafPair =
+    LeafPair { sum: Vec4::ZERO, weight: 0.0, error_squared: 0.0, is_mixed: false };
 
 /// Vertical sums that the pixels of one row in one leaf share.
 #[derive(Clone, Copy)]
-struct Around {
+struct RowSums {
     /// Column of the leaf and row of the pixels.
     column: usize,
     row: usize,
@@ -40,10 +41,10 @@ struct Around {
     bins: Bins,
     /// The columns of leaves on the left, in the middle and on the right. In each, the leaf in the
     /// row and the one above or below it, whichever is nearer.
-    pairs: [Pair; 3],
+    pairs: [LeafPair; 3],
 }
 
-const NO_AROUND: Around = Around {
+const NO_AROUND: RowSums = RowSums {
     column: usize::MAX,
     row: usize::MAX,
     bins: Bins { first: 1, last: 0 },
@@ -52,13 +53,13 @@ const NO_AROUND: Around = Around {
 
 /// Blends leaves of a pyramid. Stores the sums that neighbouring pixels of a row share.
 pub(crate) struct Blender<'a> {
-    levels: &'a [Level],
+    levels: &'a [PyramidLevel],
     /// The last sums of each level.
-    around: Vec<Around>,
+    around: Vec<RowSums>,
 }
 
 impl<'a> Blender<'a> {
-    pub fn new(levels: &'a [Level]) -> Self {
+    pub fn new(levels: &'a [PyramidLevel]) -> Self {
         Self { levels, around: vec![NO_AROUND; levels.len()] }
     }
 
@@ -68,12 +69,18 @@ impl<'a> Blender<'a> {
     /// Bilinear weights centre the mean on the pixel. So a gradient is not biased, and no blocks
     /// show.
     #[inline(always)]
-    pub fn blend(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> Option<Blend> {
+    pub fn blend(
+        &mut self,
+        column: usize,
+        row: usize,
+        level: usize,
+        bins: Bins,
+    ) -> Option<LeafBlend> {
         if level == 0 {
             let own = own_surface(self.levels[0].leaf(column, row), bins)?;
             let error_squared = own.weight_squared / (own.weight * own.weight);
             let mean = Vec4::from_array(own.mean);
-            return Some(Blend { mean, error_squared, is_mixed: false });
+            return Some(LeafBlend { mean, error_squared, is_mixed: false });
         }
         let around = &mut self.around[level];
         let is_known = around.column == column >> level
@@ -89,7 +96,7 @@ impl<'a> Blender<'a> {
         let y = 1.0 - x;
         let scale = (y * own.weight + x * beside.weight).recip();
         let error_squared = y * y * own.error_squared + x * x * beside.error_squared;
-        Some(Blend {
+        Some(LeafBlend {
             mean: (y * own.sum + x * beside.sum) * scale,
             error_squared: error_squared * scale * scale,
             is_mixed: own.is_mixed | beside.is_mixed,
@@ -97,13 +104,13 @@ impl<'a> Blender<'a> {
     }
 }
 
-impl Around {
+impl RowSums {
     /// Computes the sums for the pixels of a row in the leaf of a column. `None` if the leaf does
     /// not have the surface.
     #[inline(never)]
     fn find(
         &mut self,
-        leaves: &Level,
+        leaves: &PyramidLevel,
         level: usize,
         (column, row): (usize, usize),
         bins: Bins,
@@ -153,12 +160,12 @@ pub(crate) fn neighbours(pixel: usize, level: usize, leaves: usize) -> [usize; 2
 
 /// Returns the surface of a leaf that contains the surface `bins` of a smaller leaf in it.
 #[inline(always)]
-pub(crate) fn own_surface(leaf: &[Surface], bins: Bins) -> Option<&Surface> {
+pub(crate) fn own_surface(leaf: &[LeafSurface], bins: Bins) -> Option<&LeafSurface> {
     leaf.iter().find(|surface| surface.bins.first <= bins.first && bins.first <= surface.bins.last)
 }
 
 /// Returns the nearest surface of a leaf that lies at most `gap` bins beside `bins`.
-pub(crate) fn beside(leaf: &[Surface], bins: Bins, gap: u16) -> Option<&Surface> {
+pub(crate) fn beside(leaf: &[LeafSurface], bins: Bins, gap: u16) -> Option<&LeafSurface> {
     leaf.iter().find(|surface| {
         surface.bins.first <= bins.last.saturating_add(gap)
             && bins.first <= surface.bins.last.saturating_add(gap)

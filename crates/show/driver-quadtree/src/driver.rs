@@ -8,9 +8,9 @@
 
 use crate::live::Overlay;
 use crate::log::Log;
-use crate::{Cells, Filling, Quadtree, QuadtreeParams};
+use crate::{Filling, Quadtree, QuadtreeParams, ViewCells};
 use holo_display::{
-    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, LiveSample, Look,
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
     PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
     uncovered_pixels, viewpoint_radius,
 };
@@ -43,12 +43,12 @@ struct QuadtreeRenderer {
     /// Samples of the view, and those of earlier views until the view's own have arrived.
     log: Log,
     /// `None` before the first view.
-    shown: Option<Shown>,
+    shown: Option<QuadtreeView>,
 }
 
 /// The current view.
-struct Shown {
-    look: Look,
+struct QuadtreeView {
+    look: FrameRequest,
     /// The samples of this view.
     own: Shape,
     /// The samples of this view and of earlier ones. `None` without samples of earlier views, or
@@ -61,7 +61,7 @@ struct Shown {
 /// The samples of one picture, in the form used for drawing.
 enum Shape {
     Leaves(Box<Quadtree>),
-    Cells(Box<Cells>),
+    Cells(Box<ViewCells>),
 }
 
 impl Shape {
@@ -100,20 +100,20 @@ impl QuadtreeRenderer {
     }
 
     /// Returns an empty shape for a view.
-    fn shape(&self, look: &Look) -> Shape {
+    fn shape(&self, look: &FrameRequest) -> Shape {
         let (sections, size) = (Arc::clone(&self.sections), look.size);
         let params = QuadtreeParams { sky: self.sky, ..QuadtreeParams::default() };
         match self.cells {
             None => Shape::Leaves(Box::new(Quadtree::new(sections, look.view, size, params))),
             Some(filling) => {
-                Shape::Cells(Box::new(Cells::new(sections, look.view, size, filling, params)))
+                Shape::Cells(Box::new(ViewCells::new(sections, look.view, size, filling, params)))
             }
         }
     }
 
     /// Returns a shape for a view with the samples of earlier views. `None` if there are none. If
     /// the view has turned too far, forgets them and returns `None`.
-    fn of_earlier_views(&mut self, look: &Look) -> Option<Shape> {
+    fn of_earlier_views(&mut self, look: &FrameRequest) -> Option<Shape> {
         let before = self.shown.take()?;
         if look.view.vd.dot(before.look.view.vd) < MAX_DEGREES.to_radians().cos() {
             self.log.clear();
@@ -154,10 +154,10 @@ impl StoringRenderer for QuadtreeRenderer {
 }
 
 impl Renderer for QuadtreeRenderer {
-    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+    fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
         let both = self.of_earlier_views(look);
         self.log.begin_view();
-        self.shown = Some(Shown { look: *look, own: self.shape(look), both, overlay: None });
+        self.shown = Some(QuadtreeView { look: *look, own: self.shape(look), both, overlay: None });
         Ok(())
     }
 
@@ -166,7 +166,7 @@ impl Renderer for QuadtreeRenderer {
         if shown.look.is_moving {
             return;
         }
-        let Look { view, size, .. } = shown.look;
+        let FrameRequest { view, size, .. } = shown.look;
         let own = &shown.own;
         let overlay = shown.overlay.get_or_insert_with(|| {
             let pixels = uncovered_pixels(&own.tree().covered, &view, size);
@@ -220,7 +220,7 @@ impl Renderer for QuadtreeRenderer {
 impl RayWishes for QuadtreeRenderer {
     fn weigh(
         &mut self,
-        _look: &Look,
+        _look: &FrameRequest,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         Ok(beams)
@@ -230,7 +230,7 @@ impl RayWishes for QuadtreeRenderer {
         None
     }
 
-    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64 {
+    fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {
         viewpoint_radius(&look.view, look.size, nearest, 1.0)
     }
 
@@ -241,7 +241,7 @@ impl RayWishes for QuadtreeRenderer {
     fn uncovered(&mut self) -> Vec<u32> {
         match &self.shown {
             Some(shown) if !shown.look.is_moving => {
-                let Look { view, size, .. } = shown.look;
+                let FrameRequest { view, size, .. } = shown.look;
                 uncovered_pixels(&shown.own.tree().covered, &view, size)
             }
             _ => Vec::new(),

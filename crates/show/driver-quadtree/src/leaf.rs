@@ -12,10 +12,10 @@
 //! Invariant: only samples of one surface are averaged: those in bins connected to the pixel's own.
 
 use crate::LeafSize;
-use crate::blend::{Blend, Blender, own_surface};
-use crate::pyramid::Level;
+use crate::blend::{Blender, LeafBlend, own_surface};
+use crate::pyramid::PyramidLevel;
 use crate::sums::luminance;
-use crate::surface::{Bins, Deviation, Surface};
+use crate::surface::{Bins, Deviation, LeafSurface};
 use glam::Vec4;
 
 /// Half-width of an interval of the mean root of luminance, in standard errors.
@@ -40,7 +40,7 @@ const INVISIBLE: f32 = 0.006;
 
 /// Noise of a surface's samples around a pixel.
 #[derive(Clone, Copy)]
-pub(crate) struct Noise {
+pub(crate) struct PixelNoise {
     /// Half-widths of intervals for a standard error of 1: of the channels and of the root.
     pub half_widths: Vec4,
     /// Relative widening of intervals with few samples, for a squared standard error of 1.
@@ -72,20 +72,20 @@ impl Intersection {
 }
 
 /// Reads colours of pixels from a pyramid.
-pub(crate) struct Reader<'a> {
-    pub levels: &'a [Level],
+pub(crate) struct LeafReader<'a> {
+    pub levels: &'a [PyramidLevel],
     leaf: LeafSize,
     blender: Blender<'a>,
 }
 
-impl<'a> Reader<'a> {
-    pub fn new(levels: &'a [Level], leaf: LeafSize) -> Self {
+impl<'a> LeafReader<'a> {
+    pub fn new(levels: &'a [PyramidLevel], leaf: LeafSize) -> Self {
         Self { levels, leaf, blender: Blender::new(levels) }
     }
 
     /// Returns the leaf of a level around a pixel.
     #[inline(always)]
-    pub fn leaf(&self, level: usize, column: usize, row: usize) -> &'a [Surface] {
+    pub fn leaf(&self, level: usize, column: usize, row: usize) -> &'a [LeafSurface] {
         self.levels[level].leaf(column >> level, row >> level)
     }
 
@@ -127,7 +127,7 @@ impl<'a> Reader<'a> {
 
     /// Returns the noise of the surface around a pixel, from the smallest leaf that has enough
     /// samples.
-    pub fn noise(&self, column: usize, row: usize, start: usize, bins: Bins) -> Noise {
+    pub fn noise(&self, column: usize, row: usize, start: usize, bins: Bins) -> PixelNoise {
         let mut mean = [0.0; 4];
         let mut deviation = Deviation { luminance: 0.0, root: 0.0, freedom: -1.0 };
         for level in start..self.levels.len() {
@@ -145,7 +145,7 @@ impl<'a> Reader<'a> {
         // Noise is mostly of brightness, so a channel's noise is in proportion to its mean.
         let relative = deviation.luminance / luminance([r, g, b]).max(f32::MIN_POSITIVE);
         let channel = |mean: f32| KAPPA_LINEAR * (relative * mean).max(QUANTUM * brightest);
-        Noise {
+        PixelNoise {
             half_widths: Vec4::new(
                 channel(r),
                 channel(g),
@@ -158,7 +158,13 @@ impl<'a> Reader<'a> {
 
     /// As [`Blender::blend`].
     #[inline(always)]
-    pub fn blend(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> Option<Blend> {
+    pub fn blend(
+        &mut self,
+        column: usize,
+        row: usize,
+        level: usize,
+        bins: Bins,
+    ) -> Option<LeafBlend> {
         self.blender.blend(column, row, level, bins)
     }
 }

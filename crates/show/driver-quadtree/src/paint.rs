@@ -7,9 +7,9 @@ use crate::Quadtree;
 use crate::agreement::Agreement;
 use crate::bins::{bin_distance, merged};
 use crate::blend::beside;
-use crate::leaf::Reader;
-use crate::pyramid::{Level, pyramid};
-use crate::surface::{Bins, Surface, gap_allowed, of_pixel};
+use crate::leaf::LeafReader;
+use crate::pyramid::{PyramidLevel, pyramid};
+use crate::surface::{Bins, LeafSurface, gap_allowed, of_pixel};
 use holo_display::Frame;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -19,25 +19,25 @@ const BAND: usize = 16;
 
 /// What a pixel shows.
 #[derive(Clone, Copy)]
-pub(crate) struct Shown {
+pub(crate) struct PixelContent {
     pub colour: [f32; 3],
     /// Distance from the eye; 0 where nothing is known.
     pub depth: f32,
 }
 
-impl Shown {
+impl PixelContent {
     pub const NOTHING: Self = Self { colour: [0.0; 3], depth: 0.0 };
 }
 
 /// Numbers of pixels and samples for a frame's report.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct Counts {
+pub(crate) struct FrameCounts {
     pub empty: u64,
     pub unseen: u64,
     pub samples: u64,
 }
 
-impl Counts {
+impl FrameCounts {
     fn plus(self, other: Self) -> Self {
         Self {
             empty: self.empty + other.empty,
@@ -50,19 +50,19 @@ impl Counts {
 /// The leaves that a picture is drawn from.
 pub(crate) struct Pyramids {
     /// Leaves of all samples.
-    all: Vec<Level>,
+    all: Vec<PyramidLevel>,
     /// Leaves of aligned samples; `None` if all are aligned.
-    aligned: Option<Vec<Level>>,
+    aligned: Option<Vec<PyramidLevel>>,
 }
 
 impl Quadtree {
-    fn leaves_of_aligned(&self) -> Vec<Level> {
+    fn leaves_of_aligned(&self) -> Vec<PyramidLevel> {
         let size = (self.size.0 as usize, self.size.1 as usize);
         pyramid(size, |pixel, surfaces| of_pixel(self.aligned.of(pixel), surfaces))
     }
 
     /// Returns the leaves of all samples, level by level.
-    pub(crate) fn leaves_of_all(&self) -> Vec<Level> {
+    pub(crate) fn leaves_of_all(&self) -> Vec<PyramidLevel> {
         let Some(oblique) = &self.oblique else { return self.leaves_of_aligned() };
         let size = (self.size.0 as usize, self.size.1 as usize);
         pyramid(size, |pixel, surfaces| of_pixel(merged(&self.aligned, oblique, pixel), surfaces))
@@ -70,16 +70,16 @@ impl Quadtree {
 }
 
 /// Draws the pixels of one band.
-pub(crate) struct Painter<'a> {
+pub(crate) struct BandPainter<'a> {
     pub tree: &'a Quadtree,
     /// For each pixel, whether its beam is unseen; empty if no unseen beam is known.
     unseen: &'a [bool],
-    pub all: Reader<'a>,
+    pub all: LeafReader<'a>,
     /// The same for aligned samples alone; `None` if all are aligned.
-    aligned: Option<(Reader<'a>, Agreement)>,
+    aligned: Option<(LeafReader<'a>, Agreement)>,
 }
 
-impl<'a> Painter<'a> {
+impl<'a> BandPainter<'a> {
     fn new(
         tree: &'a Quadtree,
         unseen: &'a [bool],
@@ -87,19 +87,19 @@ impl<'a> Painter<'a> {
         rows: Range<usize>,
     ) -> Self {
         let leaf = tree.params.leaf;
-        let all = Reader::new(&pyramids.all, leaf);
+        let all = LeafReader::new(&pyramids.all, leaf);
         let aligned = pyramids.aligned.as_ref().map(|aligned| {
-            (Reader::new(aligned, leaf), Agreement::new(tree.size.0 as usize, rows))
+            (LeafReader::new(aligned, leaf), Agreement::new(tree.size.0 as usize, rows))
         });
         Self { tree, unseen, all, aligned }
     }
 
     /// Draws a pixel and counts it.
     #[inline(always)]
-    fn paint(&mut self, column: usize, row: usize, counts: &mut Counts) -> Shown {
+    fn paint(&mut self, column: usize, row: usize, counts: &mut FrameCounts) -> PixelContent {
         let pixel = row * self.tree.size.0 as usize + column;
         if !self.tree.covered[pixel] {
-            return Shown::NOTHING;
+            return PixelContent::NOTHING;
         }
         if self.unseen.get(pixel) == Some(&true) {
             counts.unseen += 1;
@@ -116,13 +116,13 @@ impl<'a> Painter<'a> {
     /// Returns what a pixel with this surface shows. The surface has `bins` in the leaf of `level`,
     /// which is the smallest leaf that is used.
     #[inline(always)]
-    pub fn surface(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> Shown {
+    pub fn surface(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> PixelContent {
         let colour = self.colour(column, row, level, bins);
-        Shown { colour, depth: bin_distance(bins.first) }
+        PixelContent { colour, depth: bin_distance(bins.first) }
     }
 
-    /// Returns the colour of a surface as [`Reader::colour`] does, of all samples, or of aligned
-    /// ones where the others differ.
+    /// Returns the colour of a surface as [`LeafReader::colour`] does, of all samples, or of
+    /// aligned ones where the others differ.
     #[inline(always)]
     pub fn colour(&mut self, column: usize, row: usize, level: usize, bins: Bins) -> [f32; 3] {
         let all = self.all.colour(column, row, level, bins);
@@ -144,7 +144,7 @@ impl<'a> Painter<'a> {
 
     /// Returns the surfaces of a leaf from aligned samples, which show occlusion best. If the leaf
     /// has no aligned samples, uses all samples.
-    pub fn leaf_seen(&self, level: usize, column: usize, row: usize) -> &[Surface] {
+    pub fn leaf_seen(&self, level: usize, column: usize, row: usize) -> &[LeafSurface] {
         let aligned = self.aligned.as_ref().map(|(reader, _)| reader.leaf(level, column, row));
         let aligned = aligned.filter(|leaf| !leaf.is_empty());
         aligned.unwrap_or_else(|| self.all.leaf(level, column, row))
@@ -163,8 +163,8 @@ impl Quadtree {
         let depths = frame.depth.par_chunks_mut((BAND * width).max(1));
         let draw_band = |(band, (colours, depths)): (usize, (&mut [[f32; 3]], &mut [f32]))| {
             let rows = band * BAND..(band + 1) * BAND;
-            let mut painter = Painter::new(self, &unseen, &pyramids, rows.clone());
-            let mut counts = Counts::default();
+            let mut painter = BandPainter::new(self, &unseen, &pyramids, rows.clone());
+            let mut counts = FrameCounts::default();
             for (at, (colour, depth)) in colours.iter_mut().zip(depths).enumerate() {
                 let (column, row) = (at % width, rows.start + at / width);
                 let shown = painter.paint(column, row, &mut counts);
@@ -173,7 +173,7 @@ impl Quadtree {
             counts
         };
         let bands = colours.zip(depths).enumerate().map(draw_band);
-        let counts = bands.reduce(Counts::default, Counts::plus);
+        let counts = bands.reduce(FrameCounts::default, FrameCounts::plus);
         frame.empty_pixels = counts.empty;
         frame.unseen_pixels = counts.unseen;
         frame.samples_used = counts.samples;

@@ -1,12 +1,12 @@
 //! The state of each pixel: whether it is covered, unseen, empty, or has samples near the eye.
-//! [`Cells`](crate::Cells) use it.
+//! [`Cells`](crate::ViewCells) use it.
 //!
 //! Invariant: the state is a function of the view and of the set of samples, as the picture is.
 
 use crate::Quadtree;
 use crate::bins::{FAR, depth_bin};
-use crate::paint::Shown;
-use crate::sums::{NEAR_CLASSES, Sums};
+use crate::paint::PixelContent;
+use crate::sums::{BinSums, NEAR_CLASSES};
 use crate::surface::adjacent;
 use holo_display::Frame;
 
@@ -15,7 +15,7 @@ const FEW: u64 = 3;
 
 /// The state of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Known {
+pub(crate) enum PixelState {
     /// No section covers the pixel.
     Uncovered,
     /// The pixel shows the sky, because its beam sees nothing.
@@ -37,23 +37,26 @@ pub(crate) fn bin_of(depth: f32) -> u16 {
 
 impl Quadtree {
     /// Returns what a pixel of an unseen beam shows.
-    pub(crate) fn sky(&self) -> Shown {
+    pub(crate) fn sky(&self) -> PixelContent {
         let colour = if self.view.clips_sky() { [0.0; 3] } else { self.params.sky };
-        Shown { colour, depth: f32::INFINITY }
+        PixelContent { colour, depth: f32::INFINITY }
     }
 
     /// Returns a picture without samples. Pixels of unseen beams show the sky.
-    pub(crate) fn frame_of(&self, known: &[Known]) -> Frame {
+    pub(crate) fn frame_of(&self, known: &[PixelState]) -> Frame {
         let mut frame = self.empty_frame();
         let sky = self.sky();
         for (pixel, known) in known.iter().enumerate() {
             match known {
-                Known::Unseen => {
+                PixelState::Unseen => {
                     (frame.picture.pixels[pixel], frame.depth[pixel]) = (sky.colour, sky.depth);
                     frame.unseen_pixels += 1;
                 }
-                Known::Nothing => frame.empty_pixels += 1,
-                Known::Uncovered | Known::Afar | Known::Near | Known::Mixture => {}
+                PixelState::Nothing => frame.empty_pixels += 1,
+                PixelState::Uncovered
+                | PixelState::Afar
+                | PixelState::Near
+                | PixelState::Mixture => {}
             }
         }
         frame
@@ -67,13 +70,13 @@ impl Quadtree {
     }
 
     /// Returns the state of every pixel, row by row.
-    pub(crate) fn known(&self) -> Vec<Known> {
+    pub(crate) fn known(&self) -> Vec<PixelState> {
         let unseen = self.unseen_pixels();
         let known = |(pixel, &covered): (usize, &bool)| {
             if !covered {
-                Known::Uncovered
+                PixelState::Uncovered
             } else if unseen.get(pixel) == Some(&true) {
-                Known::Unseen
+                PixelState::Unseen
             } else {
                 self.known_by_samples(pixel)
             }
@@ -91,21 +94,23 @@ impl Quadtree {
     }
 
     /// Returns a pixel's bins of aligned samples, then those of all others.
-    pub(crate) fn bins(&self, pixel: usize) -> impl Iterator<Item = (u16, &Sums)> {
+    pub(crate) fn bins(&self, pixel: usize) -> impl Iterator<Item = (u16, &BinSums)> {
         let oblique = self.oblique.iter().flat_map(move |oblique| oblique.of(pixel));
         self.aligned.of(pixel).chain(oblique)
     }
 
-    fn known_by_samples(&self, pixel: usize) -> Known {
-        let (mut known, mut near_bin) = (Known::Nothing, None);
+    fn known_by_samples(&self, pixel: usize) -> PixelState {
+        let (mut known, mut near_bin) = (PixelState::Nothing, None);
         for (bin, sums) in self.bins(pixel) {
             let is_near = sums.near != [0; NEAR_CLASSES];
             known = match (known, near_bin) {
-                _ if !is_near && known != Known::Nothing => known,
-                _ if !is_near => Known::Afar,
-                (_, Some(other)) if !adjacent(bin.min(other), bin.max(other), 1) => Known::Mixture,
-                (Known::Mixture, _) => Known::Mixture,
-                _ => Known::Near,
+                _ if !is_near && known != PixelState::Nothing => known,
+                _ if !is_near => PixelState::Afar,
+                (_, Some(other)) if !adjacent(bin.min(other), bin.max(other), 1) => {
+                    PixelState::Mixture
+                }
+                (PixelState::Mixture, _) => PixelState::Mixture,
+                _ => PixelState::Near,
             };
             if is_near {
                 near_bin = Some(bin);

@@ -8,11 +8,11 @@
 //!   within one of its parent.
 //! - The same bins give the same bits, however many threads there are.
 
-use crate::surface::{Surface, adjacent, gap_allowed};
+use crate::surface::{LeafSurface, adjacent, gap_allowed};
 use rayon::prelude::*;
 
 /// All leaves of one size.
-pub(crate) struct Level {
+pub(crate) struct PyramidLevel {
     pub width: usize,
     pub height: usize,
     rows: Vec<Row>,
@@ -23,12 +23,12 @@ pub(crate) struct Level {
 struct Row {
     /// Where each leaf's surfaces begin, and one more for the end.
     starts: Vec<u32>,
-    surfaces: Vec<Surface>,
+    surfaces: Vec<LeafSurface>,
 }
 
 impl Row {
     /// Makes a row of leaves. `append` adds the surfaces of the leaf in a column, nearest first.
-    fn new(width: usize, mut append: impl FnMut(usize, &mut Vec<Surface>)) -> Self {
+    fn new(width: usize, mut append: impl FnMut(usize, &mut Vec<LeafSurface>)) -> Self {
         let mut starts = Vec::with_capacity(width + 1);
         let mut surfaces = Vec::with_capacity(width);
         starts.push(0);
@@ -40,10 +40,10 @@ impl Row {
     }
 }
 
-impl Level {
+impl PyramidLevel {
     /// Returns the surfaces of a leaf, nearest first.
     #[inline(always)]
-    pub fn leaf(&self, column: usize, row: usize) -> &[Surface] {
+    pub fn leaf(&self, column: usize, row: usize) -> &[LeafSurface] {
         let row = &self.rows[row];
         &row.surfaces[row.starts[column] as usize..row.starts[column + 1] as usize]
     }
@@ -61,7 +61,7 @@ impl Level {
                     }
                 }
                 // A stable sort of parts in a fixed order: the same bits every time.
-                parts.sort_by_key(|part: &&Surface| part.bins.first);
+                parts.sort_by_key(|part: &&LeafSurface| part.bins.first);
                 join_adjacent(&parts, gap_allowed(number), surfaces);
             })
         };
@@ -70,7 +70,7 @@ impl Level {
 }
 
 /// Appends the surfaces that quarters' surfaces, nearest first, are parts of.
-fn join_adjacent(parts: &[&Surface], gap: u16, surfaces: &mut Vec<Surface>) {
+fn join_adjacent(parts: &[&LeafSurface], gap: u16, surfaces: &mut Vec<LeafSurface>) {
     let Some((first, others)) = parts.split_first() else { return };
     let mut open = first.of_quarter();
     for part in others {
@@ -88,12 +88,12 @@ fn join_adjacent(parts: &[&Surface], gap: u16, surfaces: &mut Vec<Surface>) {
 /// a pixel, by its number, nearest first.
 pub(crate) fn pyramid(
     (width, height): (usize, usize),
-    append: impl Fn(usize, &mut Vec<Surface>) + Sync,
-) -> Vec<Level> {
+    append: impl Fn(usize, &mut Vec<LeafSurface>) + Sync,
+) -> Vec<PyramidLevel> {
     let make_row =
         |row: usize| Row::new(width, |column, surfaces| append(row * width + column, surfaces));
     let rows = (0..height).into_par_iter().map(make_row).collect();
-    let mut levels = vec![Level { width, height, rows }];
+    let mut levels = vec![PyramidLevel { width, height, rows }];
     while let Some(last) = levels.last().filter(|last| last.width > 1 || last.height > 1) {
         let parents = last.parents(levels.len());
         levels.push(parents);

@@ -36,7 +36,7 @@ pub(crate) struct Landing {
     pub bin: u16,
     /// Weight by nearness of the ray to the eye, 8 to 64.
     pub weight: u32,
-    /// Class of nearness as in [`Sums::near`](crate::sums::Sums::near); `None` if not near.
+    /// Class of nearness as in [`Sums::near`](crate::sums::BinSums::near); `None` if not near.
     pub near: Option<usize>,
     /// True if the ray looks in nearly the same direction as the eye, and begins at the eye or
     /// behind it.

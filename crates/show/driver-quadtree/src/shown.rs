@@ -2,9 +2,9 @@
 //! it.
 
 use crate::bins::BINS_PER_OCTAVE;
-use crate::paint::{Painter, Shown};
+use crate::paint::{BandPainter, PixelContent};
 use crate::sums::NEAR_CLASSES;
-use crate::surface::{Bins, Surface};
+use crate::surface::{Bins, LeafSurface};
 
 /// Least share of a leaf's samples that a surface needs for the leaf's empty pixels to show it.
 const SEEN_SHARE: f32 = 0.25;
@@ -14,10 +14,10 @@ pub(crate) const CLEARLY_IN_FRONT: u16 = 8;
 /// samples may still have the surface. With a mean of two, one pixel in seven has none.
 const MANY_PER_PIXEL: u32 = 2;
 
-impl Painter<'_> {
+impl BandPainter<'_> {
     /// Returns what a covered pixel shows, given its own surfaces.
     #[inline(always)]
-    pub fn shown(&mut self, column: usize, row: usize, own: &[Surface]) -> Shown {
+    pub fn shown(&mut self, column: usize, row: usize, own: &[LeafSurface]) -> PixelContent {
         if let Some((level, bins)) = self.standing(column, row, own) {
             return self.surface(column, row, level, bins);
         }
@@ -32,10 +32,10 @@ impl Painter<'_> {
 
     /// Returns what a pixel without samples shows: a surface of the smallest leaf around it that
     /// has samples.
-    fn filled(&mut self, column: usize, row: usize) -> Shown {
+    fn filled(&mut self, column: usize, row: usize) -> PixelContent {
         let found = (1..self.all.levels.len())
             .find_map(|level| Some((level, seen_surface(self.all.leaf(level, column, row))?.bins)));
-        let Some((level, bins)) = found else { return Shown::NOTHING };
+        let Some((level, bins)) = found else { return PixelContent::NOTHING };
         let (level, bins) = self.covering(column, row, bins).unwrap_or((level, bins));
         self.surface(column, row, level, bins)
     }
@@ -45,15 +45,21 @@ impl Painter<'_> {
     /// Samples that pass near the eye see exactly this pixel. Each surface covers the pixel by its
     /// share of them, which makes silhouettes smooth. Without such samples, the pixel shows its
     /// nearest surface, because samples of farther ones have looked past that surface's edge.
-    fn mixed(&mut self, column: usize, row: usize, front: Bins, own: &[Surface]) -> Shown {
-        let near = |surface: &Surface| self.near_count(column, row, surface.bins, front);
+    fn mixed(
+        &mut self,
+        column: usize,
+        row: usize,
+        front: Bins,
+        own: &[LeafSurface],
+    ) -> PixelContent {
+        let near = |surface: &LeafSurface| self.near_count(column, row, surface.bins, front);
         let near: Vec<f32> = own.iter().map(near).collect();
         let all: f32 = near.iter().sum();
         if all == 0.0 {
             let (level, bins) = self.covering(column, row, front).unwrap_or((0, front));
             return self.surface(column, row, level, bins);
         }
-        let mut shown = Shown::NOTHING;
+        let mut shown = PixelContent::NOTHING;
         for (surface, near) in own.iter().zip(near) {
             let coverage = near / all;
             if coverage > 0.0 {
@@ -111,7 +117,7 @@ impl Painter<'_> {
             let leaf = self.all.leaf(level, column, row);
             let seen = self.leaf_seen(level, column, row);
             let all: f32 = seen.iter().map(|surface| surface.count as f32).sum();
-            let is_most = |surface: &Surface| {
+            let is_most = |surface: &LeafSurface| {
                 let bins = surface.bins;
                 let parts = seen
                     .iter()
@@ -130,12 +136,12 @@ impl Painter<'_> {
 
 /// Returns whether a surface lies clearly in front of another one's bins.
 #[inline(always)]
-fn hides(nearer: &Surface, front: Bins) -> bool {
+fn hides(nearer: &LeafSurface, front: Bins) -> bool {
     nearer.bins.last.saturating_add(CLEARLY_IN_FRONT) < front.first
 }
 
 /// Returns the nearest surface of a leaf that has at least [`SEEN_SHARE`] of the leaf's samples.
-pub(crate) fn seen_surface(leaf: &[Surface]) -> Option<&Surface> {
+pub(crate) fn seen_surface(leaf: &[LeafSurface]) -> Option<&LeafSurface> {
     let all: f32 = leaf.iter().map(|surface| surface.count as f32).sum();
     leaf.iter().find(|surface| surface.count as f32 >= SEEN_SHARE * all)
 }

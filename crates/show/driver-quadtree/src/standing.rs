@@ -9,9 +9,9 @@
 use crate::Quadtree;
 use crate::bins::{FAR, depth_bin};
 use crate::blend::{beside, neighbours};
-use crate::paint::Painter;
+use crate::paint::BandPainter;
 use crate::shown::CLEARLY_IN_FRONT;
-use crate::surface::{Bins, Surface, gap_allowed};
+use crate::surface::{Bins, LeafSurface, gap_allowed};
 use holo_section::LineHit;
 
 /// Level of the largest leaves that are searched for a standing surface.
@@ -48,11 +48,16 @@ impl Quadtree {
     }
 }
 
-impl Painter<'_> {
+impl BandPainter<'_> {
     /// Returns level and bins of a surface that stands before the wall at a pixel, from the samples
     /// in the pixel and around it.
     #[inline(always)]
-    pub fn standing(&self, column: usize, row: usize, own: &[Surface]) -> Option<(usize, Bins)> {
+    pub fn standing(
+        &self,
+        column: usize,
+        row: usize,
+        own: &[LeafSurface],
+    ) -> Option<(usize, Bins)> {
         if !self.tree.is_outside {
             return None;
         }

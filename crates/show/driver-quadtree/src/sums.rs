@@ -58,7 +58,7 @@ impl Colour {
 
 /// Weighted sums over the samples of one depth bin of one pixel.
 #[derive(Clone, Copy, Default, Debug, PartialEq, Zeroable)]
-pub(crate) struct Sums {
+pub(crate) struct BinSums {
     rgb: [u128; 3],
     luminance_squared: u128,
     root_squared: u128,
@@ -72,7 +72,7 @@ pub(crate) struct Sums {
     pub near: [u32; NEAR_CLASSES],
 }
 
-impl Sums {
+impl BinSums {
     /// Adds a sample of a weight up to 65,536. `near` is its class of nearness, if any.
     #[inline(always)]
     pub fn add(&mut self, colour: &Colour, weight: u32, near: Option<usize>) {
@@ -165,7 +165,7 @@ mod tests {
         fn means_are_exact(
             samples in prop::collection::vec((any::<[u8; 3]>(), 116..=170_u8, 1..70_000_u32), 1..20)
         ) {
-            let mut sums = Sums::default();
+            let mut sums = BinSums::default();
             let (mut weights, mut expected) = (0.0, [0.0; 3]);
             for &([r, g, b], exponent, weight) in &samples {
                 let colour = [r, g, b, exponent];
@@ -185,7 +185,7 @@ mod tests {
     #[test]
     fn moments_are_those_of_the_samples() {
         let colours = [[128, 64, 32, 129], [200, 220, 20, 127], [0, 0, 0, 0], [255, 255, 255, 133]];
-        let mut sums = Sums::default();
+        let mut sums = BinSums::default();
         let (mut weights, mut square, mut root, mut root_square) = (0.0, 0.0, 0.0, 0.0);
         for (colour, weight) in colours.into_iter().zip([3, 8, 64, 20_u32]) {
             sums.add(&Colour::from_rgbe(colour), weight, None);
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn extreme_colours_neither_overflow_nor_vanish() {
-        let mut sums = Sums::default();
+        let mut sums = BinSums::default();
         for _ in 0..5000 {
             sums.add(&Colour::from_rgbe([255; 4]), 65_536, Some(0));
             sums.add(&Colour::from_rgbe([255, 255, 255, 1]), 65_536, Some(7));
@@ -222,8 +222,11 @@ mod tests {
     #[test]
     fn counts_end_at_the_largest_number() {
         let colour = Colour::from_rgbe([1, 1, 1, 128]);
-        let mut sums =
-            Sums { count: u32::MAX - 1, near: [u32::MAX - 1; NEAR_CLASSES], ..Sums::default() };
+        let mut sums = BinSums {
+            count: u32::MAX - 1,
+            near: [u32::MAX - 1; NEAR_CLASSES],
+            ..BinSums::default()
+        };
         (0..3).for_each(|_| sums.add(&colour, 8, Some(1)));
         assert_eq!(sums.count, u32::MAX);
         assert_eq!(sums.near, [u32::MAX - 1, u32::MAX, u32::MAX - 1, u32::MAX - 1]);

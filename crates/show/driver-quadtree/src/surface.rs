@@ -6,7 +6,7 @@
 //! fixed.
 
 use crate::bins::FAR;
-use crate::sums::{Moments, Sums, luminance};
+use crate::sums::{BinSums, Moments, luminance};
 use holo_picture::LUMINANCE_WEIGHTS;
 use std::borrow::Borrow;
 
@@ -59,7 +59,7 @@ pub(crate) fn adjacent(end: u16, next: u16, gap: u16) -> bool {
 
 /// One surface in a leaf. A "spread" is Σ w (x − mean)².
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Surface {
+pub(crate) struct LeafSurface {
     pub bins: Bins,
     /// Number of samples.
     pub count: u32,
@@ -71,7 +71,7 @@ pub(crate) struct Surface {
     spread_root: f32,
     /// The part of `spread_root` that lies between the leaf's four quarters; 0 for a pixel.
     spread_between: f32,
-    noise: Noise,
+    noise: LeafNoise,
     /// True if few of the samples make the mean of a leaf larger than a pixel. These samples may
     /// see a lamp, and smaller leaves show where it shines. No light is lost if pixels do not use
     /// the mean, because neither the bright part of the leaf nor the dark part uses it.
@@ -84,7 +84,7 @@ pub(crate) struct Surface {
 /// picture's own variation across larger leaves does not count. Each leaf counts by its degrees of
 /// freedom.
 #[derive(Clone, Copy, Debug)]
-struct Noise {
+struct LeafNoise {
     /// Sum of freedom × variance of luminance.
     luminance: f32,
     /// Sum of freedom × *deviation* of the root. So the few leaves that an edge crosses raise the
@@ -104,10 +104,10 @@ pub(crate) struct Deviation {
     pub freedom: f32,
 }
 
-impl Surface {
+impl LeafSurface {
     /// Returns the surface of a pixel's bins with these sums.
     #[inline(always)]
-    fn of_pixel(bins: Bins, sums: &Sums) -> Self {
+    fn of_pixel(bins: Bins, sums: &BinSums) -> Self {
         let Moments { weight, weight_squared, mean, luminance_squared, root, root_squared } =
             sums.moments();
         let ([r, g, b], [wr, wg, wb]) = (mean, LUMINANCE_WEIGHTS.map(f64::from));
@@ -124,7 +124,7 @@ impl Surface {
             spread_luminance: spread(luminance_squared, mean_luminance),
             spread_root: spread(root_squared, root),
             spread_between: 0.0,
-            noise: Noise { luminance: 0.0, root: 0.0, freedom: 0.0 },
+            noise: LeafNoise { luminance: 0.0, root: 0.0, freedom: 0.0 },
             is_of_few: false,
             is_mixed: false,
         };
@@ -177,14 +177,14 @@ impl Surface {
 
     /// Returns the noise as the spread about the leaf's own mean.
     #[inline(always)]
-    fn own_noise(&self) -> Noise {
+    fn own_noise(&self) -> LeafNoise {
         let freedom = self.weight * self.weight / self.weight_squared - 1.0;
         // Σw − Σw²/Σw: times the variance, this is the expectation of the spread.
         let divisor = self.weight - self.weight_squared / self.weight;
         if self.count < 2 || freedom <= 0.0 || divisor <= 0.0 {
-            return Noise { luminance: 0.0, root: 0.0, freedom: 0.0 };
+            return LeafNoise { luminance: 0.0, root: 0.0, freedom: 0.0 };
         }
-        Noise {
+        LeafNoise {
             luminance: freedom * self.spread_luminance / divisor,
             root: freedom * (self.spread_root / divisor).sqrt(),
             freedom,
@@ -226,7 +226,7 @@ impl Surface {
 
     /// Returns the noise of the surface's samples; 0 if it is not known.
     pub fn deviation(&self) -> Deviation {
-        let Noise { luminance, root, freedom } = self.noise;
+        let LeafNoise { luminance, root, freedom } = self.noise;
         let scale = if freedom > 0.0 { 1.0 / freedom } else { 0.0 };
         Deviation { luminance: (luminance * scale).sqrt(), root: root * scale, freedom }
     }
@@ -234,9 +234,9 @@ impl Surface {
 
 /// Appends the surfaces of one pixel's bins, which come nearest first.
 #[inline(always)]
-pub(crate) fn of_pixel<S: Borrow<Sums>>(
+pub(crate) fn of_pixel<S: Borrow<BinSums>>(
     bins: impl Iterator<Item = (u16, S)>,
-    surfaces: &mut Vec<Surface>,
+    surfaces: &mut Vec<LeafSurface>,
 ) {
     let mut bins = bins.peekable();
     while let Some((first, sums)) = bins.next() {
@@ -248,14 +248,14 @@ pub(crate) fn of_pixel<S: Borrow<Sums>>(
         };
         // Most surfaces have one bin, and its sums need no copy.
         let surface = match next() {
-            None => Surface::of_pixel(Bins::of(first), sums.borrow()),
+            None => LeafSurface::of_pixel(Bins::of(first), sums.borrow()),
             Some(second) => {
                 let mut joined = *sums.borrow();
                 joined.join(second.borrow());
                 while let Some(more) = next() {
                     joined.join(more.borrow());
                 }
-                Surface::of_pixel(Bins { first, last }, &joined)
+                LeafSurface::of_pixel(Bins { first, last }, &joined)
             }
         };
         surfaces.push(surface);
@@ -270,15 +270,15 @@ mod tests {
     use holo_section::{RayCoords, Sample};
 
     /// A leaf of four pixels, each with so many samples of its own mean times a random number.
-    fn leaf(means: [f32; 4], samples: usize, mut random: impl FnMut() -> f32) -> Surface {
+    fn leaf(means: [f32; 4], samples: usize, mut random: impl FnMut() -> f32) -> LeafSurface {
         let mut quarters = means.map(|mean| {
-            let mut sums = Sums::default();
+            let mut sums = BinSums::default();
             for _ in 0..samples {
                 let rgb = [mean * random(); 3];
                 let sample = Sample::encode(RayCoords::default(), rgb, 1.0, 1.0, 0x8000_0000);
                 sums.add(&Colour::from_rgbe(sample.rgbe), 64, None);
             }
-            Surface::of_pixel(Bins::of(7), &sums).of_quarter()
+            LeafSurface::of_pixel(Bins::of(7), &sums).of_quarter()
         });
         let (whole, others) = quarters.split_first_mut().unwrap();
         others.iter().for_each(|quarter| whole.join(quarter));
@@ -312,7 +312,7 @@ mod tests {
         assert_eq!(mixed([1.0, 1.03, 1.0, 1.03], 3000, exponential), 0);
         assert_eq!(mixed([1.0, 1.003, 1.0, 1.003], 30, |_| 1.0), 0);
         // Mixed leaves that are alike are alike quarters of a larger leaf.
-        let closed = |mut surface: Surface, parts: &[Surface]| {
+        let closed = |mut surface: LeafSurface, parts: &[LeafSurface]| {
             parts.iter().for_each(|part| surface.join(part));
             surface.closed()
         };

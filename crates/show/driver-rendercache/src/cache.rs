@@ -5,15 +5,15 @@ use glam::DVec3;
 use holo_display::mix;
 use holo_picture::{Picture, View};
 
-use crate::interpolate::{Filter, interpolate, show_means};
+use crate::interpolate::{CacheFilter, interpolate, show_means};
 use crate::map::Map;
-use crate::noise::Noise;
+use crate::noise::MeanNoise;
 use crate::params::{EmptyPixels, PointImageError, PointImageParams, Smoothing};
-use crate::planes::Planes;
-use crate::points::{BLOCK, Points};
+use crate::planes::PixelPlanes;
+use crate::points::{BLOCK, PointSlots};
 use crate::predict::Occupancy;
 use crate::project::Buckets;
-use crate::sample::{Request, Sample};
+use crate::sample::{RayResult, Request};
 use crate::stage::{Stage, Stages};
 use crate::{cull, prefilter, zbuffer};
 
@@ -26,7 +26,7 @@ pub struct Moment<'a> {
     /// prediction.
     pub predicted: Option<View>,
     /// The renderer's results since the last frame, in any order.
-    pub samples: &'a [Sample],
+    pub samples: &'a [RayResult],
     /// The largest number of rays to request.
     pub wanted: usize,
 }
@@ -35,8 +35,8 @@ pub struct Moment<'a> {
 #[derive(Debug)]
 pub struct PointImage {
     pub(crate) params: PointImageParams,
-    pub(crate) points: Points,
-    pub(crate) planes: Planes,
+    pub(crate) points: PointSlots,
+    pub(crate) planes: PixelPlanes,
     buckets: Buckets,
     occupancy: Occupancy,
     /// The origin of the points' coordinates: the first view's eye, world.
@@ -49,7 +49,7 @@ pub struct PointImage {
     pub(crate) epoch: u32,
     /// True if any point may be a sample of the current view.
     pub(crate) has_fresh: bool,
-    pub(crate) noise: Noise,
+    pub(crate) noise: MeanNoise,
     /// The number of frames so far; chooses the jitter.
     pub(crate) frames: u32,
     /// True if points or stages have changed since the picture was made.
@@ -59,7 +59,7 @@ pub struct PointImage {
 
 /// A picture, and the rays that would improve the next picture most.
 #[derive(Clone, Copy, Debug)]
-pub struct Frame<'a> {
+pub struct CacheFrame<'a> {
     pub(crate) cache: &'a PointImage,
 }
 
@@ -76,8 +76,8 @@ impl PointImage {
         let capacity = ((size.0 * size.1) as f64 * params.points_per_pixel).ceil() as usize;
         let capacity = capacity.next_multiple_of(BLOCK);
         Ok(Self {
-            points: Points::new(capacity, params.group as usize),
-            planes: Planes::new(size),
+            points: PointSlots::new(capacity, params.group as usize),
+            planes: PixelPlanes::new(size),
             buckets: Buckets::new(size, capacity),
             occupancy: Occupancy::new(size, params.predicted_block as usize),
             origin: DVec3::ZERO,
@@ -86,7 +86,7 @@ impl PointImage {
             predicted: None,
             epoch: 0,
             has_fresh: false,
-            noise: Noise::default(),
+            noise: MeanNoise::default(),
             frames: 0,
             is_dirty: true,
             requests: Vec::new(),
@@ -110,20 +110,24 @@ impl PointImage {
     ///
     /// Points age only by the number of new points. Millions of samples that are averaged into
     /// existing points do not remove other points.
-    pub fn insert(&mut self, samples: &[Sample]) {
+    pub fn insert(&mut self, samples: &[RayResult]) {
         let new_points = self.take_all(samples);
         self.age(new_points);
         self.is_dirty |= !samples.is_empty();
     }
 
     /// Makes the next picture and the next requests.
-    pub fn frame(&mut self, moment: &Moment) -> Frame<'_> {
+    pub fn frame(&mut self, moment: &Moment) -> CacheFrame<'_> {
         self.frame_watched(moment, &mut |_| {})
     }
 
     /// Makes the next picture and the next requests. Calls `ended` after each stage that ran, so
     /// that the caller can time the stages.
-    pub fn frame_watched(&mut self, moment: &Moment, ended: &mut dyn FnMut(Stage)) -> Frame<'_> {
+    pub fn frame_watched(
+        &mut self,
+        moment: &Moment,
+        ended: &mut dyn FnMut(Stage),
+    ) -> CacheFrame<'_> {
         let moved = self.look(&moment.view);
         self.age(moment.samples.len());
         self.take_all(moment.samples);
@@ -149,7 +153,7 @@ impl PointImage {
             ended(Stage::Sampling);
         }
         self.frames = self.frames.wrapping_add(1);
-        Frame { cache: self }
+        CacheFrame { cache: self }
     }
 
     /// Sets the view. Returns whether it has changed.
@@ -202,7 +206,7 @@ impl PointImage {
             ended(Stage::Prefilter);
         }
         // Pixels that the prefilter filled do not become black again.
-        interpolate(planes, &Filter::new(params, prior, black && !stages.prefilter));
+        interpolate(planes, &CacheFilter::new(params, prior, black && !stages.prefilter));
         if params.smoothing != Smoothing::Everywhere && self.has_fresh {
             show_means(planes, points, prior);
         }

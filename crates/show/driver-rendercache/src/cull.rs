@@ -8,10 +8,10 @@
 use rayon::prelude::*;
 
 use crate::colour;
-use crate::planes::{Planes, ROWS, rows_of};
+use crate::planes::{PixelPlanes, ROWS, rows_of};
 
 /// Removes points that are deeper than 1 + `threshold` times the mean over 3×3 pixels.
-pub(crate) fn cull(planes: &mut Planes, threshold: f32) {
+pub(crate) fn cull(planes: &mut PixelPlanes, threshold: f32) {
     let (width, height, depth) = (planes.width, planes.height, &planes.depth);
     let bands = planes.colour.par_chunks_mut(width * ROWS).enumerate();
     bands.for_each(|(band, colour)| {

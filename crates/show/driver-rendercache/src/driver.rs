@@ -6,15 +6,15 @@
 use std::sync::Arc;
 
 use holo_display::{
-    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, LiveSample, Look,
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
     PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
 };
 use holo_picture::{View, ViewKind};
-use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
+use holo_section::{BeamKey, RayCoords, RayResult as Stored, Section};
 
 use crate::map::far_depth;
-use crate::screen::{Screen, radius};
-use crate::{Moment, PointImage, PointImageParams, Sample};
+use crate::screen::{CacheScreen, radius};
+use crate::{Moment, PointImage, PointImageParams, RayResult};
 
 const NAME: &str = "pointimage";
 
@@ -41,7 +41,7 @@ struct PointImageRenderer {
     sections: Arc<[Section]>,
     sky: [f32; 3],
     params: PointImageParams,
-    shown: Option<(PointImage, Screen)>,
+    shown: Option<(PointImage, CacheScreen)>,
 }
 
 impl PointImageRenderer {
@@ -52,7 +52,7 @@ impl PointImageRenderer {
     /// Changes the view and requests the rays that it lacks. Returns the weights of its beams.
     fn change_view(
         &mut self,
-        look: &Look,
+        look: &FrameRequest,
         beams: &[WantedBeam],
     ) -> Result<Vec<WantedBeam>, DriverError> {
         let before = self.shown.take();
@@ -66,7 +66,7 @@ impl PointImageRenderer {
         let wanted = requests(look.size);
         let moment = Moment { view: look.view, predicted, samples: &[], wanted };
         let weights = cache.frame(&moment).weigh(&self.sections, beams, BY_REQUESTS);
-        let screen = Screen::new(Arc::clone(&self.sections), self.sky, look);
+        let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky, look);
         self.shown = Some((cache, screen));
         Ok(weights)
     }
@@ -84,8 +84,11 @@ impl StoringRenderer for PointImageRenderer {
             };
             let Some(tag) = tag else { return false };
             // The noise of stored samples is not known.
-            let sample =
-                Sample { tag, noise: f32::INFINITY, ..Sample::new(seen.place, seen.radiance) };
+            let sample = RayResult {
+                tag,
+                noise: f32::INFINITY,
+                ..RayResult::new(seen.place, seen.radiance)
+            };
             cache.insert(&[sample]);
             true
         });
@@ -104,7 +107,7 @@ impl StoringRenderer for PointImageRenderer {
 }
 
 impl Renderer for PointImageRenderer {
-    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+    fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
         if self.shown.as_ref().is_some_and(|(_, screen)| screen.is_of(look)) {
             return Ok(());
         }
@@ -160,7 +163,7 @@ impl Renderer for PointImageRenderer {
 impl RayWishes for PointImageRenderer {
     fn weigh(
         &mut self,
-        look: &Look,
+        look: &FrameRequest,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         self.change_view(look, &beams)
@@ -173,7 +176,7 @@ impl RayWishes for PointImageRenderer {
         Some(cache.frame(&moment).rays(&self.sections))
     }
 
-    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64 {
+    fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {
         let radius = radius(&self.sections, &look.view, look.size, nearest);
         if let Some((_, screen)) = &mut self.shown {
             screen.set_radius(look, radius);
@@ -210,7 +213,7 @@ fn ahead(earlier: &View, now: &View) -> Option<View> {
     now.moved(vp, vd).ok().filter(|_| is_same_walk)
 }
 
-/// Converts depths as in [`crate::Frame::depth`] to distances along the rays of pixels, scene
+/// Converts depths as in [`crate::CacheFrame::depth`] to distances along the rays of pixels, scene
 /// units.
 fn distances(view: &View, size: (u32, u32), depth: impl Iterator<Item = f32>) -> Vec<f32> {
     let far = far_depth(view);

@@ -10,10 +10,10 @@ use holo_display::{WantedBeam, best_beam};
 use holo_picture::Picture;
 use holo_section::{BeamKey, RayCoords, Section};
 
-use crate::cache::Frame;
+use crate::cache::CacheFrame;
 use crate::{Tag, colour};
 
-impl<'a> Frame<'a> {
+impl<'a> CacheFrame<'a> {
     /// Returns the picture, with its view.
     pub fn picture(&self) -> Picture {
         let planes = &self.cache.planes;

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use holo_display::{
-    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, LiveSample, Look,
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
     PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
 };
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 
 use crate::frameless::Frameless;
-use crate::screen::{Screen, radius};
+use crate::screen::{CacheScreen, radius};
 
 const NAME: &str = "frameless";
 
@@ -24,19 +24,19 @@ pub fn frameless_driver(sections: Arc<[Section]>, sky: [f32; 3]) -> Driver {
 struct FramelessRenderer {
     sections: Arc<[Section]>,
     sky: [f32; 3],
-    shown: Option<Shown>,
+    shown: Option<FramelessView>,
 }
 
-struct Shown {
+struct FramelessView {
     frameless: Frameless,
-    screen: Screen,
+    screen: CacheScreen,
     /// Distance of each pixel's newest own sample, 0 without one.
     depth: Vec<f32>,
 }
 
 impl StoringRenderer for FramelessRenderer {
     fn insert(&mut self, _age: Age, key: BeamKey, _paths: u16, samples: &[Sample]) {
-        let Some(Shown { frameless, screen, depth }) = &mut self.shown else { return };
+        let Some(FramelessView { frameless, screen, depth }) = &mut self.shown else { return };
         let width = screen.size.0;
         screen.locate(key, samples, |seen| {
             let (column, row) = seen.pixel;
@@ -63,7 +63,7 @@ impl StoringRenderer for FramelessRenderer {
 }
 
 impl Renderer for FramelessRenderer {
-    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+    fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
         let before = self.shown.take();
         let mut frameless = match before.filter(|shown| shown.screen.serves(look)) {
             Some(shown) if shown.screen.is_of(look) => {
@@ -75,9 +75,9 @@ impl Renderer for FramelessRenderer {
                 .map_err(|error| DriverError { driver: NAME, reason: error.to_string() })?,
         };
         frameless.look(look.view);
-        let screen = Screen::new(Arc::clone(&self.sections), self.sky, look);
+        let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky, look);
         let depth = vec![0.0; look.size.0 as usize * look.size.1 as usize];
-        self.shown = Some(Shown { frameless, screen, depth });
+        self.shown = Some(FramelessView { frameless, screen, depth });
         Ok(())
     }
 
@@ -95,7 +95,7 @@ impl Renderer for FramelessRenderer {
         _interrupt: &Interrupt,
         _stage_ended: &mut dyn FnMut(&'static str),
     ) -> Option<Frame> {
-        let Shown { frameless, screen, depth } = self.shown.as_mut()?;
+        let FramelessView { frameless, screen, depth } = self.shown.as_mut()?;
         // A pixel that still shows another view has no known depth.
         let of_view = |(has_colour, &depth): (bool, &f32)| {
             if has_colour && depth == 0.0 { f32::INFINITY } else { depth }
@@ -128,7 +128,7 @@ impl Renderer for FramelessRenderer {
 impl RayWishes for FramelessRenderer {
     fn weigh(
         &mut self,
-        look: &Look,
+        look: &FrameRequest,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         self.look(look)?;
@@ -139,9 +139,9 @@ impl RayWishes for FramelessRenderer {
         None
     }
 
-    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64 {
+    fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {
         let radius = radius(&self.sections, &look.view, look.size, nearest);
-        if let Some(Shown { screen, .. }) = &mut self.shown {
+        if let Some(FramelessView { screen, .. }) = &mut self.shown {
             screen.set_radius(look, radius);
         }
         radius

@@ -8,13 +8,13 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::params::{PointImageParams, Smoothing};
-use crate::planes::{Planes, ROWS, rows_of};
-use crate::points::Points;
+use crate::planes::{PixelPlanes, ROWS, rows_of};
+use crate::points::PointSlots;
 use crate::rows::Rows;
 
 /// Settings of the 3×3 filter.
 #[derive(Clone, Copy)]
-pub(crate) struct Filter {
+pub(crate) struct CacheFilter {
     /// Weight of the middle of three pixels; the other two have weight 1. The weights over 3×3
     /// pixels are its square, itself and 1.
     centre: f32,
@@ -30,7 +30,7 @@ pub(crate) struct Filter {
     points_alone: bool,
 }
 
-impl Filter {
+impl CacheFilter {
     /// Returns the settings for a weight `prior` of the prefilter's mean. `black` says that pixels
     /// which nothing fills become 0.
     pub fn new(params: &PointImageParams, prior: f32, black: bool) -> Self {
@@ -48,8 +48,8 @@ impl Filter {
 }
 
 /// Makes the picture and the priorities from the point image.
-pub(crate) fn interpolate(planes: &mut Planes, filter: &Filter) {
-    let Planes { width, height, colour, priority, picture, .. } = planes;
+pub(crate) fn interpolate(planes: &mut PixelPlanes, filter: &CacheFilter) {
+    let PixelPlanes { width, height, colour, priority, picture, .. } = planes;
     let (width, height) = (*width, *height);
     let priority = priority.par_chunks_mut(width * ROWS);
     let bands = picture.par_chunks_mut(width * ROWS).zip(priority).enumerate();
@@ -75,7 +75,7 @@ pub(crate) fn interpolate(planes: &mut Planes, filter: &Filter) {
     });
 }
 
-impl Filter {
+impl CacheFilter {
     /// Returns what a pixel shows, given what it `shows` already, the weighted `sum` over 3×3
     /// pixels, and its `own` point. The fourth numbers are the weights.
     #[inline]
@@ -97,8 +97,8 @@ impl Filter {
 ///
 /// The point image has this mean only in packed form, which rounds it. If samples are noisy, the
 /// smoothed picture has a share that falls as their number grows.
-pub(crate) fn show_means(planes: &mut Planes, points: &Points, prior: f32) {
-    let Planes { width, depth, slot, picture, .. } = planes;
+pub(crate) fn show_means(planes: &mut PixelPlanes, points: &PointSlots, prior: f32) {
+    let PixelPlanes { width, depth, slot, picture, .. } = planes;
     let length = *width * ROWS;
     let bands = picture.par_chunks_mut(length);
     bands.zip(depth.par_chunks(length).zip(slot.par_chunks(length))).for_each(

@@ -102,10 +102,10 @@ mod stage;
 mod take;
 mod zbuffer;
 
-pub use cache::{Frame, Moment, PointImage};
+pub use cache::{CacheFrame, Moment, PointImage};
 pub use driver::pointimage_driver;
 pub use frameless_driver::frameless_driver;
 pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing};
-pub use sample::{Place, Sample, Tag};
+pub use sample::{Place, RayResult, Tag};
 pub use settings::{SETTINGS, Setting};
 pub use stage::{Stage, Stages};

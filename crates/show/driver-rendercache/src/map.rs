@@ -27,7 +27,7 @@ pub(crate) fn far_along(view: &View) -> f64 {
     FAR_SIZES * view.extent().0.max(view.extent().1)
 }
 
-/// Returns the least depth of infinitely far points in [`Frame::depth`](crate::Frame::depth).
+/// Returns the least depth of infinitely far points in [`Frame::depth`](crate::CacheFrame::depth).
 pub(crate) fn far_depth(view: &View) -> f64 {
     // The depth of a perspective is less than the distance: a tenth of it at 84° off the axis.
     if view.kind.has_eye() { 0.1 * FAR } else { 0.5 * far_along(view) }

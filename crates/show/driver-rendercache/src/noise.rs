@@ -5,7 +5,7 @@
 //!
 //! Invariant: without stated noise, no bit of a picture changes.
 
-use crate::Sample;
+use crate::RayResult;
 
 /// Least noise for which the wide filter has its full weight: standard deviation over the largest
 /// channel.
@@ -13,14 +13,14 @@ const FULL: f32 = 0.1;
 
 /// The running mean of the noise that samples state, over about as many samples as points.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Noise {
+pub(crate) struct MeanNoise {
     sum: f32,
     count: f32,
 }
 
-impl Noise {
+impl MeanNoise {
     /// Adds the noise of new samples for a cache of `capacity` points.
-    pub fn take(&mut self, samples: &[Sample], capacity: usize) {
+    pub fn take(&mut self, samples: &[RayResult], capacity: usize) {
         let kept = 1.0 - (samples.len() as f32 / capacity as f32).min(1.0);
         (self.sum, self.count) = (self.sum * kept, self.count * kept);
         for sample in samples {
@@ -50,13 +50,13 @@ mod tests {
     use super::*;
     use crate::Place;
 
-    fn samples(noise: f32, count: usize) -> Vec<Sample> {
-        vec![Sample { noise, ..Sample::new(Place::At(DVec3::ONE), [0.5, 1.0, 0.2]) }; count]
+    fn samples(noise: f32, count: usize) -> Vec<RayResult> {
+        vec![RayResult { noise, ..RayResult::new(Place::At(DVec3::ONE), [0.5, 1.0, 0.2]) }; count]
     }
 
     #[test]
     fn the_wide_filter_weighs_by_the_noise_of_recent_samples() {
-        let mut noise = Noise::default();
+        let mut noise = MeanNoise::default();
         assert_eq!(noise.weight(8.0), 0.0);
         noise.take(&samples(0.0, 500), 1000);
         assert_eq!(noise.weight(8.0), 0.0);

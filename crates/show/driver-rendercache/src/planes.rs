@@ -13,7 +13,7 @@ pub(crate) const NO_SLOT: u32 = u32::MAX;
 
 /// The data of every pixel.
 #[derive(Debug)]
-pub(crate) struct Planes {
+pub(crate) struct PixelPlanes {
     pub width: usize,
     pub height: usize,
     /// Slot of the nearest point, or [`NO_SLOT`].
@@ -29,7 +29,7 @@ pub(crate) struct Planes {
     pub picture: Vec<[f32; 3]>,
 }
 
-impl Planes {
+impl PixelPlanes {
     pub fn new((width, height): (usize, usize)) -> Self {
         let pixels = width * height;
         Self {

@@ -44,7 +44,7 @@ impl Details {
 
 /// The slots.
 #[derive(Debug)]
-pub(crate) struct Points {
+pub(crate) struct PointSlots {
     /// x, y and z relative to the cache's origin, scene units.
     pub position: [Vec<f32>; 3],
     /// Mean radiance, packed.
@@ -66,7 +66,7 @@ pub(crate) struct Points {
     is_shown: Vec<bool>,
 }
 
-impl Points {
+impl PointSlots {
     /// Returns empty slots. `capacity` is a multiple of [`BLOCK`].
     pub fn new(capacity: usize, group: usize) -> Self {
         Self {
@@ -171,7 +171,7 @@ mod tests {
 
     /// Returns the ages at which points are overwritten, by frames of `samples` new points.
     fn last_ages(samples: usize, mean_last_age: f64, group: usize, hidden_ageing: u8) -> Vec<u8> {
-        let mut points = Points::new(2048, group);
+        let mut points = PointSlots::new(2048, group);
         let mut ages = Vec::new();
         for frame in 0..20 * 2048 / samples {
             let by = points.increment(samples, mean_last_age);
@@ -210,7 +210,7 @@ mod tests {
 
     #[test]
     fn shown_points_age_more_slowly_than_hidden_ones() {
-        let mut points = Points::new(256, 8);
+        let mut points = PointSlots::new(256, 8);
         points.age.fill(10);
         points.grow_older(1, 3, None, [5, 7].into_iter());
         assert_eq!((points.age[5], points.age[6], points.age[7]), (11, 13, 11));
@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn the_oldest_of_a_group_is_replaced_but_never_a_sample_of_the_view() {
-        let mut points = Points::new(256, 8);
+        let mut points = PointSlots::new(256, 8);
         points.age.fill(10);
         // Group 0 is slots 0, 32, 64 and so on.
         points.age[96] = 11;
@@ -237,7 +237,7 @@ mod tests {
     #[test]
     fn points_leave_at_the_chosen_age_but_never_those_of_the_view() {
         for evict in [Some(255), Some(60), None] {
-            let mut points = Points::new(512, 8);
+            let mut points = PointSlots::new(512, 8);
             for slot in 0..512 {
                 points.age[slot] = (slot / 2) as u8;
                 // An empty slot has no sample of the view.
@@ -260,7 +260,7 @@ mod tests {
 
     #[test]
     fn a_group_of_one_is_the_next_slot_whatever_its_age() {
-        let mut points = Points::new(256, 1);
+        let mut points = PointSlots::new(256, 1);
         points.age.fill(10);
         points.age[7] = 200;
         let slots: Vec<_> = (0..9).map(|_| points.free_slot()).collect();

@@ -12,9 +12,9 @@ use holo_picture::View;
 use rayon::prelude::*;
 
 use crate::map::Map;
-use crate::points::{BLOCK, Points};
+use crate::points::{BLOCK, PointSlots};
 use crate::project::each_seen;
-use crate::sample::{Aim, Request, Tag};
+use crate::sample::{RayTarget, Request, Tag};
 
 /// Points that one thread projects at a time.
 const PART: usize = 256 * BLOCK;
@@ -38,7 +38,7 @@ impl Occupancy {
     }
 
     /// Marks the blocks of a view into which points fall as occupied, and all others as empty.
-    pub fn project(&mut self, points: &Points, view: &View, origin: DVec3) {
+    pub fn project(&mut self, points: &PointSlots, view: &View, origin: DVec3) {
         let scaled = |pixels: usize| pixels as f64 / self.side as f64;
         let map = Map::new(view, origin, (scaled(self.picture.0), scaled(self.picture.1)));
         let (size, is_occupied) = (self.size, &mut self.is_occupied);
@@ -79,7 +79,7 @@ impl Occupancy {
         let (width, height) = self.picture;
         let across = column as f32 + x * self.side.min(width - column) as f32;
         let down = row as f32 + y * self.side.min(height - row) as f32;
-        let aim = Aim::Picture(across / width as f32, 1.0 - down / height as f32);
+        let aim = RayTarget::Picture(across / width as f32, 1.0 - down / height as f32);
         Request { aim, predicted: true, tag: Tag::default() }
     }
 }

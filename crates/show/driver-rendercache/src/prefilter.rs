@@ -7,13 +7,13 @@
 use glam::Vec4;
 use rayon::prelude::*;
 
-use crate::planes::{Planes, ROWS, rows_of};
+use crate::planes::{PixelPlanes, ROWS, rows_of};
 use crate::rows::Rows;
 
 /// Shows in every pixel the mean over the points of the `window` × `window` pixels around it. A
 /// pixel without any point there becomes 0 if `black`. Otherwise it stays as it was.
-pub(crate) fn prefilter(planes: &mut Planes, window: usize, black: bool) {
-    let Planes { width, height, colour, picture, .. } = planes;
+pub(crate) fn prefilter(planes: &mut PixelPlanes, window: usize, black: bool) {
+    let PixelPlanes { width, height, colour, picture, .. } = planes;
     let (width, height, reach) = (*width, *height, window / 2);
     picture.par_chunks_mut(width * ROWS).enumerate().for_each(|(band, picture)| {
         let lines = Rows::around(colour, width, rows_of(band, height), reach);
@@ -45,8 +45,8 @@ mod tests {
     const SIZE: (usize, usize) = (130, 60);
 
     /// Returns planes with points in a third of the pixels at the top, and in most at the bottom.
-    fn planes() -> Planes {
-        let mut planes = Planes::new(SIZE);
+    fn planes() -> PixelPlanes {
+        let mut planes = PixelPlanes::new(SIZE);
         for (pixel, colour) in planes.colour.iter_mut().enumerate() {
             let chance = if pixel / SIZE.0 < SIZE.1 / 2 { 0.33 } else { 0.8 };
             let (is_there, light) = pair(7, pixel as u32);
@@ -58,7 +58,7 @@ mod tests {
     }
 
     /// Returns the colours of the points of a window that reaches so far from a pixel.
-    fn around(planes: &Planes, pixel: usize, reach: usize) -> Vec<[f32; 3]> {
+    fn around(planes: &PixelPlanes, pixel: usize, reach: usize) -> Vec<[f32; 3]> {
         let (column, row) = (pixel % SIZE.0, pixel / SIZE.0);
         let rows = row.saturating_sub(reach)..(row + reach + 1).min(SIZE.1);
         let columns = column.saturating_sub(reach)..(column + reach + 1).min(SIZE.0);

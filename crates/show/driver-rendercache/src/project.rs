@@ -12,7 +12,7 @@ use holo_cpu::{Isa, Kernel};
 use rayon::prelude::*;
 
 use crate::map::Map;
-use crate::points::{BLOCK, EMPTY, Points};
+use crate::points::{BLOCK, EMPTY, PointSlots};
 
 /// Approximate number of tiles of a picture. A tile is a number of whole rows.
 const TILES: usize = 64;
@@ -26,7 +26,7 @@ const PARTS: usize = 8;
 
 /// A point that falls into the picture.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Record {
+pub(crate) struct ProjectedPoint {
     /// Sorts the points of a pixel: samples of the current view first, then by depth, then by slot.
     /// The point with the least key is shown.
     pub key: u64,
@@ -35,9 +35,9 @@ pub(crate) struct Record {
     about: u32,
 }
 
-const _: () = assert!(size_of::<Record>() == 16);
+const _: () = assert!(size_of::<ProjectedPoint>() == 16);
 
-impl Record {
+impl ProjectedPoint {
     /// No point.
     pub const NONE: Self = Self { key: u64::MAX, colour: crate::colour::NONE, about: 0 };
     /// In a key: the point is not a sample of the current view.
@@ -67,7 +67,7 @@ impl Record {
 #[derive(Debug)]
 pub(crate) struct Buckets {
     /// The records of each part of the points, by tile.
-    parts: Vec<Vec<Vec<Record>>>,
+    parts: Vec<Vec<Vec<ProjectedPoint>>>,
     /// Slots of a part.
     part_length: usize,
     /// Rows of a tile: a power of two.
@@ -85,7 +85,7 @@ impl Buckets {
     }
 
     /// Sorts all points that fall into the picture into the buckets of their tiles.
-    pub fn fill(&mut self, points: &Points, map: &Map, size: (usize, usize)) {
+    pub fn fill(&mut self, points: &PointSlots, map: &Map, size: (usize, usize)) {
         let (length, shift) = (self.part_length, self.tile_rows.ilog2());
         self.parts.par_iter_mut().enumerate().for_each(|(part, tiles)| {
             tiles.iter_mut().for_each(Vec::clear);
@@ -93,8 +93,8 @@ impl Buckets {
             each_seen(points, slots, map, size, |slot, column, row, depth| {
                 let tile = row >> shift;
                 let pixel = (row - (tile << shift)) * size.0 + column;
-                let old = if points.is_fresh[slot] { 0 } else { Record::OLD };
-                tiles[tile].push(Record {
+                let old = if points.is_fresh[slot] { 0 } else { ProjectedPoint::OLD };
+                tiles[tile].push(ProjectedPoint {
                     key: old | u64::from(depth.to_bits()) << 32 | slot as u64,
                     colour: points.colour[slot],
                     about: (pixel as u32) << 8 | u32::from(points.age[slot]),
@@ -104,7 +104,7 @@ impl Buckets {
     }
 
     /// Returns the records of a tile, in some lists.
-    pub fn tile(&self, tile: usize) -> impl Iterator<Item = &Vec<Record>> {
+    pub fn tile(&self, tile: usize) -> impl Iterator<Item = &Vec<ProjectedPoint>> {
         self.parts.iter().map(move |tiles| &tiles[tile])
     }
 }
@@ -113,7 +113,7 @@ impl Buckets {
 /// `size` pixels. `slots` begins and ends at multiples of [`BLOCK`].
 #[inline(always)]
 pub(crate) fn each_seen(
-    points: &Points,
+    points: &PointSlots,
     slots: Range<usize>,
     map: &Map,
     size: (usize, usize),
@@ -140,7 +140,7 @@ pub(crate) fn each_seen(
 /// Projects [`BLOCK`] points from slot `first` on into a picture of `size` pixels. Writes columns,
 /// rows and depths to `places`, with depth 0 for points outside the picture.
 struct Project<'a> {
-    points: &'a Points,
+    points: &'a PointSlots,
     first: usize,
     map: &'a Map,
     size: (usize, usize),

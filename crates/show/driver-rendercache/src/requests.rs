@@ -2,7 +2,7 @@
 
 use holo_display::{mix, pair};
 
-use crate::sample::{Aim, Purpose, Request, Tag};
+use crate::sample::{Purpose, RayTarget, Request, Tag};
 use crate::{PointImage, dither};
 
 impl PointImage {
@@ -26,7 +26,10 @@ impl PointImage {
         let (column, row) = self.planes.place(pixel);
         let anywhere = || {
             let (x, y) = pair(seed, pixel);
-            Aim::Picture((column as f32 + x) / width as f32, 1.0 - (row as f32 + y) / height as f32)
+            RayTarget::Picture(
+                (column as f32 + x) / width as f32,
+                1.0 - (row as f32 + y) / height as f32,
+            )
         };
         let point = self.planes.shown(pixel);
         let resampling = self.params.stages.resampling;
@@ -38,7 +41,7 @@ impl PointImage {
                 (anywhere(), Purpose::Refine)
             }
             Some(slot) if resampling => {
-                (Aim::Through(self.points.position(slot)), Purpose::Resample)
+                (RayTarget::Through(self.points.position(slot)), Purpose::Resample)
             }
             Some(_) => (anywhere(), Purpose::Pixel),
         };

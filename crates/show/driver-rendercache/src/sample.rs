@@ -43,7 +43,7 @@ pub(crate) enum Purpose {
 
 /// The target of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Aim {
+pub(crate) enum RayTarget {
     /// Picture coordinates.
     Picture(f32, f32),
     /// A point relative to the cache's origin.
@@ -53,7 +53,7 @@ pub(crate) enum Aim {
 /// A requested ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Request {
-    pub aim: Aim,
+    pub aim: RayTarget,
     /// True if the ray is for the predicted view.
     pub predicted: bool,
     pub tag: Tag,
@@ -63,8 +63,8 @@ impl Request {
     /// Returns the ray of `view`: its origin on the fore clipping surface, and its unit direction.
     pub fn ray(&self, view: &View, origin: DVec3) -> (DVec3, DVec3) {
         let (start, direction) = match self.aim {
-            Aim::Picture(x, y) => view.ray(x.into(), y.into()),
-            Aim::Through(point) => view.ray_to(DVec3::from(point.map(f64::from)) + origin),
+            RayTarget::Picture(x, y) => view.ray(x.into(), y.into()),
+            RayTarget::Through(point) => view.ray_to(DVec3::from(point.map(f64::from)) + origin),
         };
         (start + direction * view.span(direction)[0], direction)
     }
@@ -72,7 +72,7 @@ impl Request {
 
 /// A renderer's result.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
+pub struct RayResult {
     /// The request's tag; the default for a sample without a request.
     pub tag: Tag,
     /// Where the ray ended.
@@ -84,7 +84,7 @@ pub struct Sample {
     pub noise: f32,
 }
 
-impl Sample {
+impl RayResult {
     /// Returns a clean sample without a request.
     pub fn new(place: Place, radiance: [f32; 3]) -> Self {
         Self { tag: Tag::default(), place, radiance, noise: 0.0 }

@@ -9,7 +9,7 @@
 use std::{collections::HashSet, sync::Arc};
 
 use glam::DVec3;
-use holo_display::{Frame, Look, best_beam, for_bands, viewpoint_radius};
+use holo_display::{Frame, FrameRequest, best_beam, for_bands, viewpoint_radius};
 use holo_picture::{Clip, View};
 use holo_section::{BeamKey, Sample, Section, SectionRay, ray_eye_distance};
 
@@ -27,7 +27,7 @@ const ALONG: f64 = 0.995;
 const ROWS: usize = 16;
 
 /// A stored sample as the view sees it.
-pub(crate) struct Seen {
+pub(crate) struct ProjectedSample {
     /// Column and row of its pixel.
     pub pixel: (u32, u32),
     /// Where its ray ended.
@@ -41,7 +41,7 @@ pub(crate) struct Seen {
 }
 
 /// A view, its covered and unseen pixels, and the number of samples in it.
-pub(crate) struct Screen {
+pub(crate) struct CacheScreen {
     pub view: View,
     /// Width and height, pixels.
     pub size: (u32, u32),
@@ -55,8 +55,8 @@ pub(crate) struct Screen {
     used: u64,
 }
 
-impl Screen {
-    pub fn new(sections: Arc<[Section]>, sky: [f32; 3], look: &Look) -> Self {
+impl CacheScreen {
+    pub fn new(sections: Arc<[Section]>, sky: [f32; 3], look: &FrameRequest) -> Self {
         Self {
             view: look.view,
             size: look.size,
@@ -69,17 +69,17 @@ impl Screen {
         }
     }
 
-    pub fn is_of(&self, look: &Look) -> bool {
+    pub fn is_of(&self, look: &FrameRequest) -> bool {
         (self.view, self.size) == (look.view, look.size)
     }
 
     /// Returns whether a driver can use its data of this view for another view.
-    pub fn serves(&self, look: &Look) -> bool {
+    pub fn serves(&self, look: &FrameRequest) -> bool {
         self.size == look.size && sees_alike(&self.view, &look.view)
     }
 
     /// Sets the viewpoint radius, scene units, if this is the screen of `look`.
-    pub fn set_radius(&mut self, look: &Look, radius: f64) {
+    pub fn set_radius(&mut self, look: &FrameRequest, radius: f64) {
         if self.is_of(look) {
             self.radius = radius;
         }
@@ -98,7 +98,7 @@ impl Screen {
         &mut self,
         key: BeamKey,
         samples: &[Sample],
-        mut insert: impl FnMut(Seen) -> bool,
+        mut insert: impl FnMut(ProjectedSample) -> bool,
     ) {
         let Some(section) = self.sections.get(usize::from(key.section)) else { return };
         let Some(pair) = section.cells(key.beam) else { return };
@@ -112,7 +112,13 @@ impl Screen {
         }
     }
 
-    fn see(&self, ray: &SectionRay, distance: f64, radiance: [f32; 3], near: f64) -> Option<Seen> {
+    fn see(
+        &self,
+        ray: &SectionRay,
+        distance: f64,
+        radiance: [f32; 3],
+        near: f64,
+    ) -> Option<ProjectedSample> {
         let view = &self.view;
         let has_eye = view.kind.has_eye();
         let (place, x, y, seen_at) = if distance.is_finite() {
@@ -146,7 +152,7 @@ impl Screen {
             Clip::Beyond => ([0.0; 3], f64::INFINITY),
         };
         let is_own = ray_eye_distance(ray, eye) <= near;
-        Some(Seen { pixel, place, radiance, distance: seen_at as f32, is_own })
+        Some(ProjectedSample { pixel, place, radiance, distance: seen_at as f32, is_own })
     }
 
     /// Returns the frame of a picture and its depths, with pixels outside every section black and

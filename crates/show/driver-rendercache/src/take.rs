@@ -11,7 +11,7 @@ use crate::PointImage;
 use crate::colour::{self, LARGEST};
 use crate::map::{far_along, far_away};
 use crate::points::Details;
-use crate::sample::{Place, Purpose, Sample, Tag};
+use crate::sample::{Place, Purpose, RayResult, Tag};
 
 /// A new sample in the cache's coordinates.
 #[derive(Clone, Copy)]
@@ -25,7 +25,7 @@ struct NewSample {
 
 impl PointImage {
     /// Adds samples. Returns the number of new points.
-    pub(crate) fn take_all(&mut self, samples: &[Sample]) -> usize {
+    pub(crate) fn take_all(&mut self, samples: &[RayResult]) -> usize {
         self.noise.take(samples, self.points.capacity());
         let mut new_points = 0;
         for sample in samples {
@@ -38,7 +38,7 @@ impl PointImage {
 
     /// Converts a sample to the cache's coordinates. `None` if a number is not finite, or if the
     /// sample lies before the fore clipping surface, which a requested ray never hits.
-    fn converted(&self, sample: &Sample) -> Option<NewSample> {
+    fn converted(&self, sample: &RayResult) -> Option<NewSample> {
         let tag = sample.tag;
         let position = match sample.place {
             Place::At(position) => position - self.origin,
@@ -62,7 +62,7 @@ impl PointImage {
     }
 
     /// Returns whether the view clips a sample. A sample without a request is never clipped.
-    fn clip(&self, sample: &Sample) -> Clip {
+    fn clip(&self, sample: &RayResult) -> Clip {
         let is_for_view = |view: &&View| view.is_clipped() && sample.tag.purpose != Purpose::Fill;
         match self.view.as_ref().filter(is_for_view) {
             None => Clip::Shown,

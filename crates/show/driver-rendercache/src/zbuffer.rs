@@ -5,23 +5,23 @@ use rayon::prelude::*;
 
 use crate::colour;
 use crate::map::BEYOND;
-use crate::planes::Planes;
-use crate::project::{Buckets, Record};
+use crate::planes::PixelPlanes;
+use crate::project::{Buckets, ProjectedPoint};
 
 /// Makes the point image from the points of all buckets: slot, depth, colour and age of each
 /// pixel's nearest point.
-pub(crate) fn fill(planes: &mut Planes, buckets: &Buckets) {
+pub(crate) fn fill(planes: &mut PixelPlanes, buckets: &Buckets) {
     let pixels = planes.width * buckets.tile_rows;
-    let Planes { slot, depth, colour, priority, .. } = planes;
+    let PixelPlanes { slot, depth, colour, priority, .. } = planes;
     let tiles = slot
         .par_chunks_mut(pixels)
         .zip(depth.par_chunks_mut(pixels))
         .zip(colour.par_chunks_mut(pixels))
         .zip(priority.par_chunks_mut(pixels))
         .enumerate();
-    let zbuffer = || vec![Record::NONE; pixels];
+    let zbuffer = || vec![ProjectedPoint::NONE; pixels];
     tiles.for_each_init(zbuffer, |nearest, (tile, (((slot, depth), colour), priority))| {
-        nearest.fill(Record::NONE);
+        nearest.fill(ProjectedPoint::NONE);
         for records in buckets.tile(tile) {
             for record in records {
                 let pixel = &mut nearest[record.pixel()];

@@ -12,7 +12,7 @@ mod stored;
 
 use filled::{live, place_all};
 use holo_denoise::{Denoiser, Quality};
-use holo_driver_surfaces::{Gathered, Materials, Placer, Store, View};
+use holo_driver_surfaces::{Gathered, LightStore, Materials, Placer, SurfaceView};
 use holo_picture::Picture;
 use holo_tracer::{Settings, Tracer};
 use std::sync::Arc;
@@ -27,7 +27,7 @@ fn main() {
     let materials = Arc::new(Materials::new(scene));
     let placer = Placer::new(&raycaster, &materials);
     let (low, high) = scene.bounds();
-    let mut store = Store::new((1e-5 * low.distance(high)) as f32, 1 << 30);
+    let mut store = LightStore::new((1e-5 * low.distance(high)) as f32, 1 << 30);
     place_all(&mut store, &stored, &placer);
     println!("{} samples placed, {} kept", store.samples(), store.kept());
     let (eye, size) = (stored.view, stored.size);
@@ -44,7 +44,8 @@ fn main() {
         store.add(&placed);
         for size in [(size.0 / 2, size.1 / 2), size] {
             let start = seconds();
-            let mut view = View::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye, size);
+            let mut view =
+                SurfaceView::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye, size);
             if size == stored.size {
                 view.look_into_edges();
             }

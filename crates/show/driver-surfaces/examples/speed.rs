@@ -11,7 +11,7 @@ mod stored;
 #[path = "../../display/tests/common/viewer.rs"]
 mod viewer;
 
-use holo_display::Look;
+use holo_display::FrameRequest;
 use holo_driver_surfaces::surfaces_driver;
 use std::time::Instant;
 use stored::{Stored, seconds};
@@ -39,21 +39,21 @@ fn main() {
     timed("insertion, ns a sample", u32::try_from(count).unwrap(), 1e9, || {
         beams.iter().for_each(|(key, read)| driver.insert(*key, 1, &read.samples));
     });
-    let sketch = Look { view, size: (size.0 / 2, size.1 / 2), is_moving: false };
+    let sketch = FrameRequest { view, size: (size.0 / 2, size.1 / 2), is_moving: false };
     timed("sketch, nothing known: look, ms", 1, 1e3, || driver.look(&sketch).unwrap());
     timed("sketch, nothing known: draw, ms", 1, 1e3, || drop(driver.draw()));
-    let full = Look { view, size, is_moving: false };
+    let full = FrameRequest { view, size, is_moving: false };
     let finish = |driver: &mut TestViewer| while driver.prepare() {};
     timed("full: look, ms", 1, 1e3, || driver.look(&full).unwrap());
     timed("full: first draw, ms", 1, 1e3, || drop(driver.draw()));
     timed("full: look into edges, ms", 1, 1e3, || finish(&mut driver));
     timed("full: draw again, ms", 1, 1e3, || drop(driver.draw()));
-    let steps: Vec<Look> = (0..FRAMES)
+    let steps: Vec<FrameRequest> = (0..FRAMES)
         .rev()
         .map(|step| {
             let eye = view.vp + view.right() * 0.02 * f64::from(step);
             let size = (size.0 / 2, size.1 / 2);
-            Look { view: view.moved(eye, view.vd).unwrap(), size, is_moving: true }
+            FrameRequest { view: view.moved(eye, view.vd).unwrap(), size, is_moving: true }
         })
         .collect();
     timed("moving: look, ms", FRAMES, 1e3, || {

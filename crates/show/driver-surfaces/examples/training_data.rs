@@ -11,7 +11,7 @@ mod filled;
 mod stored;
 
 use filled::{live, place_all};
-use holo_driver_surfaces::{Gathered, Materials, Placer, Store, View};
+use holo_driver_surfaces::{Gathered, LightStore, Materials, Placer, SurfaceView};
 use holo_tracer::{Settings, Tracer};
 use std::io::Write;
 use std::sync::Arc;
@@ -33,8 +33,8 @@ fn main() {
     let placer = Placer::new(&raycaster, &materials);
     let tracer = Tracer::with_raycaster(raycaster.clone(), Settings::default()).unwrap();
     let (low, high) = scene.bounds();
-    let new_store = || Store::new((1e-5 * low.distance(high)) as f32, 4 << 30);
-    let trace = |store: &mut Store, numbers| {
+    let new_store = || LightStore::new((1e-5 * low.distance(high)) as f32, 4 << 30);
+    let trace = |store: &mut LightStore, numbers| {
         let mut placed = Vec::new();
         placer.place_rays(&live(&tracer, &stored.view, numbers), &mut placed);
         store.add(&placed);
@@ -54,7 +54,7 @@ fn main() {
         traced = count;
         for size in [stored.size, (stored.size.0 / 2, stored.size.1 / 2)] {
             let raycaster = Arc::clone(&raycaster);
-            let view = View::new(raycaster, Arc::clone(&materials), &stored.view, size);
+            let view = SurfaceView::new(raycaster, Arc::clone(&materials), &stored.view, size);
             let [gathered, others] = [&mut store, &mut truth].map(|store| {
                 store.begin_round();
                 Gathered::new(&view, store)

@@ -7,12 +7,12 @@
 //! Invariant: without panes, nothing is computed.
 
 use crate::cell::{Sums, luminance};
-use crate::draw::Around;
-use crate::estimate::Lit;
+use crate::draw::AmbientGuess;
+use crate::estimate::LightSums;
 use crate::filter::OfSquares;
 use crate::materials::LEAST_REFLECTANCE;
-use crate::squares::{Layer, Squares};
-use crate::view::{Seen, View};
+use crate::squares::{SquareLayer, Squares};
+use crate::view::{SurfaceView, VisiblePoint};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -38,7 +38,7 @@ impl BehindPane {
         self.share * light - self.mirrored
     }
 
-    fn lit(&self, lit: &Lit) -> Lit {
+    fn lit(&self, lit: &LightSums) -> LightSums {
         if lit.count <= 0.0 {
             return *lit;
         }
@@ -47,7 +47,7 @@ impl BehindPane {
         let variance = (lit.square / lit.count - bright(before) * bright(before)).max(0.0);
         let share = bright(self.share);
         let square = share * share * variance + bright(light) * bright(light);
-        Lit { light: lit.count * light, square: lit.count * square, ..*lit }
+        LightSums { light: lit.count * light, square: lit.count * square, ..*lit }
     }
 }
 
@@ -56,9 +56,9 @@ impl BehindPanes {
     /// and `in_panes` has their light. If a pane mirrors a lamp into a square, the square loses its `sums`, because they depend on a
     /// few very bright samples.
     pub fn new(
-        view: &View,
-        (squares, mirrored): (&Squares, &[Seen]),
-        (in_panes, around): (&Layer, &Around),
+        view: &SurfaceView,
+        (squares, mirrored): (&Squares, &[VisiblePoint]),
+        (in_panes, around): (&SquareLayer, &AmbientGuess),
         sums: &mut OfSquares,
     ) -> BehindPanes {
         let of_square = |number: usize| {
@@ -92,7 +92,7 @@ impl BehindPanes {
     }
 
     /// Returns a square's sums without mirrored light.
-    pub fn taken_out(&self, square: usize, lit: Lit) -> Lit {
+    pub fn taken_out(&self, square: usize, lit: LightSums) -> LightSums {
         self.of(square).map_or(lit, |behind| behind.lit(&lit))
     }
 }

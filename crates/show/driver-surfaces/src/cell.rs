@@ -92,7 +92,7 @@ pub(crate) use holo_picture::relative_luminance as luminance;
 /// Properties that samples on one side of a surface share besides their place: material, range of
 /// normals and, on glossy surfaces, range of directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Face(u64);
+pub(crate) struct FaceClass(u64);
 
 /// Bits of a face: 20 for the material, 6 for the normal, 8 for the direction.
 const FACE_BITS: u32 = 34;
@@ -103,14 +103,14 @@ const PLACE_BITS: u32 = 10;
 /// Places along one side of a bucket.
 pub(crate) const PLACES: f32 = (1 << PLACE_BITS) as f32;
 
-impl Face {
+impl FaceClass {
     /// Returns the face of a side with this unit normal. For a glossy side, `direction` is that of
     /// the ray that meets it; light leaves the opposite way.
     #[inline]
-    pub fn new(normal: Vec3, material: u32, direction: Option<Vec3>) -> Face {
+    pub fn new(normal: Vec3, material: u32, direction: Option<Vec3>) -> FaceClass {
         let direction = direction.map_or(0, |direction| 1 + range(direction, DIRECTIONS));
         let face = u64::from(material) << 14 | range(normal, NORMALS) << 8 | direction;
-        Face(face & ((1 << FACE_BITS) - 1))
+        FaceClass(face & ((1 << FACE_BITS) - 1))
     }
 
     /// Returns the face as a number.
@@ -143,7 +143,7 @@ pub(crate) struct Key(pub u64);
 impl Key {
     /// Returns the key of a point. `at` is relative to the bucket's corner, in places.
     #[inline]
-    pub fn new(at: Vec3, face: Face) -> Key {
+    pub fn new(at: Vec3, face: FaceClass) -> Key {
         // Conversions from floats to integers saturate.
         let [x, y, z] = at.to_array().map(|c| (c as u64).min((1 << PLACE_BITS) - 1));
         Key((face.0 << PLACE_BITS | x) << (2 * PLACE_BITS) | y << PLACE_BITS | z)
@@ -158,8 +158,8 @@ impl Key {
 
     /// Returns the face.
     #[inline]
-    pub fn face(self) -> Face {
-        Face(self.0 >> (3 * PLACE_BITS))
+    pub fn face(self) -> FaceClass {
+        FaceClass(self.0 >> (3 * PLACE_BITS))
     }
 }
 

@@ -7,9 +7,9 @@
 //! Invariant: without coats, nothing is computed.
 
 use crate::cell::{Sums, luminance};
-use crate::estimate::{Estimate, Lit};
-use crate::planes::{Layout, Planes, Square};
-use crate::view::{Seen, View};
+use crate::estimate::{Estimate, LightSums};
+use crate::planes::{Square, SquareLayout, SquarePlanes};
+use crate::view::{SurfaceView, VisiblePoint};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -27,9 +27,9 @@ const CONFIRMED: f32 = 64.0;
 /// to the widest.
 pub(crate) struct CoatScales<'a> {
     /// Over samples towards the eye.
-    pub towards_eye: &'a [Planes<5>],
+    pub towards_eye: &'a [SquarePlanes<5>],
     /// Over samples from all directions.
-    pub from_all: &'a [Planes<5>],
+    pub from_all: &'a [SquarePlanes<5>],
 }
 
 impl CoatScales<'_> {
@@ -37,8 +37,8 @@ impl CoatScales<'_> {
     /// directions, and 0 for squares that show no coat. `lights` are these means.
     pub fn beyond(
         &self,
-        (view, seen): (&View, &[Seen]),
-        layout: &Layout,
+        (view, seen): (&SurfaceView, &[VisiblePoint]),
+        layout: &SquareLayout,
         lights: &[Estimate],
     ) -> Vec<Estimate> {
         let (width, height) = layout.size;
@@ -57,7 +57,7 @@ impl CoatScales<'_> {
         let mut beyond =
             Estimate { light: Vec3::ZERO, error: SPREAD * bright, variance: light.variance };
         for (eye, all) in self.towards_eye.iter().zip(self.from_all).rev() {
-            let (eye, all) = (Lit::from(eye.at(at)), Lit::from(all.at(at)));
+            let (eye, all) = (LightSums::from(eye.at(at)), LightSums::from(all.at(at)));
             if eye.count <= 0.0 {
                 continue;
             }

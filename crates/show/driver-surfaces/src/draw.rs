@@ -5,15 +5,15 @@
 //! threads changes no bit.
 
 use crate::behind::BehindPanes;
-use crate::cell::{Face, Sums, luminance};
-use crate::edges::{Edge, Piece};
+use crate::cell::{FaceClass, Sums, luminance};
+use crate::edges::{Edge, EdgePiece};
 use crate::estimate::Estimate;
 use crate::filter::OfSquares;
 use crate::gather::Gathered;
-use crate::known::Known;
-use crate::squares::{Layer, Squares};
-use crate::store::Store;
-use crate::view::{InPane, Seen, View};
+use crate::known::LightMemory;
+use crate::squares::{SquareLayer, Squares};
+use crate::store::LightStore;
+use crate::view::{InPane, SurfaceView, VisiblePoint};
 use glam::Vec3;
 use holo_denoise::Denoiser;
 use holo_display::Interrupt;
@@ -61,8 +61,8 @@ pub(crate) struct Density {
 }
 
 /// Light for surfaces without known light in any pixel nearby.
-pub(crate) struct Around<'a> {
-    store: &'a Store,
+pub(crate) struct AmbientGuess<'a> {
+    store: &'a LightStore,
     /// Mean of all samples, for surfaces of which nothing is known.
     mean: Vec3,
 }
@@ -72,14 +72,14 @@ struct Further<'a> {
     /// The sums of the view's pieces.
     pieces: &'a [Sums],
     /// The light that panes mirror.
-    in_panes: Option<&'a Layer>,
+    in_panes: Option<&'a SquareLayer>,
 }
 
 /// Light that earlier pictures found.
 pub(crate) struct KnownLight {
-    layer: Layer,
+    layer: SquareLayer,
     /// The light that panes mirror.
-    in_panes: Option<Layer>,
+    in_panes: Option<SquareLayer>,
 }
 
 /// Stands for no pane.
@@ -94,10 +94,10 @@ impl Gathered {
     #[must_use]
     pub(crate) fn draw_and_learn(
         &self,
-        (view, store): (&View, &Store),
+        (view, store): (&SurfaceView, &LightStore),
         step: usize,
         denoiser: Option<&mut Denoiser>,
-        known: &mut Known,
+        known: &mut LightMemory,
         interrupt: &Interrupt,
     ) -> Option<Drawn> {
         let squares = Squares::new(|pixel| view.seen[pixel], view.size, step);
@@ -114,7 +114,7 @@ impl Gathered {
             let panes = view.panes_of_pixels();
             let layer = self.layer_of_panes((view, store), &panes, step, interrupt)?;
             let mirrored = &view.squares_in_panes(&panes, step).seen;
-            let lit = (&layer, &Around::new(store));
+            let lit = (&layer, &AmbientGuess::new(store));
             behind = BehindPanes::new(view, (&squares, mirrored), lit, &mut sums);
             in_panes = Some(layer);
         }
@@ -142,11 +142,11 @@ impl Gathered {
     /// the same side, filtering them took as long as filtering everything else in rooms with windows.
     fn layer_of_panes(
         &self,
-        (view, store): (&View, &Store),
+        (view, store): (&SurfaceView, &LightStore),
         panes: &[u32],
         step: usize,
         interrupt: &Interrupt,
-    ) -> Option<Layer> {
+    ) -> Option<SquareLayer> {
         let of_pixel = |pixel: usize| {
             let pane = panes[pixel] as usize;
             Some((&view.in_panes.get(pane)?.seen, self.in_panes().get(pane)?))
@@ -160,16 +160,21 @@ impl Gathered {
 
     /// Draws the view at rest.
     #[must_use]
-    pub fn draw(&self, view: &View, store: &Store, denoiser: Option<&mut Denoiser>) -> Drawn {
+    pub fn draw(
+        &self,
+        view: &SurfaceView,
+        store: &LightStore,
+        denoiser: Option<&mut Denoiser>,
+    ) -> Drawn {
         let step = self.density(view).step(true, denoiser.is_some());
-        let (known, interrupt) = (&mut Known::default(), &Interrupt::default());
+        let (known, interrupt) = (&mut LightMemory::default(), &Interrupt::default());
         let drawn = self.draw_and_learn((view, store), step, denoiser, known, interrupt);
         // Nobody else has the interrupt, so there is a picture.
         drawn.unwrap_or_default()
     }
 
     /// Returns how densely the view's samples lie.
-    pub(crate) fn density(&self, view: &View) -> Density {
+    pub(crate) fn density(&self, view: &SurfaceView) -> Density {
         let of_pixels = self.pixels().par_iter().zip(&view.seen);
         let (samples, covered, pixels) = of_pixels
             .filter(|(_, seen)| seen.is_surface())
@@ -195,18 +200,18 @@ impl Density {
     }
 }
 
-impl<'a> Around<'a> {
-    fn new(store: &'a Store) -> Around<'a> {
-        Around { store, mean: store.mean() }
+impl<'a> AmbientGuess<'a> {
+    fn new(store: &'a LightStore) -> AmbientGuess<'a> {
+        AmbientGuess { store, mean: store.mean() }
     }
 }
 
-impl View {
+impl SurfaceView {
     /// Returns the light that earlier pictures found, in squares of side `step`, and elsewhere the
     /// mean light around. `None` if more than the share `unknown` of the squares is unknown.
     pub(crate) fn known(
         &self,
-        (store, known): (&Store, &Known),
+        (store, known): (&LightStore, &LightMemory),
         step: usize,
         unknown: f32,
     ) -> Option<KnownLight> {
@@ -221,9 +226,9 @@ impl View {
     }
 
     /// Returns squares with their light. Where it is unknown, the guess is the mean light around.
-    fn layer(&self, store: &Store, squares: Squares, lights: Vec<Estimate>) -> Layer {
-        let around = &Around::new(store);
-        Layer::new(squares, lights, |seen| self.mean_around(around, seen))
+    fn layer(&self, store: &LightStore, squares: Squares, lights: Vec<Estimate>) -> SquareLayer {
+        let around = &AmbientGuess::new(store);
+        SquareLayer::new(squares, lights, |seen| self.mean_around(around, seen))
     }
 
     /// Returns the number of the reflection in a pane, or else of the covered surface, that each
@@ -243,20 +248,20 @@ impl View {
     /// Returns the squares of what panes mirror. `panes` are the panes of pixels.
     fn squares_in_panes(&self, panes: &[u32], step: usize) -> Squares {
         let in_pane = |pixel: usize| self.in_panes.get(panes[pixel] as usize);
-        let seen = |pixel| in_pane(pixel).map_or(Seen::NOTHING, |pane| pane.seen);
+        let seen = |pixel| in_pane(pixel).map_or(VisiblePoint::NOTHING, |pane| pane.seen);
         Squares::new(seen, self.size, step)
     }
 
     /// Draws the view from known light.
-    pub(crate) fn draw_known(&self, store: &Store, known: &KnownLight) -> Drawn {
+    pub(crate) fn draw_known(&self, store: &LightStore, known: &KnownLight) -> Drawn {
         let further = Further { pieces: &[], in_panes: known.in_panes.as_ref() };
         self.lit(store, &known.layer, &further)
     }
 
     /// Draws the view with the light of `layer`.
-    fn lit(&self, store: &Store, layer: &Layer, further: &Further) -> Drawn {
+    fn lit(&self, store: &LightStore, layer: &SquareLayer, further: &Further) -> Drawn {
         let (width, height) = self.size;
-        let around = &Around::new(store);
+        let around = &AmbientGuess::new(store);
         let mut pixels = vec![[0.0; 3]; width * height];
         let mut errors = vec![0.0; width * height];
         let rows = pixels.par_chunks_mut(width).zip(errors.par_chunks_mut(width)).enumerate();
@@ -288,7 +293,7 @@ impl View {
     }
 
     /// Returns the radiance of a surface in this light, and its standard error.
-    fn painted(&self, seen: &Seen, light: Estimate) -> ([f32; 3], f32) {
+    fn painted(&self, seen: &VisiblePoint, light: Estimate) -> ([f32; 3], f32) {
         let (scale, radiance) = self.paint(seen);
         let unit = self.unit();
         let colour = [0, 1, 2].map(|c| radiance[c] + scale[c] * light.light[c] * unit);
@@ -300,10 +305,10 @@ impl View {
     /// surface, or else the mean light around.
     pub(crate) fn light_at(
         &self,
-        around: &Around,
-        layer: Option<&Layer>,
+        around: &AmbientGuess,
+        layer: Option<&SquareLayer>,
         at: (f32, f32),
-        seen: &Seen,
+        seen: &VisiblePoint,
     ) -> Estimate {
         if !seen.is_surface() {
             return Estimate::default();
@@ -316,9 +321,9 @@ impl View {
     /// Returns the radiance of a pixel on an edge, and its standard error.
     fn on_edge(
         &self,
-        around: &Around,
-        layer: &Layer,
-        pieces: &[Piece],
+        around: &AmbientGuess,
+        layer: &SquareLayer,
+        pieces: &[EdgePiece],
         sums: &[Sums],
     ) -> ([f32; 3], f32) {
         let (mut colour, mut error) = ([0.0; 3], 0.0);
@@ -333,7 +338,13 @@ impl View {
 
     /// Returns the light of a piece: that of squares around it, improved by the piece's own
     /// samples.
-    fn on_piece(&self, around: &Around, layer: &Layer, piece: &Piece, sums: &Sums) -> Estimate {
+    fn on_piece(
+        &self,
+        around: &AmbientGuess,
+        layer: &SquareLayer,
+        piece: &EdgePiece,
+        sums: &Sums,
+    ) -> Estimate {
         if !piece.seen.is_surface() {
             return Estimate::default();
         }
@@ -347,12 +358,12 @@ impl View {
 
     /// Returns the mean light around a surface. If nothing is known there, it is the mean of all
     /// light, which is more plausible than black.
-    fn mean_around(&self, around: &Around, seen: &Seen) -> Estimate {
+    fn mean_around(&self, around: &AmbientGuess, seen: &VisiblePoint) -> Estimate {
         if !seen.is_surface() {
             return Estimate::UNKNOWN;
         }
         let direction = self.way(seen).direction;
-        let serves = |face: Face| face.serves(seen.normal, seen.material, direction);
+        let serves = |face: FaceClass| face.serves(seen.normal, seen.material, direction);
         let sums = around.store.around(seen.point, serves);
         if sums.count == 0 {
             return Estimate { light: around.mean, ..Estimate::UNKNOWN };

@@ -5,16 +5,16 @@
 //! view may show light that earlier frames found, also those of other renderers.
 
 use crate::draw::Drawn;
-use crate::known::Known;
+use crate::known::LightMemory;
 use crate::parts::PartsSource;
 use crate::place::Placed;
-use crate::shown::{Edges, Refined, Shown};
+use crate::shown::{Edges, Refined, SurfacesView};
 use crate::waits::Waits;
-use crate::{Gathered, Materials, Placer, RaySample, Store, View};
+use crate::{Gathered, LightStore, Materials, Placer, RaySample, SurfaceView};
 use holo_denoise::Denoiser;
 use holo_display::{
-    Age, BeamSearch, Certainty, Driver, DriverError, Frame, FramePhase, Interrupt, Light,
-    LiveSample, Look, PartsPlan, PartsRenderer, RayWishes, Renderer, Search, WantedBeam,
+    Age, BeamSearch, Certainty, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt,
+    Light, LiveSample, PartsPlan, PartsRenderer, RayWishes, Renderer, Search, WantedBeam,
     beams_ending_on, covered, uncovered_pixels, viewpoint_radius,
 };
 use holo_picture::Picture;
@@ -92,12 +92,12 @@ struct LitScene {
     raycaster: Arc<Raycaster>,
     materials: Arc<Materials>,
     denoiser: Option<Denoiser>,
-    store: Store,
+    store: LightStore,
     /// Samples traced for pixels that no section covers. In the best frames, only those pixels show
     /// them.
-    live: Store,
+    live: LightStore,
     /// Light that frames have found.
-    known: Known,
+    known: LightMemory,
     /// Samples that are not in the store yet.
     waiting: Waits,
     /// The same of samples of the scene before an edit.
@@ -105,7 +105,7 @@ struct LitScene {
     /// Samples among those that are still in the store and must leave it.
     leaving: Waits,
     /// The views that are shown, by the numbers of their renderers.
-    views: BTreeMap<u64, Shown>,
+    views: BTreeMap<u64, SurfacesView>,
     /// Number of the next renderer.
     next: u64,
 }
@@ -124,9 +124,9 @@ impl SurfaceLight {
             materials: Arc::new(Materials::new(raycaster.scene())),
             raycaster,
             denoiser,
-            store: Store::new(finest, MOST_BYTES),
-            live: Store::new(finest, MOST_LIVE_BYTES),
-            known: Known::default(),
+            store: LightStore::new(finest, MOST_BYTES),
+            live: LightStore::new(finest, MOST_LIVE_BYTES),
+            known: LightMemory::default(),
             waiting: Waits::default(),
             earlier: Waits::default(),
             leaving: Waits::default(),
@@ -207,7 +207,7 @@ impl LitScene {
 
     /// Notes that what was found by earlier samples is no longer right.
     fn has_faded(&mut self) {
-        self.known = Known::default();
+        self.known = LightMemory::default();
         self.views.values_mut().for_each(|shown| shown.gathered = None);
     }
 
@@ -216,16 +216,16 @@ impl LitScene {
         if self.store.add(placed) {
             self.has_faded();
         }
-        for Shown { view, gathered, .. } in self.views.values_mut() {
+        for SurfacesView { view, gathered, .. } in self.views.values_mut() {
             gathered.iter_mut().for_each(|gathered| gathered.add(view, placed));
         }
     }
 
     /// Starts another view of a renderer.
-    fn look(&mut self, number: u64, look: &Look) {
+    fn look(&mut self, number: u64, look: &FrameRequest) {
         let size = look.size;
         let raycaster = Arc::clone(&self.raycaster);
-        let view = View::new(raycaster, Arc::clone(&self.materials), &look.view, size);
+        let view = SurfaceView::new(raycaster, Arc::clone(&self.materials), &look.view, size);
         let covered = covered(&self.sections, &look.view, size);
         self.store.begin_round();
         self.live.begin_round();
@@ -238,7 +238,7 @@ impl LitScene {
             false if look.is_small() => None,
             false => view.known(lit, FIRST_STEP, FEW_UNKNOWN),
         };
-        let shown = Shown {
+        let shown = SurfacesView {
             look: *look,
             view,
             gathered: None,
@@ -341,7 +341,7 @@ impl LitScene {
     fn draw(&mut self, number: u64, phase: FramePhase, interrupt: &Interrupt) -> Option<Frame> {
         let (drawn, all) = self.drawn(number, phase, interrupt)?;
         let shown = self.views.get(&number)?;
-        let Look { view, size, .. } = shown.look;
+        let FrameRequest { view, size, .. } = shown.look;
         let mut frame = Frame::black(size);
         frame.picture.view = Some(view);
         frame.picture.pixels = drawn.pixels;
@@ -379,7 +379,7 @@ impl LitScene {
             self.place_waiting();
         }
         let store = &self.store;
-        let gathers = |shown: &&mut Shown| !shown.look.is_moving;
+        let gathers = |shown: &&mut SurfacesView| !shown.look.is_moving;
         let Some(shown) = self.views.get_mut(&number).filter(gathers) else { return false };
         if phase == FramePhase::Rest {
             shown.known = None;
@@ -432,7 +432,7 @@ impl Drop for SurfaceRenderer {
 }
 
 impl Renderer for SurfaceRenderer {
-    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+    fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
         lock(&self.scene).look(self.number, look);
         Ok(())
     }
@@ -457,7 +457,7 @@ impl Renderer for SurfaceRenderer {
     fn refines(&self) -> bool {
         let scene = lock(&self.scene);
         let has_denoiser = scene.denoiser.is_some();
-        let refines = |shown: &Shown| {
+        let refines = |shown: &SurfacesView| {
             shown.drawn.is_some_and(|drawn| drawn != shown.refined(has_denoiser, false))
         };
         scene.views.get(&self.number).is_some_and(refines)
@@ -481,7 +481,7 @@ impl Renderer for SurfaceRenderer {
 }
 
 impl PartsRenderer for SurfaceRenderer {
-    fn plan(&mut self, look: &Look) -> PartsPlan {
+    fn plan(&mut self, look: &FrameRequest) -> PartsPlan {
         let scene = &mut *lock(&self.scene);
         scene.place_waiting();
         scene.parts(&Interrupt::default()).plan(look)
@@ -501,7 +501,7 @@ impl PartsRenderer for SurfaceRenderer {
 impl RayWishes for SurfaceRenderer {
     fn weigh(
         &mut self,
-        _look: &Look,
+        _look: &FrameRequest,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         Ok(beams)
@@ -511,12 +511,12 @@ impl RayWishes for SurfaceRenderer {
         None
     }
 
-    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64 {
+    fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {
         viewpoint_radius(&look.view, look.size, nearest, 1.0)
     }
 
     fn depths(&mut self) -> Vec<f32> {
-        lock(&self.scene).views.get(&self.number).map_or_else(Vec::new, Shown::depth)
+        lock(&self.scene).views.get(&self.number).map_or_else(Vec::new, SurfacesView::depth)
     }
 
     fn uncovered(&mut self) -> Vec<u32> {

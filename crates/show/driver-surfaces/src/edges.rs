@@ -2,8 +2,8 @@
 //!
 //! Invariant: the shares of a pixel's pieces add up to 1.
 
-use crate::trail::{AtPanes, Shown, Trail};
-use crate::view::{PLAIN, Seen, View, are_near, seen};
+use crate::trail::{AtPanes, RayContent, Trail};
+use crate::view::{PLAIN, SurfaceView, VisiblePoint, are_near, seen};
 use glam::Vec3;
 use holo_raycast::{Hit, MAX_TILE, Ray};
 use rayon::prelude::*;
@@ -33,9 +33,9 @@ pub struct Edge {
 
 /// One of the things that a pixel on an edge shows.
 #[derive(Clone, Copy, Debug)]
-pub struct Piece {
+pub struct EdgePiece {
     /// The surface, or the lack of one.
-    pub seen: Seen,
+    pub seen: VisiblePoint,
     /// The piece's share of the pixel.
     pub share: f32,
     /// The middle of the piece in the picture, pixels. The middle of the first pixel is at 0.
@@ -46,9 +46,9 @@ pub struct Piece {
 }
 
 /// A piece while its pixel's rays are being followed.
-struct Found {
-    shown: Shown,
-    seen: Seen,
+struct FollowedPiece {
+    shown: RayContent,
+    seen: VisiblePoint,
     points: usize,
     /// The sum of the places of its rays in the pixel.
     sum: (f32, f32),
@@ -57,19 +57,19 @@ struct Found {
 /// Everything that a pixel on an edge shows.
 pub(crate) struct Looked {
     pixel: usize,
-    found: Vec<Found>,
+    found: Vec<FollowedPiece>,
     points: usize,
     /// The number of rays that meet a pane.
     at_panes: usize,
     /// The reflection in that pane along the first of these rays.
-    in_pane: Option<Shown>,
+    in_pane: Option<RayContent>,
     /// The number of rays that pass a partly covered surface.
     at_covers: usize,
     /// That surface along the first of these rays.
-    in_cover: Option<Shown>,
+    in_cover: Option<RayContent>,
 }
 
-impl View {
+impl SurfaceView {
     /// Casts several rays through each pixel on an edge, and adds the results to the view.
     pub fn look_into_edges(&mut self) {
         let looked = self.look_into_some(0, usize::MAX);
@@ -133,13 +133,13 @@ impl View {
         let pixel = looked.pixel;
         let first = self.pieces.len();
         let (column, row) = ((pixel % self.size.0) as f32, (pixel / self.size.0) as f32);
-        for Found { shown, points, sum, .. } in looked.found {
+        for FollowedPiece { shown, points, sum, .. } in looked.found {
             let seen = self.seen_of(shown);
             let of = points as f32;
             let is_apart = seen.is_surface()
                 && !self.way(&seen).is_mirrored
                 && self.differ(&self.seen[pixel], &seen);
-            self.pieces.push(Piece {
+            self.pieces.push(EdgePiece {
                 seen,
                 share: of / looked.points as f32,
                 at: (column + sum.0 / of - 0.5, row + sum.1 / of - 0.5),
@@ -207,13 +207,13 @@ impl View {
             }
             if let Some(&end) = trail.take_covers().first() {
                 looked.at_covers += 1;
-                looked.in_cover.get_or_insert(Shown::Surface(end).farther(before));
+                looked.in_cover.get_or_insert(RayContent::Surface(end).farther(before));
             }
             shown.farther(before)
         });
         let width = match &shown {
-            Shown::Surface(end) => self.pixel_width(end.length),
-            Shown::Sky(_) | Shown::Unknown => 0.0,
+            RayContent::Surface(end) => self.pixel_width(end.length),
+            RayContent::Sky(_) | RayContent::Unknown => 0.0,
         };
         looked.add(shown, point, width);
     }
@@ -221,21 +221,21 @@ impl View {
 
 impl Looked {
     /// Adds a ray to the piece that shows the same, or to a new piece.
-    fn add(&mut self, shown: Shown, (x, y): (f32, f32), width: f32) {
+    fn add(&mut self, shown: RayContent, (x, y): (f32, f32), width: f32) {
         let seen = match &shown {
-            Shown::Surface(end) => seen(end, width, PLAIN),
-            Shown::Sky(_) | Shown::Unknown => Seen::NOTHING,
+            RayContent::Surface(end) => seen(end, width, PLAIN),
+            RayContent::Sky(_) | RayContent::Unknown => VisiblePoint::NOTHING,
         };
         self.points += 1;
-        let is_same = |found: &&mut Found| match (&found.shown, &shown) {
-            (Shown::Surface(a), Shown::Surface(b)) => {
+        let is_same = |found: &&mut FollowedPiece| match (&found.shown, &shown) {
+            (RayContent::Surface(a), RayContent::Surface(b)) => {
                 a.is_mirrored == b.is_mirrored
                     && a.front == b.front
                     && are_near(a.share, b.share)
                     && !found.seen.differs(&seen)
             }
-            (Shown::Sky(a), Shown::Sky(b)) => are_near(*a, *b),
-            (Shown::Unknown, Shown::Unknown) => true,
+            (RayContent::Sky(a), RayContent::Sky(b)) => are_near(*a, *b),
+            (RayContent::Unknown, RayContent::Unknown) => true,
             _ => false,
         };
         match self.found.iter_mut().find(is_same) {
@@ -243,7 +243,7 @@ impl Looked {
                 found.points += 1;
                 found.sum = (found.sum.0 + x, found.sum.1 + y);
             }
-            None => self.found.push(Found { shown, seen, points: 1, sum: (x, y) }),
+            None => self.found.push(FollowedPiece { shown, seen, points: 1, sum: (x, y) }),
         }
     }
 }

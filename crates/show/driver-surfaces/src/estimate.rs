@@ -14,7 +14,7 @@ const SIGNIFICANT: f32 = 3.0;
 
 /// Sums over the samples of a square or of its neighbourhood, in fixed-point steps.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Lit {
+pub(crate) struct LightSums {
     pub light: Vec3,
     pub count: f32,
     /// Sum of squared luminance.
@@ -50,7 +50,7 @@ impl Estimate {
     }
 
     /// Replaces a share of this estimate by the light of samples whose standard error is `error`.
-    pub fn approach(&mut self, samples: &Lit, error: f32, share: f32) {
+    pub fn approach(&mut self, samples: &LightSums, error: f32, share: f32) {
         if samples.count > 0.0 {
             self.light += share * (samples.mean() - self.light);
             self.error += share * (error - self.error);
@@ -74,7 +74,7 @@ impl Estimate {
         if sums.count == 0 {
             return *self;
         }
-        let lit = Lit::new(sums);
+        let lit = LightSums::new(sums);
         let (bright, own) = (luminance(self.light.to_array()), luminance(lit.mean().to_array()));
         let differs = (own - bright) * (own - bright);
         // The variance of few samples is unreliable, so a prior counts as well.
@@ -93,22 +93,22 @@ impl Estimate {
     }
 }
 
-impl From<[f32; 5]> for Lit {
-    fn from([r, g, b, count, square]: [f32; 5]) -> Lit {
-        Lit { light: Vec3::new(r, g, b), count, square }
+impl From<[f32; 5]> for LightSums {
+    fn from([r, g, b, count, square]: [f32; 5]) -> LightSums {
+        LightSums { light: Vec3::new(r, g, b), count, square }
     }
 }
 
-impl Lit {
+impl LightSums {
     /// Returns the light's channels, the count and the square.
     pub fn to_array(self) -> [f32; 5] {
         let [r, g, b] = self.light.to_array();
         [r, g, b, self.count, self.square]
     }
 
-    pub fn new(sums: &Sums) -> Lit {
+    pub fn new(sums: &Sums) -> LightSums {
         let count = sums.paths as f32;
-        Lit { light: count * sums.mean(), count, square: count * sums.mean_square() }
+        LightSums { light: count * sums.mean(), count, square: count * sums.mean_square() }
     }
 
     pub fn mean(&self) -> Vec3 {

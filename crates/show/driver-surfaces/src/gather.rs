@@ -7,12 +7,12 @@
 //! Invariant: the sums in which a sample counts are a function of the sample, the view, and whether
 //! the view has looked into its edges.
 
-use crate::cell::{Face, SampleLight, Sums};
-use crate::edges::Piece;
+use crate::cell::{FaceClass, SampleLight, Sums};
+use crate::edges::EdgePiece;
 use crate::owners::{Mirrored, Owners};
 use crate::place::Placed;
-use crate::store::{Cube, Record, Store};
-use crate::view::View;
+use crate::store::{Cube, LightStore, StoredLight};
+use crate::view::SurfaceView;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -50,7 +50,7 @@ struct Claim {
 struct Beside {
     pixel: usize,
     point: Vec3,
-    face: Face,
+    face: FaceClass,
     light: SampleLight,
 }
 
@@ -72,7 +72,7 @@ impl Claims {
 impl Gathered {
     /// Gathers all samples of a store that the view sees.
     #[must_use]
-    pub fn new(view: &View, store: &Store) -> Gathered {
+    pub fn new(view: &SurfaceView, store: &LightStore) -> Gathered {
         let owners = Arc::new(Owners::new(view, store.grid()));
         let (pixels, panes) = (view.seen.len(), view.panes_of_middles);
         let coats = owners.coat_count();
@@ -86,7 +86,7 @@ impl Gathered {
     }
 
     /// Gathers the samples of the view's pieces, after the view has looked into its edges.
-    pub fn look_into_edges(&mut self, view: &View, store: &Store) {
+    pub fn look_into_edges(&mut self, view: &SurfaceView, store: &LightStore) {
         let others = self.pixels + self.panes + self.coats;
         self.sums.truncate(others);
         self.sums.resize(others + view.pieces.len(), Sums::default());
@@ -106,7 +106,7 @@ impl Gathered {
 
     /// Returns these sums plus the samples of another store, which rounds places in the same way.
     #[must_use]
-    pub(crate) fn with(&self, view: &View, further: &Store) -> Gathered {
+    pub(crate) fn with(&self, view: &SurfaceView, further: &LightStore) -> Gathered {
         let mut all = self.clone();
         all.take_all(view, further);
         all
@@ -148,7 +148,7 @@ impl Gathered {
 
     /// Adds samples that have come since, for the same view. The result equals [`new`](Self::new)
     /// over all samples.
-    pub fn add(&mut self, view: &View, placed: &[Placed]) {
+    pub fn add(&mut self, view: &SurfaceView, placed: &[Placed]) {
         let grid = self.owners.grid;
         let of_samples = |samples: &[Placed]| {
             let mut claims = Claims::default();
@@ -166,13 +166,13 @@ impl Gathered {
     }
 
     /// Adds all samples that the view sees.
-    fn take_all(&mut self, view: &View, store: &Store) {
+    fn take_all(&mut self, view: &SurfaceView, store: &LightStore) {
         let cubes: Vec<Cube> = self.owners.cubes.iter().copied().collect();
         self.take(view, store, &cubes);
     }
 
     /// Adds all samples of some cubes.
-    fn take(&mut self, view: &View, store: &Store, cubes: &[Cube]) {
+    fn take(&mut self, view: &SurfaceView, store: &LightStore, cubes: &[Cube]) {
         let of_cubes = |cubes: &[Cube]| {
             let mut claims = Claims::default();
             for &cube in cubes {
@@ -192,8 +192,8 @@ impl Gathered {
     #[inline]
     fn claim(
         &self,
-        view: &View,
-        (cube, record): (Cube, &Record),
+        view: &SurfaceView,
+        (cube, record): (Cube, &StoredLight),
         mirrored: Option<&Mirrored>,
         claims: &mut Claims,
     ) {
@@ -227,15 +227,15 @@ impl Gathered {
     /// pixel's pieces.
     fn claim_piece(
         &self,
-        view: &View,
+        view: &SurfaceView,
         pixel: usize,
-        (point, face): (Vec3, Face),
+        (point, face): (Vec3, FaceClass),
         light: SampleLight,
         claims: &mut Claims,
     ) {
         let pieces = self.owners.pieces.as_ref().and_then(|pieces| pieces.get(&pixel));
         let is_on = |piece: &usize| {
-            let Piece { seen, is_apart, .. } = &view.pieces[*piece];
+            let EdgePiece { seen, is_apart, .. } = &view.pieces[*piece];
             *is_apart && self.owners.is_on(view, seen, point, face)
         };
         if let Some(piece) = pieces.and_then(|pieces| pieces.clone().find(is_on)) {

@@ -6,10 +6,10 @@
 //! - A place has the light that was found last for it, also if that was found for a part of it.
 //! - At most twice [`MOST_PLACES`] places are stored. Those found longest ago go first.
 
-use crate::cell::Face;
+use crate::cell::FaceClass;
 use crate::estimate::Estimate;
 use crate::squares::Squares;
-use crate::view::{Seen, View};
+use crate::view::{SurfaceView, VisiblePoint};
 use glam::{IVec3, Vec3};
 use holo_display::split_mix;
 use rayon::prelude::*;
@@ -28,17 +28,17 @@ const WIDER_LEVELS: usize = 2;
 
 /// Light found by earlier pictures.
 #[derive(Debug, Default)]
-pub(crate) struct Known {
+pub(crate) struct LightMemory {
     young: FxHashMap<u64, Estimate>,
     old: FxHashMap<u64, Estimate>,
 }
 
 /// The light that a picture found at one place.
 #[derive(Clone, Copy)]
-struct Found {
+struct RecalledLight {
     place: IVec3,
     level: i32,
-    face: Face,
+    face: FaceClass,
     /// Sum over `count` squares.
     sum: Estimate,
     count: f32,
@@ -52,38 +52,39 @@ fn level_of(width: f32) -> i32 {
 
 /// Returns the face by which light is stored. The face of a coat has no direction: the eye moves
 /// through many ranges of directions, and most of a coat's light is diffuse.
-fn face_of(view: &View, seen: &Seen) -> Face {
+fn face_of(view: &SurfaceView, seen: &VisiblePoint) -> FaceClass {
     match view.follower().finish(seen.material).is_coated {
-        true => Face::new(seen.normal, seen.material, None),
+        true => FaceClass::new(seen.normal, seen.material, None),
         false => view.face(seen),
     }
 }
 
 /// Returns the number of a place of this level, on this face.
-fn number(place: IVec3, level: i32, face: Face) -> u64 {
+fn number(place: IVec3, level: i32, face: FaceClass) -> u64 {
     let [x, y, z] = place.to_array().map(|c| u64::from(c as u32));
     let at = split_mix(split_mix(x << 32 | y) ^ z << 32 ^ u64::from(level as u32));
     split_mix(at ^ face.number())
 }
 
 /// Adds light to that of the same place.
-fn add(all: &mut FxHashMap<u64, Found>, more: Found) {
+fn add(all: &mut FxHashMap<u64, RecalledLight>, more: RecalledLight) {
     let number = number(more.place, more.level, more.face);
-    let found = all.entry(number).or_insert(Found { sum: Estimate::default(), count: 0.0, ..more });
+    let found =
+        all.entry(number).or_insert(RecalledLight { sum: Estimate::default(), count: 0.0, ..more });
     found.sum.add(1.0, &more.sum);
     found.count += more.count;
 }
 
-impl Found {
+impl RecalledLight {
     /// Returns the same for the place of the next level that contains this one.
-    fn in_wider_place(&self) -> Found {
-        Found { place: self.place >> 1, level: self.level + 1, ..*self }
+    fn in_wider_place(&self) -> RecalledLight {
+        RecalledLight { place: self.place >> 1, level: self.level + 1, ..*self }
     }
 }
 
-impl Known {
+impl LightMemory {
     /// Stores the light that a picture found.
-    pub fn learn(&mut self, view: &View, squares: &Squares, lights: &[Estimate]) {
+    pub fn learn(&mut self, view: &SurfaceView, squares: &Squares, lights: &[Estimate]) {
         let mut all = FxHashMap::default();
         for (seen, &light) in squares.seen.iter().zip(lights) {
             if !seen.is_surface() || light.error.is_infinite() {
@@ -93,7 +94,7 @@ impl Known {
             let level = level_of(width);
             let place = (seen.point / (level as f32).exp2()).floor().as_ivec3();
             let face = face_of(view, seen);
-            add(&mut all, Found { place, level, face, sum: light, count: 1.0 });
+            add(&mut all, RecalledLight { place, level, face, sum: light, count: 1.0 });
         }
         let mut level = FxHashMap::default();
         for number in 0..WIDER_LEVELS {
@@ -106,14 +107,20 @@ impl Known {
         if self.young.len() + all.len() > MOST_PLACES {
             self.old = std::mem::take(&mut self.young);
         }
-        let light = |(number, found): (u64, Found)| (number, found.sum.divided(found.count));
+        let light =
+            |(number, found): (u64, RecalledLight)| (number, found.sum.divided(found.count));
         self.young.extend(all.into_iter().map(light));
     }
 
     /// Returns the light of all squares. `None` if more than the share `unknown` of them is
     /// unknown.
-    pub fn lights(&self, view: &View, squares: &Squares, unknown: f32) -> Option<Vec<Estimate>> {
-        let light = |seen: &Seen| {
+    pub fn lights(
+        &self,
+        view: &SurfaceView,
+        squares: &Squares,
+        unknown: f32,
+    ) -> Option<Vec<Estimate>> {
+        let light = |seen: &VisiblePoint| {
             if !seen.is_surface() {
                 return Estimate::UNKNOWN;
             }
@@ -129,7 +136,7 @@ impl Known {
     }
 
     /// Returns the light at a point, interpolated between the places around it.
-    fn around(&self, point: Vec3, level: i32, face: Face) -> Option<Estimate> {
+    fn around(&self, point: Vec3, level: i32, face: FaceClass) -> Option<Estimate> {
         let at = point / (level as f32).exp2() - 0.5;
         let (low, share) = (at.floor().as_ivec3(), at - at.floor());
         let (mut sum, mut total) = (Estimate::default(), 0.0);

@@ -3,9 +3,9 @@
 //!
 //! 1. A [`Placer`] finds the surface of each sample once, when the sample arrives. It divides the
 //!    sample's radiance by what the material reflects.
-//! 2. A [`Store`] stores these samples by place for the whole session.
-//! 3. A [`View`] finds what its pixels see, also through mirrors and panes. At rest, it casts
-//!    several rays through pixels on edges.
+//! 2. A [`LightStore`] stores these samples by place for the whole session.
+//! 3. A [`SurfaceView`] finds what its pixels see, also through mirrors and panes. At rest, it
+//!    casts several rays through pixels on edges.
 //! 4. [`Gathered`] sums the samples on visible surfaces. Each sample counts in one pixel, so the
 //!    noise of different pixels is independent.
 //! 5. A filter, or Open Image Denoise, smooths the sums of small squares of pixels. Squares behind
@@ -51,11 +51,11 @@ mod waits;
 pub use cell::Sums;
 pub use draw::Drawn;
 pub use driver::{SurfaceLight, SurfaceRenderer, surfaces_driver};
-pub use edges::{Edge, Piece};
+pub use edges::{Edge, EdgePiece};
 pub use filter::EXAMPLE;
 pub use gather::Gathered;
 pub use materials::Materials;
 pub use place::{Placed, Placer, RaySample};
 pub use stand_ins::{MakeDriver, StandIn, StandIns, stand_ins_driver};
-pub use store::Store;
-pub use view::{InPane, Seen, View, Way};
+pub use store::LightStore;
+pub use view::{InPane, SurfaceTrail, SurfaceView, VisiblePoint};

@@ -6,12 +6,12 @@
 //!
 //! Invariant: likely light is a function of the view, the squares' sums, and the store.
 
-use crate::cell::{Face, luminance};
-use crate::planes::{Layout, Planes, Square};
+use crate::cell::{FaceClass, luminance};
+use crate::planes::{Square, SquareLayout, SquarePlanes};
 use crate::squares::Squares;
-use crate::store::Store;
-use crate::trail::{AtPanes, Shown};
-use crate::view::{Seen, View};
+use crate::store::LightStore;
+use crate::trail::{AtPanes, RayContent};
+use crate::view::{SurfaceView, VisiblePoint};
 use glam::Vec3;
 use holo_display::split_mix;
 use holo_raycast::{Ray, spawn};
@@ -45,8 +45,8 @@ pub(crate) struct Likely {
 
 /// Mean light of a picture and of its tiles, fixed-point steps.
 pub(crate) struct LikelyLight<'a> {
-    view: &'a View,
-    store: &'a Store,
+    view: &'a SurfaceView,
+    store: &'a LightStore,
     squares: &'a Squares,
     /// The number of tiles in a row and in a column.
     size: (usize, usize),
@@ -75,10 +75,10 @@ impl From<[f32; 4]> for Likely {
 impl<'a> LikelyLight<'a> {
     /// Computes the means. `sums` has the light (3), samples and squared luminance of each square.
     pub fn new(
-        (view, store): (&'a View, &'a Store),
+        (view, store): (&'a SurfaceView, &'a LightStore),
         squares: &'a Squares,
-        layout: &Layout,
-        sums: &Planes<5>,
+        layout: &SquareLayout,
+        sums: &SquarePlanes<5>,
     ) -> LikelyLight<'a> {
         let side = (TILE / squares.step).max(1);
         let size = (squares.size.0.div_ceil(side), squares.size.1.div_ceil(side));
@@ -131,7 +131,7 @@ impl<'a> LikelyLight<'a> {
 
     /// Returns the light that rough metal mirrors, as a mean over a few rays. `None` for other
     /// surfaces.
-    fn mirrored(&self, seen: &Seen) -> Option<Vec3> {
+    fn mirrored(&self, seen: &VisiblePoint) -> Option<Vec3> {
         let alpha = self.view.follower().finish(seen.material).rough?;
         let direction = self.view.way(seen).direction;
         let random =
@@ -156,7 +156,7 @@ impl<'a> LikelyLight<'a> {
 
     /// Returns the light behind solid glass, as if the glass did not bend the ray. `None` for other
     /// surfaces.
-    fn behind(&self, seen: &Seen) -> Option<Vec3> {
+    fn behind(&self, seen: &VisiblePoint) -> Option<Vec3> {
         let mut share = Vec3::from_array(self.view.follower().finish(seen.material).clear?);
         let mut ray = ray_from(seen, self.view.way(seen).direction);
         for _ in 0..MOST_CROSSED {
@@ -176,14 +176,14 @@ impl<'a> LikelyLight<'a> {
 
     /// Returns the mean light of samples from all directions on a coated surface, most of whose
     /// light is diffuse. `None` for other surfaces, and without samples.
-    fn all_around(&self, seen: &Seen) -> Option<Vec3> {
+    fn all_around(&self, seen: &VisiblePoint) -> Option<Vec3> {
         let is_coated = self.view.follower().finish(seen.material).is_coated;
         let sums = || self.store.around(seen.point, |face| face.is_on(seen.normal, seen.material));
         is_coated.then(sums).filter(|sums| sums.count > 0).map(|sums| sums.mean())
     }
 
     /// Returns the light that reaches the front of a surface from a direction.
-    fn light_towards(&self, seen: &Seen, direction: Vec3) -> Option<Vec3> {
+    fn light_towards(&self, seen: &VisiblePoint, direction: Vec3) -> Option<Vec3> {
         (direction.dot(seen.normal) > 0.0).then(|| self.light_along(ray_from(seen, direction)))?
     }
 
@@ -195,25 +195,26 @@ impl<'a> LikelyLight<'a> {
         let unit = view.unit();
         let shown = match follower.raycaster.nearest(&ray) {
             Some(hit) => follower.follow(ray, hit, AtPanes::PassAll),
-            None => Shown::Sky([1.0; 3]),
+            None => RayContent::Sky([1.0; 3]),
         };
         let light = match shown {
-            Shown::Surface(end) => {
+            RayContent::Surface(end) => {
                 let finish = follower.finish(end.material);
                 let share = Vec3::from_array(end.share);
                 if finish.shines(end.front) {
                     share * Vec3::from_array(finish.emission) / unit
                 } else {
-                    let serves = |face: Face| face.serves(end.normal, end.material, end.direction);
+                    let serves =
+                        |face: FaceClass| face.serves(end.normal, end.material, end.direction);
                     let sums = self.store.around(end.point, serves);
                     let light = if sums.count > 0 { sums.mean() } else { self.mean };
                     share * Vec3::from_array(finish.reflectance) * light
                 }
             }
-            Shown::Sky(share) => {
+            RayContent::Sky(share) => {
                 Vec3::from_array(share) * Vec3::from_array(follower.materials.sky) / unit
             }
-            Shown::Unknown => return None,
+            RayContent::Unknown => return None,
         };
         let most = MOST_RAY_LIGHT * luminance(self.mean.to_array());
         let bright = luminance(light.to_array());
@@ -222,7 +223,7 @@ impl<'a> LikelyLight<'a> {
 }
 
 /// Returns a ray that leaves a surface in a direction, on either side.
-fn ray_from(seen: &Seen, direction: Vec3) -> Ray {
+fn ray_from(seen: &VisiblePoint, direction: Vec3) -> Ray {
     let origin = spawn(seen.point, Vec3::splat(1e-3 * seen.width), seen.normal, direction);
     Ray::new(origin, direction)
 }

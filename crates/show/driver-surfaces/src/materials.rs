@@ -16,7 +16,7 @@ const STEPS: f32 = (1_u64 << 26) as f32;
 
 /// How a surface shows light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Kind {
+pub(crate) enum MaterialClass {
     /// Stores light that is the same in all directions.
     Diffuse,
     /// Stores light for each range of directions.
@@ -35,7 +35,7 @@ pub(crate) enum Kind {
 /// A material as the store needs it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Finish {
-    pub kind: Kind,
+    pub kind: MaterialClass,
     /// Surfaces share light only if this number is the same. It is 0 if the stored light does not
     /// depend on the material, and otherwise the material's number plus one.
     pub light: u32,
@@ -69,19 +69,23 @@ impl Finish {
         let at_least = |colour: Rgb| colour.map(|c| c.max(LEAST_REFLECTANCE));
         let (kind, reflectance) = match material.bsdf {
             Bsdf::Mirror { ks } | Bsdf::Conductor { ks, .. } if !is_even => {
-                (Kind::Glossy, at_least(ks))
+                (MaterialClass::Glossy, at_least(ks))
             }
-            Bsdf::Diffuse { kd } => (Kind::Diffuse, at_least(kd)),
-            Bsdf::Mirror { ks } => (Kind::Mirror(ks), [1.0; 3]),
-            Bsdf::Conductor { ks, alpha } if alpha <= SMOOTH_METAL => (Kind::Mirror(ks), [1.0; 3]),
-            Bsdf::Conductor { ks, .. } => (Kind::Glossy, at_least(ks)),
-            Bsdf::ThinGlass { .. } if !is_even => (Kind::Glossy, [1.0; 3]),
-            Bsdf::ThinGlass { ior, transmittance } => (Kind::Pane { ior, transmittance }, [1.0; 3]),
-            Bsdf::Dielectric { .. } => (Kind::Glossy, [1.0; 3]),
+            Bsdf::Diffuse { kd } => (MaterialClass::Diffuse, at_least(kd)),
+            Bsdf::Mirror { ks } => (MaterialClass::Mirror(ks), [1.0; 3]),
+            Bsdf::Conductor { ks, alpha } if alpha <= SMOOTH_METAL => {
+                (MaterialClass::Mirror(ks), [1.0; 3])
+            }
+            Bsdf::Conductor { ks, .. } => (MaterialClass::Glossy, at_least(ks)),
+            Bsdf::ThinGlass { .. } if !is_even => (MaterialClass::Glossy, [1.0; 3]),
+            Bsdf::ThinGlass { ior, transmittance } => {
+                (MaterialClass::Pane { ior, transmittance }, [1.0; 3])
+            }
+            Bsdf::Dielectric { .. } => (MaterialClass::Glossy, [1.0; 3]),
             Bsdf::Coated { kd, ks, ior, .. } => {
                 let coat = ((ior - 1.0) / (ior + 1.0)).powi(2);
                 let both = |c: usize| kd[c] + coat * (ks[c] - kd[c]);
-                (Kind::Glossy, at_least([0, 1, 2].map(both)))
+                (MaterialClass::Glossy, at_least([0, 1, 2].map(both)))
             }
         };
         Finish {
@@ -92,8 +96,8 @@ impl Finish {
             emits: material.emits(),
             emits_back: material.two_sided_emission,
             rough: match (kind, material.bsdf) {
-                (Kind::Glossy, Bsdf::Conductor { alpha, .. }) => Some(alpha),
-                (Kind::Glossy, Bsdf::Mirror { .. }) => Some(SMOOTH_METAL),
+                (MaterialClass::Glossy, Bsdf::Conductor { alpha, .. }) => Some(alpha),
+                (MaterialClass::Glossy, Bsdf::Mirror { .. }) => Some(SMOOTH_METAL),
                 _ => None,
             },
             is_coated: matches!(material.bsdf, Bsdf::Coated { .. }),
@@ -128,7 +132,7 @@ impl Materials {
         let finish = |(id, material)| {
             let is_even = scene.has_even_finish(id) && scene.base(id).is_none();
             let finish = Finish::new(material, is_even);
-            let light = if finish.kind == Kind::Glossy { id as u32 + 1 } else { 0 };
+            let light = if finish.kind == MaterialClass::Glossy { id as u32 + 1 } else { 0 };
             Finish { light, ..finish }
         };
         let finishes = scene.materials.iter().enumerate().map(finish).collect();
@@ -155,9 +159,9 @@ mod tests {
         let ks = [0.9, 0.5, 0.01];
         for bsdf in [Bsdf::Mirror { ks }, Bsdf::Conductor { ks, alpha: 0.01 }] {
             let mirror = Material { bsdf, ..Material::grey("mirror") };
-            assert_eq!(Finish::new(&mirror, true).kind, Kind::Mirror(ks));
+            assert_eq!(Finish::new(&mirror, true).kind, MaterialClass::Mirror(ks));
             let bumpy = Finish::new(&mirror, false);
-            assert_eq!((bumpy.kind, bumpy.reflectance), (Kind::Glossy, [0.9, 0.5, 0.02]));
+            assert_eq!((bumpy.kind, bumpy.reflectance), (MaterialClass::Glossy, [0.9, 0.5, 0.02]));
         }
     }
 }

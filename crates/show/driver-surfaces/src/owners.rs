@@ -2,10 +2,10 @@
 //!
 //! Invariant: the owners of a sample are a function of the sample and the view.
 
-use crate::cell::Face;
+use crate::cell::FaceClass;
 use crate::edges::Edge;
 use crate::store::{Cube, Grid};
-use crate::view::{Seen, View};
+use crate::view::{SurfaceView, VisiblePoint};
 use glam::{Mat3, Vec3};
 use holo_display::Camera;
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ const NO_COAT: u32 = u32::MAX;
 
 /// Rejects most samples that cannot count in a pixel, with one look into a small table.
 #[derive(Clone, Copy, Debug)]
-struct Gate {
+struct SampleGate {
     /// Distance of the pixel's surface from the eye.
     distance: f32,
     /// Greatest difference from it for a sample to count.
@@ -41,7 +41,7 @@ pub(crate) struct Owners {
     eye: Vec3,
     turn: Mat3,
     /// Gates by pixel.
-    gates: Vec<Gate>,
+    gates: Vec<SampleGate>,
     /// For each pixel, true if it lies on an edge.
     pub on_edges: Vec<bool>,
     /// The number of each pixel's coat, or [`NO_COAT`]. Empty without coats.
@@ -56,7 +56,7 @@ pub(crate) struct Owners {
 }
 
 /// A surface seen in a mirror, and the number of its sums.
-type InMirror = (usize, Seen);
+type InMirror = (usize, VisiblePoint);
 
 /// Surfaces of one cube that mirrors and panes show, by place.
 #[derive(Clone, Debug)]
@@ -70,13 +70,13 @@ pub(crate) struct Mirrored {
 
 /// The surfaces that some pixels show.
 #[derive(Default)]
-struct Found {
+struct PixelSurfaces {
     cubes: FxHashSet<Cube>,
     in_mirrors: Vec<(Cube, InMirror)>,
 }
 
 impl Owners {
-    pub fn new(view: &View, grid: Grid) -> Owners {
+    pub fn new(view: &SurfaceView, grid: Grid) -> Owners {
         let (camera, eye) = view.camera();
         let rows = [camera.right, camera.up, camera.forward].map(|axis| axis.as_vec3());
         let turn = Mat3::from_cols(rows[0], rows[1], rows[2]).transpose();
@@ -95,13 +95,14 @@ impl Owners {
             mirrors: FxHashMap::default(),
         };
         let panes = view.in_panes[..view.panes_of_middles].iter().map(|pane| pane.seen);
-        let panes: Vec<Seen> = panes.collect();
+        let panes: Vec<VisiblePoint> = panes.collect();
         let mut in_mirrors: FxHashMap<Cube, Vec<InMirror>> = FxHashMap::default();
         for (first, seen) in [(0, &view.seen), (view.seen.len(), &panes)] {
-            let found = |(part, seen): (usize, &[Seen])| {
-                Found::new(view, grid, first + part * PIXELS, seen)
+            let found = |(part, seen): (usize, &[VisiblePoint])| {
+                PixelSurfaces::new(view, grid, first + part * PIXELS, seen)
             };
-            let found: Vec<Found> = seen.par_chunks(PIXELS).enumerate().map(found).collect();
+            let found: Vec<PixelSurfaces> =
+                seen.par_chunks(PIXELS).enumerate().map(found).collect();
             for found in found {
                 owners.cubes.extend(found.cubes);
                 for (cube, shown) in found.in_mirrors {
@@ -117,7 +118,7 @@ impl Owners {
 
     /// Adds the pieces of a view that has looked into its edges. Returns the cubes that only the
     /// pieces show.
-    pub fn look_into_edges(&mut self, view: &View) -> Vec<Cube> {
+    pub fn look_into_edges(&mut self, view: &SurfaceView) -> Vec<Cube> {
         let mut all = FxHashMap::default();
         let mut new = Vec::new();
         for Edge { pixel, pieces } in &view.edges {
@@ -135,7 +136,7 @@ impl Owners {
     /// Returns the pixel in whose direction a point lies, and true if the point is about as far
     /// from the eye as the pixel's surface.
     #[inline]
-    pub fn pixel(&self, view: &View, point: Vec3) -> Option<(usize, bool)> {
+    pub fn pixel(&self, view: &SurfaceView, point: Vec3) -> Option<(usize, bool)> {
         let from_eye = self.turn * (point - self.eye);
         let (x, y) = self.camera.pixel(from_eye)?;
         if !(x >= 0.0 && y >= 0.0 && x < view.size.0 as f32 && y < view.size.1 as f32) {
@@ -160,7 +161,13 @@ impl Owners {
     /// Returns true if samples at this point, on this face, lie on the surface `seen`, and no
     /// mirror shows that surface.
     #[inline]
-    pub fn is_on(&self, view: &View, seen: &Seen, point: Vec3, face: Face) -> bool {
+    pub fn is_on(
+        &self,
+        view: &SurfaceView,
+        seen: &VisiblePoint,
+        point: Vec3,
+        face: FaceClass,
+    ) -> bool {
         let way = view.way(seen);
         seen.away(point, self.grid.unit).is_some()
             && face.serves(seen.normal, seen.material, way.direction)
@@ -168,10 +175,10 @@ impl Owners {
     }
 }
 
-impl Found {
+impl PixelSurfaces {
     /// Returns the surfaces of these pixels. `first` is the number of the first one's sums.
-    fn new(view: &View, grid: Grid, first: usize, seen: &[Seen]) -> Found {
-        let mut found = Found::default();
+    fn new(view: &SurfaceView, grid: Grid, first: usize, seen: &[VisiblePoint]) -> PixelSurfaces {
+        let mut found = PixelSurfaces::default();
         let mut last = None;
         let eye = view.camera().1.as_vec3();
         for (owner, seen) in (first..).zip(seen).filter(|(_, seen)| seen.is_surface()) {
@@ -192,7 +199,7 @@ impl Found {
     }
 
     /// Adds all cubes that a wide pixel may touch.
-    fn add_footprint(&mut self, grid: Grid, eye: Vec3, seen: &Seen) {
+    fn add_footprint(&mut self, grid: Grid, eye: Vec3, seen: &VisiblePoint) {
         let along = (seen.point - eye).normalize_or_zero();
         let cosine = along.dot(seen.normal).abs();
         let across = along.cross(seen.normal).normalize_or(seen.normal.any_orthonormal_vector());
@@ -233,7 +240,13 @@ impl Mirrored {
     }
 
     /// Returns the number of the sums in which a sample counts.
-    pub fn owner(&self, view: &View, point: Vec3, face: Face, unit: f32) -> Option<usize> {
+    pub fn owner(
+        &self,
+        view: &SurfaceView,
+        point: Vec3,
+        face: FaceClass,
+        unit: f32,
+    ) -> Option<usize> {
         let Range { start, end } = *self.places.get(&place(point, self.width))?;
         let nearest =
             self.shown[start as usize..end as usize].iter().filter_map(|(owner, seen)| {
@@ -247,7 +260,7 @@ impl Mirrored {
 
 /// Returns the number of each pixel's coat, or [`NO_COAT`]. Empty without coats. Coats that mirrors
 /// show have no number.
-fn number_coats(view: &View) -> Vec<u32> {
+fn number_coats(view: &SurfaceView) -> Vec<u32> {
     let materials = view.follower().materials;
     if !materials.finishes.iter().any(|finish| finish.is_coated)
         || !view.seen.par_iter().any(|seen| view.shows_coat(seen))
@@ -255,7 +268,7 @@ fn number_coats(view: &View) -> Vec<u32> {
         return Vec::new();
     }
     let mut coats = 0;
-    let number = |seen: &Seen| {
+    let number = |seen: &VisiblePoint| {
         if !view.shows_coat(seen) {
             return NO_COAT;
         }
@@ -273,12 +286,12 @@ fn place(point: Vec3, width: f32) -> u64 {
 }
 
 /// Returns the gates of all pixels.
-fn gates(view: &View, eye: Vec3, unit: f32) -> Vec<Gate> {
-    let gate = |seen: &Seen| {
+fn gates(view: &SurfaceView, eye: Vec3, unit: f32) -> Vec<SampleGate> {
+    let gate = |seen: &VisiblePoint| {
         let between = seen.point - eye;
         let distance = between.length();
         let cosine = (between.dot(seen.normal) / distance).abs().max(1e-3);
-        Gate { distance, tolerance: (2.0 * seen.width + 3.0 * unit) / cosine }
+        SampleGate { distance, tolerance: (2.0 * seen.width + 3.0 * unit) / cosine }
     };
     view.seen.par_iter().map(gate).collect()
 }

@@ -4,10 +4,10 @@
 //! A part is drawn with a margin, because the filter looks at the pixels around.
 
 use crate::draw::Density;
-use crate::known::Known;
-use crate::{Drawn, Gathered, Materials, Store, View};
+use crate::known::LightMemory;
+use crate::{Drawn, Gathered, LightStore, Materials, SurfaceView};
 use holo_denoise::Denoiser;
-use holo_display::{Interrupt, Look, PartsPlan, covered};
+use holo_display::{FrameRequest, Interrupt, PartsPlan, covered};
 use holo_picture::Picture;
 use holo_raycast::Raycaster;
 use holo_section::Section;
@@ -26,19 +26,19 @@ pub(crate) struct PartsSource<'a> {
     pub sections: &'a [Section],
     pub raycaster: &'a Arc<Raycaster>,
     pub materials: &'a Arc<Materials>,
-    pub store: &'a Store,
+    pub store: &'a LightStore,
     /// Samples for pixels that no section covers.
-    pub live: &'a Store,
+    pub live: &'a LightStore,
     pub denoiser: Option<&'a mut Denoiser>,
     pub interrupt: &'a Interrupt,
 }
 
 impl PartsSource<'_> {
-    fn view(&self, eye: &holo_picture::View, size: (u32, u32)) -> View {
-        View::new(Arc::clone(self.raycaster), Arc::clone(self.materials), eye, size)
+    fn view(&self, eye: &holo_picture::View, size: (u32, u32)) -> SurfaceView {
+        SurfaceView::new(Arc::clone(self.raycaster), Arc::clone(self.materials), eye, size)
     }
 
-    pub fn plan(&self, look: &Look) -> PartsPlan {
+    pub fn plan(&self, look: &FrameRequest) -> PartsPlan {
         let size = PartsPlan::preview_size(look.size);
         let view = self.view(&look.view, size);
         let gathered = Gathered::new(&view, self.store);
@@ -56,7 +56,7 @@ impl PartsSource<'_> {
         columns: Range<u32>,
         rows: Range<u32>,
     ) -> Option<Picture> {
-        let Look { view: eye, size, .. } = plan.look;
+        let FrameRequest { view: eye, size, .. } = plan.look;
         let margin = MARGIN * plan.step as u32;
         let widened = |range: &Range<u32>, whole: u32| {
             range.start.saturating_sub(margin)..range.end.saturating_add(margin).min(whole)
@@ -99,8 +99,8 @@ impl PartsSource<'_> {
         Some(part)
     }
 
-    fn drawn(&mut self, gathered: &Gathered, view: &View, step: usize) -> Option<Drawn> {
-        let (denoiser, known) = (self.denoiser.as_deref_mut(), &mut Known::default());
+    fn drawn(&mut self, gathered: &Gathered, view: &SurfaceView, step: usize) -> Option<Drawn> {
+        let (denoiser, known) = (self.denoiser.as_deref_mut(), &mut LightMemory::default());
         gathered.draw_and_learn((view, self.store), step, denoiser, known, self.interrupt)
     }
 }

@@ -5,9 +5,9 @@
 //! - A sample is left out if no surface lies near its stored distance, or if it shows a lamp or the
 //!   sky.
 
-use crate::cell::{Face, SampleLight};
-use crate::materials::{Kind, Materials};
-use crate::trail::{AtPanes, End, Follower, Shown};
+use crate::cell::{FaceClass, SampleLight};
+use crate::materials::{MaterialClass, Materials};
+use crate::trail::{AtPanes, Follower, RayContent, TrailEnd};
 use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
 use holo_section::{BeamId, Sample, Section, distance};
@@ -46,7 +46,7 @@ pub struct RaySample {
 #[derive(Clone, Copy, Debug)]
 pub struct Placed {
     pub(crate) point: Vec3,
-    pub(crate) face: Face,
+    pub(crate) face: FaceClass,
     pub(crate) light: SampleLight,
 }
 
@@ -164,12 +164,12 @@ impl<'a> Placer<'a> {
     /// Returns the sample of a ray with this hit. `None` if it shows no light on a surface.
     fn on_surface(&self, ray: &Ray, hit: Hit, shown: SampleLight) -> Option<Placed> {
         match self.follower.follow(*ray, hit, AtPanes::PassAll) {
-            Shown::Surface(end) => self.on_end(&end, shown),
-            Shown::Sky(_) | Shown::Unknown => None,
+            RayContent::Surface(end) => self.on_end(&end, shown),
+            RayContent::Sky(_) | RayContent::Unknown => None,
         }
     }
 
-    fn on_end(&self, end: &End, shown: SampleLight) -> Option<Placed> {
+    fn on_end(&self, end: &TrailEnd, shown: SampleLight) -> Option<Placed> {
         let finish = self.follower.finish(end.material);
         if finish.shines(end.front) || end.share.iter().any(|&share| share < LEAST_SHARE) {
             return None;
@@ -180,8 +180,8 @@ impl<'a> Placer<'a> {
             let light = shown.rgb[channel] / end.share[channel] / reflectance[channel];
             (light / unit).min(MOST_LIGHT).round()
         });
-        let leaving = (finish.kind == Kind::Glossy).then_some(end.direction);
-        let face = Face::new(end.normal, end.material, leaving);
+        let leaving = (finish.kind == MaterialClass::Glossy).then_some(end.direction);
+        let face = FaceClass::new(end.normal, end.material, leaving);
         Some(Placed { point: end.point, face, light: SampleLight { rgb, ..shown } })
     }
 }

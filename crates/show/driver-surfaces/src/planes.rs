@@ -26,27 +26,27 @@ const KERNEL: [f32; AROUND] = [0.25, 0.5, 0.25, 0.5, 0.5, 0.25, 0.5, 0.25];
 /// quantity after the other. All threads take memory for their rows: the kernel clears it, which
 /// takes half as long as everything else.
 #[derive(Clone)]
-pub(crate) struct Planes<const N: usize> {
+pub(crate) struct SquarePlanes<const N: usize> {
     width: usize,
     rows: Vec<Box<[f32]>>,
 }
 
 /// Points (3), unit normals (3), widths and numbers of light of the squares' surfaces; all 0 for a
 /// square without a surface.
-pub(crate) type Geometry = Planes<8>;
+pub(crate) type Geometry = SquarePlanes<8>;
 
 /// Weights of the 8 squares around each square.
-pub(crate) type Weights = Planes<AROUND>;
+pub(crate) type Weights = SquarePlanes<AROUND>;
 
 /// A quantity by which two squares may differ. It lowers their weights for each other.
 #[derive(Clone, Copy)]
 pub(crate) struct Difference<'a> {
-    pub values: &'a Planes<1>,
+    pub values: &'a SquarePlanes<1>,
     /// Difference of the values from which weights are 0.
     pub limit: f32,
 }
 
-impl<const N: usize> Planes<N> {
+impl<const N: usize> SquarePlanes<N> {
     /// Returns planes of this size. `fill` receives each row's number and its values, which are 0.
     fn by_rows(
         (width, height): (usize, usize),
@@ -89,7 +89,7 @@ fn parts<const N: usize>(row: &mut [f32], width: usize) -> [&mut [f32]; N] {
 }
 
 /// The squares of a picture: their number, and the range in each row that contains all surfaces.
-pub(crate) struct Layout {
+pub(crate) struct SquareLayout {
     pub size: (usize, usize),
     pub occupied: Vec<Range<usize>>,
 }
@@ -103,7 +103,7 @@ struct Stretch {
     other: Range<usize>,
 }
 
-impl Layout {
+impl SquareLayout {
     /// Returns the squares of a row within the range that contains all its surfaces.
     pub fn squares(&self, row: usize) -> impl Iterator<Item = Square> {
         let width = self.size.0;
@@ -113,8 +113,11 @@ impl Layout {
 
     /// Returns planes with the result of `find` for each square. Squares outside the occupied
     /// ranges are 0.
-    pub fn planes<const N: usize>(&self, find: impl Fn(Square) -> [f32; N] + Sync) -> Planes<N> {
-        Planes::by_rows(self.size, |y, mut row| {
+    pub fn planes<const N: usize>(
+        &self,
+        find: impl Fn(Square) -> [f32; N] + Sync,
+    ) -> SquarePlanes<N> {
+        SquarePlanes::by_rows(self.size, |y, mut row| {
             for square in self.squares(y) {
                 for (plane, value) in row.iter_mut().zip(find(square)) {
                     plane[square.column] = value;
@@ -147,7 +150,7 @@ impl Layout {
         lowered_by: Option<Difference>,
     ) -> Weights {
         let isa = Isa::best();
-        Planes::by_rows(self.size, |y, weights| {
+        SquarePlanes::by_rows(self.size, |y, weights| {
             let here = geometry.row(y);
             for Stretch { side, own, row, other } in self.stretches(y, distance) {
                 let weights = &mut weights[side][own.clone()];
@@ -168,7 +171,7 @@ impl Layout {
 
     /// Returns the binary logarithm of 1 + the distance from an edge, in squares, for each square.
     /// `weights` are those at distance 1.
-    pub fn edge_distances(&self, weights: &Weights) -> Planes<1> {
+    pub fn edge_distances(&self, weights: &Weights) -> SquarePlanes<1> {
         let (width, height) = self.size;
         let mut distances = vec![FARTHEST; width * height];
         for square in (0..height).flat_map(|row| self.squares(row)) {
@@ -189,13 +192,13 @@ impl Layout {
     /// it. A difference lowers the weights.
     pub fn widened<const N: usize>(
         &self,
-        of_squares: &Planes<N>,
+        of_squares: &SquarePlanes<N>,
         distance: usize,
         weights: &Weights,
         lowered_by: Option<Difference>,
-    ) -> Planes<N> {
+    ) -> SquarePlanes<N> {
         let isa = Isa::best();
-        Planes::by_rows(self.size, |y, mut sums| {
+        SquarePlanes::by_rows(self.size, |y, mut sums| {
             let (own_row, weights) = (of_squares.row(y), weights.row(y));
             sums.iter_mut().zip(own_row).for_each(|(sums, own)| sums.copy_from_slice(own));
             let mut lowered = vec![0.0; if lowered_by.is_some() { self.size.0 } else { 0 }];
@@ -340,8 +343,8 @@ mod tests {
     fn a_square_is_widened_by_weighted_squares_inside_the_picture() {
         let size @ (width, height) = (7, 5);
         let occupied = vec![0..7, 2..5, 0..0, 6..7, 0..7];
-        let layout = Layout { size, occupied: occupied.clone() };
-        let full = Layout { size, occupied: vec![0..width; height] };
+        let layout = SquareLayout { size, occupied: occupied.clone() };
+        let full = SquareLayout { size, occupied: vec![0..width; height] };
         let value = |number: usize| [number as f32 + 1.0, -2.0];
         let values = full.planes(|square| value(square.number));
         let weight = |number: usize| std::array::from_fn(|side| (number * 8 + side) as f32);

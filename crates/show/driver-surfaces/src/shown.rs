@@ -2,12 +2,12 @@
 //! far its frames are refined.
 
 use glam::DVec3;
-use holo_display::{End, FramePhase, Look};
+use holo_display::{FramePhase, FrameRequest, VisibleEnd};
 use rayon::prelude::*;
 
 use crate::draw::KnownLight;
 use crate::edges::Looked;
-use crate::{Gathered, Seen, Store, View};
+use crate::{Gathered, LightStore, SurfaceView, VisiblePoint};
 
 /// Pixels on edges that are examined in one go: about 10 ms on two cores.
 const EDGE_PIXELS: usize = 1 << 12;
@@ -17,9 +17,9 @@ const EDGE_PIXELS: usize = 1 << 12;
 const APART: usize = 4;
 
 /// The view that is shown.
-pub(crate) struct Shown {
-    pub(crate) look: Look,
-    pub(crate) view: View,
+pub(crate) struct SurfacesView {
+    pub(crate) look: FrameRequest,
+    pub(crate) view: SurfaceView,
     /// The sums of the view's samples; `None` until a frame needs them.
     pub(crate) gathered: Option<Gathered>,
     pub(crate) edges: Edges,
@@ -58,7 +58,7 @@ impl Refined {
         Refined { is_gathered: false, is_denoised: false, has_edges: false, is_best: false };
 }
 
-impl Shown {
+impl SurfacesView {
     /// Returns true if the next frame is drawn as well as possible, even if it takes longer.
     /// `samples` is the number of samples that it is drawn from.
     pub(crate) fn draws_best(&self, samples: u64, phase: FramePhase) -> bool {
@@ -83,13 +83,13 @@ impl Shown {
 
     /// Looks into some pixels on edges of a view at rest, unless its first frame shows known light.
     /// Returns true if more are left.
-    pub(crate) fn prepare_edges(&mut self, store: &Store) -> bool {
+    pub(crate) fn prepare_edges(&mut self, store: &LightStore) -> bool {
         let looks = !self.look.is_moving && self.known.is_none();
         looks && self.look_into_edges(store)
     }
 
     /// Looks into some pixels on edges. Returns true if more are left.
-    pub(crate) fn look_into_edges(&mut self, store: &Store) -> bool {
+    pub(crate) fn look_into_edges(&mut self, store: &LightStore) -> bool {
         let Edges::Some(looked) = &mut self.edges else { return false };
         looked.extend(self.view.look_into_some(looked.len(), EDGE_PIXELS));
         if looked.len() < self.view.on_edges().len() {
@@ -102,7 +102,7 @@ impl Shown {
     }
 
     /// Returns the distance at which a surface is seen, scene units.
-    pub(crate) fn distance(&self, seen: &Seen) -> f32 {
+    pub(crate) fn distance(&self, seen: &VisiblePoint) -> f32 {
         if !seen.is_surface() {
             return self.view.way(seen).to_lamp;
         }
@@ -115,10 +115,10 @@ impl Shown {
 
     /// Returns visible surface points, in the scene's coordinates: of every [`APART`]th column and
     /// row.
-    pub(crate) fn ends(&self, origin: DVec3) -> Vec<End> {
+    pub(crate) fn ends(&self, origin: DVec3) -> Vec<VisibleEnd> {
         let rows = self.view.seen.chunks(self.view.size.0.max(1)).step_by(APART);
         let seen = rows.flat_map(|row| row.iter().step_by(APART));
-        let end = |seen: &Seen| End {
+        let end = |seen: &VisiblePoint| VisibleEnd {
             point: origin + seen.point.as_dvec3(),
             normal: Some(seen.normal.as_dvec3()),
         };

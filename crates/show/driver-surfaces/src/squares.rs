@@ -2,19 +2,19 @@
 
 use crate::cell::Sums;
 use crate::estimate::Estimate;
-use crate::view::Seen;
+use crate::view::VisiblePoint;
 use rayon::prelude::*;
 
 /// The squares of a picture, and the surface of each.
 pub(crate) struct Squares {
     pub size: (usize, usize),
-    pub seen: Vec<Seen>,
+    pub seen: Vec<VisiblePoint>,
     /// Side of a square, pixels.
     pub step: usize,
 }
 
 /// Squares of a picture, and their light.
-pub(crate) struct Layer {
+pub(crate) struct SquareLayer {
     pub squares: Squares,
     /// The light of each square; its error is infinite where nothing is known.
     pub lights: Vec<Estimate>,
@@ -27,7 +27,7 @@ impl Squares {
     /// Returns the squares of a picture of this size. Squares have sides of `step` pixels. `seen`
     /// returns the surface of a pixel.
     pub fn new(
-        seen: impl Fn(usize) -> Seen + Sync,
+        seen: impl Fn(usize) -> VisiblePoint + Sync,
         (width, height): (usize, usize),
         step: usize,
     ) -> Squares {
@@ -52,7 +52,7 @@ impl Squares {
     pub fn sums<'a>(
         &self,
         (width, height): (usize, usize),
-        of_pixel: impl Fn(usize) -> Option<(&'a Seen, &'a Sums)> + Sync,
+        of_pixel: impl Fn(usize) -> Option<(&'a VisiblePoint, &'a Sums)> + Sync,
     ) -> Vec<Sums> {
         let step = self.step;
         let square = |number: usize| {
@@ -77,26 +77,27 @@ impl Squares {
     }
 }
 
-impl Layer {
+impl SquareLayer {
     /// Returns squares with their light. `guess` returns the light of a surface where it is unknown.
     pub fn new(
         squares: Squares,
         lights: Vec<Estimate>,
-        guess: impl Fn(&Seen) -> Estimate + Sync,
-    ) -> Layer {
-        let is_unknown =
-            |(seen, light): &(&Seen, &Estimate)| seen.is_surface() && light.error.is_infinite();
+        guess: impl Fn(&VisiblePoint) -> Estimate + Sync,
+    ) -> SquareLayer {
+        let is_unknown = |(seen, light): &(&VisiblePoint, &Estimate)| {
+            seen.is_surface() && light.error.is_infinite()
+        };
         let all = || squares.seen.par_iter().zip(&lights);
         let guesses = match all().any(|square| is_unknown(&square)) {
             true => all().map(|at| is_unknown(&at).then(|| guess(at.0))).collect(),
             false => Vec::new(),
         };
-        Layer { squares, lights, guesses }
+        SquareLayer { squares, lights, guesses }
     }
 
     /// Returns the light at a point of the picture, from the squares around it that show the same
     /// surface and whose light is known.
-    pub fn at(&self, at: (f32, f32), seen: &Seen) -> Option<Estimate> {
+    pub fn at(&self, at: (f32, f32), seen: &VisiblePoint) -> Option<Estimate> {
         self.between(at, seen, |square| {
             let light = &self.lights[square];
             light.error.is_finite().then_some(light)
@@ -104,7 +105,7 @@ impl Layer {
     }
 
     /// The same from guesses.
-    pub fn guess_at(&self, at: (f32, f32), seen: &Seen) -> Option<Estimate> {
+    pub fn guess_at(&self, at: (f32, f32), seen: &VisiblePoint) -> Option<Estimate> {
         if self.guesses.is_empty() {
             return None;
         }
@@ -116,7 +117,7 @@ impl Layer {
     fn between<'a>(
         &self,
         (x, y): (f32, f32),
-        seen: &Seen,
+        seen: &VisiblePoint,
         light: impl Fn(usize) -> Option<&'a Estimate>,
     ) -> Option<Estimate> {
         let step = self.squares.step;
@@ -155,8 +156,8 @@ impl Layer {
 /// The weight is 1 nearby on the same plane. It is 0 farther than `width` off the plane, beyond
 /// `reach`, and if normals differ by a right angle or more.
 #[inline]
-pub(crate) fn alike(here: &Seen, other: &Seen, width: f32, reach: f32) -> f32 {
-    let plane = |seen: &Seen| (seen.point.to_array(), seen.normal.to_array());
+pub(crate) fn alike(here: &VisiblePoint, other: &VisiblePoint, width: f32, reach: f32) -> f32 {
+    let plane = |seen: &VisiblePoint| (seen.point.to_array(), seen.normal.to_array());
     if !other.is_surface() || here.light != other.light {
         return 0.0;
     }
@@ -194,7 +195,7 @@ mod tests {
         let seen = |pixel| {
             let (x, y) = at(pixel);
             let (point, normal) = (Vec3::new(x, y, 0.0), Vec3::Z);
-            Seen { point, normal, width: 1.0, material: 0, ..Seen::NOTHING }
+            VisiblePoint { point, normal, width: 1.0, material: 0, ..VisiblePoint::NOTHING }
         };
         let light = |(x, y): (f32, f32)| 100.0 + x + 2.0 * y;
         for step in [1, 2, 4] {
@@ -208,7 +209,7 @@ mod tests {
                 Estimate { light, error: 0.0, variance: 0.0 }
             };
             let lights = (0..squares.seen.len()).map(mean).collect();
-            let layer = Layer::new(squares, lights, |_| Estimate::UNKNOWN);
+            let layer = SquareLayer::new(squares, lights, |_| Estimate::UNKNOWN);
             // Squares are interpolated inside the ring of their outermost middles.
             let inside = (0..size.0 * size.1).filter(|&pixel| {
                 let (x, y) = (pixel % size.0, pixel / size.0);

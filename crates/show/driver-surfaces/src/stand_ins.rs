@@ -9,8 +9,9 @@ use crate::portals::{Beyond, looking_beyond};
 use crate::{SurfaceLight, SurfaceRenderer};
 use holo_denoise::Denoiser;
 use holo_display::{
-    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, Light, LiveSample, Look,
-    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam, section_of,
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, Light,
+    LiveSample, PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
+    section_of,
 };
 use holo_picture::View;
 use holo_raycast::Raycaster;
@@ -112,7 +113,7 @@ impl StoringRenderer for StandInsRenderer {
 }
 
 impl Renderer for StandInsRenderer {
-    fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+    fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
         let StandIn { geometry, portals } = self.stand_ins.of(&self.sections, &look.view);
         let geometry = geometry.unwrap_or_else(|| Arc::clone(&self.scene));
         self.change_geometry(Arc::clone(&geometry));
@@ -181,7 +182,7 @@ impl Renderer for StandInsRenderer {
 impl RayWishes for StandInsRenderer {
     fn weigh(
         &mut self,
-        look: &Look,
+        look: &FrameRequest,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         self.renderer.weigh(look, beams)
@@ -191,7 +192,7 @@ impl RayWishes for StandInsRenderer {
         self.renderer.rays()
     }
 
-    fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64 {
+    fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {
         self.renderer.viewpoint_radius(look, nearest)
     }
 

@@ -7,7 +7,7 @@
 //! - Samples never exceed their share of memory. The buckets that no view has read for longest go
 //!   first. If all were read in the last round, every other sample goes, whatever its light.
 
-use crate::cell::{Face, Key, PLACES, SampleLight, Sums};
+use crate::cell::{FaceClass, Key, PLACES, SampleLight, Sums};
 use crate::place::Placed;
 use glam::{IVec3, Vec3};
 use holo_display::split_mix;
@@ -35,7 +35,7 @@ const OFFSET: f32 = 0.3819;
 
 /// One sample: its place and face in its bucket, and its light.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Record {
+pub(crate) struct StoredLight {
     pub key: Key,
     pub light: SampleLight,
 }
@@ -43,9 +43,9 @@ pub(crate) struct Record {
 /// Samples, and their sums.
 #[derive(Debug, Default)]
 struct Samples {
-    records: Vec<Record>,
+    records: Vec<StoredLight>,
     /// Sums of all samples, by face.
-    faces: Vec<(Face, Sums)>,
+    faces: Vec<(FaceClass, Sums)>,
 }
 
 /// The samples on the surfaces in a cube of space.
@@ -89,11 +89,11 @@ impl Grid {
 
     /// Returns a sample's cube, and its record there.
     #[inline]
-    pub fn record(self, sample: &Placed) -> (Cube, Record) {
+    pub fn record(self, sample: &Placed) -> (Cube, StoredLight) {
         let place = self.place(sample.point);
         let cube = Cube::at(place);
         let key = Key::new((place - cube.corner()) * PLACES, sample.face);
-        (cube, Record { key, light: sample.light })
+        (cube, StoredLight { key, light: sample.light })
     }
 
     /// Returns the point of a record, rounded to the middle of its place.
@@ -105,7 +105,7 @@ impl Grid {
 
 /// Light on surfaces.
 #[derive(Debug)]
-pub struct Store {
+pub struct LightStore {
     shards: Vec<FxHashMap<Cube, Bucket>>,
     grid: Grid,
     most_samples: usize,
@@ -138,7 +138,7 @@ impl Cube {
 }
 
 impl Samples {
-    fn add(&mut self, record: Record) {
+    fn add(&mut self, record: StoredLight) {
         let (face, sums) = (record.key.face(), Sums::of(&record.light));
         match self.faces.iter_mut().find(|(known, _)| *known == face) {
             Some((_, total)) => total.add(&sums),
@@ -148,7 +148,7 @@ impl Samples {
     }
 
     /// Leaves some of the samples. Returns whether others went.
-    fn retain(&mut self, stays: impl FnMut(&Record) -> bool) -> bool {
+    fn retain(&mut self, stays: impl FnMut(&StoredLight) -> bool) -> bool {
         let before = self.records.len();
         self.records.retain(stays);
         let is_less = self.records.len() < before;
@@ -161,7 +161,7 @@ impl Samples {
     }
 
     /// Returns how many samples came for a face.
-    fn count(&self, face: Face) -> u32 {
+    fn count(&self, face: FaceClass) -> u32 {
         let known = self.faces.iter().find(|(known, _)| *known == face);
         known.map_or(0, |(_, sums)| sums.count)
     }
@@ -169,11 +169,11 @@ impl Samples {
 
 impl Bucket {
     /// Returns all samples.
-    pub fn records(&self) -> impl Iterator<Item = &Record> {
+    pub fn records(&self) -> impl Iterator<Item = &StoredLight> {
         self.present.records.iter().chain(&self.earlier.records)
     }
 
-    fn faces(&self) -> impl Iterator<Item = &(Face, Sums)> {
+    fn faces(&self) -> impl Iterator<Item = &(FaceClass, Sums)> {
         self.present.faces.iter().chain(&self.earlier.faces)
     }
 
@@ -203,7 +203,7 @@ impl Bucket {
 /// What makes a record equal to another one.
 type Bits = (u64, [u32; 4]);
 
-impl Record {
+impl StoredLight {
     fn bits(&self) -> Bits {
         let [r, g, b] = self.light.rgb.map(f32::to_bits);
         (self.key.0, [r, g, b, self.light.paths])
@@ -225,14 +225,14 @@ impl Record {
     }
 }
 
-impl Store {
+impl LightStore {
     /// Returns an empty store of at most this many bytes of samples. Places of samples are rounded
     /// to `finest`, scene units.
     #[must_use]
-    pub fn new(finest: f32, most_bytes: usize) -> Store {
+    pub fn new(finest: f32, most_bytes: usize) -> LightStore {
         let shards = (0..SHARDS).map(|_| FxHashMap::default()).collect();
-        let most_samples = (most_bytes / size_of::<Record>()).max(SHARDS);
-        Store {
+        let most_samples = (most_bytes / size_of::<StoredLight>()).max(SHARDS);
+        LightStore {
             shards,
             grid: Grid { unit: finest },
             most_samples,
@@ -301,7 +301,7 @@ impl Store {
         kind: impl Fn(&mut Bucket) -> &mut Samples + Sync,
     ) -> bool {
         self.mean.take();
-        let dealt: Vec<Vec<Vec<(Cube, Record)>>> =
+        let dealt: Vec<Vec<Vec<(Cube, StoredLight)>>> =
             placed.par_chunks(CHUNK).map(|chunk| self.deal(chunk)).collect();
         let (round, thinned) = (self.round, self.thinned);
         let fill = |(number, shard): (usize, &mut FxHashMap<Cube, Bucket>)| {
@@ -344,7 +344,7 @@ impl Store {
     pub fn remove_earlier(&mut self, placed: &[Placed]) -> bool {
         self.mean.take();
         let dealt = self.deal(placed);
-        let clear = |(shard, records): (&mut FxHashMap<Cube, Bucket>, Vec<(Cube, Record)>)| {
+        let clear = |(shard, records): (&mut FxHashMap<Cube, Bucket>, Vec<(Cube, StoredLight)>)| {
             let mut leaving: FxHashMap<Cube, FxHashMap<Bits, u32>> = FxHashMap::default();
             for (cube, record) in records {
                 *leaving.entry(cube).or_default().entry(record.bits()).or_default() += 1;
@@ -364,7 +364,7 @@ impl Store {
     }
 
     /// Returns the records of some samples, by shard.
-    fn deal(&self, placed: &[Placed]) -> Vec<Vec<(Cube, Record)>> {
+    fn deal(&self, placed: &[Placed]) -> Vec<Vec<(Cube, StoredLight)>> {
         let room = || Vec::with_capacity(2 * CHUNK / SHARDS);
         let mut lists: Vec<Vec<_>> = (0..SHARDS).map(|_| room()).collect();
         for sample in placed {
@@ -429,7 +429,7 @@ impl Store {
 
     /// Returns the sums of all samples in the 8 buckets nearest to a point, on faces for which
     /// `serves` is true.
-    pub(crate) fn around(&self, point: Vec3, serves: impl Fn(Face) -> bool) -> Sums {
+    pub(crate) fn around(&self, point: Vec3, serves: impl Fn(FaceClass) -> bool) -> Sums {
         let mut sums = Sums::default();
         let place = self.grid.place(point);
         for corner in 0..8 {

@@ -5,7 +5,7 @@
 //!
 //! Invariant: the end of a ray is a function of the ray and the scene.
 
-use crate::materials::{Finish, Kind, Materials, pane_reflectance};
+use crate::materials::{Finish, MaterialClass, Materials, pane_reflectance};
 use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, spawn};
 use holo_scene::Rgb;
@@ -15,7 +15,7 @@ const MOST_SURFACES: usize = 8;
 
 /// The surface where a ray ends.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct End {
+pub(crate) struct TrailEnd {
     pub point: Vec3,
     /// The unit normal on the side that the ray meets.
     pub normal: Vec3,
@@ -39,19 +39,21 @@ pub(crate) struct End {
 
 /// What a ray shows.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Shown {
-    Surface(End),
+pub(crate) enum RayContent {
+    Surface(TrailEnd),
     /// This share of the sky.
     Sky(Rgb),
     /// Unknown because too many mirrors are on the way.
     Unknown,
 }
 
-impl Shown {
+impl RayContent {
     /// Returns the same at the end of a way that is longer by `before`.
-    pub fn farther(self, before: f32) -> Shown {
+    pub fn farther(self, before: f32) -> RayContent {
         match self {
-            Shown::Surface(end) => Shown::Surface(End { length: end.length + before, ..end }),
+            RayContent::Surface(end) => {
+                RayContent::Surface(TrailEnd { length: end.length + before, ..end })
+            }
             other => other,
         }
     }
@@ -87,7 +89,7 @@ impl<'a> Follower<'a> {
 
     /// Returns true if the hit is on a pane.
     pub fn is_pane(&self, hit: Hit) -> bool {
-        matches!(self.finish(self.material(hit.triangle)).kind, Kind::Pane { .. })
+        matches!(self.finish(self.material(hit.triangle)).kind, MaterialClass::Pane { .. })
     }
 
     /// Returns the opacity of the surface at a hit, from above 0 to 1.
@@ -101,11 +103,11 @@ impl<'a> Follower<'a> {
 
     /// Returns the surface at a hit.
     #[inline]
-    pub fn end(&self, ray: &Ray, hit: Hit) -> End {
+    pub fn end(&self, ray: &Ray, hit: Hit) -> TrailEnd {
         let normal = self.raycaster.geometric_normal(hit.triangle);
         let front = normal.dot(ray.direction) <= 0.0;
         let material = self.material(hit.triangle);
-        End {
+        TrailEnd {
             point: self.raycaster.surface_point(&hit).0,
             normal: if front { normal } else { -normal },
             front,
@@ -122,7 +124,7 @@ impl<'a> Follower<'a> {
 
     /// Returns the factor of the texture at the end of a way, as a mean over a place of this width;
     /// 1 without a texture.
-    pub fn texture(&self, end: &End, width: f32) -> Rgb {
+    pub fn texture(&self, end: &TrailEnd, width: f32) -> Rgb {
         self.texture_at(end.hit, width)
     }
 
@@ -132,7 +134,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Returns the factor of a lamp's texture at the end of a way; 1 without a texture.
-    pub fn glow(&self, end: &End, width: f32) -> Rgb {
+    pub fn glow(&self, end: &TrailEnd, width: f32) -> Rgb {
         let Hit { triangle, u, v, .. } = end.hit;
         self.raycaster.scene().emission_texture(triangle, u, v, width).unwrap_or([1.0; 3])
     }
@@ -142,17 +144,17 @@ impl<'a> Follower<'a> {
     #[inline]
     pub fn is_plain(&self, hit: Hit) -> bool {
         let finish = self.finish(self.material(hit.triangle));
-        let is_diffuse = finish.kind == Kind::Diffuse && !finish.emits;
+        let is_diffuse = finish.kind == MaterialClass::Diffuse && !finish.emits;
         is_diffuse && !self.raycaster.scene().has_texture(hit.triangle) && self.opacity(&hit) >= 1.0
     }
 
     /// Follows a ray from its first hit to a surface that stores light.
-    pub fn follow(&self, ray: Ray, hit: Hit, panes: AtPanes) -> Shown {
+    pub fn follow(&self, ray: Ray, hit: Hit, panes: AtPanes) -> RayContent {
         self.follow_to_end(&mut Trail::new(ray, hit, panes))
     }
 
     /// Follows a ray to its end.
-    pub fn follow_to_end(&self, trail: &mut Trail) -> Shown {
+    pub fn follow_to_end(&self, trail: &mut Trail) -> RayContent {
         loop {
             if let Some(shown) = trail.advance(self) {
                 return shown;
@@ -166,7 +168,7 @@ impl<'a> Follower<'a> {
 
     /// Follows many rays as [`follow`](Self::follow) does, and gives what each shows to `ended`
     /// with its index. Their rays are cast together, which is faster.
-    pub fn follow_many(&self, trails: &mut [Trail], mut ended: impl FnMut(usize, Shown)) {
+    pub fn follow_many(&self, trails: &mut [Trail], mut ended: impl FnMut(usize, RayContent)) {
         let mut active: Vec<usize> = (0..trails.len()).collect();
         let (mut rays, mut from, mut hits) = (Vec::new(), Vec::new(), Vec::new());
         while !active.is_empty() {
@@ -208,7 +210,7 @@ pub(crate) struct Trail {
     /// The product of what covered surfaces have let pass.
     passed: f32,
     /// Surfaces that are partly covered, with their shares.
-    covers: Vec<End>,
+    covers: Vec<TrailEnd>,
 }
 
 impl Trail {
@@ -225,20 +227,20 @@ impl Trail {
     }
 
     /// Takes the surfaces that are partly covered and that the ray has passed.
-    pub fn take_covers(&mut self) -> Vec<End> {
+    pub fn take_covers(&mut self) -> Vec<TrailEnd> {
         std::mem::take(&mut self.covers)
     }
 
     /// Returns the end of the ray at its hit.
-    fn end(&self, follower: &Follower) -> End {
+    fn end(&self, follower: &Follower) -> TrailEnd {
         let end = follower.end(&self.ray, self.hit);
         let Trail { share, is_mirrored, pane, .. } = *self;
-        End { share, length: self.length + self.hit.t, is_mirrored, pane, ..end }
+        TrailEnd { share, length: self.length + self.hit.t, is_mirrored, pane, ..end }
     }
 
     /// Moves the ray from its hit on, if this is a mirror or a pane. Returns what it shows if it
     /// ends here.
-    fn advance(&mut self, follower: &Follower) -> Option<Shown> {
+    fn advance(&mut self, follower: &Follower) -> Option<RayContent> {
         let hit = self.hit;
         let normal = follower.raycaster.geometric_normal(hit.triangle);
         let cosine = self.ray.direction.dot(normal);
@@ -248,19 +250,25 @@ impl Trail {
         let (colour, onward) = match kind {
             // A sample whose way has a surface that may not be there shows something unknown.
             _ if opacity < 1.0 && self.panes == AtPanes::PassAll && self.surfaces > 0 => {
-                return Some(Shown::Unknown);
+                return Some(RayContent::Unknown);
             }
-            Kind::Diffuse | Kind::Glossy if opacity < 1.0 && self.panes != AtPanes::PassAll => {
+            MaterialClass::Diffuse | MaterialClass::Glossy
+                if opacity < 1.0 && self.panes != AtPanes::PassAll =>
+            {
                 let end = self.end(follower);
-                self.covers.push(End { share: end.share.map(|c| c * opacity), ..end });
+                self.covers.push(TrailEnd { share: end.share.map(|c| c * opacity), ..end });
                 self.passed *= 1.0 - opacity;
                 ([1.0 - opacity; 3], self.ray.direction)
             }
             // Mirrors and panes are there if they are there for most rays.
-            Kind::Mirror(_) | Kind::Pane { .. } if opacity < 0.5 => ([1.0; 3], self.ray.direction),
-            Kind::Diffuse | Kind::Glossy => return Some(Shown::Surface(self.end(follower))),
-            Kind::Mirror(ks) => (ks, mirrored),
-            Kind::Pane { ior, transmittance } => {
+            MaterialClass::Mirror(_) | MaterialClass::Pane { .. } if opacity < 0.5 => {
+                ([1.0; 3], self.ray.direction)
+            }
+            MaterialClass::Diffuse | MaterialClass::Glossy => {
+                return Some(RayContent::Surface(self.end(follower)));
+            }
+            MaterialClass::Mirror(ks) => (ks, mirrored),
+            MaterialClass::Pane { ior, transmittance } => {
                 let reflected = pane_reflectance(cosine.abs(), ior);
                 let tint = follower.texture_at(hit, 0.0);
                 let passes = [0, 1, 2].map(|c| transmittance[c] * tint[c] * (1.0 - reflected));
@@ -284,10 +292,10 @@ impl Trail {
     }
 
     /// Takes the next hit. Returns what the ray shows if it does not go on.
-    fn meet(&mut self, hit: Option<Hit>) -> Option<Shown> {
-        let Some(hit) = hit else { return Some(Shown::Sky(self.share)) };
+    fn meet(&mut self, hit: Option<Hit>) -> Option<RayContent> {
+        let Some(hit) = hit else { return Some(RayContent::Sky(self.share)) };
         self.hit = hit;
         self.surfaces += 1;
-        (self.surfaces == MOST_SURFACES).then_some(Shown::Unknown)
+        (self.surfaces == MOST_SURFACES).then_some(RayContent::Unknown)
     }
 }

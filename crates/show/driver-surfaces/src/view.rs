@@ -3,13 +3,13 @@
 //!
 //! Invariant: the surface of a pixel is a function of the view and the scene.
 
-use crate::cell::Face;
-use crate::edges::{Edge, Piece};
-use crate::materials::{Kind, Materials};
-use crate::trail::{AtPanes, End, Follower, Shown, Trail};
+use crate::cell::FaceClass;
+use crate::edges::{Edge, EdgePiece};
+use crate::materials::{MaterialClass, Materials};
+use crate::trail::{AtPanes, Follower, RayContent, Trail, TrailEnd};
 use glam::{DVec3, Vec3};
 use holo_display::Camera;
-use holo_picture::View as Eye;
+use holo_picture::SurfaceView as Eye;
 use holo_raycast::{MAX_TILE, Ray, Raycaster};
 use holo_scene::Rgb;
 use rayon::prelude::*;
@@ -30,7 +30,7 @@ pub(crate) const PLAIN: u32 = 0;
 
 /// A surface point that a pixel sees, relative to the scene's origin.
 #[derive(Clone, Copy, Debug)]
-pub struct Seen {
+pub struct VisiblePoint {
     /// The point.
     pub point: Vec3,
     /// The unit normal on the side that is seen.
@@ -41,7 +41,8 @@ pub struct Seen {
     pub material: u32,
     /// Surfaces share light only if this number is the same.
     pub light: u32,
-    /// The number of its [`Way`]; 0 if it is seen directly, has no texture, and does not shine.
+    /// The number of its [`SurfaceTrail`]; 0 if it is seen directly, has no texture, and does not
+    /// shine.
     pub way: u32,
 }
 
@@ -51,14 +52,14 @@ pub struct InPane {
     /// The pixel's number.
     pub pixel: usize,
     /// The reflected or covered surface.
-    pub seen: Seen,
+    pub seen: VisiblePoint,
     /// The share of the pixel that the pane or surface takes.
     pub share: f32,
 }
 
 /// The way to a surface that has a texture, shines, or is seen through mirrors or panes.
 #[derive(Clone, Copy, Debug)]
-pub struct Way {
+pub struct SurfaceTrail {
     /// The share of the surface's light that comes back through mirrors and panes.
     pub share: Rgb,
     /// The factor of the surface's texture.
@@ -77,7 +78,7 @@ pub struct Way {
 
 /// The surfaces of a view.
 #[derive(Debug)]
-pub struct View {
+pub struct SurfaceView {
     pub(crate) raycaster: Arc<Raycaster>,
     materials: Arc<Materials>,
     eye: Eye,
@@ -88,9 +89,9 @@ pub struct View {
     /// The number of columns and of rows.
     pub size: (usize, usize),
     /// What each pixel sees.
-    pub seen: Vec<Seen>,
+    pub seen: Vec<VisiblePoint>,
     /// All ways, by number. The first one is not used.
-    pub ways: Vec<Way>,
+    pub ways: Vec<SurfaceTrail>,
     /// Reflections in panes and partly covered surfaces, first those of pixels whose middle sees
     /// them.
     pub in_panes: Vec<InPane>,
@@ -101,11 +102,11 @@ pub struct View {
     /// Pixels that show several things. Empty before [`look_into_edges`](Self::look_into_edges).
     pub edges: Vec<Edge>,
     /// The pieces of these pixels.
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<EdgePiece>,
 }
 
-impl Way {
-    const PLAIN: Way = Way {
+impl SurfaceTrail {
+    const PLAIN: SurfaceTrail = SurfaceTrail {
         share: [1.0; 3],
         texture: [1.0; 3],
         radiance: [0.0; 3],
@@ -116,9 +117,9 @@ impl Way {
     };
 }
 
-impl Seen {
+impl VisiblePoint {
     /// Stands for no surface.
-    pub const NOTHING: Seen = Seen {
+    pub const NOTHING: VisiblePoint = VisiblePoint {
         point: Vec3::ZERO,
         normal: Vec3::ZERO,
         width: 0.0,
@@ -139,7 +140,7 @@ impl Seen {
 
     /// Returns true if this surface and that of a neighbouring ray differ.
     #[inline]
-    pub(crate) fn differs(&self, other: &Seen) -> bool {
+    pub(crate) fn differs(&self, other: &VisiblePoint) -> bool {
         self.material != other.material
             || self.normal.dot(other.normal) <= 0.9
             || self.away(other.point, 0.0).is_none()
@@ -156,33 +157,33 @@ impl Seen {
 /// count from 1.
 #[derive(Default)]
 struct Band {
-    ways: Vec<Way>,
+    ways: Vec<SurfaceTrail>,
     in_panes: Vec<InPane>,
 }
 
 impl Band {
     /// Adds the way to a surface. Returns the surface with the way's number.
-    fn add(&mut self, (seen, way): (Seen, Way)) -> Seen {
+    fn add(&mut self, (seen, way): (VisiblePoint, SurfaceTrail)) -> VisiblePoint {
         self.ways.push(way);
-        Seen { way: self.ways.len() as u32, ..seen }
+        VisiblePoint { way: self.ways.len() as u32, ..seen }
     }
 }
 
-impl View {
-    /// Casts the rays of all pixels. `size` must come from [`View::resolve`](Eye::resolve).
+impl SurfaceView {
+    /// Casts the rays of all pixels. `size` must come from [`SurfaceView::resolve`](Eye::resolve).
     #[must_use]
     pub fn new(
         raycaster: Arc<Raycaster>,
         materials: Arc<Materials>,
         eye: &Eye,
         size: (u32, u32),
-    ) -> View {
+    ) -> SurfaceView {
         let footprint = |distance| eye.pixel_footprint(size, distance) as f32;
         let grows = footprint(1.0) - footprint(0.0);
         let clips_sky = Camera::new(eye, size).clips_sky();
         let footprint = (footprint(0.0), grows);
         let size = (size.0 as usize, size.1 as usize);
-        let mut view = View {
+        let mut view = SurfaceView {
             footprint,
             clips_sky,
             raycaster,
@@ -190,14 +191,14 @@ impl View {
             eye: *eye,
             size,
             seen: Vec::new(),
-            ways: vec![Way::PLAIN],
+            ways: vec![SurfaceTrail::PLAIN],
             in_panes: Vec::new(),
             panes_of_middles: 0,
             on_edges: OnceLock::new(),
             edges: Vec::new(),
             pieces: Vec::new(),
         };
-        let mut seen = vec![Seen::NOTHING; size.0 * size.1];
+        let mut seen = vec![VisiblePoint::NOTHING; size.0 * size.1];
         let bands: Vec<Band> = seen
             .par_chunks_mut(size.0 * SIDE)
             .enumerate()
@@ -232,8 +233,8 @@ impl View {
     }
 
     /// Returns the result for a pixel's ray that hits nothing.
-    pub(crate) fn nothing(&self) -> Shown {
-        if self.clips_sky { Shown::Unknown } else { Shown::Sky([1.0; 3]) }
+    pub(crate) fn nothing(&self) -> RayContent {
+        if self.clips_sky { RayContent::Unknown } else { RayContent::Sky([1.0; 3]) }
     }
 
     /// Returns the width of a pixel at the end of a way of this length.
@@ -242,7 +243,7 @@ impl View {
     }
 
     /// Returns the length of the way from the eye to a pixel's surface.
-    pub(crate) fn length(&self, seen: &Seen) -> f32 {
+    pub(crate) fn length(&self, seen: &VisiblePoint) -> f32 {
         let (width, grows) = self.footprint;
         if grows > 0.0 {
             return (seen.width - width) / grows;
@@ -252,8 +253,8 @@ impl View {
     }
 
     /// Returns the surface that a ray shows, and adds its way.
-    pub(crate) fn seen_of(&mut self, shown: Shown) -> Seen {
-        if let Shown::Surface(end) = &shown {
+    pub(crate) fn seen_of(&mut self, shown: RayContent) -> VisiblePoint {
+        if let RayContent::Surface(end) = &shown {
             let is_direct = end.share == [1.0; 3] && !end.is_mirrored;
             if is_direct && self.follower().is_plain(end.hit) {
                 return seen(end, self.pixel_width(end.length), PLAIN);
@@ -263,13 +264,13 @@ impl View {
     }
 
     /// Adds a reflection in a pane that takes this share of a pixel.
-    pub(crate) fn add_in_pane(&mut self, pixel: usize, shown: Shown, share: f32) {
+    pub(crate) fn add_in_pane(&mut self, pixel: usize, shown: RayContent, share: f32) {
         let seen = self.with_way(self.seen_along(shown));
         self.in_panes.push(InPane { pixel, seen, share });
     }
 
     /// Casts the rays of `rows`, which begin at row `top`.
-    fn cast_rows(&self, top: usize, rows: &mut [Seen]) -> Band {
+    fn cast_rows(&self, top: usize, rows: &mut [VisiblePoint]) -> Band {
         let width = self.size.0;
         let count = rows.len() / width;
         let follower = self.follower();
@@ -308,7 +309,7 @@ impl View {
                     of_trails.push((number, true));
                 }
             }
-            let mut take = |(number, is_beside), shown: Shown| {
+            let mut take = |(number, is_beside), shown: RayContent| {
                 let seen = band.add(self.seen_along(shown.farther(befores[number])));
                 if is_beside {
                     let pixel = top * width + at(number);
@@ -329,7 +330,7 @@ impl View {
             }
             for (trail, &(number, _)) in trails.iter_mut().zip(&of_trails) {
                 for end in trail.take_covers() {
-                    take((number, true), Shown::Surface(end));
+                    take((number, true), RayContent::Surface(end));
                 }
             }
         }
@@ -346,8 +347,9 @@ impl View {
             before as u32
         };
         let befores: Vec<u32> = bands.iter().map(before).collect();
-        let number =
-            |seen: &mut Seen, before| seen.way += if seen.way == PLAIN { 0 } else { before };
+        let number = |seen: &mut VisiblePoint, before| {
+            seen.way += if seen.way == PLAIN { 0 } else { before }
+        };
         let rows = self.seen.par_chunks_mut(self.size.0 * SIDE).zip(&befores);
         rows.for_each(|(rows, &before)| rows.iter_mut().for_each(|seen| number(seen, before)));
         self.ways.reserve(count);
@@ -359,22 +361,22 @@ impl View {
     }
 
     /// Adds the way to a surface. Returns the surface with the way's number.
-    fn with_way(&mut self, (seen, way): (Seen, Way)) -> Seen {
+    fn with_way(&mut self, (seen, way): (VisiblePoint, SurfaceTrail)) -> VisiblePoint {
         self.ways.push(way);
-        Seen { way: self.ways.len() as u32 - 1, ..seen }
+        VisiblePoint { way: self.ways.len() as u32 - 1, ..seen }
     }
 
     /// Returns the surface that a ray shows, and the way to it. The way has no number yet.
-    fn seen_along(&self, shown: Shown) -> (Seen, Way) {
+    fn seen_along(&self, shown: RayContent) -> (VisiblePoint, SurfaceTrail) {
         let times = |a: Rgb, b: Rgb| [0, 1, 2].map(|channel: usize| a[channel] * b[channel]);
-        let mut how = Way::PLAIN;
-        let mut at = Seen::NOTHING;
+        let mut how = SurfaceTrail::PLAIN;
+        let mut at = VisiblePoint::NOTHING;
         match shown {
-            Shown::Surface(end) => {
+            RayContent::Surface(end) => {
                 let finish = self.follower().finish(end.material);
-                let End { share, direction, is_mirrored, pane, .. } = end;
+                let TrailEnd { share, direction, is_mirrored, pane, .. } = end;
                 let width = self.pixel_width(end.length);
-                how = Way { share, direction, is_mirrored, pane, ..how };
+                how = SurfaceTrail { share, direction, is_mirrored, pane, ..how };
                 if finish.shines(end.front) {
                     let emission = times(finish.emission, self.follower().glow(&end, width));
                     how.radiance = times(end.share, emission);
@@ -384,34 +386,34 @@ impl View {
                     at = seen(&end, width, PLAIN);
                 }
             }
-            Shown::Sky(share) => how.radiance = times(share, self.materials.sky),
-            Shown::Unknown => {}
+            RayContent::Sky(share) => how.radiance = times(share, self.materials.sky),
+            RayContent::Unknown => {}
         }
         (at, how)
     }
 
     /// Returns the way to a surface.
     #[inline]
-    pub(crate) fn way(&self, seen: &Seen) -> &Way {
+    pub(crate) fn way(&self, seen: &VisiblePoint) -> &SurfaceTrail {
         &self.ways[seen.way as usize]
     }
 
     /// Returns true if the surface has a clear coat over a diffuse base, and no mirror shows it.
     #[inline]
-    pub(crate) fn shows_coat(&self, seen: &Seen) -> bool {
+    pub(crate) fn shows_coat(&self, seen: &VisiblePoint) -> bool {
         seen.is_surface()
             && self.follower().finish(seen.material).is_coated
             && !self.way(seen).is_mirrored
     }
 
     /// Returns true if the light that the surface sends depends on the direction.
-    pub(crate) fn is_glossy(&self, seen: &Seen) -> bool {
-        seen.is_surface() && self.follower().finish(seen.material).kind == Kind::Glossy
+    pub(crate) fn is_glossy(&self, seen: &VisiblePoint) -> bool {
+        seen.is_surface() && self.follower().finish(seen.material).kind == MaterialClass::Glossy
     }
 
     /// Returns true if two neighbouring pixels show different things.
     #[inline]
-    pub(crate) fn differ(&self, one: &Seen, other: &Seen) -> bool {
+    pub(crate) fn differ(&self, one: &VisiblePoint, other: &VisiblePoint) -> bool {
         if one.way == other.way && !one.is_surface() && !other.is_surface() {
             return false;
         }
@@ -424,9 +426,9 @@ impl View {
     }
 
     /// Returns the face of a surface's samples.
-    pub(crate) fn face(&self, seen: &Seen) -> Face {
-        let is_glossy = self.follower().finish(seen.material).kind == Kind::Glossy;
-        Face::new(seen.normal, seen.material, is_glossy.then(|| self.way(seen).direction))
+    pub(crate) fn face(&self, seen: &VisiblePoint) -> FaceClass {
+        let is_glossy = self.follower().finish(seen.material).kind == MaterialClass::Glossy;
+        FaceClass::new(seen.normal, seen.material, is_glossy.then(|| self.way(seen).direction))
     }
 
     /// Returns the projection of points to pixels, and the eye's position relative to the scene's
@@ -439,7 +441,7 @@ impl View {
 
     /// Returns the factor from a surface's light to its pixel's radiance, and the radiance to add.
     #[must_use]
-    pub fn paint(&self, seen: &Seen) -> (Rgb, Rgb) {
+    pub fn paint(&self, seen: &VisiblePoint) -> (Rgb, Rgb) {
         let way = &self.ways[seen.way as usize];
         if !seen.is_surface() {
             return ([0.0; 3], way.radiance);
@@ -454,7 +456,7 @@ impl View {
     /// pictures.
     #[must_use]
     pub fn features(&self) -> (Vec<Rgb>, Vec<[f32; 3]>) {
-        let feature = |seen: &Seen| {
+        let feature = |seen: &VisiblePoint| {
             let (scale, radiance) = self.paint(seen);
             let albedo = [0, 1, 2].map(|c| (scale[c] + radiance[c]).clamp(0.0, 1.0));
             (albedo, seen.normal.to_array())
@@ -474,7 +476,7 @@ pub(crate) fn are_near(one: Rgb, other: Rgb) -> bool {
     one.iter().zip(other).all(|(a, b)| (a - b).abs() <= SAME_COLOUR * a.max(b))
 }
 
-pub(crate) fn seen(end: &End, width: f32, way: u32) -> Seen {
-    let End { point, normal, material, light, .. } = *end;
-    Seen { point, normal, width, material, light, way }
+pub(crate) fn seen(end: &TrailEnd, width: f32, way: u32) -> VisiblePoint {
+    let TrailEnd { point, normal, material, light, .. } = *end;
+    VisiblePoint { point, normal, width, material, light, way }
 }

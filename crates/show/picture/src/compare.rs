@@ -180,7 +180,7 @@ pub fn bias_interval(
     reference: &Picture,
     reference_error: Option<&Picture>,
 ) -> Result<(f64, f64), CompareError> {
-    let Lit { picture: la, reference: lr, dim } = Lit::of(picture, reference)?;
+    let LuminancePair { picture: la, reference: lr, dim } = LuminancePair::of(picture, reference)?;
     let (mean_a, mean_r) = (masked_mean(&la, &dim), masked_mean(&lr, &dim));
     let of_mean = |error: Option<&Picture>, which: &'static str| -> Result<f64, CompareError> {
         let squares = variances(error, which, reference)?;
@@ -211,7 +211,7 @@ pub fn worst_block_beyond_noise(
     reference: &Picture,
     reference_error: Option<&Picture>,
 ) -> Result<f64, CompareError> {
-    let Lit { picture: la, reference: lr, dim } = Lit::of(picture, reference)?;
+    let LuminancePair { picture: la, reference: lr, dim } = LuminancePair::of(picture, reference)?;
     let of_picture = variances(picture_error, "picture's standard error", reference)?;
     let of_reference = variances(reference_error, "reference's standard error", reference)?;
     let beyond = |block: Vec<usize>| {
@@ -278,13 +278,13 @@ fn displayed<const N: usize>(
 }
 
 /// Luminances of two pictures, and the pixels of the reference that are not lamps.
-struct Lit {
+struct LuminancePair {
     picture: Vec<f64>,
     reference: Vec<f64>,
     dim: Vec<bool>,
 }
 
-impl Lit {
+impl LuminancePair {
     fn of(picture: &Picture, reference: &Picture) -> Result<Self, CompareError> {
         check(picture, "picture", reference)?;
         check(reference, "reference", reference)?;

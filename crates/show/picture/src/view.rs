@@ -51,7 +51,7 @@ pub struct ViewParams {
 
 /// The stated parameters of a view's picture.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Frame {
+pub(crate) struct ViewParameters {
     pub kind: ViewKind,
     pub vh: Option<f64>,
     pub vv: Option<f64>,
@@ -122,7 +122,7 @@ impl View {
         vv: Option<f64>,
         size: (u32, u32),
     ) -> Result<View, ViewError> {
-        View::framed(vp, vd, vu, &Frame { vh, vv, ..Frame::default() }, size)
+        View::framed(vp, vd, vu, &ViewParameters { vh, vv, ..ViewParameters::default() }, size)
     }
 
     /// Makes a perspective view, and returns it with the size of its picture. The size is
@@ -139,7 +139,7 @@ impl View {
         vv: Option<f64>,
         max_size: (u32, u32),
     ) -> Result<(View, (u32, u32)), ViewError> {
-        View::fitted(vp, vd, vu, &Frame { vh, vv, ..Frame::default() }, max_size)
+        View::fitted(vp, vd, vu, &ViewParameters { vh, vv, ..ViewParameters::default() }, max_size)
     }
 
     /// Implements [`View::resolve`] for any type.
@@ -147,7 +147,7 @@ impl View {
         vp: DVec3,
         vd: DVec3,
         vu: DVec3,
-        frame: &Frame,
+        frame: &ViewParameters,
         max_size: (u32, u32),
     ) -> Result<(View, (u32, u32)), ViewError> {
         let view = View::framed(vp, vd, vu, frame, max_size)?;
@@ -161,14 +161,14 @@ impl View {
         vp: DVec3,
         vd: DVec3,
         vu: DVec3,
-        frame: &Frame,
+        frame: &ViewParameters,
         size: (u32, u32),
     ) -> Result<View, ViewError> {
         if !is_size(size) {
             let (width, height) = size;
             return Err(ViewError::Size { width, height });
         }
-        let Frame { kind, vh, vv, vs, vl, vo, va } = *frame;
+        let ViewParameters { kind, vh, vv, vs, vl, vo, va } = *frame;
         let aspect = f64::from(size.1) / f64::from(size.0);
         let from_width = |vh: f64| Ok((vh, other_size(kind, (ACROSS, vh), ALONG, aspect)?));
         let (vh, vv) = match (vh, vv) {

@@ -8,7 +8,7 @@ use crate::error::PictureError;
 use crate::files::Format;
 use crate::kind::ViewKind;
 use crate::picture::Picture;
-use crate::view::{Frame, View};
+use crate::view::{View, ViewParameters};
 use crate::view_error::ViewError;
 use glam::DVec3;
 use std::fs::File;
@@ -112,7 +112,7 @@ impl ViewSpec {
     pub fn resolve(&self, max_size: (u32, u32)) -> Result<(View, (u32, u32)), ViewError> {
         let vp = self.vp.ok_or(ViewError::Missing("-vp"))?;
         let vd = self.vd.ok_or(ViewError::Missing("-vd"))?;
-        let frame = Frame {
+        let frame = ViewParameters {
             kind: self.kind.unwrap_or_default(),
             vh: self.vh,
             vv: self.vv,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use holo_denoise::Denoiser;
-use holo_driver_surfaces::{Materials, View};
+use holo_driver_surfaces::{Materials, SurfaceView};
 use holo_picture::Picture;
 use holo_raycast::Raycaster;
 
@@ -20,7 +20,7 @@ pub fn denoise(
 ) -> Result<()> {
     let Some(eye) = picture.view else { return Ok(()) };
     let materials = Arc::new(Materials::new(raycaster.scene()));
-    let view = View::new(raycaster, materials, &eye, (picture.width, picture.height));
+    let view = SurfaceView::new(raycaster, materials, &eye, (picture.width, picture.height));
     let (albedo, normals) = view.features();
     denoiser.denoise(&mut picture.pixels, &albedo, &normals, view.size, &|| true)?;
     picture.pixels.iter_mut().flatten().for_each(|c| *c = c.max(0.0));

@@ -8,17 +8,17 @@ use holo_net::Shutdown;
 use crate::Config;
 
 /// The main thread's part of showing windows: nothing.
-pub struct Desk;
+pub struct AbsentWindowHost;
 
 /// A wish for a window, which is always refused.
-pub struct Screen;
+pub struct AbsentWindow;
 
 /// Returns the two ends of the channel to the main thread.
-pub fn desk() -> (Screen, Desk) {
-    (Screen, Desk)
+pub fn desk() -> (AbsentWindow, AbsentWindowHost) {
+    (AbsentWindow, AbsentWindowHost)
 }
 
-impl Desk {
+impl AbsentWindowHost {
     /// Returns at once, because there are no windows to show.
     pub fn serve(self) {}
 }
@@ -38,6 +38,11 @@ pub fn check_desktop() -> Result<()> {
 ///
 /// # Errors
 /// Always, as [`check_desktop`].
-pub async fn run_in_window(_: Config, _: Option<PathBuf>, _: Shutdown, _: Screen) -> Result<()> {
+pub async fn run_in_window(
+    _: Config,
+    _: Option<PathBuf>,
+    _: Shutdown,
+    _: AbsentWindow,
+) -> Result<()> {
     check_desktop()
 }

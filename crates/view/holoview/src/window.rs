@@ -8,7 +8,7 @@ use holo_options::ViewArgs;
 
 use crate::Config;
 
-pub use holo_window::{Desk, Screen, check_desktop, desk};
+pub use holo_window::{WindowHost, WindowRequest, check_desktop, desk};
 
 /// Shows a server's holodeck in a window until the window is closed or `shutdown` is triggered.
 /// Closing the window triggers `shutdown`.
@@ -21,7 +21,7 @@ pub async fn run_in_window(
     config: Config,
     record: Option<PathBuf>,
     shutdown: Shutdown,
-    screen: Screen,
+    screen: WindowRequest,
 ) -> Result<()> {
     check_desktop()?;
     config.check()?;

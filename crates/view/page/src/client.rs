@@ -19,7 +19,7 @@ use futures_util::{
     stream::{SplitSink, SplitStream},
 };
 use holo_picture::{Image, Look};
-use holo_stage::{Input, Phase, Shown};
+use holo_stage::{Input, PublishedFrame, StagePhase};
 use tokio::{
     sync::{mpsc, watch},
     time::{interval, sleep_until, timeout},
@@ -28,10 +28,10 @@ use tokio::{
 use super::{
     connections::Visitor,
     eyes::Eyes,
-    from_page::{self, Asked},
-    hub::{Guest, Hub, Seen},
-    screen::{Screen, Update},
-    to_page::{self, Framed, Times},
+    from_page::{self, PageRequest},
+    hub::{ClientFrame, Guest, Hub},
+    screen::{ClientScreen, Update},
+    to_page::{self, Framed, StageTimes},
 };
 
 /// Longest message that a page may send, bytes. Messages are lines of a few numbers.
@@ -78,10 +78,10 @@ pub async fn connect(
             let _ = sink.send(text(to_page::error("too many people look already"))).await;
             return;
         };
-        let wanted = watch::Sender::new(Wanted::default());
+        let wanted = watch::Sender::new(ClientWishes::default());
         let (answers, waiting) = mpsc::channel(MOST_ANSWERS);
-        let reader = Reader { hub: &hub, guest: &guest, stream, wanted: &wanted, answers };
-        let writer = Writer::new(&hub, &guest, sink, wanted.subscribe());
+        let reader = ClientReader { hub: &hub, guest: &guest, stream, wanted: &wanted, answers };
+        let writer = ClientWriter::new(&hub, &guest, sink, wanted.subscribe());
         tokio::select! {
             () = reader.run() => {}
             // An error also ends the connection.
@@ -93,7 +93,7 @@ pub async fn connect(
 
 /// The client's wishes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Wanted {
+struct ClientWishes {
     /// The last update that is on its screen.
     shown: u64,
     look: Look,
@@ -103,15 +103,15 @@ struct Wanted {
 }
 
 /// Reads a client's messages.
-struct Reader<'a> {
+struct ClientReader<'a> {
     hub: &'a Hub,
     guest: &'a Guest,
     stream: SplitStream<WebSocket>,
-    wanted: &'a watch::Sender<Wanted>,
+    wanted: &'a watch::Sender<ClientWishes>,
     answers: mpsc::Sender<String>,
 }
 
-impl Reader<'_> {
+impl ClientReader<'_> {
     /// Reads until the client leaves or sends garbage.
     async fn run(mut self) {
         let mut garbage = 0;
@@ -141,16 +141,16 @@ impl Reader<'_> {
     }
 
     /// Does what a client asks for, and returns the answer to send, if any.
-    fn take(&self, number: u64, asked: Asked) -> Option<String> {
+    fn take(&self, number: u64, asked: PageRequest) -> Option<String> {
         let mut answer = None;
         match asked {
-            Asked::Shown(update) => self.wanted.send_modify(|wanted| wanted.shown = update),
-            Asked::Look(look) => self.wanted.send_modify(|wanted| wanted.look = look),
-            Asked::Hidden(is_hidden) => {
+            PageRequest::Shown(update) => self.wanted.send_modify(|wanted| wanted.shown = update),
+            PageRequest::Look(look) => self.wanted.send_modify(|wanted| wanted.look = look),
+            PageRequest::Hidden(is_hidden) => {
                 self.wanted.send_modify(|wanted| wanted.is_hidden = is_hidden);
             }
-            Asked::TakeOver => self.hub.take_over(self.guest.number),
-            Asked::Input(input) => {
+            PageRequest::TakeOver => self.hub.take_over(self.guest.number),
+            PageRequest::Input(input) => {
                 if let Input::Cursor(cursor) = input {
                     self.wanted.send_if_modified(|wanted| {
                         wanted.cursor = cursor;
@@ -172,12 +172,12 @@ impl Reader<'_> {
 }
 
 /// Sends updates and answers to a client.
-struct Writer<'a> {
+struct ClientWriter<'a> {
     hub: &'a Arc<Hub>,
     guest: &'a Guest,
     sink: SplitSink<WebSocket, Message>,
-    wanted: watch::Receiver<Wanted>,
-    screen: Screen,
+    wanted: watch::Receiver<ClientWishes>,
+    screen: ClientScreen,
     eyes: Arc<Eyes>,
     /// When the eyes will have adapted to the frame on the screen, and when they next look.
     adapts: Option<(Instant, Instant)>,
@@ -186,13 +186,13 @@ struct Writer<'a> {
     /// Number of the last update.
     updates: u64,
     /// Durations of the last frame's stages, except encoding.
-    times: Times,
+    times: StageTimes,
 }
 
 /// A frame that the client's screen shows or will soon show.
 #[derive(Clone)]
 struct OnScreen {
-    shown: Arc<Shown>,
+    shown: Arc<PublishedFrame>,
     /// Number of times that the frame was shown again since it arrived.
     times: u32,
     look: Look,
@@ -206,18 +206,18 @@ struct UnderWay {
     since: Instant,
 }
 
-impl<'a> Writer<'a> {
+impl<'a> ClientWriter<'a> {
     fn new(
         hub: &'a Arc<Hub>,
         guest: &'a Guest,
         sink: SplitSink<WebSocket, Message>,
-        wanted: watch::Receiver<Wanted>,
-    ) -> Writer<'a> {
-        let (screen, eyes) = (Screen::default(), hub.eyes.of(Look::default()));
+        wanted: watch::Receiver<ClientWishes>,
+    ) -> ClientWriter<'a> {
+        let (screen, eyes) = (ClientScreen::default(), hub.eyes.of(Look::default()));
         let (on_screen, under_way, updates) = (None, None, 0);
-        let times = Times::default();
+        let times = StageTimes::default();
         let adapts = None;
-        Writer {
+        ClientWriter {
             hub,
             guest,
             sink,
@@ -268,12 +268,12 @@ impl<'a> Writer<'a> {
                 changed = states.changed() => {
                     changed?;
                     let state = states.borrow_and_update().clone();
-                    if !has_facts && state.phase == Phase::Running {
+                    if !has_facts && state.phase == StagePhase::Running {
                         has_facts = true;
                         self.send(text(to_page::facts(&state))).await?;
                     }
                     self.send(text(to_page::state(&state))).await?;
-                    if matches!(state.phase, Phase::Ended(_)) {
+                    if matches!(state.phase, StagePhase::Ended(_)) {
                         return self.send(Message::Close(None)).await;
                     }
                 }
@@ -313,7 +313,7 @@ impl<'a> Writer<'a> {
 
     /// Sends the latest frame unless the client's screen already shows it. Returns whether it was
     /// sent.
-    async fn update(&mut self, latest: Option<Arc<Shown>>) -> Result<bool> {
+    async fn update(&mut self, latest: Option<Arc<PublishedFrame>>) -> Result<bool> {
         let Some(shown) = latest else { return Ok(false) };
         let look = self.wanted.borrow().look;
         let now = Instant::now();
@@ -329,7 +329,7 @@ impl<'a> Writer<'a> {
         let times = again.unwrap_or(0);
         let image = self.eyes.see(&shown, times).await?;
         let [look_took, draw_took] = shown.took.map(|seconds| 1e3 * seconds);
-        self.times = Times {
+        self.times = StageTimes {
             look: look_took,
             draw: draw_took,
             wait: milliseconds(shown.done, now),
@@ -341,7 +341,7 @@ impl<'a> Writer<'a> {
             None => now + ADAPTING,
         };
         self.adapts = (shown.is_at_rest && now < until).then_some((until, now + ADAPTS_EVERY));
-        self.guest.sees(Seen { frame: shown.number, image: Arc::clone(&image), look });
+        self.guest.sees(ClientFrame { frame: shown.number, image: Arc::clone(&image), look });
         let update = self.screen.show(Arc::clone(&image));
         let before = self.on_screen.as_ref().and_then(|on| on.image.exposure);
         let settled = |before: f32, now: f32| (now / before - 1.0).abs() < SETTLED;
@@ -376,7 +376,7 @@ impl<'a> Writer<'a> {
             image: &image,
             is_exact: self.screen.is_exact(),
             coding,
-            times: Times { encode: milliseconds(begin, Instant::now()), ..self.times },
+            times: StageTimes { encode: milliseconds(begin, Instant::now()), ..self.times },
         };
         let message = framed.message(&parts);
         self.under_way =
@@ -392,7 +392,7 @@ impl<'a> Writer<'a> {
 
 /// Waits for the next frame; for ever without a receiver.
 async fn next_frame(
-    frames: &mut Option<watch::Receiver<Option<Arc<Shown>>>>,
+    frames: &mut Option<watch::Receiver<Option<Arc<PublishedFrame>>>>,
 ) -> Result<(), watch::error::RecvError> {
     match frames {
         Some(frames) => frames.changed().await,

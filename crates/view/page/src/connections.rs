@@ -33,7 +33,7 @@ const MOST_CONNECTIONS: usize = 192;
 
 /// What a connection is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Phase {
+enum ConnectionPhase {
     /// No request was admitted yet.
     Unknown,
     /// A request is being answered.
@@ -56,26 +56,26 @@ struct Connections {
 /// One connection.
 struct Connection {
     number: u64,
-    state: Mutex<(Phase, Instant)>,
+    state: Mutex<(ConnectionPhase, Instant)>,
     /// Wakes whoever reads from it.
     reader: AtomicWaker,
 }
 
 impl Connection {
-    fn phase(&self) -> Phase {
+    fn phase(&self) -> ConnectionPhase {
         lock(&self.state).0
     }
 
     /// Enters a phase, unless it must end.
-    fn enter(&self, phase: Phase) {
+    fn enter(&self, phase: ConnectionPhase) {
         let mut state = lock(&self.state);
-        if state.0 != Phase::Ended {
+        if state.0 != ConnectionPhase::Ended {
             *state = (phase, Instant::now());
         }
     }
 
     fn end(&self) {
-        lock(&self.state).0 = Phase::Ended;
+        lock(&self.state).0 = ConnectionPhase::Ended;
         self.reader.wake();
     }
 }
@@ -84,17 +84,17 @@ impl Connections {
     /// Adds a connection, and ends another one if there are too many.
     fn add(&mut self) -> Arc<Connection> {
         if self.open.len() >= MOST_CONNECTIONS {
-            let of = |phase: Phase| {
+            let of = |phase: ConnectionPhase| {
                 let of_phase = self.open.values().filter(move |known| known.phase() == phase);
                 of_phase.min_by_key(|known| lock(&known.state).1).map(|known| known.number)
             };
-            let victim = of(Phase::Unknown).or_else(|| of(Phase::Idle));
+            let victim = of(ConnectionPhase::Unknown).or_else(|| of(ConnectionPhase::Idle));
             if let Some(victim) = victim.and_then(|number| self.open.remove(&number)) {
                 victim.end();
             }
         }
         self.last += 1;
-        let state = Mutex::new((Phase::Unknown, Instant::now()));
+        let state = Mutex::new((ConnectionPhase::Unknown, Instant::now()));
         let connection = Connection { number: self.last, state, reader: AtomicWaker::new() };
         let connection = Arc::new(connection);
         self.open.insert(self.last, Arc::clone(&connection));
@@ -116,7 +116,7 @@ impl<L: Listener> Bounded<L> {
 }
 
 impl<L: Listener> Listener for Bounded<L> {
-    type Io = Watched<L::Io>;
+    type Io = WatchedStream<L::Io>;
     type Addr = L::Addr;
 
     async fn accept(&mut self) -> (Self::Io, Self::Addr) {
@@ -124,7 +124,7 @@ impl<L: Listener> Listener for Bounded<L> {
         let connection = lock(&self.connections).add();
         let connections = Arc::clone(&self.connections);
         let limit = Box::pin(sleep(REQUEST_TIME));
-        (Watched { stream, connection, connections, limit }, from)
+        (WatchedStream { stream, connection, connections, limit }, from)
     }
 
     fn local_addr(&self) -> io::Result<Self::Addr> {
@@ -133,20 +133,20 @@ impl<L: Listener> Listener for Bounded<L> {
 }
 
 /// A stream that ends when its connection must.
-pub struct Watched<S> {
+pub struct WatchedStream<S> {
     stream: S,
     connection: Arc<Connection>,
     connections: Arc<Mutex<Connections>>,
     limit: Pin<Box<Sleep>>,
 }
 
-impl<S> Drop for Watched<S> {
+impl<S> Drop for WatchedStream<S> {
     fn drop(&mut self) {
         lock(&self.connections).open.remove(&self.connection.number);
     }
 }
 
-impl<S: AsyncRead + Unpin> AsyncRead for Watched<S> {
+impl<S: AsyncRead + Unpin> AsyncRead for WatchedStream<S> {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -154,15 +154,16 @@ impl<S: AsyncRead + Unpin> AsyncRead for Watched<S> {
     ) -> Poll<io::Result<()>> {
         self.connection.reader.register(context.waker());
         let phase = self.connection.phase();
-        let is_late = phase == Phase::Unknown && self.limit.as_mut().poll(context).is_ready();
-        if is_late || phase == Phase::Ended {
+        let is_late =
+            phase == ConnectionPhase::Unknown && self.limit.as_mut().poll(context).is_ready();
+        if is_late || phase == ConnectionPhase::Ended {
             return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
         }
         Pin::new(&mut self.stream).poll_read(context, into)
     }
 }
 
-impl<S: AsyncWrite + Unpin> AsyncWrite for Watched<S> {
+impl<S: AsyncWrite + Unpin> AsyncWrite for WatchedStream<S> {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -193,19 +194,19 @@ impl<L: Listener> Connected<IncomingStream<'_, Bounded<L>>> for Visitor {
 impl Visitor {
     /// Records that a request is admitted, and is being answered.
     pub fn asks(&self) {
-        self.0.enter(Phase::Asked);
+        self.0.enter(ConnectionPhase::Asked);
     }
 
     /// Records that the answer is ready.
     pub fn is_answered(&self) {
-        if self.0.phase() == Phase::Asked {
-            self.0.enter(Phase::Idle);
+        if self.0.phase() == ConnectionPhase::Asked {
+            self.0.enter(ConnectionPhase::Idle);
         }
     }
 
     /// Records that the connection is a session from now on.
     pub fn begins_session(&self) {
-        self.0.enter(Phase::Session);
+        self.0.enter(ConnectionPhase::Session);
     }
 }
 
@@ -221,24 +222,27 @@ mod tests {
     #[test]
     fn the_oldest_unknown_gives_way_then_the_idlest_and_never_a_session() {
         let mut connections = Connections::default();
-        let mut add = |phase: Phase| {
+        let mut add = |phase: ConnectionPhase| {
             let connection = connections.add();
             connection.enter(phase);
             connection
         };
-        let session = add(Phase::Session);
-        let idle = add(Phase::Idle);
+        let session = add(ConnectionPhase::Session);
+        let idle = add(ConnectionPhase::Idle);
         let mut others = Vec::new();
         for _ in 0..MOST_CONNECTIONS {
-            others.push(add(Phase::Unknown));
+            others.push(add(ConnectionPhase::Unknown));
         }
         let ended = |of: &[Arc<Connection>]| {
-            of.iter().filter(|known| known.phase() == Phase::Ended).count()
+            of.iter().filter(|known| known.phase() == ConnectionPhase::Ended).count()
         };
         assert_eq!((ended(&others), ended(&others[..2])), (2, 2));
-        others.iter().for_each(|known| known.enter(Phase::Asked));
-        let more = add(Phase::Asked);
-        assert_eq!((ended(&others), idle.phase()), (2, Phase::Ended));
-        assert_eq!((session.phase(), more.phase()), (Phase::Session, Phase::Asked));
+        others.iter().for_each(|known| known.enter(ConnectionPhase::Asked));
+        let more = add(ConnectionPhase::Asked);
+        assert_eq!((ended(&others), idle.phase()), (2, ConnectionPhase::Ended));
+        assert_eq!(
+            (session.phase(), more.phase()),
+            (ConnectionPhase::Session, ConnectionPhase::Asked)
+        );
     }
 }

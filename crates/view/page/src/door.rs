@@ -19,14 +19,14 @@ use tokio::{
 
 use super::{
     connections::{Bounded, Visitor},
-    guard::Gate,
+    guard::EntryGuard,
 };
 
 /// Most unfinished handshakes. A further client ends the oldest one.
 const MOST_HANDSHAKES: usize = 64;
 
 /// A socket for the page's clients.
-pub struct Door {
+pub struct PageSocket {
     listener: TcpListener,
     outside: Option<Outside>,
 }
@@ -37,13 +37,13 @@ struct Outside {
     token: Secret,
 }
 
-impl Door {
+impl PageSocket {
     /// Listens at an address. For an address of other machines, it opens the certificate of the
     /// user's pages or the one in `own`, a PEM file and that of its key.
     ///
     /// # Errors
     /// If the address is not free, or the certificate cannot be made or read.
-    pub async fn open(address: &str, own: Option<(&Path, &Path)>) -> Result<Door> {
+    pub async fn open(address: &str, own: Option<(&Path, &Path)>) -> Result<PageSocket> {
         let address = holo_net::any_address(address)?;
         if address.ip().is_loopback() {
             ensure!(
@@ -52,7 +52,7 @@ impl Door {
                  --http 0.0.0.0:{}",
                 address.port()
             );
-            return Ok(Door { listener: bind(address).await?, outside: None });
+            return Ok(PageSocket { listener: bind(address).await?, outside: None });
         }
         let folder = Identity::users_folder();
         let folder = folder.context("the user has no home folder for the page's certificate")?;
@@ -61,13 +61,16 @@ impl Door {
             Some((certificate, key)) => Identity::with_certificate(&folder, &certificate, &key),
             None => Identity::for_page(&folder, address.ip()),
         };
-        Door::outside(address, spawn_blocking(open).await??).await
+        PageSocket::outside(address, spawn_blocking(open).await??).await
     }
 
     /// Listens at an address for clients on other machines.
-    pub(super) async fn outside(address: SocketAddr, identity: Identity) -> Result<Door> {
+    pub(super) async fn outside(address: SocketAddr, identity: Identity) -> Result<PageSocket> {
         let token = Secret::new().context("making the page's token")?;
-        Ok(Door { listener: bind(address).await?, outside: Some(Outside { identity, token }) })
+        Ok(PageSocket {
+            listener: bind(address).await?,
+            outside: Some(Outside { identity, token }),
+        })
     }
 
     /// Returns the page's address. For other machines it contains the token.
@@ -89,11 +92,11 @@ impl Door {
     }
 
     /// Returns who may enter.
-    pub fn gate(&self) -> Result<Gate> {
+    pub fn gate(&self) -> Result<EntryGuard> {
         let port = self.listener.local_addr().context("the page's address")?.port();
         Ok(match &self.outside {
-            None => Gate::Here { port },
-            Some(Outside { token, .. }) => Gate::Outside { port, token: token.clone() },
+            None => EntryGuard::Here { port },
+            Some(Outside { token, .. }) => EntryGuard::Outside { port, token: token.clone() },
         })
     }
 

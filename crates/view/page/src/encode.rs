@@ -8,7 +8,7 @@ pub const TILE: u32 = 64;
 
 /// A rectangle of a picture, pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rect {
+pub struct PictureRect {
     /// Columns to its left.
     pub x: u32,
     /// Rows above it.
@@ -23,12 +23,12 @@ pub struct Rect {
 /// they save.
 const STRIP: u32 = 3 * TILE;
 
-impl Rect {
+impl PictureRect {
     /// Splits the rectangle into strips, which are encoded and decoded in parallel.
-    pub fn strips(self) -> impl Iterator<Item = Rect> {
+    pub fn strips(self) -> impl Iterator<Item = PictureRect> {
         let end = self.y + self.height;
         let tops = (self.y..end).step_by(STRIP as usize);
-        tops.map(move |y| Rect { y, height: STRIP.min(end - y), ..self })
+        tops.map(move |y| PictureRect { y, height: STRIP.min(end - y), ..self })
     }
 }
 
@@ -55,7 +55,7 @@ impl Colours<'_> {
     ///
     /// # Errors
     /// If the part does not lie in the picture, or is larger than JPEG can be.
-    pub fn encode(&self, rect: Rect, coding: Coding) -> Result<Vec<u8>> {
+    pub fn encode(&self, rect: PictureRect, coding: Coding) -> Result<Vec<u8>> {
         let part = self.part(rect).context("the part lies outside the picture")?;
         let mut bytes = Vec::new();
         match coding {
@@ -74,7 +74,7 @@ impl Colours<'_> {
         Ok(bytes)
     }
 
-    fn part(&self, rect: Rect) -> Option<Vec<u8>> {
+    fn part(&self, rect: PictureRect) -> Option<Vec<u8>> {
         let (left, right) = (3 * rect.x as usize, 3 * (rect.x + rect.width) as usize);
         let rows = self.bytes.chunks(3 * self.size.0 as usize);
         let rows = rows.skip(rect.y as usize).take(rect.height as usize);
@@ -146,18 +146,18 @@ impl Tiles {
     }
 
     /// Returns disjoint rectangles that cover exactly these tiles.
-    pub fn rects(&self) -> Vec<Rect> {
-        let mut done: Vec<Rect> = Vec::new();
+    pub fn rects(&self) -> Vec<PictureRect> {
+        let mut done: Vec<PictureRect> = Vec::new();
         // The rectangles that end at the row of tiles above.
-        let mut open: Vec<Rect> = Vec::new();
+        let mut open: Vec<PictureRect> = Vec::new();
         for (y, row) in (0..).zip(self.is_in.chunks(self.columns.max(1) as usize)) {
             let runs = runs(row).into_iter().map(|(first, count)| self.rect(first, y, count));
-            let next: Vec<Rect> = runs
+            let next: Vec<PictureRect> = runs
                 .map(|run| {
                     let above =
                         open.iter().position(|above| (above.x, above.width) == (run.x, run.width));
                     match above.map(|at| open.swap_remove(at)) {
-                        Some(above) => Rect { height: above.height + run.height, ..above },
+                        Some(above) => PictureRect { height: above.height + run.height, ..above },
                         None => run,
                     }
                 })
@@ -169,10 +169,10 @@ impl Tiles {
         done
     }
 
-    fn rect(&self, column: u32, row: u32, columns: u32) -> Rect {
+    fn rect(&self, column: u32, row: u32, columns: u32) -> PictureRect {
         let (x, y) = (column * TILE, row * TILE);
         let width = (columns * TILE).min(self.size.0 - x);
-        Rect { x, y, width, height: TILE.min(self.size.1 - y) }
+        PictureRect { x, y, width, height: TILE.min(self.size.1 - y) }
     }
 }
 
@@ -220,8 +220,8 @@ mod tests {
 
     #[test]
     fn strips_are_a_rectangle_without_gaps() {
-        let rect = Rect { x: 64, y: 128, width: 100, height: 2 * STRIP + 5 };
-        let strips: Vec<Rect> = rect.strips().collect();
+        let rect = PictureRect { x: 64, y: 128, width: 100, height: 2 * STRIP + 5 };
+        let strips: Vec<PictureRect> = rect.strips().collect();
         assert_eq!(strips.len(), 3);
         let mut next = rect.y;
         for strip in strips {
@@ -238,7 +238,7 @@ mod tests {
         let mut after = before.clone();
         after[3 * (129 * 200 + 199) + 2] = 1;
         let rects = Tiles::changed(&before, &after, size).rects();
-        assert_eq!(rects, [Rect { x: 192, y: 128, width: 8, height: 2 }]);
+        assert_eq!(rects, [PictureRect { x: 192, y: 128, width: 8, height: 2 }]);
         assert!(Tiles::changed(&before, &before, size).is_empty());
     }
 
@@ -246,13 +246,13 @@ mod tests {
     fn a_png_holds_exactly_the_part() {
         let bytes: Vec<u8> = (0..100 * 80 * 3).map(|i| (i * 31 % 251) as u8).collect();
         let colours = Colours { bytes: &bytes, size: (100, 80) };
-        let rect = Rect { x: 10, y: 20, width: 30, height: 40 };
+        let rect = PictureRect { x: 10, y: 20, width: 30, height: 40 };
         let png = colours.encode(rect, Coding::Png).unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
         let mut decoded = vec![0; reader.output_buffer_size().unwrap()];
         reader.next_frame(&mut decoded).unwrap();
         assert_eq!(decoded, colours.part(rect).unwrap());
-        let outside = Rect { x: 90, ..rect };
+        let outside = PictureRect { x: 90, ..rect };
         assert!(colours.encode(outside, Coding::Png).is_err());
     }
 }

@@ -7,25 +7,25 @@ use std::{sync::Arc, time::Instant};
 
 use anyhow::Result;
 use holo_picture::{Image, Look};
-use holo_stage::{Shown, Viewer, on_screen_threads};
+use holo_stage::{PublishedFrame, Viewer, on_screen_threads};
 use rayon::prelude::*;
 use tokio::sync::Mutex;
 
-use super::encode::{Coding, Colours, Rect};
+use super::encode::{Coding, Colours, PictureRect};
 
 /// An encoded part of a picture.
-pub type Part = (Rect, Arc<[u8]>);
+pub type Part = (PictureRect, Arc<[u8]>);
 
 /// The eyes of everyone with one look.
 #[derive(Debug)]
 pub struct Eyes {
     look: Look,
-    sight: Mutex<Sight>,
+    sight: Mutex<EncodedImage>,
 }
 
 /// The latest image and its encoded parts.
 #[derive(Debug, Default)]
-struct Sight {
+struct EncodedImage {
     viewer: Viewer,
     /// The frame's number, how many times it was shown again, and its colours.
     seen: Option<((u64, u32), Arc<Image>)>,
@@ -59,7 +59,11 @@ impl Eyes {
     }
 
     /// Returns the colours of a frame after `times` looks at it. Eyes adapt between looks.
-    pub async fn see(self: &Arc<Self>, shown: &Arc<Shown>, times: u32) -> Result<Arc<Image>> {
+    pub async fn see(
+        self: &Arc<Self>,
+        shown: &Arc<PublishedFrame>,
+        times: u32,
+    ) -> Result<Arc<Image>> {
         let (eyes, shown) = (Arc::clone(self), Arc::clone(shown));
         let seeing = tokio::task::spawn_blocking(move || {
             let mut sight = eyes.sight.blocking_lock();
@@ -80,7 +84,7 @@ impl Eyes {
     pub async fn encode(
         self: &Arc<Self>,
         image: &Arc<Image>,
-        rects: Vec<Rect>,
+        rects: Vec<PictureRect>,
         coding: Coding,
     ) -> Result<Vec<Part>> {
         let (eyes, image) = (Arc::clone(self), Arc::clone(image));
@@ -88,16 +92,17 @@ impl Eyes {
             let mut sight = eyes.sight.blocking_lock();
             let is_latest =
                 sight.seen.as_ref().is_some_and(|(_, latest)| Arc::ptr_eq(latest, &image));
-            let strips: Vec<Rect> = rects.into_iter().flat_map(Rect::strips).collect();
-            let known = |rect: &Rect| {
+            let strips: Vec<PictureRect> =
+                rects.into_iter().flat_map(PictureRect::strips).collect();
+            let known = |rect: &PictureRect| {
                 let parts = sight.parts.iter().filter(|_| is_latest);
                 let mut parts = parts.filter(|(of, (at, _))| *of == coding && at == rect);
                 parts.next().map(|(_, part)| part.clone())
             };
-            let strips: Vec<(Rect, Option<Part>)> =
+            let strips: Vec<(PictureRect, Option<Part>)> =
                 strips.into_iter().map(|rect| (rect, known(&rect))).collect();
             let colours = Colours { bytes: &image.rgb, size: (image.width, image.height) };
-            let encode = |(rect, known): (Rect, Option<Part>)| match known {
+            let encode = |(rect, known): (PictureRect, Option<Part>)| match known {
                 Some(part) => Ok((part, false)),
                 None => Ok(((rect, colours.encode(rect, coding)?.into()), true)),
             };
@@ -121,12 +126,12 @@ mod tests {
 
     use super::*;
 
-    fn shown(number: u64) -> Arc<Shown> {
+    fn shown(number: u64) -> Arc<PublishedFrame> {
         let size = (128, 64);
         let view = View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, Some(60.0), None, size).unwrap();
         let mut frame = Frame::black(size);
         frame.picture.pixels.fill([1.0; 3]);
-        Arc::new(Shown {
+        Arc::new(PublishedFrame {
             number,
             input: (0, 0),
             view,
@@ -140,7 +145,7 @@ mod tests {
 
     #[tokio::test]
     async fn clients_with_the_same_look_share_one_image_and_one_encoding() {
-        let (all, rect) = (AllEyes::default(), Rect { x: 0, y: 0, width: 128, height: 64 });
+        let (all, rect) = (AllEyes::default(), PictureRect { x: 0, y: 0, width: 128, height: 64 });
         let (first, second) = (all.of(Look::default()), all.of(Look::default()));
         let other = all.of(Look { false_color: true, ..Look::default() });
         let frame = shown(1);

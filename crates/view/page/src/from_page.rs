@@ -21,7 +21,7 @@ const MOST_STOPS: f32 = 40.0;
 /// A message from a page.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Message {
+pub struct PageMessage {
     /// Its number. The numbers of a page's messages increase.
     pub n: u64,
     /// The content.
@@ -74,7 +74,7 @@ pub enum Said {
     /// The page is hidden, and needs no frames until it is seen again.
     Hidden { hidden: bool },
     /// The look of frames from now on.
-    Display(Display),
+    Display(PageDisplay),
     /// This page drives from now on.
     TakeOver {},
 }
@@ -82,7 +82,7 @@ pub enum Said {
 /// A page's wishes for the look of frames.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Display {
+pub struct PageDisplay {
     /// Locked factor from radiance to display light; automatic exposure if absent.
     locked: Option<f32>,
     /// Stops brighter than that exposure.
@@ -122,7 +122,7 @@ impl ToneName {
     }
 }
 
-impl Display {
+impl PageDisplay {
     /// Returns the look that the page asks for.
     ///
     /// # Errors
@@ -156,7 +156,7 @@ impl Display {
 
 /// The request in a message, with all numbers checked.
 #[derive(Debug, PartialEq)]
-pub enum Asked {
+pub enum PageRequest {
     /// An input to the stage.
     Input(Input),
     /// The page shows this update; the next one may be sent.
@@ -177,15 +177,15 @@ fn one() -> f64 {
 ///
 /// # Errors
 /// A text for the user, if the message is malformed.
-pub fn parse(text: &str) -> Result<(u64, Asked), String> {
-    let message: Message = serde_json::from_str(text).map_err(|error| error.to_string())?;
+pub fn parse(text: &str) -> Result<(u64, PageRequest), String> {
+    let message: PageMessage = serde_json::from_str(text).map_err(|error| error.to_string())?;
     Ok((message.n, asked(message.say)?))
 }
 
-fn asked(said: Said) -> Result<Asked, String> {
+fn asked(said: Said) -> Result<PageRequest, String> {
     let angle = |angle: f64| angle.clamp(-MOST_ANGLE, MOST_ANGLE);
     let part = |part: f64| part.clamp(-1.0, 1.0);
-    Ok(Asked::Input(match said {
+    Ok(PageRequest::Input(match said {
         Said::Hold { ahead, right, rise, turn, tilt, glide, around, over, pace } => {
             let [ahead, right, rise, turn] = [ahead, right, rise, turn].map(part);
             let [tilt, glide, around, over] = [tilt, glide, around, over].map(part);
@@ -207,10 +207,10 @@ fn asked(said: Said) -> Result<Asked, String> {
             Input::Focus(part.filter(inside).filter(is_whole))
         }
         Said::Size { width, height } => Input::Size(width, height),
-        Said::Shown { update } => return Ok(Asked::Shown(update)),
-        Said::Hidden { hidden } => return Ok(Asked::Hidden(hidden)),
-        Said::TakeOver {} => return Ok(Asked::TakeOver),
-        Said::Display(display) => return Ok(Asked::Look(display.look()?)),
+        Said::Shown { update } => return Ok(PageRequest::Shown(update)),
+        Said::Hidden { hidden } => return Ok(PageRequest::Hidden(hidden)),
+        Said::TakeOver {} => return Ok(PageRequest::TakeOver),
+        Said::Display(display) => return Ok(PageRequest::Look(display.look()?)),
     }))
 }
 
@@ -230,19 +230,19 @@ mod tests {
     #[test]
     fn numbers_in_messages_are_bounded() {
         let turn = parse(r#"{"n": 3, "say": {"do": "turn", "right": 1e300, "up": 0}}"#).unwrap();
-        assert_eq!(turn, (3, Asked::Input(Input::Turn(MOST_ANGLE, 0.0))));
+        assert_eq!(turn, (3, PageRequest::Input(Input::Turn(MOST_ANGLE, 0.0))));
         let hold = parse(r#"{"n": 4, "say": {"do": "hold", "ahead": 5}}"#).unwrap().1;
         let controls = Controls { ahead: 1.0, ..Controls::default() };
-        assert_eq!(hold, Asked::Input(Input::Hold(controls)));
+        assert_eq!(hold, PageRequest::Input(Input::Hold(controls)));
         let cursor = parse(r#"{"n": 5, "say": {"do": "cursor", "at": [2, 0]}}"#).unwrap().1;
-        assert_eq!(cursor, Asked::Input(Input::Cursor(None)));
+        assert_eq!(cursor, PageRequest::Input(Input::Cursor(None)));
         for (part, focus) in [
             ("[0.1, 0.2, 0.5, 0.6]", Some([0.1, 0.2, 0.5, 0.6])),
             ("[0.5, 0.2, 0.1, 0.6]", None),
             ("[0.1, 0.2, 0.5, 7]", None),
         ] {
             let text = format!(r#"{{"n": 6, "say": {{"do": "focus", "part": {part}}}}}"#);
-            assert_eq!(parse(&text).unwrap().1, Asked::Input(Input::Focus(focus)), "{part}");
+            assert_eq!(parse(&text).unwrap().1, PageRequest::Input(Input::Focus(focus)), "{part}");
         }
     }
 
@@ -258,7 +258,7 @@ mod tests {
         let exposure = Exposure::Factor(1.0);
         let (tone, false_color, contours) = (Tone::Linear, true, true);
         let wanted = Look { exposure, tone, false_color, contours, scaling };
-        assert_eq!(look(all), Ok(Asked::Look(wanted)));
+        assert_eq!(look(all), Ok(PageRequest::Look(wanted)));
         for (fields, reason) in [
             (r#""stops": 41"#, "stops"),
             (r#""stops": -1e300"#, "stops"),

@@ -80,7 +80,7 @@ impl Need {
 
 /// Who may enter.
 #[derive(Clone)]
-pub enum Gate {
+pub enum EntryGuard {
     /// Programs of this machine, under its own names.
     Here { port: u16 },
     /// Clients with the token, under any name.
@@ -88,7 +88,7 @@ pub enum Gate {
 }
 
 /// Answers requests that may not enter, and passes on the others.
-pub async fn guard(State(gate): State<Gate>, request: Request, next: Next) -> Response {
+pub async fn guard(State(gate): State<EntryGuard>, request: Request, next: Next) -> Response {
     let visitor = request.extensions().get::<ConnectInfo<Visitor>>().map(|info| info.0.clone());
     let mut response = if let Some(cookie) = gate.cookie_for(&request) {
         ([(header::SET_COOKIE, cookie)], Redirect::to("/")).into_response()
@@ -106,10 +106,10 @@ pub async fn guard(State(gate): State<Gate>, request: Request, next: Next) -> Re
     response
 }
 
-impl Gate {
+impl EntryGuard {
     /// Returns the cookie for a client that shows the token in the page's address.
     fn cookie_for(&self, request: &Request) -> Option<String> {
-        let Gate::Outside { port, token } = self else { return None };
+        let EntryGuard::Outside { port, token } = self else { return None };
         let shown = request.uri().query()?.strip_prefix("token=")?;
         (request.uri().path() == "/" && token.is(shown)).then(|| {
             format!("{}={token}; Path=/; Secure; HttpOnly; SameSite=Lax", cookie_name(*port))
@@ -121,12 +121,12 @@ impl Gate {
         let text = |name: HeaderName| headers.get(name).and_then(|value| value.to_str().ok());
         let host = text(header::HOST).unwrap_or_default();
         let scheme = match self {
-            Gate::Here { .. } if !self.is_own(host, host) => return Some(NOT_HERE),
-            Gate::Outside { port, token } if !shows(headers, *port, token) => {
+            EntryGuard::Here { .. } if !self.is_own(host, host) => return Some(NOT_HERE),
+            EntryGuard::Outside { port, token } if !shows(headers, *port, token) => {
                 return Some(NO_TOKEN);
             }
-            Gate::Here { .. } => "http://",
-            Gate::Outside { .. } => "https://",
+            EntryGuard::Here { .. } => "http://",
+            EntryGuard::Outside { .. } => "https://",
         };
         let is_own =
             |origin: &str| origin.strip_prefix(scheme).is_some_and(|site| self.is_own(site, host));
@@ -154,9 +154,9 @@ impl Gate {
     /// Returns whether a site is the page's own, in a request for the site `host`.
     fn is_own(&self, site: &str, host: &str) -> bool {
         match self {
-            Gate::Here { port } => NAMES.iter().any(|name| site == format!("{name}:{port}")),
+            EntryGuard::Here { port } => NAMES.iter().any(|name| site == format!("{name}:{port}")),
             // A browser that has the cookie got it from this site.
-            Gate::Outside { .. } => site == host,
+            EntryGuard::Outside { .. } => site == host,
         }
     }
 }
@@ -179,12 +179,16 @@ fn cookie_name(port: u16) -> String {
 mod tests {
     use super::*;
 
-    fn is_refused(gate: &Gate, headers: &[(HeaderName, Option<&str>)], needs_origin: bool) -> bool {
+    fn is_refused(
+        gate: &EntryGuard,
+        headers: &[(HeaderName, Option<&str>)],
+        needs_origin: bool,
+    ) -> bool {
         let need = if needs_origin { Need::Origin } else { Need::NoOtherSite };
         refuses(gate, headers, need)
     }
 
-    fn refuses(gate: &Gate, headers: &[(HeaderName, Option<&str>)], need: Need) -> bool {
+    fn refuses(gate: &EntryGuard, headers: &[(HeaderName, Option<&str>)], need: Need) -> bool {
         let mut map = HeaderMap::new();
         for (name, value) in headers {
             value.map(|value| map.append(name, value.parse().unwrap()));
@@ -196,7 +200,7 @@ mod tests {
     fn only_this_machines_own_names_and_origins_are_served() {
         let is_refused = |host: Option<&str>, origin: Option<&str>, needs_origin| {
             let headers = [(header::HOST, host), (header::ORIGIN, origin)];
-            is_refused(&Gate::Here { port: 8080 }, &headers, needs_origin)
+            is_refused(&EntryGuard::Here { port: 8080 }, &headers, needs_origin)
         };
         for host in ["127.0.0.1:8080", "localhost:8080", "[::1]:8080"] {
             assert!(!is_refused(Some(host), None, false), "{host}");
@@ -221,7 +225,7 @@ mod tests {
 
     #[test]
     fn other_sites_reach_only_the_page_by_a_link_and_pictures_by_size_are_for_the_page() {
-        let gate = Gate::Here { port: 8080 };
+        let gate = EntryGuard::Here { port: 8080 };
         let is_refused = |site: Option<&str>, origin: Option<&str>, need| {
             let headers = [
                 (header::HOST, Some("localhost:8080")),
@@ -265,7 +269,7 @@ mod tests {
     #[test]
     fn other_machines_need_the_token_and_the_page_s_own_origin() {
         let (token, other) = (Secret::new().unwrap(), Secret::new().unwrap());
-        let gate = Gate::Outside { port: 8080, token: token.clone() };
+        let gate = EntryGuard::Outside { port: 8080, token: token.clone() };
         let is_refused = |cookie: Option<&str>, origin: Option<&str>, needs_origin| {
             let host = Some("house.example:8080");
             let headers =

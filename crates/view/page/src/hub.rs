@@ -8,7 +8,7 @@ use std::{
 
 use holo_net::Shutdown;
 use holo_picture::{Image, Look};
-use holo_stage::{Front, Input, Shown};
+use holo_stage::{Front, Input, PublishedFrame};
 use holo_walk::Controls;
 use tokio::sync::{Notify, Semaphore, watch};
 
@@ -40,14 +40,14 @@ pub struct Hub {
     /// one.
     pub encoders: Arc<Semaphore>,
     /// The frame that each client sees, by the client's number.
-    seen: Mutex<BTreeMap<u32, Seen>>,
+    seen: Mutex<BTreeMap<u32, ClientFrame>>,
     /// When each client was last heard of, and the signal that it must give way.
     heard: Mutex<BTreeMap<u32, (Instant, Arc<Notify>)>>,
 }
 
 /// A frame as a client sees it.
 #[derive(Clone)]
-pub struct Seen {
+pub struct ClientFrame {
     /// The frame's number.
     pub frame: u64,
     /// Its colours.
@@ -167,7 +167,7 @@ impl Hub {
     }
 
     /// Returns the latest frame.
-    pub fn latest(&self) -> Option<Arc<Shown>> {
+    pub fn latest(&self) -> Option<Arc<PublishedFrame>> {
         self.front.frames.borrow().clone()
     }
 
@@ -182,14 +182,14 @@ impl Hub {
     }
 
     /// Returns what a client sees, if it has seen anything.
-    pub fn seen(&self, client: u32) -> Option<Seen> {
+    pub fn seen(&self, client: u32) -> Option<ClientFrame> {
         lock(&self.seen).get(&client).cloned()
     }
 }
 
 impl Guest {
     /// Records what the client sees from now on.
-    pub fn sees(&self, seen: Seen) {
+    pub fn sees(&self, seen: ClientFrame) {
         lock(&self.hub.seen).insert(self.number, seen);
     }
 

@@ -32,7 +32,7 @@ use clap::Args;
 use holo_net::Shutdown;
 use holo_stage::{Front, Stage, commands::follow_standard_input};
 
-use door::Door;
+use door::PageSocket;
 use hub::Hub;
 
 /// Options of the page's server.
@@ -70,7 +70,7 @@ impl Default for BrowserArgs {
 
 /// A page that can be reached. Requests wait until it is shown.
 pub struct PageServer {
-    door: Door,
+    door: PageSocket,
     url: String,
     opens_browser: bool,
 }
@@ -82,7 +82,7 @@ impl PageServer {
     /// If the address cannot be used, or the certificate cannot.
     pub async fn open(args: &BrowserArgs) -> Result<PageServer> {
         let own = args.http_cert.as_deref().zip(args.http_key.as_deref());
-        let door = Door::open(&args.http, own).await?;
+        let door = PageSocket::open(&args.http, own).await?;
         let url = door.url()?;
         Ok(PageServer { door, url, opens_browser: !args.no_open })
     }
@@ -114,7 +114,7 @@ impl PageServer {
 }
 
 /// Serves pages for a stage until `ending` is triggered and every client has been informed.
-async fn serve(door: Door, front: Front, ending: Shutdown) -> Result<()> {
+async fn serve(door: PageSocket, front: Front, ending: Shutdown) -> Result<()> {
     let gate = door.gate()?;
     let hub = Arc::new(Hub::new(front));
     let router = Router::new()

@@ -24,7 +24,7 @@ use holo_stage::{
 };
 use tokio::sync::mpsc;
 
-use super::hub::{Hub, Seen};
+use super::hub::{ClientFrame, Hub};
 
 /// Bytes that are sent together.
 const CHUNK: usize = 1 << 16;
@@ -34,17 +34,17 @@ const MOST_CHUNKS: usize = 16;
 
 /// A request for a picture.
 #[derive(Debug, Default)]
-struct Wish {
+struct PictureQuery {
     /// The client whose look the picture has.
     client: Option<u32>,
     /// Size, such as `1920x1080`; if absent, the picture is the latest frame.
     size: Option<String>,
 }
 
-impl Wish {
+impl PictureQuery {
     /// Parses a query such as `client=3&size=1920x1080`. Unknown parts are ignored.
-    fn parse(query: Option<&str>) -> Wish {
-        let mut wish = Wish::default();
+    fn parse(query: Option<&str>) -> PictureQuery {
+        let mut wish = PictureQuery::default();
         let parts = query.unwrap_or_default().split('&');
         for (name, value) in parts.filter_map(|part| part.split_once('=')) {
             match name {
@@ -59,10 +59,10 @@ impl Wish {
 
 /// Answers with a PNG as the client sees it, with the legend.
 pub async fn png(State(hub): State<Arc<Hub>>, RawQuery(query): RawQuery) -> Response {
-    let wish = Wish::parse(query.as_deref());
+    let wish = PictureQuery::parse(query.as_deref());
     let seen = wish.client.and_then(|client| hub.seen(client));
     match (&wish.size, seen) {
-        (None, Some(Seen { frame, image, .. })) => {
+        (None, Some(ClientFrame { frame, image, .. })) => {
             let encode = move || Ok(Image::clone(&image).with_legend().png()?);
             answer(frame, Format::Png, encode).await
         }
@@ -75,16 +75,16 @@ pub async fn png(State(hub): State<Arc<Hub>>, RawQuery(query): RawQuery) -> Resp
 
 /// Answers with radiance in Radiance's RGBE format.
 pub async fn hdr(State(hub): State<Arc<Hub>>, RawQuery(query): RawQuery) -> Response {
-    saved(&hub, Wish::parse(query.as_deref()), Format::Hdr, Look::default()).await
+    saved(&hub, PictureQuery::parse(query.as_deref()), Format::Hdr, Look::default()).await
 }
 
 /// Answers with radiance as OpenEXR.
 pub async fn exr(State(hub): State<Arc<Hub>>, RawQuery(query): RawQuery) -> Response {
-    saved(&hub, Wish::parse(query.as_deref()), Format::Exr, Look::default()).await
+    saved(&hub, PictureQuery::parse(query.as_deref()), Format::Exr, Look::default()).await
 }
 
 /// Answers with a picture of a stated size, or with the latest frame.
-async fn saved(hub: &Hub, wish: Wish, format: Format, look: Look) -> Response {
+async fn saved(hub: &Hub, wish: PictureQuery, format: Format, look: Look) -> Response {
     if let Some(size) = wish.size {
         return match parse_size(&size) {
             Ok(size) => drawn(hub, size, format, look).await,

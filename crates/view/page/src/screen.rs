@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use holo_picture::Image;
 
-use super::encode::{Coding, Rect, Tiles};
+use super::encode::{Coding, PictureRect, Tiles};
 
 /// Bandwidth assumed before it is measured, bytes per second.
 const FIRST_BANDWIDTH: f64 = 20e6;
@@ -26,14 +26,14 @@ const LEAST_MEASURED_BYTES: usize = 30_000;
 const NEWEST: f64 = 0.3;
 
 /// A client's screen.
-pub struct Screen {
-    shown: Option<Picture>,
+pub struct ClientScreen {
+    shown: Option<ScreenPicture>,
     /// Running mean of the bandwidth, bytes per second.
     bandwidth: f64,
 }
 
 /// The picture on it.
-struct Picture {
+struct ScreenPicture {
     image: Arc<Image>,
     /// Tiles that were sent as JPEG and so are not exact.
     inexact: Tiles,
@@ -43,18 +43,18 @@ struct Picture {
 #[derive(Debug, PartialEq, Eq)]
 pub struct Update {
     /// The parts; none if the screen shows the picture already.
-    pub rects: Vec<Rect>,
+    pub rects: Vec<PictureRect>,
     /// Their encoding.
     pub coding: Coding,
 }
 
-impl Default for Screen {
-    fn default() -> Screen {
-        Screen { shown: None, bandwidth: FIRST_BANDWIDTH }
+impl Default for ClientScreen {
+    fn default() -> ClientScreen {
+        ClientScreen { shown: None, bandwidth: FIRST_BANDWIDTH }
     }
 }
 
-impl Screen {
+impl ClientScreen {
     /// Records how long an update was under way.
     pub fn note(&mut self, bytes: usize, seconds: f64) {
         if bytes >= LEAST_MEASURED_BYTES {
@@ -71,7 +71,7 @@ impl Screen {
     /// Returns the parts to send so that the screen shows this picture, if not exactly.
     pub fn show(&mut self, image: Arc<Image>) -> Update {
         let size = (image.width, image.height);
-        let has_size = |before: &Picture| (before.image.width, before.image.height) == size;
+        let has_size = |before: &ScreenPicture| (before.image.width, before.image.height) == size;
         let before = self.shown.take().filter(has_size);
         let changed = match &before {
             Some(before) => Tiles::changed(&before.image.rgb, &image.rgb, size),
@@ -82,7 +82,7 @@ impl Screen {
         let quality = QUALITIES.iter().find(fits).map_or(1, |(quality, _)| *quality);
         let mut inexact = before.map_or(Tiles::new(size, false), |before| before.inexact);
         inexact.add(&changed);
-        self.shown = Some(Picture { image, inexact });
+        self.shown = Some(ScreenPicture { image, inexact });
         Update { rects: changed.rects(), coding: Coding::Jpeg(quality) }
     }
 
@@ -114,8 +114,8 @@ mod tests {
 
     #[test]
     fn a_new_picture_is_sent_whole_then_its_changes_then_exact_tiles() {
-        let mut screen = Screen::default();
-        let whole = vec![Rect { x: 0, y: 0, width: 640, height: 360 }];
+        let mut screen = ClientScreen::default();
+        let whole = vec![PictureRect { x: 0, y: 0, width: 640, height: 360 }];
         assert_eq!(screen.show(picture(1)).rects, whole);
         assert!(!screen.is_exact());
         assert_eq!(screen.improve(), Update { rects: whole.clone(), coding: Coding::Png });
@@ -124,18 +124,18 @@ mod tests {
         assert!(screen.is_exact());
         let mut other = Image::clone(&picture(1));
         other.rgb[0] = 2;
-        let corner = vec![Rect { x: 0, y: 0, width: 64, height: 64 }];
+        let corner = vec![PictureRect { x: 0, y: 0, width: 64, height: 64 }];
         assert_eq!(screen.show(Arc::new(other)).rects, corner);
         assert_eq!(screen.improve(), Update { rects: corner, coding: Coding::Png });
         assert!(screen.is_exact());
         // A picture of another size is sent whole.
-        let small = vec![Rect { x: 0, y: 0, width: 320, height: 180 }];
+        let small = vec![PictureRect { x: 0, y: 0, width: 320, height: 180 }];
         assert_eq!(screen.show(sized(320, 180, 1)).rects, small);
     }
 
     #[test]
     fn a_slow_link_gets_less_quality_and_exact_tiles_a_few_at_a_time() {
-        let mut screen = Screen::default();
+        let mut screen = ClientScreen::default();
         let (fast, slow) = (screen.show(picture(1)), 20_000.0);
         for _ in 0..50 {
             screen.note(40_000, 40_000.0 / slow);

@@ -3,20 +3,20 @@
 use holo_picture::{EFFICACY, Image, Legend, MAX_PIXELS, MAX_SIDE, luminance};
 use holo_section::{Section, SectionSpec};
 use holo_stage::{
-    DriverArg, Phase, Shown, State,
+    DriverArg, PublishedFrame, StagePhase, State,
     commands::{ACTIONS, GESTURES},
 };
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::encode::{Coding, Rect};
+use super::encode::{Coding, PictureRect};
 
 /// Number of a legend's colours that are sent. The page interpolates between them, with an error
 /// that no screen shows.
 const LEGEND_COLOURS: u8 = 33;
 
 /// Returns what is under a cursor.
-fn under(shown: &Shown, (x, y): (f64, f64)) -> Option<Value> {
+fn under(shown: &PublishedFrame, (x, y): (f64, f64)) -> Option<Value> {
     let (radiance, distance) = shown.radiance_at(x, y)?;
     let certainty = shown.certainty_at(x, y);
     let error = certainty.map(|certainty| EFFICACY * certainty.error);
@@ -55,7 +55,7 @@ fn legend(legend: &Legend) -> Value {
 /// A frame for a client.
 pub struct Framed<'a> {
     /// The frame.
-    pub shown: &'a Shown,
+    pub shown: &'a PublishedFrame,
     /// Number of the update. The client answers with it once the update is shown.
     pub update: u64,
     /// The client that receives the frame.
@@ -69,12 +69,12 @@ pub struct Framed<'a> {
     /// How the parts are encoded.
     pub coding: Coding,
     /// Durations of the frame's stages.
-    pub times: Times,
+    pub times: StageTimes,
 }
 
 /// Durations of a frame's stages, milliseconds.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct Times {
+pub struct StageTimes {
     /// Preparing the view.
     pub look: f64,
     /// Drawing it.
@@ -89,7 +89,7 @@ pub struct Times {
 
 impl Framed<'_> {
     /// Returns the message: the header's length in four bytes, the header, and the parts.
-    pub fn message(&self, parts: &[(Rect, impl AsRef<[u8]>)]) -> Vec<u8> {
+    pub fn message(&self, parts: &[(PictureRect, impl AsRef<[u8]>)]) -> Vec<u8> {
         let shown = self.shown;
         let (client, number) = shown.input;
         let (view, frame) = (&shown.view, &shown.frame);
@@ -155,7 +155,7 @@ pub fn roles(drives: bool, clients: usize) -> String {
 }
 
 /// Returns the message that says what is under a client's cursor.
-pub fn under_cursor(shown: &Shown, cursor: (f64, f64)) -> Option<String> {
+pub fn under_cursor(shown: &PublishedFrame, cursor: (f64, f64)) -> Option<String> {
     under(shown, cursor).map(|under| json!({ "is": "under", "under": under }).to_string())
 }
 
@@ -167,10 +167,10 @@ pub fn error(text: &str) -> String {
 /// Returns the message for the session's state.
 pub fn state(state: &State) -> String {
     let (phase, text) = match &state.phase {
-        Phase::Connecting => ("loading", "connecting to the server"),
-        Phase::Loading(text) => ("loading", text.as_str()),
-        Phase::Running => ("running", ""),
-        Phase::Ended(text) => ("ended", text.as_str()),
+        StagePhase::Connecting => ("loading", "connecting to the server"),
+        StagePhase::Loading(text) => ("loading", text.as_str()),
+        StagePhase::Running => ("running", ""),
+        StagePhase::Ended(text) => ("ended", text.as_str()),
     };
     json!({
         "is": "state",

@@ -11,6 +11,6 @@ mod report;
 #[path = "../../session/src/tests/server.rs"]
 mod server;
 
-pub use parse::{Command, Script, Step, parse_seconds};
+pub use parse::{Command, Script, ScriptStep, parse_seconds};
 pub use player::{ScriptOptions, picture, play};
 pub use report::PictureReport;

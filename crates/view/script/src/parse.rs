@@ -33,7 +33,7 @@ pub enum Command {
 
 /// A command and its time.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Step {
+pub struct ScriptStep {
     /// Seconds since the last `view` command or the start; `None` means at once.
     pub seconds: Option<f64>,
     /// The command.
@@ -44,9 +44,9 @@ pub struct Step {
 #[derive(Debug)]
 pub enum Script {
     /// All steps, known from the start.
-    Steps(std::vec::IntoIter<Step>),
+    Steps(std::vec::IntoIter<ScriptStep>),
     /// Steps typed while the session runs.
-    Typed(mpsc::Receiver<Result<Step>>),
+    Typed(mpsc::Receiver<Result<ScriptStep>>),
 }
 
 /// Seconds must be less than this, about 30 years, so that adding them to a clock cannot overflow.
@@ -76,7 +76,9 @@ impl Script {
 
     /// Returns a script that only waits.
     pub fn wait(seconds: f64) -> Script {
-        Script::Steps(vec![Step { seconds: Some(seconds), command: Command::Quit }].into_iter())
+        Script::Steps(
+            vec![ScriptStep { seconds: Some(seconds), command: Command::Quit }].into_iter(),
+        )
     }
 
     fn typed(switches: Switches) -> Script {
@@ -123,14 +125,14 @@ impl Script {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Next {
     /// The next step.
-    Step(Step),
+    Step(ScriptStep),
     /// Nothing has been typed yet.
     NotYet,
     /// The script has ended.
     End,
 }
 
-fn parse(text: &str, name: &str, switches: Switches) -> Result<Vec<Step>> {
+fn parse(text: &str, name: &str, switches: Switches) -> Result<Vec<ScriptStep>> {
     let mut steps = Vec::new();
     for (line, number) in text.lines().zip(1..) {
         if let Some(step) =
@@ -142,7 +144,7 @@ fn parse(text: &str, name: &str, switches: Switches) -> Result<Vec<Step>> {
     Ok(steps)
 }
 
-fn parse_line(line: &str, switches: Switches) -> Result<Option<Step>> {
+fn parse_line(line: &str, switches: Switches) -> Result<Option<ScriptStep>> {
     let line = line.split('#').next().unwrap_or_default().trim();
     if line.is_empty() {
         return Ok(None);
@@ -186,7 +188,7 @@ fn parse_line(line: &str, switches: Switches) -> Result<Option<Step>> {
             )
         }
     };
-    Ok(Some(Step { seconds, command }))
+    Ok(Some(ScriptStep { seconds, command }))
 }
 
 /// Parses the names of parts such as `prefilter,dither`.
@@ -247,12 +249,15 @@ mod tests {
         let steps = parse(text, "walk.txt", PARTS).unwrap();
         assert_eq!(steps.len(), 4);
         let view = View::parse_vf("rview -vp 12.5 .5 5 -vd .7 .7 0 -vu 0 0 1 -vh 60").unwrap();
-        assert_eq!(steps[0], Step { seconds: Some(0.0), command: Command::View(Box::new(view)) });
+        assert_eq!(
+            steps[0],
+            ScriptStep { seconds: Some(0.0), command: Command::View(Box::new(view)) }
+        );
         assert_eq!(
             steps[1],
-            Step { seconds: Some(0.1), command: Command::Picture("a b.pfm".into()) }
+            ScriptStep { seconds: Some(0.1), command: Command::Picture("a b.pfm".into()) }
         );
-        assert_eq!(steps[3], Step { seconds: Some(10.0), command: Command::Quit });
+        assert_eq!(steps[3], ScriptStep { seconds: Some(10.0), command: Command::Quit });
         assert_eq!(Script::Steps(steps.into_iter()).duration(), 10.0);
         let twice =
             parse("1 picture a.pfm\n2 view -vh 50\n3 picture b.pfm\n4 quit", "walk.txt", PARTS)
@@ -260,7 +265,7 @@ mod tests {
         assert_eq!(Script::Steps(twice.into_iter()).duration(), 6.0);
         assert_eq!(
             parse_line("quit", PARTS).unwrap(),
-            Some(Step { seconds: None, command: Command::Quit })
+            Some(ScriptStep { seconds: None, command: Command::Quit })
         );
     }
 
@@ -271,7 +276,7 @@ mod tests {
         let without = Command::Switch { parts, on: false };
         assert_eq!(
             switch("2 without prefilter,depth-cull"),
-            Step { seconds: Some(2.0), command: without.clone() }
+            ScriptStep { seconds: Some(2.0), command: without.clone() }
         );
         assert_eq!(switch("without prefilter, depth-cull").command, without);
         assert_eq!(

@@ -6,7 +6,7 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
-use holo_display::{Frame, Look};
+use holo_display::{Frame, FrameRequest};
 use holo_options::{LookArgs, ViewArgs};
 use holo_picture::{Picture, ViewSpec, luminance};
 use holo_progress::Meter;
@@ -18,7 +18,7 @@ use serde_json::json;
 use tokio::sync::oneshot;
 
 use super::{
-    Script, Step,
+    Script, ScriptStep,
     parse::{Command, Next},
     report::PictureReport,
 };
@@ -96,7 +96,7 @@ struct ScriptEye {
     /// Number of views that did not follow from a motion.
     jumps: u64,
     /// What the session was last asked to show.
-    looked: Option<Look>,
+    looked: Option<FrameRequest>,
 }
 
 impl ScriptEye {
@@ -183,7 +183,7 @@ impl Player {
         let (keeps_pixels, samples) = (session.keeps_pixels(), session.samples_per_pixel(full));
         let size = eye.schedule.size(full, is_moving, keeps_pixels, samples, now);
         session.set_moving(is_moving);
-        let look = Look { view, size: size.size, is_moving };
+        let look = FrameRequest { view, size: size.size, is_moving };
         if eye.looked != Some(look) {
             session.look(look)?;
             eye.looked = Some(look);
@@ -198,7 +198,7 @@ impl Player {
         let Some(spec) = eye.shown else { return Ok(None) };
         let (view, full) = spec.resolve(options.view.size())?;
         session.set_moving(false);
-        let look = Look { view, size: full, is_moving: false };
+        let look = FrameRequest { view, size: full, is_moving: false };
         if eye.looked != Some(look) {
             session.look(look)?;
             eye.looked = Some(look);
@@ -345,7 +345,7 @@ impl Player {
 }
 
 fn begins_with_view(next: &Next) -> bool {
-    matches!(next, Next::Step(Step { command: Command::View(_), seconds })
+    matches!(next, Next::Step(ScriptStep { command: Command::View(_), seconds })
         if seconds.unwrap_or(0.0) == 0.0)
 }
 
@@ -409,7 +409,7 @@ pub fn picture(
     let said = view.spec(session.named_views())?;
     let spec = session.first_view()?.overridden_by(&said);
     let (view, size) = spec.resolve(view.size())?;
-    session.look(Look { view, size, is_moving: false })?;
+    session.look(FrameRequest { view, size, is_moving: false })?;
     session.settle(true)?;
     meter.finish();
     let (frame, stages) = session.draw_for_file();

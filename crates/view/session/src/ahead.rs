@@ -12,7 +12,7 @@ use glam::DVec3;
 use holo_proto::control::{Control, MAX_PART};
 use holo_section::Section;
 
-use super::{Session, current_view::Asked, demand::SEARCH_AFTER};
+use super::{Session, current_view::RequestedSamples, demand::SEARCH_AFTER};
 
 /// Samples in one part: about 10 ms of two cores.
 const PART: u32 = 1 << 16;
@@ -128,7 +128,8 @@ impl Session {
     /// Requests a part of the file, if there is nothing else to do. Returns when one is due.
     pub(super) fn ask_ahead(&mut self, now: Instant) -> Result<Option<Instant>> {
         let Some(current) = self.current.as_ref() else { return Ok(None) };
-        let is_idle = current.asked == Asked::All && !self.is_moving && self.ahead.asked.is_none();
+        let is_idle =
+            current.asked == RequestedSamples::All && !self.is_moving && self.ahead.asked.is_none();
         if !is_idle || !self.loads_whole_file() {
             return Ok(None);
         }

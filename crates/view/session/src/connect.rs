@@ -20,7 +20,7 @@ use tokio::sync::Semaphore;
 use super::{
     Ahead, Session,
     driver_choice::{DriverChoice, LoadedScene, SceneUse},
-    incoming::{Incoming, MAX_WAITING_BYTES, Reader},
+    incoming::{Incoming, MAX_WAITING_BYTES, SessionReader},
     scene::SceneLoader,
 };
 
@@ -177,7 +177,7 @@ impl Connected {
         };
         let awaits_scene = uses_scene && loader.is_some();
         let (sender, messages) = mpsc::channel();
-        let reader = Reader {
+        let reader = SessionReader {
             inbox,
             outbox: outbox.clone(),
             messages: sender.clone(),

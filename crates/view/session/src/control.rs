@@ -11,7 +11,7 @@ use holo_section::Section;
 
 use super::{
     Session,
-    current_view::Asked,
+    current_view::RequestedSamples,
     driver_choice::{DriverArg, SceneUse},
 };
 
@@ -49,7 +49,7 @@ impl Session {
 
     /// Returns whether all stored samples for the current view have arrived.
     pub fn has_stored(&self) -> bool {
-        self.current.as_ref().is_some_and(|current| current.asked == Asked::All)
+        self.current.as_ref().is_some_and(|current| current.asked == RequestedSamples::All)
     }
 
     /// Returns whether all stored samples have also arrived that [`Session::ask_beside`] requested.

@@ -2,14 +2,14 @@
 
 use std::time::{Duration, Instant};
 
-use holo_display::{Age, FramePhase, Light, Look, Renderer, UsefulBeam, ViewPhases};
+use holo_display::{Age, FramePhase, FrameRequest, Light, Renderer, UsefulBeam, ViewPhases};
 use holo_proto::bulk::{LiveSamples, RequestedBeam, SampleSource, ViewSamples};
 
 use super::{live::LiveRays, received::Received};
 
 /// A view and what has arrived for it.
 pub struct CurrentView {
-    pub look: Look,
+    pub look: FrameRequest,
     pub phases: ViewPhases,
     /// Beams that the view crosses, with their weights.
     pub wanted: Vec<RequestedBeam>,
@@ -22,7 +22,7 @@ pub struct CurrentView {
     /// When the driver had evaluated the view.
     pub ready: Instant,
     /// The stored samples that have been requested.
-    pub asked: Asked,
+    pub asked: RequestedSamples,
     /// True if all stored samples of the beams that the view crosses have arrived.
     pub has_crossed: bool,
     /// True while a thread searches for the next beams.
@@ -35,7 +35,7 @@ pub struct CurrentView {
     pub first_request: u32,
     pub received: Received,
     pub since: Instant,
-    pub counts: Counts,
+    pub counts: ArrivalCounts,
     /// When single rays were last requested. `None` if the driver never wants any.
     pub rays_asked: Option<Instant>,
 }
@@ -45,7 +45,7 @@ const FIRST_TIME: Duration = Duration::from_millis(400);
 
 /// Number of samples that have arrived for a view.
 #[derive(Clone, Default)]
-pub struct Counts {
+pub struct ArrivalCounts {
     /// From the file.
     pub stored: u64,
     /// From workers.
@@ -60,7 +60,7 @@ pub struct Counts {
 
 /// The stored samples of a view that have been requested.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Asked {
+pub enum RequestedSamples {
     /// Those of the beams that the view crosses.
     Crossed,
     /// Also those of most beams that end on what the view shows.

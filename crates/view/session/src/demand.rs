@@ -9,7 +9,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use holo_display::{
-    Look, Search, SelectOptions, Selection, UsefulBeam, ViewPhases, select_beams, viewpoint,
+    FrameRequest, Search, SelectOptions, Selection, UsefulBeam, ViewPhases, select_beams, viewpoint,
 };
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
@@ -21,7 +21,7 @@ use holo_section::{BeamKey, Section};
 
 use super::{
     Session, Waker,
-    current_view::{Asked, Counts, CurrentView},
+    current_view::{ArrivalCounts, CurrentView, RequestedSamples},
     focus::concentrate,
     incoming::Incoming,
     live::LiveRays,
@@ -85,7 +85,7 @@ impl Session {
 
     /// Shows the current view at another size. What was requested stays requested, and samples that
     /// have arrived count as before.
-    fn resize(&mut self, look: Look) -> Result<()> {
+    fn resize(&mut self, look: FrameRequest) -> Result<()> {
         let sections = &self.sections;
         let options = SelectOptions::default();
         let Selection { beams, .. } = select_beams(sections, &look.view, look.size, &options);
@@ -94,7 +94,7 @@ impl Session {
         let paths = self.welcome.settings.paths_per_sample;
         let Some(current) = &mut self.current else { return Ok(()) };
         current.phases = ViewPhases::after(Some(&current.phases), look.is_moving);
-        if current.asked == Asked::All {
+        if current.asked == RequestedSamples::All {
             current.phases.settle();
             self.driver.renderer.settle();
         }
@@ -112,7 +112,7 @@ impl Session {
     ///
     /// # Errors
     /// If the driver cannot show the view, or no section covers any of it.
-    pub fn look(&mut self, look: Look) -> Result<()> {
+    pub fn look(&mut self, look: FrameRequest) -> Result<()> {
         // Live rays of the other size must not be taken for those of this one.
         let is_same = |current: &CurrentView| {
             let is_at_rest = !look.is_moving && !current.look.is_moving;
@@ -125,7 +125,7 @@ impl Session {
     }
 
     /// Shows a view, also if it was shown before.
-    fn look_anew(&mut self, look: Look) -> Result<()> {
+    fn look_anew(&mut self, look: FrameRequest) -> Result<()> {
         if self.is_moving && self.keeps_samples() && self.requested_just_now() {
             return self.look_on(look);
         }
@@ -146,8 +146,8 @@ impl Session {
     }
 
     /// Shows a view to the driver, unless `has_looked`, and requests the samples that it needs.
-    fn look_and_ask(&mut self, look: Look, since: Instant, has_looked: bool) -> Result<()> {
-        let Look { view, size, .. } = look;
+    fn look_and_ask(&mut self, look: FrameRequest, since: Instant, has_looked: bool) -> Result<()> {
+        let FrameRequest { view, size, .. } = look;
         let sections = &self.sections;
         let Selection { beams, covered } =
             select_beams(sections, &view, size, &SelectOptions::default());
@@ -190,7 +190,7 @@ impl Session {
             nearest_is_seen: false,
             live: LiveRays::new(uncovered, view, size, paths),
             ready: Instant::now(),
-            asked: Asked::Crossed,
+            asked: RequestedSamples::Crossed,
             has_crossed: false,
             is_searching: false,
             asks_later: false,
@@ -198,7 +198,7 @@ impl Session {
             first_request: self.request_number,
             received,
             since,
-            counts: Counts::default(),
+            counts: ArrivalCounts::default(),
             rays_asked: Some(since),
         });
         self.ask_rays()?;
@@ -217,7 +217,7 @@ impl Session {
     ///
     /// # Errors
     /// If the server is lost.
-    pub fn ask_beside(&mut self, look: &Look) -> Result<()> {
+    pub fn ask_beside(&mut self, look: &FrameRequest) -> Result<()> {
         if self.has_whole_file() {
             return Ok(());
         }
@@ -250,7 +250,7 @@ impl Session {
     }
 
     /// Shows a view while samples for the view before still arrive.
-    fn look_on(&mut self, look: Look) -> Result<()> {
+    fn look_on(&mut self, look: FrameRequest) -> Result<()> {
         let Some(current) = &mut self.current else { return Ok(()) };
         self.driver.renderer.look(&look)?;
         current.phases = ViewPhases::after(Some(&current.phases), look.is_moving);
@@ -325,16 +325,16 @@ impl Session {
         }
         let search = match current.asked {
             _ if current.is_searching => return Ok(()),
-            Asked::Crossed => Search::Quick,
-            Asked::Best => Search::Thorough,
-            Asked::Surfaces => {
+            RequestedSamples::Crossed => Search::Quick,
+            RequestedSamples::Best => Search::Thorough,
+            RequestedSamples::Surfaces => {
                 let wanted = current.wanted.clone();
                 if self.welcome.tracing && !ending {
                     self.ask_anew(wanted)?;
                 }
                 return self.has_all(ending);
             }
-            Asked::All => return Ok(()),
+            RequestedSamples::All => return Ok(()),
         };
         let Some(search) = self.driver.renderer.wishes().surface_beams(search) else {
             return self.has_all(ending);
@@ -361,7 +361,7 @@ impl Session {
         let is_of = |current: &&mut CurrentView| current.first_request == first_request;
         let Some(current) = self.current.as_mut().filter(is_of) else { return Ok(()) };
         current.is_searching = false;
-        if current.asked == Asked::All {
+        if current.asked == RequestedSamples::All {
             return Ok(());
         }
         if self.is_moving && !ending {
@@ -372,14 +372,18 @@ impl Session {
         if beams.is_empty() {
             return self.has_all(ending);
         }
-        let next = if current.asked == Asked::Crossed { Asked::Best } else { Asked::Surfaces };
+        let next = if current.asked == RequestedSamples::Crossed {
+            RequestedSamples::Best
+        } else {
+            RequestedSamples::Surfaces
+        };
         (current.asked, current.also) = (next, beams);
         self.ask_for_all()
     }
 
     /// Records that all stored samples for the view have arrived.
     fn has_all(&mut self, ending: bool) -> Result<()> {
-        self.current.iter_mut().for_each(|current| current.asked = Asked::All);
+        self.current.iter_mut().for_each(|current| current.asked = RequestedSamples::All);
         self.settle_view();
         if ending { self.ask_to_settle() } else { Ok(()) }
     }
@@ -387,7 +391,7 @@ impl Session {
     /// Asks the server to settle, if no further request of stored samples is pending. Otherwise the
     /// last request asks for it.
     pub(super) fn ask_to_settle(&mut self) -> Result<()> {
-        if self.current.as_ref().is_none_or(|current| current.asked == Asked::All) {
+        if self.current.as_ref().is_none_or(|current| current.asked == RequestedSamples::All) {
             self.outbox.control(&Control::Settle { view: self.request_number })?;
         }
         Ok(())
@@ -428,7 +432,7 @@ impl Session {
     /// of a beam are not sent if all of them are in `received`.
     fn request(
         &self,
-        look: &Look,
+        look: &FrameRequest,
         radius: f64,
         mut beams: Vec<RequestedBeam>,
         received: &Received,

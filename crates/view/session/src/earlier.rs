@@ -23,7 +23,7 @@ const LEAST: u64 = 256;
 #[derive(Default)]
 pub struct Earlier {
     /// Each piece lies in one block of ranks, so that it yields from its front.
-    beams: FxHashMap<BeamKey, Vec<Piece>>,
+    beams: FxHashMap<BeamKey, Vec<RankedSamples>>,
     samples: u64,
     /// Beams of which present samples have come since the last look at them.
     stale: FxHashSet<BeamKey>,
@@ -34,7 +34,7 @@ pub struct Earlier {
 }
 
 /// Samples of consecutive ranks.
-struct Piece {
+struct RankedSamples {
     first: u32,
     paths: u16,
     samples: Vec<Sample>,
@@ -64,7 +64,8 @@ impl Earlier {
             if is_room && !known.iter().any(|piece| piece.has(ranks.start)) {
                 light.insert(Age::Earlier, run.key, run.paths, part);
                 self.samples += part.len() as u64;
-                let piece = Piece { first: ranks.start, paths: run.paths, samples: part.to_vec() };
+                let piece =
+                    RankedSamples { first: ranks.start, paths: run.paths, samples: part.to_vec() };
                 self.beams.entry(run.key).or_default().push(piece);
             }
         }
@@ -91,7 +92,7 @@ impl Earlier {
         for key in take(&mut self.stale) {
             let Some(pieces) = self.beams.get_mut(&key) else { continue };
             for piece in &mut *pieces {
-                let Piece { first, paths, samples } = piece;
+                let RankedSamples { first, paths, samples } = piece;
                 let ranks = *first..*first + samples.len() as u32;
                 let stays = lasting(ranks.clone(), present(key)).next();
                 let gone = (stays.map_or(ranks.end, |stays| stays.start) - ranks.start) as usize;
@@ -116,7 +117,7 @@ impl Earlier {
     }
 }
 
-impl Piece {
+impl RankedSamples {
     fn has(&self, rank: u32) -> bool {
         rank >= self.first && rank - self.first < self.samples.len() as u32
     }

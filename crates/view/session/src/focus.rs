@@ -1,6 +1,6 @@
 //! Concentrates tracing on a part of the picture that a person has chosen.
 
-use holo_display::{Look, SelectOptions, select_beams};
+use holo_display::{FrameRequest, SelectOptions, select_beams};
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_proto::bulk::RequestedBeam;
 use holo_section::{BeamKey, Section};
@@ -11,7 +11,12 @@ const OUTSIDE: f32 = 0.02;
 
 /// Lowers the weights of beams that do not cross a part of the picture. `part` is its left, top,
 /// right and bottom in shares of the picture.
-pub fn concentrate(sections: &[Section], look: &Look, part: [f64; 4], beams: &mut [RequestedBeam]) {
+pub fn concentrate(
+    sections: &[Section],
+    look: &FrameRequest,
+    part: [f64; 4],
+    beams: &mut [RequestedBeam],
+) {
     let Some((view, size)) = cropped(&look.view, look.size, part) else { return };
     let selected = select_beams(sections, &view, size, &SelectOptions::default()).beams;
     let inside: FxHashSet<BeamKey> = selected.into_iter().map(|beam| beam.key).collect();

@@ -59,7 +59,7 @@ pub enum Incoming {
 }
 
 /// Reads a connection for a session.
-pub struct Reader {
+pub struct SessionReader {
     /// Source of messages.
     pub inbox: Inbox,
     /// Where answers to pings go.
@@ -72,7 +72,7 @@ pub struct Reader {
     pub room: Arc<Semaphore>,
 }
 
-impl Reader {
+impl SessionReader {
     /// Reads until the connection or the session ends.
     pub async fn run(mut self) {
         loop {
@@ -182,7 +182,7 @@ mod tests {
         let bytes = bytes_of(&Message::Unseen(message(0))) as usize;
         // There is room for three messages. More wait in the inbox and in the system's buffers.
         let room = Arc::new(Semaphore::new(3 * bytes));
-        tokio::spawn(Reader { inbox, outbox, messages, loader: None, room }.run());
+        tokio::spawn(SessionReader { inbox, outbox, messages, loader: None, room }.run());
         const SENT: u32 = 1000;
         for view in 0..SENT {
             server.send(FrameKind::Unseen, &message(view).encode()).unwrap();

@@ -40,7 +40,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use holo_display::{Driver, Frame, FramePhase, Interrupt, Look, PartsPlan};
+use holo_display::{Driver, Frame, FramePhase, FrameRequest, Interrupt, PartsPlan};
 use holo_net::{Message, Outbox};
 use holo_picture::{Picture, View, ViewSpec};
 use holo_proto::{
@@ -53,8 +53,8 @@ use serde::Serialize;
 
 use ahead::Ahead;
 pub use connect::{Again, Connected, Waker, is_lost, is_of_connection, starts_again};
-pub use current_view::Counts;
-use current_view::{Asked, CurrentView};
+pub use current_view::ArrivalCounts;
+use current_view::{CurrentView, RequestedSamples};
 use default_view::default_view;
 pub use demand::Uncovered;
 pub use driver_choice::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
@@ -196,8 +196,8 @@ impl Session {
     }
 
     /// Returns how many samples have arrived for the current view.
-    pub fn counts(&self) -> Counts {
-        self.current.as_ref().map_or_else(Counts::default, |current| current.counts.clone())
+    pub fn counts(&self) -> ArrivalCounts {
+        self.current.as_ref().map_or_else(ArrivalCounts::default, |current| current.counts.clone())
     }
 
     /// Returns how many live rays have arrived for the current view.
@@ -272,7 +272,7 @@ impl Session {
 
     /// Plans a picture that is drawn in parts beside the current view, from the samples that have
     /// arrived. `None` if the driver cannot draw parts.
-    pub fn plan_parts(&mut self, look: &Look) -> Option<PartsPlan> {
+    pub fn plan_parts(&mut self, look: &FrameRequest) -> Option<PartsPlan> {
         self.driver.renderer.parts().map(|parts| parts.plan(look))
     }
 
@@ -398,7 +398,7 @@ impl Session {
         let Some(current) = &mut self.current else { return Ok(()) };
         if loads {
             // Loading the whole file replaces all other requests.
-            current.asked = Asked::All;
+            current.asked = RequestedSamples::All;
             current.asks_later = false;
             current.also.clear();
         }

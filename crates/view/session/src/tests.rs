@@ -8,7 +8,7 @@ use std::{
 };
 
 use glam::DVec3;
-use holo_display::{Driver, Look};
+use holo_display::{Driver, FrameRequest};
 use holo_driver_surfaces::surfaces_driver;
 use holo_net::{Message, Outbox, Shutdown, accept};
 use holo_picture::ViewSpec;
@@ -141,7 +141,7 @@ fn view() -> ViewSpec {
 /// Shows a view at rest.
 fn show(session: &mut Session, spec: &ViewSpec, size: (u32, u32)) {
     let (view, size) = spec.resolve(size).unwrap();
-    session.look(Look { view, size, is_moving: false }).unwrap();
+    session.look(FrameRequest { view, size, is_moving: false }).unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -312,7 +312,7 @@ async fn turn(completes: bool, is_done: fn(&Session) -> bool) -> (u32, u64) {
             let aside = start.elapsed().as_secs_f64().sin();
             turned.apply_line(&format!("-vd 1 {aside} .1")).unwrap();
             let (view, size) = turned.resolve((96, 72)).unwrap();
-            session.look(Look { view, size, is_moving: true }).unwrap();
+            session.look(FrameRequest { view, size, is_moving: true }).unwrap();
             session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
         }
         (start.elapsed(), session.samples_here())

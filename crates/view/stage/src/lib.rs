@@ -48,12 +48,12 @@ pub use input::{Input, Inputs, Named, Numbered};
 pub use picture_file::{encode_picture, format_refusal};
 pub use picture_order::{PictureNews, PictureOrder};
 pub use screen::{Viewer, on_screen_threads};
-pub use shown::{Phase, Shown, State};
+pub use shown::{PublishedFrame, StagePhase, State};
 
 use bell::Bell;
-use hand::{Ending, Hand};
+use hand::{Hand, HandEnding};
 use painter::Painter;
-use shown::{Publisher, Watched};
+use shown::{FrameAudience, Publisher};
 
 /// Pause between two tries to connect to a server that is started again, and most tries.
 const TRY_AGAIN: Duration = Duration::from_millis(200);
@@ -75,7 +75,7 @@ pub struct Front {
     /// Takes inputs.
     pub inputs: Inputs,
     /// The latest frame.
-    pub frames: Arc<watch::Sender<Option<Arc<Shown>>>>,
+    pub frames: Arc<watch::Sender<Option<Arc<PublishedFrame>>>>,
     /// The state.
     pub state: Arc<watch::Sender<Arc<State>>>,
 }
@@ -110,16 +110,16 @@ impl Stage {
             Ok(()) => "The session has ended.".to_owned(),
             Err(error) => format!("{error:#}"),
         };
-        state.send_modify(|state| Arc::make_mut(state).phase = Phase::Ended(reason));
+        state.send_modify(|state| Arc::make_mut(state).phase = StagePhase::Ended(reason));
         ended
     }
 
     fn play(self) -> Result<()> {
         let Stage { connected, wishes, inputs, bell, front } = self;
-        let watched = Watched(Arc::clone(&front.frames));
+        let watched = FrameAudience(Arc::clone(&front.frames));
         let publisher = Publisher::new(front.clone());
         let loading = |text: &str| {
-            let phase = Phase::Loading(text.to_owned());
+            let phase = StagePhase::Loading(text.to_owned());
             front.state.send_modify(|state| Arc::make_mut(state).phase = phase);
         };
         let again = connected.again();
@@ -138,11 +138,11 @@ impl Stage {
             let played = hand.play(desk, facts);
             let painted = painter.join().map_err(|_| anyhow!("drawing failed: see above"))?;
             next = match (painted, played?, &wishes.crew) {
-                (Ok(()), Some(Ending::StartOver), Some(crew)) => {
+                (Ok(()), Some(HandEnding::StartOver), Some(crew)) => {
                     loading("starting over");
                     begin(again.connect(crew.start_over()?)?, loading)?
                 }
-                (Ok(()), Some(Ending::Restart), Some(crew)) => {
+                (Ok(()), Some(HandEnding::Restart), Some(crew)) => {
                     loading("going on with the edited scene");
                     let restarted = crew.restart()?;
                     restarted.trouble.into_iter().for_each(|trouble| hand.refuse(trouble));
@@ -209,7 +209,7 @@ fn reach(again: &Again, loading: impl Fn(&str)) -> Result<Option<(Session, Waker
 /// Returns the part of the state that is constant during a session.
 fn facts(session: &Session) -> State {
     State {
-        phase: Phase::Running,
+        phase: StagePhase::Running,
         traces: session.traces(),
         sections: Arc::new(session.sections().iter().map(|s| s.spec().clone()).collect()),
         up: session.up().to_array(),

@@ -9,13 +9,13 @@ use std::{
 };
 
 use anyhow::Result;
-use holo_display::{Frame, Interrupt, Look};
+use holo_display::{Frame, FrameRequest, Interrupt};
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_session::{DriverArg, FrameSchedule, Session, Uncovered, Waited, Waker, is_of_connection};
 
 use super::{
-    Watched,
+    FrameAudience,
     bell::Bell,
     picture_job::{PictureJob, Progress, STORED_PATIENCE, WHOLE_PIXELS},
     picture_order::{BegunPicture, PictureNews, PictureOrder},
@@ -26,7 +26,7 @@ const NEWS: Duration = Duration::from_millis(100);
 
 /// A view that the hand requests.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Wanted {
+pub struct StageView {
     /// The view; [`View::resolve`](holo_picture::View) has accepted it.
     pub spec: ViewSpec,
     /// Most columns and rows.
@@ -61,7 +61,7 @@ pub enum Order {
 #[derive(Clone, Debug)]
 pub struct Painted {
     /// The request that it answers.
-    pub wanted: Wanted,
+    pub wanted: StageView,
     /// Its view.
     pub view: View,
     /// Its frame.
@@ -102,7 +102,7 @@ pub struct News {
 /// State shared by hand and painter.
 #[derive(Default)]
 struct Papers {
-    wanted: Option<Wanted>,
+    wanted: Option<StageView>,
     orders: Vec<Order>,
     /// True if the painter was woken and has not looked yet.
     is_woken: bool,
@@ -118,7 +118,7 @@ struct Papers {
 }
 
 /// The hand's side of the desk.
-pub struct Desk {
+pub struct FrameRequests {
     papers: Arc<Mutex<Papers>>,
     waker: Waker,
     /// Ends the drawing of a frame at rest, which a request makes useless.
@@ -141,9 +141,9 @@ pub struct Done {
     pub is_over: bool,
 }
 
-impl Desk {
+impl FrameRequests {
     /// Requests a view.
-    pub fn want(&self, wanted: Wanted) {
+    pub fn want(&self, wanted: StageView) {
         let mut papers = lock(&self.papers);
         if papers.wanted.as_ref() != Some(&wanted) {
             papers.wanted = Some(wanted);
@@ -187,12 +187,12 @@ pub struct Painter {
     /// Set by the desk when it wakes the painter.
     interrupt: Interrupt,
     bell: Arc<Bell>,
-    watched: Watched,
+    watched: FrameAudience,
     schedule: FrameSchedule,
     /// The view that the session currently shows.
-    looked: Option<Look>,
+    looked: Option<FrameRequest>,
     /// The last request that was drawn, and whether it could be shown.
-    drawn: Option<(Wanted, bool)>,
+    drawn: Option<(StageView, bool)>,
     /// The picture that is being saved.
     job: Option<Box<PictureJob>>,
     news: News,
@@ -215,11 +215,11 @@ impl Painter {
         session: Session,
         waker: Waker,
         bell: Arc<Bell>,
-        watched: Watched,
-    ) -> (Painter, Desk) {
+        watched: FrameAudience,
+    ) -> (Painter, FrameRequests) {
         let papers = Arc::<Mutex<Papers>>::default();
         let interrupt = session.interrupt();
-        let desk = Desk {
+        let desk = FrameRequests {
             papers: Arc::clone(&papers),
             waker: waker.clone(),
             interrupt: interrupt.clone(),
@@ -305,7 +305,7 @@ impl Painter {
     }
 
     /// Returns whether a new frame of the requested view is due.
-    fn is_due(&mut self, wanted: &Wanted) -> bool {
+    fn is_due(&mut self, wanted: &StageView) -> bool {
         match &self.drawn {
             Some((drawn, is_shown)) if drawn == wanted => {
                 let (arrived, refines) = (self.session.arrived_samples(), self.session.refines());
@@ -331,7 +331,7 @@ impl Painter {
     }
 
     /// Draws a frame of the requested view.
-    fn paint(&mut self, wanted: Wanted) -> Result<()> {
+    fn paint(&mut self, wanted: StageView) -> Result<()> {
         let begin = Instant::now();
         let (view, full) = wanted.spec.resolve(wanted.size)?;
         let is_moving = wanted.is_moving;
@@ -341,7 +341,7 @@ impl Painter {
         let size = self.schedule.size(full, is_moving, keeps_pixels, samples, begin);
         self.session.set_moving(is_moving);
         self.session.set_focus(wanted.focus)?;
-        let look = Look { view, size: size.size, is_moving };
+        let look = FrameRequest { view, size: size.size, is_moving };
         let was_shown = self.drawn.as_ref().is_some_and(|(_, is_shown)| *is_shown);
         let is_shown = (self.looked == Some(look) && was_shown) || self.look(look)?;
         self.drawn = Some((wanted.clone(), is_shown));
@@ -373,7 +373,7 @@ impl Painter {
     }
 
     /// Shows a view to the session. Returns whether it can be shown.
-    fn look(&mut self, look: Look) -> Result<bool> {
+    fn look(&mut self, look: FrameRequest) -> Result<bool> {
         (self.news.is_uncovered, self.news.trouble) = (false, None);
         self.looked = Some(look);
         match self.session.look(look) {
@@ -422,7 +422,7 @@ impl Painter {
     /// Draws a picture with a driver that cannot draw parts. The walk waits for it.
     fn draw_whole(&mut self, job: &PictureJob) -> Result<()> {
         let PictureJob { order, look, .. } = job;
-        let Look { view, size, .. } = *look;
+        let FrameRequest { view, size, .. } = *look;
         if u64::from(size.0) * u64::from(size.1) > WHOLE_PIXELS {
             order.refuse(format!(
                 "driver {} draws pictures of at most {} million pixels: choose the driver \

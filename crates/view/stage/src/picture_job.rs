@@ -6,7 +6,7 @@
 
 use std::time::{Duration, Instant};
 
-use holo_display::{Look, PartsPlan};
+use holo_display::{FrameRequest, PartsPlan};
 use holo_picture::{Picture, View};
 use holo_session::Session;
 use tokio::sync::mpsc::error::TrySendError;
@@ -31,13 +31,13 @@ pub const WHOLE_PIXELS: u64 = 1 << 23;
 /// A picture that is being drawn.
 pub struct PictureJob {
     pub order: PictureOrder,
-    pub look: Look,
-    phase: Phase,
+    pub look: FrameRequest,
+    phase: JobPhase,
     /// Since when the receiver has taken nothing.
     waits_since: Option<Instant>,
 }
 
-enum Phase {
+enum JobPhase {
     /// Stored samples are on their way until then, at most.
     Fetching(Instant),
     Drawing(Box<Drawing>),
@@ -70,16 +70,16 @@ pub enum Progress {
 impl PictureJob {
     /// Returns a job that draws `view` in a picture of `size` pixels.
     pub fn new(order: PictureOrder, view: View, size: (u32, u32)) -> PictureJob {
-        let look = Look { view, size, is_moving: false };
-        let phase = Phase::Fetching(Instant::now() + STORED_PATIENCE);
+        let look = FrameRequest { view, size, is_moving: false };
+        let phase = JobPhase::Fetching(Instant::now() + STORED_PATIENCE);
         PictureJob { order, look, phase, waits_since: None }
     }
 
     /// Returns the share that is drawn.
     pub fn share(&self) -> f32 {
         match &self.phase {
-            Phase::Fetching(_) => 0.0,
-            Phase::Drawing(drawing) => {
+            JobPhase::Fetching(_) => 0.0,
+            JobPhase::Drawing(drawing) => {
                 let rows = drawing.first as f32
                     + drawing.band.height as f32 * drawing.column as f32
                         / self.look.size.0.max(1) as f32;
@@ -93,8 +93,10 @@ impl PictureJob {
     pub fn is_due(&self, session: &Session, now: Instant) -> bool {
         match &self.phase {
             _ if !self.order.is_wanted() => true,
-            Phase::Fetching(until) => session.has_stored_beside() || now >= *until,
-            Phase::Drawing(drawing) => drawing.waiting.is_none() || self.order.news.capacity() > 0,
+            JobPhase::Fetching(until) => session.has_stored_beside() || now >= *until,
+            JobPhase::Drawing(drawing) => {
+                drawing.waiting.is_none() || self.order.news.capacity() > 0
+            }
         }
     }
 
@@ -105,15 +107,15 @@ impl PictureJob {
             return Progress::Over;
         }
         let drawing = match &mut self.phase {
-            Phase::Fetching(until) => {
+            JobPhase::Fetching(until) => {
                 if !session.has_stored_beside() && now < *until {
                     return Progress::Waits;
                 }
                 let Some(plan) = session.plan_parts(&self.look) else { return Progress::Whole };
-                self.phase = Phase::Drawing(Box::new(Drawing::new(plan)));
+                self.phase = JobPhase::Drawing(Box::new(Drawing::new(plan)));
                 return Progress::Goes;
             }
-            Phase::Drawing(drawing) => drawing,
+            JobPhase::Drawing(drawing) => drawing,
         };
         if let Some(news) = drawing.waiting.take() {
             match self.order.news.try_send(news) {
@@ -138,7 +140,7 @@ impl PictureJob {
 
 impl Drawing {
     fn new(mut plan: PartsPlan) -> Drawing {
-        let Look { view, size, .. } = plan.look;
+        let FrameRequest { view, size, .. } = plan.look;
         // Only the receiver needs the preview.
         let preview = std::mem::replace(&mut plan.preview, Picture::new(1, 1));
         let band = band(size, 0);

@@ -14,19 +14,19 @@ use holo_picture::ViewSpec;
 const EVERY: Duration = Duration::from_millis(100);
 
 /// Writes shown views as a script's lines.
-pub struct Record {
+pub struct ScriptRecorder {
     file: File,
     last: Option<(Instant, String)>,
 }
 
-impl Record {
+impl ScriptRecorder {
     /// Creates the script file. Views are added as they are shown.
     ///
     /// # Errors
     /// If the file cannot be created.
-    pub fn create(path: &Path) -> Result<Record> {
+    pub fn create(path: &Path) -> Result<ScriptRecorder> {
         let file = File::create(path).with_context(|| format!("creating {}", path.display()))?;
-        Ok(Record { file, last: None })
+        Ok(ScriptRecorder { file, last: None })
     }
 
     /// Records that `view` is shown since `now`. Writes it if the eye rests or enough time has
@@ -75,7 +75,7 @@ mod tests {
             view.apply_line(&format!("-vp {x} 0 0 -vd 0 1 0 -vu 0 0 1 -vh 60")).unwrap();
             view
         };
-        let mut record = Record::create(&path).unwrap();
+        let mut record = ScriptRecorder::create(&path).unwrap();
         for step in 0..100 {
             let now = start + step * Duration::from_millis(10);
             record.view(&view(f64::from(step)), now, false).unwrap();

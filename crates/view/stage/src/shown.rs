@@ -11,7 +11,7 @@ use super::Front;
 
 /// A published frame with its view.
 #[derive(Debug)]
-pub struct Shown {
+pub struct PublishedFrame {
     /// Its number. Numbers increase.
     pub number: u64,
     /// The last input that it shows: the sender, and the sender's number for the input.
@@ -31,7 +31,7 @@ pub struct Shown {
     pub done: Instant,
 }
 
-impl Shown {
+impl PublishedFrame {
     /// Returns radiance and distance at a place in the picture, in shares from its left and top.
     pub fn radiance_at(&self, x: f64, y: f64) -> Option<([f32; 3], f32)> {
         let at = self.pixel_at(x, y)?;
@@ -52,7 +52,7 @@ impl Shown {
 
 /// The phase of a stage.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Phase {
+pub enum StagePhase {
     /// It waits for the server.
     #[default]
     Connecting,
@@ -68,7 +68,7 @@ pub enum Phase {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct State {
     /// The phase.
-    pub phase: Phase,
+    pub phase: StagePhase,
     /// True if no section covers any part of the requested view.
     pub is_uncovered: bool,
     /// Another reason why that view is not shown.
@@ -120,9 +120,9 @@ pub struct State {
 
 /// Knows whether any front end receives frames.
 #[derive(Clone)]
-pub struct Watched(pub Arc<watch::Sender<Option<Arc<Shown>>>>);
+pub struct FrameAudience(pub Arc<watch::Sender<Option<Arc<PublishedFrame>>>>);
 
-impl Watched {
+impl FrameAudience {
     /// Returns whether any front end receives frames.
     pub fn is_watched(&self) -> bool {
         self.0.receiver_count() > 0
@@ -153,7 +153,7 @@ impl Publisher {
     }
 
     /// Publishes a frame.
-    pub fn frame(&mut self, mut shown: Shown) -> Arc<Shown> {
+    pub fn frame(&mut self, mut shown: PublishedFrame) -> Arc<PublishedFrame> {
         self.number += 1;
         shown.number = self.number;
         let shown = Arc::new(shown);

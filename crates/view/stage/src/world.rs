@@ -14,14 +14,14 @@ const GAP: f64 = 0.6;
 /// The surfaces of a scene, and the house: the box around all sections.
 #[derive(Debug)]
 pub struct World {
-    scene: Scene,
+    scene: WorldScene,
     low: DVec3,
     high: DVec3,
 }
 
-struct Scene(Arc<Raycaster>);
+struct WorldScene(Arc<Raycaster>);
 
-impl std::fmt::Debug for Scene {
+impl std::fmt::Debug for WorldScene {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("Scene")
     }
@@ -40,7 +40,7 @@ impl World {
             }
         }
         let gap = DVec3::splat(GAP * metre);
-        World { scene: Scene(scene), low: low - gap, high: high + gap }
+        World { scene: WorldScene(scene), low: low - gap, high: high + gap }
     }
 }
 

@@ -22,9 +22,9 @@ use winit::{
 use super::{
     canvas::Canvas,
     hand::Drag,
-    model::{Effect, Model, Modifiers},
+    model::{Effect, Modifiers, WindowModel},
     overlay, saved,
-    seen::Seen,
+    seen::DisplayedFrame,
 };
 
 /// This window's number as a sender of inputs.
@@ -51,7 +51,7 @@ pub struct Opening {
     /// The stage.
     pub front: Front,
     /// Frames in display colours.
-    pub seen: watch::Receiver<Option<Arc<Seen>>>,
+    pub seen: watch::Receiver<Option<Arc<DisplayedFrame>>>,
     /// The look of frames.
     pub looks: watch::Sender<Look>,
     /// First width and height, in pixels of a usual screen.
@@ -79,7 +79,7 @@ pub fn show(opening: Opening) {
         front: opening.front,
         seen: opening.seen,
         looks: opening.looks,
-        model: Model::new(look, opening.size, 1.0),
+        model: WindowModel::new(look, opening.size, 1.0),
         desk: None,
         proxy: event_loop.create_proxy(),
         opened: Some(opening.opened),
@@ -94,17 +94,17 @@ pub fn show(opening: Opening) {
 }
 
 /// An open window.
-struct Desk {
+struct OpenWindow {
     window: Rc<Window>,
     surface: Surface<OwnedDisplayHandle, Rc<Window>>,
 }
 
 struct App {
     front: Front,
-    seen: watch::Receiver<Option<Arc<Seen>>>,
+    seen: watch::Receiver<Option<Arc<DisplayedFrame>>>,
     looks: watch::Sender<Look>,
-    model: Model,
-    desk: Option<Desk>,
+    model: WindowModel,
+    desk: Option<OpenWindow>,
     proxy: EventLoopProxy<Event>,
     opened: Option<oneshot::Sender<Result<EventLoopProxy<Event>>>>,
     /// Number of the last input.
@@ -113,8 +113,8 @@ struct App {
     failed: Option<anyhow::Error>,
 }
 
-impl Desk {
-    fn open(event_loop: &ActiveEventLoop, (width, height): (u32, u32)) -> Result<Desk> {
+impl OpenWindow {
+    fn open(event_loop: &ActiveEventLoop, (width, height): (u32, u32)) -> Result<OpenWindow> {
         let attributes = Window::default_attributes()
             .with_title("Holodeck")
             .with_inner_size(LogicalSize::new(width, height));
@@ -123,11 +123,11 @@ impl Desk {
         let failed = |error: softbuffer::SoftBufferError| anyhow!("{error}");
         let context = Context::new(event_loop.owned_display_handle()).map_err(failed)?;
         let surface = Surface::new(&context, Rc::clone(&window)).map_err(failed)?;
-        Ok(Desk { window, surface })
+        Ok(OpenWindow { window, surface })
     }
 
     /// Draws the model and puts it on the screen.
-    fn draw(&mut self, model: &Model) -> Result<()> {
+    fn draw(&mut self, model: &WindowModel) -> Result<()> {
         let size = self.window.inner_size();
         let (Some(width), Some(height)) =
             (NonZeroU32::new(size.width), NonZeroU32::new(size.height))
@@ -192,7 +192,7 @@ impl App {
     }
 
     /// Saves the latest frame, on a separate thread.
-    fn save(&mut self, kind: saved::Kind) {
+    fn save(&mut self, kind: saved::SaveFormat) {
         let Some(seen) = self.model.seen.clone() else { return };
         let proxy = self.proxy.clone();
         std::thread::spawn(move || {
@@ -292,7 +292,7 @@ impl ApplicationHandler<Event> for App {
         if self.desk.is_some() {
             return;
         }
-        let opened = Desk::open(event_loop, self.model.size).map(|desk| {
+        let opened = OpenWindow::open(event_loop, self.model.size).map(|desk| {
             self.desk = Some(desk);
             self.resize();
             self.proxy.clone()

@@ -107,19 +107,20 @@ impl<'a> Canvas<'a> {
             }
             return;
         }
-        let blend = |column| Blend::at(column as i32 - to.x, to.width, width);
-        let across: Vec<Blend> = columns.clone().map(blend).collect();
+        let blend = |column| PixelBlend::at(column as i32 - to.x, to.width, width);
+        let across: Vec<PixelBlend> = columns.clone().map(blend).collect();
         let lines = self.pixels.par_chunks_exact_mut(self.width).enumerate();
         let lines = lines.skip(rows.start).take(rows.len());
         lines.for_each_init(Vec::new, |blended: &mut Vec<u32>, (row, line)| {
-            let Blend { first, second, share } = Blend::at(row as i32 - to.y, to.height, height);
+            let PixelBlend { first, second, share } =
+                PixelBlend::at(row as i32 - to.y, to.height, height);
             let colors = |row: usize| {
                 let line = &image.rgb[row * width * 3..][..width * 3];
                 line.chunks_exact(3).map(|rgb| packed([rgb[0], rgb[1], rgb[2]]))
             };
             blended.clear();
             blended.extend(colors(first).zip(colors(second)).map(|(a, b)| mixed(a, b, share)));
-            for (pixel, Blend { first, second, share }) in
+            for (pixel, PixelBlend { first, second, share }) in
                 line[columns.clone()].iter_mut().zip(&across)
             {
                 *pixel = mixed(blended[*first], blended[*second], *share);
@@ -233,21 +234,21 @@ impl<'a> Canvas<'a> {
 }
 
 /// Two neighbouring source pixels, and the weight of the second one in 256ths.
-struct Blend {
+struct PixelBlend {
     first: usize,
     second: usize,
     share: u32,
 }
 
-impl Blend {
+impl PixelBlend {
     /// Returns the blend for pixel `at` of `to`, from a row of `from` pixels.
-    fn at(at: i32, to: i32, from: usize) -> Blend {
+    fn at(at: i32, to: i32, from: usize) -> PixelBlend {
         let last = from.saturating_sub(1);
         let place = (f64::from(at) + 0.5) * from as f64 / f64::from(to.max(1)) - 0.5;
         let place = place.clamp(0.0, last as f64);
         let first = place as usize;
         let share = ((place - first as f64) * 256.0) as u32;
-        Blend { first, second: (first + 1).min(last), share }
+        PixelBlend { first, second: (first + 1).min(last), share }
     }
 }
 

@@ -11,7 +11,7 @@ const STEP: f32 = 0.5;
 
 /// The look of frames, as a person changes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Display {
+pub struct DisplaySettings {
     /// Locked factor from radiance to display light; automatic exposure if absent.
     pub locked: Option<f32>,
     /// Stops brighter than that exposure.
@@ -20,15 +20,15 @@ pub struct Display {
     rest: Look,
 }
 
-impl Display {
+impl DisplaySettings {
     /// Returns a display that starts with a look.
-    pub fn new(look: Look) -> Display {
+    pub fn new(look: Look) -> DisplaySettings {
         let (locked, stops) = match look.exposure {
             Exposure::Factor(factor) => (Some(factor), 0.0),
             Exposure::Stops(stops) => (None, stops),
             Exposure::Auto => (None, 0.0),
         };
-        Display { locked, stops, rest: look }
+        DisplaySettings { locked, stops, rest: look }
     }
 
     /// Returns the look.
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn a_locked_exposure_is_the_one_on_the_screen_and_stops_go_on_from_it() {
-        let mut display = Display::new(Look::default());
+        let mut display = DisplaySettings::new(Look::default());
         // Two half stops are exactly a factor of 2.
         (0..2).for_each(|_| display.act(Local::Brighter, None).unwrap().unwrap());
         display.act(Local::Exposure, Some(0.5)).unwrap().unwrap();
@@ -126,14 +126,14 @@ mod tests {
 
     #[test]
     fn a_tone_without_a_factor_cannot_be_locked_and_says_so() {
-        let mut display = Display::new(Look { tone: Tone::Camera, ..Look::default() });
+        let mut display = DisplaySettings::new(Look { tone: Tone::Camera, ..Look::default() });
         assert!(display.act(Local::Exposure, None).unwrap().is_err());
         assert_eq!(display.look().exposure, Exposure::Stops(0.0));
     }
 
     #[test]
     fn actions_choose_tones_and_scales_and_others_are_not_about_looks() {
-        let mut display = Display::new(Look::default());
+        let mut display = DisplaySettings::new(Look::default());
         let before = display.look();
         for tone in [Tone::Linear, Tone::Camera, Tone::Human, Tone::Soft] {
             display.act(Local::NextTone, None);
@@ -157,10 +157,12 @@ mod tests {
     #[test]
     fn a_range_that_begins_at_0_stays_linear_and_the_reason_is_given() {
         let fixed = |least, log| Scaling::Fixed(Scale::new(least, 100.0, log).unwrap());
-        let mut display = Display::new(Look { scaling: fixed(0.0, false), ..Look::default() });
+        let mut display =
+            DisplaySettings::new(Look { scaling: fixed(0.0, false), ..Look::default() });
         assert!(display.act(Local::LogScale, None).unwrap().is_err());
         assert_eq!(display.look().scaling, fixed(0.0, false));
-        let mut display = Display::new(Look { scaling: fixed(1.0, false), ..Look::default() });
+        let mut display =
+            DisplaySettings::new(Look { scaling: fixed(1.0, false), ..Look::default() });
         display.act(Local::LogScale, None).unwrap().unwrap();
         assert_eq!(display.look().scaling, fixed(1.0, true));
     }
@@ -169,7 +171,7 @@ mod tests {
     fn a_stated_look_is_kept() {
         for exposure in [Exposure::Factor(0.3), Exposure::Stops(-1.0)] {
             let look = Look { exposure, tone: Tone::Linear, contours: true, ..Look::default() };
-            assert_eq!(Display::new(look).look(), look);
+            assert_eq!(DisplaySettings::new(look).look(), look);
         }
     }
 }

@@ -36,22 +36,22 @@ pub enum Drag {
 
 /// The picture that pointers move over.
 #[derive(Clone, Copy, Debug)]
-pub struct Target {
+pub struct PointerTarget {
     /// Its place in the window.
     pub rect: Rect,
     /// Its angles, radians.
     pub angles: (f64, f64),
 }
 
-impl Target {
+impl PointerTarget {
     /// Returns a picture's target.
-    pub fn new(rect: Rect, view: Option<&View>) -> Target {
+    pub fn new(rect: Rect, view: Option<&View>) -> PointerTarget {
         let perspective = view.filter(|view| view.kind.letter() == 'v');
         let angles = perspective.map_or(OTHER_ANGLES, |view| {
             let (across, along) = view.extent();
             (2.0 * (across / 2.0).atan(), 2.0 * (along / 2.0).atan())
         });
-        Target { rect, angles }
+        PointerTarget { rect, angles }
     }
 
     /// Returns the cursor's place in the picture, if it is inside.
@@ -62,7 +62,7 @@ impl Target {
 
 /// The state of the mouse and the fingers.
 #[derive(Clone, Debug, Default)]
-pub struct Hand {
+pub struct WindowPointers {
     /// Position of the mouse, while it is in the window.
     at: Option<Point>,
     drag: Option<Drag>,
@@ -71,7 +71,7 @@ pub struct Hand {
     fingers: BTreeMap<u64, Point>,
 }
 
-impl Hand {
+impl WindowPointers {
     /// Returns the position of the mouse.
     pub fn at(&self) -> Option<Point> {
         self.at
@@ -103,7 +103,7 @@ impl Hand {
     }
 
     /// Returns the part of the picture inside the dragged rectangle: left, top, right and bottom.
-    pub fn part(&self, target: &Target) -> Option<[f64; 4]> {
+    pub fn part(&self, target: &PointerTarget) -> Option<[f64; 4]> {
         let inside = |(x, y): Point| (x.clamp(0.0, 1.0), y.clamp(0.0, 1.0));
         let (a, b) = self.corner.zip(self.at)?;
         let [a, b] = [a, b].map(|at| inside(target.rect.shares(at)));
@@ -111,7 +111,7 @@ impl Hand {
     }
 
     /// Ends the rectangle, if one is being dragged. Returns the resulting input.
-    pub fn end_part(&mut self, target: &Target) -> Option<Input> {
+    pub fn end_part(&mut self, target: &PointerTarget) -> Option<Input> {
         let part = self.part(target);
         self.corner.take()?;
         let is_large = |[left, top, right, bottom]: &[f64; 4]| {
@@ -121,7 +121,7 @@ impl Hand {
     }
 
     /// Returns the input for a motion of the mouse.
-    pub fn move_to(&mut self, at: Point, target: &Target) -> Option<Input> {
+    pub fn move_to(&mut self, at: Point, target: &PointerTarget) -> Option<Input> {
         let before = self.at.replace(at);
         if self.corner.is_some() {
             return None;
@@ -133,7 +133,7 @@ impl Hand {
     }
 
     /// Returns the input for a finger's touch or motion.
-    pub fn finger(&mut self, finger: u64, at: Point, target: &Target) -> Vec<Input> {
+    pub fn finger(&mut self, finger: u64, at: Point, target: &PointerTarget) -> Vec<Input> {
         let Some(before) = self.fingers.insert(finger, at) else {
             return if self.fingers.len() == 1 { vec![target.cursor(at)] } else { Vec::new() };
         };
@@ -160,7 +160,7 @@ pub fn wheeled(steps: f64) -> Input {
     Input::Wheel(steps.clamp(-MOST_STEPS, MOST_STEPS))
 }
 
-fn dragged(drag: Drag, from: Point, to: Point, target: &Target) -> Option<Input> {
+fn dragged(drag: Drag, from: Point, to: Point, target: &PointerTarget) -> Option<Input> {
     let (from, to) = (target.rect.shares(from), target.rect.shares(to));
     let (right, down) = (to.0 - from.0, to.1 - from.1);
     if right == 0.0 && down == 0.0 {
@@ -178,7 +178,7 @@ fn dragged(drag: Drag, from: Point, to: Point, target: &Target) -> Option<Input>
 
 /// Returns the inputs for a motion of one of two fingers. Spreading approaches the point between
 /// the fingers, pinching backs off. A common motion shifts the picture.
-fn two_fingers(from: Point, to: Point, other: Point, target: &Target) -> Vec<Input> {
+fn two_fingers(from: Point, to: Point, other: Point, target: &PointerTarget) -> Vec<Input> {
     let apart = |a: Point, b: Point| (a.0 - b.0).hypot(a.1 - b.1).max(1.0);
     let steps = (apart(to, other) / apart(from, other)).ln() / -STEP_LEAVES.ln();
     let middle = ((to.0 + other.0) / 2.0, (to.1 + other.1) / 2.0);
@@ -194,14 +194,14 @@ fn two_fingers(from: Point, to: Point, other: Point, target: &Target) -> Vec<Inp
 mod tests {
     use super::*;
 
-    fn target() -> Target {
+    fn target() -> PointerTarget {
         let rect = Rect { x: 100, y: 0, width: 800, height: 400 };
-        Target { rect, angles: (1.6, 0.8) }
+        PointerTarget { rect, angles: (1.6, 0.8) }
     }
 
     #[test]
     fn a_drag_turns_by_the_angle_that_the_cursor_passes() {
-        let mut hand = Hand::default();
+        let mut hand = WindowPointers::default();
         let target = target();
         let moved = hand.move_to((500.0, 200.0), &target);
         assert_eq!(moved, Some(Input::Cursor(Some((0.5, 0.5)))));
@@ -219,7 +219,7 @@ mod tests {
 
     #[test]
     fn a_rectangle_is_a_part_of_the_picture_and_a_click_is_none() {
-        let (mut hand, target) = (Hand::default(), target());
+        let (mut hand, target) = (WindowPointers::default(), target());
         hand.move_to((500.0, 100.0), &target);
         assert_eq!(hand.end_part(&target), None);
         hand.begin_part();
@@ -234,7 +234,7 @@ mod tests {
 
     #[test]
     fn one_finger_turns_and_two_approach_what_is_between_them() {
-        let mut hand = Hand::default();
+        let mut hand = WindowPointers::default();
         let target = target();
         assert_eq!(hand.finger(1, (500.0, 200.0), &target).len(), 1);
         let turned = hand.finger(1, (580.0, 200.0), &target);

@@ -40,19 +40,19 @@ const INSTEAD: &str = "walk in a browser instead of --window: say --http 127.0.0
 
 /// The main thread's end of the channel. The main thread shows windows, because some systems allow
 /// that nowhere else.
-pub struct Desk(mpsc::Receiver<Opening>);
+pub struct WindowHost(mpsc::Receiver<Opening>);
 
 /// The other end: requests a window from the main thread.
-pub struct Screen(mpsc::Sender<Opening>);
+pub struct WindowRequest(mpsc::Sender<Opening>);
 
 /// Returns the two ends of the channel to the main thread.
-pub fn desk() -> (Screen, Desk) {
+pub fn desk() -> (WindowRequest, WindowHost) {
     let (sender, receiver) = mpsc::channel();
-    (Screen(sender), Desk(receiver))
+    (WindowRequest(sender), WindowHost(receiver))
 }
 
-impl Desk {
-    /// Shows windows until the [`Screen`] is dropped. Call it on the main thread.
+impl WindowHost {
+    /// Shows windows until the [`WindowRequest`] is dropped. Call it on the main thread.
     pub fn serve(self) {
         self.0.into_iter().for_each(app::show);
     }
@@ -102,7 +102,7 @@ pub async fn run(
     size: (u32, u32),
     closed: Box<dyn FnOnce() + Send>,
     ended: impl Future<Output = ()> + Send + 'static,
-    screen: Screen,
+    screen: WindowRequest,
 ) -> Result<()> {
     let (looks, wanted) = watch::channel(look);
     let (sender, seen) = watch::channel(None);
@@ -112,7 +112,7 @@ pub async fn run(
     let opened = opening.await.context("the window was closed at once")?;
     let proxy = opened.with_context(|| format!("no window can be opened; {INSTEAD}"))?;
     follow_standard_input(front.inputs.clone());
-    let mut ending = Ending {
+    let mut ending = EndNotice {
         proxy: proxy.clone(),
         reason: Some("The session has ended: the terminal says why.".to_owned()),
     };
@@ -132,13 +132,13 @@ pub async fn run(
 }
 
 /// Reports the end of the session to the window, however the session ends.
-struct Ending {
+struct EndNotice {
     proxy: EventLoopProxy<Event>,
     /// The reason, if the session failed.
     reason: Option<String>,
 }
 
-impl Drop for Ending {
+impl Drop for EndNotice {
     fn drop(&mut self) {
         // If the window has been closed, the message has no effect.
         let _ = self.proxy.send_event(Event::Over(self.reason.take()));

@@ -18,12 +18,12 @@ use holo_walk::Controls;
 
 use super::{
     canvas::{Point, Rect},
-    display::Display,
-    hand::Hand,
-    overlay::Layout,
-    pace::Pace,
-    saved::Kind,
-    seen::Seen,
+    display::DisplaySettings,
+    hand::WindowPointers,
+    overlay::PanelLayout,
+    pace::WindowPace,
+    saved::SaveFormat,
+    seen::DisplayedFrame,
 };
 
 /// A new size takes effect after this time, because dragging a border passes many sizes.
@@ -47,7 +47,7 @@ pub enum Effect {
     /// The mouse only moves the eye, or is a cursor again.
     Grab(bool),
     /// The picture is saved.
-    Save(Kind),
+    Save(SaveFormat),
     /// The window closes, and the session ends.
     Leave,
 }
@@ -93,15 +93,15 @@ pub struct Modes {
 }
 
 /// The window's model; see the module.
-pub struct Model {
+pub struct WindowModel {
     /// The state of the stage.
     pub state: Arc<State>,
     /// The latest frame.
-    pub seen: Option<Arc<Seen>>,
+    pub seen: Option<Arc<DisplayedFrame>>,
     /// The look of frames.
-    pub display: Display,
+    pub display: DisplaySettings,
     /// Frame rate and latency.
-    pub pace: Pace,
+    pub pace: WindowPace,
     /// Columns and rows of the window.
     pub size: (u32, u32),
     /// Its pixels per pixel of a usual screen.
@@ -114,7 +114,7 @@ pub struct Model {
     held: BTreeSet<String>,
     controls: Controls,
     modifiers: Modifiers,
-    hand: Hand,
+    hand: WindowPointers,
     notice: Option<(String, Option<Instant>)>,
     /// When the stage is informed of a new size.
     resized: Option<Instant>,
@@ -131,14 +131,14 @@ pub struct Model {
     is_stale: bool,
 }
 
-impl Model {
+impl WindowModel {
     /// Returns the model of a new window.
-    pub fn new(look: Look, size: (u32, u32), scale: f64) -> Model {
-        Model {
+    pub fn new(look: Look, size: (u32, u32), scale: f64) -> WindowModel {
+        WindowModel {
             state: Arc::default(),
             seen: None,
-            display: Display::new(look),
-            pace: Pace::default(),
+            display: DisplaySettings::new(look),
+            pace: WindowPace::default(),
             size,
             scale,
             modes: Modes::default(),
@@ -146,7 +146,7 @@ impl Model {
             held: BTreeSet::new(),
             controls: Controls::default(),
             modifiers: Modifiers::default(),
-            hand: Hand::default(),
+            hand: WindowPointers::default(),
             notice: None,
             resized: None,
             redraw: None,
@@ -171,8 +171,8 @@ impl Model {
     }
 
     /// Returns the places of the panel's parts.
-    pub fn panel(&self) -> Layout {
-        Layout::new(self.size, self.scale, self.state.views.len())
+    pub fn panel(&self) -> PanelLayout {
+        PanelLayout::new(self.size, self.scale, self.state.views.len())
     }
 
     /// Returns the notice that is shown.
@@ -212,7 +212,7 @@ impl Model {
     }
 
     /// Records a new frame.
-    pub fn set_seen(&mut self, seen: Arc<Seen>) {
+    pub fn set_seen(&mut self, seen: Arc<DisplayedFrame>) {
         if self.seen.as_ref().is_none_or(|before| !Arc::ptr_eq(before, &seen)) {
             self.seen = Some(seen);
             self.touch();

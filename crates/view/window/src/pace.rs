@@ -16,14 +16,14 @@ const MOST_WAITING: usize = 500;
 
 /// Frames shown and inputs sent.
 #[derive(Debug, Default)]
-pub struct Pace {
+pub struct WindowPace {
     sent: BTreeMap<u64, Instant>,
     latencies: VecDeque<Duration>,
     shown: VecDeque<Instant>,
     moved: Option<Instant>,
 }
 
-impl Pace {
+impl WindowPace {
     /// Records that an input that changes the view was sent.
     pub fn sent(&mut self, number: u64, now: Instant) {
         self.sent.insert(number, now);
@@ -81,7 +81,7 @@ mod tests {
 
     #[test]
     fn latency_is_from_an_input_to_the_first_frame_that_shows_it() {
-        let (mut pace, start) = (Pace::default(), Instant::now());
+        let (mut pace, start) = (WindowPace::default(), Instant::now());
         let at = |milliseconds| start + Duration::from_millis(milliseconds);
         assert_eq!(pace.latency(), None);
         pace.sent(1, at(0));
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn frames_are_counted_while_the_eye_moves() {
-        let (mut pace, start) = (Pace::default(), Instant::now());
+        let (mut pace, start) = (WindowPace::default(), Instant::now());
         let at = |milliseconds| start + Duration::from_millis(milliseconds);
         (0..50).for_each(|frame| pace.shown(0, true, at(40 * frame)));
         assert_eq!(pace.frames_per_second(at(1960)), None, "the eye rests");

@@ -9,11 +9,11 @@ use std::{
 use anyhow::{Context, Result, bail};
 use holo_picture::{Format, Image};
 
-use super::seen::Seen;
+use super::seen::DisplayedFrame;
 
 /// A way to save a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum SaveFormat {
     /// Display colours with the legend, as `.png`.
     Seen,
     /// Radiance, as `.exr`.
@@ -27,10 +27,10 @@ const MOST_FILES: u32 = 100_000;
 ///
 /// # Errors
 /// If the picture cannot be encoded or the file cannot be written.
-pub fn save(seen: &Seen, kind: Kind, folder: &Path) -> Result<PathBuf> {
+pub fn save(seen: &DisplayedFrame, kind: SaveFormat, folder: &Path) -> Result<PathBuf> {
     let (end, bytes) = match kind {
-        Kind::Seen => ("png", Image::clone(&seen.image).with_legend().png()?),
-        Kind::Radiance => ("exr", seen.shown.frame.picture.encode(Format::Exr)?),
+        SaveFormat::Seen => ("png", Image::clone(&seen.image).with_legend().png()?),
+        SaveFormat::Radiance => ("exr", seen.shown.frame.picture.encode(Format::Exr)?),
     };
     for number in 1..=MOST_FILES {
         let path = folder.join(format!("holodeck-{number}.{end}"));
@@ -54,16 +54,16 @@ mod tests {
     fn pictures_are_saved_as_seen_and_in_radiance_and_none_is_overwritten() {
         let folder = tempfile::tempdir().unwrap();
         let seen = seen((70, 80), [0.25, 0.5, 1.0], &Look { contours: true, ..Look::default() });
-        let first = save(&seen, Kind::Seen, folder.path()).unwrap();
-        let second = save(&seen, Kind::Seen, folder.path()).unwrap();
+        let first = save(&seen, SaveFormat::Seen, folder.path()).unwrap();
+        let second = save(&seen, SaveFormat::Seen, folder.path()).unwrap();
         assert_eq!(first.file_name().unwrap(), "holodeck-1.png");
         assert_eq!(second.file_name().unwrap(), "holodeck-2.png");
         let decoder =
             png::Decoder::new(std::io::BufReader::new(std::fs::File::open(first).unwrap()));
         let width = decoder.read_info().unwrap().info().width;
         assert!(width > 70, "the legend is beside the picture");
-        let exr = save(&seen, Kind::Radiance, folder.path()).unwrap();
+        let exr = save(&seen, SaveFormat::Radiance, folder.path()).unwrap();
         assert_eq!(Picture::read(exr).unwrap().get(3, 3), Some([0.25, 0.5, 1.0]));
-        assert!(save(&seen, Kind::Seen, &folder.path().join("none")).is_err());
+        assert!(save(&seen, SaveFormat::Seen, &folder.path().join("none")).is_err());
     }
 }

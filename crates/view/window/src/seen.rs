@@ -9,7 +9,7 @@ use std::{
 
 use anyhow::Result;
 use holo_picture::{Image, Look};
-use holo_stage::{Front, Shown, Viewer};
+use holo_stage::{Front, PublishedFrame, Viewer};
 use tokio::{sync::watch, time::sleep_until};
 
 /// Interval between updates while eyes adapt to a frame at rest.
@@ -21,9 +21,9 @@ const ADAPTING: Duration = Duration::from_secs(4);
 
 /// A frame with its display colours.
 #[derive(Debug)]
-pub struct Seen {
+pub struct DisplayedFrame {
     /// The frame.
-    pub shown: Arc<Shown>,
+    pub shown: Arc<PublishedFrame>,
     /// Its colours.
     pub image: Image,
 }
@@ -37,7 +37,7 @@ pub struct Seen {
 pub async fn see(
     front: Front,
     mut looks: watch::Receiver<Look>,
-    seen: watch::Sender<Option<Arc<Seen>>>,
+    seen: watch::Sender<Option<Arc<DisplayedFrame>>>,
     wake: impl Fn(),
 ) -> Result<()> {
     let (mut frames, mut states) = (front.frames.subscribe(), front.state.subscribe());
@@ -64,7 +64,7 @@ pub async fn see(
         let mut own = mem::take(&mut viewer);
         let seeing = tokio::task::spawn_blocking(move || {
             let image = own.see(&shown.frame.picture, &look, Instant::now());
-            (own, Seen { shown, image })
+            (own, DisplayedFrame { shown, image })
         });
         let (own, new) = seeing.await?;
         viewer = own;
@@ -93,7 +93,7 @@ struct Adapting {
 impl Adapting {
     /// Returns the next state after a frame was seen. `None` if the frame is not at rest, the
     /// colours stay the same (`is_same`), or the time is over.
-    fn after(before: Option<Adapting>, shown: &Shown, is_same: bool) -> Option<Adapting> {
+    fn after(before: Option<Adapting>, shown: &PublishedFrame, is_same: bool) -> Option<Adapting> {
         let (now, frame) = (Instant::now(), shown.number);
         let end = before.filter(|before| before.frame == frame).map(|before| before.end);
         let end = end.unwrap_or(now + ADAPTING);
@@ -120,7 +120,7 @@ mod tests {
         let seeing = tokio::spawn(see(front.clone(), looks, sender, wake));
         front.state.send_replace(Arc::new(State { is_paused: true, ..State::default() }));
         wakes.changed().await.unwrap();
-        let exposure = |seen: &Option<Arc<Seen>>, frame| {
+        let exposure = |seen: &Option<Arc<DisplayedFrame>>, frame| {
             let seen = seen.as_ref().filter(|seen| seen.shown.number == frame);
             seen.and_then(|seen| seen.image.exposure)
         };
@@ -129,7 +129,7 @@ mod tests {
             let at_rest = Look::default().show(&frame.frame.picture).exposure.unwrap();
             front.frames.send_replace(Some(Arc::new(frame)));
             // Eyes stop within 2 %, a difference that is invisible: a binary logarithm of 0.03.
-            let adapted = |seen: &Option<Arc<Seen>>| {
+            let adapted = |seen: &Option<Arc<DisplayedFrame>>| {
                 exposure(seen, number).is_some_and(|now| (now / at_rest).log2().abs() < 0.03)
             };
             seen.wait_for(adapted).await.unwrap();

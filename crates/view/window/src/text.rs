@@ -21,7 +21,7 @@ pub struct Font {
 
 /// Weight of text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Weight {
+pub enum TextWeight {
     /// Usual text.
     Regular,
     /// Values and headings.
@@ -59,14 +59,14 @@ impl Font {
 /// Writes a text. The upper left corner of its first sign is at the given point.
 pub fn write(
     canvas: &mut Canvas,
-    (font, weight): (Font, Weight),
+    (font, weight): (Font, TextWeight),
     (x, y): (i32, i32),
     text: &str,
     color: Color,
 ) {
     let style = match weight {
-        Weight::Regular => FontWeight::Regular,
-        Weight::Bold => FontWeight::Bold,
+        TextWeight::Regular => FontWeight::Regular,
+        TextWeight::Bold => FontWeight::Bold,
     };
     for (index, sign) in (0..).zip(written(text)) {
         let Some(raster) = get_raster(sign, style, font.raster) else { continue };
@@ -149,7 +149,7 @@ mod tests {
         let size = (3 * font.width() as u32, font.height() as u32);
         let mut pixels = vec![0; (size.0 * size.1) as usize];
         let mut canvas = Canvas::new(&mut pixels, size).unwrap();
-        write(&mut canvas, (font, Weight::Regular), (font.width(), 0), "W", [255; 3]);
+        write(&mut canvas, (font, TextWeight::Regular), (font.width(), 0), "W", [255; 3]);
         let lit = |cell: usize| {
             let width = font.width() as usize;
             let columns = cell * width..(cell + 1) * width;

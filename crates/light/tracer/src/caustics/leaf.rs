@@ -9,8 +9,8 @@ use glam::Vec3;
 use holo_scene::Scene;
 
 use super::photons::Photon;
-use crate::geometry::Frame;
-use crate::lights::Point;
+use crate::geometry::ShadingFrame;
+use crate::lights::PreparedPoint;
 use crate::luminance::luminance;
 
 /// Most photons of a leaf.
@@ -34,14 +34,14 @@ const FACINGS: usize = 6;
 
 /// A tree of leaves for each way that surfaces face.
 #[derive(Debug)]
-pub(super) struct Tree {
-    nodes: Vec<Node>,
-    roots: [Option<Child>; FACINGS],
+pub(super) struct LeafTree {
+    nodes: Vec<LeafNode>,
+    roots: [Option<LeafChild>; FACINGS],
     leaves: Vec<Leaf>,
 }
 
 /// The scene around a leaf.
-struct Around {
+struct LeafSurroundings {
     /// Margin of all leaves.
     thickness: f32,
     /// Mean irradiance of the scene's surfaces by lamps and sky.
@@ -50,14 +50,14 @@ struct Around {
 
 /// Two halves of space. The first is below `split`.
 #[derive(Debug)]
-struct Node {
+struct LeafNode {
     axis: usize,
     split: f32,
-    halves: [Option<Child>; 2],
+    halves: [Option<LeafChild>; 2],
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Child {
+enum LeafChild {
     Node(u32),
     Leaf(u32),
 }
@@ -81,14 +81,16 @@ pub(super) struct Leaf {
     sums: [f32; MOST],
 }
 
-impl Tree {
+impl LeafTree {
     /// Sorts photons into leaves. `None` if there are too few.
     pub(super) fn new(photons: Vec<Photon>, scene: &Scene) -> Option<Self> {
         let mut by_facing: [Vec<Photon>; FACINGS] = Default::default();
         photons.into_iter().for_each(|photon| by_facing[facing(photon.normal)].push(photon));
         let (low, high) = scene.bounds();
-        let around =
-            Around { thickness: THICKNESS * (high - low).length() as f32, ambient: ambient(scene) };
+        let around = LeafSurroundings {
+            thickness: THICKNESS * (high - low).length() as f32,
+            ambient: ambient(scene),
+        };
         let mut tree = Self { nodes: Vec::new(), roots: [None; FACINGS], leaves: Vec::new() };
         for (facing, photons) in by_facing.iter_mut().enumerate() {
             tree.roots[facing] = tree.divide(photons, &around);
@@ -96,13 +98,13 @@ impl Tree {
         (!tree.leaves.is_empty()).then_some(tree)
     }
 
-    fn divide(&mut self, photons: &mut [Photon], around: &Around) -> Option<Child> {
+    fn divide(&mut self, photons: &mut [Photon], around: &LeafSurroundings) -> Option<LeafChild> {
         if photons.len() < LEAST {
             return None;
         }
         if photons.len() <= MOST {
             self.leaves.push(Leaf::new(photons, around)?);
-            return Some(Child::Leaf(self.leaves.len() as u32 - 1));
+            return Some(LeafChild::Leaf(self.leaves.len() as u32 - 1));
         }
         let (low, high) = bounds(photons);
         let axis = (high - low).max_position();
@@ -110,10 +112,10 @@ impl Tree {
         photons.select_nth_unstable_by(middle, |a, b| a.point[axis].total_cmp(&b.point[axis]));
         let split = photons[middle].point[axis];
         let at = self.nodes.len();
-        self.nodes.push(Node { axis, split, halves: [None; 2] });
+        self.nodes.push(LeafNode { axis, split, halves: [None; 2] });
         let (below, above) = photons.split_at_mut(middle);
         self.nodes[at].halves = [self.divide(below, around), self.divide(above, around)];
-        Some(Child::Node(at as u32))
+        Some(LeafChild::Node(at as u32))
     }
 
     /// Returns the leaf that contains a surface point. `None` if no photons are near.
@@ -122,11 +124,11 @@ impl Tree {
         let mut child = self.roots[facing(normal)]?;
         loop {
             match child {
-                Child::Leaf(leaf) => {
+                LeafChild::Leaf(leaf) => {
                     let leaf = &self.leaves[leaf as usize];
                     return leaf.contains(point).then_some(leaf);
                 }
-                Child::Node(node) => {
+                LeafChild::Node(node) => {
                     let node = &self.nodes[node as usize];
                     child = node.halves[usize::from(point[node.axis] >= node.split)]?;
                 }
@@ -137,7 +139,7 @@ impl Tree {
 
 impl Leaf {
     /// Makes a leaf. `None` if the photons' flux is beyond the range of f32.
-    fn new(photons: &[Photon], around: &Around) -> Option<Self> {
+    fn new(photons: &[Photon], around: &LeafSurroundings) -> Option<Self> {
         let (low, high) = bounds(photons);
         let margin = (high - low) * MARGIN + around.thickness;
         let middle = photons.iter().map(|p| p.point).sum::<Vec3>() / photons.len() as f32;
@@ -195,7 +197,7 @@ impl Leaf {
         let depth = 0.5 * rest * self.chords2[chosen];
         let (sin, cos) = (TAU * second).sin_cos();
         let radius = (depth * (2.0 - depth)).sqrt();
-        Some(Frame::new(axis).to_world(Vec3::new(radius * cos, radius * sin, 1.0 - depth)))
+        Some(ShadingFrame::new(axis).to_world(Vec3::new(radius * cos, radius * sin, 1.0 - depth)))
     }
 
     /// Returns the density of a direction.
@@ -225,7 +227,7 @@ fn ambient(scene: &Scene) -> f32 {
         power += sides * f64::from(luminance(material.emission)) * scene.area(t);
         area += scene.area(t);
     }
-    for point in scene.punctual_lights.iter().map(Point::new) {
+    for point in scene.punctual_lights.iter().map(PreparedPoint::new) {
         power += f64::from(point.extent() * point.strength());
     }
     let suns: f32 = scene.suns.iter().map(|sun| luminance(sun.irradiance)).sum();

@@ -18,16 +18,16 @@ use holo_scene::{Bsdf, SUN_RADIUS, Scene};
 
 use crate::bsdf::{Scatter, Tables};
 use crate::fresnel::{mirrored, pane};
-use crate::geometry::{Frame, cosine_hemisphere, cosine_pdf, triangle};
+use crate::geometry::{ShadingFrame, cosine_hemisphere, cosine_pdf, triangle};
 use crate::interface::Interface;
-use crate::lights::{Aim, Chosen, LATER, Lights};
+use crate::lights::{Aim, ChosenLight, LATER, Lights};
 use crate::luminance::luminance;
 use crate::panes::Panes;
 use crate::sampled::Sampled;
-use crate::sampler::{Purpose, Sampler};
-use crate::shading::{self, Look};
+use crate::sampler::{NumberPurpose, Sampler};
+use crate::shading::{self, PathArrival};
 use crate::suns::Suns;
-use crate::surface::Surface;
+use crate::surface::TracedMaterial;
 
 /// Number of light paths for each kind of light source.
 const PATHS: u32 = 1 << 16;
@@ -72,7 +72,7 @@ pub(crate) struct LightSources<'a> {
 
 /// A kind of light source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum PhotonSource {
     Lamps,
     Suns,
     Sky,
@@ -146,7 +146,7 @@ fn share(scatter: &Scatter) -> f64 {
 /// Traces all light paths.
 pub(super) fn shoot(
     raycaster: &Raycaster,
-    surfaces: &[Surface],
+    surfaces: &[TracedMaterial],
     sources: &LightSources,
     casters: &Casters,
 ) -> Vec<Photon> {
@@ -156,7 +156,11 @@ pub(super) fn shoot(
     let shooter = Shooter { raycaster, surfaces, sources, casters, far };
     let has_lamps = !(sources.lights.triangles().is_empty() && sources.lights.points().is_empty());
     let has_sky = luminance(scene.sky) > 0.0 && casters.scatters.iter().flatten().any(is_solid);
-    let kinds = [(Kind::Lamps, has_lamps), (Kind::Suns, sources.suns.any()), (Kind::Sky, has_sky)];
+    let kinds = [
+        (PhotonSource::Lamps, has_lamps),
+        (PhotonSource::Suns, sources.suns.any()),
+        (PhotonSource::Sky, has_sky),
+    ];
     let kinds = kinds.into_iter().filter(|(_, is_there)| *is_there).map(|(kind, _)| kind);
     let flux_of_path = casters.sums.last().map_or(0.0, |sum| sum / f64::from(PATHS)) as f32;
     let photons =
@@ -172,7 +176,7 @@ fn is_solid(scatter: &Scatter) -> bool {
 #[derive(Clone, Copy)]
 struct Shooter<'a> {
     raycaster: &'a Raycaster,
-    surfaces: &'a [Surface],
+    surfaces: &'a [TracedMaterial],
     sources: &'a LightSources<'a>,
     casters: &'a Casters,
     /// Distance of suns and sky.
@@ -195,7 +199,7 @@ struct Arriving {
 }
 
 /// Light that arrives from a light source.
-struct Incoming {
+struct ArrivingLight {
     /// Unit direction towards the source.
     back: Vec3,
     length: f32,
@@ -208,7 +212,7 @@ struct Incoming {
 
 impl Shooter<'_> {
     /// Returns where a light path ends. `None` if it ends nowhere.
-    fn shoot(&self, kind: Kind, path: u32) -> Option<Photon> {
+    fn shoot(&self, kind: PhotonSource, path: u32) -> Option<Photon> {
         let mut sampler = Sampler::new(SEED + kind as u64, u64::from(path));
         let mut light = self.begin(kind, &mut sampler)?;
         let mut has_passed = false;
@@ -217,12 +221,12 @@ impl Shooter<'_> {
             let scatter = self.casters.scatter(scene, light.point.triangle)?;
             let front = light.back.dot(light.point.normal) > 0.0;
             let facing = if front { light.point.normal } else { -light.point.normal };
-            let frame = Frame::new(self.normal(&light, scatter, facing));
+            let frame = ShadingFrame::new(self.normal(&light, scatter, facing));
             let wo = frame.to_local(light.back);
             if wo.z <= 0.0 {
                 return None;
             }
-            sampler.turn(depth, Purpose::Scatter);
+            sampler.turn(depth, NumberPurpose::Scatter);
             let sampled = match scatter {
                 // Light that goes straight through a pane is found without photons.
                 Scatter::Pane { ior, .. } if depth == 0 => {
@@ -246,7 +250,8 @@ impl Shooter<'_> {
                 continue;
             }
             let material = scene.material_id(hit.triangle);
-            let is_usable = weight > 0.0 && weight.is_finite() && (has_passed || kind != Kind::Sky);
+            let is_usable =
+                weight > 0.0 && weight.is_finite() && (has_passed || kind != PhotonSource::Sky);
             if !is_usable || !self.surfaces[material as usize].scatter.is_wide() {
                 return None;
             }
@@ -272,14 +277,14 @@ impl Shooter<'_> {
         if self.raycaster.scene().shading.is_none() {
             return facing;
         }
-        let look = Look { towards_eye: light.back, width: 0.0 };
+        let look = PathArrival { towards_eye: light.back, width: 0.0 };
         shading::normals(self.raycaster, &light.hit, scatter, facing, &look).1
     }
 
     /// Returns light that arrives straight from a light source at a random point of a caster.
-    fn begin(&self, kind: Kind, sampler: &mut Sampler) -> Option<Arriving> {
+    fn begin(&self, kind: PhotonSource, sampler: &mut Sampler) -> Option<Arriving> {
         let Self { raycaster, casters, .. } = *self;
-        sampler.turn(0, Purpose::Aim);
+        sampler.turn(0, NumberPurpose::Aim);
         let (first, second) = sampler.pairs(1).at(0);
         let whole = *casters.sums.last()?;
         let at = casters.sums.partition_point(|&sum| sum <= first * whole);
@@ -288,11 +293,11 @@ impl Shooter<'_> {
         let point = raycaster.surface(chosen, u, v);
         let scatter = casters.scatter(raycaster.scene(), chosen)?;
         let incoming = match kind {
-            Kind::Lamps => self.lamp(&point, sampler)?,
-            Kind::Suns => self.sun(&point, sampler)?,
-            Kind::Sky => self.sky(&point, scatter, sampler)?,
+            PhotonSource::Lamps => self.lamp(&point, sampler)?,
+            PhotonSource::Suns => self.sun(&point, sampler)?,
+            PhotonSource::Sky => self.sky(&point, scatter, sampler)?,
         };
-        let Incoming { back, length, size, intensity, least_chord2 } = incoming;
+        let ArrivingLight { back, length, size, intensity, least_chord2 } = incoming;
         let weight = intensity * back.dot(point.normal).abs() / share(scatter) as f32;
         let hit = Hit { t: 0.0, triangle: chosen, u, v };
         let arriving = Arriving { point, hit, back, weight, length, lamp: size, least_chord2 };
@@ -300,24 +305,30 @@ impl Shooter<'_> {
     }
 
     /// Returns the light of a lamp that arrives at a point.
-    fn lamp(&self, point: &SurfacePoint, sampler: &mut Sampler) -> Option<Incoming> {
+    fn lamp(&self, point: &SurfacePoint, sampler: &mut Sampler) -> Option<ArrivingLight> {
         let Self { raycaster, sources: LightSources { lights, panes, .. }, .. } = *self;
         let scene = raycaster.scene();
-        sampler.turn(0, Purpose::Light);
+        sampler.turn(0, NumberPurpose::Light);
         let (first, second) = sampler.pairs(1).at(0);
         let seen = lights.at_vertex(point.point, Vec3::ZERO, LATER);
         let least_chord2 = chord2(AROUND_LAMP);
         let (lamp, probability, rest) = match lights.choose(&seen, first)? {
-            Chosen::Triangle { triangle, probability, rest } => (triangle, probability, rest),
-            Chosen::Point { point: lamp, probability } => {
+            ChosenLight::Triangle { triangle, probability, rest } => (triangle, probability, rest),
+            ChosenLight::Point { point: lamp, probability } => {
                 let towards = lamp.position - point.point;
                 let (length, back) = (towards.length(), towards.try_normalize()?);
                 let passed = panes.between(raycaster, point, &lamp.place());
                 let arriving = luminance((lamp.intensity(-back) * passed).to_array());
                 let intensity = arriving / (length * length * probability);
-                return Some(Incoming { back, length, size: lamp.radius, intensity, least_chord2 });
+                return Some(ArrivingLight {
+                    back,
+                    length,
+                    size: lamp.radius,
+                    intensity,
+                    least_chord2,
+                });
             }
-            Chosen::Sky { .. } => return None,
+            ChosenLight::Sky { .. } => return None,
         };
         let aim = Aim::new(point.point, raycaster.vertices(lamp));
         let (u, v) = aim.sample([rest, second]);
@@ -334,16 +345,16 @@ impl Shooter<'_> {
         let density = probability * aim.density(length * length, cosine.abs());
         let intensity = passed * luminance(emitter.emission.to_array()) / density;
         let size = (scene.area(lamp) as f32).sqrt();
-        Some(Incoming { back, length, size, intensity, least_chord2 })
+        Some(ArrivingLight { back, length, size, intensity, least_chord2 })
     }
 
     /// Returns the light of the middle of a sun that arrives at a point.
-    fn sun(&self, point: &SurfacePoint, sampler: &mut Sampler) -> Option<Incoming> {
+    fn sun(&self, point: &SurfacePoint, sampler: &mut Sampler) -> Option<ArrivingLight> {
         let LightSources { suns, panes, .. } = self.sources;
-        sampler.turn(0, Purpose::Sun);
+        sampler.turn(0, NumberPurpose::Sun);
         let (back, irradiance) = suns.choose_middle(sampler.one())?;
         let passed = panes.to_sky(self.raycaster, point, back);
-        Some(Incoming {
+        Some(ArrivingLight {
             back,
             length: self.far,
             size: 2.0 * SUN_RADIUS as f32 * self.far,
@@ -358,18 +369,18 @@ impl Shooter<'_> {
         point: &SurfacePoint,
         scatter: &Scatter,
         sampler: &mut Sampler,
-    ) -> Option<Incoming> {
+    ) -> Option<ArrivingLight> {
         if !is_solid(scatter) {
             return None;
         }
-        sampler.turn(0, Purpose::Light);
+        sampler.turn(0, NumberPurpose::Light);
         let normal = if sampler.one() < 0.5 { point.normal } else { -point.normal };
         let local = cosine_hemisphere(sampler.two());
-        let back = Frame::new(normal).to_world(local);
+        let back = ShadingFrame::new(normal).to_world(local);
         let passed = self.sources.panes.to_sky(self.raycaster, point, back);
         let sky = Vec3::from(self.raycaster.scene().sky) * passed;
         let density = 0.5 * cosine_pdf(local.z);
-        Some(Incoming {
+        Some(ArrivingLight {
             back,
             length: self.far,
             size: self.far,

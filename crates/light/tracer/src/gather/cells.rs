@@ -26,7 +26,7 @@ use glam::Vec3;
 use rustc_hash::FxHashMap;
 
 use super::estimates::Estimates;
-use super::place::Place;
+use super::place::SurfacePlace;
 use super::shared::SharedCell;
 
 /// Most cells: about 100 MB.
@@ -71,7 +71,7 @@ fn opens(level: u32) -> u32 {
 
 /// The light of a cell.
 #[derive(Clone, Copy, Debug)]
-struct Cell {
+struct SurfaceCell {
     /// The first point that taught the cell, and its normal.
     anchor: Vec3,
     normal: Vec3,
@@ -90,14 +90,14 @@ struct Cell {
 
 /// The cells of one scene.
 #[derive(Debug)]
-pub(crate) struct Cells {
+pub(crate) struct CellMap {
     /// Width of the cells of level 0.
     widest: f32,
     count: AtomicUsize,
-    shards: Box<[Mutex<FxHashMap<u64, Cell>>]>,
+    shards: Box<[Mutex<FxHashMap<u64, SurfaceCell>>]>,
 }
 
-impl Cells {
+impl CellMap {
     pub(crate) fn new(widest: f32) -> Self {
         let shards = (0..SHARDS).map(|_| Mutex::default()).collect();
         Self { widest, count: AtomicUsize::new(0), shards }
@@ -106,7 +106,7 @@ impl Cells {
     /// Returns the number of estimates that count, of all cells.
     #[cfg(test)]
     pub(super) fn estimates(&self) -> f32 {
-        let of_shard = |shard: &Mutex<FxHashMap<u64, Cell>>| {
+        let of_shard = |shard: &Mutex<FxHashMap<u64, SurfaceCell>>| {
             let shard = shard.lock().unwrap_or_else(PoisonError::into_inner);
             shard.values().map(|cell| cell.estimates.count).sum::<f32>()
         };
@@ -124,7 +124,7 @@ impl Cells {
     }
 
     #[inline]
-    fn shard(&self, key: u64) -> MutexGuard<'_, FxHashMap<u64, Cell>> {
+    fn shard(&self, key: u64) -> MutexGuard<'_, FxHashMap<u64, SurfaceCell>> {
         // No panic leaves a cell half changed.
         self.shards[(key >> 32) as usize % SHARDS].lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -132,7 +132,7 @@ impl Cells {
     /// Returns the light, divided by reflectance, of the narrowest cell that knows enough and is
     /// narrow beside the footprint.
     #[inline]
-    pub(super) fn look_up(&self, place: &Place, footprint: f32) -> Option<Vec3> {
+    pub(super) fn look_up(&self, place: &SurfacePlace, footprint: f32) -> Option<Vec3> {
         let fits = |level: u32| LEAST_FOOTPRINT * self.width(level) <= footprint;
         let mut found = None;
         for level in BASE..LEVELS {
@@ -152,7 +152,7 @@ impl Cells {
 
     /// Returns the cell of a level that contains a place and sees it.
     #[inline]
-    fn cell(&self, place: &Place, level: u32) -> Option<Cell> {
+    fn cell(&self, place: &SurfacePlace, level: u32) -> Option<SurfaceCell> {
         let width = self.width(level);
         for part in 0..PARTS {
             let key = place.spot.key(width, level, part);
@@ -165,7 +165,7 @@ impl Cells {
     }
 
     /// Adds an estimate of the light that a place reflects, with its albedo.
-    pub(super) fn add(&self, place: &Place, light: Vec3, albedo: Vec3) {
+    pub(super) fn add(&self, place: &SurfacePlace, light: Vec3, albedo: Vec3) {
         let new = Estimates { light, albedo, count: 1.0 };
         for level in BASE..LEVELS {
             let total = self.add_at(place, level, &new, true);
@@ -179,12 +179,12 @@ impl Cells {
     }
 
     /// Adds estimates of another process to the cell of one level.
-    pub(super) fn add_received(&self, place: &Place, level: u32, new: &Estimates) {
+    pub(super) fn add_received(&self, place: &SurfacePlace, level: u32, new: &Estimates) {
         self.add_at(place, level, new, false);
     }
 
     /// Returns the estimates of the cell of a level, if it may be used.
-    pub(super) fn known(&self, place: &Place, level: u32) -> Option<Estimates> {
+    pub(super) fn known(&self, place: &SurfacePlace, level: u32) -> Option<Estimates> {
         self.cell(place, level).filter(|cell| cell.total >= READY).map(|cell| cell.estimates)
     }
 
@@ -193,7 +193,7 @@ impl Cells {
         let mut taken = Vec::new();
         for shard in &self.shards {
             let mut shard = shard.lock().unwrap_or_else(PoisonError::into_inner);
-            let due = |cell: &&mut Cell| {
+            let due = |cell: &&mut SurfaceCell| {
                 cell.unsent.count >= LEAST_SENT.max(LEAST_SHARE_SENT * cell.total as f32)
             };
             for cell in shard.values_mut().filter(due).take(most - taken.len()) {
@@ -223,7 +223,13 @@ impl Cells {
 
     /// Adds estimates to the cell of one level. Returns how many it has had; `None` if there is no
     /// such cell and no room for one.
-    fn add_at(&self, place: &Place, level: u32, new: &Estimates, is_own: bool) -> Option<u32> {
+    fn add_at(
+        &self,
+        place: &SurfacePlace,
+        level: u32,
+        new: &Estimates,
+        is_own: bool,
+    ) -> Option<u32> {
         let width = self.width(level);
         for part in 0..PARTS {
             let key = place.spot.key(width, level, part);
@@ -237,7 +243,7 @@ impl Cells {
             let mut shard = self.shard(key);
             let cell = shard.entry(key).or_insert_with(|| {
                 self.count.fetch_add(1, Ordering::Relaxed);
-                Cell {
+                SurfaceCell {
                     anchor: place.spot.point.point,
                     normal: place.spot.normal,
                     is_clear,
@@ -282,21 +288,21 @@ pub(super) mod tests {
         Raycaster::build(Arc::new(made.unwrap().0)).unwrap()
     }
 
-    pub fn place(raycaster: &Raycaster, [u, v]: [f32; 2]) -> Place<'_> {
+    pub fn place(raycaster: &Raycaster, [u, v]: [f32; 2]) -> SurfacePlace<'_> {
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
         let point = raycaster.surface(0, u, v);
         let spot = Spot { point, normal: Vec3::Z, material: 0, bounces: u32::MAX };
-        Place { raycaster, spot }
+        SurfacePlace { raycaster, spot }
     }
 
     /// Light that changes by its own mean over the width of the floor.
-    fn light(place: &Place) -> f32 {
+    fn light(place: &SurfacePlace) -> f32 {
         1.0 + place.spot.point.point.x
     }
 
     /// Returns the root mean squared error of the light of cells after many noisy estimates.
     fn error_after(raycaster: &Raycaster, estimates: u64) -> f32 {
-        let cells = Cells::new(0.5);
+        let cells = CellMap::new(0.5);
         for number in 0..estimates {
             let mut sampler = Sampler::new(7, number);
             let place = place(raycaster, sampler.two());
@@ -326,7 +332,7 @@ pub(super) mod tests {
     #[test]
     fn a_cell_serves_only_wide_paths_and_only_its_own_side_material_and_number_of_bounces() {
         let raycaster = floor();
-        let cells = Cells::new(0.5);
+        let cells = CellMap::new(0.5);
         let here = place(&raycaster, [0.3, 0.3]);
         for _ in 0..READY {
             assert_eq!(cells.look_up(&here, 1.0), None);

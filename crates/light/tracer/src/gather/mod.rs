@@ -3,7 +3,7 @@
 //! The first surface of a path that is neither a mirror nor glass is treated as by the engine
 //! `path`, with as many light samples and continuations as pay there ([`Spreads`]). At each later
 //! diffuse surface, the path ends if a cell knows the light there
-//! ([`Cells`]). Otherwise it continues as a path would, and its light becomes an estimate for the
+//! ([`CellMap`]). Otherwise it continues as a path would, and its light becomes an estimate for the
 //! cell. A share of paths ([`SHARE`]) also continues where a cell is known, and only teaches it.
 //!
 //! A cell holds reflected light divided by reflectance, so textures and colours stay sharp. Light
@@ -18,8 +18,9 @@
 //!   sharp, and no light passes through walls.
 //! - Cells shrink while they learn: after N estimates in a place, cells there have a width in
 //!   proportion to N^(-1/4), and so a bias of that order. The mean of a cell has √N estimates, of
-//!   which about 2 N^(3/8) count, and so a standard error in proportion to N^(-3/16). [`Cells`] has
-//!   the rule. The error of a picture therefore tends to 0 as long as paths go on. Without room for more cells, paths continue, and have no bias.
+//!   which about 2 N^(3/8) count, and so a standard error in proportion to N^(-3/16). [`CellMap`]
+//!   has the rule. The error of a picture therefore tends to 0 as long as paths go on. Without room
+//!   for more cells, paths continue, and have no bias.
 //! - Coats end a path only from directions in which they reflect little
 //!   ([`Scatter::diffuse_albedo`]). Their cells hold the mean over these directions.
 //! - Cells of light with a limited number of bounces are cells of their own for each number.
@@ -45,16 +46,16 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use glam::Vec3;
 use holo_raycast::Raycaster;
 
-pub(crate) use cells::Cells;
+pub(crate) use cells::CellMap;
 pub(crate) use footprint::Footprint;
 pub use shared::{SharedCell, Verdict};
 
 use crate::engine::PathEngine;
 use crate::path::Start;
 use crate::policy::{Carried, FirstSurface, LaterVertex, PathPolicy, Spread};
-use crate::sampler::{Purpose, Sampler};
+use crate::sampler::{NumberPurpose, Sampler};
 use lessons::Lessons;
-use place::Place;
+use place::SurfacePlace;
 use shared::Makers;
 use spread::Spreads;
 
@@ -70,7 +71,7 @@ const CHAIN: f32 = 0.5;
 /// The cells of one scene.
 #[derive(Debug)]
 pub(crate) struct Gather {
-    cells: Cells,
+    cells: CellMap,
     makers: Mutex<Makers>,
     /// `None` if the engine's own numbers hold everywhere.
     spreads: Option<Spreads>,
@@ -81,7 +82,7 @@ impl Gather {
         let widest = room::widest_cell(raycaster);
         let is_free = engine.bounces > 0 && engine.branches == 1;
         Self {
-            cells: Cells::new(widest),
+            cells: CellMap::new(widest),
             makers: Mutex::default(),
             spreads: is_free.then(|| Spreads::new(widest)),
         }
@@ -142,7 +143,7 @@ impl Gather {
 /// The policy of this engine: paths end in cells.
 #[derive(Clone, Copy)]
 struct GatherPolicy<'a> {
-    cells: &'a Cells,
+    cells: &'a CellMap,
     spreads: Option<&'a Spreads>,
     engine: &'a PathEngine,
 }
@@ -158,12 +159,12 @@ impl PathPolicy for GatherPolicy<'_> {
         sampler: &mut Sampler,
     ) -> bool {
         let Some(albedo) = at.scatter.diffuse_albedo(at.wo) else { return false };
-        let place = Place::new(at, self.engine.bounces);
+        let place = SurfacePlace::new(at, self.engine.bounces);
         let known = self.cells.look_up(&place, at.footprint);
         if let Some(light) = known {
             *carried.radiance += *carried.throughput * albedo * light;
             let share = if lessons.is_empty() { SHARE } else { CHAIN };
-            sampler.turn(at.depth, Purpose::Teach);
+            sampler.turn(at.depth, NumberPurpose::Teach);
             if lessons.is_full() || sampler.one() >= share {
                 return true;
             }
@@ -188,7 +189,7 @@ impl PathPolicy for GatherPolicy<'_> {
 
     fn learn(&self, raycaster: &Raycaster, lessons: Lessons, radiance: Vec3) -> Vec3 {
         lessons.end(radiance, |spot, light, albedo| {
-            self.cells.add(&Place { raycaster, spot }, light, albedo);
+            self.cells.add(&SurfacePlace { raycaster, spot }, light, albedo);
         })
     }
 }

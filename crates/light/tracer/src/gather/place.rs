@@ -5,7 +5,7 @@ use std::f32::consts::FRAC_PI_3;
 use glam::Vec3;
 use holo_raycast::{Raycaster, SurfacePoint};
 
-use crate::geometry::Frame;
+use crate::geometry::ShadingFrame;
 use crate::policy::LaterVertex;
 use crate::sampler::mix;
 
@@ -26,12 +26,12 @@ pub(crate) struct Spot {
 
 /// A spot in its scene.
 #[derive(Clone, Copy)]
-pub(crate) struct Place<'a> {
+pub(crate) struct SurfacePlace<'a> {
     pub raycaster: &'a Raycaster,
     pub spot: Spot,
 }
 
-impl<'a> Place<'a> {
+impl<'a> SurfacePlace<'a> {
     /// Returns the place of a vertex of paths with at most `bounces` bounces.
     #[inline]
     pub(super) fn new(at: &LaterVertex<'a>, bounces: u32) -> Self {
@@ -61,7 +61,7 @@ impl<'a> Place<'a> {
     /// them, and a cell reaches no further. Smaller things may be missed.
     pub(super) fn is_clear(&self, width: f32) -> bool {
         let Spot { point, normal, .. } = self.spot;
-        let frame = Frame::new(normal);
+        let frame = ShadingFrame::new(normal);
         let reach = 1.65 * width;
         (0..6).all(|ray| {
             let (sin, cos) = (ray as f32 * FRAC_PI_3).sin_cos();

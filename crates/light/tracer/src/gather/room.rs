@@ -2,7 +2,7 @@
 
 use holo_raycast::{Ray, Raycaster, spawn};
 
-use crate::geometry::{Frame, cosine_hemisphere};
+use crate::geometry::{ShadingFrame, cosine_hemisphere};
 use crate::sampler::Sampler;
 
 /// Rays that look how far surfaces are from each other.
@@ -54,7 +54,7 @@ fn distances(raycaster: &Raycaster) -> Vec<f32> {
             let point = raycaster.surface(triangle, u, v);
             let side = sampler.one();
             let normal = if side < 0.5 { point.normal } else { -point.normal };
-            let direction = Frame::new(normal).to_world(cosine_hemisphere(sampler.two()));
+            let direction = ShadingFrame::new(normal).to_world(cosine_hemisphere(sampler.two()));
             if !(point.normal.length_squared() > 0.5 && direction.is_finite()) {
                 return None;
             }

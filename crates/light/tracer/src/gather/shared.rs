@@ -16,9 +16,9 @@ use glam::Vec3;
 use holo_raycast::{NO_TRIANGLE, Raycaster, SurfacePoint};
 use rustc_hash::FxHashMap;
 
-use super::cells::{Cells, LEVELS};
+use super::cells::{CellMap, LEVELS};
 use super::estimates::Estimates;
-use super::place::{Place, Spot};
+use super::place::{Spot, SurfacePlace};
 use crate::luminance::luminance;
 
 /// Cells to compare before a maker's light may count.
@@ -106,8 +106,8 @@ struct Comparison {
 }
 
 impl Comparison {
-    fn add(&mut self, cells: &Cells, raycaster: &Raycaster, shared: &SharedCell) {
-        let place = Place { raycaster, spot: shared.spot() };
+    fn add(&mut self, cells: &CellMap, raycaster: &Raycaster, shared: &SharedCell) {
+        let place = SurfacePlace { raycaster, spot: shared.spot() };
         let Some(own) = cells.known(&place, shared.level) else { return };
         let theirs = shared.estimates();
         let weight = f64::from(own.count.min(theirs.count).min(MOST_WEIGHT));
@@ -144,7 +144,7 @@ impl Comparison {
 }
 
 #[derive(Debug)]
-enum Maker {
+enum CellMaker {
     Waiting {
         cells: Vec<SharedCell>,
         compared: usize,
@@ -159,7 +159,7 @@ enum Maker {
 /// What is known of those whose cells were received, by their numbers.
 #[derive(Debug, Default)]
 pub(super) struct Makers {
-    makers: FxHashMap<u16, Maker>,
+    makers: FxHashMap<u16, CellMaker>,
     waiting: usize,
 }
 
@@ -167,28 +167,31 @@ impl Makers {
     /// Takes cells of a maker. Returns a verdict if the maker turns out to be wrong.
     pub(super) fn receive(
         &mut self,
-        cells: &Cells,
+        cells: &CellMap,
         raycaster: &Raycaster,
         maker: u16,
         shared: &[SharedCell],
     ) -> Option<Verdict> {
-        let new =
-            || Maker::Waiting { cells: Vec::new(), compared: 0, comparison: Comparison::default() };
+        let new = || CellMaker::Waiting {
+            cells: Vec::new(),
+            compared: 0,
+            comparison: Comparison::default(),
+        };
         let known = self.makers.entry(maker).or_insert_with(new);
         let valid = shared.iter().filter(|cell| cell.is_valid());
         match known {
-            Maker::Refused => None,
-            Maker::Waiting { cells, .. } | Maker::Agreed(cells) => {
+            CellMaker::Refused => None,
+            CellMaker::Waiting { cells, .. } | CellMaker::Agreed(cells) => {
                 let room = MAX_WAITING - self.waiting;
                 let before = cells.len();
                 cells.extend(valid.take(room));
                 self.waiting += cells.len() - before;
                 None
             }
-            Maker::Trusted(comparison) => {
+            CellMaker::Trusted(comparison) => {
                 valid.clone().for_each(|cell| comparison.add(cells, raycaster, cell));
                 if comparison.verdict() == Some(Verdict::Contradicts) {
-                    *known = Maker::Refused;
+                    *known = CellMaker::Refused;
                     cells.clear();
                     return Some(Verdict::Contradicts);
                 }
@@ -202,10 +205,10 @@ impl Makers {
     }
 
     /// Compares some of the waiting cells. Returns the makers about whom that decides.
-    pub(super) fn review(&mut self, own: &Cells, raycaster: &Raycaster) -> Vec<(u16, Verdict)> {
+    pub(super) fn review(&mut self, own: &CellMap, raycaster: &Raycaster) -> Vec<(u16, Verdict)> {
         let mut decided = Vec::new();
         for (&maker, known) in &mut self.makers {
-            let Maker::Waiting { cells, compared, comparison } = known else { continue };
+            let CellMaker::Waiting { cells, compared, comparison } = known else { continue };
             if *compared >= cells.len() {
                 // From the beginning: there are more own estimates by now.
                 (*compared, *comparison) = (0, Comparison::default());
@@ -219,10 +222,10 @@ impl Makers {
             let cells = std::mem::take(cells);
             decided.push((maker, verdict));
             *known = match verdict {
-                Verdict::Agrees => Maker::Agreed(cells),
+                Verdict::Agrees => CellMaker::Agreed(cells),
                 Verdict::Contradicts => {
                     self.waiting -= cells.len();
-                    Maker::Refused
+                    CellMaker::Refused
                 }
             };
         }
@@ -230,23 +233,24 @@ impl Makers {
     }
 
     /// Lets the light of a maker count, if it agrees.
-    pub(super) fn trust(&mut self, own: &Cells, raycaster: &Raycaster, maker: u16) {
+    pub(super) fn trust(&mut self, own: &CellMap, raycaster: &Raycaster, maker: u16) {
         let Some(known) = self.makers.get_mut(&maker) else { return };
-        let Maker::Agreed(cells) = known else { return };
+        let CellMaker::Agreed(cells) = known else { return };
         cells.iter().for_each(|cell| add(own, raycaster, cell));
         self.waiting -= cells.len();
-        *known = Maker::Trusted(Comparison::default());
+        *known = CellMaker::Trusted(Comparison::default());
     }
 
     /// Returns the makers whose light counts.
     pub(super) fn trusted(&self) -> Vec<u16> {
-        let trusted = self.makers.iter().filter(|(_, known)| matches!(known, Maker::Trusted(_)));
+        let trusted =
+            self.makers.iter().filter(|(_, known)| matches!(known, CellMaker::Trusted(_)));
         trusted.map(|(&maker, _)| maker).collect()
     }
 }
 
-fn add(cells: &Cells, raycaster: &Raycaster, cell: &SharedCell) {
-    let place = Place { raycaster, spot: cell.spot() };
+fn add(cells: &CellMap, raycaster: &Raycaster, cell: &SharedCell) {
+    let place = SurfacePlace { raycaster, spot: cell.spot() };
     cells.add_received(&place, cell.level, &cell.estimates());
 }
 
@@ -257,8 +261,8 @@ mod tests {
     use crate::sampler::Sampler;
 
     /// Cells that have learned from many noisy estimates of light 1 with seeds from `seed` on.
-    fn taught(raycaster: &Raycaster, seed: u64, estimates: u64) -> Cells {
-        let cells = Cells::new(0.1);
+    fn taught(raycaster: &Raycaster, seed: u64, estimates: u64) -> CellMap {
+        let cells = CellMap::new(0.1);
         for number in 0..estimates {
             let mut sampler = Sampler::new(seed, number);
             let place = place(raycaster, sampler.two());
@@ -273,7 +277,7 @@ mod tests {
         cells
     }
 
-    fn mean(cells: &Cells, raycaster: &Raycaster) -> f32 {
+    fn mean(cells: &CellMap, raycaster: &Raycaster) -> f32 {
         let known = (0..1000).filter_map(|number| {
             cells.look_up(&place(raycaster, Sampler::new(9, number).two()), f32::INFINITY)
         });
@@ -285,7 +289,7 @@ mod tests {
     fn honest_light_counts_once_it_agrees_and_no_sooner() {
         let raycaster = floor();
         let theirs = taught(&raycaster, 1, 20_000).take_new(usize::MAX);
-        let own = Cells::new(0.1);
+        let own = CellMap::new(0.1);
         let mut makers = Makers::default();
         assert_eq!(makers.receive(&own, &raycaster, 5, &theirs), None);
         assert_eq!(makers.review(&own, &raycaster), []);

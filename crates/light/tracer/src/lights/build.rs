@@ -9,7 +9,7 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use super::cone::Cone;
-use super::node::{Bound, Child, Node, WIDTH};
+use super::node::{Bound, Child, LightNode, WIDTH};
 
 /// Number of intervals per axis between which splits are considered.
 const BUCKETS: usize = 12;
@@ -143,7 +143,7 @@ impl Emitter {
 
 /// Builds the tree. Returns the nodes, the root first, and the leaf of each emitter. Without
 /// emitters there are no nodes.
-pub(crate) fn tree(emitters: Vec<Emitter>) -> (Vec<Node>, Vec<Child>) {
+pub(crate) fn tree(emitters: Vec<Emitter>) -> (Vec<LightNode>, Vec<Child>) {
     let mut builder = Builder { nodes: Vec::new(), places: vec![Child::default(); emitters.len()] };
     let mut items: Vec<(u32, Emitter)> = (0..).zip(emitters).collect();
     if !items.is_empty() {
@@ -153,14 +153,14 @@ pub(crate) fn tree(emitters: Vec<Emitter>) -> (Vec<Node>, Vec<Child>) {
 }
 
 struct Builder {
-    nodes: Vec<Node>,
+    nodes: Vec<LightNode>,
     places: Vec<Child>,
 }
 
 impl Builder {
     fn node(&mut self, items: &mut [(u32, Emitter)], parent: Child, depth: usize) -> usize {
         let index = self.nodes.len();
-        self.nodes.push(Node::new(parent));
+        self.nodes.push(LightNode::new(parent));
         let all = whole(items);
         let mut groups: Vec<(&mut [(u32, Emitter)], Emitter)> = vec![(items, all)];
         while groups.len() < WIDTH {

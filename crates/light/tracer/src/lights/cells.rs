@@ -16,14 +16,14 @@ use glam::{IVec3, Vec3};
 use holo_raycast::{Ray, Raycaster, SurfacePoint, spawn};
 
 use super::build::Emission;
-use super::node::{Child, Node, WIDTH};
-use super::point::Point;
-use super::tree::{ONE_BELOW, Tree, Weights, below_one};
+use super::node::{Child, LightNode, WIDTH};
+use super::point::PreparedPoint;
+use super::tree::{LightTree, ONE_BELOW, Weights, below_one};
 use super::triangle::Aim;
-use crate::geometry::{Frame, cosine_hemisphere};
+use crate::geometry::{ShadingFrame, cosine_hemisphere};
 use crate::luminance::luminance;
 use crate::panes::Panes;
-use crate::sampler::{Purpose, Sampler};
+use crate::sampler::{NumberPurpose, Sampler};
 
 /// Most subtrees that a cell chooses among.
 const CLUSTERS: usize = 64;
@@ -57,7 +57,7 @@ const MARGIN: f32 = 0.25;
 
 /// The light that the surfaces of a cell receive.
 #[derive(Debug)]
-pub(super) struct Cell {
+pub(super) struct LightCell {
     /// From all emitters: approximate irradiance, in the unit of the tree's powers.
     pub total: f32,
     /// The same from the sky.
@@ -66,7 +66,7 @@ pub(super) struct Cell {
     sums: Box<[f32]>,
     /// The clusters that probes saw or that are near, weighed anew for every vertex. Their power is
     /// scaled by the share that reached the probes.
-    pub seen: Box<[Node]>,
+    pub seen: Box<[LightNode]>,
     /// The cluster of each slot of `seen`.
     seen_clusters: [u8; SEEN_NODES * WIDTH],
     /// The slot of each cluster in `seen`; `u8::MAX` if it has none.
@@ -75,7 +75,7 @@ pub(super) struct Cell {
 
 /// The grid of cells.
 #[derive(Debug)]
-pub(super) struct Cells {
+pub(super) struct LightGrid {
     raycaster: Arc<Raycaster>,
     panes: Arc<Panes>,
     /// Luminance of the irradiance of a surface that sees all of the sky, in the unit of the tree's
@@ -87,10 +87,10 @@ pub(super) struct Cells {
     clusters: Vec<Child>,
     /// The cluster of each emitter.
     cluster_of: Vec<u16>,
-    cells: Box<[OnceLock<Cell>]>,
+    cells: Box<[OnceLock<LightCell>]>,
 }
 
-impl Cell {
+impl LightCell {
     /// Picks a cluster by a uniform number and makes the number uniform again.
     #[inline]
     fn pick(&self, seen: &Weights, uniform: &mut f64) -> usize {
@@ -130,12 +130,12 @@ impl Cell {
     }
 }
 
-impl Cells {
+impl LightGrid {
     /// Divides space into at most about `most` cells, for a tree and the irradiance of its sky.
     /// `None` if the tree is too small to need them.
     pub(super) fn new(
         most: f32,
-        tree: &Tree,
+        tree: &LightTree,
         sky: f32,
         raycaster: &Arc<Raycaster>,
         panes: &Arc<Panes>,
@@ -199,27 +199,27 @@ impl Cells {
     }
 
     #[inline]
-    pub(super) fn get(&self, tree: &Tree, number: u32) -> &Cell {
+    pub(super) fn get(&self, tree: &LightTree, number: u32) -> &LightCell {
         self.cells[number as usize].get_or_init(|| self.probe(tree, number))
     }
 
     /// Picks a cluster by a uniform number; returns it and its probability.
     #[inline]
-    pub(super) fn pick(&self, cell: &Cell, seen: &Weights, uniform: &mut f64) -> (Child, f32) {
+    pub(super) fn pick(&self, cell: &LightCell, seen: &Weights, uniform: &mut f64) -> (Child, f32) {
         let i = cell.pick(seen, uniform);
         (self.clusters[i], cell.probability(seen, i))
     }
 
     /// Returns the cluster of an emitter and its probability.
     #[inline]
-    pub(super) fn share(&self, cell: &Cell, seen: &Weights, emitter: usize) -> (Child, f32) {
+    pub(super) fn share(&self, cell: &LightCell, seen: &Weights, emitter: usize) -> (Child, f32) {
         let i = usize::from(self.cluster_of[emitter]);
         (self.clusters[i], cell.probability(seen, i))
     }
 
     /// Estimates a cell: probes send shadow rays to all clusters.
     #[cold]
-    fn probe(&self, tree: &Tree, number: u32) -> Cell {
+    fn probe(&self, tree: &LightTree, number: u32) -> LightCell {
         let (cell, facing) = (number / FACINGS as u32, number % FACINGS as u32);
         let (x, y) = (self.size.x as u32, self.size.y as u32);
         let corner = Vec3::new((cell % x) as f32, (cell / x % y) as f32, (cell / x / y) as f32);
@@ -230,7 +230,7 @@ impl Cells {
         let mut sky = 0;
         let repeats = (LOOKS / (PROBES * self.clusters.len())).clamp(1, 8);
         for (k, probe) in probes.iter().enumerate() {
-            sampler.turn((1 + k) as u32, Purpose::Light);
+            sampler.turn((1 + k) as u32, NumberPurpose::Light);
             for (i, &cluster) in self.clusters.iter().enumerate() {
                 for _ in 0..repeats {
                     let (value, passed) = self.look(tree, probe, facing, cluster, &mut sampler);
@@ -239,8 +239,9 @@ impl Cells {
                 }
             }
             if self.sky > 0.0 {
-                sampler.turn((1 + k) as u32, Purpose::Scatter);
-                let frame = Frame::new(if facing == EVERYWHERE { Vec3::Z } else { probe.normal });
+                sampler.turn((1 + k) as u32, NumberPurpose::Scatter);
+                let frame =
+                    ShadingFrame::new(if facing == EVERYWHERE { Vec3::Z } else { probe.normal });
                 for _ in 0..SKY_RAYS {
                     let direction = frame.to_world(cosine_hemisphere(sampler.two()));
                     let origin = spawn(probe.point, probe.error, probe.normal, direction);
@@ -270,7 +271,7 @@ impl Cells {
         let mut order: Vec<usize> = (0..seen.len()).filter(|&i| seen[i] > 0.0 || near[i]).collect();
         order.sort_by(|&a, &b| near[b].cmp(&near[a]).then(seen[b].total_cmp(&seen[a])));
         order.truncate(SEEN_NODES * WIDTH);
-        let mut nodes = vec![Node::new(Child::default()); order.len().div_ceil(WIDTH)];
+        let mut nodes = vec![LightNode::new(Child::default()); order.len().div_ceil(WIDTH)];
         let mut seen_clusters = [0; SEEN_NODES * WIDTH];
         let mut seen_as = vec![u8::MAX; seen.len()].into_boxed_slice();
         for (place, &i) in order.iter().enumerate() {
@@ -315,7 +316,7 @@ impl Cells {
             sums.iter_mut().zip(1_u8..).for_each(|(s, i)| *s = f32::from(i) / count);
         }
         let sky = self.sky * sky as f32 / (PROBES * SKY_RAYS) as f32;
-        Cell {
+        LightCell {
             total: all_seen / (PROBES * repeats) as f32,
             sky,
             sums,
@@ -337,7 +338,7 @@ impl Cells {
         };
         let mut probes = [nowhere(Vec3::ZERO); PROBES];
         let mut count = 0;
-        sampler.turn(0, Purpose::Light);
+        sampler.turn(0, NumberPurpose::Light);
         for attempt in 0..ATTEMPTS {
             let [x, y] = sampler.two();
             let place = self.low + (corner + Vec3::new(x, y, sampler.one())) * self.side;
@@ -369,7 +370,7 @@ impl Cells {
     /// it that arrives.
     fn look(
         &self,
-        tree: &Tree,
+        tree: &LightTree,
         probe: &SurfacePoint,
         facing: u32,
         cluster: Child,
@@ -415,7 +416,7 @@ impl Cells {
         &self,
         probe: &SurfacePoint,
         facing: u32,
-        point: &Point,
+        point: &PreparedPoint,
         intensity: f32,
     ) -> (f32, f32) {
         let towards = point.position - probe.point;
@@ -456,7 +457,7 @@ fn axis(facing: u32) -> Vec3 {
 
 /// Returns subtrees that together contain every emitter once. The largest, weighed by power, are
 /// divided first.
-fn cut(nodes: &[Node], least_radius2: f32) -> Vec<Child> {
+fn cut(nodes: &[LightNode], least_radius2: f32) -> Vec<Child> {
     let slots = |node: usize| {
         (0..nodes[node].used()).map(move |slot| Child { node: node as u32, slot: slot as u32 })
     };

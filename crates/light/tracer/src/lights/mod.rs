@@ -29,10 +29,10 @@ use holo_raycast::Raycaster;
 use holo_scene::Scene;
 
 pub(crate) use build::Emitter;
-use cells::{Cell, Cells};
+use cells::{LightCell, LightGrid};
 use node::Child;
-pub(crate) use point::Point;
-use tree::{Tree, Weights, below_one};
+pub(crate) use point::PreparedPoint;
+use tree::{LightTree, Weights, below_one};
 pub(crate) use triangle::Aim;
 
 use crate::luminance::luminance;
@@ -57,9 +57,9 @@ pub(crate) const LATER: u32 = 2;
 /// The lights of a scene: a tree of emitting triangles and points, and the sky.
 #[derive(Debug)]
 pub(crate) struct Lights {
-    tree: Tree,
+    tree: LightTree,
     /// Grids of cells, the finest first.
-    cells: Vec<Cells>,
+    cells: Vec<LightGrid>,
     /// Luminance of the irradiance of a surface that sees all of the sky, in the unit of the tree's
     /// powers.
     sky: f32,
@@ -83,10 +83,10 @@ pub(crate) struct VertexLights {
 
 /// A light that was chosen. `rest` is what remains of the random number, uniform in [0, 1).
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Chosen {
+pub(crate) enum ChosenLight {
     Sky { rest: f32 },
     Triangle { triangle: u32, probability: f32, rest: f32 },
-    Point { point: Point, probability: f32 },
+    Point { point: PreparedPoint, probability: f32 },
 }
 
 /// Least cosine between the normals of the halves of a flat quad.
@@ -174,8 +174,8 @@ impl Lights {
         let power =
             |t: u32| f64::from(strength[material(t)]) * scene.area(t) * mean_of_texture(scene, t);
         // Relative to the greatest, far from the limits of f32.
-        let points = scene.punctual_lights.iter().map(Point::new);
-        let points: Vec<Point> = points.filter(|point| point.strength() > 0.0).collect();
+        let points = scene.punctual_lights.iter().map(PreparedPoint::new);
+        let points: Vec<PreparedPoint> = points.filter(|point| point.strength() > 0.0).collect();
         let of_points = points.iter().map(|point| f64::from(point.strength()));
         let unit = triangles.iter().map(|&t| power(t)).chain(of_points).fold(0.0, f64::max);
         let of_triangles = triangles.iter().map(|&t| {
@@ -193,13 +193,13 @@ impl Lights {
             (f64::from(PI * luminance(scene.sky)) / if unit > 0.0 { unit } else { 1.0 }) as f32;
         let is_alone = sky == 0.0 && points.is_empty();
         let quad = is_alone.then(|| first_of_quad(scene, &triangles)).flatten();
-        let tree = Tree::new(triangles, points, emitters);
+        let tree = LightTree::new(triangles, points, emitters);
         Self { tree, cells: Vec::new(), sky, quad }
     }
 
     /// Makes a tree of the given triangles (ascending), with one emitter for each.
     pub(crate) fn over(triangles: Vec<u32>, emitters: Vec<Emitter>) -> Self {
-        let tree = Tree::new(triangles, Vec::new(), emitters);
+        let tree = LightTree::new(triangles, Vec::new(), emitters);
         Self { tree, cells: Vec::new(), sky: 0.0, quad: None }
     }
 
@@ -212,13 +212,13 @@ impl Lights {
         raycaster: &Arc<Raycaster>,
         panes: &Arc<Panes>,
     ) -> Self {
-        let grid = |most: &f32| Cells::new(*most, &self.tree, self.sky, raycaster, panes);
+        let grid = |most: &f32| LightGrid::new(*most, &self.tree, self.sky, raycaster, panes);
         self.cells = grids.iter().filter_map(grid).collect();
         self
     }
 
     /// Returns the punctual lights.
-    pub(crate) fn points(&self) -> &[Point] {
+    pub(crate) fn points(&self) -> &[PreparedPoint] {
         &self.tree.points
     }
 
@@ -308,7 +308,7 @@ impl Lights {
 
     /// Returns the cell that a vertex uses, if any.
     #[inline]
-    fn cell(&self, seen: &VertexLights) -> Option<(&Cells, &Cell)> {
+    fn cell(&self, seen: &VertexLights) -> Option<(&LightGrid, &LightCell)> {
         let (grid, number) = seen.cell?;
         let cells = &self.cells[usize::from(grid)];
         Some((cells, cells.get(&self.tree, number)))
@@ -317,13 +317,13 @@ impl Lights {
     /// Chooses a light with a uniform number in [0, 1). `None` if the descent ends at a node that
     /// contributes nothing.
     #[inline]
-    pub(crate) fn choose(&self, seen: &VertexLights, uniform: f64) -> Option<Chosen> {
+    pub(crate) fn choose(&self, seen: &VertexLights, uniform: f64) -> Option<ChosenLight> {
         if let Some(share) = self.quad {
             return Some(self.choose_half(share, uniform));
         }
         let sky = f64::from(seen.sky);
         if uniform < sky {
-            return Some(Chosen::Sky { rest: below_one(uniform / sky) });
+            return Some(ChosenLight::Sky { rest: below_one(uniform / sky) });
         }
         let mut rest = (uniform - sky) / (1.0 - sky);
         let probability = 1.0 - seen.sky;
@@ -339,8 +339,8 @@ impl Lights {
             return None;
         };
         Some(match self.tree.point(emitter) {
-            Some(&point) => Chosen::Point { point, probability },
-            None => Chosen::Triangle {
+            Some(&point) => ChosenLight::Point { point, probability },
+            None => ChosenLight::Triangle {
                 triangle: self.tree.triangles[emitter],
                 probability,
                 rest: below_one(rest),
@@ -350,14 +350,14 @@ impl Lights {
 
     /// Chooses a triangle of the only quad. `share` is the probability of the first.
     #[inline]
-    fn choose_half(&self, share: f32, uniform: f64) -> Chosen {
+    fn choose_half(&self, share: f32, uniform: f64) -> ChosenLight {
         let first = f64::from(share);
         let is_second = uniform >= first && share < 1.0;
         let (triangle, probability, rest) = match is_second {
             false => (self.tree.triangles[0], share, uniform / first),
             true => (self.tree.triangles[1], 1.0 - share, (uniform - first) / (1.0 - first)),
         };
-        Chosen::Triangle { triangle, probability, rest: below_one(rest) }
+        ChosenLight::Triangle { triangle, probability, rest: below_one(rest) }
     }
 
     /// Returns the probability with which [`choose`](Self::choose) gives a triangle.

@@ -45,7 +45,7 @@ pub(crate) struct Bound {
 /// A node with eight children.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
-pub(crate) struct Node {
+pub(crate) struct LightNode {
     center: [[f32; WIDTH]; 3],
     half: [[f32; WIDTH]; 3],
     axis: [[f32; WIDTH]; 3],
@@ -62,7 +62,7 @@ pub(crate) struct Node {
     pub parent: Child,
 }
 
-impl Node {
+impl LightNode {
     pub(crate) fn new(parent: Child) -> Self {
         Self {
             center: [[0.0; WIDTH]; 3],

@@ -10,7 +10,7 @@ use holo_raycast::{NO_TRIANGLE, SurfacePoint};
 use holo_scene::{PunctualBeam, PunctualLight};
 
 use super::build::Emitter;
-use crate::geometry::Frame;
+use crate::geometry::ShadingFrame;
 use crate::luminance::luminance;
 
 /// Margin of the cosine of a cone's edge in the tree, to allow for rounding.
@@ -18,7 +18,7 @@ const SLACK: f32 = 1e-5;
 
 /// A cone of light.
 #[derive(Clone, Copy, Debug)]
-struct Cone {
+struct SpotCone {
     axis: Vec3,
     /// Cosine of the half angle.
     edge: f32,
@@ -29,21 +29,21 @@ struct Cone {
 
 /// A punctual light, prepared for sampling.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Point {
+pub(crate) struct PreparedPoint {
     pub position: Vec3,
     /// Radius of the sphere that stands for it beyond mirrors and glass.
     pub radius: f32,
     intensity: Vec3,
     /// `None` for light in all directions.
-    cone: Option<Cone>,
+    cone: Option<SpotCone>,
 }
 
-impl Point {
+impl PreparedPoint {
     pub(crate) fn new(light: &PunctualLight) -> Self {
         let cone = match (light.beam, light.beam.falloff()) {
             (PunctualBeam::Cone { axis, outer, .. }, Some([scale, offset])) => {
                 let axis = Vec3::from(axis).normalize_or_zero();
-                Some(Cone { axis, edge: outer.cos(), scale, offset })
+                Some(SpotCone { axis, edge: outer.cos(), scale, offset })
             }
             _ => None,
         };
@@ -68,13 +68,13 @@ impl Point {
 
     #[inline]
     fn share(&self, away: Vec3) -> f32 {
-        let Some(Cone { axis, scale, offset, .. }) = self.cone else { return 1.0 };
+        let Some(SpotCone { axis, scale, offset, .. }) = self.cone else { return 1.0 };
         (axis.dot(away) * scale + offset).clamp(0.0, 1.0).powi(2)
     }
 
     /// Returns the emitted flux over π and over the greatest intensity.
     pub(crate) fn extent(&self) -> f32 {
-        let Some(Cone { edge, scale, .. }) = self.cone else { return 4.0 };
+        let Some(SpotCone { edge, scale, .. }) = self.cone else { return 4.0 };
         let ramp = ((1.0 - edge) * scale).min(1.0);
         2.0 * (ramp.powi(3) / (3.0 * scale) + (1.0 - edge - 1.0 / scale).max(0.0))
     }
@@ -86,7 +86,7 @@ impl Point {
         let z = 1.0 - x * (1.0 - edge);
         let (sin, cos) = (2.0 * PI * y).sin_cos();
         let radius = (1.0 - z * z).max(0.0).sqrt();
-        let direction = Frame::new(axis).to_world(Vec3::new(radius * cos, radius * sin, z));
+        let direction = ShadingFrame::new(axis).to_world(Vec3::new(radius * cos, radius * sin, z));
         let solid_angle = 2.0 * PI * (1.0 - edge);
         (direction, self.share(direction) * solid_angle * FRAC_1_PI / self.extent())
     }
@@ -132,7 +132,7 @@ mod tests {
                 radius: 0.01,
                 beam,
             };
-            let point = Point::new(&light);
+            let point = PreparedPoint::new(&light);
             let mut sampler = Sampler::new(5, 0);
             // The mean share of directions is 1: each path carries its part of the flux. Uniform
             // directions of the sphere bring the same flux, by another way.

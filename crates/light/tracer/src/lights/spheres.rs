@@ -10,7 +10,7 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use super::Lights;
-use super::point::Point;
+use super::point::PreparedPoint;
 
 /// The first part of a ray.
 #[derive(Clone, Copy)]
@@ -27,7 +27,7 @@ impl Segment {
     }
 
     /// Returns the light of a sphere. It is a disc that faces the ray's origin.
-    fn light(&self, point: &Point) -> Vec3 {
+    fn light(&self, point: &PreparedPoint) -> Vec3 {
         let along = (point.position - self.origin).dot(self.direction);
         if along <= 0.0 || along >= self.t_max || !self.is_near(point.position, point.radius) {
             return Vec3::ZERO;

@@ -82,7 +82,7 @@ fn choices_follow_the_stated_probabilities_which_sum_to_one() {
                 match lights
                     .choose(&seen, f64::from(s.one()) + f64::from(s.one()) * 2.0_f64.powi(-24))
                 {
-                    Some(Chosen::Triangle { triangle, probability, rest }) => {
+                    Some(ChosenLight::Triangle { triangle, probability, rest }) => {
                         assert!(
                             (f64::from(probability) / probabilities[triangle as usize] - 1.0).abs()
                                 < 1e-4
@@ -90,8 +90,8 @@ fn choices_follow_the_stated_probabilities_which_sum_to_one() {
                         assert!((0.0..1.0).contains(&rest));
                         counts[triangle as usize] += 1;
                     }
-                    Some(Chosen::Sky { .. }) => counts[count] += 1,
-                    Some(Chosen::Point { .. }) => panic!("there are none"),
+                    Some(ChosenLight::Sky { .. }) => counts[count] += 1,
+                    Some(ChosenLight::Point { .. }) => panic!("there are none"),
                     None => counts[count + 1] += 1,
                 }
             }

@@ -5,28 +5,32 @@
 use glam::Vec3;
 
 use super::build::{self, Emission, Emitter};
-use super::node::{Child, Node, WIDTH};
-use super::point::Point;
+use super::node::{Child, LightNode, WIDTH};
+use super::point::PreparedPoint;
 
 /// A tree of emitting triangles and points.
 #[derive(Debug)]
-pub(super) struct Tree {
+pub(super) struct LightTree {
     /// The triangles of the first emitters, ascending.
     pub triangles: Vec<u32>,
     /// The other emitters.
-    pub points: Vec<Point>,
+    pub points: Vec<PreparedPoint>,
     /// Greatest radius of a point's sphere.
     pub greatest_radius: f32,
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<LightNode>,
     /// The leaf of each emitter.
     pub places: Vec<Child>,
     /// Indexed by emitter.
     pub emissions: Vec<Emission>,
 }
 
-impl Tree {
+impl LightTree {
     /// Makes a tree of the given triangles (ascending) and points, with one emitter for each.
-    pub(super) fn new(triangles: Vec<u32>, points: Vec<Point>, emitters: Vec<Emitter>) -> Self {
+    pub(super) fn new(
+        triangles: Vec<u32>,
+        points: Vec<PreparedPoint>,
+        emitters: Vec<Emitter>,
+    ) -> Self {
         let emissions = emitters.iter().map(Emitter::emission).collect();
         let (nodes, places) = build::tree(emitters);
         let greatest_radius = points.iter().fold(0.0, |most: f32, point| most.max(point.radius));
@@ -35,7 +39,7 @@ impl Tree {
 
     /// Returns the point that an emitter is; `None` for a triangle.
     #[inline]
-    pub(super) fn point(&self, emitter: usize) -> Option<&Point> {
+    pub(super) fn point(&self, emitter: usize) -> Option<&PreparedPoint> {
         self.points.get(emitter.wrapping_sub(self.triangles.len()))
     }
 

@@ -26,7 +26,7 @@ const NEARLY_OPPOSITE: f32 = -0.9;
 
 /// The way that a triangle is sampled from a point.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Way {
+pub(crate) enum TriangleSampling {
     Area,
     SolidAngle,
 }
@@ -34,7 +34,7 @@ pub(crate) enum Way {
 /// A triangle as seen from a point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Aim {
-    pub way: Way,
+    pub way: TriangleSampling,
     /// Steradians or area, depending on `way`.
     pub size: f32,
     /// Corners relative to the point.
@@ -59,7 +59,7 @@ impl Aim {
         let corners = [a, b, c];
         let lengths2 = [a.length_squared(), b.length_squared(), c.length_squared()];
         let mut aim = Self {
-            way: Way::Area,
+            way: TriangleSampling::Area,
             size: 0.5 * doubled,
             corners,
             directions: corners,
@@ -107,7 +107,7 @@ impl Aim {
         }
         if angle > LEAST && angle < MOST {
             aim = Self {
-                way: Way::SolidAngle,
+                way: TriangleSampling::SolidAngle,
                 size: angle,
                 directions,
                 across,
@@ -123,8 +123,8 @@ impl Aim {
     #[inline]
     pub(crate) fn sample(&self, [x, y]: [f32; 2]) -> (f32, f32) {
         match self.way {
-            Way::Area => crate::geometry::triangle([x, y]),
-            Way::SolidAngle => self.project(self.direction(x, y)),
+            TriangleSampling::Area => crate::geometry::triangle([x, y]),
+            TriangleSampling::SolidAngle => self.project(self.direction(x, y)),
         }
     }
 
@@ -163,8 +163,8 @@ impl Aim {
     #[inline]
     pub(crate) fn density(&self, distance2: f32, cosine: f32) -> f32 {
         match self.way {
-            Way::Area => distance2 / (cosine * self.size),
-            Way::SolidAngle => 1.0 / self.size,
+            TriangleSampling::Area => distance2 / (cosine * self.size),
+            TriangleSampling::SolidAngle => 1.0 / self.size,
         }
     }
 }
@@ -228,7 +228,7 @@ mod tests {
             let aim = Aim::new(Vec3::ZERO, corners.map(|c| c.as_vec3()));
             ways[aim.way as usize] += 1;
             let whole = solid_angle(corners);
-            if let Way::SolidAngle = aim.way {
+            if let TriangleSampling::SolidAngle = aim.way {
                 assert!(
                     (f64::from(aim.size) / whole - 1.0).abs() < 1e-3,
                     "{corners:?}: {} {whole}",
@@ -261,8 +261,8 @@ mod tests {
                         [corner(i, j), corner(i + 1, j), corner(i, j + 1)]
                     };
                     let share = match aim.way {
-                        Way::Area => 1.0 / 16.0,
-                        Way::SolidAngle => solid_angle(part) / whole,
+                        TriangleSampling::Area => 1.0 / 16.0,
+                        TriangleSampling::SolidAngle => solid_angle(part) / whole,
                     };
                     let expected = share * f64::from(n);
                     let count = counts[(0..j).map(|r| 7 - 2 * r).sum::<usize>() + k];

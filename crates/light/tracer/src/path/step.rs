@@ -4,11 +4,11 @@ use glam::Vec3;
 use holo_raycast::{Ray, Raycaster, spawn};
 
 use super::{EmissionWeight, OutgoingVertex, Path, SCATTERED_SPREAD};
-use crate::aim::Choice;
+use crate::aim::LobeChoice;
 use crate::bsdf::Scatter;
 use crate::engine::PathEngine;
 use crate::sampled::Sampled;
-use crate::sampler::{Purpose, Sampler};
+use crate::sampler::{NumberPurpose, Sampler};
 use crate::shading;
 
 /// Roulette applies from this number of scatterings on. Mirrors and glass do not count.
@@ -35,21 +35,23 @@ impl PathEngine {
     ) -> bool {
         let OutgoingVertex { point, ref frame, wo, front, scatter, aims, .. } = *vertex;
         let depth = path.depth;
-        let choice = aims.as_ref().map_or(Choice::Material, |aims| {
-            sampler.turn(depth, Purpose::Aim);
+        let choice = aims.as_ref().map_or(LobeChoice::Material, |aims| {
+            sampler.turn(depth, NumberPurpose::Aim);
             aims.choose(raycaster, sampler)
         });
         let sampled = match &choice {
-            Choice::Material => {
-                sampler.turn(depth, Purpose::Scatter);
+            LobeChoice::Material => {
+                sampler.turn(depth, NumberPurpose::Scatter);
                 scatter.sample(wo, front, sampler)
             }
-            Choice::Source(target) if target.triangle != point.triangle => {
+            LobeChoice::Source(target) if target.triangle != point.triangle => {
                 let direction = (target.point - point.point).normalize_or_zero();
                 scatter.towards(wo, frame.to_local(direction), front)
             }
-            Choice::Caustic(direction) => scatter.towards(wo, frame.to_local(*direction), front),
-            Choice::Source(_) | Choice::Nothing => None,
+            LobeChoice::Caustic(direction) => {
+                scatter.towards(wo, frame.to_local(*direction), front)
+            }
+            LobeChoice::Source(_) | LobeChoice::Nothing => None,
         };
         let Some(sampled) = sampled else { return false };
         path.throughput *= sampled.weight * self.terminator(vertex, &sampled);
@@ -62,7 +64,7 @@ impl PathEngine {
             let light = (path.worth * path.throughput).max_element();
             let worth = ROULETTE_FACTOR * light * path.eta2 * path.aimed_by;
             let survival = worth.min(if depth < LONG { 1.0 } else { CEILING_OF_LONG });
-            sampler.turn(depth, Purpose::Roulette);
+            sampler.turn(depth, NumberPurpose::Roulette);
             if sampler.one() >= survival {
                 return false;
             }

@@ -4,8 +4,8 @@
 #![allow(clippy::expect_used, reason = "tests")]
 
 use holo_display::{
-    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, Interrupt, Light, LiveSample, Look,
-    Renderer, Search, ViewPhases, WantedBeam,
+    Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, Light,
+    LiveSample, Renderer, Search, ViewPhases, WantedBeam,
 };
 use holo_picture::Picture;
 use holo_section::{BeamKey, RayCoords, Sample};
@@ -56,7 +56,7 @@ impl TestViewer {
         self.renderer.wishes().rays()
     }
 
-    pub fn look(&mut self, look: &Look) -> Result<(), DriverError> {
+    pub fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
         self.phases = ViewPhases::after(Some(&self.phases), look.is_moving);
         self.renderer.look(look)
     }
@@ -120,7 +120,7 @@ impl TestViewer {
     }
 
     /// Draws the left half of a picture; `None` if the driver cannot, or was interrupted.
-    pub fn draw_half(&mut self, look: &Look) -> Option<Picture> {
+    pub fn draw_half(&mut self, look: &FrameRequest) -> Option<Picture> {
         let parts = self.renderer.parts()?;
         let plan = parts.plan(look);
         parts.part(&plan, 0..look.size.0 / 2, 0..look.size.1, &self.interrupt)
@@ -128,7 +128,7 @@ impl TestViewer {
 
     pub fn weigh(
         &mut self,
-        look: &Look,
+        look: &FrameRequest,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         self.renderer.wishes().weigh(look, beams)
@@ -142,7 +142,7 @@ impl TestViewer {
         self.renderer.wishes().uncovered()
     }
 
-    pub fn viewpoint_radius(&mut self, look: &Look, nearest: f64) -> f64 {
+    pub fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {
         self.renderer.wishes().viewpoint_radius(look, nearest)
     }
 

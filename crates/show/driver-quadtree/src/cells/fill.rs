@@ -7,7 +7,7 @@
 //!
 //! Invariant: each channel of a colour is within the range of the samples that it is made from.
 
-use super::step::Steps;
+use super::step::DepthSteps;
 use super::window::Near;
 
 /// Largest number of samples that a pixel's colour is made from.
@@ -21,17 +21,17 @@ const LEAST: f32 = 1e-3;
 
 /// A sample as seen from a pixel's middle.
 #[derive(Clone, Copy)]
-struct Sample {
+struct MidpointSample {
     offset: [f32; 2],
     squared: f32,
-    seen: Seen,
+    seen: PixelSample,
 }
 
-const NOTHING: Seen = Seen { colour: [0.0; 3], depth: 0.0, aside: [0.0; 2] };
+const NOTHING: PixelSample = PixelSample { colour: [0.0; 3], depth: 0.0, aside: [0.0; 2] };
 
 /// The sample of a pixel, as the pixel shows it.
 #[derive(Clone, Copy)]
-pub(super) struct Seen {
+pub(super) struct PixelSample {
     pub colour: [f32; 3],
     pub depth: f32,
     /// Columns and rows from the pixel's middle to the sample.
@@ -45,18 +45,20 @@ pub(super) struct Seen {
 /// The exact places gain 0.3 dB at one sample for each pixel.
 pub(super) fn between(
     nearest: &[Near],
-    own: Option<Seen>,
-    seen: impl Fn(usize) -> Seen,
-    steps: &Steps,
-) -> Option<Seen> {
+    own: Option<PixelSample>,
+    seen: impl Fn(usize) -> PixelSample,
+    steps: &DepthSteps,
+) -> Option<PixelSample> {
     let mut samples =
-        [Sample { offset: [0.0; 2], squared: f32::INFINITY, seen: NOTHING }; NEIGHBOURS];
+        [MidpointSample { offset: [0.0; 2], squared: f32::INFINITY, seen: NOTHING }; NEIGHBOURS];
     // A sample of the pixel's own is always the nearest.
-    let mut own = own.map_or(samples[0], |seen| Sample { offset: seen.aside, squared: -1.0, seen });
+    let mut own =
+        own.map_or(samples[0], |seen| MidpointSample { offset: seen.aside, squared: -1.0, seen });
     for (sample, near) in samples.iter_mut().zip(nearest) {
         let seen = seen(near.pixel as usize);
         let offset = [near.offset[0] + seen.aside[0], near.offset[1] + seen.aside[1]];
-        *sample = Sample { offset, squared: offset[0] * offset[0] + offset[1] * offset[1], seen };
+        *sample =
+            MidpointSample { offset, squared: offset[0] * offset[0] + offset[1] * offset[1], seen };
         if sample.squared < own.squared {
             own = *sample;
         }
@@ -67,7 +69,7 @@ pub(super) fn between(
     let reach = nearest.last()?.squared.sqrt() * farther + 0.5;
     let mut used = [(0.0_f32, [0.0_f32; 2], [0.0_f32; 3]); NEIGHBOURS];
     let mut len = 0;
-    for Sample { offset, squared, seen } in &samples[..count] {
+    for MidpointSample { offset, squared, seen } in &samples[..count] {
         let (across, down) = (offset[0] - own.offset[0], offset[1] - own.offset[1]);
         if steps.is_one_surface(own.seen.depth, seen.depth, (across * across + down * down).sqrt())
         {
@@ -78,7 +80,7 @@ pub(super) fn between(
         }
     }
     let colour = plane(&used[..len]).unwrap_or(own.seen.colour);
-    Some(Seen { colour, depth: own.seen.depth, aside: [0.0; 2] })
+    Some(PixelSample { colour, depth: own.seen.depth, aside: [0.0; 2] })
 }
 
 /// Returns the value at the origin of a plane fitted to colours at places, by weights. `None` if

@@ -7,9 +7,9 @@
 //!
 //! Invariant: samples whose rays pass near the eye see exactly their pixel, and are never hidden.
 
-use super::nearest::Points;
-use super::squares::Squares;
-use super::step::Steps;
+use super::nearest::TiledPoints;
+use super::squares::SquareSums;
+use super::step::DepthSteps;
 
 /// Number of nearest samples that are tested, the sample itself included.
 const TESTED: usize = 12;
@@ -31,15 +31,15 @@ struct Summary {
 pub(super) fn hidden(
     size: (usize, usize),
     depth: &[f32],
-    steps: &Steps,
+    steps: &DepthSteps,
     may_be: impl Fn(usize) -> bool + Sync,
     has_site: impl Fn(usize) -> bool,
 ) -> Vec<bool> {
-    let points = Points::new(size, &has_site);
+    let points = TiledPoints::new(size, &has_site);
     let sites = (0..).zip(depth).filter(|(pixel, _)| has_site(*pixel));
     let sites = sites.map(|(pixel, &nearest)| (pixel, Summary { nearest, count: 1 }));
     let nothing = Summary { nearest: f32::INFINITY, count: 0 };
-    let around = Squares::<Summary, SQUARE>::new(size, nothing, sites, |a, b| Summary {
+    let around = SquareSums::<Summary, SQUARE>::new(size, nothing, sites, |a, b| Summary {
         nearest: a.nearest.min(b.nearest),
         count: a.count + b.count,
     });
@@ -61,7 +61,7 @@ pub(super) fn hidden(
 }
 
 /// Returns whether a sample around may be in front of a sample of this depth.
-fn may_hide(around: Summary, depth: f32, steps: &Steps) -> bool {
+fn may_hide(around: Summary, depth: f32, steps: &DepthSteps) -> bool {
     around.count < DENSE || steps.may_be_in_front(around.nearest, depth)
 }
 

@@ -13,10 +13,10 @@
 //! Invariant: as samples grow, the quadtree's mean over a pixel's own samples predicts them better,
 //! and is shown.
 
-use super::fill::{NEIGHBOURS, Seen, between};
-use super::nearest::Points;
-use super::squares::Squares;
-use super::step::Steps;
+use super::fill::{NEIGHBOURS, PixelSample, between};
+use super::nearest::TiledPoints;
+use super::squares::SquareSums;
+use super::step::DepthSteps;
 
 /// Least ratio of the mean's squared error to that of the nearest samples for which these are used.
 const CLEARLY: f32 = 8.0;
@@ -43,12 +43,12 @@ impl Errors {
 /// Returns colours for pixels whose samples are clean, `None` for others. `single` returns one
 /// sample of a pixel, `mean` the colour that the quadtree shows. Only `candidates` are tested.
 pub(super) fn local(
-    points: &Points,
+    points: &TiledPoints,
     size: (usize, usize),
     candidates: &[bool],
-    single: impl Fn(usize) -> Seen + Sync,
+    single: impl Fn(usize) -> PixelSample + Sync,
     mean: impl Fn(usize) -> [f32; 3] + Sync,
-    steps: &Steps,
+    steps: &DepthSteps,
 ) -> Vec<Option<[f32; 3]>> {
     let is_candidate = |pixel: usize| candidates[pixel];
     let mut predicted = vec![(Errors::default(), [0.0; 3]); size.0 * size.1];
@@ -61,7 +61,8 @@ pub(super) fn local(
             }
             let own = single(pixel);
             let others = nearest.get(1..).unwrap_or_default();
-            let Some(Seen { colour, .. }) = between(others, Some(own), &single, steps) else {
+            let Some(PixelSample { colour, .. }) = between(others, Some(own), &single, steps)
+            else {
                 return;
             };
             let error = |other: [f32; 3]| {
@@ -71,7 +72,7 @@ pub(super) fn local(
         },
     );
     let errors = predicted.iter().map(|(errors, _)| *errors).enumerate();
-    let regions = Squares::<Errors, SQUARE>::new(size, Errors::default(), errors, Errors::plus);
+    let regions = SquareSums::<Errors, SQUARE>::new(size, Errors::default(), errors, Errors::plus);
     let mut colours = vec![None; predicted.len()];
     points.for_each::<{ NEIGHBOURS + 1 }, _>(&mut colours, is_candidate, |pixel, nearest, item| {
         if nearest.last().is_none_or(|last| last.squared < DENSE) {

@@ -31,17 +31,17 @@ mod squares;
 mod step;
 mod window;
 
-use crate::pixels::{Known, bin_of};
+use crate::pixels::{PixelState, bin_of};
 use crate::{Quadtree, QuadtreeParams};
-use fill::{NEIGHBOURS, Seen, between};
+use fill::{NEIGHBOURS, PixelSample, between};
 use holo_display::Frame;
 use holo_picture::View;
 use holo_section::{BeamKey, Sample, Section, rgbe};
-use nearest::Points;
+use nearest::TiledPoints;
 use radius::Radii;
 use sites::{Site, Sites};
 use std::sync::Arc;
-use step::Steps;
+use step::DepthSteps;
 use window::Near;
 
 /// How cells are filled.
@@ -59,7 +59,7 @@ pub enum Filling {
 }
 
 /// Samples of one view, and pictures of their cells.
-pub struct Cells {
+pub struct ViewCells {
     tree: Quadtree,
     sites: Sites,
     filling: Filling,
@@ -67,7 +67,7 @@ pub struct Cells {
 
 /// The state of the pixels of a picture, row by row.
 struct Pixels {
-    known: Vec<Known>,
+    known: Vec<PixelState>,
     /// Depth of the pixel's sample, or of the picture if the pixel has none.
     depth: Vec<f32>,
     /// True if a nearer surface hides the surface of the pixel's sample.
@@ -82,16 +82,16 @@ impl Pixels {
     fn shows_sample(&self, pixel: usize) -> bool {
         !self.hidden[pixel]
             && !self.disputed[pixel]
-            && matches!(self.known[pixel], Known::Afar | Known::Near)
+            && matches!(self.known[pixel], PixelState::Afar | PixelState::Near)
     }
 
     /// Returns whether a pixel is to be filled from the samples around it.
     fn is_open(&self, pixel: usize) -> bool {
-        self.hidden[pixel] || self.disputed[pixel] || self.known[pixel] == Known::Nothing
+        self.hidden[pixel] || self.disputed[pixel] || self.known[pixel] == PixelState::Nothing
     }
 }
 
-impl Cells {
+impl ViewCells {
     /// Returns empty cells for a picture of `size` pixels. Memory is in proportion to the size,
     /// which [`View::resolve`] bounds. `params` are those of the quadtree.
     pub fn new(
@@ -138,14 +138,14 @@ impl Cells {
     fn smooth(&self) -> Frame {
         let mut frame = self.tree.draw();
         let pixels = self.pixels(&frame);
-        let points = Points::new(self.size(), |pixel| pixels.shows_sample(pixel));
+        let points = TiledPoints::new(self.size(), |pixel| pixels.shows_sample(pixel));
         self.sharpen(&pixels, &points, &mut frame);
         self.fill(&pixels, &points, &mut frame);
         frame
     }
 
     /// Replaces the quadtree's means by single samples where these predict colours better.
-    fn sharpen(&self, pixels: &Pixels, points: &Points, frame: &mut Frame) {
+    fn sharpen(&self, pixels: &Pixels, points: &TiledPoints, frame: &mut Frame) {
         let has_few = self.tree.has_few();
         let is_candidate = |pixel: usize| {
             let is_shown = |site: &Site| site.depth() == pixels.depth[pixel];
@@ -157,14 +157,14 @@ impl Cells {
         let candidates: Vec<bool> = (0..has_few.len()).map(is_candidate).collect();
         let single = |pixel: usize| {
             let site = self.sites.of(pixel);
-            Seen {
+            PixelSample {
                 colour: site.map_or(frame.picture.pixels[pixel], |site| rgbe::decode(site.rgbe)),
                 depth: pixels.depth[pixel],
                 aside: site.map_or([0.0; 2], Site::aside),
             }
         };
         let mean = |pixel: usize| frame.picture.pixels[pixel];
-        let steps = Steps(&self.tree);
+        let steps = DepthSteps(&self.tree);
         let sharp = local::local(points, self.size(), &candidates, single, mean, &steps);
         for (colour, sharp) in frame.picture.pixels.iter_mut().zip(sharp) {
             *colour = sharp.unwrap_or(*colour);
@@ -172,8 +172,8 @@ impl Cells {
     }
 
     /// Fills the pixels between samples.
-    fn fill(&self, pixels: &Pixels, points: &Points, frame: &mut Frame) {
-        let seen = |pixel: usize| Seen {
+    fn fill(&self, pixels: &Pixels, points: &TiledPoints, frame: &mut Frame) {
+        let seen = |pixel: usize| PixelSample {
             colour: frame.picture.pixels[pixel],
             depth: pixels.depth[pixel],
             aside: self.sites.of(pixel).map_or([0.0; 2], Site::aside),
@@ -182,10 +182,14 @@ impl Cells {
         let own = |pixel: usize| {
             let is_own = pixels.disputed[pixel] && !pixels.hidden[pixel];
             let site = self.sites.of(pixel).filter(|_| is_own)?;
-            Some(Seen { colour: rgbe::decode(site.rgbe), depth: site.depth(), aside: site.aside() })
+            Some(PixelSample {
+                colour: rgbe::decode(site.rgbe),
+                depth: site.depth(),
+                aside: site.aside(),
+            })
         };
-        let steps = Steps(&self.tree);
-        let mut filled: Vec<Option<Seen>> = vec![None; pixels.known.len()];
+        let steps = DepthSteps(&self.tree);
+        let mut filled: Vec<Option<PixelSample>> = vec![None; pixels.known.len()];
         points.for_each::<NEIGHBOURS, _>(
             &mut filled,
             |pixel| pixels.is_open(pixel),
@@ -206,7 +210,7 @@ impl Cells {
         let depth: Vec<f32> = (0..known.len()).map(depth).collect();
         let hidden = self.hidden(&known, &depth);
         let has_site = |pixel: usize| self.sites.of(pixel).is_some() && !hidden[pixel];
-        let points = Points::new(self.size(), has_site);
+        let points = TiledPoints::new(self.size(), has_site);
         let radii = Radii::new(self.size(), (0..known.len()).filter(|&pixel| has_site(pixel)));
         // Sites are found by the middles of their pixels, but compared by their exact places.
         let squared = |near: &Near| {
@@ -216,7 +220,7 @@ impl Cells {
         let mut cells: Vec<Option<u32>> = vec![None; known.len()];
         points.for_each::<NEIGHBOURS, _>(
             &mut cells,
-            |pixel| !matches!(known[pixel], Known::Uncovered | Known::Unseen),
+            |pixel| !matches!(known[pixel], PixelState::Uncovered | PixelState::Unseen),
             |pixel, nearest, cell| {
                 let near = nearest.iter().map(|near| (squared(near), near.pixel));
                 let nearest = near.min_by(|a, b| a.0.total_cmp(&b.0));
@@ -248,7 +252,7 @@ impl Cells {
         let is_disputed = |pixel: usize| {
             let shown = bin_of(frame.depth[pixel]).saturating_add(1);
             let site = self.sites.of(pixel);
-            known[pixel] == Known::Afar && site.is_some_and(|site| shown < site.bin())
+            known[pixel] == PixelState::Afar && site.is_some_and(|site| shown < site.bin())
         };
         let disputed: Vec<bool> = (0..known.len()).map(is_disputed).collect();
         // The site's depth is more exact, unless the pixel shows another surface.
@@ -263,13 +267,14 @@ impl Cells {
     }
 
     /// Returns the pixels whose sample lies on a surface that a nearer one hides.
-    fn hidden(&self, known: &[Known], depth: &[f32]) -> Vec<bool> {
-        if !known.contains(&Known::Afar) {
+    fn hidden(&self, known: &[PixelState], depth: &[f32]) -> Vec<bool> {
+        if !known.contains(&PixelState::Afar) {
             return vec![false; known.len()];
         }
-        let has_site =
-            |pixel: usize| matches!(known[pixel], Known::Afar | Known::Near | Known::Mixture);
-        let may_be = |pixel: usize| known[pixel] == Known::Afar;
-        hidden::hidden(self.size(), depth, &Steps(&self.tree), may_be, has_site)
+        let has_site = |pixel: usize| {
+            matches!(known[pixel], PixelState::Afar | PixelState::Near | PixelState::Mixture)
+        };
+        let may_be = |pixel: usize| known[pixel] == PixelState::Afar;
+        hidden::hidden(self.size(), depth, &DepthSteps(&self.tree), may_be, has_site)
     }
 }

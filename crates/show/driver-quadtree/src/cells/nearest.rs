@@ -25,13 +25,13 @@ const LEAST: usize = 2;
 
 /// A point of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Point {
+struct PicturePoint {
     /// Column and row.
     at: [f32; 2],
     pixel: u32,
 }
 
-impl Point {
+impl PicturePoint {
     fn new(pixel: usize, width: usize) -> Self {
         Self { at: [(pixel % width) as f32, (pixel / width) as f32], pixel: pixel as u32 }
     }
@@ -44,17 +44,17 @@ impl Point {
 }
 
 /// Points by tiles.
-pub(crate) struct Points {
+pub(crate) struct TiledPoints {
     size: (usize, usize),
     /// Tiles across and down.
     tiles: (usize, usize),
     /// Where each tile's points begin, and one more for the end.
     starts: Vec<usize>,
-    points: Vec<Point>,
+    points: Vec<PicturePoint>,
     window: Window,
 }
 
-impl Points {
+impl TiledPoints {
     /// Returns the points of a picture of `size` pixels. `has_point` takes the number of a pixel.
     pub fn new(size: (usize, usize), has_point: impl Fn(usize) -> bool) -> Self {
         let (width, height) = size;
@@ -62,9 +62,11 @@ impl Points {
         let (mut starts, mut points) = (vec![0], Vec::new());
         for tile in 0..tiles.0 * tiles.1 {
             let (left, top) = (tile % tiles.0 * TILE, tile / tiles.0 * TILE);
-            let pixels = Square { left, top, side: TILE }.pixels(size);
+            let pixels = PixelSquare { left, top, side: TILE }.pixels(size);
             points.extend(
-                pixels.filter(|&pixel| has_point(pixel)).map(|pixel| Point::new(pixel, width)),
+                pixels
+                    .filter(|&pixel| has_point(pixel))
+                    .map(|pixel| PicturePoint::new(pixel, width)),
             );
             starts.push(points.len());
         }
@@ -97,11 +99,11 @@ impl Points {
         }
         let width = self.size.0;
         for_bands(items, width, TILE, |part, rows| {
-            let mut search = Search::default();
+            let mut search = NearestSearch::default();
             let mut nearest = Vec::with_capacity(K + 1);
             let top = part * TILE;
             for column in 0..self.tiles.0 {
-                let square = Square { left: column * TILE, top, side: TILE };
+                let square = PixelSquare { left: column * TILE, top, side: TILE };
                 let is_dense = self.tile(column, part).len() >= DENSE;
                 let mut rest = Vec::new();
                 for pixel in square.pixels(self.size).filter(|&pixel| wanted(pixel)) {
@@ -117,7 +119,7 @@ impl Points {
                 self.around(&square, K, &mut search);
                 let is_left = |pixel: usize| rest.binary_search(&pixel).is_ok();
                 search.divide(0, square, self.size, K, &is_left, &mut |pixel, points| {
-                    sort_nearest(points, Point::new(pixel, width).at, K, &mut nearest);
+                    sort_nearest(points, PicturePoint::new(pixel, width).at, K, &mut nearest);
                     find(pixel, &nearest, &mut rows[pixel - top * width]);
                 });
             }
@@ -125,8 +127,8 @@ impl Points {
     }
 
     /// Finds the points that may be among the `most` nearest of some place in a tile.
-    fn around(&self, tile: &Square, most: usize, search: &mut Search) {
-        let Search { lists, squares } = search;
+    fn around(&self, tile: &PixelSquare, most: usize, search: &mut NearestSearch) {
+        let NearestSearch { lists, squares } = search;
         let Some(found) = lists.first_mut() else { return };
         found.clear();
         let (column, row) = (tile.left / TILE, tile.top / TILE);
@@ -146,7 +148,7 @@ impl Points {
     }
 
     /// Adds the points of the tiles at a distance of `ring` tiles.
-    fn ring(&self, column: usize, row: usize, ring: usize, found: &mut Vec<Point>) {
+    fn ring(&self, column: usize, row: usize, ring: usize, found: &mut Vec<PicturePoint>) {
         for other_row in row.saturating_sub(ring)..=(row + ring).min(self.tiles.1 - 1) {
             // All of the first and the last row, and both ends of those between.
             let step = if other_row.abs_diff(row) == ring { 1 } else { 2 * ring };
@@ -159,14 +161,14 @@ impl Points {
         }
     }
 
-    fn tile(&self, column: usize, row: usize) -> &[Point] {
+    fn tile(&self, column: usize, row: usize) -> &[PicturePoint] {
         let tile = row * self.tiles.0 + column;
         &self.points[self.starts[tile]..self.starts[tile + 1]]
     }
 }
 
 /// Puts the `most` points that are nearest to a place into `nearest`, the nearest first.
-fn sort_nearest(points: &[Point], place: [f32; 2], most: usize, nearest: &mut Vec<Near>) {
+fn sort_nearest(points: &[PicturePoint], place: [f32; 2], most: usize, nearest: &mut Vec<Near>) {
     nearest.clear();
     for near in points.iter().map(|point| point.seen_from(place)) {
         let is_before = |other: &Near| (other.squared, other.pixel) < (near.squared, near.pixel);
@@ -180,13 +182,13 @@ fn sort_nearest(points: &[Point], place: [f32; 2], most: usize, nearest: &mut Ve
 
 /// A square of pixels.
 #[derive(Clone, Copy)]
-struct Square {
+struct PixelSquare {
     left: usize,
     top: usize,
     side: usize,
 }
 
-impl Square {
+impl PixelSquare {
     fn middle(&self) -> [f32; 2] {
         [self.left, self.top].map(|from| from as f32 + 0.5 * (self.side - 1) as f32)
     }
@@ -200,7 +202,7 @@ impl Square {
 
     /// Returns a radius around the square's middle that contains the `most` nearest points of every
     /// pixel in the square. Infinite if there are fewer points. `squares` is scratch.
-    fn reach(&self, points: &[Point], most: usize, squares: &mut Vec<f32>) -> f32 {
+    fn reach(&self, points: &[PicturePoint], most: usize, squares: &mut Vec<f32>) -> f32 {
         if points.len() < most {
             return f32::INFINITY;
         }
@@ -213,28 +215,28 @@ impl Square {
 }
 
 /// The points of a square and of those that it lies in, and scratch.
-struct Search {
-    lists: Vec<Vec<Point>>,
+struct NearestSearch {
+    lists: Vec<Vec<PicturePoint>>,
     squares: Vec<f32>,
 }
 
-impl Default for Search {
+impl Default for NearestSearch {
     fn default() -> Self {
         Self { lists: vec![Vec::new(); (TILE / LEAST).ilog2() as usize + 1], squares: Vec::new() }
     }
 }
 
-impl Search {
+impl NearestSearch {
     /// Calls `find` for each wanted pixel of a square, with points that include its `most` nearest.
     /// The list of this depth has such points for the square.
     fn divide(
         &mut self,
         depth: usize,
-        square: Square,
+        square: PixelSquare,
         size: (usize, usize),
         most: usize,
         wanted: &impl Fn(usize) -> bool,
-        find: &mut impl FnMut(usize, &[Point]),
+        find: &mut impl FnMut(usize, &[PicturePoint]),
     ) {
         if square.side == LEAST || self.lists[depth].len() <= 2 * most {
             let pixels = square.pixels(size).filter(|&pixel| wanted(pixel));
@@ -243,15 +245,19 @@ impl Search {
         }
         let side = square.side / 2;
         for (right, down) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let quarter =
-                Square { left: square.left + right * side, top: square.top + down * side, side };
+            let quarter = PixelSquare {
+                left: square.left + right * side,
+                top: square.top + down * side,
+                side,
+            };
             if !quarter.pixels(size).any(wanted) {
                 continue;
             }
             let (above, below) = self.lists.split_at_mut(depth + 1);
             let radius = quarter.reach(&above[depth], most, &mut self.squares);
-            let is_near =
-                |point: &&Point| point.seen_from(quarter.middle()).squared <= radius * radius;
+            let is_near = |point: &&PicturePoint| {
+                point.seen_from(quarter.middle()).squared <= radius * radius
+            };
             below[0].clear();
             below[0].extend(above[depth].iter().filter(is_near));
             self.divide(depth + 1, quarter, size, most, wanted, find);
@@ -286,7 +292,7 @@ mod tests {
 
     fn check<const K: usize>(size: (usize, usize), has_point: &[bool]) {
         let pixels = || (0..has_point.len()).filter(|&pixel| has_point[pixel]);
-        let found = Points::new(size, |pixel| has_point[pixel]);
+        let found = TiledPoints::new(size, |pixel| has_point[pixel]);
         assert_eq!(found.count(), pixels().count());
         let mut items: Vec<Vec<Near>> = vec![Vec::new(); has_point.len()];
         // Some pixels are not wanted.
@@ -294,8 +300,9 @@ mod tests {
         found.for_each::<K, _>(&mut items, wanted, |_, nearest, item| *item = nearest.to_vec());
         for (pixel, item) in items.iter().enumerate() {
             // By looking at all.
-            let seen =
-                |other: usize| Point::new(other, size.0).seen_from(Point::new(pixel, size.0).at);
+            let seen = |other: usize| {
+                PicturePoint::new(other, size.0).seen_from(PicturePoint::new(pixel, size.0).at)
+            };
             let mut all: Vec<Near> = pixels().map(seen).filter(|_| wanted(pixel)).collect();
             all.sort_by(|a, b| a.squared.total_cmp(&b.squared));
             all.truncate(K);

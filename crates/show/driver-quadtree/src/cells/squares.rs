@@ -3,13 +3,13 @@
 //! Invariant: pixels and squares are added row by row, so floats always add up to the same bits.
 
 /// Sums over each square of pixels and the eight around it.
-pub(super) struct Squares<T, const SIDE: usize> {
+pub(super) struct SquareSums<T, const SIDE: usize> {
     width: usize,
     across: usize,
     around: Vec<T>,
 }
 
-impl<T: Copy, const SIDE: usize> Squares<T, SIDE> {
+impl<T: Copy, const SIDE: usize> SquareSums<T, SIDE> {
     /// Returns the sums of values of pixels, given with the pixels' numbers. `join` adds two sums,
     /// and `nothing` is the empty sum.
     pub fn new(
@@ -49,7 +49,7 @@ mod tests {
         const SIZE: (usize, usize) = (23, 18);
         let value = |pixel: usize| (pixel * 37 % 101) as u32;
         let pixels = (0..SIZE.0 * SIZE.1).filter(|pixel| pixel % 3 > 0);
-        let squares = Squares::<u32, 4>::new(
+        let squares = SquareSums::<u32, 4>::new(
             SIZE,
             0,
             pixels.clone().map(|pixel| (pixel, value(pixel))),

@@ -13,9 +13,9 @@ const STEEPEST: f32 = 3.7;
 const MOST: f32 = 0.1;
 
 /// Distinguishes jumps from slants in a view.
-pub(super) struct Steps<'a>(pub &'a Quadtree);
+pub(super) struct DepthSteps<'a>(pub &'a Quadtree);
 
-impl Steps<'_> {
+impl DepthSteps<'_> {
     /// Returns the largest relative difference of depths of one surface at a distance of `apart`
     /// pixels.
     fn slant(&self, depth: f32, apart: f32) -> f32 {

@@ -21,12 +21,12 @@ pub(super) struct Window {
     width: usize,
     /// Row by row, with [`REACH`] pixels without points around the picture.
     has_point: Vec<bool>,
-    around: Vec<Step>,
+    around: Vec<PixelStep>,
 }
 
 /// A step from one pixel to another.
 #[derive(Clone, Copy)]
-struct Step {
+struct PixelStep {
     /// By how much the other's number is larger, in [`Window::has_point`] and in the picture.
     padded: isize,
     pixels: isize,
@@ -40,14 +40,14 @@ impl Window {
     pub fn new((width, height): (usize, usize), points: impl Iterator<Item = usize>) -> Self {
         let padded = width + 2 * REACH;
         let reach = REACH as isize;
-        let step = |column: isize, row: isize| Step {
+        let step = |column: isize, row: isize| PixelStep {
             padded: row * padded as isize + column,
             pixels: row * width as isize + column,
             offset: [column as f32, row as f32],
             squared: (column * column + row * row) as f32,
         };
         let rows = -reach..=reach;
-        let mut around: Vec<Step> =
+        let mut around: Vec<PixelStep> =
             rows.flat_map(|row| (-reach..=reach).map(move |column| step(column, row))).collect();
         // Beyond the circle, the square has only some of the pixels at each distance.
         around.retain(|step| step.squared <= (REACH * REACH) as f32);

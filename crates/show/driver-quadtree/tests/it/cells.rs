@@ -5,7 +5,7 @@
 use crate::common::*;
 use glam::DVec3;
 use holo_display::{Frame, SelectOptions, select_beams};
-use holo_driver_quadtree::{Cells, Filling, QuadtreeParams};
+use holo_driver_quadtree::{Filling, QuadtreeParams, ViewCells};
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_section::{BeamId, RayCoords, Sample, Section};
 use proptest::prelude::*;
@@ -13,11 +13,11 @@ use std::sync::Arc;
 
 const BOTH: [Filling; 2] = [Filling::Smooth, Filling::Constant];
 
-fn empty(section: &Section, view: &View, size: (u32, u32), filling: Filling) -> Cells {
-    Cells::new(Arc::from([section.clone()]), *view, size, filling, QuadtreeParams::default())
+fn empty(section: &Section, view: &View, size: (u32, u32), filling: Filling) -> ViewCells {
+    ViewCells::new(Arc::from([section.clone()]), *view, size, filling, QuadtreeParams::default())
 }
 
-fn put(cells: &mut Cells, stored: &[Stored]) {
+fn put(cells: &mut ViewCells, stored: &[Stored]) {
     stored
         .iter()
         .for_each(|(beam, sample)| cells.insert(key(0, *beam), 1, std::slice::from_ref(sample)));
@@ -391,7 +391,7 @@ fn what_is_known_to_be_empty_is_the_sky_and_what_no_section_covers_is_0() {
     let selection =
         select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
     for filling in BOTH {
-        let mut cells = Cells::new(Arc::from([section.clone()]), view, SIZE, filling, params);
+        let mut cells = ViewCells::new(Arc::from([section.clone()]), view, SIZE, filling, params);
         put(&mut cells, &near_samples(room, &section, &view, 300, 1, clean));
         let before = cells.draw();
         let pixels = before.picture.pixels.len() as u64;

@@ -5,7 +5,7 @@
 use crate::common::section;
 use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Frame, LiveSample, Look, Search, select_beams};
+use holo_display::{Frame, FrameRequest, LiveSample, Search, select_beams};
 use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_picture::View;
 use holo_section::{BeamId, BeamKey, Sample, Section, ViewClass};
@@ -38,7 +38,7 @@ fn view(degrees: f64) -> View {
 
 /// Starts a view.
 fn look(driver: &mut TestViewer, degrees: f64, is_moving: bool) {
-    driver.look(&Look { view: view(degrees), size: SIZE, is_moving }).unwrap();
+    driver.look(&FrameRequest { view: view(degrees), size: SIZE, is_moving }).unwrap();
 }
 
 fn draw(driver: &mut TestViewer) -> Frame {
@@ -175,7 +175,7 @@ fn unseen_beams_show_the_sky_until_the_next_view_has_settled() {
 fn past(driver: &mut TestViewer, is_moving: bool) -> (Vec<u32>, Vec<LiveSample>) {
     let eye = DVec3::new(-2.0, 0.5, 0.0);
     let view = View::new(eye, DVec3::X, DVec3::Z, Some(60.0), None, SIZE).unwrap();
-    driver.look(&Look { view, size: SIZE, is_moving }).unwrap();
+    driver.look(&FrameRequest { view, size: SIZE, is_moving }).unwrap();
     let pixels = driver.uncovered();
     let rays = pixels.iter().map(|pixel| {
         let (x, y) = View::pixel_centre(SIZE, pixel % SIZE.0, pixel / SIZE.0);

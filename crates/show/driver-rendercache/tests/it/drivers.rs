@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::scenes::view;
 use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Frame, Look, SelectOptions, best_beam, select_beams};
+use holo_display::{Frame, FrameRequest, SelectOptions, best_beam, select_beams};
 use holo_driver_rendercache::{
     EmptyPixels, PointImageParams, Stage, Stages, frameless_driver, pointimage_driver,
 };
@@ -25,11 +25,11 @@ fn section() -> Section {
     Section::new(spec).unwrap()
 }
 
-fn look(view: View, size: (u32, u32)) -> Look {
-    Look { view, size, is_moving: false }
+fn look(view: View, size: (u32, u32)) -> FrameRequest {
+    FrameRequest { view, size, is_moving: false }
 }
 
-fn ahead() -> Look {
+fn ahead() -> FrameRequest {
     look(view(DVec3::ZERO, 0.0, SIZE), SIZE)
 }
 
@@ -45,7 +45,7 @@ fn both() -> [TestViewer; 2] {
 
 /// Inserts a sample of a wall five units ahead for every `step`-th pixel, whose ray passes the eye.
 /// Its light alternates from pixel to pixel. Returns how many samples there were.
-fn insert(driver: &mut TestViewer, look: &Look, step: usize, light: [f32; 2]) -> u64 {
+fn insert(driver: &mut TestViewer, look: &FrameRequest, step: usize, light: [f32; 2]) -> u64 {
     let section = section();
     let mut count = 0;
     for pixel in (0..look.size.0 * look.size.1).step_by(step) {
@@ -140,7 +140,7 @@ fn looking_at_the_same_view_again_keeps_everything_and_another_view_keeps_the_sa
         let count = insert(&mut driver, &ahead(), 1, CHECKS);
         let before = draw(&mut driver).1;
         assert_eq!((before.samples_used, before.empty_pixels), (count, 0), "{}", driver.name());
-        driver.look(&Look { is_moving: true, ..ahead() }).unwrap();
+        driver.look(&FrameRequest { is_moving: true, ..ahead() }).unwrap();
         let same = draw(&mut driver).1;
         assert_eq!((same.samples_used, same.picture), (count, before.picture));
         // A little further on the same wall is there.

@@ -5,14 +5,14 @@
 
 use crate::scenes::{Hit, Scene, answer, room, squared_error, view, whole_picture};
 use glam::DVec3;
-use holo_driver_rendercache::{Moment, PointImage, PointImageParams, Sample};
+use holo_driver_rendercache::{Moment, PointImage, PointImageParams, RayResult};
 use holo_picture::{Picture, View};
 
 const SIZE: (u32, u32) = (120, 90);
 
 /// Makes samples noisy without bias: twice the light or none, as a path that meets a lamp or does
 /// not.
-fn noisy(samples: &mut [Sample], seed: u64, stated: bool) {
+fn noisy(samples: &mut [RayResult], seed: u64, stated: bool) {
     for (index, sample) in (0_u64..).zip(samples) {
         let mut z = (seed << 32 | index).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -26,7 +26,7 @@ fn noisy(samples: &mut [Sample], seed: u64, stated: bool) {
 
 fn error(picture: &Picture, view: &View, scene: Scene) -> f64 {
     let truth = whole_picture(view, SIZE, scene);
-    let of = |(pixel, truth): (&[f32; 3], &Sample)| -> f64 {
+    let of = |(pixel, truth): (&[f32; 3], &RayResult)| -> f64 {
         (0..3).map(|i| f64::from(pixel[i] - truth.radiance[i]).powi(2)).sum()
     };
     picture.pixels.iter().zip(&truth).map(of).sum::<f64>() / truth.len() as f64

@@ -6,7 +6,7 @@ use crate::scenes::{
 };
 use glam::DVec3;
 use holo_driver_rendercache::{
-    EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stage, Stages,
+    EmptyPixels, Moment, Place, PointImage, PointImageParams, RayResult, Smoothing, Stage, Stages,
 };
 use holo_picture::View;
 
@@ -46,7 +46,7 @@ fn points_behind_a_sparse_surface_are_culled_as_often_as_the_threshold_says() {
             .map(|(index, far)| {
                 let is_near = random(index as u64) >> 63 == 1;
                 let Place::At(place) = far.place else { unreachable!() };
-                if is_near { Sample::new(Place::At(place / 3.0), light[1]) } else { far }
+                if is_near { RayResult::new(Place::At(place / 3.0), light[1]) } else { far }
             })
             .collect();
     let far_points = samples.iter().filter(|sample| sample.radiance == light[0]).count();
@@ -197,7 +197,7 @@ fn the_oldest_points_are_asked_for_first() {
             .filter(|pixel| pixel % size.0 >= 32)
             .map(|pixel| {
                 let tag = cache.guess_tag(pixel % size.0, pixel / size.0).unwrap();
-                Sample { tag, ..samples[pixel as usize] }
+                RayResult { tag, ..samples[pixel as usize] }
             })
             .collect();
         cache.frame(&moment(eye, &right, 0));
@@ -342,7 +342,7 @@ fn infinitely_far_things_turn_with_the_view_and_stay_with_a_walk() {
     )
     .unwrap();
     let toward = DVec3::new(0.1, 1.0, 0.05);
-    let sun = [Sample::new(Place::Toward(toward), [1e6, 9e5, 8e5])];
+    let sun = [RayResult::new(Place::Toward(toward), [1e6, 9e5, 8e5])];
     for (eye, degrees) in
         [(DVec3::ZERO, 0.0), (DVec3::new(300.0, -50.0, 20.0), 0.0), (DVec3::ZERO, 8.0)]
     {

@@ -4,8 +4,8 @@
 use crate::scenes::{answer, on_threads, room, view};
 use glam::DVec3;
 use holo_driver_rendercache::{
-    EmptyPixels, Moment, Place, PointImage, PointImageError, PointImageParams, Sample, Smoothing,
-    Stages,
+    EmptyPixels, Moment, Place, PointImage, PointImageError, PointImageParams, RayResult,
+    Smoothing, Stages,
 };
 use holo_picture::View;
 use proptest::prelude::*;
@@ -117,13 +117,13 @@ fn number() -> impl Strategy<Value = f64> {
     ]
 }
 
-fn sample() -> impl Strategy<Value = Sample> {
+fn sample() -> impl Strategy<Value = RayResult> {
     let place = (prop::array::uniform3(number()), any::<bool>());
     (place, prop::array::uniform3(number()), number()).prop_map(
         |((place, is_near), radiance, noise)| {
             let place = if is_near { Place::At(place.into()) } else { Place::Toward(place.into()) };
-            let sample = Sample::new(place, radiance.map(|channel| channel as f32));
-            Sample { noise: noise as f32, ..sample }
+            let sample = RayResult::new(place, radiance.map(|channel| channel as f32));
+            RayResult { noise: noise as f32, ..sample }
         },
     )
 }
@@ -138,7 +138,7 @@ fn look_around(
     cache: &mut PointImage,
     size: (u32, u32),
     eyes: Vec<([f64; 3], [f64; 3])>,
-    samples: &[Sample],
+    samples: &[RayResult],
     wanted: usize,
 ) -> Result<(), TestCaseError> {
     let mut returned = samples.to_vec();
@@ -158,7 +158,7 @@ fn look_around(
         }
         // Their positions are unrelated to the requests.
         let answers = frame.requests().zip(samples.iter().cycle());
-        returned = answers.map(|((tag, ..), sample)| Sample { tag, ..*sample }).collect();
+        returned = answers.map(|((tag, ..), sample)| RayResult { tag, ..*sample }).collect();
     }
     Ok(())
 }

@@ -4,7 +4,7 @@
 use crate::scenes::{self, moment, room, view, wall, whole_picture};
 use glam::DVec3;
 use holo_driver_rendercache::{
-    EmptyPixels, Moment, Place, PointImage, PointImageError, PointImageParams, SETTINGS, Sample,
+    EmptyPixels, Moment, Place, PointImage, PointImageError, PointImageParams, RayResult, SETTINGS,
     Smoothing, Stages,
 };
 use holo_picture::View;
@@ -23,10 +23,10 @@ fn cache(change: impl FnOnce(&mut PointImageParams)) -> PointImage {
 }
 
 /// A sample in the middle of a pixel, on a wall at depth 2, of the view along +y.
-fn point(column: u32, row: u32, light: f32) -> Sample {
+fn point(column: u32, row: u32, light: f32) -> RayResult {
     let (x, y) = View::pixel_centre(SIZE, column, row);
     let (origin, direction) = ahead().ray(x, y);
-    Sample::new(wall(origin, direction, 2.0), [light; 3])
+    RayResult::new(wall(origin, direction, 2.0), [light; 3])
 }
 
 fn ahead() -> View {
@@ -177,7 +177,7 @@ fn prediction_asks_once_for_each_block_of_the_chosen_side() {
 
 /// Distances in pixels from one that gets `new` of those whose points become so old by it that they
 /// leave.
-fn gone_after(change: impl FnOnce(&mut PointImageParams), new: Sample) -> Vec<u32> {
+fn gone_after(change: impl FnOnce(&mut PointImageParams), new: RayResult) -> Vec<u32> {
     let mut cache = cache(|params| {
         // Below what a change adds.
         params.eviction_age = 50;
@@ -188,7 +188,7 @@ fn gone_after(change: impl FnOnce(&mut PointImageParams), new: Sample) -> Vec<u3
         whole_picture(&here, SIZE, &|origin, direction| (wall(origin, direction, 2.0), [0.5; 3]));
     cache.frame(&moment(here, &all, 0));
     let tag = cache.pixel_tag(20, 15).unwrap();
-    cache.frame(&moment(here, &[Sample { tag, ..new }], 0));
+    cache.frame(&moment(here, &[RayResult { tag, ..new }], 0));
     // Samples beside the picture let all points grow older, by less than makes one leave.
     let behind = view(DVec3::ZERO, 180.0, SIZE);
     let beside = whole_picture(&behind, SIZE, &room);
@@ -217,11 +217,11 @@ fn the_threshold_of_a_change_is_a_setting() {
     let is_change = |change: fn(&mut PointImageParams), new| !gone_after(change, new).is_empty();
     assert!(is_change(|_| {}, brighter));
     assert!(!is_change(|params| params.change_threshold = 0.2, brighter));
-    let noisy = Sample { noise: 0.05, ..brighter };
+    let noisy = RayResult { noise: 0.05, ..brighter };
     assert!(!is_change(|_| {}, noisy));
     assert!(is_change(|params| params.noise_deviations = 0.5, noisy));
     let Place::At(place) = point(20, 15, 0.5).place else { unreachable!() };
-    let behind = Sample::new(Place::At(1.2 * place), [0.5; 3]);
+    let behind = RayResult::new(Place::At(1.2 * place), [0.5; 3]);
     assert!(is_change(|_| {}, behind));
     assert!(!is_change(|params| params.move_threshold = 0.3, behind));
 }

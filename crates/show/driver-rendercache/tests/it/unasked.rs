@@ -5,7 +5,7 @@
 use crate::scenes::{moment, random, room, squared_error, truth, view, wall, whole_picture};
 use glam::DVec3;
 use holo_display::{SelectOptions, WantedBeam, best_beam, select_beams};
-use holo_driver_rendercache::{Place, PointImage, PointImageParams, Sample, Smoothing};
+use holo_driver_rendercache::{Place, PointImage, PointImageParams, RayResult, Smoothing};
 use holo_picture::View;
 use holo_section::{Section, SectionSpec, ViewClass};
 use std::collections::HashSet;
@@ -36,7 +36,7 @@ fn rays_that_a_renderer_chose_by_itself_tend_to_the_box_filter_too() {
         let (column, row) = View::pixel_at(size, x, y).unwrap();
         let (place, radiance) = room(origin, direction);
         let tag = cache.pixel_tag(column, row).unwrap();
-        cache.insert(&[Sample { tag, noise: f32::INFINITY, ..Sample::new(place, radiance) }]);
+        cache.insert(&[RayResult { tag, noise: f32::INFINITY, ..RayResult::new(place, radiance) }]);
         if count % 1000 == 0 {
             // Stored ones that come in between must not push them out.
             cache.insert(&stored[..100]);
@@ -68,11 +68,11 @@ fn samples_of_other_views_never_replace_the_pixels_of_this_one() {
         for column in 0..size.0 {
             let (x, y) = View::pixel_centre(size, column, row);
             let (origin, direction) = eye.ray(x, y);
-            let sample = Sample::new(wall(origin, direction, 2.0), [1.0; 3]);
-            let beside = Sample::new(wall(origin, eye.ray(1.1, y).1, 2.0), [0.0; 3]);
+            let sample = RayResult::new(wall(origin, direction, 2.0), [1.0; 3]);
+            let beside = RayResult::new(wall(origin, eye.ray(1.1, y).1, 2.0), [0.0; 3]);
             for _ in 0..3 {
                 let tag = cache.pixel_tag(column, row).unwrap();
-                cache.insert(&[Sample { tag, ..sample }, beside]);
+                cache.insert(&[RayResult { tag, ..sample }, beside]);
             }
         }
     }
@@ -105,7 +105,11 @@ fn many_samples_from_elsewhere_take_one_point_a_pixel_and_the_nearer_surface_is_
                 if behind { 9.0 } else { 0.5 + (random(count) >> 40) as f32 / (1 << 24) as f32 };
             let tag = cache.guess_tag(column, row).unwrap();
             let place = wall(origin, direction, if behind { 3.0 } else { 2.0 });
-            cache.insert(&[Sample { tag, noise: f32::INFINITY, ..Sample::new(place, [light; 3]) }]);
+            cache.insert(&[RayResult {
+                tag,
+                noise: f32::INFINITY,
+                ..RayResult::new(place, [light; 3])
+            }]);
         }
     }
     assert_eq!(cache.point_count(), (size.0 * size.1) as usize);
@@ -125,11 +129,11 @@ fn many_samples_from_elsewhere_take_one_point_a_pixel_and_the_nearer_surface_is_
     // A ray of this view: it comes in, and no guess touches it any more.
     let (x, y) = View::pixel_centre(size, 40, 20);
     let (origin, direction) = eye.ray(x, y);
-    let own = Sample::new(wall(origin, direction, 2.0), [7.0; 3]);
-    cache.insert(&[Sample { tag: cache.pixel_tag(40, 20).unwrap(), ..own }]);
-    cache.insert(&[Sample {
+    let own = RayResult::new(wall(origin, direction, 2.0), [7.0; 3]);
+    cache.insert(&[RayResult { tag: cache.pixel_tag(40, 20).unwrap(), ..own }]);
+    cache.insert(&[RayResult {
         tag: cache.guess_tag(40, 20).unwrap(),
-        ..Sample::new(own.place, [1.0; 3])
+        ..RayResult::new(own.place, [1.0; 3])
     }]);
     assert_eq!(cache.frame(&moment(eye, &[], 0)).picture().get(40, 20), Some([7.0; 3]));
 }

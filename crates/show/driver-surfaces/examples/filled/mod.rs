@@ -2,7 +2,7 @@
 
 use crate::stored::Stored;
 use holo_beamfile::BeamSamples;
-use holo_driver_surfaces::{Placer, RaySample, Store};
+use holo_driver_surfaces::{LightStore, Placer, RaySample};
 use holo_picture::View;
 use holo_section::BeamKey;
 use holo_tracer::Tracer;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 const BATCH: usize = 20_000;
 
 /// Adds all samples of a file.
-pub fn place_all(store: &mut Store, stored: &Stored, placer: &Placer) {
+pub fn place_all(store: &mut LightStore, stored: &Stored, placer: &Placer) {
     for batch in stored.beams.chunks(BATCH) {
         let place = |(key, read): &(BeamKey, Arc<BeamSamples>)| {
             let mut placed = Vec::new();

@@ -2,9 +2,9 @@
 
 use super::Sum;
 use crate::cell::luminance;
-use crate::estimate::{Estimate, Lit};
+use crate::estimate::{Estimate, LightSums};
 use crate::likely::Likely;
-use crate::planes::{Layout, Planes, Square};
+use crate::planes::{Square, SquareLayout, SquarePlanes};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -25,12 +25,12 @@ const PRIOR_WEIGHT: f32 = 4.0;
 /// Finds the widest neighbourhood of each square. Both passes begin with it.
 #[derive(Clone, Copy)]
 pub(super) struct Choice<'a> {
-    pub layout: &'a Layout,
+    pub layout: &'a SquareLayout,
     /// Sums of the neighbourhood that judges noise.
     pub wide: &'a Sum,
     /// Likely light of squares with few samples, as [`Likely::to_array`] returns it. It is 0 if it
     /// is unknown or there are enough samples.
-    pub likely: &'a Planes<4>,
+    pub likely: &'a SquarePlanes<4>,
 }
 
 /// Light of the widest neighbourhood, and what narrower ones are compared with.
@@ -66,7 +66,7 @@ impl Choice<'_> {
         // A black neighbourhood has the range of the least float, so that nothing is divided by 0.
         let range = (high - low) * bright.max(f32::MIN_POSITIVE);
         for scale in scales[..scales.len() - 1].iter().rev() {
-            let lit = Lit::from(scale.at(at));
+            let lit = LightSums::from(scale.at(at));
             let own = lit.variance(estimate.variance).sqrt();
             estimate.approach(&lit, own, ((high * bright - own) / range).clamp(0.0, 1.0));
         }
@@ -76,7 +76,7 @@ impl Choice<'_> {
     /// Returns the light of a square's widest neighbourhood, or its likely light if there is no
     /// sample.
     pub fn widest(&self, at: Square, scales: &[Sum]) -> Result<Widest, Estimate> {
-        let last = scales.last().map(|scale| Lit::from(scale.at(at))).unwrap_or_default();
+        let last = scales.last().map(|scale| LightSums::from(scale.at(at))).unwrap_or_default();
         let likely = Likely::from(self.likely.at(at));
         if last.count <= 0.0 {
             return Err(if likely.light == Vec3::ZERO {
@@ -85,7 +85,7 @@ impl Choice<'_> {
                 Estimate::guessed(likely.light)
             });
         }
-        let wide = Lit::from(self.wide.at(at));
+        let wide = LightSums::from(self.wide.at(at));
         let wide = if wide.count > 0.0 { wide } else { last };
         let bright = luminance(wide.mean().to_array());
         let variance = wide.variance_around();
@@ -103,7 +103,7 @@ impl Choice<'_> {
 /// The light of the picture around may be many times that of a surface, as between leaves in front
 /// of a wall. Its standard error is therefore taken to be as large as itself. It and the mean of the
 /// samples count in inverse proportion to their variances, so a few dark samples outweigh it.
-fn share_of_likely(likely: &Likely, samples: &Lit) -> f32 {
+fn share_of_likely(likely: &Likely, samples: &LightSums) -> f32 {
     if !likely.is_around {
         return LIKELY_WEIGHT / (samples.count + LIKELY_WEIGHT);
     }
@@ -122,7 +122,7 @@ mod tests {
     /// The share of likely light of 1 beside samples of these lights.
     fn share_beside(samples: &[f32], is_around: bool) -> f32 {
         let sum = |of: fn(f32) -> f32| samples.iter().map(|&light| of(light)).sum::<f32>();
-        let samples = Lit {
+        let samples = LightSums {
             light: Vec3::splat(sum(|light| light)),
             count: samples.len() as f32,
             square: sum(|light| light * light),
@@ -152,7 +152,7 @@ mod tests {
         let likely = |light: f32| Likely { light: Vec3::splat(light), is_around: true };
         for (light, sample) in [(0.0, 0.0), (1e-30, 1e-30), (1e9, 0.0), (1e-30, 1e9), (1e9, 1e9)] {
             for count in [1e-30, 1e-3, 1.0, 1e6] {
-                let samples = Lit {
+                let samples = LightSums {
                     light: Vec3::splat(sample * count),
                     count,
                     square: sample * sample * count,

@@ -3,8 +3,8 @@
 use super::Sum;
 use crate::behind::BehindPanes;
 use crate::cell::{Sums, luminance};
-use crate::estimate::Lit;
-use crate::planes::{Layout, Weights};
+use crate::estimate::LightSums;
+use crate::planes::{SquareLayout, Weights};
 
 /// Most light of one sample, as a share of the light of its wide neighbourhood.
 const MOST_SHARE: f32 = 0.1;
@@ -25,7 +25,7 @@ pub(super) struct Limit<'a> {
 impl Limit<'_> {
     /// Returns `own`, the sums of squares, with their brightest samples limited, and without the
     /// light that panes mirror.
-    pub fn brightest(&self, layout: &Layout, own: &Sum, sums: &[Sums]) -> Sum {
+    pub fn brightest(&self, layout: &SquareLayout, own: &Sum, sums: &[Sums]) -> Sum {
         let widen = |lit: Sum, (scale, weights): (usize, &Weights)| {
             layout.widened(&lit, 1 << scale, weights, None)
         };
@@ -40,7 +40,7 @@ impl Limit<'_> {
 
 /// Returns the sums of a square with its brightest sample cut to a share of the light around. That
 /// sample does not raise its own limit. `mean`, the mean luminance of the picture, does.
-fn limit_brightest(raw: &Lit, wide: &Lit, sums: &Sums, mean: f32) -> Lit {
+fn limit_brightest(raw: &LightSums, wide: &LightSums, sums: &Sums, mean: f32) -> LightSums {
     let bright = sums.brightest();
     let others = (wide.count - 1.0).max(0.0) + MEAN_AROUND;
     let light = (luminance(wide.light.to_array()) - bright).max(0.0) + MEAN_AROUND * mean;
@@ -50,7 +50,7 @@ fn limit_brightest(raw: &Lit, wide: &Lit, sums: &Sums, mean: f32) -> Lit {
         return *raw;
     }
     let share = (bright - most) / luminance(raw.light.to_array()).max(1e-9);
-    Lit {
+    LightSums {
         light: raw.light * (1.0 - share).max(0.0),
         square: (raw.square - (bright * bright - most * most)).max(0.0),
         ..*raw

@@ -29,11 +29,11 @@ mod training;
 
 use crate::behind::BehindPanes;
 use crate::cell::Sums;
-use crate::estimate::{Estimate, Lit};
-use crate::planes::{Difference, Geometry, Layout, Planes, Weights};
+use crate::estimate::{Estimate, LightSums};
+use crate::planes::{Difference, Geometry, SquareLayout, SquarePlanes, Weights};
 use crate::squares::Squares;
-use crate::store::Store;
-use crate::view::{Seen, View};
+use crate::store::LightStore;
+use crate::view::{SurfaceView, VisiblePoint};
 use glam::Vec3;
 use holo_display::Interrupt;
 use passes::{Passes, Second, by_other_half};
@@ -52,7 +52,7 @@ const DIFFERENT_DISTANCE: f32 = 2.0;
 const FIRST_ERROR_SHARE: f32 = 0.25;
 
 /// The sums of each square: light (3), count, square.
-type Sum = Planes<5>;
+type Sum = SquarePlanes<5>;
 
 /// The sums of all squares.
 pub(crate) struct OfSquares {
@@ -95,7 +95,7 @@ impl Squares {
     /// `None` if it was interrupted.
     pub fn filter(
         &self,
-        (view, store): (&View, &Store),
+        (view, store): (&SurfaceView, &LightStore),
         sums: &OfSquares,
         behind: &BehindPanes,
         once: bool,
@@ -124,7 +124,7 @@ impl Squares {
     }
 
     /// Returns the weights of all scales, by geometry and distance from edges.
-    fn weights(&self, layout: &Layout) -> Vec<Weights> {
+    fn weights(&self, layout: &SquareLayout) -> Vec<Weights> {
         let geometry = self.geometry(layout);
         let of_scale = |scale: usize, by| layout.weights(&geometry, self.step, 1 << scale, by);
         let values = &layout.edge_distances(&of_scale(0, None));
@@ -133,27 +133,27 @@ impl Squares {
     }
 
     /// Returns the sums of squares that show coats, and 0 for others.
-    fn of_coats(&self, view: &View, layout: &Layout, sums: &[Sums]) -> Sum {
+    fn of_coats(&self, view: &SurfaceView, layout: &SquareLayout, sums: &[Sums]) -> Sum {
         layout.planes(|at| match view.shows_coat(&self.seen[at.number]) {
-            true => Lit::new(&sums[at.number]).to_array(),
+            true => LightSums::new(&sums[at.number]).to_array(),
             false => [0.0; 5],
         })
     }
 
-    fn layout(&self) -> Layout {
-        let occupied = |row: &[Seen]| {
-            let begin = row.iter().position(Seen::is_surface).unwrap_or(0);
-            begin..row.iter().rposition(Seen::is_surface).map_or(begin, |last| last + 1)
+    fn layout(&self) -> SquareLayout {
+        let occupied = |row: &[VisiblePoint]| {
+            let begin = row.iter().position(VisiblePoint::is_surface).unwrap_or(0);
+            begin..row.iter().rposition(VisiblePoint::is_surface).map_or(begin, |last| last + 1)
         };
-        Layout {
+        SquareLayout {
             size: self.size,
             occupied: self.seen.par_chunks(self.size.0).map(occupied).collect(),
         }
     }
 
-    fn geometry(&self, layout: &Layout) -> Geometry {
+    fn geometry(&self, layout: &SquareLayout) -> Geometry {
         layout.planes(|at| {
-            let Seen { point, normal, width, light, .. } = self.seen[at.number];
+            let VisiblePoint { point, normal, width, light, .. } = self.seen[at.number];
             [point.x, point.y, point.z, normal.x, normal.y, normal.z, width, light as f32]
         })
     }

@@ -7,12 +7,12 @@ use super::{OfSquares, SCALES, Sum, scales};
 use crate::behind::BehindPanes;
 use crate::cell::luminance;
 use crate::coats::CoatScales;
-use crate::estimate::{Estimate, Lit};
+use crate::estimate::{Estimate, LightSums};
 use crate::likely::LikelyLight;
-use crate::planes::{Difference, Layout, Planes, Weights};
+use crate::planes::{Difference, SquareLayout, SquarePlanes, Weights};
 use crate::squares::Squares;
-use crate::store::Store;
-use crate::view::View;
+use crate::store::LightStore;
+use crate::view::SurfaceView;
 use holo_display::Interrupt;
 
 /// Natural logarithm of the ratio of light at which two squares no longer count for each other, in
@@ -21,10 +21,10 @@ const DIFFERENT_LIGHT: f32 = 0.5;
 
 /// The quantities that both passes use.
 pub(super) struct Passes {
-    pub layout: Layout,
+    pub layout: SquareLayout,
     weights: Vec<Weights>,
     /// Likely light of squares with few samples: its channels, and 1 if it is the light around.
-    likely: Planes<4>,
+    likely: SquarePlanes<4>,
     /// Sums of all scales by geometry.
     pub of_all: Vec<Sum>,
     /// The same for each half of the squares, until the second pass takes them.
@@ -38,15 +38,17 @@ pub(super) struct Passes {
 /// The quantities by which the second pass chooses.
 pub(super) struct Second {
     /// Logarithms of the light of each half.
-    pub light: [Planes<1>; 2],
+    pub light: [SquarePlanes<1>; 2],
     /// Sums of all scales by geometry and light.
     pub scales: Vec<Sum>,
     /// Details of all scales except the widest.
-    pub details: Vec<Planes<2>>,
+    pub details: Vec<SquarePlanes<2>>,
 }
 
 /// Returns the differences that lower the weights of the samples of each half.
-pub(super) fn by_other_half([of_even, of_odd]: &[Planes<1>; 2]) -> [Option<Difference<'_>>; 2] {
+pub(super) fn by_other_half(
+    [of_even, of_odd]: &[SquarePlanes<1>; 2],
+) -> [Option<Difference<'_>>; 2] {
     [of_odd, of_even].map(|values| Some(Difference { values, limit: DIFFERENT_LIGHT }))
 }
 
@@ -54,7 +56,7 @@ impl Passes {
     /// Prepares the first pass, and the second one if it is `twice`. `None` if it was interrupted.
     pub fn new(
         squares: &Squares,
-        (view, store): (&View, &Store),
+        (view, store): (&SurfaceView, &LightStore),
         OfSquares { towards_eye, from_all }: &OfSquares,
         behind: &BehindPanes,
         twice: bool,
@@ -65,7 +67,7 @@ impl Passes {
         interrupt.check()?;
 
         let sums = from_all.as_ref().unwrap_or(towards_eye);
-        let own = layout.planes(|at| Lit::new(&sums[at.number]).to_array());
+        let own = layout.planes(|at| LightSums::new(&sums[at.number]).to_array());
         let likely = LikelyLight::new((view, store), squares, &layout, &own);
         let limiting_scale = squares.limiting_scale();
         let mean = luminance(likely.mean.to_array());
@@ -105,7 +107,7 @@ impl Passes {
     pub fn refinement<'a>(
         &'a self,
         by_light: &'a [Sum],
-        details: &'a [Planes<2>],
+        details: &'a [SquarePlanes<2>],
     ) -> Refinement<'a> {
         let (choice, by_geometry, step) = (self.choice(), &self.of_all, self.step);
         Refinement { choice, by_light, by_geometry, details, step }
@@ -133,7 +135,7 @@ impl Passes {
     /// `from_all` are the sums of that mean. Empty without coats.
     pub fn beyond(
         &self,
-        (view, squares): (&View, &Squares),
+        (view, squares): (&SurfaceView, &Squares),
         lights: &[Estimate],
         from_all: &[Sum],
         lowered_by: [Option<Difference>; 2],

@@ -8,8 +8,8 @@ use super::choose::{Choice, Widest};
 use super::network::{self, INPUTS, Inputs, LANES};
 use super::{SCALES, Sum};
 use crate::cell::luminance;
-use crate::estimate::{Estimate, Lit};
-use crate::planes::{Layout, Planes, Square, Weights};
+use crate::estimate::{Estimate, LightSums};
+use crate::planes::{Square, SquareLayout, SquarePlanes, Weights};
 use holo_cpu::Isa;
 use rayon::prelude::*;
 
@@ -24,7 +24,7 @@ pub(super) struct Refinement<'a> {
     /// Sums of all scales by geometry alone.
     pub by_geometry: &'a [Sum],
     /// The details of all scales except the widest.
-    pub details: &'a [Planes<2>],
+    pub details: &'a [SquarePlanes<2>],
     /// Side of a square, pixels.
     pub step: usize,
 }
@@ -38,14 +38,18 @@ struct Block {
 
 /// Returns the details of all squares for each scale except the widest: weighted means over the
 /// square and the 8 around it. `by_light` and `weights` are those of all scales.
-pub(super) fn details(choice: &Choice, by_light: &[Sum], weights: &[Weights]) -> Vec<Planes<2>> {
+pub(super) fn details(
+    choice: &Choice,
+    by_light: &[Sum],
+    weights: &[Weights],
+) -> Vec<SquarePlanes<2>> {
     let Choice { layout, wide, .. } = choice;
-    let variances = layout.planes(|at| [Lit::from(wide.at(at)).variance_around()]);
+    let variances = layout.planes(|at| [LightSums::from(wide.at(at)).variance_around()]);
     let of_scale = |(scale, weights): (usize, &Weights)| {
         let own = layout.planes(|at| {
             let [narrow, wider] = [0, 1].map(|more| by_light[scale + more].at(at).into());
             let [variance] = variances.at(at);
-            let Detail { difference, noise } = Detail::new(&narrow, &wider, variance);
+            let ScaleDetail { difference, noise } = ScaleDetail::new(&narrow, &wider, variance);
             [difference, noise, f32::from(u8::from(noise > 0.0))]
         });
         let sums = layout.widened(&own, 1 << scale, weights, None);
@@ -61,7 +65,7 @@ pub(super) fn details(choice: &Choice, by_light: &[Sum], weights: &[Weights]) ->
 impl Refinement<'_> {
     /// Returns the light of all squares.
     pub fn lights(&self) -> Vec<Estimate> {
-        let layout: &Layout = self.choice.layout;
+        let layout: &SquareLayout = self.choice.layout;
         let (width, height) = layout.size;
         let mut lights = vec![Estimate::UNKNOWN; width * height];
         lights.par_chunks_mut(width).enumerate().for_each(|(row, lights)| {
@@ -107,7 +111,7 @@ impl Refinement<'_> {
         // The squared error from not using the narrowest scale.
         let mut blur = 0.0;
         for (scale, share) in shares.into_iter().enumerate().rev() {
-            let narrow = Lit::from(self.by_light[scale].at(at));
+            let narrow = LightSums::from(self.by_light[scale].at(at));
             if narrow.count > 0.0 {
                 let own = narrow.variance(estimate.variance).sqrt();
                 let detail = self.detail(at, scale);
@@ -122,13 +126,14 @@ impl Refinement<'_> {
     }
 
     /// Returns the detail of a scale at a square; none beyond the scales.
-    fn detail(&self, at: Square, scale: usize) -> Detail {
+    fn detail(&self, at: Square, scale: usize) -> ScaleDetail {
         self.details.get(scale).map(|details| details.at(at).into()).unwrap_or_default()
     }
 
     /// Returns what the network determines the share of a scale by. All are positive.
     pub fn inputs(&self, at: Square, widest: &Widest, scale: usize) -> [f32; INPUTS] {
-        let [narrow, wider] = [0, 1].map(|more| Lit::from(self.by_light[scale + more].at(at)));
+        let [narrow, wider] =
+            [0, 1].map(|more| LightSums::from(self.by_light[scale + more].at(at)));
         let [.., by_geometry, _] = self.by_geometry[scale + 1].at(at);
         let detail = self.detail(at, scale);
         let narrower = scale.checked_sub(1).map(|scale| self.detail(at, scale)).unwrap_or_default();
@@ -144,7 +149,7 @@ impl Refinement<'_> {
             detail.significance(),
             narrower.significance(),
             self.detail(at, scale + 1).significance(),
-            Detail::new(&narrow, &wider, around).significance(),
+            ScaleDetail::new(&narrow, &wider, around).significance(),
             of_bright(detail.noise),
             of_bright(around),
             spread / (low * low).max(DARKEST * DARKEST),
@@ -160,26 +165,26 @@ impl Refinement<'_> {
 
 /// The difference between the light of a scale and that of the next wider one.
 #[derive(Clone, Copy, Debug, Default)]
-struct Detail {
+struct ScaleDetail {
     /// The square of the difference.
     difference: f32,
     /// The expected square of the difference if it were noise alone.
     noise: f32,
 }
 
-impl Detail {
+impl ScaleDetail {
     /// Returns a square's own detail. `around` is the variance of one sample nearby. The detail is
     /// 0 if the neighbourhood is too dark to judge noise. The wider sums contain the narrow ones.
-    fn new(narrow: &Lit, wider: &Lit, around: f32) -> Detail {
+    fn new(narrow: &LightSums, wider: &LightSums, around: f32) -> ScaleDetail {
         if narrow.count <= 0.0 || wider.count <= narrow.count {
-            return Detail::default();
+            return ScaleDetail::default();
         }
         let differs = luminance((narrow.mean() - wider.mean()).to_array());
         let noise = narrow.variance(around) * (1.0 - narrow.count / wider.count);
         if noise > 0.0 {
-            Detail { difference: differs * differs, noise }
+            ScaleDetail { difference: differs * differs, noise }
         } else {
-            Detail::default()
+            ScaleDetail::default()
         }
     }
 
@@ -201,9 +206,9 @@ impl Detail {
     }
 }
 
-impl From<[f32; 2]> for Detail {
-    fn from([difference, noise]: [f32; 2]) -> Detail {
-        Detail { difference, noise }
+impl From<[f32; 2]> for ScaleDetail {
+    fn from([difference, noise]: [f32; 2]) -> ScaleDetail {
+        ScaleDetail { difference, noise }
     }
 }
 
@@ -214,7 +219,7 @@ mod tests {
 
     #[test]
     fn a_sample_beside_darkness_has_a_finite_detail() {
-        let lit = |light: f32, count: f32| Lit {
+        let lit = |light: f32, count: f32| LightSums {
             light: Vec3::splat(light * count),
             count,
             square: light * light * count,
@@ -224,7 +229,7 @@ mod tests {
                 for count in [1e-9, 1.0, 1e6] {
                     let own = lit(narrow, count);
                     let around = lit(narrow + wider, 2.0 * count);
-                    let detail = Detail::new(&own, &around, lit(wide, 1.0).variance_around());
+                    let detail = ScaleDetail::new(&own, &around, lit(wide, 1.0).variance_around());
                     let share = detail.significant_share();
                     assert!((0.0..=1.0).contains(&share), "{detail:?}");
                     assert!(detail.significance() >= 1.0, "{detail:?}");
@@ -238,7 +243,7 @@ mod tests {
     /// samples. Every other sample has the light 0, and the others twice `light`. The square's own
     /// sample has `own`.
     fn of_square(own: f32, light: f32, check: impl FnOnce(&Refinement, Square)) {
-        let layout = Layout { size: (1, 1), occupied: std::iter::once(0..1).collect() };
+        let layout = SquareLayout { size: (1, 1), occupied: std::iter::once(0..1).collect() };
         let sums = |count: f32, light: f32, square: f32| {
             let sum = count * light;
             layout.planes(|_| [sum, sum, sum, count, count * square])

@@ -1,12 +1,12 @@
 //! Sums of squares over ever wider neighbourhoods (à-trous).
 
 use super::Sum;
-use crate::planes::{Difference, Layout, Square, Weights};
+use crate::planes::{Difference, Square, SquareLayout, Weights};
 
 /// Returns the sums of all scales, from the squares' own sums to the widest. A difference lowers the
 /// weights.
 pub(super) fn all(
-    layout: &Layout,
+    layout: &SquareLayout,
     of_squares: Sum,
     weights: &[Weights],
     lowered_by: Option<Difference>,
@@ -19,7 +19,7 @@ pub(super) fn all(
 }
 
 /// Returns sums in which every other square is 0, and those in which the other squares are.
-pub(super) fn halves(layout: &Layout, of_squares: &Sum) -> [Sum; 2] {
+pub(super) fn halves(layout: &SquareLayout, of_squares: &Sum) -> [Sum; 2] {
     [0, 1].map(|half| {
         let is_in_half = |at: Square| (at.row + at.column) % 2 == half;
         layout.planes(|at| if is_in_half(at) { of_squares.at(at) } else { [0.0; 5] })
@@ -28,7 +28,7 @@ pub(super) fn halves(layout: &Layout, of_squares: &Sum) -> [Sum; 2] {
 
 /// Returns the sums of all scales. Each half of the squares has a difference of its own.
 pub(super) fn by_halves(
-    layout: &Layout,
+    layout: &SquareLayout,
     of_squares: &Sum,
     weights: &[Weights],
     [even, odd]: [Option<Difference>; 2],
@@ -38,7 +38,7 @@ pub(super) fn by_halves(
 }
 
 /// Returns the sums of both halves, for each scale.
-pub(super) fn both(layout: &Layout, even: &[Sum], odd: &[Sum]) -> Vec<Sum> {
+pub(super) fn both(layout: &SquareLayout, even: &[Sum], odd: &[Sum]) -> Vec<Sum> {
     let added = |(even, odd): (&Sum, &Sum)| {
         layout.planes(|at| {
             let (mut sum, more) = (even.at(at), odd.at(at));

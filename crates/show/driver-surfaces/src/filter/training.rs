@@ -4,12 +4,12 @@ use super::network::{INPUTS, logarithms};
 use super::passes::{Passes, Second};
 use super::{OfSquares, SCALES};
 use crate::behind::BehindPanes;
-use crate::estimate::Lit;
+use crate::estimate::LightSums;
 use crate::gather::Gathered;
 use crate::planes::Square;
 use crate::squares::Squares;
-use crate::store::Store;
-use crate::view::View;
+use crate::store::LightStore;
+use crate::view::SurfaceView;
 use holo_display::Interrupt;
 
 /// Quantities of one scale of an example.
@@ -31,7 +31,7 @@ impl Gathered {
     #[must_use]
     pub fn examples(
         &self,
-        (view, store): (&View, &Store),
+        (view, store): (&SurfaceView, &LightStore),
         others: &Gathered,
         every: usize,
     ) -> Vec<f32> {
@@ -53,7 +53,7 @@ impl Gathered {
         let mut examples = Vec::new();
         for at in (0..squares.size.1).flat_map(|row| passes.layout.squares(row)) {
             let Square { number, .. } = at;
-            let (seen, truth) = (&squares.seen[number], Lit::new(&truths[number]));
+            let (seen, truth) = (&squares.seen[number], LightSums::new(&truths[number]));
             let is_behind = view.way(seen).pane > 0.0;
             if number % every > 0 || !seen.is_surface() || is_behind || truth.count <= 0.0 {
                 continue;
@@ -66,7 +66,7 @@ impl Gathered {
             examples.extend(truth.mean().to_array());
             examples.extend(widest.estimate.light.to_array());
             for (number, sums) in scales[..SCALES].iter().enumerate() {
-                let narrow = Lit::from(sums.at(at));
+                let narrow = LightSums::from(sums.at(at));
                 examples.extend(narrow.mean().to_array());
                 examples.push(f32::from(u8::from(narrow.count > 0.0)));
                 examples.extend(logarithms(&refinement.inputs(at, &widest, number)));

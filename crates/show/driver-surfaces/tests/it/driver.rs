@@ -4,7 +4,7 @@
 
 use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Frame, Look};
+use holo_display::{Frame, FrameRequest};
 use holo_driver_surfaces::surfaces_driver;
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
@@ -60,15 +60,15 @@ fn samples(section: &Section, count: u64) -> Vec<(BeamKey, Sample)> {
     (0..count).filter_map(sample).collect()
 }
 
-fn look(options: &str, is_moving: bool) -> Look {
+fn look(options: &str, is_moving: bool) -> FrameRequest {
     look_of(SIZE, options, is_moving)
 }
 
-fn look_of(size: (u32, u32), options: &str, is_moving: bool) -> Look {
+fn look_of(size: (u32, u32), options: &str, is_moving: bool) -> FrameRequest {
     let mut spec = ViewSpec::default();
     spec.apply_line(options).unwrap();
     let (view, size): (View, _) = spec.resolve(size).unwrap();
-    Look { view, size, is_moving }
+    FrameRequest { view, size, is_moving }
 }
 
 /// Inserts dark samples along the same rays, which no frame has shown yet.

@@ -4,8 +4,10 @@
 
 use crate::common::*;
 use glam::DVec3;
-use holo_driver_surfaces::{Gathered, InPane, Materials, Placer, RaySample, Store, View};
-use holo_picture::View as Eye;
+use holo_driver_surfaces::{
+    Gathered, InPane, LightStore, Materials, Placer, RaySample, SurfaceView,
+};
+use holo_picture::SurfaceView as Eye;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 use std::sync::Arc;
@@ -56,7 +58,7 @@ fn a_pane_behind_a_mirror_shows_what_it_mirrors() {
     let (at, ahead) = (DVec3::new(0.0, 0.5, 1.4), DVec3::new(0.0, -1.0, -0.15));
     let eye = Eye::new(at, ahead, DVec3::Z, Some(20.0), None, (64, 64)).unwrap();
     let (store, materials) = kept(&raycaster, &floor_rays(100, |_, _| 100.0));
-    let mut view = View::new(raycaster, materials, &eye, (64, 64));
+    let mut view = SurfaceView::new(raycaster, materials, &eye, (64, 64));
     let mirrors_floor = |pane: &&InPane| pane.seen.is_surface() && pane.share == 1.0;
     for _ in 0..2 {
         let drawn = Gathered::new(&view, &store).draw(&view, &store, None);
@@ -82,8 +84,8 @@ fn pixels_on_edges_show_the_mean_of_what_they_see() {
     let at = DVec3::new(2.0, -1.0, 3.0);
     let down = DVec3::new(0.0, 0.0, -1.0);
     let eye = Eye::new(at, down, DVec3::new(0.1, 1.0, 0.0), Some(20.0), None, (64, 64)).unwrap();
-    let mut view = View::new(Arc::clone(&raycaster), materials, &eye, (64, 64));
-    let draw = |view: &View| Gathered::new(view, &store).draw(view, &store, None).pixels;
+    let mut view = SurfaceView::new(Arc::clone(&raycaster), materials, &eye, (64, 64));
+    let draw = |view: &SurfaceView| Gathered::new(view, &store).draw(view, &store, None).pixels;
     let jagged = draw(&view);
     assert!(jagged.iter().all(|p| (p[1] - 0.25).abs() < 1e-3 || (p[1] - 1.0).abs() < 1e-3));
     view.look_into_edges();
@@ -118,7 +120,7 @@ fn pixels_between_two_materials_of_a_plane_are_edges() {
     // The border crosses the middles of a column of pixels.
     let (at, down) = (DVec3::new(0.027, 0.0, 3.0), DVec3::new(0.0, 0.0, -1.0));
     let eye = Eye::new(at, down, DVec3::Y, Some(60.0), None, (64, 64)).unwrap();
-    let mut view = View::new(Arc::clone(&raycaster), materials, &eye, (64, 64));
+    let mut view = SurfaceView::new(Arc::clone(&raycaster), materials, &eye, (64, 64));
     view.look_into_edges();
     assert!(view.edges.len() > 60 && view.edges.iter().all(|edge| edge.pixel % 64 == 31));
 }
@@ -148,13 +150,13 @@ fn a_strip_thinner_than_a_pixel_shows_its_own_light() {
     let mut placed = Vec::new();
     Placer::new(&raycaster, &materials).place_rays(&rays, &mut placed);
     // The store's cubes are two pixels wide. In some, pieces show the strip, but no middle does.
-    let mut store = Store::new(1e-4, 64 << 20);
+    let mut store = LightStore::new(1e-4, 64 << 20);
     store.add(&placed);
     // The eye is turned a little, so that the middles of some pixels show the strip and the others
     // become edges.
     let (at, down, up) = (DVec3::Z * 3.0, DVec3::NEG_Z, DVec3::new(0.05, 1.0, 0.0));
     let eye = Eye::new(at, down, up, Some(60.0), None, (64, 64)).unwrap();
-    let mut view = View::new(raycaster, materials, &eye, (64, 64));
+    let mut view = SurfaceView::new(raycaster, materials, &eye, (64, 64));
     view.look_into_edges();
     let pixels = Gathered::new(&view, &store).draw(&view, &store, None).pixels;
     let mut strips = 0;
@@ -186,8 +188,9 @@ fn the_order_of_edges_and_samples_changes_no_bit() {
         let placer = Placer::new(raycaster, &materials);
         let mut placed = Vec::new();
         placer.place_rays(&rays, &mut placed);
-        let new_view = || View::new(Arc::clone(raycaster), Arc::clone(&materials), &eye, (64, 64));
-        let mut all = Store::new(1e-4, 64 << 20);
+        let new_view =
+            || SurfaceView::new(Arc::clone(raycaster), Arc::clone(&materials), &eye, (64, 64));
+        let mut all = LightStore::new(1e-4, 64 << 20);
         all.add(&placed);
         let mut expected = new_view();
         expected.look_into_edges();
@@ -195,7 +198,7 @@ fn the_order_of_edges_and_samples_changes_no_bit() {
         for parts in [[0.0, 1.0], [0.3, 0.6], [1.0, 1.0]] {
             let [before, between] = parts.map(|part: f64| (part * placed.len() as f64) as usize);
             let mut view = new_view();
-            let mut store = Store::new(1e-4, 64 << 20);
+            let mut store = LightStore::new(1e-4, 64 << 20);
             store.add(&placed[..before]);
             let mut gathered = Gathered::new(&view, &store);
             store.add(&placed[before..between]);
@@ -221,7 +224,8 @@ fn a_pane_mirrors_into_the_share_of_a_pixel_that_it_takes() {
     for turned in [-0.11, -0.1135] {
         let (at, ahead) = (DVec3::new(2.3, -1.0, 2.2), DVec3::new(turned, 1.0, -0.5));
         let eye = Eye::new(at, ahead, DVec3::Z, Some(20.0), None, (64, 64)).unwrap();
-        let mut view = View::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye, (64, 64));
+        let mut view =
+            SurfaceView::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye, (64, 64));
         let rough = Gathered::new(&view, &store).draw(&view, &store, None).pixels;
         view.look_into_edges();
         let fine = Gathered::new(&view, &store).draw(&view, &store, None).pixels;
@@ -286,7 +290,7 @@ fn samples_through_a_pane_count_what_it_mirrors_once() {
     let raycaster = room_with_window();
     let materials = Arc::new(Materials::new(raycaster.scene()));
     let eye = to_wall();
-    let view = View::new(Arc::clone(&raycaster), materials, &eye, (64, 64));
+    let view = SurfaceView::new(Arc::clone(&raycaster), materials, &eye, (64, 64));
     // The pixels through which a pane shows the backdrop, and mirrors the floor.
     let panes = view.in_panes.iter().filter(|pane| pane.seen.is_surface());
     let panes: Vec<usize> =

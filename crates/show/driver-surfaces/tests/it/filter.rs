@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use crate::common::*;
-use holo_driver_surfaces::{EXAMPLE, Gathered, Materials, Placer, Store, View};
+use holo_driver_surfaces::{EXAMPLE, Gathered, LightStore, Materials, Placer, SurfaceView};
 use holo_scene::Bsdf;
 use std::sync::Arc;
 
@@ -128,9 +128,9 @@ fn places_without_any_light_are_black_and_their_errors_are_numbers() {
         let materials = Arc::new(Materials::new(raycaster.scene()));
         let mut placed = Vec::new();
         Placer::new(&raycaster, &materials).place_rays(&rays, &mut placed);
-        let mut store = Store::new(0.001, 64 << 20);
+        let mut store = LightStore::new(0.001, 64 << 20);
         store.add(&placed);
-        let mut view = View::new(Arc::clone(&raycaster), materials, &to_wall(), (64, 64));
+        let mut view = SurfaceView::new(Arc::clone(&raycaster), materials, &to_wall(), (64, 64));
         view.look_into_edges();
         let drawn = Gathered::new(&view, &store).draw(&view, &store, None);
         assert!(drawn.pixels.iter().flatten().all(|c| c.is_finite() && *c >= 0.0));
@@ -171,7 +171,7 @@ fn examples_have_the_light_of_the_samples_and_of_the_others() {
     let raycaster = walled_room(Bsdf::Diffuse { kd: [0.8; 3] });
     let light = |radiance: f32| kept(&raycaster, &floor_rays(200, move |_, _| radiance));
     let ((store, materials), (others, _)) = (light(0.2), light(0.6));
-    let view = View::new(Arc::clone(&raycaster), materials, &eye(), (64, 64));
+    let view = SurfaceView::new(Arc::clone(&raycaster), materials, &eye(), (64, 64));
     let [gathered, true_light] = [&store, &others].map(|store| Gathered::new(&view, store));
     let examples = gathered.examples((&view, &store), &true_light, 3);
     let (examples, rest) = examples.as_chunks::<EXAMPLE>();

@@ -4,7 +4,7 @@
 
 use crate::common::*;
 use glam::DVec3;
-use holo_driver_surfaces::{Gathered, Materials, Placer, RaySample, Store, View};
+use holo_driver_surfaces::{Gathered, LightStore, Materials, Placer, RaySample, SurfaceView};
 use holo_scene::Bsdf;
 use std::sync::Arc;
 
@@ -26,8 +26,8 @@ fn samples_that_come_later_count_as_if_they_had_been_there() {
     let placer = Placer::new(&raycaster, &materials);
     let mut placed = Vec::new();
     placer.place_rays(&all, &mut placed);
-    let view = View::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye(), (64, 64));
-    let mut store = Store::new(0.001, 64 << 20);
+    let view = SurfaceView::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye(), (64, 64));
+    let mut store = LightStore::new(0.001, 64 << 20);
     let (first, later) = placed.split_at(3456);
     store.add(first);
     let mut gathered = Gathered::new(&view, &store);
@@ -45,8 +45,8 @@ fn a_pixel_has_all_its_samples_however_wide_it_is() {
     let mut placed = Vec::new();
     Placer::new(&raycaster, &materials).place_rays(&rays(200, |_, _| 1.0), &mut placed);
     let samples = |finest: f32| {
-        let view = View::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye(), (4, 4));
-        let mut store = Store::new(finest, 64 << 20);
+        let view = SurfaceView::new(Arc::clone(&raycaster), Arc::clone(&materials), &eye(), (4, 4));
+        let mut store = LightStore::new(finest, 64 << 20);
         store.add(&placed);
         Gathered::new(&view, &store).samples()
     };
@@ -113,7 +113,7 @@ fn a_store_keeps_what_was_seen_last() {
     let (before, now): (Vec<_>, Vec<_>) =
         placed.into_iter().partition(|sample| sample.point().x < 0.0);
     // A sample takes 24 bytes. Both halves do not fit.
-    let mut store = Store::new(0.0001, 24 * 4_500);
+    let mut store = LightStore::new(0.0001, 24 * 4_500);
     store.add(&before);
     store.begin_round();
     store.add(&now);
@@ -127,14 +127,14 @@ fn a_view_with_too_many_samples_keeps_some_whatever_their_light() {
     let placer = Placer::new(&raycaster, &materials);
     let mut placed = Vec::new();
     placer.place_rays(&rays(200, |x, _| if x.sin() > 0.0 { 1.0 } else { 0.5 }), &mut placed);
-    let mut store = Store::new(0.0001, 24 * 6_400);
+    let mut store = LightStore::new(0.0001, 24 * 6_400);
     for part in placed.chunks(1000) {
         store.add(part);
         assert!(store.kept() <= 6_400, "{} samples", store.kept());
     }
     assert!(store.kept() > 1_600, "{} samples", store.kept());
     // The same samples in another order leave the same set.
-    let mut other = Store::new(0.0001, 24 * 6_400);
+    let mut other = LightStore::new(0.0001, 24 * 6_400);
     placed.reverse();
     placed.chunks(777).for_each(|part| _ = other.add(part));
     assert_eq!(other.kept(), store.kept());

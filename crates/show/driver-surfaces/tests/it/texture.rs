@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use glam::DVec3;
-use holo_driver_surfaces::{Gathered, Materials, Placer, RaySample, Store, View};
-use holo_picture::View as Eye;
+use holo_driver_surfaces::{Gathered, LightStore, Materials, Placer, RaySample, SurfaceView};
+use holo_picture::SurfaceView as Eye;
 use holo_raycast::Raycaster;
 use holo_scene::LoadOptions;
 use std::sync::Arc;
@@ -35,7 +35,10 @@ fn met(raycaster: &Raycaster, x: f64, y: f64) -> (u32, f32, f32) {
     (hit.triangle, hit.u, hit.v)
 }
 
-fn drawn(raycaster: &Arc<Raycaster>, radiance: impl Fn(f64, f64) -> f32) -> (View, Vec<[f32; 3]>) {
+fn drawn(
+    raycaster: &Arc<Raycaster>,
+    radiance: impl Fn(f64, f64) -> f32,
+) -> (SurfaceView, Vec<[f32; 3]>) {
     let at = |n: u32| (f64::from(n) + 0.5) / 60.0 * 3.8 - 1.9;
     let places = (0..60).flat_map(|row| (0..60).map(move |column| (at(column), at(row))));
     let rays: Vec<RaySample> = places
@@ -51,11 +54,11 @@ fn drawn(raycaster: &Arc<Raycaster>, radiance: impl Fn(f64, f64) -> f32) -> (Vie
     let materials = Arc::new(Materials::new(raycaster.scene()));
     let mut placed = Vec::new();
     Placer::new(raycaster, &materials).place_rays(&rays, &mut placed);
-    let mut store = Store::new(0.001, 64 << 20);
+    let mut store = LightStore::new(0.001, 64 << 20);
     store.add(&placed);
     let (at, down) = (DVec3::new(0.0, 0.0, 3.0), DVec3::new(0.0, 0.0, -1.0));
     let eye = Eye::new(at, down, DVec3::Y, Some(55.0), None, (256, 256)).unwrap();
-    let view = View::new(Arc::clone(raycaster), materials, &eye, (256, 256));
+    let view = SurfaceView::new(Arc::clone(raycaster), materials, &eye, (256, 256));
     let pixels = Gathered::new(&view, &store).draw(&view, &store, None).pixels;
     (view, pixels)
 }

@@ -59,7 +59,7 @@ pub(super) fn write_rows(bytes: &mut Vec<u8>, pixels: &[[f32; 3]], width: u32, e
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
     let mut rest = bytes;
     let header = Header::read(&mut rest)?;
-    let layout = Layout::parse(line(&mut rest, MAX_HEADER)?)?;
+    let layout = PixelOrder::parse(line(&mut rest, MAX_HEADER)?)?;
     let (width, height) = layout.size();
     Picture::check_size(width, height)?;
     // A file of runs may be much smaller than its pixels, so memory is allocated row by row.
@@ -179,7 +179,7 @@ fn line<'a>(rest: &mut &'a [u8], room: usize) -> Result<&'a [u8], PictureError> 
 
 /// The order of pixels in the file. `-Y 480 +X 640` is rows from the top; seven others rotate or
 /// mirror the picture.
-struct Layout {
+struct PixelOrder {
     rows: u32,
     row_length: u32,
     /// Scanlines are columns of the picture (X before Y).
@@ -189,8 +189,8 @@ struct Layout {
     from_top: bool,
 }
 
-impl Layout {
-    fn parse(line: &[u8]) -> Result<Layout, PictureError> {
+impl PixelOrder {
+    fn parse(line: &[u8]) -> Result<PixelOrder, PictureError> {
         let wrong = || {
             let shown: String = String::from_utf8_lossy(line).chars().take(80).collect();
             PictureError::Header(format!("resolution `{shown}` is not like `-Y 480 +X 640`"))
@@ -205,7 +205,13 @@ impl Layout {
         };
         let (rows, row_length) =
             (rows.parse().map_err(|_| wrong())?, row_length.parse().map_err(|_| wrong())?);
-        Ok(Layout { rows, row_length, columns_first, from_right: x == "-X", from_top: y == "-Y" })
+        Ok(PixelOrder {
+            rows,
+            row_length,
+            columns_first,
+            from_right: x == "-X",
+            from_top: y == "-Y",
+        })
     }
 
     fn size(&self) -> (u32, u32) {

@@ -42,7 +42,7 @@ impl Curve {
     /// Returns the curve of a camera: the ceiling is the contrast of the scene (§4.2). If the scene
     /// has less contrast than the display, the curve is a factor.
     pub fn camera(seen: &Histogram) -> Curve {
-        let bins = Bins::new(seen);
+        let bins = HistogramBins::new(seen);
         let rises = bins.share_out(&vec![BIN; bins.weights.len()]);
         rises.map_or_else(|| bins.factor(seen), |rises| bins.curve(&rises))
     }
@@ -54,7 +54,7 @@ impl Curve {
     /// Then one just visible step at the scene's log-average is one of the display (Ward 1994, "A
     /// Contrast-Based Scalefactor for Luminance Display").
     pub fn human(seen: &Histogram) -> Curve {
-        let bins = Bins::new(seen);
+        let bins = HistogramBins::new(seen);
         let mut rises = vec![RANGE / bins.weights.len() as f64; bins.weights.len()];
         for _ in 0..ROUNDS {
             let mut shown = -RANGE;
@@ -133,13 +133,13 @@ impl Curve {
     }
 
     /// Makes the table that maps pixels to the display, `gain` times as bright.
-    pub fn table(&self, gain: f32) -> Table {
+    pub fn table(&self, gain: f32) -> CurveTable {
         let value = |entry: usize| {
             let luminance = f32::from_bits((entry as u32) << REST_BITS);
             let black = 1.0 / DYNAMIC_RANGE as f32;
             gain * ((self.at(log2(luminance)).exp2() - black) / (1.0 - black)).max(0.0)
         };
-        Table { values: (0..=ENTRIES).map(value).collect() }
+        CurveTable { values: (0..=ENTRIES).map(value).collect() }
     }
 }
 
@@ -149,15 +149,15 @@ fn bin_log(bin: usize) -> f64 {
 }
 
 /// The bins that have pixels.
-struct Bins {
+struct HistogramBins {
     /// Number of each bin, and its pixels.
     weights: Vec<(usize, f64)>,
 }
 
-impl Bins {
-    fn new(seen: &Histogram) -> Bins {
+impl HistogramBins {
+    fn new(seen: &Histogram) -> HistogramBins {
         let weight = |bin| Some((bin, seen.count(bin) as f64)).filter(|weight| weight.1 > 0.0);
-        Bins { weights: (0..BINS).filter_map(weight).collect() }
+        HistogramBins { weights: (0..BINS).filter_map(weight).collect() }
     }
 
     /// Divides the range of the display among the bins, in proportion to their pixels, but with at
@@ -220,11 +220,11 @@ const ENTRIES: usize = 0x7f80;
 const MOST_RADIANCE: f32 = 1e36;
 
 /// A curve as display values by luminance.
-pub(super) struct Table {
+pub(super) struct CurveTable {
     values: Vec<f32>,
 }
 
-impl Table {
+impl CurveTable {
     /// Returns the display values of a radiance. Its hue stays, unless a channel exceeds 1.
     #[inline]
     pub fn color(&self, rgb: [f32; 3]) -> [f32; 3] {

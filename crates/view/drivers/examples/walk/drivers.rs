@@ -2,11 +2,13 @@
 //! picture comes out.
 
 use glam::DVec3;
-use holo_display::{Age, DriverError, FramePhase, Interrupt, LiveSample, Look, SelectOptions};
+use holo_display::{
+    Age, DriverError, FramePhase, FrameRequest, Interrupt, LiveSample, SelectOptions,
+};
 use holo_driver_quadtree::quadtree_driver;
 use holo_driver_rendercache::frameless::{Frameless, PixelTag};
 use holo_driver_rendercache::{
-    Moment, Place, PointImage, PointImageParams, Sample, Smoothing, Stages, Tag,
+    Moment, Place, PointImage, PointImageParams, RayResult, Smoothing, Stages, Tag,
 };
 use holo_driver_surfaces::surfaces_driver;
 use holo_picture::{Picture, View};
@@ -41,7 +43,7 @@ pub struct Answer {
 }
 
 pub enum Driver {
-    Points(Box<PointImage>, Vec<Sample>),
+    Points(Box<PointImage>, Vec<RayResult>),
     Frameless(Box<Frameless>),
     Stored { stored: Box<Stored>, draws: Draws },
 }
@@ -182,10 +184,10 @@ impl Driver {
                     } else {
                         Place::Toward(ray.direction)
                     };
-                    samples.push(Sample {
+                    samples.push(RayResult {
                         tag: *tag,
                         noise: answer.noise,
-                        ..Sample::new(place, answer.radiance)
+                        ..RayResult::new(place, answer.radiance)
                     });
                 }
                 (Self::Frameless(driver), Purpose::Pixel(tag)) => {
@@ -222,7 +224,7 @@ impl Stored {
             Draws::Quadtree => quadtree_driver(sections, sky),
             Draws::Surfaces(raycaster) => surfaces_driver(sections, Arc::clone(raycaster), None),
         };
-        renderer.look(&Look { view, size: crate::SIZE, is_moving: false })?;
+        renderer.look(&FrameRequest { view, size: crate::SIZE, is_moving: false })?;
         for (section, beam, samples) in self.beams() {
             light.insert(Age::Present, BeamKey { section, beam }, self.paths, &samples);
         }

@@ -7,7 +7,7 @@ use glam::DVec3;
 use holo_driver_quadtree::QuadtreeParams;
 use holo_driver_rendercache::frameless::Frameless;
 use holo_driver_rendercache::{
-    EmptyPixels, Moment, Place, PointImage, PointImageParams, Sample, Smoothing,
+    EmptyPixels, Moment, Place, PointImage, PointImageParams, RayResult, Smoothing,
 };
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_section::ViewClass;
@@ -184,9 +184,9 @@ fn the_render_cache_converges_to_what_lies_between_the_surfaces() {
                 .filter(is_ray)
                 .map(|(tag, origin, direction)| {
                     let (radiance, distance) = first(origin, direction);
-                    Sample {
+                    RayResult {
                         tag,
-                        ..Sample::new(Place::At(origin + direction * distance), radiance)
+                        ..RayResult::new(Place::At(origin + direction * distance), radiance)
                     }
                 })
                 .collect();
@@ -218,10 +218,10 @@ fn points_that_are_there_are_clipped_at_once_and_come_back() {
                 let (x, y) = View::pixel_centre(SIZE, pixel % SIZE.0, pixel / SIZE.0);
                 let (origin, direction) = plain.try_ray(x, y)?;
                 let (radiance, distance) = first(origin, direction);
-                Some(Sample::new(Place::At(origin + direction * distance), radiance))
+                Some(RayResult::new(Place::At(origin + direction * distance), radiance))
             })
             .collect();
-        let mut frame = |view: View, samples: &[Sample]| {
+        let mut frame = |view: View, samples: &[RayResult]| {
             cache.frame(&Moment { view, predicted: None, samples, wanted: 0 }).picture().pixels
         };
         let before = frame(plain, &samples);

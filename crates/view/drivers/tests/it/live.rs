@@ -5,7 +5,7 @@
 use crate::common::{Random, section, view};
 use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Driver, Frame, LiveSample, Look, covered};
+use holo_display::{Driver, Frame, FrameRequest, LiveSample, covered};
 use holo_driver_quadtree::quadtree_driver;
 use holo_driver_surfaces::surfaces_driver;
 use holo_picture::{View, ViewSpec};
@@ -54,7 +54,7 @@ impl Stage {
 
     fn look(&self, driver: Driver) -> TestViewer {
         let mut driver = TestViewer::new(driver);
-        let look = Look { view: self.view, size: SIZE, is_moving: false };
+        let look = FrameRequest { view: self.view, size: SIZE, is_moving: false };
         driver.look(&look).unwrap();
         driver
     }

@@ -5,7 +5,7 @@
 use crate::common::{Random, section, view};
 use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::Look;
+use holo_display::FrameRequest;
 use holo_driver_quadtree::quadtree_driver;
 use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver};
 use holo_picture::View;
@@ -81,7 +81,7 @@ fn samples_draw_what_is_seen_through_a_portal_and_change_nothing_else() {
             None,
             Arc::new(move || quadtree_driver(Arc::clone(&sections), [0.0; 3])),
         ));
-        driver.look(&Look { view: seen, size: SIZE, is_moving: false }).unwrap();
+        driver.look(&FrameRequest { view: seen, size: SIZE, is_moving: false }).unwrap();
         for (beam, sample) in &samples {
             driver.insert(BeamKey { section: 0, beam: *beam }, 1, std::slice::from_ref(sample));
         }

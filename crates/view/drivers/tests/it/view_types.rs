@@ -6,7 +6,7 @@
 use crate::common::*;
 use crate::viewer::TestViewer;
 use glam::DVec3;
-use holo_display::{Look, SelectOptions, select_beams, viewpoint};
+use holo_display::{FrameRequest, SelectOptions, select_beams, viewpoint};
 use holo_driver_quadtree::{LeafSize, Quadtree, QuadtreeParams};
 use holo_driver_rendercache::{
     Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stages,
@@ -213,7 +213,7 @@ fn walls() -> (Arc<Raycaster>, Vec<[f32; 3]>) {
 fn surfaces(section: &Section, raycaster: &Arc<Raycaster>, view: View) -> TestViewer {
     let sections = Arc::from([section.clone()]);
     let mut driver = TestViewer::new(surfaces_driver(sections, Arc::clone(raycaster), None));
-    driver.look(&Look { view, size: SIZE, is_moving: false }).unwrap();
+    driver.look(&FrameRequest { view, size: SIZE, is_moving: false }).unwrap();
     driver
 }
 

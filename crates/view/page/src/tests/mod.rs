@@ -12,7 +12,7 @@ use glam::DVec3;
 use holo_display::Frame;
 use holo_net::Shutdown;
 use holo_picture::View;
-use holo_stage::{Front, Input, Inputs, Numbered, Phase, Shown, State};
+use holo_stage::{Front, Input, Inputs, Numbered, PublishedFrame, StagePhase, State};
 use holo_walk::Controls;
 use serde_json::{Value, json};
 use tokio::{
@@ -25,7 +25,7 @@ use tokio_tungstenite::{
     tungstenite::{Error, Message, client::IntoClientRequest},
 };
 
-use super::{door::Door, serve};
+use super::{door::PageSocket, serve};
 
 /// Longest wait in a test.
 const LIMIT: Duration = Duration::from_secs(20);
@@ -45,10 +45,10 @@ struct Server {
 
 impl Server {
     async fn start() -> Server {
-        Server::behind(Door::open("127.0.0.1:0", None).await.unwrap())
+        Server::behind(PageSocket::open("127.0.0.1:0", None).await.unwrap())
     }
 
-    fn behind(door: Door) -> Server {
+    fn behind(door: PageSocket) -> Server {
         let url = door.url().unwrap();
         let port = url.split(['/', ':']).nth(4).unwrap().parse().unwrap();
         let (inputs, receiver) = Inputs::new(Arc::new(|| {}));
@@ -65,7 +65,7 @@ impl Server {
         let mut frame = Frame::black(SIZE);
         frame.picture.pixels.fill([radiance; 3]);
         frame.depth.fill(2.0);
-        let shown = Shown {
+        let shown = PublishedFrame {
             number: self.frames,
             input,
             view,
@@ -461,7 +461,7 @@ async fn twenty_watchers_one_of_them_stalled_all_see_the_last_frame() {
 async fn everyone_is_told_why_the_session_has_ended() {
     let server = Server::start().await;
     let mut page = server.page().await;
-    server.change_state(|state| state.phase = Phase::Ended("lost the server".into()));
+    server.change_state(|state| state.phase = StagePhase::Ended("lost the server".into()));
     loop {
         let state = page.told("state").await;
         if state["phase"] == "ended" {

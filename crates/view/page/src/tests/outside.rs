@@ -17,7 +17,7 @@ impl Outside {
         let folder = tempfile::tempdir().unwrap();
         let identity = Identity::open(folder.path()).unwrap();
         let fingerprint = identity.fingerprint();
-        let door = Door::outside(([127, 0, 0, 1], 0).into(), identity).await.unwrap();
+        let door = PageSocket::outside(([127, 0, 0, 1], 0).into(), identity).await.unwrap();
         Outside { server: Server::behind(door), fingerprint, _folder: folder }
     }
 

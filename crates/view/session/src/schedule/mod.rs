@@ -19,7 +19,7 @@ mod sketch;
 
 use std::time::{Duration, Instant};
 
-use holo_display::Look;
+use holo_display::FrameRequest;
 use holo_picture::ViewSpec;
 
 use detail::Detail;
@@ -125,7 +125,7 @@ impl FrameSchedule {
         now: Instant,
     ) -> FrameSize {
         let rested = now.saturating_duration_since(self.moved);
-        let is_small = u64::from(full.0) * u64::from(full.1) <= Look::SMALL;
+        let is_small = u64::from(full.0) * u64::from(full.1) <= FrameRequest::SMALL;
         let is_sketch = !is_moving
             && !keeps_pixels
             && !is_small

@@ -8,7 +8,7 @@ use holo_picture::ViewSpec;
 use holo_walk::Walker;
 use tokio::sync::oneshot;
 
-use super::{ANSWER, Ending, Hand, Question, REST};
+use super::{ANSWER, Hand, HandEnding, Question, REST};
 use crate::{
     crew::Crew,
     input::{Input, Named},
@@ -81,7 +81,7 @@ impl Hand {
                 Some((name, options)) => self.order(Order::KeepView(name, options)),
                 None => self.refuse("no view was removed".to_owned()),
             },
-            Input::Quit => self.ending = Some(Ending::Quit),
+            Input::Quit => self.ending = Some(HandEnding::Quit),
             Input::Focus(part) => self.focus = part,
         }
     }
@@ -106,7 +106,7 @@ impl Hand {
         if !self.question.take().is_some_and(is_answer) {
             self.question = Some((question, Instant::now()));
         } else if question == Question::StartOver {
-            self.ending = Some(Ending::StartOver);
+            self.ending = Some(HandEnding::StartOver);
         } else if self.scene_read.is_none() {
             self.scene_read = Some(crew.read_scene());
         }
@@ -122,7 +122,7 @@ impl Hand {
         };
         self.scene_read = None;
         match read {
-            Ok(()) => self.ending = Some(Ending::Restart),
+            Ok(()) => self.ending = Some(HandEnding::Restart),
             Err(error) => self.refuse(format!("{error:#}")),
         }
     }

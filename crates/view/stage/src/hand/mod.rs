@@ -24,9 +24,9 @@ use super::{
     bell::Bell,
     crew::Crew,
     input::Numbered,
-    painter::{Desk, Done, News, Order, Painted, Wanted},
-    record::Record,
-    shown::{Publisher, Shown, State},
+    painter::{Done, FrameRequests, News, Order, Painted, StageView},
+    record::ScriptRecorder,
+    shown::{PublishedFrame, Publisher, State},
     warp::{Source, can_show, warp},
     world::World,
 };
@@ -111,7 +111,7 @@ pub struct Hand {
     inputs: mpsc::Receiver<Numbered>,
     bell: Arc<Bell>,
     /// The painter's desk, while there is a painter.
-    desk: Option<Desk>,
+    desk: Option<FrameRequests>,
     crew: Option<Crew>,
     /// The scene, if it is known.
     scene: Option<Arc<Raycaster>>,
@@ -124,9 +124,9 @@ pub struct Hand {
     /// The answer of the crew that reads the scene again.
     scene_read: Option<oneshot::Receiver<Result<()>>>,
     /// Why the hand ends, once it does.
-    ending: Option<Ending>,
+    ending: Option<HandEnding>,
     publisher: Publisher,
-    record: Option<Record>,
+    record: Option<ScriptRecorder>,
     /// Most columns and rows of the picture at rest.
     size: (u32, u32),
     cursor: Option<(f64, f64)>,
@@ -148,18 +148,18 @@ pub struct Hand {
     /// True if no picture has been shown since the last jump.
     awaits_jump: bool,
     /// The last published frame.
-    last: Option<Arc<Shown>>,
+    last: Option<Arc<PublishedFrame>>,
     /// True if the painter has drawn a frame that the last published one does not show.
     has_news: bool,
     /// Recent positions of the eye.
     trail: VecDeque<(Instant, Pose)>,
-    times: Times,
+    times: InputTimes,
     facts: State,
 }
 
 /// Why a hand has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ending {
+pub enum HandEnding {
     /// The user quits, or the painter has ended.
     Quit,
     /// All samples are to be forgotten.
@@ -169,7 +169,7 @@ pub enum Ending {
 }
 
 /// Times of the last events.
-struct Times {
+struct InputTimes {
     advanced: Instant,
     moved: Instant,
     jumped: Instant,
@@ -200,7 +200,7 @@ impl Hand {
         first.resolve(size).context("the first view")?;
         let walker = Walker::new(first, unit).context("the first view has no direction")?;
         let now = Instant::now();
-        let times = Times {
+        let times = InputTimes {
             advanced: now,
             // The first frame is due at once.
             moved: now,
@@ -223,7 +223,7 @@ impl Hand {
             scene_read: None,
             ending: None,
             publisher,
-            record: wishes.record.as_deref().map(Record::create).transpose()?,
+            record: wishes.record.as_deref().map(ScriptRecorder::create).transpose()?,
             size,
             cursor: None,
             focus: None,
@@ -249,7 +249,7 @@ impl Hand {
     ///
     /// # Errors
     /// If the walk cannot be recorded.
-    pub fn play(&mut self, desk: Desk, facts: State) -> Result<Option<Ending>> {
+    pub fn play(&mut self, desk: FrameRequests, facts: State) -> Result<Option<HandEnding>> {
         (self.desk, self.facts, self.ending) = (Some(desk), facts, None);
         (self.sources, self.held_back, self.has_news) = (VecDeque::new(), None, false);
         self.walker.stay();
@@ -267,8 +267,8 @@ impl Hand {
                 self.take_scene();
                 self.take_inputs();
                 match self.ending {
-                    Some(Ending::Quit) => self.order(Order::Quit),
-                    Some(Ending::StartOver | Ending::Restart) => self.order(Order::Leave),
+                    Some(HandEnding::Quit) => self.order(Order::Quit),
+                    Some(HandEnding::StartOver | HandEnding::Restart) => self.order(Order::Leave),
                     None => {}
                 }
             }
@@ -277,7 +277,7 @@ impl Hand {
             if *self.walker.view() != before {
                 self.has_moved();
             }
-            let Some(done) = self.desk.as_ref().map(Desk::take) else { break };
+            let Some(done) = self.desk.as_ref().map(FrameRequests::take) else { break };
             let is_over = done.is_over;
             self.take_frames(done)?;
             if is_over {
@@ -400,7 +400,7 @@ impl Hand {
         let spec = if is_moving { self.ahead() } else { self.spec() };
         let (size, jumps) = (self.size, self.jumps);
         if let Some(desk) = &self.desk {
-            desk.want(Wanted { spec, size, is_moving, jumps, focus: self.focus });
+            desk.want(StageView { spec, size, is_moving, jumps, focus: self.focus });
         }
     }
 
@@ -476,8 +476,9 @@ impl Hand {
     /// Shows what is known from the current position of the eye, unless that is shown already.
     fn show_from_here(&mut self) -> Result<()> {
         let Ok((view, full)) = self.spec().resolve(self.size) else { return Ok(()) };
-        let is_whole = |last: &Shown| last.is_at_rest && last.frame.picture.size() == full;
-        let shows = |last: &Arc<Shown>| last.view == view && (is_whole(last) || !self.has_news);
+        let is_whole = |last: &PublishedFrame| last.is_at_rest && last.frame.picture.size() == full;
+        let shows =
+            |last: &Arc<PublishedFrame>| last.view == view && (is_whole(last) || !self.has_news);
         let is_shown = self.last.as_ref().is_some_and(shows);
         let is_soon = Instant::now() < self.times.frame + FRAME;
         let is_hidden = self.news.is_uncovered || self.news.trouble.is_some();
@@ -507,7 +508,8 @@ impl Hand {
         let spec = *self.walker.view();
         let options = holo_walk::options(&spec);
         let input = self.input;
-        let shown = Shown { number: 0, input, view, options, frame, is_at_rest, took, done: now };
+        let shown =
+            PublishedFrame { number: 0, input, view, options, frame, is_at_rest, took, done: now };
         self.last = Some(self.publisher.frame(shown));
         match &mut self.record {
             Some(record) => record.view(&spec, now, is_at_rest),

@@ -22,7 +22,7 @@ struct Texel {
 }
 
 /// A picture of texels.
-struct Level {
+struct FillLevel {
     width: usize,
     height: usize,
     texels: Vec<Texel>,
@@ -41,9 +41,10 @@ pub(super) fn fill(
         true => Texel { colour: pixels[pixel], nearness: depths[pixel].recip() },
         false => UNKNOWN,
     };
-    let mut levels = vec![Level::pulled(width, height, |x, y| texel(y * width + x))];
+    let mut levels = vec![FillLevel::pulled(width, height, |x, y| texel(y * width + x))];
     while let Some(last) = levels.last().filter(|last| last.width > 1 || last.height > 1) {
-        let next = Level::pulled(last.width, last.height, |x, y| last.texels[y * last.width + x]);
+        let next =
+            FillLevel::pulled(last.width, last.height, |x, y| last.texels[y * last.width + x]);
         levels.push(next);
     }
     if levels.last().is_none_or(|last| last.texels[0].nearness < 0.0) {
@@ -63,9 +64,9 @@ pub(super) fn fill(
     true
 }
 
-impl Level {
+impl FillLevel {
     /// Returns the next coarser picture of one of this width and height.
-    fn pulled(width: usize, height: usize, texel: impl Fn(usize, usize) -> Texel) -> Level {
+    fn pulled(width: usize, height: usize, texel: impl Fn(usize, usize) -> Texel) -> FillLevel {
         let (own_width, own_height) = (width.div_ceil(2), height.div_ceil(2));
         let mut texels = Vec::with_capacity(own_width * own_height);
         for y in 0..own_height {
@@ -75,11 +76,11 @@ impl Level {
                 texels.push(farthest(four.map(|(x, y)| (texel(x, y), 1.0))));
             }
         }
-        Level { width: own_width, height: own_height, texels }
+        FillLevel { width: own_width, height: own_height, texels }
     }
 
     /// Fills unknown texels from a coarser level whose texels are all known.
-    fn push_from(&mut self, coarser: &Level) {
+    fn push_from(&mut self, coarser: &FillLevel) {
         for at in 0..self.texels.len() {
             if self.texels[at].nearness < 0.0 {
                 self.texels[at] = coarser.between(at % self.width, at / self.width);

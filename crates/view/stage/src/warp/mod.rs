@@ -39,7 +39,7 @@ const NONE: u32 = u32::MAX;
 
 /// A pixel of the new picture, with the source pixel that it shows.
 #[derive(Clone, Copy)]
-struct Target {
+struct WarpTarget {
     depth: f32,
     /// The source's pixel, or [`NONE`].
     pixel: u32,
@@ -47,7 +47,7 @@ struct Target {
     source: u32,
 }
 
-const EMPTY: Target = Target { depth: f32::INFINITY, pixel: NONE, source: 0 };
+const EMPTY: WarpTarget = WarpTarget { depth: f32::INFINITY, pixel: NONE, source: 0 };
 
 /// Returns whether frames of `source` can be projected to `view`: both must be perspective views
 /// without clipping.
@@ -103,7 +103,7 @@ fn project(
     number: u32,
     view: &View,
     size: (u32, u32),
-    targets: &mut [Target],
+    targets: &mut [WarpTarget],
 ) {
     let own = source.frame.picture.size();
     let (from, to) = (Camera::new(source.view, own), Camera::new(view, size));
@@ -151,7 +151,7 @@ fn project(
             let is_free = is_taken.get(at).is_none_or(|taken| !taken);
             if is_free && (target.pixel == NONE || depth < target.depth) {
                 let pixel = (row * own.0 as usize + column) as u32;
-                *target = Target { depth, pixel, source: number };
+                *target = WarpTarget { depth, pixel, source: number };
             }
         }
     }
@@ -160,7 +160,7 @@ fn project(
 /// Closes cracks through which a farther surface shows: pixels that lie behind what is on both sides
 /// in some direction, if that is one surface. Such a pixel takes the nearer surface. At the
 /// picture's edge, one side suffices.
-fn close_cracks(targets: &mut [Target], (width, height): (u32, u32)) {
+fn close_cracks(targets: &mut [WarpTarget], (width, height): (u32, u32)) {
     let (width, height) = (width as isize, height as isize);
     for y in 0..height {
         for x in 0..width {
@@ -169,7 +169,7 @@ fn close_cracks(targets: &mut [Target], (width, height): (u32, u32)) {
             if own.pixel == NONE {
                 continue;
             }
-            let is_before = |other: &Target| own.depth > BEHIND * other.depth;
+            let is_before = |other: &WarpTarget| own.depth > BEHIND * other.depth;
             // The first nearer surface to one side; `Err` at the picture's edge.
             let side = |across: isize, down: isize| {
                 for far in 1..=CRACK {
@@ -203,7 +203,7 @@ fn is_one(a: f32, b: f32) -> bool {
 
 /// Returns whether a pixel is filled, or is a crack in a surface: no pixel of a source happens to
 /// lie there, but some do on both sides. An older source would show something else through it.
-fn is_known_or_crack(targets: &[Target], (width, height): (u32, u32), at: usize) -> bool {
+fn is_known_or_crack(targets: &[WarpTarget], (width, height): (u32, u32), at: usize) -> bool {
     let is_known = |at: usize| targets[at].pixel != NONE;
     if is_known(at) {
         return true;

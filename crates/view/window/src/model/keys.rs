@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::{Effect, Grids, Kind, Model, Modes, Modifiers};
+use super::{Effect, Grids, Modes, Modifiers, SaveFormat, WindowModel};
 use holo_stage::{
     DriverArg, Input,
     commands::{self, Action, Does, Local, action_of},
@@ -11,7 +11,7 @@ use holo_stage::{
 /// Longest command line, bytes.
 const MOST_TYPED: usize = 1000;
 
-impl Model {
+impl WindowModel {
     /// Records which modifier keys are held.
     pub fn set_modifiers(&mut self, modifiers: Modifiers) {
         self.modifiers = modifiers;
@@ -137,8 +137,8 @@ impl Model {
                 self.next_grids(now);
                 Vec::new()
             }
-            Local::Save => vec![Effect::Save(Kind::Seen)],
-            Local::SaveRadiance => vec![Effect::Save(Kind::Radiance)],
+            Local::Save => vec![Effect::Save(SaveFormat::Seen)],
+            Local::SaveRadiance => vec![Effect::Save(SaveFormat::Radiance)],
             Local::NextDriver => {
                 let line = format!("driver {}", next_driver(self.state.driver));
                 self.command(&line, now)

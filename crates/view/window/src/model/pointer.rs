@@ -4,13 +4,13 @@ use std::time::Instant;
 
 use holo_stage::Input;
 
-use super::{Effect, Model, Point};
+use super::{Effect, Point, WindowModel};
 use crate::{
-    hand::{Drag, Target, looked, wheeled},
-    overlay::space::{Camera, Plan},
+    hand::{Drag, PointerTarget, looked, wheeled},
+    overlay::space::{OverlayCamera, Plan},
 };
 
-impl Model {
+impl WindowModel {
     /// Returns the effects of a motion of the mouse to a point.
     pub fn move_to(&mut self, at: Point) -> Vec<Effect> {
         if self.modes.looks {
@@ -82,7 +82,7 @@ impl Model {
             return Some(self.command(&format!("view {}", index + 1), Instant::now()));
         }
         let view = self.seen.as_ref().map(|seen| &seen.shown.view);
-        let camera = Camera::now(&self.state, view);
+        let camera = OverlayCamera::now(&self.state, view);
         let plan = Plan::new(&self.state).filter(|_| layout.plan.contains(at));
         Some(match plan.zip(camera) {
             Some((plan, camera)) => {
@@ -115,7 +115,7 @@ impl Model {
         self.hand.lift(finger);
     }
 
-    fn target(&self) -> Target {
-        Target::new(self.picture(), self.seen.as_ref().map(|seen| &seen.shown.view))
+    fn target(&self) -> PointerTarget {
+        PointerTarget::new(self.picture(), self.seen.as_ref().map(|seen| &seen.shown.view))
     }
 }

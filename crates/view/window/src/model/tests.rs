@@ -6,19 +6,19 @@ use super::{
     super::tests::{seen, view},
     *,
 };
-use crate::hand::{Drag, Target};
+use crate::hand::{Drag, PointerTarget};
 
 const SIZE: (u32, u32) = (1280, 720);
 
-fn model() -> Model {
-    let mut model = Model::new(Look::default(), SIZE, 1.0);
+fn model() -> WindowModel {
+    let mut model = WindowModel::new(Look::default(), SIZE, 1.0);
     model.set_seen(Arc::new(seen((640, 360), [0.5; 3], &Look::default())));
     model.take_stale();
     model
 }
 
 /// A model that knows a section and a named view.
-fn furnished() -> Model {
+fn furnished() -> WindowModel {
     let mut model = model();
     let axes = [[4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 4.0]];
     let (grid, class) = ([2; 3], ViewClass::Interior);
@@ -34,7 +34,7 @@ fn furnished() -> Model {
     model
 }
 
-fn press(model: &mut Model, name: &str, sign: &str) -> Vec<Effect> {
+fn press(model: &mut WindowModel, name: &str, sign: &str) -> Vec<Effect> {
     model.press(name, sign, false, Instant::now())
 }
 
@@ -125,7 +125,7 @@ fn a_session_that_fails_says_why_until_the_window_is_closed() {
     let later = Instant::now() + Duration::from_secs(1000);
     assert!(model.notice(later).unwrap().starts_with("lost the server."));
     assert_eq!(press(&mut model, "Escape", ""), [Effect::Leave]);
-    assert_eq!(Model::new(Look::default(), SIZE, 1.0).end(None), [Effect::Leave]);
+    assert_eq!(WindowModel::new(Look::default(), SIZE, 1.0).end(None), [Effect::Leave]);
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn the_cursor_is_where_it_is_in_the_picture() {
     assert_eq!(model.cursor(), Some((0.5, 0.25)));
     model.move_to((50.0, 180.0));
     assert_eq!(model.cursor(), None);
-    let angles = Target::new(model.picture(), Some(&view((16, 9)))).angles;
+    let angles = PointerTarget::new(model.picture(), Some(&view((16, 9)))).angles;
     assert!((angles.0 - 60_f64.to_radians()).abs() < 1e-9, "{angles:?}");
 }
 

@@ -2,7 +2,7 @@
 
 use holo_stage::commands::{ACTIONS, GESTURES};
 
-use super::{Font, Page, Rect, Weight};
+use super::{Font, Page, Rect, TextWeight};
 
 /// Additional keys of windows.
 const OF_WINDOWS: [(&str, &str); 2] = [("Enter", "type a line"), ("Ctrl Q", "quit at once")];
@@ -20,12 +20,12 @@ impl Page<'_, '_> {
         self.canvas.fill(all, [0; 3], 0.45);
         self.glass(Rect { x, y, width, height }, Some(self.theme.dim));
         let theme = self.theme;
-        self.write((x + high / 2, y + high / 2), "Keys", Weight::Bold, theme.accent);
+        self.write((x + high / 2, y + high / 2), "Keys", TextWeight::Bold, theme.accent);
         for (index, (keys, what)) in (0..).zip(rows()) {
             let (column, row) = (index / list.rows(), index % list.rows());
             let at = (x + high / 2 + column * list.column() * sign, y + high * 2 + row * high);
-            self.write(at, keys, Weight::Bold, theme.text);
-            self.write((at.0 + list.key_signs * sign, at.1), what, Weight::Regular, theme.dim);
+            self.write(at, keys, TextWeight::Bold, theme.text);
+            self.write((at.0 + list.key_signs * sign, at.1), what, TextWeight::Regular, theme.dim);
         }
     }
 }

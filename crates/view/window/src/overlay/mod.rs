@@ -7,15 +7,15 @@ mod words;
 
 use std::time::Instant;
 
-pub use panel::Layout;
+pub use panel::PanelLayout;
 
 use super::{
     canvas::{Canvas, Color, Point, Rect},
-    model::{Grids, Model},
-    text::{self, Font, Weight},
+    model::{Grids, WindowModel},
+    text::{self, Font, TextWeight},
 };
-use holo_stage::{Phase, on_screen_threads};
-use space::{Camera, Lost};
+use holo_stage::{StagePhase, on_screen_threads};
+use space::{Lost, OverlayCamera};
 
 /// Opacity of grids.
 const ALWAYS: f32 = 0.5;
@@ -59,7 +59,7 @@ const LIGHT: Theme = Theme {
 };
 
 /// Draws the whole window.
-pub fn draw(canvas: &mut Canvas, model: &Model, now: Instant) {
+pub fn draw(canvas: &mut Canvas, model: &WindowModel, now: Instant) {
     let theme = if model.modes.is_light { &LIGHT } else { &DARK };
     let font = Font::for_scale(model.scale);
     let mut page = Page { canvas, theme, font };
@@ -95,7 +95,7 @@ struct Page<'a, 'b> {
 }
 
 /// A piece of one line: text, weight and colour.
-type Word<'a> = (&'a str, Weight, Color);
+type Word<'a> = (&'a str, TextWeight, Color);
 
 impl Page<'_, '_> {
     fn size(&self) -> (i32, i32) {
@@ -107,7 +107,7 @@ impl Page<'_, '_> {
         self.font.height() * tenths / 10
     }
 
-    fn write(&mut self, at: (i32, i32), text: &str, weight: Weight, color: Color) {
+    fn write(&mut self, at: (i32, i32), text: &str, weight: TextWeight, color: Color) {
         text::write(self.canvas, (self.font, weight), at, text, color);
     }
 
@@ -138,7 +138,7 @@ impl Page<'_, '_> {
         self.glass(Rect { x, y: top, width, height }, border);
         for (row, line) in (0..).zip(lines) {
             let color = self.theme.text;
-            self.write((x + pad, top + pad + row * high), line, Weight::Regular, color);
+            self.write((x + pad, top + pad + row * high), line, TextWeight::Regular, color);
         }
         top + height
     }
@@ -149,10 +149,10 @@ impl Page<'_, '_> {
         text::wrapped(text, room.clamp(10, 76) as usize)
     }
 
-    fn grids(&mut self, model: &Model, picture: Rect) {
+    fn grids(&mut self, model: &WindowModel, picture: Rect) {
         let strength = strength(model);
         let view = model.seen.as_ref().map(|seen| &seen.shown.view);
-        let Some(camera) = Camera::now(&model.state, view).filter(|_| strength > 0.0) else {
+        let Some(camera) = OverlayCamera::now(&model.state, view).filter(|_| strength > 0.0) else {
             return;
         };
         for line in camera.grids(&model.state.sections) {
@@ -163,7 +163,7 @@ impl Page<'_, '_> {
     }
 
     /// Outlines the part of the picture that is traced first.
-    fn focus(&mut self, model: &Model, picture: Rect) {
+    fn focus(&mut self, model: &WindowModel, picture: Rect) {
         let Some([left, top, right, bottom]) = model.focus() else { return };
         let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
         let corners = corners.map(|corner| picture.at(corner));
@@ -172,7 +172,7 @@ impl Page<'_, '_> {
         }
     }
 
-    fn status(&mut self, model: &Model, now: Instant) {
+    fn status(&mut self, model: &WindowModel, now: Instant) {
         let fields = words::status(&model.state, model.seen.as_deref(), &model.pace, now);
         let (pad, high, gap) = (self.tenths(5), self.font.height(), self.font.width() * 2);
         let left = self.tenths(7);
@@ -201,9 +201,9 @@ impl Page<'_, '_> {
                 let value = if field.is_bad { theme.bad } else { theme.text };
                 let at = (left + pad + x, y + pad / 2 + row * high);
                 let words = [
-                    (field.value.as_str(), Weight::Bold, value),
-                    (" ", Weight::Regular, theme.dim),
-                    (field.unit, Weight::Regular, theme.dim),
+                    (field.value.as_str(), TextWeight::Bold, value),
+                    (" ", TextWeight::Regular, theme.dim),
+                    (field.unit, TextWeight::Regular, theme.dim),
                 ];
                 self.words(at, &words);
             }
@@ -211,7 +211,7 @@ impl Page<'_, '_> {
     }
 
     /// Shows first instructions, until the person does something.
-    fn welcome(&mut self, model: &Model) {
+    fn welcome(&mut self, model: &WindowModel) {
         if model.has_acted || model.seen.is_none() {
             return;
         }
@@ -235,13 +235,13 @@ impl Page<'_, '_> {
         let words: Vec<Word> = WORDS
             .iter()
             .flat_map(|&(keys, what)| {
-                [(keys, Weight::Bold, theme.accent), (what, Weight::Regular, theme.text)]
+                [(keys, TextWeight::Bold, theme.accent), (what, TextWeight::Regular, theme.text)]
             })
             .collect();
         self.words((x, y), &words);
     }
 
-    fn legend(&mut self, model: &Model) {
+    fn legend(&mut self, model: &WindowModel) {
         let Some(legend) = model.seen.as_ref().and_then(|seen| seen.image.legend.as_ref()) else {
             return;
         };
@@ -255,7 +255,7 @@ impl Page<'_, '_> {
         let width = 2 * pad + bar + self.tenths(6) + wide;
         self.glass(Rect { x, y, width, height }, None);
         let (dim, ink) = (self.theme.dim, self.theme.text);
-        self.write((x + pad, y + pad / 2), legend.unit, Weight::Regular, dim);
+        self.write((x + pad, y + pad / 2), legend.unit, TextWeight::Regular, dim);
         let (top, bottom) = (y + high * 2, y + height - pad);
         let length = (bottom - top).max(1);
         for row in 0..length {
@@ -270,15 +270,15 @@ impl Page<'_, '_> {
             self.canvas.fill(mark, ink, 1.0);
             if last - at >= high {
                 let place = (x + pad + bar + self.tenths(5), at - high / 2);
-                self.write(place, &tick.label, Weight::Regular, ink);
+                self.write(place, &tick.label, TextWeight::Regular, ink);
                 last = at;
             }
         }
     }
 
-    fn lost(&mut self, model: &Model) {
+    fn lost(&mut self, model: &WindowModel) {
         let view = model.seen.as_ref().map(|seen| &seen.shown.view);
-        let camera = Camera::now(&model.state, view);
+        let camera = OverlayCamera::now(&model.state, view);
         let Some(lost) = camera.and_then(|camera| Lost::new(&camera, &model.state)) else {
             return;
         };
@@ -309,13 +309,13 @@ impl Page<'_, '_> {
         self.canvas.polygon(&shaft, accent, 1.0);
     }
 
-    fn notice(&mut self, model: &Model, now: Instant) {
+    fn notice(&mut self, model: &WindowModel, now: Instant) {
         let Some(text) = model.notice(now) else { return };
         let lines = self.wrapped(text);
         self.message(self.font.height() * 2, &lines, Some(self.theme.bad));
     }
 
-    fn loading(&mut self, model: &Model) {
+    fn loading(&mut self, model: &WindowModel) {
         if let Some(text) = words::loading(&model.state, model.seen.is_some()) {
             let lines = self.wrapped(&text);
             self.message(self.size().1 / 2 - self.font.height(), &lines, None);
@@ -323,7 +323,7 @@ impl Page<'_, '_> {
     }
 
     /// Shows the command line that is being typed, with examples.
-    fn typed(&mut self, model: &Model) {
+    fn typed(&mut self, model: &WindowModel) {
         let Some(line) = model.typed() else { return };
         let mut lines = self.wrapped(&format!("> {line}_"));
         lines.extend(self.wrapped(LINES));
@@ -333,7 +333,7 @@ impl Page<'_, '_> {
 }
 
 /// Returns the opacity of the sections' grids.
-fn strength(model: &Model) -> f32 {
+fn strength(model: &WindowModel) -> f32 {
     let unknown = model.seen.as_ref().map_or(0.0, |seen| {
         let frame = &seen.shown.frame;
         frame.empty_pixels as f64 / frame.depth.len().max(1) as f64
@@ -341,7 +341,7 @@ fn strength(model: &Model) -> f32 {
     match model.modes.grids {
         Grids::Never => 0.0,
         Grids::Always => ALWAYS,
-        Grids::Auto if model.modes.is_bare || model.state.phase != Phase::Running => 0.0,
+        Grids::Auto if model.modes.is_bare || model.state.phase != StagePhase::Running => 0.0,
         Grids::Auto if model.state.is_uncovered => ALWAYS,
         Grids::Auto if unknown > MOST_UNKNOWN => WHERE_UNKNOWN,
         Grids::Auto => 0.0,

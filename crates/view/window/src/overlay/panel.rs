@@ -1,11 +1,11 @@
 //! The panel: light under the cursor, the plan, and named views.
 
 use super::{
-    Page, Rect, Weight,
-    space::{Camera, Plan},
+    Page, Rect, TextWeight,
+    space::{OverlayCamera, Plan},
     words,
 };
-use crate::{canvas::Point, model::Model, text::Font};
+use crate::{canvas::Point, model::WindowModel, text::Font};
 
 /// Signs in a line of the panel.
 const SIGNS: i32 = 36;
@@ -30,7 +30,7 @@ const GAZE: f64 = 0.22;
 
 /// Where the parts of the panel are.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
+pub struct PanelLayout {
     /// The whole panel.
     pub rect: Rect,
     /// The plan: a square.
@@ -39,9 +39,9 @@ pub struct Layout {
     pub views: Vec<Rect>,
 }
 
-impl Layout {
+impl PanelLayout {
     /// Returns the layout in a window of a size and scale, with this many named views.
-    pub fn new(size: (u32, u32), scale: f64, views: usize) -> Layout {
+    pub fn new(size: (u32, u32), scale: f64, views: usize) -> PanelLayout {
         let font = Font::for_scale(scale);
         let (high, margin) = (font.height(), font.height() * 7 / 10);
         let inner = SIGNS * font.width();
@@ -61,12 +61,12 @@ impl Layout {
         };
         let first = plan.y + side + high * 2;
         let line = |view: i32| Rect { x, y: first + view * high, width: inner, height: high };
-        Layout { rect, plan, views: (0..views).map(line).collect() }
+        PanelLayout { rect, plan, views: (0..views).map(line).collect() }
     }
 }
 
 impl Page<'_, '_> {
-    pub(super) fn panel(&mut self, model: &Model) {
+    pub(super) fn panel(&mut self, model: &WindowModel) {
         let layout = model.panel();
         let (high, theme) = (self.font.height(), self.theme);
         self.glass(layout.rect, Some(theme.dim));
@@ -75,31 +75,31 @@ impl Page<'_, '_> {
         let seen = model.seen.as_deref();
         let driver = model.state.driver.to_owned();
         let light = [("Drawing", driver), ("Exposure", exposure), ("Shown", tone.to_owned())];
-        self.write((x, layout.rect.y + high / 2), "LIGHT", Weight::Bold, theme.dim);
+        self.write((x, layout.rect.y + high / 2), "LIGHT", TextWeight::Bold, theme.dim);
         let values = light.into_iter().chain(words::under_cursor(seen, model.cursor()));
         for (row, (name, value)) in (0..).zip(values) {
             let y = layout.rect.y + high * 3 / 2 + row * high;
-            self.write((x, y), name, Weight::Regular, theme.dim);
+            self.write((x, y), name, TextWeight::Regular, theme.dim);
             let at = (x + NAME_SIGNS * self.font.width(), y);
-            self.write(at, &value, Weight::Regular, theme.text);
+            self.write(at, &value, TextWeight::Regular, theme.text);
         }
         let heading = layout.plan.y - high * 5 / 4;
-        self.write((x, heading), "PLAN", Weight::Bold, theme.dim);
+        self.write((x, heading), "PLAN", TextWeight::Bold, theme.dim);
         self.plan(model, layout.plan);
         if let Some(first) = layout.views.first() {
-            self.write((x, first.y - high), "VIEWS", Weight::Bold, theme.dim);
+            self.write((x, first.y - high), "VIEWS", TextWeight::Bold, theme.dim);
         }
         let names = model.state.views.iter().map(|(name, _)| name);
         for ((index, line), name) in (1..).zip(&layout.views).zip(names) {
             let name: String = name.chars().take(SIGNS as usize - 3).collect();
-            self.write((line.x, line.y), &index.to_string(), Weight::Bold, theme.accent);
+            self.write((line.x, line.y), &index.to_string(), TextWeight::Bold, theme.accent);
             let at = (line.x + 3 * self.font.width(), line.y);
-            self.write(at, &name, Weight::Regular, theme.text);
+            self.write(at, &name, TextWeight::Regular, theme.text);
         }
     }
 
     /// Draws the sections from above, the eye and its view direction.
-    fn plan(&mut self, model: &Model, square: Rect) {
+    fn plan(&mut self, model: &WindowModel, square: Rect) {
         let theme = self.theme;
         if square.width < LEAST_PLAN_LINES * self.font.height() {
             return;
@@ -115,7 +115,7 @@ impl Page<'_, '_> {
             }
         }
         let view = model.seen.as_ref().map(|seen| &seen.shown.view);
-        let Some(camera) = Camera::now(&model.state, view) else { return };
+        let Some(camera) = OverlayCamera::now(&model.state, view) else { return };
         let eye = plan.flat(camera.eye);
         let ends = camera.sides().map(|side| {
             let (x, y) = plan.flat(side);
@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn the_panel_lies_in_the_window_and_its_plan_gives_way_to_text() {
         for (size, views) in [((1280, 720), 9), ((1280, 720), 0), ((640, 420), 3)] {
-            let layout = Layout::new(size, 1.0, views);
+            let layout = PanelLayout::new(size, 1.0, views);
             let rect = layout.rect;
             assert!(rect.y >= 0 && rect.y + rect.height <= size.1 as i32, "{layout:?}");
             assert!(rect.x >= 0 && rect.x + rect.width <= size.0 as i32, "{layout:?}");
@@ -147,8 +147,8 @@ mod tests {
             };
             assert!(layout.views.iter().all(inside) && inside(&layout.plan), "{layout:?}");
         }
-        let side = |height| Layout::new((1280, height), 1.0, 9).plan.width;
+        let side = |height| PanelLayout::new((1280, height), 1.0, 9).plan.width;
         assert!(side(520) < side(720) && side(800) == side(1000));
-        assert_eq!(Layout::new((1280, 720), 1.0, 100).views.len(), MOST_VIEWS);
+        assert_eq!(PanelLayout::new((1280, 720), 1.0, 100).views.len(), MOST_VIEWS);
     }
 }

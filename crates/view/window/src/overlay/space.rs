@@ -19,7 +19,7 @@ const OTHER_EXTENT: (f64, f64) = (1.2, 0.7);
 
 /// An eye with a perspective picture.
 #[derive(Clone, Copy, Debug)]
-pub struct Camera {
+pub struct OverlayCamera {
     /// The eye, scene units.
     pub eye: DVec3,
     right: DVec3,
@@ -42,10 +42,10 @@ pub struct Line {
     pub is_edge: bool,
 }
 
-impl Camera {
+impl OverlayCamera {
     /// Returns the camera of a perspective view; `None` for other views.
-    pub fn of_view(view: &View) -> Option<Camera> {
-        (view.kind.letter() == 'v').then(|| Camera {
+    pub fn of_view(view: &View) -> Option<OverlayCamera> {
+        (view.kind.letter() == 'v').then(|| OverlayCamera {
             eye: view.eye(),
             right: view.right(),
             up: view.up(),
@@ -56,20 +56,20 @@ impl Camera {
     }
 
     /// Returns the camera of an eye whose view cannot be shown.
-    pub fn of_pose(pose: [[f64; 3]; 3]) -> Camera {
+    pub fn of_pose(pose: [[f64; 3]; 3]) -> OverlayCamera {
         let [eye, direction, up] = pose.map(DVec3::from_array);
         let right = direction.cross(up).normalize_or(DVec3::X);
         let up = right.cross(direction);
-        Camera { eye, right, up, direction, extent: OTHER_EXTENT, shift: (0.0, 0.0) }
+        OverlayCamera { eye, right, up, direction, extent: OTHER_EXTENT, shift: (0.0, 0.0) }
     }
 
     /// Returns the camera for the overlay. If the current view cannot be shown, this is the camera
     /// of the eye's current pose.
-    pub fn now(state: &State, view: Option<&View>) -> Option<Camera> {
+    pub fn now(state: &State, view: Option<&View>) -> Option<OverlayCamera> {
         if state.is_uncovered || state.trouble.is_some() {
-            return Some(Camera::of_pose(state.pose));
+            return Some(OverlayCamera::of_pose(state.pose));
         }
-        view.and_then(Camera::of_view)
+        view.and_then(OverlayCamera::of_view)
     }
 
     /// Returns the directions of the view's left and right borders on the plan.
@@ -124,7 +124,7 @@ pub struct Lost {
 
 impl Lost {
     /// Returns the way back, if the eye has left all sections.
-    pub fn new(camera: &Camera, state: &State) -> Option<Lost> {
+    pub fn new(camera: &OverlayCamera, state: &State) -> Option<Lost> {
         let sections = &state.sections;
         let is_in = |section: &SectionSpec| {
             shares(section, camera.eye)
@@ -294,8 +294,8 @@ mod tests {
     }
 
     /// Returns a camera that looks along y.
-    fn camera(x: f64, y: f64) -> Camera {
-        Camera::of_pose([[x, y, 2.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    fn camera(x: f64, y: f64) -> OverlayCamera {
+        OverlayCamera::of_pose([[x, y, 2.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     }
 
     #[test]

@@ -7,11 +7,11 @@ use super::{super::tests::seen, *};
 
 const SIZE: (u32, u32) = (960, 540);
 
-fn model(look: &Look) -> Model {
-    let mut model = Model::new(*look, SIZE, 1.0);
+fn model(look: &Look) -> WindowModel {
+    let mut model = WindowModel::new(*look, SIZE, 1.0);
     model.set_seen(Arc::new(seen(SIZE, [0.5; 3], look)));
     model.set_state(Arc::new(State {
-        phase: Phase::Running,
+        phase: StagePhase::Running,
         traces: true,
         workers: Some(1),
         ..State::default()
@@ -20,7 +20,7 @@ fn model(look: &Look) -> Model {
 }
 
 /// Returns the window's pixels.
-fn drawn(model: &Model) -> Vec<u32> {
+fn drawn(model: &WindowModel) -> Vec<u32> {
     let mut pixels = vec![0; (SIZE.0 * SIZE.1) as usize];
     draw(&mut Canvas::new(&mut pixels, SIZE).unwrap(), model, Instant::now());
     pixels

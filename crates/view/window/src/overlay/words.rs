@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 use holo_picture::luminance;
-use holo_stage::{Phase, State};
+use holo_stage::{StagePhase, State};
 
 use super::{
-    super::{pace::Pace, seen::Seen},
+    super::{pace::WindowPace, seen::DisplayedFrame},
     space::Lost,
 };
 
@@ -22,7 +22,12 @@ pub struct Field {
 }
 
 /// Returns the status line.
-pub fn status(state: &State, seen: Option<&Seen>, pace: &Pace, now: Instant) -> Vec<Field> {
+pub fn status(
+    state: &State,
+    seen: Option<&DisplayedFrame>,
+    pace: &WindowPace,
+    now: Instant,
+) -> Vec<Field> {
     let field = |value: String, unit| Field { value, unit, is_bad: false };
     let mut fields = Vec::new();
     if let Some(frames) = pace.frames_per_second(now) {
@@ -35,7 +40,7 @@ pub fn status(state: &State, seen: Option<&Seen>, pace: &Pace, now: Instant) -> 
         let (width, height) = seen.shown.frame.picture.size();
         fields.push(field(format!("{width}×{height}"), ""));
     }
-    if state.phase != Phase::Running {
+    if state.phase != StagePhase::Running {
         return fields;
     }
     if state.view_samples > 0 {
@@ -71,7 +76,7 @@ pub fn status(state: &State, seen: Option<&Seen>, pace: &Pace, now: Instant) -> 
 
 /// Returns names and values for the point under the cursor, or in the middle of the picture.
 pub fn under_cursor(
-    seen: Option<&Seen>,
+    seen: Option<&DisplayedFrame>,
     cursor: Option<(f64, f64)>,
 ) -> [(&'static str, String); 4] {
     let (x, y) = cursor.unwrap_or((0.5, 0.5));
@@ -105,14 +110,14 @@ pub fn under_cursor(
 /// Returns what the stage waits for, or why it has ended; `None` while it runs.
 pub fn loading(state: &State, has_picture: bool) -> Option<String> {
     match &state.phase {
-        Phase::Connecting => Some("Connecting to the server …".to_owned()),
-        Phase::Loading(text) => {
+        StagePhase::Connecting => Some("Connecting to the server …".to_owned()),
+        StagePhase::Loading(text) => {
             let mut signs = text.chars();
             let first = signs.next().map(|first| first.to_uppercase().to_string());
             Some(format!("{}{} …", first.unwrap_or_default(), signs.as_str()))
         }
-        Phase::Running if !has_picture => Some("The first picture comes …".to_owned()),
-        Phase::Running | Phase::Ended(_) => None,
+        StagePhase::Running if !has_picture => Some("The first picture comes …".to_owned()),
+        StagePhase::Running | StagePhase::Ended(_) => None,
     }
 }
 
@@ -176,12 +181,13 @@ mod tests {
     }
 
     fn running() -> State {
-        State { phase: Phase::Running, traces: true, ..State::default() }
+        State { phase: StagePhase::Running, traces: true, ..State::default() }
     }
 
     #[test]
     fn the_status_says_what_is_known_and_what_is_wrong() {
-        let say = |state: &State| text(&status(state, None, &Pace::default(), Instant::now()));
+        let say =
+            |state: &State| text(&status(state, None, &WindowPace::default(), Instant::now()));
         assert_eq!(say(&State::default()), "");
         let (view_samples, samples_per_second) = (1_234_567, 12_345.0);
         let busy = State { view_samples, samples_per_second, workers: Some(1), ..running() };
@@ -192,7 +198,7 @@ mod tests {
         let paused = State { is_paused: true, workers: Some(2), ..running() };
         assert_eq!(say(&paused), "paused; 2 workers");
         let dead = State { workers: Some(0), ..running() };
-        let fields = status(&dead, None, &Pace::default(), Instant::now());
+        let fields = status(&dead, None, &WindowPace::default(), Instant::now());
         assert!(fields.iter().any(|field| field.is_bad && field.value == "no worker"));
         let locked = State { traces: false, height_is_locked: true, ..running() };
         assert_eq!(say(&locked), "eye height locked; stored rays only ");
@@ -201,7 +207,7 @@ mod tests {
     #[test]
     fn progress_is_shown_until_there_is_a_picture() {
         let phase = |phase| State { phase, ..State::default() };
-        let loaded = loading(&phase(Phase::Loading("reading the scene".into())), false);
+        let loaded = loading(&phase(StagePhase::Loading("reading the scene".into())), false);
         assert_eq!(loaded.unwrap(), "Reading the scene …");
         assert!(loading(&running(), false).is_some());
         assert_eq!(loading(&running(), true), None);
@@ -209,18 +215,18 @@ mod tests {
 
     #[test]
     fn light_under_the_cursor_is_shown_with_its_error() {
-        let say = |seen: &Seen| under_cursor(Some(seen), None).map(|(_, value)| value);
+        let say = |seen: &DisplayedFrame| under_cursor(Some(seen), None).map(|(_, value)| value);
         let frame = shown((2, 2), [0.5; 3], 1);
         let look = Look::default();
         let image = look.show(&frame.frame.picture);
-        let plain = Seen { shown: Arc::new(frame), image: image.clone() };
+        let plain = DisplayedFrame { shown: Arc::new(frame), image: image.clone() };
         assert_eq!(say(&plain), ["89.50 cd/m²", "not said", "0.5000 0.5000 0.5000", "2.000"]);
         let mut frame = shown((2, 2), [0.5; 3], 1);
         let mut own = Frame::clone(&frame.frame);
         own.certainty = vec![Certainty { error: 0.01, samples: 7 }; 4];
         own.depth.fill(f32::INFINITY);
         frame.frame = Arc::new(own);
-        let known = Seen { shown: Arc::new(frame), image };
+        let known = DisplayedFrame { shown: Arc::new(frame), image };
         let [light, samples, _, distance] = say(&known);
         let expected = ["89.50 ± 1.8 cd/m²", "7", "nothing hit"];
         assert_eq!([light.as_str(), &samples, &distance], expected);

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use glam::DVec3;
-use holo_driver_rendercache::{Frame, Moment, Place, Sample};
+use holo_driver_rendercache::{CacheFrame, Moment, Place, RayResult};
 use holo_picture::{Picture, View};
 
 /// The place where a ray ended, and its radiance.
@@ -49,30 +49,30 @@ pub fn ball(origin: DVec3, direction: DVec3, centre: DVec3, radius: f64) -> Opti
 }
 
 /// Answers to all requests of a frame.
-pub fn answer(frame: &Frame, scene: Scene) -> Vec<Sample> {
+pub fn answer(frame: &CacheFrame, scene: Scene) -> Vec<RayResult> {
     frame
         .requests()
         .map(|(tag, origin, direction)| {
             let (place, radiance) = scene(origin, direction);
-            Sample { tag, ..Sample::new(place, radiance) }
+            RayResult { tag, ..RayResult::new(place, radiance) }
         })
         .collect()
 }
 
 /// One sample through the middle of each pixel.
-pub fn whole_picture(view: &View, size: (u32, u32), scene: Scene) -> Vec<Sample> {
+pub fn whole_picture(view: &View, size: (u32, u32), scene: Scene) -> Vec<RayResult> {
     (0..size.0 * size.1)
         .map(|pixel| {
             let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
             let (origin, direction) = view.ray(x, y);
             let (place, radiance) = scene(origin, direction);
-            Sample::new(place, radiance)
+            RayResult::new(place, radiance)
         })
         .collect()
 }
 
 /// A frame without prediction.
-pub fn moment(view: View, samples: &[Sample], wanted: usize) -> Moment<'_> {
+pub fn moment(view: View, samples: &[RayResult], wanted: usize) -> Moment<'_> {
     Moment { view, predicted: None, samples, wanted }
 }
 

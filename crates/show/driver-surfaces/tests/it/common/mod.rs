@@ -4,18 +4,20 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use glam::DVec3;
-use holo_driver_surfaces::{Drawn, Gathered, Materials, Placer, RaySample, Store, View};
-use holo_picture::View as Eye;
+use holo_driver_surfaces::{
+    Drawn, Gathered, LightStore, Materials, Placer, RaySample, SurfaceView,
+};
+use holo_picture::SurfaceView as Eye;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 use std::sync::Arc;
 
 /// Returns a store with these rays' samples, and the scene's materials.
-pub fn kept(raycaster: &Arc<Raycaster>, rays: &[RaySample]) -> (Store, Arc<Materials>) {
+pub fn kept(raycaster: &Arc<Raycaster>, rays: &[RaySample]) -> (LightStore, Arc<Materials>) {
     let materials = Arc::new(Materials::new(raycaster.scene()));
     let mut placed = Vec::new();
     Placer::new(raycaster, &materials).place_rays(rays, &mut placed);
-    let mut store = Store::new(0.001, 64 << 20);
+    let mut store = LightStore::new(0.001, 64 << 20);
     store.add(&placed);
     (store, materials)
 }
@@ -93,9 +95,9 @@ pub fn to_wall() -> Eye {
 }
 
 /// Returns what an eye sees of these rays' samples.
-pub fn seen_by(raycaster: &Arc<Raycaster>, rays: &[RaySample], eye: &Eye) -> (View, Drawn) {
+pub fn seen_by(raycaster: &Arc<Raycaster>, rays: &[RaySample], eye: &Eye) -> (SurfaceView, Drawn) {
     let (store, materials) = kept(raycaster, rays);
-    let view = View::new(Arc::clone(raycaster), materials, eye, (64, 64));
+    let view = SurfaceView::new(Arc::clone(raycaster), materials, eye, (64, 64));
     let drawn = Gathered::new(&view, &store).draw(&view, &store, None);
     (view, drawn)
 }
@@ -135,12 +137,12 @@ pub fn noisy(rays: Vec<RaySample>) -> Vec<RaySample> {
 pub fn drawn(raycaster: &Arc<Raycaster>, batches: &[&[RaySample]]) -> Vec<[f32; 3]> {
     let materials = Arc::new(Materials::new(raycaster.scene()));
     let placer = Placer::new(raycaster, &materials);
-    let mut store = Store::new(0.001, 64 << 20);
+    let mut store = LightStore::new(0.001, 64 << 20);
     for batch in batches {
         let mut placed = Vec::new();
         placer.place_rays(batch, &mut placed);
         store.add(&placed);
     }
-    let view = View::new(Arc::clone(raycaster), Arc::clone(&materials), &eye(), (64, 64));
+    let view = SurfaceView::new(Arc::clone(raycaster), Arc::clone(&materials), &eye(), (64, 64));
     Gathered::new(&view, &store).draw(&view, &store, None).pixels
 }
