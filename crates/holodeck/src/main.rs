@@ -8,7 +8,7 @@ mod commands;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use holo_view::{AbsentWindow, BrowserArgs};
+use holo_view::{BrowserArgs, WindowRequest};
 use holodeck::{session::FrontEnd, settings::Usage};
 
 use commands::{
@@ -118,7 +118,7 @@ fn main() -> ExitCode {
 }
 
 /// Executes the command line, on a separate thread.
-fn work(program: Program, screen: AbsentWindow) -> ExitCode {
+fn work(program: Program, screen: WindowRequest) -> ExitCode {
     let speaker = program.command.as_ref().map_or("holodeck", Command::speaker);
     let runtime =
         match tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build() {
@@ -136,7 +136,7 @@ fn work(program: Program, screen: AbsentWindow) -> ExitCode {
     if is_usage { ExitCode::from(2) } else { code }
 }
 
-async fn run(program: Program, screen: AbsentWindow) -> anyhow::Result<()> {
+async fn run(program: Program, screen: WindowRequest) -> anyhow::Result<()> {
     holo_server::outlive_file_size_limit()?;
     let Some(command) = program.command else {
         return if program.window {

@@ -7,7 +7,7 @@ use holo_net::Shutdown;
 use holo_picture::Picture;
 use holo_server::{Outside, Summary};
 use holo_view::{
-    AbsentWindow, BrowserArgs, DriverArgs, LookArgs, PictureReport, PointArgs, ViewArgs,
+    BrowserArgs, DriverArgs, LookArgs, PictureReport, PointArgs, ViewArgs, WindowRequest,
 };
 use tokio::{sync::oneshot, task::JoinHandle};
 
@@ -27,7 +27,7 @@ pub enum FrontEnd {
         /// The file in which the walk is recorded, as a script.
         record: Option<PathBuf>,
         /// Connection to the thread that windows belong to.
-        screen: AbsentWindow,
+        screen: WindowRequest,
     },
     /// Nothing is shown, and a script is followed.
     Script,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
-use holo_view::{AbsentWindow, BrowserArgs, DriverArgs, LookArgs, PointArgs, ViewArgs};
+use holo_view::{BrowserArgs, DriverArgs, LookArgs, PointArgs, ViewArgs, WindowRequest};
 use holodeck::{
     prepare::{self, Edited, OtherScene},
     session::{self, FrontEnd, LiveSession},
@@ -108,7 +108,7 @@ impl SessionArgs {
     ///
     /// # Errors
     /// If it cannot run here.
-    fn front_end(&self, screen: AbsentWindow) -> Result<FrontEnd> {
+    fn front_end(&self, screen: WindowRequest) -> Result<FrontEnd> {
         let front_end = if self.headless {
             FrontEnd::Script
         } else if self.window {
@@ -156,7 +156,7 @@ pub struct ViewCommand {
 }
 
 /// See [`ViewCommand`].
-pub async fn view(args: ViewCommand, screen: AbsentWindow) -> Result<()> {
+pub async fn view(args: ViewCommand, screen: WindowRequest) -> Result<()> {
     let is_holodeck =
         args.what.as_ref().is_some_and(|path| path.extension().is_some_and(|end| end == "holo"));
     args.session.check(
@@ -211,7 +211,7 @@ pub struct ReplayCommand {
 }
 
 /// See [`ReplayCommand`].
-pub async fn replay(args: ReplayCommand, screen: AbsentWindow) -> Result<()> {
+pub async fn replay(args: ReplayCommand, screen: WindowRequest) -> Result<()> {
     args.session.check(false, "holodeck replay room.holo --headless -o view.png")?;
     let front_end = args.session.front_end(screen)?;
     session::replay(args.file, front_end, |address| args.session.viewer(address)).await

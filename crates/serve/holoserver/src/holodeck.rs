@@ -18,7 +18,6 @@ use holo_section::Section;
 use crate::{
     about::HolodeckDescription,
     cells::{SavedCells, SharedCells},
-    forget::beside,
     makers::MachineList,
     plausible::Plausible,
     unproven::UnprovenClaims,

@@ -7,7 +7,9 @@
 
 use glam::DVec3;
 use holo_display::{SelectOptions, select_beams, viewpoint_radius};
-use holo_driver_rendercache::{Moment, Place, PointImage, PointImageParams, Sample as PointSample};
+use holo_driver_rendercache::{
+    Moment, Place, PointImage, PointImageParams, RayResult as PointSample,
+};
 use holo_picture::{Picture, View, compare};
 use holo_section::{
     BeamId, RayCoords, Section, SectionSpec, ViewClass, Viewpoint, ray_eye_distance,

@@ -10,7 +10,7 @@ use holo_display::{
     PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
 };
 use holo_picture::{View, ViewKind};
-use holo_section::{BeamKey, RayCoords, RayResult as Stored, Section};
+use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
 
 use crate::map::far_depth;
 use crate::screen::{CacheScreen, radius};

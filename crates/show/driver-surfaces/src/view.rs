@@ -9,7 +9,7 @@ use crate::materials::{MaterialClass, Materials};
 use crate::trail::{AtPanes, Follower, RayContent, Trail, TrailEnd};
 use glam::{DVec3, Vec3};
 use holo_display::Camera;
-use holo_picture::SurfaceView as Eye;
+use holo_picture::View as Eye;
 use holo_raycast::{MAX_TILE, Ray, Raycaster};
 use holo_scene::Rgb;
 use rayon::prelude::*;
@@ -170,7 +170,7 @@ impl Band {
 }
 
 impl SurfaceView {
-    /// Casts the rays of all pixels. `size` must come from [`SurfaceView::resolve`](Eye::resolve).
+    /// Casts the rays of all pixels. `size` must come from [`View::resolve`](Eye::resolve).
     #[must_use]
     pub fn new(
         raycaster: Arc<Raycaster>,

@@ -30,9 +30,9 @@ pub use holo_page::BrowserArgs;
 pub use holo_script::{PictureReport, parse_seconds};
 pub use holo_stage::{Crew, CrewOrder, Restarted, crew};
 #[cfg(not(feature = "window"))]
-pub use no_window::{AbsentWindow, AbsentWindowHost, check_desktop, desk, run_in_window};
+pub use no_window::{WindowHost, WindowRequest, check_desktop, desk, run_in_window};
 #[cfg(feature = "window")]
-pub use window::{AbsentWindow, AbsentWindowHost, check_desktop, desk, run_in_window};
+pub use window::{WindowHost, WindowRequest, check_desktop, desk, run_in_window};
 
 /// Options of `holoview`.
 #[derive(Args, Clone, Debug)]

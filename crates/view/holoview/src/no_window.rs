@@ -8,17 +8,17 @@ use holo_net::Shutdown;
 use crate::Config;
 
 /// The main thread's part of showing windows: nothing.
-pub struct AbsentWindowHost;
+pub struct WindowHost;
 
 /// A wish for a window, which is always refused.
-pub struct AbsentWindow;
+pub struct WindowRequest;
 
 /// Returns the two ends of the channel to the main thread.
-pub fn desk() -> (AbsentWindow, AbsentWindowHost) {
-    (AbsentWindow, AbsentWindowHost)
+pub fn desk() -> (WindowRequest, WindowHost) {
+    (WindowRequest, WindowHost)
 }
 
-impl AbsentWindowHost {
+impl WindowHost {
     /// Returns at once, because there are no windows to show.
     pub fn serve(self) {}
 }
@@ -42,7 +42,7 @@ pub async fn run_in_window(
     _: Config,
     _: Option<PathBuf>,
     _: Shutdown,
-    _: AbsentWindow,
+    _: WindowRequest,
 ) -> Result<()> {
     check_desktop()
 }

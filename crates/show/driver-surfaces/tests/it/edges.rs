@@ -7,7 +7,7 @@ use glam::DVec3;
 use holo_driver_surfaces::{
     Gathered, InPane, LightStore, Materials, Placer, RaySample, SurfaceView,
 };
-use holo_picture::SurfaceView as Eye;
+use holo_picture::View as Eye;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Material, Scene};
 use std::sync::Arc;

@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 use holo_driver_surfaces::{Gathered, LightStore, Materials, Placer, RaySample, SurfaceView};
-use holo_picture::SurfaceView as Eye;
+use holo_picture::View as Eye;
 use holo_raycast::Raycaster;
 use holo_scene::LoadOptions;
 use std::sync::Arc;

@@ -8,9 +8,7 @@ use crate::viewer::TestViewer;
 use glam::DVec3;
 use holo_display::{FrameRequest, SelectOptions, select_beams, viewpoint};
 use holo_driver_quadtree::{LeafSize, Quadtree, QuadtreeParams};
-use holo_driver_rendercache::{
-    Moment, Place, PointImage, PointImageParams, Sample as PointSample, Stages,
-};
+use holo_driver_rendercache::{Moment, Place, PointImage, PointImageParams, RayResult, Stages};
 use holo_driver_surfaces::surfaces_driver;
 use holo_picture::{View, ViewKind, ViewSpec};
 use holo_raycast::Raycaster;
@@ -110,7 +108,7 @@ fn a_sample_lands_where_the_view_sees_its_surface() {
                 Stages { prefilter: false, interpolation: false, depth_cull: false, ..Stages::ALL };
             let params = PointImageParams { stages, ..PointImageParams::default() };
             let mut cache = PointImage::new(SIZE, params).unwrap();
-            let points = [PointSample::new(Place::At(surface), [0.25, 0.5, 1.0])];
+            let points = [RayResult::new(Place::At(surface), [0.25, 0.5, 1.0])];
             let made =
                 cache.frame(&Moment { view: seen, predicted: None, samples: &points, wanted: 0 });
             let has_point: Vec<usize> = (0..)
