@@ -71,8 +71,8 @@ pub(crate) struct AmbientGuess<'a> {
 struct Further<'a> {
     /// The sums of the view's pieces.
     pieces: &'a [Sums],
-    /// The light that panes mirror.
-    in_panes: Option<&'a SquareLayer>,
+    /// The light that panes mirror and that covered surfaces show, by rank.
+    in_panes: &'a [SquareLayer],
 }
 
 /// Light that earlier pictures found.
@@ -84,6 +84,10 @@ pub(crate) struct KnownLight {
 
 /// Stands for no pane.
 const NO_PANE: u32 = u32::MAX;
+
+/// Reflections in panes and covered surfaces with a layer of light each, one behind the other.
+/// Those farther behind use the light of the last of these.
+const MOST_RANKS: usize = 4;
 
 impl Gathered {
     /// Draws the view, and stores the light found in `known`. `step` is the side of the filtered
@@ -109,14 +113,15 @@ impl Gathered {
                 squares.sums(view.size, all)
             }),
         };
-        let (mut in_panes, mut behind) = (None, BehindPanes::default());
-        if !view.in_panes.is_empty() {
-            let panes = view.panes_of_pixels();
+        let (mut in_panes, mut behind) = (Vec::new(), BehindPanes::default());
+        for panes in view.panes_by_rank() {
             let layer = self.layer_of_panes((view, store), &panes, step, interrupt)?;
-            let mirrored = &view.squares_in_panes(&panes, step).seen;
-            let lit = (&layer, &AmbientGuess::new(store));
-            behind = BehindPanes::new(view, (&squares, mirrored), lit, &mut sums);
-            in_panes = Some(layer);
+            if in_panes.is_empty() {
+                let mirrored = &view.squares_in_panes(&panes, step).seen;
+                let lit = (&layer, &AmbientGuess::new(store));
+                behind = BehindPanes::new(view, (&squares, mirrored), lit, &mut sums);
+            }
+            in_panes.push(layer);
         }
         let lights = if sums.are_empty() {
             vec![Estimate::UNKNOWN; squares.seen.len()]
@@ -129,7 +134,7 @@ impl Gathered {
             }
         };
         interrupt.check()?;
-        let further = Further { pieces: self.pieces(), in_panes: in_panes.as_ref() };
+        let further = Further { pieces: self.pieces(), in_panes: &in_panes };
         let layer = view.layer(store, squares, lights);
         let learn = || known.learn(view, &layer.squares, &layer.lights);
         Some(rayon::join(|| view.lit(store, &layer, &further), learn).0)
@@ -218,7 +223,8 @@ impl SurfaceView {
         let squares = Squares::new(|pixel| self.seen[pixel], self.size, step);
         let lights = known.lights(self, &squares, unknown)?;
         let in_panes = (!self.in_panes.is_empty()).then(|| {
-            let squares = self.squares_in_panes(&self.panes_of_pixels(), step);
+            let panes = self.panes_by_rank().swap_remove(0);
+            let squares = self.squares_in_panes(&panes, step);
             let unknown = vec![Estimate::UNKNOWN; squares.seen.len()];
             self.layer(store, squares, unknown)
         });
@@ -231,15 +237,42 @@ impl SurfaceView {
         SquareLayer::new(squares, lights, |seen| self.mean_around(around, seen))
     }
 
-    /// Returns the number of the reflection in a pane, or else of the covered surface, that each
-    /// pixel's middle shows; [`NO_PANE`] without either.
-    fn panes_of_pixels(&self) -> Vec<u32> {
-        let mut panes = vec![NO_PANE; self.seen.len()];
-        for (number, pane) in (0..).zip(&self.in_panes[..self.panes_of_middles]) {
-            // What a pane mirrors is taken out of the light behind, so it goes before covers.
-            let is_first = panes[pane.pixel] == NO_PANE;
-            if is_first || self.way(&pane.seen).is_mirrored {
-                panes[pane.pixel] = number;
+    /// Returns the rank of each reflection in a pane and each covered surface among those of its
+    /// pixel. Reflections go first, because what a pane mirrors is taken out of the light behind.
+    /// Then follow covered surfaces, from the eye on.
+    fn ranks_in_panes(&self) -> Vec<usize> {
+        let mut ranks = vec![0; self.in_panes.len()];
+        let (mut first, count) = (0, self.panes_of_middles);
+        while first < count {
+            let pixel = self.in_panes[first].pixel;
+            let same = self.in_panes[first..count].iter().take_while(|pane| pane.pixel == pixel);
+            let mut numbers: Vec<usize> = (first..first + same.count()).collect();
+            first += numbers.len();
+            numbers.sort_by_key(|&number| !self.way(&self.in_panes[number].seen).is_mirrored);
+            for (rank, number) in numbers.into_iter().enumerate() {
+                ranks[number] = rank.min(MOST_RANKS - 1);
+            }
+        }
+        ranks
+    }
+
+    /// Returns for each rank the numbers of the reflections in panes and covered surfaces that the
+    /// middles of pixels show; [`NO_PANE`] where there is none of this rank. Empty without any.
+    fn panes_by_rank(&self) -> Vec<Vec<u32>> {
+        if self.in_panes.is_empty() {
+            return Vec::new();
+        }
+        let mut panes = vec![vec![NO_PANE; self.seen.len()]];
+        for (number, rank) in self.ranks_in_panes().into_iter().enumerate() {
+            if number >= self.panes_of_middles {
+                break;
+            }
+            if rank == panes.len() {
+                panes.push(vec![NO_PANE; self.seen.len()]);
+            }
+            let of_pixel = &mut panes[rank][self.in_panes[number].pixel];
+            if *of_pixel == NO_PANE {
+                *of_pixel = number as u32;
             }
         }
         panes
@@ -254,7 +287,7 @@ impl SurfaceView {
 
     /// Draws the view from known light.
     pub(crate) fn draw_known(&self, store: &LightStore, known: &KnownLight) -> Drawn {
-        let further = Further { pieces: &[], in_panes: known.in_panes.as_ref() };
+        let further = Further { pieces: &[], in_panes: known.in_panes.as_slice() };
         self.lit(store, &known.layer, &further)
     }
 
@@ -280,11 +313,13 @@ impl SurfaceView {
         for (pixel, shown) in on_edges {
             (pixels[pixel], errors[pixel]) = shown;
         }
-        let in_pane = |InPane { pixel, seen, .. }: &InPane| {
+        let in_pane = |(InPane { pixel, seen, .. }, rank): (&InPane, usize)| {
             let at = ((pixel % width) as f32, (pixel / width) as f32);
-            self.painted(seen, self.light_at(around, further.in_panes, at, seen))
+            let layer = further.in_panes.get(rank).or(further.in_panes.last());
+            self.painted(seen, self.light_at(around, layer, at, seen))
         };
-        let in_panes: Vec<_> = self.in_panes.par_iter().map(in_pane).collect();
+        let ranked = self.in_panes.par_iter().zip(self.ranks_in_panes());
+        let in_panes: Vec<_> = ranked.map(in_pane).collect();
         for (&InPane { pixel, share, .. }, (more, error)) in self.in_panes.iter().zip(in_panes) {
             (0..3).for_each(|c| pixels[pixel][c] += share * more[c]);
             errors[pixel] += share * error;

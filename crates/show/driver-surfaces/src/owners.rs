@@ -21,6 +21,10 @@ const FINE: f32 = 0.25;
 /// Most half cubes to each side of a pixel's middle in which its samples are searched for.
 const MOST_STEPS: f32 = 8.0;
 
+/// Weight of a sample's distance from the plane of a surface, beside its distance from the middle
+/// of a pixel there.
+const OFF_PLANE: f32 = 16.0;
+
 /// Stands for no coat.
 const NO_COAT: u32 = u32::MAX;
 
@@ -252,7 +256,10 @@ impl Mirrored {
             self.shown[start as usize..end as usize].iter().filter_map(|(owner, seen)| {
                 let serves = face.serves(seen.normal, seen.material, view.way(seen).direction);
                 let away = seen.away(point, unit)?;
-                (serves && away < seen.width + 2.0 * unit).then_some((away, *owner))
+                // Of two sheets close together, a sample is on that in whose plane it lies.
+                let off = (point - seen.point).dot(seen.normal).abs();
+                (serves && away < seen.width + 2.0 * unit)
+                    .then_some((away + OFF_PLANE * off, *owner))
             });
         nearest.min_by(|(a, i), (b, j)| a.total_cmp(b).then(i.cmp(j))).map(|(_, owner)| owner)
     }

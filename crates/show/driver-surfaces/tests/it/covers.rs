@@ -12,15 +12,24 @@ use std::sync::Arc;
 
 /// A floor of 4 × 4 at height 0, and a sheet of 1 × 1 at height 0.5 with this opacity.
 fn room(opacity: f32, sheet: Bsdf, glow: f32) -> Arc<Raycaster> {
+    room_of_sheets(&[0.5], opacity, sheet, glow)
+}
+
+/// The same with sheets at these heights.
+fn room_of_sheets(heights: &[f64], opacity: f32, sheet: Bsdf, glow: f32) -> Arc<Raycaster> {
     let square = |half: f64, height: f64| {
         [(-half, -half), (half, -half), (half, half), (-half, half)]
             .map(|(x, y)| DVec3::new(x, y, height))
     };
-    let positions: Vec<DVec3> = [square(2.0, 0.0), square(0.5, 0.5)].concat();
-    let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+    let mut positions = square(2.0, 0.0).to_vec();
+    positions.extend(heights.iter().flat_map(|&height| square(0.5, height)));
+    let squares = 0..=heights.len() as u32;
+    let triangles: Vec<[u32; 3]> =
+        squares.flat_map(|n| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|v| 4 * n + v))).collect();
+    let materials_of: Vec<u32> = (0..triangles.len()).map(|n| u32::from(n > 1)).collect();
     let sheet = Material { bsdf: sheet, emission: [glow; 3], ..Material::grey("sheet") };
     let materials = vec![Material::grey("floor"), sheet];
-    let scene = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1], materials, [1.0; 3]);
+    let scene = Scene::from_world(&positions, &triangles, &materials_of, materials, [1.0; 3]);
     let covers = vec![Cover::default(), Cover { opacity, ..Cover::default() }];
     let shading = Shading { covers, ..Shading::default() };
     let scene = scene.unwrap().0.with_shading(shading).unwrap();
@@ -58,6 +67,30 @@ fn a_covered_sheet_shows_what_is_behind_with_the_rest() {
         assert!((refined.pixels[32 * 64 + 32][0] - expected).abs() < 0.01);
         let range = expected - 0.01..0.81;
         assert!(refined.pixels.iter().all(|pixel| range.contains(&pixel[0])), "{opacity}");
+    }
+}
+
+#[test]
+fn each_of_two_sheets_close_together_shows_its_own_light() {
+    let opacity = 0.7;
+    let sheet = Bsdf::Diffuse { kd: [0.5; 3] };
+    let room = room_of_sheets(&[0.5, 0.49], opacity, sheet, 0.0);
+    let down = rays(96, |_, _| 0.8).into_iter().enumerate();
+    let sample = |(number, ray): (usize, RaySample)| {
+        let is_on = on_sheet(ray.origin.x, ray.origin.y);
+        let (distance, radiance) = match number % 4 {
+            0 | 1 if is_on => (1.5, 0.1),
+            2 if is_on => (1.51, 0.9),
+            _ => (2.0, 0.8),
+        };
+        RaySample { distance, radiance: [radiance; 3], ..ray }
+    };
+    let (_, drawn) = seen_by(&room, &down.map(sample).collect::<Vec<_>>(), &eye());
+    let passed = 1.0 - opacity;
+    let expected = opacity * 0.1 + passed * opacity * 0.9 + passed * passed * 0.8;
+    for (column, row) in [(32, 32), (28, 36), (36, 30)] {
+        let found = drawn.pixels[row * 64 + column][0];
+        assert!((found - expected).abs() < 0.02, "{found}, not {expected}");
     }
 }
 
