@@ -38,7 +38,7 @@ const KNOWN_CIRCLES: &[&str] = &[
 ];
 
 /// Most types that share their name with another type in a package that they see, or in their own.
-const MOST_SHARED_NAMES: usize = 102;
+const MOST_SHARED_NAMES: usize = 8;
 
 /// For each package the packages it uses directly. A package is named by its folder.
 ///

@@ -12,11 +12,20 @@ use crate::caustics::{Caustics, LightSources};
 use crate::lights::{GRIDS, Lights};
 use crate::medium::{Inside, Nesting};
 use crate::panes::Panes;
-use crate::policy::Spread;
 use crate::secondary::SecondarySources;
 use crate::suns::Suns;
 use crate::surface::{TracedMaterial, surfaces};
 use crate::weighting::Direct;
+
+/// The numbers of light samples and of continuations at a path's first surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spread {
+    pub lights: u32,
+    pub branches: u32,
+    /// True if the path measures, with other numbers than its neighbours. Its continuations then
+    /// have random numbers of their own, because the usual ones are other paths' too.
+    pub is_probe: bool,
+}
 
 /// The path tracer of one scene.
 #[derive(Debug)]

@@ -4,7 +4,7 @@ use glam::Vec3;
 use holo_raycast::{Raycaster, SurfacePoint};
 
 use crate::bsdf::Scatter;
-use crate::engine::PathEngine;
+use crate::engine::{PathEngine, Spread};
 use crate::sampler::Sampler;
 
 /// A vertex after the first, on a surface that is neither a mirror nor glass.
@@ -32,16 +32,6 @@ pub(crate) struct Carried<'a> {
     pub throughput: &'a mut Vec3,
     /// Factor of the throughput with which light counts in the end.
     pub worth: &'a mut Vec3,
-}
-
-/// The numbers of light samples and of continuations at a path's first surface.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Spread {
-    pub lights: u32,
-    pub branches: u32,
-    /// True if the path measures, with other numbers than its neighbours. Its continuations then
-    /// have random numbers of their own, because the usual ones are other paths' too.
-    pub is_probe: bool,
 }
 
 /// Brightness (the sum of the channels) at a path's first surface, and its variance.

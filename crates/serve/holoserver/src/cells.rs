@@ -309,7 +309,7 @@ mod tests {
         assert_eq!((read.len(), read.estimates()), (cells.len(), cells.estimates()));
         assert_eq!((again.estimates, warnings), (saved.estimates, vec![]));
         assert!(read.cells.iter().all(|cell| cell.maker == 7));
-        file.put_blob("cells-1/0/1", b"no cells at all").unwrap();
+        file.put_blob("cells-2/0/1", b"no cells at all").unwrap();
         let (_, read, warnings) = SavedCells::load(&file, 0);
         assert_eq!((read.len(), warnings.len()), (BLOB_CELLS, 1), "{warnings:?}");
         let (_, read, warnings) = SavedCells::load(&file, 1);

@@ -50,9 +50,9 @@ pub(crate) use cells::CellMap;
 pub(crate) use footprint::Footprint;
 pub use shared::{SharedCell, Verdict};
 
-use crate::engine::PathEngine;
+use crate::engine::{PathEngine, Spread};
 use crate::path::Start;
-use crate::policy::{Carried, FirstSurface, LaterVertex, PathPolicy, Spread};
+use crate::policy::{Carried, FirstSurface, LaterVertex, PathPolicy};
 use crate::sampler::{NumberPurpose, Sampler};
 use lessons::Lessons;
 use place::SurfacePlace;

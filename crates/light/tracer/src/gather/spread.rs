@@ -11,7 +11,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use glam::Vec3;
 
-use crate::policy::{FirstSurface, Spread};
+use crate::engine::Spread;
+use crate::policy::FirstSurface;
 use crate::sampler::mix;
 
 /// Side of a region over the width of the widest cells: half of what rays travel, the size of a piece

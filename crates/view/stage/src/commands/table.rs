@@ -147,7 +147,7 @@ pub const ACTIONS: &[Action] = &[
     on("lock", &["KeyL"], "L", "lock eye height", LOCK),
     on("solid", &["F4"], "F4", "walls stop you, or not", SOLID),
     on("pause", &["KeyP"], "P", "pause tracing, resume", PAUSE),
-    on("kill workers", &["Delete"], "Del", "stop the tracers: kill the workers", Does::Stage),
+    on("kill workers", &["Delete"], "Del", "stop the tracers", Does::Stage),
     on("restart workers", &["Insert"], "Ins", "start the workers again", Does::Stage),
     on("restart", &["F9"], "F9", "load the edited scene", Does::Stage),
     on("start over", &["Backspace"], "Backspace", "forget all samples (asks first)", Does::Stage),
