@@ -1,7 +1,7 @@
 //! The library does what the commands do, and returns values.
 
 // Functions beside the tests fail them in the same way.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::expect_used, clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
 

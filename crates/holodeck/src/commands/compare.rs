@@ -31,7 +31,7 @@ pub struct CompareArgs {
 
 /// See [`CompareArgs`].
 pub fn run(args: &CompareArgs) -> Result<()> {
-    let read = |path: &Option<PathBuf>| path.as_ref().map(|path| Picture::read(path)).transpose();
+    let read = |path: &Option<PathBuf>| path.as_ref().map(Picture::read).transpose();
     let (picture, reference) = (Picture::read(&args.picture)?, Picture::read(&args.reference)?);
     let (se, reference_se) = (read(&args.se)?, read(&args.reference_se)?);
     let before = read(&args.before)?;

@@ -4,7 +4,7 @@
 //! Light that meets several facets is compensated (Kulla and Conty 2017, "Revisiting Physically
 //! Based Shading at Imageworks"). The compensation needs the lost share by direction, and its mean.
 //!
-//! Invariant: [`mean`](Table::mean) is the cosine-weighted mean of the table's interpolation, not
+//! Invariant: [`mean`](AlbedoTable::mean) is the cosine-weighted mean of the table's interpolation, not
 //! of the tabulated function. So the light lost in one direction is returned exactly over all
 //! directions. The table is within 5e-4 of the function.
 

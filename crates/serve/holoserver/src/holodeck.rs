@@ -146,7 +146,7 @@ impl Holodeck {
     /// Unseen beams and cells of surface light are found anew.
     ///
     /// # Errors
-    /// If `about` does not [suit](About::suits) the file, it is no holodeck, another process writes
+    /// If `about` does not [suit](HolodeckDescription::suits) the file, it is no holodeck, another process writes
     /// to it, or the disk fails. The file then has the scene that it had.
     pub fn restart(path: &Path, about: &HolodeckDescription, packed_scene: &[u8]) -> Result<()> {
         let old = Self::open(path, 0)?;

@@ -1,7 +1,7 @@
 //! A session: the connection to a server, the view that is shown, and the driver that draws it
 //! (Larson & Simmons 1999, §2.4).
 //!
-//! A front end calls [`Session::show`], [`Session::wait`] and [`Session::draw`], and never uses a
+//! A front end calls [`Session::look`], [`Session::wait`] and [`Session::draw`], and never uses a
 //! socket. Messages arrive on a task of their own (`incoming`); the session processes them while
 //! it waits. A [`DriverChoice`] makes its driver.
 //!
