@@ -106,7 +106,7 @@ impl SurfaceView {
                     (None, None) => {}
                 }
             }
-            if looked.found.len() > 1 {
+            if self.shows_more(&looked) {
                 self.add_edge(looked);
             }
         }
@@ -127,6 +127,20 @@ impl SurfaceView {
             around.any(|other| self.differ(&self.seen[*pixel], &self.seen[other]))
         };
         (0..self.seen.len()).into_par_iter().filter(is_edge).collect()
+    }
+
+    /// Returns whether a pixel shows something else than its middle. The middle may show a thing so
+    /// thin that no other ray meets it, such as the gap between two boards.
+    fn shows_more(&self, looked: &Looked) -> bool {
+        let middle = &self.seen[looked.pixel];
+        match &looked.found[..] {
+            [] => false,
+            [only] => {
+                middle.is_surface() != only.seen.is_surface()
+                    || middle.is_surface() && middle.differs(&only.seen)
+            }
+            _ => true,
+        }
     }
 
     fn add_edge(&mut self, looked: Looked) {
@@ -162,7 +176,8 @@ impl SurfaceView {
         };
         let mut looked: Vec<Looked> = pixels.iter().map(new).collect();
         self.look_at(0, &mut looked.iter_mut().collect::<Vec<_>>());
-        let mut several: Vec<_> = looked.iter_mut().filter(|l| l.found.len() > 1).collect();
+        let mut several: Vec<_> =
+            looked.iter_mut().filter(|looked| self.shows_more(looked)).collect();
         self.look_at(FIRST, &mut several);
         looked
     }

@@ -174,6 +174,31 @@ fn a_strip_thinner_than_a_pixel_shows_its_own_light() {
 }
 
 #[test]
+fn a_hair_that_only_the_middles_of_pixels_meet_does_not_fill_them() {
+    let quad = |x: f64, to: f64, z: f64| {
+        [(x, -2.0), (to, -2.0), (to, 2.0), (x, 2.0)].map(|(x, y)| DVec3::new(x, y, z))
+    };
+    // The middle of column 31 at this height.
+    let middle = -0.5 * 2.5 * 30f64.to_radians().tan() / 32.0;
+    let positions = [quad(-2.0, 2.0, 0.0), quad(middle - 1e-4, middle + 1e-4, 0.5)].concat();
+    let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+    let named = ["floor", "hair"].map(Material::grey).to_vec();
+    let made = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1], named, [1.0; 3]);
+    let raycaster = Arc::new(Raycaster::build(Arc::new(made.unwrap().0)).unwrap());
+    let (store, materials) = kept(&raycaster, &floor_rays(200, |_, _| 0.1));
+    let eye = Eye::new(DVec3::Z * 3.0, DVec3::NEG_Z, DVec3::Y, Some(60.0), None, (64, 64)).unwrap();
+    let mut view = SurfaceView::new(raycaster, materials, &eye, (64, 64));
+    let hairs = view.seen.iter().filter(|seen| seen.material == 1).count();
+    assert!(hairs > 50, "{hairs} middles show the hair");
+    view.look_into_edges();
+    let pixels = Gathered::new(&view, &store).draw(&view, &store, None).pixels;
+    for row in 4..60 {
+        let shown = pixels[row * 64 + 31][1];
+        assert!((shown / 0.1 - 1.0).abs() < 0.05, "row {row}: {shown}");
+    }
+}
+
+#[test]
 fn the_order_of_edges_and_samples_changes_no_bit() {
     let raycaster = walled_room(Bsdf::Mirror { ks: [0.8; 3] });
     let sheet = room_with_sheet(0.5);
