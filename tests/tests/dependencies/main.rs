@@ -204,6 +204,22 @@ fn packages_use_each_other_exactly_as_the_architecture_draws_it() {
     );
 }
 
+/// Otherwise `scripts/plant-faults` would plant nothing, or something else.
+#[test]
+fn the_text_of_every_planted_fault_stands_once_in_its_file() {
+    let faults = std::fs::read_to_string(workspace().join("scripts/plant-faults.toml")).unwrap();
+    let faults: toml::Table = faults.parse().unwrap();
+    let faults = faults["fault"].as_array().unwrap();
+    assert!(!faults.is_empty());
+    let wrong = |fault: &&toml::Value| {
+        let text = |key: &str| fault[key].as_str().unwrap();
+        let file = std::fs::read_to_string(workspace().join(text("file"))).unwrap_or_default();
+        file.matches(text("find")).count() != 1 || text("find") == text("replace")
+    };
+    let wrong: Vec<_> = faults.iter().filter(wrong).map(|fault| fault["name"].as_str()).collect();
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
 #[test]
 fn no_files_of_a_package_use_each_other_in_a_circle_except_the_known_ones() {
     let found: BTreeSet<String> = packages().iter().flat_map(circles_of_files).collect();
