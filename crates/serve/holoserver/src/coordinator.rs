@@ -418,10 +418,7 @@ impl Coordinator {
                 self.hand_cells();
                 Ok(())
             }
-            Message::Control(Control::CellsUsed { maker }) => {
-                self.cells_used(id, Maker(maker));
-                Ok(())
-            }
+            Message::Control(Control::CellsUsed { maker }) => self.cells_used(id, Maker(maker)),
             Message::Control(Control::Failed { reason }) => bail!("{reason}"),
             Message::Control(control) => self.anyones_message(id, control),
             _ => bail!(NOT_FOR_A_SERVER),

@@ -7,6 +7,7 @@
 //! - A number means one machine for ever, also after what the machine made was forgotten.
 //! - Light that is in what another maker made counts as used by whoever uses that maker's.
 //! - There are at most [`MAX_MAKERS`]. Further machines have the number of an unknown maker.
+//! - A machine has at most [`MAX_WITH_LIGHT`] further numbers, whatever it says that it uses.
 
 use std::collections::BTreeSet;
 
@@ -19,6 +20,10 @@ const BLOB: &str = "makers";
 
 /// Most machines in a file: a render farm's, with a few replaced every day of a year.
 const MAX_MAKERS: usize = 4096;
+
+/// Most numbers of one machine for what it makes with the light of others. A machine that stated
+/// ever other sets of makers would otherwise use up all numbers.
+const MAX_WITH_LIGHT: usize = 16;
 
 /// Separates the machine's part of a worker's name from the process.
 const PROCESS: &str = " #";
@@ -139,8 +144,12 @@ impl MachineList {
     /// light that what it makes under the number `now` has in it.
     ///
     /// It may be a number that names more light than is used, so that there are few numbers.
-    pub(crate) fn using(&mut self, now: Maker, used: Maker) -> Maker {
-        let Some(known) = self.get(now).cloned() else { return now };
+    ///
+    /// # Errors
+    /// If `used` is no number that was ever given.
+    pub(crate) fn using(&mut self, now: Maker, used: Maker) -> Result<Maker> {
+        ensure!(used.0 <= self.last, "it used surface light of a machine that never was");
+        let Some(known) = self.get(now).cloned() else { return Ok(now) };
         let machine = known.machine.unwrap_or(known.id);
         let mut light: BTreeSet<u16> = known.light_of.iter().copied().collect();
         match self.get(used) {
@@ -153,16 +162,34 @@ impl MachineList {
         // What a machine made goes with it in any case.
         light.remove(&machine);
         if light.iter().eq(&known.light_of) {
-            return now;
+            return Ok(now);
         }
+        let is_of_machine = |made: &&MadeBy| made.machine == Some(machine);
         let has_all = |made: &&MadeBy| light.iter().all(|maker| made.light_of.contains(maker));
-        let mut others = self.makers.iter().filter(|made| made.machine == Some(machine));
-        if let Some(known) = others.by_ref().filter(has_all).min_by_key(|made| made.light_of.len())
-        {
-            return Maker(known.id);
+        let with_light = || self.makers.iter().filter(is_of_machine);
+        if let Some(enough) = with_light().filter(has_all).min_by_key(|made| made.light_of.len()) {
+            return Ok(Maker(enough.id));
         }
-        let light_of = light.into_iter().collect();
-        self.add(MadeBy { machine: Some(machine), light_of, claims: 0, fault: None, ..known })
+        if with_light().count() < MAX_WITH_LIGHT {
+            let light_of = light.into_iter().collect();
+            let new = MadeBy { machine: Some(machine), light_of, claims: 0, fault: None, ..known };
+            return Ok(self.add(new));
+        }
+        let widest = with_light().max_by_key(|made| made.light_of.len());
+        let widest = widest.map_or(now, |made| Maker(made.id));
+        self.widen(widest, machine, &light);
+        Ok(widest)
+    }
+
+    /// Names more light as used by a number of a machine, and by all numbers with that machine's
+    /// light: they may go on to use it. Too much may be forgotten then, but not too little.
+    fn widen(&mut self, number: Maker, machine: u16, light: &BTreeSet<u16>) {
+        let goes_on = |made: &&mut MadeBy| made.id == number.0 || made.light_of.contains(&machine);
+        for made in self.makers.iter_mut().filter(goes_on) {
+            let own = made.machine.unwrap_or(made.id);
+            let all: BTreeSet<u16> = made.light_of.iter().chain(light).copied().collect();
+            made.light_of = all.into_iter().filter(|&maker| maker != own).collect();
+        }
     }
 
     /// Returns all numbers that go if these machines are forgotten: their own, and those of others
@@ -201,7 +228,8 @@ impl MachineList {
         for other in users {
             let machine = here(&numbers, other.machine.unwrap_or_default());
             let light = other.light_of.iter().map(|&maker| here(&numbers, maker));
-            let id = light.fold(machine, |now, used| self.using(now, used));
+            // All of them are numbers of this file.
+            let id = light.fold(machine, |now, used| self.using(now, used).unwrap_or(now));
             numbers.push((Maker(other.id), id));
         }
         numbers
@@ -291,16 +319,17 @@ mod tests {
         let of =
             |makers: &mut MachineList, name: &str| makers.of(name, None, Some(name.to_owned()));
         let [a, b, c] = ["a", "b", "c"].map(|name| of(&mut makers, name));
-        assert_eq!(makers.using(a, a), a, "its own light");
-        let with_b = makers.using(a, b);
+        let using = |makers: &mut MachineList, now, used| makers.using(now, used).unwrap();
+        assert_eq!(using(&mut makers, a, a), a, "its own light");
+        let with_b = using(&mut makers, a, b);
         assert_eq!(makers.get(with_b).unwrap().light_of, [b.0]);
-        assert_eq!(makers.using(with_b, b), with_b);
-        assert_eq!(makers.using(with_b, a), with_b, "its own, from before");
+        assert_eq!(using(&mut makers, with_b, b), with_b);
+        assert_eq!(using(&mut makers, with_b, a), with_b, "its own, from before");
         assert_eq!(of(&mut makers, "a"), a, "the machine has its own number still");
         // c uses a's light, which has b's in it.
-        let of_both = makers.using(c, with_b);
+        let of_both = using(&mut makers, c, with_b);
         assert_eq!(makers.get(of_both).unwrap().light_of, [a.0, b.0]);
-        assert_eq!(makers.using(c, b), of_both, "a number that says more than is needed");
+        assert_eq!(using(&mut makers, c, b), of_both, "a number that says more than is needed");
         assert_eq!(makers.tainted_by(&[b]), [b, with_b, of_both]);
         assert_eq!(makers.tainted_by(&[a]), [a, with_b, of_both]);
         assert_eq!(makers.tainted_by(&[c]), [c, of_both]);
@@ -316,6 +345,27 @@ mod tests {
         let count = merged.iter().count();
         merged.merge(&makers);
         assert_eq!(merged.iter().count(), count, "a repeated merge changes nothing");
+    }
+
+    #[test]
+    fn a_machine_that_states_ever_other_light_uses_up_no_numbers() {
+        let mut makers = MachineList::default();
+        let of =
+            |makers: &mut MachineList, name: &str| makers.of(name, None, Some(name.to_owned()));
+        let liar = of(&mut makers, "liar");
+        let others: Vec<Maker> = (0..100).map(|n| of(&mut makers, &n.to_string())).collect();
+        let neighbour = makers.using(others[99], liar).unwrap();
+        assert!(makers.using(liar, Maker(60_000)).is_err(), "a machine that never was");
+        let numbers: Vec<Maker> =
+            others.iter().map(|&used| makers.using(liar, used).unwrap()).collect();
+        assert_eq!(makers.iter().count(), 102 + MAX_WITH_LIGHT);
+        for (&used, number) in others.iter().zip(numbers) {
+            assert!(makers.tainted_by(&[used]).contains(&number));
+        }
+        // What the neighbour goes on to make has this light too.
+        assert!(makers.tainted_by(&[others[50]]).contains(&neighbour));
+        let bytes = serde_json::to_vec(&makers).unwrap();
+        assert_eq!(MachineList::parse(&bytes).unwrap(), makers);
     }
 
     #[test]

@@ -114,7 +114,9 @@ impl Gathered {
             }),
         };
         let (mut in_panes, mut behind) = (Vec::new(), BehindPanes::default());
-        for panes in view.panes_by_rank() {
+        let last_rank = view.in_panes.iter().map(|pane| pane.rank).max();
+        for rank in 0..last_rank.map_or(0, |last| (last + 1).min(MOST_RANKS)) {
+            let panes = view.panes_of_rank(rank);
             let layer = self.layer_of_panes((view, store), &panes, step, interrupt)?;
             if in_panes.is_empty() {
                 let mirrored = &view.squares_in_panes(&panes, step).seen;
@@ -223,8 +225,7 @@ impl SurfaceView {
         let squares = Squares::new(|pixel| self.seen[pixel], self.size, step);
         let lights = known.lights(self, &squares, unknown)?;
         let in_panes = (!self.in_panes.is_empty()).then(|| {
-            let panes = self.panes_by_rank().swap_remove(0);
-            let squares = self.squares_in_panes(&panes, step);
+            let squares = self.squares_in_panes(&self.panes_of_rank(0), step);
             let unknown = vec![Estimate::UNKNOWN; squares.seen.len()];
             self.layer(store, squares, unknown)
         });
@@ -237,42 +238,13 @@ impl SurfaceView {
         SquareLayer::new(squares, lights, |seen| self.mean_around(around, seen))
     }
 
-    /// Returns the rank of each reflection in a pane and each covered surface among those of its
-    /// pixel. Reflections go first, because what a pane mirrors is taken out of the light behind.
-    /// Then follow covered surfaces, from the eye on.
-    fn ranks_in_panes(&self) -> Vec<usize> {
-        let mut ranks = vec![0; self.in_panes.len()];
-        let (mut first, count) = (0, self.panes_of_middles);
-        while first < count {
-            let pixel = self.in_panes[first].pixel;
-            let same = self.in_panes[first..count].iter().take_while(|pane| pane.pixel == pixel);
-            let mut numbers: Vec<usize> = (first..first + same.count()).collect();
-            first += numbers.len();
-            numbers.sort_by_key(|&number| !self.way(&self.in_panes[number].seen).is_mirrored);
-            for (rank, number) in numbers.into_iter().enumerate() {
-                ranks[number] = rank.min(MOST_RANKS - 1);
-            }
-        }
-        ranks
-    }
-
-    /// Returns for each rank the numbers of the reflections in panes and covered surfaces that the
-    /// middles of pixels show; [`NO_PANE`] where there is none of this rank. Empty without any.
-    fn panes_by_rank(&self) -> Vec<Vec<u32>> {
-        if self.in_panes.is_empty() {
-            return Vec::new();
-        }
-        let mut panes = vec![vec![NO_PANE; self.seen.len()]];
-        for (number, rank) in self.ranks_in_panes().into_iter().enumerate() {
-            if number >= self.panes_of_middles {
-                break;
-            }
-            if rank == panes.len() {
-                panes.push(vec![NO_PANE; self.seen.len()]);
-            }
-            let of_pixel = &mut panes[rank][self.in_panes[number].pixel];
-            if *of_pixel == NO_PANE {
-                *of_pixel = number as u32;
+    /// Returns the number of the reflection in a pane or covered surface of this rank that each
+    /// pixel's middle shows; [`NO_PANE`] where there is none.
+    fn panes_of_rank(&self, rank: usize) -> Vec<u32> {
+        let mut panes = vec![NO_PANE; self.seen.len()];
+        for (number, pane) in (0..).zip(&self.in_panes[..self.panes_of_middles]) {
+            if pane.rank == rank {
+                panes[pane.pixel] = number;
             }
         }
         panes
@@ -313,13 +285,12 @@ impl SurfaceView {
         for (pixel, shown) in on_edges {
             (pixels[pixel], errors[pixel]) = shown;
         }
-        let in_pane = |(InPane { pixel, seen, .. }, rank): (&InPane, usize)| {
+        let in_pane = |InPane { pixel, seen, rank, .. }: &InPane| {
             let at = ((pixel % width) as f32, (pixel / width) as f32);
-            let layer = further.in_panes.get(rank).or(further.in_panes.last());
+            let layer = further.in_panes.get(*rank).or(further.in_panes.last());
             self.painted(seen, self.light_at(around, layer, at, seen))
         };
-        let ranked = self.in_panes.par_iter().zip(self.ranks_in_panes());
-        let in_panes: Vec<_> = ranked.map(in_pane).collect();
+        let in_panes: Vec<_> = self.in_panes.par_iter().map(in_pane).collect();
         for (&InPane { pixel, share, .. }, (more, error)) in self.in_panes.iter().zip(in_panes) {
             (0..3).for_each(|c| pixels[pixel][c] += share * more[c]);
             errors[pixel] += share * error;

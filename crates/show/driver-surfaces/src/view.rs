@@ -55,6 +55,9 @@ pub struct InPane {
     pub seen: VisiblePoint,
     /// The share of the pixel that the pane or surface takes.
     pub share: f32,
+    /// Its place among those of the pixel's middle, from 0: first reflections, then covered
+    /// surfaces from the eye on.
+    pub rank: usize,
 }
 
 /// The way to a surface that has a texture, shines, or is seen through mirrors or panes.
@@ -266,7 +269,7 @@ impl SurfaceView {
     /// Adds a reflection in a pane that takes this share of a pixel.
     pub(crate) fn add_in_pane(&mut self, pixel: usize, shown: RayContent, share: f32) {
         let seen = self.with_way(self.seen_along(shown));
-        self.in_panes.push(InPane { pixel, seen, share });
+        self.in_panes.push(InPane { pixel, seen, share, rank: 0 });
     }
 
     /// Casts the rays of `rows`, which begin at row `top`.
@@ -313,7 +316,7 @@ impl SurfaceView {
                 let seen = band.add(self.seen_along(shown.farther(befores[number])));
                 if is_beside {
                     let pixel = top * width + at(number);
-                    band.in_panes.push(InPane { pixel, seen, share: 1.0 });
+                    band.in_panes.push(InPane { pixel, seen, share: 1.0, rank: 0 });
                 } else {
                     rows[at(number)] = seen;
                 }
@@ -334,7 +337,11 @@ impl SurfaceView {
                 }
             }
         }
+        // Reflections were found before covered surfaces, and the sort keeps this order.
         band.in_panes.sort_by_key(|pane| pane.pixel);
+        for of_pixel in band.in_panes.chunk_by_mut(|one, next| one.pixel == next.pixel) {
+            of_pixel.iter_mut().enumerate().for_each(|(rank, pane)| pane.rank = rank);
+        }
         band
     }
 

@@ -48,10 +48,11 @@ impl Coordinator {
     }
 
     /// Notes that a worker's further samples and cells have surface light of a maker in them.
-    pub(super) fn cells_used(&mut self, id: ConnectionId, used: Maker) {
+    pub(super) fn cells_used(&mut self, id: ConnectionId, used: Maker) -> Result<()> {
         if let Some(worker) = self.workers.get_mut(&id) {
-            worker.stored_as = self.holodeck.makers_mut().using(worker.stored_as, used);
+            worker.stored_as = self.holodeck.makers_mut().using(worker.stored_as, used)?;
         }
+        Ok(())
     }
 
     /// Sends cells to those who want them and do not have them yet.
