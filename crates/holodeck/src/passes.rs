@@ -5,8 +5,8 @@
 //!
 //! Invariants:
 //! - A pixel's value is a function of its number of paths (engine `path`).
-//! - A time limit or an interruption ends the work after the blocks of pixels that threads are
-//!   tracing, once the pixels of the coarsest grid have a path.
+//! - After a time limit or an interruption, threads end the blocks of pixels that they are tracing.
+//!   The pixels of the coarsest grid have a path in any case.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};

@@ -7,6 +7,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use proc_macro2::{Delimiter, Spacing, TokenStream, TokenTree};
+
 /// A module: its file, its children, and the names in it.
 #[derive(Debug, Default)]
 pub struct Module {
@@ -30,79 +32,41 @@ pub struct Module {
 #[derive(Debug, Default)]
 pub struct Modules(pub Vec<Module>);
 
-/// Words of a file: identifiers, `::`, and single signs. Comments, strings, lifetimes and numbers
-/// are left out.
+/// Words of a file: identifiers, `::`, and single signs. Lifetimes and literals are left out.
 fn words(text: &str) -> Vec<String> {
-    let signs: Vec<char> = text.chars().collect();
+    let tokens: TokenStream = text.parse().expect("the file is Rust");
     let mut words = Vec::new();
-    let mut at = 0;
-    let is_name = |sign: char| sign.is_alphanumeric() || sign == '_';
-    let starts = |at: usize, with: &str| {
-        with.chars().enumerate().all(|(n, c)| signs.get(at + n) == Some(&c))
-    };
-    while at < signs.len() {
-        let sign = signs[at];
-        if starts(at, "//") {
-            while at < signs.len() && signs[at] != '\n' {
-                at += 1;
+    add_words(tokens, &mut words);
+    words
+}
+
+fn add_words(tokens: TokenStream, words: &mut Vec<String>) {
+    let mut tokens = tokens.into_iter().peekable();
+    while let Some(token) = tokens.next() {
+        match token {
+            TokenTree::Group(group) => {
+                let brackets = match group.delimiter() {
+                    Delimiter::Parenthesis => Some(["(", ")"]),
+                    Delimiter::Brace => Some(["{", "}"]),
+                    Delimiter::Bracket => Some(["[", "]"]),
+                    Delimiter::None => None,
+                };
+                words.extend(brackets.map(|[open, _]| open.to_owned()));
+                add_words(group.stream(), words);
+                words.extend(brackets.map(|[_, close]| close.to_owned()));
             }
-        } else if starts(at, "/*") {
-            while at < signs.len() && !starts(at, "*/") {
-                at += 1;
+            TokenTree::Ident(name) => words.push(name.to_string()),
+            TokenTree::Literal(_) => {}
+            // A lifetime is a sign and a name.
+            TokenTree::Punct(sign) if sign.as_char() == '\'' => _ = tokens.next(),
+            TokenTree::Punct(sign) => {
+                // `::` is two signs.
+                let is_path = sign.as_char() == ':' && sign.spacing() == Spacing::Joint;
+                words.push(if is_path { "::".to_owned() } else { sign.to_string() });
+                tokens.next_if(|_| is_path);
             }
-            at += 2;
-        } else if sign == '"' {
-            at += 1;
-            while at < signs.len() && signs[at] != '"' {
-                at += if signs[at] == '\\' { 2 } else { 1 };
-            }
-            at += 1;
-            words.push("\"".to_owned());
-        } else if sign == '\'' {
-            // A character, or else the beginning of a lifetime.
-            if signs.get(at + 1) == Some(&'\\') {
-                at += 3;
-                while at < signs.len() && signs[at] != '\'' {
-                    at += 1;
-                }
-                at += 1;
-            } else if signs.get(at + 2) == Some(&'\'') {
-                at += 3;
-            } else {
-                at += 1;
-                while at < signs.len() && is_name(signs[at]) {
-                    at += 1;
-                }
-            }
-        } else if is_name(sign) {
-            let from = at;
-            while at < signs.len() && is_name(signs[at]) {
-                at += 1;
-            }
-            let word: String = signs[from..at].iter().collect();
-            let hashes = signs[at..].iter().take_while(|sign| **sign == '#').count();
-            let is_raw = ["r", "br", "cr"].contains(&word.as_str());
-            if is_raw && signs.get(at + hashes) == Some(&'"') {
-                let end: String = std::iter::once('"').chain(vec!['#'; hashes]).collect();
-                at += hashes + 1;
-                while at < signs.len() && !starts(at, &end) {
-                    at += 1;
-                }
-                at += end.len();
-            } else {
-                words.push(word);
-            }
-        } else if starts(at, "::") {
-            words.push("::".to_owned());
-            at += 2;
-        } else {
-            if !sign.is_whitespace() {
-                words.push(sign.to_string());
-            }
-            at += 1;
         }
     }
-    words
 }
 
 /// Returns the place after the bracket that belongs to the one at `at`.

@@ -50,8 +50,8 @@ pub(crate) trait PathPolicy {
     /// What a path has to teach once it ends.
     type Lessons: Default;
 
-    /// Returns whether the path ends at a vertex after the first, because the light that this
-    /// vertex reflects is known and has been added to what the path carries. May begin a lesson.
+    /// Returns whether the path ends at a vertex after the first. If so, the light that this vertex
+    /// reflects was known, and was added to what the path carries. May begin a lesson.
     #[inline]
     fn ends(
         &self,

@@ -251,7 +251,7 @@ impl TestRoom {
         pixels.iter().filter_map(ray).collect()
     }
 
-    /// Returns beams of which no ray hits anything, as far as some rays of each show.
+    /// Returns the beams whose rays hit nothing. 64 rays of each beam are tried.
     #[must_use]
     pub fn unseen(&self) -> Vec<BeamKey> {
         let section = &self.sections[1];

@@ -67,8 +67,8 @@ pub(crate) struct AmbientGuess<'a> {
     mean: Vec3,
 }
 
-/// Data for a refined picture besides the light of its squares.
-struct Further<'a> {
+/// Light of a refined picture besides that of its squares.
+struct RefinedLight<'a> {
     /// The sums of the view's pieces.
     pieces: &'a [Sums],
     /// The light that panes mirror and that covered surfaces show, by rank.
@@ -136,10 +136,10 @@ impl Gathered {
             }
         };
         interrupt.check()?;
-        let further = Further { pieces: self.pieces(), in_panes: &in_panes };
+        let refined = RefinedLight { pieces: self.pieces(), in_panes: &in_panes };
         let layer = view.layer(store, squares, lights);
         let learn = || known.learn(view, &layer.squares, &layer.lights);
-        Some(rayon::join(|| view.lit(store, &layer, &further), learn).0)
+        Some(rayon::join(|| view.lit(store, &layer, &refined), learn).0)
     }
 
     /// Returns the light that panes mirror, in a picture whose squares have sides of `step` pixels.
@@ -259,12 +259,12 @@ impl SurfaceView {
 
     /// Draws the view from known light.
     pub(crate) fn draw_known(&self, store: &LightStore, known: &KnownLight) -> Drawn {
-        let further = Further { pieces: &[], in_panes: known.in_panes.as_slice() };
-        self.lit(store, &known.layer, &further)
+        let refined = RefinedLight { pieces: &[], in_panes: known.in_panes.as_slice() };
+        self.lit(store, &known.layer, &refined)
     }
 
     /// Draws the view with the light of `layer`.
-    fn lit(&self, store: &LightStore, layer: &SquareLayer, further: &Further) -> Drawn {
+    fn lit(&self, store: &LightStore, layer: &SquareLayer, refined: &RefinedLight) -> Drawn {
         let (width, height) = self.size;
         let around = &AmbientGuess::new(store);
         let mut pixels = vec![[0.0; 3]; width * height];
@@ -278,7 +278,7 @@ impl SurfaceView {
             }
         });
         let on_edge = |edge: &Edge| {
-            let sums = further.pieces.get(edge.pieces.clone())?;
+            let sums = refined.pieces.get(edge.pieces.clone())?;
             Some((edge.pixel, self.on_edge(around, layer, &self.pieces[edge.pieces.clone()], sums)))
         };
         let on_edges: Vec<_> = self.edges.par_iter().filter_map(on_edge).collect();
@@ -287,7 +287,7 @@ impl SurfaceView {
         }
         let in_pane = |InPane { pixel, seen, rank, .. }: &InPane| {
             let at = ((pixel % width) as f32, (pixel / width) as f32);
-            let layer = further.in_panes.get(*rank).or(further.in_panes.last());
+            let layer = refined.in_panes.get(*rank).or(refined.in_panes.last());
             self.painted(seen, self.light_at(around, layer, at, seen))
         };
         let in_panes: Vec<_> = self.in_panes.par_iter().map(in_pane).collect();

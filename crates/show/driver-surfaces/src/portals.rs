@@ -9,7 +9,7 @@ use holo_raycast::{Ray, Raycaster};
 use rayon::prelude::*;
 
 /// Draws the pixels that look through portals.
-pub(crate) struct Beyond {
+pub(crate) struct PortalPixels {
     pub driver: Driver,
     /// For each pixel, true if it looks through a portal.
     pub pixels: Vec<bool>,
@@ -37,7 +37,7 @@ pub(crate) fn looking_beyond(
     (0..size.0 * size.1).into_par_iter().map(is_beyond).collect()
 }
 
-impl Beyond {
+impl PortalPixels {
     /// Copies the pixels that look through portals into a frame. `None` if it was interrupted.
     pub fn paint(
         &mut self,

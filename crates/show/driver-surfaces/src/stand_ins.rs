@@ -5,7 +5,7 @@
 //! without light.
 
 use crate::driver::NAME;
-use crate::portals::{Beyond, looking_beyond};
+use crate::portals::{PortalPixels, looking_beyond};
 use crate::{SurfaceLight, SurfaceRenderer};
 use holo_denoise::Denoiser;
 use holo_display::{
@@ -78,7 +78,7 @@ struct StandInsRenderer {
     /// The light on the geometry that is cast for the view.
     light: SurfaceLight,
     renderer: SurfaceRenderer,
-    beyond: Option<Beyond>,
+    beyond: Option<PortalPixels>,
 }
 
 impl StandInsRenderer {
@@ -93,20 +93,21 @@ impl StandInsRenderer {
 impl StoringRenderer for StandInsRenderer {
     fn insert(&mut self, age: Age, beam: BeamKey, paths: u16, samples: &[Sample]) {
         self.light.insert(age, beam, paths, samples);
-        if let Some(Beyond { driver, .. }) = &mut self.beyond {
+        if let Some(PortalPixels { driver, .. }) = &mut self.beyond {
             driver.light.insert(age, beam, paths, samples);
         }
     }
 
     fn remove_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) -> bool {
-        let remove = |beyond: &mut Beyond| beyond.driver.light.remove_earlier(beam, paths, samples);
+        let remove =
+            |beyond: &mut PortalPixels| beyond.driver.light.remove_earlier(beam, paths, samples);
         let is_gone = self.beyond.as_mut().is_none_or(remove);
         self.light.remove_earlier(beam, paths, samples) && is_gone
     }
 
     fn insert_unseen(&mut self, beam: BeamKey) {
         // The geometry shows what lies along such a beam, except beyond portals.
-        if let Some(Beyond { driver, .. }) = &mut self.beyond {
+        if let Some(PortalPixels { driver, .. }) = &mut self.beyond {
             driver.light.insert_unseen(beam);
         }
     }
@@ -122,21 +123,21 @@ impl Renderer for StandInsRenderer {
             let pixels = looking_beyond(&geometry, &portals, &look.view, look.size);
             let mut driver = (self.make_beyond)();
             driver.renderer.look(look)?;
-            self.beyond = pixels.contains(&true).then_some(Beyond { driver, pixels });
+            self.beyond = pixels.contains(&true).then_some(PortalPixels { driver, pixels });
         }
         self.renderer.look(look)
     }
 
     fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
         self.renderer.insert_live(paths, rays);
-        if let Some(Beyond { driver, .. }) = &mut self.beyond {
+        if let Some(PortalPixels { driver, .. }) = &mut self.beyond {
             driver.renderer.insert_live(paths, rays);
         }
     }
 
     fn settle(&mut self) {
         self.renderer.settle();
-        if let Some(Beyond { driver, .. }) = &mut self.beyond {
+        if let Some(PortalPixels { driver, .. }) = &mut self.beyond {
             driver.renderer.settle();
         }
     }
@@ -161,7 +162,7 @@ impl Renderer for StandInsRenderer {
 
     fn prepare(&mut self, phase: FramePhase) -> bool {
         let beyond = self.beyond.as_mut();
-        let prepares = |beyond: &mut Beyond| beyond.driver.renderer.prepare(phase);
+        let prepares = |beyond: &mut PortalPixels| beyond.driver.renderer.prepare(phase);
         self.renderer.prepare(phase) || beyond.is_some_and(prepares)
     }
 
@@ -202,7 +203,7 @@ impl RayWishes for StandInsRenderer {
 
     fn uncovered(&mut self) -> Vec<u32> {
         let mut pixels = self.renderer.uncovered();
-        if let Some(Beyond { driver, pixels: of_portals }) = &mut self.beyond {
+        if let Some(PortalPixels { driver, pixels: of_portals }) = &mut self.beyond {
             let is_beyond = |pixel: &u32| of_portals[*pixel as usize];
             pixels.extend(driver.renderer.wishes().uncovered().into_iter().filter(is_beyond));
             pixels.sort_unstable();

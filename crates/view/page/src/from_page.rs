@@ -25,13 +25,13 @@ pub struct PageMessage {
     /// Its number. The numbers of a page's messages increase.
     pub n: u64,
     /// The content.
-    pub say: Said,
+    pub say: PageInput,
 }
 
 /// The content of a page's message.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Said {
+pub enum PageInput {
     /// See [`Input::Hold`].
     Hold {
         #[serde(default)]
@@ -179,38 +179,38 @@ fn one() -> f64 {
 /// A text for the user, if the message is malformed.
 pub fn parse(text: &str) -> Result<(u64, PageRequest), String> {
     let message: PageMessage = serde_json::from_str(text).map_err(|error| error.to_string())?;
-    Ok((message.n, asked(message.say)?))
+    Ok((message.n, request(message.say)?))
 }
 
-fn asked(said: Said) -> Result<PageRequest, String> {
+fn request(input: PageInput) -> Result<PageRequest, String> {
     let angle = |angle: f64| angle.clamp(-MOST_ANGLE, MOST_ANGLE);
     let part = |part: f64| part.clamp(-1.0, 1.0);
-    Ok(PageRequest::Input(match said {
-        Said::Hold { ahead, right, rise, turn, tilt, glide, around, over, pace } => {
+    Ok(PageRequest::Input(match input {
+        PageInput::Hold { ahead, right, rise, turn, tilt, glide, around, over, pace } => {
             let [ahead, right, rise, turn] = [ahead, right, rise, turn].map(part);
             let [tilt, glide, around, over] = [tilt, glide, around, over].map(part);
             let pace = pace.clamp(1.0 / MOST_PACE, MOST_PACE);
             Input::Hold(Controls { ahead, right, rise, turn, tilt, glide, around, over, pace })
         }
-        Said::Cursor { at } => {
+        PageInput::Cursor { at } => {
             let inside = |at: &[f64; 2]| at.iter().all(|share| (0.0..=1.0).contains(share));
             Input::Cursor(at.filter(inside).map(|[x, y]| (x, y)))
         }
-        Said::Turn { right, up } => Input::Turn(angle(right), angle(up)),
-        Said::Orbit { right, up } => Input::Orbit(angle(right), angle(up)),
-        Said::Slide { right, up } => Input::Slide(part(right), part(up)),
-        Said::Wheel { steps } => Input::Wheel(steps.clamp(-MOST_STEPS, MOST_STEPS)),
-        Said::Command { line } => commands::parse(&line).and_then(for_pages)?,
-        Said::Focus { part } => {
+        PageInput::Turn { right, up } => Input::Turn(angle(right), angle(up)),
+        PageInput::Orbit { right, up } => Input::Orbit(angle(right), angle(up)),
+        PageInput::Slide { right, up } => Input::Slide(part(right), part(up)),
+        PageInput::Wheel { steps } => Input::Wheel(steps.clamp(-MOST_STEPS, MOST_STEPS)),
+        PageInput::Command { line } => commands::parse(&line).and_then(for_pages)?,
+        PageInput::Focus { part } => {
             let inside = |part: &[f64; 4]| part.iter().all(|share| (0.0..=1.0).contains(share));
             let is_whole = |[left, top, right, bottom]: &[f64; 4]| left < right && top < bottom;
             Input::Focus(part.filter(inside).filter(is_whole))
         }
-        Said::Size { width, height } => Input::Size(width, height),
-        Said::Shown { update } => return Ok(PageRequest::Shown(update)),
-        Said::Hidden { hidden } => return Ok(PageRequest::Hidden(hidden)),
-        Said::TakeOver {} => return Ok(PageRequest::TakeOver),
-        Said::Display(display) => return Ok(PageRequest::Look(display.look()?)),
+        PageInput::Size { width, height } => Input::Size(width, height),
+        PageInput::Shown { update } => return Ok(PageRequest::Shown(update)),
+        PageInput::Hidden { hidden } => return Ok(PageRequest::Hidden(hidden)),
+        PageInput::TakeOver {} => return Ok(PageRequest::TakeOver),
+        PageInput::Display(display) => return Ok(PageRequest::Look(display.look()?)),
     }))
 }
 

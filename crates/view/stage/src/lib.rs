@@ -13,7 +13,6 @@
 //! - Nothing is drawn unless something is new.
 //! - A frame names the last input that it shows.
 
-mod bell;
 pub mod commands;
 mod crew;
 mod hand;
@@ -25,6 +24,7 @@ mod picture_order;
 mod record;
 mod screen;
 mod shown;
+mod signal;
 mod warp;
 mod world;
 
@@ -50,10 +50,10 @@ pub use picture_order::{PictureNews, PictureOrder};
 pub use screen::{Viewer, on_screen_threads};
 pub use shown::{PublishedFrame, StagePhase, State};
 
-use bell::Bell;
 use hand::{Hand, HandEnding};
 use painter::Painter;
 use shown::{FrameAudience, Publisher};
+use signal::ThreadSignal;
 
 /// Pause between two tries to connect to a server that is started again, and most tries.
 const TRY_AGAIN: Duration = Duration::from_millis(200);
@@ -85,17 +85,17 @@ pub struct Stage {
     connected: Connected,
     wishes: Wishes,
     inputs: mpsc::Receiver<Numbered>,
-    bell: Arc<Bell>,
+    signal: Arc<ThreadSignal>,
     front: Front,
 }
 
 /// Returns a stage and a front end's access to it.
 pub fn stage(connected: Connected, wishes: Wishes) -> (Stage, Front) {
-    let bell = Arc::<Bell>::default();
-    let ringing = Arc::clone(&bell);
-    let (inputs, receiver) = Inputs::new(Arc::new(move || ringing.ring()));
+    let signal = Arc::<ThreadSignal>::default();
+    let raising = Arc::clone(&signal);
+    let (inputs, receiver) = Inputs::new(Arc::new(move || raising.raise()));
     let front = Front { inputs, frames: Arc::default(), state: Arc::default() };
-    (Stage { connected, wishes, inputs: receiver, bell, front: front.clone() }, front)
+    (Stage { connected, wishes, inputs: receiver, signal, front: front.clone() }, front)
 }
 
 impl Stage {
@@ -115,7 +115,7 @@ impl Stage {
     }
 
     fn play(self) -> Result<()> {
-        let Stage { connected, wishes, inputs, bell, front } = self;
+        let Stage { connected, wishes, inputs, signal, front } = self;
         let watched = FrameAudience(Arc::clone(&front.frames));
         let publisher = Publisher::new(front.clone());
         let loading = |text: &str| {
@@ -126,13 +126,13 @@ impl Stage {
         let Some((session, waker)) = begin(connected, loading)? else { return Ok(()) };
         let stated = wishes.view.spec(session.named_views())?;
         let first = session.first_view()?.overridden_by(&stated);
-        let (unit, ringing) = (session.unit(), Arc::clone(&bell));
+        let (unit, ringing) = (session.unit(), Arc::clone(&signal));
         let mut hand = Hand::new(first, unit, &wishes, inputs, ringing, publisher)?;
         let mut next = Some((session, waker));
         while let Some((session, waker)) = next.take() {
             let facts = facts(&session);
-            let bell = Arc::clone(&bell);
-            let (painter, desk) = Painter::new(session, waker, bell, watched.clone());
+            let signal = Arc::clone(&signal);
+            let (painter, desk) = Painter::new(session, waker, signal, watched.clone());
             let painter = thread::Builder::new().name("painter".into()).spawn(|| painter.run());
             let painter = painter.context("starting a thread")?;
             let played = hand.play(desk, facts);

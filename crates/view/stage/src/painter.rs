@@ -1,7 +1,8 @@
 //! The painter: a thread that owns the session and draws frames of the requested views.
 //!
 //! All slow work happens here: searching for beams, placing samples, drawing. The hand
-//! ([`super::hand`]) puts requests on a desk and takes frames from it. Neither waits for the other.
+//! ([`super::hand`]) puts requests into an exchange and takes
+//! frames from it. Neither waits for the other.
 
 use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -16,9 +17,9 @@ use holo_session::{DriverArg, FrameSchedule, Session, Uncovered, Waited, Waker, 
 
 use super::{
     FrameAudience,
-    bell::Bell,
     picture_job::{PictureJob, Progress, STORED_PATIENCE, WHOLE_PIXELS},
     picture_order::{BegunPicture, PictureNews, PictureOrder},
+    signal::ThreadSignal,
 };
 
 /// Interval at which the painter checks for news from the server while it rests.
@@ -101,7 +102,7 @@ pub struct News {
 
 /// State shared by hand and painter.
 #[derive(Default)]
-struct Papers {
+struct FrameExchange {
     wanted: Option<StageView>,
     orders: Vec<Order>,
     /// True if the painter was woken and has not looked yet.
@@ -117,9 +118,9 @@ struct Papers {
     is_over: bool,
 }
 
-/// The hand's side of the desk.
+/// The hand's side of the exchange.
 pub struct FrameRequests {
-    papers: Arc<Mutex<Papers>>,
+    exchange: Arc<Mutex<FrameExchange>>,
     waker: Waker,
     /// Ends the drawing of a frame at rest, which a request makes useless.
     interrupt: Interrupt,
@@ -144,37 +145,37 @@ pub struct Done {
 impl FrameRequests {
     /// Requests a view.
     pub fn want(&self, wanted: StageView) {
-        let mut papers = lock(&self.papers);
-        if papers.wanted.as_ref() != Some(&wanted) {
-            papers.wanted = Some(wanted);
-            self.wake(papers);
+        let mut exchange = lock(&self.exchange);
+        if exchange.wanted.as_ref() != Some(&wanted) {
+            exchange.wanted = Some(wanted);
+            self.wake(exchange);
         }
     }
 
     /// Gives an order.
     pub fn order(&self, order: Order) {
-        let mut papers = lock(&self.papers);
-        papers.orders.push(order);
-        self.wake(papers);
+        let mut exchange = lock(&self.exchange);
+        exchange.orders.push(order);
+        self.wake(exchange);
     }
 
-    fn wake(&self, mut papers: MutexGuard<'_, Papers>) {
+    fn wake(&self, mut exchange: MutexGuard<'_, FrameExchange>) {
         self.interrupt.set();
-        if !std::mem::replace(&mut papers.is_woken, true) {
+        if !std::mem::replace(&mut exchange.is_woken, true) {
             self.waker.wake();
         }
     }
 
     /// Takes the painter's results.
     pub fn take(&self) -> Done {
-        let mut papers = lock(&self.papers);
+        let mut exchange = lock(&self.exchange);
         Done {
-            painted: papers.painted.take(),
-            refusal: papers.refusal.take(),
-            news: papers.news.clone(),
-            scene: papers.scene.clone(),
-            moving_share: papers.moving_share,
-            is_over: papers.is_over,
+            painted: exchange.painted.take(),
+            refusal: exchange.refusal.take(),
+            news: exchange.news.clone(),
+            scene: exchange.scene.clone(),
+            moving_share: exchange.moving_share,
+            is_over: exchange.is_over,
         }
     }
 }
@@ -183,10 +184,10 @@ impl FrameRequests {
 pub struct Painter {
     session: Session,
     waker: Waker,
-    papers: Arc<Mutex<Papers>>,
-    /// Set by the desk when it wakes the painter.
+    exchange: Arc<Mutex<FrameExchange>>,
+    /// Set when a request wakes the painter.
     interrupt: Interrupt,
-    bell: Arc<Bell>,
+    signal: Arc<ThreadSignal>,
     watched: FrameAudience,
     schedule: FrameSchedule,
     /// The view that the session currently shows.
@@ -199,37 +200,37 @@ pub struct Painter {
 }
 
 /// Marks the end of the painter's work, however it ends.
-struct AtEnd(Arc<Mutex<Papers>>, Arc<Bell>);
+struct AtEnd(Arc<Mutex<FrameExchange>>, Arc<ThreadSignal>);
 
 impl Drop for AtEnd {
     fn drop(&mut self) {
         lock(&self.0).is_over = true;
-        self.1.ring();
+        self.1.raise();
     }
 }
 
 impl Painter {
-    /// Returns a painter and its desk. The painter rings `bell` when the desk holds something for
+    /// Returns a painter and the hand's side. The painter raises `signal` when it has something for
     /// the hand.
     pub fn new(
         session: Session,
         waker: Waker,
-        bell: Arc<Bell>,
+        signal: Arc<ThreadSignal>,
         watched: FrameAudience,
     ) -> (Painter, FrameRequests) {
-        let papers = Arc::<Mutex<Papers>>::default();
+        let exchange = Arc::<Mutex<FrameExchange>>::default();
         let interrupt = session.interrupt();
-        let desk = FrameRequests {
-            papers: Arc::clone(&papers),
+        let requests = FrameRequests {
+            exchange: Arc::clone(&exchange),
             waker: waker.clone(),
             interrupt: interrupt.clone(),
         };
         let painter = Painter {
             session,
             waker,
-            papers,
+            exchange,
             interrupt,
-            bell,
+            signal,
             watched,
             schedule: FrameSchedule::new(Instant::now()),
             looked: None,
@@ -237,7 +238,7 @@ impl Painter {
             job: None,
             news: News::default(),
         };
-        (painter, desk)
+        (painter, requests)
     }
 
     /// Draws until it is ordered to quit, and then waits until everything under way is stored.
@@ -245,17 +246,17 @@ impl Painter {
     /// # Errors
     /// If the server is lost.
     pub fn run(mut self) -> Result<()> {
-        let _end = AtEnd(Arc::clone(&self.papers), Arc::clone(&self.bell));
+        let _end = AtEnd(Arc::clone(&self.exchange), Arc::clone(&self.signal));
         loop {
             if self.session.wait(self.next_due())? == Waited::Stop {
                 return self.session.settle(false);
             }
             let (wanted, orders) = {
-                let mut papers = lock(&self.papers);
-                papers.is_woken = false;
+                let mut exchange = lock(&self.exchange);
+                exchange.is_woken = false;
                 // Whatever is requested from now on interrupts again.
                 self.interrupt.clear();
-                (papers.wanted.clone(), std::mem::take(&mut papers.orders))
+                (exchange.wanted.clone(), std::mem::take(&mut exchange.orders))
             };
             for order in orders {
                 match order {
@@ -321,7 +322,7 @@ impl Painter {
     /// Returns when the painter must act next, unless the hand wakes it before.
     fn next_due(&self) -> Instant {
         let now = Instant::now();
-        let is_other = lock(&self.papers)
+        let is_other = lock(&self.exchange)
             .wanted
             .as_ref()
             .is_some_and(|wanted| self.drawn.as_ref().is_none_or(|(drawn, _)| drawn != wanted));
@@ -364,11 +365,11 @@ impl Painter {
         self.schedule.note_frame(size, [begin, end], arrived, frame.samples_used > 0);
         let has_few = size.has_few();
         let painted = Painted { wanted, view, frame: Arc::new(frame), took, has_few };
-        let mut papers = lock(&self.papers);
-        papers.painted = Some(painted);
-        papers.moving_share = Some(self.schedule.moving_share());
-        drop(papers);
-        self.bell.ring();
+        let mut exchange = lock(&self.exchange);
+        exchange.painted = Some(painted);
+        exchange.moving_share = Some(self.schedule.moving_share());
+        drop(exchange);
+        self.signal.raise();
         Ok(())
     }
 
@@ -439,11 +440,11 @@ impl Painter {
             let end = Instant::now() + STORED_PATIENCE;
             while !self.session.has_stored() && Instant::now() < end && order.is_wanted() {
                 let waited = self.session.wait(end.min(Instant::now() + NEWS))?;
-                let mut papers = lock(&self.papers);
+                let mut exchange = lock(&self.exchange);
                 if waited == Waited::Stop {
-                    papers.orders.push(Order::Quit);
+                    exchange.orders.push(Order::Quit);
                 }
-                if !papers.orders.is_empty() {
+                if !exchange.orders.is_empty() {
                     break;
                 }
             }
@@ -470,7 +471,7 @@ impl Painter {
         if is_of_connection(&error) {
             return Err(error);
         }
-        lock(&self.papers).refusal = Some(format!("{error:#}"));
+        lock(&self.exchange).refusal = Some(format!("{error:#}"));
         Ok(())
     }
 
@@ -491,7 +492,7 @@ impl Painter {
     fn report(&mut self) {
         let status = self.session.status().copied();
         if let Some(refusal) = self.session.take_refusal() {
-            lock(&self.papers).refusal = Some(refusal);
+            lock(&self.exchange).refusal = Some(refusal);
         }
         if *self.news.views != self.session.named_views() {
             self.news.views = Arc::new(self.session.named_views().to_vec());
@@ -506,15 +507,15 @@ impl Painter {
             ..std::mem::take(&mut self.news)
         };
         let scene = self.session.scene();
-        let mut papers = lock(&self.papers);
-        papers.scene = scene;
-        if papers.news != self.news {
-            papers.news = self.news.clone();
+        let mut exchange = lock(&self.exchange);
+        exchange.scene = scene;
+        if exchange.news != self.news {
+            exchange.news = self.news.clone();
         }
     }
 }
 
-fn lock(papers: &Mutex<Papers>) -> MutexGuard<'_, Papers> {
+fn lock(exchange: &Mutex<FrameExchange>) -> MutexGuard<'_, FrameExchange> {
     // Every change leaves the value consistent, so a panic elsewhere does no harm.
-    papers.lock().unwrap_or_else(PoisonError::into_inner)
+    exchange.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -15,8 +15,8 @@ use crate::engine::Spread;
 use crate::policy::FirstSurface;
 use crate::sampler::mix;
 
-/// Side of a region over the width of the widest cells: half of what rays travel, the size of a piece
-/// of furniture or of the light around a lamp.
+/// Side of a region over the width of the widest cells. A region is then half as wide as rays are
+/// long: as wide as a piece of furniture, or as the light around a lamp.
 const SIDE: f32 = 8.0;
 
 /// Number of regions that are distinguished; a power of two. Others share one at random.

@@ -46,7 +46,7 @@ fn draw(driver: &mut TestViewer) -> Frame {
 }
 
 /// Starts a view and draws what there is already.
-fn glance(driver: &mut TestViewer, degrees: f64) -> Frame {
+fn moving_frame(driver: &mut TestViewer, degrees: f64) -> Frame {
     look(driver, degrees, false);
     draw(driver)
 }
@@ -78,16 +78,16 @@ fn put_unseen(driver: &mut TestViewer, beam: BeamId) {
 #[test]
 fn the_last_view_s_samples_are_shown_until_the_next_one_s_have_come() {
     for mut driver in drivers() {
-        assert_eq!(glance(&mut driver, 0.0).samples_used, 0);
+        assert_eq!(moving_frame(&mut driver, 0.0).samples_used, 0);
         put(&mut driver, &samples(0.0));
-        let turned = glance(&mut driver, 10.0);
+        let turned = moving_frame(&mut driver, 10.0);
         // A sixth of the picture is new.
         assert!(turned.samples_used > PIXELS * 3 / 4 && turned.empty_pixels < PIXELS / 3);
         // They are still there if the camera goes on before anything has come.
-        assert!(glance(&mut driver, 15.0).samples_used > PIXELS / 2);
-        assert_eq!(glance(&mut driver, 40.0).samples_used, 0, "too far");
+        assert!(moving_frame(&mut driver, 15.0).samples_used > PIXELS / 2);
+        assert_eq!(moving_frame(&mut driver, 40.0).samples_used, 0, "too far");
         // And for good: looking back does not bring them back.
-        assert_eq!(glance(&mut driver, 30.0).samples_used, 0);
+        assert_eq!(moving_frame(&mut driver, 30.0).samples_used, 0);
     }
 }
 
@@ -122,7 +122,7 @@ fn after_a_view_has_settled_only_its_own_samples_are_kept_for_the_next() {
             put(driver, &samples(8.0)[..600]);
             driver.settle();
         }
-        assert_eq!(glance(&mut walked, 9.0).picture, glance(&mut alone, 9.0).picture);
+        assert_eq!(moving_frame(&mut walked, 9.0).picture, moving_frame(&mut alone, 9.0).picture);
     }
 }
 
@@ -133,7 +133,7 @@ fn samples_of_a_moving_eye_are_kept_for_the_picture_at_rest() {
         put(&mut moving, &samples(0.0));
         draw(&mut moving);
         // The camera rests, and nothing has come yet.
-        let full = glance(&mut moving, 0.0);
+        let full = moving_frame(&mut moving, 0.0);
         look(&mut alone, 0.0, false);
         put(&mut alone, &samples(0.0));
         assert!(full.samples_used > PIXELS * 9 / 10);
@@ -165,7 +165,7 @@ fn unseen_beams_show_the_sky_until_the_next_view_has_settled() {
         assert!(frame.unseen_pixels > PIXELS * 9 / 10);
         let is_sky = frame.picture.pixels.iter().filter(|pixel| **pixel == SKY).count() as u64;
         assert_eq!(is_sky, frame.unseen_pixels);
-        assert!(glance(&mut driver, 5.0).unseen_pixels > PIXELS / 2);
+        assert!(moving_frame(&mut driver, 5.0).unseen_pixels > PIXELS / 2);
         driver.settle();
         assert_eq!(draw(&mut driver).unseen_pixels, 0);
     }
@@ -224,6 +224,6 @@ fn a_driver_without_a_view_has_a_name_and_shows_nothing() {
         assert!(driver.try_draw().is_none());
         assert!(driver.uncovered().is_empty());
         // Samples that came before the first view are lost.
-        assert_eq!(glance(&mut driver, 0.0).samples_used, 0);
+        assert_eq!(moving_frame(&mut driver, 0.0).samples_used, 0);
     }
 }

@@ -21,12 +21,12 @@ use holo_walk::{Controls, Pose, Surroundings, Walker};
 use tokio::sync::oneshot;
 
 use super::{
-    bell::Bell,
     crew::Crew,
     input::Numbered,
     painter::{Done, FrameRequests, News, Order, Painted, StageView},
     record::ScriptRecorder,
     shown::{PublishedFrame, Publisher, State},
+    signal::ThreadSignal,
     warp::{Source, can_show, warp},
     world::World,
 };
@@ -109,7 +109,7 @@ impl Question {
 pub struct Hand {
     walker: Walker,
     inputs: mpsc::Receiver<Numbered>,
-    bell: Arc<Bell>,
+    signal: Arc<ThreadSignal>,
     /// The painter's desk, while there is a painter.
     desk: Option<FrameRequests>,
     crew: Option<Crew>,
@@ -193,7 +193,7 @@ impl Hand {
         unit: f64,
         wishes: &super::Wishes,
         inputs: mpsc::Receiver<Numbered>,
-        bell: Arc<Bell>,
+        signal: Arc<ThreadSignal>,
         publisher: Publisher,
     ) -> Result<Hand> {
         let size = wishes.view.size();
@@ -213,7 +213,7 @@ impl Hand {
         Ok(Hand {
             walker,
             inputs,
-            bell,
+            signal,
             desk: None,
             crew: wishes.crew.clone(),
             scene: None,
@@ -286,7 +286,7 @@ impl Hand {
             self.show_from_here()?;
             self.want();
             self.publish_state();
-            self.bell.wait(self.next_due());
+            self.signal.wait(self.next_due());
         }
         self.publish_state();
         Ok(self.ending)
@@ -517,7 +517,7 @@ impl Hand {
         }
     }
 
-    /// Returns when the hand must act next, unless the bell rings before.
+    /// Returns when the hand must act next, unless the signal is raised before.
     fn next_due(&self) -> Instant {
         let now = Instant::now();
         let is_shown = self.last.as_ref().is_some_and(|last| last.is_at_rest);
