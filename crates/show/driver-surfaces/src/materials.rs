@@ -4,12 +4,19 @@
 //! Invariant: both factors are the same number, which is never near 0.
 
 use holo_scene::{Bsdf, Material, Rgb, Scene};
+use std::sync::OnceLock;
 
 /// Least reflectance. Samples of a black surface show nothing of the light on it.
 pub(crate) const LEAST_REFLECTANCE: f32 = 0.02;
 
 /// Greatest GGX roughness of a metal that counts as a mirror.
 const SMOOTH_METAL: f32 = 0.05;
+
+/// Share of the light of sky and suns that is expected on a surface of which nothing is known.
+const DAYLIGHT: f32 = 0.2;
+
+/// Least share of light that surfaces are expected to absorb.
+const LEAST_ABSORBED: f64 = 0.05;
 
 /// Brightest light of the scene, in fixed-point steps.
 const STEPS: f32 = (1_u64 << 26) as f32;
@@ -60,6 +67,8 @@ pub struct Materials {
     pub(crate) sky: Rgb,
     /// Light of one fixed-point step; a power of two.
     pub(crate) unit: f32,
+    /// See [`expected_light`](Self::expected_light).
+    expected: OnceLock<Rgb>,
 }
 
 impl Finish {
@@ -136,7 +145,40 @@ impl Materials {
             Finish { light, ..finish }
         };
         let finishes = scene.materials.iter().enumerate().map(finish).collect();
-        Materials { finishes, sky: scene.sky, unit }
+        Materials { finishes, sky: scene.sky, unit, expected: OnceLock::new() }
+    }
+
+    /// Returns the light that surfaces of `scene` have on average, radiance of a white surface. It is
+    /// that in a closed box with the same lamps, areas and reflectances (an integrating sphere), and
+    /// a share of the sky's and the suns' light. `scene` must be that of [`new`](Self::new).
+    ///
+    /// It is computed once, and only if a view is drawn before any light is known.
+    pub(crate) fn expected_light(&self, scene: &Scene) -> Rgb {
+        *self.expected.get_or_init(|| {
+            let (mut area, mut reflected, mut power) = (0.0, [0.0; 3], [0.0; 3]);
+            for triangle in scene.triangles() {
+                let here = scene.area(triangle);
+                let finish = &self.finishes[scene.material_id(triangle) as usize];
+                let sides = if finish.emits_back { 2.0 } else { 1.0 };
+                area += here;
+                for c in 0..3 {
+                    reflected[c] += here * f64::from(finish.reflectance[c].min(1.0));
+                    power[c] += sides * here * f64::from(finish.emission[c]);
+                }
+            }
+            for light in &scene.punctual_lights {
+                // A sphere of this radiant intensity has 4π of it as power, and a face π of its
+                // radiance and area.
+                (0..3).for_each(|c| power[c] += 4.0 * f64::from(light.intensity[c]));
+            }
+            [0, 1, 2].map(|c| {
+                let suns: f32 = scene.suns.iter().map(|sun| sun.irradiance[c]).sum();
+                let outside = DAYLIGHT * (scene.sky[c] + suns / std::f32::consts::PI);
+                let absorbed = (area - reflected[c]).max(LEAST_ABSORBED * area);
+                let lamps = if absorbed > 0.0 { power[c] / absorbed } else { 0.0 };
+                outside + lamps as f32
+            })
+        })
     }
 }
 

@@ -471,6 +471,16 @@ impl SurfaceView {
         self.seen.iter().map(feature).unzip()
     }
 
+    /// Returns the eye, relative to the scene's origin.
+    pub(crate) fn eye(&self) -> Vec3 {
+        self.camera().1.as_vec3()
+    }
+
+    /// Returns the mean light that the scene's lamps let expect, fixed-point steps.
+    pub(crate) fn expected_light(&self) -> Vec3 {
+        Vec3::from(self.materials.expected_light(self.raycaster.scene())) / self.unit()
+    }
+
     /// Returns the light of one fixed-point step.
     #[must_use]
     pub fn unit(&self) -> f32 {
