@@ -3,6 +3,7 @@
 //!
 //! Invariant: both factors are the same number, which is never near 0.
 
+use crate::cell::luminance;
 use holo_scene::{Bsdf, Material, Rgb, Scene};
 use std::sync::OnceLock;
 
@@ -171,13 +172,15 @@ impl Materials {
                 // radiance and area.
                 (0..3).for_each(|c| power[c] += 4.0 * f64::from(light.intensity[c]));
             }
-            [0, 1, 2].map(|c| {
+            let light = [0, 1, 2].map(|c| {
                 let suns: f32 = scene.suns.iter().map(|sun| sun.irradiance[c]).sum();
                 let outside = DAYLIGHT * (scene.sky[c] + suns / std::f32::consts::PI);
                 let absorbed = (area - reflected[c]).max(LEAST_ABSORBED * area);
                 let lamps = if absorbed > 0.0 { power[c] / absorbed } else { 0.0 };
                 outside + lamps as f32
-            })
+            });
+            // How the colours of sky and lamps mix is unknown.
+            [luminance(light); 3]
         })
     }
 }
