@@ -38,6 +38,13 @@ pub(crate) enum MaterialClass {
         /// The share of light that passes.
         transmittance: Rgb,
     },
+    /// The smooth boundary of solid glass: rays are bent, and are also reflected.
+    Solid {
+        /// Index of refraction.
+        ior: f32,
+        /// The share of light that passes each surface.
+        transmittance: Rgb,
+    },
 }
 
 /// A material as the store needs it.
@@ -57,7 +64,7 @@ pub(crate) struct Finish {
     pub rough: Option<f32>,
     /// True if a clear coat covers a diffuse surface.
     pub is_coated: bool,
-    /// The share of light that passes each surface of solid glass.
+    /// The share of light that passes each surface of rough solid glass.
     pub clear: Option<Rgb>,
 }
 
@@ -91,6 +98,9 @@ impl Finish {
             Bsdf::ThinGlass { ior, transmittance } => {
                 (MaterialClass::Pane { ior, transmittance }, [1.0; 3])
             }
+            Bsdf::Dielectric { ior, transmittance, alpha: 0.0 } if is_even => {
+                (MaterialClass::Solid { ior, transmittance }, [1.0; 3])
+            }
             Bsdf::Dielectric { .. } => (MaterialClass::Glossy, [1.0; 3]),
             Bsdf::Coated { kd, ks, ior, .. } => {
                 let coat = ((ior - 1.0) / (ior + 1.0)).powi(2);
@@ -111,8 +121,10 @@ impl Finish {
                 _ => None,
             },
             is_coated: matches!(material.bsdf, Bsdf::Coated { .. }),
-            clear: match material.bsdf {
-                Bsdf::Dielectric { transmittance, .. } => Some(transmittance),
+            clear: match (kind, material.bsdf) {
+                (MaterialClass::Glossy, Bsdf::Dielectric { transmittance, .. }) => {
+                    Some(transmittance)
+                }
                 _ => None,
             },
         }
@@ -188,11 +200,22 @@ impl Materials {
 /// Returns the share of unpolarised light that a thin pane reflects at this cosine, including all
 /// reflections between its faces.
 pub(crate) fn pane_reflectance(cosine: f32, ior: f32) -> f32 {
-    let inside = (1.0 - (1.0 - cosine * cosine) / (ior * ior)).max(0.0).sqrt();
-    let parallel = (ior * cosine - inside) / (ior * cosine + inside);
-    let across = (cosine - ior * inside) / (cosine + ior * inside);
-    let once = 0.5 * (parallel * parallel + across * across);
+    let (once, _) = boundary_reflectance(cosine, ior);
     2.0 * once / (1.0 + once)
+}
+
+/// Returns the share of unpolarised light that a boundary reflects at this cosine, and the cosine
+/// beyond it. `eta` is the index of refraction beyond over that on this side. All is reflected if
+/// the light cannot pass.
+pub(crate) fn boundary_reflectance(cosine: f32, eta: f32) -> (f32, f32) {
+    let squared = 1.0 - (1.0 - cosine * cosine) / (eta * eta);
+    if squared <= 0.0 {
+        return (1.0, 0.0);
+    }
+    let beyond = squared.sqrt();
+    let parallel = (eta * cosine - beyond) / (eta * cosine + beyond);
+    let across = (cosine - eta * beyond) / (cosine + eta * beyond);
+    (0.5 * (parallel * parallel + across * across), beyond)
 }
 
 #[cfg(test)]
