@@ -155,6 +155,39 @@ fn a_person_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     place.run(&words).ok();
 }
 
+#[test]
+fn a_view_is_levelled_by_a_shift_and_its_middle_stays() {
+    let place = Place::new();
+    place.fill_small_with("a.holo", "100k", &["--bounces", "0"]);
+    let words = ["replay", "{}/a.holo", "--no-open"];
+    let mut session = place.start(&[&words[..], &VIEW].concat());
+    let browser = &mut Chromium::open(&address(&mut session));
+    wait_for_rest(browser);
+    changes_view(browser, |browser| browser.drag((640, 360), (660, 440), 1));
+    let rise = "dot(unit(header.view.direction), unit(facts.up))";
+    let middle = "unit(plus(header.view.direction, header.view.up, \
+        header.view.shift[1] * header.view.extent[1]))";
+    let number = |browser: &mut Chromium, script: &str| browser.value(script).as_f64().unwrap();
+    let vector = |browser: &mut Chromium| -> [f64; 3] {
+        serde_json::from_value(browser.value(middle)).unwrap()
+    };
+    assert!(number(browser, rise).abs() > 0.05, "the drag has tilted the view");
+    let before = vector(browser);
+    changes_view(browser, |browser| {
+        browser.value("document.getElementById('b-upright').click()");
+    });
+    assert!(number(browser, rise).abs() < 1e-6);
+    let after = vector(browser);
+    assert!(before.iter().zip(after).all(|(a, b)| (a - b).abs() < 1e-4), "{before:?} {after:?}");
+    changes_view(browser, |browser| {
+        let moves = "$('r-lift').value = 20; $('r-lift').oninput()";
+        browser.value(moves);
+    });
+    assert!((number(browser, "header.view.shift[1]") - 0.2).abs() < 1e-9);
+    session.write_line("quit");
+    session.wait().ok();
+}
+
 /// Returns a line of a script with a tenth of its time.
 fn ten_times_faster(line: &str) -> String {
     let timed =

@@ -150,6 +150,11 @@ function draw(next, parts) {
     $('r-angle').disabled = next.view.kind !== 'v' || !stated;
     if (stated) [$('r-angle').value, $('o-angle').textContent] = [stated[1], `${Math.round(stated[1])}°`];
   }
+  if (document.activeElement !== $('r-lift')) {
+    const percent = Math.round(100 * next.view.shift[1]);
+    [$('r-lift').value, $('o-lift').textContent] = [percent, `${percent} %`];
+    $('r-lift').disabled = $('b-upright').disabled = next.view.kind !== 'v';
+  }
   drawLegend(next.legend);
   document.body.dataset.frame = next.frame;
   document.body.dataset.rest = next.rest;
@@ -1005,6 +1010,20 @@ $('f-scale').addEventListener('submit', event => {
 $('r-angle').oninput = () => {
   $('o-angle').textContent = `${$('r-angle').value}°`;
   if (header && header.view.kind === 'v') command(`view -vh ${$('r-angle').value}`);
+};
+$('r-lift').oninput = () => {
+  $('o-lift').textContent = `${$('r-lift').value} %`;
+  command(`view -vl ${$('r-lift').value / 100}`);
+};
+$('b-upright').onclick = () => {
+  const view = header && header.view;
+  if (!view || view.kind !== 'v') return;
+  // The middle of the picture stays where it is.
+  const up = unit(facts.up), middle = plus(view.direction, view.up, view.shift[1] * view.extent[1]);
+  const rise = dot(middle, up), level = plus(middle, up, -rise), run = Math.hypot(...level);
+  // A view that is almost vertical has no upright walls.
+  if (Math.abs(rise) > 2 * run) return notice('Walls cannot be upright in a view straight up or down.', 4000);
+  command(`view -vd ${unit(level).join(' ')} -vu ${up.join(' ')} -vl ${rise / run / view.extent[1]}`);
 };
 $('r-stops').oninput = () => stops(Number($('r-stops').value));
 $('question').addEventListener('close', () => {
