@@ -13,6 +13,7 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use holo_denoise::Quality;
 use holo_display::Driver;
+use holo_driver_mesh::mesh_driver;
 use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_driver_rendercache::{frameless_driver, pointimage_driver};
 use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver};
@@ -55,6 +56,7 @@ impl DriverChoice for DriverOptions {
         let sections = Arc::clone(sections);
         match self.args.driver {
             DriverArg::Quadtree => quadtree_driver(sections, sky),
+            DriverArg::Mesh => mesh_driver(sections, sky),
             DriverArg::Pointimage => pointimage_driver(sections, sky, self.points.params()),
             DriverArg::Frameless => frameless_driver(sections, sky),
             DriverArg::Auto | DriverArg::Surfaces => match scene {

@@ -47,6 +47,9 @@ pub enum DriverArg {
     /// Averages samples over the leaves of a quadtree, larger leaves for noisier samples; needs no
     /// scene
     Quadtree,
+    /// Connects samples by triangles (Delaunay), with colours interpolated between them; needs no
+    /// scene
+    Mesh,
     /// The render cache: projects known samples into every view and fills the gaps; needs no scene
     Pointimage,
     /// Each pixel shows its newest rays; needs no scene
@@ -66,6 +69,7 @@ impl DriverArg {
             Self::Auto => "auto",
             Self::Surfaces => "surfaces",
             Self::Quadtree => "quadtree",
+            Self::Mesh => "mesh",
             Self::Pointimage => "pointimage",
             Self::Frameless => "frameless",
         }
