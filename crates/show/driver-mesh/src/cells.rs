@@ -5,8 +5,8 @@
 //! path are noisy.
 //!
 //! A cell has samples of several depths at silhouettes, and where rays that pass the eye look behind
-//! an object. If some samples are aligned with the eye, the vertex is where most of these are.
-//! Otherwise it is the nearest surface.
+//! an object. If the rays of some samples pass the eye within a pixel, the vertex is where most of
+//! these end. Otherwise it is the nearest surface.
 //!
 //! Invariants:
 //! - A vertex is a function of the set of its cell's samples.
@@ -38,8 +38,10 @@ pub struct VertexLight {
     pub depth: f32,
     /// Radiance.
     pub colour: [f32; 3],
-    /// True if some of its samples are aligned with the eye, so that the eye sees it.
-    pub is_aligned: bool,
+    /// Number of its samples.
+    pub count: u32,
+    /// True if the rays of some of its samples pass near to the eye, so that the eye sees it.
+    pub is_near: bool,
 }
 
 /// Samples of one depth bin of a cell.
@@ -146,7 +148,7 @@ impl DirectionCells {
             let light = self.own_light(number);
             let cell = &mut self.cells[number as usize];
             if let Some(light) = light {
-                cell.earlier = Some(VertexLight { is_aligned: false, ..light });
+                cell.earlier = Some(VertexLight { is_near: false, ..light });
             }
             cell.nearest = NONE;
             self.mark(number);
@@ -286,7 +288,8 @@ impl DirectionCells {
             direction: self.rounded(face, sums.place()),
             depth: (depth / weight) as f32,
             colour: sums.colour(),
-            is_aligned: sums.counts()[1] > 0,
+            count: sums.count(),
+            is_near: sums.near_count() > 0,
         })
     }
 
@@ -300,7 +303,7 @@ impl DirectionCells {
                 sums.join(&layer.sums);
                 end = layer.behind;
             }
-            if best.is_none_or(|(_, best)| sums.counts()[1] > best.counts()[1]) {
+            if best.is_none_or(|(_, best)| sums.near_count() > best.near_count()) {
                 best = Some((first, sums));
             }
             first = end;

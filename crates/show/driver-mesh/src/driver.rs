@@ -158,8 +158,9 @@ impl MeshView {
     fn insert(&mut self, landing: &SampleLanding) -> bool {
         let Some((direction, depth)) = self.mesh.chart.place(landing.end) else { return false };
         let depth = if landing.is_surface { depth } else { f64::INFINITY };
-        let SampleLanding { radiance, weight, is_aligned, .. } = *landing;
-        self.mesh.cells.insert(&CellSample { direction, depth, radiance, weight, is_aligned });
+        let SampleLanding { radiance, weight, is_aligned, is_near, .. } = *landing;
+        let sample = CellSample { direction, depth, radiance, weight, is_aligned, is_near };
+        self.mesh.cells.insert(&sample);
         self.samples_used += 1;
         if let Some(pixel) = landing.pixel {
             self.mask.note_sample(pixel);
@@ -198,7 +199,7 @@ impl LitMesh {
             return;
         }
         let depth = if point.light.depth.is_finite() { depth as f32 } else { f32::INFINITY };
-        let light = VertexLight { direction, depth, is_aligned: false, ..point.light };
+        let light = VertexLight { direction, depth, is_near: false, ..point.light };
         self.cells.insert_earlier(light);
     }
 

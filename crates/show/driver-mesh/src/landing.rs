@@ -37,8 +37,12 @@ pub struct SampleLanding {
     pub radiance: [f32; 3],
     /// Weight by nearness of the ray to the eye, and by paths.
     pub weight: u32,
-    /// True if the ray sees what the eye sees.
+    /// True if the ray looks in nearly the same direction as the eye, so that glossy surfaces look
+    /// the same.
     pub is_aligned: bool,
+    /// True if the ray passes the eye within a pixel, so that nothing stands between the eye and what
+    /// it met.
+    pub is_near: bool,
     /// Number of the pixel, row by row from the top; `None` beside the picture.
     pub pixel: Option<usize>,
 }
@@ -125,8 +129,9 @@ impl<'a> SampleProjector<'a> {
         let footprint = self.camera.pixel_width.squared_at(seen_at * seen_at).sqrt();
         let weight = (FULL_WEIGHT / (missed / footprint).max(1.0).sqrt()).max(LEAST_WEIGHT);
         let is_aligned = is_along && !(is_elsewhere && begins_ahead);
-        let weight = weight as u32;
-        Some(SampleLanding { end, is_surface, radiance: [0.0; 3], weight, is_aligned, pixel })
+        let is_near = is_aligned && missed <= footprint;
+        let (weight, radiance) = (weight as u32, [0.0; 3]);
+        Some(SampleLanding { end, is_surface, radiance, weight, is_aligned, is_near, pixel })
     }
 
     /// Returns the pixel that shows the end of a ray, if the end is not too far beside the picture.
@@ -172,7 +177,9 @@ impl<'a> SampleProjector<'a> {
         let radiance = if clip == Clip::Shown { radiance } else { [0.0; 3] };
         let is_surface = hits && clip == Clip::Shown;
         let is_shown = clip != Clip::Before;
-        let landing = SampleLanding { end, is_surface, radiance, weight, is_aligned: true, pixel };
+        let (is_aligned, is_near) = (true, true);
+        let landing =
+            SampleLanding { end, is_surface, radiance, weight, is_aligned, is_near, pixel };
         is_shown.then_some(landing)
     }
 }

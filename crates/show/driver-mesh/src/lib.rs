@@ -11,7 +11,9 @@
 //!    triangulation of the sphere, with exact arithmetic.
 //! 4. *Hidden vertices* (`seen`). Rays that pass the eye look behind objects. A vertex that nearer
 //!    ones surround shows their surface.
-//! 5. *Triangles* (`raster`, `paint`). Each triangle is drawn where the eye sees its three points, with
+//! 5. *Noise* (`smooth`). The colour of a vertex is a mean over its surroundings, as wide as its noise
+//!    demands.
+//! 6. *Triangles* (`raster`, `paint`). Each triangle is drawn where the eye sees its three points, with
 //!    colours interpolated between them. Triangles across a jump of depth are split there.
 //!
 //! The [driver](mesh_driver) uses one mesh for several views.
@@ -37,6 +39,7 @@ mod mesh;
 mod paint;
 mod raster;
 mod seen;
+mod smooth;
 mod sums;
 mod triangulation;
 

@@ -9,12 +9,16 @@ use std::ops::Range;
 use crate::mesh::LitMesh;
 use crate::raster::{PixelSights, ScreenTriangle, rasterise};
 use crate::seen::{SeenVertex, seen_vertices};
+use crate::smooth::smooth;
 
 /// A triangle of a view that is no perspective has curved edges. They may lie this share of its size
 /// outside of its corners.
 const BULGE: f32 = 0.25;
 /// A triangle over this share of a picture with curved edges may be anywhere.
 const LARGE: f32 = 0.25;
+
+/// Largest error of a vertex's place in the picture, pixels.
+const SLACK: f32 = 0.01;
 
 /// A view to draw meshes into.
 pub struct MeshPainter {
@@ -43,13 +47,14 @@ impl MeshPainter {
     /// Draws a mesh.
     pub fn paint(&self, mesh: &LitMesh) -> Frame {
         let width = self.view.extent().0;
-        let seen = seen_vertices(mesh, &self.camera, width);
+        let mut seen = seen_vertices(mesh, &self.camera, width);
+        smooth(mesh, &mut seen);
         let pixels: Vec<Option<(f32, f32)>> =
             seen.par_iter().map(|seen| self.pixel(seen.as_ref()?)).collect();
         let corners: Vec<[u32; 3]> = mesh.triangles.triangles().collect();
         let triangle = |&corners: &[u32; 3]| {
-            let lit = completed(corners, &seen, mesh, &self.camera)?;
             let bounds = self.bounds(corners, &pixels)?;
+            let lit = completed(corners, &seen, mesh, &self.camera)?;
             ScreenTriangle::new(lit, bounds)
         };
         let triangles: Vec<ScreenTriangle> = corners.par_iter().filter_map(triangle).collect();
@@ -98,9 +103,9 @@ impl MeshPainter {
                 }
                 (from, to) = (from - bulge, to + bulge);
             }
-            // A middle that is just outside by rounding may be inside by the exact test.
-            let limit = |at: f32| at.clamp(0.0, size as f32) as u32;
-            limit((from - 1.0).floor())..limit((to + 1.0).ceil())
+            // The first and last columns whose middles are between them. Places are rounded.
+            let limit = |at: f32| at.ceil().clamp(0.0, size as f32) as u32;
+            limit(from - 0.5 - SLACK)..limit(to - 0.5 + SLACK)
         };
         let (columns, rows) = (range(a.0, b.0, c.0, width), range(a.1, b.1, c.1, height));
         (!columns.is_empty() && !rows.is_empty()).then_some((columns, rows))

@@ -28,10 +28,12 @@ pub struct SeenVertex {
     pub nearness: f64,
     /// Radiance.
     pub colour: [f32; 3],
+    /// Number of its samples.
+    pub count: f32,
     /// Direction from the canonical eye: the order of vertices.
     pub order: GridDirection,
-    /// True if its ray sees what the eye sees.
-    pub is_aligned: bool,
+    /// True if the eye sees it for certain.
+    pub is_near: bool,
 }
 
 /// The least distance from an eye, scene units, so that its inverse is finite.
@@ -57,8 +59,9 @@ pub fn seen_vertices(mesh: &LitMesh, camera: &Camera, width: f64) -> Vec<Option<
                 (sight, if is_far { 0.0 } else { 1.0 / distance })
             }
         };
-        let (order, colour, is_aligned) = (light.direction, light.colour, light.is_aligned);
-        Some(SeenVertex { sight, nearness, colour, order, is_aligned })
+        let (order, colour, is_near) = (light.direction, light.colour, light.is_near);
+        let count = light.count as f32;
+        Some(SeenVertex { sight, nearness, colour, count, order, is_near })
     };
     let mut seen: Vec<Option<SeenVertex>> = mesh.lights.par_iter().map(see).collect();
     // A vertex behind others that are hidden themselves is found in the second round.
@@ -87,7 +90,7 @@ pub fn is_jump(a: &SeenVertex, b: &SeenVertex) -> bool {
 /// Returns what a vertex shows if nearer ones surround it: a surface that they are on. `None` if it
 /// is not hidden.
 fn hidden_by(mesh: &LitMesh, seen: &[Option<SeenVertex>], number: u32) -> Option<SeenVertex> {
-    let vertex = seen[number as usize].filter(|vertex| !vertex.is_aligned)?;
+    let vertex = seen[number as usize].filter(|vertex| !vertex.is_near)?;
     let mut in_front: Vec<(u32, SeenVertex)> = Vec::new();
     mesh.triangles.for_neighbours(number, |other| {
         let nearer = seen[other as usize].filter(|other| other.nearness > vertex.nearness);
@@ -102,7 +105,7 @@ fn hidden_by(mesh: &LitMesh, seen: &[Option<SeenVertex>], number: u32) -> Option
     }
     in_front.sort_unstable_by_key(|(_, seen)| seen.order);
     let share = 1.0 / in_front.len() as f64;
-    let mut cover = SeenVertex { nearness: 0.0, colour: [0.0; 3], ..vertex };
+    let mut cover = SeenVertex { nearness: 0.0, colour: [0.0; 3], count: 1.0, ..vertex };
     for (_, seen) in &in_front {
         cover.nearness += share * seen.nearness;
         for (sum, channel) in cover.colour.iter_mut().zip(seen.colour) {

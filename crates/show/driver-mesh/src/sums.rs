@@ -34,8 +34,10 @@ pub struct CellSample {
     pub radiance: [f32; 3],
     /// Its weight, at least 1.
     pub weight: u32,
-    /// True if its ray passes so near to the eye that it sees what the eye sees.
+    /// True if it looks in nearly the same direction as the eye.
     pub is_aligned: bool,
+    /// True if its ray passes so near to the eye that it sees what the eye sees.
+    pub is_near: bool,
 }
 
 /// Sums of colours with their weights.
@@ -74,6 +76,8 @@ impl ColourSums {
 pub struct LayerSums {
     all: ColourSums,
     aligned: ColourSums,
+    /// Number of samples near to the eye.
+    near: u32,
     /// Luminance squared, by weight.
     squares: u128,
     /// Coordinates of directions on their face, by weight.
@@ -91,6 +95,7 @@ impl LayerSums {
         if sample.is_aligned {
             self.aligned.add(rgb, sample.weight);
         }
+        self.near = self.near.saturating_add(u32::from(sample.is_near));
         let luminance = f64::from(relative_luminance(sample.radiance));
         let square = steps(luminance * luminance, SQUARE_STEPS);
         self.squares = self.squares.saturating_add(square * u128::from(sample.weight));
@@ -106,15 +111,21 @@ impl LayerSums {
     pub fn join(&mut self, other: &LayerSums) {
         self.all.join(&other.all);
         self.aligned.join(&other.aligned);
+        self.near = self.near.saturating_add(other.near);
         self.squares = self.squares.saturating_add(other.squares);
         for (sum, other) in self.place.iter_mut().zip(other.place) {
             *sum = sum.saturating_add(other);
         }
     }
 
-    /// Returns the number of samples, and of those the aligned ones.
-    pub fn counts(&self) -> [u32; 2] {
-        [self.all.count, self.aligned.count]
+    /// Returns the number of samples.
+    pub fn count(&self) -> u32 {
+        self.all.count
+    }
+
+    /// Returns the number of samples whose rays pass near to the eye.
+    pub fn near_count(&self) -> u32 {
+        self.near
     }
 
     /// Returns the sum of weights.

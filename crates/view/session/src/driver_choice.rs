@@ -15,9 +15,14 @@ pub trait DriverChoice: Send + Sync {
     fn scene_use(&self) -> SceneUse;
 
     /// Makes the chosen driver for a holodeck with these sections. `sky` is the radiance of rays
-    /// that hit nothing.
-    fn make(&self, sections: &Arc<[Section]>, sky: [f32; 3], scene: Option<&LoadedScene>)
-    -> Driver;
+    /// that hit nothing, and `unit` the length of a scene unit in metres.
+    fn make(
+        &self,
+        sections: &Arc<[Section]>,
+        sky: [f32; 3],
+        unit: f64,
+        scene: Option<&LoadedScene>,
+    ) -> Driver;
 
     /// Chooses another driver.
     fn choose(&mut self, driver: DriverArg);

@@ -29,7 +29,7 @@ fn the_error_falls_as_samples_come() {
         let frame = drawn(&section, &view, &near_samples(room, &section, &view, count, 1, clean));
         relative_error(&frame, &truth)
     });
-    let most = [0.06, 0.02, 0.01, 0.006];
+    let most = [0.08, 0.02, 0.01, 0.006];
     assert!(errors.iter().zip(most).all(|(error, most)| *error < most), "{errors:?}");
 }
 
@@ -121,7 +121,7 @@ fn every_type_of_view_shows_the_room() {
         let truth = truth(room, &view, SIZE, 3);
         assert_eq!(size, SIZE);
         let error = relative_error(&frame, &truth);
-        assert!(error < 0.012, "{kind:?}: {error}");
+        assert!(error < 0.02, "{kind:?}: {error}");
     }
 }
 
