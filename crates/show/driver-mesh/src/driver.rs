@@ -19,8 +19,8 @@ use std::sync::Arc;
 use glam::DVec3;
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, VisibleEnd, WantedBeam,
-    beams_ending_on, viewpoint_radius,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, StoringRenderer, ViewLight,
+    VisibleEnd, WantedBeam, beams_ending_on, viewpoint_radius,
 };
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 
@@ -332,6 +332,10 @@ impl RayWishes for MeshRenderer {
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         Ok(beams)
+    }
+
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        None
     }
 
     fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {

@@ -11,8 +11,8 @@ use crate::log::Log;
 use crate::{Filling, Quadtree, QuadtreeParams, ViewCells};
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
-    uncovered_pixels, viewpoint_radius,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, StoringRenderer, ViewLight,
+    WantedBeam, uncovered_pixels, viewpoint_radius,
 };
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 use std::collections::HashSet;
@@ -224,6 +224,10 @@ impl RayWishes for QuadtreeRenderer {
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         Ok(beams)
+    }
+
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        None
     }
 
     fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {

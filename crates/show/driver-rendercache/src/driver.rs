@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, StoringRenderer, ViewLight,
+    WantedBeam,
 };
 use holo_picture::{View, ViewKind};
 use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
@@ -167,6 +168,10 @@ impl RayWishes for PointImageRenderer {
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         self.change_view(look, &beams)
+    }
+
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        None
     }
 
     fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, StoringRenderer, ViewLight,
+    WantedBeam,
 };
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 
@@ -133,6 +134,10 @@ impl RayWishes for FramelessRenderer {
     ) -> Result<Vec<WantedBeam>, DriverError> {
         self.look(look)?;
         Ok(beams)
+    }
+
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        None
     }
 
     fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {

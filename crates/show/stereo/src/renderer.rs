@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, Light,
-    LiveSample, PartsRenderer, RayWishes, Renderer, Search, SelectOptions, UsefulBeam, WantedBeam,
-    select_beams,
+    LiveSample, PartsRenderer, PixelWeights, RayWishes, Renderer, Search, SelectOptions,
+    UsefulBeam, WantedBeam, select_beams,
 };
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 
@@ -146,6 +146,11 @@ impl RayWishes for StereoRenderer {
             weight: same.iter().map(|beam| HALF * beam.weight).sum(),
         };
         Ok(all.chunk_by(|a, b| a.key == b.key).map(sum).collect())
+    }
+
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        // They would be weights of the pixels of one view.
+        None
     }
 
     fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {

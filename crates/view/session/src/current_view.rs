@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use holo_display::{Age, FramePhase, FrameRequest, Light, Renderer, UsefulBeam, ViewPhases};
 use holo_proto::bulk::{LiveSamples, RequestedBeam, SampleSource, ViewSamples};
 
-use super::{live::LiveRays, received::Received};
+use super::{live::LiveRays, received::Received, weighing::WeighingSchedule};
 
 /// A view and what has arrived for it.
 pub struct CurrentView {
@@ -38,6 +38,8 @@ pub struct CurrentView {
     pub counts: ArrivalCounts,
     /// When single rays were last requested. `None` if the driver never wants any.
     pub rays_asked: Option<Instant>,
+    /// When its beams are weighed by the error of what is shown.
+    pub weighing: WeighingSchedule,
 }
 
 /// Time after which nobody waits for the first frame of a view any more.

@@ -31,6 +31,7 @@ mod scene;
 mod schedule;
 #[cfg(test)]
 mod tests;
+mod weighing;
 
 use std::{
     ops::Range,
@@ -471,6 +472,12 @@ impl Session {
             Incoming::Scene(scene) => self.change_scene(scene).map(|()| None),
             Incoming::Found { first_request, beams } => {
                 self.ask_for_found(first_request, beams, for_settled).map(|()| None)
+            }
+            Incoming::Weighed { first_request, beams } => {
+                if !for_settled {
+                    self.ask_for_weighed(first_request, &beams)?;
+                }
+                Ok(None)
             }
             Incoming::Lost(error) => Err(error).context("lost the server"),
             Incoming::Wake => Ok((!for_settled).then_some(Waited::Woken)),
