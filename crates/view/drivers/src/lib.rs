@@ -8,21 +8,25 @@
 mod denoised;
 mod options;
 mod render_cache;
+mod stereo_options;
 
 use std::{collections::BTreeMap, sync::Arc};
 
 use holo_denoise::Quality;
 use holo_display::Driver;
+use holo_driver_mesh::mesh_driver;
 use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_driver_rendercache::{frameless_driver, pointimage_driver};
 use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver};
 use holo_proto::stand_ins::StandInKind;
 use holo_section::Section;
 use holo_session::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
+use holo_stereo::stereo_driver;
 
 pub use denoised::denoise;
 pub use options::{CellsArg, DenoiseArg, DriverArgs};
 pub use render_cache::{EmptyArg, PointArgs, SmoothingArg};
+pub use stereo_options::{StereoArg, StereoArgs};
 
 /// Parts of drivers that a script may switch, by name.
 pub const SWITCHES: &[&str] = &holo_driver_rendercache::Stages::NAMES;
@@ -45,22 +49,19 @@ impl DriverChoice for DriverOptions {
         }
     }
 
-    /// Makes the chosen driver. Without a scene, `auto` draws cells from samples only.
+    /// Makes the chosen driver, for two eyes if they are wanted. Without a scene, `auto` draws cells
+    /// from samples only.
     fn make(
         &self,
         sections: &Arc<[Section]>,
         sky: [f32; 3],
+        unit: f64,
         scene: Option<&LoadedScene>,
     ) -> Driver {
-        let sections = Arc::clone(sections);
-        match self.args.driver {
-            DriverArg::Quadtree => quadtree_driver(sections, sky),
-            DriverArg::Pointimage => pointimage_driver(sections, sky, self.points.params()),
-            DriverArg::Frameless => frameless_driver(sections, sky),
-            DriverArg::Auto | DriverArg::Surfaces => match scene {
-                Some(scene) => self.surfaces(sections, sky, scene),
-                None => cells_driver(sections, sky, self.filling()),
-            },
+        let driver = self.of_one_view(Arc::clone(sections), sky, scene);
+        match self.args.stereo.eyes(unit) {
+            Some(eyes) => stereo_driver(driver, eyes, Arc::clone(sections)),
+            None => driver,
         }
     }
 
@@ -78,6 +79,24 @@ impl DriverChoice for DriverOptions {
 }
 
 impl DriverOptions {
+    fn of_one_view(
+        &self,
+        sections: Arc<[Section]>,
+        sky: [f32; 3],
+        scene: Option<&LoadedScene>,
+    ) -> Driver {
+        match self.args.driver {
+            DriverArg::Quadtree => quadtree_driver(sections, sky),
+            DriverArg::Mesh => mesh_driver(sections, sky),
+            DriverArg::Pointimage => pointimage_driver(sections, sky, self.points.params()),
+            DriverArg::Frameless => frameless_driver(sections, sky),
+            DriverArg::Auto | DriverArg::Surfaces => match scene {
+                Some(scene) => self.surfaces(sections, sky, scene),
+                None => cells_driver(sections, sky, self.filling()),
+            },
+        }
+    }
+
     fn surfaces(&self, sections: Arc<[Section]>, sky: [f32; 3], scene: &LoadedScene) -> Driver {
         let raycaster = Arc::clone(&scene.raycaster);
         // `check` has already loaded a library that was named.

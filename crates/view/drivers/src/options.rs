@@ -6,6 +6,8 @@ use clap::{Args, ValueEnum};
 use holo_denoise::{DenoiseError, Denoiser, Quality};
 use holo_session::DriverArg;
 
+use crate::StereoArgs;
+
 /// The driver and its options.
 #[derive(Args, Clone, Debug, Default)]
 pub struct DriverArgs {
@@ -19,6 +21,9 @@ pub struct DriverArgs {
     /// `auto`: if it is installed; `off`: never; FILE: with this library
     #[arg(long, value_name = "auto|off|FILE", default_value = "auto")]
     pub denoise: DenoiseArg,
+    /// Two eyes.
+    #[command(flatten)]
+    pub stereo: StereoArgs,
 }
 
 /// The choice of a denoiser.
@@ -88,6 +93,7 @@ impl DriverArgs {
             }
             self.denoise.load(Quality::Balanced).map_err(|error| error.to_string())?;
         }
+        self.stereo.check()?;
         match (self.driver, self.cells) {
             (DriverArg::Auto, _) | (_, None) => Ok(()),
             (driver, Some(_)) => {

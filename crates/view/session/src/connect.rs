@@ -233,7 +233,8 @@ impl Connected {
                 Arrived::Stop => return Ok(None),
             }
         }
-        let driver = self.choice.make(&self.sections, self.welcome.sky, scene.as_deref());
+        let (sky, unit) = (self.welcome.sky, self.welcome.unit);
+        let driver = self.choice.make(&self.sections, sky, unit, scene.as_deref());
         let interrupt = Interrupt::default();
         let sections = self.sections.len();
         Ok(Some(Session {

@@ -568,8 +568,8 @@ impl Session {
 
     /// Creates the chosen driver again, and shows it the current view.
     fn make_driver(&mut self) -> Result<()> {
-        let (sky, scene) = (self.welcome.sky, self.scene.as_deref());
-        self.driver = self.choice.make(&self.sections, sky, scene);
+        let (sky, unit, scene) = (self.welcome.sky, self.welcome.unit, self.scene.as_deref());
+        self.driver = self.choice.make(&self.sections, sky, unit, scene);
         self.ahead.restart();
         if let Some(current) = &mut self.current {
             current.received = Received::default();

@@ -108,7 +108,13 @@ impl DriverChoice for Surfaces {
         SceneUse::Required
     }
 
-    fn make(&self, sections: &Arc<[Section]>, _: [f32; 3], scene: Option<&LoadedScene>) -> Driver {
+    fn make(
+        &self,
+        sections: &Arc<[Section]>,
+        _: [f32; 3],
+        _: f64,
+        scene: Option<&LoadedScene>,
+    ) -> Driver {
         let raycaster = Arc::clone(&scene.unwrap().raycaster);
         surfaces_driver(Arc::clone(sections), raycaster, None)
     }

@@ -5,7 +5,8 @@ use glam::DVec3;
 use holo_display::{
     Age, DriverError, FramePhase, FrameRequest, Interrupt, LiveSample, SelectOptions,
 };
-use holo_driver_quadtree::quadtree_driver;
+use holo_driver_mesh::mesh_driver;
+use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_driver_rendercache::frameless::{Frameless, PixelTag};
 use holo_driver_rendercache::{
     Moment, Place, PointImage, PointImageParams, RayResult, Smoothing, Stages, Tag,
@@ -51,6 +52,8 @@ pub enum Driver {
 /// The driver that draws stored samples.
 pub enum Draws {
     Quadtree,
+    Cells,
+    Mesh,
     Surfaces(Arc<Raycaster>),
 }
 
@@ -119,6 +122,8 @@ impl Driver {
                 Ok(Self::Frameless(Box::new(Frameless::new(making.size, making.first, 1)?)))
             }
             "quadtree" => Ok(Self::Stored { stored: stored(), draws: Draws::Quadtree }),
+            "cells" => Ok(Self::Stored { stored: stored(), draws: Draws::Cells }),
+            "mesh" => Ok(Self::Stored { stored: stored(), draws: Draws::Mesh }),
             "surfaces" => Ok(Self::Stored {
                 stored: stored(),
                 draws: Draws::Surfaces(Arc::clone(making.raycaster)),
@@ -222,6 +227,8 @@ impl Stored {
         let (sections, sky) = (Arc::clone(&self.sections), self.sky);
         let holo_display::Driver { mut light, mut renderer, .. } = match draws {
             Draws::Quadtree => quadtree_driver(sections, sky),
+            Draws::Cells => cells_driver(sections, sky, Filling::Smooth),
+            Draws::Mesh => mesh_driver(sections, sky),
             Draws::Surfaces(raycaster) => surfaces_driver(sections, Arc::clone(raycaster), None),
         };
         renderer.look(&FrameRequest { view, size: crate::SIZE, is_moving: false })?;

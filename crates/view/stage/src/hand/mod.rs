@@ -458,6 +458,7 @@ impl Hand {
         let is_resting = is_of_now && !painted.has_few;
         let cannot_wait =
             self.spec().resolve(self.size).is_ok_and(|(view, _)| !can_show(&painted.view, &view));
+        let cannot_wait = cannot_wait || painted.frame.is_stereo;
         self.sources.push_front(painted.clone());
         self.sources.truncate(2);
         if is_resting || cannot_wait {
@@ -485,7 +486,10 @@ impl Hand {
         if is_shown || is_soon || is_hidden || self.awaits_jump {
             return Ok(());
         }
-        let sources = self.sources.iter().filter(|source| can_show(&source.view, &view));
+        // The pixels of two eyes are not those of one view.
+        let is_source =
+            |source: &&Painted| can_show(&source.view, &view) && !source.frame.is_stereo;
+        let sources = self.sources.iter().filter(is_source);
         let sources: Vec<Source<'_>> =
             sources.map(|source| Source { view: &source.view, frame: &source.frame }).collect();
         let begin = Instant::now();
