@@ -51,6 +51,9 @@ pub enum DriverArg {
     Pointimage,
     /// Each pixel shows its newest rays; needs no scene
     Frameless,
+    /// Draws the hierarchy that `holodeck splats` has made of all samples, however many; shows no
+    /// new samples
+    Splats,
 }
 
 impl DriverArg {
@@ -68,6 +71,7 @@ impl DriverArg {
             Self::Quadtree => "quadtree",
             Self::Pointimage => "pointimage",
             Self::Frameless => "frameless",
+            Self::Splats => "splats",
         }
     }
 }
