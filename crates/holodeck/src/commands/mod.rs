@@ -21,6 +21,7 @@ pub mod picture;
 pub mod render;
 mod scene_args;
 pub mod sections;
+pub mod splats;
 pub mod status;
 pub mod tokens;
 pub mod view;

@@ -59,6 +59,9 @@ pub enum DriverArg {
     Pointimage,
     /// Each pixel shows its newest rays; needs no scene
     Frameless,
+    /// Draws the hierarchy that `holodeck splats` has made of all samples, however many; shows no
+    /// new samples
+    Splats,
 }
 
 impl DriverArg {
@@ -77,6 +80,7 @@ impl DriverArg {
             Self::Mesh => "mesh",
             Self::Pointimage => "pointimage",
             Self::Frameless => "frameless",
+            Self::Splats => "splats",
         }
     }
 }
