@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
+use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample};
 
 use crate::{
@@ -131,8 +132,8 @@ impl<R: StoringRenderer> RayWishes for SharedRenderer<R> {
         lock(&self.0).weigh(look, beams)
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
-        lock(&self.0).rays()
+    fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
+        lock(&self.0).rays(expected)
     }
 
     fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {

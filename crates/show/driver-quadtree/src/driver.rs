@@ -14,6 +14,7 @@ use holo_display::{
     PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
     uncovered_pixels, viewpoint_radius,
 };
+use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -226,7 +227,7 @@ impl RayWishes for QuadtreeRenderer {
         Ok(beams)
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+    fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
         None
     }
 

@@ -189,8 +189,8 @@ impl RayWishes for StandInsRenderer {
         self.renderer.weigh(look, beams)
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
-        self.renderer.rays()
+    fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
+        self.renderer.rays(expected)
     }
 
     fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {

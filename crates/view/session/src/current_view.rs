@@ -38,6 +38,8 @@ pub struct CurrentView {
     pub counts: ArrivalCounts,
     /// When single rays were last requested. `None` if the driver never wants any.
     pub rays_asked: Option<Instant>,
+    /// True if a frame was drawn while the eye moved, and no single rays were requested since.
+    pub has_new_frame: bool,
 }
 
 /// Time after which nobody waits for the first frame of a view any more.
