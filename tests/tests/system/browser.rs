@@ -268,8 +268,23 @@ fn buttons_keys_and_lines_command_a_session() {
     browser.value(driver);
     browser.wait("state.driver === 'quadtree'");
     wait_for_rest(browser);
+    // The parts of a driver's method have boxes, which follow what others switch.
+    session.write_line("driver pointimage");
+    browser.wait(
+        "state.driver === 'pointimage' && document.querySelectorAll('#parts input').length === 8",
+    );
+    browser.value("document.querySelector('#parts [data-part=prefilter]').click()");
+    browser.wait("state.parts.some(part => part.name === 'prefilter' && !part.on)");
+    session.write_line("with prefilter");
+    session.write_line("without dither");
+    browser.wait(
+        "document.querySelector('#parts [data-part=prefilter]').checked && \
+         !document.querySelector('#parts [data-part=dither]').checked",
+    );
+    session.write_line("without glue");
+    browser.wait("(state.trouble || '').includes('no part `glue`')");
     session.write_line("driver surfaces");
-    browser.wait("state.driver === 'surfaces'");
+    browser.wait("state.driver === 'surfaces' && document.getElementById('parts').hidden");
     session.write_line("pause");
     browser.wait("state.paused");
     session.write_line("dance");

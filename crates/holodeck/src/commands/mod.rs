@@ -8,6 +8,7 @@ use holo_server::Outside;
 pub mod arguments;
 pub mod check;
 pub mod compare;
+pub mod copy;
 pub mod demo;
 pub mod fill;
 pub mod forget;
@@ -15,6 +16,7 @@ pub mod info;
 mod listen_args;
 pub mod merge;
 mod metrics;
+pub mod optimize;
 #[cfg(test)]
 mod options_page;
 pub mod picture;

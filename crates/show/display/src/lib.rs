@@ -37,7 +37,7 @@ pub use bands::for_bands;
 pub use camera::{Camera, PixelWidth};
 pub use candidates::{Candidate, best_beam, candidates, section_of};
 pub use covered::{covered, uncovered_pixels};
-pub use driver::Driver;
+pub use driver::{Driver, DriverPart};
 pub use ending::{BeamSearch, Search, UsefulBeam, VisibleEnd, beams_ending_on};
 pub use frame::{Certainty, Frame};
 pub use interrupt::Interrupt;

@@ -14,6 +14,7 @@ use holo_display::{
     PartsRenderer, PixelWeights, RayWishes, Renderer, Search, StoringRenderer, ViewLight,
     WantedBeam, uncovered_pixels, viewpoint_radius,
 };
+use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -230,7 +231,7 @@ impl RayWishes for QuadtreeRenderer {
         None
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+    fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
         None
     }
 

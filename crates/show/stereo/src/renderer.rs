@@ -153,9 +153,10 @@ impl RayWishes for StereoRenderer {
         None
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+    fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
         let [left, right] = &mut self.pair;
-        match (left.wishes().rays(), right.wishes().rays()) {
+        // The expected view is that of neither eye.
+        match (left.wishes().rays(None), right.wishes().rays(None)) {
             (Some(left), Some(right)) => Some([left, right].concat()),
             (one, other) => one.or(other),
         }

@@ -18,7 +18,7 @@ use holo_section::Section;
 use tokio::sync::Semaphore;
 
 use super::{
-    Ahead, Session,
+    Ahead, RayDelay, Session,
     driver_choice::{DriverChoice, LoadedScene, SceneUse},
     incoming::{Incoming, MAX_WAITING_BYTES, SessionReader},
     scene::SceneLoader,
@@ -256,7 +256,8 @@ impl Connected {
             request_number: 0,
             drawing: Duration::ZERO,
             settles_whole: false,
-            is_moving: false,
+            velocity: None,
+            ray_delay: RayDelay::default(),
             is_paused: false,
             focus: None,
             status: None,

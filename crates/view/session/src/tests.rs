@@ -22,7 +22,7 @@ use holo_scene::{Material, Scene};
 use holo_section::{BeamKey, NumberRun, Sample, SampleKind, Section, SectionSpec, ViewClass};
 use tokio::{net::TcpListener, time::timeout};
 
-use super::{Connected, DriverArg, DriverChoice, LoadedScene, SceneUse, Session};
+use super::{Connected, DriverArg, DriverChoice, EyeVelocity, LoadedScene, SceneUse, Session};
 use server::{LIMIT, welcome};
 
 mod server;
@@ -311,7 +311,7 @@ async fn turn(completes: bool, is_done: fn(&Session) -> bool) -> (u32, u64) {
     let connected = connect(address).await;
     let turning = tokio::task::spawn_blocking(move || {
         let mut session = connected.begin(|_| {}).unwrap().unwrap();
-        session.set_moving(true);
+        session.set_motion(Some(EyeVelocity::default()));
         let start = Instant::now();
         while !is_done(&session) && start.elapsed() < LIMIT / 2 {
             let mut turned = view();

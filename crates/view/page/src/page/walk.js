@@ -258,6 +258,7 @@ function showState() {
   if (!corner) showFocus(state.focus);
   for (const id of ['b-kill', 'b-restart', 'b-scene', 'b-over']) $(id).disabled = !state.crew;
   if (document.activeElement !== $('l-driver')) $('l-driver').value = state.driver;
+  listParts();
   if (state.question && drives && !$('question').open) {
     $('question-text').textContent = state.question;
     $('question').dataset.answer = state.answer;
@@ -268,6 +269,29 @@ function showState() {
   drawEye();
   drawGrid();
   showStatus();
+}
+
+/** Lists the parts of the driver's method, each with a box that switches it. */
+function listParts() {
+  const list = $('parts'), parts = state.parts || [];
+  list.hidden = !parts.length;
+  const names = parts.map(part => part.name).join();
+  if (list.dataset.names !== names) {
+    list.dataset.names = names;
+    list.querySelectorAll('label').forEach(label => label.remove());
+    for (const part of parts) {
+      const label = document.createElement('label'), box = document.createElement('input');
+      const name = document.createElement('b'), meaning = document.createElement('span');
+      box.type = 'checkbox';
+      box.dataset.part = part.name;
+      box.onchange = () => command(`${box.checked ? 'with' : 'without'} ${part.name}`);
+      name.textContent = part.name;
+      meaning.textContent = part.meaning;
+      label.append(box, name, meaning);
+      list.append(label);
+    }
+  }
+  for (const part of parts) list.querySelector(`[data-part="${part.name}"]`).checked = part.on;
 }
 
 function press(id, on) { $(id).setAttribute('aria-pressed', on); }
