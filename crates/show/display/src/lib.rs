@@ -28,6 +28,7 @@ mod phase;
 mod random;
 mod renderer;
 mod select;
+mod sky_view;
 mod stored;
 mod view_light;
 mod wishes;
@@ -49,6 +50,7 @@ pub use renderer::{DriverError, FrameRequest, PartsRenderer, Renderer};
 pub use select::{
     Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius,
 };
+pub use sky_view::SkyView;
 pub use stored::{DistanceTable, PlacedSection};
 pub use view_light::{StoringRenderer, ViewLight};
 pub use wishes::RayWishes;

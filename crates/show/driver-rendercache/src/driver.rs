@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
+    PartsRenderer, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight, WantedBeam,
 };
 use holo_picture::{View, ViewKind};
 use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
@@ -28,10 +28,11 @@ const PIXELS_PER_REQUEST: usize = 16;
 /// Returns the driver `pointimage`. Beams that cannot hit anything show `sky`.
 pub fn pointimage_driver(
     sections: Arc<[Section]>,
-    sky: [f32; 3],
+    sky: impl Into<SkyView>,
     params: PointImageParams,
 ) -> Driver {
-    let make = move || PointImageRenderer::new(Arc::clone(&sections), sky, params.clone());
+    let sky = sky.into();
+    let make = move || PointImageRenderer::new(Arc::clone(&sections), sky.clone(), params.clone());
     Driver { keeps_pixels: true, ..Driver::new(NAME, ViewLight::new(make)) }
 }
 
@@ -39,13 +40,13 @@ pub fn pointimage_driver(
 /// 1999).
 struct PointImageRenderer {
     sections: Arc<[Section]>,
-    sky: [f32; 3],
+    sky: SkyView,
     params: PointImageParams,
     shown: Option<(PointImage, CacheScreen)>,
 }
 
 impl PointImageRenderer {
-    fn new(sections: Arc<[Section]>, sky: [f32; 3], params: PointImageParams) -> Self {
+    fn new(sections: Arc<[Section]>, sky: SkyView, params: PointImageParams) -> Self {
         Self { sections, sky, params, shown: None }
     }
 
@@ -66,7 +67,7 @@ impl PointImageRenderer {
         let wanted = requests(look.size);
         let moment = Moment { view: look.view, predicted, samples: &[], wanted };
         let weights = cache.frame(&moment).weigh(&self.sections, beams, BY_REQUESTS);
-        let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky, look);
+        let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky.clone(), look);
         self.shown = Some((cache, screen));
         Ok(weights)
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
+    PartsRenderer, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight, WantedBeam,
 };
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 
@@ -14,8 +14,12 @@ use crate::screen::{CacheScreen, radius};
 const NAME: &str = "frameless";
 
 /// Returns the driver `frameless`. Beams that cannot hit anything show `sky`.
-pub fn frameless_driver(sections: Arc<[Section]>, sky: [f32; 3]) -> Driver {
-    let make = move || FramelessRenderer { sections: Arc::clone(&sections), sky, shown: None };
+pub fn frameless_driver(sections: Arc<[Section]>, sky: impl Into<SkyView>) -> Driver {
+    let sky = sky.into();
+    let make = move || {
+        let (sections, sky) = (Arc::clone(&sections), sky.clone());
+        FramelessRenderer { sections, sky, shown: None }
+    };
     Driver { keeps_pixels: true, ..Driver::new(NAME, ViewLight::new(make)) }
 }
 
@@ -23,7 +27,7 @@ pub fn frameless_driver(sections: Arc<[Section]>, sky: [f32; 3]) -> Driver {
 /// McMillan & Scher Zagier 1994).
 struct FramelessRenderer {
     sections: Arc<[Section]>,
-    sky: [f32; 3],
+    sky: SkyView,
     shown: Option<FramelessView>,
 }
 
@@ -75,7 +79,7 @@ impl Renderer for FramelessRenderer {
                 .map_err(|error| DriverError { driver: NAME, reason: error.to_string() })?,
         };
         frameless.look(look.view);
-        let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky, look);
+        let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky.clone(), look);
         let depth = vec![0.0; look.size.0 as usize * look.size.1 as usize];
         self.shown = Some(FramelessView { frameless, screen, depth });
         Ok(())

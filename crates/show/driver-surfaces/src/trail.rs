@@ -41,8 +41,8 @@ pub(crate) struct TrailEnd {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum RayContent {
     Surface(TrailEnd),
-    /// This share of the sky.
-    Sky(Rgb),
+    /// This share of the sky in this unit direction.
+    Sky(Rgb, Vec3),
     /// Unknown because too many mirrors are on the way.
     Unknown,
 }
@@ -293,7 +293,7 @@ impl Trail {
 
     /// Takes the next hit. Returns what the ray shows if it does not go on.
     fn meet(&mut self, hit: Option<Hit>) -> Option<RayContent> {
-        let Some(hit) = hit else { return Some(RayContent::Sky(self.share)) };
+        let Some(hit) = hit else { return Some(RayContent::Sky(self.share, self.ray.direction)) };
         self.hit = hit;
         self.surfaces += 1;
         (self.surfaces == MOST_SURFACES).then_some(RayContent::Unknown)

@@ -12,7 +12,7 @@ mod render_cache;
 use std::{collections::BTreeMap, sync::Arc};
 
 use holo_denoise::Quality;
-use holo_display::Driver;
+use holo_display::{Driver, SkyView};
 use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_driver_rendercache::{frameless_driver, pointimage_driver};
 use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver};
@@ -46,12 +46,7 @@ impl DriverChoice for DriverOptions {
     }
 
     /// Makes the chosen driver. Without a scene, `auto` draws cells from samples only.
-    fn make(
-        &self,
-        sections: &Arc<[Section]>,
-        sky: [f32; 3],
-        scene: Option<&LoadedScene>,
-    ) -> Driver {
+    fn make(&self, sections: &Arc<[Section]>, sky: SkyView, scene: Option<&LoadedScene>) -> Driver {
         let sections = Arc::clone(sections);
         match self.args.driver {
             DriverArg::Quadtree => quadtree_driver(sections, sky),
@@ -78,7 +73,7 @@ impl DriverChoice for DriverOptions {
 }
 
 impl DriverOptions {
-    fn surfaces(&self, sections: Arc<[Section]>, sky: [f32; 3], scene: &LoadedScene) -> Driver {
+    fn surfaces(&self, sections: Arc<[Section]>, sky: SkyView, scene: &LoadedScene) -> Driver {
         let raycaster = Arc::clone(&scene.raycaster);
         // `check` has already loaded a library that was named.
         let denoiser = self.args.denoise.load(Quality::Balanced).unwrap_or_default();
@@ -86,7 +81,7 @@ impl DriverOptions {
             return surfaces_driver(sections, raycaster, denoiser);
         }
         let of_beyond = Arc::clone(&sections);
-        let make = move || quadtree_driver(Arc::clone(&of_beyond), sky);
+        let make = move || quadtree_driver(Arc::clone(&of_beyond), sky.clone());
         let stand_ins = by_section(&scene.stand_ins);
         stand_ins_driver(sections, raycaster, stand_ins, denoiser, Arc::new(make))
     }
