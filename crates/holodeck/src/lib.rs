@@ -31,6 +31,7 @@ mod differences;
 pub mod files;
 pub mod fill;
 pub mod info;
+pub mod light;
 mod limit;
 pub mod listening;
 mod loading;

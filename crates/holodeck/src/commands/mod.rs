@@ -13,6 +13,7 @@ pub mod demo;
 pub mod fill;
 pub mod forget;
 pub mod info;
+mod light_args;
 mod listen_args;
 pub mod merge;
 mod metrics;

@@ -29,6 +29,7 @@ mod pixel_weights;
 mod random;
 mod renderer;
 mod select;
+mod sky_view;
 mod stored;
 mod view_light;
 mod wishes;
@@ -52,6 +53,7 @@ pub use select::{
     Coverage, SelectOptions, Selection, WantedBeam, select_beams, select_weighted_beams, viewpoint,
     viewpoint_radius,
 };
+pub use sky_view::SkyView;
 pub use stored::{DistanceTable, PlacedSection};
 pub use view_light::{StoringRenderer, ViewLight};
 pub use wishes::RayWishes;

@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam, mix,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight,
+    WantedBeam, mix,
 };
 use holo_picture::{View, ViewKind};
 use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
@@ -31,11 +32,12 @@ const PIXELS_PER_REQUEST: usize = 16;
 /// Returns the driver `pointimage`. Beams that cannot hit anything show `sky`.
 pub fn pointimage_driver(
     sections: Arc<[Section]>,
-    sky: [f32; 3],
+    sky: impl Into<SkyView>,
     params: PointImageParams,
 ) -> Driver {
+    let sky = sky.into();
     let parts = params.stages.parts();
-    let make = move || PointImageRenderer::new(Arc::clone(&sections), sky, params.clone());
+    let make = move || PointImageRenderer::new(Arc::clone(&sections), sky.clone(), params.clone());
     Driver { takes_late: true, parts, ..Driver::new(NAME, ViewLight::new(make)) }
 }
 
@@ -43,7 +45,7 @@ pub fn pointimage_driver(
 /// 1999).
 struct PointImageRenderer {
     sections: Arc<[Section]>,
-    sky: [f32; 3],
+    sky: SkyView,
     params: PointImageParams,
     shown: Option<(PointImage, CacheScreen)>,
     /// Requested rays that have not arrived.
@@ -54,7 +56,7 @@ struct PointImageRenderer {
 }
 
 impl PointImageRenderer {
-    fn new(sections: Arc<[Section]>, sky: [f32; 3], params: PointImageParams) -> Self {
+    fn new(sections: Arc<[Section]>, sky: SkyView, params: PointImageParams) -> Self {
         let (awaited, noise) = (AwaitedRays::default(), PathNoise::default());
         Self { sections, sky, params, shown: None, awaited, noise, expected: None }
     }
@@ -71,7 +73,7 @@ impl PointImageRenderer {
             }
             None => {
                 self.awaited.clear();
-                let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky, look);
+                let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky.clone(), look);
                 (PointImage::new(look.size, self.params.clone()).map_err(error)?, screen)
             }
         };

@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam, best_beam,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight,
+    WantedBeam, best_beam,
 };
 use holo_picture::{PictureError, View};
 use holo_section::{BeamKey, RayCoords, Sample, Section};
@@ -19,10 +20,11 @@ use crate::screen::{CacheScreen, radius};
 const NAME: &str = "frameless";
 
 /// Returns the driver `frameless`. Beams that cannot hit anything show `sky`.
-pub fn frameless_driver(sections: Arc<[Section]>, sky: [f32; 3]) -> Driver {
+pub fn frameless_driver(sections: Arc<[Section]>, sky: impl Into<SkyView>) -> Driver {
+    let sky = sky.into();
     let make = move || FramelessRenderer {
         sections: Arc::clone(&sections),
-        sky,
+        sky: sky.clone(),
         shown: None,
         awaited: AwaitedRays::default(),
     };
@@ -33,7 +35,7 @@ pub fn frameless_driver(sections: Arc<[Section]>, sky: [f32; 3]) -> Driver {
 /// McMillan & Scher Zagier 1994).
 struct FramelessRenderer {
     sections: Arc<[Section]>,
-    sky: [f32; 3],
+    sky: SkyView,
     shown: Option<FramelessView>,
     /// Requested rays that have not arrived.
     awaited: AwaitedRays<PixelTag>,
@@ -90,7 +92,7 @@ impl FramelessRenderer {
             Some(shown) => (shown.frameless, shown.screen.next(look, is_requested)),
             None => {
                 self.awaited.clear();
-                let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky, look);
+                let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky.clone(), look);
                 (Frameless::new(look.size, look.view, 0).map_err(error)?, screen)
             }
         };

@@ -9,7 +9,7 @@
 use std::{collections::HashSet, sync::Arc};
 
 use glam::DVec3;
-use holo_display::{Frame, FrameRequest, best_beam, for_bands, viewpoint_radius};
+use holo_display::{Frame, FrameRequest, SkyView, best_beam, for_bands, viewpoint_radius};
 use holo_picture::{Clip, View};
 use holo_section::{BeamKey, RayCoords, Sample, Section, SectionRay, ray_eye_distance};
 
@@ -68,7 +68,7 @@ pub(crate) struct CacheScreen {
     /// Width and height, pixels.
     pub size: (u32, u32),
     sections: Arc<[Section]>,
-    sky: [f32; 3],
+    sky: SkyView,
     /// The viewpoint radius: largest distance of the view's own rays from the eye, scene units.
     radius: f64,
     /// Best beam of each pixel's middle; empty until the first frame.
@@ -78,7 +78,7 @@ pub(crate) struct CacheScreen {
 }
 
 impl CacheScreen {
-    pub fn new(sections: Arc<[Section]>, sky: [f32; 3], look: &FrameRequest) -> Self {
+    pub fn new(sections: Arc<[Section]>, sky: SkyView, look: &FrameRequest) -> Self {
         Self {
             view: look.view,
             size: look.size,
@@ -189,16 +189,24 @@ impl CacheScreen {
         self.find_best_beams();
         let mut frame = Frame { picture, depth, samples_used: self.used, ..Frame::black((1, 1)) };
         frame.picture.view = Some(self.view);
-        let sky = if self.view.clips_sky() { [0.0; 3] } else { self.sky };
+        let (view, width) = (self.view, self.size.0 as usize);
+        let sky = |pixel: usize| match &self.sky {
+            _ if view.clips_sky() => [0.0; 3],
+            SkyView::Even(radiance) => *radiance,
+            varying => {
+                let [x, y] = [pixel % width, pixel / width].map(|at| at as f64 + 0.5);
+                varying.along(view.ray(x, y).1)
+            }
+        };
         let pixels = frame.picture.pixels.iter_mut().zip(&mut frame.depth);
-        for ((pixel, depth), best) in pixels.zip(&self.best) {
+        for (index, ((pixel, depth), best)) in pixels.zip(&self.best).enumerate() {
             match best {
                 None => {
                     (*pixel, *depth) = ([0.0; 3], 0.0);
                     frame.uncovered_pixels += 1;
                 }
                 Some(beam) if self.unseen.contains(beam) => {
-                    (*pixel, *depth) = (sky, f32::INFINITY);
+                    (*pixel, *depth) = (sky(index), f32::INFINITY);
                     frame.unseen_pixels += 1;
                 }
                 Some(_) => frame.empty_pixels += u64::from(*depth == 0.0),

@@ -7,6 +7,7 @@ use holo_display::{
     LiveSample, PartsRenderer, PixelWeights, RayWishes, Renderer, Search, SelectOptions,
     UsefulBeam, WantedBeam, select_beams,
 };
+use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 
 use crate::StereoEyes;

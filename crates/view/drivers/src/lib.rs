@@ -13,7 +13,7 @@ mod stereo_options;
 use std::{collections::BTreeMap, sync::Arc};
 
 use holo_denoise::Quality;
-use holo_display::Driver;
+use holo_display::{Driver, SkyView};
 use holo_driver_mesh::mesh_driver;
 use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_driver_rendercache::{frameless_driver, pointimage_driver};
@@ -58,7 +58,7 @@ impl DriverChoice for DriverOptions {
     fn make(
         &self,
         sections: &Arc<[Section]>,
-        sky: [f32; 3],
+        sky: SkyView,
         unit: f64,
         scene: Option<&LoadedScene>,
     ) -> Driver {
@@ -86,7 +86,7 @@ impl DriverOptions {
     fn of_one_view(
         &self,
         sections: Arc<[Section]>,
-        sky: [f32; 3],
+        sky: SkyView,
         scene: Option<&LoadedScene>,
     ) -> Driver {
         match self.args.driver {
@@ -111,7 +111,7 @@ impl DriverOptions {
         Ok(DriverOptions { args, points, splats })
     }
 
-    fn surfaces(&self, sections: Arc<[Section]>, sky: [f32; 3], scene: &LoadedScene) -> Driver {
+    fn surfaces(&self, sections: Arc<[Section]>, sky: SkyView, scene: &LoadedScene) -> Driver {
         let raycaster = Arc::clone(&scene.raycaster);
         // `check` has already loaded a library that was named.
         let denoiser = self.args.denoise.load(Quality::Balanced).unwrap_or_default();
@@ -119,7 +119,7 @@ impl DriverOptions {
             return surfaces_driver(sections, raycaster, denoiser);
         }
         let of_beyond = Arc::clone(&sections);
-        let make = move || quadtree_driver(Arc::clone(&of_beyond), sky);
+        let make = move || quadtree_driver(Arc::clone(&of_beyond), sky.clone());
         let stand_ins = by_section(&scene.stand_ins);
         stand_ins_driver(sections, raycaster, stand_ins, denoiser, Arc::new(make))
     }

@@ -169,7 +169,7 @@ impl Connected {
             shutdown: shutdown.clone(),
             runtime: tokio::runtime::Handle::current(),
         };
-        let uses_scene = choice.scene_use() != SceneUse::None;
+        let uses_scene = choice.scene_use() != SceneUse::None || welcome.sky_varies;
         // A person who walks may change to a driver that draws from the scene.
         let loader = match uses_scene || walks {
             true => SceneLoader::ask(welcome.scene, &outbox)?,
@@ -233,7 +233,8 @@ impl Connected {
                 Arrived::Stop => return Ok(None),
             }
         }
-        let (sky, unit) = (self.welcome.sky, self.welcome.unit);
+        let sky = super::driver_choice::sky_of(&self.welcome, scene.as_deref());
+        let unit = self.welcome.unit;
         let driver = self.choice.make(&self.sections, sky, unit, scene.as_deref());
         let interrupt = Interrupt::default();
         let sections = self.sections.len();

@@ -580,12 +580,14 @@ impl Session {
             Err(_) => return Ok(()),
         };
         self.scene = Some(scene);
-        if self.choice.scene_use() == SceneUse::None { Ok(()) } else { self.make_driver() }
+        let uses_scene = self.choice.scene_use() != SceneUse::None || self.welcome.sky_varies;
+        if uses_scene { self.make_driver() } else { Ok(()) }
     }
 
     /// Creates the chosen driver again, and shows it the current view.
     fn make_driver(&mut self) -> Result<()> {
-        let (sky, unit, scene) = (self.welcome.sky, self.welcome.unit, self.scene.as_deref());
+        let scene = self.scene.as_deref();
+        let (sky, unit) = (driver_choice::sky_of(&self.welcome, scene), self.welcome.unit);
         self.driver = self.choice.make(&self.sections, sky, unit, scene);
         self.ahead.restart();
         if let Some(current) = &mut self.current {
