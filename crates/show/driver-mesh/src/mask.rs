@@ -73,7 +73,8 @@ impl PixelMask {
         uncovered_pixels(&self.covered, view, size)
     }
 
-    /// Shows the sky in pixels of unseen beams and nothing in pixels without light, and counts both.
+    /// Shows the sky in pixels of unseen beams and nothing in pixels without light, and counts
+    /// both.
     pub fn apply(&self, frame: &mut Frame, sky: [f32; 3]) {
         for (number, (pixel, depth)) in
             frame.picture.pixels.iter_mut().zip(&mut frame.depth).enumerate()
