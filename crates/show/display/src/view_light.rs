@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
+use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample};
 
 use crate::{
@@ -135,8 +136,8 @@ impl<R: StoringRenderer> RayWishes for SharedRenderer<R> {
         lock(&self.0).pixel_weights()
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
-        lock(&self.0).rays()
+    fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
+        lock(&self.0).rays(expected)
     }
 
     fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {

@@ -1,5 +1,6 @@
 //! The trait [`RayWishes`]: samples that a renderer's view would gain from.
 
+use holo_picture::View;
 use holo_section::{BeamKey, RayCoords};
 
 use crate::{BeamSearch, DriverError, FrameRequest, PixelWeights, Search, WantedBeam};
@@ -26,9 +27,11 @@ pub trait RayWishes {
     /// The session divides later rays of the view between its beams accordingly.
     fn pixel_weights(&mut self) -> Option<PixelWeights>;
 
-    /// Returns the single rays that would improve the frame most. `None` if the driver never wants
-    /// any.
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>>;
+    /// Returns the single rays that would improve the next frames most. `None` if the driver never
+    /// wants any.
+    ///
+    /// `expected` is the view that is expected when their samples arrive, if the eye moves.
+    fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>>;
 
     /// Returns the distance from the eye within which rays for a view should pass, scene units. The
     /// nearest visible surface is at distance `nearest`.

@@ -19,9 +19,10 @@ use std::sync::Arc;
 use glam::DVec3;
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, StoringRenderer, ViewLight,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight,
     VisibleEnd, WantedBeam, beams_ending_on, viewpoint_radius,
 };
+use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 
 use crate::cells::{VertexLight, cell_shift};
@@ -48,16 +49,18 @@ const SLACK: f64 = 0.04;
 /// Pixels for each known distance that is reported.
 const PIXELS_PER_DEPTH: usize = 16;
 
-/// Returns the driver `mesh`. `sky` is the radiance of beams that cannot hit anything.
-pub fn mesh_driver(sections: Arc<[Section]>, sky: [f32; 3]) -> Driver {
-    let make = move || MeshRenderer { sections: Arc::clone(&sections), sky, shown: None };
+/// Returns the driver `mesh`. `sky` is what rays of beams show that cannot hit anything.
+pub fn mesh_driver(sections: Arc<[Section]>, sky: impl Into<SkyView>) -> Driver {
+    let sky = sky.into();
+    let make =
+        move || MeshRenderer { sections: Arc::clone(&sections), sky: sky.clone(), shown: None };
     Driver::new("mesh", ViewLight::new(make))
 }
 
 /// Draws one view after another.
 struct MeshRenderer {
     sections: Arc<[Section]>,
-    sky: [f32; 3],
+    sky: SkyView,
     /// `None` before the first view.
     shown: Option<MeshView>,
 }
@@ -297,8 +300,7 @@ impl Renderer for MeshRenderer {
         shown.mesh.update();
         stage_ended("triangulation");
         let mut frame = shown.painter.paint(&shown.mesh);
-        let sky = if shown.look.view.clips_sky() { [0.0; 3] } else { self.sky };
-        shown.mask.apply(&mut frame, sky);
+        shown.mask.apply(&mut frame, &shown.look.view, &self.sky);
         frame.blank_corners(&shown.look.view);
         frame.samples_used = shown.samples_used + shown.mesh.cells.earlier_count();
         stage_ended("triangles");
@@ -343,7 +345,7 @@ impl RayWishes for MeshRenderer {
         None
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+    fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
         None
     }
 

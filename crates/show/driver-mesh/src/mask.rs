@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 
-use holo_display::{Frame, best_beam, covered, uncovered_pixels};
+use holo_display::{Frame, SkyView, best_beam, covered, uncovered_pixels};
 use holo_picture::View;
 use holo_section::{BeamKey, Section};
 use rayon::prelude::*;
@@ -75,7 +75,15 @@ impl PixelMask {
 
     /// Shows the sky in pixels of unseen beams and nothing in pixels without light, and counts
     /// both.
-    pub fn apply(&self, frame: &mut Frame, sky: [f32; 3]) {
+    pub fn apply(&self, frame: &mut Frame, view: &View, sky: &SkyView) {
+        let size = (frame.picture.width, frame.picture.height);
+        let sky_of = |pixel: u32| {
+            let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
+            match view.try_ray(x, y) {
+                Some((_, direction)) if !view.clips_sky() => sky.along(direction),
+                _ => [0.0; 3],
+            }
+        };
         for (number, (pixel, depth)) in
             frame.picture.pixels.iter_mut().zip(&mut frame.depth).enumerate()
         {
@@ -88,7 +96,7 @@ impl PixelMask {
                 }
             } else if best.is_some_and(|best| self.unseen.contains(&best)) {
                 frame.unseen_pixels += 1;
-                (*pixel, *depth) = (sky, f32::INFINITY);
+                (*pixel, *depth) = (sky_of(number as u32), f32::INFINITY);
             } else if !self.sampled[number] {
                 frame.empty_pixels += 1;
             }

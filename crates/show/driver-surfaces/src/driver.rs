@@ -17,7 +17,7 @@ use holo_display::{
     Light, LiveSample, PartsPlan, PartsRenderer, PixelWeights, RayWishes, Renderer, Search,
     WantedBeam, beams_ending_on, covered, uncovered_pixels, viewpoint_radius,
 };
-use holo_picture::Picture;
+use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 use std::collections::BTreeMap;
@@ -517,7 +517,7 @@ impl RayWishes for SurfaceRenderer {
         lock(&self.scene).views.get(&self.number)?.weights.clone()
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+    fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
         None
     }
 

@@ -4,7 +4,8 @@
 //! Invariant: both factors are the same number, which is never near 0.
 
 use crate::cell::luminance;
-use holo_scene::{Bsdf, Material, Rgb, Scene};
+use glam::Vec3;
+use holo_scene::{Bsdf, Material, Rgb, Scene, Sky};
 use std::sync::OnceLock;
 
 /// Least reflectance. Samples of a black surface show nothing of the light on it.
@@ -21,6 +22,10 @@ const LEAST_ABSORBED: f64 = 0.05;
 
 /// Brightest light of the scene, in fixed-point steps.
 const STEPS: f32 = (1_u64 << 26) as f32;
+
+/// Relative difference of the sky in two directions that is an edge in a picture: that of the sun
+/// or the horizon.
+const SKY_STEP: f32 = 0.2;
 
 /// How a surface shows light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +77,7 @@ pub(crate) struct Finish {
 #[derive(Debug)]
 pub struct Materials {
     pub(crate) finishes: Vec<Finish>,
-    pub(crate) sky: Rgb,
+    sky: Sky,
     /// Light of one fixed-point step; a power of two.
     pub(crate) unit: f32,
     /// See [`expected_light`](Self::expected_light).
@@ -141,12 +146,19 @@ impl Finish {
     }
 }
 
+/// Returns the greatest light that surfaces can show by a sky. A bright spot of a sky that differs by
+/// direction lights a surface by its share only: its irradiance is at most 4π times the mean.
+fn most_of_sky(sky: &Sky) -> Rgb {
+    sky.as_even().unwrap_or_else(|| sky.mean().map(|channel| 4.0 * channel))
+}
+
 impl Materials {
     /// Returns the materials of a scene.
     #[must_use]
     pub fn new(scene: &Scene) -> Materials {
-        let suns = scene.suns.iter().flat_map(|sun| sun.irradiance);
-        let lights = scene.materials.iter().flat_map(|m| m.emission).chain(scene.sky).chain(suns);
+        let suns = scene.all_suns().flat_map(|sun| sun.irradiance);
+        let sky = most_of_sky(&scene.sky);
+        let lights = scene.materials.iter().flat_map(|m| m.emission).chain(sky).chain(suns);
         let brightest = lights.fold(0.0, f32::max);
         // Scaling by a power of two does not round.
         let unit =
@@ -158,7 +170,7 @@ impl Materials {
             Finish { light, ..finish }
         };
         let finishes = scene.materials.iter().enumerate().map(finish).collect();
-        Materials { finishes, sky: scene.sky, unit, expected: OnceLock::new() }
+        Materials { finishes, sky: scene.sky.clone(), unit, expected: OnceLock::new() }
     }
 
     /// Returns the light that surfaces of `scene` have on average, radiance of a white surface. It is
@@ -184,9 +196,10 @@ impl Materials {
                 // radiance and area.
                 (0..3).for_each(|c| power[c] += 4.0 * f64::from(light.intensity[c]));
             }
+            let sky = scene.sky.mean();
             let light = [0, 1, 2].map(|c| {
                 let suns: f32 = scene.suns.iter().map(|sun| sun.irradiance[c]).sum();
-                let outside = DAYLIGHT * (scene.sky[c] + suns / std::f32::consts::PI);
+                let outside = DAYLIGHT * (sky[c] + suns / std::f32::consts::PI);
                 let absorbed = (area - reflected[c]).max(LEAST_ABSORBED * area);
                 let lamps = if absorbed > 0.0 { power[c] / absorbed } else { 0.0 };
                 outside + lamps as f32
@@ -194,6 +207,25 @@ impl Materials {
             // How the colours of sky and lamps mix is unknown.
             [luminance(light); 3]
         })
+    }
+
+    /// Returns what a person sees of the sky in a unit direction, the disc of its sun included.
+    pub(crate) fn sky_seen(&self, direction: Vec3) -> Rgb {
+        self.sky.seen(direction.as_dvec3().normalize_or_zero())
+    }
+
+    /// Returns the light of the sky from a unit direction without its sun.
+    pub(crate) fn sky_light(&self, direction: Vec3) -> Vec3 {
+        self.sky.radiance(direction.as_dvec3().normalize_or_zero()).into()
+    }
+
+    /// Returns whether the sky looks alike in two directions.
+    pub(crate) fn is_sky_alike(&self, a: Vec3, b: Vec3) -> bool {
+        if self.sky.is_plain() {
+            return true;
+        }
+        let (a, b) = (self.sky_seen(a), self.sky_seen(b));
+        (0..3).all(|k| (a[k] - b[k]).abs() <= SKY_STEP * a[k].max(b[k]))
     }
 }
 

@@ -193,8 +193,8 @@ impl RayWishes for StandInsRenderer {
         self.renderer.pixel_weights()
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
-        self.renderer.rays()
+    fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
+        self.renderer.rays(expected)
     }
 
     fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {

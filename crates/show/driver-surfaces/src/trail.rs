@@ -49,8 +49,8 @@ pub(crate) struct TrailEnd {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum RayContent {
     Surface(TrailEnd),
-    /// This share of the sky.
-    Sky(Rgb),
+    /// This share of the sky in this unit direction.
+    Sky(Rgb, Vec3),
     /// Unknown because too many mirrors are on the way.
     Unknown,
 }
@@ -331,7 +331,7 @@ impl Trail {
             }
             MaterialClass::Mirror(ks) => match follower.mirrored(&self.ray, &hit) {
                 Some(mirrored) => (ks, mirrored),
-                None => return Some(RayContent::Sky([0.0; 3])),
+                None => return Some(RayContent::Sky([0.0; 3], self.ray.direction)),
             },
             MaterialClass::Pane { ior, transmittance } => {
                 let cosine = self.ray.direction.dot(normal);
@@ -368,7 +368,7 @@ impl Trail {
                     None => {
                         self.panes = AtPanes::Pass;
                         let Some(mirrored) = follower.mirrored(&self.ray, &hit) else {
-                            return Some(RayContent::Sky([0.0; 3]));
+                            return Some(RayContent::Sky([0.0; 3], self.ray.direction));
                         };
                         ([boundary.reflected; 3], mirrored)
                     }
@@ -385,7 +385,7 @@ impl Trail {
 
     /// Takes the next hit. Returns what the ray shows if it does not go on.
     fn meet(&mut self, hit: Option<Hit>) -> Option<RayContent> {
-        let Some(hit) = hit else { return Some(RayContent::Sky(self.share)) };
+        let Some(hit) = hit else { return Some(RayContent::Sky(self.share, self.ray.direction)) };
         self.hit = hit;
         self.surfaces += 1;
         (self.surfaces == MOST_SURFACES).then_some(RayContent::Unknown)

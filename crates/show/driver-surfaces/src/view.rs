@@ -236,8 +236,8 @@ impl SurfaceView {
     }
 
     /// Returns the result for a pixel's ray that hits nothing.
-    pub(crate) fn nothing(&self) -> RayContent {
-        if self.clips_sky { RayContent::Unknown } else { RayContent::Sky([1.0; 3]) }
+    pub(crate) fn nothing(&self, direction: Vec3) -> RayContent {
+        if self.clips_sky { RayContent::Unknown } else { RayContent::Sky([1.0; 3], direction) }
     }
 
     /// Returns the width of a pixel at the end of a way of this length.
@@ -296,7 +296,7 @@ impl SurfaceView {
             for number in 0..used {
                 let (ray, before, hit) = (rays[number], befores[number], hits[number]);
                 let Some(hit) = hit else {
-                    rows[at(number)] = band.add(self.seen_along(self.nothing()));
+                    rows[at(number)] = band.add(self.seen_along(self.nothing(ray.direction)));
                     continue;
                 };
                 if follower.is_plain(hit) {
@@ -393,7 +393,9 @@ impl SurfaceView {
                     at = seen(&end, width, PLAIN);
                 }
             }
-            RayContent::Sky(share) => how.radiance = times(share, self.materials.sky),
+            RayContent::Sky(share, direction) => {
+                how.radiance = times(share, self.materials.sky_seen(direction));
+            }
             RayContent::Unknown => {}
         }
         (at, how)

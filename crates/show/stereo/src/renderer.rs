@@ -7,6 +7,7 @@ use holo_display::{
     LiveSample, PartsRenderer, PixelWeights, RayWishes, Renderer, Search, SelectOptions,
     UsefulBeam, WantedBeam, select_beams,
 };
+use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 
 use crate::StereoEyes;
@@ -16,15 +17,14 @@ const HALF: f32 = 0.5;
 
 /// Returns a driver that shows what two eyes see, as `driver` draws it.
 pub fn stereo_driver(driver: Driver, eyes: StereoEyes, sections: Arc<[Section]>) -> Driver {
-    let Driver { name, knows_surfaces, keeps_pixels, mut light, renderer } = driver;
+    let Driver { mut light, renderer, .. } = driver;
     let second = light.renderer();
     let renderer = StereoRenderer::new([renderer, second], eyes, Arc::clone(&sections));
     Driver {
-        name,
-        knows_surfaces,
-        keeps_pixels: keeps_pixels || eyes.arrangement.needs_all_pixels(),
+        keeps_pixels: driver.keeps_pixels || eyes.arrangement.needs_all_pixels(),
         light: Box::new(StereoLight { light, eyes, sections }),
         renderer: Box::new(renderer),
+        ..driver
     }
 }
 
@@ -153,9 +153,10 @@ impl RayWishes for StereoRenderer {
         None
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+    fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
         let [left, right] = &mut self.pair;
-        match (left.wishes().rays(), right.wishes().rays()) {
+        // The expected view is that of neither eye.
+        match (left.wishes().rays(None), right.wishes().rays(None)) {
             (Some(left), Some(right)) => Some([left, right].concat()),
             (one, other) => one.or(other),
         }

@@ -13,18 +13,20 @@ mod stereo_options;
 use std::{collections::BTreeMap, sync::Arc};
 
 use holo_denoise::Quality;
-use holo_display::Driver;
+use holo_display::{Driver, SkyView};
 use holo_driver_mesh::mesh_driver;
 use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_driver_rendercache::{frameless_driver, pointimage_driver};
+use holo_driver_splats::splats_driver;
 use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver};
 use holo_proto::stand_ins::StandInKind;
 use holo_section::Section;
 use holo_session::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
+use holo_splats::SplatFile;
 use holo_stereo::stereo_driver;
 
 pub use denoised::denoise;
-pub use options::{CellsArg, DenoiseArg, DriverArgs};
+pub use options::{CellsArg, DenoiseArg, DriverArgs, SplatShapeArg};
 pub use render_cache::{EmptyArg, PointArgs, SmoothingArg};
 pub use stereo_options::{StereoArg, StereoArgs};
 
@@ -38,6 +40,8 @@ pub struct DriverOptions {
     pub args: DriverArgs,
     /// Options of the render cache.
     pub points: PointArgs,
+    /// The splats of the driver of that name.
+    pub splats: Option<Arc<SplatFile>>,
 }
 
 impl DriverChoice for DriverOptions {
@@ -54,7 +58,7 @@ impl DriverChoice for DriverOptions {
     fn make(
         &self,
         sections: &Arc<[Section]>,
-        sky: [f32; 3],
+        sky: SkyView,
         unit: f64,
         scene: Option<&LoadedScene>,
     ) -> Driver {
@@ -82,7 +86,7 @@ impl DriverOptions {
     fn of_one_view(
         &self,
         sections: Arc<[Section]>,
-        sky: [f32; 3],
+        sky: SkyView,
         scene: Option<&LoadedScene>,
     ) -> Driver {
         match self.args.driver {
@@ -90,6 +94,7 @@ impl DriverOptions {
             DriverArg::Mesh => mesh_driver(sections, sky),
             DriverArg::Pointimage => pointimage_driver(sections, sky, self.points.params()),
             DriverArg::Frameless => frameless_driver(sections, sky),
+            DriverArg::Splats => splats_driver(self.splats.clone(), self.args.splat_shape.shape()),
             DriverArg::Auto | DriverArg::Surfaces => match scene {
                 Some(scene) => self.surfaces(sections, sky, scene),
                 None => cells_driver(sections, sky, self.filling()),
@@ -97,7 +102,16 @@ impl DriverOptions {
         }
     }
 
-    fn surfaces(&self, sections: Arc<[Section]>, sky: [f32; 3], scene: &LoadedScene) -> Driver {
+    /// Returns the options of a person, with the splats that they name.
+    ///
+    /// # Errors
+    /// If the splats cannot be used, or none were named and the driver needs some.
+    pub fn open(args: DriverArgs, points: PointArgs) -> anyhow::Result<DriverOptions> {
+        let splats = args.open_splats().map_err(anyhow::Error::msg)?;
+        Ok(DriverOptions { args, points, splats })
+    }
+
+    fn surfaces(&self, sections: Arc<[Section]>, sky: SkyView, scene: &LoadedScene) -> Driver {
         let raycaster = Arc::clone(&scene.raycaster);
         // `check` has already loaded a library that was named.
         let denoiser = self.args.denoise.load(Quality::Balanced).unwrap_or_default();
@@ -105,7 +119,7 @@ impl DriverOptions {
             return surfaces_driver(sections, raycaster, denoiser);
         }
         let of_beyond = Arc::clone(&sections);
-        let make = move || quadtree_driver(Arc::clone(&of_beyond), sky);
+        let make = move || quadtree_driver(Arc::clone(&of_beyond), sky.clone());
         let stand_ins = by_section(&scene.stand_ins);
         stand_ins_driver(sections, raycaster, stand_ins, denoiser, Arc::new(make))
     }

@@ -1,10 +1,12 @@
 //! Options that choose a driver.
 
-use std::{ffi::OsString, path::PathBuf};
+use std::{ffi::OsString, path::PathBuf, sync::Arc};
 
 use clap::{Args, ValueEnum};
 use holo_denoise::{DenoiseError, Denoiser, Quality};
+use holo_driver_splats::SplatShape;
 use holo_session::DriverArg;
+use holo_splats::{SplatError, SplatFile};
 
 use crate::StereoArgs;
 
@@ -24,6 +26,39 @@ pub struct DriverArgs {
     /// Two eyes.
     #[command(flatten)]
     pub stereo: StereoArgs,
+    /// With the driver `splats`: what `holodeck splats` has made [default: the holodeck's name with
+    /// .splats]
+    #[arg(long, value_name = "FILE.splats")]
+    pub splats: Option<PathBuf>,
+    /// With the driver `splats`: the shape of splats
+    #[arg(long, value_enum, value_name = "SHAPE", default_value_t)]
+    pub splat_shape: SplatShapeArg,
+}
+
+/// See [`SplatShape`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum SplatShapeArg {
+    /// Squares that face the eye: the fastest
+    Square,
+    /// Circles that face the eye
+    Circle,
+    /// Discs on the surfaces
+    Ellipse,
+    /// Discs that fade towards their edges and blend
+    #[default]
+    Fuzzy,
+}
+
+impl SplatShapeArg {
+    /// Returns the shape.
+    pub fn shape(self) -> SplatShape {
+        match self {
+            Self::Square => SplatShape::Square,
+            Self::Circle => SplatShape::Circle,
+            Self::Ellipse => SplatShape::Ellipse,
+            Self::Fuzzy => SplatShape::Fuzzy,
+        }
+    }
 }
 
 /// The choice of a denoiser.
@@ -79,6 +114,24 @@ impl DriverArgs {
             None => "filter: Holodeck's own. Open Image Denoise shows less noise and is used once \
                      it is installed, for example by `pip install pyoidn`"
                 .to_owned(),
+        })
+    }
+
+    /// Opens the splats that were named.
+    ///
+    /// # Errors
+    /// If they cannot be used, or the driver needs some and none were named.
+    pub fn open_splats(&self) -> Result<Option<Arc<SplatFile>>, String> {
+        let Some(path) = &self.splats else {
+            return match self.driver {
+                DriverArg::Splats => Err("--driver splats needs --splats FILE".to_owned()),
+                _ => Ok(None),
+            };
+        };
+        let opened = SplatFile::open(path);
+        opened.map(|file| Some(Arc::new(file))).map_err(|error| match error {
+            SplatError::Io { .. } => error.to_string(),
+            _ => format!("{}: {error}", path.display()),
         })
     }
 

@@ -1,5 +1,6 @@
 //! Messages to a page: JSON texts, and frames, which are a JSON header followed by encoded parts.
 
+use holo_display::DriverPart;
 use holo_picture::{EFFICACY, Image, Legend, MAX_PIXELS, MAX_SIDE, luminance};
 use holo_section::{Section, SectionSpec};
 use holo_stage::{
@@ -196,6 +197,7 @@ pub fn state(state: &State) -> String {
         "samples_per_second": state.samples_per_second.round(),
         "workers": state.workers,
         "driver": state.driver,
+        "parts": state.parts.iter().map(part).collect::<Vec<_>>(),
         "memory": memory(),
     })
     .to_string()
@@ -238,4 +240,8 @@ fn memory() -> Option<u64> {
     let pages = std::fs::read_to_string("/proc/self/statm").ok()?;
     let pages: u64 = pages.split(' ').nth(1)?.parse().ok()?;
     Some(pages * 4096)
+}
+/// Returns a part of the driver that can be switched.
+fn part(part: &DriverPart) -> Value {
+    json!({ "name": part.name, "meaning": part.meaning, "on": part.is_on })
 }

@@ -18,7 +18,7 @@ use holo_section::Section;
 use tokio::sync::Semaphore;
 
 use super::{
-    Ahead, Session,
+    Ahead, RayDelay, Session,
     driver_choice::{DriverChoice, LoadedScene, SceneUse},
     incoming::{Incoming, MAX_WAITING_BYTES, SessionReader},
     scene::SceneLoader,
@@ -169,7 +169,7 @@ impl Connected {
             shutdown: shutdown.clone(),
             runtime: tokio::runtime::Handle::current(),
         };
-        let uses_scene = choice.scene_use() != SceneUse::None;
+        let uses_scene = choice.scene_use() != SceneUse::None || welcome.sky_varies;
         // A person who walks may change to a driver that draws from the scene.
         let loader = match uses_scene || walks {
             true => SceneLoader::ask(welcome.scene, &outbox)?,
@@ -233,7 +233,8 @@ impl Connected {
                 Arrived::Stop => return Ok(None),
             }
         }
-        let (sky, unit) = (self.welcome.sky, self.welcome.unit);
+        let sky = super::driver_choice::sky_of(&self.welcome, scene.as_deref());
+        let unit = self.welcome.unit;
         let driver = self.choice.make(&self.sections, sky, unit, scene.as_deref());
         let interrupt = Interrupt::default();
         let sections = self.sections.len();
@@ -256,7 +257,8 @@ impl Connected {
             request_number: 0,
             drawing: Duration::ZERO,
             settles_whole: false,
-            is_moving: false,
+            velocity: None,
+            ray_delay: RayDelay::default(),
             is_paused: false,
             focus: None,
             status: None,

@@ -40,6 +40,8 @@ pub struct CurrentView {
     pub rays_asked: Option<Instant>,
     /// When its beams are weighed by the error of what is shown.
     pub weighing: WeighingSchedule,
+    /// True if a frame was drawn while the eye moved, and no single rays were requested since.
+    pub has_new_frame: bool,
 }
 
 /// Time after which nobody waits for the first frame of a view any more.

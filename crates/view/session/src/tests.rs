@@ -8,7 +8,7 @@ use std::{
 };
 
 use glam::DVec3;
-use holo_display::{Driver, FrameRequest};
+use holo_display::{Driver, FrameRequest, SkyView};
 use holo_driver_surfaces::surfaces_driver;
 use holo_net::{Message, Outbox, Shutdown, accept};
 use holo_picture::ViewSpec;
@@ -22,7 +22,7 @@ use holo_scene::{Material, Scene};
 use holo_section::{BeamKey, NumberRun, Sample, SampleKind, Section, SectionSpec, ViewClass};
 use tokio::{net::TcpListener, time::timeout};
 
-use super::{Connected, DriverArg, DriverChoice, LoadedScene, SceneUse, Session};
+use super::{Connected, DriverArg, DriverChoice, EyeVelocity, LoadedScene, SceneUse, Session};
 use server::{LIMIT, welcome};
 
 mod server;
@@ -111,7 +111,7 @@ impl DriverChoice for Surfaces {
     fn make(
         &self,
         sections: &Arc<[Section]>,
-        _: [f32; 3],
+        _: SkyView,
         _: f64,
         scene: Option<&LoadedScene>,
     ) -> Driver {
@@ -311,7 +311,7 @@ async fn turn(completes: bool, is_done: fn(&Session) -> bool) -> (u32, u64) {
     let connected = connect(address).await;
     let turning = tokio::task::spawn_blocking(move || {
         let mut session = connected.begin(|_| {}).unwrap().unwrap();
-        session.set_moving(true);
+        session.set_motion(Some(EyeVelocity::default()));
         let start = Instant::now();
         while !is_done(&session) && start.elapsed() < LIMIT / 2 {
             let mut turned = view();

@@ -2,7 +2,7 @@
 
 use std::{sync::Arc, time::Instant};
 
-use holo_display::{Certainty, Frame};
+use holo_display::{Certainty, DriverPart, Frame};
 use holo_picture::View;
 use holo_section::SectionSpec;
 use tokio::sync::watch;
@@ -109,6 +109,8 @@ pub struct State {
     pub workers: Option<u32>,
     /// The driver's name.
     pub driver: &'static str,
+    /// The parts of its method that can be switched.
+    pub parts: Arc<Vec<DriverPart>>,
     /// Named views of the holodeck: name and options.
     pub views: Arc<Vec<(String, String)>>,
     /// The holodeck's sections.

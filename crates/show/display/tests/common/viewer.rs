@@ -7,7 +7,7 @@ use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, Light,
     LiveSample, PixelWeights, Renderer, Search, ViewPhases, WantedBeam,
 };
-use holo_picture::Picture;
+use holo_picture::{Picture, View};
 use holo_section::{BeamKey, RayCoords, Sample};
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -52,8 +52,8 @@ impl TestViewer {
         self.renderer.switch(part, on)
     }
 
-    pub fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
-        self.renderer.wishes().rays()
+    pub fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
+        self.renderer.wishes().rays(expected)
     }
 
     pub fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {

@@ -150,6 +150,11 @@ function draw(next, parts) {
     $('r-angle').disabled = next.view.kind !== 'v' || !stated;
     if (stated) [$('r-angle').value, $('o-angle').textContent] = [stated[1], `${Math.round(stated[1])}°`];
   }
+  if (document.activeElement !== $('r-lift')) {
+    const percent = Math.round(100 * next.view.shift[1]);
+    [$('r-lift').value, $('o-lift').textContent] = [percent, `${percent} %`];
+    $('r-lift').disabled = $('b-upright').disabled = next.view.kind !== 'v';
+  }
   drawLegend(next.legend);
   document.body.dataset.frame = next.frame;
   document.body.dataset.rest = next.rest;
@@ -253,6 +258,7 @@ function showState() {
   if (!corner) showFocus(state.focus);
   for (const id of ['b-kill', 'b-restart', 'b-scene', 'b-over']) $(id).disabled = !state.crew;
   if (document.activeElement !== $('l-driver')) $('l-driver').value = state.driver;
+  listParts();
   if (state.question && drives && !$('question').open) {
     $('question-text').textContent = state.question;
     $('question').dataset.answer = state.answer;
@@ -263,6 +269,29 @@ function showState() {
   drawEye();
   drawGrid();
   showStatus();
+}
+
+/** Lists the parts of the driver's method, each with a box that switches it. */
+function listParts() {
+  const list = $('parts'), parts = state.parts || [];
+  list.hidden = !parts.length;
+  const names = parts.map(part => part.name).join();
+  if (list.dataset.names !== names) {
+    list.dataset.names = names;
+    list.querySelectorAll('label').forEach(label => label.remove());
+    for (const part of parts) {
+      const label = document.createElement('label'), box = document.createElement('input');
+      const name = document.createElement('b'), meaning = document.createElement('span');
+      box.type = 'checkbox';
+      box.dataset.part = part.name;
+      box.onchange = () => command(`${box.checked ? 'with' : 'without'} ${part.name}`);
+      name.textContent = part.name;
+      meaning.textContent = part.meaning;
+      label.append(box, name, meaning);
+      list.append(label);
+    }
+  }
+  for (const part of parts) list.querySelector(`[data-part="${part.name}"]`).checked = part.on;
 }
 
 function press(id, on) { $(id).setAttribute('aria-pressed', on); }
@@ -1005,6 +1034,20 @@ $('f-scale').addEventListener('submit', event => {
 $('r-angle').oninput = () => {
   $('o-angle').textContent = `${$('r-angle').value}°`;
   if (header && header.view.kind === 'v') command(`view -vh ${$('r-angle').value}`);
+};
+$('r-lift').oninput = () => {
+  $('o-lift').textContent = `${$('r-lift').value} %`;
+  command(`view -vl ${$('r-lift').value / 100}`);
+};
+$('b-upright').onclick = () => {
+  const view = header && header.view;
+  if (!view || view.kind !== 'v') return;
+  // The middle of the picture stays where it is.
+  const up = unit(facts.up), middle = plus(view.direction, view.up, view.shift[1] * view.extent[1]);
+  const rise = dot(middle, up), level = plus(middle, up, -rise), run = Math.hypot(...level);
+  // A view that is almost vertical has no upright walls.
+  if (Math.abs(rise) > 2 * run) return notice('Walls cannot be upright in a view straight up or down.', 4000);
+  command(`view -vd ${unit(level).join(' ')} -vu ${up.join(' ')} -vl ${rise / run / view.extent[1]}`);
 };
 $('r-stops').oninput = () => stops(Number($('r-stops').value));
 $('question').addEventListener('close', () => {
