@@ -84,9 +84,12 @@ def alone(bench: Bench, part: Part) -> None:
 
     def rows(first: str, keys: tuple[str, ...]) -> list[list[Figure]]:
         lines = [same for same in found.values() if first in same[0]]
-        named = [[same[0][key] if isinstance(same[0][key], str) else
-                  median(line[key] for line in same) for key in keys] for same in lines]  # fmt: skip
-        return named
+
+        def figure(same: list[dict], key: str) -> Figure:
+            is_name = isinstance(same[0][key], str)
+            return same[0][key] if is_name else median(line[key] for line in same)
+
+        return [[figure(same, key) for key in keys] for same in lines]
 
     columns = [["vertices", ",d"], ["swaps each", ".2f"], ["insertions, M/s", ".2f"],
                ["removals, M/s", ".2f"]]  # fmt: skip

@@ -4,9 +4,9 @@
 //! (Larson & Simmons 1999, §2.4.5). Here a cell has the mean of its samples, since samples of one
 //! path are noisy.
 //!
-//! A cell has samples of several depths at silhouettes, and where rays that pass the eye look behind
-//! an object. If the rays of some samples pass the eye within a pixel, the vertex is where most of
-//! these end. Otherwise it is the nearest surface.
+//! A cell has samples of several depths at silhouettes, and where rays that pass the eye look
+//! behind an object. If the rays of some samples pass the eye within a pixel, the vertex is where
+//! most of these end. Otherwise it is the nearest surface.
 //!
 //! Invariants:
 //! - A vertex is a function of the set of its cell's samples.
@@ -168,11 +168,11 @@ impl DirectionCells {
         taken
     }
 
-    /// Returns what the cells show, samples of this view first.
+    /// Returns what the cells show: samples of this view first, then the newest cells first.
     pub fn lights(&self) -> impl Iterator<Item = VertexLight> + '_ {
         let own = (0..self.cells.len() as u32).filter_map(|number| self.own_light(number));
         let is_earlier = |cell: &&DirectionCell| cell.nearest == NONE;
-        own.chain(self.cells.iter().filter(is_earlier).filter_map(|cell| cell.earlier))
+        own.chain(self.cells.iter().rev().filter(is_earlier).filter_map(|cell| cell.earlier))
     }
 
     /// Returns the number of cells that show light of earlier views.
@@ -257,7 +257,8 @@ impl DirectionCells {
         Some(number)
     }
 
-    /// Returns the number for one more layer of a cell. If the cell is full, takes out its last one.
+    /// Returns the number for one more layer of a cell. If the cell is full, takes out its last
+    /// one.
     fn place_for(&mut self, cell: u32) -> u32 {
         let (mut before, mut at, mut count) = (NONE, self.cells[cell as usize].nearest, 0);
         while at != NONE {

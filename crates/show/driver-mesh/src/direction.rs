@@ -8,11 +8,11 @@
 //! rounded to 2⁻⁴¹ of a step. With that, both predicates are exact in integers.
 //!
 //! Invariants:
-//! - The rounding moves no vector by more than 2⁻⁶⁰ of its length. Two directions differ by at least
-//!   2⁻²⁰, so each is a corner of the hull: 2⁻⁴³ above the plane of its neighbours.
+//! - The rounding moves no vector by more than 2⁻⁶⁰ of its length. Two directions differ by at
+//!   least 2⁻²⁰, so each is a corner of the hull: 2⁻⁴³ above the plane of its neighbours.
 //! - No four directions are on one circle: of those that are, the greatest one (in the order of its
-//!   coordinates) counts as an infinitesimal bit nearer to the centre. So the triangulation of a set
-//!   of directions is unique.
+//!   coordinates) counts as an infinitesimal bit nearer to the centre. So the triangulation of a
+//!   set of directions is unique.
 
 use std::cmp::Ordering;
 

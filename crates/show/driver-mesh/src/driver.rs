@@ -1,16 +1,16 @@
 //! The driver for whole sessions: one mesh from view to view.
 //!
-//! While the eye moves a little, new samples go into the same mesh, whose vertices have their places
-//! in the scene. Once the eye is far from the canonical eye, the mesh is built anew around the eye
-//! from what the old one shows (Larson & Simmons 1999, §2.4.5). A turn of the head needs no new mesh
-//! at all.
+//! While the eye moves a little, new samples go into the same mesh, whose vertices have their
+//! places in the scene. Once the eye is far from the canonical eye, the mesh is built anew around
+//! the eye from what the old one shows (Larson & Simmons 1999, §2.4.5). A turn of the head needs no
+//! new mesh at all.
 //!
-//! The size of cells follows the size of pixels. While the eye moves, the session draws fewer pixels
-//! if the machine is slow, so the mesh has fewer triangles, too.
+//! The size of cells follows the size of pixels. While the eye moves, the session draws fewer
+//! pixels if the machine is slow, so the mesh has fewer triangles, too.
 //!
 //! Invariants:
-//! - A view at rest has its canonical eye at its eye. Once its stored samples have arrived, pictures
-//!   use its own samples alone, and do not depend on the earlier views.
+//! - A view at rest has its canonical eye at its eye. Once its stored samples have arrived,
+//!   pictures use its own samples alone, and do not depend on the earlier views.
 //! - Light of earlier views is forgotten where its direction has turned by more than 20°.
 //! - There are at most [`MOST_POINTS`] points of earlier views.
 
@@ -35,8 +35,8 @@ use crate::sums::CellSample;
 
 /// Most points of earlier views that are kept.
 const MOST_POINTS: usize = 500_000;
-/// Most pixels of a picture whose cells are as large as pixels. Those of larger pictures are larger,
-/// so that memory is bounded: about 250 bytes a cell.
+/// Most pixels of a picture whose cells are as large as pixels. Those of larger pictures are
+/// larger, so that memory is bounded: about 250 bytes a cell.
 const MOST_CELLS: f64 = 1_000_000.0;
 /// Share of the middle distance that a moving eye may be away from the canonical eye.
 const NEAR_EYE: f64 = 0.1;
@@ -123,7 +123,9 @@ impl MeshView {
 
     /// Returns whether the mesh can be used for another view.
     fn serves(&self, look: &FrameRequest, shift: u32) -> bool {
-        if self.mesh.cells.shift() != shift || !self.mesh.chart.has_eye() {
+        // A head that turns fills the sphere with cells. A new mesh takes the newest points alone.
+        let is_full = self.mesh.cells.len() > 2 * MOST_POINTS;
+        if self.mesh.cells.shift() != shift || !self.mesh.chart.has_eye() || is_full {
             return false;
         }
         let moved = self.mesh.chart.eye.distance(look.view.eye());
@@ -280,8 +282,11 @@ impl Renderer for MeshRenderer {
         {
             let earlier = shown.mesh.cells.take_earlier();
             let earlier = earlier.into_iter().map(|light| shown.mesh.point(light));
-            shown.dormant.extend(earlier);
-            shown.dormant.truncate(MOST_POINTS);
+            // The oldest points go first.
+            let mut dormant: Vec<MeshPoint> = earlier.collect();
+            dormant.append(&mut shown.dormant);
+            dormant.truncate(MOST_POINTS);
+            shown.dormant = dormant;
         }
     }
 

@@ -8,8 +8,8 @@
 
 use crate::direction::{BITS, GridDirection, STEPS};
 
-/// Levels of squares. The finest has 4⁸ squares on each face, half of which contain directions. They
-/// are 0.35° wide, about 5 pixels.
+/// Levels of squares. The finest has 4⁸ squares on each face, half of which contain directions.
+/// They are 0.35° wide, about 5 pixels.
 const LEVELS: u32 = 8;
 /// A square without a vertex.
 const NONE: u32 = u32::MAX;

@@ -40,8 +40,8 @@ pub struct SampleLanding {
     /// True if the ray looks in nearly the same direction as the eye, so that glossy surfaces look
     /// the same.
     pub is_aligned: bool,
-    /// True if the ray passes the eye within a pixel, so that nothing stands between the eye and what
-    /// it met.
+    /// True if the ray passes the eye within a pixel, so that nothing stands between the eye and
+    /// what it met.
     pub is_near: bool,
     /// Number of the pixel, row by row from the top; `None` beside the picture.
     pub pixel: Option<usize>,

@@ -73,7 +73,8 @@ impl PixelMask {
         uncovered_pixels(&self.covered, view, size)
     }
 
-    /// Shows the sky in pixels of unseen beams and nothing in pixels without light, and counts both.
+    /// Shows the sky in pixels of unseen beams and nothing in pixels without light, and counts
+    /// both.
     pub fn apply(&self, frame: &mut Frame, view: &View, sky: &SkyView) {
         let size = (frame.picture.width, frame.picture.height);
         let sky_of = |pixel: u32| {

@@ -11,8 +11,8 @@ use crate::raster::{PixelSights, ScreenTriangle, rasterise};
 use crate::seen::{SeenVertex, seen_vertices};
 use crate::smooth::smooth;
 
-/// A triangle of a view that is no perspective has curved edges. They may lie this share of its size
-/// outside of its corners.
+/// A triangle of a view that is no perspective has curved edges. They may lie this share of its
+/// size outside of its corners.
 const BULGE: f32 = 0.25;
 /// A triangle over this share of a picture with curved edges may be anywhere.
 const LARGE: f32 = 0.25;
@@ -112,8 +112,9 @@ impl MeshPainter {
     }
 }
 
-/// Returns the corners of a triangle. A corner of the icosahedron without samples takes the light of
-/// the others, so that the mesh does not end before the picture does. `None` if no corner has light.
+/// Returns the corners of a triangle. A corner of the icosahedron without samples takes the light
+/// of the others, so that the mesh does not end before the picture does. `None` if no corner has
+/// light.
 fn completed(
     corners: [u32; 3],
     seen: &[Option<SeenVertex>],

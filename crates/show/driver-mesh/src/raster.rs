@@ -5,8 +5,8 @@
 //! clipping.
 //!
 //! Colours and depths are interpolated between the corners (Gouraud). A triangle across a jump of
-//! depth is *split*: each pixel belongs to the corners on one side of the jump, those of the nearest
-//! corner, so that no colour smears over the silhouette.
+//! depth is *split*: each pixel belongs to the corners on one side of the jump, those of the
+//! nearest corner, so that no colour smears over the silhouette.
 //!
 //! Invariants:
 //! - Adjacent triangles compute the same number for a pixel at their edge, with opposite signs. So
@@ -100,8 +100,8 @@ impl ScreenTriangle {
         let least = (0..3).min_by_key(|&at| corners[at].order)?;
         corners.rotate_left(least);
         let [a, b, c] = [0, 1, 2].map(|at: usize| corners[at].sight);
-        // Camera coordinates are left-handed, so that counterclockwise corners have a negative volume
-        // there.
+        // Camera coordinates are left-handed, so that counterclockwise corners have a negative
+        // volume there.
         let planes = [c.cross(b), a.cross(c), b.cross(a)];
         let volume = a.dot(planes[0]);
         if volume <= 0.0 {

@@ -21,8 +21,8 @@ const FEWEST_AROUND: usize = 3;
 /// A vertex as a view sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct SeenVertex {
-    /// Direction from the eye in camera coordinates, a unit vector. In a parallel view: the place in
-    /// the picture, in widths from its middle, and 1.
+    /// Direction from the eye in camera coordinates, a unit vector. In a parallel view: the place
+    /// in the picture, in widths from its middle, and 1.
     pub sight: DVec3,
     /// 1 / distance from the eye; 0 for the sky.
     pub nearness: f64,

@@ -1,9 +1,9 @@
 //! Averages the colours of vertices over their surroundings, as far as their noise demands.
 //!
 //! The colour of a vertex is a mean over wider and wider surroundings, as long as the means agree
-//! within their noise (Lepski's rule, as leaves of the quadtree are chosen). The noise of a vertex is
-//! estimated by the median of its differences from its neighbours. At the edge of a shadow or of a
-//! texture, most neighbours are on the vertex's side, so the median is small and the edge stays.
+//! within their noise (Lepski's rule, as leaves of the quadtree are chosen). The noise of a vertex
+//! is estimated by the median of its differences from its neighbours. At the edge of a shadow or of
+//! a texture, most neighbours are on the vertex's side, so the median is small and the edge stays.
 //!
 //! Invariants:
 //! - No mean is taken across a jump of depth.
@@ -17,8 +17,8 @@ use rayon::prelude::*;
 use crate::mesh::LitMesh;
 use crate::seen::{SeenVertex, is_jump};
 
-/// Rounds of averaging with neighbours after which the means are compared, and the number of vertices
-/// that such a mean is worth. A round widens the mean by 0.43 squared edges.
+/// Rounds of averaging with neighbours after which the means are compared, and the number of
+/// vertices that such a mean is worth. A round widens the mean by 0.43 squared edges.
 const LEVELS: [(usize, f32); 4] = [(1, 7.0), (2, 12.4), (4, 24.8), (8, 49.6)];
 /// Differences in standard errors up to which two means agree.
 const KAPPA: f32 = 1.5;

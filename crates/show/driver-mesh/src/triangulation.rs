@@ -9,8 +9,8 @@
 //! Invariants:
 //! - The triangles tile the sphere: V - E + F = 2, and none has a determinant of 0 or below.
 //! - They are a function of the set of directions alone ([`direction`](crate::direction)).
-//! - The twelve corners of an icosahedron are never removed. So no triangle is larger than a face of
-//!   the icosahedron, and no star of a vertex reaches half around the sphere.
+//! - The twelve corners of an icosahedron are never removed. So no triangle is larger than a face
+//!   of the icosahedron, and no star of a vertex reaches half around the sphere.
 
 use glam::DVec3;
 
@@ -257,7 +257,8 @@ impl SphereTriangulation {
     }
 
     /// Replaces the edge opposite to a corner by the edge from that corner to the vertex beyond.
-    /// Both triangles keep their numbers. In triangle `number`, the new edge is opposite to `corner`.
+    /// Both triangles keep their numbers. In triangle `number`, the new edge is opposite to
+    /// `corner`.
     fn swap(&mut self, number: u32, corner: usize) {
         let near = self.triangles[number as usize];
         let other = near.beyond[corner];

@@ -2,13 +2,13 @@
 
 use std::ops::Range;
 
-use holo_display::Frame;
+use holo_display::{Certainty, Frame};
 
 /// Where a picture has the pixels of each eye.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StereoArrangement {
-    /// The left half for the left eye, the right half for the right one. The middle column of an odd
-    /// number is black.
+    /// The left half for the left eye, the right half for the right one. The middle column of an
+    /// odd number is black.
     SideBySide,
     /// The upper half for the left eye, the lower half for the right one. The middle row of an odd
     /// number is black.
@@ -45,10 +45,9 @@ impl StereoArrangement {
         let mut frame = Frame::black(size);
         frame.is_stereo = true;
         let has_certainty = [left, right].iter().all(|eye| !eye.certainty.is_empty());
-        if let Some(first) = left.certainty.first().filter(|_| has_certainty) {
-            let unknown = holo_display::Certainty { error: f32::INFINITY, samples: 0 };
+        if has_certainty {
+            let unknown = Certainty { error: f32::INFINITY, samples: 0 };
             frame.certainty = vec![unknown; frame.depth.len()];
-            debug_assert!(first.error >= 0.0, "a standard error");
         }
         let mut copy = |eye: &Frame, from: usize, to: usize| {
             frame.picture.pixels[to] = eye.picture.pixels[from];
@@ -88,8 +87,8 @@ impl StereoArrangement {
         frame
     }
 
-    /// Sets the counts of pixels and samples. Eyes that share the picture's pixels have half of them
-    /// each.
+    /// Sets the counts of pixels and samples. Eyes that share the picture's pixels have half of
+    /// them each.
     fn count(self, frame: &mut Frame, [left, right]: [&Frame; 2]) {
         let shares = matches!(self, Self::Anaglyph | Self::Interlaced);
         let both = |a: u64, b: u64| if shares { (a + b) / 2 } else { a + b };

@@ -39,9 +39,9 @@ impl StereoEyes {
         Ok([eye(-1.0)?, eye(1.0)?])
     }
 
-    /// Shifts the picture of an eye that is `right` of the middle, so that a point straight ahead of
-    /// the middle at the convergence distance is in its middle. The view's axis stays, so vertical
-    /// lines stay vertical and there is no vertical disparity.
+    /// Shifts the picture of an eye that is `right` of the middle, so that a point straight ahead
+    /// of the middle at the convergence distance is in its middle. The view's axis stays, so
+    /// vertical lines stay vertical and there is no vertical disparity.
     fn converged(&self, view: &View, right: f64) -> View {
         match self.convergence {
             Some(convergence) => view.shifted(-right / (convergence * view.extent().0)),

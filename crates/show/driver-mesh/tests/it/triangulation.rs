@@ -1,4 +1,5 @@
-//! The triangulation against its definition: every cone is empty, after any insertions and removals.
+//! The triangulation against its definition: every cone is empty, after any insertions and
+//! removals.
 
 use glam::DVec3;
 use holo_driver_mesh::{BASE, GridDirection, HullPoint, SphereTriangulation, is_in_cone};
