@@ -58,6 +58,9 @@ fn a_person_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     let mut session = place.start(&[&words[..], &VIEW].concat());
     let browser = &mut Chromium::open(&address(&mut session));
     wait_for_rest(browser);
+    // The plan shows the four walls of the box, whose open side is in front.
+    let walls = browser.value("document.getElementById('walls').getAttribute('d')");
+    assert!(walls.as_str().unwrap().matches('M').count() >= 6, "{walls}");
     // Once all stored samples have arrived, the value under the cursor equals that of `picture` for
     // the same view.
     browser.mouse("mouseMoved", (640, 360), 0);

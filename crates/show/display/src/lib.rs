@@ -25,6 +25,7 @@ mod light;
 mod live;
 mod parts;
 mod phase;
+mod pixel_weights;
 mod random;
 mod renderer;
 mod select;
@@ -44,10 +45,12 @@ pub use light::{Age, Light};
 pub use live::LiveSample;
 pub use parts::PartsPlan;
 pub use phase::{FramePhase, ViewPhases};
+pub use pixel_weights::PixelWeights;
 pub use random::{mix, pair, split_mix};
 pub use renderer::{DriverError, FrameRequest, PartsRenderer, Renderer};
 pub use select::{
-    Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius,
+    Coverage, SelectOptions, Selection, WantedBeam, select_beams, select_weighted_beams, viewpoint,
+    viewpoint_radius,
 };
 pub use stored::{DistanceTable, PlacedSection};
 pub use view_light::{StoringRenderer, ViewLight};

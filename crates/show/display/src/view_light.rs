@@ -7,7 +7,7 @@ use holo_section::{BeamKey, RayCoords, Sample};
 
 use crate::{
     Age, BeamSearch, DriverError, Frame, FramePhase, FrameRequest, Interrupt, Light, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, WantedBeam,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, WantedBeam,
 };
 
 /// A renderer that stores the samples of its view itself. Its methods are those of [`Light`].
@@ -130,6 +130,10 @@ impl<R: StoringRenderer> RayWishes for SharedRenderer<R> {
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         lock(&self.0).weigh(look, beams)
+    }
+
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        lock(&self.0).pixel_weights()
     }
 
     fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {

@@ -3,7 +3,7 @@
 use holo_picture::View;
 use holo_section::{BeamKey, RayCoords};
 
-use crate::{BeamSearch, DriverError, FrameRequest, Search, WantedBeam};
+use crate::{BeamSearch, DriverError, FrameRequest, PixelWeights, Search, WantedBeam};
 
 /// What a renderer's view would gain from: beams by weight, single rays, and rays of the view
 /// itself. Each renderer states all of them, also those that it has no use for.
@@ -20,6 +20,12 @@ pub trait RayWishes {
         look: &FrameRequest,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError>;
+
+    /// Returns the weights of the pixels of the last frame at rest, by the error that a further
+    /// sample would remove. `None` if the driver does not know its error, or has drawn no such frame.
+    ///
+    /// The session divides later rays of the view between its beams accordingly.
+    fn pixel_weights(&mut self) -> Option<PixelWeights>;
 
     /// Returns the single rays that would improve the next frames most. `None` if the driver never
     /// wants any.

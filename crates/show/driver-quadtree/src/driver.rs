@@ -11,8 +11,8 @@ use crate::log::Log;
 use crate::{Filling, Quadtree, QuadtreeParams, ViewCells};
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
-    uncovered_pixels, viewpoint_radius,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, StoringRenderer, ViewLight,
+    WantedBeam, uncovered_pixels, viewpoint_radius,
 };
 use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample, Section};
@@ -225,6 +225,10 @@ impl RayWishes for QuadtreeRenderer {
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         Ok(beams)
+    }
+
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        None
     }
 
     fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {

@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam, mix,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, StoringRenderer, ViewLight,
+    WantedBeam, mix,
 };
 use holo_picture::{View, ViewKind};
 use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
@@ -200,6 +201,10 @@ impl RayWishes for PointImageRenderer {
         let wanted = pixels(look.size) / PIXELS_PER_REQUEST;
         let moment = Moment { view: screen.view, predicted, samples: &[], wanted };
         Ok(cache.frame(&moment).weigh(&self.sections, &beams, BY_REQUESTS))
+    }
+
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        None
     }
 
     fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {

@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam, best_beam,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, StoringRenderer, ViewLight,
+    WantedBeam, best_beam,
 };
 use holo_picture::{PictureError, View};
 use holo_section::{BeamKey, RayCoords, Sample, Section};
@@ -164,6 +165,10 @@ impl RayWishes for FramelessRenderer {
             self.change_view(look, true)?;
         }
         Ok(beams)
+    }
+
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        None
     }
 
     fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {

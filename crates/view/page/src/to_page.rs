@@ -4,7 +4,7 @@ use holo_display::DriverPart;
 use holo_picture::{EFFICACY, Image, Legend, MAX_PIXELS, MAX_SIDE, luminance};
 use holo_section::{Section, SectionSpec};
 use holo_stage::{
-    DriverArg, PublishedFrame, StagePhase, State,
+    DriverArg, FloorPlan, PublishedFrame, StagePhase, State, Storey,
     commands::{ACTIONS, GESTURES},
 };
 use serde::Serialize;
@@ -203,10 +203,28 @@ pub fn state(state: &State) -> String {
     .to_string()
 }
 
-/// Returns the message for the session's constants: sections and the up axis.
+/// Returns the message for the session's constants: sections, the up axis, and the plan.
 pub fn facts(state: &State) -> String {
     let sections: Vec<Value> = state.sections.iter().map(section).collect();
-    json!({ "is": "facts", "sections": sections, "up": state.up, "unit": state.unit }).to_string()
+    let plan = plan(&state.plan, state.unit);
+    json!({
+        "is": "facts", "sections": sections, "up": state.up, "unit": state.unit, "plan": plan,
+    })
+    .to_string()
+}
+
+/// Returns a plan. Its lines are rounded to millimetres, four numbers each.
+fn plan(plan: &FloorPlan, unit: f64) -> Value {
+    let digits = 1000.0 * unit;
+    let round = |at: f64| (at * digits).round() / digits;
+    let lines = |storey: &Storey| -> Vec<f64> {
+        let ends = storey.lines.iter().flatten();
+        ends.flat_map(|end| end.to_array()).map(round).collect()
+    };
+    let storey = |storey: &Storey| json!({ "height": storey.height, "lines": lines(storey) });
+    let storeys: Vec<Value> = plan.storeys.iter().map(storey).collect();
+    let [right, ahead] = plan.axes.map(|axis| axis.to_array());
+    json!({ "right": right, "ahead": ahead, "base": plan.base.to_array(), "storeys": storeys })
 }
 
 fn section(spec: &SectionSpec) -> Value {

@@ -306,7 +306,12 @@ fn await_scene(
                 bail!("the server ended the session: {farewell}")
             }
             // Only the scene has been requested so far, and nothing is shown yet.
-            Ok(Incoming::Message { .. } | Incoming::Found { .. } | Incoming::Wake) => {}
+            Ok(
+                Incoming::Message { .. }
+                | Incoming::Found { .. }
+                | Incoming::Weighed { .. }
+                | Incoming::Wake,
+            ) => {}
             Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
             Ok(Incoming::Stop) => return Ok(Arrived::Stop),
             Err(mpsc::RecvTimeoutError::Timeout) => {

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use holo_display::{Age, FramePhase, FrameRequest, Light, Renderer, UsefulBeam, ViewPhases};
 use holo_proto::bulk::{LiveSamples, RequestedBeam, SampleSource, ViewSamples};
 
-use super::{live::LiveRays, received::Received};
+use super::{live::LiveRays, received::Received, weighing::WeighingSchedule};
 
 /// A view and what has arrived for it.
 pub struct CurrentView {
@@ -40,6 +40,8 @@ pub struct CurrentView {
     pub rays_asked: Option<Instant>,
     /// True if a frame was drawn while the eye moved, and no single rays were requested since.
     pub has_new_frame: bool,
+    /// When its beams are weighed by the error of what is shown.
+    pub weighing: WeighingSchedule,
 }
 
 /// Time after which nobody waits for the first frame of a view any more.

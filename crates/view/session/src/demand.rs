@@ -26,6 +26,7 @@ use super::{
     incoming::Incoming,
     live::LiveRays,
     received::Received,
+    weighing::WeighingSchedule,
 };
 
 /// Assumed distance of the nearest visible surface before anything is known of the scene, as a
@@ -202,6 +203,7 @@ impl Session {
             counts: ArrivalCounts::default(),
             rays_asked: Some(since),
             has_new_frame: false,
+            weighing: WeighingSchedule::new(since),
         });
         self.ask_rays()?;
         if self.driver.knows_surfaces {
@@ -304,8 +306,9 @@ impl Session {
         }
         let rays = if asks_rays { Some(now + RAYS_EVERY) } else { rays };
         let ahead = if ending { None } else { self.ask_ahead(now)? };
+        let weighing = if ending { None } else { self.weigh_if_due(now)? };
         let search = searches.then_some(search);
-        let due = [Some(rests), Some(late), search, nearest, rays, ahead];
+        let due = [Some(rests), Some(late), search, nearest, rays, ahead, weighing];
         Ok(due.into_iter().flatten().filter(|at| *at > now).min())
     }
 
@@ -509,6 +512,6 @@ impl Session {
 }
 
 /// Returns the request of a beam, none of whose samples are here.
-fn requested(beam: &holo_display::WantedBeam) -> RequestedBeam {
+pub(super) fn requested(beam: &holo_display::WantedBeam) -> RequestedBeam {
     RequestedBeam { key: beam.key, weight: beam.weight, held: 0, has_earlier: false }
 }

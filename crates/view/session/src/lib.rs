@@ -31,6 +31,7 @@ mod schedule;
 #[cfg(test)]
 mod tests;
 mod velocity;
+mod weighing;
 
 use std::{
     ops::Range,
@@ -486,6 +487,12 @@ impl Session {
             Incoming::Scene(scene) => self.change_scene(scene).map(|()| None),
             Incoming::Found { first_request, beams } => {
                 self.ask_for_found(first_request, beams, for_settled).map(|()| None)
+            }
+            Incoming::Weighed { first_request, beams } => {
+                if !for_settled {
+                    self.ask_for_weighed(first_request, &beams)?;
+                }
+                Ok(None)
             }
             Incoming::Lost(error) => Err(error).context("lost the server"),
             Incoming::Wake => Ok((!for_settled).then_some(Waited::Woken)),

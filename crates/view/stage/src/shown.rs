@@ -8,6 +8,7 @@ use holo_section::SectionSpec;
 use tokio::sync::watch;
 
 use super::Front;
+use crate::floor_plan::FloorPlan;
 
 /// A published frame with its view.
 #[derive(Debug)]
@@ -114,6 +115,8 @@ pub struct State {
     pub views: Arc<Vec<(String, String)>>,
     /// The holodeck's sections.
     pub sections: Arc<Vec<SectionSpec>>,
+    /// The scene's walls, as a plan shows them.
+    pub plan: Arc<FloorPlan>,
     /// The scene's up axis.
     pub up: [f64; 3],
     /// The length of a scene unit, metres.

@@ -5,7 +5,7 @@
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, Light,
-    LiveSample, Renderer, Search, ViewPhases, WantedBeam,
+    LiveSample, PixelWeights, Renderer, Search, ViewPhases, WantedBeam,
 };
 use holo_picture::{Picture, View};
 use holo_section::{BeamKey, RayCoords, Sample};
@@ -132,6 +132,10 @@ impl TestViewer {
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         self.renderer.wishes().weigh(look, beams)
+    }
+
+    pub fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        self.renderer.wishes().pixel_weights()
     }
 
     pub fn depths(&mut self) -> Vec<f32> {

@@ -295,7 +295,10 @@ function press(id, on) { $(id).setAttribute('aria-pressed', on); }
 let hasLight = false;
 
 /** Says what a picture waits for that shows no light yet. */
-function pictureCame() { loading(hasLight || (state && state.uncovered) ? '' : 'Finding the first light …'); }
+function pictureCame() {
+  const isShown = hasLight || drawsScene() || (state && state.uncovered);
+  loading(isShown ? '' : 'Finding the first light …');
+}
 
 function loading(text) {
   $('loading').hidden = !text;
@@ -440,11 +443,8 @@ let plane = null;
 
 function drawPlan() {
   if (!facts || !facts.sections.length) return;
-  const up = unit(facts.up);
-  const u = Math.abs(up[0]) < 0.9 ? unit(minus([1, 0, 0], up.map(x => x * up[0]))) : unit(minus([0, 1, 0], up.map(x => x * up[1])));
-  const v = cross(up, u);
   // Browsers store SVG numbers in 32 bits, so places are relative to a section's corner.
-  const base = facts.sections[0].origin, along = way => [dot(way, u), -dot(way, v)];
+  const { right: u, ahead: v, base } = facts.plan, along = way => [dot(way, u), -dot(way, v)];
   plane = { u, v, along, flat: point => along(minus(point, base)) };
   const corners = [0, 1, 2, 3, 4, 5, 6, 7].map(i => [i & 1, i >> 1 & 1, i >> 2]);
   const outlines = facts.sections.map(section => hull(corners.map(corner => plane.flat(pointOf(section, corner)))));
@@ -462,7 +462,7 @@ function drawPlan() {
   };
   svg.replaceChildren(...outlines.map((outline, i) => make('polygon', {
     points: outline.map(p => p.join(',')).join(' '), class: facts.sections[i].interior ? 'section' : 'section exterior' })),
-    make('path', { class: 'gaze', id: 'gaze' }), make('circle', { class: 'eye', id: 'eye', r: 0.022 * size }));
+    make('path', { class: 'walls', id: 'walls' }), make('path', { class: 'gaze', id: 'gaze' }), make('circle', { class: 'eye', id: 'eye', r: 0.022 * size }));
   drawEye();
 }
 
@@ -480,6 +480,21 @@ function hull(points) {
   return [...half(sorted), ...half(sorted.reverse())];
 }
 
+/** Returns the storey whose cut is nearest to the height of the eye. */
+function storeyOf(eye) {
+  const height = dot(eye, facts.up), off = storey => Math.abs(storey.height - height);
+  return facts.plan.storeys.reduce((best, storey) => best && off(best) <= off(storey) ? best : storey, null);
+}
+
+/** Draws the walls of a storey, unless they are drawn. */
+function drawWalls(storey) {
+  if (!storey || $('walls').dataset.height === String(storey.height)) return;
+  const { lines } = storey, path = [];
+  for (let i = 0; i + 3 < lines.length; i += 4) path.push(`M${lines[i]} ${-lines[i + 1]}L${lines[i + 2]} ${-lines[i + 3]}`);
+  $('walls').dataset.height = storey.height;
+  $('walls').setAttribute('d', path.join(''));
+}
+
 function drawEye() {
   const view = eyeNow();
   if (!view || !facts) return;
@@ -491,6 +506,7 @@ function drawEye() {
     const l = Math.hypot(a, b) || 1;
     return [x + a / l * length, y + b / l * length];
   });
+  drawWalls(storeyOf(view.eye));
   $('eye').setAttribute('cx', x);
   $('eye').setAttribute('cy', y);
   $('gaze').setAttribute('d', `M${x} ${y}L${ends[0].join(' ')}L${ends[1].join(' ')}Z`);
