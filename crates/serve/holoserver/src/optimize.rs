@@ -144,8 +144,8 @@ fn place(sections: &[Section], key: BeamKey) -> CurvePlace {
 
 /// Returns the bits of four numbers in turn, the highest ones first.
 fn interleaved(numbers: [u16; 4]) -> u64 {
-    let bits = (0..u16::BITS).rev().flat_map(|bit| numbers.map(|number| number >> bit & 1));
-    bits.fold(0, |all, bit| all << 1 | u64::from(bit))
+    let bits = (0..u16::BITS).rev().flat_map(|bit| numbers.map(|number| (number >> bit) & 1));
+    bits.fold(0, |all, bit| (all << 1) | u64::from(bit))
 }
 
 /// Returns a file's beams with samples, in the order of the curve, in groups that are read together.
@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(interleaved([u16::MAX; 4]), u64::MAX);
         assert_eq!(interleaved([1, 0, 0, 0]), 8);
         assert_eq!(interleaved([2, 0, 1, 1]), 0b1000_0011);
-        let cube = |number: u16| (0..4).map(|axis| number >> axis & 1).map(|bit| 6 + bit);
+        let cube = |number: u16| (0..4).map(move |axis| (number >> axis) & 1).map(|bit| 6 + bit);
         let mut inside: Vec<u64> = (0..16)
             .map(|number| {
                 let cells: Vec<u16> = cube(number).collect();

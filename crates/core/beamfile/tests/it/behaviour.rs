@@ -358,7 +358,7 @@ fn a_copy_without_a_maker_restores_the_samples_that_the_maker_superseded() {
 }
 
 /// Returns the samples that a beam shows of an earlier generation.
-fn earlier(file: &BeamFile, beam: BeamKey) -> Vec<holo_section::Sample> {
+fn earlier(file: &BeamFile, beam: BeamKey) -> Vec<Sample> {
     let mut found = Vec::new();
     file.read_earlier(&[beam], &mut |_, samples| {
         found.extend_from_slice(&samples.samples);
