@@ -85,6 +85,12 @@ impl BeamFile {
         Ok(())
     }
 
+    /// Stores beams in the order in which they are appended from now on. Otherwise the beams of a
+    /// block are in the order of their sections and numbers. The caller appends each beam at once.
+    pub fn keep_order(&self) {
+        self.shared.state().keeps_order = true;
+    }
+
     /// Returns the state once there is room for more samples.
     fn room(&self) -> Result<MutexGuard<'_, FileState>> {
         let mut state = self.shared.state();

@@ -97,14 +97,17 @@ impl WriteBatch {
 
     /// Returns the batch's extents and its block's body, as samples of a generation.
     ///
-    /// Extents are in the order (beam, kind, time). Appends that continue each other are joined.
-    pub fn body(&self, generation: u32) -> (Vec<Entry>, BlockBytes) {
+    /// Extents are in the order (beam, kind, time). Appends that continue each other are joined. If
+    /// the caller's order is kept, beams are in the order of their first appends.
+    pub fn body(&self, generation: u32, keeps_order: bool) -> (Vec<Entry>, BlockBytes) {
+        let place = |key| if keeps_order { self.beams.get(&key).map(|beam| beam.0) } else { None };
+        let appends = self.appends.iter().enumerate();
         let mut order: Vec<_> =
-            self.appends.iter().enumerate().map(|(i, a)| (a.key, a.class.kind, i)).collect();
+            appends.map(|(i, a)| (place(a.key), a.key, a.class.kind, i)).collect();
         order.sort_unstable();
         let mut entries: Vec<Entry> = Vec::with_capacity(order.len());
         let mut payload = Vec::with_capacity(self.samples.len() * size_of::<Sample>());
-        for (key, _, i) in order {
+        for (_, key, _, i) in order {
             let Append { class, first, count, at, .. } = self.appends[i];
             payload.extend_from_slice(bytemuck::cast_slice(self.samples(at, count)));
             match entries.last_mut() {

@@ -2,8 +2,8 @@
 //! (Larson & Simmons 1999, §2.1 and §2.2).
 //!
 //! The file is a log of checksummed *blocks*. Appended samples wait in memory, and the file's own
-//! thread writes them as one block about every half second. A block is a run of *extents*, sorted
-//! by section and beam. An extent is consecutive samples of one beam. The directory of all extents
+//! thread writes them as one block about every half second. A block is a run of *extents*, beam by
+//! beam. An extent is consecutive samples of one beam. The directory of all extents
 //! is kept in memory. Opening the file rebuilds it from the index, and from the headers and tables
 //! of blocks that the index lacks, without reading samples. `proto/SPEC.md`, section 8, draws the
 //! bytes.

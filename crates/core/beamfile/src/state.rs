@@ -40,6 +40,8 @@ pub(crate) struct FileState {
     pub failures: u64,
     /// The reason why the last attempt failed; `None` once one succeeds.
     pub last_error: Option<String>,
+    /// True if beams lie in blocks in the order of their appends, not of their numbers.
+    pub keeps_order: bool,
     /// True if a caller waits, so that the writer must write at once.
     pub hurry: bool,
     /// True if the writer must end once nothing is left to write.

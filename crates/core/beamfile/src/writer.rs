@@ -41,8 +41,11 @@ pub(crate) fn run(shared: &Arc<OpenFile>, mut index: IndexWriter) {
     let mut failed_at: Option<Instant> = None;
     while let Some(batch) = next_batch(shared, failed_at) {
         // It does not change while samples wait.
-        let generation = shared.state().directory.generation;
-        let (entries, body) = batch.body(generation);
+        let (generation, keeps_order) = {
+            let state = shared.state();
+            (state.directory.generation, state.keeps_order)
+        };
+        let (entries, body) = batch.body(generation, keeps_order);
         let written = shared.write_block(&body, "writing samples");
         let result = written.and_then(|block| list(shared, block, &entries));
         let mut state = shared.state();

@@ -2,8 +2,12 @@
 //!
 //! While a file is filled, the samples of a beam come a few at a time, and lie in as many places.
 //! A view then needs many short reads. In the new file, a beam's samples are one extent for each
-//! kind and maker, beams follow each other in the order of their numbers, and superseded samples
-//! are left out.
+//! kind and maker, and superseded samples are left out.
+//!
+//! Beams lie along a curve through the cells where rays enter and leave (Morton 1966). The beams of
+//! a view pass one eye, so neighbouring cells of entry have neighbouring cells of exit. By the
+//! beams' numbers, all exits of one entry come before the next entry, and a view needs a read for
+//! each.
 //!
 //! Invariant: the new file takes the old one's place only when it is complete on the disk. Until
 //! then an error or a killed process leaves the old file as it was.
@@ -12,7 +16,7 @@ use std::{collections::BTreeMap, fs::File, ops::ControlFlow, path::Path, sync::A
 
 use anyhow::{Context, Result, bail, ensure};
 use holo_beamfile::{BeamSamples, Caching};
-use holo_section::BeamKey;
+use holo_section::{BeamKey, Section};
 use serde::Serialize;
 
 use crate::holodeck::{Holodeck, beside};
@@ -70,13 +74,14 @@ impl Holodeck {
         let present = self.about.generation;
         let earlier = self.file.copy_samples(&new.file, &|_, generation| generation < present)?;
         new.file.begin_generation(present)?;
+        new.file.keep_order();
         for group in groups(self) {
-            let mut beams: BTreeMap<BeamKey, Arc<BeamSamples>> = BTreeMap::new();
+            let mut beams: BTreeMap<CurvePlace, (BeamKey, Arc<BeamSamples>)> = BTreeMap::new();
             self.file.read_many(&group, Caching::Bypass, &mut |key, samples| {
-                beams.insert(key, samples);
+                beams.insert(place(&self.sections, key), (key, samples));
                 ControlFlow::Continue(())
             })?;
-            for (key, samples) in beams {
+            for (key, samples) in beams.into_values() {
                 let makers = self.file.makers(key);
                 for (run, part, maker) in
                     samples.iter().flat_map(|(run, samples)| by_maker(run, samples, &makers))
@@ -123,17 +128,42 @@ impl Holodeck {
     }
 }
 
-/// Returns a file's beams with samples, in order, in groups that are read together.
+/// The place of a beam on the curve: section, walls, position among their cells, and the beam.
+type CurvePlace = (u16, [u8; 2], u64, u64);
+
+/// Returns a beam's place on the curve.
+fn place(sections: &[Section], key: BeamKey) -> CurvePlace {
+    let section = sections.get(usize::from(key.section));
+    let Some(pair) = section.and_then(|section| section.cells(key.beam)) else {
+        return (key.section, [u8::MAX; 2], 0, key.beam.0);
+    };
+    let (entry, exit) = (pair.entry, pair.exit);
+    let along = interleaved([entry.u, entry.v, exit.u, exit.v]);
+    (key.section, [entry.wall, exit.wall], along, key.beam.0)
+}
+
+/// Returns the bits of four numbers in turn, the highest ones first.
+fn interleaved(numbers: [u16; 4]) -> u64 {
+    let bits = (0..u16::BITS).rev().flat_map(|bit| numbers.map(|number| (number >> bit) & 1));
+    bits.fold(0, |all, bit| (all << 1) | u64::from(bit))
+}
+
+/// Returns a file's beams with samples, in the order of the curve, in groups that are read together.
 fn groups(holodeck: &Holodeck) -> Vec<Vec<BeamKey>> {
-    let (mut groups, mut group, mut samples) = (Vec::new(), Vec::new(), 0);
+    let mut beams = Vec::new();
     holodeck.file.for_each_beam(&mut |key, count| {
+        beams.push((place(&holodeck.sections, key), key, count));
+    });
+    beams.sort_unstable_by_key(|&(place, ..)| place);
+    let (mut groups, mut group, mut samples) = (Vec::new(), Vec::new(), 0);
+    for (_, key, count) in beams {
         if samples + count > GROUP_SAMPLES || group.len() >= GROUP_BEAMS {
             groups.push(std::mem::take(&mut group));
             samples = 0;
         }
         group.push(key);
         samples += count;
-    });
+    }
     groups.push(group);
     groups
 }
@@ -146,4 +176,26 @@ pub(crate) fn replace(fresh: &Path, path: &Path) -> Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = File::open(folder.unwrap_or(Path::new("."))).with_context(doing)?;
     folder.sync_all().with_context(doing)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_curve_meets_every_cell_of_a_cube_before_the_next_cube() {
+        assert_eq!(interleaved([0; 4]), 0);
+        assert_eq!(interleaved([u16::MAX; 4]), u64::MAX);
+        assert_eq!(interleaved([1, 0, 0, 0]), 8);
+        assert_eq!(interleaved([2, 0, 1, 1]), 0b1000_0011);
+        let cube = |number: u16| (0..4).map(move |axis| (number >> axis) & 1).map(|bit| 6 + bit);
+        let mut inside: Vec<u64> = (0..16)
+            .map(|number| {
+                let cells: Vec<u16> = cube(number).collect();
+                interleaved([cells[0], cells[1], cells[2], cells[3]])
+            })
+            .collect();
+        inside.sort_unstable();
+        assert!(inside.windows(2).all(|pair| pair[1] == pair[0] + 1), "{inside:?}");
+    }
 }

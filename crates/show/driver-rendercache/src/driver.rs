@@ -253,7 +253,7 @@ fn pixels(size: (u32, u32)) -> usize {
 /// Puts a list into a random order, the same for the same seed.
 fn shuffle<T>(list: &mut [T], seed: u32) {
     for last in (1..list.len()).rev() {
-        let other = u64::from(mix(seed, last as u32)) * (last as u64 + 1) >> 32;
+        let other = (u64::from(mix(seed, last as u32)) * (last as u64 + 1)) >> 32;
         list.swap(last, other as usize);
     }
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use crate::common::{key, kind, options, run, sample, samples};
 use holo_beamfile::{BeamFile, BeamSamples, Caching, Copied, Error, Maker, NextNumbers, Options};
-use holo_section::{BeamKey, NumberRun, SampleKind};
+use holo_section::{BeamId, BeamKey, NumberRun, RayCoords, Sample, SampleKind};
 
 fn fresh() -> (tempfile::TempDir, std::path::PathBuf, BeamFile) {
     let folder = tempfile::tempdir().unwrap();
@@ -358,7 +358,7 @@ fn a_copy_without_a_maker_restores_the_samples_that_the_maker_superseded() {
 }
 
 /// Returns the samples that a beam shows of an earlier generation.
-fn earlier(file: &BeamFile, beam: BeamKey) -> Vec<holo_section::Sample> {
+fn earlier(file: &BeamFile, beam: BeamKey) -> Vec<Sample> {
     let mut found = Vec::new();
     file.read_earlier(&[beam], &mut |_, samples| {
         found.extend_from_slice(&samples.samples);
@@ -408,4 +408,44 @@ fn a_new_generation_numbers_its_samples_anew_and_the_earlier_ones_stay() {
     assert_eq!(earlier(&file, two.key), samples(&two, 30, 1));
     file.begin_generation(1).unwrap();
     assert_eq!(file.generation(), 2);
+}
+
+#[test]
+fn beams_may_lie_in_the_order_in_which_they_were_appended() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = Options { cache_bytes: 0, layout: vec![100] };
+    let order = [50, 3, 99, 7, 8, 2];
+    for keeps_order in [false, true] {
+        let path = folder.path().join(format!("{keeps_order}.holo"));
+        let file = BeamFile::create(&path, options.clone()).unwrap();
+        if keeps_order {
+            file.keep_order();
+        }
+        let key = |beam| BeamKey { section: 0, beam: BeamId(beam) };
+        for beam in order {
+            let run = NumberRun {
+                key: key(beam),
+                kind: SampleKind::Uniform,
+                first: 0,
+                count: 0,
+                paths: 1,
+            };
+            let samples = vec![Sample::from_codes(RayCoords([beam as u8; 4]), [1; 4], 5); 500];
+            file.append(run, Maker(1), &samples).unwrap();
+        }
+        file.close().unwrap();
+        let file = BeamFile::open_read_only(&path, 0).unwrap();
+        let (mut keys, mut found) = (order.map(key).to_vec(), Vec::new());
+        keys.sort_unstable();
+        let each = &mut |key: BeamKey, beam: Arc<BeamSamples>| {
+            assert!(beam.samples.iter().all(|s| s.coords == RayCoords([key.beam.0 as u8; 4])));
+            assert_eq!(beam.samples.len(), 500);
+            found.push(key.beam.0);
+            ControlFlow::Continue(())
+        };
+        file.read_many(&keys, Caching::Bypass, each).unwrap();
+        let mut sorted = order;
+        sorted.sort_unstable();
+        assert_eq!(found, if keeps_order { order } else { sorted });
+    }
 }

@@ -1,7 +1,7 @@
 //! One interface to all drivers. A view goes in and wanted rays come out; then samples go in and a
 //! picture comes out.
 
-use crate::live::{Live, StoredRay};
+use crate::live::{Live, RequestedRay};
 use glam::DVec3;
 use holo_display::{
     Age, DriverError, FramePhase, FrameRequest, Interrupt, LiveSample, SelectOptions, mix,
@@ -36,12 +36,12 @@ enum Purpose {
     /// A ray for one view, outside all sections.
     Live,
     /// A stored ray that the driver of a session requests.
-    Requested(StoredRay),
+    Requested(RequestedRay),
 }
 
 impl Wanted {
     /// Returns a ray that the driver of a session requests.
-    pub fn requested(origin: DVec3, direction: DVec3, ray: StoredRay) -> Wanted {
+    pub fn requested(origin: DVec3, direction: DVec3, ray: RequestedRay) -> Wanted {
         Wanted { origin, direction, purpose: Purpose::Requested(ray) }
     }
 }

@@ -20,7 +20,7 @@ const FRAMES_PER_REQUEST: u32 = 5;
 const NEAREST: f64 = 1.0;
 
 /// The ray of a stored sample.
-pub struct StoredRay {
+pub struct RequestedRay {
     key: BeamKey,
     coords: RayCoords,
     /// Distance from the ray's beginning in the section to the traced origin.
@@ -90,11 +90,11 @@ impl Live {
         let ahead =
             if is_around { (view.vp - ray.origin).dot(ray.direction).max(0.0) } else { 0.0 };
         let origin = ray.origin + ray.direction * ahead;
-        Some(Wanted::requested(origin, ray.direction, StoredRay { key, coords, ahead }))
+        Some(Wanted::requested(origin, ray.direction, RequestedRay { key, coords, ahead }))
     }
 
     /// Takes the answer to a ray. It arrives with the next frame.
-    pub fn take(&mut self, ray: &StoredRay, answer: &Answer, dither: u32) {
+    pub fn take(&mut self, ray: &RequestedRay, answer: &Answer, dither: u32) {
         let Some(section) = self.sections.get(usize::from(ray.key.section)) else { return };
         let (distance, diagonal) = (answer.distance + ray.ahead, section.diagonal());
         let sample = Sample::encode(ray.coords, answer.radiance, distance, diagonal, dither);
