@@ -11,6 +11,7 @@
 //! | a picture straight from the tracer | [`render::render`] |
 //! | what a file holds, and its damage | [`info::info`], [`info::verify`] |
 //! | merge files, remove samples | [`files::merge`], [`files::forget`] |
+//! | static files that draw a file in a browser | [`export::export`] |
 //! | splats of a file, for huge files and pages | [`splats::make`] |
 //! | what is odd in a model | [`check::check`] |
 //! | the difference between two pictures | [`compare::compare`] |
@@ -27,6 +28,7 @@ pub mod compare;
 pub mod config;
 mod crew;
 mod differences;
+pub mod export;
 pub mod files;
 pub mod fill;
 pub mod info;

@@ -9,6 +9,7 @@ pub mod arguments;
 pub mod check;
 pub mod compare;
 pub mod demo;
+pub mod export;
 pub mod fill;
 pub mod forget;
 pub mod info;
