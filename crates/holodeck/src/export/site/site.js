@@ -334,18 +334,22 @@ const load = async () => {
 let patchLevel = 0;
 while (patchLevel + 1 < site.levels.length && site.levels[patchLevel + 1] + 1 < nodes
   && (site.levels[patchLevel + 2] || nodes) - site.levels[patchLevel + 1] <= MOST_PATCHES) patchLevel++;
-let starts = []; // starts[level][patch]: its first node there; one more at the end.
+const starts = []; // starts[depth][patch]: its first node there; one more at the end.
+const largest = []; // largest[depth][patch]: the greatest radius of its nodes there.
 const levelEnd = (level) => Math.min(level + 1 < site.levels.length ? site.levels[level + 1] : nodes, nodes);
+// Adds levels that have arrived completely.
 const patches = () => {
-  // Levels that are loaded completely; the one under way is drawn as far as it goes.
-  starts = [];
-  const first = site.levels[patchLevel], end = levelEnd(patchLevel);
-  if (loaded < end) return;
-  starts.push(Uint32Array.from({ length: end - first + 1 }, (_, at) => first + at));
-  for (let level = patchLevel + 1; level < site.levels.length; level++) {
-    const above = starts[starts.length - 1], end = levelEnd(level);
-    if (loaded < end) break;
-    starts.push(above.map((node) => node >= loaded ? end : Math.min(firstChild[node], end)));
+  for (let level = patchLevel + starts.length; level < site.levels.length && loaded >= levelEnd(level); level++) {
+    const first = site.levels[level], end = levelEnd(level);
+    const next = starts.length === 0
+      ? Uint32Array.from({ length: end - first + 1 }, (_, at) => first + at)
+      : starts[starts.length - 1].map((node) => (node >= first ? end : Math.min(firstChild[node], end)));
+    starts.push(next);
+    const radii = new Float32Array(next.length - 1);
+    for (let patch = 0; patch + 1 < next.length; patch++) {
+      for (let node = next[patch]; node < next[patch + 1]; node++) radii[patch] = Math.max(radii[patch], spheres[node * 4 + 3]);
+    }
+    largest.push(radii);
   }
 };
 
@@ -490,8 +494,7 @@ const choose = (ahead, right, over, across, along, pixels) => {
     depths[patch] = sides.some((edge) => dot(edge, to) < -r) ? -1 : starts.length - 1;
     const distance = Math.max(Math.hypot(...to) - r, 1e-6);
     for (let depth = 0; depth < starts.length - 1 && depths[patch] >= 0; depth++) {
-      const middle = starts[depth][patch] + starts[depth][patch + 1] >> 1;
-      if (starts[depth][patch + 1] > starts[depth][patch] && 2 * spheres[middle * 4 + 3] * pixels / distance < finest) { depths[patch] = depth; break; }
+      if (2 * largest[depth][patch] * pixels / distance < finest) { depths[patch] = depth; break; }
     }
   }
   const runs = [];
