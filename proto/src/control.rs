@@ -114,6 +114,8 @@ pub struct Welcome {
     pub tracing: bool,
     /// Radiance of rays that hit nothing, W·sr⁻¹·m⁻².
     pub sky: [f32; 3],
+    /// True if that is only a mean: the scene describes the sky.
+    pub sky_varies: bool,
     /// True if workers search for beams that see nothing, and do not trace them.
     pub skip_unseen: bool,
     /// Metres per scene unit, positive. It determines the walking speed.

@@ -7,9 +7,12 @@ use std::{
 
 use anyhow::{Context, Result};
 use glam::DVec3;
+use holo_daylight::{CivilTime, GeoPlace};
 use holo_picture::{ViewError, ViewSpec};
 use holo_proto::control::Engine;
 use serde::Deserialize;
+
+use crate::light::{SkyChoice, StatedLight};
 
 /// The description of a holodeck. Every key is optional. An unknown key is an error, because it is
 /// most likely misspelt.
@@ -22,9 +25,35 @@ pub struct HolodeckConfig {
     pub up: Option<Up>,
     /// The scene's unit: metres, or a name such as "mm".
     pub unit: Option<Unit>,
-    /// Radiance of the sky, W·sr⁻¹·m⁻².
-    #[serde(deserialize_with = "ranges::sky")]
-    pub sky: Option<[f32; 3]>,
+    /// The sky: a radiance, a name or a picture relative to this file.
+    #[serde(deserialize_with = "light_keys::parsed")]
+    pub sky: Option<SkyChoice>,
+    /// The place: degrees north and east.
+    #[serde(deserialize_with = "light_keys::parsed")]
+    pub place: Option<GeoPlace>,
+    /// The date and hour.
+    #[serde(deserialize_with = "light_keys::parsed")]
+    pub at: Option<CivilTime>,
+    /// Irradiance by the sun on a surface that faces it, W·m⁻².
+    #[serde(deserialize_with = "light_keys::irradiance")]
+    pub direct: Option<f64>,
+    /// Irradiance by the sky on a horizontal surface, W·m⁻².
+    #[serde(deserialize_with = "light_keys::irradiance")]
+    pub diffuse: Option<f64>,
+    /// A weather file, relative to this file.
+    pub weather: Option<PathBuf>,
+    /// Degrees by which north is turned clockwise, seen from above.
+    #[serde(deserialize_with = "light_keys::north")]
+    pub north: Option<f64>,
+    /// Reflectance of the ground beyond the scene.
+    #[serde(deserialize_with = "light_keys::ground")]
+    pub ground: Option<f64>,
+    /// Illuminance by the sky on a horizontal surface, lx.
+    #[serde(deserialize_with = "light_keys::illuminance")]
+    pub illuminance: Option<f64>,
+    /// Factors of lamps by their names.
+    #[serde(deserialize_with = "light_keys::lamps")]
+    pub lamp: Vec<(String, f32)>,
     /// True if lights shine from both sides.
     pub two_sided_lights: Option<bool>,
     /// Sections.
@@ -181,8 +210,6 @@ impl Unit {
 mod ranges {
     use serde::{Deserialize, Deserializer, de::Error};
 
-    use crate::value_ranges::check_sky;
-
     /// Reads a value, and checks it.
     fn checked<'a, D, T, E>(
         deserializer: D,
@@ -198,10 +225,6 @@ mod ranges {
 
     fn at_least_one(is_one: bool) -> Result<(), String> {
         if is_one { Ok(()) } else { Err("it must be at least 1".to_owned()) }
-    }
-
-    pub fn sky<'a, D: Deserializer<'a>>(from: D) -> Result<Option<[f32; 3]>, D::Error> {
-        checked(from, |sky| check_sky(*sky))
     }
 
     pub fn rooms<'a, D: Deserializer<'a>>(from: D) -> Result<Option<usize>, D::Error> {
@@ -222,6 +245,78 @@ mod ranges {
 
     pub fn enough<'a, D: Deserializer<'a>>(from: D) -> Result<Option<String>, D::Error> {
         checked(from, |enough: &String| holo_server::parse_count(enough))
+    }
+}
+
+/// Keys of light, written as the options of the same names, or as numbers and dates.
+mod light_keys {
+    use std::collections::BTreeMap;
+    use std::fmt;
+    use std::str::FromStr;
+
+    use serde::{Deserialize, Deserializer, de::Error};
+
+    use crate::light;
+
+    /// A value as people write it.
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum KeyText {
+        Text(String),
+        Number(f64),
+        Numbers(Vec<f64>),
+        Date(toml::value::Datetime),
+    }
+
+    impl fmt::Display for KeyText {
+        fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            match self {
+                KeyText::Text(text) => f.write_str(text),
+                KeyText::Number(number) => write!(f, "{number}"),
+                KeyText::Date(date) => write!(f, "{date}"),
+                KeyText::Numbers(numbers) => {
+                    let words: Vec<String> = numbers.iter().map(f64::to_string).collect();
+                    f.write_str(&words.join(","))
+                }
+            }
+        }
+    }
+
+    fn read<'a, D: Deserializer<'a>, T, E: fmt::Display>(
+        from: D,
+        parse: impl FnOnce(&str) -> Result<T, E>,
+    ) -> Result<Option<T>, D::Error> {
+        let text = KeyText::deserialize(from)?.to_string();
+        parse(&text).map(Some).map_err(D::Error::custom)
+    }
+
+    pub fn parsed<'a, D: Deserializer<'a>, T: FromStr>(from: D) -> Result<Option<T>, D::Error>
+    where
+        T::Err: fmt::Display,
+    {
+        read(from, str::parse::<T>)
+    }
+
+    pub fn irradiance<'a, D: Deserializer<'a>>(from: D) -> Result<Option<f64>, D::Error> {
+        read(from, light::parse_irradiance)
+    }
+
+    pub fn north<'a, D: Deserializer<'a>>(from: D) -> Result<Option<f64>, D::Error> {
+        read(from, light::parse_north)
+    }
+
+    pub fn ground<'a, D: Deserializer<'a>>(from: D) -> Result<Option<f64>, D::Error> {
+        read(from, light::parse_ground)
+    }
+
+    pub fn illuminance<'a, D: Deserializer<'a>>(from: D) -> Result<Option<f64>, D::Error> {
+        read(from, light::parse_illuminance)
+    }
+
+    pub fn lamps<'a, D: Deserializer<'a>>(from: D) -> Result<Vec<(String, f32)>, D::Error> {
+        let factors = BTreeMap::<String, f64>::deserialize(from)?;
+        let lamp = |(name, factor)| light::parse_lamp(&format!("{name}={factor}"));
+        factors.into_iter().map(lamp).collect::<Result<_, _>>().map_err(D::Error::custom)
     }
 }
 
@@ -329,6 +424,30 @@ impl ViewTable {
 }
 
 impl HolodeckConfig {
+    /// Returns the light that is stated.
+    pub fn light(&self) -> StatedLight {
+        StatedLight {
+            sky: self.sky.clone(),
+            place: self.place,
+            at: self.at,
+            direct: self.direct,
+            diffuse: self.diffuse,
+            weather: self.weather.clone(),
+            north: self.north,
+            ground: self.ground,
+            illuminance: self.illuminance,
+            lamps: self.lamp.clone(),
+        }
+    }
+
+    /// States this light, and no other.
+    pub fn set_light(&mut self, light: StatedLight) {
+        let StatedLight { sky, place, at, direct, diffuse, weather, north, ground, .. } = light;
+        (self.sky, self.place, self.at, self.direct) = (sky, place, at, direct);
+        (self.diffuse, self.weather, self.north, self.ground) = (diffuse, weather, north, ground);
+        (self.illuminance, self.lamp) = (light.illuminance, light.lamps);
+    }
+
     /// Returns the views by name, as Radiance options.
     pub fn views(&self) -> Vec<(String, String)> {
         match self.view.is_empty() {
@@ -357,6 +476,10 @@ impl HolodeckConfig {
         }
         let folder = path.parent().unwrap_or(Path::new(""));
         config.scene = config.scene.map(|scene| folder.join(scene));
+        config.weather = config.weather.map(|weather| folder.join(weather));
+        if let Some(SkyChoice::Picture(picture)) = &mut config.sky {
+            *picture = folder.join(&*picture);
+        }
         for path in config
             .section
             .iter_mut()

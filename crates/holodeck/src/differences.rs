@@ -7,7 +7,7 @@ use holo_scene::{Material, Scene};
 pub fn of_scenes(file: &Scene, now: &Scene) -> Vec<String> {
     let mut found = Vec::new();
     if file.sky != now.sky {
-        found.push(format!("the sky is {} in the file, and {} now (--sky)", rgb(file), rgb(now)));
+        found.push(format!("the sky is {} in the file, and {} now (--sky)", sky(file), sky(now)));
     }
     if file.triangles().len() != now.triangles().len() {
         let (before, after) = (file.triangles().len(), now.triangles().len());
@@ -23,8 +23,8 @@ pub fn of_scenes(file: &Scene, now: &Scene) -> Vec<String> {
     found
 }
 
-fn rgb(scene: &Scene) -> String {
-    scene.sky.map(|channel| channel.to_string()).join(",")
+fn sky(scene: &Scene) -> String {
+    scene.sky.to_string()
 }
 
 fn of_materials(file: &[Material], now: &[Material]) -> String {

@@ -13,6 +13,7 @@
 //! | merge files, remove samples | [`files::merge`], [`files::forget`] |
 //! | static files that draw a file in a browser | [`export::export`] |
 //! | splats of a file, for huge files and pages | [`splats::make`] |
+//! | a file that is read faster, or has other sections | [`files::optimize`], [`files::copy`] |
 //! | what is odd in a model | [`check::check`] |
 //! | the difference between two pictures | [`compare::compare`] |
 //! | the state of a running server | [`status::QueriedServer`] |
@@ -32,6 +33,7 @@ pub mod export;
 pub mod files;
 pub mod fill;
 pub mod info;
+pub mod light;
 mod limit;
 pub mod listening;
 mod loading;

@@ -35,7 +35,7 @@ pub fn load_quietly(config: &HolodeckConfig) -> Result<Loaded> {
 
 fn options(config: &HolodeckConfig) -> LoadOptions {
     LoadOptions {
-        sky: config.sky.unwrap_or([0.0; 3]),
+        sky: config.light().radiance().unwrap_or([0.0; 3]),
         two_sided_lights: config.two_sided_lights.unwrap_or(false),
     }
 }

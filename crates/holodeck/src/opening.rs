@@ -62,24 +62,23 @@ pub fn open(config: &HolodeckConfig, wanted: OpeningRequest, quiet: bool) -> Res
     check_units(config)?;
     let Loaded { mut scene, about, warnings, .. } = loading::load(config, quiet)?;
     let mut choices = Vec::new();
+    let guess = config.up.is_none().then(|| holo_survey::guess_up(&scene, &about));
+    let stated = config.up.map_or(DVec3::Z, |up| DVec3::from_array(up.0));
+    let up = guess.as_ref().map_or(stated, |guess| guess.value);
+    let light = config.light();
+    choices.extend(light.apply(&mut scene, up)?);
     let features = scene.features();
-    let has_no_sky = !features.sky && config.sky.is_none();
+    let has_no_sky = !features.sky && !light.states_sky();
     if has_no_sky && features.suns > 0 {
-        scene.sky = preview::sky_beside(&scene.suns);
-        let sky = preview::words(scene.sky);
+        let sky = preview::sky_beside(&scene.suns);
+        scene.sky = sky.into();
+        let sky = preview::words(sky);
         choices.push(format!(
             "light: a sky of radiance {sky}, a fifth of the suns' irradiance, because the file has \
              suns and no sky (--sky R,G,B)"
         ));
     }
-    let up = config.up.map_or_else(
-        || {
-            let guess = holo_survey::guess_up(&scene, &about);
-            choices.push(format!("up: {} (--up y|z)", guess.reason));
-            guess.value
-        },
-        |up| DVec3::from_array(up.0),
-    );
+    choices.extend(guess.map(|guess| format!("up: {} (--up y|z)", guess.reason)));
     let mut views = config.views();
     if views.is_empty() && !about.cameras.is_empty() {
         let names: Vec<_> = about.cameras.iter().map(|camera| camera.name.as_str()).collect();
@@ -193,7 +192,7 @@ impl OpenedScene {
         self.raycaster = None;
         // Building the hierarchy again would take seconds for millions of triangles.
         let only = Arc::into_inner(raycaster).context("the scene is still being surveyed")?;
-        let lit = Arc::new(only.with_sky(sky, suns)?);
+        let lit = Arc::new(only.with_sky(sky.into(), suns)?);
         (self.scene, self.raycaster) = (lit.scene().clone(), Some(lit.clone()));
         if let Some((scene, count)) = preview::with_lamps(&lit, &survey.rooms)? {
             let words = format!("light: preview lamps in {count} rooms that no sky reaches");

@@ -16,6 +16,7 @@ use holo_scene::Scene;
 use holo_section::{Section, SectionSpec, ViewClass};
 use holo_server::{Holodeck, HolodeckDescription, RadianceLimits, SceneReading};
 
+use crate::light::{SkyChoice, StatedLight};
 use crate::{
     brightness,
     config::{self, HolodeckConfig, Obstructions},
@@ -67,7 +68,7 @@ pub fn make(
     let engine = usual_engine(config.bounces);
     let mut about = HolodeckDescription::new(sections, settings(config, engine), &packed, source);
     about.up = opened.up;
-    about.sky = opened.scene.sky;
+    describe_sky(&mut about, &opened.scene);
     about.unit = opened.unit;
     about.limits = Some(RadianceLimits::of(&opened.scene));
     about.views.clone_from(&opened.views);
@@ -171,12 +172,13 @@ impl Edited {
             about.scene != file.about.scene,
             "{name} is as it was: edit it, save it, and restart then"
         );
-        (about.up, about.unit, about.sky) = (opened.up, opened.unit, opened.scene.sky);
+        (about.up, about.unit) = (opened.up, opened.unit);
+        describe_sky(&mut about, &opened.scene);
         about.limits = Some(RadianceLimits::of(&opened.scene));
         about.views.clone_from(&opened.views);
         about.reading = Some(reading(&config)?);
         about.exposure = file.about.exposure;
-        about.choices.clone_from(&file.about.choices);
+        about.choices = choices_of_edit(&file.about.choices, &opened.choices);
         about.stand_ins.clone_from(&file.about.stand_ins);
         about
             .suits(&file.about)
@@ -215,13 +217,26 @@ impl Edited {
     }
 }
 
+/// Describes a scene's sky, as far as the description does.
+fn describe_sky(about: &mut HolodeckDescription, scene: &Scene) {
+    (about.sky, about.sky_varies) = (scene.sky.mean(), !scene.sky.is_plain());
+}
+
+/// Returns the choices of a file, with those of light as they are for the edited scene.
+fn choices_of_edit(before: &[String], now: &[String]) -> Vec<String> {
+    let is_of_light = |choice: &&String| choice.starts_with("light: ");
+    let lights = now.iter().filter(is_of_light);
+    before.iter().filter(|choice| !is_of_light(choice)).chain(lights).cloned().collect()
+}
+
 /// Returns how a configuration's scene is read.
 fn reading(config: &HolodeckConfig) -> Result<SceneReading> {
     let path = scene_path(config)?;
     Ok(SceneReading {
         path: std::path::absolute(path)
             .with_context(|| format!("looking for {}", path.display()))?,
-        sky: config.sky,
+        sky: config.light().radiance(),
+        light: config.light().to_options()?,
         two_sided_lights: config.two_sided_lights,
         obstructions: config.obstructions.and_then(|obstructions| match obstructions {
             Obstructions::Auto => None,
@@ -241,11 +256,12 @@ fn config_of(path: &Path, about: &HolodeckDescription) -> Result<HolodeckConfig>
             about.source
         )
     })?;
-    let SceneReading { path, sky, two_sided_lights, obstructions } = reading.clone();
+    let SceneReading { path, sky, light, two_sided_lights, obstructions } = reading.clone();
     let settings = &about.settings;
-    Ok(HolodeckConfig {
+    let mut light = StatedLight::from_options(&light).with_context(|| name.to_string())?;
+    light.sky = light.sky.or(sky.map(SkyChoice::Radiance));
+    let mut config = HolodeckConfig {
         scene: Some(path),
-        sky,
         two_sided_lights,
         obstructions: obstructions.map(|on| if on { Obstructions::On } else { Obstructions::Off }),
         engine: Some(settings.engine),
@@ -254,7 +270,9 @@ fn config_of(path: &Path, about: &HolodeckDescription) -> Result<HolodeckConfig>
         seed: Some(settings.seed),
         virtual_distance: Some(settings.virtual_distance),
         ..HolodeckConfig::default()
-    })
+    };
+    config.set_light(light);
+    Ok(config)
 }
 
 /// Returns what differs between a file's scene and another one: nothing, or `: ` and what it is.
@@ -378,7 +396,8 @@ fn sections(config: &HolodeckConfig, opened: &OpenedScene) -> Result<Vec<Section
     specs.collect()
 }
 
-fn spec(
+/// Returns the specification of a section that was stated or found, and prints it.
+pub(crate) fn spec(
     config: &HolodeckConfig,
     scene: &Scene,
     section: &config::SectionTable,

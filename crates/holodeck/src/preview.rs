@@ -74,7 +74,7 @@ pub fn with_lamps(raycaster: &Raycaster, rooms: &[Room]) -> Result<Option<(Scene
     let lamp = Material {
         name: "preview lamp".to_owned(),
         bsdf: Bsdf::Diffuse { kd: [0.0; 3] },
-        emission: scene.sky.map(|c| c * LAMP_OVER_SKY),
+        emission: scene.sky.mean().map(|c| c * LAMP_OVER_SKY),
         two_sided_emission: false,
     };
     let panels = dark.iter().flat_map(|room| panel(raycaster, room));

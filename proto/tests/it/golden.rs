@@ -198,6 +198,7 @@ fn welcome() -> Any {
         samples: 20_000_000_000,
         tracing: true,
         sky: [0.25, 0.5, 1.0],
+        sky_varies: true,
         skip_unseen: true,
         unit: 0.001,
     })))
@@ -220,6 +221,7 @@ fn welcome_shown() -> Any {
         samples: 0,
         tracing: false,
         sky: [0.0; 3],
+        sky_varies: false,
         skip_unseen: false,
         unit: 1.0,
     })))

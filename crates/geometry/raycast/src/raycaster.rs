@@ -5,7 +5,7 @@ mod covers;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use holo_scene::{Rgb, Scene, SceneError, Sun};
+use holo_scene::{Scene, SceneError, Sky, Sun};
 
 use crate::build;
 use crate::coincident::Coincident;
@@ -97,7 +97,7 @@ impl Raycaster {
     ///
     /// # Errors
     /// As [`Scene::with_suns`].
-    pub fn with_sky(self, sky: Rgb, suns: Vec<Sun>) -> Result<Self, SceneError> {
+    pub fn with_sky(self, sky: Sky, suns: Vec<Sun>) -> Result<Self, SceneError> {
         let mut scene = Arc::unwrap_or_clone(self.scene).with_suns(suns)?;
         scene.sky = sky;
         Ok(Self { scene: Arc::new(scene), ..self })

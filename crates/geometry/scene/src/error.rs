@@ -140,6 +140,9 @@ pub enum SceneError {
     /// The sky's radiance is negative, not finite or too large.
     #[error("the sky's radiance must be finite numbers from 0 to {}", crate::limits::MAX_RADIANCE)]
     Sky,
+    /// The sun of the sky has no unit direction, or no plausible irradiance.
+    #[error("the sky's sun has no direction, or its irradiance is none, not finite or too large")]
+    SkySun,
     /// A sun has no unit direction, or no plausible irradiance.
     #[error("sun {0} has no direction, or its irradiance is none, not finite or too large")]
     Sun(usize),
@@ -189,6 +192,9 @@ pub enum PackedError {
     /// An instance has an impossible place.
     #[error("instance {0} is not finite, flat or stretched beyond 1e6")]
     Placement(usize),
+    /// The bytes of the sky are malformed.
+    #[error("its sky is malformed")]
+    Sky,
     /// The bytes of normals and textures are malformed.
     #[error("its normals or textures are malformed")]
     Shading,

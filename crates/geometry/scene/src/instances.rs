@@ -300,7 +300,7 @@ impl Scene {
             triangles,
             material_ids: self.material_ids().collect(),
             materials: self.materials.clone(),
-            sky: self.sky,
+            sky: self.sky.clone(),
             suns: self.suns.clone(),
             punctual_lights: self.punctual_lights.clone(),
             shading,

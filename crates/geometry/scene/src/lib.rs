@@ -50,6 +50,7 @@ pub mod pack;
 mod pack_instances;
 mod pack_punctual;
 mod pack_shading;
+mod pack_sky;
 mod pack_values;
 mod placement;
 mod polygon;
@@ -58,6 +59,8 @@ mod scene;
 mod shaded;
 mod shading;
 mod sheets;
+mod sky;
+mod sky_picture;
 mod smooth;
 mod sun;
 mod text;
@@ -84,6 +87,8 @@ pub use shading::{
     Base, CUT_OUT, Channel, Cover, CutOut, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral,
     Shading, WHITE, WHOLE, from_octahedral, to_octahedral,
 };
+pub use sky::{Sky, SkyAxes};
+pub use sky_picture::{MAX_SKY_SIDE, SkyPicture};
 pub use sun::{MAX_SUNS, SUN_RADIUS, Sun};
 pub use texture::{MAX_SIDE, MAX_TEXTURE_BYTES, Texture, Wrap};
 pub use warnings::Warning;

@@ -12,8 +12,9 @@
 //! 32              8      M, number of materials, u64
 //! 40              8      B, bytes of all materials, u64
 //! 48              24     origin, 3 × f64
-//! 72              12     sky, 3 × f32
-//! 84              4      zero
+//! 72              12     sky, 3 × f32; zero if it differs by direction
+//! 84              4      S, bytes of the sky at the end of all, u32; 0 if it is the same in every
+//!                        direction and has no sun
 //! 88              12·P   positions, 3 × f32 each, relative to the origin
 //! 88 + 12P        12·T   triangles, 3 × u32 each
 //! 88 + 12P + 12T  4·T    material ids, u32 each
@@ -106,14 +107,34 @@
 //! 13              48     in that case: kind of the base, u32; its parameters, 8 × f32, 0 beyond
 //!                        the kind's; share of glass: texture, u32, factor, f32, and channel, u32
 //!
+//! A sky of S bytes, after everything else:
+//!
+//! ```text
+//! 0               4      kind, u32: 0 even, 1 to 4 by a formula (even, overcast, gradation,
+//!                        intermediate) above an even ground, 16 a picture
+//! 4               4      1 if it has a sun, else 0, u32
+//! 8               24     direction towards the sun, 3 × f32, and irradiance, 3 × f32; zero without
+//! 32              72     directions of east, north and up in the scene, 3 × f64 each; zero for 0
+//! 104             12     by a formula: radiance of the ground, 3 × f32
+//! 116             12     factors of the formula's radiance, 3 × f32
+//! 128             8      radiance where the formula is 1, f64
+//! 136             24     direction of its sun in the horizon's frame, 3 × f64
+//! 160             48     factors a, b, k, c, d, e of a gradation, f64 each; else zero
+//!
+//! 104             4      a picture: w, its width in pixels, u32; it is half as high
+//! 108             4      factor of its numbers, f32
+//! 112             6·w²   rows of pixels, the zenith first, 3 × f32 each
+//! ```
+//!
 //! A scene has exactly one packing. Damage is found by the content hash, not here. `unpack` returns
 //! a valid scene or an error for any bytes.
 
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::pack_instances::{pack_instances, unpack_instances};
 use crate::pack_shading::{pack_shading, unpack_shading};
+use crate::pack_sky::{pack_sky, unpack_sky};
 use crate::pack_values::split;
-use crate::{Bsdf, Material, PackedError, Rgb, Scene, SceneError, Shading};
+use crate::{Bsdf, Material, PackedError, Rgb, Scene, SceneError, Shading, Sky};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
@@ -147,7 +168,7 @@ struct PackHeader {
     material_bytes: [u8; 8],
     origin: [[u8; 8]; 3],
     sky: [[u8; 4]; 3],
-    padding: [u8; 4],
+    sky_bytes: [u8; 4],
 }
 const _: () = assert!(size_of::<PackHeader>() == HEADER_BYTES);
 
@@ -183,6 +204,7 @@ impl Scene {
             (None, true) => VERSION,
             (None, false) => SHADED_VERSION,
         };
+        let sky = pack_sky(&self.sky);
         let header = PackHeader {
             magic: MAGIC,
             version: version.to_le_bytes(),
@@ -192,8 +214,8 @@ impl Scene {
             materials: (self.materials.len() as u64).to_le_bytes(),
             material_bytes: (materials.len() as u64).to_le_bytes(),
             origin: self.origin.to_array().map(f64::to_le_bytes),
-            sky: self.sky.map(f32::to_le_bytes),
-            padding: [0; 4],
+            sky: self.sky.as_even().unwrap_or_default().map(f32::to_le_bytes),
+            sky_bytes: (sky.len() as u32).to_le_bytes(),
         };
         let arrays = 12 * self.positions.len() + 16 * self.triangles.len();
         let mut packed = Vec::with_capacity(HEADER_BYTES + arrays + materials.len());
@@ -216,7 +238,34 @@ impl Scene {
                 &mut packed,
             );
         }
+        packed.extend(sky);
         packed
+    }
+
+    /// Reads the sky of a packed scene without reading the rest.
+    ///
+    /// # Errors
+    /// As [`unpack`](Self::unpack), as far as the sky is concerned.
+    pub fn unpack_sky(packed: &[u8]) -> Result<Sky, SceneError> {
+        let too_short =
+            PackedError::Length { expected: HEADER_BYTES as u64, found: packed.len() as u64 };
+        let (header, rest) = split::<PackHeader>(packed).ok_or(too_short)?;
+        let (sky, _) = Self::split_sky(&header, rest)?;
+        sky.validate()?;
+        Ok(sky)
+    }
+
+    /// Takes the sky off the end of the bytes after the header, and returns the rest.
+    fn split_sky<'a>(header: &PackHeader, rest: &'a [u8]) -> Result<(Sky, &'a [u8]), SceneError> {
+        let radiance = header.sky.map(f32::from_le_bytes);
+        let length = u32::from_le_bytes(header.sky_bytes) as usize;
+        let at = rest.len().checked_sub(length).ok_or(PackedError::Sky)?;
+        let (rest, bytes) = rest.split_at(at);
+        let sky = unpack_sky(bytes, Sky::from(radiance))?;
+        if sky.as_even().is_none() && header.sky != [[0; 4]; 3] {
+            return Err(PackedError::Sky.into());
+        }
+        Ok((sky, rest))
     }
 
     /// Reads a packed scene, and checks all of it.
@@ -235,9 +284,10 @@ impl Scene {
         if ![VERSION, SHADED_VERSION, SHARED_VERSION].contains(&version) {
             return Err(PackedError::Version { found: version, known: VERSION }.into());
         }
-        if header.reserved != [0; 4] || header.padding != [0; 4] {
+        if header.reserved != [0; 4] {
             return Err(PackedError::Reserved.into());
         }
+        let (sky, rest) = Self::split_sky(&header, rest)?;
         let positions = bounded("positions", header.positions, MAX_POSITIONS)?;
         let triangles = bounded("triangles", header.triangles, MAX_TRIANGLES)?;
         let materials = bounded("materials", header.materials, MAX_MATERIALS)?;
@@ -276,7 +326,7 @@ impl Scene {
                 .map(|id| u32::from_le_bytes(*id))
                 .collect(),
             unpack_materials(material_bytes, materials)?,
-            header.sky.map(f32::from_le_bytes),
+            sky,
         );
         let scene = match instances {
             Some(instances) => instances.share(scene)?,

@@ -5,8 +5,7 @@
 use crate::inside::OpenBox;
 use crate::instances::InstanceTable;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
-use crate::material::is_radiance;
-use crate::{Bsdf, Cover, Maps, Material, PunctualLight, Rgb, SceneError, Shading, Sun, WHITE};
+use crate::{Bsdf, Cover, Maps, Material, PunctualLight, SceneError, Shading, Sky, Sun, WHITE};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 use std::iter::repeat_n;
@@ -29,9 +28,9 @@ pub struct Scene {
     pub(crate) material_ids: Vec<u32>,
     /// The materials of surfaces.
     pub materials: Vec<Material>,
-    /// Radiance of the sky, the same in every direction, W·sr⁻¹·m⁻².
-    pub sky: Rgb,
-    /// Suns, if there are any.
+    /// The sky, with its sun if it has one.
+    pub sky: Sky,
+    /// Suns of the model, if there are any. They are not seen.
     pub suns: Vec<Sun>,
     /// Point and spot lights, if there are any.
     pub punctual_lights: Vec<PunctualLight>,
@@ -98,8 +97,9 @@ impl Scene {
         triangles: Vec<[u32; 3]>,
         material_ids: Vec<u32>,
         materials: Vec<Material>,
-        sky: Rgb,
+        sky: impl Into<Sky>,
     ) -> Result<Scene, SceneError> {
+        let sky = sky.into();
         Scene::unchecked(origin, positions, triangles, material_ids, materials, sky).validated()
     }
 
@@ -110,7 +110,7 @@ impl Scene {
         triangles: Vec<[u32; 3]>,
         material_ids: Vec<u32>,
         materials: Vec<Material>,
-        sky: Rgb,
+        sky: Sky,
     ) -> Scene {
         Scene {
             origin,
@@ -137,7 +137,7 @@ impl Scene {
         triangles: &[[u32; 3]],
         material_ids: &[u32],
         materials: Vec<Material>,
-        sky: Rgb,
+        sky: impl Into<Sky>,
     ) -> Result<(Scene, Vec<usize>), SceneError> {
         let (low, high) = world_bounds(positions, triangles)?;
         let origin = if triangles.is_empty() { DVec3::ZERO } else { low + (high - low) * 0.5 };
@@ -152,7 +152,7 @@ impl Scene {
         triangles: &[[u32; 3]],
         material_ids: &[u32],
         materials: Vec<Material>,
-        sky: Rgb,
+        sky: impl Into<Sky>,
     ) -> Result<(Scene, Vec<usize>), SceneError> {
         if triangles.len() != material_ids.len() {
             return Err(SceneError::MaterialIdCount {
@@ -220,10 +220,7 @@ impl Scene {
         }
         self.validate_instances()?;
         self.materials.iter().try_for_each(Material::validate)?;
-        if !is_radiance(self.sky) {
-            return Err(SceneError::Sky);
-        }
-        Ok(())
+        self.sky.validate()
     }
 
     /// Checks that positions and materials of triangles exist.
@@ -438,8 +435,8 @@ impl Scene {
             mesh.material_ids.iter().for_each(|&id| triangles_of[id as usize] += uses);
         }
         let mut features = Features {
-            sky: self.sky.iter().any(|&c| c > 0.0),
-            suns: self.suns.len(),
+            sky: self.sky.shines(),
+            suns: self.all_suns().count(),
             punctual_lights: self.punctual_lights.len(),
             ..Features::default()
         };

@@ -12,8 +12,8 @@ pub const MAX_SUNS: usize = 16;
 /// Half of the angle of a sun's disc, in radians: that of the real sun.
 pub const SUN_RADIUS: f64 = 0.004_65;
 
-/// A disc in the sky that gives light and shadows, but is not seen itself. Pictures show the sky
-/// there, directly and in mirrors.
+/// A disc in the sky that gives light and shadows. A sun of a model is not seen: pictures show the
+/// sky there, directly and in mirrors. The sun of a [`crate::Sky`] is seen.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sun {
     /// The unit direction from the scene to the middle of the disc.
@@ -29,8 +29,15 @@ impl Sun {
         std::f64::consts::PI * SUN_RADIUS.sin().powi(2)
     }
 
+    /// Returns the radiance of its disc, W·sr⁻¹·m⁻².
+    #[must_use]
+    pub fn radiance(&self) -> Rgb {
+        let per_irradiance = (1.0 / Sun::projected_solid_angle()) as f32;
+        self.irradiance.map(|irradiance| irradiance * per_irradiance)
+    }
+
     /// Returns whether it has a direction and a plausible irradiance.
-    fn is_valid(&self) -> bool {
+    pub(crate) fn is_valid(&self) -> bool {
         let most = MAX_RADIANCE * Sun::projected_solid_angle() as f32;
         (Vec3::from(self.towards).length() - 1.0).abs() < 1e-3
             && self.irradiance.iter().all(|c| (0.0..=most).contains(c))
@@ -54,5 +61,10 @@ impl Scene {
         }
         self.suns = suns;
         Ok(self)
+    }
+
+    /// Returns the suns of the model and that of the sky.
+    pub fn all_suns(&self) -> impl Iterator<Item = &Sun> {
+        self.suns.iter().chain(self.sky.sun())
     }
 }

@@ -8,14 +8,17 @@ use holo_server::Outside;
 pub mod arguments;
 pub mod check;
 pub mod compare;
+pub mod copy;
 pub mod demo;
 pub mod export;
 pub mod fill;
 pub mod forget;
 pub mod info;
+mod light_args;
 mod listen_args;
 pub mod merge;
 mod metrics;
+pub mod optimize;
 #[cfg(test)]
 mod options_page;
 pub mod picture;

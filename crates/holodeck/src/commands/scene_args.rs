@@ -8,10 +8,9 @@ use clap::{
     builder::{OsStringValueParser, PossibleValue, PossibleValuesParser, TypedValueParser},
 };
 use holo_proto::control::Engine;
-use holodeck::{
-    config::{self, HolodeckConfig, Obstructions},
-    value_ranges::check_sky,
-};
+use holodeck::config::{self, HolodeckConfig, Obstructions};
+
+use super::light_args::LightArgs;
 
 /// Options for the scene and its sections.
 #[derive(Args, Clone, Debug, Default)]
@@ -51,9 +50,8 @@ pub struct SceneArgs {
     /// The length of the scene's unit [default: as the file states, or guessed with a reason]
     #[arg(long, value_name = "mm|cm|m|in|ft|METRES")]
     pub unit: Option<config::Unit>,
-    /// Surround the scene with a sky of this radiance, such as 1,1,1
-    #[arg(long, value_name = "R,G,B", value_parser = parse_colour)]
-    pub sky: Option<[f32; 3]>,
+    #[command(flatten)]
+    pub light: LightArgs,
     /// Let lights shine from both sides
     #[arg(long)]
     pub two_sided_lights: bool,
@@ -98,7 +96,7 @@ impl SceneArgs {
         config.portals.clone_from(&self.portals);
         config.up = self.up.or(config.up);
         config.unit = self.unit.or(config.unit);
-        config.sky = self.sky.or(config.sky);
+        config.set_light(config.light().overridden_by(&self.light.stated()));
         config.two_sided_lights = self.two_sided_lights.then_some(true).or(config.two_sided_lights);
         config.obstructions = self.obstructions.or(config.obstructions);
         config.engine = self.engine.or(config.engine);
@@ -111,7 +109,7 @@ impl SceneArgs {
 }
 
 /// Returns the parser of the visibility of objects, whose values have a help of their own.
-fn obstructions_parser() -> impl TypedValueParser<Value = Obstructions> {
+pub(super) fn obstructions_parser() -> impl TypedValueParser<Value = Obstructions> {
     PossibleValuesParser::new([
         PossibleValue::new("auto").help("On for sections that have geometry inside"),
         PossibleValue::new("on").help("Rays begin at the entry wall"),
@@ -169,12 +167,7 @@ fn numbers(text: &str) -> Result<[f64; 3], String> {
     triple.ok_or_else(|| format!("`{text}` is not three numbers with commas between"))
 }
 
-fn parse_colour(text: &str) -> Result<[f32; 3], String> {
-    check_sky(numbers(text)?.map(|channel| channel as f32))
-        .map_err(|error| format!("`{text}`: {error}"))
-}
-
-fn parse_section(text: &str) -> Result<config::SectionTable, String> {
+pub(super) fn parse_section(text: &str) -> Result<config::SectionTable, String> {
     let parts: Vec<[f64; 3]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
     let (origin, axes, grid) = match parts[..] {
         [origin, a, b, c] => (origin, [a, b, c], None),
@@ -253,7 +246,7 @@ mod tests {
             Some(folder.path().join("a b.obj")),
             "relative to the configuration"
         );
-        assert_eq!((config.bounces, config.sky), (Some(0), Some([1.0, 2.0, 3.0])));
+        assert_eq!((config.bounces, config.light().radiance()), (Some(0), Some([1.0, 2.0, 3.0])));
         assert!(config.section[0].exterior);
         std::fs::write(&path, "bouncs = 3\n").unwrap();
         let error = format!("{:#}", args.resolve(None).unwrap_err());

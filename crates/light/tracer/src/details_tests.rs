@@ -202,7 +202,7 @@ fn bumps_reflect_no_more_than_their_material() {
     ] {
         let (maps, _) = normals([128, 128, 255]);
         let mut scene = square(bsdf, maps, rough_normals(16));
-        scene.sky = [1.0; 3];
+        scene.sky = [1.0; 3].into();
         let settings = Settings { bounces: None, paths: 1 };
         let tracer = Tracer::new(Arc::new(scene), settings).unwrap();
         for direction in [DVec3::NEG_Z, DVec3::new(1.0, 0.0, -0.4)] {
@@ -288,7 +288,7 @@ fn metal_of_any_roughness_reflects_all_light() {
     let texels: Vec<[u8; 4]> = (0..16).map(|k| [k * 17, 255, 0, 255]).collect();
     let mut scene =
         square(Bsdf::Conductor { ks: [1.0; 3], alpha: 0.3 }, finish(), columns(&texels));
-    scene.sky = [1.0; 3];
+    scene.sky = [1.0; 3].into();
     let tracer = tracer(scene);
     for k in 0..8 {
         let [found, variance] =

@@ -12,6 +12,7 @@ use crate::geometry::{ShadingFrame, cosine_hemisphere, cosine_pdf};
 use crate::lights::{Aim, ChosenLight, Lights, PreparedPoint, VertexLights};
 use crate::sampler::Sampler;
 use crate::shading;
+use crate::sky::PreparedSky;
 use crate::weighting::Direct;
 
 /// A vertex whose surface scatters with a density.
@@ -65,14 +66,15 @@ pub(crate) struct MaterialSample {
     /// Density of the sample per solid angle.
     pub pdf: f32,
     lights: LightSampling,
-    /// Density per solid angle with which one light sample aims at the sky in the same direction.
+    /// Density per solid angle with which one light sample finds the sky in the same direction by
+    /// the cosine alone.
     sky_pdf: f32,
 }
 
 impl MaterialSample {
     /// Returns the expected number of light samples per solid angle towards the sky.
-    pub(crate) fn sky_density(&self) -> f32 {
-        self.lights.samples as f32 * self.sky_pdf
+    pub(crate) fn sky_density(&self, sky: &PreparedSky, direction: Vec3) -> f32 {
+        self.lights.samples as f32 * sky.mixed(direction, self.lights.sky, self.sky_pdf)
     }
 
     /// Returns the expected number of light samples per solid angle towards a point of an emitter
@@ -139,7 +141,12 @@ impl LitVertex<'_> {
         for j in 0..count {
             let (first, second) = pairs.at(j);
             let light = match self.engine.lights.choose(lights, first) {
-                Some(ChosenLight::Sky { rest }) => self.sky(lights, count, direct, [rest, second]),
+                Some(ChosenLight::Sky { rest }) if self.engine.sky.is_even() => {
+                    self.sky(lights, count, direct, [rest, second])
+                }
+                Some(ChosenLight::Sky { rest }) => {
+                    self.varying_sky(lights, count, direct, [rest, second])
+                }
                 Some(ChosenLight::Triangle { triangle, probability, rest }) => {
                     self.emitter(triangle, probability, count, direct, [rest, second])
                 }
@@ -164,7 +171,7 @@ impl LitVertex<'_> {
         }
     }
 
-    /// Returns value over density of one sample of the sky, weighed against the material's.
+    /// Returns value over density of one sample of an even sky, weighed against the material's.
     #[inline]
     fn sky(&self, lights: &VertexLights, count: u32, direct: Direct, [mut x, y]: [f32; 2]) -> Vec3 {
         let mut side = 1.0;
@@ -190,7 +197,48 @@ impl LitVertex<'_> {
         if self.raycaster.occluded_from(&ray, self.point.triangle) {
             return Vec3::ZERO;
         }
-        value * self.engine.sky * (direct.light_weight(density * count as f32, pdf) / density)
+        let sky = self.engine.sky.along(direction);
+        value * sky * (direct.light_weight(density * count as f32, pdf) / density)
+    }
+
+    /// The same for a sky that differs by direction. Its samples pass panes.
+    fn varying_sky(
+        &self,
+        lights: &VertexLights,
+        count: u32,
+        direct: Direct,
+        mut uniform: [f32; 2],
+    ) -> Vec3 {
+        let sky = &*self.engine.sky;
+        let (direction, wi) = match sky.aim(&mut uniform) {
+            Some(direction) => (direction, self.frame.to_local(direction)),
+            None => {
+                let [mut x, y] = uniform;
+                let mut side = 1.0;
+                if self.scatter.transmits() {
+                    x *= 2.0;
+                    if x >= 1.0 {
+                        (x, side) = (x - 1.0, -1.0);
+                    }
+                }
+                let mut wi = cosine_hemisphere([x, y]);
+                wi.z *= side;
+                (self.frame.to_world(wi), wi)
+            }
+        };
+        let (value, pdf) = self.scatter.evaluate(self.wo, wi, self.front);
+        let cosine = sky_pdf(lights.sky, self.scatter, wi);
+        let density = sky.mixed(direction, lights.sky, cosine);
+        if value == Vec3::ZERO || density <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let value = value * self.terminator(direction, wi.z);
+        let passed = self.engine.panes.to_sky(self.raycaster, self.point, direction);
+        if value == Vec3::ZERO || passed == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let weight = direct.light_weight(density * count as f32, pdf) / density;
+        value * passed * sky.along(direction) * weight
     }
 
     /// Returns value over density of one sample of the suns, weighed against the material's.

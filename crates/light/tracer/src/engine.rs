@@ -4,7 +4,7 @@ use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::thread;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use holo_raycast::Raycaster;
 use holo_scene::Scene;
 
@@ -13,6 +13,7 @@ use crate::lights::{GRIDS, Lights};
 use crate::medium::{Inside, Nesting};
 use crate::panes::Panes;
 use crate::secondary::SecondarySources;
+use crate::sky::PreparedSky;
 use crate::suns::Suns;
 use crate::surface::{TracedMaterial, surfaces};
 use crate::weighting::Direct;
@@ -38,8 +39,7 @@ pub(crate) struct PathEngine {
     pub caustics: Option<Caustics>,
     /// `None` if the scene has no solid glass.
     pub nesting: Option<Nesting>,
-    /// Radiance of the sky.
-    pub sky: Vec3,
+    pub sky: Arc<PreparedSky>,
     pub suns: Suns,
     /// True if paths may find punctual lights over mirrors and glass.
     pub finds_points: bool,
@@ -68,14 +68,15 @@ impl PathEngine {
         let scene: &Scene = raycaster.scene();
         let surfaces = surfaces(scene);
         let panes = Arc::new(Panes::new(raycaster));
-        let lights = Lights::new(scene).with_cells(&GRIDS, raycaster, &panes);
+        let sky = Arc::new(PreparedSky::new(scene));
+        let lights = Lights::new(scene, &sky).with_cells(&GRIDS, raycaster, &panes);
         let nesting = Nesting::new(scene);
         let is_specular = nesting.is_some() || surfaces.iter().any(|s| s.scatter.is_delta());
         let finds_points =
             !lights.points().is_empty() && (is_specular || direct == Direct::Materials);
         let lights_find_all = direct == Direct::Both && lights.is_one() && !is_specular;
         let suns = Suns::new(scene);
-        let sources = LightSources { lights: &lights, suns: &suns, panes: &panes };
+        let sources = LightSources { lights: &lights, suns: &suns, sky: &sky, panes: &panes };
         // Each takes 0.1 s or more, and somebody may be waiting for the first picture.
         let (secondary, caustics) = thread::scope(|scope| {
             let caustics = scope.spawn(|| Caustics::find(raycaster, &surfaces, &sources));
@@ -90,7 +91,7 @@ impl PathEngine {
             panes,
             nesting,
             lights_find_all,
-            sky: scene.sky.into(),
+            sky,
             suns,
             finds_points,
             bounces: bounces.unwrap_or(u32::MAX),

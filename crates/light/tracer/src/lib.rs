@@ -58,6 +58,7 @@ mod secondary_tests;
 mod shading;
 #[cfg(test)]
 mod shading_tests;
+mod sky;
 mod suns;
 mod surface;
 mod virtual_distance;
@@ -349,7 +350,10 @@ impl Tracer {
         }
         let (hit, distance) = path::first_hit(&self.light, origin, direction);
         if hit.is_none() {
-            return Err(Traced { radiance: self.engine.sky.to_array(), distance });
+            return Err(Traced {
+                radiance: self.engine.sky.along_exactly(direction).to_array(),
+                distance,
+            });
         }
         let inside = self.engine.inside(&self.light, origin);
         let start = Start::eye(hit, direction.as_vec3(), inside);

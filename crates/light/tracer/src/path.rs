@@ -12,8 +12,8 @@
 //!   ray caster decides. The ray alone decides, so the distance of a sample belongs to the surface
 //!   whose light it brings. Glass that is something else in part is decided likewise.
 //! - Shadow rays towards lamps go straight through panes, as paths do. Solid glass blocks them.
-//!   Panes block shadow rays towards the sky too, because a material's samples find windows better
-//!   than samples of the whole sky do.
+//!   Panes block shadow rays towards an even sky too, because a material's samples find windows
+//!   better than samples of the whole sky do.
 //! - Russian roulette ends paths from the second scattering or the sixth surface on. It depends
 //!   only on their throughput, so a path that has lost no light continues. So paths have no large
 //!   weights if surfaces absorb little, and few paths suffice in a closed room of albedo 1.
@@ -365,12 +365,14 @@ impl PathEngine {
     /// Returns the light of sky and suns that a path brings whose ray meets nothing.
     #[inline]
     fn sky_along(&self, path: &Path) -> Vec3 {
-        let weight = if path.passed_pane {
+        // Samples of an even sky end at panes.
+        let weight = if path.passed_pane && self.sky.is_even() {
             1.0
         } else {
-            path.emission_weight.factor(self.direct, MaterialSample::sky_density)
+            path.emission_weight
+                .factor(self.direct, |sample| sample.sky_density(&self.sky, path.direction))
         };
-        let sky = path.throughput * self.sky * weight;
+        let sky = path.throughput * self.sky.along(path.direction) * weight;
         if path.scatterings == 0 || !self.suns.any() {
             return sky;
         }

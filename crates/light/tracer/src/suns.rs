@@ -1,7 +1,7 @@
 //! Suns: discs in the sky that light samples find, and sharp reflections too.
 //!
 //! Invariant: a sun counts only after a path has been scattered with a density. Eyes see the sky
-//! in its place, directly and in mirrors, as displays draw it. A scene without suns pays nothing.
+//! in its place, directly and in mirrors. Displays draw the disc of the sky's own sun. A scene without suns pays nothing.
 
 use glam::Vec3;
 use holo_scene::{SUN_RADIUS, Scene, Sun};
@@ -41,14 +41,14 @@ pub(crate) struct SunPoint {
 impl Suns {
     pub(crate) fn new(scene: &Scene) -> Self {
         let power = |sun: &Sun| luminance(sun.irradiance);
-        let all: f32 = scene.suns.iter().map(power).sum();
+        let all: f32 = scene.all_suns().map(power).sum();
         let density = (1.0 / Sun::projected_solid_angle()) as f32;
         let disc = |sun: &Sun| Disc {
             frame: ShadingFrame::new(Vec3::from(sun.towards).normalize_or_zero()),
             radiance: Vec3::from(sun.irradiance) * density,
             share: power(sun) / all,
         };
-        let discs = scene.suns.iter().map(disc).collect();
+        let discs = scene.all_suns().map(disc).collect();
         Self { discs, radius: SUN_RADIUS.sin() as f32, density }
     }
 

@@ -51,8 +51,11 @@ pub struct HolodeckDescription {
     pub source: String,
     /// The scene's up axis, in the scene's coordinates.
     pub up: [f64; 3],
-    /// Radiance of rays that hit nothing, W·sr⁻¹·m⁻².
+    /// Radiance of rays that hit nothing, W·sr⁻¹·m⁻²; its mean if it varies.
     pub sky: [f32; 3],
+    /// True if the sky has a sun that is seen, or differs by direction. The scene describes it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub sky_varies: bool,
     /// Metres per scene unit.
     pub unit: f64,
     /// Named views, as Radiance view options; the first is where a display begins.
@@ -80,9 +83,12 @@ pub struct SceneReading {
     /// The file, from the root. A name that is not UTF-8 is stored as its bytes.
     #[serde(with = "stored_path")]
     pub path: PathBuf,
-    /// The sky that was stated in place of the file's.
+    /// The sky that was stated in place of the file's, if it is the same in every direction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sky: Option<[f32; 3]>,
+    /// Options of light that were stated, by their names on the command line.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub light: Vec<(String, String)>,
     /// Whether it was stated that lights shine from both sides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub two_sided_lights: Option<bool>,
@@ -153,6 +159,7 @@ impl HolodeckDescription {
             source,
             up: [0.0, 0.0, 1.0],
             sky: [0.0; 3],
+            sky_varies: false,
             unit: 1.0,
             views: Vec::new(),
             exposure: None,

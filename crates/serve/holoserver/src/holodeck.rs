@@ -138,7 +138,7 @@ impl Holodeck {
         drop(draft);
         made.with_context(|| format!("making {}", path.display()))?;
         let file = BeamFile::open(path, Options { cache_bytes, layout: Vec::new() })?;
-        Ok(Self::new(path, about, sections, file, true))
+        Self::new(path, about, sections, file, true).with_sky()
     }
 
     /// Replaces the scene of a file by an edited one, which `about` describes. The samples that are
@@ -234,6 +234,9 @@ impl Holodeck {
         }
         let mut holodeck = Self::new(path, about, sections, file, writable);
         if writable {
+            holodeck = holodeck.with_sky()?;
+        }
+        if writable {
             holodeck.warnings.extend(holodeck.about.engine_warning());
         }
         // Workers find them again, so the file can be opened all the same.
@@ -248,6 +251,14 @@ impl Holodeck {
         holodeck.makers_saved = Mutex::new(makers.clone());
         holodeck.makers = RwLock::new(makers);
         Ok(holodeck)
+    }
+
+    /// Reads the sky if the description does not say what it is, to check misses by.
+    fn with_sky(mut self) -> Result<Holodeck> {
+        if self.about.sky_varies {
+            self.plausible.set_sky(Scene::unpack_sky(&self.packed_scene()?)?);
+        }
+        Ok(self)
     }
 
     fn load_cells(&mut self) {
@@ -504,6 +515,7 @@ impl Holodeck {
             samples: self.file.stats().samples,
             tracing: self.writable,
             sky: self.about.sky,
+            sky_varies: self.about.sky_varies,
             skip_unseen: self.skip_unseen,
             unit: self.about.unit,
         }

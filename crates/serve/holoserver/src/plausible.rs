@@ -14,8 +14,12 @@
 //! So these checks find garbage. Wrong light of a possible brightness is found by tracing packets
 //! twice (`audits`).
 
+use std::sync::Arc;
+
+use glam::DVec3;
 use holo_proto::bulk::{LiveHit, LiveRay, WireCell};
-use holo_section::{Sample, Section, distance, rgbe};
+use holo_scene::Sky;
+use holo_section::{BeamKey, Sample, Section, distance, rgbe};
 use thiserror::Error;
 
 use crate::{about::HolodeckDescription, radiance_limits::RadianceLimits};
@@ -38,6 +42,12 @@ const ROUNDING: f64 = 1e-3;
 /// At such coordinates the distance of a hit may be infinite in f32. A display may look from there.
 const FAR: f64 = 1e30;
 
+/// Relative difference of a sky's radiance on two machines, whose mathematics may round otherwise.
+const SKY_ROUNDING: f32 = 1e-4;
+
+/// The same for directions.
+const DIRECTION_ROUNDING: f64 = 1e-7;
+
 /// Why results cannot be true.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum Implausible {
@@ -53,8 +63,9 @@ pub enum Implausible {
 pub struct Plausible {
     /// For each section, the code of the greatest distance.
     farthest: Vec<u16>,
-    /// Light of rays that hit nothing. `None` if mirrors may have shown it.
-    sky: Option<[f32; 3]>,
+    /// Light of rays that hit nothing. `None` if mirrors may have shown it, or if it is unknown.
+    sky: Option<Sky>,
+    sections: Arc<[Section]>,
     /// `None` for files of earlier versions, which do not store them.
     limits: Option<RadianceLimits>,
     /// The greatest exponent of a stored colour.
@@ -64,7 +75,7 @@ pub struct Plausible {
 
 impl Plausible {
     /// Returns the limits for a holodeck with these sections.
-    pub fn new(about: &HolodeckDescription, sections: &[Section]) -> Plausible {
+    pub fn new(about: &HolodeckDescription, sections: &Arc<[Section]>) -> Plausible {
         let are_distances_straight = !about.settings.virtual_distance;
         let limits = about.limits;
         let farthest = |section: &Section| {
@@ -77,21 +88,33 @@ impl Plausible {
         let most = limits.map_or(f32::MAX, |limits| most(&limits, IMPROBABLE));
         Plausible {
             farthest: sections.iter().map(farthest).collect(),
-            sky: are_distances_straight.then_some(about.sky),
+            sky: (are_distances_straight && !about.sky_varies).then(|| about.sky.into()),
+            sections: Arc::clone(sections),
             limits,
             exponent: rgbe::encode([most; 3], 0)[3],
             are_distances_straight,
         }
     }
 
-    /// Checks the samples of a beam of one section.
-    pub fn samples(&self, section: u16, samples: &[Sample]) -> Result<(), Implausible> {
+    /// Checks misses by this sky from now on, if misses can be checked at all.
+    pub fn set_sky(&mut self, sky: Sky) {
+        self.sky = self.are_distances_straight.then_some(sky);
+    }
+
+    /// Checks the samples of a beam.
+    pub fn samples(&self, key: BeamKey, samples: &[Sample]) -> Result<(), Implausible> {
+        let section = key.section;
         let farthest = self.farthest.get(usize::from(section)).copied();
         let farthest = farthest.unwrap_or(distance::NOTHING_HIT);
         for sample in samples {
             if sample.distance_code() == distance::NOTHING_HIT {
                 let step = 2_f32.powi(i32::from(sample.rgbe[3]) - 136);
-                self.miss(sample.rgb(), step)?;
+                let of_beam = self.sections.get(usize::from(section));
+                let direction = of_beam.and_then(|section| {
+                    let cells = section.cells(key.beam)?;
+                    Some(section.ray(cells, sample.coords).direction)
+                });
+                self.miss(sample.rgb(), step, direction.unwrap_or_default())?;
             } else if sample.distance_code() > farthest {
                 return Err(Implausible::TooFar);
             }
@@ -108,7 +131,7 @@ impl Plausible {
         for (ray, hit) in rays.iter().zip(hits) {
             if hit.distance.is_infinite() {
                 if ray.origin.iter().all(|x| x.abs() < FAR) {
-                    self.miss(hit.radiance, 0.0)?;
+                    self.miss(hit.radiance, 0.0, DVec3::from_array(ray.direction))?;
                 }
             } else if let Some(limits) = self.limits.filter(|_| self.are_distances_straight)
                 && f64::from(hit.distance) > limits.farthest(ray.origin) * (1.0 + ROUNDING)
@@ -133,11 +156,26 @@ impl Plausible {
     }
 
     /// Checks the light of a ray that hit nothing, which may differ from the sky's by a `step`.
-    fn miss(&self, light: [f32; 3], step: f32) -> Result<(), Implausible> {
-        let Some(sky) = self.sky.filter(|_| light != [0.0; 3]) else { return Ok(()) };
-        let is_sky = light.iter().zip(sky).all(|(light, sky)| (light - sky).abs() <= step);
+    fn miss(&self, light: [f32; 3], step: f32, direction: DVec3) -> Result<(), Implausible> {
+        let Some(sky) = self.sky.as_ref().filter(|_| light != [0.0; 3]) else { return Ok(()) };
+        let is_within = |sky: [f32; 3], rounding: f32| {
+            light.iter().zip(sky).all(|(light, sky)| (light - sky).abs() <= step + rounding * sky)
+        };
+        let is_sky = match sky.as_even() {
+            Some(radiance) => is_within(radiance, 0.0),
+            None => around(direction).any(|near| is_within(sky.radiance(near), SKY_ROUNDING)),
+        };
         if is_sky { Ok(()) } else { Err(Implausible::NotTheSky) }
     }
+}
+
+/// Returns a unit direction and others within its rounding, which may lie beyond the horizon.
+fn around(direction: DVec3) -> impl Iterator<Item = DVec3> {
+    let shifts = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * DIRECTION_ROUNDING);
+    let shifts = shifts.into_iter().flat_map(|shift| [shift, -shift]);
+    std::iter::once(DVec3::ZERO)
+        .chain(shifts)
+        .map(move |shift| (direction + shift).normalize_or_zero())
 }
 
 /// Returns so many times the brightest light, as far as there are such numbers.
@@ -160,11 +198,13 @@ fn corners(section: &Section) -> [[f64; 3]; 8] {
 #[cfg(test)]
 mod tests {
     use holo_proto::control::RenderSettings;
-    use holo_section::{RayCoords, SectionSpec, ViewClass};
+    use holo_scene::SkyAxes;
+    use holo_section::{BeamId, RayCoords, SectionSpec, ViewClass};
 
     use super::*;
 
     const SKY: [f32; 3] = [0.3, 17.0, 900.1];
+    const KEY: BeamKey = BeamKey { section: 0, beam: BeamId(0) };
     const LIMITS: RadianceLimits =
         RadianceLimits { low: [-3.0, 0.0, 0.0], high: [2.0, 1.0, 4.0], brightest: 900.1 };
 
@@ -180,7 +220,7 @@ mod tests {
         let section = Section::new(spec.clone()).unwrap();
         let mut about = HolodeckDescription::new(vec![spec], settings, b"a scene", "a test".into());
         (about.sky, about.limits) = (SKY, limits);
-        (Plausible::new(&about, std::slice::from_ref(&section)), section)
+        (Plausible::new(&about, &Arc::from([section.clone()])), section)
     }
 
     fn sample(rgb: [f32; 3], distance: f64, section: &Section, dither: u32) -> Sample {
@@ -192,12 +232,41 @@ mod tests {
         let (plausible, section) = plausible(None, false);
         for dither in (0..1000u32).map(|at| at.wrapping_mul(0x9e37_79b9)) {
             let sky = sample(SKY, f64::INFINITY, &section, dither);
-            assert_eq!(plausible.samples(0, &[sky]), Ok(()));
+            assert_eq!(plausible.samples(KEY, &[sky]), Ok(()));
         }
         let none = sample([0.0; 3], f64::INFINITY, &section, 0);
         let dim = sample([0.3, 17.0, 880.0], f64::INFINITY, &section, 0);
-        assert_eq!(plausible.samples(0, &[none]), Ok(()));
-        assert_eq!(plausible.samples(0, &[none, dim]), Err(Implausible::NotTheSky));
+        assert_eq!(plausible.samples(KEY, &[none]), Ok(()));
+        assert_eq!(plausible.samples(KEY, &[none, dim]), Err(Implausible::NotTheSky));
+    }
+
+    #[test]
+    fn a_miss_brings_the_light_of_its_own_direction_if_the_sky_differs() {
+        let (mut plausible, section) = plausible(None, false);
+        let formula = holo_daylight::overcast_sky(DVec3::new(0.6, 0.0, 0.8)).sky;
+        let overcast = Sky::of_formula(formula, 3.0, SkyAxes::new(DVec3::Z, 0.0));
+        plausible.set_sky(overcast.clone());
+        let ray = section.ray(section.cells(KEY.beam).unwrap(), RayCoords::default());
+        let true_light = overcast.radiance(ray.direction);
+        for dither in (0..100u32).map(|at| at.wrapping_mul(0x9e37_79b9)) {
+            let sky = sample(true_light, f64::INFINITY, &section, dither);
+            assert_eq!(plausible.samples(KEY, &[sky]), Ok(()));
+        }
+        let wrong = sample(true_light.map(|c| c * 1.05), f64::INFINITY, &section, 0);
+        assert_eq!(plausible.samples(KEY, &[wrong]), Err(Implausible::NotTheSky));
+        let live = |direction: [f64; 3], radiance: [f32; 3]| {
+            let ray = LiveRay { origin: [0.0; 3], direction, number: 0 };
+            let hit = LiveHit { radiance, distance: f32::INFINITY };
+            plausible.live(&[ray], &[hit])
+        };
+        let [up, level] = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]];
+        let above = overcast.radiance(DVec3::from_array(up));
+        assert_eq!(live(up, above), Ok(()));
+        assert_eq!(live(level, above), Err(Implausible::NotTheSky));
+        // On the horizon, rounding decides between sky and ground.
+        let [sky, ground] = [1e-9, -1e-9].map(|z| overcast.radiance(DVec3::new(1.0, 0.0, z)));
+        assert_ne!(sky, ground);
+        assert_eq!((live(level, sky), live(level, ground)), (Ok(()), Ok(())));
     }
 
     #[test]
@@ -206,14 +275,14 @@ mod tests {
         // From the corner (1, 0, 0) or (1, 1, 0) to the opposite one of the bounds.
         let farthest = 33_f64.sqrt();
         let of = |distance: f64, light: f32| {
-            plausible.samples(0, &[sample([light, 0.0, 0.0], distance, &section, 0)])
+            plausible.samples(KEY, &[sample([light, 0.0, 0.0], distance, &section, 0)])
         };
         assert_eq!(of(farthest, 0.0), Ok(()));
         assert_eq!(of(farthest * 1.01, 0.0), Err(Implausible::TooFar));
         assert_eq!(of(1.0, 1e27), Ok(()), "luck");
         assert_eq!(of(1.0, 1e29), Err(Implausible::TooBright));
         let random = Sample::from_codes(RayCoords::default(), [77, 200, 3, 255], 500);
-        assert_eq!(plausible.samples(0, &[random]), Err(Implausible::TooBright));
+        assert_eq!(plausible.samples(KEY, &[random]), Err(Implausible::TooBright));
     }
 
     #[test]
@@ -251,6 +320,6 @@ mod tests {
         let (plausible, section) = plausible(Some(LIMITS), true);
         let reflected = sample([1.0; 3], f64::INFINITY, &section, 0);
         let far = sample([1.0; 3], 50.0, &section, 0);
-        assert_eq!(plausible.samples(0, &[reflected, far]), Ok(()));
+        assert_eq!(plausible.samples(KEY, &[reflected, far]), Ok(()));
     }
 }

@@ -20,10 +20,10 @@ impl RadianceLimits {
     pub fn of(scene: &Scene) -> RadianceLimits {
         let (low, high) = scene.bounds();
         let lamps = scene.materials.iter().flat_map(|material| material.emission);
-        let per_irradiance = (1.0 / Sun::projected_solid_angle()) as f32;
-        let suns = scene.suns.iter().flat_map(|sun| sun.irradiance.map(|e| e * per_irradiance));
+        let suns = scene.all_suns().flat_map(Sun::radiance);
         let points = scene.punctual_lights.iter().flat_map(PunctualLight::radiance);
-        let brightest = lamps.chain(scene.sky).chain(suns).chain(points).fold(0.0, f32::max);
+        let brightest =
+            lamps.chain([scene.sky.brightest()]).chain(suns).chain(points).fold(0.0, f32::max);
         RadianceLimits { low: low.to_array(), high: high.to_array(), brightest }
     }
 

@@ -11,9 +11,10 @@ use crate::log::Log;
 use crate::{Filling, Quadtree, QuadtreeParams, ViewCells};
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
-    uncovered_pixels, viewpoint_radius,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight,
+    WantedBeam, uncovered_pixels, viewpoint_radius,
 };
+use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -23,21 +24,23 @@ use std::sync::Arc;
 const MAX_DEGREES: f64 = 20.0;
 
 /// Returns the driver `quadtree`. `sky` is the radiance of rays that hit nothing.
-pub fn quadtree_driver(sections: Arc<[Section]>, sky: [f32; 3]) -> Driver {
-    let make = move || QuadtreeRenderer::new(Arc::clone(&sections), sky, None);
+pub fn quadtree_driver(sections: Arc<[Section]>, sky: impl Into<SkyView>) -> Driver {
+    let sky = sky.into();
+    let make = move || QuadtreeRenderer::new(Arc::clone(&sections), sky.clone(), None);
     Driver::new("quadtree", ViewLight::new(make))
 }
 
 /// Returns the driver `cells`, with cells that are filled in this way.
-pub fn cells_driver(sections: Arc<[Section]>, sky: [f32; 3], filling: Filling) -> Driver {
-    let make = move || QuadtreeRenderer::new(Arc::clone(&sections), sky, Some(filling));
+pub fn cells_driver(sections: Arc<[Section]>, sky: impl Into<SkyView>, filling: Filling) -> Driver {
+    let sky = sky.into();
+    let make = move || QuadtreeRenderer::new(Arc::clone(&sections), sky.clone(), Some(filling));
     Driver::new("cells", ViewLight::new(make))
 }
 
 /// The quadtree, or cells of its samples, from view to view.
 struct QuadtreeRenderer {
     sections: Arc<[Section]>,
-    sky: [f32; 3],
+    sky: SkyView,
     /// The way that cells are filled; `None` for a quadtree.
     cells: Option<Filling>,
     /// Samples of the view, and those of earlier views until the view's own have arrived.
@@ -95,14 +98,14 @@ impl Shape {
 }
 
 impl QuadtreeRenderer {
-    fn new(sections: Arc<[Section]>, sky: [f32; 3], cells: Option<Filling>) -> Self {
+    fn new(sections: Arc<[Section]>, sky: SkyView, cells: Option<Filling>) -> Self {
         Self { sections, sky, cells, log: Log::default(), shown: None }
     }
 
     /// Returns an empty shape for a view.
     fn shape(&self, look: &FrameRequest) -> Shape {
         let (sections, size) = (Arc::clone(&self.sections), look.size);
-        let params = QuadtreeParams { sky: self.sky, ..QuadtreeParams::default() };
+        let params = QuadtreeParams { sky: self.sky.clone(), ..QuadtreeParams::default() };
         match self.cells {
             None => Shape::Leaves(Box::new(Quadtree::new(sections, look.view, size, params))),
             Some(filling) => {
@@ -226,7 +229,11 @@ impl RayWishes for QuadtreeRenderer {
         Ok(beams)
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        None
+    }
+
+    fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
         None
     }
 

@@ -103,7 +103,7 @@ impl<'a> BandPainter<'a> {
         }
         if self.unseen.get(pixel) == Some(&true) {
             counts.unseen += 1;
-            return self.tree.sky();
+            return self.tree.sky(pixel);
         }
         let own = self.all.leaf(0, column, row);
         if own.is_empty() {

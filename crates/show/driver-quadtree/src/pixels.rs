@@ -8,7 +8,7 @@ use crate::bins::{FAR, depth_bin};
 use crate::paint::PixelContent;
 use crate::sums::{BinSums, NEAR_CLASSES};
 use crate::surface::adjacent;
-use holo_display::Frame;
+use holo_display::{Frame, SkyView};
 
 /// Largest number of samples of a pixel that counts as few.
 const FEW: u64 = 3;
@@ -37,18 +37,27 @@ pub(crate) fn bin_of(depth: f32) -> u16 {
 
 impl Quadtree {
     /// Returns what a pixel of an unseen beam shows.
-    pub(crate) fn sky(&self) -> PixelContent {
-        let colour = if self.view.clips_sky() { [0.0; 3] } else { self.params.sky };
+    pub(crate) fn sky(&self, pixel: usize) -> PixelContent {
+        let colour = if self.view.clips_sky() { [0.0; 3] } else { self.sky_of(pixel) };
         PixelContent { colour, depth: f32::INFINITY }
+    }
+
+    fn sky_of(&self, pixel: usize) -> [f32; 3] {
+        let width = self.size.0 as usize;
+        let [x, y] = [pixel % width, pixel / width].map(|at| at as f64 + 0.5);
+        match &self.params.sky {
+            SkyView::Even(radiance) => *radiance,
+            varying => varying.along(self.view.ray(x, y).1),
+        }
     }
 
     /// Returns a picture without samples. Pixels of unseen beams show the sky.
     pub(crate) fn frame_of(&self, known: &[PixelState]) -> Frame {
         let mut frame = self.empty_frame();
-        let sky = self.sky();
         for (pixel, known) in known.iter().enumerate() {
             match known {
                 PixelState::Unseen => {
+                    let sky = self.sky(pixel);
                     (frame.picture.pixels[pixel], frame.depth[pixel]) = (sky.colour, sky.depth);
                     frame.unseen_pixels += 1;
                 }

@@ -4,7 +4,7 @@ use crate::bins::PixelBins;
 use crate::reproject::{BeamProjector, Landing};
 use crate::sums::Colour;
 use glam::DVec3;
-use holo_display::{Camera, DistanceTable, Frame, PlacedSection, best_beam, covered};
+use holo_display::{Camera, DistanceTable, Frame, PlacedSection, SkyView, best_beam, covered};
 use holo_picture::View;
 use holo_section::{BeamKey, Sample, Section};
 use rayon::prelude::*;
@@ -26,12 +26,12 @@ pub enum LeafSize {
 }
 
 /// Settings of a [`Quadtree`].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct QuadtreeParams {
     /// How large the leaves are.
     pub leaf: LeafSize,
-    /// Radiance of rays that hit nothing, which unseen beams show.
-    pub sky: [f32; 3],
+    /// What rays that hit nothing show, and with them unseen beams.
+    pub sky: SkyView,
 }
 
 /// Samples of one view, summed by pixel and depth, and the pictures of them.

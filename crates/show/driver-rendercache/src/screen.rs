@@ -9,9 +9,9 @@
 use std::{collections::HashSet, sync::Arc};
 
 use glam::DVec3;
-use holo_display::{Frame, FrameRequest, best_beam, for_bands, viewpoint_radius};
+use holo_display::{Frame, FrameRequest, SkyView, best_beam, for_bands, viewpoint_radius};
 use holo_picture::{Clip, View};
-use holo_section::{BeamKey, Sample, Section, SectionRay, ray_eye_distance};
+use holo_section::{BeamKey, RayCoords, Sample, Section, SectionRay, ray_eye_distance};
 
 use crate::Place;
 
@@ -25,6 +25,28 @@ const ALONG: f64 = 0.995;
 
 /// Rows whose best beams one thread determines at a time.
 const ROWS: usize = 16;
+
+/// A stored sample in the scene.
+pub(crate) struct StoredRay {
+    /// Its coordinates in its beam.
+    pub coords: RayCoords,
+    /// Its ray.
+    pub ray: SectionRay,
+    /// Distance along the ray to what it hit, scene units; infinite for nothing.
+    pub distance: f64,
+    /// Radiance.
+    pub radiance: [f32; 3],
+}
+
+impl StoredRay {
+    /// Returns where the ray ended.
+    pub fn place(&self) -> Place {
+        match self.distance.is_finite() {
+            true => Place::At(self.ray.origin + self.ray.direction * self.distance),
+            false => Place::Toward(self.ray.direction),
+        }
+    }
+}
 
 /// A stored sample as the view sees it.
 pub(crate) struct ProjectedSample {
@@ -46,7 +68,7 @@ pub(crate) struct CacheScreen {
     /// Width and height, pixels.
     pub size: (u32, u32),
     sections: Arc<[Section]>,
-    sky: [f32; 3],
+    sky: SkyView,
     /// The viewpoint radius: largest distance of the view's own rays from the eye, scene units.
     radius: f64,
     /// Best beam of each pixel's middle; empty until the first frame.
@@ -56,7 +78,7 @@ pub(crate) struct CacheScreen {
 }
 
 impl CacheScreen {
-    pub fn new(sections: Arc<[Section]>, sky: [f32; 3], look: &FrameRequest) -> Self {
+    pub fn new(sections: Arc<[Section]>, sky: SkyView, look: &FrameRequest) -> Self {
         Self {
             view: look.view,
             size: look.size,
@@ -75,7 +97,17 @@ impl CacheScreen {
 
     /// Returns whether a driver can use its data of this view for another view.
     pub fn serves(&self, look: &FrameRequest) -> bool {
-        self.size == look.size && sees_alike(&self.view, &look.view)
+        sees_alike(&self.view, &look.view)
+    }
+
+    /// Returns the screen of another view. Until its samples `are_requested`, the viewpoint radius
+    /// and the unseen beams of the view before hold for it too.
+    pub fn next(self, look: &FrameRequest, are_requested: bool) -> Self {
+        let mut next = Self::new(Arc::clone(&self.sections), self.sky, look);
+        if !are_requested {
+            (next.radius, next.unseen) = (self.radius, self.unseen);
+        }
+        next
     }
 
     /// Sets the viewpoint radius, scene units, if this is the screen of `look`.
@@ -92,13 +124,13 @@ impl CacheScreen {
         }
     }
 
-    /// Calls `insert` with each sample of a beam that the view sees. `insert` returns whether it
-    /// used the sample.
+    /// Calls `insert` with each sample of a beam, and with what the view sees of it, if it sees it.
+    /// `insert` returns whether it used the sample.
     pub fn locate(
         &mut self,
         key: BeamKey,
         samples: &[Sample],
-        mut insert: impl FnMut(ProjectedSample) -> bool,
+        mut insert: impl FnMut(&StoredRay, Option<ProjectedSample>) -> bool,
     ) {
         let Some(section) = self.sections.get(usize::from(key.section)) else { return };
         let Some(pair) = section.cells(key.beam) else { return };
@@ -107,22 +139,18 @@ impl CacheScreen {
         for sample in samples {
             let ray = section.ray(pair, sample.coords);
             let distance = sample.distance(section.diagonal());
-            let Some(seen) = self.see(&ray, distance, sample.rgb(), near) else { continue };
-            self.used += u64::from(insert(seen));
+            let ray = StoredRay { coords: sample.coords, ray, distance, radiance: sample.rgb() };
+            let seen = self.see(&ray, near);
+            self.used += u64::from(insert(&ray, seen));
         }
     }
 
-    fn see(
-        &self,
-        ray: &SectionRay,
-        distance: f64,
-        radiance: [f32; 3],
-        near: f64,
-    ) -> Option<ProjectedSample> {
+    fn see(&self, stored: &StoredRay, near: f64) -> Option<ProjectedSample> {
+        let StoredRay { ray, distance, radiance, .. } = stored;
         let view = &self.view;
         let has_eye = view.kind.has_eye();
         let (place, x, y, seen_at) = if distance.is_finite() {
-            let end = ray.origin + ray.direction * distance;
+            let end = ray.origin + ray.direction * *distance;
             let (x, y, seen_at) = view.project(end)?;
             (Place::At(end), x, y, seen_at)
         } else if has_eye {
@@ -148,7 +176,7 @@ impl CacheScreen {
         };
         let (radiance, seen_at) = match clip {
             Clip::Before => return None,
-            Clip::Shown => (radiance, seen_at),
+            Clip::Shown => (*radiance, seen_at),
             Clip::Beyond => ([0.0; 3], f64::INFINITY),
         };
         let is_own = ray_eye_distance(ray, eye) <= near;
@@ -161,16 +189,24 @@ impl CacheScreen {
         self.find_best_beams();
         let mut frame = Frame { picture, depth, samples_used: self.used, ..Frame::black((1, 1)) };
         frame.picture.view = Some(self.view);
-        let sky = if self.view.clips_sky() { [0.0; 3] } else { self.sky };
+        let (view, width) = (self.view, self.size.0 as usize);
+        let sky = |pixel: usize| match &self.sky {
+            _ if view.clips_sky() => [0.0; 3],
+            SkyView::Even(radiance) => *radiance,
+            varying => {
+                let [x, y] = [pixel % width, pixel / width].map(|at| at as f64 + 0.5);
+                varying.along(view.ray(x, y).1)
+            }
+        };
         let pixels = frame.picture.pixels.iter_mut().zip(&mut frame.depth);
-        for ((pixel, depth), best) in pixels.zip(&self.best) {
+        for (index, ((pixel, depth), best)) in pixels.zip(&self.best).enumerate() {
             match best {
                 None => {
                     (*pixel, *depth) = ([0.0; 3], 0.0);
                     frame.uncovered_pixels += 1;
                 }
                 Some(beam) if self.unseen.contains(beam) => {
-                    (*pixel, *depth) = (sky, f32::INFINITY);
+                    (*pixel, *depth) = (sky(index), f32::INFINITY);
                     frame.unseen_pixels += 1;
                 }
                 Some(_) => frame.empty_pixels += u64::from(*depth == 0.0),

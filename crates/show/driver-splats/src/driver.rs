@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use holo_display::{
     Age, BeamSearch, Camera, Certainty, Driver, DriverError, Frame, FramePhase, FrameRequest,
-    Interrupt, Light, LiveSample, PartsRenderer, RayWishes, Renderer, Search, WantedBeam,
+    Interrupt, Light, LiveSample, PartsRenderer, PixelWeights, RayWishes, Renderer, Search, WantedBeam,
     for_bands, viewpoint_radius,
 };
 use holo_picture::View;
@@ -217,7 +217,11 @@ impl RayWishes for SplatRenderer {
         Ok(Vec::new())
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        None
+    }
+
+    fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
         None
     }
 

@@ -212,7 +212,7 @@ impl SurfaceView {
         looked: &mut Looked,
     ) {
         let follower = self.follower();
-        let shown = hit.map_or(self.nothing(), |hit| {
+        let shown = hit.map_or(self.nothing(ray.direction), |hit| {
             let mut trail = Trail::new(*ray, hit, AtPanes::Pass);
             let shown = follower.follow_to_end(&mut trail);
             if trail.has_met_pane() {
@@ -228,18 +228,24 @@ impl SurfaceView {
         });
         let width = match &shown {
             RayContent::Surface(end) => self.pixel_width(end.length),
-            RayContent::Sky(_) | RayContent::Unknown => 0.0,
+            RayContent::Sky(..) | RayContent::Unknown => 0.0,
         };
-        looked.add(shown, point, width);
+        looked.add(follower.materials, shown, point, width);
     }
 }
 
 impl Looked {
     /// Adds a ray to the piece that shows the same, or to a new piece.
-    fn add(&mut self, shown: RayContent, (x, y): (f32, f32), width: f32) {
+    fn add(
+        &mut self,
+        materials: &crate::Materials,
+        shown: RayContent,
+        (x, y): (f32, f32),
+        width: f32,
+    ) {
         let seen = match &shown {
             RayContent::Surface(end) => seen(end, width, PLAIN),
-            RayContent::Sky(_) | RayContent::Unknown => VisiblePoint::NOTHING,
+            RayContent::Sky(..) | RayContent::Unknown => VisiblePoint::NOTHING,
         };
         self.points += 1;
         let is_same = |found: &&mut FollowedPiece| match (&found.shown, &shown) {
@@ -249,7 +255,9 @@ impl Looked {
                     && are_near(a.share, b.share)
                     && !found.seen.differs(&seen)
             }
-            (RayContent::Sky(a), RayContent::Sky(b)) => are_near(*a, *b),
+            (RayContent::Sky(a, towards), RayContent::Sky(b, other)) => {
+                are_near(*a, *b) && materials.is_sky_alike(*towards, *other)
+            }
             (RayContent::Unknown, RayContent::Unknown) => true,
             _ => false,
         };

@@ -195,7 +195,7 @@ impl<'a> LikelyLight<'a> {
         let unit = view.unit();
         let shown = match follower.raycaster.nearest(&ray) {
             Some(hit) => follower.follow(ray, hit, AtPanes::PassAll),
-            None => RayContent::Sky([1.0; 3]),
+            None => RayContent::Sky([1.0; 3], ray.direction),
         };
         let light = match shown {
             RayContent::Surface(end) => {
@@ -211,8 +211,8 @@ impl<'a> LikelyLight<'a> {
                     share * Vec3::from_array(finish.reflectance) * light
                 }
             }
-            RayContent::Sky(share) => {
-                Vec3::from_array(share) * Vec3::from_array(follower.materials.sky) / unit
+            RayContent::Sky(share, direction) => {
+                Vec3::from_array(share) * follower.materials.sky_light(direction) / unit
             }
             RayContent::Unknown => return None,
         };

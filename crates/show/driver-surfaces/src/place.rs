@@ -165,7 +165,7 @@ impl<'a> Placer<'a> {
     fn on_surface(&self, ray: &Ray, hit: Hit, shown: SampleLight) -> Option<Placed> {
         match self.follower.follow(*ray, hit, AtPanes::PassAll) {
             RayContent::Surface(end) => self.on_end(&end, shown),
-            RayContent::Sky(_) | RayContent::Unknown => None,
+            RayContent::Sky(..) | RayContent::Unknown => None,
         }
     }
 

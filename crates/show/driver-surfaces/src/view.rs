@@ -73,9 +73,9 @@ pub struct SurfaceTrail {
     pub direction: Vec3,
     /// Distance to the lamp that is seen, scene units; infinite if there is no lamp.
     pub to_lamp: f32,
-    /// True if a mirror turned the ray. Otherwise the surface lies in the pixel's direction.
+    /// True if a mirror or solid glass turned the ray. Otherwise the surface lies in the pixel's direction.
     pub is_mirrored: bool,
-    /// The share of light that the first pane on the way reflects; 0 without a pane.
+    /// The share of light that the first pane or solid glass on the way reflects; 0 without any.
     pub pane: f32,
 }
 
@@ -236,8 +236,8 @@ impl SurfaceView {
     }
 
     /// Returns the result for a pixel's ray that hits nothing.
-    pub(crate) fn nothing(&self) -> RayContent {
-        if self.clips_sky { RayContent::Unknown } else { RayContent::Sky([1.0; 3]) }
+    pub(crate) fn nothing(&self, direction: Vec3) -> RayContent {
+        if self.clips_sky { RayContent::Unknown } else { RayContent::Sky([1.0; 3], direction) }
     }
 
     /// Returns the width of a pixel at the end of a way of this length.
@@ -296,7 +296,7 @@ impl SurfaceView {
             for number in 0..used {
                 let (ray, before, hit) = (rays[number], befores[number], hits[number]);
                 let Some(hit) = hit else {
-                    rows[at(number)] = band.add(self.seen_along(self.nothing()));
+                    rows[at(number)] = band.add(self.seen_along(self.nothing(ray.direction)));
                     continue;
                 };
                 if follower.is_plain(hit) {
@@ -393,7 +393,9 @@ impl SurfaceView {
                     at = seen(&end, width, PLAIN);
                 }
             }
-            RayContent::Sky(share) => how.radiance = times(share, self.materials.sky),
+            RayContent::Sky(share, direction) => {
+                how.radiance = times(share, self.materials.sky_seen(direction));
+            }
             RayContent::Unknown => {}
         }
         (at, how)
@@ -469,6 +471,16 @@ impl SurfaceView {
             (albedo, seen.normal.to_array())
         };
         self.seen.iter().map(feature).unzip()
+    }
+
+    /// Returns the eye, relative to the scene's origin.
+    pub(crate) fn eye(&self) -> Vec3 {
+        self.camera().1.as_vec3()
+    }
+
+    /// Returns the mean light that the scene's lamps let expect, fixed-point steps.
+    pub(crate) fn expected_light(&self) -> Vec3 {
+        Vec3::from(self.materials.expected_light(self.raycaster.scene())) / self.unit()
     }
 
     /// Returns the light of one fixed-point step.

@@ -8,11 +8,13 @@
 mod denoised;
 mod options;
 mod render_cache;
+mod stereo_options;
 
 use std::{collections::BTreeMap, sync::Arc};
 
 use holo_denoise::Quality;
-use holo_display::Driver;
+use holo_display::{Driver, SkyView};
+use holo_driver_mesh::mesh_driver;
 use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_driver_rendercache::{frameless_driver, pointimage_driver};
 use holo_driver_splats::splats_driver;
@@ -20,11 +22,13 @@ use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver}
 use holo_proto::stand_ins::StandInKind;
 use holo_section::Section;
 use holo_session::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
+use holo_stereo::stereo_driver;
 use holo_splats::SplatFile;
 
 pub use denoised::denoise;
 pub use options::{CellsArg, DenoiseArg, DriverArgs, SplatShapeArg};
 pub use render_cache::{EmptyArg, PointArgs, SmoothingArg};
+pub use stereo_options::{StereoArg, StereoArgs};
 
 /// Parts of drivers that a script may switch, by name.
 pub const SWITCHES: &[&str] = &holo_driver_rendercache::Stages::NAMES;
@@ -49,23 +53,19 @@ impl DriverChoice for DriverOptions {
         }
     }
 
-    /// Makes the chosen driver. Without a scene, `auto` draws cells from samples only.
+    /// Makes the chosen driver, for two eyes if they are wanted. Without a scene, `auto` draws cells
+    /// from samples only.
     fn make(
         &self,
         sections: &Arc<[Section]>,
-        sky: [f32; 3],
+        sky: SkyView,
+        unit: f64,
         scene: Option<&LoadedScene>,
     ) -> Driver {
-        let sections = Arc::clone(sections);
-        match self.args.driver {
-            DriverArg::Quadtree => quadtree_driver(sections, sky),
-            DriverArg::Pointimage => pointimage_driver(sections, sky, self.points.params()),
-            DriverArg::Frameless => frameless_driver(sections, sky),
-            DriverArg::Splats => splats_driver(self.splats.clone(), self.args.splat_shape.shape()),
-            DriverArg::Auto | DriverArg::Surfaces => match scene {
-                Some(scene) => self.surfaces(sections, sky, scene),
-                None => cells_driver(sections, sky, self.filling()),
-            },
+        let driver = self.of_one_view(Arc::clone(sections), sky, scene);
+        match self.args.stereo.eyes(unit) {
+            Some(eyes) => stereo_driver(driver, eyes, Arc::clone(sections)),
+            None => driver,
         }
     }
 
@@ -83,6 +83,25 @@ impl DriverChoice for DriverOptions {
 }
 
 impl DriverOptions {
+    fn of_one_view(
+        &self,
+        sections: Arc<[Section]>,
+        sky: SkyView,
+        scene: Option<&LoadedScene>,
+    ) -> Driver {
+        match self.args.driver {
+            DriverArg::Quadtree => quadtree_driver(sections, sky),
+            DriverArg::Mesh => mesh_driver(sections, sky),
+            DriverArg::Pointimage => pointimage_driver(sections, sky, self.points.params()),
+            DriverArg::Frameless => frameless_driver(sections, sky),
+            DriverArg::Splats => splats_driver(self.splats.clone(), self.args.splat_shape.shape()),
+            DriverArg::Auto | DriverArg::Surfaces => match scene {
+                Some(scene) => self.surfaces(sections, sky, scene),
+                None => cells_driver(sections, sky, self.filling()),
+            },
+        }
+    }
+
     /// Returns the options of a person, with the splats that they name.
     ///
     /// # Errors
@@ -92,7 +111,7 @@ impl DriverOptions {
         Ok(DriverOptions { args, points, splats })
     }
 
-    fn surfaces(&self, sections: Arc<[Section]>, sky: [f32; 3], scene: &LoadedScene) -> Driver {
+    fn surfaces(&self, sections: Arc<[Section]>, sky: SkyView, scene: &LoadedScene) -> Driver {
         let raycaster = Arc::clone(&scene.raycaster);
         // `check` has already loaded a library that was named.
         let denoiser = self.args.denoise.load(Quality::Balanced).unwrap_or_default();
@@ -100,7 +119,7 @@ impl DriverOptions {
             return surfaces_driver(sections, raycaster, denoiser);
         }
         let of_beyond = Arc::clone(&sections);
-        let make = move || quadtree_driver(Arc::clone(&of_beyond), sky);
+        let make = move || quadtree_driver(Arc::clone(&of_beyond), sky.clone());
         let stand_ins = by_section(&scene.stand_ins);
         stand_ins_driver(sections, raycaster, stand_ins, denoiser, Arc::new(make))
     }

@@ -8,6 +8,8 @@ use holo_driver_splats::SplatShape;
 use holo_session::DriverArg;
 use holo_splats::{SplatError, SplatFile};
 
+use crate::StereoArgs;
+
 /// The driver and its options.
 #[derive(Args, Clone, Debug, Default)]
 pub struct DriverArgs {
@@ -21,6 +23,9 @@ pub struct DriverArgs {
     /// `auto`: if it is installed; `off`: never; FILE: with this library
     #[arg(long, value_name = "auto|off|FILE", default_value = "auto")]
     pub denoise: DenoiseArg,
+    /// Two eyes.
+    #[command(flatten)]
+    pub stereo: StereoArgs,
     /// With the driver `splats`: what `holodeck splats` has made [default: the holodeck's name with
     /// .splats]
     #[arg(long, value_name = "FILE.splats")]
@@ -141,6 +146,7 @@ impl DriverArgs {
             }
             self.denoise.load(Quality::Balanced).map_err(|error| error.to_string())?;
         }
+        self.stereo.check()?;
         match (self.driver, self.cells) {
             (DriverArg::Auto, _) | (_, None) => Ok(()),
             (driver, Some(_)) => {

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use clap::ValueEnum;
-use holo_display::Driver;
+use holo_display::{Driver, SkyView};
+use holo_proto::control::Welcome;
 use holo_proto::stand_ins::StandInKind;
 use holo_raycast::Raycaster;
 use holo_section::Section;
@@ -14,10 +15,15 @@ pub trait DriverChoice: Send + Sync {
     /// Returns whether the chosen driver draws from the scene.
     fn scene_use(&self) -> SceneUse;
 
-    /// Makes the chosen driver for a holodeck with these sections. `sky` is the radiance of rays
-    /// that hit nothing.
-    fn make(&self, sections: &Arc<[Section]>, sky: [f32; 3], scene: Option<&LoadedScene>)
-    -> Driver;
+    /// Makes the chosen driver for a holodeck with these sections. `sky` is what rays show that hit
+    /// nothing, and `unit` the length of a scene unit in metres.
+    fn make(
+        &self,
+        sections: &Arc<[Section]>,
+        sky: SkyView,
+        unit: f64,
+        scene: Option<&LoadedScene>,
+    ) -> Driver;
 
     /// Chooses another driver.
     fn choose(&mut self, driver: DriverArg);
@@ -47,6 +53,9 @@ pub enum DriverArg {
     /// Averages samples over the leaves of a quadtree, larger leaves for noisier samples; needs no
     /// scene
     Quadtree,
+    /// Connects samples by triangles (Delaunay), with colours interpolated between them; needs no
+    /// scene
+    Mesh,
     /// The render cache: projects known samples into every view and fills the gaps; needs no scene
     Pointimage,
     /// Each pixel shows its newest rays; needs no scene
@@ -69,6 +78,7 @@ impl DriverArg {
             Self::Auto => "auto",
             Self::Surfaces => "surfaces",
             Self::Quadtree => "quadtree",
+            Self::Mesh => "mesh",
             Self::Pointimage => "pointimage",
             Self::Frameless => "frameless",
             Self::Splats => "splats",
@@ -93,6 +103,22 @@ pub struct LoadedScene {
     pub raycaster: Arc<Raycaster>,
     /// Boxes that rays hit instead of the scene, for views of some sections.
     pub stand_ins: Vec<LoadedStandIn>,
+}
+
+impl LoadedScene {
+    /// Returns what rays show that hit nothing.
+    pub fn sky(&self) -> SkyView {
+        let scene = Arc::clone(self.raycaster.scene());
+        match scene.sky.as_even().filter(|_| scene.sky.is_plain()) {
+            Some(radiance) => SkyView::Even(radiance),
+            None => SkyView::Varying(Arc::new(move |direction| scene.sky.seen(direction))),
+        }
+    }
+}
+
+/// Returns what rays show that hit nothing: by the scene, or else by the welcome.
+pub(crate) fn sky_of(welcome: &Welcome, scene: Option<&LoadedScene>) -> SkyView {
+    scene.map_or(SkyView::Even(welcome.sky), LoadedScene::sky)
 }
 
 /// What rays hit instead of the scene, for views of one section.

@@ -14,3 +14,4 @@ mod packed;
 mod posed;
 mod shading;
 mod shared_scenes;
+mod sky;

@@ -106,7 +106,8 @@ fn false_counts_allocate_no_memory_and_errors_say_what_is_wrong() {
     assert_eq!(with(0, b"x"), SceneError::Packed(PackedError::Magic).to_string());
     assert_eq!(with(8, &[9]), "not a packed scene: its version is 9, this program reads 1");
     assert_eq!(with(12, &[1]), "not a packed scene: reserved bytes are not zero");
-    assert_eq!(with(84, &[1]), "not a packed scene: reserved bytes are not zero");
+    assert_eq!(with(84, &[1]), "not a packed scene: its sky is malformed");
+    assert_eq!(with(84, &[255; 4]), "not a packed scene: its sky is malformed");
     assert_eq!(
         with(16, &huge),
         format!("{} positions are more than the limit of {}", u64::MAX, 1 << 28)
@@ -171,7 +172,7 @@ impl Parts {
             triangles: own.triangles.to_vec(),
             material_ids: own.material_ids.to_vec(),
             materials: scene.materials.clone(),
-            sky: scene.sky,
+            sky: scene.sky.as_even().unwrap(),
         }
     }
 

@@ -230,8 +230,8 @@ fn ambient(scene: &Scene) -> f32 {
     for point in scene.punctual_lights.iter().map(PreparedPoint::new) {
         power += f64::from(point.extent() * point.strength());
     }
-    let suns: f32 = scene.suns.iter().map(|sun| luminance(sun.irradiance)).sum();
-    PI * ((power / area) as f32 + luminance(scene.sky)) + 0.25 * suns
+    let suns: f32 = scene.all_suns().map(|sun| luminance(sun.irradiance)).sum();
+    PI * ((power / area) as f32 + luminance(scene.sky.mean())) + 0.25 * suns
 }
 
 fn bounds(photons: &[Photon]) -> (Vec3, Vec3) {

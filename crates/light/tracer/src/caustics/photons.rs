@@ -26,6 +26,7 @@ use crate::panes::Panes;
 use crate::sampled::Sampled;
 use crate::sampler::{NumberPurpose, Sampler};
 use crate::shading::{self, PathArrival};
+use crate::sky::PreparedSky;
 use crate::suns::Suns;
 use crate::surface::TracedMaterial;
 
@@ -67,6 +68,7 @@ pub(super) struct Photon {
 pub(crate) struct LightSources<'a> {
     pub lights: &'a Lights,
     pub suns: &'a Suns,
+    pub sky: &'a PreparedSky,
     pub panes: &'a Panes,
 }
 
@@ -155,7 +157,7 @@ pub(super) fn shoot(
     let far = FAR * (high - low).length() as f32;
     let shooter = Shooter { raycaster, surfaces, sources, casters, far };
     let has_lamps = !(sources.lights.triangles().is_empty() && sources.lights.points().is_empty());
-    let has_sky = luminance(scene.sky) > 0.0 && casters.scatters.iter().flatten().any(is_solid);
+    let has_sky = sources.sky.mean() > 0.0 && casters.scatters.iter().flatten().any(is_solid);
     let kinds = [
         (PhotonSource::Lamps, has_lamps),
         (PhotonSource::Suns, sources.suns.any()),
@@ -375,11 +377,17 @@ impl Shooter<'_> {
         }
         sampler.turn(0, NumberPurpose::Light);
         let normal = if sampler.one() < 0.5 { point.normal } else { -point.normal };
-        let local = cosine_hemisphere(sampler.two());
-        let back = ShadingFrame::new(normal).to_world(local);
+        let mut uniform = sampler.two();
+        let (back, cosine) = match self.sources.sky.aim(&mut uniform) {
+            Some(direction) => (direction, direction.dot(normal).abs()),
+            None => {
+                let local = cosine_hemisphere(uniform);
+                (ShadingFrame::new(normal).to_world(local), local.z)
+            }
+        };
         let passed = self.sources.panes.to_sky(self.raycaster, point, back);
-        let sky = Vec3::from(self.raycaster.scene().sky) * passed;
-        let density = 0.5 * cosine_pdf(local.z);
+        let sky = self.sources.sky.along(back) * passed;
+        let density = self.sources.sky.mixed(back, 1.0, 0.5 * cosine_pdf(cosine));
         Some(ArrivingLight {
             back,
             length: self.far,

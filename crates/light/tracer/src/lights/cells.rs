@@ -20,10 +20,11 @@ use super::node::{Child, LightNode, WIDTH};
 use super::point::PreparedPoint;
 use super::tree::{LightTree, ONE_BELOW, Weights, below_one};
 use super::triangle::Aim;
-use crate::geometry::{ShadingFrame, cosine_hemisphere};
+use crate::geometry::{ShadingFrame, cosine_hemisphere, cosine_pdf};
 use crate::luminance::luminance;
 use crate::panes::Panes;
 use crate::sampler::{NumberPurpose, Sampler};
+use crate::sky::PreparedSky;
 
 /// Most subtrees that a cell chooses among.
 const CLUSTERS: usize = 64;
@@ -81,6 +82,7 @@ pub(super) struct LightGrid {
     /// Luminance of the irradiance of a surface that sees all of the sky, in the unit of the tree's
     /// powers.
     sky: f32,
+    prepared_sky: Arc<PreparedSky>,
     low: Vec3,
     side: f32,
     size: IVec3,
@@ -136,7 +138,7 @@ impl LightGrid {
     pub(super) fn new(
         most: f32,
         tree: &LightTree,
-        sky: f32,
+        (sky, prepared_sky): (f32, Arc<PreparedSky>),
         raycaster: &Arc<Raycaster>,
         panes: &Arc<Panes>,
     ) -> Option<Self> {
@@ -176,6 +178,7 @@ impl LightGrid {
             raycaster: raycaster.clone(),
             panes: panes.clone(),
             sky,
+            prepared_sky,
             low,
             side,
             size,
@@ -227,7 +230,7 @@ impl LightGrid {
         let probes = self.probes(corner, facing, &mut sampler);
         let mut seen = vec![0.0_f32; self.clusters.len()];
         let mut open = vec![0.0_f32; self.clusters.len()];
-        let mut sky = 0;
+        let mut sky = 0.0_f32;
         let repeats = (LOOKS / (PROBES * self.clusters.len())).clamp(1, 8);
         for (k, probe) in probes.iter().enumerate() {
             sampler.turn((1 + k) as u32, NumberPurpose::Light);
@@ -243,11 +246,13 @@ impl LightGrid {
                 let frame =
                     ShadingFrame::new(if facing == EVERYWHERE { Vec3::Z } else { probe.normal });
                 for _ in 0..SKY_RAYS {
-                    let direction = frame.to_world(cosine_hemisphere(sampler.two()));
-                    let origin = spawn(probe.point, probe.error, probe.normal, direction);
-                    sky += u32::from(
-                        !self.raycaster.occluded_from(&Ray::new(origin, direction), probe.triangle),
-                    );
+                    let (direction, value) = self.sky_ray(&frame, &mut sampler);
+                    if value > 0.0 {
+                        let origin = spawn(probe.point, probe.error, probe.normal, direction);
+                        let ray = Ray::new(origin, direction);
+                        let is_hidden = self.raycaster.occluded_from(&ray, probe.triangle);
+                        sky += if is_hidden { 0.0 } else { value };
+                    }
                 }
             }
         }
@@ -315,7 +320,7 @@ impl LightGrid {
             let count = sums.len() as f32;
             sums.iter_mut().zip(1_u8..).for_each(|(s, i)| *s = f32::from(i) / count);
         }
-        let sky = self.sky * sky as f32 / (PROBES * SKY_RAYS) as f32;
+        let sky = self.sky * sky / (PROBES * SKY_RAYS) as f32;
         LightCell {
             total: all_seen / (PROBES * repeats) as f32,
             sky,
@@ -324,6 +329,22 @@ impl LightGrid {
             seen_clusters,
             seen_as,
         }
+    }
+
+    /// Returns the direction of a ray that tests the sky, and an estimate of the irradiance from the
+    /// sky without obstacles, relative to that of an even sky of the same mean.
+    fn sky_ray(&self, frame: &ShadingFrame, sampler: &mut Sampler) -> (Vec3, f32) {
+        let mut uniform = sampler.two();
+        let aimed = self.prepared_sky.aim(&mut uniform);
+        let direction = aimed.unwrap_or_else(|| frame.to_world(cosine_hemisphere(uniform)));
+        if self.prepared_sky.is_even() {
+            return (direction, 1.0);
+        }
+        let cosine = cosine_pdf(direction.dot(frame.n));
+        let density = self.prepared_sky.mixed(direction, 1.0, cosine);
+        let radiance = luminance(self.prepared_sky.along(direction).to_array());
+        let value = radiance / self.prepared_sky.mean() * cosine / density;
+        (direction, if value.is_finite() { value } else { 0.0 })
     }
 
     /// Returns points on surfaces that face the cell's way; if there are too few, points in the

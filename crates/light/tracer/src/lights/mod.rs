@@ -3,8 +3,8 @@
 //!
 //! Emitting triangles and punctual lights are the leaves of a tree (Pharr et al. 2023, §12.6; Conty Estevez and Kulla
 //! 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting"). Sampling descends it
-//! by the light that each branch may bring to the vertex. The constant sky is one more light beside
-//! the tree.
+//! by the light that each branch may bring to the vertex. The sky is one more light beside the
+//! tree.
 //!
 //! Invariant: a light that could bring anything to the vertex has a positive probability, except
 //! by rounding at its horizon. A light that cannot has probability 0, unless it is the only one.
@@ -37,6 +37,7 @@ pub(crate) use triangle::Aim;
 
 use crate::luminance::luminance;
 use crate::panes::Panes;
+use crate::sky::PreparedSky;
 
 /// Least share of samples for the sky and for the emitters, if a scene has both: which of them a
 /// vertex sees is unknown.
@@ -63,6 +64,7 @@ pub(crate) struct Lights {
     /// Luminance of the irradiance of a surface that sees all of the sky, in the unit of the tree's
     /// powers.
     sky: f32,
+    prepared_sky: Arc<PreparedSky>,
     /// Set if all light comes from one triangle or flat quad: the share of its first triangle. Both
     /// halves look alike from nearly everywhere, so power alone decides between them.
     quad: Option<f32>,
@@ -166,7 +168,7 @@ fn first_of_quad(scene: &Scene, triangles: &[u32]) -> Option<f32> {
 }
 
 impl Lights {
-    pub(crate) fn new(scene: &Scene) -> Self {
+    pub(crate) fn new(scene: &Scene, prepared_sky: &Arc<PreparedSky>) -> Self {
         let strength: Vec<f32> = scene.materials.iter().map(|m| luminance(m.emission)).collect();
         let material = |t: u32| scene.material_id(t) as usize;
         let triangles =
@@ -190,17 +192,18 @@ impl Lights {
         let of_points = points.iter().map(|point| point.emitter(unit));
         let emitters = of_triangles.chain(of_points).collect();
         let sky =
-            (f64::from(PI * luminance(scene.sky)) / if unit > 0.0 { unit } else { 1.0 }) as f32;
+            (f64::from(PI * prepared_sky.mean()) / if unit > 0.0 { unit } else { 1.0 }) as f32;
         let is_alone = sky == 0.0 && points.is_empty();
         let quad = is_alone.then(|| first_of_quad(scene, &triangles)).flatten();
         let tree = LightTree::new(triangles, points, emitters);
-        Self { tree, cells: Vec::new(), sky, quad }
+        Self { tree, cells: Vec::new(), sky, prepared_sky: Arc::clone(prepared_sky), quad }
     }
 
     /// Makes a tree of the given triangles (ascending), with one emitter for each.
     pub(crate) fn over(triangles: Vec<u32>, emitters: Vec<Emitter>) -> Self {
         let tree = LightTree::new(triangles, Vec::new(), emitters);
-        Self { tree, cells: Vec::new(), sky: 0.0, quad: None }
+        let prepared_sky = Arc::new(PreparedSky::Even(Vec3::ZERO));
+        Self { tree, cells: Vec::new(), sky: 0.0, prepared_sky, quad: None }
     }
 
     /// Adds cells: where there are many lights, choices follow what each part of the scene receives
@@ -212,7 +215,10 @@ impl Lights {
         raycaster: &Arc<Raycaster>,
         panes: &Arc<Panes>,
     ) -> Self {
-        let grid = |most: &f32| LightGrid::new(*most, &self.tree, self.sky, raycaster, panes);
+        let grid = |most: &f32| {
+            let sky = (self.sky, Arc::clone(&self.prepared_sky));
+            LightGrid::new(*most, &self.tree, sky, raycaster, panes)
+        };
         self.cells = grids.iter().filter_map(grid).collect();
         self
     }

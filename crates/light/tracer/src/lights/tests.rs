@@ -4,7 +4,12 @@ use glam::{DVec3, Vec3};
 use holo_scene::{Bsdf, Material, Scene};
 
 use super::*;
+
 use crate::sampler::Sampler;
+
+fn lights_of(scene: &Scene) -> Lights {
+    Lights::new(scene, &Arc::new(PreparedSky::new(scene)))
+}
 
 /// Returns emitters in clusters, turned at random, of three sizes; a third of them are two-sided.
 fn scene(count: usize, sky: f32) -> Scene {
@@ -54,9 +59,9 @@ fn vertices() -> Vec<(Vec3, Vec3)> {
 fn choices_follow_the_stated_probabilities_which_sum_to_one() {
     for (count, sky) in [(1, 0.0), (2, 0.3), (9, 0.0), (3000, 0.0), (3000, 2.0)] {
         let scene = Arc::new(scene(count, sky));
-        let plain = Lights::new(&scene);
+        let plain = lights_of(&scene);
         // Enough lights for cells.
-        let celled = Lights::new(&scene).with_cells(
+        let celled = lights_of(&scene).with_cells(
             &GRIDS,
             &Arc::new(Raycaster::build(scene.clone()).expect("built")),
             &closed(),
@@ -128,7 +133,7 @@ fn choices_follow_the_stated_probabilities_which_sum_to_one() {
 #[test]
 fn only_lights_that_can_contribute_have_a_probability() {
     let scene = scene(3000, 0.0);
-    let lights = Lights::new(&scene);
+    let lights = lights_of(&scene);
     let (mut lit, mut skipped) = (0, 0);
     for (point, normal) in vertices() {
         let seen = lights.at_vertex(point, normal, 1);
@@ -161,7 +166,7 @@ fn choices_follow_the_irradiance_of_lights() {
     // irradiance over probability, relative to the square of the whole. By power alone it is in the
     // hundreds here.
     let scene = scene(3000, 0.0);
-    let lights = Lights::new(&scene);
+    let lights = lights_of(&scene);
     let power: f64 = (0..3000).map(|t| scene.area(t)).sum();
     let (mut tree, mut table) = (0.0, 0.0);
     for (point, normal) in
@@ -231,7 +236,7 @@ fn lights_behind_a_wall_are_seldom_chosen_but_can_be() {
     let raycaster = rooms();
     let scene = raycaster.scene();
     let (plain, celled) =
-        (Lights::new(scene), Lights::new(scene).with_cells(&GRIDS, &raycaster, &closed()));
+        (lights_of(scene), lights_of(scene).with_cells(&GRIDS, &raycaster, &closed()));
     for (x, y) in [(-0.3, 0.1), (-2.0, 2.2), (-1.1, -4.0)] {
         let point = (DVec3::new(x, y, 0.0) - scene.origin).as_vec3();
         let visible = |lights: &Lights| {
@@ -253,7 +258,7 @@ fn lights_behind_a_wall_are_seldom_chosen_but_can_be() {
 fn a_cell_does_not_depend_on_the_order_of_visits() {
     let raycaster = rooms();
     let lights =
-        [0, 1].map(|_| Lights::new(raycaster.scene()).with_cells(&GRIDS, &raycaster, &closed()));
+        [0, 1].map(|_| lights_of(raycaster.scene()).with_cells(&GRIDS, &raycaster, &closed()));
     let mut s = Sampler::new(8, 0);
     let points: Vec<Vec3> = (0..300)
         .map(|_| Vec3::new(s.one() - 0.5, s.one() - 0.5, 0.0) * Vec3::new(20.0, 10.0, 1.0))

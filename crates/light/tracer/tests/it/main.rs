@@ -2,6 +2,7 @@
 
 mod common;
 mod covers;
+mod daylight;
 mod extremes;
 mod gather;
 mod housing;

@@ -61,7 +61,7 @@ impl Coordinator {
                 return Err(ResultsError::OtherRays.into());
             }
             let plausible = &self.holodeck.plausible;
-            if let Err(error) = plausible.samples(assignment.key().section, samples) {
+            if let Err(error) = plausible.samples(assignment.key(), samples) {
                 self.lose([assignment]);
                 return Err(error.into());
             }
