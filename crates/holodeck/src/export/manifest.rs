@@ -138,9 +138,16 @@ fn floor(section: &Section, up: [f64; 3]) -> [[f64; 3]; 4] {
 /// Returns how the export differs from the holodeck, for people.
 fn notes(report: &SplatReport, unit: f64) -> Vec<String> {
     let mut notes = vec![
-        format!("{} splats, {:.1} mm apart, with the light of {} samples. Light with few samples is smoothed along its surface; standard errors are those of the smoothed light.",
-            report.surfels, 1000.0 * report.spacing * unit, report.samples),
-        "Mirrors, glass and bare metal show the mean of their light over directions, as if painted. Gleams on glossy surfaces are left out.".to_owned(),
+        format!(
+            "{} splats, {:.1} mm apart, with the light of {} samples. Light with few samples is \
+             smoothed along its surface; standard errors are those of the smoothed light.",
+            report.surfels,
+            1000.0 * report.spacing * unit,
+            report.samples
+        ),
+        "Mirrors, glass and bare metal show the mean of their light over directions, as if \
+         painted. Gleams on glossy surfaces are left out."
+            .to_owned(),
         "Of the tones, soft and linear are here; camera and human are left out.".to_owned(),
     ];
     if report.unplaced > 0 {

@@ -78,7 +78,7 @@ const program = (vertex, fragment) => {
 // Light is scaled so that the greatest is 2^12 in 16-bit floats.
 const splats = program(`
 in vec4 sphere; in uvec2 words;
-uniform mat3 turn; uniform vec3 eye; uniform vec4 lens; uniform vec2 size; uniform float near, far; uniform bool onlyLeaves;
+uniform mat3 turn; uniform vec3 eye; uniform vec4 lens; uniform vec2 size; uniform float near, far, sliver; uniform bool onlyLeaves;
 flat out vec3 centre, normal; flat out float radius, reach; flat out vec2 place; flat out vec4 light;
 vec3 octahedron(uint code) {
   float u = float(code % 31u) / 15. - 1., v = float(min(code / 31u, 30u)) / 15. - 1., z = 1. - abs(u) - abs(v);
@@ -107,6 +107,8 @@ void main() {
   vec2 shown = centre.xy / depth / lens.xy;
   place = (shown * .5 + .5) * size;
   reach = radius / depth * lens.z;
+  // Slivers narrower than a pixel, such as sides of floor boards, would be drawn as wide as one.
+  if (!inner && radius < sliver && reach < .75) return;
   gl_PointSize = 2. * clamp(reach, .75, 512.) * 1.15 + 1.;
   gl_Position = vec4(shown, 0., 1.);
 }`, `
@@ -428,6 +430,7 @@ const draw = () => {
   gl.uniform2f(splats.at.size, width, height);
   gl.uniform1f(splats.at.near, near);
   gl.uniform1f(splats.at.far, far);
+  gl.uniform1f(splats.at.sliver, .25 * site.spacing);
   gl.bindVertexArray(array);
   const runs = choose(ahead, right, over, across, along, width / (2 * across));
   facts.calls = 0;
