@@ -11,6 +11,7 @@
 //! | a picture straight from the tracer | [`render::render`] |
 //! | what a file holds, and its damage | [`info::info`], [`info::verify`] |
 //! | merge files, remove samples | [`files::merge`], [`files::forget`] |
+//! | static files that draw a file in a browser | [`export::export`] |
 //! | splats of a file, for huge files and pages | [`splats::make`] |
 //! | a file that is read faster, or has other sections | [`files::optimize`], [`files::copy`] |
 //! | what is odd in a model | [`check::check`] |
@@ -28,6 +29,7 @@ pub mod compare;
 pub mod config;
 mod crew;
 mod differences;
+pub mod export;
 pub mod files;
 pub mod fill;
 pub mod info;

@@ -12,8 +12,8 @@ use holo_view::{BrowserArgs, WindowRequest};
 use holodeck::{session::FrontEnd, settings::Usage};
 
 use commands::{
-    arguments, check, compare, copy, demo, fill, forget, info, merge, optimize, picture, render,
-    sections, splats, status, tokens, view,
+    arguments, check, compare, copy, demo, export, fill, forget, info, merge, optimize, picture,
+    render, sections, splats, status, tokens, view,
 };
 
 /// Stack of the thread that does the work, bytes: as large as a main thread's on usual systems.
@@ -61,6 +61,7 @@ enum Command {
     Copy(copy::CopyArgs),
     Forget(forget::ForgetArgs),
     Splats(splats::SplatsArgs),
+    Export(export::ExportArgs),
     Status(status::StatusArgs),
     Tokens(tokens::TokensArgs),
     /// Serve one holodeck to workers and displays (also the program `holoserver`)
@@ -167,6 +168,7 @@ async fn run(program: Program, screen: WindowRequest) -> anyhow::Result<()> {
         Command::Copy(args) => copy::run(&args),
         Command::Forget(args) => forget::run(&args),
         Command::Splats(args) => splats::run(args),
+        Command::Export(args) => export::run(args),
         Command::Status(args) => status::run(args).await,
         Command::Tokens(args) => tokens::run(&args),
         Command::Holoserver(config) => holo_server::run_until_signal(config).await,

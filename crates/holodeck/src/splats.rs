@@ -379,12 +379,12 @@ impl SamplePlaces {
 }
 
 /// Returns the place on the surface that a place is just below, such as the mean of places on a
-/// curved one.
+/// curved one. The other side of a narrow gap faces the other way, and is none.
 fn on_surface(raycaster: &Raycaster, place: Vec3, normal: Vec3, height: f32) -> Vec3 {
     let down = Ray { t_max: 2.0 * height, ..Ray::new(place + normal * height, -normal) };
     let hit = raycaster
         .nearest(&down)
-        .filter(|hit| raycaster.geometric_normal(hit.triangle).dot(normal).abs() > SAME_SURFACE);
+        .filter(|hit| raycaster.geometric_normal(hit.triangle).dot(normal) > SAME_SURFACE);
     hit.map_or(place, |hit| down.origin + down.direction * hit.t)
 }
 

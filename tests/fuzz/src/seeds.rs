@@ -13,6 +13,8 @@ use holo_fuzz::short;
 use holo_proto::frame::{HEADER_BYTES, FrameHeader};
 use holo_scene::{LoadOptions, load};
 use holo_scenes::{Bundled, MODELS, obj_and_mtl, write_model};
+use glam::{DVec3, Vec3};
+use holo_splats::{Origin, SplatTree, Surfel};
 use holo_section::{BeamId, BeamKey, RayCoords, NumberRun, Sample, SampleKind};
 
 /// Models above this length are left out: a fuzzer gets nowhere with long ones.
@@ -47,6 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     messages(folder)?;
     beam_file(folder)?;
     models(folder)?;
+    splats(folder)?;
     for (name, scene) in [
         ("instances", instanced::scene()),
         ("shaded-instances", instanced::shaded()),
@@ -59,6 +62,30 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     write(folder, "gltf", "triangle", gltf.as_bytes())?;
     write(folder, "gltf", "binary", &glb(&gltf))?;
     Ok(())
+}
+
+/// A hierarchy of some levels, on a sheet.
+fn splats(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    let surfel = |at: u16| Surfel {
+        position: Vec3::new(f32::from(at % 8), f32::from(at / 8), 0.0),
+        normal: Vec3::Z,
+        radius: 0.8,
+        light: [f32::from(at), 1.0, 2.0],
+        error: 0.1,
+        is_directional: at == 3,
+    };
+    let origin = Origin {
+        origin: DVec3::ZERO,
+        spacing: 1.0,
+        unit: 1.0,
+        up: [0.0, 0.0, 1.0],
+        sky: [0.0; 3],
+        samples: 100,
+        generation: 0,
+        scene: [0; 32],
+    };
+    let tree = SplatTree::new((0..64).map(surfel).collect(), 1.0)?;
+    Ok(write(folder, "splats", "sheet", &tree.to_bytes(&origin))?)
 }
 
 fn write(folder: &Path, target: &str, name: &str, bytes: &[u8]) -> io::Result<()> {

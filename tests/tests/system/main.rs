@@ -11,6 +11,7 @@ mod cells;
 mod coming_and_going;
 mod disk;
 mod display_only;
+mod export;
 mod fault_loop;
 mod fill;
 mod forget;

@@ -10,6 +10,7 @@ pub mod check;
 pub mod compare;
 pub mod copy;
 pub mod demo;
+pub mod export;
 pub mod fill;
 pub mod forget;
 pub mod info;

@@ -54,7 +54,7 @@ struct Pixel {
 }
 
 /// How a splat shows in a pixel.
-struct Coverage {
+struct DiscHit {
     distance: f32,
     weight: f32,
 }
@@ -134,12 +134,12 @@ impl BandOfRows<'_> {
         let blends = self.shape == SplatShape::Fuzzy;
         for splat in splats.clone() {
             let light = if blends { (Vec3::ZERO, 0.0) } else { light(splat, peak) };
-            self.for_pixels(splat, |at, coverage| {
+            self.for_pixels(splat, |at, hit| {
                 let pixel = &mut pixels[at];
-                if coverage.distance >= pixel.nearest {
+                if hit.distance >= pixel.nearest {
                     return;
                 }
-                let (nearest, reach) = (coverage.distance, splat.radius);
+                let (nearest, reach) = (hit.distance, splat.radius);
                 let weight = if blends { 0.0 } else { 1.0 };
                 *pixel = Pixel { nearest, reach, light: light.0, error: light.1, weight };
             });
@@ -147,13 +147,13 @@ impl BandOfRows<'_> {
         if blends {
             for splat in splats {
                 let light = light(splat, peak);
-                self.for_pixels(splat, |at, coverage| {
+                self.for_pixels(splat, |at, hit| {
                     let pixel = &mut pixels[at];
                     let thickness = THICKNESS * splat.radius.max(pixel.reach);
-                    if coverage.distance < pixel.nearest + thickness {
-                        pixel.light += light.0 * coverage.weight;
-                        pixel.error += light.1 * coverage.weight;
-                        pixel.weight += coverage.weight;
+                    if hit.distance < pixel.nearest + thickness {
+                        pixel.light += light.0 * hit.weight;
+                        pixel.error += light.1 * hit.weight;
+                        pixel.weight += hit.weight;
                     }
                 });
             }
@@ -162,7 +162,7 @@ impl BandOfRows<'_> {
     }
 
     /// Calls `visit` with each pixel of these rows that a splat covers.
-    fn for_pixels(&self, splat: &DrawnSplat, mut visit: impl FnMut(usize, Coverage)) {
+    fn for_pixels(&self, splat: &DrawnSplat, mut visit: impl FnMut(usize, DiscHit)) {
         let reach = splat.reach.clamp(LEAST_REACH, MOST_REACH);
         // A disc in a wide view is drawn longer than it is wide.
         let margin = if self.is_flat() { reach } else { reach * 1.2 + 0.5 };
@@ -179,8 +179,8 @@ impl BandOfRows<'_> {
             for column in columns.clone() {
                 let off = (column as f32 + 0.5 - x, row as f32 + 0.5 - y);
                 let ray = row * width + column;
-                if let Some(coverage) = self.coverage(splat, reach, off, ray) {
-                    visit((row - self.top) * width + column, coverage);
+                if let Some(hit) = self.hit(splat, reach, off, ray) {
+                    visit((row - self.top) * width + column, hit);
                 }
             }
         }
@@ -191,20 +191,14 @@ impl BandOfRows<'_> {
     }
 
     /// Returns how a splat shows in a pixel `off` its centre; `None` if it does not.
-    fn coverage(
-        &self,
-        splat: &DrawnSplat,
-        reach: f32,
-        off: (f32, f32),
-        ray: usize,
-    ) -> Option<Coverage> {
+    fn hit(&self, splat: &DrawnSplat, reach: f32, off: (f32, f32), ray: usize) -> Option<DiscHit> {
         let square = off.0 * off.0 + off.1 * off.1;
         let origin = self.rays.origins.get(ray).copied().unwrap_or(Vec3::ZERO);
         let to_centre = splat.centre - origin;
         if self.is_flat() {
             let is_inside = self.shape == SplatShape::Square || square <= reach * reach;
             let distance = to_centre.length();
-            return is_inside.then_some(Coverage { distance, weight: 1.0 });
+            return is_inside.then_some(DiscHit { distance, weight: 1.0 });
         }
         let direction = self.rays.directions[ray];
         let slope = splat.normal.dot(direction);
@@ -220,7 +214,7 @@ impl BandOfRows<'_> {
         // NaN, of a ray that does not exist, is outside.
         let is_inside = place <= 1.0;
         let distance = if on_disc <= 1.0 { along } else { to_centre.length() };
-        is_inside.then(|| Coverage { distance, weight: (-FADING * place).exp() })
+        is_inside.then(|| DiscHit { distance, weight: (-FADING * place).exp() })
     }
 }
 

@@ -4,7 +4,7 @@ use std::{fmt, fs::File, path::Path, sync::OnceLock};
 
 use crate::{
     PackedNode, SplatError, SplatHeader,
-    children::ChildSums,
+    children::{ChildSums, count},
     error::DamagedPart,
     format::{CHUNK_NODES, ENTRY_BYTES, HASH_BYTES, HEADER_BYTES},
     map::FileBytes,
@@ -26,8 +26,18 @@ pub struct SplatNode {
 pub struct SplatFile {
     header: SplatHeader,
     bytes: FileBytes,
-    /// The chunks that were compared with their hashes; `None` for damaged ones.
-    chunks: Vec<OnceLock<Option<ChildSums>>>,
+    /// What was found of chunks that were needed.
+    chunks: Vec<OnceLock<ChunkState>>,
+}
+
+/// What was found of a chunk.
+enum ChunkState {
+    /// Its bytes have their hash, and its nodes' children are no others' children.
+    Sound(ChildSums),
+    /// Its bytes do not have their hash.
+    Changed,
+    /// Its nodes have children that are also children of the next chunk's nodes.
+    Overlapping,
 }
 
 impl fmt::Debug for SplatFile {
@@ -103,11 +113,8 @@ impl SplatFile {
     pub fn first_child(&self, node: &SplatNode) -> Result<u32, SplatError> {
         let chunk = node.number as usize / CHUNK_NODES;
         let (nodes, sums) = self.chunk(chunk)?;
-        let entry = &self.bytes[HEADER_BYTES + chunk * ENTRY_BYTES..][HASH_BYTES..ENTRY_BYTES];
-        let mut first = [0; 8];
-        first.copy_from_slice(entry);
         let before = sums.before(nodes, node.number as usize % CHUNK_NODES);
-        let child = u64::from_le_bytes(first).saturating_add(before);
+        let child = self.first_of(chunk).saturating_add(before);
         let end = child.saturating_add(u64::from(node.packed.children()));
         if child <= u64::from(node.number) || end > self.header.nodes {
             return Err(SplatError::Value("a node names children that cannot be its own"));
@@ -141,16 +148,40 @@ impl SplatFile {
     /// Returns the nodes of a chunk, once its hash was compared.
     #[inline]
     fn chunk(&self, number: usize) -> Result<(&[PackedNode], &ChildSums), SplatError> {
-        let damaged = || SplatError::Hash(DamagedPart::Chunk(number));
-        let sums = self.chunks.get(number).ok_or(SplatError::Value("a node is missing"))?;
+        let state = self.chunks.get(number).ok_or(SplatError::Value("a node is missing"))?;
         let nodes = self.chunk_nodes(number);
-        let sums = sums.get_or_init(|| {
-            let at = HEADER_BYTES + number * ENTRY_BYTES;
-            let hash = blake3::hash(bytemuck::cast_slice(nodes));
-            (hash.as_bytes()[..HASH_BYTES] == self.bytes[at..at + HASH_BYTES])
-                .then(|| ChildSums::new(nodes))
-        });
-        Ok((nodes, sums.as_ref().ok_or_else(damaged)?))
+        match state.get_or_init(|| self.examine(number, nodes)) {
+            ChunkState::Sound(sums) => Ok((nodes, sums)),
+            ChunkState::Changed => Err(SplatError::Hash(DamagedPart::Chunk(number))),
+            ChunkState::Overlapping => Err(SplatError::Value("two nodes name the same children")),
+        }
+    }
+
+    /// Compares a chunk with its entry and the next one. A node is thus the child of one node at
+    /// most, and no traversal visits it twice.
+    fn examine(&self, number: usize, nodes: &[PackedNode]) -> ChunkState {
+        let at = HEADER_BYTES + number * ENTRY_BYTES;
+        let hash = blake3::hash(bytemuck::cast_slice(nodes));
+        if hash.as_bytes()[..HASH_BYTES] != self.bytes[at..at + HASH_BYTES] {
+            return ChunkState::Changed;
+        }
+        let end = self.first_of(number).saturating_add(u64::from(count(nodes)));
+        let most = match number + 1 < self.chunks.len() {
+            true => self.first_of(number + 1),
+            false => self.header.nodes,
+        };
+        if end > most {
+            return ChunkState::Overlapping;
+        }
+        ChunkState::Sound(ChildSums::new(nodes))
+    }
+
+    /// Returns the number of the first child of a chunk's nodes, as the table says.
+    fn first_of(&self, chunk: usize) -> u64 {
+        let at = HEADER_BYTES + chunk * ENTRY_BYTES + HASH_BYTES;
+        let mut first = [0; 8];
+        first.copy_from_slice(&self.bytes[at..at + 8]);
+        u64::from_le_bytes(first)
     }
 
     fn chunk_nodes(&self, number: usize) -> &[PackedNode] {

@@ -65,7 +65,7 @@ const SAME_DIRECTION: f32 = 0.8;
 
 /// A cell on its way to a surfel.
 #[derive(Clone, Copy)]
-struct Piece {
+struct SurfelDraft {
     position: Vec3,
     normal: Vec3,
     light: Vec3,
@@ -98,46 +98,46 @@ impl SurfelCells {
             .collect();
         let variances = variances(&cells, &near);
         let lights = without_spikes(&cells, &near);
-        let piece = |at: usize| Piece {
+        let draft = |at: usize| SurfelDraft {
             position: places[at],
             normal: normals[at],
             light: lights[at],
             variance: variances[at],
             of_cell: variances[at],
         };
-        let mut pieces: Vec<Piece> = (0..cells.len()).into_par_iter().map(piece).collect();
+        let mut drafts: Vec<SurfelDraft> = (0..cells.len()).into_par_iter().map(draft).collect();
         for round in 0..ROUNDS {
-            pieces = (0..pieces.len())
+            drafts = (0..drafts.len())
                 .into_par_iter()
-                .map(|at| smoothed(&pieces, &near[at], at, spacing, round))
+                .map(|at| smoothed(&drafts, &near[at], at, spacing, round))
                 .collect();
         }
         cells
             .par_iter()
-            .zip(&pieces)
+            .zip(&drafts)
             .zip(&near)
-            .map(|(((_, sums), piece), near)| surfel(sums, piece, &pieces, near, spacing))
+            .map(|(((_, sums), draft), near)| surfel(sums, draft, &drafts, near, spacing))
             .collect()
     }
 }
 
 fn surfel(
     sums: &CellSums,
-    piece: &Piece,
-    pieces: &[Piece],
+    draft: &SurfelDraft,
+    drafts: &[SurfelDraft],
     near: &[u32; MOST_NEIGHBOURS],
     spacing: f32,
 ) -> Surfel {
-    let light = piece.light * (sums.reflectance / sums.weight);
-    let luminance = relative_luminance(piece.light.into());
+    let light = draft.light * (sums.reflectance / sums.weight);
+    let luminance = relative_luminance(draft.light.into());
     let error = match luminance > 0.0 {
-        true => piece.variance.max(0.0).sqrt() / luminance,
+        true => draft.variance.max(0.0).sqrt() / luminance,
         false => f32::INFINITY,
     };
     Surfel {
-        position: piece.position,
-        normal: piece.normal,
-        radius: radius(piece, pieces, near, spacing),
+        position: draft.position,
+        normal: draft.normal,
+        radius: radius(draft, drafts, near, spacing),
         light: light.into(),
         error,
         is_directional: sums.directional > 0.5 * sums.weight,
@@ -145,11 +145,16 @@ fn surfel(
 }
 
 /// Returns a radius by which a surfel meets its neighbours: greater where these are far or few.
-fn radius(piece: &Piece, pieces: &[Piece], near: &[u32; MOST_NEIGHBOURS], spacing: f32) -> f32 {
+fn radius(
+    draft: &SurfelDraft,
+    drafts: &[SurfelDraft],
+    near: &[u32; MOST_NEIGHBOURS],
+    spacing: f32,
+) -> f32 {
     let mut distances: Vec<f32> = near
         .iter()
         .take_while(|&&other| other != NOBODY)
-        .map(|&other| pieces[other as usize].position.distance(piece.position))
+        .map(|&other| drafts[other as usize].position.distance(draft.position))
         .collect();
     distances.sort_unstable_by(f32::total_cmp);
     // A surface in a grid has about 8 neighbours; the sixth is a diagonal away.
@@ -279,15 +284,15 @@ fn variances(cells: &[(u64, CellSums)], near: &[[u32; MOST_NEIGHBOURS]]) -> Vec<
     (0..cells.len()).into_par_iter().map(variance).collect()
 }
 
-/// Returns a piece with its light smoothed once.
+/// Returns a draft with its light smoothed once.
 fn smoothed(
-    pieces: &[Piece],
+    drafts: &[SurfelDraft],
     near: &[u32; MOST_NEIGHBOURS],
     at: usize,
     spacing: f32,
     round: usize,
-) -> Piece {
-    let own = pieces[at];
+) -> SurfelDraft {
+    let own = drafts[at];
     let luminance = relative_luminance(own.light.into());
     if own.variance <= (GOOD_ERROR * luminance).powi(2) {
         return own;
@@ -297,7 +302,7 @@ fn smoothed(
     let mut sums = (own.light, 1.0, own.variance);
     let mut of_cell = own.of_cell;
     for &other in near.iter().take_while(|&&other| other != NOBODY) {
-        let other = pieces[other as usize];
+        let other = drafts[other as usize];
         let distance = other.position.distance_squared(own.position) / (spacing * spacing);
         let difference = relative_luminance(other.light.into()) - luminance;
         let noise = TOLERANCE * TOLERANCE * (own.variance + other.variance);
@@ -320,5 +325,5 @@ fn smoothed(
     let of_cell = of_cell / weight;
     let least = of_cell / (1.0 + CELLS_OF_ROUND * (round + 1) as f32);
     let variance = (variance / (weight * weight)).max(least);
-    Piece { light: light / weight, variance, of_cell, ..own }
+    SurfelDraft { light: light / weight, variance, of_cell, ..own }
 }

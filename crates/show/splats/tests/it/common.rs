@@ -37,7 +37,7 @@ pub fn ball(count: u32) -> Vec<Surfel> {
             radius: 0.05,
             light: [1.5 + z, 1.0, 0.5],
             error: 0.04,
-            is_directional: at % 7 == 0,
+            is_directional: at.is_multiple_of(7),
         }
     };
     (0..count).map(surfel).collect()

@@ -89,3 +89,16 @@ fn files_with_any_bytes_and_true_hashes_are_refused_or_end() {
     }
     assert!(opened > 500, "{opened} of 4000 files were opened");
 }
+
+#[test]
+fn a_node_with_two_parents_is_refused() {
+    // With many chunks that share children, a traversal would take for ever.
+    let mut bytes = file(ball(3 * CHUNK_NODES as u32));
+    let first_of_second = HEADER_BYTES + 24 + 16;
+    bytes[first_of_second..first_of_second + 8].copy_from_slice(&9000_u64.to_le_bytes());
+    seal(&mut bytes);
+    let file = SplatFile::from_bytes(bytes).unwrap();
+    let error = file.verify().unwrap_err().to_string();
+    assert!(error.contains("the same children"), "{error}");
+    visit(&file, file.header().nodes as usize);
+}
