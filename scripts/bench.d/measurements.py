@@ -23,6 +23,7 @@ from gather import gather
 from harness import Bench
 from interactive import interactive
 from large import large
+from mesh import mesh
 from network import network
 from program import Failed, available_memory, compare, median_of, run
 from quadtree import quadtree
@@ -398,5 +399,6 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "embree": embree,
     "rendercache": rendercache,
     "quadtree": quadtree,
+    "mesh": mesh,
     "rivals": rivals,
 }

@@ -1,14 +1,19 @@
-//! Whole files: merging several into one, and removing the samples of some workers.
+//! Whole files: merging several into one, removing the samples of some workers, putting samples in
+//! order, and copying rays into other sections.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use holo_beamfile::{Maker, Skipped};
+use holo_scene::Scene;
 use holo_server::Holodeck;
 
-pub use holo_server::{Forgotten, Merged};
+pub use holo_server::{Forgotten, Merged, Optimized, Reframed};
 
-use crate::prepare::SMALL_CACHE;
+use crate::{
+    config::HolodeckConfig,
+    prepare::{SMALL_CACHE, spec},
+};
 
 /// A file whose samples were merged into another one.
 pub struct MergedPart<'a> {
@@ -53,4 +58,34 @@ pub fn merge(into: &Path, parts: &[PathBuf], mut each: impl FnMut(MergedPart)) -
 pub fn forget(file: &Path, workers: &[u16]) -> Result<Forgotten> {
     let makers: Vec<Maker> = workers.iter().map(|&number| Maker(number)).collect();
     Holodeck::forget(file, &makers)
+}
+
+/// Writes a file anew with the samples of each beam side by side, and without superseded ones.
+/// Views are then read faster, and pictures are the same.
+///
+/// # Errors
+/// If the file cannot be read or written, is damaged, or another process writes to it. It is then
+/// as before.
+pub fn optimize(file: &Path) -> Result<Optimized> {
+    Holodeck::optimize(file)
+}
+
+/// Makes the file `to` of the same scene and settings with the sections of `config`, and copies the
+/// rays of `from` into it where these sections can store them.
+///
+/// # Errors
+/// If `to` exists or cannot be written, `from` cannot be read, or a section is not valid or stores
+/// none of the rays.
+pub fn copy(from: &Path, to: &Path, config: &HolodeckConfig) -> Result<Reframed> {
+    ensure!(!to.exists(), "{} exists already: name a new file", to.display());
+    let old = Holodeck::open_read_only(from, SMALL_CACHE)?;
+    let packed = old.packed_scene().with_context(|| format!("reading {}", from.display()))?;
+    let scene = Scene::unpack(&packed)
+        .with_context(|| format!("reading the scene of {}", from.display()))?;
+    let sections = config.section.iter().enumerate().map(|(index, section)| {
+        spec(config, &scene, section, index).with_context(|| format!("section {index}"))
+    });
+    let sections = sections.collect::<Result<Vec<_>>>()?;
+    let doing = || format!("copying {} to {}", from.display(), to.display());
+    old.reframe(to, sections).with_context(doing)
 }

@@ -11,6 +11,8 @@
 //! | a picture straight from the tracer | [`render::render`] |
 //! | what a file holds, and its damage | [`info::info`], [`info::verify`] |
 //! | merge files, remove samples | [`files::merge`], [`files::forget`] |
+//! | splats of a file, for huge files and pages | [`splats::make`] |
+//! | a file that is read faster, or has other sections | [`files::optimize`], [`files::copy`] |
 //! | what is odd in a model | [`check::check`] |
 //! | the difference between two pictures | [`compare::compare`] |
 //! | the state of a running server | [`status::QueriedServer`] |
@@ -43,6 +45,7 @@ pub mod render;
 mod seen;
 pub mod session;
 pub mod settings;
+pub mod splats;
 pub mod status;
 mod sums;
 pub mod value_ranges;

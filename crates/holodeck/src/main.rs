@@ -12,8 +12,8 @@ use holo_view::{BrowserArgs, WindowRequest};
 use holodeck::{session::FrontEnd, settings::Usage};
 
 use commands::{
-    arguments, check, compare, demo, fill, forget, info, merge, picture, render, sections, status,
-    tokens, view,
+    arguments, check, compare, copy, demo, fill, forget, info, merge, optimize, picture, render,
+    sections, splats, status, tokens, view,
 };
 
 /// Stack of the thread that does the work, bytes: as large as a main thread's on usual systems.
@@ -57,7 +57,10 @@ enum Command {
     Info(info::InfoArgs),
     Verify(info::VerifyArgs),
     Merge(merge::MergeArgs),
+    Optimize(optimize::OptimizeArgs),
+    Copy(copy::CopyArgs),
     Forget(forget::ForgetArgs),
+    Splats(splats::SplatsArgs),
     Status(status::StatusArgs),
     Tokens(tokens::TokensArgs),
     /// Serve one holodeck to workers and displays (also the program `holoserver`)
@@ -160,7 +163,10 @@ async fn run(program: Program, screen: WindowRequest) -> anyhow::Result<()> {
         Command::Info(args) => info::info(&args),
         Command::Verify(args) => info::verify(&args),
         Command::Merge(args) => merge::run(&args),
+        Command::Optimize(args) => optimize::run(&args),
+        Command::Copy(args) => copy::run(&args),
         Command::Forget(args) => forget::run(&args),
+        Command::Splats(args) => splats::run(args),
         Command::Status(args) => status::run(args).await,
         Command::Tokens(args) => tokens::run(&args),
         Command::Holoserver(config) => holo_server::run_until_signal(config).await,

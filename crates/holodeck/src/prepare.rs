@@ -396,7 +396,8 @@ fn sections(config: &HolodeckConfig, opened: &OpenedScene) -> Result<Vec<Section
     specs.collect()
 }
 
-fn spec(
+/// Returns the specification of a section that was stated or found, and prints it.
+pub(crate) fn spec(
     config: &HolodeckConfig,
     scene: &Scene,
     section: &config::SectionTable,

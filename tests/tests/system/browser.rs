@@ -58,6 +58,9 @@ fn a_person_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     let mut session = place.start(&[&words[..], &VIEW].concat());
     let browser = &mut Chromium::open(&address(&mut session));
     wait_for_rest(browser);
+    // The plan shows the four walls of the box, whose open side is in front.
+    let walls = browser.value("document.getElementById('walls').getAttribute('d')");
+    assert!(walls.as_str().unwrap().matches('M').count() >= 6, "{walls}");
     // Once all stored samples have arrived, the value under the cursor equals that of `picture` for
     // the same view.
     browser.mouse("mouseMoved", (640, 360), 0);
@@ -152,6 +155,39 @@ fn a_person_walks_orbits_approaches_reads_light_and_saves_in_a_browser() {
     place.run(&words).ok();
 }
 
+#[test]
+fn a_view_is_levelled_by_a_shift_and_its_middle_stays() {
+    let place = Place::new();
+    place.fill_small_with("a.holo", "100k", &["--bounces", "0"]);
+    let words = ["replay", "{}/a.holo", "--no-open"];
+    let mut session = place.start(&[&words[..], &VIEW].concat());
+    let browser = &mut Chromium::open(&address(&mut session));
+    wait_for_rest(browser);
+    changes_view(browser, |browser| browser.drag((640, 360), (660, 440), 1));
+    let rise = "dot(unit(header.view.direction), unit(facts.up))";
+    let middle = "unit(plus(header.view.direction, header.view.up, \
+        header.view.shift[1] * header.view.extent[1]))";
+    let number = |browser: &mut Chromium, script: &str| browser.value(script).as_f64().unwrap();
+    let vector = |browser: &mut Chromium| -> [f64; 3] {
+        serde_json::from_value(browser.value(middle)).unwrap()
+    };
+    assert!(number(browser, rise).abs() > 0.05, "the drag has tilted the view");
+    let before = vector(browser);
+    changes_view(browser, |browser| {
+        browser.value("document.getElementById('b-upright').click()");
+    });
+    assert!(number(browser, rise).abs() < 1e-6);
+    let after = vector(browser);
+    assert!(before.iter().zip(after).all(|(a, b)| (a - b).abs() < 1e-4), "{before:?} {after:?}");
+    changes_view(browser, |browser| {
+        let moves = "$('r-lift').value = 20; $('r-lift').oninput()";
+        browser.value(moves);
+    });
+    assert!((number(browser, "header.view.shift[1]") - 0.2).abs() < 1e-9);
+    session.write_line("quit");
+    session.wait().ok();
+}
+
 /// Returns a line of a script with a tenth of its time.
 fn ten_times_faster(line: &str) -> String {
     let timed =
@@ -232,8 +268,23 @@ fn buttons_keys_and_lines_command_a_session() {
     browser.value(driver);
     browser.wait("state.driver === 'quadtree'");
     wait_for_rest(browser);
+    // The parts of a driver's method have boxes, which follow what others switch.
+    session.write_line("driver pointimage");
+    browser.wait(
+        "state.driver === 'pointimage' && document.querySelectorAll('#parts input').length === 8",
+    );
+    browser.value("document.querySelector('#parts [data-part=prefilter]').click()");
+    browser.wait("state.parts.some(part => part.name === 'prefilter' && !part.on)");
+    session.write_line("with prefilter");
+    session.write_line("without dither");
+    browser.wait(
+        "document.querySelector('#parts [data-part=prefilter]').checked && \
+         !document.querySelector('#parts [data-part=dither]').checked",
+    );
+    session.write_line("without glue");
+    browser.wait("(state.trouble || '').includes('no part `glue`')");
     session.write_line("driver surfaces");
-    browser.wait("state.driver === 'surfaces'");
+    browser.wait("state.driver === 'surfaces' && document.getElementById('parts').hidden");
     session.write_line("pause");
     browser.wait("state.paused");
     session.write_line("dance");

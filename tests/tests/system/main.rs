@@ -22,6 +22,7 @@ mod live;
 mod log;
 mod metrics;
 mod network;
+mod optimize;
 mod page;
 mod processes;
 mod render_cache;

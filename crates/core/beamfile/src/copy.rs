@@ -1,4 +1,4 @@
-//! Copies a file's samples to another file, except those of some makers.
+//! Copies a file's samples to another file, except those of some makers or generations.
 
 use holo_section::{NumberRun, Sample};
 
@@ -13,20 +13,20 @@ use crate::{Maker, Result};
 pub struct Copied {
     /// Copied samples, including superseded ones.
     pub samples: u64,
-    /// Samples left out because of their maker, including superseded ones.
+    /// Samples left out, including superseded ones.
     pub left_out: u64,
 }
 
 impl BeamFile {
-    /// Appends all samples on this file's disk to another file, in their order, except those whose
-    /// maker `keep` refuses.
+    /// Appends all samples on this file's disk to another file, in their order, except those that
+    /// `keep` refuses by their maker and generation.
     ///
     /// They keep their generations. Samples that a refused one had superseded count again. Damaged
     /// samples are left out. Blobs and shares of layers are not copied.
     ///
     /// # Errors
     /// If this file cannot be read, or the other one cannot be written or lacks a beam.
-    pub fn copy_samples(&self, to: &BeamFile, keep: &dyn Fn(Maker) -> bool) -> Result<Copied> {
+    pub fn copy_samples(&self, to: &BeamFile, keep: &dyn Fn(Maker, u32) -> bool) -> Result<Copied> {
         let mut copied = Copied::default();
         let (storage, path) = (&*self.shared.storage, &self.shared.path);
         // Opening the file has reported this damage already.
@@ -55,7 +55,7 @@ impl BeamFile {
         to: &BeamFile,
         block: &DiskBlock,
         entries: &[Entry],
-        keep: &dyn Fn(Maker) -> bool,
+        keep: &dyn Fn(Maker, u32) -> bool,
         copied: &mut Copied,
     ) -> Result<()> {
         let mut payload = vec![0; block.header.payload_bytes as usize];
@@ -68,13 +68,13 @@ impl BeamFile {
         for entry in entries {
             let (begin, end) = (at, at + entry.count);
             at = end;
-            to.begin_generation(entry.generation)?;
-            if to.generation() != entry.generation {
-                // A file never goes back to an earlier generation.
+            if !keep(entry.class.maker, entry.generation) {
                 copied.left_out += u64::from(entry.count);
                 continue;
             }
-            if !keep(entry.class.maker) {
+            to.begin_generation(entry.generation)?;
+            if to.generation() != entry.generation {
+                // A file never goes back to an earlier generation.
                 copied.left_out += u64::from(entry.count);
                 continue;
             }

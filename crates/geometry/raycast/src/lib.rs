@@ -27,6 +27,7 @@ mod build;
 mod bundle;
 mod chance;
 mod coincident;
+mod cut;
 mod dispatch;
 mod facet;
 mod hierarchies;
@@ -48,6 +49,7 @@ mod triangle;
 mod x86;
 
 pub use chance::is_in_share;
+pub use cut::CutLine;
 pub use facet::{BuildError, MAX_COORDINATE, MAX_TRIANGLES};
 pub use hierarchies::Hierarchies;
 pub use raycaster::Raycaster;

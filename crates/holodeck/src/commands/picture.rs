@@ -11,6 +11,7 @@ use holodeck::{
     prepare::SMALL_CACHE,
     session::{self, PictureRequest},
     settings::Usage,
+    splats::with_splats,
 };
 
 use crate::commands::arguments::picture_path;
@@ -53,9 +54,9 @@ pub async fn run(args: PictureCommand) -> Result<()> {
     shutdown.on_signals(false)?;
     let (json, quiet) = (args.json, args.quiet);
     let request = PictureRequest {
+        driver: with_splats(&args.driver, &args.file)?,
         file: args.file,
         view: args.view,
-        driver: args.driver,
         points: args.points,
         has_progress: !quiet && !json,
     };

@@ -109,7 +109,7 @@ impl SceneArgs {
 }
 
 /// Returns the parser of the visibility of objects, whose values have a help of their own.
-fn obstructions_parser() -> impl TypedValueParser<Value = Obstructions> {
+pub(super) fn obstructions_parser() -> impl TypedValueParser<Value = Obstructions> {
     PossibleValuesParser::new([
         PossibleValue::new("auto").help("On for sections that have geometry inside"),
         PossibleValue::new("on").help("Rays begin at the entry wall"),
@@ -167,7 +167,7 @@ fn numbers(text: &str) -> Result<[f64; 3], String> {
     triple.ok_or_else(|| format!("`{text}` is not three numbers with commas between"))
 }
 
-fn parse_section(text: &str) -> Result<config::SectionTable, String> {
+pub(super) fn parse_section(text: &str) -> Result<config::SectionTable, String> {
     let parts: Vec<[f64; 3]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
     let (origin, axes, grid) = match parts[..] {
         [origin, a, b, c] => (origin, [a, b, c], None),

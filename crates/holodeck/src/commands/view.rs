@@ -9,6 +9,7 @@ use holodeck::{
     prepare::{self, Edited, OtherScene},
     session::{self, FrontEnd, LiveSession},
     settings::Usage,
+    splats::with_splats,
 };
 
 use crate::commands::{
@@ -156,7 +157,7 @@ pub struct ViewCommand {
 }
 
 /// See [`ViewCommand`].
-pub async fn view(args: ViewCommand, screen: WindowRequest) -> Result<()> {
+pub async fn view(mut args: ViewCommand, screen: WindowRequest) -> Result<()> {
     let is_holodeck =
         args.what.as_ref().is_some_and(|path| path.extension().is_some_and(|end| end == "holo"));
     args.session.check(
@@ -181,6 +182,7 @@ pub async fn view(args: ViewCommand, screen: WindowRequest) -> Result<()> {
                 .await??;
         }
         let scene = None;
+        args.session.driver = with_splats(&args.session.driver, &file)?;
         let session =
             LiveSession { program, file, scene, threads, cache, quiet, listen, front_end };
         return session.run(|address| args.session.viewer(address), super::print_invitation).await;
@@ -211,8 +213,9 @@ pub struct ReplayCommand {
 }
 
 /// See [`ReplayCommand`].
-pub async fn replay(args: ReplayCommand, screen: WindowRequest) -> Result<()> {
+pub async fn replay(mut args: ReplayCommand, screen: WindowRequest) -> Result<()> {
     args.session.check(false, "holodeck replay room.holo --headless -o view.png")?;
     let front_end = args.session.front_end(screen)?;
+    args.session.driver = with_splats(&args.session.driver, &args.file)?;
     session::replay(args.file, front_end, |address| args.session.viewer(address)).await
 }

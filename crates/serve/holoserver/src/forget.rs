@@ -5,11 +5,12 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use holo_beamfile::Maker;
 use serde::Serialize;
 
 use crate::holodeck::{Holodeck, beside};
+use crate::optimize::replace;
 
 /// Numbers of removed and remaining parts of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -58,7 +59,7 @@ impl Holodeck {
             let _ = std::fs::remove_file(&fresh);
         }
         let forgotten = forgotten?;
-        std::fs::rename(&fresh, path).with_context(|| format!("replacing {}", path.display()))?;
+        replace(&fresh, path)?;
         Ok(forgotten)
     }
 
@@ -74,7 +75,7 @@ impl Holodeck {
                 !makers.contains(maker) && !machine.is_some_and(|machine| makers.contains(&machine))
             })
             .collect();
-        let copied = self.file.copy_samples(&new.file, &|maker| !gone.contains(&maker))?;
+        let copied = self.file.copy_samples(&new.file, &|maker, _| !gone.contains(&maker))?;
         self.file.copy_shares(&new.file, &|maker, generation| {
             (!gone.contains(&maker)).then_some((maker, generation))
         })?;

@@ -125,7 +125,7 @@ impl Holodeck {
 }
 
 /// Divides a run's samples among those who made them.
-fn by_maker<'a>(
+pub(crate) fn by_maker<'a>(
     run: &NumberRun,
     samples: &'a [Sample],
     made: &[(NumberRun, Maker)],

@@ -3,6 +3,7 @@
 use crate::viewer;
 use crate::{RoomSample, TestRoom};
 use holo_display::{Driver, Frame, FrameRequest, Interrupt};
+use holo_driver_mesh::mesh_driver;
 use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_driver_rendercache::{PointImageParams, frameless_driver, pointimage_driver};
 use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver};
@@ -27,7 +28,7 @@ pub struct Subject {
 }
 
 /// All drivers, wrappers included.
-pub const SUBJECTS: [Subject; 7] = [
+pub const SUBJECTS: [Subject; 8] = [
     Subject {
         name: "surfaces",
         make: |room| {
@@ -70,6 +71,14 @@ pub const SUBJECTS: [Subject; 7] = [
             let sections = Arc::clone(&room.sections);
             cells_driver(sections, room.sky(), Filling::Smooth)
         },
+        ignores_order: true,
+        ends_early: false,
+        forgets_earlier: false,
+        needs_no_scene: true,
+    },
+    Subject {
+        name: "mesh",
+        make: |room| mesh_driver(Arc::clone(&room.sections), room.sky()),
         ignores_order: true,
         ends_early: false,
         forgets_earlier: false,

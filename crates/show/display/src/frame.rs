@@ -36,6 +36,8 @@ pub struct Frame {
     pub gleam_pixels: u64,
     /// Number of samples that the picture uses.
     pub samples_used: u64,
+    /// True if the picture shows what two eyes see, so that its pixels are not those of one view.
+    pub is_stereo: bool,
 }
 
 impl Frame {
@@ -52,6 +54,7 @@ impl Frame {
             guessed_pixels: 0,
             gleam_pixels: 0,
             samples_used: 0,
+            is_stereo: false,
         }
     }
 
@@ -70,6 +73,7 @@ impl Frame {
             guessed_pixels: grown(self.guessed_pixels),
             gleam_pixels: grown(self.gleam_pixels),
             samples_used: self.samples_used,
+            is_stereo: self.is_stereo,
             ..Self::black(size)
         };
         frame.picture.view = self.picture.view;

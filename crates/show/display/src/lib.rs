@@ -25,6 +25,7 @@ mod light;
 mod live;
 mod parts;
 mod phase;
+mod pixel_weights;
 mod random;
 mod renderer;
 mod select;
@@ -37,7 +38,7 @@ pub use bands::for_bands;
 pub use camera::{Camera, PixelWidth};
 pub use candidates::{Candidate, best_beam, candidates, section_of};
 pub use covered::{covered, uncovered_pixels};
-pub use driver::Driver;
+pub use driver::{Driver, DriverPart};
 pub use ending::{BeamSearch, Search, UsefulBeam, VisibleEnd, beams_ending_on};
 pub use frame::{Certainty, Frame};
 pub use interrupt::Interrupt;
@@ -45,10 +46,12 @@ pub use light::{Age, Light};
 pub use live::LiveSample;
 pub use parts::PartsPlan;
 pub use phase::{FramePhase, ViewPhases};
+pub use pixel_weights::PixelWeights;
 pub use random::{mix, pair, split_mix};
 pub use renderer::{DriverError, FrameRequest, PartsRenderer, Renderer};
 pub use select::{
-    Coverage, SelectOptions, Selection, WantedBeam, select_beams, viewpoint, viewpoint_radius,
+    Coverage, SelectOptions, Selection, WantedBeam, select_beams, select_weighted_beams, viewpoint,
+    viewpoint_radius,
 };
 pub use sky_view::SkyView;
 pub use stored::{DistanceTable, PlacedSection};

@@ -4,9 +4,10 @@
 //! counted by beam.
 //!
 //! Invariant: a weight is a number of pixels. The weights of a selection add up to the number of
-//! covered pixels.
+//! covered pixels. If pixels have weights, their mean is 1, so this holds about for these as well.
 
 use crate::candidates::candidates;
+use crate::pixel_weights::PixelWeights;
 use crate::random::split_mix;
 use glam::DVec3;
 use holo_picture::View;
@@ -101,6 +102,28 @@ pub fn select_beams(
     size: (u32, u32),
     options: &SelectOptions,
 ) -> Selection {
+    select(sections, view, size, options, |_, _| 1.0)
+}
+
+/// Returns the same beams with weights that add up the weights of their pixels.
+pub fn select_weighted_beams(
+    sections: &[Section],
+    view: &View,
+    size: (u32, u32),
+    options: &SelectOptions,
+    weights: &PixelWeights,
+) -> Vec<WantedBeam> {
+    select(sections, view, size, options, |x, y| f64::from(weights.at(x, y))).beams
+}
+
+/// Selects the beams of a view. `weight` returns the weight of a pixel at a point of the picture.
+fn select(
+    sections: &[Section],
+    view: &View,
+    size: (u32, u32),
+    options: &SelectOptions,
+    weight: impl Fn(f64, f64) -> f64 + Sync,
+) -> Selection {
     let (across, down) = (strata(size.0, options), strata(size.1, options));
     let pixels_per_ray =
         f64::from(size.0) * f64::from(size.1) / (f64::from(across) * f64::from(down));
@@ -115,9 +138,10 @@ pub fn select_beams(
             let Some((best, others)) = found.split_first() else { continue };
             covered += 1;
             let each = f64::from(options.others_share).clamp(0.0, 0.5 / others.len().max(1) as f64);
-            shares.push((best.key, 1.0 - each * others.len() as f64));
+            let weight = weight(x, y);
+            shares.push((best.key, weight * (1.0 - each * others.len() as f64)));
             if each > 0.0 {
-                shares.extend(others.iter().map(|other| (other.key, each)));
+                shares.extend(others.iter().map(|other| (other.key, weight * each)));
             }
         }
         (shares, covered)

@@ -2,11 +2,12 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
+use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample};
 
 use crate::{
     Age, BeamSearch, DriverError, Frame, FramePhase, FrameRequest, Interrupt, Light, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, WantedBeam,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, WantedBeam,
 };
 
 /// A renderer that stores the samples of its view itself. Its methods are those of [`Light`].
@@ -131,8 +132,12 @@ impl<R: StoringRenderer> RayWishes for SharedRenderer<R> {
         lock(&self.0).weigh(look, beams)
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
-        lock(&self.0).rays()
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        lock(&self.0).pixel_weights()
+    }
+
+    fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
+        lock(&self.0).rays(expected)
     }
 
     fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {

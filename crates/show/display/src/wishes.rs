@@ -1,8 +1,9 @@
 //! The trait [`RayWishes`]: samples that a renderer's view would gain from.
 
+use holo_picture::View;
 use holo_section::{BeamKey, RayCoords};
 
-use crate::{BeamSearch, DriverError, FrameRequest, Search, WantedBeam};
+use crate::{BeamSearch, DriverError, FrameRequest, PixelWeights, Search, WantedBeam};
 
 /// What a renderer's view would gain from: beams by weight, single rays, and rays of the view
 /// itself. Each renderer states all of them, also those that it has no use for.
@@ -20,9 +21,17 @@ pub trait RayWishes {
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError>;
 
-    /// Returns the single rays that would improve the frame most. `None` if the driver never wants
-    /// any.
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>>;
+    /// Returns the weights of the pixels of the last frame at rest, by the error that a further
+    /// sample would remove. `None` if the driver does not know its error, or has drawn no such frame.
+    ///
+    /// The session divides later rays of the view between its beams accordingly.
+    fn pixel_weights(&mut self) -> Option<PixelWeights>;
+
+    /// Returns the single rays that would improve the next frames most. `None` if the driver never
+    /// wants any.
+    ///
+    /// `expected` is the view that is expected when their samples arrive, if the eye moves.
+    fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>>;
 
     /// Returns the distance from the eye within which rays for a view should pass, scene units. The
     /// nearest visible surface is at distance `nearest`.

@@ -11,9 +11,10 @@ use crate::log::Log;
 use crate::{Filling, Quadtree, QuadtreeParams, ViewCells};
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight, WantedBeam,
-    uncovered_pixels, viewpoint_radius,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight,
+    WantedBeam, uncovered_pixels, viewpoint_radius,
 };
+use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -228,7 +229,11 @@ impl RayWishes for QuadtreeRenderer {
         Ok(beams)
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        None
+    }
+
+    fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
         None
     }
 

@@ -164,9 +164,11 @@ fn walk(way: Way, mismatch: usize) -> Result<[f64; 2], Box<dyn Error>> {
                     .collect();
                 continue;
             }
-            Way::SingleRays => {
-                made.rays(&sections).into_iter().map(|(key, coords)| (key.beam, coords)).collect()
-            }
+            Way::SingleRays => made
+                .rays(&sections)
+                .into_iter()
+                .map(|(_, key, coords)| (key.beam, coords))
+                .collect(),
             Way::Beams => {
                 let beams = select_beams(&sections, &now, SIZE, &SelectOptions::default()).beams;
                 let weighed: Vec<_> = made

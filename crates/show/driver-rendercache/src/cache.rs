@@ -53,7 +53,7 @@ pub struct PointImage {
     /// The number of frames so far; chooses the jitter.
     pub(crate) frames: u32,
     /// True if points or stages have changed since the picture was made.
-    is_dirty: bool,
+    pub(crate) is_dirty: bool,
     pub(crate) requests: Vec<Request>,
 }
 
@@ -73,8 +73,7 @@ impl PointImage {
         Picture::check_size(size.0, size.1)?;
         params.check()?;
         let size = (size.0 as usize, size.1 as usize);
-        let capacity = ((size.0 * size.1) as f64 * params.points_per_pixel).ceil() as usize;
-        let capacity = capacity.next_multiple_of(BLOCK);
+        let capacity = capacity(size, &params);
         Ok(Self {
             points: PointSlots::new(capacity, params.group as usize),
             planes: PixelPlanes::new(size),
@@ -92,6 +91,30 @@ impl PointImage {
             requests: Vec::new(),
             params,
         })
+    }
+
+    /// Changes the size of pictures from the next frame on. All points stay, so the next picture
+    /// shows what is known.
+    ///
+    /// The number of slots only grows: an eye that moves has fewer pixels, and when it stops, the
+    /// picture at rest finds the points that there were.
+    ///
+    /// # Errors
+    /// If the size is outside the limits of [`Picture::check_size`]. Nothing is changed then.
+    pub fn resize(&mut self, size: (u32, u32)) -> Result<(), PointImageError> {
+        Picture::check_size(size.0, size.1)?;
+        let size = (size.0 as usize, size.1 as usize);
+        if (self.planes.width, self.planes.height) == size {
+            return Ok(());
+        }
+        self.points.grow(capacity(size, &self.params));
+        self.planes = self.planes.resized(size);
+        self.buckets = Buckets::new(size, self.points.capacity());
+        self.occupancy = Occupancy::new(size, self.params.predicted_block as usize);
+        // The next frame projects into the new pixels, and their means begin anew.
+        (self.map, self.predicted, self.is_dirty) = (None, None, true);
+        self.requests.clear();
+        Ok(())
     }
 
     /// Switches stages on and off, from the next frame on.
@@ -158,7 +181,7 @@ impl PointImage {
 
     /// Sets the view. Returns whether it has changed.
     fn look(&mut self, view: &View) -> bool {
-        if self.view.as_ref() == Some(view) {
+        if self.view.as_ref() == Some(view) && self.map.is_some() {
             return false;
         }
         if self.view.is_none() {
@@ -175,13 +198,14 @@ impl PointImage {
 
     /// Makes points older after `samples` new ones.
     fn age(&mut self, samples: usize) {
-        let PointImageParams { stages, mean_last_age, hidden_ageing, eviction_age, .. } =
+        let PointImageParams { stages, mean_last_age, hidden_ageing, hint_ageing, .. } =
             self.params;
         let by = if stages.ageing { self.points.increment(samples, mean_last_age) } else { 0 };
         if by > 0 {
-            let evict = stages.eviction.then_some(eviction_age);
+            let evict = stages.eviction.then_some(self.params.eviction_age);
             let shown = self.planes.slot.iter().map(|&slot| slot as usize);
-            self.points.grow_older(by, by.saturating_mul(hidden_ageing), evict, shown);
+            let by = (by, by.saturating_mul(hidden_ageing), hint_ageing);
+            self.points.grow_older(by, evict, shown);
         }
     }
 
@@ -212,4 +236,10 @@ impl PointImage {
         }
         ended(Stage::Interpolate);
     }
+}
+
+/// Returns the number of slots for a picture of this size.
+fn capacity(size: (usize, usize), params: &PointImageParams) -> usize {
+    let slots = (size.0 * size.1) as f64 * params.points_per_pixel;
+    (slots.ceil() as usize).next_multiple_of(BLOCK)
 }

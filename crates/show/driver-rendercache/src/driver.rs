@@ -1,20 +1,24 @@
 //! The render cache as a driver of whole sessions.
 //!
-//! The driver requests each ray that the cache wants as the nearest ray that can be stored. The
-//! requests also weight the view's beams, for tracers that have time for more.
+//! The driver requests each ray that the cache wants as the nearest ray that can be stored, and
+//! remembers what it is for (`awaited`). So a sample of an earlier request is used as the cache
+//! meant it. The requests also weight the view's beams, for tracers that have time for more.
 
 use std::sync::Arc;
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight, WantedBeam,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight,
+    WantedBeam, mix,
 };
 use holo_picture::{View, ViewKind};
 use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
 
+use crate::awaited::AwaitedRays;
 use crate::map::far_depth;
-use crate::screen::{CacheScreen, radius};
-use crate::{Moment, PointImage, PointImageParams, RayResult};
+use crate::path_noise::PathNoise;
+use crate::screen::{CacheScreen, ProjectedSample, StoredRay, radius};
+use crate::{Moment, PointImage, PointImageParams, RayResult, Tag};
 
 const NAME: &str = "pointimage";
 
@@ -22,7 +26,7 @@ const NAME: &str = "pointimage";
 /// number of pixels that each beam serves.
 const BY_REQUESTS: f32 = 0.75;
 
-/// Number of pixels of the picture for each requested ray.
+/// One pixel in this many is requested when beams are weighted.
 const PIXELS_PER_REQUEST: usize = 16;
 
 /// Returns the driver `pointimage`. Beams that cannot hit anything show `sky`.
@@ -32,8 +36,9 @@ pub fn pointimage_driver(
     params: PointImageParams,
 ) -> Driver {
     let sky = sky.into();
+    let parts = params.stages.parts();
     let make = move || PointImageRenderer::new(Arc::clone(&sections), sky.clone(), params.clone());
-    Driver { keeps_pixels: true, ..Driver::new(NAME, ViewLight::new(make)) }
+    Driver { takes_late: true, parts, ..Driver::new(NAME, ViewLight::new(make)) }
 }
 
 /// Draws each view of a session from the points of all views so far (Walter, Drettakis & Parker
@@ -43,54 +48,56 @@ struct PointImageRenderer {
     sky: SkyView,
     params: PointImageParams,
     shown: Option<(PointImage, CacheScreen)>,
+    /// Requested rays that have not arrived.
+    awaited: AwaitedRays<Tag>,
+    noise: PathNoise,
+    /// The view that is expected when the rays of the last request arrive.
+    expected: Option<View>,
 }
 
 impl PointImageRenderer {
     fn new(sections: Arc<[Section]>, sky: SkyView, params: PointImageParams) -> Self {
-        Self { sections, sky, params, shown: None }
+        let (awaited, noise) = (AwaitedRays::default(), PathNoise::default());
+        Self { sections, sky, params, shown: None, awaited, noise, expected: None }
     }
 
-    /// Changes the view and requests the rays that it lacks. Returns the weights of its beams.
-    fn change_view(
-        &mut self,
-        look: &FrameRequest,
-        beams: &[WantedBeam],
-    ) -> Result<Vec<WantedBeam>, DriverError> {
-        let before = self.shown.take();
-        let earlier = before.as_ref().map(|(_, screen)| screen.view);
-        let mut cache = match before.filter(|(_, screen)| screen.serves(look)) {
-            Some((cache, _)) => cache,
-            None => PointImage::new(look.size, self.params.clone())
-                .map_err(|error| DriverError { driver: NAME, reason: error.to_string() })?,
+    /// Changes the view. Points stay if they mean the same in both views.
+    fn change_view(&mut self, look: &FrameRequest, is_requested: bool) -> Result<(), DriverError> {
+        let error =
+            |error: crate::PointImageError| DriverError { driver: NAME, reason: error.to_string() };
+        let before = self.shown.take().filter(|(_, screen)| screen.serves(look));
+        let (cache, screen) = match before {
+            Some((mut cache, screen)) => {
+                cache.resize(look.size).map_err(error)?;
+                (cache, screen.next(look, is_requested))
+            }
+            None => {
+                self.awaited.clear();
+                let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky.clone(), look);
+                (PointImage::new(look.size, self.params.clone()).map_err(error)?, screen)
+            }
         };
-        let predicted = earlier.and_then(|earlier| ahead(&earlier, &look.view));
-        let wanted = requests(look.size);
-        let moment = Moment { view: look.view, predicted, samples: &[], wanted };
-        let weights = cache.frame(&moment).weigh(&self.sections, beams, BY_REQUESTS);
-        let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky.clone(), look);
-        self.shown = Some((cache, screen));
-        Ok(weights)
+        let (cache, _) = self.shown.insert((cache, screen));
+        // Samples that arrive before the first frame belong to this view.
+        cache.frame(&Moment { view: look.view, predicted: None, samples: &[], wanted: 0 });
+        Ok(())
     }
 }
 
 impl StoringRenderer for PointImageRenderer {
-    fn insert(&mut self, _age: Age, key: BeamKey, _paths: u16, samples: &[Stored]) {
+    fn insert(&mut self, _age: Age, key: BeamKey, paths: u16, samples: &[Stored]) {
         let Some((cache, screen)) = &mut self.shown else { return };
-        screen.locate(key, samples, |seen| {
-            let (column, row) = seen.pixel;
-            let tag = if seen.is_own {
-                cache.pixel_tag(column, row)
-            } else {
-                cache.guess_tag(column, row)
-            };
-            let Some(tag) = tag else { return false };
-            // The noise of stored samples is not known.
-            let sample = RayResult {
-                tag,
-                noise: f32::INFINITY,
-                ..RayResult::new(seen.place, seen.radiance)
-            };
-            cache.insert(&[sample]);
+        let (awaited, noise) = (&mut self.awaited, &mut self.noise);
+        let paths = f32::from(paths);
+        screen.locate(key, samples, |ray, seen| {
+            let requested = awaited.remove(key, ray.coords);
+            let Some(sample) = result(cache, requested, ray, seen.as_ref()) else { return false };
+            if let Some(ProjectedSample { pixel: (column, row), place, .. }) = seen
+                && let Some((known, count)) = cache.known_at(column, row, place)
+            {
+                noise.compare((sample.radiance, paths), (known, count as f32 * paths));
+            }
+            cache.insert(&[RayResult { noise: noise.of(sample.radiance, paths), ..sample }]);
             true
         });
     }
@@ -107,12 +114,33 @@ impl StoringRenderer for PointImageRenderer {
     }
 }
 
+/// Returns a stored sample as the cache takes it, without its noise. `None` if nothing in the view
+/// is known by it.
+///
+/// A sample that the cache requested for another view, or through a point, has the tag of its
+/// request, wherever it lies. Others count by their pixel in the present view: a ray that was
+/// snapped to the lattice may pass through a neighbour of its pixel.
+fn result(
+    cache: &PointImage,
+    requested: Option<Tag>,
+    ray: &StoredRay,
+    seen: Option<&ProjectedSample>,
+) -> Option<RayResult> {
+    if let Some(tag) = requested.filter(|tag| cache.is_for_itself(*tag)) {
+        return Some(RayResult { tag, ..RayResult::new(ray.place(), ray.radiance) });
+    }
+    let seen = seen?;
+    let (column, row) = seen.pixel;
+    let tag = if seen.is_own { cache.pixel_tag(column, row) } else { cache.guess_tag(column, row) };
+    Some(RayResult { tag: tag?, ..RayResult::new(seen.place, seen.radiance) })
+}
+
 impl Renderer for PointImageRenderer {
     fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
         if self.shown.as_ref().is_some_and(|(_, screen)| screen.is_of(look)) {
             return Ok(());
         }
-        self.change_view(look, &[]).map(|_| ())
+        self.change_view(look, false)
     }
 
     fn insert_live(&mut self, _paths: u16, _rays: &[LiveSample]) {
@@ -167,14 +195,32 @@ impl RayWishes for PointImageRenderer {
         look: &FrameRequest,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
-        self.change_view(look, &beams)
+        self.change_view(look, true)?;
+        let Some((cache, screen)) = &mut self.shown else { return Ok(beams) };
+        // The view that was expected before is about as far ahead of the present one.
+        let predicted = self.expected.filter(|_| look.is_moving);
+        let wanted = pixels(look.size) / PIXELS_PER_REQUEST;
+        let moment = Moment { view: screen.view, predicted, samples: &[], wanted };
+        Ok(cache.frame(&moment).weigh(&self.sections, &beams, BY_REQUESTS))
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        None
+    }
+
+    fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
         let Some((cache, screen)) = &mut self.shown else { return Some(Vec::new()) };
-        let wanted = requests(screen.size);
-        let moment = Moment { view: screen.view, predicted: None, samples: &[], wanted };
-        Some(cache.frame(&moment).rays(&self.sections))
+        self.expected = expected.copied();
+        let wanted = self.awaited.wanted(pixels(screen.size));
+        let moment = Moment { view: screen.view, predicted: self.expected, samples: &[], wanted };
+        let mut rays = cache.frame(&moment).rays(&self.sections);
+        // A server that cannot trace all of them leaves out those at the end. These must be neither
+        // all of the picture's bottom nor all of the present view.
+        shuffle(&mut rays, self.params.seed);
+        for &(tag, key, coords) in &rays {
+            self.awaited.insert(key, coords, tag);
+        }
+        Some(rays.into_iter().map(|(_, key, coords)| (key, coords)).collect())
     }
 
     fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {
@@ -200,18 +246,16 @@ impl RayWishes for PointImageRenderer {
     }
 }
 
-/// Returns the number of rays to request at a time.
-fn requests(size: (u32, u32)) -> usize {
-    size.0 as usize * size.1 as usize / PIXELS_PER_REQUEST
+fn pixels(size: (u32, u32)) -> usize {
+    size.0 as usize * size.1 as usize
 }
 
-/// Returns the view that follows if the motion from `earlier` to `now` continues. `None` after a
-/// turn of 90° or more, and if the type of view has changed.
-fn ahead(earlier: &View, now: &View) -> Option<View> {
-    let vp = now.vp + (now.vp - earlier.vp);
-    let vd = now.vd + (now.vd - earlier.vd);
-    let is_same_walk = now.vd.dot(earlier.vd) > 0.0 && now.kind == earlier.kind;
-    now.moved(vp, vd).ok().filter(|_| is_same_walk)
+/// Puts a list into a random order, the same for the same seed.
+fn shuffle<T>(list: &mut [T], seed: u32) {
+    for last in (1..list.len()).rev() {
+        let other = u64::from(mix(seed, last as u32)) * (last as u64 + 1) >> 32;
+        list.swap(last, other as usize);
+    }
 }
 
 /// Converts depths as in [`crate::CacheFrame::depth`] to distances along the rays of pixels, scene

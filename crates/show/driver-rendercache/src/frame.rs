@@ -58,13 +58,13 @@ impl<'a> CacheFrame<'a> {
         (requests.len(), requests.iter().filter(|request| request.predicted).count())
     }
 
-    /// Returns the requests as stored rays: the nearest ray of the best beam of each. Requests that
-    /// no section covers are left out.
-    pub fn rays(&self, sections: &[Section]) -> Vec<(BeamKey, RayCoords)> {
-        let ray = |(_, eye, direction)| {
+    /// Returns the requests as stored rays: the nearest ray of the best beam of each, with the tag
+    /// of its sample. Requests that no section covers are left out.
+    pub fn rays(&self, sections: &[Section]) -> Vec<(Tag, BeamKey, RayCoords)> {
+        let ray = |(tag, eye, direction)| {
             let key = best_beam(sections, eye, direction)?;
             let hit = sections.get(usize::from(key.section))?.line(eye, direction)?;
-            Some((key, hit.coords))
+            Some((tag, key, hit.coords))
         };
         self.requests().filter_map(ray).collect()
     }

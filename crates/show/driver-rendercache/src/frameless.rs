@@ -14,6 +14,8 @@ use glam::DVec3;
 use holo_display::{mix, pair};
 use holo_picture::{Picture, PictureError, View};
 
+use crate::planes::nearest;
+
 /// Rounds of the permutation. Four are enough to look random (Luby & Rackoff 1988).
 const ROUNDS: u32 = 4;
 
@@ -32,6 +34,8 @@ pub struct Frameless {
     view: View,
     /// The number of the current view.
     epoch: u64,
+    /// The number of the first view of this size.
+    first: u64,
     /// For each pixel, the number of the view that it shows, and the number of rays in its mean.
     shown: Vec<(u64, u32)>,
     /// Position of the next request in the order of pixels, and the number of completed rounds.
@@ -50,7 +54,28 @@ impl Frameless {
         let mut picture = Picture::new(size.0, size.1);
         picture.view = Some(view);
         let shown = vec![(0, 0); picture.pixels.len()];
-        Ok(Self { picture, view, epoch: 1, shown, next: 0, round: 0, seed })
+        Ok(Self { picture, view, epoch: 1, first: 1, shown, next: 0, round: 0, seed })
+    }
+
+    /// Changes the size. Each pixel shows what the nearest pixel showed, until it is refreshed.
+    ///
+    /// # Errors
+    /// If the size is outside the limits of [`Picture::check_size`]. Nothing is changed then.
+    pub fn resize(&mut self, size: (u32, u32)) -> Result<(), PictureError> {
+        Picture::check_size(size.0, size.1)?;
+        if self.picture.size() == size {
+            return Ok(());
+        }
+        let sizes = [self.picture.size(), size].map(|(w, h)| (w as usize, h as usize));
+        let mut picture = Picture::new(size.0, size.1);
+        picture.pixels = nearest(&self.picture.pixels, sizes[0], sizes[1]);
+        picture.view = self.picture.view;
+        self.shown = nearest(&self.shown, sizes[0], sizes[1]);
+        self.picture = picture;
+        // The pixels of earlier tags are other pixels now.
+        (self.epoch, self.first) = (self.epoch + 1, self.epoch + 1);
+        (self.next, self.round) = (0, self.round.wrapping_add(1));
+        Ok(())
     }
 
     /// Sets the view. Pixels do not change until they are refreshed.
@@ -115,6 +140,11 @@ impl Frameless {
             .then(|| PixelTag { pixel: row * width + column, epoch: self.epoch })
     }
 
+    /// Returns whether a tag is of the current view.
+    pub(crate) fn is_current(&self, tag: PixelTag) -> bool {
+        tag.epoch == self.epoch
+    }
+
     /// Returns whether each pixel has shown a radiance yet, rows from the top.
     pub fn has_colour(&self) -> impl Iterator<Item = bool> + '_ {
         self.shown.iter().map(|&(epoch, _)| epoch > 0)
@@ -133,7 +163,9 @@ impl Frameless {
     ) -> Option<(&mut [f32; 3], &mut (u64, u32))> {
         let index = tag.pixel as usize;
         let pixel = self.picture.pixels.get_mut(index).zip(self.shown.get_mut(index));
-        pixel.filter(|_| radiance.iter().all(|channel| channel.is_finite()))
+        pixel.filter(|_| {
+            tag.epoch >= self.first && radiance.iter().all(|channel| channel.is_finite())
+        })
     }
 
     /// Returns the `index`-th pixel of this round: a Feistel network on the next power of four,

@@ -1,14 +1,20 @@
 //! Frameless rendering as a driver of whole sessions.
+//!
+//! The driver requests its pixels in their random order, each as the nearest ray that can be
+//! stored.
 
 use std::sync::Arc;
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight, WantedBeam,
+    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight,
+    WantedBeam, best_beam,
 };
+use holo_picture::{PictureError, View};
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 
-use crate::frameless::Frameless;
+use crate::awaited::AwaitedRays;
+use crate::frameless::{Frameless, PixelTag};
 use crate::screen::{CacheScreen, radius};
 
 const NAME: &str = "frameless";
@@ -16,11 +22,13 @@ const NAME: &str = "frameless";
 /// Returns the driver `frameless`. Beams that cannot hit anything show `sky`.
 pub fn frameless_driver(sections: Arc<[Section]>, sky: impl Into<SkyView>) -> Driver {
     let sky = sky.into();
-    let make = move || {
-        let (sections, sky) = (Arc::clone(&sections), sky.clone());
-        FramelessRenderer { sections, sky, shown: None }
+    let make = move || FramelessRenderer {
+        sections: Arc::clone(&sections),
+        sky: sky.clone(),
+        shown: None,
+        awaited: AwaitedRays::default(),
     };
-    Driver { keeps_pixels: true, ..Driver::new(NAME, ViewLight::new(make)) }
+    Driver { keeps_pixels: true, takes_late: true, ..Driver::new(NAME, ViewLight::new(make)) }
 }
 
 /// Shows the newest sample of each pixel, whichever view the sample was for (Bishop, Fuchs,
@@ -29,6 +37,8 @@ struct FramelessRenderer {
     sections: Arc<[Section]>,
     sky: SkyView,
     shown: Option<FramelessView>,
+    /// Requested rays that have not arrived.
+    awaited: AwaitedRays<PixelTag>,
 }
 
 struct FramelessView {
@@ -41,8 +51,15 @@ struct FramelessView {
 impl StoringRenderer for FramelessRenderer {
     fn insert(&mut self, _age: Age, key: BeamKey, _paths: u16, samples: &[Sample]) {
         let Some(FramelessView { frameless, screen, depth }) = &mut self.shown else { return };
-        let width = screen.size.0;
-        screen.locate(key, samples, |seen| {
+        let (awaited, width) = (&mut self.awaited, screen.size.0);
+        screen.locate(key, samples, |ray, seen| {
+            let requested = awaited.remove(key, ray.coords);
+            if let Some(tag) = requested.filter(|tag| !frameless.is_current(*tag)) {
+                // Its pixel shows an earlier view until its next ray.
+                frameless.insert(tag, ray.radiance);
+                return true;
+            }
+            let Some(seen) = seen else { return false };
             let (column, row) = seen.pixel;
             let Some(tag) = frameless.pixel_tag(column, row) else { return false };
             if seen.is_own {
@@ -66,23 +83,33 @@ impl StoringRenderer for FramelessRenderer {
     }
 }
 
-impl Renderer for FramelessRenderer {
-    fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
-        let before = self.shown.take();
-        let mut frameless = match before.filter(|shown| shown.screen.serves(look)) {
-            Some(shown) if shown.screen.is_of(look) => {
-                self.shown = Some(shown);
-                return Ok(());
+impl FramelessRenderer {
+    /// Changes the view. Pixels stay if they mean the same in both views.
+    fn change_view(&mut self, look: &FrameRequest, is_requested: bool) -> Result<(), DriverError> {
+        let error = |error: PictureError| DriverError { driver: NAME, reason: error.to_string() };
+        let before = self.shown.take().filter(|shown| shown.screen.serves(look));
+        let (mut frameless, screen) = match before {
+            Some(shown) => (shown.frameless, shown.screen.next(look, is_requested)),
+            None => {
+                self.awaited.clear();
+                let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky.clone(), look);
+                (Frameless::new(look.size, look.view, 0).map_err(error)?, screen)
             }
-            Some(shown) => shown.frameless,
-            None => Frameless::new(look.size, look.view, 0)
-                .map_err(|error| DriverError { driver: NAME, reason: error.to_string() })?,
         };
+        frameless.resize(look.size).map_err(error)?;
         frameless.look(look.view);
-        let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky.clone(), look);
         let depth = vec![0.0; look.size.0 as usize * look.size.1 as usize];
         self.shown = Some(FramelessView { frameless, screen, depth });
         Ok(())
+    }
+}
+
+impl Renderer for FramelessRenderer {
+    fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
+        if self.shown.as_ref().is_some_and(|shown| shown.screen.is_of(look)) {
+            return Ok(());
+        }
+        self.change_view(look, false)
     }
 
     fn insert_live(&mut self, _paths: u16, _rays: &[LiveSample]) {
@@ -135,12 +162,32 @@ impl RayWishes for FramelessRenderer {
         look: &FrameRequest,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
-        self.look(look)?;
+        if !self.shown.as_ref().is_some_and(|shown| shown.screen.is_of(look)) {
+            self.change_view(look, true)?;
+        }
         Ok(beams)
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
         None
+    }
+
+    fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
+        let Some(FramelessView { frameless, screen, .. }) = &mut self.shown else {
+            return Some(Vec::new());
+        };
+        let wanted = self.awaited.wanted(screen.size.0 as usize * screen.size.1 as usize);
+        let mut rays = Vec::with_capacity(wanted);
+        for (tag, origin, direction) in frameless.requests(wanted) {
+            let Some(key) = best_beam(&self.sections, origin, direction) else { continue };
+            let section = self.sections.get(usize::from(key.section));
+            let Some(hit) = section.and_then(|section| section.line(origin, direction)) else {
+                continue;
+            };
+            self.awaited.insert(key, hit.coords, tag);
+            rays.push((key, hit.coords));
+        }
+        Some(rays)
     }
 
     fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {

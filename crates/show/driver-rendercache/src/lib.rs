@@ -19,6 +19,9 @@
 //! 6. A dither chooses the pixels that need a ray most: those without a point, then those with an
 //!    old one (`dither`, `requests`).
 //!
+//! A renderer or an application may also give [hints](PointImage::move_object): an object has moved,
+//! or places are likely to change.
+//!
 //! The renderer answers the requests, each with its [`Tag`]:
 //!
 //! ```
@@ -76,6 +79,7 @@
 //!
 //! Experiments that failed are in docs/notes/render-cache.md.
 
+mod awaited;
 mod cache;
 mod colour;
 mod cull;
@@ -84,10 +88,12 @@ mod driver;
 mod frame;
 pub mod frameless;
 mod frameless_driver;
+mod hints;
 mod interpolate;
 mod map;
 mod noise;
 mod params;
+mod path_noise;
 mod planes;
 mod points;
 mod predict;

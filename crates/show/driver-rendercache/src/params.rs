@@ -21,6 +21,9 @@ pub enum PointImageError {
         /// What it may be.
         wanted: &'static str,
     },
+    /// A motion of an object changes lengths, mirrors, or is not finite.
+    #[error("an object moves by rotations and translations only")]
+    NotRigid,
     /// No number has this name.
     #[error("there is no setting {name}: there are {known}")]
     Unknown {
@@ -107,6 +110,8 @@ pub struct PointImageParams {
     pub change_reach: u32,
     /// Factor of ageing for points that no pixel shows (1999, §4.1): 1 to 16.
     pub hidden_ageing: u8,
+    /// Factor of ageing for points that are likely to change (1999, §4.2): 1 to 16.
+    pub hint_ageing: u8,
     /// Weight of the prefilter's mean beside the 3×3 filter, whose weights sum to at most 16: at
     /// least 0. In the papers it is 0.
     ///
@@ -147,6 +152,7 @@ impl Default for PointImageParams {
             change_ageing: 64,
             change_reach: 1,
             hidden_ageing: 3,
+            hint_ageing: 4,
             noise_smoothing: 8.0,
             moving_mean: 8,
             resting_mean: u32::MAX,

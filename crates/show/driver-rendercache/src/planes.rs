@@ -43,6 +43,14 @@ impl PixelPlanes {
         }
     }
 
+    /// Returns planes of another size without points. Their picture is this one, enlarged or
+    /// reduced by taking the nearest pixels.
+    pub fn resized(&self, size: (usize, usize)) -> Self {
+        let mut planes = Self::new(size);
+        planes.picture = nearest(&self.picture, (self.width, self.height), size);
+        planes
+    }
+
     /// Returns column and row of a pixel.
     pub fn place(&self, pixel: u32) -> (usize, usize) {
         let width = self.width as u32;
@@ -67,4 +75,13 @@ impl PixelPlanes {
 /// Returns the rows of a band in a picture of `height` rows.
 pub(crate) fn rows_of(band: usize, height: usize) -> Range<usize> {
     band * ROWS..((band + 1) * ROWS).min(height)
+}
+
+/// Returns data of pixels, rows from the top, for a picture of another size: each pixel takes the
+/// nearest of the old ones.
+pub(crate) fn nearest<T: Copy>(pixels: &[T], from: (usize, usize), to: (usize, usize)) -> Vec<T> {
+    let row = |row: usize| (2 * row + 1) * from.1 / (2 * to.1);
+    let column = |column: usize| (2 * column + 1) * from.0 / (2 * to.0);
+    let place = |pixel: usize| row(pixel / to.0) * from.0 + column(pixel % to.0);
+    (0..to.0 * to.1).map(|pixel| pixels[place(pixel)]).collect()
 }

@@ -31,6 +31,8 @@ pub(crate) struct Details {
     pub noise: f32,
     /// The number of the view of `mean`, if it is the mean of a pixel of one view.
     pub epoch: u32,
+    /// The object that the last sample hit; 0 if it is unknown.
+    pub object: u32,
 }
 
 impl Details {
@@ -52,6 +54,8 @@ pub(crate) struct PointSlots {
     pub age: Vec<u8>,
     /// True if the point is a sample of the current view.
     pub is_fresh: Vec<bool>,
+    /// True if the point is likely to change soon.
+    pub is_changing: Vec<bool>,
     /// Number of points that the slot has held, modulo 256. A slot is reused after tens of frames
     /// at the earliest. So only a sample that is thousands of frames late could be confused.
     pub generation: Vec<u8>,
@@ -74,6 +78,7 @@ impl PointSlots {
             colour: vec![colour::NONE; capacity],
             age: vec![EMPTY; capacity],
             is_fresh: vec![false; capacity],
+            is_changing: vec![false; capacity],
             generation: vec![0; capacity],
             details: vec![Details::default(); capacity],
             group,
@@ -81,6 +86,22 @@ impl PointSlots {
             due: 0.0,
             is_shown: vec![false; capacity + 1],
         }
+    }
+
+    /// Adds empty slots until there are `capacity`, a multiple of [`BLOCK`]. Points keep their
+    /// slots.
+    pub fn grow(&mut self, capacity: usize) {
+        if capacity <= self.capacity() {
+            return;
+        }
+        self.position.iter_mut().for_each(|axis| axis.resize(capacity, 0.0));
+        self.colour.resize(capacity, colour::NONE);
+        self.age.resize(capacity, EMPTY);
+        self.is_fresh.resize(capacity, false);
+        self.is_changing.resize(capacity, false);
+        self.generation.resize(capacity, 0);
+        self.details.resize(capacity, Details::default());
+        self.is_shown.resize(capacity + 1, false);
     }
 
     pub fn capacity(&self) -> usize {
@@ -111,12 +132,12 @@ impl PointSlots {
         whole as u8
     }
 
-    /// Makes points older: the `shown` ones by `by`, all others by `hidden_by`. Removes points of
-    /// age `evict` and more, if an age is given.
+    /// Makes points older: the `shown` ones by `by`, all others by `hidden_by`, and `changing` times
+    /// as much those that are likely to change. Removes points of age `evict` and more, if an age
+    /// is given.
     pub fn grow_older(
         &mut self,
-        by: u8,
-        hidden_by: u8,
+        (by, hidden_by, changing): (u8, u8, u8),
         evict: Option<u8>,
         shown: impl Iterator<Item = usize>,
     ) {
@@ -125,8 +146,10 @@ impl PointSlots {
         shown.for_each(|slot| self.is_shown[slot.min(self.age.len())] = true);
         let evict = evict.map_or(u16::MAX, u16::from);
         let slots = self.age.iter_mut().zip(&self.is_fresh).zip(&self.is_shown);
-        for ((age, &is_fresh), &is_shown) in slots {
-            let older = age.saturating_add(if is_shown { by } else { hidden_by });
+        for (((age, &is_fresh), &is_shown), &is_changing) in slots.zip(&self.is_changing) {
+            let by = if is_shown { by } else { hidden_by };
+            let factor = if is_changing { changing } else { 1 };
+            let older = age.saturating_add(by.saturating_mul(factor));
             let leaves = !is_fresh & (u16::from(older) >= evict);
             *age = if leaves | (*age == EMPTY) { EMPTY } else { older.min(EMPTY - 1) };
         }
@@ -175,7 +198,7 @@ mod tests {
         let mut ages = Vec::new();
         for frame in 0..20 * 2048 / samples {
             let by = points.increment(samples, mean_last_age);
-            points.grow_older(by, by.saturating_mul(hidden_ageing), Some(EMPTY), 0..0);
+            points.grow_older((by, by.saturating_mul(hidden_ageing), 1), Some(EMPTY), 0..0);
             for _ in 0..samples {
                 let slot = points.free_slot();
                 if frame > 4 * 2048 / samples {
@@ -212,7 +235,7 @@ mod tests {
     fn shown_points_age_more_slowly_than_hidden_ones() {
         let mut points = PointSlots::new(256, 8);
         points.age.fill(10);
-        points.grow_older(1, 3, None, [5, 7].into_iter());
+        points.grow_older((1, 3, 1), None, [5, 7].into_iter());
         assert_eq!((points.age[5], points.age[6], points.age[7]), (11, 13, 11));
     }
 
@@ -243,7 +266,7 @@ mod tests {
                 // An empty slot has no sample of the view.
                 points.is_fresh[slot] = slot % 2 == 1 && slot < 510;
             }
-            points.grow_older(3, 3, evict, 0..0);
+            points.grow_older((3, 3, 1), evict, 0..0);
             for slot in 0..512 {
                 let (before, is_fresh) = (slot / 2, slot % 2 == 1);
                 let is_gone = before == 255

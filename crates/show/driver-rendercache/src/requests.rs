@@ -2,8 +2,12 @@
 
 use holo_display::{mix, pair};
 
-use crate::sample::{Purpose, RayTarget, Request, Tag};
+use crate::points::Details;
+use crate::sample::{Place, Purpose, RayTarget, Request, Tag};
 use crate::{PointImage, dither};
+
+/// Largest difference of depth, as a share of it, of two samples of one surface in one pixel.
+const SAME_SURFACE: f64 = 0.01;
 
 impl PointImage {
     /// Adds requests for at most, and about, `wanted` pixels of the current view.
@@ -69,6 +73,22 @@ impl PointImage {
     pub fn guess_tag(&self, column: u32, row: u32) -> Option<Tag> {
         let pixel = self.pixel(column, row)?;
         Some(self.tag(pixel, Purpose::Guess, None))
+    }
+
+    /// Returns whether the sample of a request counts as its tag says even if its ray missed the
+    /// pixel a little: it went through a point, or the pixel was one of an earlier view.
+    pub(crate) fn is_for_itself(&self, tag: Tag) -> bool {
+        tag.purpose == Purpose::Resample || tag.epoch != self.epoch
+    }
+
+    /// Returns the mean radiance of the samples of a pixel's point, and their number, if a sample
+    /// at `place` lies on the same surface.
+    pub(crate) fn known_at(&self, column: u32, row: u32, place: Place) -> Option<([f32; 3], u32)> {
+        let slot = self.point_in(self.pixel(column, row)?)?;
+        let Place::At(place) = place else { return None };
+        let (old, found) = self.depths(slot, (place - self.origin).as_vec3().to_array());
+        let Details { mean, count, .. } = self.points.details[slot];
+        ((found - old).abs() <= SAME_SURFACE * old).then_some((mean, count))
     }
 
     fn pixel(&self, column: u32, row: u32) -> Option<u32> {

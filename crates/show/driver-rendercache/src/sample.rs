@@ -82,11 +82,19 @@ pub struct RayResult {
     /// Expected standard deviation of the largest channel of `radiance`; 0 if the renderer is not
     /// random. Infinite if it is unknown: then no difference counts as a change.
     pub noise: f32,
+    /// Number of the object that the ray hit, for [`PointImage::move_object`]; 0 if it is unknown.
+    ///
+    /// [`PointImage::move_object`]: crate::PointImage::move_object
+    pub object: u32,
+    /// True if the point is likely to change soon, because it moves, or lies in a shadow or a
+    /// highlight that does (1999, §4.2). It then ages faster.
+    pub is_changing: bool,
 }
 
 impl RayResult {
     /// Returns a clean sample without a request.
     pub fn new(place: Place, radiance: [f32; 3]) -> Self {
-        Self { tag: Tag::default(), place, radiance, noise: 0.0 }
+        let (tag, noise, object, is_changing) = (Tag::default(), 0.0, 0, false);
+        Self { tag, place, radiance, noise, object, is_changing }
     }
 }

@@ -11,7 +11,7 @@ use std::{collections::HashSet, sync::Arc};
 use glam::DVec3;
 use holo_display::{Frame, FrameRequest, SkyView, best_beam, for_bands, viewpoint_radius};
 use holo_picture::{Clip, View};
-use holo_section::{BeamKey, Sample, Section, SectionRay, ray_eye_distance};
+use holo_section::{BeamKey, RayCoords, Sample, Section, SectionRay, ray_eye_distance};
 
 use crate::Place;
 
@@ -25,6 +25,28 @@ const ALONG: f64 = 0.995;
 
 /// Rows whose best beams one thread determines at a time.
 const ROWS: usize = 16;
+
+/// A stored sample in the scene.
+pub(crate) struct StoredRay {
+    /// Its coordinates in its beam.
+    pub coords: RayCoords,
+    /// Its ray.
+    pub ray: SectionRay,
+    /// Distance along the ray to what it hit, scene units; infinite for nothing.
+    pub distance: f64,
+    /// Radiance.
+    pub radiance: [f32; 3],
+}
+
+impl StoredRay {
+    /// Returns where the ray ended.
+    pub fn place(&self) -> Place {
+        match self.distance.is_finite() {
+            true => Place::At(self.ray.origin + self.ray.direction * self.distance),
+            false => Place::Toward(self.ray.direction),
+        }
+    }
+}
 
 /// A stored sample as the view sees it.
 pub(crate) struct ProjectedSample {
@@ -75,7 +97,17 @@ impl CacheScreen {
 
     /// Returns whether a driver can use its data of this view for another view.
     pub fn serves(&self, look: &FrameRequest) -> bool {
-        self.size == look.size && sees_alike(&self.view, &look.view)
+        sees_alike(&self.view, &look.view)
+    }
+
+    /// Returns the screen of another view. Until its samples `are_requested`, the viewpoint radius
+    /// and the unseen beams of the view before hold for it too.
+    pub fn next(self, look: &FrameRequest, are_requested: bool) -> Self {
+        let mut next = Self::new(Arc::clone(&self.sections), self.sky, look);
+        if !are_requested {
+            (next.radius, next.unseen) = (self.radius, self.unseen);
+        }
+        next
     }
 
     /// Sets the viewpoint radius, scene units, if this is the screen of `look`.
@@ -92,13 +124,13 @@ impl CacheScreen {
         }
     }
 
-    /// Calls `insert` with each sample of a beam that the view sees. `insert` returns whether it
-    /// used the sample.
+    /// Calls `insert` with each sample of a beam, and with what the view sees of it, if it sees it.
+    /// `insert` returns whether it used the sample.
     pub fn locate(
         &mut self,
         key: BeamKey,
         samples: &[Sample],
-        mut insert: impl FnMut(ProjectedSample) -> bool,
+        mut insert: impl FnMut(&StoredRay, Option<ProjectedSample>) -> bool,
     ) {
         let Some(section) = self.sections.get(usize::from(key.section)) else { return };
         let Some(pair) = section.cells(key.beam) else { return };
@@ -107,22 +139,18 @@ impl CacheScreen {
         for sample in samples {
             let ray = section.ray(pair, sample.coords);
             let distance = sample.distance(section.diagonal());
-            let Some(seen) = self.see(&ray, distance, sample.rgb(), near) else { continue };
-            self.used += u64::from(insert(seen));
+            let ray = StoredRay { coords: sample.coords, ray, distance, radiance: sample.rgb() };
+            let seen = self.see(&ray, near);
+            self.used += u64::from(insert(&ray, seen));
         }
     }
 
-    fn see(
-        &self,
-        ray: &SectionRay,
-        distance: f64,
-        radiance: [f32; 3],
-        near: f64,
-    ) -> Option<ProjectedSample> {
+    fn see(&self, stored: &StoredRay, near: f64) -> Option<ProjectedSample> {
+        let StoredRay { ray, distance, radiance, .. } = stored;
         let view = &self.view;
         let has_eye = view.kind.has_eye();
         let (place, x, y, seen_at) = if distance.is_finite() {
-            let end = ray.origin + ray.direction * distance;
+            let end = ray.origin + ray.direction * *distance;
             let (x, y, seen_at) = view.project(end)?;
             (Place::At(end), x, y, seen_at)
         } else if has_eye {
@@ -148,7 +176,7 @@ impl CacheScreen {
         };
         let (radiance, seen_at) = match clip {
             Clip::Before => return None,
-            Clip::Shown => (radiance, seen_at),
+            Clip::Shown => (*radiance, seen_at),
             Clip::Beyond => ([0.0; 3], f64::INFINITY),
         };
         let is_own = ray_eye_distance(ray, eye) <= near;

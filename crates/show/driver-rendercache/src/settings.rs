@@ -122,6 +122,8 @@ pub const SETTINGS: &[Setting] = &[
         "pixels from a changed point to the farthest that gain age"),
     setting!(hidden_ageing: u8, "a whole number from 1 to 16", |x| is_whole(x, 1.0, 16.0),
         "how many times as fast hidden points age"),
+    setting!(hint_ageing: u8, "a whole number from 1 to 16", |x| is_whole(x, 1.0, 16.0),
+        "how many times as fast points age that are likely to change"),
     setting!(noise_smoothing: f32, "at least 0 and finite", |x| (0.0..=LARGEST).contains(&x),
         "weight of the wide filter where samples are noisy"),
     setting!(moving_mean: u32, "a whole number, at least 1", |x| is_whole(x, 1.0, COUNT),

@@ -1,5 +1,7 @@
 //! The stages of a frame, and which of them run.
 
+use holo_display::DriverPart;
+
 /// The stages of a frame, in their order (Walter et al. 2002, Figure 1 and Table 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
@@ -107,10 +109,39 @@ impl Stages {
         "resampling",
     ];
 
+    /// What each part does, in the order of [`NAMES`](Self::NAMES), in a few words.
+    const MEANINGS: [&str; 8] = [
+        "old points give way",
+        "the oldest points go",
+        "rays for where you go",
+        "near points hide far",
+        "fills wide gaps, 7×7",
+        "fills and smooths, 3×3",
+        "worst pixels ask first",
+        "rays test known points",
+    ];
+
     /// Switches a part on or off by its name in [`NAMES`](Self::NAMES). Returns whether the name is
     /// known.
     pub fn switch(&mut self, name: &str, on: bool) -> bool {
-        let part = match name {
+        let part = self.part(name);
+        let is_known = part.is_some();
+        part.into_iter().for_each(|part| *part = on);
+        is_known
+    }
+
+    /// Returns all parts, with what they do and whether they run.
+    pub fn parts(mut self) -> Vec<DriverPart> {
+        let parts = Self::NAMES.into_iter().zip(Self::MEANINGS);
+        let part = |(name, meaning)| {
+            let is_on = self.part(name).is_some_and(|is_on| *is_on);
+            DriverPart { name, meaning, is_on }
+        };
+        parts.map(part).collect()
+    }
+
+    fn part(&mut self, name: &str) -> Option<&mut bool> {
+        Some(match name {
             "ageing" => &mut self.ageing,
             "eviction" => &mut self.eviction,
             "prediction" => &mut self.prediction,
@@ -119,10 +150,8 @@ impl Stages {
             "interpolation" => &mut self.interpolation,
             "dither" => &mut self.dither,
             "resampling" => &mut self.resampling,
-            _ => return false,
-        };
-        *part = on;
-        true
+            _ => return None,
+        })
     }
 }
 
@@ -139,5 +168,11 @@ mod tests {
             assert_ne!(stages, before, "{name}");
         }
         assert!(!stages.switch("projection", false));
+        assert!(stages.switch("dither", true));
+        let on: Vec<_> = stages.parts().into_iter().filter(|part| part.is_on).collect();
+        assert_eq!(
+            on,
+            [DriverPart { name: "dither", meaning: "worst pixels ask first", is_on: true }]
+        );
     }
 }

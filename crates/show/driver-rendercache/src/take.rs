@@ -21,6 +21,8 @@ struct NewSample {
     position: [f32; 3],
     radiance: [f32; 3],
     noise: f32,
+    object: u32,
+    is_changing: bool,
 }
 
 impl PointImage {
@@ -58,7 +60,8 @@ impl PointImage {
             Clip::Beyond => [0.0; 3],
         };
         let noise = if sample.noise.is_nan() { f32::INFINITY } else { sample.noise.max(0.0) };
-        Some(NewSample { tag, position, radiance, noise })
+        let RayResult { object, is_changing, .. } = *sample;
+        Some(NewSample { tag, position, radiance, noise, object, is_changing })
     }
 
     /// Returns whether the view clips a sample. A sample without a request is never clipped.
@@ -146,7 +149,7 @@ impl PointImage {
         if self.points.is_fresh[slot] {
             return;
         }
-        let (old, found) = self.depths(slot, new);
+        let (old, found) = self.depths(slot, new.position);
         if found < old * (1.0 - self.params.move_threshold) {
             self.put(slot, new, false);
         } else if found <= old * (1.0 + self.params.move_threshold) {
@@ -154,16 +157,16 @@ impl PointImage {
         }
     }
 
-    /// Returns the depths of a point and of a sample: distances from the eye, or along the
+    /// Returns the depths of a point and of a place, relative to the cache's origin: distances from the eye, or along the
     /// direction of a parallel view.
-    fn depths(&self, slot: usize, new: &NewSample) -> (f64, f64) {
+    pub(crate) fn depths(&self, slot: usize, place: [f32; 3]) -> (f64, f64) {
         let Some(view) = &self.view else { return (0.0, 0.0) };
         let eye = view.eye() - self.origin;
         let depth = |position: [f32; 3]| {
             let from_eye = DVec3::from(position.map(f64::from)) - eye;
             if view.kind.has_eye() { from_eye.length() } else { from_eye.dot(view.vd) }
         };
-        (depth(self.points.position(slot)), depth(new.position))
+        (depth(self.points.position(slot)), depth(place))
     }
 
     fn fresh_point_of(&self, pixel: u32) -> Option<usize> {
@@ -187,7 +190,7 @@ impl PointImage {
         let allowed =
             self.params.change_threshold * largest + self.params.noise_deviations * variance.sqrt();
         let differs = new.radiance.iter().zip(&reference).any(|(n, old)| (n - old).abs() > allowed);
-        let (old, found) = self.depths(slot, new);
+        let (old, found) = self.depths(slot, new.position);
         differs || (found - old).abs() > self.params.move_threshold * old
     }
 
@@ -199,6 +202,7 @@ impl PointImage {
         points.colour[slot] = colour::encode(new.radiance);
         points.age[slot] = 0;
         points.is_fresh[slot] = is_fresh;
+        points.is_changing[slot] = new.is_changing;
         points.generation[slot] = points.generation[slot].wrapping_add(1);
         points.details[slot] = Details {
             mean: new.radiance,
@@ -206,6 +210,7 @@ impl PointImage {
             reference: new.radiance,
             reference_count: 1,
             noise: new.noise,
+            object: new.object,
             epoch: if is_fresh { self.epoch } else { self.epoch.wrapping_sub(1) },
         };
     }
@@ -227,6 +232,8 @@ impl PointImage {
         if new.noise > 0.0 {
             details.noise = new.noise;
         }
+        details.object = new.object;
+        self.points.is_changing[slot] = new.is_changing;
         let is_fresh = details.epoch == self.epoch;
         self.has_fresh |= is_fresh;
         self.points.is_fresh[slot] = is_fresh;

@@ -78,7 +78,8 @@ impl BehindPanes {
         };
         for sums in std::iter::once(&mut sums.towards_eye).chain(&mut sums.from_all) {
             for ((sums, seen), behind) in sums.iter_mut().zip(mirrored).zip(&squares.seen) {
-                if view.way(behind).pane > 0.0 && view.way(seen).to_lamp.is_finite() {
+                let way = view.way(behind);
+                if way.pane > 0.0 && !way.is_mirrored && view.way(seen).to_lamp.is_finite() {
                     *sums = Sums::default();
                 }
             }

@@ -63,8 +63,12 @@ pub(crate) struct Density {
 /// Light for surfaces without known light in any pixel nearby.
 pub(crate) struct AmbientGuess<'a> {
     store: &'a LightStore,
-    /// Mean of all samples, for surfaces of which nothing is known.
+    /// Mean of all samples, for surfaces of which nothing is known. Without any sample, the light
+    /// that the scene's lamps let expect.
     mean: Vec3,
+    /// The eye, relative to the scene's origin, if there is no sample. Surfaces are then shaded by
+    /// their angle, so that the room is recognised.
+    eye: Option<Vec3>,
 }
 
 /// Light of a refined picture besides that of its squares.
@@ -81,6 +85,9 @@ pub(crate) struct KnownLight {
     /// The light that panes mirror.
     in_panes: Option<SquareLayer>,
 }
+
+/// How much darker a surface is drawn that is seen edge-on, while no light is known at all.
+const SHADE: f32 = 0.7;
 
 /// Stands for no pane.
 const NO_PANE: u32 = u32::MAX;
@@ -120,7 +127,7 @@ impl Gathered {
             let layer = self.layer_of_panes((view, store), &panes, step, interrupt)?;
             if in_panes.is_empty() {
                 let mirrored = &view.squares_in_panes(&panes, step).seen;
-                let lit = (&layer, &AmbientGuess::new(store));
+                let lit = (&layer, &AmbientGuess::new(view, store));
                 behind = BehindPanes::new(view, (&squares, mirrored), lit, &mut sums);
             }
             in_panes.push(layer);
@@ -208,8 +215,18 @@ impl Density {
 }
 
 impl<'a> AmbientGuess<'a> {
-    fn new(store: &'a LightStore) -> AmbientGuess<'a> {
-        AmbientGuess { store, mean: store.mean() }
+    fn new(view: &SurfaceView, store: &'a LightStore) -> AmbientGuess<'a> {
+        match store.samples() {
+            0 => AmbientGuess { store, mean: view.expected_light(), eye: Some(view.eye()) },
+            _ => AmbientGuess { store, mean: store.mean(), eye: None },
+        }
+    }
+
+    /// Returns the light of a surface of which nothing is known.
+    fn of(&self, seen: &VisiblePoint) -> Vec3 {
+        let Some(eye) = self.eye else { return self.mean };
+        let cosine = (seen.point - eye).normalize_or(seen.normal).dot(seen.normal).abs();
+        self.mean * (1.0 - SHADE * (1.0 - cosine))
     }
 }
 
@@ -234,7 +251,7 @@ impl SurfaceView {
 
     /// Returns squares with their light. Where it is unknown, the guess is the mean light around.
     fn layer(&self, store: &LightStore, squares: Squares, lights: Vec<Estimate>) -> SquareLayer {
-        let around = &AmbientGuess::new(store);
+        let around = &AmbientGuess::new(self, store);
         SquareLayer::new(squares, lights, |seen| self.mean_around(around, seen))
     }
 
@@ -266,7 +283,7 @@ impl SurfaceView {
     /// Draws the view with the light of `layer`.
     fn lit(&self, store: &LightStore, layer: &SquareLayer, refined: &RefinedLight) -> Drawn {
         let (width, height) = self.size;
-        let around = &AmbientGuess::new(store);
+        let around = &AmbientGuess::new(self, store);
         let mut pixels = vec![[0.0; 3]; width * height];
         let mut errors = vec![0.0; width * height];
         let rows = pixels.par_chunks_mut(width).zip(errors.par_chunks_mut(width)).enumerate();
@@ -372,7 +389,7 @@ impl SurfaceView {
         let serves = |face: FaceClass| face.serves(seen.normal, seen.material, direction);
         let sums = around.store.around(seen.point, serves);
         if sums.count == 0 {
-            return Estimate { light: around.mean, ..Estimate::UNKNOWN };
+            return Estimate { light: around.of(seen), ..Estimate::UNKNOWN };
         }
         let light = sums.mean();
         let bright = luminance(light.to_array());

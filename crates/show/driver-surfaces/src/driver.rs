@@ -14,10 +14,10 @@ use crate::{Gathered, LightStore, Materials, Placer, RaySample, SurfaceView};
 use holo_denoise::Denoiser;
 use holo_display::{
     Age, BeamSearch, Certainty, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt,
-    Light, LiveSample, PartsPlan, PartsRenderer, RayWishes, Renderer, Search, WantedBeam,
-    beams_ending_on, covered, uncovered_pixels, viewpoint_radius,
+    Light, LiveSample, PartsPlan, PartsRenderer, PixelWeights, RayWishes, Renderer, Search,
+    WantedBeam, beams_ending_on, covered, uncovered_pixels, viewpoint_radius,
 };
-use holo_picture::Picture;
+use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamKey, RayCoords, Sample, Section};
 use std::collections::BTreeMap;
@@ -247,6 +247,7 @@ impl LitScene {
             drawn: None,
             drawn_from: None,
             covered,
+            weights: None,
         };
         self.views.insert(number, shown);
     }
@@ -368,6 +369,11 @@ impl LitScene {
             own < ENOUGH_FOR_GLEAMS && shown.view.is_glossy(&shown.view.seen[pixel])
         };
         frame.gleam_pixels = count(&is_guessed) as u64;
+        if phase == FramePhase::Rest
+            && let Some(shown) = self.views.get_mut(&number)
+        {
+            shown.weigh(&frame.picture.pixels, &frame.certainty);
+        }
         frame.blank_corners(&view);
         Some(frame)
     }
@@ -507,7 +513,11 @@ impl RayWishes for SurfaceRenderer {
         Ok(beams)
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        lock(&self.scene).views.get(&self.number)?.weights.clone()
+    }
+
+    fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
         None
     }
 

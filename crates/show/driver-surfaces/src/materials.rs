@@ -3,14 +3,22 @@
 //!
 //! Invariant: both factors are the same number, which is never near 0.
 
+use crate::cell::luminance;
 use glam::Vec3;
 use holo_scene::{Bsdf, Material, Rgb, Scene, Sky};
+use std::sync::OnceLock;
 
 /// Least reflectance. Samples of a black surface show nothing of the light on it.
 pub(crate) const LEAST_REFLECTANCE: f32 = 0.02;
 
 /// Greatest GGX roughness of a metal that counts as a mirror.
 const SMOOTH_METAL: f32 = 0.05;
+
+/// Share of the light of sky and suns that is expected on a surface of which nothing is known.
+const DAYLIGHT: f32 = 0.2;
+
+/// Least share of light that surfaces are expected to absorb.
+const LEAST_ABSORBED: f64 = 0.05;
 
 /// Brightest light of the scene, in fixed-point steps.
 const STEPS: f32 = (1_u64 << 26) as f32;
@@ -35,6 +43,13 @@ pub(crate) enum MaterialClass {
         /// The share of light that passes.
         transmittance: Rgb,
     },
+    /// The smooth boundary of solid glass: rays are bent, and are also reflected.
+    Solid {
+        /// Index of refraction.
+        ior: f32,
+        /// The share of light that passes each surface.
+        transmittance: Rgb,
+    },
 }
 
 /// A material as the store needs it.
@@ -54,7 +69,7 @@ pub(crate) struct Finish {
     pub rough: Option<f32>,
     /// True if a clear coat covers a diffuse surface.
     pub is_coated: bool,
-    /// The share of light that passes each surface of solid glass.
+    /// The share of light that passes each surface of rough solid glass.
     pub clear: Option<Rgb>,
 }
 
@@ -65,6 +80,8 @@ pub struct Materials {
     sky: Sky,
     /// Light of one fixed-point step; a power of two.
     pub(crate) unit: f32,
+    /// See [`expected_light`](Self::expected_light).
+    expected: OnceLock<Rgb>,
 }
 
 impl Finish {
@@ -86,6 +103,9 @@ impl Finish {
             Bsdf::ThinGlass { ior, transmittance } => {
                 (MaterialClass::Pane { ior, transmittance }, [1.0; 3])
             }
+            Bsdf::Dielectric { ior, transmittance, alpha: 0.0 } if is_even => {
+                (MaterialClass::Solid { ior, transmittance }, [1.0; 3])
+            }
             Bsdf::Dielectric { .. } => (MaterialClass::Glossy, [1.0; 3]),
             Bsdf::Coated { kd, ks, ior, .. } => {
                 let coat = ((ior - 1.0) / (ior + 1.0)).powi(2);
@@ -106,8 +126,10 @@ impl Finish {
                 _ => None,
             },
             is_coated: matches!(material.bsdf, Bsdf::Coated { .. }),
-            clear: match material.bsdf {
-                Bsdf::Dielectric { transmittance, .. } => Some(transmittance),
+            clear: match (kind, material.bsdf) {
+                (MaterialClass::Glossy, Bsdf::Dielectric { transmittance, .. }) => {
+                    Some(transmittance)
+                }
                 _ => None,
             },
         }
@@ -148,7 +170,43 @@ impl Materials {
             Finish { light, ..finish }
         };
         let finishes = scene.materials.iter().enumerate().map(finish).collect();
-        Materials { finishes, sky: scene.sky.clone(), unit }
+        Materials { finishes, sky: scene.sky.clone(), unit, expected: OnceLock::new() }
+    }
+
+    /// Returns the light that surfaces of `scene` have on average, radiance of a white surface. It is
+    /// that in a closed box with the same lamps, areas and reflectances (an integrating sphere), and
+    /// a share of the sky's and the suns' light. `scene` must be that of [`new`](Self::new).
+    ///
+    /// It is computed once, and only if a view is drawn before any light is known.
+    pub(crate) fn expected_light(&self, scene: &Scene) -> Rgb {
+        *self.expected.get_or_init(|| {
+            let (mut area, mut reflected, mut power) = (0.0, [0.0; 3], [0.0; 3]);
+            for triangle in scene.triangles() {
+                let here = scene.area(triangle);
+                let finish = &self.finishes[scene.material_id(triangle) as usize];
+                let sides = if finish.emits_back { 2.0 } else { 1.0 };
+                area += here;
+                for c in 0..3 {
+                    reflected[c] += here * f64::from(finish.reflectance[c].min(1.0));
+                    power[c] += sides * here * f64::from(finish.emission[c]);
+                }
+            }
+            for light in &scene.punctual_lights {
+                // A sphere of this radiant intensity has 4π of it as power, and a face π of its
+                // radiance and area.
+                (0..3).for_each(|c| power[c] += 4.0 * f64::from(light.intensity[c]));
+            }
+            let sky = scene.sky.mean();
+            let light = [0, 1, 2].map(|c| {
+                let suns: f32 = scene.suns.iter().map(|sun| sun.irradiance[c]).sum();
+                let outside = DAYLIGHT * (sky[c] + suns / std::f32::consts::PI);
+                let absorbed = (area - reflected[c]).max(LEAST_ABSORBED * area);
+                let lamps = if absorbed > 0.0 { power[c] / absorbed } else { 0.0 };
+                outside + lamps as f32
+            });
+            // How the colours of sky and lamps mix is unknown.
+            [luminance(light); 3]
+        })
     }
 
     /// Returns what a person sees of the sky in a unit direction, the disc of its sun included.
@@ -174,11 +232,22 @@ impl Materials {
 /// Returns the share of unpolarised light that a thin pane reflects at this cosine, including all
 /// reflections between its faces.
 pub(crate) fn pane_reflectance(cosine: f32, ior: f32) -> f32 {
-    let inside = (1.0 - (1.0 - cosine * cosine) / (ior * ior)).max(0.0).sqrt();
-    let parallel = (ior * cosine - inside) / (ior * cosine + inside);
-    let across = (cosine - ior * inside) / (cosine + ior * inside);
-    let once = 0.5 * (parallel * parallel + across * across);
+    let (once, _) = boundary_reflectance(cosine, ior);
     2.0 * once / (1.0 + once)
+}
+
+/// Returns the share of unpolarised light that a boundary reflects at this cosine, and the cosine
+/// beyond it. `eta` is the index of refraction beyond over that on this side. All is reflected if
+/// the light cannot pass.
+pub(crate) fn boundary_reflectance(cosine: f32, eta: f32) -> (f32, f32) {
+    let squared = 1.0 - (1.0 - cosine * cosine) / (eta * eta);
+    if squared <= 0.0 {
+        return (1.0, 0.0);
+    }
+    let beyond = squared.sqrt();
+    let parallel = (eta * cosine - beyond) / (eta * cosine + beyond);
+    let across = (cosine - eta * beyond) / (cosine + eta * beyond);
+    (0.5 * (parallel * parallel + across * across), beyond)
 }
 
 #[cfg(test)]

@@ -2,9 +2,10 @@
 //! far its frames are refined.
 
 use glam::DVec3;
-use holo_display::{FramePhase, FrameRequest, VisibleEnd};
+use holo_display::{Certainty, FramePhase, FrameRequest, PixelWeights, VisibleEnd};
 use rayon::prelude::*;
 
+use crate::cell::luminance;
 use crate::draw::KnownLight;
 use crate::edges::Looked;
 use crate::{Gathered, LightStore, SurfaceView, VisiblePoint};
@@ -31,6 +32,8 @@ pub(crate) struct SurfacesView {
     /// Number of samples that the last frame was drawn from; `None` before the first one.
     pub(crate) drawn_from: Option<u64>,
     pub(crate) covered: Vec<bool>,
+    /// Weights of its pixels by the error of the last frame at rest; `None` before one.
+    pub(crate) weights: Option<PixelWeights>,
 }
 
 /// Progress of looking into the view's pixels on edges.
@@ -99,6 +102,24 @@ impl SurfacesView {
         self.edges = Edges::All;
         self.gathered.iter_mut().for_each(|known| known.look_into_edges(&self.view, store));
         false
+    }
+
+    /// Weighs the pixels of a frame at rest by their errors.
+    ///
+    /// An error counts as a person sees it who is used to the mean luminance of the picture: the
+    /// eye's response grows with the logarithm of what is much brighter, and less steeply in the
+    /// dark. Pixels of the sky, of lamps, and without any known light do not count.
+    pub(crate) fn weigh(&mut self, pixels: &[[f32; 3]], certainty: &[Certainty]) {
+        let bright: Vec<f32> = pixels.iter().map(|&pixel| luminance(pixel)).collect();
+        let mean = bright.iter().map(|&bright| f64::from(bright)).sum::<f64>()
+            / bright.len().max(1) as f64;
+        let error = |pixel: usize| {
+            let Certainty { error, samples } = certainty[pixel];
+            let counts = self.view.seen[pixel].is_surface() && self.covered[pixel];
+            let slope = 1.0 / (bright[pixel] + mean as f32).max(f32::MIN_POSITIVE);
+            counts.then(|| slope * error * (samples.max(1) as f32).sqrt())
+        };
+        self.weights = PixelWeights::new(self.look.size, error);
     }
 
     /// Returns the distance at which a surface is seen, scene units.

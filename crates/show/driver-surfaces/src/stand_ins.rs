@@ -10,8 +10,8 @@ use crate::{SurfaceLight, SurfaceRenderer};
 use holo_denoise::Denoiser;
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, Light,
-    LiveSample, PartsRenderer, RayWishes, Renderer, Search, StoringRenderer, ViewLight, WantedBeam,
-    section_of,
+    LiveSample, PartsRenderer, PixelWeights, RayWishes, Renderer, Search, StoringRenderer,
+    ViewLight, WantedBeam, section_of,
 };
 use holo_picture::View;
 use holo_raycast::Raycaster;
@@ -189,8 +189,12 @@ impl RayWishes for StandInsRenderer {
         self.renderer.weigh(look, beams)
     }
 
-    fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
-        self.renderer.rays()
+    fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        self.renderer.pixel_weights()
+    }
+
+    fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
+        self.renderer.rays(expected)
     }
 
     fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {

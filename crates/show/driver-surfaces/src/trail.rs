@@ -1,17 +1,25 @@
-//! Follows rays through mirrors and panes to the surface whose light they show.
+//! Follows rays through mirrors, panes and solid glass to the surface whose light they show.
+//!
+//! A ray that meets solid glass follows the light that passes, and is reflected only if none passes.
+//! A second ray shows what the first glass on the way reflects. Light that is reflected inside the
+//! glass counts as if it were as bright as the light that passes.
 //!
 //! Rays of a view pass surfaces that are partly covered, and note them: a pixel shows each with its
 //! opacity, and what is behind with the rest. A sample shows one surface alone, at its distance.
 //!
 //! Invariant: the end of a ray is a function of the ray and the scene.
 
-use crate::materials::{Finish, MaterialClass, Materials, pane_reflectance};
+use crate::materials::{Finish, MaterialClass, Materials, boundary_reflectance, pane_reflectance};
 use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, spawn};
 use holo_scene::Rgb;
 
-/// Most mirrors and panes along a ray.
-const MOST_SURFACES: usize = 8;
+/// Most mirrors, panes and surfaces of solid glass along a ray.
+const MOST_SURFACES: usize = 16;
+
+/// Least cosine between a smooth normal and the direction to the eye. Beyond, the tracer bends the
+/// normal to the eye, and so the same must be done here.
+const LEAST_COSINE: f32 = 0.02;
 
 /// The surface where a ray ends.
 #[derive(Clone, Copy, Debug)]
@@ -30,9 +38,9 @@ pub(crate) struct TrailEnd {
     pub share: Rgb,
     /// The length of the whole way, scene units.
     pub length: f32,
-    /// True if a mirror or a pane has turned the ray.
+    /// True if a mirror, a pane or solid glass has turned the ray.
     pub is_mirrored: bool,
-    /// The share of light that the first pane on the way reflects; 0 without a pane.
+    /// The share of light that the first pane or solid glass on the way reflects; 0 without any.
     pub pane: f32,
     pub hit: Hit,
 }
@@ -71,6 +79,26 @@ pub(crate) enum AtPanes {
     ReflectFirst,
 }
 
+/// A ray at a boundary of solid glass.
+struct AtBoundary {
+    /// True if the ray comes from outside.
+    enters: bool,
+    /// The share of light that is reflected.
+    reflected: f32,
+    /// The direction of the ray that passes, if it can.
+    onward: Option<Vec3>,
+}
+
+/// Bends a normal until its cosine to the direction of the eye is at least [`LEAST_COSINE`]: a
+/// surface that is seen faces the eye. `None` if no direction is left.
+fn facing_eye(normal: Vec3, towards_eye: Vec3) -> Option<Vec3> {
+    let cosine = normal.dot(towards_eye);
+    if cosine >= LEAST_COSINE {
+        return Some(normal);
+    }
+    (normal + towards_eye * (LEAST_COSINE - cosine)).try_normalize()
+}
+
 /// Follows rays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Follower<'a> {
@@ -99,6 +127,40 @@ impl<'a> Follower<'a> {
             true => self.raycaster.scene().opacity(hit.triangle, hit.u, hit.v),
             false => 1.0,
         }
+    }
+
+    /// Returns the normals of a surface at a hit that face the ray: of the triangle, and of the
+    /// smooth surface. They are equal if the surface is flat.
+    #[inline]
+    fn normals(&self, ray: &Ray, hit: &Hit) -> (Vec3, Vec3) {
+        let facet = self.raycaster.geometric_normal(hit.triangle);
+        let facing = if facet.dot(ray.direction) <= 0.0 { facet } else { -facet };
+        let Some(smooth) = self.raycaster.scene().smooth_normal(hit.triangle, hit.u, hit.v) else {
+            return (facing, facing);
+        };
+        let smooth = if smooth.dot(facing) < 0.0 { -smooth } else { smooth };
+        (facing, facing_eye(smooth, -ray.direction).unwrap_or(facing))
+    }
+
+    /// Returns the direction of a ray that a mirror reflects, as the tracer does. `None` if a smooth
+    /// normal sends it behind the triangle: the mirror is black there.
+    #[inline]
+    fn mirrored(&self, ray: &Ray, hit: &Hit) -> Option<Vec3> {
+        let (facing, smooth) = self.normals(ray, hit);
+        let onward = ray.direction - 2.0 * ray.direction.dot(smooth) * smooth;
+        (onward.dot(facing) > 0.0).then(|| onward.normalize())
+    }
+
+    /// Returns the way of a ray on, at a boundary of solid glass with the index of refraction `ior`.
+    fn at_boundary(&self, ray: &Ray, hit: &Hit, ior: f32) -> AtBoundary {
+        let (facing, smooth) = self.normals(ray, hit);
+        let enters = facing.dot(self.raycaster.geometric_normal(hit.triangle)) > 0.0;
+        let eta = if enters { ior } else { 1.0 / ior };
+        let cosine = -ray.direction.dot(smooth);
+        let (reflected, beyond) = boundary_reflectance(cosine, eta);
+        let onward = (ray.direction / eta + (cosine / eta - beyond) * smooth).normalize_or_zero();
+        let passes = reflected < 1.0 && onward.dot(facing) < 0.0;
+        AtBoundary { enters, reflected, onward: passes.then_some(onward) }
     }
 
     /// Returns the surface at a hit.
@@ -243,8 +305,6 @@ impl Trail {
     fn advance(&mut self, follower: &Follower) -> Option<RayContent> {
         let hit = self.hit;
         let normal = follower.raycaster.geometric_normal(hit.triangle);
-        let cosine = self.ray.direction.dot(normal);
-        let mirrored = self.ray.direction - 2.0 * cosine * normal;
         let kind = follower.finish(follower.material(hit.triangle)).kind;
         let opacity = follower.opacity(&hit);
         let (colour, onward) = match kind {
@@ -261,14 +321,21 @@ impl Trail {
                 ([1.0 - opacity; 3], self.ray.direction)
             }
             // Mirrors and panes are there if they are there for most rays.
-            MaterialClass::Mirror(_) | MaterialClass::Pane { .. } if opacity < 0.5 => {
+            MaterialClass::Mirror(_) | MaterialClass::Pane { .. } | MaterialClass::Solid { .. }
+                if opacity < 0.5 =>
+            {
                 ([1.0; 3], self.ray.direction)
             }
             MaterialClass::Diffuse | MaterialClass::Glossy => {
                 return Some(RayContent::Surface(self.end(follower)));
             }
-            MaterialClass::Mirror(ks) => (ks, mirrored),
+            MaterialClass::Mirror(ks) => match follower.mirrored(&self.ray, &hit) {
+                Some(mirrored) => (ks, mirrored),
+                None => return Some(RayContent::Sky([0.0; 3], self.ray.direction)),
+            },
             MaterialClass::Pane { ior, transmittance } => {
+                let cosine = self.ray.direction.dot(normal);
+                let mirrored = self.ray.direction - 2.0 * cosine * normal;
                 let reflected = pane_reflectance(cosine.abs(), ior);
                 let tint = follower.texture_at(hit, 0.0);
                 let passes = [0, 1, 2].map(|c| transmittance[c] * tint[c] * (1.0 - reflected));
@@ -279,6 +346,31 @@ impl Trail {
                     AtPanes::ReflectFirst => {
                         self.panes = AtPanes::Pass;
                         ([reflected; 3], mirrored)
+                    }
+                }
+            }
+            // A sample shows what one of many ways through solid glass met.
+            MaterialClass::Solid { .. } if self.panes == AtPanes::PassAll => {
+                return Some(RayContent::Unknown);
+            }
+            MaterialClass::Solid { ior, transmittance } => {
+                let boundary = follower.at_boundary(&self.ray, &hit, ior);
+                let reflects_first = self.panes == AtPanes::ReflectFirst && boundary.enters;
+                if boundary.enters && self.pane == 0.0 && boundary.onward.is_some() {
+                    self.pane = boundary.reflected * self.passed;
+                }
+                match boundary.onward.filter(|_| !reflects_first) {
+                    Some(onward) => {
+                        // What is reflected inside leaves elsewhere, and other such light here.
+                        let lost = if boundary.enters { boundary.reflected } else { 0.0 };
+                        (transmittance.map(|t| t * (1.0 - lost)), onward)
+                    }
+                    None => {
+                        self.panes = AtPanes::Pass;
+                        let Some(mirrored) = follower.mirrored(&self.ray, &hit) else {
+                            return Some(RayContent::Sky([0.0; 3], self.ray.direction));
+                        };
+                        ([boundary.reflected; 3], mirrored)
                     }
                 }
             }

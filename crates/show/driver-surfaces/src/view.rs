@@ -73,9 +73,9 @@ pub struct SurfaceTrail {
     pub direction: Vec3,
     /// Distance to the lamp that is seen, scene units; infinite if there is no lamp.
     pub to_lamp: f32,
-    /// True if a mirror turned the ray. Otherwise the surface lies in the pixel's direction.
+    /// True if a mirror or solid glass turned the ray. Otherwise the surface lies in the pixel's direction.
     pub is_mirrored: bool,
-    /// The share of light that the first pane on the way reflects; 0 without a pane.
+    /// The share of light that the first pane or solid glass on the way reflects; 0 without any.
     pub pane: f32,
 }
 
@@ -471,6 +471,16 @@ impl SurfaceView {
             (albedo, seen.normal.to_array())
         };
         self.seen.iter().map(feature).unzip()
+    }
+
+    /// Returns the eye, relative to the scene's origin.
+    pub(crate) fn eye(&self) -> Vec3 {
+        self.camera().1.as_vec3()
+    }
+
+    /// Returns the mean light that the scene's lamps let expect, fixed-point steps.
+    pub(crate) fn expected_light(&self) -> Vec3 {
+        Vec3::from(self.materials.expected_light(self.raycaster.scene())) / self.unit()
     }
 
     /// Returns the light of one fixed-point step.

@@ -191,6 +191,13 @@ impl View {
         View::from_params(ViewParams { vp, vd, ..self.params })
     }
 
+    /// Returns the same view with its picture shifted to the right by so many widths of the picture
+    /// more: see [`vs`](ViewParams::vs).
+    #[must_use]
+    pub fn shifted(&self, widths: f64) -> View {
+        View { params: ViewParams { vs: self.params.vs + widths, ..self.params }, ..*self }
+    }
+
     /// Returns the view whose picture is a part of this view's: these columns and rows, counted from
     /// the left and from the top, of a picture of `size` pixels. A part that is empty or reaches
     /// beyond the picture is widened or cut to one inside it.

@@ -8,21 +8,27 @@
 mod denoised;
 mod options;
 mod render_cache;
+mod stereo_options;
 
 use std::{collections::BTreeMap, sync::Arc};
 
 use holo_denoise::Quality;
 use holo_display::{Driver, SkyView};
+use holo_driver_mesh::mesh_driver;
 use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_driver_rendercache::{frameless_driver, pointimage_driver};
+use holo_driver_splats::splats_driver;
 use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver};
 use holo_proto::stand_ins::StandInKind;
 use holo_section::Section;
 use holo_session::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
+use holo_stereo::stereo_driver;
+use holo_splats::SplatFile;
 
 pub use denoised::denoise;
-pub use options::{CellsArg, DenoiseArg, DriverArgs};
+pub use options::{CellsArg, DenoiseArg, DriverArgs, SplatShapeArg};
 pub use render_cache::{EmptyArg, PointArgs, SmoothingArg};
+pub use stereo_options::{StereoArg, StereoArgs};
 
 /// Parts of drivers that a script may switch, by name.
 pub const SWITCHES: &[&str] = &holo_driver_rendercache::Stages::NAMES;
@@ -34,6 +40,8 @@ pub struct DriverOptions {
     pub args: DriverArgs,
     /// Options of the render cache.
     pub points: PointArgs,
+    /// The splats of the driver of that name.
+    pub splats: Option<Arc<SplatFile>>,
 }
 
 impl DriverChoice for DriverOptions {
@@ -45,17 +53,19 @@ impl DriverChoice for DriverOptions {
         }
     }
 
-    /// Makes the chosen driver. Without a scene, `auto` draws cells from samples only.
-    fn make(&self, sections: &Arc<[Section]>, sky: SkyView, scene: Option<&LoadedScene>) -> Driver {
-        let sections = Arc::clone(sections);
-        match self.args.driver {
-            DriverArg::Quadtree => quadtree_driver(sections, sky),
-            DriverArg::Pointimage => pointimage_driver(sections, sky, self.points.params()),
-            DriverArg::Frameless => frameless_driver(sections, sky),
-            DriverArg::Auto | DriverArg::Surfaces => match scene {
-                Some(scene) => self.surfaces(sections, sky, scene),
-                None => cells_driver(sections, sky, self.filling()),
-            },
+    /// Makes the chosen driver, for two eyes if they are wanted. Without a scene, `auto` draws cells
+    /// from samples only.
+    fn make(
+        &self,
+        sections: &Arc<[Section]>,
+        sky: SkyView,
+        unit: f64,
+        scene: Option<&LoadedScene>,
+    ) -> Driver {
+        let driver = self.of_one_view(Arc::clone(sections), sky, scene);
+        match self.args.stereo.eyes(unit) {
+            Some(eyes) => stereo_driver(driver, eyes, Arc::clone(sections)),
+            None => driver,
         }
     }
 
@@ -73,6 +83,34 @@ impl DriverChoice for DriverOptions {
 }
 
 impl DriverOptions {
+    fn of_one_view(
+        &self,
+        sections: Arc<[Section]>,
+        sky: SkyView,
+        scene: Option<&LoadedScene>,
+    ) -> Driver {
+        match self.args.driver {
+            DriverArg::Quadtree => quadtree_driver(sections, sky),
+            DriverArg::Mesh => mesh_driver(sections, sky),
+            DriverArg::Pointimage => pointimage_driver(sections, sky, self.points.params()),
+            DriverArg::Frameless => frameless_driver(sections, sky),
+            DriverArg::Splats => splats_driver(self.splats.clone(), self.args.splat_shape.shape()),
+            DriverArg::Auto | DriverArg::Surfaces => match scene {
+                Some(scene) => self.surfaces(sections, sky, scene),
+                None => cells_driver(sections, sky, self.filling()),
+            },
+        }
+    }
+
+    /// Returns the options of a person, with the splats that they name.
+    ///
+    /// # Errors
+    /// If the splats cannot be used, or none were named and the driver needs some.
+    pub fn open(args: DriverArgs, points: PointArgs) -> anyhow::Result<DriverOptions> {
+        let splats = args.open_splats().map_err(anyhow::Error::msg)?;
+        Ok(DriverOptions { args, points, splats })
+    }
+
     fn surfaces(&self, sections: Arc<[Section]>, sky: SkyView, scene: &LoadedScene) -> Driver {
         let raycaster = Arc::clone(&scene.raycaster);
         // `check` has already loaded a library that was named.

@@ -1,10 +1,14 @@
 //! Options that choose a driver.
 
-use std::{ffi::OsString, path::PathBuf};
+use std::{ffi::OsString, path::PathBuf, sync::Arc};
 
 use clap::{Args, ValueEnum};
 use holo_denoise::{DenoiseError, Denoiser, Quality};
+use holo_driver_splats::SplatShape;
 use holo_session::DriverArg;
+use holo_splats::{SplatError, SplatFile};
+
+use crate::StereoArgs;
 
 /// The driver and its options.
 #[derive(Args, Clone, Debug, Default)]
@@ -19,6 +23,42 @@ pub struct DriverArgs {
     /// `auto`: if it is installed; `off`: never; FILE: with this library
     #[arg(long, value_name = "auto|off|FILE", default_value = "auto")]
     pub denoise: DenoiseArg,
+    /// Two eyes.
+    #[command(flatten)]
+    pub stereo: StereoArgs,
+    /// With the driver `splats`: what `holodeck splats` has made [default: the holodeck's name with
+    /// .splats]
+    #[arg(long, value_name = "FILE.splats")]
+    pub splats: Option<PathBuf>,
+    /// With the driver `splats`: the shape of splats
+    #[arg(long, value_enum, value_name = "SHAPE", default_value_t)]
+    pub splat_shape: SplatShapeArg,
+}
+
+/// See [`SplatShape`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum SplatShapeArg {
+    /// Squares that face the eye: the fastest
+    Square,
+    /// Circles that face the eye
+    Circle,
+    /// Discs on the surfaces
+    Ellipse,
+    /// Discs that fade towards their edges and blend
+    #[default]
+    Fuzzy,
+}
+
+impl SplatShapeArg {
+    /// Returns the shape.
+    pub fn shape(self) -> SplatShape {
+        match self {
+            Self::Square => SplatShape::Square,
+            Self::Circle => SplatShape::Circle,
+            Self::Ellipse => SplatShape::Ellipse,
+            Self::Fuzzy => SplatShape::Fuzzy,
+        }
+    }
 }
 
 /// The choice of a denoiser.
@@ -77,6 +117,24 @@ impl DriverArgs {
         })
     }
 
+    /// Opens the splats that were named.
+    ///
+    /// # Errors
+    /// If they cannot be used, or the driver needs some and none were named.
+    pub fn open_splats(&self) -> Result<Option<Arc<SplatFile>>, String> {
+        let Some(path) = &self.splats else {
+            return match self.driver {
+                DriverArg::Splats => Err("--driver splats needs --splats FILE".to_owned()),
+                _ => Ok(None),
+            };
+        };
+        let opened = SplatFile::open(path);
+        opened.map(|file| Some(Arc::new(file))).map_err(|error| match error {
+            SplatError::Io { .. } => error.to_string(),
+            _ => format!("{}: {error}", path.display()),
+        })
+    }
+
     /// Refuses options that would have no effect, and a denoiser that cannot be loaded.
     ///
     /// # Errors
@@ -88,6 +146,7 @@ impl DriverArgs {
             }
             self.denoise.load(Quality::Balanced).map_err(|error| error.to_string())?;
         }
+        self.stereo.check()?;
         match (self.driver, self.cells) {
             (DriverArg::Auto, _) | (_, None) => Ok(()),
             (driver, Some(_)) => {

@@ -28,6 +28,7 @@ pub use holo_drivers::{DenoiseArg, DriverArgs, PointArgs, denoise};
 pub use holo_options::{LookArgs, ViewArgs, parse_size};
 pub use holo_page::BrowserArgs;
 pub use holo_script::{PictureReport, parse_seconds};
+pub use holo_session::DriverArg;
 pub use holo_stage::{Crew, CrewOrder, Restarted, crew};
 #[cfg(not(feature = "window"))]
 pub use no_window::{WindowHost, WindowRequest, check_desktop, desk, run_in_window};
@@ -96,8 +97,8 @@ impl Config {
     /// Connects to the server. `walks` is true if a person walks.
     async fn connect(&self, walks: bool, shutdown: Shutdown) -> Result<Connected> {
         let server = Destination::parse(&self.connect)?;
-        let (args, points) = (self.driver.clone(), self.points.clone());
-        Connected::new(server, Box::new(DriverOptions { args, points }), walks, shutdown).await
+        let options = DriverOptions::open(self.driver.clone(), self.points.clone())?;
+        Connected::new(server, Box::new(options), walks, shutdown).await
     }
 
     /// Connects to the server, and returns a stage for a person who walks.

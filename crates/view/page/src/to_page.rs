@@ -1,9 +1,10 @@
 //! Messages to a page: JSON texts, and frames, which are a JSON header followed by encoded parts.
 
+use holo_display::DriverPart;
 use holo_picture::{EFFICACY, Image, Legend, MAX_PIXELS, MAX_SIDE, luminance};
 use holo_section::{Section, SectionSpec};
 use holo_stage::{
-    DriverArg, PublishedFrame, StagePhase, State,
+    DriverArg, FloorPlan, PublishedFrame, StagePhase, State, Storey,
     commands::{ACTIONS, GESTURES},
 };
 use serde::Serialize;
@@ -196,15 +197,34 @@ pub fn state(state: &State) -> String {
         "samples_per_second": state.samples_per_second.round(),
         "workers": state.workers,
         "driver": state.driver,
+        "parts": state.parts.iter().map(part).collect::<Vec<_>>(),
         "memory": memory(),
     })
     .to_string()
 }
 
-/// Returns the message for the session's constants: sections and the up axis.
+/// Returns the message for the session's constants: sections, the up axis, and the plan.
 pub fn facts(state: &State) -> String {
     let sections: Vec<Value> = state.sections.iter().map(section).collect();
-    json!({ "is": "facts", "sections": sections, "up": state.up, "unit": state.unit }).to_string()
+    let plan = plan(&state.plan, state.unit);
+    json!({
+        "is": "facts", "sections": sections, "up": state.up, "unit": state.unit, "plan": plan,
+    })
+    .to_string()
+}
+
+/// Returns a plan. Its lines are rounded to millimetres, four numbers each.
+fn plan(plan: &FloorPlan, unit: f64) -> Value {
+    let digits = 1000.0 * unit;
+    let round = |at: f64| (at * digits).round() / digits;
+    let lines = |storey: &Storey| -> Vec<f64> {
+        let ends = storey.lines.iter().flatten();
+        ends.flat_map(|end| end.to_array()).map(round).collect()
+    };
+    let storey = |storey: &Storey| json!({ "height": storey.height, "lines": lines(storey) });
+    let storeys: Vec<Value> = plan.storeys.iter().map(storey).collect();
+    let [right, ahead] = plan.axes.map(|axis| axis.to_array());
+    json!({ "right": right, "ahead": ahead, "base": plan.base.to_array(), "storeys": storeys })
 }
 
 fn section(spec: &SectionSpec) -> Value {
@@ -220,4 +240,8 @@ fn memory() -> Option<u64> {
     let pages = std::fs::read_to_string("/proc/self/statm").ok()?;
     let pages: u64 = pages.split(' ').nth(1)?.parse().ok()?;
     Some(pages * 4096)
+}
+/// Returns a part of the driver that can be switched.
+fn part(part: &DriverPart) -> Value {
+    json!({ "name": part.name, "meaning": part.meaning, "on": part.is_on })
 }

@@ -11,8 +11,8 @@ use holo_options::{LookArgs, ViewArgs};
 use holo_picture::{Picture, ViewSpec, luminance};
 use holo_progress::Meter;
 use holo_session::{
-    Again, Connected, FrameSchedule, FrameSize, RETURN_TIME, Session, StageTime, Waited,
-    starts_again,
+    Again, Connected, EyeVelocity, FrameSchedule, FrameSize, RETURN_TIME, Session, StageTime,
+    Waited, starts_again,
 };
 use serde_json::json;
 use tokio::sync::oneshot;
@@ -93,6 +93,8 @@ struct ScriptEye {
     moved: Instant,
     /// True if it moves.
     is_moving: bool,
+    /// How it moves: from the last view to this one.
+    velocity: EyeVelocity,
     /// Number of views that did not follow from a motion.
     jumps: u64,
     /// What the session was last asked to show.
@@ -102,13 +104,27 @@ struct ScriptEye {
 impl ScriptEye {
     fn new(now: Instant) -> ScriptEye {
         let schedule = FrameSchedule::new(now);
-        ScriptEye { schedule, shown: None, moved: now, is_moving: false, jumps: 0, looked: None }
+        ScriptEye {
+            schedule,
+            shown: None,
+            moved: now,
+            is_moving: false,
+            velocity: EyeVelocity::default(),
+            jumps: 0,
+            looked: None,
+        }
     }
 
     /// Moves to a view.
     fn show(&mut self, spec: &ViewSpec, now: Instant) {
-        let is_first = self.shown.replace(*spec).is_none();
-        self.is_moving = !is_first && now.saturating_duration_since(self.moved) < MOTION;
+        let before = self.shown.replace(*spec);
+        let since = now.saturating_duration_since(self.moved);
+        self.is_moving = before.is_some() && since < MOTION;
+        let place = |spec: &ViewSpec| Some([spec.vp?, spec.vd?.try_normalize()?]);
+        let places = before.as_ref().and_then(place).zip(place(spec)).filter(|_| self.is_moving);
+        self.velocity = places.map_or(EyeVelocity::default(), |(before, now)| {
+            EyeVelocity::between(before, now, since.as_secs_f64())
+        });
         self.jumps += u64::from(!self.is_moving);
         self.moved = now;
     }
@@ -182,7 +198,7 @@ impl Player {
         eye.schedule.request(&spec, eye.jumps, now);
         let (keeps_pixels, samples) = (session.keeps_pixels(), session.samples_per_pixel(full));
         let size = eye.schedule.size(full, is_moving, keeps_pixels, samples, now);
-        session.set_moving(is_moving);
+        session.set_motion(is_moving.then_some(eye.velocity));
         let look = FrameRequest { view, size: size.size, is_moving };
         if eye.looked != Some(look) {
             session.look(look)?;
@@ -197,7 +213,7 @@ impl Player {
         let Player { session, eye, options, .. } = self;
         let Some(spec) = eye.shown else { return Ok(None) };
         let (view, full) = spec.resolve(options.view.size())?;
-        session.set_moving(false);
+        session.set_motion(None);
         let look = FrameRequest { view, size: full, is_moving: false };
         if eye.looked != Some(look) {
             session.look(look)?;

@@ -128,8 +128,9 @@ impl Session {
     /// Requests a part of the file, if there is nothing else to do. Returns when one is due.
     pub(super) fn ask_ahead(&mut self, now: Instant) -> Result<Option<Instant>> {
         let Some(current) = self.current.as_ref() else { return Ok(None) };
-        let is_idle =
-            current.asked == RequestedSamples::All && !self.is_moving && self.ahead.asked.is_none();
+        let is_idle = current.asked == RequestedSamples::All
+            && !self.is_moving()
+            && self.ahead.asked.is_none();
         if !is_idle || !self.loads_whole_file() {
             return Ok(None);
         }

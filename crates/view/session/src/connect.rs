@@ -18,7 +18,7 @@ use holo_section::Section;
 use tokio::sync::Semaphore;
 
 use super::{
-    Ahead, Session,
+    Ahead, RayDelay, Session,
     driver_choice::{DriverChoice, LoadedScene, SceneUse},
     incoming::{Incoming, MAX_WAITING_BYTES, SessionReader},
     scene::SceneLoader,
@@ -234,7 +234,8 @@ impl Connected {
             }
         }
         let sky = super::driver_choice::sky_of(&self.welcome, scene.as_deref());
-        let driver = self.choice.make(&self.sections, sky, scene.as_deref());
+        let unit = self.welcome.unit;
+        let driver = self.choice.make(&self.sections, sky, unit, scene.as_deref());
         let interrupt = Interrupt::default();
         let sections = self.sections.len();
         Ok(Some(Session {
@@ -256,7 +257,8 @@ impl Connected {
             request_number: 0,
             drawing: Duration::ZERO,
             settles_whole: false,
-            is_moving: false,
+            velocity: None,
+            ray_delay: RayDelay::default(),
             is_paused: false,
             focus: None,
             status: None,
@@ -306,7 +308,12 @@ fn await_scene(
                 bail!("the server ended the session: {farewell}")
             }
             // Only the scene has been requested so far, and nothing is shown yet.
-            Ok(Incoming::Message { .. } | Incoming::Found { .. } | Incoming::Wake) => {}
+            Ok(
+                Incoming::Message { .. }
+                | Incoming::Found { .. }
+                | Incoming::Weighed { .. }
+                | Incoming::Wake,
+            ) => {}
             Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),
             Ok(Incoming::Stop) => return Ok(Arrived::Stop),
             Err(mpsc::RecvTimeoutError::Timeout) => {

@@ -10,7 +10,7 @@ use holo_raycast::Raycaster;
 use holo_section::Section;
 
 use super::{
-    Session,
+    EyeVelocity, Session,
     current_view::RequestedSamples,
     driver_choice::{DriverArg, SceneUse},
 };
@@ -41,10 +41,15 @@ impl Session {
         self.welcome.tracing
     }
 
-    /// Records whether the eye moves. Slow work that serves only the current view then waits until
-    /// the eye has rested for a while.
-    pub fn set_moving(&mut self, is_moving: bool) {
-        self.is_moving = is_moving;
+    /// Records how the eye moves; `None` if it rests. While it moves, slow work that serves only the
+    /// current view waits, and single rays are requested for where the motion leads.
+    pub fn set_motion(&mut self, velocity: Option<EyeVelocity>) {
+        self.velocity = velocity;
+    }
+
+    /// Returns whether the eye moves.
+    pub(super) fn is_moving(&self) -> bool {
+        self.velocity.is_some()
     }
 
     /// Returns whether all stored samples for the current view have arrived.

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use holo_display::{Age, FramePhase, FrameRequest, Light, Renderer, UsefulBeam, ViewPhases};
 use holo_proto::bulk::{LiveSamples, RequestedBeam, SampleSource, ViewSamples};
 
-use super::{live::LiveRays, received::Received};
+use super::{live::LiveRays, received::Received, weighing::WeighingSchedule};
 
 /// A view and what has arrived for it.
 pub struct CurrentView {
@@ -38,6 +38,10 @@ pub struct CurrentView {
     pub counts: ArrivalCounts,
     /// When single rays were last requested. `None` if the driver never wants any.
     pub rays_asked: Option<Instant>,
+    /// When its beams are weighed by the error of what is shown.
+    pub weighing: WeighingSchedule,
+    /// True if a frame was drawn while the eye moved, and no single rays were requested since.
+    pub has_new_frame: bool,
 }
 
 /// Time after which nobody waits for the first frame of a view any more.

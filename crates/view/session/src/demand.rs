@@ -20,12 +20,13 @@ use holo_proto::{
 use holo_section::{BeamKey, Section};
 
 use super::{
-    Session, Waker,
+    EyeVelocity, Session, Waker,
     current_view::{ArrivalCounts, CurrentView, RequestedSamples},
     focus::concentrate,
     incoming::Incoming,
     live::LiveRays,
     received::Received,
+    weighing::WeighingSchedule,
 };
 
 /// Assumed distance of the nearest visible surface before anything is known of the scene, as a
@@ -43,8 +44,8 @@ const NEARER_PIXELS: f64 = 0.01;
 /// Largest weight of beams whose stored samples are wanted, but no new ones.
 const STORED_ONLY: f32 = 0.5 * LEAST_TRACED_WEIGHT;
 
-/// Least interval between requests while the eye moves, for drivers that keep samples: samples of
-/// one view serve the next. A request replaces the one before, so faster requests would never
+/// Least interval between requests while the eye moves, for drivers that keep samples or take late
+/// ones: samples of one view serve the next. A request replaces the one before, so faster requests would never
 /// receive any samples.
 const MOVING_EVERY: Duration = Duration::from_millis(150);
 
@@ -126,14 +127,15 @@ impl Session {
 
     /// Shows a view, also if it was shown before.
     fn look_anew(&mut self, look: FrameRequest) -> Result<()> {
-        if self.is_moving && self.keeps_samples() && self.requested_just_now() {
+        let serves_next = self.keeps_samples() || self.driver.takes_late;
+        if self.is_moving() && serves_next && self.requested_just_now() {
             return self.look_on(look);
         }
         let since = Instant::now();
         let sections = &self.sections;
         let is_inside = sections.iter().any(|section| section.contains(look.view.vp));
         let stops =
-            !self.is_moving && self.current.as_ref().is_some_and(|view| view.look.is_moving);
+            !self.is_moving() && self.current.as_ref().is_some_and(|view| view.look.is_moving);
         let has_light = self.has_whole_file() || (stops && self.keeps_samples());
         if is_inside && has_light && self.current.is_some() {
             // Most light is already here, so the view is shown before anything is requested.
@@ -200,6 +202,8 @@ impl Session {
             since,
             counts: ArrivalCounts::default(),
             rays_asked: Some(since),
+            weighing: WeighingSchedule::new(since),
+            has_new_frame: false,
         });
         self.ask_rays()?;
         if self.driver.knows_surfaces {
@@ -280,9 +284,10 @@ impl Session {
         let Some(current) = &self.current else { return Ok(None) };
         let rests = current.since + AT_REST;
         let nearest = (!current.nearest_is_seen).then(|| current.since + NEAREST_AFTER);
-        let rays = current.rays_asked.filter(|_| !ending).map(|asked| asked + RAYS_EVERY);
+        let next_rays = |asked| if current.has_new_frame { now } else { asked + RAYS_EVERY };
+        let rays = current.rays_asked.filter(|_| !ending).map(next_rays);
         let search = current.since + SEARCH_AFTER;
-        let searches = current.asks_later && !self.is_moving;
+        let searches = current.asks_later && !self.is_moving();
         let late = current.is_late_at();
         if nearest.is_some_and(|at| now >= at) {
             self.see_nearest()?;
@@ -301,8 +306,9 @@ impl Session {
         }
         let rays = if asks_rays { Some(now + RAYS_EVERY) } else { rays };
         let ahead = if ending { None } else { self.ask_ahead(now)? };
+        let weighing = if ending { None } else { self.weigh_if_due(now)? };
         let search = searches.then_some(search);
-        let due = [Some(rests), Some(late), search, nearest, rays, ahead];
+        let due = [Some(rests), Some(late), search, nearest, rays, ahead, weighing];
         Ok(due.into_iter().flatten().filter(|at| *at > now).min())
     }
 
@@ -317,7 +323,7 @@ impl Session {
         }
         let Some(current) = &mut self.current else { return Ok(()) };
         let is_fresh = current.since.elapsed() < SEARCH_AFTER;
-        if (self.is_moving || is_fresh) && !ending {
+        if (self.velocity.is_some() || is_fresh) && !ending {
             // The search takes threads from drawing, and a person who only pauses must not wait for
             // it.
             current.asks_later = true;
@@ -364,7 +370,7 @@ impl Session {
         if current.asked == RequestedSamples::All {
             return Ok(());
         }
-        if self.is_moving && !ending {
+        if self.velocity.is_some() && !ending {
             // The beams were found for an earlier position of the eye.
             current.asks_later = true;
             return Ok(());
@@ -473,9 +479,14 @@ impl Session {
     fn ask_rays(&mut self) -> Result<()> {
         let traces = self.welcome.tracing && !self.is_paused;
         let Some(current) = self.current.as_mut().filter(|_| traces) else { return Ok(()) };
-        let wanted = self.driver.renderer.wishes().rays();
-        current.rays_asked = wanted.is_some().then(Instant::now);
+        let now = Instant::now();
+        let ahead =
+            |velocity: EyeVelocity| velocity.ahead(&current.look.view, self.ray_delay.expected());
+        let expected = self.velocity.and_then(ahead);
+        let wanted = self.driver.renderer.wishes().rays(expected.as_ref());
+        (current.rays_asked, current.has_new_frame) = (wanted.is_some().then_some(now), false);
         let rays = wanted.unwrap_or_default().into_iter();
+        rays.as_slice().first().iter().for_each(|first| self.ray_delay.request(**first, now));
         let rays = rays.map(|(key, coords)| WantedRay { key, coords });
         let request = RaysWanted { view: self.request_number, rays: rays.collect() };
         if request.rays.is_empty() {
@@ -501,6 +512,6 @@ impl Session {
 }
 
 /// Returns the request of a beam, none of whose samples are here.
-fn requested(beam: &holo_display::WantedBeam) -> RequestedBeam {
+pub(super) fn requested(beam: &holo_display::WantedBeam) -> RequestedBeam {
     RequestedBeam { key: beam.key, weight: beam.weight, held: 0, has_earlier: false }
 }

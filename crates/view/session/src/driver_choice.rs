@@ -16,8 +16,14 @@ pub trait DriverChoice: Send + Sync {
     fn scene_use(&self) -> SceneUse;
 
     /// Makes the chosen driver for a holodeck with these sections. `sky` is what rays show that hit
-    /// nothing.
-    fn make(&self, sections: &Arc<[Section]>, sky: SkyView, scene: Option<&LoadedScene>) -> Driver;
+    /// nothing, and `unit` the length of a scene unit in metres.
+    fn make(
+        &self,
+        sections: &Arc<[Section]>,
+        sky: SkyView,
+        unit: f64,
+        scene: Option<&LoadedScene>,
+    ) -> Driver;
 
     /// Chooses another driver.
     fn choose(&mut self, driver: DriverArg);
@@ -47,10 +53,16 @@ pub enum DriverArg {
     /// Averages samples over the leaves of a quadtree, larger leaves for noisier samples; needs no
     /// scene
     Quadtree,
+    /// Connects samples by triangles (Delaunay), with colours interpolated between them; needs no
+    /// scene
+    Mesh,
     /// The render cache: projects known samples into every view and fills the gaps; needs no scene
     Pointimage,
     /// Each pixel shows its newest rays; needs no scene
     Frameless,
+    /// Draws the hierarchy that `holodeck splats` has made of all samples, however many; shows no
+    /// new samples
+    Splats,
 }
 
 impl DriverArg {
@@ -66,8 +78,10 @@ impl DriverArg {
             Self::Auto => "auto",
             Self::Surfaces => "surfaces",
             Self::Quadtree => "quadtree",
+            Self::Mesh => "mesh",
             Self::Pointimage => "pointimage",
             Self::Frameless => "frameless",
+            Self::Splats => "splats",
         }
     }
 }

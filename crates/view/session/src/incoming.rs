@@ -6,7 +6,7 @@
 use std::sync::{Arc, mpsc};
 
 use anyhow::Result;
-use holo_display::UsefulBeam;
+use holo_display::{UsefulBeam, WantedBeam};
 use holo_net::{Inbox, Message, NetError, Outbox};
 use holo_proto::control::Control;
 
@@ -49,6 +49,13 @@ pub enum Incoming {
         first_request: u32,
         /// The beams, in the order of their keys.
         beams: Vec<UsefulBeam>,
+    },
+    /// The beams of a view were weighed by the error of what is shown.
+    Weighed {
+        /// The first request of the view.
+        first_request: u32,
+        /// The beams with their weights, in the order of their keys.
+        beams: Vec<WantedBeam>,
     },
     /// The connection is lost.
     Lost(NetError),

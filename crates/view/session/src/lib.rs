@@ -10,10 +10,9 @@
 //! - The server learns which beams are wanted, and sends samples. It never learns what a picture
 //!   looks like.
 //! - A sample counts once in a picture, however often it arrives.
-//! - A driver that keeps samples receives all that arrive, because samples of one view serve the
-//!   next. Other drivers receive only samples requested for the current view.
-//! - A frame drawn at rest depends only on the samples sent for its view, unless the driver keeps
-//!   samples for the whole session.
+//! - A driver that keeps samples, or takes late ones, receives all that arrive, because samples of
+//!   one view serve the next. Other drivers receive only samples requested for the current view.
+//! - A frame drawn at rest by one of the others depends only on the samples sent for its view.
 
 mod ahead;
 mod connect;
@@ -31,6 +30,8 @@ mod scene;
 mod schedule;
 #[cfg(test)]
 mod tests;
+mod velocity;
+mod weighing;
 
 use std::{
     ops::Range,
@@ -40,7 +41,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
-use holo_display::{Driver, Frame, FramePhase, FrameRequest, Interrupt, PartsPlan};
+use holo_display::{Driver, DriverPart, Frame, FramePhase, FrameRequest, Interrupt, PartsPlan};
 use holo_net::{Message, Outbox};
 use holo_picture::{Picture, View, ViewSpec};
 use holo_proto::{
@@ -62,6 +63,8 @@ pub use holo_net::RETURN_TIME;
 use incoming::Incoming;
 use received::Received;
 pub use schedule::{FrameSchedule, FrameSize, scaled};
+pub use velocity::EyeVelocity;
+use velocity::RayDelay;
 
 /// Time after a deadline during which messages that have arrived are still processed. If the
 /// deadline had passed before the wait began, the time is at least half the duration of the last
@@ -114,8 +117,10 @@ pub struct Session {
     drawing: Duration,
     /// True if the session loads the whole file when it settles.
     settles_whole: bool,
-    /// True if the eye moves, so that the current view is soon replaced.
-    is_moving: bool,
+    /// The eye's velocity, if it moves, so that the current view is soon replaced.
+    velocity: Option<EyeVelocity>,
+    /// The time that single rays are under way.
+    ray_delay: RayDelay,
     /// True if tracing for this display is paused.
     is_paused: bool,
     /// The part of the picture on which tracing concentrates.
@@ -230,7 +235,14 @@ impl Session {
             );
         }
         self.choice.switch(part, on);
+        let parts = self.driver.parts.iter_mut().filter(|known| known.name == part);
+        parts.for_each(|known| known.is_on = on);
         Ok(())
+    }
+
+    /// Returns the parts of the driver that can be switched.
+    pub fn parts(&self) -> &[DriverPart] {
+        &self.driver.parts
     }
 
     /// Returns the chosen driver with its options, and with the parts that are switched off.
@@ -264,8 +276,12 @@ impl Session {
             }
         });
         self.drawing = begin.elapsed();
+        let is_moving = self.is_moving();
         if let Some(view) = self.current.as_mut().filter(|_| frame.is_some()) {
             view.phases.note_frame();
+            // A driver chooses rays best right after a frame. While the eye moves, the next frame
+            // needs them.
+            view.has_new_frame = is_moving;
         }
         (frame, stages)
     }
@@ -472,6 +488,12 @@ impl Session {
             Incoming::Found { first_request, beams } => {
                 self.ask_for_found(first_request, beams, for_settled).map(|()| None)
             }
+            Incoming::Weighed { first_request, beams } => {
+                if !for_settled {
+                    self.ask_for_weighed(first_request, &beams)?;
+                }
+                Ok(None)
+            }
             Incoming::Lost(error) => Err(error).context("lost the server"),
             Incoming::Wake => Ok((!for_settled).then_some(Waited::Woken)),
             Incoming::Stop => Ok(Some(Waited::Stop)),
@@ -479,7 +501,8 @@ impl Session {
     }
 
     fn samples(&mut self, message: Message) -> Result<()> {
-        let (keeps_samples, newest) = (self.keeps_samples(), self.request_number);
+        let takes_late = self.keeps_samples() || self.driver.takes_late;
+        let newest = self.request_number;
         let Driver { light, renderer, .. } = &mut self.driver;
         let current = self.current.as_mut();
         let is_of =
@@ -491,9 +514,10 @@ impl Session {
                 }
                 let counts = |current: &&mut CurrentView| {
                     matches!(samples.source, SampleSource::Part | SampleSource::Earlier)
-                        || keeps_samples
+                        || takes_late
                         || is_of(current, samples.view)
                 };
+                self.ray_delay.receive(&samples, Instant::now());
                 if let Some(current) = current.filter(counts) {
                     current.insert(light.as_mut(), &samples);
                     if current.received.earlier.is_due() {
@@ -563,8 +587,8 @@ impl Session {
     /// Creates the chosen driver again, and shows it the current view.
     fn make_driver(&mut self) -> Result<()> {
         let scene = self.scene.as_deref();
-        let sky = driver_choice::sky_of(&self.welcome, scene);
-        self.driver = self.choice.make(&self.sections, sky, scene);
+        let (sky, unit) = (driver_choice::sky_of(&self.welcome, scene), self.welcome.unit);
+        self.driver = self.choice.make(&self.sections, sky, unit, scene);
         self.ahead.restart();
         if let Some(current) = &mut self.current {
             current.received = Received::default();

@@ -22,7 +22,7 @@ use holo_scene::{Material, Scene};
 use holo_section::{BeamKey, NumberRun, Sample, SampleKind, Section, SectionSpec, ViewClass};
 use tokio::{net::TcpListener, time::timeout};
 
-use super::{Connected, DriverArg, DriverChoice, LoadedScene, SceneUse, Session};
+use super::{Connected, DriverArg, DriverChoice, EyeVelocity, LoadedScene, SceneUse, Session};
 use server::{LIMIT, welcome};
 
 mod server;
@@ -108,7 +108,13 @@ impl DriverChoice for Surfaces {
         SceneUse::Required
     }
 
-    fn make(&self, sections: &Arc<[Section]>, _: [f32; 3], scene: Option<&LoadedScene>) -> Driver {
+    fn make(
+        &self,
+        sections: &Arc<[Section]>,
+        _: [f32; 3],
+        _: f64,
+        scene: Option<&LoadedScene>,
+    ) -> Driver {
         let raycaster = Arc::clone(&scene.unwrap().raycaster);
         surfaces_driver(Arc::clone(sections), raycaster, None)
     }
@@ -305,7 +311,7 @@ async fn turn(completes: bool, is_done: fn(&Session) -> bool) -> (u32, u64) {
     let connected = connect(address).await;
     let turning = tokio::task::spawn_blocking(move || {
         let mut session = connected.begin(|_| {}).unwrap().unwrap();
-        session.set_moving(true);
+        session.set_motion(Some(EyeVelocity::default()));
         let start = Instant::now();
         while !is_done(&session) && start.elapsed() < LIMIT / 2 {
             let mut turned = view();

@@ -65,6 +65,8 @@ pub enum Input {
     Cancel,
     /// Draw with another driver.
     Driver(DriverArg),
+    /// Switch parts of the driver's method on or off, by their names.
+    Switch(Vec<String>, bool),
     /// Go to a named view of the holodeck.
     Recall(Named),
     /// Store the current view in the holodeck under this name.

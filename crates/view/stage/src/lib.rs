@@ -15,6 +15,7 @@
 
 pub mod commands;
 mod crew;
+mod floor_plan;
 mod hand;
 mod input;
 mod painter;
@@ -43,6 +44,7 @@ use holo_session::{Again, Connected, Session, Waker, is_lost};
 use tokio::sync::watch;
 
 pub use crew::{Crew, CrewOrder, Restarted, crew};
+pub use floor_plan::{FloorPlan, Storey};
 pub use holo_session::DriverArg;
 pub use input::{Input, Inputs, Named, Numbered};
 pub use picture_file::{encode_picture, format_refusal};
@@ -212,6 +214,7 @@ fn facts(session: &Session) -> State {
         phase: StagePhase::Running,
         traces: session.traces(),
         sections: Arc::new(session.sections().iter().map(|s| s.spec().clone()).collect()),
+        plan: Arc::new(FloorPlan::new(session)),
         up: session.up().to_array(),
         unit: session.unit(),
         ..State::default()

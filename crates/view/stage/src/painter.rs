@@ -10,10 +10,12 @@ use std::{
 };
 
 use anyhow::Result;
-use holo_display::{Frame, FrameRequest, Interrupt};
+use holo_display::{DriverPart, Frame, FrameRequest, Interrupt};
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
-use holo_session::{DriverArg, FrameSchedule, Session, Uncovered, Waited, Waker, is_of_connection};
+use holo_session::{
+    DriverArg, EyeVelocity, FrameSchedule, Session, Uncovered, Waited, Waker, is_of_connection,
+};
 
 use super::{
     FrameAudience,
@@ -34,6 +36,8 @@ pub struct StageView {
     pub size: (u32, u32),
     /// True if the eye moves, so that another view follows soon.
     pub is_moving: bool,
+    /// How the eye moves; 0 if it rests or its motion is not known.
+    pub velocity: EyeVelocity,
     /// Number of jumps of the eye so far.
     pub jumps: u64,
     /// The part of the picture that is traced first: left, top, right and bottom, in shares of the
@@ -48,6 +52,8 @@ pub enum Order {
     Pause(bool),
     /// Draws with another driver.
     Driver(DriverArg),
+    /// Switches parts of the driver's method on or off.
+    Switch(Vec<String>, bool),
     /// Stores a named view in the holodeck; removes it if the options are empty.
     KeepView(String, String),
     /// Draws a picture of this view and size beside the walk.
@@ -94,6 +100,8 @@ pub struct News {
     pub workers: Option<u32>,
     /// The driver's name.
     pub driver: &'static str,
+    /// The parts of its method that can be switched.
+    pub parts: Arc<Vec<DriverPart>>,
     /// Whether tracing is paused.
     pub is_paused: bool,
     /// The share that is drawn of the picture that is being saved, in steps of 1/1000.
@@ -194,6 +202,8 @@ pub struct Painter {
     looked: Option<FrameRequest>,
     /// The last request that was drawn, and whether it could be shown.
     drawn: Option<(StageView, bool)>,
+    /// True if it must be drawn again, because the driver draws in another way now.
+    is_outdated: bool,
     /// The picture that is being saved.
     job: Option<Box<PictureJob>>,
     news: News,
@@ -235,6 +245,7 @@ impl Painter {
             schedule: FrameSchedule::new(Instant::now()),
             looked: None,
             drawn: None,
+            is_outdated: false,
             job: None,
             news: News::default(),
         };
@@ -294,6 +305,13 @@ impl Painter {
                     self.refuse(error)?;
                 }
             }
+            Order::Switch(parts, on) => {
+                self.is_outdated = true;
+                let switched = parts.iter().try_for_each(|part| self.session.switch(part, on));
+                if let Err(error) = switched {
+                    self.refuse(error)?;
+                }
+            }
             Order::KeepView(name, options) => {
                 if let Err(error) = self.session.keep_view(&name, &options) {
                     self.refuse(error)?;
@@ -313,7 +331,7 @@ impl Painter {
                 *is_shown
                     && !wanted.is_moving
                     && self.watched.is_watched()
-                    && self.schedule.is_due(arrived, refines, Instant::now())
+                    && (self.is_outdated || self.schedule.is_due(arrived, refines, Instant::now()))
             }
             _ => true,
         }
@@ -340,7 +358,7 @@ impl Painter {
         let (keeps_pixels, samples) =
             (self.session.keeps_pixels(), self.session.samples_per_pixel(full));
         let size = self.schedule.size(full, is_moving, keeps_pixels, samples, begin);
-        self.session.set_moving(is_moving);
+        self.session.set_motion(is_moving.then_some(wanted.velocity));
         self.session.set_focus(wanted.focus)?;
         let look = FrameRequest { view, size: size.size, is_moving };
         let was_shown = self.drawn.as_ref().is_some_and(|(_, is_shown)| *is_shown);
@@ -353,6 +371,7 @@ impl Painter {
         let arrived = self.session.arrived_samples();
         // If the frame was interrupted and the view stays, the frame is still due.
         let (Some(mut frame), _) = self.session.draw() else { return Ok(()) };
+        self.is_outdated = false;
         if frame.samples_used == 0 {
             // Without any sample, all pixels are guessed, and a guess does not count as known
             // light.
@@ -435,7 +454,7 @@ impl Painter {
         }
         self.drawn = None;
         self.schedule.restart();
-        self.session.set_moving(false);
+        self.session.set_motion(None);
         if self.look(*look)? {
             let end = Instant::now() + STORED_PATIENCE;
             while !self.session.has_stored() && Instant::now() < end && order.is_wanted() {
@@ -496,6 +515,9 @@ impl Painter {
         }
         if *self.news.views != self.session.named_views() {
             self.news.views = Arc::new(self.session.named_views().to_vec());
+        }
+        if *self.news.parts != self.session.parts() {
+            self.news.parts = Arc::new(self.session.parts().to_vec());
         }
         self.news = News {
             view_samples: self.session.view_samples(),

@@ -2,12 +2,13 @@
 
 use std::{sync::Arc, time::Instant};
 
-use holo_display::{Certainty, Frame};
+use holo_display::{Certainty, DriverPart, Frame};
 use holo_picture::View;
 use holo_section::SectionSpec;
 use tokio::sync::watch;
 
 use super::Front;
+use crate::floor_plan::FloorPlan;
 
 /// A published frame with its view.
 #[derive(Debug)]
@@ -108,10 +109,14 @@ pub struct State {
     pub workers: Option<u32>,
     /// The driver's name.
     pub driver: &'static str,
+    /// The parts of its method that can be switched.
+    pub parts: Arc<Vec<DriverPart>>,
     /// Named views of the holodeck: name and options.
     pub views: Arc<Vec<(String, String)>>,
     /// The holodeck's sections.
     pub sections: Arc<Vec<SectionSpec>>,
+    /// The scene's walls, as a plan shows them.
+    pub plan: Arc<FloorPlan>,
     /// The scene's up axis.
     pub up: [f64; 3],
     /// The length of a scene unit, metres.

@@ -172,7 +172,8 @@ impl WindowModel {
 
     /// Returns the places of the panel's parts.
     pub fn panel(&self) -> PanelLayout {
-        PanelLayout::new(self.size, self.scale, self.state.views.len())
+        let (views, parts) = (self.state.views.len(), self.state.parts.len());
+        PanelLayout::new(self.size, self.scale, views, parts)
     }
 
     /// Returns the notice that is shown.

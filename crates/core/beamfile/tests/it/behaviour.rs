@@ -338,7 +338,7 @@ fn a_copy_without_a_maker_restores_the_samples_that_the_maker_superseded() {
     let [rough, better, other] = by_two_makers(&file);
     let copy = |name: &str, without: u16| {
         let to = BeamFile::create(folder.path().join(name), options()).unwrap();
-        let copied = file.copy_samples(&to, &|maker| maker != Maker(without)).unwrap();
+        let copied = file.copy_samples(&to, &|maker, _| maker != Maker(without)).unwrap();
         to.flush().unwrap();
         (to, copied)
     };
@@ -390,7 +390,7 @@ fn a_new_generation_numbers_its_samples_anew_and_the_earlier_ones_stay() {
     file.flush().unwrap();
     reader.refresh().unwrap();
     let copy = BeamFile::create(folder.path().join("copy"), options()).unwrap();
-    file.copy_samples(&copy, &|_| true).unwrap();
+    file.copy_samples(&copy, &|_, _| true).unwrap();
     let check = |file: &BeamFile| {
         assert_eq!(file.read(one.key).unwrap().samples, samples(&one, 20, 2));
         assert_eq!(earlier(file, one.key), samples(&one, 30, 1));

@@ -5,9 +5,9 @@
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, Light,
-    LiveSample, Renderer, Search, ViewPhases, WantedBeam,
+    LiveSample, PixelWeights, Renderer, Search, ViewPhases, WantedBeam,
 };
-use holo_picture::Picture;
+use holo_picture::{Picture, View};
 use holo_section::{BeamKey, RayCoords, Sample};
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -52,8 +52,8 @@ impl TestViewer {
         self.renderer.switch(part, on)
     }
 
-    pub fn rays(&mut self) -> Option<Vec<(BeamKey, RayCoords)>> {
-        self.renderer.wishes().rays()
+    pub fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
+        self.renderer.wishes().rays(expected)
     }
 
     pub fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
@@ -132,6 +132,10 @@ impl TestViewer {
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
         self.renderer.wishes().weigh(look, beams)
+    }
+
+    pub fn pixel_weights(&mut self) -> Option<PixelWeights> {
+        self.renderer.wishes().pixel_weights()
     }
 
     pub fn depths(&mut self) -> Vec<f32> {

@@ -11,7 +11,7 @@ use holo_driver_rendercache::{
     EmptyPixels, PointImageParams, Stage, Stages, frameless_driver, pointimage_driver,
 };
 use holo_picture::View;
-use holo_section::{BeamKey, Sample, Section, SectionSpec, ViewClass};
+use holo_section::{BeamKey, RayCoords, Sample, Section, SectionSpec, ViewClass};
 
 const SIZE: (u32, u32) = (48, 36);
 const SKY: [f32; 3] = [0.1, 0.2, 0.3];
@@ -95,11 +95,13 @@ fn parts_are_left_out_at_once_and_come_back() {
     // Nothing changes: nothing is computed.
     assert!(driver.switch("prefilter", true));
     assert_eq!(draw(&mut driver).0, [Stage::UpdatePoints.name()]);
-    // Another size is another cache, with the parts that were chosen.
+    // Another size has the parts that were chosen.
     driver.switch("prefilter", false);
     let small = (40, 30);
     driver.look(&look(view(DVec3::ZERO, 0.0, small), small)).unwrap();
-    assert!(!draw(&mut driver).0.contains(&prefilter));
+    insert(&mut driver, &look(view(DVec3::ZERO, 0.0, small), small), 3, CHECKS);
+    let stages = draw(&mut driver).0;
+    assert!(stages.contains(&interpolation) && !stages.contains(&prefilter), "{stages:?}");
 }
 
 #[test]
@@ -118,7 +120,9 @@ fn before_the_first_view_nothing_is_shown() {
         insert(&mut driver, &ahead(), 100, CHECKS);
         let beam = section().beam(section().line(DVec3::ZERO, DVec3::Y).unwrap().pair);
         driver.insert_unseen(BeamKey { section: 0, beam });
-        assert!(driver.rays().is_none_or(|rays| rays.is_empty()) && driver.depths().is_empty());
+        assert!(
+            driver.rays(None).is_some_and(|rays| rays.is_empty()) && driver.depths().is_empty()
+        );
         assert!(driver.try_draw().is_none(), "{}", driver.name());
     }
 }
@@ -245,15 +249,174 @@ fn the_render_cache_asks_for_rays_of_pixels_that_lack_samples() {
     assert!((total(&weighed) / total(&beams) - 1.0).abs() < 1e-3);
     cache.viewpoint_radius(&ahead(), 5.0);
     insert(&mut cache, &ahead(), 1, CHECKS);
-    let rays = cache.rays().unwrap();
-    assert!(rays.len() > 50 && frameless.rays().is_none(), "{}", rays.len());
-    for (BeamKey { section: number, beam }, coords) in rays {
-        let section = section();
-        let ray = section.ray(section.cells(beam).unwrap(), coords);
-        // Rays lie on a lattice: they pass the eye within a step of it.
-        let distance = ray.direction.cross(ray.origin).length();
-        assert!(number == 0 && distance < 2.0 / 8.0 / 256.0, "{distance}");
+    for driver in [&mut cache, &mut frameless] {
+        driver.look(&ahead()).unwrap();
+        let mut count = 0;
+        for _ in 0..40 {
+            for (BeamKey { section: number, beam }, coords) in driver.rays(None).unwrap() {
+                let section = section();
+                let ray = section.ray(section.cells(beam).unwrap(), coords);
+                // Rays lie on a lattice: they pass the eye within a step of it.
+                let distance = ray.direction.cross(ray.origin).length();
+                assert!(number == 0 && distance < 2.0 / 8.0 / 256.0, "{distance}");
+                count += 1;
+            }
+        }
+        assert!(count >= 40, "{}: {count}", driver.name());
     }
+}
+
+/// Answers rays as a server does: a wall five units ahead, lit by `light`. Returns their pixels in
+/// the view `of`.
+fn answer(
+    driver: &mut TestViewer,
+    rays: &[(BeamKey, RayCoords)],
+    of: &FrameRequest,
+    (paths, light): (u16, &dyn Fn(u32) -> f32),
+) -> Vec<(u32, u32)> {
+    let section = section();
+    let mut pixels = Vec::new();
+    for (&(key, coords), number) in rays.iter().zip(0..) {
+        let ray = section.ray(section.cells(key.beam).unwrap(), coords);
+        let distance = (5.0 - ray.origin.y) / ray.direction.y;
+        let sample =
+            Sample::encode(coords, [light(number); 3], distance, section.diagonal(), number);
+        driver.insert(key, paths, &[sample]);
+        let seen = of.view.project(ray.origin + ray.direction * distance);
+        pixels.extend(seen.and_then(|(x, y, _)| View::pixel_at(of.size, x, y)));
+    }
+    pixels
+}
+
+#[test]
+fn points_survive_another_size_and_every_start_and_stop_of_a_motion() {
+    let light = |driver: &mut TestViewer| {
+        let frame = draw(driver).1;
+        let lit = frame.picture.pixels.iter().filter(|pixel| pixel[0] > 0.4).count();
+        (lit as f64 / frame.depth.len() as f64, frame)
+    };
+    for mut driver in both() {
+        driver.look(&ahead()).unwrap();
+        driver.viewpoint_radius(&ahead(), 5.0);
+        insert(&mut driver, &ahead(), 1, [0.5; 2]);
+        assert_eq!(light(&mut driver).0, 1.0);
+        for (size, is_moving) in [((24, 18), true), (SIZE, false), ((30, 24), true), (SIZE, false)]
+        {
+            let next = FrameRequest { is_moving, ..look(view(DVec3::ZERO, 0.0, size), size) };
+            driver.look(&next).unwrap();
+            let (share, frame) = light(&mut driver);
+            assert_eq!(frame.picture.size(), size);
+            assert!(share > 0.999, "{}: {share} of {size:?} is known", driver.name());
+        }
+    }
+}
+
+#[test]
+fn a_late_sample_is_used_as_its_request_meant_it() {
+    // Frameless rendering shows it in its pixel, and the render cache at its place, also outside
+    // the present view.
+    let [mut cache, mut frameless] = both();
+    for driver in [&mut cache, &mut frameless] {
+        driver.look(&ahead()).unwrap();
+        let rays = driver.rays(None).unwrap();
+        let aside = look(view(DVec3::ZERO, 90.0, SIZE), SIZE);
+        driver.look(&aside).unwrap();
+        let requested = answer(driver, &rays, &ahead(), (16, &|_| 0.5));
+        let later = draw(driver).1;
+        assert_eq!(later.samples_used, rays.len() as u64, "{}", driver.name());
+        let lit = later.picture.pixels.iter().filter(|pixel| pixel[0] > 0.4).count();
+        if driver.name() == "frameless" {
+            let shown =
+                requested.iter().filter(|(x, y)| later.picture.get(*x, *y).unwrap()[0] > 0.4);
+            // A ray on the lattice may pass through the neighbour of its pixel.
+            assert!(lit == rays.len() && 2 * shown.count() > lit, "{lit} of {}", rays.len());
+        } else {
+            assert_eq!(lit, 0, "it is not in view");
+            driver.look(&ahead()).unwrap();
+            let back = draw(driver).1;
+            let known = back.depth.iter().filter(|depth| **depth > 0.0).count();
+            assert!(2 * known > rays.len(), "{known} points of {} rays", rays.len());
+        }
+    }
+}
+
+#[test]
+fn the_render_cache_asks_for_what_the_expected_view_lacks() {
+    let mut cache = render_cache();
+    let moving = FrameRequest { is_moving: true, ..ahead() };
+    cache.look(&moving).unwrap();
+    cache.viewpoint_radius(&moving, 5.0);
+    insert(&mut cache, &moving, 1, [0.5; 2]);
+    let expected = view(DVec3::ZERO, 40.0, SIZE);
+    let beyond = |rays: Vec<(BeamKey, RayCoords)>| {
+        let section = section();
+        let outside = |&&(key, coords): &&(BeamKey, RayCoords)| {
+            let ray = section.ray(section.cells(key.beam).unwrap(), coords);
+            moving
+                .view
+                .project_direction(ray.direction)
+                .is_none_or(|(x, y)| !(-0.01..1.01).contains(&x) || !(-0.01..1.01).contains(&y))
+        };
+        (rays.iter().filter(outside).count(), rays.len())
+    };
+    let mut counts = (0, 0);
+    for _ in 0..20 {
+        let (outside, all) = beyond(cache.rays(Some(&expected)).unwrap());
+        counts = (counts.0 + outside, counts.1 + all);
+    }
+    let share = counts.0 as f64 / counts.1 as f64;
+    assert!((0.3..=0.55).contains(&share), "{share} of the rays");
+    assert_eq!(beyond(cache.rays(None).unwrap()).0, 0);
+    // Without prediction, too.
+    cache.switch("prediction", false);
+    assert_eq!(beyond(cache.rays(Some(&expected)).unwrap()).0, 0);
+}
+
+#[test]
+fn frameless_rendering_asks_for_every_pixel_once_before_any_again() {
+    let [_, mut frameless] = both();
+    frameless.look(&ahead()).unwrap();
+    let mut rays = Vec::new();
+    while rays.len() < (SIZE.0 * SIZE.1) as usize {
+        rays.extend(frameless.rays(None).unwrap());
+    }
+    rays.truncate((SIZE.0 * SIZE.1) as usize);
+    let mut pixels = answer(&mut frameless, &rays, &ahead(), (16, &|_| 0.5));
+    let first: Vec<u32> = pixels.iter().take(40).map(|&(_, row)| row).collect();
+    assert!(first.iter().any(|row| *row < 12) && first.iter().any(|row| *row > 24), "{first:?}");
+    pixels.sort_unstable();
+    pixels.dedup();
+    // A ray on the lattice may pass through the neighbour of its pixel.
+    let share = pixels.len() as f64 / rays.len() as f64;
+    assert!(share > 0.7, "{share} of the pixels");
+}
+
+#[test]
+fn the_render_cache_learns_the_noise_of_samples_and_then_notices_a_change_of_light() {
+    let noisy =
+        |number: u32| 0.5 + 0.1 * ((number.wrapping_mul(0x9E37_79B9) >> 16) as f32 / 65536.0 - 0.5);
+    let mut cache = render_cache();
+    cache.look(&ahead()).unwrap();
+    cache.viewpoint_radius(&ahead(), 5.0);
+    for turn in 0..40 {
+        let rays = cache.rays(None).unwrap();
+        answer(&mut cache, &rays, &ahead(), (16, &|number| noisy(number + 1000 * turn)));
+    }
+    // The eye moves a little. Then the light goes down to a tenth.
+    let moved = look(view(DVec3::new(0.01, 0.0, 0.0), 0.0, SIZE), SIZE);
+    cache.look(&moved).unwrap();
+    let dark = |cache: &mut TestViewer| {
+        let frame = draw(cache).1;
+        frame.picture.pixels.iter().filter(|pixel| pixel[0] < 0.2).count()
+    };
+    assert_eq!(dark(&mut cache), 0);
+    for turn in 0..60 {
+        let rays = cache.rays(None).unwrap();
+        answer(&mut cache, &rays, &moved, (16, &|number| 0.1 * noisy(number + 1000 * turn)));
+    }
+    // With unknown noise a point averages up to eight samples of both lights.
+    let share = dark(&mut cache) as f64 / f64::from(SIZE.0 * SIZE.1);
+    assert!(share > 0.5, "{share} of the pixels are dark");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 mod drivers;
 mod frameless;
+mod hints;
 mod noise;
 mod pictures;
 mod same;

@@ -5,6 +5,7 @@
 use crate::common::{eye, on_sheet, rays, seen_by};
 use glam::DVec3;
 use holo_driver_surfaces::RaySample;
+use holo_picture::View as Eye;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, Cover, Material, Scene, Shading};
 use holo_tracer::{Settings, Tracer};
@@ -85,12 +86,18 @@ fn each_of_two_sheets_close_together_shows_its_own_light() {
         };
         RaySample { distance, radiance: [radiance; 3], ..ray }
     };
-    let (_, drawn) = seen_by(&room, &down.map(sample).collect::<Vec<_>>(), &eye());
+    let samples: Vec<RaySample> = down.map(sample).collect();
     let passed = 1.0 - opacity;
     let expected = opacity * 0.1 + passed * opacity * 0.9 + passed * passed * 0.8;
-    for (column, row) in [(32, 32), (28, 36), (36, 30)] {
-        let found = drawn.pixels[row * 64 + column][0];
-        assert!((found - expected).abs() < 0.02, "{found}, not {expected}");
+    // From the side, pixels show places of the two sheets that do not lie above each other.
+    let (at, ahead) = (DVec3::new(0.0, -2.0, 1.5), DVec3::new(0.0, 2.0, -1.0));
+    let from_side = Eye::new(at, ahead, DVec3::Z, Some(60.0), None, (64, 64)).unwrap();
+    for eye in [eye(), from_side] {
+        let (_, drawn) = seen_by(&room, &samples, &eye);
+        for (column, row) in [(32, 32), (28, 33), (36, 31)] {
+            let found = drawn.pixels[row * 64 + column][0];
+            assert!((found - expected).abs() < 0.01, "{found}, not {expected}");
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
+use crate::common::walled_room;
 use crate::viewer::TestViewer;
 use glam::DVec3;
 use holo_display::{Frame, FrameRequest};
@@ -111,6 +112,51 @@ fn a_new_view_shows_the_light_that_earlier_views_brought() {
         let right = shown.filter(|shown| (shown - LIGHT).abs() < LIGHT / 128.0).count();
         assert!(100 * right > 99 * frame.depth.len(), "{options}: {right}");
     }
+}
+
+#[test]
+fn a_room_is_recognised_before_any_light_is_known() {
+    let raycaster = walled_room(Bsdf::Diffuse { kd: [ALBEDO; 3] });
+    let (sections, _) = floor();
+    let mut driver = TestViewer::new(surfaces_driver(sections, raycaster, None));
+    driver.look(&look("-vp 0 -1 1 -vd 0 1 -0.4 -vu 0 0 1 -vh 40", REST)).unwrap();
+    let frame = draw(&mut driver);
+    assert_eq!(frame.samples_used, 0);
+    let column = |row: u32| frame.picture.pixels[(row * SIZE.0 + SIZE.0 / 2) as usize][1];
+    let (wall, floor) = (column(8), column(40));
+    // The sky of 1 lets expect light of 0.2 on surfaces, and the floor is seen at a smaller angle.
+    assert!(wall > 1.2 * floor && floor > 0.02, "{wall} {floor}");
+    assert!(wall < 0.2 * ALBEDO + 1e-6, "{wall}");
+    assert!(frame.certainty.iter().all(|certainty| certainty.error.is_infinite()));
+}
+
+#[test]
+fn rays_are_wished_for_where_the_light_is_noisy() {
+    let (sections, raycaster) = floor();
+    let mut driver = TestViewer::new(surfaces_driver(Arc::clone(&sections), raycaster, None));
+    driver.look(&look(DOWN, REST)).unwrap();
+    assert_eq!(driver.pixel_weights(), None, "nothing is drawn yet");
+    for (number, (beam, sample)) in (0..).zip(samples(&sections[0], 60_000)) {
+        let section = &sections[0];
+        let ray = section.ray(section.cells(beam.beam).unwrap(), sample.coords);
+        let distance = sample.distance(section.diagonal());
+        let is_noisy = (ray.origin + ray.direction * distance).x > 0.0;
+        let light = match (is_noisy, number % 2) {
+            (false, _) => LIGHT,
+            (true, 0) => 0.0,
+            (true, _) => 2.0 * LIGHT,
+        };
+        let diagonal = section.diagonal();
+        let sample = Sample::encode(sample.coords, [light; 3], distance, diagonal, 0);
+        driver.insert(beam, 1, &[sample]);
+    }
+    draw(&mut driver);
+    finish(&mut driver);
+    draw(&mut driver);
+    let weights = driver.pixel_weights().unwrap();
+    let (quiet, noisy) = (weights.at(0.2, 0.5), weights.at(0.8, 0.5));
+    // The smooth half still gets its even share.
+    assert!(noisy > 1.5 * quiet && quiet >= 0.5, "{quiet} {noisy}");
 }
 
 #[test]

@@ -182,7 +182,8 @@ fn a_hair_that_only_the_middles_of_pixels_meet_does_not_fill_them() {
     let middle = -0.5 * 2.5 * 30f64.to_radians().tan() / 32.0;
     let positions = [quad(-2.0, 2.0, 0.0), quad(middle - 1e-4, middle + 1e-4, 0.5)].concat();
     let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
-    let named = ["floor", "hair"].map(Material::grey).to_vec();
+    let mut named = ["floor", "hair"].map(Material::grey).to_vec();
+    named[1].bsdf = Bsdf::Diffuse { kd: [0.01; 3] };
     let made = Scene::from_world(&positions, &triangles, &[0, 0, 1, 1], named, [1.0; 3]);
     let raycaster = Arc::new(Raycaster::build(Arc::new(made.unwrap().0)).unwrap());
     let (store, materials) = kept(&raycaster, &floor_rays(200, |_, _| 0.1));

@@ -48,7 +48,7 @@ fn solid_glass_without_samples_shows_the_light_behind_it() {
         (0..3).flat_map(|k| [[0, 1, 2], [0, 2, 3]].map(|f| f.map(|c| c + 4 * k))).collect();
     let (mut floor, mut glass) = (Material::grey("floor"), Material::grey("glass"));
     floor.bsdf = Bsdf::Diffuse { kd: [0.5; 3] };
-    glass.bsdf = Bsdf::Dielectric { ior: 1.5, transmittance: [0.9, 0.8, 0.7], alpha: 0.0 };
+    glass.bsdf = Bsdf::Dielectric { ior: 1.5, transmittance: [0.9, 0.8, 0.7], alpha: 0.3 };
     let materials = vec![floor, glass];
     let made = Scene::from_world(&positions, &faces, &[0, 0, 1, 1, 1, 1], materials, [1.0; 3]);
     let raycaster = Arc::new(Raycaster::build(Arc::new(made.unwrap().0)).unwrap());

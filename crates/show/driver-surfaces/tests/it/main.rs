@@ -2,6 +2,7 @@
 
 mod common;
 mod covers;
+mod curved;
 mod driver;
 mod edges;
 mod filter;

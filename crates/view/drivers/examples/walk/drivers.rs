@@ -1,14 +1,17 @@
 //! One interface to all drivers. A view goes in and wanted rays come out; then samples go in and a
 //! picture comes out.
 
+use crate::live::{Live, StoredRay};
 use glam::DVec3;
 use holo_display::{
-    Age, DriverError, FramePhase, FrameRequest, Interrupt, LiveSample, SelectOptions,
+    Age, DriverError, FramePhase, FrameRequest, Interrupt, LiveSample, SelectOptions, mix,
 };
-use holo_driver_quadtree::quadtree_driver;
+use holo_driver_mesh::mesh_driver;
+use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
 use holo_driver_rendercache::frameless::{Frameless, PixelTag};
 use holo_driver_rendercache::{
     Moment, Place, PointImage, PointImageParams, RayResult, Smoothing, Stages, Tag,
+    frameless_driver, pointimage_driver,
 };
 use holo_driver_surfaces::surfaces_driver;
 use holo_picture::{Picture, View};
@@ -32,6 +35,15 @@ enum Purpose {
     Beam(u16, BeamId, holo_section::RayCoords, f64),
     /// A ray for one view, outside all sections.
     Live,
+    /// A stored ray that the driver of a session requests.
+    Requested(StoredRay),
+}
+
+impl Wanted {
+    /// Returns a ray that the driver of a session requests.
+    pub fn requested(origin: DVec3, direction: DVec3, ray: StoredRay) -> Wanted {
+        Wanted { origin, direction, purpose: Purpose::Requested(ray) }
+    }
 }
 
 /// The traced result of a wanted ray.
@@ -45,12 +57,19 @@ pub struct Answer {
 pub enum Driver {
     Points(Box<PointImage>, Vec<RayResult>),
     Frameless(Box<Frameless>),
-    Stored { stored: Box<Stored>, draws: Draws },
+    /// As a session uses it.
+    Live(Box<Live>),
+    Stored {
+        stored: Box<Stored>,
+        draws: Draws,
+    },
 }
 
 /// The driver that draws stored samples.
 pub enum Draws {
     Quadtree,
+    Cells,
+    Mesh,
     Surfaces(Arc<Raycaster>),
 }
 
@@ -77,7 +96,8 @@ pub struct Making<'a> {
 }
 
 impl Driver {
-    /// Makes a driver by its name; `pointimage-STAGE` is the render cache without that stage.
+    /// Makes a driver by its name; `pointimage-STAGE` is the render cache without that stage, and
+    /// `DRIVER-live` the driver as a session uses it.
     pub fn new(name: &str, making: &Making) -> Result<Self, Box<dyn Error>> {
         let points = |params| -> Result<Self, Box<dyn Error>> {
             Ok(Self::Points(Box::new(PointImage::new(making.size, params)?), Vec::new()))
@@ -115,10 +135,21 @@ impl Driver {
             "pointimage-cull" => points(without(|stages| stages.depth_cull = false)),
             "pointimage-interpolation" => points(without(|stages| stages.interpolation = false)),
             "pointimage-dither" => points(without(|stages| stages.dither = false)),
+            "pointimage-live" => {
+                let params = PointImageParams { moving_mean: 32, ..params };
+                let driver = pointimage_driver(Arc::clone(making.sections), making.sky, params);
+                Ok(Self::Live(Box::new(Live::new(driver, making))))
+            }
+            "frameless-live" => {
+                let driver = frameless_driver(Arc::clone(making.sections), making.sky);
+                Ok(Self::Live(Box::new(Live::new(driver, making))))
+            }
             "frameless" => {
                 Ok(Self::Frameless(Box::new(Frameless::new(making.size, making.first, 1)?)))
             }
             "quadtree" => Ok(Self::Stored { stored: stored(), draws: Draws::Quadtree }),
+            "cells" => Ok(Self::Stored { stored: stored(), draws: Draws::Cells }),
+            "mesh" => Ok(Self::Stored { stored: stored(), draws: Draws::Mesh }),
             "surfaces" => Ok(Self::Stored {
                 stored: stored(),
                 draws: Draws::Surfaces(Arc::clone(making.raycaster)),
@@ -160,6 +191,7 @@ impl Driver {
                 });
                 Ok((rays.collect(), picture))
             }
+            Self::Live(live) => live.frame(view, wanted, shown),
             Self::Stored { stored, draws } => {
                 let picture = shown.then(|| stored.draw(draws, view)).transpose()?;
                 if stored.live_view != predicted {
@@ -176,7 +208,7 @@ impl Driver {
         if let Self::Points(_, samples) = self {
             samples.clear();
         }
-        for (ray, answer) in rays.iter().zip(answers) {
+        for ((ray, answer), number) in rays.iter().zip(answers).zip(0..) {
             match (&mut *self, &ray.purpose) {
                 (Self::Points(_, samples), Purpose::Point(tag)) => {
                     let place = if answer.distance.is_finite() {
@@ -189,6 +221,9 @@ impl Driver {
                         noise: answer.noise,
                         ..RayResult::new(place, answer.radiance)
                     });
+                }
+                (Self::Live(live), Purpose::Requested(ray)) => {
+                    live.take(ray, answer, mix(0, number))
                 }
                 (Self::Frameless(driver), Purpose::Pixel(tag)) => {
                     driver.insert(*tag, answer.radiance)
@@ -222,6 +257,8 @@ impl Stored {
         let (sections, sky) = (Arc::clone(&self.sections), self.sky);
         let holo_display::Driver { mut light, mut renderer, .. } = match draws {
             Draws::Quadtree => quadtree_driver(sections, sky),
+            Draws::Cells => cells_driver(sections, sky, Filling::Smooth),
+            Draws::Mesh => mesh_driver(sections, sky),
             Draws::Surfaces(raycaster) => surfaces_driver(sections, Arc::clone(raycaster), None),
         };
         renderer.look(&FrameRequest { view, size: crate::SIZE, is_moving: false })?;

@@ -9,6 +9,7 @@
 //! moments.
 
 mod drivers;
+mod live;
 mod measure;
 mod path;
 mod tracing;

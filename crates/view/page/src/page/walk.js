@@ -150,6 +150,11 @@ function draw(next, parts) {
     $('r-angle').disabled = next.view.kind !== 'v' || !stated;
     if (stated) [$('r-angle').value, $('o-angle').textContent] = [stated[1], `${Math.round(stated[1])}°`];
   }
+  if (document.activeElement !== $('r-lift')) {
+    const percent = Math.round(100 * next.view.shift[1]);
+    [$('r-lift').value, $('o-lift').textContent] = [percent, `${percent} %`];
+    $('r-lift').disabled = $('b-upright').disabled = next.view.kind !== 'v';
+  }
   drawLegend(next.legend);
   document.body.dataset.frame = next.frame;
   document.body.dataset.rest = next.rest;
@@ -253,6 +258,7 @@ function showState() {
   if (!corner) showFocus(state.focus);
   for (const id of ['b-kill', 'b-restart', 'b-scene', 'b-over']) $(id).disabled = !state.crew;
   if (document.activeElement !== $('l-driver')) $('l-driver').value = state.driver;
+  listParts();
   if (state.question && drives && !$('question').open) {
     $('question-text').textContent = state.question;
     $('question').dataset.answer = state.answer;
@@ -265,13 +271,39 @@ function showState() {
   showStatus();
 }
 
+/** Lists the parts of the driver's method, each with a box that switches it. */
+function listParts() {
+  const list = $('parts'), parts = state.parts || [];
+  list.hidden = !parts.length;
+  const names = parts.map(part => part.name).join();
+  if (list.dataset.names !== names) {
+    list.dataset.names = names;
+    list.querySelectorAll('label').forEach(label => label.remove());
+    for (const part of parts) {
+      const label = document.createElement('label'), box = document.createElement('input');
+      const name = document.createElement('b'), meaning = document.createElement('span');
+      box.type = 'checkbox';
+      box.dataset.part = part.name;
+      box.onchange = () => command(`${box.checked ? 'with' : 'without'} ${part.name}`);
+      name.textContent = part.name;
+      meaning.textContent = part.meaning;
+      label.append(box, name, meaning);
+      list.append(label);
+    }
+  }
+  for (const part of parts) list.querySelector(`[data-part="${part.name}"]`).checked = part.on;
+}
+
 function press(id, on) { $(id).setAttribute('aria-pressed', on); }
 
 /** True once a picture has shown light. */
 let hasLight = false;
 
 /** Says what a picture waits for that shows no light yet. */
-function pictureCame() { loading(hasLight || (state && state.uncovered) ? '' : 'Finding the first light …'); }
+function pictureCame() {
+  const isShown = hasLight || drawsScene() || (state && state.uncovered);
+  loading(isShown ? '' : 'Finding the first light …');
+}
 
 function loading(text) {
   $('loading').hidden = !text;
@@ -416,11 +448,8 @@ let plane = null;
 
 function drawPlan() {
   if (!facts || !facts.sections.length) return;
-  const up = unit(facts.up);
-  const u = Math.abs(up[0]) < 0.9 ? unit(minus([1, 0, 0], up.map(x => x * up[0]))) : unit(minus([0, 1, 0], up.map(x => x * up[1])));
-  const v = cross(up, u);
   // Browsers store SVG numbers in 32 bits, so places are relative to a section's corner.
-  const base = facts.sections[0].origin, along = way => [dot(way, u), -dot(way, v)];
+  const { right: u, ahead: v, base } = facts.plan, along = way => [dot(way, u), -dot(way, v)];
   plane = { u, v, along, flat: point => along(minus(point, base)) };
   const corners = [0, 1, 2, 3, 4, 5, 6, 7].map(i => [i & 1, i >> 1 & 1, i >> 2]);
   const outlines = facts.sections.map(section => hull(corners.map(corner => plane.flat(pointOf(section, corner)))));
@@ -438,7 +467,7 @@ function drawPlan() {
   };
   svg.replaceChildren(...outlines.map((outline, i) => make('polygon', {
     points: outline.map(p => p.join(',')).join(' '), class: facts.sections[i].interior ? 'section' : 'section exterior' })),
-    make('path', { class: 'gaze', id: 'gaze' }), make('circle', { class: 'eye', id: 'eye', r: 0.022 * size }));
+    make('path', { class: 'walls', id: 'walls' }), make('path', { class: 'gaze', id: 'gaze' }), make('circle', { class: 'eye', id: 'eye', r: 0.022 * size }));
   drawEye();
 }
 
@@ -456,6 +485,21 @@ function hull(points) {
   return [...half(sorted), ...half(sorted.reverse())];
 }
 
+/** Returns the storey whose cut is nearest to the height of the eye. */
+function storeyOf(eye) {
+  const height = dot(eye, facts.up), off = storey => Math.abs(storey.height - height);
+  return facts.plan.storeys.reduce((best, storey) => best && off(best) <= off(storey) ? best : storey, null);
+}
+
+/** Draws the walls of a storey, unless they are drawn. */
+function drawWalls(storey) {
+  if (!storey || $('walls').dataset.height === String(storey.height)) return;
+  const { lines } = storey, path = [];
+  for (let i = 0; i + 3 < lines.length; i += 4) path.push(`M${lines[i]} ${-lines[i + 1]}L${lines[i + 2]} ${-lines[i + 3]}`);
+  $('walls').dataset.height = storey.height;
+  $('walls').setAttribute('d', path.join(''));
+}
+
 function drawEye() {
   const view = eyeNow();
   if (!view || !facts) return;
@@ -467,6 +511,7 @@ function drawEye() {
     const l = Math.hypot(a, b) || 1;
     return [x + a / l * length, y + b / l * length];
   });
+  drawWalls(storeyOf(view.eye));
   $('eye').setAttribute('cx', x);
   $('eye').setAttribute('cy', y);
   $('gaze').setAttribute('d', `M${x} ${y}L${ends[0].join(' ')}L${ends[1].join(' ')}Z`);
@@ -989,6 +1034,20 @@ $('f-scale').addEventListener('submit', event => {
 $('r-angle').oninput = () => {
   $('o-angle').textContent = `${$('r-angle').value}°`;
   if (header && header.view.kind === 'v') command(`view -vh ${$('r-angle').value}`);
+};
+$('r-lift').oninput = () => {
+  $('o-lift').textContent = `${$('r-lift').value} %`;
+  command(`view -vl ${$('r-lift').value / 100}`);
+};
+$('b-upright').onclick = () => {
+  const view = header && header.view;
+  if (!view || view.kind !== 'v') return;
+  // The middle of the picture stays where it is.
+  const up = unit(facts.up), middle = plus(view.direction, view.up, view.shift[1] * view.extent[1]);
+  const rise = dot(middle, up), level = plus(middle, up, -rise), run = Math.hypot(...level);
+  // A view that is almost vertical has no upright walls.
+  if (Math.abs(rise) > 2 * run) return notice('Walls cannot be upright in a view straight up or down.', 4000);
+  command(`view -vd ${unit(level).join(' ')} -vu ${up.join(' ')} -vl ${rise / run / view.extent[1]}`);
 };
 $('r-stops').oninput = () => stops(Number($('r-stops').value));
 $('question').addEventListener('close', () => {

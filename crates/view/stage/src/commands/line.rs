@@ -16,7 +16,7 @@ const MOST_NAME: usize = 60;
 /// All command lines, as help for people.
 const LINES: &str = "home, back, forward, view OPTIONS, view NAME, go X Y Z, lock, unlock, \
     solid, ghost, leave, \
-    size WxH, pause, resume, kill workers, restart workers, driver NAME, keep NAME, forget NAME, restore, \
+    size WxH, pause, resume, kill workers, restart workers, driver NAME, with PART, without PART, keep NAME, forget NAME, restore, \
     picture FILE, picture FILE WxH, restart (twice), start over (twice), cancel, quit";
 
 /// Parses a command line.
@@ -56,6 +56,8 @@ pub fn parse(line: &str) -> Result<Input, String> {
         "go" => place(rest).map(Input::GoTo),
         "size" => parse_size(rest).map(|(width, height)| Input::Size(width, height)),
         "driver" => driver(rest).map(Input::Driver),
+        "with" => parts(rest).map(|parts| Input::Switch(parts, true)),
+        "without" => parts(rest).map(|parts| Input::Switch(parts, false)),
         "keep" => name(rest).map(Input::Keep),
         "forget" => name(rest).map(Input::Forget),
         "picture" => picture(rest),
@@ -107,6 +109,19 @@ fn place(text: &str) -> Result<DVec3, String> {
     }
 }
 
+/// Parses names of parts of a driver, separated by commas. The driver knows which it has.
+fn parts(text: &str) -> Result<Vec<String>, String> {
+    let parts: Vec<String> = text.split(',').map(|part| part.trim().to_owned()).collect();
+    let is_name = |part: &String| {
+        (1..=MOST_NAME).contains(&part.len())
+            && part.chars().all(|sign| sign.is_ascii_alphanumeric() || sign == '-')
+    };
+    match parts.iter().all(is_name) {
+        true => Ok(parts),
+        false => Err(format!("`{text}` names no part: write such as `without prefilter`")),
+    }
+}
+
 fn driver(text: &str) -> Result<DriverArg, String> {
     DriverArg::from_str(text, false).map_err(|_| {
         format!("there is no driver `{text}`; drivers: {}", DriverArg::names().join(", "))
@@ -135,6 +150,11 @@ mod tests {
             ("picture a b.png", Input::Picture("a b.png".into(), None)),
             ("picture a b.exr 64x36", Input::Picture("a b.exr".into(), Some((64, 36)))),
             ("quit", Input::Quit),
+            ("with dither", Input::Switch(vec!["dither".into()], true)),
+            (
+                "without dither, depth-cull",
+                Input::Switch(vec!["dither".into(), "depth-cull".into()], false),
+            ),
         ] {
             assert_eq!(parse(line), Ok(input), "{line}");
         }
@@ -157,6 +177,8 @@ mod tests {
             ("go 1 2 inf", "three numbers"),
             ("size 0x5", ""),
             ("driver fast", "drivers: surfaces"),
+            ("without", "names no part"),
+            ("with a,,b", "names no part"),
             ("picture", "needs a file"),
             ("picture a.txt 64x36", "needs a file"),
         ] {

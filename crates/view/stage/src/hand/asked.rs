@@ -58,6 +58,7 @@ impl Hand {
                 self.driver = Some(driver);
                 self.order(Order::Driver(driver));
             }
+            Input::Switch(parts, on) => self.order(Order::Switch(parts, on)),
             Input::Size(width, height) => self.resize((width, height)),
             Input::KillWorkers => self.order_crew(Crew::kill_workers),
             Input::RestartWorkers => self.order_crew(Crew::restart_workers),

@@ -16,7 +16,7 @@ use glam::DVec3;
 use holo_display::Frame;
 use holo_picture::{DEFAULT_VH, View, ViewKind, ViewSpec};
 use holo_raycast::Raycaster;
-use holo_session::{DriverArg, scaled};
+use holo_session::{DriverArg, EyeVelocity, scaled};
 use holo_walk::{Controls, Pose, Surroundings, Walker};
 use tokio::sync::oneshot;
 
@@ -400,13 +400,24 @@ impl Hand {
         let spec = if is_moving { self.ahead() } else { self.spec() };
         let (size, jumps) = (self.size, self.jumps);
         if let Some(desk) = &self.desk {
-            desk.want(StageView { spec, size, is_moving, jumps, focus: self.focus });
+            let velocity = if is_moving { self.velocity() } else { EyeVelocity::default() };
+            let focus = self.focus;
+            desk.want(StageView { spec, size, is_moving, velocity, jumps, focus });
         }
     }
 
     /// Returns the view for the picture's shape.
     fn spec(&self) -> ViewSpec {
         framed(self.walker.view(), self.size)
+    }
+
+    /// Returns the eye's velocity over its recent positions.
+    fn velocity(&self) -> EyeVelocity {
+        let Some((since, before)) = self.trail.front() else { return EyeVelocity::default() };
+        let over = self.times.moved.saturating_duration_since(*since).as_secs_f64();
+        let now = self.walker.pose();
+        let [before, now] = [before, now].map(|pose| [pose.eye, pose.direction]);
+        EyeVelocity::between(before, now, over)
     }
 
     /// Returns where the eye will be after the duration of a frame, if its motion continues.
@@ -458,6 +469,7 @@ impl Hand {
         let is_resting = is_of_now && !painted.has_few;
         let cannot_wait =
             self.spec().resolve(self.size).is_ok_and(|(view, _)| !can_show(&painted.view, &view));
+        let cannot_wait = cannot_wait || painted.frame.is_stereo;
         self.sources.push_front(painted.clone());
         self.sources.truncate(2);
         if is_resting || cannot_wait {
@@ -485,7 +497,10 @@ impl Hand {
         if is_shown || is_soon || is_hidden || self.awaits_jump {
             return Ok(());
         }
-        let sources = self.sources.iter().filter(|source| can_show(&source.view, &view));
+        // The pixels of two eyes are not those of one view.
+        let is_source =
+            |source: &&Painted| can_show(&source.view, &view) && !source.frame.is_stereo;
+        let sources = self.sources.iter().filter(is_source);
         let sources: Vec<Source<'_>> =
             sources.map(|source| Source { view: &source.view, frame: &source.frame }).collect();
         let begin = Instant::now();
@@ -563,6 +578,7 @@ impl Hand {
             samples_per_second: news.samples_per_second,
             workers: news.workers,
             driver: news.driver,
+            parts: news.parts,
             ..self.facts.clone()
         });
     }

@@ -81,6 +81,12 @@ impl WindowModel {
         if let Some(index) = layout.views.iter().position(|line| line.contains(at)) {
             return Some(self.command(&format!("view {}", index + 1), Instant::now()));
         }
+        let part = layout.parts.iter().position(|line| line.contains(at));
+        if let Some(part) = part.and_then(|index| self.state.parts.get(index)) {
+            let word = if part.is_on { "without" } else { "with" };
+            let line = format!("{word} {}", part.name);
+            return Some(self.command(&line, Instant::now()));
+        }
         let view = self.seen.as_ref().map(|seen| &seen.shown.view);
         let camera = OverlayCamera::now(&self.state, view);
         let plan = Plan::new(&self.state).filter(|_| layout.plan.contains(at));

@@ -1,3 +1,4 @@
+use holo_display::DriverPart;
 use holo_picture::Exposure;
 use holo_section::{SectionSpec, ViewClass};
 use holo_stage::{Named, commands};
@@ -146,6 +147,18 @@ fn the_panel_takes_clicks_on_the_plan_and_on_views() {
     assert_eq!(effects, [Effect::Send(Input::Recall(Named::Number(1)))]);
     // Keys go to the same views.
     assert_eq!(press(&mut model, "Digit1", "1"), effects);
+    // Parts of the driver's method are switched off and on again.
+    let mut clicks = |is_on| {
+        let part = DriverPart { name: "dither", meaning: "worst pixels ask first", is_on };
+        let parts = Arc::new(vec![part]);
+        model.state = Arc::new(State { parts, ..(*model.state).clone() });
+        model.move_to(middle(&model.panel().parts[0]));
+        model.button(Drag::Turn)
+    };
+    for is_on in [true, false] {
+        let switch = Input::Switch(vec!["dither".to_owned()], !is_on);
+        assert_eq!(clicks(is_on), [Effect::Send(switch)]);
+    }
 }
 
 #[test]

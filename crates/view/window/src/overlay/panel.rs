@@ -1,4 +1,4 @@
-//! The panel: light under the cursor, the plan, and named views.
+//! The panel: light under the cursor, the plan, named views, and the parts of the driver's method.
 
 use super::{
     Page, Rect, TextWeight,
@@ -12,6 +12,9 @@ const SIGNS: i32 = 36;
 
 /// Width of the names before values, in signs.
 const NAME_SIGNS: i32 = 11;
+
+/// Width of the names of parts before their meanings, in signs.
+const PART_SIGNS: i32 = 14;
 
 /// Lines above the plan: a heading, seven values and the plan's heading, with gaps.
 const LINES_ABOVE: i32 = 10;
@@ -37,17 +40,22 @@ pub struct PanelLayout {
     pub plan: Rect,
     /// The line of each named view.
     pub views: Vec<Rect>,
+    /// The line of each part of the driver's method that can be switched.
+    pub parts: Vec<Rect>,
 }
 
 impl PanelLayout {
-    /// Returns the layout in a window of a size and scale, with this many named views.
-    pub fn new(size: (u32, u32), scale: f64, views: usize) -> PanelLayout {
+    /// Returns the layout in a window of a size and scale, with this many named views, and parts
+    /// that can be switched.
+    pub fn new(size: (u32, u32), scale: f64, views: usize, parts: usize) -> PanelLayout {
         let font = Font::for_scale(scale);
         let (high, margin) = (font.height(), font.height() * 7 / 10);
         let inner = SIGNS * font.width();
         let views = views.min(MOST_VIEWS) as i32;
         // In a low window, the plan shrinks first.
-        let lines = LINES_ABOVE + if views > 0 { views + 2 } else { 0 };
+        let parts = parts as i32;
+        let block = |lines: i32| if lines > 0 { lines + 2 } else { 0 };
+        let lines = LINES_ABOVE + block(views) + block(parts);
         let room = size.1 as i32 - 2 * margin - (lines + 2) * high;
         let side = inner.min(PLAN_LINES * high).min(room).max(0);
         let (width, height) = (inner + 2 * margin, (lines + 1) * high + side);
@@ -61,7 +69,10 @@ impl PanelLayout {
         };
         let first = plan.y + side + high * 2;
         let line = |view: i32| Rect { x, y: first + view * high, width: inner, height: high };
-        PanelLayout { rect, plan, views: (0..views).map(line).collect() }
+        let views_end = block(views);
+        let of_parts = |part: i32| line(views_end + part);
+        let views = (0..views).map(line).collect();
+        PanelLayout { rect, plan, views, parts: (0..parts).map(of_parts).collect() }
     }
 }
 
@@ -95,6 +106,17 @@ impl Page<'_, '_> {
             self.write((line.x, line.y), &index.to_string(), TextWeight::Bold, theme.accent);
             let at = (line.x + 3 * self.font.width(), line.y);
             self.write(at, &name, TextWeight::Regular, theme.text);
+        }
+        if let Some(first) = layout.parts.first() {
+            let heading = (x, first.y - high);
+            self.write(heading, "PARTS OF THE METHOD", TextWeight::Bold, theme.dim);
+        }
+        for (line, part) in layout.parts.iter().zip(&*model.state.parts) {
+            let colour = if part.is_on { theme.accent } else { theme.dim };
+            self.write((line.x, line.y), part.name, TextWeight::Bold, colour);
+            let at = (line.x + PART_SIGNS * self.font.width(), line.y);
+            let meaning = if part.is_on { part.meaning } else { "off" };
+            self.write(at, meaning, TextWeight::Regular, theme.text);
         }
     }
 
@@ -135,20 +157,25 @@ mod tests {
 
     #[test]
     fn the_panel_lies_in_the_window_and_its_plan_gives_way_to_text() {
-        for (size, views) in [((1280, 720), 9), ((1280, 720), 0), ((640, 420), 3)] {
-            let layout = PanelLayout::new(size, 1.0, views);
+        let sizes = [((1280, 720), 9, 8), ((1280, 720), 0, 8), ((640, 420), 3, 0)];
+        for (size, views, parts) in sizes {
+            let layout = PanelLayout::new(size, 1.0, views, parts);
             let rect = layout.rect;
             assert!(rect.y >= 0 && rect.y + rect.height <= size.1 as i32, "{layout:?}");
             assert!(rect.x >= 0 && rect.x + rect.width <= size.0 as i32, "{layout:?}");
-            assert_eq!(layout.views.len(), views);
+            assert_eq!((layout.views.len(), layout.parts.len()), (views, parts));
             let inside = |inner: &Rect| {
                 let last = (inner.x + inner.width - 1, inner.y + inner.height - 1);
                 rect.contains((f64::from(last.0), f64::from(last.1)))
             };
-            assert!(layout.views.iter().all(inside) && inside(&layout.plan), "{layout:?}");
+            let lines = || layout.views.iter().chain(&layout.parts);
+            assert!(lines().all(inside) && inside(&layout.plan), "{layout:?}");
+            let middle = |line: &Rect| (f64::from(line.x + 1), f64::from(line.y + line.height / 2));
+            let at = |line| lines().filter(|other| other.contains(middle(line))).count();
+            assert!(lines().all(|line| at(line) == 1), "lines overlap: {layout:?}");
         }
-        let side = |height| PanelLayout::new((1280, height), 1.0, 9).plan.width;
+        let side = |height| PanelLayout::new((1280, height), 1.0, 9, 0).plan.width;
         assert!(side(520) < side(720) && side(800) == side(1000));
-        assert_eq!(PanelLayout::new((1280, 720), 1.0, 100).views.len(), MOST_VIEWS);
+        assert_eq!(PanelLayout::new((1280, 720), 1.0, 100, 0).views.len(), MOST_VIEWS);
     }
 }

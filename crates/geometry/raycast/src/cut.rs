@@ -1,0 +1,108 @@
+//! Cuts of a scene at a height, as architects draw plans.
+
+use glam::DVec3;
+
+use crate::Raycaster;
+
+/// Greatest cosine between the up axis and the normal of a face that a plan shows. Steeper faces are
+/// walls and furniture, and others are floors that the cut happens to meet.
+const MOST_TILTED: f64 = 0.5;
+
+/// A line of a cut, in the scene's coordinates.
+pub type CutLine = [DVec3; 2];
+
+impl Raycaster {
+    /// Returns the lines in which planes across the unit vector `up` cut the scene's steep faces, for
+    /// each of `heights` the longest `most` ones, the longest first. A height is measured along `up`
+    /// from the origin of the scene's coordinates, scene units.
+    pub fn cuts(&self, up: DVec3, heights: &[f64], most: usize) -> Vec<Vec<CutLine>> {
+        let origin = self.scene().origin;
+        let base = origin.dot(up);
+        let mut cuts = vec![Vec::new(); heights.len()];
+        for triangle in self.scene().triangles() {
+            let normal = self.geometric_normal(triangle).as_dvec3().normalize_or_zero();
+            if normal.dot(up).abs() > MOST_TILTED {
+                continue;
+            }
+            let corners = self.vertices(triangle).map(|corner| corner.as_dvec3());
+            let above = corners.map(|corner| corner.dot(up) + base);
+            for (height, lines) in heights.iter().zip(&mut cuts) {
+                if let Some(line) = line(corners, above.map(|above| above - height)) {
+                    lines.push(line.map(|end| origin + end));
+                }
+            }
+        }
+        for lines in &mut cuts {
+            let length = |[from, to]: &CutLine| from.distance_squared(*to);
+            lines.sort_by(|one, other| length(other).total_cmp(&length(one)));
+            lines.truncate(most);
+        }
+        cuts
+    }
+}
+
+/// Returns the line in which a plane cuts a triangle whose corners lie at these distances above it.
+/// A corner in the plane counts as above it, so that neighbours agree.
+fn line(corners: [DVec3; 3], above: [f64; 3]) -> Option<CutLine> {
+    let mut ends = [(0, 1), (1, 2), (2, 0)].into_iter().filter_map(|(from, to)| {
+        let is_crossed = (above[from] >= 0.0) != (above[to] >= 0.0);
+        // The difference is not 0, because the signs differ.
+        let share = above[from] / (above[from] - above[to]);
+        is_crossed.then(|| corners[from].lerp(corners[to], share))
+    });
+    let line = [ends.next()?, ends.next()?];
+    (line[0] != line[1]).then_some(line)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use holo_scene::{Material, Scene};
+    use std::sync::Arc;
+
+    /// A box of 4 × 3 × 2.5 at `at`, and a table-top of 1 × 1 at height 0.8.
+    fn furnished(at: DVec3) -> Raycaster {
+        let corner = |n: u32| {
+            let bit = |b: u32| f64::from(n >> b & 1);
+            at + DVec3::new(4.0 * bit(0), 3.0 * bit(1), 2.5 * bit(2))
+        };
+        let mut positions: Vec<DVec3> = (0..8).map(corner).collect();
+        let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4]];
+        let sides = [&sides[..], &[[1, 3, 7, 5], [8, 9, 10, 11]]].concat();
+        positions.extend(
+            [(1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)]
+                .map(|(x, y)| at + DVec3::new(x, y, 0.8)),
+        );
+        let triangles: Vec<[u32; 3]> =
+            sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        let ids = vec![0; triangles.len()];
+        let named = vec![Material::grey("wall")];
+        let (scene, _) = Scene::from_world(&positions, &triangles, &ids, named, [0.0; 3]).unwrap();
+        Raycaster::build(Arc::new(scene)).unwrap()
+    }
+
+    #[test]
+    fn a_cut_shows_the_walls_all_around_and_no_floor() {
+        for at in [DVec3::ZERO, DVec3::new(1e6, -3e5, 400.0)] {
+            let caster = furnished(at);
+            let heights = [at.z + 1.2, at.z + 0.8, at.z - 1.0, at.z];
+            let cuts = caster.cuts(DVec3::Z, &heights, 1000);
+            let length = |lines: &[CutLine]| -> f64 {
+                lines.iter().map(|[from, to]| from.distance(*to)).sum()
+            };
+            assert!((length(&cuts[0]) - 14.0).abs() < 1e-5, "{}", length(&cuts[0]));
+            assert!((length(&cuts[1]) - 14.0).abs() < 1e-5, "the table-top is no wall");
+            assert!(cuts[0].iter().flatten().all(|end| (end.z - heights[0]).abs() < 1e-6));
+            assert!(cuts[2].is_empty(), "nothing is below the floor");
+            assert!(length(&cuts[3]) <= 14.0 + 1e-5);
+        }
+    }
+
+    #[test]
+    fn the_longest_lines_stay() {
+        let cuts = furnished(DVec3::ZERO).cuts(DVec3::Z, &[1.2], 3);
+        let lengths: Vec<f64> = cuts[0].iter().map(|[from, to]| from.distance(*to)).collect();
+        assert_eq!(lengths.len(), 3);
+        assert!(lengths.is_sorted_by(|one, other| one >= other), "{lengths:?}");
+    }
+}

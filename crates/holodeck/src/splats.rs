@@ -1,0 +1,410 @@
+//! Makes splats of a holodeck: every sample is placed on its surface, and the surfaces' light
+//! becomes a hierarchy that is drawn without the holodeck.
+
+use std::{
+    ops::ControlFlow,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Instant,
+};
+
+use anyhow::{Context, Result, ensure};
+use glam::{DVec3, Vec3};
+use holo_beamfile::{BeamSamples, Caching};
+use holo_raycast::{Hierarchies, Ray, Raycaster};
+use holo_scene::{Bsdf, Scene};
+use holo_section::{BeamKey, Sample, Section, SectionRay};
+use holo_server::Holodeck;
+use holo_splats::{LightPoint, Origin, SplatFile, SplatTree, Surfel, SurfelCells, write};
+use holo_view::{DriverArg, DriverArgs};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::prepare::SMALL_CACHE;
+
+/// Least distance between surfels, metres: distances of samples are hardly more accurate.
+const FINEST: f64 = 0.005;
+
+/// Samples for each surfel, on average, unless the spacing is stated.
+const SAMPLES_PER_SURFEL: u64 = 4;
+
+/// Least and most surfels, unless the spacing is stated. With the most, making them takes about
+/// 2 GB of memory.
+const SURFELS: (u64, u64) = (10_000, 8_000_000);
+
+/// Samples that are placed together.
+const BATCH: usize = 1 << 19;
+
+/// Number of steps of a stored distance by which a sample may lie off its surface.
+const STEPS_OFF: f64 = 2.0;
+
+/// Directions in which the rim of a disc is compared with the surface.
+const RIM: usize = 8;
+
+/// Ratio of two radii that are tried.
+const SHRINK: f32 = 0.75;
+
+/// Least radius of a disc, over the spacing.
+const LEAST_RADIUS: f32 = 0.15;
+
+/// Height over a disc from which its rim is compared with the surface, over the radius. A curved
+/// surface is at most as far from its disc.
+const LIFT: f32 = 0.4;
+
+/// Height by which the mean of places may lie below its surface, over the spacing.
+const HEIGHT: f32 = 0.1;
+
+/// Least cosine between normals of one surface.
+const SAME_SURFACE: f32 = 0.6;
+
+/// What to make.
+#[derive(Clone, Debug)]
+pub struct SplatRequest {
+    /// The holodeck.
+    pub file: PathBuf,
+    /// The file to write.
+    pub output: PathBuf,
+    /// Distance between surfels, metres. `None`: as fine as the samples allow.
+    pub spacing: Option<f64>,
+    /// Most surfels; more make the spacing larger. `None`: by the number of samples.
+    pub most: Option<u64>,
+    /// True if samples alone decide where surfaces are, as in files without a scene.
+    pub ignores_scene: bool,
+}
+
+/// What was made.
+#[derive(Clone, Debug, Serialize)]
+pub struct SplatReport {
+    /// The file.
+    pub splats: PathBuf,
+    /// Its length.
+    pub bytes: u64,
+    /// Number of surfels.
+    pub surfels: u64,
+    /// Number of nodes, surfels among them.
+    pub nodes: u64,
+    /// Number of levels.
+    pub levels: usize,
+    /// Distance between surfels, scene units.
+    pub spacing: f64,
+    /// Samples whose light is in the surfels.
+    pub samples: u64,
+    /// Samples that hit nothing.
+    pub misses: u64,
+    /// Samples that lie on no surface of the scene, such as virtual distances.
+    pub unplaced: u64,
+    /// Seconds for reading and placing samples.
+    pub reading_seconds: f64,
+    /// Seconds for smoothing light and building the hierarchy.
+    pub building_seconds: f64,
+}
+
+/// Returns where the splats of a holodeck are, unless another place is stated.
+pub fn beside(file: &Path) -> PathBuf {
+    file.with_extension("splats")
+}
+
+/// Makes splats of a holodeck. Calls `progress` with the share that is done.
+///
+/// # Errors
+/// If the holodeck cannot be read, has no sample on a surface, or the file cannot be written.
+pub fn make(request: &SplatRequest, progress: &mut dyn FnMut(f64)) -> Result<SplatReport> {
+    let start = Instant::now();
+    let holodeck = Holodeck::open_read_only(&request.file, SMALL_CACHE)?;
+    let places = SamplePlaces::new(&holodeck, request.ignores_scene)?;
+    let unit = holodeck.about.unit;
+    let samples = holodeck.file.stats().samples;
+    let finest = FINEST / unit;
+    let spacing = request.spacing.map_or(finest, |spacing| spacing / unit);
+    let (least, most) = SURFELS;
+    let most = match (request.most, request.spacing) {
+        (Some(most), _) => most,
+        (None, Some(_)) => u64::from(u32::MAX) / 2,
+        (None, None) => (samples / SAMPLES_PER_SURFEL).clamp(least, most),
+    };
+    let mut cells = SurfelCells::new(spacing as f32, usize::try_from(most)?);
+    let counts = places.collect(&holodeck, samples, &mut cells, progress)?;
+    ensure!(!cells.is_empty(), "{} has no sample on a surface", request.file.display());
+    let spacing = cells.spacing();
+    let reading_seconds = start.elapsed().as_secs_f64();
+    let origin = Origin {
+        origin: places.origin,
+        spacing: f64::from(cells.spacing()),
+        unit,
+        up: holodeck.about.up,
+        sky: holodeck.about.sky,
+        samples: cells.samples(),
+        generation: holodeck.about.generation,
+        scene: holodeck.about.scene.hash,
+    };
+    let mut surfels = cells.into_surfels();
+    surfels.par_iter_mut().for_each(|surfel| surfel.radius = places.fitting(surfel, spacing));
+    let tree = SplatTree::new(surfels, origin.spacing as f32)?;
+    write(&request.output, &tree, &origin)?;
+    Ok(SplatReport {
+        splats: request.output.clone(),
+        bytes: std::fs::metadata(&request.output)?.len(),
+        surfels: tree.surfels as u64,
+        nodes: tree.nodes.len() as u64,
+        levels: tree.levels.len(),
+        spacing: origin.spacing,
+        samples: origin.samples,
+        misses: counts.misses,
+        unplaced: counts.unplaced,
+        reading_seconds,
+        building_seconds: start.elapsed().as_secs_f64() - reading_seconds,
+    })
+}
+
+/// Opens splats, and checks that they are of this holodeck if there is one.
+///
+/// # Errors
+/// If they cannot be read, or are of another scene.
+pub fn open(splats: &Path, holodeck: Option<&Holodeck>) -> Result<SplatFile> {
+    let file = SplatFile::open(splats).with_context(|| splats.display().to_string())?;
+    if let Some(holodeck) = holodeck {
+        let (header, about) = (file.header(), &holodeck.about);
+        ensure!(
+            (header.scene, header.generation) == (about.scene.hash, about.generation),
+            "{} shows another scene than {}: make it again with `holodeck splats`",
+            splats.display(),
+            holodeck.path().display()
+        );
+    }
+    Ok(file)
+}
+
+/// Returns a driver's options with the splats of a holodeck, unless others are named.
+///
+/// # Errors
+/// If the driver draws splats, and they cannot be read or are of another scene.
+pub fn with_splats(driver: &DriverArgs, file: &Path) -> Result<DriverArgs> {
+    let mut driver = driver.clone();
+    let path = driver.splats.clone().unwrap_or_else(|| beside(file));
+    if driver.driver != DriverArg::Splats {
+        // Someone who walks may choose them later.
+        driver.splats = driver.splats.or_else(|| path.exists().then_some(path));
+        return Ok(driver);
+    }
+    ensure!(
+        path.exists(),
+        "there is no {}: make it with `holodeck splats {}`",
+        path.display(),
+        file.display()
+    );
+    open(&path, Some(&Holodeck::open_read_only(file, SMALL_CACHE)?))?;
+    driver.splats = Some(path);
+    Ok(driver)
+}
+
+/// Samples that became no light of a surfel.
+#[derive(Clone, Copy, Debug, Default)]
+struct LeftOut {
+    misses: u64,
+    unplaced: u64,
+}
+
+/// Finds the places where samples ended.
+struct SamplePlaces {
+    sections: Arc<[Section]>,
+    raycaster: Option<Raycaster>,
+    origin: DVec3,
+}
+
+impl SamplePlaces {
+    fn new(holodeck: &Holodeck, ignores_scene: bool) -> Result<SamplePlaces> {
+        let raycaster = match ignores_scene {
+            true => None,
+            false => {
+                let scene = Scene::unpack(&holodeck.packed_scene()?)?;
+                Some(Hierarchies::new(None).prepare(Arc::new(scene))?.0)
+            }
+        };
+        let middle = |section: &Section| section.local_to_world(DVec3::splat(0.5));
+        let sections = Arc::clone(&holodeck.sections);
+        let middles: DVec3 = sections.iter().map(middle).sum();
+        let origin = match &raycaster {
+            Some(raycaster) => raycaster.scene().origin,
+            None => middles / sections.len().max(1) as f64,
+        };
+        Ok(SamplePlaces { sections, raycaster, origin })
+    }
+
+    /// Adds all samples of the present scene to cells.
+    fn collect(
+        &self,
+        holodeck: &Holodeck,
+        samples: u64,
+        cells: &mut SurfelCells,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<LeftOut> {
+        let mut beams = Vec::new();
+        holodeck.file.for_each_beam(&mut |key, _| beams.push(key));
+        let mut left_out = LeftOut::default();
+        let mut batch: Vec<(BeamKey, Arc<BeamSamples>)> = Vec::new();
+        let (mut waiting, mut done) = (0, 0);
+        let mut empty = |batch: &mut Vec<(BeamKey, Arc<BeamSamples>)>| {
+            let (points, counts) = self.place(batch, cells.spacing());
+            cells.add(&points);
+            left_out.misses += counts.misses;
+            left_out.unplaced += counts.unplaced;
+            batch.clear();
+        };
+        holodeck.file.read_many(&beams, Caching::Bypass, &mut |key, samples_of_beam| {
+            waiting += samples_of_beam.samples.len();
+            batch.push((key, samples_of_beam));
+            if waiting >= BATCH {
+                empty(&mut batch);
+                done += waiting as u64;
+                waiting = 0;
+                progress(done as f64 / samples.max(1) as f64);
+            }
+            ControlFlow::Continue(())
+        })?;
+        empty(&mut batch);
+        Ok(left_out)
+    }
+
+    /// Returns the places of these samples, in their order.
+    fn place(
+        &self,
+        beams: &[(BeamKey, Arc<BeamSamples>)],
+        spacing: f32,
+    ) -> (Vec<LightPoint>, LeftOut) {
+        let of_beam = |(key, samples): &(BeamKey, Arc<BeamSamples>)| {
+            let mut points = Vec::with_capacity(samples.samples.len());
+            let mut left_out = LeftOut::default();
+            let section = key.section_in(&self.sections);
+            let pair = section.and_then(|section| section.cells(key.beam));
+            let (Some(section), Some(pair)) = (section, pair) else { return (points, left_out) };
+            for (run, samples) in samples.iter() {
+                for sample in samples {
+                    let ray = section.ray(pair, sample.coords);
+                    let distance = sample.distance(section.diagonal());
+                    if distance.is_infinite() {
+                        left_out.misses += 1;
+                        continue;
+                    }
+                    let reach = (ray, distance, section.diagonal());
+                    match self.point(reach, sample, run.paths, spacing) {
+                        Some(point) => points.push(point),
+                        None => left_out.unplaced += 1,
+                    }
+                }
+            }
+            (points, left_out)
+        };
+        let parts: Vec<_> = beams.par_iter().map(of_beam).collect();
+        let mut all = (Vec::new(), LeftOut::default());
+        for (points, left_out) in parts {
+            all.0.extend(points);
+            all.1.misses += left_out.misses;
+            all.1.unplaced += left_out.unplaced;
+        }
+        all
+    }
+
+    /// Returns the place of one sample; `None` if no surface is where its ray ended.
+    fn point(
+        &self,
+        (ray, distance, diagonal): (SectionRay, f64, f64),
+        sample: &Sample,
+        paths: u16,
+        spacing: f32,
+    ) -> Option<LightPoint> {
+        let towards = -ray.direction.as_vec3();
+        let point = LightPoint {
+            position: (ray.origin + ray.direction * distance - self.origin).as_vec3(),
+            normal: None,
+            towards,
+            radiance: sample.rgb(),
+            reflectance: [1.0; 3],
+            paths,
+            is_directional: false,
+            shines: false,
+        };
+        let Some(raycaster) = &self.raycaster else { return Some(point) };
+        let off = STEPS_OFF * diagonal.max(distance) / 2048.0;
+        let from = ray.origin + ray.direction * (distance - off);
+        let (local, skipped) = raycaster.localize(from, ray.direction)?;
+        let hit = raycaster.nearest(&local)?;
+        if f64::from(hit.t) + skipped > 2.0 * off {
+            return None;
+        }
+        let scene = raycaster.scene();
+        let normal = raycaster.geometric_normal(hit.triangle);
+        let place = local.origin + local.direction * hit.t;
+        let is_directional = match scene.material(hit.triangle).bsdf {
+            Bsdf::Diffuse { .. } | Bsdf::Coated { .. } => false,
+            Bsdf::Mirror { .. }
+            | Bsdf::Conductor { .. }
+            | Bsdf::ThinGlass { .. }
+            | Bsdf::Dielectric { .. } => true,
+        };
+        Some(LightPoint {
+            position: (place.as_dvec3() + scene.origin - self.origin).as_vec3(),
+            normal: Some(facing(normal, towards)),
+            reflectance: match is_directional {
+                true => [1.0; 3],
+                false => scene.reflectance(hit.triangle, hit.u, hit.v, spacing),
+            },
+            is_directional,
+            shines: scene.material(hit.triangle).emits(),
+            ..point
+        })
+    }
+}
+
+impl SamplePlaces {
+    /// Returns the greatest radius, up to the surfel's, with which its disc does not stick out over
+    /// the edge of its surface. What another surface hides may stick out.
+    fn fitting(&self, surfel: &Surfel, spacing: f32) -> f32 {
+        let Some(raycaster) = &self.raycaster else { return surfel.radius };
+        let origin = self.origin - raycaster.scene().origin;
+        let place = (surfel.position.as_dvec3() + origin).as_vec3();
+        let place = on_surface(raycaster, place, surfel.normal, HEIGHT * spacing);
+        let (u, v) = surfel.normal.any_orthonormal_pair();
+        let mut radius = surfel.radius;
+        for direction in 0..RIM {
+            let (sine, cosine) = (direction as f32 * std::f32::consts::TAU / RIM as f32).sin_cos();
+            let along = u * cosine + v * sine;
+            while radius > LEAST_RADIUS * spacing
+                && !fits(raycaster, place, surfel.normal, along, radius)
+            {
+                radius *= SHRINK;
+            }
+        }
+        radius
+    }
+}
+
+/// Returns the place on the surface that a place is just below, such as the mean of places on a
+/// curved one.
+fn on_surface(raycaster: &Raycaster, place: Vec3, normal: Vec3, height: f32) -> Vec3 {
+    let down = Ray { t_max: 2.0 * height, ..Ray::new(place + normal * height, -normal) };
+    let hit = raycaster
+        .nearest(&down)
+        .filter(|hit| raycaster.geometric_normal(hit.triangle).dot(normal).abs() > SAME_SURFACE);
+    hit.map_or(place, |hit| down.origin + down.direction * hit.t)
+}
+
+/// Returns whether a disc's rim is on a surface in this direction, or hidden.
+fn fits(raycaster: &Raycaster, place: Vec3, normal: Vec3, along: Vec3, radius: f32) -> bool {
+    // In a narrow gap, half the way to the other side.
+    let above = Ray::new(place + normal * (1e-3 * radius), normal);
+    let room = raycaster.nearest(&above).map_or(f32::INFINITY, |hit| 0.5 * hit.t);
+    let lift = (LIFT * radius).min(room);
+    let over = place + normal * lift;
+    let sideways = Ray { t_max: radius, ..Ray::new(over, along) };
+    if raycaster.occluded(&sideways) {
+        return true;
+    }
+    let down = Ray { t_max: 2.0 * lift, ..Ray::new(over + along * radius, -normal) };
+    let hit = raycaster.nearest(&down);
+    hit.is_some_and(|hit| raycaster.geometric_normal(hit.triangle).dot(normal).abs() > SAME_SURFACE)
+}
+
+/// Returns the normal of the side from which a ray came.
+fn facing(normal: Vec3, towards: Vec3) -> Vec3 {
+    if normal.dot(towards) < 0.0 { -normal } else { normal }
+}
