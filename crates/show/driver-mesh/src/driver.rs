@@ -52,11 +52,8 @@ const PIXELS_PER_DEPTH: usize = 16;
 /// Returns the driver `mesh`. `sky` is what rays of beams show that cannot hit anything.
 pub fn mesh_driver(sections: Arc<[Section]>, sky: impl Into<SkyView>) -> Driver {
     let sky = sky.into();
-    let make = move || MeshRenderer {
-        sections: Arc::clone(&sections),
-        sky: sky.clone(),
-        shown: None,
-    };
+    let make =
+        move || MeshRenderer { sections: Arc::clone(&sections), sky: sky.clone(), shown: None };
     Driver::new("mesh", ViewLight::new(make))
 }
 

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use holo_display::{
     Age, BeamSearch, Camera, Certainty, Driver, DriverError, Frame, FramePhase, FrameRequest,
-    Interrupt, Light, LiveSample, PartsRenderer, PixelWeights, RayWishes, Renderer, Search, WantedBeam,
-    for_bands, viewpoint_radius,
+    Interrupt, Light, LiveSample, PartsRenderer, PixelWeights, RayWishes, Renderer, Search,
+    WantedBeam, for_bands, viewpoint_radius,
 };
 use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample};

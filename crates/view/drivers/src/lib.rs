@@ -22,8 +22,8 @@ use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver}
 use holo_proto::stand_ins::StandInKind;
 use holo_section::Section;
 use holo_session::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
-use holo_stereo::stereo_driver;
 use holo_splats::SplatFile;
+use holo_stereo::stereo_driver;
 
 pub use denoised::denoise;
 pub use options::{CellsArg, DenoiseArg, DriverArgs, SplatShapeArg};
