@@ -41,11 +41,11 @@ fn main() {
                     line += &format!("  {decibels:5.2} {time:4.0} ms");
                 };
                 let params = QuadtreeParams::default();
-                let tree = quadtree(&section, &view, SIZE, params, &stored);
+                let tree = quadtree(&section, &view, SIZE, params.clone(), &stored);
                 show(&|| tree.draw());
                 for filling in [Filling::Constant, Filling::Smooth] {
                     let sections = Arc::from([section.clone()]);
-                    let mut cells = ViewCells::new(sections, view, SIZE, filling, params);
+                    let mut cells = ViewCells::new(sections, view, SIZE, filling, params.clone());
                     stored.iter().for_each(|(beam, sample)| {
                         cells.insert(key(0, *beam), 1, std::slice::from_ref(sample));
                     });

@@ -35,13 +35,13 @@ fn main() {
             };
             stored.truncate(2 * SAMPLES);
             stored.sort_by_key(|&(beam, _)| beam);
-            let tree = quadtree(&section, &view, SIZE, params, &stored);
+            let tree = quadtree(&section, &view, SIZE, params.clone(), &stored);
             let used = tree.draw().samples_used;
             let drawn = mean_time(|| drop(tree.draw()));
             println!("{kind}, {name}: {used} samples land; quadtree {drawn:.1}");
             for filling in [Filling::Constant, Filling::Smooth] {
                 let sections = Arc::from([section.clone()]);
-                let mut cells = ViewCells::new(sections, view, SIZE, filling, params);
+                let mut cells = ViewCells::new(sections, view, SIZE, filling, params.clone());
                 let start = clock::now();
                 stored.chunk_by(|a, b| a.0 == b.0).for_each(|same| {
                     let samples: Vec<_> = same.iter().map(|stored| stored.1).collect();

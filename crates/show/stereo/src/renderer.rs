@@ -17,15 +17,14 @@ const HALF: f32 = 0.5;
 
 /// Returns a driver that shows what two eyes see, as `driver` draws it.
 pub fn stereo_driver(driver: Driver, eyes: StereoEyes, sections: Arc<[Section]>) -> Driver {
-    let Driver { name, knows_surfaces, keeps_pixels, mut light, renderer } = driver;
+    let Driver { mut light, renderer, .. } = driver;
     let second = light.renderer();
     let renderer = StereoRenderer::new([renderer, second], eyes, Arc::clone(&sections));
     Driver {
-        name,
-        knows_surfaces,
-        keeps_pixels: keeps_pixels || eyes.arrangement.needs_all_pixels(),
+        keeps_pixels: driver.keeps_pixels || eyes.arrangement.needs_all_pixels(),
         light: Box::new(StereoLight { light, eyes, sections }),
         renderer: Box::new(renderer),
+        ..driver
     }
 }
 

@@ -8,7 +8,7 @@ use std::{
 };
 
 use glam::DVec3;
-use holo_display::{Driver, FrameRequest};
+use holo_display::{Driver, FrameRequest, SkyView};
 use holo_driver_surfaces::surfaces_driver;
 use holo_net::{Message, Outbox, Shutdown, accept};
 use holo_picture::ViewSpec;
@@ -111,7 +111,7 @@ impl DriverChoice for Surfaces {
     fn make(
         &self,
         sections: &Arc<[Section]>,
-        _: [f32; 3],
+        _: SkyView,
         _: f64,
         scene: Option<&LoadedScene>,
     ) -> Driver {

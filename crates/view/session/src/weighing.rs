@@ -54,7 +54,7 @@ impl Session {
     /// workers trace.
     pub(super) fn weigh_if_due(&mut self, now: Instant) -> Result<Option<Instant>> {
         let has_workers = self.status.as_ref().is_some_and(|status| status.workers > 0);
-        let traces = self.welcome.tracing && has_workers && !self.is_paused && !self.is_moving;
+        let traces = self.welcome.tracing && has_workers && !self.is_paused && !self.is_moving();
         let Some(current) = self.current.as_mut().filter(|_| traces) else { return Ok(None) };
         if current.asked != RequestedSamples::All || current.look.is_moving {
             return Ok(None);
@@ -87,10 +87,10 @@ impl Session {
         let is_of = |current: &&mut CurrentView| {
             current.first_request == first_request && current.asked == RequestedSamples::All
         };
-        let Some(current) = self.current.as_mut().filter(is_of) else { return Ok(()) };
-        if self.is_moving {
+        if self.is_moving() {
             return Ok(());
         }
+        let Some(current) = self.current.as_mut().filter(is_of) else { return Ok(()) };
         current.wanted = beams.iter().map(requested).collect();
         let wanted = current.wanted.clone();
         self.ask_anew(wanted)

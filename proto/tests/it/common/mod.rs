@@ -221,7 +221,7 @@ fn welcome() -> impl Strategy<Value = Control> {
     let up = [finite(), finite(), finite()].prop_filter("an axis", |up| *up != [0.0; 3]);
     let radiance = || any::<u32>().prop_map(|bits| bits as f32 * 1e-6);
     let unit = (1..=u32::MAX).prop_map(|bits| f64::from(bits) * 1e-6);
-    let sky = ([radiance(), radiance(), radiance()], any::<bool>(), unit);
+    let sky = ([radiance(), radiance(), radiance()], any::<bool>(), unit, any::<bool>());
     let views = vec((text(), text()), 0..5);
     (text(), vec(section(), 1..6), settings, scene, up, views, any::<u64>(), any::<bool>(), sky)
         .prop_map(
@@ -234,7 +234,7 @@ fn welcome() -> impl Strategy<Value = Control> {
                 views,
                 samples,
                 tracing,
-                (sky, skip_unseen, unit),
+                (sky, skip_unseen, unit, sky_varies),
             )| {
                 Control::Welcome(Box::new(Welcome {
                     software,
@@ -246,6 +246,7 @@ fn welcome() -> impl Strategy<Value = Control> {
                     samples,
                     tracing,
                     sky,
+                    sky_varies,
                     skip_unseen,
                     unit,
                 }))

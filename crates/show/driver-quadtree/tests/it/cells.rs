@@ -387,11 +387,12 @@ fn what_is_known_to_be_empty_is_the_sky_and_what_no_section_covers_is_0() {
     let section = room_section(4);
     // Past the section's side.
     let view = view([-4.0, 4.0, 5.0], [2.0, 4.0, 4.5], 70.0, SIZE);
-    let params = QuadtreeParams { sky: [0.1, 0.2, 0.4], ..QuadtreeParams::default() };
+    let params = QuadtreeParams { sky: [0.1, 0.2, 0.4].into(), ..QuadtreeParams::default() };
     let selection =
         select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
     for filling in BOTH {
-        let mut cells = ViewCells::new(Arc::from([section.clone()]), view, SIZE, filling, params);
+        let mut cells =
+            ViewCells::new(Arc::from([section.clone()]), view, SIZE, filling, params.clone());
         put(&mut cells, &near_samples(room, &section, &view, 300, 1, clean));
         let before = cells.draw();
         let pixels = before.picture.pixels.len() as u64;

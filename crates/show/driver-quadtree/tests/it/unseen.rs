@@ -11,7 +11,7 @@ const SIZE: (u32, u32) = (48, 36);
 const SKY: [f32; 3] = [0.25, 0.5, 1.0];
 
 fn params() -> QuadtreeParams {
-    QuadtreeParams { sky: SKY, ..QuadtreeParams::default() }
+    QuadtreeParams { sky: SKY.into(), ..QuadtreeParams::default() }
 }
 
 fn bits(frame: &Frame) -> (Vec<[u32; 3]>, Vec<u32>, [u64; 4]) {
@@ -28,7 +28,7 @@ fn pixels_of_unseen_beams_show_the_sky_exactly_and_no_others_do() {
     let stored = near_samples(room, &section, &view, 20_000, 1, one_path);
     // Leaves of one pixel: what a pixel shows depends on no other's noise.
     let params = QuadtreeParams { leaf: LeafSize::Fixed(0), ..params() };
-    let plain = quadtree(&section, &view, SIZE, params, &stored).draw();
+    let plain = quadtree(&section, &view, SIZE, params.clone(), &stored).draw();
     // Every second beam of the view counts as unseen, though samples land in its pixels.
     let selection =
         select_beams(std::slice::from_ref(&section), &view, SIZE, &SelectOptions::default());
