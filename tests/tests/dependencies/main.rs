@@ -29,7 +29,7 @@ const KNOWN_CIRCLES: &[&str] = &[
     "picture: files/hdr.rs files/openexr.rs files.rs view_spec.rs",
     "picture: look/curve.rs look/fovea.rs look/mod.rs",
     "scene: gltf_file/form.rs gltf_file/reading.rs gltf_file/sharing.rs",
-    "scene: instances.rs punctual.rs scene.rs sun.rs thin.rs",
+    "scene: instances.rs punctual.rs scene.rs sky.rs sun.rs thin.rs",
     "session: ahead.rs connect.rs demand.rs lib.rs",
     "stage: hand/mod.rs lib.rs painter.rs shown.rs",
     "tracer: caustics/leaf.rs caustics/photons.rs caustics.rs engine.rs shading.rs",

@@ -1,7 +1,8 @@
 //! Suns: discs in the sky that light samples find, and sharp reflections too.
 //!
 //! Invariant: a sun counts only after a path has been scattered with a density. Eyes see the sky
-//! in its place, directly and in mirrors. Displays draw the disc of the sky's own sun. A scene without suns pays nothing.
+//! in its place, directly and in mirrors. Displays draw the disc of the sky's own sun. A scene
+//! without suns pays nothing.
 
 use glam::Vec3;
 use holo_scene::{SUN_RADIUS, Scene, Sun};

@@ -8,7 +8,7 @@ use crate::bins::{FAR, depth_bin};
 use crate::paint::PixelContent;
 use crate::sums::{BinSums, NEAR_CLASSES};
 use crate::surface::adjacent;
-use holo_display::{Frame, SkyView};
+use holo_display::Frame;
 
 /// Largest number of samples of a pixel that counts as few.
 const FEW: u64 = 3;
@@ -38,17 +38,11 @@ pub(crate) fn bin_of(depth: f32) -> u16 {
 impl Quadtree {
     /// Returns what a pixel of an unseen beam shows.
     pub(crate) fn sky(&self, pixel: usize) -> PixelContent {
-        let colour = if self.view.clips_sky() { [0.0; 3] } else { self.sky_of(pixel) };
+        let colour = match self.view.clips_sky() {
+            true => [0.0; 3],
+            false => self.params.sky.at_pixel(&self.view, self.size, pixel),
+        };
         PixelContent { colour, depth: f32::INFINITY }
-    }
-
-    fn sky_of(&self, pixel: usize) -> [f32; 3] {
-        let width = self.size.0 as usize;
-        let [x, y] = [pixel % width, pixel / width].map(|at| at as f64 + 0.5);
-        match &self.params.sky {
-            SkyView::Even(radiance) => *radiance,
-            varying => varying.along(self.view.ray(x, y).1),
-        }
     }
 
     /// Returns a picture without samples. Pixels of unseen beams show the sky.

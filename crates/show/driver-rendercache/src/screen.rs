@@ -189,14 +189,10 @@ impl CacheScreen {
         self.find_best_beams();
         let mut frame = Frame { picture, depth, samples_used: self.used, ..Frame::black((1, 1)) };
         frame.picture.view = Some(self.view);
-        let (view, width) = (self.view, self.size.0 as usize);
-        let sky = |pixel: usize| match &self.sky {
-            _ if view.clips_sky() => [0.0; 3],
-            SkyView::Even(radiance) => *radiance,
-            varying => {
-                let [x, y] = [pixel % width, pixel / width].map(|at| at as f64 + 0.5);
-                varying.along(view.ray(x, y).1)
-            }
+        let (view, size) = (self.view, self.size);
+        let sky = |pixel: usize| match view.clips_sky() {
+            true => [0.0; 3],
+            false => self.sky.at_pixel(&view, size, pixel),
         };
         let pixels = frame.picture.pixels.iter_mut().zip(&mut frame.depth);
         for (index, ((pixel, depth), best)) in pixels.zip(&self.best).enumerate() {
