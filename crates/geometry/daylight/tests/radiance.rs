@@ -1,5 +1,7 @@
 //! Skies beside those of Radiance, closed forms, and states at the ends of the formulas' ranges.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;

@@ -142,7 +142,7 @@ mod tests {
         fn add(&mut self, tile: usize, samples: u32) {
             for _ in 0..samples {
                 self.random += 1;
-                let is_lit = split_mix(self.random) % 50 == 0;
+                let is_lit = split_mix(self.random).is_multiple_of(50);
                 let (sum, count) = &mut self.sums[tile];
                 *sum += if is_lit { 50.0 } else { 0.0 };
                 *count += 1;

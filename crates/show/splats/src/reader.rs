@@ -33,7 +33,7 @@ pub struct SplatFile {
 /// What was found of a chunk.
 enum ChunkState {
     /// Its bytes have their hash, and its nodes' children are no others' children.
-    Sound(ChildSums),
+    Sound(Box<ChildSums>),
     /// Its bytes do not have their hash.
     Changed,
     /// Its nodes have children that are also children of the next chunk's nodes.
@@ -173,7 +173,7 @@ impl SplatFile {
         if end > most {
             return ChunkState::Overlapping;
         }
-        ChunkState::Sound(ChildSums::new(nodes))
+        ChunkState::Sound(Box::new(ChildSums::new(nodes)))
     }
 
     /// Returns the number of the first child of a chunk's nodes, as the table says.

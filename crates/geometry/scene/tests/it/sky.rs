@@ -1,5 +1,7 @@
 //! Skies that differ by direction: their radiance, and their bytes in a packed scene.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 use glam::{DVec3, Vec3};
 use holo_daylight::{clear_sky, intermediate_sky, overcast_sky};
 use holo_scene::{Bsdf, Material, Scene, SceneError, Sky, SkyAxes, SkyPicture, Sun};

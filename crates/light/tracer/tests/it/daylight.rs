@@ -1,5 +1,7 @@
 //! Tests light of skies that differ by direction, and of their suns, against closed forms.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 use std::f64::consts::PI;
 use std::sync::Arc;
 

@@ -56,7 +56,7 @@ fn glowing_box(ball: Bsdf) -> Arc<Raycaster> {
             bsdf: black,
             emission,
             two_sided_emission: true,
-            ..Material::grey(&format!("wall {wall}"))
+            ..Material::grey(format!("wall {wall}"))
         });
     }
     let (scene, _) = Scene::from_world(&positions, &triangles, &ids, named, [0.0; 3]).unwrap();
