@@ -26,7 +26,7 @@ pub const STEPS: i32 = 1 << BITS;
 /// products fits into 128 bits.
 const LENGTH_FRACTION: u32 = 41;
 
-/// A direction: coordinates whose absolute values have the sum [`STEPS`].
+/// A direction: coordinates whose absolute values have the sum `STEPS`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct GridDirection([i32; 3]);
 
@@ -54,7 +54,7 @@ impl GridDirection {
     }
 
     /// Returns the direction on a face with these first two coordinates, without signs. Their sum
-    /// is at most [`STEPS`].
+    /// is at most `STEPS`.
     pub fn on_face(face: usize, x: i32, y: i32) -> GridDirection {
         let sign = |axis: usize| if face >> axis & 1 == 1 { -1 } else { 1 };
         GridDirection([x * sign(0), y * sign(1), (STEPS - x - y) * sign(2)])
