@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use holo_display::{Age, FramePhase, FrameRequest, Light, Renderer, UsefulBeam, ViewPhases};
 use holo_proto::bulk::{LiveSamples, RequestedBeam, SampleSource, ViewSamples};
 
-use super::{live::LiveRays, received::Received, weighing::WeighingSchedule};
+use super::{live::LiveRays, received::Received, weighing_schedule::WeighingSchedule};
 
 /// A view and what has arrived for it.
 pub struct CurrentView {

@@ -26,7 +26,7 @@ use super::{
     incoming::Incoming,
     live::LiveRays,
     received::Received,
-    weighing::WeighingSchedule,
+    weighing_schedule::WeighingSchedule,
 };
 
 /// Assumed distance of the nearest visible surface before anything is known of the scene, as a

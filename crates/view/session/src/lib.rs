@@ -32,6 +32,7 @@ mod schedule;
 mod tests;
 mod velocity;
 mod weighing;
+mod weighing_schedule;
 
 use std::{
     ops::Range,

@@ -3,10 +3,7 @@
 //! Early in a view, all pixels need samples. Later, those whose error a person would notice most
 //! need more. The intervals between such requests grow, because errors change ever more slowly.
 
-use std::{
-    thread,
-    time::{Duration, Instant},
-};
+use std::{thread, time::Instant};
 
 use anyhow::{Context, Result};
 use holo_display::{SelectOptions, WantedBeam, select_weighted_beams};
@@ -17,37 +14,6 @@ use super::{
     demand::requested,
     incoming::Incoming,
 };
-
-/// Time from the request of a view until its beams are weighed first.
-const FIRST: Duration = Duration::from_millis(1000);
-
-/// Longest time between two such requests.
-const LONGEST: Duration = Duration::from_secs(30);
-
-/// When the beams of a view are weighed next.
-#[derive(Clone, Copy, Debug)]
-pub struct WeighingSchedule {
-    due: Instant,
-    interval: Duration,
-}
-
-impl WeighingSchedule {
-    /// Returns the schedule of a view that was requested at `since`.
-    pub fn new(since: Instant) -> WeighingSchedule {
-        WeighingSchedule { due: since + FIRST, interval: FIRST }
-    }
-
-    /// Returns when the beams are weighed next.
-    pub fn due(&self) -> Instant {
-        self.due
-    }
-
-    /// Records that the beams are weighed now.
-    fn advance(&mut self, now: Instant) {
-        self.interval = (2 * self.interval).min(LONGEST);
-        self.due = now + self.interval;
-    }
-}
 
 impl Session {
     /// Weighs the beams of a view at rest in a thread, if it is time to. Returns when it is, if
@@ -94,23 +60,5 @@ impl Session {
         current.wanted = beams.iter().map(requested).collect();
         let wanted = current.wanted.clone();
         self.ask_anew(wanted)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_view_is_weighed_after_a_second_and_then_ever_more_rarely() {
-        let since = Instant::now();
-        let mut schedule = WeighingSchedule::new(since);
-        let mut seconds = Vec::new();
-        while seconds.len() < 8 {
-            let due = schedule.due();
-            seconds.push((due - since).as_secs());
-            schedule.advance(due);
-        }
-        assert_eq!(seconds, [1, 3, 7, 15, 31, 61, 91, 121]);
     }
 }
