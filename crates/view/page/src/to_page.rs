@@ -4,7 +4,7 @@ use holo_display::DriverPart;
 use holo_picture::{EFFICACY, Image, Legend, MAX_PIXELS, MAX_SIDE, luminance};
 use holo_section::{Section, SectionSpec};
 use holo_stage::{
-    DriverArg, FloorPlan, PublishedFrame, StagePhase, State, Storey,
+    DriverArg, PublishedFrame, StagePhase, State, StoreyWalls, WallPlan,
     commands::{ACTIONS, GESTURES},
 };
 use serde::Serialize;
@@ -214,14 +214,14 @@ pub fn facts(state: &State) -> String {
 }
 
 /// Returns a plan. Its lines are rounded to millimetres, four numbers each.
-fn plan(plan: &FloorPlan, unit: f64) -> Value {
+fn plan(plan: &WallPlan, unit: f64) -> Value {
     let digits = 1000.0 * unit;
     let round = |at: f64| (at * digits).round() / digits;
-    let lines = |storey: &Storey| -> Vec<f64> {
+    let lines = |storey: &StoreyWalls| -> Vec<f64> {
         let ends = storey.lines.iter().flatten();
         ends.flat_map(|end| end.to_array()).map(round).collect()
     };
-    let storey = |storey: &Storey| json!({ "height": storey.height, "lines": lines(storey) });
+    let storey = |storey: &StoreyWalls| json!({ "height": storey.height, "lines": lines(storey) });
     let storeys: Vec<Value> = plan.storeys.iter().map(storey).collect();
     let [right, ahead] = plan.axes.map(|axis| axis.to_array());
     json!({ "right": right, "ahead": ahead, "base": plan.base.to_array(), "storeys": storeys })

@@ -15,7 +15,6 @@
 
 pub mod commands;
 mod crew;
-mod floor_plan;
 mod hand;
 mod input;
 mod painter;
@@ -26,6 +25,7 @@ mod record;
 mod screen;
 mod shown;
 mod signal;
+mod wall_plan;
 mod warp;
 mod world;
 
@@ -44,13 +44,13 @@ use holo_session::{Again, Connected, Session, Waker, is_lost};
 use tokio::sync::watch;
 
 pub use crew::{Crew, CrewOrder, Restarted, crew};
-pub use floor_plan::{FloorPlan, Storey};
 pub use holo_session::DriverArg;
 pub use input::{Input, Inputs, Named, Numbered};
 pub use picture_file::{encode_picture, format_refusal};
 pub use picture_order::{PictureNews, PictureOrder};
 pub use screen::{Viewer, on_screen_threads};
 pub use shown::{PublishedFrame, StagePhase, State};
+pub use wall_plan::{StoreyWalls, WallPlan};
 
 use hand::{Hand, HandEnding};
 use painter::Painter;
@@ -214,7 +214,7 @@ fn facts(session: &Session) -> State {
         phase: StagePhase::Running,
         traces: session.traces(),
         sections: Arc::new(session.sections().iter().map(|s| s.spec().clone()).collect()),
-        plan: Arc::new(FloorPlan::new(session)),
+        plan: Arc::new(WallPlan::new(session)),
         up: session.up().to_array(),
         unit: session.unit(),
         ..State::default()

@@ -8,7 +8,7 @@ use holo_section::SectionSpec;
 use tokio::sync::watch;
 
 use super::Front;
-use crate::floor_plan::FloorPlan;
+use crate::wall_plan::WallPlan;
 
 /// A published frame with its view.
 #[derive(Debug)]
@@ -116,7 +116,7 @@ pub struct State {
     /// The holodeck's sections.
     pub sections: Arc<Vec<SectionSpec>>,
     /// The scene's walls, as a plan shows them.
-    pub plan: Arc<FloorPlan>,
+    pub plan: Arc<WallPlan>,
     /// The scene's up axis.
     pub up: [f64; 3],
     /// The length of a scene unit, metres.

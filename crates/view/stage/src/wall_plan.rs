@@ -19,27 +19,27 @@ const MOST_LINES: usize = 4000;
 
 /// The storeys of a scene, from below.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct FloorPlan {
+pub struct WallPlan {
     /// The directions to the right and up on the plan, as unit vectors.
     pub axes: [DVec3; 2],
     /// The point at (0, 0): a corner of the first section.
     pub base: DVec3,
     /// The storeys. Empty if the scene is unknown.
-    pub storeys: Vec<Storey>,
+    pub storeys: Vec<StoreyWalls>,
 }
 
 /// The walls of a storey.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Storey {
+pub struct StoreyWalls {
     /// Height of the cut along the up axis, scene units.
     pub height: f64,
     /// The ends of each line, right and up from the plan's base, scene units.
     pub lines: Vec<[DVec2; 2]>,
 }
 
-impl FloorPlan {
+impl WallPlan {
     /// Returns the plan of a session's scene.
-    pub fn new(session: &Session) -> FloorPlan {
+    pub fn new(session: &Session) -> WallPlan {
         let up = session.up();
         let sections: Vec<&SectionSpec> = session.sections().iter().map(|s| s.spec()).collect();
         let axes = axes(up);
@@ -54,12 +54,12 @@ impl FloorPlan {
                 .zip(heights)
                 .map(|(lines, height)| {
                     let lines = lines.into_iter().map(|line| line.map(flat)).collect();
-                    Storey { height, lines }
+                    StoreyWalls { height, lines }
                 })
                 .collect(),
             None => Vec::new(),
         };
-        FloorPlan { axes, base, storeys }
+        WallPlan { axes, base, storeys }
     }
 }
 
