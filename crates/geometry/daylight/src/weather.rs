@@ -1,8 +1,8 @@
 //! EnergyPlus weather files (EPW): the hours of a typical year, with the irradiances of sun and sky.
 //!
-//! A file has a head of lines that begin with a word, from `LOCATION` to `DATA PERIODS`, and then a
-//! line for each hour of the year, or several for parts of an hour. The year of each line is that
-//! of its measurement, and is ignored: such files put months of several years together.
+//! A file begins with header lines, from `LOCATION` to `DATA PERIODS`. One line follows for each
+//! hour of the year, or several for parts of an hour. The year in a line is that of the measurement.
+//! It is ignored, because such files combine months of several years.
 
 use thiserror::Error;
 

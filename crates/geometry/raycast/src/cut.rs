@@ -1,6 +1,7 @@
 //! Cuts of a scene at a height, as architects draw plans.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::Raycaster;
 
@@ -12,32 +13,30 @@ const MOST_TILTED: f64 = 0.5;
 pub type CutLine = [DVec3; 2];
 
 impl Raycaster {
-    /// Returns the lines in which planes across the unit vector `up` cut the scene's steep faces, for
-    /// each of `heights` the longest `most` ones, the longest first. A height is measured along `up`
-    /// from the origin of the scene's coordinates, scene units.
+    /// Returns the lines in which a plane at each of `heights` cuts the scene's steep faces. The
+    /// planes are at right angles to the unit vector `up`, and heights are measured along it from the
+    /// origin of the scene's coordinates, scene units. Each cut has at most `most` lines, the longest
+    /// first.
     pub fn cuts(&self, up: DVec3, heights: &[f64], most: usize) -> Vec<Vec<CutLine>> {
         let origin = self.scene().origin;
         let base = origin.dot(up);
-        let mut cuts = vec![Vec::new(); heights.len()];
-        for triangle in self.scene().triangles() {
-            let normal = self.geometric_normal(triangle).as_dvec3().normalize_or_zero();
-            if normal.dot(up).abs() > MOST_TILTED {
-                continue;
-            }
+        let of_triangle = |triangle: u32, height: f64| {
             let corners = self.vertices(triangle).map(|corner| corner.as_dvec3());
-            let above = corners.map(|corner| corner.dot(up) + base);
-            for (height, lines) in heights.iter().zip(&mut cuts) {
-                if let Some(line) = line(corners, above.map(|above| above - height)) {
-                    lines.push(line.map(|end| origin + end));
-                }
-            }
-        }
-        for lines in &mut cuts {
+            let cut = line(corners, corners.map(|corner| corner.dot(up) + base - height))?;
+            // Few triangles come this far.
+            let normal = self.geometric_normal(triangle).as_dvec3().normalize_or_zero();
+            (normal.dot(up).abs() <= MOST_TILTED).then(|| cut.map(|end| origin + end))
+        };
+        let of_height = |&height: &f64| {
+            let triangles = self.scene().triangles().into_par_iter();
+            let mut lines: Vec<CutLine> =
+                triangles.filter_map(|triangle| of_triangle(triangle, height)).collect();
             let length = |[from, to]: &CutLine| from.distance_squared(*to);
             lines.sort_by(|one, other| length(other).total_cmp(&length(one)));
             lines.truncate(most);
-        }
-        cuts
+            lines
+        };
+        heights.iter().map(of_height).collect()
     }
 }
 

@@ -109,12 +109,12 @@ impl Plausible {
         for sample in samples {
             if sample.distance_code() == distance::NOTHING_HIT {
                 let step = 2_f32.powi(i32::from(sample.rgbe[3]) - 136);
-                let of_beam = self.sections.get(usize::from(section));
-                let direction = of_beam.and_then(|section| {
+                let direction = || {
+                    let section = self.sections.get(usize::from(section))?;
                     let cells = section.cells(key.beam)?;
                     Some(section.ray(cells, sample.coords).direction)
-                });
-                self.miss(sample.rgb(), step, direction.unwrap_or_default())?;
+                };
+                self.miss(sample.rgb(), step, || direction().unwrap_or_default())?;
             } else if sample.distance_code() > farthest {
                 return Err(Implausible::TooFar);
             }
@@ -131,7 +131,7 @@ impl Plausible {
         for (ray, hit) in rays.iter().zip(hits) {
             if hit.distance.is_infinite() {
                 if ray.origin.iter().all(|x| x.abs() < FAR) {
-                    self.miss(hit.radiance, 0.0, DVec3::from_array(ray.direction))?;
+                    self.miss(hit.radiance, 0.0, || DVec3::from_array(ray.direction))?;
                 }
             } else if let Some(limits) = self.limits.filter(|_| self.are_distances_straight)
                 && f64::from(hit.distance) > limits.farthest(ray.origin) * (1.0 + ROUNDING)
@@ -156,14 +156,19 @@ impl Plausible {
     }
 
     /// Checks the light of a ray that hit nothing, which may differ from the sky's by a `step`.
-    fn miss(&self, light: [f32; 3], step: f32, direction: DVec3) -> Result<(), Implausible> {
+    fn miss(
+        &self,
+        light: [f32; 3],
+        step: f32,
+        direction: impl FnOnce() -> DVec3,
+    ) -> Result<(), Implausible> {
         let Some(sky) = self.sky.as_ref().filter(|_| light != [0.0; 3]) else { return Ok(()) };
         let is_within = |sky: [f32; 3], rounding: f32| {
             light.iter().zip(sky).all(|(light, sky)| (light - sky).abs() <= step + rounding * sky)
         };
         let is_sky = match sky.as_even() {
             Some(radiance) => is_within(radiance, 0.0),
-            None => around(direction).any(|near| is_within(sky.radiance(near), SKY_ROUNDING)),
+            None => around(direction()).any(|near| is_within(sky.radiance(near), SKY_ROUNDING)),
         };
         if is_sky { Ok(()) } else { Err(Implausible::NotTheSky) }
     }

@@ -6,6 +6,8 @@
 //!   samples missed a lamp would get few more samples and stay too dark: the mean of a number of
 //!   samples that depends on their values has a bias.
 
+use rayon::prelude::*;
+
 /// Side of a tile of pixels with one weight, pixels.
 const TILE: u32 = 8;
 
@@ -34,24 +36,21 @@ impl PixelWeights {
     /// count.
     ///
     /// `None` if no error is known or all are 0.
-    pub fn new(size: (u32, u32), error: impl Fn(usize) -> Option<f32>) -> Option<PixelWeights> {
+    pub fn new(
+        size: (u32, u32),
+        error: impl Fn(usize) -> Option<f32> + Sync,
+    ) -> Option<PixelWeights> {
         let tiles = [size.0, size.1].map(|side| side.div_ceil(TILE) as usize);
-        let mut sums = vec![(0.0f64, 0u32); tiles[0] * tiles[1]];
-        for row in 0..size.1 {
-            for column in 0..size.0 {
-                let pixel = row as usize * size.0 as usize + column as usize;
-                let known = error(pixel).filter(|error| error.is_finite() && *error >= 0.0);
-                let Some(error) = known else { continue };
-                let (sum, count) =
-                    &mut sums[(row / TILE) as usize * tiles[0] + (column / TILE) as usize];
-                *sum += f64::from(error);
-                *count += 1;
-            }
-        }
-        let errors: Vec<Option<f32>> = sums
-            .iter()
-            .map(|&(sum, count)| (count > 0).then(|| (sum / f64::from(count)) as f32))
-            .collect();
+        let known =
+            |pixel: u32| error(pixel as usize).filter(|error| error.is_finite() && *error >= 0.0);
+        let of_tile = |tile: usize| {
+            let [left, top] = [tile % tiles[0], tile / tiles[0]].map(|at| at as u32 * TILE);
+            let (right, bottom) = ((left + TILE).min(size.0), (top + TILE).min(size.1));
+            let row = |row: u32| (left..right).map(move |column| row * size.0 + column);
+            mean((top..bottom).flat_map(row).filter_map(known))
+        };
+        let errors: Vec<Option<f32>> =
+            (0..tiles[0] * tiles[1]).into_par_iter().map(of_tile).collect();
         let mean = mean(errors.iter().flatten().copied()).filter(|mean| *mean > 0.0)?;
         let around = |tile: usize| around(&errors, (tiles[0], tiles[1]), tile);
         let mut weights: Vec<f32> = (0..errors.len())

@@ -25,7 +25,7 @@ const THICKNESS: f32 = 1.0;
 const FADING: f32 = 2.5;
 
 /// What splats show in a picture.
-pub(crate) struct Painted {
+pub(crate) struct SplatPicture {
     /// Radiance; 0 where no splat is.
     pub pixels: Vec<[f32; 3]>,
     /// Distance from the eye; 0 where no splat is.
@@ -65,10 +65,10 @@ pub(crate) fn paint(
     rays: &PixelRays,
     shape: SplatShape,
     peak: f32,
-) -> Painted {
+) -> SplatPicture {
     let (width, height) = rays.size;
     let bands = bands(splats, rays.size);
-    let mut painted = Painted {
+    let mut painted = SplatPicture {
         pixels: vec![[0.0; 3]; width * height],
         depth: vec![0.0; width * height],
         errors: vec![f32::INFINITY; width * height],

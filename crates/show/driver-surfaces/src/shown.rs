@@ -110,13 +110,15 @@ impl SurfacesView {
     /// eye's response grows with the logarithm of what is much brighter, and less steeply in the
     /// dark. Pixels of the sky, of lamps, and without any known light do not count.
     pub(crate) fn weigh(&mut self, pixels: &[[f32; 3]], certainty: &[Certainty]) {
-        let bright: Vec<f32> = pixels.iter().map(|&pixel| luminance(pixel)).collect();
-        let mean = bright.iter().map(|&bright| f64::from(bright)).sum::<f64>()
-            / bright.len().max(1) as f64;
+        let of_row = |row: &[[f32; 3]]| row.iter().map(|&p| f64::from(luminance(p))).sum::<f64>();
+        // Sums of rows are added in their order, so that the threads change no bit.
+        let rows: Vec<f64> = pixels.par_chunks(self.view.size.0.max(1)).map(of_row).collect();
+        let mean = rows.iter().sum::<f64>() / pixels.len().max(1) as f64;
         let error = |pixel: usize| {
             let Certainty { error, samples } = certainty[pixel];
             let counts = self.view.seen[pixel].is_surface() && self.covered[pixel];
-            let slope = 1.0 / (bright[pixel] + mean as f32).max(f32::MIN_POSITIVE);
+            let bright = luminance(pixels[pixel]);
+            let slope = 1.0 / (bright + mean as f32).max(f32::MIN_POSITIVE);
             counts.then(|| slope * error * (samples.max(1) as f32).sqrt())
         };
         self.weights = PixelWeights::new(self.look.size, error);

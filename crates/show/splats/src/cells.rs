@@ -105,12 +105,12 @@ pub(crate) const LEAST_REFLECTANCE: f32 = 0.02;
 
 /// Cells in the order in which they were found.
 #[derive(Default)]
-struct Shard {
+struct CellShard {
     places: FxHashMap<u64, u32>,
     cells: Vec<(u64, CellSums)>,
 }
 
-impl Shard {
+impl CellShard {
     fn add(&mut self, key: u64, sums: &CellSums) {
         let next = self.cells.len() as u32;
         let place = *self.places.entry(key).or_insert(next);
@@ -125,7 +125,7 @@ impl Shard {
 pub struct SurfelCells {
     spacing: f32,
     most: usize,
-    shards: Vec<Shard>,
+    shards: Vec<CellShard>,
     samples: u64,
 }
 
@@ -133,7 +133,7 @@ impl SurfelCells {
     /// Returns cells of this size, scene units. Once there are more than `most`, they become
     /// larger.
     pub fn new(spacing: f32, most: usize) -> SurfelCells {
-        let shards = (0..SHARDS).map(|_| Shard::default()).collect();
+        let shards = (0..SHARDS).map(|_| CellShard::default()).collect();
         SurfelCells { spacing, most, shards, samples: 0 }
     }
 

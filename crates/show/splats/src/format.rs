@@ -75,9 +75,9 @@ pub struct SplatHeader {
 }
 
 /// Writes fields in order.
-struct Put<'a>(&'a mut [u8], usize);
+struct ByteWriter<'a>(&'a mut [u8], usize);
 
-impl Put<'_> {
+impl ByteWriter<'_> {
     fn bytes(&mut self, bytes: &[u8]) {
         self.0[self.1..self.1 + bytes.len()].copy_from_slice(bytes);
         self.1 += bytes.len();
@@ -93,9 +93,9 @@ impl Put<'_> {
 }
 
 /// Reads fields in order.
-struct Take<'a>(&'a [u8]);
+struct ByteReader<'a>(&'a [u8]);
 
-impl Take<'_> {
+impl ByteReader<'_> {
     fn bytes<const N: usize>(&mut self) -> [u8; N] {
         let mut bytes = [0; N];
         let (now, rest) = self.0.split_at(N.min(self.0.len()));
@@ -142,7 +142,7 @@ impl SplatHeader {
     /// Encodes the header. `table` is the table of chunks.
     pub(crate) fn encode(&self, table: &[u8]) -> [u8; HEADER_BYTES] {
         let mut bytes = [0; HEADER_BYTES];
-        let mut put = Put(&mut bytes, 0);
+        let mut put = ByteWriter(&mut bytes, 0);
         put.bytes(&MAGIC);
         put.bytes(&VERSION.to_le_bytes());
         put.bytes(&(self.levels.len() as u32).to_le_bytes());
@@ -179,7 +179,7 @@ impl SplatHeader {
         let Some(bytes) = file.get(..HEADER_BYTES) else {
             return Err(SplatError::Length { found, expected: HEADER_BYTES as u64 });
         };
-        let mut take = Take(&bytes[MAGIC.len()..]);
+        let mut take = ByteReader(&bytes[MAGIC.len()..]);
         let version = take.small();
         if version != VERSION {
             return Err(SplatError::Version(version));
@@ -197,7 +197,7 @@ impl SplatHeader {
         let (samples, generation) = (take.number(), take.small());
         let _: [u8; 4] = take.bytes();
         let scene = take.bytes();
-        let mut starts = Take(&bytes[LEVELS_AT..TABLE_HASH_AT]);
+        let mut starts = ByteReader(&bytes[LEVELS_AT..TABLE_HASH_AT]);
         let levels = (0..levels).map(|_| starts.number()).collect();
         let sphere = Sphere { centre: Vec3::new(x, y, z), radius };
         let header = SplatHeader {
@@ -259,7 +259,7 @@ impl SplatHeader {
 /// readers reach what lies behind the hashes.
 pub fn seal(file: &mut [u8]) {
     let Some((head, rest)) = file.split_at_mut_checked(HEADER_BYTES) else { return };
-    let mut take = Take(&head[16..]);
+    let mut take = ByteReader(&head[16..]);
     let nodes = take.number();
     let chunks = nodes.div_ceil(CHUNK_NODES as u64).min((rest.len() / ENTRY_BYTES) as u64) as usize;
     let (table, nodes) = rest.split_at_mut(chunks * ENTRY_BYTES);

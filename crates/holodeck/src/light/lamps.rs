@@ -1,0 +1,71 @@
+//! Lamps that are dimmed or switched off by their names.
+
+use anyhow::{Result, bail};
+use holo_scene::Scene;
+
+use super::{SkyChoice, StatedLight};
+
+impl StatedLight {
+    /// Multiplies lamps by their factors.
+    pub(super) fn apply_lamps(&self, scene: &mut Scene, said: &mut Vec<String>) -> Result<()> {
+        let is_made = !matches!(self.kind(), None | Some(SkyChoice::Radiance(_)));
+        for (name, factor) in &self.lamps {
+            let count = dim(scene, name, *factor, is_made);
+            if count == 0 {
+                bail!("--lamp {name}={factor}: there is no such lamp; there are {}", groups(scene));
+            }
+            said.push(format!("light: {name} times {factor} (--lamp)"));
+        }
+        Ok(())
+    }
+}
+
+/// Multiplies the lamps of a group by a factor, and returns their number. The sky and its sun are
+/// left as they are if they were `made` with it.
+fn dim(scene: &mut Scene, name: &str, factor: f32, is_made: bool) -> usize {
+    let scale = |radiance: [f32; 3]| radiance.map(|channel| channel * factor);
+    let mut count = 0;
+    for material in scene.materials.iter_mut().filter(|m| m.name == name && m.emits()) {
+        material.emission = scale(material.emission);
+        count += 1;
+    }
+    for light in scene.punctual_lights.iter_mut().filter(|l| l.name == name || l.group == name) {
+        light.intensity = scale(light.intensity);
+        count += 1;
+    }
+    if name == "sun" {
+        count += scene.suns.len() + usize::from(is_made);
+        scene.suns.iter_mut().for_each(|sun| sun.irradiance = scale(sun.irradiance));
+    }
+    if name == "sky" {
+        count += usize::from(is_made || scene.sky.shines());
+        if !is_made {
+            scene.sky = std::mem::take(&mut scene.sky).dimmed(factor, 1.0);
+        }
+    }
+    if factor == 0.0 {
+        scene.punctual_lights.retain(|light| light.intensity != [0.0; 3]);
+        scene.suns.retain(|sun| sun.irradiance != [0.0; 3]);
+    }
+    count
+}
+
+/// Returns the names of a scene's lamps, for people.
+fn groups(scene: &Scene) -> String {
+    const MOST: usize = 12;
+    let used = scene.emitters().map(|triangle| scene.material(triangle).name.as_str());
+    let points = scene.punctual_lights.iter().flat_map(|light| [&*light.group, &*light.name]);
+    let mut names: Vec<&str> = used.chain(points).filter(|name| !name.is_empty()).collect();
+    names.sort_unstable();
+    names.dedup();
+    let more = names.len().saturating_sub(MOST);
+    names.truncate(MOST);
+    if scene.all_suns().next().is_some() {
+        names.push("sun");
+    }
+    if scene.sky.shines() {
+        names.push("sky");
+    }
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") + &more }
+}
