@@ -1,8 +1,9 @@
-//! EnergyPlus weather files (EPW): the hours of a typical year, with the irradiances of sun and sky.
+//! EnergyPlus weather files (EPW): the hours of a typical year, with the irradiances of sun and
+//! sky.
 //!
 //! A file begins with header lines, from `LOCATION` to `DATA PERIODS`. One line follows for each
-//! hour of the year, or several for parts of an hour. The year in a line is that of the measurement.
-//! It is ignored, because such files combine months of several years.
+//! hour of the year, or several for parts of an hour. The year in a line is that of the
+//! measurement. It is ignored, because such files combine months of several years.
 
 use thiserror::Error;
 

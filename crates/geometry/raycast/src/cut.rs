@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use crate::Raycaster;
 
-/// Greatest cosine between the up axis and the normal of a face that a plan shows. Steeper faces are
-/// walls and furniture, and others are floors that the cut happens to meet.
+/// Greatest cosine between the up axis and the normal of a face that a plan shows. Steeper faces
+/// are walls and furniture, and others are floors that the cut happens to meet.
 const MOST_TILTED: f64 = 0.5;
 
 /// A line of a cut, in the scene's coordinates.
@@ -14,9 +14,9 @@ pub type CutLine = [DVec3; 2];
 
 impl Raycaster {
     /// Returns the lines in which a plane at each of `heights` cuts the scene's steep faces. The
-    /// planes are at right angles to the unit vector `up`, and heights are measured along it from the
-    /// origin of the scene's coordinates, scene units. Each cut has at most `most` lines, the longest
-    /// first.
+    /// planes are at right angles to the unit vector `up`, and heights are measured along it from
+    /// the origin of the scene's coordinates, scene units. Each cut has at most `most` lines, the
+    /// longest first.
     pub fn cuts(&self, up: DVec3, heights: &[f64], most: usize) -> Vec<Vec<CutLine>> {
         let origin = self.scene().origin;
         let base = origin.dot(up);

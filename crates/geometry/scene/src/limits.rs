@@ -47,7 +47,8 @@ pub const MAX_COORDINATE: f64 = 1e12;
 /// this limit still fits into `f32`.
 pub const MAX_RADIANCE: f32 = 1e20;
 
-/// Most bytes of a sky in a packed scene: a picture of 4096 × 2048 pixels of 12 bytes, and its head.
+/// Most bytes of a sky in a packed scene: a picture of 4096 × 2048 pixels of 12 bytes, and its
+/// head.
 pub const MAX_SKY_BYTES: usize = (96 << 20) + 1024;
 
 /// Least index of refraction. Glass seen from inside has 0.4 to 0.7.

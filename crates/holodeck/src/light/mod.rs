@@ -60,8 +60,8 @@ impl StatedLight {
         self.sky.is_some() || self.weather.is_some() || (self.place.is_some() && self.at.is_some())
     }
 
-    /// Returns the options that state it, but for a radiance of the sky. Names of files are from the
-    /// root.
+    /// Returns the options that state it, but for a radiance of the sky. Names of files are from
+    /// the root.
     ///
     /// # Errors
     /// If a file's folder is unknown.

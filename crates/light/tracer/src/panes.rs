@@ -3,8 +3,8 @@
 //!
 //! Invariant: the share that passes is the expectation over paths that go straight through.
 //! Everything else blocks, including solid glass. A scene without panes and partial covers pays
-//! nothing. Neither does a shadow ray without panes on its way, unless the scene has partial covers:
-//! then every shadow ray looks for its nearest surface, as it would if chance decided.
+//! nothing. Neither does a shadow ray without panes on its way, unless the scene has partial
+//! covers: then every shadow ray looks for its nearest surface, as it would if chance decided.
 //!
 //! A surface of opacity a passes the share 1 - a of every shadow ray, and not all of a share 1 - a
 //! of the rays. Sunlight behind two curtains of opacity 0.7 would otherwise arrive along one ray of

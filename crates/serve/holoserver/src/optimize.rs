@@ -148,7 +148,8 @@ fn interleaved(numbers: [u16; 4]) -> u64 {
     bits.fold(0, |all, bit| (all << 1) | u64::from(bit))
 }
 
-/// Returns a file's beams with samples, in the order of the curve, in groups that are read together.
+/// Returns a file's beams with samples, in the order of the curve, in groups that are read
+/// together.
 fn groups(holodeck: &Holodeck) -> Vec<Vec<BeamKey>> {
     let mut beams = Vec::new();
     holodeck.file.for_each_beam(&mut |key, count| {

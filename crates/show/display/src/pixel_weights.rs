@@ -31,9 +31,9 @@ pub struct PixelWeights {
 
 impl PixelWeights {
     /// Returns the weights of a picture of `size` pixels. `error` is the error of one pixel as a
-    /// person sees it, multiplied by the square root of its number of samples: samples in proportion
-    /// to it make the sum of squared errors least (Neyman 1934). Pixels for which it is `None` do not
-    /// count.
+    /// person sees it, multiplied by the square root of its number of samples: samples in
+    /// proportion to it make the sum of squared errors least (Neyman 1934). Pixels for which it is
+    /// `None` do not count.
     ///
     /// `None` if no error is known or all are 0.
     pub fn new(
@@ -64,8 +64,8 @@ impl PixelWeights {
         Some(PixelWeights { size: (tiles[0], tiles[1]), tile: (tile[0], tile[1]), weights })
     }
 
-    /// Returns the weight at a point of the picture: `x` from the left and `y` from the bottom, 0 to
-    /// 1.
+    /// Returns the weight at a point of the picture: `x` from the left and `y` from the bottom, 0
+    /// to 1.
     pub fn at(&self, x: f64, y: f64) -> f32 {
         let tile =
             |at: f64, side: f64, count: usize| ((at / side).max(0.0) as usize).min(count - 1);

@@ -22,7 +22,8 @@ pub trait RayWishes {
     ) -> Result<Vec<WantedBeam>, DriverError>;
 
     /// Returns the weights of the pixels of the last frame at rest, by the error that a further
-    /// sample would remove. `None` if the driver does not know its error, or has drawn no such frame.
+    /// sample would remove. `None` if the driver does not know its error, or has drawn no such
+    /// frame.
     ///
     /// The session divides later rays of the view between its beams accordingly.
     fn pixel_weights(&mut self) -> Option<PixelWeights>;

@@ -19,8 +19,8 @@
 //! 6. A dither chooses the pixels that need a ray most: those without a point, then those with an
 //!    old one (`dither`, `requests`).
 //!
-//! A renderer or an application may also give [hints](PointImage::move_object): an object has moved,
-//! or places are likely to change.
+//! A renderer or an application may also give [hints](PointImage::move_object): an object has
+//! moved, or places are likely to change.
 //!
 //! The renderer answers the requests, each with its [`Tag`]:
 //!

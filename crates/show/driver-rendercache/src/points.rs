@@ -132,9 +132,9 @@ impl PointSlots {
         whole as u8
     }
 
-    /// Makes points older: the `shown` ones by `by`, all others by `hidden_by`, and `changing` times
-    /// as much those that are likely to change. Removes points of age `evict` and more, if an age
-    /// is given.
+    /// Makes points older: the `shown` ones by `by`, all others by `hidden_by`, and `changing`
+    /// times as much those that are likely to change. Removes points of age `evict` and more, if an
+    /// age is given.
     pub fn grow_older(
         &mut self,
         (by, hidden_by, changing): (u8, u8, u8),

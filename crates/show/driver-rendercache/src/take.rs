@@ -157,8 +157,8 @@ impl PointImage {
         }
     }
 
-    /// Returns the depths of a point and of a place, relative to the cache's origin: distances from the eye, or along the
-    /// direction of a parallel view.
+    /// Returns the depths of a point and of a place, relative to the cache's origin: distances from
+    /// the eye, or along the direction of a parallel view.
     pub(crate) fn depths(&self, slot: usize, place: [f32; 3]) -> (f64, f64) {
         let Some(view) = &self.view else { return (0.0, 0.0) };
         let eye = view.eye() - self.origin;

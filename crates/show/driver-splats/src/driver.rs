@@ -35,7 +35,8 @@ const BUDGET: f64 = 0.25;
 /// Rows that are prepared together.
 const ROWS: usize = 16;
 
-/// Returns the driver `splats`. `None` is a driver that refuses all views, because there is no file.
+/// Returns the driver `splats`. `None` is a driver that refuses all views, because there is no
+/// file.
 pub fn splats_driver(file: Option<Arc<SplatFile>>, shape: SplatShape) -> Driver {
     let light = SplatLight { file, shape };
     // Distances of all surfaces are in the file before any sample has arrived.

@@ -146,8 +146,8 @@ impl Finish {
     }
 }
 
-/// Returns the greatest light that surfaces can show by a sky. A bright spot of a sky that differs by
-/// direction lights a surface by its share only: its irradiance is at most 4π times the mean.
+/// Returns the greatest light that surfaces can show by a sky. A bright spot of a sky that differs
+/// by direction lights a surface by its share only: its irradiance is at most 4π times the mean.
 fn most_of_sky(sky: &Sky) -> Rgb {
     sky.as_even().unwrap_or_else(|| sky.mean().map(|channel| 4.0 * channel))
 }
@@ -173,9 +173,9 @@ impl Materials {
         Materials { finishes, sky: scene.sky.clone(), unit, expected: OnceLock::new() }
     }
 
-    /// Returns the light that surfaces of `scene` have on average, radiance of a white surface. It is
-    /// that in a closed box with the same lamps, areas and reflectances (an integrating sphere), and
-    /// a share of the sky's and the suns' light. `scene` must be that of [`new`](Self::new).
+    /// Returns the light that surfaces of `scene` have on average, radiance of a white surface. It
+    /// is that in a closed box with the same lamps, areas and reflectances (an integrating sphere),
+    /// and a share of the sky's and the suns' light. `scene` must be that of [`new`](Self::new).
     ///
     /// It is computed once, and only if a view is drawn before any light is known.
     pub(crate) fn expected_light(&self, scene: &Scene) -> Rgb {

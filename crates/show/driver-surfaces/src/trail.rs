@@ -1,8 +1,8 @@
 //! Follows rays through mirrors, panes and solid glass to the surface whose light they show.
 //!
-//! A ray that meets solid glass follows the light that passes, and is reflected only if none passes.
-//! A second ray shows what the first glass on the way reflects. Light that is reflected inside the
-//! glass counts as if it were as bright as the light that passes.
+//! A ray that meets solid glass follows the light that passes, and is reflected only if none
+//! passes. A second ray shows what the first glass on the way reflects. Light that is reflected
+//! inside the glass counts as if it were as bright as the light that passes.
 //!
 //! Rays of a view pass surfaces that are partly covered, and note them: a pixel shows each with its
 //! opacity, and what is behind with the rest. A sample shows one surface alone, at its distance.
@@ -142,8 +142,8 @@ impl<'a> Follower<'a> {
         (facing, facing_eye(smooth, -ray.direction).unwrap_or(facing))
     }
 
-    /// Returns the direction of a ray that a mirror reflects, as the tracer does. `None` if a smooth
-    /// normal sends it behind the triangle: the mirror is black there.
+    /// Returns the direction of a ray that a mirror reflects, as the tracer does. `None` if a
+    /// smooth normal sends it behind the triangle: the mirror is black there.
     #[inline]
     fn mirrored(&self, ray: &Ray, hit: &Hit) -> Option<Vec3> {
         let (facing, smooth) = self.normals(ray, hit);
@@ -151,7 +151,8 @@ impl<'a> Follower<'a> {
         (onward.dot(facing) > 0.0).then(|| onward.normalize())
     }
 
-    /// Returns the way of a ray on, at a boundary of solid glass with the index of refraction `ior`.
+    /// Returns the way of a ray on, at a boundary of solid glass with the index of refraction
+    /// `ior`.
     fn at_boundary(&self, ray: &Ray, hit: &Hit, ior: f32) -> AtBoundary {
         let (facing, smooth) = self.normals(ray, hit);
         let enters = facing.dot(self.raycaster.geometric_normal(hit.triangle)) > 0.0;

@@ -73,7 +73,8 @@ pub struct SurfaceTrail {
     pub direction: Vec3,
     /// Distance to the lamp that is seen, scene units; infinite if there is no lamp.
     pub to_lamp: f32,
-    /// True if a mirror or solid glass turned the ray. Otherwise the surface lies in the pixel's direction.
+    /// True if a mirror or solid glass turned the ray. Otherwise the surface lies in the pixel's
+    /// direction.
     pub is_mirrored: bool,
     /// The share of light that the first pane or solid glass on the way reflects; 0 without any.
     pub pane: f32,

@@ -1,7 +1,7 @@
 //! Collects samples in the cells of a grid: one surfel for each cell and side of a surface.
 //!
-//! Invariant: memory is bounded by the number of cells and not by that of samples. If there are more
-//! cells than wanted, the grid becomes coarser.
+//! Invariant: memory is bounded by the number of cells and not by that of samples. If there are
+//! more cells than wanted, the grid becomes coarser.
 
 use glam::Vec3;
 use holo_color::relative_luminance;
@@ -260,7 +260,8 @@ pub(crate) fn neighbour(key: u64, offset: [i64; 3]) -> Option<u64> {
     Some(moved)
 }
 
-/// Returns the number of the cube of 2^`scale` cells along each axis that a cell is in, on its side.
+/// Returns the number of the cube of 2^`scale` cells along each axis that a cell is in, on its
+/// side.
 pub(crate) fn region(key: u64, scale: u32) -> u64 {
     let low = (1_u64 << scale) - 1;
     let axes = low | low << AXIS_BITS | low << (2 * AXIS_BITS);

@@ -4,10 +4,10 @@
 //!
 //! Samples become *surfels*: one for each cell of a grid that rays hit, with place, normal, light,
 //! and the light's standard error ([`SurfelCells`]). Light of surfels with few samples is smoothed
-//! along their surface. A hierarchy of bounding spheres joins up to four surfels or spheres at a time
-//! ([`SplatTree`]). Each sphere has the mean light of what it contains, so any level shows
-//! everything. A node takes 8 bytes ([`PackedNode`]). Levels follow each other in the file, so
-//! any beginning of the file is a whole picture. `docs/splats.md` draws the bytes.
+//! along their surface. A hierarchy of bounding spheres joins up to four surfels or spheres at a
+//! time ([`SplatTree`]). Each sphere has the mean light of what it contains, so any level shows
+//! everything. A node takes 8 bytes ([`PackedNode`]). Levels follow each other in the file, so any
+//! beginning of the file is a whole picture. `docs/splats.md` draws the bytes.
 //!
 //! Invariants:
 //! - A file is written once, under another name, and renamed into place. It never changes.

@@ -1,10 +1,10 @@
 //! Turns cells into surfels, and smooths the light of those with few samples along their surface.
 //!
-//! Each round replaces the light of a noisy surfel by a mean with its neighbours. A neighbour counts
-//! less the more it differs beyond the noise of both, so shadows keep their edges where samples show
-//! them. Light and surface colour are apart, so patterns stay sharp. The standard error is that of
-//! the weighted mean: variances of neighbours add up by the squares of their weights, and a mean of
-//! means knows no more than all cells that it comes from.
+//! Each round replaces the light of a noisy surfel by a mean with its neighbours. A neighbour
+//! counts less the more it differs beyond the noise of both, so shadows keep their edges where
+//! samples show them. Light and surface colour are apart, so patterns stay sharp. The standard
+//! error is that of the weighted mean: variances of neighbours add up by the squares of their
+//! weights, and a mean of means knows no more than all cells that it comes from.
 
 use glam::Vec3;
 use holo_color::relative_luminance;
@@ -41,8 +41,8 @@ const MOST_RADIUS: f32 = 1.6;
 /// Most neighbours of a surfel that are used.
 const MOST_NEIGHBOURS: usize = 12;
 
-/// Cells by which the origin of a surfel's light grows with each round: 4π times the variance of the
-/// weights of a round.
+/// Cells by which the origin of a surfel's light grows with each round: 4π times the variance of
+/// the weights of a round.
 const CELLS_OF_ROUND: f32 = 6.9;
 
 /// A cell is a spike if it is this many times as bright as its neighbours.
@@ -215,8 +215,8 @@ fn neighbours(
     found
 }
 
-/// Returns the light of each cell. Lamps and mirrors have their own. What single bright paths have brought beyond the neighbours' light
-/// is spread over a region, so that the mean stays.
+/// Returns the light of each cell. Lamps and mirrors have their own. What single bright paths have
+/// brought beyond the neighbours' light is spread over a region, so that the mean stays.
 fn without_spikes(cells: &[(u64, CellSums)], near: &[[u32; MOST_NEIGHBOURS]]) -> Vec<Vec3> {
     let light = |at: usize| cells[at].1.light / cells[at].1.weight;
     let kept: Vec<f32> = (0..cells.len())

@@ -1,9 +1,10 @@
-//! Builds the hierarchy: from the root down by splits, from the leaves up by spheres, and down again
-//! to encode nodes against their parents.
+//! Builds the hierarchy: from the root down by splits, from the leaves up by spheres, and down
+//! again to encode nodes against their parents.
 //!
 //! As in QSplat, a set of surfels is halved along its longest axis, and two halvings make a node of
-//! up to four children. Here a set whose normals differ much is first split by normals. So the two sides of a wall part at the first levels, a node of a coarse level
-//! shows one side, and whole branches that face away are skipped.
+//! up to four children. Here a set whose normals differ much is first split by normals. So the two
+//! sides of a wall part at the first levels, a node of a coarse level shows one side, and whole
+//! branches that face away are skipped.
 
 use glam::Vec3;
 use holo_color::relative_luminance;
@@ -114,8 +115,8 @@ impl Branch {
         Branch { sphere, normal, angle: 0.0, light, error, area: radius * radius, is_directional }
     }
 
-    /// Joins the branches below a node. The standard errors of neighbours come in part from the same
-    /// samples, so the error of a mean is the mean of the errors: no less than it is.
+    /// Joins the branches below a node. The standard errors of neighbours come in part from the
+    /// same samples, so the error of a mean is the mean of the errors: no less than it is.
     fn join(below: &[Branch]) -> Branch {
         let halves = below.split_at(below.len() / 2);
         let around = |branches: &[Branch]| {

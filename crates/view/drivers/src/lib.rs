@@ -53,8 +53,8 @@ impl DriverChoice for DriverOptions {
         }
     }
 
-    /// Makes the chosen driver, for two eyes if they are wanted. Without a scene, `auto` draws cells
-    /// from samples only.
+    /// Makes the chosen driver, for two eyes if they are wanted. Without a scene, `auto` draws
+    /// cells from samples only.
     fn make(
         &self,
         sections: &Arc<[Section]>,

@@ -17,8 +17,8 @@ pub struct StereoArgs {
     /// With --stereo: distance between the eyes, metres [default: 0.063]
     #[arg(long, value_name = "METRES")]
     pub eyes: Option<f64>,
-    /// With --stereo: distance at which both eyes see a thing at the same place of their pictures, so
-    /// that it seems to lie on the screen, metres [default: none, the eyes look in parallel]
+    /// With --stereo: distance at which both eyes see a thing at the same place of their pictures,
+    /// so that it seems to lie on the screen, metres [default: none, the eyes look in parallel]
     #[arg(long, value_name = "METRES")]
     pub convergence: Option<f64>,
 }

@@ -41,8 +41,8 @@ impl Session {
         self.welcome.tracing
     }
 
-    /// Records how the eye moves; `None` if it rests. While it moves, slow work that serves only the
-    /// current view waits, and single rays are requested for where the motion leads.
+    /// Records how the eye moves; `None` if it rests. While it moves, slow work that serves only
+    /// the current view waits, and single rays are requested for where the motion leads.
     pub fn set_motion(&mut self, velocity: Option<EyeVelocity>) {
         self.velocity = velocity;
     }

@@ -45,8 +45,8 @@ const NEARER_PIXELS: f64 = 0.01;
 const STORED_ONLY: f32 = 0.5 * LEAST_TRACED_WEIGHT;
 
 /// Least interval between requests while the eye moves, for drivers that keep samples or take late
-/// ones: samples of one view serve the next. A request replaces the one before, so faster requests would never
-/// receive any samples.
+/// ones: samples of one view serve the next. A request replaces the one before, so faster requests
+/// would never receive any samples.
 const MOVING_EVERY: Duration = Duration::from_millis(150);
 
 /// Longest time for which a moving eye waits for the stored samples of one request before the next.

@@ -7,7 +7,8 @@ use crate::chance;
 use crate::coincident::{self, Coincident};
 use crate::{Hit, Ray};
 
-/// Most holes of surfaces that a ray passes. After that many it hits nothing. A tree has some dozens.
+/// Most holes of surfaces that a ray passes. After that many it hits nothing. A tree has some
+/// dozens.
 const MAX_HOLES: usize = 1024;
 
 impl Raycaster {

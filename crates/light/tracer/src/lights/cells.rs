@@ -331,8 +331,8 @@ impl LightGrid {
         }
     }
 
-    /// Returns the direction of a ray that tests the sky, and an estimate of the irradiance from the
-    /// sky without obstacles, relative to that of an even sky of the same mean.
+    /// Returns the direction of a ray that tests the sky, and an estimate of the irradiance from
+    /// the sky without obstacles, relative to that of an even sky of the same mean.
     fn sky_ray(&self, frame: &ShadingFrame, sampler: &mut Sampler) -> (Vec3, f32) {
         let mut uniform = sampler.two();
         let aimed = self.prepared_sky.aim(&mut uniform);
