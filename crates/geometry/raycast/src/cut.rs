@@ -59,7 +59,7 @@ mod tests {
     use holo_scene::{Material, Scene};
     use std::sync::Arc;
 
-    /// A box of 4 × 3 × 2.5 at `at`, and a table-top of 1 × 1 at height 0.8.
+    /// A box of 4 × 3 × 2.5 at `at`, a table-top of 1 × 1 at height 0.8, and a ramp from 0.6 to 1.4.
     fn furnished(at: DVec3) -> Raycaster {
         let corner = |n: u32| {
             let bit = |b: u32| f64::from(n >> b & 1);
@@ -67,10 +67,14 @@ mod tests {
         };
         let mut positions: Vec<DVec3> = (0..8).map(corner).collect();
         let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4]];
-        let sides = [&sides[..], &[[1, 3, 7, 5], [8, 9, 10, 11]]].concat();
+        let sides = [&sides[..], &[[1, 3, 7, 5], [8, 9, 10, 11], [12, 13, 14, 15]]].concat();
         positions.extend(
             [(1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)]
                 .map(|(x, y)| at + DVec3::new(x, y, 0.8)),
+        );
+        positions.extend(
+            [(0.5, 2.2, 0.6), (3.0, 2.2, 1.4), (3.0, 2.8, 1.4), (0.5, 2.8, 0.6)]
+                .map(|(x, y, z)| at + DVec3::new(x, y, z)),
         );
         let triangles: Vec<[u32; 3]> =
             sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
@@ -90,7 +94,7 @@ mod tests {
                 lines.iter().map(|[from, to]| from.distance(*to)).sum()
             };
             assert!((length(&cuts[0]) - 14.0).abs() < 1e-5, "{}", length(&cuts[0]));
-            assert!((length(&cuts[1]) - 14.0).abs() < 1e-5, "the table-top is no wall");
+            assert!((length(&cuts[1]) - 14.0).abs() < 1e-5, "table-top and ramp are no walls");
             assert!(cuts[0].iter().flatten().all(|end| (end.z - heights[0]).abs() < 1e-6));
             assert!(cuts[2].is_empty(), "nothing is below the floor");
             assert!(length(&cuts[3]) <= 14.0 + 1e-5);
