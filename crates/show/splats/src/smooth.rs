@@ -230,8 +230,10 @@ fn without_spikes(cells: &[(u64, CellSums)], near: &[[u32; MOST_NEIGHBOURS]]) ->
             let (sum, count) = others.fold((0.0, 0.0), |(sum, count), &other| {
                 (sum + relative_luminance(light(other as usize).into()), count + 1.0)
             });
-            let most = SPIKE * sum / count;
-            if is_steady || count < 3.0 || own <= most { 1.0 } else { most / own }
+            let around = sum / count;
+            // What stays above the neighbours would be lost to them by smoothing, which trusts noisy
+            // light less.
+            if is_steady || count < 3.0 || own <= SPIKE * around { 1.0 } else { around / own }
         })
         .collect();
     let mut regions: FxHashMap<u64, (Vec3, f32)> = FxHashMap::default();

@@ -91,6 +91,19 @@ fn files_with_any_bytes_and_true_hashes_are_refused_or_end() {
 }
 
 #[test]
+fn a_node_that_is_its_own_child_is_refused() {
+    let mut bytes = file(ball(900));
+    let first_of_first = HEADER_BYTES + 16;
+    bytes[first_of_first..first_of_first + 8].copy_from_slice(&0_u64.to_le_bytes());
+    seal(&mut bytes);
+    let file = SplatFile::from_bytes(bytes).unwrap();
+    let root = file.root().unwrap();
+    let error = file.first_child(&root).unwrap_err().to_string();
+    assert!(error.contains("cannot be its own"), "{error}");
+    visit(&file, file.header().nodes as usize);
+}
+
+#[test]
 fn a_node_with_two_parents_is_refused() {
     // With many chunks that share children, a traversal would take for ever.
     let mut bytes = file(ball(3 * CHUNK_NODES as u32));

@@ -71,6 +71,23 @@ fn the_mean_of_all_light_stays() {
 }
 
 #[test]
+fn rare_bright_paths_keep_their_light_and_make_no_specks() {
+    let mut points = floor(50_000, Some(Vec3::Z), |_| 1.0);
+    for (number, point) in points.iter_mut().enumerate() {
+        point.radiance = [if number % 400 == 0 { 200.0 } else { 0.5 }; 3];
+    }
+    let radiance = points.iter().map(|point| f64::from(point.radiance[0])).sum::<f64>() / 50_000.0;
+    let mut cells = SurfelCells::new(0.02, 100_000);
+    cells.add(&points);
+    let lights: Vec<f32> = cells.into_surfels().iter().map(|surfel| surfel.light[0]).collect();
+    let mean = lights.iter().map(|&light| f64::from(light)).sum::<f64>() / lights.len() as f64;
+    // The 125 bright paths lie in cells of 20 ± 4.5 samples: 4.5 standard errors of their share.
+    assert!((mean / radiance - 1.0).abs() < 0.05, "{mean} {radiance}");
+    let most = lights.iter().fold(0.0, |most: f32, light| most.max(*light));
+    assert!(f64::from(most) < 4.0 * radiance, "{most}: one path alone makes 10.5");
+}
+
+#[test]
 fn without_a_scene_normals_are_those_of_the_neighbours() {
     let mut cells = SurfelCells::new(0.03, 100_000);
     cells.add(&floor(30_000, None, |_| 1.0));
