@@ -67,6 +67,6 @@ fn one_string_is_all_that_a_worker_and_a_viewer_need() {
     let members = listed.lines().find_map(|line| line.strip_suffix(" member")).unwrap();
     let forget = ["forget", &file, "--token", members, "--json"];
     let forgotten = place.run(&forget).ok().json();
-    assert!(forgotten["samples"].as_u64() > Some(0) && forgotten["left"].as_u64() > Some(0));
+    assert!(forgotten["samples"].as_u64() > Some(0), "{forgotten}");
     place.run(&forget).failed(1, &["no worker of", members]);
 }
