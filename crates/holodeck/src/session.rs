@@ -7,7 +7,8 @@ use holo_net::Shutdown;
 use holo_picture::Picture;
 use holo_server::{Outside, Summary};
 use holo_view::{
-    BrowserArgs, DriverArgs, LookArgs, PictureReport, PointArgs, ViewArgs, WindowRequest,
+    BrowserArgs, DriverArgs, LookArgs, ObjectArgs, PictureReport, PointArgs, ViewArgs,
+    WindowRequest,
 };
 use tokio::{sync::oneshot, task::JoinHandle};
 
@@ -166,6 +167,8 @@ pub struct PictureRequest {
     pub driver: DriverArgs,
     /// Options of the render cache.
     pub points: PointArgs,
+    /// Models that are carried into the scene.
+    pub objects: ObjectArgs,
     /// True if progress is shown on standard error.
     pub has_progress: bool,
 }
@@ -179,13 +182,14 @@ pub async fn picture(
     request: PictureRequest,
     shutdown: Shutdown,
 ) -> Result<Option<(Picture, PictureReport)>> {
-    let PictureRequest { file, view, driver, points, has_progress } = request;
+    let PictureRequest { file, view, driver, points, objects, has_progress } = request;
     let server = StoredServer::start(file).await?;
     let config = holo_view::Config {
         connect: server.address.to_string(),
         view,
         driver,
         points,
+        objects,
         look: LookArgs::default(),
         script: None,
         time: 0.0,
