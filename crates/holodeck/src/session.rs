@@ -7,8 +7,8 @@ use holo_net::Shutdown;
 use holo_picture::Picture;
 use holo_server::{Outside, Summary};
 use holo_view::{
-    BrowserArgs, DriverArgs, LookArgs, ObjectArgs, PictureReport, PointArgs, ViewArgs,
-    WindowRequest,
+    BrowserArgs, DriverArgs, LookArgs, ObjectArgs, ObjectFolder, PictureReport, PointArgs,
+    ViewArgs, WindowRequest,
 };
 use tokio::{sync::oneshot, task::JoinHandle};
 
@@ -107,6 +107,7 @@ impl LiveSession {
         shutdown.on_signals(false)?;
         let (threads, nice, quiet) = (self.threads, NICE_BESIDE_DISPLAY, self.quiet);
         let how = WorkerArgs { threads, nice, quiet };
+        let folder = ObjectFolder::beside(&self.file, true);
         let mut crew = SessionProcesses::start(
             self.program,
             self.file,
@@ -130,7 +131,8 @@ impl LiveSession {
                 () = shutdown_before.wait() => {}
             }
         });
-        let config = holo_view::Config { crew: Some(crew.orders()), ..viewer(crew.address()) };
+        let mut config = holo_view::Config { crew: Some(crew.orders()), ..viewer(crew.address()) };
+        config.objects.folder = Some(folder);
         let viewing = self.front_end.show(config, shutdown.clone(), ready);
         let result = crew.keep(viewing).await;
         result.and(crew.end().await)
@@ -149,8 +151,10 @@ pub async fn replay(
 ) -> Result<()> {
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;
+    let folder = ObjectFolder::beside(&file, false);
     let server = StoredServer::start(file).await?;
-    let config = viewer(server.address);
+    let mut config = viewer(server.address);
+    config.objects.folder = Some(folder);
     let result = front_end.show(config, shutdown, holo_view::at_once()).await;
     server.end().await?;
     result
@@ -183,6 +187,8 @@ pub async fn picture(
     shutdown: Shutdown,
 ) -> Result<Option<(Picture, PictureReport)>> {
     let PictureRequest { file, view, driver, points, objects, has_progress } = request;
+    let folder = ObjectFolder::beside(&file, false);
+    let objects = ObjectArgs { folder: Some(folder), ..objects };
     let server = StoredServer::start(file).await?;
     let config = holo_view::Config {
         connect: server.address.to_string(),

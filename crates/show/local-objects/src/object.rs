@@ -79,6 +79,18 @@ impl ObjectModel {
         self.raycaster.scene()
     }
 
+    /// Returns its up axis, in its own coordinates.
+    #[must_use]
+    pub fn up(&self) -> DVec3 {
+        self.up
+    }
+
+    /// Returns the length of its unit, in units of the scene that it comes into.
+    #[must_use]
+    pub fn unit(&self) -> f64 {
+        self.unit
+    }
+
     /// Returns the middle of its base, in its own coordinates.
     #[must_use]
     pub fn base(&self) -> DVec3 {

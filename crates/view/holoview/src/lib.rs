@@ -19,6 +19,7 @@ use holo_net::{Destination, Shutdown};
 use holo_page::PageServer;
 use holo_picture::Picture;
 use holo_script::{Script, ScriptOptions};
+pub use holo_session::ObjectFolder;
 use holo_session::{Connected, ObjectOrder};
 use holo_stage::{Front, Stage, Wishes, stage};
 use tokio::sync::oneshot;
@@ -46,6 +47,9 @@ pub struct ObjectArgs {
         value_parser = ObjectOrder::parse_option
     )]
     pub objects: Vec<ObjectOrder>,
+    /// The folder in which objects are kept.
+    #[arg(skip)]
+    pub folder: Option<ObjectFolder>,
 }
 
 /// Options of `holoview`.
@@ -116,7 +120,8 @@ impl Config {
         let server = Destination::parse(&self.connect)?;
         let options = DriverOptions::open(self.driver.clone(), self.points.clone())?;
         let connected = Connected::new(server, Box::new(options), walks, shutdown).await?;
-        Ok(connected.with_objects(self.objects.objects.clone()))
+        let ObjectArgs { objects, folder } = self.objects.clone();
+        Ok(connected.with_objects(folder, objects))
     }
 
     /// Connects to the server, and returns a stage for a person who walks.

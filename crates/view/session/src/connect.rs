@@ -21,7 +21,7 @@ use super::{
     Ahead, RayDelay, Session,
     driver_choice::{DriverChoice, LoadedScene, SceneUse},
     incoming::{Incoming, MAX_WAITING_BYTES, SessionReader},
-    objects::{CarriedObjects, ObjectOrder, SessionObjects},
+    objects::{CarriedObjects, ObjectFolder, ObjectOrder, SessionObjects},
     scene::SceneLoader,
 };
 
@@ -44,6 +44,8 @@ pub struct Connected {
     awaits_scene: bool,
     /// Orders of objects for the beginning of the session.
     orders: Vec<ObjectOrder>,
+    /// True if kept objects come back.
+    recalls: bool,
     again: Again,
     /// A task that ends with the connection or with the session.
     reader: tokio::task::JoinHandle<()>,
@@ -56,8 +58,9 @@ pub struct Again {
     server: Destination,
     /// The driver of the next session.
     pub choice: Box<dyn DriverChoice>,
-    /// The objects of this session and the next.
+    /// The objects of this session and the next, and where they are kept.
     objects: CarriedObjects,
+    folder: Option<ObjectFolder>,
     /// True if a person walks, who may change to a driver that draws from the scene.
     walks: bool,
     shutdown: Shutdown,
@@ -72,7 +75,7 @@ impl Again {
     pub fn connect(&self, address: SocketAddr) -> Result<Connected> {
         let Again { choice, walks, shutdown, runtime, .. } = self.clone();
         let connected = runtime.block_on(Connected::new(address, choice, walks, shutdown))?;
-        Ok(connected.with_carried(self.objects.clone()))
+        Ok(connected.with_carried(self.objects.clone(), self.folder.clone()))
     }
 
     /// Connects again to the same server after the connection was lost. Retries for `patience`,
@@ -86,7 +89,7 @@ impl Again {
         patience: Duration,
         mut waiting: impl FnMut(&str),
     ) -> Result<Option<Connected>> {
-        let Again { server, choice, objects, walks, shutdown, runtime } = self.clone();
+        let Again { server, choice, objects, folder, walks, shutdown, runtime } = self.clone();
         runtime.block_on(async {
             let name = name();
             let lost = |_: &NetError, pause: Duration| {
@@ -100,7 +103,7 @@ impl Again {
                 () = shutdown.wait() => return Ok(None),
             };
             Connected::from_connection(server, connection, choice, walks, shutdown.clone())
-                .map(|connected| Some(connected.with_carried(objects)))
+                .map(|connected| Some(connected.with_carried(objects, folder)))
         })
     }
 }
@@ -172,6 +175,7 @@ impl Connected {
             server,
             choice: choice.clone(),
             objects: CarriedObjects::default(),
+            folder: None,
             walks,
             shutdown: shutdown.clone(),
             runtime: tokio::runtime::Handle::current(),
@@ -207,21 +211,29 @@ impl Connected {
             waker,
             awaits_scene,
             orders: Vec::new(),
+            recalls: false,
             again,
             reader,
             stopper,
         })
     }
 
-    /// Carries these objects into the scene before the session begins.
+    /// Carries objects into the scene before the session begins: those that a folder keeps, and those
+    /// of `orders`.
     #[must_use]
-    pub fn with_objects(self, orders: Vec<ObjectOrder>) -> Connected {
+    pub fn with_objects(
+        mut self,
+        folder: Option<ObjectFolder>,
+        orders: Vec<ObjectOrder>,
+    ) -> Connected {
+        self.recalls = folder.is_some();
+        self.again.folder = folder;
         Connected { orders, ..self }
     }
 
     /// Begins with the objects of the session before.
-    fn with_carried(mut self, objects: CarriedObjects) -> Connected {
-        self.again.objects = objects;
+    fn with_carried(mut self, objects: CarriedObjects, folder: Option<ObjectFolder>) -> Connected {
+        (self.again.objects, self.again.folder) = (objects, folder);
         self
     }
 
@@ -263,7 +275,7 @@ impl Connected {
             driver,
             interrupt,
             scene,
-            objects: SessionObjects::new(self.again.objects),
+            objects: SessionObjects::new(self.again.objects, self.again.folder),
             welcome: self.welcome,
             choice: self.choice,
             sections: self.sections,
@@ -288,6 +300,9 @@ impl Connected {
             start: Instant::now(),
             tasks: [self.reader, self.stopper],
         };
+        if self.recalls {
+            session.recall_objects();
+        }
         for order in self.orders {
             progress("reading a model");
             session.object(order)?;

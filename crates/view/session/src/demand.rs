@@ -283,6 +283,7 @@ impl Session {
         now: Instant,
         ending: bool,
     ) -> Result<Option<Instant>> {
+        self.keep_objects_if_due();
         self.ask_if_unasked()?;
         let Some(current) = &self.current else { return Ok(None) };
         let rests = current.since + AT_REST;

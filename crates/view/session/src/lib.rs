@@ -64,7 +64,7 @@ pub use driver_choice::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, Sce
 pub use holo_net::RETURN_TIME;
 use incoming::Incoming;
 use objects::SessionObjects;
-pub use objects::{CarriedObjects, ObjectOrder, ObjectState, PoseChange};
+pub use objects::{CarriedObjects, ObjectFolder, ObjectOrder, ObjectState, PoseChange};
 use received::Received;
 pub use schedule::{FrameSchedule, FrameSize, scaled};
 pub use velocity::EyeVelocity;
@@ -153,6 +153,7 @@ pub enum Waited {
 
 impl Drop for Session {
     fn drop(&mut self) {
+        self.keep_objects();
         self.tasks.iter().for_each(tokio::task::JoinHandle::abort);
     }
 }

@@ -9,6 +9,7 @@
 //! - Files are read on threads of their own. An object that cannot be used changes nothing.
 //! - Objects outlive the connection: a session that begins again has the same ones.
 
+mod kept;
 mod lighting;
 mod order;
 
@@ -29,8 +30,10 @@ use holo_picture::View;
 use holo_scene::{LoadOptions, load};
 
 use super::{Session, Waited, Waker, incoming::Incoming};
+pub use kept::ObjectFolder;
 pub use order::{ObjectOrder, PoseChange};
 
+use kept::KeptObject;
 use lighting::Lightings;
 
 /// Most local objects of a session.
@@ -65,6 +68,8 @@ struct CarriedObject {
     name: String,
     path: PathBuf,
     object: LocalObject,
+    /// The hash of the model, if it is kept.
+    kept: Option<String>,
 }
 
 /// The objects of a session and of those that follow it.
@@ -83,13 +88,20 @@ pub struct LoadedObject {
     name: Option<String>,
     path: PathBuf,
     pose: ObjectPose,
-    model: Result<ObjectModel>,
+    model: Result<ReadModel>,
 }
+
+/// A model that was read, and its hash if it is kept.
+type ReadModel = (ObjectModel, Option<String>);
 
 /// What a session knows of its objects.
 #[derive(Default)]
 pub struct SessionObjects {
     carried: CarriedObjects,
+    /// Where objects are kept.
+    folder: Option<ObjectFolder>,
+    /// True if the list that is kept is not the present one.
+    is_unkept: bool,
     /// Number of models that are being read.
     loading: usize,
     /// When an object last changed.
@@ -114,8 +126,8 @@ struct ShownObjects {
 
 impl SessionObjects {
     /// Returns a session's objects: those of the session before.
-    pub fn new(carried: CarriedObjects) -> SessionObjects {
-        SessionObjects { carried, ..SessionObjects::default() }
+    pub fn new(carried: CarriedObjects, folder: Option<ObjectFolder>) -> SessionObjects {
+        SessionObjects { carried, folder, ..SessionObjects::default() }
     }
 
     /// Returns whether there is no object.
@@ -136,6 +148,7 @@ impl SessionObjects {
 
     fn note_change(&mut self) {
         self.changed = Some(Instant::now());
+        self.is_unkept = self.folder.as_ref().is_some_and(|folder| folder.is_writable);
     }
 }
 
@@ -208,8 +221,9 @@ impl Session {
         pose.check()?;
         let (up, unit) = (self.up(), self.unit());
         let Waker(messages) = self.waker.clone();
+        let folder = self.objects.folder.clone().filter(|folder| folder.is_writable);
         let read = move || {
-            let model = read(&path, up, unit);
+            let model = read(&path, up, unit, folder.as_ref());
             // If the session is over, the model has no use.
             let loaded = LoadedObject { name, path, pose, model };
             let _ = messages.send(Incoming::Object(Box::new(loaded)));
@@ -230,7 +244,8 @@ impl Session {
 
     fn carry(&mut self, loaded: LoadedObject) -> Result<()> {
         let LoadedObject { name, path, pose, model } = loaded;
-        let object = LocalObject::new(Arc::new(model?), pose, self.up())?;
+        let (model, kept) = model?;
+        let object = LocalObject::new(Arc::new(model), pose, self.up())?;
         ensure_lit(&self.sections, &object)?;
         let stem = path.file_stem().map_or_else(|| "object".into(), |stem| stem.to_string_lossy());
         let wanted = name.unwrap_or_else(|| stem.into_owned());
@@ -239,10 +254,64 @@ impl Session {
         let names = std::iter::once(wanted.clone());
         let mut names = names.chain((2..).map(|number| format!("{wanted} {number}")));
         let name = names.find(is_free).unwrap_or(wanted);
-        list.push(CarriedObject { name, path, object });
+        list.push(CarriedObject { name, path, object, kept });
         drop(list);
         self.objects.note_change();
         Ok(())
+    }
+
+    /// Brings the kept objects back. Those that cannot be used are named.
+    pub(super) fn recall_objects(&mut self) {
+        let Some(folder) = self.objects.folder.clone() else { return };
+        let kept = folder.list().unwrap_or_else(|error| {
+            eprintln!("objects are left out: {error:#}");
+            Vec::new()
+        });
+        for object in kept.into_iter().take(MOST_OBJECTS) {
+            let model = folder.model(&object).and_then(|scene| {
+                let model = ObjectModel::new(scene, object.up, object.unit)?;
+                Ok((model, Some(object.model.clone())))
+            });
+            let (name, path, pose) =
+                (Some(object.name.clone()), object.path.clone(), object.pose());
+            if let Err(error) = self.carry(LoadedObject { name, path, pose, model }) {
+                eprintln!("object {} is left out: {error:#}", object.name);
+            }
+        }
+        self.objects.is_unkept = false;
+    }
+
+    /// Keeps the list of objects, once a person has moved one to its place.
+    pub(super) fn keep_objects_if_due(&mut self) {
+        let objects = &mut self.objects;
+        let settles = objects.changed.is_none_or(|changed| changed.elapsed() >= SETTLES_AFTER);
+        if objects.is_unkept && settles {
+            self.keep_objects();
+        }
+    }
+
+    /// Keeps the list of objects, if it has changed.
+    pub(super) fn keep_objects(&mut self) {
+        let is_unkept = std::mem::take(&mut self.objects.is_unkept);
+        let Some(folder) = self.objects.folder.as_ref().filter(|_| is_unkept) else { return };
+        let kept = |carried: &CarriedObject| {
+            let ObjectPose { at, turn, scale } = carried.object.pose();
+            let model = carried.object.model();
+            Some(KeptObject {
+                name: carried.name.clone(),
+                path: carried.path.clone(),
+                at,
+                turn,
+                scale,
+                model: carried.kept.clone()?,
+                up: model.up(),
+                unit: model.unit(),
+            })
+        };
+        let list: Vec<KeptObject> = self.objects.carried.list().iter().filter_map(kept).collect();
+        if let Err(error) = folder.put_list(&list) {
+            self.refusal = Some(format!("the objects are not kept: {error:#}"));
+        }
     }
 
     /// Waits until all models are read.
@@ -449,9 +518,9 @@ fn ensure_lit(sections: &[holo_section::Section], object: &LocalObject) -> Resul
     Ok(())
 }
 
-/// Reads a model. Its up axis and its unit are those that the file states, or else those of the
-/// scene.
-fn read(path: &Path, up: DVec3, unit: f64) -> Result<ObjectModel> {
+/// Reads a model, and keeps it in a folder. Its up axis and its unit are those that the file states,
+/// or else those of the scene.
+fn read(path: &Path, up: DVec3, unit: f64, folder: Option<&ObjectFolder>) -> Result<ReadModel> {
     let loaded = load(path, &LoadOptions::default())?;
     for warning in &loaded.warnings {
         eprintln!("{warning}");
@@ -459,5 +528,14 @@ fn read(path: &Path, up: DVec3, unit: f64) -> Result<ObjectModel> {
     let about = loaded.about;
     let stated_up = about.up.or(about.usual_up).map(|stated| DVec3::from_array(stated.value));
     let stated_unit = about.unit.or(about.usual_unit).map(|stated| stated.value / unit);
-    Ok(ObjectModel::new(loaded.scene, stated_up.unwrap_or(up), stated_unit.unwrap_or(1.0))?)
+    let (up, unit) = (stated_up.unwrap_or(up), stated_unit.unwrap_or(1.0));
+    let model = ObjectModel::new(loaded.scene, up, unit)?;
+    let kept = match folder.map(|folder| folder.put_model(model.scene())) {
+        Some(Err(error)) => {
+            eprintln!("the object is not kept: {error:#}");
+            None
+        }
+        kept => kept.transpose()?,
+    };
+    Ok((model, kept))
 }
