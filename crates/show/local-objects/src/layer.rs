@@ -55,10 +55,8 @@ struct LayerPixel {
     may_shadow: bool,
     /// Radiance of objects.
     radiance: Vec3,
-    /// Share of what is behind them.
-    through: Vec3,
-    /// Share of the light there that they leave.
-    left: Vec3,
+    /// Share of what is behind them that is seen, with the light that they leave there.
+    behind: Vec3,
     /// Number of passes that see an object, and the sum of its distances.
     seen: u32,
     distance: f32,
@@ -156,8 +154,8 @@ impl ObjectLayer {
         for pixel in self.tiles.iter().flat_map(|tile| &tile.pixels) {
             let at = (pixel.row * self.size.0 + pixel.column) as usize;
             let room = Vec3::from(frame.picture.pixels[at]);
-            let seen = room * (pixel.left * share) * (pixel.through * share);
-            frame.picture.pixels[at] = (seen + pixel.radiance * share).to_array();
+            let seen = room * pixel.behind + pixel.radiance;
+            frame.picture.pixels[at] = (seen * share).to_array();
             if 2 * pixel.seen > self.passes {
                 frame.depth[at] = pixel.distance / pixel.seen as f32;
             }
@@ -208,8 +206,7 @@ fn pixel_of(
         may_show,
         may_shadow,
         radiance: Vec3::ZERO,
-        through: Vec3::ZERO,
-        left: Vec3::ZERO,
+        behind: Vec3::ZERO,
         seen: 0,
         distance: 0.0,
     })
@@ -263,8 +260,7 @@ impl LayerScene<'_> {
                 };
             }
         }
-        pixel.through += through;
-        pixel.left += left;
+        pixel.behind += through * left;
     }
 
     /// Returns the share of light that objects leave to a surface of the room.
