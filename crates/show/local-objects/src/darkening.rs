@@ -5,9 +5,6 @@ use glam::Vec3;
 use crate::lighting::ObjectLighting;
 use crate::object::LocalObject;
 
-/// Mean area of an object seen from all sides, over that of the sphere around it: that of a cube.
-const FILLED: f32 = 0.48;
-
 /// Returns about the share of light that an object takes from a surface of its probe, by channel.
 /// `point` is relative to the probe's centre.
 pub(crate) fn taken_roughly(
@@ -19,7 +16,7 @@ pub(crate) fn taken_roughly(
     let place = lighting.centre() + point.as_dvec3();
     let centre = (object.centre() - lighting.centre()).as_vec3();
     let (mut hidden, mut all) = (Vec3::ZERO, lighting.rest.irradiance(normal));
-    hidden += all * hidden_part(centre - point, normal, object.radius() as f32);
+    hidden += all * hidden_part(object, centre - point, normal);
     for light in &lighting.lights {
         let arriving = light.middle.arriving(point);
         let irradiance = arriving.irradiance * normal.dot(arriving.direction).max(0.0);
@@ -33,9 +30,10 @@ pub(crate) fn taken_roughly(
     share(hidden, all)
 }
 
-/// Returns the share of a surface's light from all sides that an object of this radius hides, whose
-/// centre is `to_centre` away. What it reflects instead is left out.
-pub(crate) fn hidden_part(to_centre: Vec3, normal: Vec3, radius: f32) -> f32 {
+/// Returns the share of a surface's light from all sides that an object takes, whose centre is
+/// `to_centre` away.
+pub(crate) fn hidden_part(object: &LocalObject, to_centre: Vec3, normal: Vec3) -> f32 {
+    let radius = object.radius() as f32;
     let distance = to_centre.length().max(radius);
     // A sphere above the horizon hides (r / d)² times the cosine. One that the horizon cuts hides
     // about the part above it.
@@ -43,7 +41,7 @@ pub(crate) fn hidden_part(to_centre: Vec3, normal: Vec3, radius: f32) -> f32 {
     let sine = radius / distance;
     let above = ((height + sine) / (2.0 * sine)).clamp(0.0, 1.0);
     let cosine = if above < 1.0 { height.max(0.5 * sine * above) } else { height };
-    FILLED * sine * sine * cosine.clamp(0.0, 1.0) * above
+    object.darkness() * sine * sine * cosine.clamp(0.0, 1.0) * above
 }
 
 /// Returns the share of what is hidden, by channel, from 0 to 1.

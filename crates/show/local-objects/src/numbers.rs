@@ -1,8 +1,11 @@
-//! Numbers in [0, 1) for the passes of a pixel: the first two dimensions of Sobol's sequence,
+//! Numbers in [0, 1) for the passes of a pixel, and directions by them: the first two dimensions of Sobol's sequence,
 //! shuffled and scrambled for each use (Burley 2020, "Practical hash-based Owen scrambling").
 //!
 //! Invariant: over the first 2ᵏ passes, each use has one number in each interval of length 2⁻ᵏ.
 
+use std::f32::consts::PI;
+
+use glam::Vec3;
 use holo_display::mix;
 
 /// The numbers of one pass of one pixel.
@@ -69,6 +72,23 @@ fn second_dimension(mut index: u32) -> u32 {
 #[inline]
 fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 / (1 << 24) as f32
+}
+
+/// Returns a direction above a surface, with a probability in proportion to its cosine.
+pub(crate) fn cosine_direction(normal: Vec3, (u, v): (f32, f32)) -> Vec3 {
+    let (right, ahead) = normal.any_orthonormal_pair();
+    let (radius, angle) = (u.sqrt(), 2.0 * PI * v);
+    let up = (1.0 - u).max(0.0).sqrt();
+    right * (radius * angle.cos()) + ahead * (radius * angle.sin()) + normal * up
+}
+
+/// Returns a direction in a cone around an axis, with the same probability everywhere in it.
+pub(crate) fn in_cone(axis: Vec3, least_cosine: f32, (u, v): (f32, f32)) -> Vec3 {
+    let cosine = 1.0 - u * (1.0 - least_cosine);
+    let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+    let (right, ahead) = axis.any_orthonormal_pair();
+    let angle = 2.0 * PI * v;
+    right * (sine * angle.cos()) + ahead * (sine * angle.sin()) + axis * cosine
 }
 
 #[cfg(test)]

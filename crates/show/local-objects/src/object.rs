@@ -3,10 +3,12 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3, Vec3};
+use holo_picture::relative_luminance;
 use holo_raycast::{NO_TRIANGLE, Ray, Raycaster};
 use holo_scene::{Bsdf, Scene};
 
 use crate::error::{MOST_TRIANGLES, ObjectError};
+use crate::numbers::{PassNumbers, in_cone};
 use crate::pose::ObjectPose;
 use crate::surface::ObjectSurface;
 
@@ -16,6 +18,9 @@ const LEAST_COSINE: f32 = 0.02;
 
 /// Most panes that a ray of shadow passes.
 const MOST_PANES: usize = 16;
+
+/// Rays by which it is found how much light a model takes.
+const RAYS: u32 = 1024;
 
 /// A model that can be carried into a scene.
 pub struct ObjectModel {
@@ -30,6 +35,8 @@ pub struct ObjectModel {
     middle: DVec3,
     /// Greatest distance of its points from there.
     radius: f64,
+    /// The share of the light on its way through the sphere around it that it takes.
+    darkness: f32,
     /// True if some surface is glass, so that rays of shadow may pass it.
     has_glass: bool,
     /// True if some surface is smooth enough to show its surroundings.
@@ -61,8 +68,10 @@ impl ObjectModel {
         let has_glass =
             uses(|bsdf| matches!(bsdf, Bsdf::ThinGlass { .. } | Bsdf::Dielectric { .. }));
         let is_shiny = uses(|bsdf| !matches!(bsdf, Bsdf::Diffuse { .. }));
+        let raycaster = Raycaster::build(Arc::new(scene))?.by_chance();
         Ok(ObjectModel {
-            raycaster: Raycaster::build(Arc::new(scene))?.by_chance(),
+            darkness: darkness(&raycaster, middle, radius),
+            raycaster,
             up,
             unit,
             base: middle + up * lowest,
@@ -164,6 +173,11 @@ impl LocalObject {
     #[must_use]
     pub fn radius(&self) -> f64 {
         self.radius
+    }
+
+    /// Returns the share of the light on its way through the sphere around it that it takes.
+    pub(crate) fn darkness(&self) -> f32 {
+        self.model.darkness
     }
 
     /// Returns whether some of its surfaces show what is around the object.
@@ -302,4 +316,27 @@ impl LocalObject {
         }
         false
     }
+}
+
+/// Returns the share of light that a model takes of what would pass the sphere around it, by rays
+/// through the sphere from all sides. What it reflects is about half as bright as what it hides.
+fn darkness(raycaster: &Raycaster, middle: DVec3, radius: f64) -> f32 {
+    let scene = raycaster.scene();
+    let taken = |number: u32| {
+        let mut numbers = PassNumbers::new(1, number);
+        let (height, turn) = numbers.two();
+        let towards = in_cone(Vec3::Z, -1.0, (height, turn));
+        let (right, ahead) = towards.any_orthonormal_pair();
+        let (share, turn) = numbers.two();
+        let (distance, turn) = (share.sqrt(), std::f32::consts::TAU * turn);
+        let beside = right * (distance * turn.cos()) + ahead * (distance * turn.sin());
+        let origin = middle + (beside - towards * 2.0).as_dvec3() * radius;
+        let Some((ray, _)) = raycaster.localize(origin, towards.as_dvec3()) else { return 0.0 };
+        let Some(hit) = raycaster.nearest(&ray) else { return 0.0 };
+        if scene.passes_light(hit.triangle) {
+            return 0.0;
+        }
+        1.0 - 0.5 * relative_luminance(scene.reflectance(hit.triangle, hit.u, hit.v, 0.0))
+    };
+    (0..RAYS).map(taken).sum::<f32>() / RAYS as f32
 }

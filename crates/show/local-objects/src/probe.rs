@@ -121,26 +121,45 @@ impl LightProbe {
 
     /// Returns the direction from the centre to what is seen from a point in a direction. `point` is
     /// relative to the centre.
+    ///
+    /// Along the ray, the distance from the centre over that of what the probe shows there is linear
+    /// on a plane, and 1 where the ray meets it. So the secant method is exact on planes.
     #[inline]
     pub(crate) fn direction_seen(&self, point: Vec3, direction: Vec3) -> Vec3 {
         /// More steps gain nothing in rooms.
-        const STEPS: usize = 3;
-        let along = point.dot(direction);
-        let across = point.length_squared() - along * along;
+        const STEPS: usize = 5;
+        /// Relative difference of distances at which the search ends.
+        const CLOSE: f32 = 3e-3;
+        let behind = |at: Vec3| {
+            let distance = self.distance[self.cube.texel(at)];
+            distance.is_finite().then(|| at.length() / distance - 1.0)
+        };
+        let first = self.distance[self.cube.texel(direction)];
+        let Some(before) = behind(point).filter(|_| first.is_finite()) else { return direction };
+        // The search stays between a point before the surface and one behind it.
+        let (mut near, mut far) = ((0.0, before.min(-1e-3)), None);
+        let mut along = first;
         let mut seen = direction;
         for _ in 0..STEPS {
-            let distance = self.distance[self.cube.texel(seen)];
-            if !distance.is_finite() {
-                return seen;
+            let at = point + direction * along;
+            let Some(here) = behind(at) else { return seen };
+            seen = at;
+            if here.abs() < CLOSE {
+                break;
             }
-            // Where the ray is at that distance from the centre.
-            let beyond = (distance * distance - across).max(0.0).sqrt();
-            let Some(next) = (point + direction * (beyond - along).max(0.0)).try_normalize() else {
-                return seen;
+            if here < 0.0 {
+                near = (along, here);
+            } else {
+                far = Some((along, here));
+            }
+            along = match far {
+                Some((distance, behind)) => {
+                    near.0 - near.1 * (distance - near.0) / (behind - near.1)
+                }
+                None => 2.0 * along,
             };
-            seen = next;
         }
-        seen
+        seen.normalize_or(direction)
     }
 }
 

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 
 use crate::lights::{LightPoint, ProbeLight};
 use crate::lit::LitObject;
-use crate::numbers::PassNumbers;
+use crate::numbers::{PassNumbers, cosine_direction};
 use crate::object::ObjectHit;
 use crate::room::Room;
 use crate::surface::{Finish, Gloss, ObjectSurface};
@@ -335,14 +335,6 @@ fn fresnel(cosine: f32, eta: f32) -> (f32, f32) {
     let perpendicular = (cosine - eta * beyond) / (cosine + eta * beyond);
     let share = 0.5 * (parallel * parallel + perpendicular * perpendicular);
     (if share.is_nan() { 1.0 } else { share }, beyond)
-}
-
-/// Returns a direction above a surface, with a probability in proportion to its cosine.
-pub(crate) fn cosine_direction(normal: Vec3, (u, v): (f32, f32)) -> Vec3 {
-    let (right, ahead) = normal.any_orthonormal_pair();
-    let (radius, angle) = (u.sqrt(), 2.0 * PI * v);
-    let up = (1.0 - u).max(0.0).sqrt();
-    right * (radius * angle.cos()) + ahead * (radius * angle.sin()) + normal * up
 }
 
 /// Returns the normal of a facet that is seen from a direction, both relative to a normal of +z.

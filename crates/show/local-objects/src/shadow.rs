@@ -7,9 +7,9 @@ use glam::{DVec3, Vec3};
 use crate::darkening::{hidden_part, share};
 use crate::lights::{LightPoint, ProbeLight};
 use crate::lit::LitObject;
-use crate::numbers::PassNumbers;
+use crate::numbers::{PassNumbers, cosine_direction, in_cone};
 use crate::room::{Room, RoomSurface};
-use crate::shading::{LightDetail, cosine_direction};
+use crate::shading::LightDetail;
 
 /// A distance from an object's centre, in radii, beyond which it takes too little of the light from
 /// all sides to be seen: at most 1/64 of a facing surface's.
@@ -72,7 +72,7 @@ impl Shadowed<'_> {
         let mut hidden = match detail {
             LightDetail::Quick => {
                 let rest = lit.lighting.rest.irradiance(self.normal);
-                rest * hidden_part(centre - point, self.normal, radius)
+                rest * hidden_part(&lit.object, centre - point, self.normal)
             }
             LightDetail::Exact => self.hidden_rest(lit, numbers),
         };
@@ -152,13 +152,4 @@ impl Shadowed<'_> {
         let hidden = lit.radiance_of_rest(lit.relative(self.place), towards);
         (hidden - instead) * weight
     }
-}
-
-/// Returns a direction in a cone around an axis, with the same probability everywhere in it.
-fn in_cone(axis: Vec3, least_cosine: f32, (u, v): (f32, f32)) -> Vec3 {
-    let cosine = 1.0 - u * (1.0 - least_cosine);
-    let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-    let (right, ahead) = axis.any_orthonormal_pair();
-    let angle = 2.0 * PI * v;
-    right * (sine * angle.cos()) + ahead * (sine * angle.sin()) + axis * cosine
 }
