@@ -18,8 +18,14 @@ use crate::shadow::{Shadowed, may_shadow};
 /// Side of a tile, pixels.
 const TILE: u32 = 16;
 
+/// Distance of the pixels by which a tile is tested, pixels.
+const APART: u32 = 4;
+
 /// Relative difference of distances within which an object is in front of what a frame shows there.
 const NEARLY: f64 = 1e-3;
+
+/// Share of light above which no shadow is seen.
+const NEARLY_ALL_LIGHT: f32 = 0.995;
 
 /// How a frame shows objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,9 +94,17 @@ impl ObjectLayer {
             let (left, top) = (tile % across * TILE, tile / across * TILE);
             let columns = left..(left + TILE).min(size.0);
             let rows = top..(top + TILE).min(size.1);
-            let places = rows.flat_map(|row| columns.clone().map(move |column| (column, row)));
-            let pixel = |(column, row)| pixel_of(frame, view, objects, column, row);
-            LayerTile { pixels: places.filter_map(pixel).collect() }
+            let places = |step: usize| {
+                let columns = columns.clone().step_by(step);
+                let rows = rows.clone().step_by(step);
+                rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
+            };
+            let touches = TouchTest { frame, view, objects, detail: detail.into() };
+            // Most tiles are far from all objects, and a few of their pixels say so.
+            if !places(APART as usize).any(|place| touches.pixel(place, APART).is_some()) {
+                return LayerTile { pixels: Vec::new() };
+            }
+            LayerTile { pixels: places(1).filter_map(|at| touches.pixel(at, 1)).collect() }
         };
         let tiles: Vec<LayerTile> = (0..across * size.1.div_ceil(TILE))
             .into_par_iter()
@@ -120,10 +134,7 @@ impl ObjectLayer {
         most: u32,
         interrupt: &Interrupt,
     ) {
-        let detail = match self.detail {
-            LayerDetail::Quick => LightDetail::Quick,
-            LayerDetail::Exact(_) => LightDetail::Exact,
-        };
+        let detail = self.detail.into();
         let footprint = |distance: f64| self.view.pixel_footprint(self.size, distance) as f32;
         let base = footprint(0.0);
         let scene = LayerScene {
@@ -179,37 +190,55 @@ impl ObjectLayer {
     }
 }
 
-/// Returns a pixel that an object or its shadow may touch; `None` if neither can.
-fn pixel_of(
-    frame: &Frame,
-    view: &View,
-    objects: &[LitObject],
-    column: u32,
-    row: u32,
-) -> Option<LayerPixel> {
-    let size = frame.picture.size();
-    let (x, y) = View::pixel_centre(size, column, row);
-    let (origin, direction, _) = view.clipped_ray(x, y)?;
-    let shows = |lit: &LitObject| {
-        let object = &lit.object;
-        let margin = view.pixel_footprint(size, origin.distance(object.centre()));
-        object.is_near(origin, direction, margin)
-    };
-    let may_show = objects.iter().any(shows);
-    let depth = f64::from(frame.depth[(row * size.0 + column) as usize]);
-    let is_surface = depth > 0.0 && depth.is_finite();
-    let place = origin + direction * depth;
-    let may_shadow = is_surface && objects.iter().any(|lit| may_shadow(lit, place));
-    (may_show || may_shadow).then_some(LayerPixel {
-        column,
-        row,
-        may_show,
-        may_shadow,
-        radiance: Vec3::ZERO,
-        behind: Vec3::ZERO,
-        seen: 0,
-        distance: 0.0,
-    })
+impl From<LayerDetail> for LightDetail {
+    fn from(detail: LayerDetail) -> LightDetail {
+        match detail {
+            LayerDetail::Quick => LightDetail::Quick,
+            LayerDetail::Exact(_) => LightDetail::Exact,
+        }
+    }
+}
+
+/// Finds the pixels that objects touch.
+struct TouchTest<'a> {
+    frame: &'a Frame,
+    view: &'a View,
+    objects: &'a [LitObject],
+    detail: LightDetail,
+}
+
+impl TouchTest<'_> {
+    /// Returns a pixel that an object or its shadow may touch, or another one within `reach` pixels;
+    /// `None` if neither can.
+    fn pixel(&self, (column, row): (u32, u32), reach: u32) -> Option<LayerPixel> {
+        let size = self.frame.picture.size();
+        let (x, y) = View::pixel_centre(size, column, row);
+        let (origin, direction, _) = self.view.clipped_ray(x, y)?;
+        let margin =
+            |distance: f64| f64::from(reach) * 1.5 * self.view.pixel_footprint(size, distance);
+        let shows = |lit: &LitObject| {
+            let object = &lit.object;
+            object.is_near(origin, direction, margin(origin.distance(object.centre())))
+        };
+        let may_show = self.objects.iter().any(shows);
+        let depth = f64::from(self.frame.depth[(row * size.0 + column) as usize]);
+        let is_surface = depth > 0.0 && depth.is_finite();
+        let place = self.view.ray_to(origin).0 + direction * depth;
+        // Surfaces that are seen from the side go farther between two pixels.
+        let margin = if reach > 1 { 4.0 * margin(depth) } else { 0.0 };
+        let shades = |lit: &LitObject| may_shadow(lit, place, margin, self.detail);
+        let may_shadow = is_surface && self.objects.iter().any(shades);
+        (may_show || may_shadow).then_some(LayerPixel {
+            column,
+            row,
+            may_show,
+            may_shadow,
+            radiance: Vec3::ZERO,
+            behind: Vec3::ZERO,
+            seen: 0,
+            distance: 0.0,
+        })
+    }
 }
 
 impl LayerScene<'_> {
@@ -224,11 +253,13 @@ impl LayerScene<'_> {
         let y = 1.0 - (f64::from(pixel.row) + f64::from(dy)) / height;
         let (mut through, mut left) = (Vec3::ONE, Vec3::ONE);
         if let Some((origin, direction, reach)) = self.view.clipped_ray(x, y) {
-            let known = match self.shader.room.filter(|_| pixel.may_show || pixel.may_shadow) {
-                Some(room) => Some((room, room.nearest(origin, direction))),
-                None => None,
-            };
-            let depth = f64::from(self.frame.depth[number as usize]);
+            // To be quick, only what seems to lie in a shadow is looked at.
+            let is_asked = !is_quick || pixel.may_show;
+            let room = self.shader.room.filter(|_| is_asked);
+            let known = room.map(|room| (room, room.nearest(origin, direction)));
+            // Distances of frames begin at the eye, also if the view is clipped.
+            let clipped = self.view.ray_to(origin).0.distance(origin);
+            let depth = f64::from(self.frame.depth[number as usize]) - clipped;
             let behind = match &known {
                 Some((_, hit)) => hit.map_or(f64::INFINITY, |(_, distance)| distance),
                 None if depth > 0.0 => depth,
@@ -243,20 +274,24 @@ impl LayerScene<'_> {
                 through = seen.through;
                 pixel.radiance += seen.radiance;
                 pixel.seen += 1;
-                pixel.distance += seen.distance as f32;
+                pixel.distance += (seen.distance + clipped) as f32;
             }
             if through != Vec3::ZERO && pixel.may_shadow && behind.is_finite() {
-                left = match known {
-                    Some((room, hit)) => {
-                        let hit = hit.map(|(hit, _)| hit);
+                let place = origin + direction * behind;
+                let seems_dark = !is_quick
+                    || self.left_at(pixel, place, &mut numbers).min_element() < NEARLY_ALL_LIGHT;
+                left = match (self.shader.room, known) {
+                    _ if !seems_dark => Vec3::ONE,
+                    (Some(room), known) => {
+                        let hit = known.map_or_else(|| room.nearest(origin, direction), |k| k.1);
                         let width = self.width.0 + self.width.1 * behind as f32;
                         let surface =
-                            hit.and_then(|hit| room.surface(&hit, direction.as_vec3(), width));
+                            hit.and_then(|(hit, _)| room.surface(&hit, direction.as_vec3(), width));
                         surface.map_or(Vec3::ONE, |surface| {
                             self.left_of(room, &surface, number, &mut numbers)
                         })
                     }
-                    None => self.left_at(pixel, origin + direction * behind, &mut numbers),
+                    (None, _) => self.left_at(pixel, place, &mut numbers),
                 };
             }
         }

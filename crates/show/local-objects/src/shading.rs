@@ -76,7 +76,7 @@ impl Shader<'_> {
         let (mut is_straight, mut last) = (true, None);
         for _ in 0..MOST_SURFACES {
             let Some((number, hit)) = self.nearest(&ray) else {
-                let Some(distance) = first else { return None };
+                let distance = first?;
                 if is_straight {
                     return Some(SeenObject { distance, radiance, through: weight });
                 }

@@ -15,6 +15,9 @@ use crate::shading::LightDetail;
 /// all sides to be seen: at most 1/64 of a facing surface's.
 const NEAR: f64 = 8.0;
 
+/// The same for frames that are drawn at once: a few percent.
+const NEAR_QUICK: f64 = 2.5;
+
 /// Least reflectance for which a surface's light follows from its radiance.
 const LEAST_REFLECTANCE: f32 = 0.01;
 
@@ -29,10 +32,11 @@ pub(crate) struct Shadowed<'a> {
     pub known: Option<(&'a Room, &'a RoomSurface, Vec3)>,
 }
 
-/// Returns whether an object may take light from a place.
-pub(crate) fn may_shadow(lit: &LitObject, place: DVec3) -> bool {
-    let (centre, radius) = (lit.object.centre(), lit.object.radius());
-    if place.distance_squared(centre) < (NEAR * radius).powi(2) {
+/// Returns whether an object may take light from within `margin` of a place.
+pub(crate) fn may_shadow(lit: &LitObject, place: DVec3, margin: f64, detail: LightDetail) -> bool {
+    let (centre, radius) = (lit.object.centre(), lit.object.radius() + margin);
+    let near = if detail == LightDetail::Quick { NEAR_QUICK } else { NEAR };
+    if place.distance_squared(centre) < (near * radius).powi(2) {
         return true;
     }
     let (point, centre) = (lit.relative(place), lit.relative(centre));

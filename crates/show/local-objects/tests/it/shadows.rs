@@ -12,7 +12,7 @@ const LAMP: f64 = 0.995;
 
 /// Direction of the lamp.
 fn towards() -> DVec3 {
-    DVec3::new(0.6, 0.0, 0.8)
+    DVec3::new(-0.6, 0.0, 0.8)
 }
 
 fn lamp(direction: DVec3) -> f32 {
@@ -20,7 +20,7 @@ fn lamp(direction: DVec3) -> f32 {
 }
 
 /// A point in the shadow of a pedestal of width 1 and height 1, and one beside it.
-const POINTS: [DVec3; 2] = [DVec3::new(-0.8, 0.0, 0.0), DVec3::new(0.4, -1.6, 0.0)];
+const POINTS: [DVec3; 2] = [DVec3::new(0.8, 0.0, 0.0), DVec3::new(0.4, -1.6, 0.0)];
 
 #[test]
 fn the_floor_loses_the_share_that_the_object_hides_with_and_without_the_room_s_model() {
@@ -54,8 +54,8 @@ fn the_shadow_s_edge_is_soft_at_rest() {
     let share = |detail| {
         let seen = drawn(&frame, &view, &object, None, detail);
         let at = |x: f64| seen.picture.pixels[pixel_of(&view, SIZE, DVec3::new(x, 0.0, 0.0))][0];
-        let (full, none) = (at(-0.8), at(-1.9));
-        (at(-1.25) - full) / (none - full)
+        let (full, none) = (at(0.8), at(1.9));
+        (at(1.25) - full) / (none - full)
     };
     let soft = share(LayerDetail::Exact(64));
     assert!((0.15..0.85).contains(&soft), "{soft}");
