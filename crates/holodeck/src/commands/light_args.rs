@@ -66,6 +66,7 @@ impl LightArgs {
             ground: self.ground,
             illuminance: self.illuminance,
             lamps: self.lamp.clone(),
+            luminaires: Vec::new(),
         }
     }
 }

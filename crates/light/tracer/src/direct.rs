@@ -327,7 +327,7 @@ impl LitVertex<'_> {
                 triangle,
                 [u, v],
                 direction,
-                emitter.emission,
+                emitter,
             )
             * (direct.light_weight(density * count as f32, pdf) / density)
     }

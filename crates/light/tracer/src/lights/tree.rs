@@ -2,7 +2,10 @@
 //!
 //! Invariant: a choice leaves a random number uniform, so that it can be used again.
 
+use std::sync::Arc;
+
 use glam::Vec3;
+use holo_scene::Luminaire;
 
 use super::build::{self, Emission, Emitter};
 use super::node::{Child, LightNode, WIDTH};
@@ -22,7 +25,13 @@ pub(super) struct LightTree {
     pub places: Vec<Child>,
     /// Indexed by emitter.
     pub emissions: Vec<Emission>,
+    /// The luminaires of triangles; empty if there are none.
+    luminaires: Vec<Option<Arc<Luminaire>>>,
 }
+
+/// Share of its light that a luminaire keeps in directions into which its middle gives none: its
+/// rim may.
+const LEAST_OF_LUMINAIRE: f32 = 0.25;
 
 impl LightTree {
     /// Makes a tree of the given triangles (ascending) and points, with one emitter for each.
@@ -34,7 +43,40 @@ impl LightTree {
         let emissions = emitters.iter().map(Emitter::emission).collect();
         let (nodes, places) = build::tree(emitters);
         let greatest_radius = points.iter().fold(0.0, |most: f32, point| most.max(point.radius));
-        Self { triangles, points, greatest_radius, nodes, places, emissions }
+        let luminaires = Vec::new();
+        Self { triangles, points, greatest_radius, nodes, places, emissions, luminaires }
+    }
+
+    /// Gives its triangles their luminaires.
+    pub(super) fn with_luminaires(mut self, of: impl Fn(u32) -> Option<Arc<Luminaire>>) -> Self {
+        let luminaires: Vec<_> = self.triangles.iter().map(|&triangle| of(triangle)).collect();
+        if luminaires.iter().any(Option::is_some) {
+            self.luminaires = luminaires;
+        }
+        self
+    }
+
+    /// Returns the luminaire that an emitter is a face of.
+    #[inline]
+    pub(super) fn luminaire(&self, emitter: usize) -> Option<&Luminaire> {
+        self.luminaires.get(emitter)?.as_deref()
+    }
+
+    /// Returns the light that each child of a node may bring to a point, as
+    /// [`LightNode::importances`] does, with the directions into which luminaires shine.
+    #[inline]
+    pub(super) fn importances(&self, node: &LightNode, p: Vec3, normal: Vec3) -> [f32; WIDTH] {
+        let mut importances = node.importances(p, normal);
+        if !self.luminaires.is_empty() {
+            for (slot, importance) in importances.iter_mut().enumerate().take(node.used()) {
+                let emitter = node.child(slot).err().filter(|_| *importance > 0.0);
+                if let Some(luminaire) = emitter.and_then(|emitter| self.luminaire(emitter)) {
+                    let away = (p - node.sphere(slot).0).normalize_or_zero();
+                    *importance *= luminaire.share(away) + LEAST_OF_LUMINAIRE;
+                }
+            }
+        }
+        importances
     }
 
     /// Returns the point that an emitter is; `None` for a triangle.
@@ -60,7 +102,7 @@ impl LightTree {
                 Err(emitter) => return Some((emitter, probability)),
                 Ok(next) => {
                     let node = self.nodes.get(next)?;
-                    let importances = node.importances(point, normal);
+                    let importances = self.importances(node, point, normal);
                     let total: f32 = importances.iter().sum();
                     if total <= 0.0 {
                         return None;
