@@ -10,7 +10,8 @@ use holo_scene::{Luminaire, Scene};
 use holo_survey::Finding;
 
 use crate::{
-    config::HolodeckConfig, light::hang, loading, opening::stated_unit, places, settings::check_units,
+    config::HolodeckConfig, light::hang, loading, opening::stated_unit, places,
+    settings::check_units,
 };
 
 /// A model that was checked.

@@ -472,7 +472,8 @@ impl HolodeckConfig {
             toml::from_str(&text).with_context(|| path.display().to_string())?;
         for (index, view) in config.view.iter().enumerate() {
             let place = || {
-                let line = line_of_table(&text, |tables| tables.view, index).map(|line| format!(" line {line}:"));
+                let line = line_of_table(&text, |tables| tables.view, index)
+                    .map(|line| format!(" line {line}:"));
                 let (path, line) = (path.display(), line.unwrap_or_default());
                 format!("{path}:{line} view `{}`", view.name)
             };

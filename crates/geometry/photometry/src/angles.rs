@@ -12,7 +12,10 @@ pub(crate) type Planes = Vec<(f64, Vec<f64>)>;
 /// plane also is the last.
 pub(crate) fn closed(mut planes: Planes) -> Planes {
     planes.iter_mut().for_each(|(angle, _)| *angle = angle.rem_euclid(360.0));
-    planes.iter_mut().filter(|(angle, _)| 360.0 - *angle < SAME).for_each(|(angle, _)| *angle = 0.0);
+    planes
+        .iter_mut()
+        .filter(|(angle, _)| 360.0 - *angle < SAME)
+        .for_each(|(angle, _)| *angle = 0.0);
     planes.sort_by(|a, b| a.0.total_cmp(&b.0));
     planes.dedup_by(|later, earlier| later.0 - earlier.0 < SAME);
     if let Some((angle, plane)) = planes.first().cloned() {

@@ -83,12 +83,15 @@ pub(crate) fn read(text: &str) -> Result<Photometry, PhotometryError> {
     if sets > 1 {
         notes.push(format!("it has {sets} sets of lamps, of which the first is used"));
     }
-    let lumens = lines.number(27 + lumens_of_first_set(&lines, sets), Quantity {
-        what: "lumens of the lamps",
-        range: "a number from 0 to 1e12",
-        least: 0.0,
-        most: 1e12,
-    })?;
+    let lumens = lines.number(
+        27 + lumens_of_first_set(&lines, sets),
+        Quantity {
+            what: "lumens of the lamps",
+            range: "a number from 0 to 1e12",
+            least: 0.0,
+            most: 1e12,
+        },
+    )?;
     let angles_at = 27 + 6 * sets + RATIOS;
     let angles = |first: usize, count: usize| -> Result<Vec<f64>, PhotometryError> {
         (first..first + count).map(|line| lines.number(line, ANGLE)).collect()

@@ -75,8 +75,12 @@ pub(crate) fn read(text: &str, tilt: usize) -> Result<Photometry, PhotometryErro
     }
     let kind = Quantity { what: "type", range: "1 (C), 2 (B) or 3 (A)", least: 1.0, most: 3.0 };
     let kind = words.number(kind)?;
-    let unit =
-        Quantity { what: "unit of lengths", range: "1 (feet) or 2 (metres)", least: 1.0, most: 2.0 };
+    let unit = Quantity {
+        what: "unit of lengths",
+        range: "1 (feet) or 2 (metres)",
+        least: 1.0,
+        most: 2.0,
+    };
     let unit = if words.number(unit)? < 2.0 { FOOT } else { 1.0 };
     let sizes = words.numbers(3, SIZE)?;
     let opening = opening([sizes[0] * unit, sizes[1] * unit, sizes[2] * unit]);
@@ -123,8 +127,7 @@ fn name(text: &str, tilt: usize) -> String {
 }
 
 fn tilt_table(words: &mut Words) -> Result<TiltTable, PhotometryError> {
-    let geometry =
-        Quantity { what: "lamp's geometry", range: "1, 2 or 3", least: 1.0, most: 3.0 };
+    let geometry = Quantity { what: "lamp's geometry", range: "1, 2 or 3", least: 1.0, most: 3.0 };
     words.number(geometry)?;
     let count = words.number(COUNT)? as usize;
     if count > MAX_ANGLES {
@@ -200,8 +203,7 @@ fn web_c(
 fn full_circle(horizontal: &[f64], planes: &[Vec<f64>]) -> Option<Planes> {
     let (first, last) = (*horizontal.first()?, *horizontal.last()?);
     let is = |angle: f64, other: f64| (angle - other).abs() <= SAME;
-    let given: Planes =
-        horizontal.iter().copied().zip(planes.iter().cloned()).collect();
+    let given: Planes = horizontal.iter().copied().zip(planes.iter().cloned()).collect();
     if given.len() == 1 {
         return Some(given);
     }
@@ -264,7 +266,8 @@ fn web_ab(
         let problem = "of this type lie within -90 and 90".to_owned();
         return Err(PhotometryError::Angles { line, what, problem });
     }
-    let polar: Vec<f64> = latitudes.iter().rev().map(|latitude| (90.0 - latitude).max(0.0)).collect();
+    let polar: Vec<f64> =
+        latitudes.iter().rev().map(|latitude| (90.0 - latitude).max(0.0)).collect();
     make(line, pole, &polar, &turns)
 }
 

@@ -60,11 +60,8 @@ pub struct OpeningMesh {
 impl LuminousOpening {
     /// Makes an opening. One without extent is a point; other sides have at least 2 mm.
     pub(crate) fn new(shape: OpeningShape, size: [f64; 3]) -> LuminousOpening {
-        let shape = if size[0].max(size[1]) <= 0.0 && size[2] <= 0.0 {
-            OpeningShape::Point
-        } else {
-            shape
-        };
+        let shape =
+            if size[0].max(size[1]) <= 0.0 && size[2] <= 0.0 { OpeningShape::Point } else { shape };
         let [x, y, z] = size.map(|side| side.max(LEAST_SIDE));
         let size = match shape {
             OpeningShape::Point => [0.0; 3],

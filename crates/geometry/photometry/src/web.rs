@@ -182,7 +182,8 @@ impl PhotometricWeb {
             return if self.halves()[1] { PI } else { FRAC_PI_2 };
         }
         let rows = self.polar.len();
-        let shines = |row: &usize| (0..self.turns.len()).any(|t| self.candela[t * rows + row] > 0.0);
+        let shines =
+            |row: &usize| (0..self.turns.len()).any(|t| self.candela[t * rows + row] > 0.0);
         let last = (0..rows).rev().find(shines).unwrap_or(0);
         self.polar[(last + 1).min(rows - 1)]
     }

@@ -67,8 +67,8 @@ impl Scene {
             let (count, limit) = (all.len() as u64, MAX_LUMINAIRES as u64);
             return Err(SceneError::Limit { what: "luminaires", count, limit });
         }
-        let mut table = LuminaireTable::new(all, self.materials.len())
-            .map_err(SceneError::Luminaire)?;
+        let mut table =
+            LuminaireTable::new(all, self.materials.len()).map_err(SceneError::Luminaire)?;
         let mut areas = vec![Vec::new(); table.all.len()];
         for triangle in self.emitters() {
             let material = self.material_id(triangle);
@@ -130,7 +130,8 @@ impl HungLuminaire {
             doubled_area_normal(triangle.map(|corner| corners[corner as usize]))
         };
         let sides = if self.mesh.is_two_sided { 2.0 } else { 1.0 };
-        let whole: f64 = self.mesh.triangles.iter().filter_map(area).map(|n| 0.5 * n.length()).sum();
+        let whole: f64 =
+            self.mesh.triangles.iter().filter_map(area).map(|n| 0.5 * n.length()).sum();
         let triangles: Vec<[u32; 3]> =
             self.mesh.triangles.iter().copied().filter(|t| area(t).is_some()).collect();
         let emission = even_emission(self.web.flux(), sides * whole * unit * unit, self.colour);

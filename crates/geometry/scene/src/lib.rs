@@ -76,12 +76,12 @@ mod thin;
 mod warnings;
 
 pub use error::{PackedError, SceneError};
+pub use hanging::HungLuminaire;
 pub use header::{ModelCamera, ModelFacts, StatedValue};
 pub use instances::Instance;
 pub use kept::KeptFiles;
 pub use load::{Loaded, load, load_watched};
 pub use load_options::LoadOptions;
-pub use hanging::HungLuminaire;
 pub use luminaire::{Luminaire, MAX_LUMINAIRES};
 pub use luminous_faces::{Hanging, LuminousPart, NamedPhotometry};
 pub use material::{Bsdf, Material, Rgb};

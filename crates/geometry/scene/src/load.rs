@@ -8,7 +8,8 @@ use crate::assemble::{Assembled, assemble};
 use crate::model::{FormatReader, LoadProgress, ModelFile};
 use crate::warnings::{Warning, Warnings};
 use crate::{
-    LoadOptions, ModelFacts, NamedPhotometry, Scene, SceneError, gltf_file, obj_model, other_formats, sheets,
+    LoadOptions, ModelFacts, NamedPhotometry, Scene, SceneError, gltf_file, obj_model,
+    other_formats, sheets,
 };
 use std::io::Read;
 use std::path::Path;

@@ -126,7 +126,7 @@ impl Luminaire {
             let level = (1.0 - height * height).max(0.0).sqrt();
             self.share(x * (level * cos) + y * (level * sin) + z * height)
         };
-        spiral.chain(rings).map(share).fold(0.0, f32::max)
+        spiral.chain(rings).chain([(-1.0, 0.0), (1.0, 0.0)]).map(share).fold(0.0, f32::max)
     }
 }
 

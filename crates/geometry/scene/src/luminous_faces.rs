@@ -190,14 +190,18 @@ impl FacesOfLuminaire {
         let z = -nadir;
         let first = z.any_orthonormal_vector();
         let second = z.cross(first);
-        // Second moments of the faces in the plane across the axis, by their triangles' middles and
-        // corners.
-        let points = || self.corners.iter().flatten();
-        let middle = points().sum::<DVec3>() / (3 * self.corners.len()).max(1) as f64;
+        // Second moments of the faces in the plane across the axis.
+        let area = |[a, b, c]: &[DVec3; 3]| 0.5 * (*b - *a).cross(*c - *a).length();
+        let weighted = self.corners.iter().map(|face| face.iter().sum::<DVec3>() * area(face));
+        let middle = weighted.sum::<DVec3>() / (3.0 * self.area);
         let (mut uu, mut uv, mut vv) = (0.0, 0.0, 0.0);
-        for point in points() {
-            let (u, v) = ((*point - middle).dot(first), (*point - middle).dot(second));
-            (uu, uv, vv) = (uu + u * u, uv + u * v, vv + v * v);
+        for face in &self.corners {
+            let corners = face.map(|corner| corner - middle);
+            let sum = corners[0] + corners[1] + corners[2];
+            for point in corners.into_iter().chain([sum]) {
+                let (u, v, weight) = (point.dot(first), point.dot(second), area(face));
+                (uu, uv, vv) = (uu + weight * u * u, uv + weight * u * v, vv + weight * v * v);
+            }
         }
         let is_long = (uu - vv).hypot(2.0 * uv) > 0.05 * (uu + vv);
         let angle = 0.5 * (2.0 * uv).atan2(uu - vv);

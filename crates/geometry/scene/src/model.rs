@@ -8,7 +8,8 @@ use glam::{DMat4, DVec3};
 
 use crate::warnings::Warnings;
 use crate::{
-    Geometry, LoadOptions, Material, ModelFacts, NamedPhotometry, PunctualLight, SceneError, Shading, Sun,
+    Geometry, LoadOptions, Material, ModelFacts, NamedPhotometry, PunctualLight, SceneError,
+    Shading, Sun,
 };
 
 /// The contents of a file, in world coordinates.

@@ -9,10 +9,10 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use holo_photometry::{MAX_ANGLES, MAX_WEB_VALUES, PhotometricWeb, WebPole};
 
+use crate::PackedError;
 use crate::limits::MAX_NAME_BYTES;
 use crate::luminaire::{Luminaire, MAX_LUMINAIRES};
 use crate::pack_values::split;
-use crate::PackedError;
 
 type Word = [u8; 4];
 

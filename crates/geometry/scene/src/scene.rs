@@ -4,8 +4,8 @@
 
 use crate::inside::OpenBox;
 use crate::instances::InstanceTable;
-use crate::luminaire::LuminaireTable;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
+use crate::luminaire::LuminaireTable;
 use crate::{Bsdf, Cover, Maps, Material, PunctualLight, SceneError, Shading, Sky, Sun, WHITE};
 use glam::{DVec3, Vec3};
 use serde::Serialize;

@@ -62,7 +62,8 @@ fn groups(scene: &Scene) -> String {
     let used = scene.emitters().map(|triangle| scene.material(triangle).name.as_str());
     let points = scene.punctual_lights.iter().flat_map(|light| [&*light.group, &*light.name]);
     let hung = scene.luminaires().iter().flat_map(|lamp| [&*lamp.group, &*lamp.name]);
-    let mut names: Vec<&str> = used.chain(points).chain(hung).filter(|name| !name.is_empty()).collect();
+    let mut names: Vec<&str> =
+        used.chain(points).chain(hung).filter(|name| !name.is_empty()).collect();
     names.sort_unstable();
     names.dedup();
     let more = names.len().saturating_sub(MOST);

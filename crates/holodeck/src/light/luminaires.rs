@@ -194,7 +194,8 @@ impl StatedLuminaire {
                     .map_err(|error| anyhow::anyhow!("{}:{error}", path.display()))?
             }
             None => {
-                let place = |at: &[f64; 3]| HangingPlace { at: (*at).into(), turn: 0.0, name: None };
+                let place =
+                    |at: &[f64; 3]| HangingPlace { at: (*at).into(), turn: 0.0, name: None };
                 self.stated_places().iter().map(place).collect()
             }
         };
@@ -247,10 +248,8 @@ impl StatedLuminaire {
             counted(places.len()),
             self.file.display()
         ));
-        let is_flat = matches!(
-            photometry.opening.shape,
-            OpeningShape::Rectangle | OpeningShape::Ellipse
-        );
+        let is_flat =
+            matches!(photometry.opening.shape, OpeningShape::Rectangle | OpeningShape::Ellipse);
         let lower = if is_flat { aim * (BELOW / frame.unit) } else { DVec3::ZERO };
         let hang = |place: HangingPlace| HungLuminaire {
             name: place.name.unwrap_or_default(),
@@ -375,11 +374,7 @@ pub fn hang(
                 let (lit, count) =
                     scene.with_luminous_material(*id, &photometry, [1.0; 3], hanging)?;
                 scene = lit;
-                said.push(format!(
-                    "light: material {name}: {} of {}",
-                    counted(count),
-                    of_file()
-                ));
+                said.push(format!("light: material {name}: {} of {}", counted(count), of_file()));
             }
             LuminousPart::Node { name, matrix } => {
                 hung.push(of_node(name, *matrix, path, &photometry));
@@ -424,7 +419,9 @@ mod tests {
         assert_eq!(read[0], HangingPlace { at: DVec3::new(1.0, 2.0, 3.0), turn: 0.0, name: None });
         assert_eq!((read[1].turn, read[1].name.as_deref()), (90.0, Some("desk")));
         assert_eq!(positions("1;2;3;;\n").unwrap().len(), 1);
-        for (text, line) in [("1,2\n", "1:"), ("1,2,3\n1,x,3\n", "2:"), ("1,2,3,east", "1:"), ("", "1:")] {
+        for (text, line) in
+            [("1,2\n", "1:"), ("1,2,3\n1,x,3\n", "2:"), ("1,2,3,east", "1:"), ("", "1:")]
+        {
             let error = positions(text).unwrap_err();
             assert!(error.starts_with(line), "{text}: {error}");
         }

@@ -83,7 +83,7 @@ fn false_lines_of_eulumdat_are_named() {
     assert!(with(16, "-4").contains("line 16: size of the luminous area is `-4`"));
     assert!(with(26, "0").contains("line 26"));
     assert!(with(29, "many").contains("line 29: lumens of the lamps is `many`"));
-    assert!(with(43, "90").contains("C-plane angles must ascend") , "{}", with(43, "90"));
+    assert!(with(43, "90").contains("C-plane angles must ascend"), "{}", with(43, "90"));
     assert!(error("three\nlines\nonly\n").contains("no photometric file"));
     assert!(error("").contains("TILT="));
 }

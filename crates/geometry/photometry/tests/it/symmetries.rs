@@ -86,8 +86,7 @@ fn eulumdat_files_bring_their_lamp_with_every_symmetry() {
         ("C270 to C90", SAME_ACROSS_X, 3, stored(270.0, 450.0)),
         ("both", SAME_ACROSS_BOTH, 4, stored(0.0, 90.0)),
     ] {
-        let read =
-            is_lamp(name, &eulumdat(lamp, symmetry, 48, 5.0, &stored), lamp, everywhere);
+        let read = is_lamp(name, &eulumdat(lamp, symmetry, 48, 5.0, &stored), lamp, everywhere);
         // C0 runs across the luminaire, and C90 along it.
         assert_eq!(read.opening.shape, OpeningShape::Rectangle);
         assert_eq!(read.opening.size, [0.15, 1.2, 0.0]);

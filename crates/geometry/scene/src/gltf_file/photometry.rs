@@ -68,7 +68,8 @@ mod tests {
         is(r#"{"extras":{"ies":"a b.ies"},"name":"desk"}"#, "a b.ies");
         is(r#"{"name":"desk.ies"}"#, "desk.ies");
         is(r#"{"name":"Desk.LDT.001"}"#, "Desk.LDT");
-        for json in [r#"{"name":"desk"}"#, r#"{"name":"a.iesx"}"#, r#"{"extras":{"ies":1}}"#, "{}"] {
+        for json in [r#"{"name":"desk"}"#, r#"{"name":"a.iesx"}"#, r#"{"extras":{"ies":1}}"#, "{}"]
+        {
             assert_eq!(file(json), None, "{json}");
         }
     }

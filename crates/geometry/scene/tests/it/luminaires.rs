@@ -62,8 +62,8 @@ fn hung_luminaires_have_faces_of_their_own_and_the_flux_of_their_file() {
         assert!(scene.luminaire_of(0).is_none());
         // The long side lies along x.
         let corners = scene.corners(first);
-        let extent = corners[0].max(corners[1]).max(corners[2])
-            - corners[0].min(corners[1]).min(corners[2]);
+        let extent =
+            corners[0].max(corners[1]).max(corners[2]) - corners[0].min(corners[1]).min(corners[2]);
         assert!((f64::from(extent.x) * unit - 1.2).abs() < 1e-3, "{extent}");
     }
 }
@@ -222,13 +222,9 @@ fn gltf_nodes_name_photometric_files_in_extras_or_by_their_name() {
 
 #[test]
 fn a_web_without_a_full_turn_is_dark_beyond_it() {
-    let half = PhotometricWeb::new(
-        WebPole::Width,
-        vec![0.0, 1.0, 2.0],
-        vec![-1.0, 1.0],
-        vec![1.0; 6],
-    )
-    .unwrap();
+    let half =
+        PhotometricWeb::new(WebPole::Width, vec![0.0, 1.0, 2.0], vec![-1.0, 1.0], vec![1.0; 6])
+            .unwrap();
     assert_eq!((half.intensity(Vec3::NEG_Z), half.intensity(Vec3::Z)), (1.0, 0.0));
     let panel = LuminousOpening { shape: OpeningShape::Rectangle, size: [1.0, 1.0, 0.0] };
     assert!(!panel.mesh(half.halves()).is_two_sided);
