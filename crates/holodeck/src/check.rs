@@ -90,7 +90,7 @@ mod tests {
         let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let material = vec![Material::grey("m")];
         let own = (corners.to_vec(), vec![[0, 1, 2]], vec![0]);
-        let plain = Scene::new(glam::DVec3::ZERO, own.0, own.1, own.2, material, [0.0; 3]).unwrap();
+        let plain = Scene::new(DVec3::ZERO, own.0, own.1, own.2, material, [0.0; 3]).unwrap();
         assert_eq!(triangles_in_words(&plain), "1 triangles");
         let mesh = Geometry {
             positions: &corners,

@@ -126,14 +126,15 @@ pub(crate) fn read(text: &str) -> Result<Photometry, PhotometryError> {
             .collect::<Result<_, PhotometryError>>()?;
         given.push((angle, plane));
     }
-    let mirror: Option<&[fn(f64) -> f64]> = match symmetry {
-        2 => Some(&[|angle| 360.0 - angle]),
-        3 => Some(&[|angle| 180.0 - angle]),
-        4 => Some(&[|angle| 180.0 - angle, |angle| 360.0 - angle]),
-        _ => None,
+    // A plane at an angle is the same at this sum minus it.
+    let mirrors: &[f64] = match symmetry {
+        2 => &[360.0],
+        3 => &[180.0],
+        4 => &[180.0, 360.0],
+        _ => &[],
     };
-    for mirror in mirror.unwrap_or_default() {
-        given.extend(given.clone().into_iter().map(|(angle, plane)| (mirror(angle), plane)));
+    for sum in mirrors {
+        given.extend(given.clone().into_iter().map(|(angle, plane)| (sum - angle, plane)));
     }
     let turns = if given.len() == 1 { given } else { closed(given) };
     let web = make(values_at, WebPole::Nadir, &polar, &turns)?;
@@ -166,9 +167,9 @@ fn stored_planes(symmetry: usize, turns: &[f64]) -> Option<Vec<f64>> {
     match symmetry {
         0 => Some(turns.to_vec()),
         1 => Some(vec![turns[0]]),
-        2 if count % 2 == 0 => Some(planes(0, count / 2)),
-        3 if count % 4 == 0 => Some(planes(3 * count / 4, 3 * count / 4 + count / 2)),
-        4 if count % 4 == 0 => Some(planes(0, count / 4)),
+        2 if count.is_multiple_of(2) => Some(planes(0, count / 2)),
+        3 if count.is_multiple_of(4) => Some(planes(3 * count / 4, 3 * count / 4 + count / 2)),
+        4 if count.is_multiple_of(4) => Some(planes(0, count / 4)),
         _ => None,
     }
 }

@@ -259,10 +259,10 @@ impl Lights {
         if self.quad.is_some() {
             return seen;
         }
-        let Some(root) = self.tree.nodes.first() else {
+        if self.tree.nodes.is_empty() {
             seen.sky = if self.sky > 0.0 { 1.0 } else { 0.0 };
             return seen;
-        };
+        }
         if let Some((grid, number)) = self.find_cell(point, normal, scatterings) {
             let cell = self.cells[usize::from(grid)].get(&self.tree, number);
             seen.sky = self.sky_share(cell.sky, cell.total, LEAST_SKY_OF_CELL);
@@ -271,7 +271,7 @@ impl Lights {
             }
             seen.cell = Some((grid, number));
         } else {
-            seen.first.set(0, self.tree.importances(root, point, normal));
+            seen.first.set(0, self.tree.importances(0, point, normal));
             let total = seen.first.total();
             seen.sky = if total == 0.0 && self.sky > 0.0 {
                 1.0
@@ -385,14 +385,13 @@ impl Lights {
         }
         let mut place = self.tree.places[emitter];
         while Some(place) != end && (end.is_some() || place.node != 0) {
-            let node = &self.tree.nodes[place.node as usize];
-            let importances = self.tree.importances(node, seen.point, seen.normal);
+            let importances = self.tree.importances(place.node as usize, seen.point, seen.normal);
             let total: f32 = importances.iter().sum();
             if total <= 0.0 {
                 return 0.0;
             }
             probability *= importances[place.slot as usize] / total;
-            place = node.parent;
+            place = self.tree.nodes[place.node as usize].parent;
         }
         if end.is_some() {
             probability
