@@ -5,10 +5,10 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use holo_photometry::{OpeningMesh, PhotometricWeb};
 
-use crate::gltf_file::EFFICACY;
 use crate::limits::MAX_RADIANCE;
 use crate::luminaire::{Luminaire, LuminaireTable, MAX_LUMINAIRES};
 use crate::scene::{NewPart, doubled_area_normal};
+use crate::units::EFFICACY;
 use crate::{Bsdf, Material, Rgb, Scene, SceneError};
 
 /// A luminaire that is to be hung in a scene.

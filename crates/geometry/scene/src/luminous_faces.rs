@@ -4,43 +4,14 @@
 //! if they enclose a body. Its long side lies along theirs.
 
 use std::collections::HashMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::{DMat4, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use holo_photometry::Photometry;
 
 use crate::hanging::even_emission;
 use crate::scene::doubled_area_normal;
 use crate::{Bsdf, Luminaire, Rgb, Scene, SceneError};
-
-/// A photometric file that a model names for a part of itself.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NamedPhotometry {
-    /// The file, in the model's folder.
-    pub path: PathBuf,
-    /// The part.
-    pub part: LuminousPart,
-}
-
-/// The part of a model that a photometric file is for.
-#[derive(Clone, Debug, PartialEq)]
-pub enum LuminousPart {
-    /// The faces of a material.
-    Material {
-        /// The material.
-        id: u32,
-        /// Degrees by which its luminaires are turned about their axis.
-        turn: f64,
-    },
-    /// A node, whose -Y is the nadir and whose X is the direction C0.
-    Node {
-        /// Its name.
-        name: String,
-        /// Its map to world coordinates.
-        matrix: DMat4,
-    },
-}
 
 /// How luminaires hang in a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -167,7 +167,7 @@ fn broken_photometric_files_are_named_with_their_line() {
     std::fs::write(&file, "TILT=NONE\n1 -1 1 2 1 1 2 0 0 0\n1 1 10\n0 180\n").unwrap();
     let at = Some(StatedPlaces::One([0.0; 3]));
     let lamp = StatedLuminaire { file, at, ..StatedLuminaire::default() };
-    let error = hang(&[lamp.clone()], &[], scene(), DVec3::Z, Some(1.0)).unwrap_err();
+    let error = hang(std::slice::from_ref(&lamp), &[], scene(), DVec3::Z, Some(1.0)).unwrap_err();
     let error = format!("{error:#}");
     assert!(error.contains("short.ies") && error.contains("line 4"), "{error}");
     let gone = StatedLuminaire { file: "gone.ies".into(), ..lamp };

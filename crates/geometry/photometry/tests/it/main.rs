@@ -1,6 +1,6 @@
 //! Tests of the package from outside.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(clippy::panic, clippy::unwrap_used, reason = "tests")]
 
 mod bad_input;
 mod openings;

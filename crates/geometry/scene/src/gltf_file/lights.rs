@@ -9,10 +9,8 @@ use gltf::khr_lights_punctual::{Kind, Light};
 use super::reading::GltfReading;
 use crate::limits::{MAX_COORDINATE, MAX_RADIANCE};
 use crate::text::excerpt;
+use crate::units::EFFICACY;
 use crate::{MAX_PUNCTUAL_LIGHTS, MAX_SUNS, PunctualBeam, PunctualLight, Sun};
-
-/// Luminous efficacy for converting radiance to luminance, lm/W (Ward 1994).
-pub(crate) const EFFICACY: f64 = 179.0;
 
 /// Luminous efficacy with which Blender writes lamps by default, lm/W.
 const BLENDER: f64 = 683.0;

@@ -41,8 +41,6 @@ use buffers::Buffers;
 use form::Form;
 use reading::GltfReading;
 
-pub(crate) use lights::EFFICACY;
-
 pub(crate) const READER: FormatReader = FormatReader { recognises, read };
 
 /// Extensions that are read, beside those of materials and lights.

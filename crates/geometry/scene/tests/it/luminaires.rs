@@ -1,5 +1,7 @@
 //! Luminaires in scenes: hung, made of a model's faces, packed and refused.
 
+#![allow(clippy::panic, clippy::unwrap_used, reason = "tests")]
+
 use std::path::Path;
 use std::sync::Arc;
 

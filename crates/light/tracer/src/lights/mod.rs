@@ -385,13 +385,14 @@ impl Lights {
         }
         let mut place = self.tree.places[emitter];
         while Some(place) != end && (end.is_some() || place.node != 0) {
+            let node = &self.tree.nodes[place.node as usize];
             let importances = self.tree.importances(place.node as usize, seen.point, seen.normal);
             let total: f32 = importances.iter().sum();
             if total <= 0.0 {
                 return 0.0;
             }
             probability *= importances[place.slot as usize] / total;
-            place = self.tree.nodes[place.node as usize].parent;
+            place = node.parent;
         }
         if end.is_some() {
             probability
