@@ -6,7 +6,10 @@ use thiserror::Error;
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum PhotometryError {
     /// The file is too long.
-    #[error("the file has {0} bytes; photometric files have at most {most}", most = crate::MAX_PHOTOMETRY_BYTES)]
+    #[error(
+        "the file has {0} bytes; photometric files have at most {most}",
+        most = crate::MAX_PHOTOMETRY_BYTES
+    )]
     TooLong(u64),
     /// The file has another format.
     #[error(

@@ -2,12 +2,12 @@
 //! knows no scene.
 //!
 //! A luminaire has a frame: x points to the half-plane of 0° (C0), y to that of 90° (C90), and -z
-//! to its nadir, into which most lamps shine. The [`PhotometricWeb`] gives its luminous intensity in
-//! each direction of that frame. The [`LuminousOpening`] is what of it shines.
+//! to its nadir, into which most lamps shine. The [`PhotometricWeb`] gives its luminous intensity
+//! in each direction of that frame. The [`LuminousOpening`] is what of it shines.
 //!
 //! Invariants:
-//! - Text from outside gives a valid [`Photometry`] or an error with its line, never a panic. Counts
-//!   are bounded before memory is taken for them.
+//! - Text from outside gives a valid [`Photometry`] or an error with its line, never a panic.
+//!   Counts are bounded before memory is taken for them.
 //! - Intensities are candela as the lamp has them in use: factors of the file, of ballasts and of
 //!   lamps are multiplied in.
 //! - A web is interpolated linearly in the angles of its file, and is 0 outside of them. Symmetries

@@ -2,7 +2,8 @@
 //!
 //! Differences between the years: 1986 has no first line of its own. The factor after the ballast's
 //! is that of lamp and ballast together until 1995, 1 in 2002, and a code for the kind of file in
-//! 2019. Round openings have a negative width alone until 1995, and negative width and length since.
+//! 2019. Round openings have a negative width alone until 1995, and negative width and length
+//! since.
 
 use crate::angles::{Planes, SAME, check_ascent, closed, make};
 use crate::text::{Quantity, Words};

@@ -1,6 +1,6 @@
 //! Luminous intensity by direction.
 
-use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::f32::consts::{PI, TAU};
 
 use glam::Vec3;
 
@@ -172,20 +172,6 @@ impl PhotometricWeb {
             }
         }
         halves
-    }
-
-    /// Returns the greatest angle from the nadir in which it shines, radians, rounded up to the next
-    /// angle of the web.
-    #[must_use]
-    pub fn widest(&self) -> f32 {
-        if self.pole != WebPole::Nadir {
-            return if self.halves()[1] { PI } else { FRAC_PI_2 };
-        }
-        let rows = self.polar.len();
-        let shines =
-            |row: &usize| (0..self.turns.len()).any(|t| self.candela[t * rows + row] > 0.0);
-        let last = (0..rows).rev().find(shines).unwrap_or(0);
-        self.polar[(last + 1).min(rows - 1)]
     }
 }
 

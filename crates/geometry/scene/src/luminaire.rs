@@ -131,8 +131,8 @@ impl Luminaire {
 }
 
 impl LuminaireTable {
-    /// Makes the table of a scene with so many materials. The error is the place of a luminaire whose
-    /// material does not exist or has two.
+    /// Makes the table of a scene with so many materials. The error is the place of a luminaire
+    /// whose material does not exist or has two.
     pub(crate) fn new(all: Vec<Luminaire>, materials: usize) -> Result<LuminaireTable, usize> {
         let mut of_material = vec![0; materials];
         for (at, luminaire) in all.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! Luminaires whose faces are a model's own: those of a material with a photometric file.
 //!
-//! Faces that touch each other are one luminaire. Its nadir is the side that its faces show, or down
-//! if they enclose a body. Its long side lies along theirs.
+//! Faces that touch each other are one luminaire. Its nadir is the side that its faces show, or
+//! down if they enclose a body. Its long side lies along theirs.
 
 use std::collections::HashMap;
 use std::sync::Arc;

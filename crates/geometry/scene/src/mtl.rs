@@ -37,7 +37,8 @@
 //!   `Kd` or `Ke` of zero beside its texture is 1. `map_Pr` and `map_Pm` multiply `Pr` and `Pm`,
 //!   which are 1 if zero or absent. The rows with `Pr` and `Pm` then hold at each point. `norm` and
 //!   `map_Bump` bend normals. `ies lamp.ies` makes luminaires of the material's faces, and
-//!   `ies -turn 90 lamp.ies` turns them about their axis. Other textures and unknown statements are ignored with a warning.
+//!   `ies -turn 90 lamp.ies` turns them about their axis. Other textures and unknown statements are
+//!   ignored with a warning.
 //!   Keywords may be in upper or lower case.
 
 use crate::exporter::{DEFAULT_ROUGHNESS, Exporter};

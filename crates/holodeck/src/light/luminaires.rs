@@ -340,8 +340,8 @@ fn positions(text: &str) -> Result<Vec<HangingPlace>, String> {
     Ok(places)
 }
 
-/// Hangs the stated luminaires and those that the model names. `unit` is the scene's unit in metres,
-/// if it is stated. Returns words about them.
+/// Hangs the stated luminaires and those that the model names. `unit` is the scene's unit in
+/// metres, if it is stated. Returns words about them.
 ///
 /// # Errors
 /// If the unit is missing, a file cannot be read or is of no use, or a luminaire is not possible.

@@ -106,8 +106,8 @@ impl LightTree {
         importances
     }
 
-    /// Returns the radiance of a child's luminaires towards a point over that of even lamps; 1 if its
-    /// emitters are not alike or are seen in too many directions.
+    /// Returns the radiance of a child's luminaires towards a point over that of even lamps; 1 if
+    /// its emitters are not alike or are seen in too many directions.
     fn share_of_child(&self, node: usize, slot: usize, p: Vec3) -> f32 {
         let away = p - self.nodes[node].sphere(slot).0;
         let is_wide = self.nodes[node].radius2(slot) > WIDE2 * away.length_squared();

