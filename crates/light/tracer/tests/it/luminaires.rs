@@ -122,13 +122,17 @@ fn far_away_every_opening_has_the_intensity_of_its_web_in_its_frame() {
                 (found.mean[0] - expected).abs() < bound,
                 "{shape:?} {away}: {found:?} {expected}"
             );
-            assert!(found.error[0] < 0.03 * expected, "{shape:?} {away}: {found:?} {expected}");
+            assert!(found.error[0] < 0.05 * expected, "{shape:?} {away}: {found:?} {expected}");
             compared += 1;
             ratios += found.mean[0] / expected;
         }
         assert!(compared > 190);
         let ratio = ratios / f64::from(compared);
-        assert!((ratio - 1.0).abs() < 5e-3, "{shape:?}: {ratio}");
+        // All directions have the same random numbers, so their errors do not average out. Those of
+        // tubes, with faces of many normals, are the largest.
+        let is_tube = !is_flat && !matches!(shape, OpeningShape::Point | OpeningShape::Box);
+        let most = if is_tube { 1e-2 } else { 3e-3 };
+        assert!((ratio - 1.0).abs() < most, "{shape:?}: {ratio}");
     }
 }
 
