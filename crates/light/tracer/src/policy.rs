@@ -1,10 +1,11 @@
 //! What differs between the engines: where a path ends early, and what it teaches.
 
 use glam::Vec3;
-use holo_raycast::{Raycaster, SurfacePoint};
+use holo_raycast::{Hit, Raycaster, SurfacePoint};
 
 use crate::bsdf::Scatter;
 use crate::engine::{PathEngine, Spread};
+use crate::reflections::LeavingRay;
 use crate::sampler::Sampler;
 
 /// A vertex after the first, on a surface that is neither a mirror nor glass.
@@ -62,6 +63,17 @@ pub(crate) trait PathPolicy {
     ) -> bool {
         false
     }
+
+    /// Returns whether the path ends with a ray that leaves a mirror or smooth glass. If so, the
+    /// light along it was known, and was added to what the path carries. May begin a lesson.
+    #[inline]
+    fn leaves(&self, _: &mut Self::Lessons, _: &LeavingRay, _: &mut Carried) -> bool {
+        false
+    }
+
+    /// Takes note of what such a ray of a triangle met.
+    #[inline]
+    fn met(&self, _: &mut Self::Lessons, _triangle: u32, _: Option<&Hit>) {}
 
     /// Returns the numbers for a path whose first surface is at `point`.
     #[inline]
