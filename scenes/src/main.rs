@@ -77,9 +77,7 @@ struct Request {
 }
 
 /// Returns the request; `None` if help was requested.
-fn parse(
-    mut words: impl Iterator<Item = String>,
-) -> Result<Option<Request>, String> {
+fn parse(mut words: impl Iterator<Item = String>) -> Result<Option<Request>, String> {
     let (mut scenes, mut models, mut reflections) = (Vec::new(), false, false);
     let mut dir = PathBuf::from(".");
     while let Some(word) = words.next() {

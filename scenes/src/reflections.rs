@@ -242,10 +242,7 @@ fn scenes() -> Vec<NamedScene> {
     scenes.push(("cylinder".to_owned(), shape(|v| ((0.8, 2.4 * v - 1.2), (0.0, 1.0)))));
     let waist = |v: f64| 0.75 + 0.4 * (TAU * v).cos();
     let slope = |v: f64| -0.4 * TAU * (TAU * v).sin();
-    scenes.push((
-        "concave".to_owned(),
-        shape(|v| ((waist(v), 2.4 * v - 1.2), (slope(v), 2.4))),
-    ));
+    scenes.push(("concave".to_owned(), shape(|v| ((waist(v), 2.4 * v - 1.2), (slope(v), 2.4)))));
     scenes
 }
 

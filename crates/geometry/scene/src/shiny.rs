@@ -155,8 +155,9 @@ fn connected(scene: &Scene, triangles: &[u32]) -> (Groups, Vec<bool>) {
     let mut sides: HashMap<Edge, u32> = HashMap::with_capacity(triangles.len() * 3 / 2);
     for (number, &triangle) in (0..).zip(triangles) {
         // Adding zero turns -0 into 0.
-        let corners =
-            scene.corners(triangle).map(|corner| (corner + Vec3::ZERO).to_array().map(f32::to_bits));
+        let corners = scene
+            .corners(triangle)
+            .map(|corner| (corner + Vec3::ZERO).to_array().map(f32::to_bits));
         let normal = scene.normal(triangle);
         for k in 0..3 {
             let mut edge = [corners[k], corners[(k + 1) % 3]];
@@ -164,8 +165,8 @@ fn connected(scene: &Scene, triangles: &[u32]) -> (Groups, Vec<bool>) {
             if let Some(other) = sides.insert((scene.material_id(triangle), edge), number) {
                 groups.join(number, other);
                 let beside = scene.normal(triangles[other as usize]);
-                let is_bent = normal.cross(beside).length() > BENT
-                    && normal.dot(beside).abs() > SMOOTH;
+                let is_bent =
+                    normal.cross(beside).length() > BENT && normal.dot(beside).abs() > SMOOTH;
                 is_curved[number as usize] |= is_bent;
             }
         }

@@ -68,9 +68,7 @@ impl Eye {
 
     /// Traces a frame.
     fn frame(&self, tracer: &Tracer) -> Vec<[f32; 3]> {
-        let trace = |pixel| {
-            tracer.trace(self.at, self.direction(pixel), u64::from(pixel)).radiance
-        };
+        let trace = |pixel| tracer.trace(self.at, self.direction(pixel), u64::from(pixel)).radiance;
         self.pixels().map(trace).collect()
     }
 }
@@ -169,7 +167,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             let (relative, wrong) = (rms / (sum / pixels), wrong / pixels);
             println!("{{\"rms\": {relative}, \"wrong\": {wrong}, \"psnr\": {psnr}}}");
             if let Some(picture) = rest.iter().find(|word| word.ends_with(".png")) {
-                let byte = |c: f32| (255.0 * (f64::from(c) / white).clamp(0.0, 1.0).powf(1.0 / 2.2)) as u8;
+                let byte =
+                    |c: f32| (255.0 * (f64::from(c) / white).clamp(0.0, 1.0).powf(1.0 / 2.2)) as u8;
                 let bytes = shown.iter().flat_map(|rgb| rgb.map(byte)).collect();
                 image::RgbImage::from_raw(side, side, bytes).ok_or("no picture")?.save(picture)?;
             }

@@ -154,11 +154,8 @@ impl CachedReflections {
         match cube.look_up(ray.origin, ray.direction, 0.0..=0.0) {
             CubeAnswer::Light(light) => {
                 let point = ray.origin + light.distance.min(f32::MAX) * ray.direction;
-                let towards = if light.distance.is_finite() {
-                    point - cube.centre()
-                } else {
-                    ray.direction
-                };
+                let towards =
+                    if light.distance.is_finite() { point - cube.centre() } else { ray.direction };
                 let is_known = cube.count_of(cube.texel_of(towards)) >= self.settings.least_paths;
                 if is_known { CubeAnswer::Light(light) } else { CubeAnswer::Unknown }
             }

@@ -139,8 +139,10 @@ fn a_glass_ball_is_traced_inside_and_cached_outside() {
 #[test]
 fn rays_that_meet_their_own_object_are_traced() {
     // A bowl: its inside mirrors itself.
-    let rings: Vec<(f64, f64)> =
-        (0..=12).map(|n| f64::from(n) * PI / 24.0).map(|a| (0.6 * a.sin(), -0.6 * a.cos())).collect();
+    let rings: Vec<(f64, f64)> = (0..=12)
+        .map(|n| f64::from(n) * PI / 24.0)
+        .map(|a| (0.6 * a.sin(), -0.6 * a.cos()))
+        .collect();
     let scene = scene(&lathe(&rings), MIRROR);
     let (marked, report) = difference(&scene, SETTINGS);
     assert!(report.marked > 100, "{report:?}");

@@ -30,7 +30,7 @@ const SIZE: (u32, u32) = (480, 360);
 const FRAMES: u32 = 8;
 
 /// Paths of a pixel of the truth.
-const TRUTH: u32 = 128;
+const TRUTH: u32 = 64;
 
 fn section() -> Section {
     Section::new(SectionSpec {
@@ -173,27 +173,21 @@ fn main() {
         for (beam, sample) in &traced {
             driver.insert(*beam, 1, &[*sample]);
         }
-        let look = |step: f64, is_moving| {
-            FrameRequest { view: eye(step, SIZE), size: SIZE, is_moving }
-        };
+        let look =
+            |step: f64, is_moving| FrameRequest { view: eye(step, SIZE), size: SIZE, is_moving };
         driver.look(&look(0.0, false)).unwrap();
-        while driver.renderer.prepare(holo_display::FramePhase::First) && !rest.is_empty() {}
         driver.settle();
         _ = driver.draw();
         let last = f64::from(FRAMES);
         let truth = Truth::new(&tracer, &shiny, &eye(last, SIZE));
         for with in [false, true] {
-            let mut moving = None;
-            let before = seconds();
             let mut filling = 0.0;
             for step in 1..=FRAMES {
                 driver.look(&look(f64::from(step), true)).unwrap();
                 let start = Instant::now();
                 while with && driver.renderer.prepare(holo_display::FramePhase::Moving) {}
                 filling += start.elapsed().as_secs_f64();
-                let started = seconds();
-                _ = started;
-                moving = Some(driver.draw().picture);
+                _ = driver.draw();
             }
             // The last view again, whose cubes are as full as they get.
             let start = seconds();
@@ -203,7 +197,6 @@ fn main() {
             let drawn = seconds();
             driver.look(&look(last, false)).unwrap();
             let first = driver.draw().picture;
-            _ = (before, moving);
             println!(
                 "{name}, {} cubes: look {:.1} ms, draw {:.1} ms, moving {:.1} dB, first at rest \
                  {:.1} dB, filling {:.0} ms",

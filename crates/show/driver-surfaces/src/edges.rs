@@ -245,7 +245,9 @@ impl Looked {
     ) {
         let seen = match &shown {
             RayContent::Surface(end) => seen(end, width, PLAIN),
-            RayContent::Sky(..) | RayContent::Light(..) | RayContent::Unknown => VisiblePoint::NOTHING,
+            RayContent::Sky(..) | RayContent::Light(..) | RayContent::Unknown => {
+                VisiblePoint::NOTHING
+            }
         };
         self.points += 1;
         let is_same = |found: &&mut FollowedPiece| match (&found.shown, &shown) {

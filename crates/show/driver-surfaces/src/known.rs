@@ -155,8 +155,7 @@ impl LightMemory {
     /// width, fixed-point steps.
     pub fn on(&self, finish: &Finish, end: &TrailEnd, width: f32) -> Option<Vec3> {
         let has_direction = finish.kind == MaterialClass::Glossy && !finish.is_coated;
-        let face =
-            FaceClass::new(end.normal, end.material, has_direction.then_some(end.direction));
+        let face = FaceClass::new(end.normal, end.material, has_direction.then_some(end.direction));
         self.near(end.point, width, face).map(|found| found.light)
     }
 

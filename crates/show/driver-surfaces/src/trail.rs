@@ -264,7 +264,8 @@ impl<'a> Follower<'a> {
         let mut active: Vec<usize> = (0..trails.len()).collect();
         let (mut rays, mut from, mut hits) = (Vec::new(), Vec::new(), Vec::new());
         while !active.is_empty() {
-            let advance = |trail: &mut Trail| trail.advance(self).or_else(|| trail.remembered(self));
+            let advance =
+                |trail: &mut Trail| trail.advance(self).or_else(|| trail.remembered(self));
             active.retain(|&number| match advance(&mut trails[number]) {
                 Some(shown) => {
                     ended(number, shown);

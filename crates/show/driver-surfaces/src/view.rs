@@ -408,11 +408,7 @@ impl SurfaceView {
     }
 
     /// Returns the surface that a ray shows, and the way to it. The way has no number yet.
-    fn seen_along(
-        &self,
-        follower: &Follower,
-        shown: RayContent,
-    ) -> (VisiblePoint, SurfaceTrail) {
+    fn seen_along(&self, follower: &Follower, shown: RayContent) -> (VisiblePoint, SurfaceTrail) {
         let times = |a: Rgb, b: Rgb| [0, 1, 2].map(|channel: usize| a[channel] * b[channel]);
         let mut how = SurfaceTrail::PLAIN;
         let mut at = VisiblePoint::NOTHING;

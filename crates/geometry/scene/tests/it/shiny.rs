@@ -19,7 +19,8 @@ fn ball(centre: DVec3, radius: f64) -> Vec<[DVec3; 3]> {
         centre + radius * DVec3::new(flat * angle.cos(), flat * angle.sin(), -height.cos())
     };
     let quad = |(ring, turn): (u32, u32)| {
-        let corners = [at(ring, turn), at(ring, turn + 1), at(ring + 1, turn + 1), at(ring + 1, turn)];
+        let corners =
+            [at(ring, turn), at(ring, turn + 1), at(ring + 1, turn + 1), at(ring + 1, turn)];
         [[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]
     };
     let quads = (0..12).flat_map(|ring| (0..24).map(move |turn| (ring, turn)));
@@ -69,12 +70,8 @@ fn connected_curved_triangles_of_one_shiny_material_are_an_object() {
     let shiny = ShinyObjects::find(&scene).unwrap();
     let found: Vec<(u32, Vec3, f32)> =
         shiny.objects().iter().map(|o| (o.material, o.centre, o.radius)).collect();
-    let expected = [
-        (0, left, 1.0),
-        (0, right, 0.5),
-        (3, DVec3::Y * 6.0, 0.2),
-        (4, DVec3::Y * 8.0, 0.3),
-    ];
+    let expected =
+        [(0, left, 1.0), (0, right, 0.5), (3, DVec3::Y * 6.0, 0.2), (4, DVec3::Y * 8.0, 0.3)];
     assert_eq!(found.len(), expected.len());
     for ((material, centre, radius), (of, at, size)) in found.into_iter().zip(expected) {
         assert_eq!(material, of);
@@ -87,7 +84,9 @@ fn connected_curved_triangles_of_one_shiny_material_are_an_object() {
     // The diffuse ball and the mirrors of the flat cube are none.
     let first = scene.triangles().find(|&t| scene.material_id(t) == 1).unwrap();
     assert_eq!((shiny.of(first), shiny.of(u32::MAX)), (None, None));
-    assert!(scene.triangles().filter(|&t| scene.material_id(t) == 2).all(|t| shiny.of(t).is_none()));
+    assert!(
+        scene.triangles().filter(|&t| scene.material_id(t) == 2).all(|t| shiny.of(t).is_none())
+    );
 }
 
 #[test]

@@ -38,7 +38,7 @@ const SELF_RAYS: u64 = 512;
 const MOST_SELF_HITS: u64 = SELF_RAYS / 64;
 
 /// Angle of a blurred look-up per GGX roughness, radians: see `docs/notes/surface-light.md`.
-const SPREAD: f32 = 2.0;
+const SPREAD: f32 = 3.0;
 
 /// Widest angle that stands in for an unknown texel of a sharp reflection, radians.
 const STAND_IN: f32 = 0.1;
@@ -160,7 +160,12 @@ impl Reflections {
     }
 
     /// Returns the light that rough metal of this GGX roughness mirrors at a point in a direction.
-    pub fn blurred(&self, object: u32, (point, mirrored): (Vec3, Vec3), alpha: f32) -> Option<Vec3> {
+    pub fn blurred(
+        &self,
+        object: u32,
+        (point, mirrored): (Vec3, Vec3),
+        alpha: f32,
+    ) -> Option<Vec3> {
         let filled = self.cubes.get(&object).filter(|filled| filled.round > 1)?;
         let spread = SPREAD * alpha;
         match filled.cube.look_up(point, mirrored, spread..=4.0 * spread) {
