@@ -50,13 +50,23 @@ pub fn merge(into: &Path, parts: &[PathBuf], mut each: impl FnMut(MergedPart)) -
     Ok(total)
 }
 
-/// Removes the samples of the workers with these numbers from a file. 0 stands for all unknown
-/// workers. A later fill traces the removed samples again.
+/// Removes the samples of the workers with these numbers from a file, and those of all workers that
+/// joined with the tokens of these names. Number 0 stands for all unknown workers. A later fill
+/// traces the removed samples again.
 ///
 /// # Errors
-/// If the file cannot be read or written, or another process writes to it.
-pub fn forget(file: &Path, workers: &[u16]) -> Result<Forgotten> {
-    let makers: Vec<Maker> = workers.iter().map(|&number| Maker(number)).collect();
+/// If the file knows none of the workers, cannot be read or written, or another process writes to
+/// it.
+pub fn forget(file: &Path, workers: &[u16], tokens: &[String]) -> Result<Forgotten> {
+    let mut makers: Vec<Maker> = workers.iter().map(|&number| Maker(number)).collect();
+    if !tokens.is_empty() {
+        let known = Holodeck::open_read_only(file, SMALL_CACHE)?;
+        for token in tokens {
+            let joined = known.makers().of_token(token);
+            ensure!(!joined.is_empty(), "no worker of {} joined with {token}", file.display());
+            makers.extend(joined);
+        }
+    }
     Holodeck::forget(file, &makers)
 }
 

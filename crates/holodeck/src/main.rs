@@ -4,6 +4,7 @@
 //! one program is enough.
 
 mod commands;
+mod memory;
 
 use std::process::ExitCode;
 
@@ -15,6 +16,9 @@ use commands::{
     arguments, check, compare, copy, demo, export, fill, forget, info, merge, optimize, picture,
     render, sections, splats, status, tokens, view,
 };
+
+#[global_allocator]
+static ALLOCATOR: memory::AbortingAllocator = memory::AbortingAllocator;
 
 /// Stack of the thread that does the work, bytes: as large as a main thread's on usual systems.
 const STACK: usize = 8 << 20;

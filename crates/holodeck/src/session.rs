@@ -7,7 +7,8 @@ use holo_net::Shutdown;
 use holo_picture::Picture;
 use holo_server::{Outside, Summary};
 use holo_view::{
-    BrowserArgs, DriverArgs, LookArgs, PictureReport, PointArgs, ViewArgs, WindowRequest,
+    BrowserArgs, DriverArgs, LookArgs, ObjectArgs, ObjectFolder, PictureReport, PointArgs,
+    ViewArgs, WindowRequest,
 };
 use tokio::{sync::oneshot, task::JoinHandle};
 
@@ -106,6 +107,7 @@ impl LiveSession {
         shutdown.on_signals(false)?;
         let (threads, nice, quiet) = (self.threads, NICE_BESIDE_DISPLAY, self.quiet);
         let how = WorkerArgs { threads, nice, quiet };
+        let folder = ObjectFolder::beside(&self.file, true);
         let mut crew = SessionProcesses::start(
             self.program,
             self.file,
@@ -129,7 +131,8 @@ impl LiveSession {
                 () = shutdown_before.wait() => {}
             }
         });
-        let config = holo_view::Config { crew: Some(crew.orders()), ..viewer(crew.address()) };
+        let mut config = holo_view::Config { crew: Some(crew.orders()), ..viewer(crew.address()) };
+        config.objects.folder = Some(folder);
         let viewing = self.front_end.show(config, shutdown.clone(), ready);
         let result = crew.keep(viewing).await;
         result.and(crew.end().await)
@@ -148,8 +151,10 @@ pub async fn replay(
 ) -> Result<()> {
     let shutdown = Shutdown::new();
     shutdown.on_signals(false)?;
+    let folder = ObjectFolder::beside(&file, false);
     let server = StoredServer::start(file).await?;
-    let config = viewer(server.address);
+    let mut config = viewer(server.address);
+    config.objects.folder = Some(folder);
     let result = front_end.show(config, shutdown, holo_view::at_once()).await;
     server.end().await?;
     result
@@ -166,6 +171,8 @@ pub struct PictureRequest {
     pub driver: DriverArgs,
     /// Options of the render cache.
     pub points: PointArgs,
+    /// Models that are carried into the scene.
+    pub objects: ObjectArgs,
     /// True if progress is shown on standard error.
     pub has_progress: bool,
 }
@@ -179,13 +186,16 @@ pub async fn picture(
     request: PictureRequest,
     shutdown: Shutdown,
 ) -> Result<Option<(Picture, PictureReport)>> {
-    let PictureRequest { file, view, driver, points, has_progress } = request;
+    let PictureRequest { file, view, driver, points, objects, has_progress } = request;
+    let folder = ObjectFolder::beside(&file, false);
+    let objects = ObjectArgs { folder: Some(folder), ..objects };
     let server = StoredServer::start(file).await?;
     let config = holo_view::Config {
         connect: server.address.to_string(),
         view,
         driver,
         points,
+        objects,
         look: LookArgs::default(),
         script: None,
         time: 0.0,

@@ -78,7 +78,7 @@ async fn a_file_is_filled_shown_merged_and_emptied() {
     let merged = merge(&other, std::slice::from_ref(&file), each).unwrap();
     assert_eq!((merged.added, parts), (summary.samples, vec![file]));
     let workers: Vec<u16> = held.workers.iter().map(|worker| worker.made_by.id).collect();
-    let forgotten = forget(&other, &workers).unwrap();
+    let forgotten = forget(&other, &workers, &[]).unwrap();
     assert_eq!((forgotten.samples, forgotten.left), (summary.samples, 0));
 }
 

@@ -63,4 +63,10 @@ fn one_string_is_all_that_a_worker_and_a_viewer_need() {
     place.run(&other).failed(1, &["connections here are encrypted", "holodeck://"]);
     server.end(Signal::TERM).ok();
     worker.wait().ok();
+    // What all machines made that joined with a token can be removed at once.
+    let members = listed.lines().find_map(|line| line.strip_suffix(" member")).unwrap();
+    let forget = ["forget", &file, "--token", members, "--json"];
+    let forgotten = place.run(&forget).ok().json();
+    assert!(forgotten["samples"].as_u64() > Some(0), "{forgotten}");
+    place.run(&forget).failed(1, &["no worker of", members]);
 }

@@ -18,6 +18,25 @@ fn a_reader_that_stops_early_is_no_error() {
     }
 }
 
+/// Runs the program in a shell that limits its address space to this many KiB.
+fn with_limit(place: &Place, kib: u32, words: &str) -> std::process::Output {
+    let line = format!("ulimit -v {kib} && exec \"$0\" {words}");
+    let mut shell = std::process::Command::new("sh");
+    shell.arg("-c").arg(line).arg(holo_tests::program()).current_dir(place.path(""));
+    shell.output().unwrap()
+}
+
+#[test]
+fn a_process_that_gets_no_more_memory_ends_with_a_sentence() {
+    let place = Place::new();
+    let ended = with_limit(&place, 250_000, "render cornell.obj --size 8000x8000 -o a.pfm");
+    assert!(!ended.status.success());
+    let said = String::from_utf8(ended.stderr).unwrap();
+    let last = said.lines().last().unwrap();
+    assert!(last.starts_with("holodeck: no more memory: the limit of 244 MiB"), "{said}");
+    assert!(last.contains("ulimit -v") && !place.path("a.pfm").exists(), "{said}");
+}
+
 #[test]
 fn wrong_usage_ends_with_status_2() {
     let place = Place::new();

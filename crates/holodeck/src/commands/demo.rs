@@ -9,7 +9,7 @@ use std::{
 
 use anyhow::{Context, Result};
 use holo_scenes::Bundled;
-use holo_view::{DriverArgs, LookArgs, PointArgs, ViewArgs};
+use holo_view::{DriverArgs, LookArgs, ObjectArgs, PointArgs, ViewArgs};
 use holodeck::{
     config::{HolodeckConfig, ViewTable},
     listening::ListenOptions,
@@ -99,6 +99,7 @@ fn viewer(
         view: ViewArgs { size, ..ViewArgs::default() },
         driver: DriverArgs::default(),
         points: PointArgs::default(),
+        objects: ObjectArgs::default(),
         look: LookArgs::default(),
         script,
         time: 0.0,

@@ -12,14 +12,18 @@ use holodeck::files::{Forgotten, forget};
 /// that were dropped. Samples in which other workers used their surface light go as well. A later
 /// fill traces the removed samples again.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  holodeck forget room.holo --worker 3")]
+#[command(after_help = "Examples:\n  holodeck forget room.holo --worker 3\n  \
+    holodeck forget room.holo --token GkdS3h6pXzU")]
 pub struct ForgetArgs {
     /// The holodeck; nothing else may write to it meanwhile
     #[arg(value_name = "FILE.holo")]
     file: PathBuf,
     /// The number of a worker; may be repeated. 0 stands for all unknown workers
-    #[arg(long, value_name = "N", required = true)]
+    #[arg(long, value_name = "N", required_unless_present = "token")]
     worker: Vec<u16>,
+    /// The name of a token, for all workers of the machines that joined with it; may be repeated
+    #[arg(long, value_name = "NAME")]
+    token: Vec<String>,
     /// Report as JSON
     #[arg(long)]
     json: bool,
@@ -27,7 +31,7 @@ pub struct ForgetArgs {
 
 /// See [`ForgetArgs`].
 pub fn run(args: &ForgetArgs) -> Result<()> {
-    let forgotten = forget(&args.file, &args.worker)?;
+    let forgotten = forget(&args.file, &args.worker, &args.token)?;
     if args.json {
         holo_progress::print_line!("{}", serde_json::to_string(&forgotten)?);
         return Ok(());

@@ -6,7 +6,7 @@ use anyhow::Result;
 use holo_net::Shutdown;
 use holo_progress::Meter;
 use holo_server::Holodeck;
-use holo_view::{DriverArgs, LookArgs, PictureReport, PointArgs, ViewArgs};
+use holo_view::{DriverArgs, LookArgs, ObjectArgs, PictureReport, PointArgs, ViewArgs};
 use holodeck::{
     prepare::SMALL_CACHE,
     session::{self, PictureRequest},
@@ -20,7 +20,8 @@ use crate::commands::arguments::picture_path;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck picture room.holo --view bedroom -o view.png\n  \
     holodeck picture room.holo --vp 12.5,0.5,5 --vd 0.7,0.7,0 --vh 60 --size 640x480 -o view.exr\n  \
-    holodeck picture room.holo --falsecolor=1:1000 --log --contours -o luminance.png")]
+    holodeck picture room.holo --falsecolor=1:1000 --log --contours -o luminance.png\n  \
+    holodeck picture room.holo --object chair.glb@1,2,0,90 -o chair.png")]
 pub struct PictureCommand {
     /// The holodeck
     #[arg(value_name = "FILE.holo")]
@@ -34,6 +35,8 @@ pub struct PictureCommand {
     driver: DriverArgs,
     #[command(flatten)]
     points: PointArgs,
+    #[command(flatten)]
+    objects: ObjectArgs,
     #[command(flatten)]
     look: LookArgs,
     /// Report as JSON
@@ -58,6 +61,7 @@ pub async fn run(args: PictureCommand) -> Result<()> {
         file: args.file,
         view: args.view,
         points: args.points,
+        objects: args.objects,
         has_progress: !quiet && !json,
     };
     let Some((picture, report)) = session::picture(request, shutdown).await? else {

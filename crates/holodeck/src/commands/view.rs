@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
-use holo_view::{BrowserArgs, DriverArgs, LookArgs, PointArgs, ViewArgs, WindowRequest};
+use holo_view::{
+    BrowserArgs, DriverArgs, LookArgs, ObjectArgs, PointArgs, ViewArgs, WindowRequest,
+};
 use holodeck::{
     prepare::{self, Edited, OtherScene},
     session::{self, FrontEnd, LiveSession},
@@ -26,6 +28,8 @@ pub struct SessionArgs {
     #[command(flatten)]
     points: PointArgs,
     #[command(flatten)]
+    objects: ObjectArgs,
+    #[command(flatten)]
     look: LookArgs,
     #[command(flatten)]
     browser: BrowserArgs,
@@ -36,7 +40,7 @@ pub struct SessionArgs {
     #[arg(long, conflicts_with_all = ["http", "http_cert", "no_open", "record", "window"])]
     headless: bool,
     /// Follow the lines of this file, each `SECONDS COMMAND` (`-`: standard input). Commands: view,
-    /// picture FILE, with PART,…, without PART,… (of the render cache), quit
+    /// picture FILE, object …, with PART,…, without PART,… (of the render cache), quit
     #[arg(long, value_name = "FILE")]
     script: Option<PathBuf>,
     /// Without a script: end after this time, such as 20s
@@ -61,6 +65,7 @@ impl SessionArgs {
             view: self.view.clone(),
             driver: self.driver.clone(),
             points: self.points.clone(),
+            objects: self.objects.clone(),
             look: self.look,
             script: self.script.clone(),
             time: self.time,

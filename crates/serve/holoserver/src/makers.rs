@@ -8,6 +8,7 @@
 //! - Light that is in what another maker made counts as used by whoever uses that maker's.
 //! - There are at most [`MAX_MAKERS`]. Further machines have the number of an unknown maker.
 //! - A machine has at most [`MAX_WITH_LIGHT`] further numbers, whatever it says that it uses.
+//! - At most [`MAX_MACHINES_OF_TOKEN`] machines join with one token.
 
 use std::collections::BTreeSet;
 
@@ -24,6 +25,10 @@ const MAX_MAKERS: usize = 4096;
 /// Most numbers of one machine for what it makes with the light of others. A machine that stated
 /// ever other sets of makers would otherwise use up all numbers.
 const MAX_WITH_LIGHT: usize = 16;
+
+/// Most machines that join with one token: a large render farm's. Without this limit, one who has a
+/// token could use up the numbers of a file by a new key for each connection.
+const MAX_MACHINES_OF_TOKEN: usize = 512;
 
 /// Separates the machine's part of a worker's name from the process.
 const PROCESS: &str = " #";
@@ -118,16 +123,51 @@ impl MachineList {
     /// Returns the number of a worker's machine. A machine is known by its key alone: its name is
     /// for people. Without a key, it is known by its name and its token.
     pub(crate) fn of(&mut self, worker: &str, token: Option<String>, key: Option<String>) -> Maker {
-        let name = worker.split(PROCESS).next().unwrap_or(worker).to_owned();
-        let mut machines = self.makers.iter().filter(|maker| maker.machine.is_none());
-        let known = machines.find(|maker| match &key {
-            Some(_) => maker.key == key,
-            None => maker.key.is_none() && maker.name == name && maker.token == token,
-        });
-        if let Some(known) = known {
-            return Maker(known.id);
+        if let Some(known) = self.known(worker, token.as_deref(), key.as_deref()) {
+            return known;
         }
+        let name = machine_name(worker).to_owned();
         self.add(MadeBy { name, key, token, ..MadeBy::default() })
+    }
+
+    /// Returns the number of a worker's machine, if it has one.
+    fn known(&self, worker: &str, token: Option<&str>, key: Option<&str>) -> Option<Maker> {
+        let name = machine_name(worker);
+        let known = self.machines().find(|machine| match key {
+            Some(_) => machine.key.as_deref() == key,
+            None => {
+                machine.key.is_none() && machine.name == name && machine.token.as_deref() == token
+            }
+        });
+        known.map(|machine| Maker(machine.id))
+    }
+
+    /// Returns the machines, each once.
+    fn machines(&self) -> impl Iterator<Item = &MadeBy> {
+        self.makers.iter().filter(|maker| maker.machine.is_none())
+    }
+
+    /// Returns the numbers of all machines that joined with this token the last time.
+    pub fn of_token(&self, token: &str) -> Vec<Maker> {
+        let joined = self.machines().filter(|machine| machine.token.as_deref() == Some(token));
+        joined.map(|machine| Maker(machine.id)).collect()
+    }
+
+    /// Returns why a worker that joins with this token may not get a number, if so.
+    pub(crate) fn refusal(
+        &self,
+        worker: &str,
+        token: Option<&str>,
+        key: Option<&str>,
+    ) -> Option<String> {
+        let has_number = self.known(worker, token, key).is_some();
+        let is_full = !has_number && self.of_token(token?).len() >= MAX_MACHINES_OF_TOKEN;
+        is_full.then(|| {
+            format!(
+                "{MAX_MACHINES_OF_TOKEN} machines have joined with its token, which is the most: \
+                 invite it with another token"
+            )
+        })
     }
 
     /// Gives a new number to what one makes. [`Maker::UNKNOWN`] if there is none left.
@@ -262,6 +302,11 @@ impl MachineList {
     }
 }
 
+/// Returns the part of a worker's name that names its machine.
+fn machine_name(worker: &str) -> &str {
+    worker.split(PROCESS).next().unwrap_or(worker)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -366,6 +411,25 @@ mod tests {
         assert!(makers.tainted_by(&[others[50]]).contains(&neighbour));
         let bytes = serde_json::to_vec(&makers).unwrap();
         assert_eq!(MachineList::parse(&bytes).unwrap(), makers);
+    }
+
+    #[test]
+    fn a_token_admits_no_endless_machines() {
+        let mut makers = MachineList::default();
+        let token = |token: &str| Some(token.to_owned());
+        let key = |number: usize| Some(format!("key {number}"));
+        let refusal = |makers: &MachineList, token: Option<&str>, number: usize| {
+            makers.refusal("rtworker on a", token, key(number).as_deref())
+        };
+        for number in 0..MAX_MACHINES_OF_TOKEN {
+            assert_eq!(refusal(&makers, Some("one"), number), None);
+            makers.of("rtworker on a", token("one"), key(number));
+        }
+        assert_eq!(makers.of_token("one").len(), MAX_MACHINES_OF_TOKEN);
+        assert!(refusal(&makers, Some("one"), MAX_MACHINES_OF_TOKEN).is_some(), "a new machine");
+        assert_eq!(refusal(&makers, Some("one"), 7), None, "a machine that comes back");
+        assert_eq!(refusal(&makers, Some("two"), MAX_MACHINES_OF_TOKEN), None, "another token");
+        assert_eq!(refusal(&makers, None, MAX_MACHINES_OF_TOKEN), None, "the server's machine");
     }
 
     #[test]

@@ -30,6 +30,10 @@ const CHUNK: usize = 8192;
 /// if it came in beams that are not traced again.
 const REPLACED: u32 = 16;
 
+/// A full list of samples grows by its length divided by this. Doubling would leave up to half of
+/// the memory empty.
+const GROWTH: usize = 4;
+
 /// Offset of the grid, in buckets, so that walls at round coordinates do not lie on a border.
 const OFFSET: f32 = 0.3819;
 
@@ -144,6 +148,10 @@ impl Samples {
             Some((_, total)) => total.add(&sums),
             None => self.faces.push((face, sums)),
         }
+        let length = self.records.len();
+        if length == self.records.capacity() {
+            self.records.reserve_exact((length / GROWTH).max(GROWTH));
+        }
         self.records.push(record);
     }
 
@@ -231,7 +239,8 @@ impl LightStore {
     #[must_use]
     pub fn new(finest: f32, most_bytes: usize) -> LightStore {
         let shards = (0..SHARDS).map(|_| FxHashMap::default()).collect();
-        let most_samples = (most_bytes / size_of::<StoredLight>()).max(SHARDS);
+        let list_bytes = most_bytes / (GROWTH + 1) * GROWTH;
+        let most_samples = (list_bytes / size_of::<StoredLight>()).max(SHARDS);
         LightStore {
             shards,
             grid: Grid { unit: finest },

@@ -19,7 +19,8 @@ use holo_net::{Destination, Shutdown};
 use holo_page::PageServer;
 use holo_picture::Picture;
 use holo_script::{Script, ScriptOptions};
-use holo_session::Connected;
+pub use holo_session::ObjectFolder;
+use holo_session::{Connected, ObjectOrder};
 use holo_stage::{Front, Stage, Wishes, stage};
 use tokio::sync::oneshot;
 
@@ -34,6 +35,22 @@ pub use holo_stage::{Crew, CrewOrder, Restarted, crew};
 pub use no_window::{WindowHost, WindowRequest, check_desktop, desk, run_in_window};
 #[cfg(feature = "window")]
 pub use window::{WindowHost, WindowRequest, check_desktop, desk, run_in_window};
+
+/// Models that are carried into the scene.
+#[derive(Args, Clone, Debug, Default)]
+pub struct ObjectArgs {
+    /// Carry a model into the scene, with the middle of its base at this place: chair.glb@1,2,0.
+    /// TURN is in degrees around the scene's up axis; SCALE is a factor. May be given several times
+    #[arg(
+        long = "object",
+        value_name = "FILE@X,Y,Z[,TURN[,SCALE]]",
+        value_parser = ObjectOrder::parse_option
+    )]
+    pub objects: Vec<ObjectOrder>,
+    /// The folder in which objects are kept.
+    #[arg(skip)]
+    pub folder: Option<ObjectFolder>,
+}
 
 /// Options of `holoview`.
 #[derive(Args, Clone, Debug)]
@@ -55,11 +72,15 @@ pub struct Config {
     /// Options of the render cache
     #[command(flatten)]
     pub points: PointArgs,
+    /// Models that are carried into the scene
+    #[command(flatten)]
+    pub objects: ObjectArgs,
     /// How .png pictures look
     #[command(flatten)]
     pub look: LookArgs,
     /// Follow this file's lines, each `SECONDS COMMAND` (`-` is standard input). Commands: view,
-    /// picture FILE, probe COLUMN ROW, with PART,…, without PART,… (of the render cache), quit
+    /// picture FILE, probe COLUMN ROW, object …, with PART,…, without PART,… (of the render cache),
+    /// quit
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
     /// How long to run without a script
@@ -98,7 +119,9 @@ impl Config {
     async fn connect(&self, walks: bool, shutdown: Shutdown) -> Result<Connected> {
         let server = Destination::parse(&self.connect)?;
         let options = DriverOptions::open(self.driver.clone(), self.points.clone())?;
-        Connected::new(server, Box::new(options), walks, shutdown).await
+        let connected = Connected::new(server, Box::new(options), walks, shutdown).await?;
+        let ObjectArgs { objects, folder } = self.objects.clone();
+        Ok(connected.with_objects(folder, objects))
     }
 
     /// Connects to the server, and returns a stage for a person who walks.

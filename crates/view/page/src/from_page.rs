@@ -2,7 +2,7 @@
 //! use.
 
 use holo_picture::{Exposure, Look, Scale, Scaling, Tone};
-use holo_stage::{Input, commands};
+use holo_stage::{Input, ObjectOrder, commands};
 use holo_walk::Controls;
 use serde::Deserialize;
 
@@ -63,6 +63,12 @@ pub enum PageInput {
     Slide { right: f64, up: f64 },
     /// See [`Input::Wheel`].
     Wheel { steps: f64 },
+    /// See [`ObjectOrder::Grab`].
+    Grab { at: [f64; 2] },
+    /// See [`ObjectOrder::DragTo`].
+    Drag { at: [f64; 2] },
+    /// See [`ObjectOrder::Spin`].
+    Spin { at: [f64; 2], degrees: f64 },
     /// A command line, as on standard input.
     Command { line: String },
     /// See [`Input::Focus`].
@@ -185,6 +191,7 @@ pub fn parse(text: &str) -> Result<(u64, PageRequest), String> {
 fn request(input: PageInput) -> Result<PageRequest, String> {
     let angle = |angle: f64| angle.clamp(-MOST_ANGLE, MOST_ANGLE);
     let part = |part: f64| part.clamp(-1.0, 1.0);
+    let share = |share: f64| share.clamp(0.0, 1.0);
     Ok(PageRequest::Input(match input {
         PageInput::Hold { ahead, right, rise, turn, tilt, glide, around, over, pace } => {
             let [ahead, right, rise, turn] = [ahead, right, rise, turn].map(part);
@@ -200,6 +207,11 @@ fn request(input: PageInput) -> Result<PageRequest, String> {
         PageInput::Orbit { right, up } => Input::Orbit(angle(right), angle(up)),
         PageInput::Slide { right, up } => Input::Slide(part(right), part(up)),
         PageInput::Wheel { steps } => Input::Wheel(steps.clamp(-MOST_STEPS, MOST_STEPS)),
+        PageInput::Grab { at } => Input::Object(ObjectOrder::Grab(at.map(share))),
+        PageInput::Drag { at } => Input::Object(ObjectOrder::DragTo(at.map(share))),
+        PageInput::Spin { at, degrees } => {
+            Input::Object(ObjectOrder::Spin(at.map(share), degrees.clamp(-360.0, 360.0)))
+        }
         PageInput::Command { line } => commands::parse(&line).and_then(for_pages)?,
         PageInput::Focus { part } => {
             let inside = |part: &[f64; 4]| part.iter().all(|share| (0.0..=1.0).contains(share));
@@ -219,6 +231,11 @@ fn for_pages(input: Input) -> Result<Input, String> {
     match input {
         // A page saves the pictures that it has received; it never names a file of this machine.
         Input::Picture(..) => Err("a page saves pictures by its own links".to_owned()),
+        Input::Object(order) if !order.names_plain_file() => Err(
+            "a page takes models from the folder in which the viewer was started: name the file \
+             alone"
+                .to_owned(),
+        ),
         input => Ok(input),
     }
 }

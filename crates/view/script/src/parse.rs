@@ -7,6 +7,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use holo_picture::{Format, ViewSpec};
+use holo_session::ObjectOrder;
 
 /// The names of the parts of drivers that can be switched.
 type Switches = &'static [&'static str];
@@ -27,6 +28,8 @@ pub enum Command {
         /// True to switch them on.
         on: bool,
     },
+    /// Carries an object into the scene, or changes one.
+    Object(ObjectOrder),
     /// Ends the session.
     Quit,
 }
@@ -177,6 +180,7 @@ fn parse_line(line: &str, switches: Switches) -> Result<Option<ScriptStep>> {
         "with" | "without" => {
             Command::Switch { parts: parts(word, rest, switches)?, on: word == "with" }
         }
+        "object" => Command::Object(ObjectOrder::parse(rest).map_err(anyhow::Error::msg)?),
         "quit" if rest.is_empty() => Command::Quit,
         "quit" => bail!("`quit` takes nothing; seconds come first, such as `20 quit`"),
         "" => bail!(
@@ -184,7 +188,7 @@ fn parse_line(line: &str, switches: Switches) -> Result<Option<ScriptStep>> {
         ),
         other => {
             bail!(
-                "`{other}` is not a command; there are view, picture, probe, with, without and quit"
+                "`{other}` is not a command; there are view, picture, probe, object, with, without and quit"
             )
         }
     };
@@ -298,6 +302,7 @@ mod tests {
             ("1 picture", "takes the name"),
             ("1 view -vp 1 2", "-vp"),
             ("1 quit now", "`quit` takes nothing"),
+            ("1 object fly", "`object fly` is no command"),
             ("1 without", "such as `without prefilter,dither`"),
             ("1 with colour", "`colour` is no part of the render cache (there are ageing, "),
         ] {

@@ -11,8 +11,8 @@ use holo_options::{LookArgs, ViewArgs};
 use holo_picture::{Picture, ViewSpec, luminance};
 use holo_progress::Meter;
 use holo_session::{
-    Again, Connected, EyeVelocity, FrameSchedule, FrameSize, RETURN_TIME, Session, StageTime,
-    Waited, starts_again,
+    Again, Connected, EyeVelocity, FrameSchedule, FrameSize, ObjectOrder, RETURN_TIME, Session,
+    StageTime, Waited, starts_again,
 };
 use serde_json::json;
 use tokio::sync::oneshot;
@@ -171,6 +171,7 @@ impl Player {
                     self.picture(&path, can_wait)?;
                 }
                 Command::Probe(column, row) => self.probe(column, row)?,
+                Command::Object(order) => self.object(order)?,
                 Command::Switch { parts, on } => {
                     parts.iter().try_for_each(|part| self.session.switch(part, on))?;
                 }
@@ -307,6 +308,14 @@ impl Player {
             self.meter.say(&report.to_string());
         }
         Ok(())
+    }
+
+    /// Follows an order about local objects, and waits for the model.
+    fn object(&mut self, order: ObjectOrder) -> Result<()> {
+        if let Some(answer) = self.session.object(order)? {
+            holo_progress::print_line!("{answer}");
+        }
+        self.session.wait_for_objects()
     }
 
     /// Prints what a pixel shows to standard output.

@@ -21,6 +21,7 @@ use super::{
     Ahead, RayDelay, Session,
     driver_choice::{DriverChoice, LoadedScene, SceneUse},
     incoming::{Incoming, MAX_WAITING_BYTES, SessionReader},
+    objects::{CarriedObjects, ObjectFolder, ObjectOrder, SessionObjects},
     scene::SceneLoader,
 };
 
@@ -41,6 +42,10 @@ pub struct Connected {
     messages: mpsc::Receiver<Incoming>,
     waker: Waker,
     awaits_scene: bool,
+    /// Orders of objects for the beginning of the session.
+    orders: Vec<ObjectOrder>,
+    /// True if kept objects come back.
+    recalls: bool,
     again: Again,
     /// A task that ends with the connection or with the session.
     reader: tokio::task::JoinHandle<()>,
@@ -53,6 +58,9 @@ pub struct Again {
     server: Destination,
     /// The driver of the next session.
     pub choice: Box<dyn DriverChoice>,
+    /// The objects of this session and the next, and where they are kept.
+    objects: CarriedObjects,
+    folder: Option<ObjectFolder>,
     /// True if a person walks, who may change to a driver that draws from the scene.
     walks: bool,
     shutdown: Shutdown,
@@ -66,7 +74,8 @@ impl Again {
     /// The errors of [`Connected::new`].
     pub fn connect(&self, address: SocketAddr) -> Result<Connected> {
         let Again { choice, walks, shutdown, runtime, .. } = self.clone();
-        runtime.block_on(Connected::new(address, choice, walks, shutdown))
+        let connected = runtime.block_on(Connected::new(address, choice, walks, shutdown))?;
+        Ok(connected.with_carried(self.objects.clone(), self.folder.clone()))
     }
 
     /// Connects again to the same server after the connection was lost. Retries for `patience`,
@@ -80,7 +89,7 @@ impl Again {
         patience: Duration,
         mut waiting: impl FnMut(&str),
     ) -> Result<Option<Connected>> {
-        let Again { server, choice, walks, shutdown, runtime } = self.clone();
+        let Again { server, choice, objects, folder, walks, shutdown, runtime } = self.clone();
         runtime.block_on(async {
             let name = name();
             let lost = |_: &NetError, pause: Duration| {
@@ -94,7 +103,7 @@ impl Again {
                 () = shutdown.wait() => return Ok(None),
             };
             Connected::from_connection(server, connection, choice, walks, shutdown.clone())
-                .map(Some)
+                .map(|connected| Some(connected.with_carried(objects, folder)))
         })
     }
 }
@@ -165,6 +174,8 @@ impl Connected {
         let again = Again {
             server,
             choice: choice.clone(),
+            objects: CarriedObjects::default(),
+            folder: None,
             walks,
             shutdown: shutdown.clone(),
             runtime: tokio::runtime::Handle::current(),
@@ -199,10 +210,31 @@ impl Connected {
             messages,
             waker,
             awaits_scene,
+            orders: Vec::new(),
+            recalls: false,
             again,
             reader,
             stopper,
         })
+    }
+
+    /// Carries objects into the scene before the session begins: those that a folder keeps, and those
+    /// of `orders`.
+    #[must_use]
+    pub fn with_objects(
+        mut self,
+        folder: Option<ObjectFolder>,
+        orders: Vec<ObjectOrder>,
+    ) -> Connected {
+        self.recalls = folder.is_some();
+        self.again.folder = folder;
+        Connected { orders, ..self }
+    }
+
+    /// Begins with the objects of the session before.
+    fn with_carried(mut self, objects: CarriedObjects, folder: Option<ObjectFolder>) -> Connected {
+        (self.again.objects, self.again.folder) = (objects, folder);
+        self
     }
 
     /// Returns a handle that ends the session's waits.
@@ -220,7 +252,8 @@ impl Connected {
     /// scene arrives.
     ///
     /// # Errors
-    /// If the connection is lost, or the driver requires the scene and it cannot be used.
+    /// If the connection is lost, the driver requires the scene and it cannot be used, or an object
+    /// cannot be used.
     pub fn begin(self, mut progress: impl FnMut(&str)) -> Result<Option<Session>> {
         let mut scene = None;
         if self.awaits_scene {
@@ -238,10 +271,11 @@ impl Connected {
         let driver = self.choice.make(&self.sections, sky, unit, scene.as_deref());
         let interrupt = Interrupt::default();
         let sections = self.sections.len();
-        Ok(Some(Session {
+        let mut session = Session {
             driver,
             interrupt,
             scene,
+            objects: SessionObjects::new(self.again.objects, self.again.folder),
             welcome: self.welcome,
             choice: self.choice,
             sections: self.sections,
@@ -265,7 +299,16 @@ impl Connected {
             refusal: None,
             start: Instant::now(),
             tasks: [self.reader, self.stopper],
-        }))
+        };
+        if self.recalls {
+            session.recall_objects();
+        }
+        for order in self.orders {
+            progress("reading a model");
+            session.object(order)?;
+            session.wait_for_objects()?;
+        }
+        Ok(Some(session))
     }
 }
 
@@ -312,6 +355,7 @@ fn await_scene(
                 Incoming::Message { .. }
                 | Incoming::Found { .. }
                 | Incoming::Weighed { .. }
+                | Incoming::Object(_)
                 | Incoming::Wake,
             ) => {}
             Ok(Incoming::Lost(error)) => return Err(error).context("lost the server"),

@@ -216,17 +216,20 @@ impl Session {
         Ok(())
     }
 
-    /// Requests the stored samples of the beams that another view crosses and the current one does
-    /// not. The current view stays.
+    /// Requests the stored samples of the beams that other views cross and the current one does not.
+    /// The current view stays.
     ///
     /// # Errors
     /// If the server is lost.
-    pub fn ask_beside(&mut self, look: &FrameRequest) -> Result<()> {
+    pub fn ask_beside(&mut self, looks: &[FrameRequest]) -> Result<()> {
         if self.has_whole_file() {
             return Ok(());
         }
         let (sections, options) = (&self.sections, SelectOptions::default());
-        let Selection { beams, .. } = select_beams(sections, &look.view, look.size, &options);
+        let beams = looks
+            .iter()
+            .flat_map(|look| select_beams(sections, &look.view, look.size, &options).beams);
+        let beams: Vec<_> = beams.collect();
         let Some(current) = &mut self.current else { return Ok(()) };
         let known: HashSet<BeamKey> = current.wanted.iter().map(|beam| beam.key).collect();
         let others = beams.into_iter().filter(|beam| !known.contains(&beam.key));
@@ -280,6 +283,7 @@ impl Session {
         now: Instant,
         ending: bool,
     ) -> Result<Option<Instant>> {
+        self.keep_objects_if_due();
         self.ask_if_unasked()?;
         let Some(current) = &self.current else { return Ok(None) };
         let rests = current.since + AT_REST;

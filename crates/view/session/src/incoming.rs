@@ -14,6 +14,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::{
     driver_choice::LoadedScene,
+    objects::LoadedObject,
     scene::{Blobs, SceneLoader},
 };
 
@@ -43,6 +44,8 @@ pub enum Incoming {
     ScenePreparing,
     /// The scene is ready, or cannot be used.
     Scene(Result<Box<LoadedScene>>),
+    /// A model that was to be carried into the scene was read.
+    Object(Box<LoadedObject>),
     /// A search for useful beams has ended.
     Found {
         /// The first request of the view that the beams are for.

@@ -25,6 +25,7 @@ mod earlier;
 mod focus;
 mod incoming;
 mod live;
+mod objects;
 mod received;
 mod scene;
 mod schedule;
@@ -62,6 +63,8 @@ pub use demand::Uncovered;
 pub use driver_choice::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
 pub use holo_net::RETURN_TIME;
 use incoming::Incoming;
+use objects::SessionObjects;
+pub use objects::{CarriedObjects, ObjectFolder, ObjectOrder, ObjectState, PoseChange};
 use received::Received;
 pub use schedule::{FrameSchedule, FrameSize, scaled};
 pub use velocity::EyeVelocity;
@@ -96,6 +99,8 @@ pub struct Session {
     interrupt: Interrupt,
     /// The scene, once it has arrived.
     scene: Option<Box<LoadedScene>>,
+    /// Models that a person carries into the scene.
+    objects: SessionObjects,
     outbox: Outbox,
     messages: mpsc::Receiver<Incoming>,
     /// Receives the results of searches.
@@ -148,6 +153,7 @@ pub enum Waited {
 
 impl Drop for Session {
     fn drop(&mut self) {
+        self.keep_objects();
         self.tasks.iter().for_each(tokio::task::JoinHandle::abort);
     }
 }
@@ -284,7 +290,7 @@ impl Session {
             // needs them.
             view.has_new_frame = is_moving;
         }
-        (frame, stages)
+        (frame.map(|frame| self.with_objects(frame, phase)), stages)
     }
 
     /// Plans a picture that is drawn in parts beside the current view, from the samples that have
@@ -300,7 +306,9 @@ impl Session {
         columns: Range<u32>,
         rows: Range<u32>,
     ) -> Option<Picture> {
-        self.driver.renderer.parts()?.part(plan, columns, rows, &self.interrupt)
+        let view = plan.look.view.part(plan.look.size, columns.clone(), rows.clone());
+        let part = self.driver.renderer.parts()?.part(plan, columns, rows, &self.interrupt)?;
+        Some(self.with_objects_in_part(part, &view))
     }
 
     /// Returns the signal that ends the drawing of frames at rest and of parts.
@@ -395,6 +403,7 @@ impl Session {
     /// If the server does not settle, or is lost.
     pub fn settle(&mut self, whole: bool) -> Result<()> {
         self.settles_whole = whole;
+        self.prepare_lightings();
         self.settle_once()?;
         let Some(current) = &mut self.current else { return Ok(()) };
         current.fade(self.driver.light.as_mut());
@@ -486,6 +495,10 @@ impl Session {
             Incoming::Message { message, .. } => self.samples(message).map(|()| None),
             Incoming::SceneFetched { .. } | Incoming::ScenePreparing => Ok(None),
             Incoming::Scene(scene) => self.change_scene(scene).map(|()| None),
+            Incoming::Object(loaded) => {
+                self.take_object(*loaded);
+                Ok(Some(Waited::Woken).filter(|_| !for_settled))
+            }
             Incoming::Found { first_request, beams } => {
                 self.ask_for_found(first_request, beams, for_settled).map(|()| None)
             }
@@ -510,6 +523,7 @@ impl Session {
             |current: &CurrentView, number| (current.first_request..=newest).contains(&number);
         match message {
             Message::Samples(samples) => {
+                self.objects.note_samples(samples.samples.len());
                 if samples.source != SampleSource::Traced {
                     self.last_stored = Instant::now();
                 }
@@ -590,6 +604,7 @@ impl Session {
         let scene = self.scene.as_deref();
         let (sky, unit) = (driver_choice::sky_of(&self.welcome, scene), self.welcome.unit);
         self.driver = self.choice.make(&self.sections, sky, unit, scene);
+        self.objects.note_driver();
         self.ahead.restart();
         if let Some(current) = &mut self.current {
             current.received = Received::default();

@@ -7,7 +7,7 @@ use std::{
 
 use glam::DVec3;
 use holo_picture::ViewSpec;
-use holo_session::DriverArg;
+use holo_session::{DriverArg, ObjectOrder};
 use holo_walk::Controls;
 
 use super::picture_order::PictureOrder;
@@ -67,6 +67,8 @@ pub enum Input {
     Driver(DriverArg),
     /// Switch parts of the driver's method on or off, by their names.
     Switch(Vec<String>, bool),
+    /// Carry an object into the scene, or change one.
+    Object(ObjectOrder),
     /// Go to a named view of the holodeck.
     Recall(Named),
     /// Store the current view in the holodeck under this name.

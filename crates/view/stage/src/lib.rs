@@ -44,7 +44,7 @@ use holo_session::{Again, Connected, Session, Waker, is_lost};
 use tokio::sync::watch;
 
 pub use crew::{Crew, CrewOrder, Restarted, crew};
-pub use holo_session::DriverArg;
+pub use holo_session::{DriverArg, ObjectOrder};
 pub use input::{Input, Inputs, Named, Numbered};
 pub use picture_file::{encode_picture, format_refusal};
 pub use picture_order::{PictureNews, PictureOrder};

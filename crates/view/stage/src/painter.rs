@@ -14,7 +14,8 @@ use holo_display::{DriverPart, Frame, FrameRequest, Interrupt};
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_session::{
-    DriverArg, EyeVelocity, FrameSchedule, Session, Uncovered, Waited, Waker, is_of_connection,
+    DriverArg, EyeVelocity, FrameSchedule, ObjectOrder, Session, Uncovered, Waited, Waker,
+    is_of_connection,
 };
 
 use super::{
@@ -54,6 +55,8 @@ pub enum Order {
     Driver(DriverArg),
     /// Switches parts of the driver's method on or off.
     Switch(Vec<String>, bool),
+    /// Carries an object into the scene, or changes one.
+    Object(ObjectOrder),
     /// Stores a named view in the holodeck; removes it if the options are empty.
     KeepView(String, String),
     /// Draws a picture of this view and size beside the walk.
@@ -204,6 +207,8 @@ pub struct Painter {
     drawn: Option<(StageView, bool)>,
     /// True if it must be drawn again, because the driver draws in another way now.
     is_outdated: bool,
+    /// True if an object has changed since it was drawn.
+    is_moved: bool,
     /// The picture that is being saved.
     job: Option<Box<PictureJob>>,
     news: News,
@@ -246,6 +251,7 @@ impl Painter {
             looked: None,
             drawn: None,
             is_outdated: false,
+            is_moved: false,
             job: None,
             news: News::default(),
         };
@@ -276,12 +282,18 @@ impl Painter {
                     order => self.follow(order)?,
                 }
             }
+            // Once for all orders: a person who drags gives many.
+            if std::mem::take(&mut self.is_moved) {
+                self.repaint_objects();
+            }
             // Even while the eye moves.
             self.job.take_if(|job| !job.order.is_wanted());
             if let Some(wanted) = wanted
                 && self.is_due(&wanted)
             {
                 self.paint(wanted)?;
+            } else if self.refines_objects() {
+                self.repaint_objects();
             } else {
                 self.work_on_picture()?;
             }
@@ -312,6 +324,11 @@ impl Painter {
                     self.refuse(error)?;
                 }
             }
+            Order::Object(order) => match self.session.object(order) {
+                Ok(None) => self.is_moved = true,
+                Ok(answer) => lock(&self.exchange).refusal = answer,
+                Err(error) => self.refuse(error)?,
+            },
             Order::KeepView(name, options) => {
                 if let Err(error) = self.session.keep_view(&name, &options) {
                     self.refuse(error)?;
@@ -346,7 +363,13 @@ impl Painter {
             .is_some_and(|wanted| self.drawn.as_ref().is_none_or(|(drawn, _)| drawn != wanted));
         let has_work =
             || self.job.as_ref().is_some_and(|job| self.rests() && job.is_due(&self.session, now));
-        if is_other || has_work() { now } else { now + NEWS }
+        let has_objects = || self.refines_objects() && !self.interrupt.is_set();
+        if is_other || has_work() || has_objects() { now } else { now + NEWS }
+    }
+
+    /// Returns whether objects are to be drawn better, and somebody sees it.
+    fn refines_objects(&self) -> bool {
+        self.rests() && self.watched.is_watched() && self.session.refines_objects()
     }
 
     /// Draws a frame of the requested view.
@@ -384,12 +407,34 @@ impl Painter {
         self.schedule.note_frame(size, [begin, end], arrived, frame.samples_used > 0);
         let has_few = size.has_few();
         let painted = Painted { wanted, view, frame: Arc::new(frame), took, has_few };
+        self.publish(painted);
+        Ok(())
+    }
+
+    /// Hands a frame over.
+    fn publish(&mut self, painted: Painted) {
         let mut exchange = lock(&self.exchange);
         exchange.painted = Some(painted);
         exchange.moving_share = Some(self.schedule.moving_share());
         drop(exchange);
         self.signal.raise();
-        Ok(())
+    }
+
+    /// Draws the objects again over the last frame of the driver. The next frame of the driver shows
+    /// them too.
+    fn repaint_objects(&mut self) {
+        let begin = Instant::now();
+        let (Some((wanted, true)), Some(look)) = (&self.drawn, self.looked) else { return };
+        let wanted = wanted.clone();
+        let Some(frame) = self.session.redraw_objects() else {
+            self.is_outdated = true;
+            return;
+        };
+        let full = wanted.spec.resolve(wanted.size).map_or(look.size, |(_, full)| full);
+        let has_few = look.size != full;
+        let took = [Duration::ZERO, begin.elapsed()];
+        let frame = Arc::new(frame);
+        self.publish(Painted { wanted, view: look.view, frame, took, has_few });
     }
 
     /// Shows a view to the session. Returns whether it can be shown.
@@ -411,7 +456,7 @@ impl Painter {
             return Ok(());
         }
         let job = PictureJob::new(order, view, size);
-        self.session.ask_beside(&job.look)?;
+        self.session.ask_beside(&[job.look])?;
         self.job = Some(Box::new(job));
         Ok(())
     }

@@ -344,7 +344,8 @@ impl ApplicationHandler<Event> for App {
             WindowEvent::ModifiersChanged(modifiers) => {
                 let state = modifiers.state();
                 let other = state.alt_key() || state.super_key();
-                self.model.set_modifiers(Modifiers { ctrl: state.control_key(), other });
+                let (ctrl, shift) = (state.control_key(), state.shift_key());
+                self.model.set_modifiers(Modifiers { ctrl, shift, other });
                 Vec::new()
             }
             // The system repeats presses of held keys when the window gets the focus.

@@ -69,6 +69,8 @@ pub enum Grids {
 pub struct Modifiers {
     /// True if Ctrl is held.
     pub ctrl: bool,
+    /// True if Shift is held.
+    pub shift: bool,
     /// True if a modifier is held whose combinations belong to the desktop.
     pub other: bool,
 }
@@ -114,6 +116,8 @@ pub struct WindowModel {
     held: BTreeSet<String>,
     controls: Controls,
     modifiers: Modifiers,
+    /// True while the mouse holds an object.
+    holds: bool,
     hand: WindowPointers,
     notice: Option<(String, Option<Instant>)>,
     /// When the stage is informed of a new size.
@@ -146,6 +150,7 @@ impl WindowModel {
             held: BTreeSet::new(),
             controls: Controls::default(),
             modifiers: Modifiers::default(),
+            holds: false,
             hand: WindowPointers::default(),
             notice: None,
             resized: None,

@@ -25,10 +25,10 @@ impl Coordinator {
             Role::Worker => {
                 self.progress.say(&format!("{name} joined"));
                 let paths = self.holodeck.about.settings.paths_per_sample;
-                let maker = self.number(&name, access.token, access.machine);
+                let (maker, refusal) = self.number(&name, access.token, access.machine);
                 let worker = WorkerId::new(maker, self.workers.values().map(|worker| worker.id));
                 self.workers.insert(id, ConnectedWorker::new(outbox, name, worker, paths));
-                if let Some(reason) = self.fault_of(maker) {
+                if let Some(reason) = refusal.or_else(|| self.fault_of(maker)) {
                     self.expel(id, reason);
                 }
             }
@@ -41,14 +41,23 @@ impl Coordinator {
         }
     }
 
-    /// Returns the file's number for a worker's machine.
-    fn number(&self, name: &str, token: Option<String>, machine: Option<MachineId>) -> Maker {
+    /// Returns the file's number for a worker's machine, or why it gets none.
+    fn number(
+        &self,
+        name: &str,
+        token: Option<String>,
+        machine: Option<MachineId>,
+    ) -> (Maker, Option<String>) {
         let key = machine.map(|machine| machine.to_string());
         let mut makers = self.holodeck.makers_mut();
+        let refusal = makers.refusal(name, token.as_deref(), key.as_deref());
+        if refusal.is_some() {
+            return (Maker::UNKNOWN, refusal);
+        }
         let maker = makers.of(name, token.clone(), key);
         // A machine may come back with another token. The last one is the one to revoke.
         makers.change(maker, |made| made.token = token);
-        maker
+        (maker, None)
     }
 
     /// Returns the connection of a worker that is there.

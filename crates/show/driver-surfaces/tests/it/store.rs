@@ -112,8 +112,8 @@ fn a_store_keeps_what_was_seen_last() {
     placed.retain(|sample| sample.point().x.abs() > 0.2);
     let (before, now): (Vec<_>, Vec<_>) =
         placed.into_iter().partition(|sample| sample.point().x < 0.0);
-    // A sample takes 24 bytes. Both halves do not fit.
-    let mut store = LightStore::new(0.0001, 24 * 4_500);
+    // A sample takes 24 bytes, and a list may be a fifth empty. Both halves do not fit.
+    let mut store = LightStore::new(0.0001, 30 * 4_500);
     store.add(&before);
     store.begin_round();
     store.add(&now);

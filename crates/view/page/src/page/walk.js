@@ -731,6 +731,8 @@ const pointers = new Map();
 let button = 0, cursorAt = 0;
 /** First corner of the rectangle that is being dragged, in shares of the picture. */
 let corner = null;
+/** Whether the pointer holds an object. */
+let holds = false;
 
 /** Returns a pointer's place in shares of the picture. */
 function shares(event) {
@@ -759,6 +761,8 @@ stage.addEventListener('pointerdown', event => {
   stage.focus({ preventScroll: true });
   if (pointers.size === 0) { cursorAt = 0; sendCursor(event); button = event.button; }
   corner = event.ctrlKey || event.metaKey ? shares(event) : null;
+  holds = event.shiftKey && !corner && event.button === 0;
+  if (holds) say('grab', { at: shares(event) });
   pointers.set(event.pointerId, event);
   stage.setPointerCapture(event.pointerId);
   stage.classList.add('grabbing');
@@ -776,6 +780,7 @@ stage.addEventListener('pointermove', event => {
   const [dx, dy] = [x - bx, y - by];
   if (!dx && !dy) return;
   if (corner) { showFocus(between(corner, [x, y])); return; }
+  if (holds) { act('drag', { at: [x, y] }); return; }
   if (button === 2) act('orbit', { right: dx * Math.PI, up: -dy * Math.PI / 2 });
   else if (button === 1) act('slide', { right: -dx, up: dy });
   else act('turn', { right: -dx * across, up: dy * along });
@@ -806,6 +811,7 @@ for (const type of ['pointerup', 'pointercancel']) stage.addEventListener(type, 
     if (!isLarge) showFocus(null);
     corner = null;
   }
+  holds = false;
   pointers.delete(event.pointerId);
   if (pointers.size === 0) stage.classList.remove('grabbing');
 });
@@ -827,7 +833,9 @@ stage.addEventListener('wheel', event => {
   event.preventDefault();
   // A notch is 100 pixels, 3 lines or a page. Browsers send a pinch as small steps with Ctrl.
   const notch = event.deltaMode === 2 ? 1 : event.deltaMode === 1 ? 3 : event.ctrlKey ? 10 : 100;
-  const lines = event.deltaY / notch;
+  // With Shift, browsers may take a wheel as a sideways one.
+  const lines = (event.deltaY || event.deltaX) / notch;
+  if (event.shiftKey) { act('spin', { at: shares(event), degrees: 15 * Math.max(-4, Math.min(4, lines)) }); return; }
   cursorAt = 0;
   sendCursor(event);
   act('wheel', { steps: Math.max(-4, Math.min(4, -lines)) });

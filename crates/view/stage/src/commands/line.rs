@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use glam::DVec3;
 use holo_options::parse_size;
 use holo_picture::{Format, ViewSpec};
-use holo_session::DriverArg;
+use holo_session::{DriverArg, ObjectOrder};
 
 use crate::{Input, Named};
 
@@ -17,7 +17,8 @@ const MOST_NAME: usize = 60;
 const LINES: &str = "home, back, forward, view OPTIONS, view NAME, go X Y Z, lock, unlock, \
     solid, ghost, leave, \
     size WxH, pause, resume, kill workers, restart workers, driver NAME, with PART, without PART, keep NAME, forget NAME, restore, \
-    picture FILE, picture FILE WxH, restart (twice), start over (twice), cancel, quit";
+    picture FILE, picture FILE WxH, object add FILE at X Y Z, object move|turn|scale NAME to|by …, \
+    object remove NAME, object list, restart (twice), start over (twice), cancel, quit";
 
 /// Parses a command line.
 ///
@@ -61,6 +62,7 @@ pub fn parse(line: &str) -> Result<Input, String> {
         "keep" => name(rest).map(Input::Keep),
         "forget" => name(rest).map(Input::Forget),
         "picture" => picture(rest),
+        "object" => ObjectOrder::parse(rest).map(Input::Object),
         _ => Err(format!("`{line}` is no command. Commands: {LINES}")),
     }
 }
@@ -149,6 +151,8 @@ mod tests {
             ("size 640x480", Input::Size(640, 480)),
             ("picture a b.png", Input::Picture("a b.png".into(), None)),
             ("picture a b.exr 64x36", Input::Picture("a b.exr".into(), Some((64, 36)))),
+            ("object list", Input::Object(ObjectOrder::List)),
+            ("object remove a chair", Input::Object(ObjectOrder::Remove("a chair".into()))),
             ("quit", Input::Quit),
             ("with dither", Input::Switch(vec!["dither".into()], true)),
             (
@@ -179,6 +183,7 @@ mod tests {
             ("driver fast", "drivers: surfaces"),
             ("without", "names no part"),
             ("with a,,b", "names no part"),
+            ("object", "write `object add"),
             ("picture", "needs a file"),
             ("picture a.txt 64x36", "needs a file"),
         ] {

@@ -184,6 +184,8 @@ pub const GESTURES: &[(&str, &str)] = &[
     ("right drag", "orbit"),
     ("middle drag", "shift"),
     ("Ctrl drag", "trace here first"),
+    ("Shift drag", "move an object"),
+    ("Shift wheel", "turn an object"),
     ("wheel", "approach, back off"),
 ];
 

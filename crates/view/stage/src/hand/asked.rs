@@ -59,6 +59,7 @@ impl Hand {
                 self.order(Order::Driver(driver));
             }
             Input::Switch(parts, on) => self.order(Order::Switch(parts, on)),
+            Input::Object(order) => self.order(Order::Object(order)),
             Input::Size(width, height) => self.resize((width, height)),
             Input::KillWorkers => self.order_crew(Crew::kill_workers),
             Input::RestartWorkers => self.order_crew(Crew::restart_workers),

@@ -35,7 +35,7 @@ impl WindowModel {
     /// Returns the effects of a key: `name` is its place on the keyboard, `sign` the text that it
     /// writes.
     pub fn press(&mut self, name: &str, sign: &str, repeats: bool, now: Instant) -> Vec<Effect> {
-        let Modifiers { ctrl, other } = self.modifiers;
+        let Modifiers { ctrl, other, .. } = self.modifiers;
         if ctrl && name == "KeyQ" {
             return vec![Effect::Leave];
         }

@@ -2,13 +2,16 @@
 
 use std::time::Instant;
 
-use holo_stage::Input;
+use holo_stage::{Input, ObjectOrder};
 
 use super::{Effect, Point, WindowModel};
 use crate::{
     hand::{Drag, PointerTarget, looked, wheeled},
     overlay::space::{OverlayCamera, Plan},
 };
+
+/// Degrees by which a step of the wheel turns an object.
+const SPIN: f64 = 15.0;
 
 impl WindowModel {
     /// Returns the effects of a motion of the mouse to a point.
@@ -22,7 +25,9 @@ impl WindowModel {
         if has_part || self.modes.has_panel && !self.modes.is_bare {
             self.touch();
         }
-        input.map(|input| self.send(input)).unwrap_or_default()
+        let held = self.cursor().filter(|_| self.holds);
+        let held = held.map(|(x, y)| Input::Object(ObjectOrder::DragTo([x, y])));
+        held.or(input).map(|input| self.send(input)).unwrap_or_default()
     }
 
     /// Returns the effects of a motion of the mouse by some pixels, wherever it is.
@@ -47,6 +52,13 @@ impl WindowModel {
                 self.hand.begin_part();
                 Vec::new()
             }
+            Some(at) if drag == Drag::Turn && self.modifiers.shift => {
+                self.click(at).unwrap_or_else(|| {
+                    self.holds = true;
+                    let at = self.cursor().map(|(x, y)| ObjectOrder::Grab([x, y]));
+                    at.map(|order| self.send(Input::Object(order))).unwrap_or_default()
+                })
+            }
             Some(at) if drag == Drag::Turn => self.click(at).unwrap_or_else(|| {
                 self.hand.press(drag);
                 Vec::new()
@@ -61,6 +73,7 @@ impl WindowModel {
     /// Returns the effects of a released button.
     pub fn button_up(&mut self, drag: Drag) -> Vec<Effect> {
         self.hand.release(drag);
+        self.holds &= drag != Drag::Turn;
         let target = self.target();
         let part = if drag == Drag::Turn { self.hand.end_part(&target) } else { None };
         part.map(|input| self.send(input)).unwrap_or_default()
@@ -106,7 +119,13 @@ impl WindowModel {
 
     /// Returns the effects of steps of the wheel.
     pub fn wheel(&mut self, steps: f64) -> Vec<Effect> {
-        self.send(wheeled(steps))
+        match self.cursor().filter(|_| self.modifiers.shift) {
+            Some((x, y)) => {
+                let order = ObjectOrder::Spin([x, y], -SPIN * steps);
+                self.send(Input::Object(order))
+            }
+            None => self.send(wheeled(steps)),
+        }
     }
 
     /// Returns the effects of a finger's touch or motion.

@@ -218,6 +218,20 @@ fn ending_is_asked_twice() {
 }
 
 #[test]
+fn an_object_is_moved_and_turned_with_shift() {
+    let object = |order| [Effect::Send(Input::Object(order))];
+    let mut model = model();
+    model.move_to((320.0, 180.0));
+    model.set_modifiers(Modifiers { shift: true, ..Modifiers::default() });
+    assert_eq!(model.button(Drag::Turn), object(ObjectOrder::Grab([0.25, 0.25])));
+    assert_eq!(model.move_to((640.0, 360.0)), object(ObjectOrder::DragTo([0.5, 0.5])));
+    assert_eq!(model.button_up(Drag::Turn), []);
+    assert_eq!(model.wheel(-1.0), object(ObjectOrder::Spin([0.5, 0.5], 15.0)));
+    model.set_modifiers(Modifiers::default());
+    assert_ne!(model.move_to((320.0, 180.0)), object(ObjectOrder::DragTo([0.25, 0.25])));
+}
+
+#[test]
 fn a_rectangle_that_is_dragged_out_with_ctrl_is_traced_first() {
     let mut model = model();
     model.move_to((320.0, 180.0));

@@ -1,0 +1,118 @@
+//! The scene that objects are carried into, if its model is known: what rays meet there.
+//!
+//! Without it, a frame's distances stand for it. They are right except in mirrors and behind panes.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use holo_picture::View;
+use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
+use holo_scene::Bsdf;
+
+/// Most panes that a ray passes.
+const MOST_PANES: usize = 8;
+
+/// Share of the way to a light behind which nothing hides it: the light itself is there, as far as
+/// a probe knows its place.
+const NEARLY_ALL: f64 = 0.99;
+
+/// The model of the scene that objects are carried into.
+#[derive(Clone, Debug)]
+pub struct Room(Arc<Raycaster>);
+
+/// A surface of the room that takes shadows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RoomSurface {
+    /// In the scene.
+    pub place: DVec3,
+    /// Unit normal on the side that is seen.
+    pub normal: Vec3,
+    /// The share of light that it reflects diffusely.
+    pub reflectance: Vec3,
+    /// In the room's own coordinates.
+    at: SurfacePoint,
+}
+
+impl Room {
+    /// Returns the room of a scene.
+    #[must_use]
+    pub fn new(raycaster: Arc<Raycaster>) -> Room {
+        Room(raycaster)
+    }
+
+    pub(crate) fn raycaster(&self) -> &Raycaster {
+        &self.0
+    }
+
+    /// Returns the distances of a view's surfaces from the eye, as a [`Frame`](holo_display::Frame)
+    /// has them.
+    #[must_use]
+    pub fn depth(&self, view: &View, size: (u32, u32)) -> Vec<f32> {
+        let of = |pixel: u32| {
+            let (x, y) = View::pixel_centre(size, pixel % size.0.max(1), pixel / size.0.max(1));
+            let Some((origin, direction, _)) = view.clipped_ray(x, y) else { return 0.0 };
+            self.nearest(origin, direction).map_or(f32::INFINITY, |(_, distance)| distance as f32)
+        };
+        use rayon::prelude::*;
+        (0..size.0 * size.1).into_par_iter().map(of).collect()
+    }
+
+    /// Returns the first surface along a ray that is no pane, and its distance.
+    pub(crate) fn nearest(&self, origin: DVec3, direction: DVec3) -> Option<(Hit, f64)> {
+        let (mut ray, skipped) = self.0.localize(origin, direction)?;
+        let mut from = holo_raycast::NO_TRIANGLE;
+        for _ in 0..MOST_PANES {
+            let hit = self.0.nearest_from(&ray, from)?;
+            if !matches!(self.0.scene().material(hit.triangle).bsdf, Bsdf::ThinGlass { .. }) {
+                return Some((hit, f64::from(hit.t) + skipped));
+            }
+            (ray.t_min, from) = (hit.t, hit.triangle);
+        }
+        None
+    }
+
+    /// Returns the surface at a hit, if it takes shadows: mirrors, metals, glass and lamps do not.
+    pub(crate) fn surface(&self, hit: &Hit, direction: Vec3, width: f32) -> Option<RoomSurface> {
+        let scene = self.0.scene();
+        let material = scene.material(hit.triangle);
+        let is_diffuse = matches!(material.bsdf, Bsdf::Diffuse { .. } | Bsdf::Coated { .. });
+        if !is_diffuse || material.emits() {
+            return None;
+        }
+        let at = self.0.surface(hit.triangle, hit.u, hit.v);
+        let normal = scene.smooth_normal(hit.triangle, hit.u, hit.v).unwrap_or(at.normal);
+        let normal = if at.normal.dot(direction) > 0.0 { -normal } else { normal };
+        let reflectance = scene.reflectance(hit.triangle, hit.u, hit.v, width).into();
+        let place = scene.origin + at.point.as_dvec3();
+        Some(RoomSurface { place, normal, reflectance, at })
+    }
+
+    /// Returns whether the room hides what is at this distance from one of its surfaces.
+    pub(crate) fn hides_from(&self, from: &RoomSurface, direction: Vec3, distance: f64) -> bool {
+        let origin = spawn(from.at.point, from.at.error, from.at.normal, direction);
+        let ray = Ray { t_max: (NEARLY_ALL * distance) as f32, ..Ray::new(origin, direction) };
+        self.is_dark(ray, from.at.triangle)
+    }
+
+    /// Returns whether the room hides what is at this distance from a place.
+    pub(crate) fn hides(&self, place: DVec3, direction: Vec3, distance: f64) -> bool {
+        let Some((ray, skipped)) = self.0.localize(place, direction.as_dvec3()) else {
+            return false;
+        };
+        let t_max = (NEARLY_ALL * distance - skipped) as f32;
+        self.is_dark(Ray { t_max, ..ray }, holo_raycast::NO_TRIANGLE)
+    }
+
+    /// Returns whether no light passes along a ray. Light passes panes.
+    fn is_dark(&self, ray: Ray, from: u32) -> bool {
+        let (mut ray, mut from) = (ray, from);
+        for _ in 0..MOST_PANES {
+            let Some(hit) = self.0.nearest_from(&ray, from) else { return false };
+            if !matches!(self.0.scene().material(hit.triangle).bsdf, Bsdf::ThinGlass { .. }) {
+                return true;
+            }
+            (ray.t_min, from) = (hit.t, hit.triangle);
+        }
+        false
+    }
+}

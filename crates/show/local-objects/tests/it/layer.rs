@@ -1,0 +1,133 @@
+//! What is seen of objects.
+
+use glam::DVec3;
+use holo_display::Interrupt;
+use holo_local_objects::{LayerDetail, ObjectLayer, ObjectPose};
+use holo_scene::Bsdf;
+
+use crate::common::{drawn, floor, grey, lit, lit_here, pedestal, pixel_of, view};
+
+const SIZE: (u32, u32) = (160, 120);
+
+/// A sample of the top and of the two sides that the view sees, of a pedestal of width 1 and
+/// height 1.
+const FACES: [(DVec3, DVec3); 3] = [
+    (DVec3::new(0.1, -0.1, 1.0), DVec3::Z),
+    (DVec3::new(0.5, 0.1, 0.6), DVec3::X),
+    (DVec3::new(-0.1, -0.5, 0.6), DVec3::NEG_Y),
+];
+
+#[test]
+fn in_even_light_a_convex_object_has_the_radiance_times_its_albedo() {
+    let view = view(DVec3::new(0.0, 0.0, 0.5), SIZE);
+    let mut frame = floor(&view, SIZE, 2.0);
+    // Without a floor, nothing darkens the surroundings.
+    frame.depth.fill(f32::INFINITY);
+    let mut object = lit_here(&pedestal(1.0, 1.0, grey(0.6)), |_| 2.0);
+    for detail in [LayerDetail::Quick, LayerDetail::Exact(16)] {
+        let seen = drawn(&frame, &view, std::slice::from_ref(&object), None, detail);
+        for (point, _) in FACES {
+            let found = seen.picture.pixels[pixel_of(&view, SIZE, point)][1];
+            assert!((found - 1.2).abs() < 0.03, "{detail:?} at {point}: {found}, not 1.2");
+        }
+        // Each number of lights gives the same.
+        object = lit(&pedestal(1.0, 1.0, grey(0.6)), ObjectPose::at(DVec3::ZERO), 1, |_| 2.0);
+    }
+}
+
+#[test]
+fn a_small_lamp_lights_faces_by_the_cosine() {
+    let view = view(DVec3::new(0.0, 0.0, 0.5), SIZE);
+    let frame = floor(&view, SIZE, 0.0);
+    let towards = DVec3::new(0.5, -0.4, 0.8).normalize();
+    // A cone of 8° around the lamp's direction.
+    let (least, radiance) = (8.0_f64.to_radians().cos(), 100.0);
+    let lamp = |direction: DVec3| if direction.dot(towards) > least { radiance } else { 0.01 };
+    let object = lit_here(&pedestal(1.0, 1.0, grey(0.5)), lamp);
+    for detail in [LayerDetail::Quick, LayerDetail::Exact(64)] {
+        let seen = drawn(&frame, &view, std::slice::from_ref(&object), None, detail);
+        for (point, normal) in FACES {
+            // The lamp is on a sphere of radius 10 around the object, and the face nearer to it.
+            let centre = DVec3::new(0.0, 0.0, 0.5);
+            let way = towards * 10.0 - (point - centre);
+            let nearer = 100.0 / way.length_squared();
+            let cosine = way.normalize().dot(normal).max(0.0) * nearer;
+            let irradiance = 2.0 * std::f64::consts::PI * (1.0 - least) * f64::from(radiance);
+            let rest = 0.01 * std::f64::consts::PI;
+            let expected = 0.5 / std::f64::consts::PI * (irradiance * cosine + rest);
+            let found = f64::from(seen.picture.pixels[pixel_of(&view, SIZE, point)][0]);
+            let error = (found / expected - 1.0).abs();
+            assert!(error < 0.06, "{detail:?} at {point}: {found}, not {expected}");
+        }
+    }
+}
+
+#[test]
+fn what_is_nearer_hides_the_other() {
+    let view = view(DVec3::new(0.0, 0.0, 0.5), SIZE);
+    let frame = floor(&view, SIZE, 2.0);
+    let object = [lit_here(&pedestal(1.0, 1.0, grey(0.1)), |_| 2.0)];
+    let pixel = pixel_of(&view, SIZE, DVec3::new(0.1, -0.1, 1.0));
+    let seen = drawn(&frame, &view, &object, None, LayerDetail::Quick);
+    assert!((seen.picture.pixels[pixel][0] - 0.2).abs() < 0.02, "in front of the floor");
+    let distance = view.vp.distance(DVec3::new(0.1, -0.1, 1.0)) as f32;
+    assert!((seen.depth[pixel] - distance).abs() < 0.05, "its distance is that of the frame");
+    let mut wall = frame.clone();
+    wall.depth.fill(2.0);
+    let hidden = drawn(&wall, &view, &object, None, LayerDetail::Quick);
+    assert_eq!(hidden.picture.pixels[pixel], wall.picture.pixels[pixel], "behind a wall");
+    assert_eq!(hidden.depth, wall.depth);
+}
+
+#[test]
+fn pixels_beside_objects_and_shadows_stay_and_a_frame_without_objects_is_the_same() {
+    let view = view(DVec3::new(0.0, 0.0, 0.5), SIZE);
+    let frame = floor(&view, SIZE, 2.0);
+    assert_eq!(drawn(&frame, &view, &[], None, LayerDetail::Quick).picture, frame.picture);
+    let aside = ObjectPose { at: DVec3::new(-30.0, 40.0, 0.0), turn: 0.0, scale: 1.0 };
+    let object = [lit(&pedestal(0.1, 0.1, grey(0.1)), aside, 8, |_| 2.0)];
+    let seen = drawn(&frame, &view, &object, None, LayerDetail::Quick);
+    let near = pixel_of(&view, SIZE, DVec3::ZERO);
+    assert_eq!(seen.picture.pixels[near], frame.picture.pixels[near]);
+}
+
+#[test]
+fn passes_add_up_however_many_are_drawn_at_a_time() {
+    let view = view(DVec3::new(0.0, 0.0, 0.5), SIZE);
+    let frame = floor(&view, SIZE, 2.0);
+    let above = |direction: DVec3| if direction.z > 0.9 { 20.0 } else { 1.0 };
+    let objects = [lit_here(&pedestal(1.0, 1.0, grey(0.6)), above)];
+    let at_once = drawn(&frame, &view, &objects, None, LayerDetail::Exact(6));
+    let mut layer = ObjectLayer::new(&frame, &view, &objects, LayerDetail::Exact(6));
+    let interrupt = Interrupt::default();
+    interrupt.set();
+    let mut calls = 0;
+    while layer.is_unfinished() {
+        // An interrupt ends each call after its first pass.
+        layer.draw(&frame, &objects, None, 4, &interrupt);
+        calls += 1;
+    }
+    let mut one_by_one = frame.clone();
+    layer.compose(&mut one_by_one);
+    assert_eq!(calls, 6);
+    assert_eq!(one_by_one.picture.pixels, at_once.picture.pixels);
+    assert!(layer.visible_share() > 0.01);
+}
+
+#[test]
+fn a_mirror_shows_its_surroundings_and_a_pane_what_is_behind() {
+    let view = view(DVec3::new(0.0, 0.0, 0.5), SIZE);
+    let frame = floor(&view, SIZE, 3.0);
+    let above = |direction: DVec3| if direction.z > 0.0 { 5.0 } else { 1.0 };
+    let top = pixel_of(&view, SIZE, DVec3::new(0.1, -0.1, 1.0));
+    let mirror = [lit_here(&pedestal(1.0, 1.0, Bsdf::Mirror { ks: [0.9; 3] }), above)];
+    for detail in [LayerDetail::Quick, LayerDetail::Exact(8)] {
+        let seen = drawn(&frame, &view, &mirror, None, detail);
+        assert!((seen.picture.pixels[top][0] - 4.5).abs() < 0.1, "{detail:?}");
+    }
+    let bsdf = Bsdf::ThinGlass { ior: 1.0, transmittance: [0.5; 3] };
+    let pane = [lit_here(&pedestal(1.0, 1.0, bsdf), above)];
+    let seen = drawn(&frame, &view, &pane, None, LayerDetail::Exact(8));
+    // A ray passes two panes, or three where it also leaves through the bottom.
+    assert!((seen.picture.pixels[top][0] - 0.75).abs() < 0.05, "{:?}", seen.picture.pixels[top]);
+}

@@ -1,0 +1,7 @@
+//! Local objects, compared with closed forms.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+mod layer;
+mod objects;
+mod shadows;
