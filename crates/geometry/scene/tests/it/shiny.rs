@@ -15,7 +15,7 @@ fn ball(centre: DVec3, radius: f64) -> Vec<[DVec3; 3]> {
     let at = |ring: u32, turn: u32| {
         let (height, angle) = (PI * f64::from(ring) / 12.0, TAU * f64::from(turn % 24) / 24.0);
         // The poles are one point each.
-        let flat = if ring % 12 == 0 { 0.0 } else { height.sin() };
+        let flat = if ring.is_multiple_of(12) { 0.0 } else { height.sin() };
         centre + radius * DVec3::new(flat * angle.cos(), flat * angle.sin(), -height.cos())
     };
     let quad = |(ring, turn): (u32, u32)| {
