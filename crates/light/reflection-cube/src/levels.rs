@@ -1,11 +1,6 @@
-//! Blurrier levels of a cube, and smooth look-ups in them.
+//! Blurrier levels of a cube: means of its texels.
 
-use crate::cube::ReflectionCube;
-use crate::face::{FACES, FacePoint, solid_angle};
-
-/// Least share of a look-up's weights that must be of valid texels. The nearest texel alone has a
-/// quarter or more.
-const LEAST_VALID: f32 = 0.24;
+use crate::face::{FACES, solid_angle};
 
 /// A texel of a level, or a mean of several.
 #[derive(Clone, Copy, Debug, Default)]
@@ -29,7 +24,7 @@ pub(crate) struct CubeLevel {
 
 /// Sums weighted texels.
 #[derive(Default)]
-struct WeightedTexels {
+pub(crate) struct WeightedTexels {
     radiance: [f32; 3],
     inverse_depth: f32,
     weight: f32,
@@ -37,7 +32,7 @@ struct WeightedTexels {
 
 impl WeightedTexels {
     #[inline]
-    fn add(&mut self, texel: &LevelTexel, weight: f32) {
+    pub fn add(&mut self, texel: &LevelTexel, weight: f32) {
         let weight = weight * texel.valid;
         (0..3).for_each(|c| self.radiance[c] += weight * texel.radiance[c]);
         self.inverse_depth += weight * texel.inverse_depth;
@@ -46,7 +41,7 @@ impl WeightedTexels {
 
     /// Returns the mean, whose weights would have the sum `whole` if everything were valid.
     #[inline]
-    fn mean(self, whole: f32) -> LevelTexel {
+    pub fn mean(self, whole: f32) -> LevelTexel {
         if self.weight <= 0.0 {
             return LevelTexel::default();
         }
@@ -85,81 +80,12 @@ impl CubeLevel {
         }
         own.to_vec()
     }
-}
 
-impl ReflectionCube {
-    /// Returns a texel of a level.
+    /// Returns a texel.
     #[inline]
-    fn texel_at(&self, level: usize, face: usize, (column, row): (u32, u32)) -> LevelTexel {
-        match level.checked_sub(1) {
-            None => self.finest(face, (column, row)),
-            Some(above) => {
-                let CubeLevel { resolution, texels } = &self.levels()[above];
-                let side = *resolution as usize;
-                let number = (face * side + row as usize) * side + column as usize;
-                texels.get(number).copied().unwrap_or_default()
-            }
-        }
-    }
-
-    /// Returns a texel of a level. Beyond the edge of the face, it is a texel of another face, with
-    /// the depth that this face would give it.
-    #[inline]
-    fn texel_around(
-        &self,
-        level: usize,
-        face: usize,
-        at @ (column, row): (i32, i32),
-    ) -> LevelTexel {
-        let resolution = self.resolution() >> level;
-        let inside = 0..resolution as i32;
-        if inside.contains(&column) && inside.contains(&row) {
-            return self.texel_at(level, face, (column as u32, row as u32));
-        }
-        let beyond = FacePoint::middle(face, at, resolution);
-        let other = FacePoint::of(beyond.direction());
-        let texel = self.texel_at(level, other.face, other.texel(resolution));
-        let closer = beyond.across.abs().max(beyond.down.abs());
-        LevelTexel { inverse_depth: closer * texel.inverse_depth, ..texel }
-    }
-
-    /// Returns the mean of the four texels of a level around a point, each by its weight and its
-    /// valid share. `None` if too little is valid there.
-    #[inline]
-    pub(crate) fn smooth(&self, level: usize, point: FacePoint) -> Option<LevelTexel> {
-        let side = (self.resolution() >> level) as f32;
-        let at = |place: f32| 0.5 * (place + 1.0) * side - 0.5;
-        let (x, y) = (at(point.across), at(point.down));
-        let (left, top) = (x.floor(), y.floor());
-        let (right_share, below_share) = (x - left, y - top);
-        let mut sum = WeightedTexels::default();
-        for (right, below) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let across = if right == 1 { right_share } else { 1.0 - right_share };
-            let down = if below == 1 { below_share } else { 1.0 - below_share };
-            let place = (left as i32 + right, top as i32 + below);
-            sum.add(&self.texel_around(level, point.face, place), across * down);
-        }
-        // Blocks of a level count fully if they know anything: a mean of few texels is a mean.
-        let least = if level == 0 { LEAST_VALID } else { f32::MIN_POSITIVE };
-        Some(sum.mean(1.0)).filter(|mean| mean.valid >= least)
-    }
-
-    /// Returns the mean over an angle around a point, radians, between two levels. `None` if
-    /// nothing is known there.
-    pub(crate) fn blurred(&self, spread: f32, point: FacePoint) -> Option<LevelTexel> {
-        let level = (spread / self.spread_of(0)).max(1.0).log2();
-        let level = level.min(self.levels().len() as f32);
-        let (sharp, more) = (level.floor() as usize, level.fract());
-        if more == 0.0 {
-            return self.smooth(sharp, point);
-        }
-        let blurry = self.smooth(sharp + 1, point)?;
-        let Some(sharp) = self.smooth(sharp, point) else { return Some(blurry) };
-        let mix = |one: f32, other: f32| one + more * (other - one);
-        Some(LevelTexel {
-            radiance: [0, 1, 2].map(|c| mix(sharp.radiance[c], blurry.radiance[c])),
-            inverse_depth: mix(sharp.inverse_depth, blurry.inverse_depth),
-            valid: mix(sharp.valid, blurry.valid),
-        })
+    pub fn texel(&self, face: usize, (column, row): (u32, u32)) -> LevelTexel {
+        let side = self.resolution as usize;
+        let number = (face * side + row as usize) * side + column as usize;
+        self.texels.get(number).copied().unwrap_or_default()
     }
 }

@@ -23,6 +23,7 @@ mod cube;
 mod face;
 mod levels;
 mod parallax;
+mod smooth;
 
 pub use cube::{
     CubeAnswer, CubeLight, CubeStatistics, LEAST_RESOLUTION, MOST_RESOLUTION, ReflectionCube,

@@ -1,11 +1,10 @@
 //! What differs between the engines: where a path ends early, and what it teaches.
 
 use glam::Vec3;
-use holo_raycast::{Hit, Raycaster, SurfacePoint};
+use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint};
 
 use crate::bsdf::Scatter;
 use crate::engine::{PathEngine, Spread};
-use crate::reflections::LeavingRay;
 use crate::sampler::Sampler;
 
 /// A vertex after the first, on a surface that is neither a mirror nor glass.
@@ -24,6 +23,16 @@ pub(crate) struct LaterVertex<'a> {
     pub scatterings: u32,
     /// Number of surfaces that the path has left.
     pub depth: u32,
+}
+
+/// A ray that leaves a surface.
+pub(crate) struct LeavingRay<'a> {
+    pub ray: &'a Ray,
+    pub triangle: u32,
+    /// The surface's geometric normal, on its front.
+    pub normal: Vec3,
+    /// True if the surface bounds a solid.
+    pub is_solid: bool,
 }
 
 /// What a path carries on its way.

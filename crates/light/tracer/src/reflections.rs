@@ -18,7 +18,7 @@ use holo_scene::{Scene, ShinyObjects};
 
 use crate::engine::PathEngine;
 use crate::path::Start;
-use crate::policy::{Carried, PathPolicy};
+use crate::policy::{Carried, LeavingRay, PathPolicy};
 use crate::sampler::Sampler;
 
 /// Most bytes of all cubes.
@@ -68,16 +68,6 @@ pub(crate) struct CachedReflections {
     objects: ShinyObjects,
     cubes: Vec<RwLock<Option<ReflectionCube>>>,
     settings: ReflectionSettings,
-}
-
-/// A ray that leaves a surface.
-pub(crate) struct LeavingRay<'a> {
-    pub ray: &'a Ray,
-    pub triangle: u32,
-    /// The surface's normal in the direction of the ray's origin's front.
-    pub normal: Vec3,
-    /// True if the surface bounds a solid.
-    pub is_solid: bool,
 }
 
 /// A texel that waits for its light, and what the path had collected before.

@@ -15,8 +15,9 @@ use rayon::prelude::*;
 /// Texels that are filled in one go: about 5 ms on two cores.
 const TEXELS: usize = 1 << 12;
 
-/// Growth of the number of samples from which all texels are filled again.
+/// All texels are filled again once the samples have grown by this factor, and by so many more.
 const GROWTH: u64 = 2;
+const LEAST_NEW: u64 = 10_000;
 
 /// Surfaces of the object itself that a ray from its centre passes.
 const MOST_PASSED: usize = 32;
@@ -69,7 +70,8 @@ impl Reflections {
 impl ObjectCube {
     /// Returns whether texels are left to fill, with so many samples in the store.
     fn is_due(&self, samples: u64) -> bool {
-        samples > 0 && (self.next > 0 || self.round == 1 || samples >= GROWTH * self.samples.max(1))
+        let is_new = samples >= GROWTH * self.samples + LEAST_NEW;
+        self.next > 0 || self.round == 1 || is_new
     }
 }
 

@@ -37,7 +37,7 @@ const SELF_RAYS: u64 = 512;
 /// Greatest share of these that meets the object, if its rays are to be answered.
 const MOST_SELF_HITS: u64 = SELF_RAYS / 64;
 
-/// Angle of a blurred look-up per GGX roughness, radians: see `docs/notes/surface-light.md`.
+/// Angle of a blurred look-up per GGX roughness, radians: see `docs/notes/reflections.md`.
 const SPREAD: f32 = 3.0;
 
 /// Widest angle that stands in for an unknown texel of a sharp reflection, radians.
