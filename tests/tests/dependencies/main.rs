@@ -30,7 +30,7 @@ const KNOWN_CIRCLES: &[&str] = &[
     "picture: look/curve.rs look/fovea.rs look/mod.rs",
     "scene: gltf_file/form.rs gltf_file/reading.rs gltf_file/sharing.rs",
     "scene: instances.rs punctual.rs scene.rs sky.rs sun.rs thin.rs",
-    "session: ahead.rs connect.rs demand.rs lib.rs",
+    "session: ahead.rs connect.rs demand.rs incoming.rs lib.rs objects/lighting.rs objects/mod.rs",
     "stage: hand/mod.rs lib.rs painter.rs shown.rs",
     "tracer: caustics/leaf.rs caustics/photons.rs caustics.rs engine.rs shading.rs",
     "tracer: gather/cells.rs gather/shared.rs",

@@ -29,11 +29,11 @@ fn with_limit(place: &Place, kib: u32, words: &str) -> std::process::Output {
 #[test]
 fn a_process_that_gets_no_more_memory_ends_with_a_sentence() {
     let place = Place::new();
-    let ended = with_limit(&place, 250_000, "render cornell.obj --size 8000x8000 -o a.pfm");
+    let ended = with_limit(&place, 700_000, "render cornell.obj --size 8000x8000 -o a.pfm");
     assert!(!ended.status.success());
     let said = String::from_utf8(ended.stderr).unwrap();
     let last = said.lines().last().unwrap();
-    assert!(last.starts_with("holodeck: no more memory: the limit of 244 MiB"), "{said}");
+    assert!(last.starts_with("holodeck: no more memory: the limit of 683 MiB"), "{said}");
     assert!(last.contains("ulimit -v") && !place.path("a.pfm").exists(), "{said}");
 }
 

@@ -10,7 +10,7 @@
 
 use glam::Vec3;
 
-use crate::microfacet::Ggx;
+use holo_optics::Ggx;
 
 /// Number of intervals of a table.
 const STEPS: usize = 128;

@@ -19,12 +19,12 @@ use holo_scene::Bsdf;
 use crate::albedo::AlbedoTable;
 use crate::coat::{Coat, CoatTables};
 use crate::conductor::Conductor;
-use crate::fresnel::{dielectric, mirrored, pane, refract};
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::interface::Interface;
-use crate::microfacet::Ggx;
 use crate::sampled::Sampled;
 use crate::sampler::Sampler;
+use holo_optics::Ggx;
+use holo_optics::{dielectric, mirrored, pane, refract};
 
 /// Difference of the relative index from 1 below which a boundary bends nothing. The half vector of
 /// a rough boundary would be rounding noise.

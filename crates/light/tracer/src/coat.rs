@@ -21,9 +21,9 @@ use glam::Vec3;
 use crate::albedo::AlbedoTable;
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::interface::Interface;
-use crate::microfacet::Ggx;
 use crate::sampled::Sampled;
 use crate::sampler::Sampler;
+use holo_optics::Ggx;
 
 /// Most light that the coat reflects to a direction, over that of the base, for which a coated
 /// surface counts as diffuse. The coat's share shows the surroundings; the base shows their mean.

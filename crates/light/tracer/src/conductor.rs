@@ -12,12 +12,12 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::albedo::{AlbedoTable, over_normals};
-use crate::fresnel::reflect;
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::interface::reflection;
-use crate::microfacet::Ggx;
 use crate::sampled::Sampled;
 use crate::sampler::Sampler;
+use holo_optics::Ggx;
+use holo_optics::reflect;
 
 /// A rough metal.
 #[derive(Clone, Debug)]

@@ -6,9 +6,9 @@ use holo_scene::Bsdf;
 
 use crate::albedo::{AlbedoTable, over_normals};
 use crate::bsdf::{Scatter, Tables};
-use crate::fresnel::{dielectric, reflect};
-use crate::microfacet::Ggx;
 use crate::sampler::Sampler;
+use holo_optics::Ggx;
+use holo_optics::{dielectric, reflect};
 
 fn prepared(bsdf: &Bsdf) -> Scatter {
     Scatter::new(bsdf, &mut Tables::default())

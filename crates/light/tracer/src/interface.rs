@@ -15,10 +15,10 @@ use std::f32::consts::FRAC_1_PI;
 use glam::Vec3;
 
 use crate::albedo::{AlbedoTable, over_normals};
-use crate::fresnel::{dielectric, reflect, refract};
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
-use crate::microfacet::Ggx;
 use crate::sampler::Sampler;
+use holo_optics::Ggx;
+use holo_optics::{dielectric, reflect, refract};
 
 /// Mean loss below which nothing is returned: quotients of losses would be rounding noise.
 const NO_LOSS: f32 = 1e-8;

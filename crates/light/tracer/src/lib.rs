@@ -37,14 +37,12 @@ mod direct_tests;
 #[cfg(test)]
 mod energy_tests;
 mod engine;
-mod fresnel;
 mod gather;
 mod geometry;
 mod interface;
 mod lights;
 mod luminance;
 mod medium;
-mod microfacet;
 mod panes;
 mod path;
 mod policy;

@@ -34,7 +34,7 @@ use holo_scene::{Bsdf, Material, Scene};
 
 use crate::bsdf::{SAME_INDEX, Scatter};
 use crate::interface::Interface;
-use crate::microfacet::Ggx;
+use holo_optics::Ggx;
 
 /// Most materials that a point may be inside of.
 const DEPTH: usize = 8;

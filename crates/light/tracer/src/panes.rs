@@ -14,7 +14,7 @@ use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::{Bsdf, Scene};
 
-use crate::fresnel::pane;
+use holo_optics::pane;
 
 /// Most surfaces of a path, and most panes on one of its shadow rays.
 pub(crate) const MAX_DEPTH: u32 = 1024;

@@ -13,7 +13,7 @@ use crate::albedo::AlbedoTable;
 use crate::bsdf::Scatter;
 use crate::coat::{Coat, CoatTables};
 use crate::conductor::Conductor;
-use crate::microfacet::Ggx;
+use holo_optics::Ggx;
 
 /// Number of different values of roughness. Neighbouring ones look alike.
 const STEPS: usize = 64;

@@ -18,11 +18,11 @@ use holo_scene::{Bsdf, Scene};
 
 use crate::bsdf::Scatter;
 use crate::engine::PathEngine;
-use crate::fresnel::{dielectric, mirrored, pane, refract};
 use crate::geometry::ShadingFrame;
 use crate::luminance::luminance;
 use crate::medium::{Crossing, TOUCH};
 use crate::path::Start;
+use holo_optics::{dielectric, mirrored, pane, refract};
 
 /// Most surfaces on the way. Between two mirrors that face each other, a ray would never end.
 const MAX_PASSED: u32 = 64;

@@ -316,7 +316,7 @@ impl DirectionCells {
     fn group(&self, first: u32) -> impl Iterator<Item = &CellLayer> {
         let layer = |number: u32| self.layers.get(number as usize);
         std::iter::successors(layer(first), move |before| {
-            layer(before.behind).filter(|behind| behind.bin - before.bin == 1)
+            layer(before.behind).filter(|behind| before.bin.checked_add(1) == Some(behind.bin))
         })
     }
 

@@ -229,27 +229,6 @@ impl Materials {
     }
 }
 
-/// Returns the share of unpolarised light that a thin pane reflects at this cosine, including all
-/// reflections between its faces.
-pub(crate) fn pane_reflectance(cosine: f32, ior: f32) -> f32 {
-    let (once, _) = boundary_reflectance(cosine, ior);
-    2.0 * once / (1.0 + once)
-}
-
-/// Returns the share of unpolarised light that a boundary reflects at this cosine, and the cosine
-/// beyond it. `eta` is the index of refraction beyond over that on this side. All is reflected if
-/// the light cannot pass.
-pub(crate) fn boundary_reflectance(cosine: f32, eta: f32) -> (f32, f32) {
-    let squared = 1.0 - (1.0 - cosine * cosine) / (eta * eta);
-    if squared <= 0.0 {
-        return (1.0, 0.0);
-    }
-    let beyond = squared.sqrt();
-    let parallel = (eta * cosine - beyond) / (eta * cosine + beyond);
-    let across = (cosine - eta * beyond) / (cosine + eta * beyond);
-    (0.5 * (parallel * parallel + across * across), beyond)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -9,9 +9,10 @@
 //!
 //! Invariant: the end of a ray is a function of the ray and the scene.
 
-use crate::materials::{Finish, MaterialClass, Materials, boundary_reflectance, pane_reflectance};
+use crate::materials::{Finish, MaterialClass, Materials};
 use crate::reflections::Reflections;
 use glam::Vec3;
+use holo_optics::{dielectric, pane};
 use holo_raycast::{Hit, Ray, Raycaster, spawn};
 use holo_scene::Rgb;
 
@@ -187,7 +188,7 @@ impl<'a> Follower<'a> {
         let enters = facing.dot(self.raycaster.geometric_normal(hit.triangle)) > 0.0;
         let eta = if enters { ior } else { 1.0 / ior };
         let cosine = -ray.direction.dot(smooth);
-        let (reflected, beyond) = boundary_reflectance(cosine, eta);
+        let (reflected, beyond) = dielectric(cosine, eta);
         let onward = (ray.direction / eta + (cosine / eta - beyond) * smooth).normalize_or_zero();
         let passes = reflected < 1.0 && onward.dot(facing) < 0.0;
         AtBoundary { enters, reflected, onward: passes.then_some(onward) }
@@ -373,7 +374,7 @@ impl Trail {
             MaterialClass::Pane { ior, transmittance } => {
                 let cosine = self.ray.direction.dot(normal);
                 let mirrored = self.ray.direction - 2.0 * cosine * normal;
-                let reflected = pane_reflectance(cosine.abs(), ior);
+                let reflected = pane(cosine.abs(), ior);
                 let tint = follower.texture_at(hit, 0.0);
                 let passes = [0, 1, 2].map(|c| transmittance[c] * tint[c] * (1.0 - reflected));
                 self.pane = if self.pane > 0.0 { self.pane } else { reflected * self.passed };

@@ -54,10 +54,19 @@ impl LitObject {
         LitObject { object, lighting, surroundings }
     }
 
-    /// Returns the object.
+    /// Returns whether this is the same object at the same place, in the same light.
     #[must_use]
-    pub fn object(&self) -> &LocalObject {
-        &self.object
+    pub fn is_same(&self, other: &LitObject) -> bool {
+        self.is_of(&other.object, &other.lighting)
+    }
+
+    /// Returns whether this is the object at its place, in this light.
+    #[must_use]
+    pub fn is_of(&self, object: &LocalObject, lighting: &Arc<ObjectLighting>) -> bool {
+        let is_same_model = Arc::ptr_eq(self.object.model(), object.model());
+        is_same_model
+            && self.object.pose() == object.pose()
+            && Arc::ptr_eq(&self.lighting, lighting)
     }
 
     /// Returns a place relative to the probe's centre.

@@ -1,5 +1,5 @@
-//! Numbers in [0, 1) for the passes of a pixel, and directions by them: the first two dimensions of Sobol's sequence,
-//! shuffled and scrambled for each use (Burley 2020, "Practical hash-based Owen scrambling").
+//! Numbers in [0, 1) for the passes of a pixel, and directions by them: the first two dimensions of
+//! Sobol's sequence, shuffled and scrambled for each use (Burley 2020, "Practical hash-based Owen scrambling").
 //!
 //! Invariant: over the first 2ᵏ passes, each use has one number in each interval of length 2⁻ᵏ.
 

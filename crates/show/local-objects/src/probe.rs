@@ -130,19 +130,19 @@ impl LightProbe {
         const STEPS: usize = 5;
         /// Relative difference of distances at which the search ends.
         const CLOSE: f32 = 3e-3;
-        let behind = |at: Vec3| {
-            let distance = self.distance[self.cube.texel(at)];
-            distance.is_finite().then(|| at.length() / distance - 1.0)
-        };
+        // Every point is before the sky: -1.
+        let behind = |at: Vec3| at.length() / self.distance[self.cube.texel(at)] - 1.0;
         let first = self.distance[self.cube.texel(direction)];
-        let Some(before) = behind(point).filter(|_| first.is_finite()) else { return direction };
+        if first.is_infinite() {
+            return direction;
+        }
         // The search stays between a point before the surface and one behind it.
-        let (mut near, mut far) = ((0.0, before.min(-1e-3)), None);
+        let (mut near, mut far) = ((0.0, behind(point).min(-1e-3)), None);
         let mut along = first;
         let mut seen = direction;
         for _ in 0..STEPS {
             let at = point + direction * along;
-            let Some(here) = behind(at) else { return seen };
+            let here = behind(at);
             seen = at;
             if here.abs() < CLOSE {
                 break;
@@ -208,6 +208,28 @@ mod tests {
         let seen = probe.direction_seen(point, direction) * 2.0;
         let missed = (seen - point).cross(direction).length();
         assert!(missed < 1e-3 && (seen - point).dot(direction) > 0.0, "{seen}");
+    }
+
+    #[test]
+    fn a_floor_is_seen_in_its_place_from_points_before_the_sky() {
+        // A floor 1 below the probe, under the sky.
+        let mut frames = sphere(DVec3::ZERO, 1.0, |_| 1.0);
+        for (frame, view) in frames.iter_mut().zip(probe_views(DVec3::ZERO).unwrap()) {
+            for (pixel, depth) in frame.depth.iter_mut().enumerate() {
+                let (column, row) = (pixel as u32 % 32, pixel as u32 / 32);
+                let (x, y) = View::pixel_centre((32, 32), column, row);
+                let (_, direction) = view.ray(x, y);
+                let down = -direction.z;
+                *depth = if down > 0.0 { (1.0 / down) as f32 } else { f32::INFINITY };
+            }
+        }
+        let probe = LightProbe::new(DVec3::ZERO, &frames).unwrap();
+        let direction = Vec3::new(0.6, 0.0, -0.8);
+        for point in [Vec3::new(0.3, 0.2, 0.25), Vec3::new(0.3, 0.2, -0.25)] {
+            let hit = point + direction * ((point.z + 1.0) / 0.8);
+            let seen = probe.direction_seen(point, direction);
+            assert!(seen.distance(hit.normalize()) < 0.01, "{point}: {seen}");
+        }
     }
 
     #[test]

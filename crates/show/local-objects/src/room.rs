@@ -8,6 +8,7 @@ use glam::{DVec3, Vec3};
 use holo_picture::View;
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::Bsdf;
+use rayon::prelude::*;
 
 /// Most panes that a ray passes.
 const MOST_PANES: usize = 8;
@@ -53,7 +54,6 @@ impl Room {
             let Some((origin, direction, _)) = view.clipped_ray(x, y) else { return 0.0 };
             self.nearest(origin, direction).map_or(f32::INFINITY, |(_, distance)| distance as f32)
         };
-        use rayon::prelude::*;
         (0..size.0 * size.1).into_par_iter().map(of).collect()
     }
 

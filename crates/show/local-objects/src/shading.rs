@@ -3,6 +3,7 @@
 use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::{DVec3, Vec3};
+use holo_optics::{Ggx, dielectric, pane, reflect, refract};
 
 use crate::lights::{LightPoint, ProbeLight};
 use crate::lit::LitObject;
@@ -96,8 +97,7 @@ impl Shader<'_> {
             let cosine = surface.normal.dot(eye).clamp(0.0, 1.0);
             let next = match finish.gloss {
                 Gloss::Pane { ior, colour } => {
-                    let (share, _) = fresnel(cosine, ior);
-                    let share = 2.0 * share / (1.0 + share);
+                    let share = pane(cosine, ior);
                     let mirrored = reflect(eye, surface.normal);
                     radiance += weight * share * self.reflected(number, &surface, mirrored, 0.0);
                     weight *= colour * (1.0 - share);
@@ -107,7 +107,7 @@ impl Shader<'_> {
                     is_straight = false;
                     let enters = surface.front.dot(eye) >= 0.0;
                     let eta = if enters { ior } else { 1.0 / ior };
-                    let (share, beyond) = fresnel(cosine, eta);
+                    let (share, beyond) = dielectric(cosine, eta);
                     let mirrored = reflect(eye, surface.normal);
                     if share > 0.999 {
                         mirrored
@@ -117,7 +117,7 @@ impl Shader<'_> {
                             radiance += weight * share * seen;
                         }
                         weight *= colour * (1.0 - share);
-                        (surface.normal * (cosine / eta - beyond) - eye / eta).normalize_or(-eye)
+                        refract(eye, surface.normal, beyond, eta)
                     }
                 }
                 Gloss::Metal { ks, alpha } if alpha < MIRROR => {
@@ -255,7 +255,7 @@ impl Shader<'_> {
         let mut diffuse = finish.diffuse;
         match finish.gloss {
             Gloss::Coat { ks, ior, alpha } => {
-                let (share, _) = fresnel(cosine, ior);
+                let (share, _) = dielectric(cosine, ior);
                 diffuse *= Vec3::ONE - ks * share;
                 radiance += ks * self.glossy(from, eye, alpha, Some(ior), numbers);
             }
@@ -290,63 +290,25 @@ impl Shader<'_> {
         numbers: &mut PassNumbers,
     ) -> Vec3 {
         let normal = surface.normal;
-        let share = |cosine: f32| ior.map_or(1.0, |ior| fresnel(cosine, ior).0);
+        let share = |cosine: f32| ior.map_or(1.0, |ior| dielectric(cosine, ior).0);
         if self.detail == LightDetail::Quick || alpha < MIRROR {
             let mirrored = reflect(eye, normal);
             let cosine = normal.dot(eye).clamp(0.0, 1.0);
             return share(cosine) * self.reflected(own, surface, mirrored, 2.0 * alpha);
         }
-        // A visible facet of the GGX distribution (Heitz 2018).
         let (right, ahead) = normal.any_orthonormal_pair();
         let to_local = |v: Vec3| Vec3::new(v.dot(right), v.dot(ahead), v.dot(normal));
-        let view = to_local(eye);
-        let facet = visible_facet(view, alpha, numbers.two());
-        let towards = facet * (2.0 * view.dot(facet)) - view;
+        let (view, ggx) = (to_local(eye), Ggx::new(alpha));
+        let facet = ggx.sample(view, numbers.two().into());
+        let towards = reflect(view, facet);
         if towards.z <= 0.0 {
             return Vec3::ZERO;
         }
-        // The shares of facets that neither direction hides, given that the eye's are seen.
-        let smith = |v: Vec3| {
-            let tan2 = (v.x * v.x + v.y * v.y) / (v.z * v.z).max(1e-12);
-            0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0)
-        };
-        let masked = (1.0 + smith(view)) / (1.0 + smith(view) + smith(towards));
+        // The facets are those that the eye sees. Some of them do not see the light.
+        let masked = ggx.shadowing(view, towards);
         let seen = right * towards.x + ahead * towards.y + normal * towards.z;
         // The blur of a texel replaces the noise of very small lights.
         let blur = 0.25 * alpha;
         share(view.dot(facet).clamp(0.0, 1.0)) * masked * self.reflected(own, surface, seen, blur)
     }
-}
-
-/// Returns the direction in which a mirror shows what is seen from `eye`.
-fn reflect(eye: Vec3, normal: Vec3) -> Vec3 {
-    normal * (2.0 * normal.dot(eye)) - eye
-}
-
-/// Returns the share that a smooth boundary reflects, and the cosine beyond it. `eta` is the index
-/// of refraction beyond over that before.
-fn fresnel(cosine: f32, eta: f32) -> (f32, f32) {
-    let sin2 = (1.0 - cosine * cosine).max(0.0) / (eta * eta);
-    if sin2 >= 1.0 {
-        return (1.0, 0.0);
-    }
-    let beyond = (1.0 - sin2).sqrt();
-    let parallel = (eta * cosine - beyond) / (eta * cosine + beyond);
-    let perpendicular = (cosine - eta * beyond) / (cosine + eta * beyond);
-    let share = 0.5 * (parallel * parallel + perpendicular * perpendicular);
-    (if share.is_nan() { 1.0 } else { share }, beyond)
-}
-
-/// Returns the normal of a facet that is seen from a direction, both relative to a normal of +z.
-fn visible_facet(view: Vec3, alpha: f32, (u, v): (f32, f32)) -> Vec3 {
-    let stretched = Vec3::new(alpha * view.x, alpha * view.y, view.z).normalize_or(Vec3::Z);
-    let right = Vec3::new(-stretched.y, stretched.x, 0.0).normalize_or(Vec3::X);
-    let ahead = stretched.cross(right);
-    let (radius, angle) = (u.sqrt(), 2.0 * PI * v);
-    let (x, y) = (radius * angle.cos(), radius * angle.sin());
-    let bent = 0.5 * (1.0 + stretched.z);
-    let y = (1.0 - bent) * (1.0 - x * x).max(0.0).sqrt() + bent * y;
-    let z = (1.0 - x * x - y * y).max(0.0).sqrt();
-    let facet = right * x + ahead * y + stretched * z;
-    Vec3::new(alpha * facet.x, alpha * facet.y, facet.z.max(1e-6)).normalize_or(Vec3::Z)
 }

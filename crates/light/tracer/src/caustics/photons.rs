@@ -17,7 +17,6 @@ use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
 use holo_scene::{Bsdf, SUN_RADIUS, Scene};
 
 use crate::bsdf::{Scatter, Tables};
-use crate::fresnel::{mirrored, pane};
 use crate::geometry::{ShadingFrame, cosine_hemisphere, cosine_pdf, triangle};
 use crate::interface::Interface;
 use crate::lights::{Aim, ChosenLight, LATER, Lights};
@@ -29,6 +28,7 @@ use crate::shading::{self, PathArrival};
 use crate::sky::PreparedSky;
 use crate::suns::Suns;
 use crate::surface::TracedMaterial;
+use holo_optics::{mirrored, pane};
 
 /// Number of light paths for each kind of light source.
 const PATHS: u32 = 1 << 16;

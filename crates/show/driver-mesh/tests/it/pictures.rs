@@ -149,3 +149,25 @@ fn points_at_any_distance_are_drawn() {
         }
     }
 }
+
+#[test]
+fn a_near_surface_and_the_sky_may_lie_in_one_direction() {
+    let section = section([-1.0; 3], [2.0; 3], [8; 3], ViewClass::Interior, false);
+    let view = view([0.0; 3], [1.0, 0.3, 0.2], 60.0, SIZE);
+    let mut random = Random(1);
+    let mut stored = Vec::new();
+    for number in 0..4000 {
+        let (eye, direction) = view.ray(random.unit(), random.unit());
+        let hit = section.line(eye, direction).unwrap();
+        // Less than a unit away, and nothing at all, like leaves before the sky.
+        let is_leaf = number % 4 > 0;
+        let distance = if is_leaf { 0.1 - hit.entry_t } else { f64::INFINITY };
+        let light = if is_leaf { [0.5; 3] } else { [2.0; 3] };
+        let sample =
+            holo_section::Sample::encode(hit.coords, light, distance, section.diagonal(), 0);
+        stored.push((section.beam(hit.pair), sample));
+    }
+    let frame = drawn(&section, &view, &stored);
+    let leaves = frame.depth.iter().filter(|depth| (**depth - 0.1).abs() < 0.01).count();
+    assert!(leaves > frame.depth.len() / 2, "{leaves}");
+}

@@ -36,8 +36,6 @@ pub(super) struct Lightings {
     waiting: Vec<WaitingProbe>,
     /// Samples that have arrived.
     samples: u64,
-    /// Number of changes of `places`.
-    changes: u64,
 }
 
 struct LitPlace {
@@ -66,18 +64,12 @@ impl Lightings {
         self.places.iter_mut().for_each(|place| place.is_old = true);
     }
 
-    /// Returns a number that changes with the light of any place.
-    pub(super) fn state(&self) -> u64 {
-        self.changes
-    }
-
     fn nearest(&self, object: &LocalObject) -> Option<&LitPlace> {
         let apart = |place: &&LitPlace| place.centre.distance(object.centre());
         self.places.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)))
     }
 
     fn put(&mut self, place: LitPlace, radius: f64) {
-        self.changes += 1;
         let is_same = |other: &LitPlace| {
             other.side == place.side && is_same_place(other.centre, place.centre, radius)
         };

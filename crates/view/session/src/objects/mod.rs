@@ -6,7 +6,8 @@
 //!
 //! Invariants:
 //! - A session without objects does nothing here.
-//! - Files are read on threads of their own. An object that cannot be used changes nothing.
+//! - Models are read on threads of their own, except kept ones before the session begins. An object
+//!   that cannot be used changes nothing.
 //! - Objects outlive the connection: a session that begins again has the same ones.
 
 mod kept;
@@ -24,7 +25,7 @@ use anyhow::{Context, Result, bail, ensure};
 use glam::DVec3;
 use holo_display::{Frame, FramePhase, FrameRequest, Interrupt};
 use holo_local_objects::{
-    LayerDetail, LitObject, LocalObject, ObjectLayer, ObjectModel, ObjectPose, Room,
+    LayerDetail, LitObject, LocalObject, ObjectLayer, ObjectLighting, ObjectModel, ObjectPose, Room,
 };
 use holo_picture::View;
 use holo_scene::{LoadOptions, load};
@@ -45,8 +46,8 @@ const SETTLES_AFTER: Duration = Duration::from_millis(250);
 /// Passes of objects at rest and in files: noise of 2.5 % falls below a third of that.
 const PASSES: u32 = 32;
 
-/// Passes in the first frame at rest, and in each later one.
-const FIRST_PASSES: u32 = 2;
+/// Passes in each frame at rest.
+const PASSES_OF_FRAME: u32 = 2;
 
 /// Longest time for which a script waits for a model.
 const LOADING_PATIENCE: Duration = Duration::from_secs(600);
@@ -118,8 +119,6 @@ struct ShownObjects {
     /// The frame without objects.
     base: Frame,
     objects: Vec<LitObject>,
-    /// State of the light by which the objects are lit.
-    light: u64,
     is_quick: bool,
     layer: ObjectLayer,
 }
@@ -236,17 +235,17 @@ impl Session {
     /// Takes a model that was read.
     pub(super) fn take_object(&mut self, loaded: LoadedObject) {
         self.objects.loading = self.objects.loading.saturating_sub(1);
-        let path = loaded.path.clone();
         if let Err(error) = self.carry(loaded) {
-            self.refusal = Some(format!("{}: {error:#}", path.display()));
+            self.refusal = Some(holo_progress::said_once(error.as_ref()));
         }
     }
 
     fn carry(&mut self, loaded: LoadedObject) -> Result<()> {
         let LoadedObject { name, path, pose, model } = loaded;
         let (model, kept) = model?;
-        let object = LocalObject::new(Arc::new(model), pose, self.up())?;
-        ensure_lit(&self.sections, &object)?;
+        let of_file = || path.display().to_string();
+        let object = LocalObject::new(Arc::new(model), pose, self.up()).with_context(of_file)?;
+        ensure_lit(&self.sections, &object).with_context(of_file)?;
         let stem = path.file_stem().map_or_else(|| "object".into(), |stem| stem.to_string_lossy());
         let wanted = name.unwrap_or_else(|| stem.into_owned());
         let mut list = self.objects.carried.list();
@@ -418,27 +417,26 @@ impl Session {
         let is_quick = !is_file && (phase == FramePhase::Moving || !settles);
         let room = self.room();
         let objects = self.lit_objects(is_quick, is_file, room.as_ref());
-        let light = self.objects.lightings.state();
         let before = self.objects.shown.take();
         let stays = |shown: &ShownObjects| {
             let is_same = shown.look == look
-                && shown.light == light
                 && shown.is_quick == is_quick
-                && has_same_poses(&shown.objects, &objects);
+                && shown.objects.len() == objects.len()
+                && shown.objects.iter().zip(&objects).all(|(before, now)| before.is_same(now));
             is_same && (room.is_some() || shown.base.depth == frame.depth)
         };
         let detail = if is_quick { LayerDetail::Quick } else { LayerDetail::Exact(PASSES) };
-        let (mut layer, most) = match before.filter(stays) {
-            Some(shown) => (shown.layer, FIRST_PASSES),
-            None => (ObjectLayer::new(&frame, &look.view, &objects, detail), FIRST_PASSES),
+        let mut layer = match before.filter(stays) {
+            Some(shown) => shown.layer,
+            None => ObjectLayer::new(&frame, &look.view, &objects, detail),
         };
-        let most = if is_file { PASSES } else { most };
+        let most = if is_file { PASSES } else { PASSES_OF_FRAME };
         let never = Interrupt::default();
         let interrupt = if is_file { &never } else { &self.interrupt };
         layer.draw(&frame, &objects, room.as_ref(), most, interrupt);
         let base = frame.clone();
         layer.compose(&mut frame);
-        self.objects.shown = Some(ShownObjects { look, base, objects, light, is_quick, layer });
+        self.objects.shown = Some(ShownObjects { look, base, objects, is_quick, layer });
         frame
     }
 
@@ -464,6 +462,15 @@ impl Session {
         self.scene.as_ref().map(|scene| Room::new(Arc::clone(&scene.raycaster)))
     }
 
+    /// Returns an object with its light: that of the frame before, if both are the same.
+    fn lit(&self, object: LocalObject, lighting: Arc<ObjectLighting>) -> LitObject {
+        let mut before = self.objects.shown.iter().flat_map(|shown| &shown.objects);
+        match before.find(|lit| lit.is_of(&object, &lighting)) {
+            Some(lit) => lit.clone(),
+            None => LitObject::new(object, lighting),
+        }
+    }
+
     /// Returns the objects with their light. Quick frames use light that is known already.
     fn lit_objects(
         &mut self,
@@ -476,7 +483,7 @@ impl Session {
         let mut lit = Vec::with_capacity(objects.len());
         for object in objects {
             let lighting = self.lighting(&object, is_quick, is_file, room);
-            lit.extend(lighting.map(|lighting| LitObject::new(object, lighting)));
+            lit.extend(lighting.map(|lighting| self.lit(object, lighting)));
         }
         lit
     }
@@ -488,14 +495,6 @@ fn find<'a>(list: &'a mut [CarriedObject], name: &str) -> Result<&'a mut Carried
         true => format!("there is no object `{name}`, and no other one"),
         false => format!("there is no object `{name}`; objects: {}", names.join(", ")),
     })
-}
-
-fn has_same_poses(before: &[LitObject], now: &[LitObject]) -> bool {
-    let is_same = |(before, now): (&LitObject, &LitObject)| {
-        let (before, now) = (before.object(), now.object());
-        Arc::ptr_eq(before.model(), now.model()) && before.pose() == now.pose()
-    };
-    before.len() == now.len() && before.iter().zip(now).all(is_same)
 }
 
 /// Checks that light is stored around an object: it must be in a section, or near one.
@@ -529,7 +528,8 @@ fn read(path: &Path, up: DVec3, unit: f64, folder: Option<&ObjectFolder>) -> Res
     let stated_up = about.up.or(about.usual_up).map(|stated| DVec3::from_array(stated.value));
     let stated_unit = about.unit.or(about.usual_unit).map(|stated| stated.value / unit);
     let (up, unit) = (stated_up.unwrap_or(up), stated_unit.unwrap_or(1.0));
-    let model = ObjectModel::new(loaded.scene, up, unit)?;
+    let model =
+        ObjectModel::new(loaded.scene, up, unit).with_context(|| path.display().to_string())?;
     let kept = match folder.map(|folder| folder.put_model(model.scene())) {
         Some(Err(error)) => {
             eprintln!("the object is not kept: {error:#}");

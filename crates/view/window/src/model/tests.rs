@@ -1,7 +1,7 @@
 use holo_display::DriverPart;
 use holo_picture::Exposure;
 use holo_section::{SectionSpec, ViewClass};
-use holo_stage::{Named, commands};
+use holo_stage::{Named, ObjectOrder, commands};
 
 use super::{
     super::tests::{seen, view},

@@ -17,22 +17,24 @@ const MIN_ALPHA: f32 = 1e-4;
 
 /// A GGX distribution.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Ggx {
+pub struct Ggx {
     alpha: f32,
 }
 
 impl Ggx {
-    pub(crate) fn new(alpha: f32) -> Self {
+    /// Returns the distribution of this roughness, at least 1e-4: finer lobes are beyond f32.
+    pub fn new(alpha: f32) -> Self {
         Self { alpha: alpha.max(MIN_ALPHA) }
     }
 
-    pub(crate) fn alpha(self) -> f32 {
+    /// Returns the roughness.
+    pub fn alpha(self) -> f32 {
         self.alpha
     }
 
     /// Returns the density of normals; the integral of its projection is 1.
     #[inline]
-    pub(crate) fn distribution(self, m: Vec3) -> f32 {
+    pub fn distribution(self, m: Vec3) -> f32 {
         if m.z <= 0.0 {
             return 0.0;
         }
@@ -52,13 +54,13 @@ impl Ggx {
 
     /// Returns the visible share of the facets that face `v`, on either side.
     #[inline]
-    pub(crate) fn masking(self, v: Vec3) -> f32 {
+    pub fn masking(self, v: Vec3) -> f32 {
         1.0 / (1.0 + self.lambda(v))
     }
 
     /// Returns the share of the facets visible from `wo` that `wi`, on the same side, sees too.
     #[inline]
-    pub(crate) fn shadowing(self, wo: Vec3, wi: Vec3) -> f32 {
+    pub fn shadowing(self, wo: Vec3, wi: Vec3) -> f32 {
         let seen = 1.0 + self.lambda(wo);
         seen / (seen + self.lambda(wi))
     }
@@ -66,7 +68,7 @@ impl Ggx {
     /// Samples a normal that `wo` (z > 0) sees (Dupuy and Benyoub 2023, "Sampling Visible GGX
     /// Normals with Spherical Caps", CGF 42(8)).
     #[inline]
-    pub(crate) fn sample(self, wo: Vec3, [u, v]: [f32; 2]) -> Vec3 {
+    pub fn sample(self, wo: Vec3, [u, v]: [f32; 2]) -> Vec3 {
         let stretched = Vec3::new(self.alpha * wo.x, self.alpha * wo.y, wo.z).normalize();
         let z = (1.0 - v) * (1.0 + stretched.z) - stretched.z;
         let sine = (1.0 - z * z).max(0.0).sqrt();
@@ -78,7 +80,7 @@ impl Ggx {
 
     /// Returns the density of [`sample`](Self::sample) per solid angle of normals.
     #[inline]
-    pub(crate) fn pdf(self, wo: Vec3, m: Vec3) -> f32 {
+    pub fn pdf(self, wo: Vec3, m: Vec3) -> f32 {
         self.distribution(m) * self.masking(wo) * wo.dot(m).max(0.0) / wo.z
     }
 }

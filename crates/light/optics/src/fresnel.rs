@@ -8,7 +8,7 @@ use glam::Vec3;
 /// `cosine` ≥ 0 is the cosine on the side of the light. `eta` is the index of refraction beyond the
 /// boundary over that on the light's side.
 #[inline]
-pub(crate) fn dielectric(cosine: f32, eta: f32) -> (f32, f32) {
+pub fn dielectric(cosine: f32, eta: f32) -> (f32, f32) {
     let sin2 = (1.0 - cosine * cosine).max(0.0) / (eta * eta);
     if sin2 >= 1.0 {
         return (1.0, 0.0);
@@ -27,7 +27,7 @@ pub(crate) fn dielectric(cosine: f32, eta: f32) -> (f32, f32) {
 /// Returns the share reflected by a pane of two parallel faces: r + t² r / (1 - r²), with all
 /// orders of reflection between the faces.
 #[inline]
-pub(crate) fn pane(cosine: f32, ior: f32) -> f32 {
+pub fn pane(cosine: f32, ior: f32) -> f32 {
     let (r, _) = dielectric(cosine, ior);
     2.0 * r / (1.0 + r)
 }
@@ -35,19 +35,19 @@ pub(crate) fn pane(cosine: f32, ior: f32) -> f32 {
 /// Returns the direction beyond a boundary of normal `m` (on the side of `wo`), from the results of
 /// [`dielectric`].
 #[inline]
-pub(crate) fn refract(wo: Vec3, m: Vec3, beyond: f32, eta: f32) -> Vec3 {
+pub fn refract(wo: Vec3, m: Vec3, beyond: f32, eta: f32) -> Vec3 {
     (m * (wo.dot(m) / eta - beyond) - wo / eta).normalize()
 }
 
 /// Returns the direction that a surface of normal +z reflects to `wo`.
 #[inline]
-pub(crate) fn mirrored(wo: Vec3) -> Vec3 {
+pub fn mirrored(wo: Vec3) -> Vec3 {
     Vec3::new(-wo.x, -wo.y, wo.z)
 }
 
 /// Returns the direction that a surface of normal `m` reflects to `wo`.
 #[inline]
-pub(crate) fn reflect(wo: Vec3, m: Vec3) -> Vec3 {
+pub fn reflect(wo: Vec3, m: Vec3) -> Vec3 {
     m * (2.0 * wo.dot(m)) - wo
 }
 
