@@ -29,6 +29,15 @@ const FLAGS: [&str; 9] = [
     "--remote-debugging-port=0",
 ];
 
+/// A key that is held while the mouse is used, as the DevTools protocol numbers it.
+#[derive(Clone, Copy, Debug)]
+pub enum Modifier {
+    /// Ctrl.
+    Control = 2,
+    /// Shift.
+    Shift = 8,
+}
+
 /// A browser with one page.
 pub struct Chromium {
     child: Child,
@@ -180,21 +189,33 @@ impl Chromium {
         self.mouse("mouseReleased", to, buttons);
     }
 
-    /// Drags from one place to another while the control key is held.
+    /// Drags from one place to another while a key is held.
     #[track_caller]
-    pub fn drag_with_control(&mut self, from: (u32, u32), to: (u32, u32)) {
+    pub fn drag_with(&mut self, held: Modifier, from: (u32, u32), to: (u32, u32)) {
         let steps = [("mousePressed", from, 1), ("mouseMoved", to, 1), ("mouseReleased", to, 0)];
         for (kind, (x, y), buttons) in steps {
             let event = json!({ "type": kind, "x": x, "y": y, "button": "left",
-                "buttons": buttons, "modifiers": 2 });
+                "buttons": buttons, "modifiers": held as u32 });
             self.call("Input.dispatchMouseEvent", event);
         }
     }
 
     /// Turns the wheel at a place, `down` pixels.
     #[track_caller]
-    pub fn wheel(&mut self, (x, y): (u32, u32), down: i32) {
-        let event = json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": down });
+    pub fn wheel(&mut self, place: (u32, u32), down: i32) {
+        self.wheel_with(0, place, down);
+    }
+
+    /// Turns the wheel at a place, `down` pixels, while the shift key is held.
+    #[track_caller]
+    pub fn wheel_with_shift(&mut self, place: (u32, u32), down: i32) {
+        self.wheel_with(Modifier::Shift as u32, place, down);
+    }
+
+    #[track_caller]
+    fn wheel_with(&mut self, modifiers: u32, (x, y): (u32, u32), down: i32) {
+        let event = json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": down,
+            "modifiers": modifiers });
         self.call("Input.dispatchMouseEvent", event);
     }
 }

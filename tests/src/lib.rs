@@ -21,7 +21,7 @@ mod process;
 mod program;
 mod xvfb;
 
-pub use chromium::Chromium;
+pub use chromium::{Chromium, Modifier};
 pub use files::{Stored, beam, stored};
 pub use link::{Link, Quality, State};
 pub use network::Network;

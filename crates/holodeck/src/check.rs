@@ -3,12 +3,16 @@
 use std::sync::Arc;
 
 use anyhow::Result;
+use glam::DVec3;
 use holo_progress::HumanCount;
 use holo_raycast::Raycaster;
-use holo_scene::Scene;
+use holo_scene::{Luminaire, Scene};
 use holo_survey::Finding;
 
-use crate::{config::HolodeckConfig, loading, places, settings::check_units};
+use crate::{
+    config::HolodeckConfig, light::hang, loading, opening::stated_unit, places,
+    settings::check_units,
+};
 
 /// A model that was checked.
 pub struct CheckedModel {
@@ -18,6 +22,8 @@ pub struct CheckedModel {
     pub findings: Vec<Finding>,
     /// What of its file is left out or odd, for people.
     pub warnings: Vec<String>,
+    /// The luminaires, for people.
+    pub luminaires: Vec<String>,
     /// The scene's memory without its hierarchy, bytes.
     pub memory: usize,
     /// The step to which places in it are rounded for people, scene units.
@@ -31,15 +37,26 @@ pub struct CheckedModel {
 pub fn check(config: &HolodeckConfig) -> Result<CheckedModel> {
     check_units(config)?;
     let loaded = loading::load_quietly(config)?;
-    let warnings = loaded.warnings.iter().map(ToString::to_string).collect();
-    let raycaster = Raycaster::build(Arc::new(loaded.scene))?;
+    let mut warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    let up = config.up.map(|up| DVec3::from_array(up.0));
+    let up = up.unwrap_or_else(|| holo_survey::guess_up(&loaded.scene, &loaded.about).value);
+    let unit = stated_unit(config, &loaded.about);
+    let luminaires = &config.light().luminaires;
+    let (scene, said) = hang(luminaires, &loaded.photometry, loaded.scene, up, unit)?;
+    warnings.extend(dark_lamps(&scene));
+    let raycaster = Raycaster::build(Arc::new(scene))?;
     let scene: &Scene = raycaster.scene();
     let (low, high) = scene.bounds();
-    let stated = config.unit.map(|unit| unit.0);
-    let unit = stated.or(loaded.about.unit.as_ref().map(|said| said.value)).unwrap_or(1.0);
-    let step = places::step(low.distance(high), unit);
+    let step = places::step(low.distance(high), unit.unwrap_or(1.0));
     let (findings, memory) = (holo_survey::findings(&raycaster), holo_survey::memory(scene));
-    Ok(CheckedModel { raycaster, findings, warnings, memory, step })
+    Ok(CheckedModel { raycaster, findings, warnings, luminaires: said, memory, step })
+}
+
+/// Returns words about luminaires without light.
+fn dark_lamps(scene: &Scene) -> Vec<String> {
+    let is_dark = |lamp: &&Luminaire| !scene.materials[lamp.material as usize].emits();
+    let dark = scene.luminaires().iter().filter(is_dark);
+    dark.map(|lamp| format!("luminaire {}: it has no light", lamp.name)).collect()
 }
 
 /// Returns the number of triangles in memory. Those of a mesh that instances share count once.
@@ -73,7 +90,7 @@ mod tests {
         let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let material = vec![Material::grey("m")];
         let own = (corners.to_vec(), vec![[0, 1, 2]], vec![0]);
-        let plain = Scene::new(glam::DVec3::ZERO, own.0, own.1, own.2, material, [0.0; 3]).unwrap();
+        let plain = Scene::new(DVec3::ZERO, own.0, own.1, own.2, material, [0.0; 3]).unwrap();
         assert_eq!(triangles_in_words(&plain), "1 triangles");
         let mesh = Geometry {
             positions: &corners,

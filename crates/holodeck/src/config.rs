@@ -12,7 +12,7 @@ use holo_picture::{ViewError, ViewSpec};
 use holo_proto::control::Engine;
 use serde::Deserialize;
 
-use crate::light::{SkyChoice, StatedLight};
+use crate::light::{SkyChoice, StatedLight, StatedLuminaire};
 
 /// The description of a holodeck. Every key is optional. An unknown key is an error, because it is
 /// most likely misspelt.
@@ -54,6 +54,8 @@ pub struct HolodeckConfig {
     /// Factors of lamps by their names.
     #[serde(deserialize_with = "light_keys::lamps")]
     pub lamp: Vec<(String, f32)>,
+    /// Luminaires that are hung in the scene.
+    pub luminaire: Vec<StatedLuminaire>,
     /// True if lights shine from both sides.
     pub two_sided_lights: Option<bool>,
     /// Sections.
@@ -437,6 +439,7 @@ impl HolodeckConfig {
             ground: self.ground,
             illuminance: self.illuminance,
             lamps: self.lamp.clone(),
+            luminaires: self.luminaire.clone(),
         }
     }
 
@@ -446,6 +449,7 @@ impl HolodeckConfig {
         (self.sky, self.place, self.at, self.direct) = (sky, place, at, direct);
         (self.diffuse, self.weather, self.north, self.ground) = (diffuse, weather, north, ground);
         (self.illuminance, self.lamp) = (light.illuminance, light.lamps);
+        self.luminaire = light.luminaires;
     }
 
     /// Returns the views by name, as Radiance options.
@@ -468,7 +472,8 @@ impl HolodeckConfig {
             toml::from_str(&text).with_context(|| path.display().to_string())?;
         for (index, view) in config.view.iter().enumerate() {
             let place = || {
-                let line = line_of_view(&text, index).map(|line| format!(" line {line}:"));
+                let line = line_of_table(&text, |tables| tables.view, index)
+                    .map(|line| format!(" line {line}:"));
                 let (path, line) = (path.display(), line.unwrap_or_default());
                 format!("{path}:{line} view `{}`", view.name)
             };
@@ -476,6 +481,14 @@ impl HolodeckConfig {
         }
         let folder = path.parent().unwrap_or(Path::new(""));
         config.scene = config.scene.map(|scene| folder.join(scene));
+        for (index, luminaire) in config.luminaire.iter_mut().enumerate() {
+            luminaire.check().map_err(|problem| {
+                let line = line_of_table(&text, |tables| tables.luminaire, index);
+                let line = line.map(|line| format!(" line {line}:")).unwrap_or_default();
+                anyhow::anyhow!("{}:{line} luminaire: {problem}", path.display())
+            })?;
+            luminaire.set_folder(folder);
+        }
         config.weather = config.weather.map(|weather| folder.join(weather));
         if let Some(SkyChoice::Picture(picture)) = &mut config.sky {
             *picture = folder.join(&*picture);
@@ -492,13 +505,22 @@ impl HolodeckConfig {
     }
 }
 
-/// Returns the line at which a view begins, from 1.
-fn line_of_view(text: &str, index: usize) -> Option<usize> {
-    #[derive(Deserialize)]
-    struct Views {
-        view: Vec<toml::Spanned<toml::Table>>,
-    }
-    let start = toml::from_str::<Views>(text).ok()?.view.get(index)?.span().start;
+/// The tables of which a fault names the line.
+#[derive(Deserialize)]
+struct TableSpans {
+    #[serde(default)]
+    view: Vec<toml::Spanned<toml::Table>>,
+    #[serde(default)]
+    luminaire: Vec<toml::Spanned<toml::Table>>,
+}
+
+/// Returns the line at which a table begins, from 1.
+fn line_of_table(
+    text: &str,
+    tables: fn(TableSpans) -> Vec<toml::Spanned<toml::Table>>,
+    index: usize,
+) -> Option<usize> {
+    let start = tables(toml::from_str(text).ok()?).get(index)?.span().start;
     Some(text.get(..start)?.lines().count() + 1)
 }
 

@@ -8,10 +8,11 @@ use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use holo_progress::{HumanCount, Meter};
 use holo_raycast::{Hierarchies, Raycaster};
-use holo_scene::{Loaded, ModelCamera, Scene};
+use holo_scene::{Loaded, ModelCamera, ModelFacts, Scene};
 use holo_survey::{ChosenView, Room, Survey, UprightAxes, unit_words};
 
 use crate::config::{self, HolodeckConfig};
+use crate::light::hang;
 use crate::{
     limit, loading, places, preview,
     settings::{check_units, scene_path},
@@ -60,12 +61,15 @@ pub enum OpeningRequest {
 /// If there is no scene, or it cannot be loaded.
 pub fn open(config: &HolodeckConfig, wanted: OpeningRequest, quiet: bool) -> Result<OpenedScene> {
     check_units(config)?;
-    let Loaded { mut scene, about, warnings, .. } = loading::load(config, quiet)?;
+    let Loaded { scene, about, warnings, photometry, .. } = loading::load(config, quiet)?;
     let mut choices = Vec::new();
     let guess = config.up.is_none().then(|| holo_survey::guess_up(&scene, &about));
     let stated = config.up.map_or(DVec3::Z, |up| DVec3::from_array(up.0));
     let up = guess.as_ref().map_or(stated, |guess| guess.value);
     let light = config.light();
+    let unit = stated_unit(config, &about);
+    let (mut scene, said) = hang(&light.luminaires, &photometry, scene, up, unit)?;
+    choices.extend(said);
     choices.extend(light.apply(&mut scene, up)?);
     let features = scene.features();
     let has_no_sky = !features.sky && !light.states_sky();
@@ -134,6 +138,12 @@ pub fn open(config: &HolodeckConfig, wanted: OpeningRequest, quiet: bool) -> Res
         ));
     }
     Ok(opened)
+}
+
+/// Returns the unit that the configuration or the model states, metres.
+pub(crate) fn stated_unit(config: &HolodeckConfig, about: &ModelFacts) -> Option<f64> {
+    let of_file = about.unit.as_ref().or(about.usual_unit.as_ref()).map(|said| said.value);
+    config.unit.map(|unit| unit.0).or(of_file)
 }
 
 impl OpenedScene {

@@ -2,16 +2,21 @@
 
 #[path = "../../../crates/geometry/scene/tests/it/common/instanced.rs"]
 mod instanced;
+#[path = "../../../crates/geometry/photometry/tests/it/written.rs"]
+#[allow(dead_code)]
+mod written;
 
 use std::{
     fs, io,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use holo_beamfile::{BeamFile, Maker, Options, format::BLOCK_HEADER_BYTES};
 use holo_fuzz::short;
 use holo_proto::frame::{HEADER_BYTES, FrameHeader};
-use holo_scene::{LoadOptions, load};
+use holo_photometry::Photometry;
+use holo_scene::{HungLuminaire, LoadOptions, load};
 use holo_scenes::{Bundled, MODELS, obj_and_mtl, write_model};
 use glam::{DVec3, Vec3};
 use holo_splats::{Origin, SplatTree, Surfel};
@@ -57,11 +62,59 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     ] {
         write(folder, "packed_scene", name, &scene.pack())?;
     }
+    photometry(folder)?;
+    write(folder, "weather", "day", weather().as_bytes())?;
     write(folder, "obj", "all", OBJ.as_bytes())?;
     let gltf = GLTF.replace("base64,\n", "base64,");
     write(folder, "gltf", "triangle", gltf.as_bytes())?;
     write(folder, "gltf", "binary", &glb(&gltf))?;
     Ok(())
+}
+
+/// Photometric files of all kinds, with few angles.
+fn photometry(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    use written::{Ies, NO_SYMMETRY, SAME_ACROSS_BOTH, angles, eulumdat};
+    let (below, around) = (angles(0.0, 90.0, 45.0), angles(0.0, 90.0, 45.0));
+    for (name, kind, tilt) in
+        [("c", 1, "TILT=NONE\n"), ("b", 2, "TILT=INCLUDE\n1\n2\n0 90\n1 .8\n"), ("a", 3, "TILT=NONE\n")]
+    {
+        let ies = Ies { kind, tilt, opening: [-0.1, 0.4, 0.1], ..Ies::default() };
+        let text = ies.write(SAME_ACROSS_BOTH, &below, &around);
+        write(folder, "photometry", name, text.as_bytes())?;
+    }
+    for (symmetry, stored) in [(0, angles(0.0, 270.0, 90.0)), (3, angles(270.0, 450.0, 90.0))] {
+        let text = eulumdat(NO_SYMMETRY, symmetry, 4, 60.0, &stored);
+        write(folder, "photometry", &format!("eulumdat-{symmetry}"), text.as_bytes())?;
+    }
+    let text = Ies::default().write(SAME_ACROSS_BOTH, &below, &around);
+    let read = Photometry::read(text.as_bytes())?;
+    let lamp = HungLuminaire {
+        name: "lamp".to_owned(),
+        group: "lamps".to_owned(),
+        place: DVec3::ZERO,
+        axes: [DVec3::X, DVec3::Y, DVec3::Z],
+        mesh: Arc::new(read.opening.mesh(read.web.halves())),
+        web: Arc::new(read.web),
+        colour: [1.0; 3],
+    };
+    let scene = instanced::scene().with_luminaires_hung(&[lamp.clone(), lamp], 1.0)?;
+    write(folder, "packed_scene", "luminaires", &scene.pack())?;
+    Ok(())
+}
+
+/// A weather file with two days.
+fn weather() -> String {
+    let mut text = "LOCATION,Here,-,NLD,x,1,52.3,4.8,1.0,-2\nDATA PERIODS,1,1\n".to_owned();
+    for (month, day) in [(1, 1), (6, 21)] {
+        for hour in 1..=24 {
+            let sun = if (8..17).contains(&hour) { 400 } else { 0 };
+            text += &format!(
+                "2001,{month},{day},{hour},60,?,9,5.5,80,101000,0,0,300,{sun},{sun},{}\n",
+                sun / 2
+            );
+        }
+    }
+    text
 }
 
 /// A hierarchy of some levels, on a sheet.

@@ -1,7 +1,7 @@
 //! A walk in a real browser, as a person would do it.
 
 use holo_picture::{Picture, luminance};
-use holo_tests::{CORNELL_SMALL_SECTION, Chromium, Place, Process, wait_until};
+use holo_tests::{CORNELL_SMALL_SECTION, Chromium, Modifier, Place, Process, wait_until};
 use rustix::process::Signal;
 
 const VIEW: [&str; 6] = ["--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "60"];
@@ -297,7 +297,7 @@ fn buttons_keys_and_lines_command_a_session() {
     browser.wait("document.getElementById('p-luminance').textContent.includes('±')");
     browser.wait("Number(document.getElementById('p-samples').textContent) >= 0");
     // A rectangle is dragged out, and traced first until that is cancelled.
-    browser.drag_with_control((300, 200), (700, 500));
+    browser.drag_with(Modifier::Control, (300, 200), (700, 500));
     browser.wait("state.focus !== null && !document.getElementById('focus').hidden");
     browser.press("Escape", "Escape");
     browser.wait("state.focus === null && document.getElementById('focus').hidden");

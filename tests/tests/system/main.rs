@@ -23,6 +23,7 @@ mod live;
 mod log;
 mod metrics;
 mod network;
+mod objects;
 mod optimize;
 mod page;
 mod processes;

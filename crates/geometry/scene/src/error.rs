@@ -152,6 +152,12 @@ pub enum SceneError {
          has no light"
     )]
     PunctualLight(usize),
+    /// A luminaire is not possible.
+    #[error(
+        "luminaire {0}: its direction or material is not possible, or it is so small or far away that \
+         it has no area"
+    )]
+    Luminaire(usize),
     /// The bytes are not a packed scene.
     #[error("not a packed scene: {0}")]
     Packed(#[from] PackedError),
@@ -198,6 +204,9 @@ pub enum PackedError {
     /// The bytes of normals and textures are malformed.
     #[error("its normals or textures are malformed")]
     Shading,
+    /// The bytes of the luminaires are malformed.
+    #[error("its luminaires are malformed")]
+    Luminaires,
     /// A texture cannot be decoded.
     #[error("texture {0} cannot be decoded")]
     Texture(usize),

@@ -303,6 +303,7 @@ impl Scene {
             sky: self.sky.clone(),
             suns: self.suns.clone(),
             punctual_lights: self.punctual_lights.clone(),
+            luminaires: self.luminaires.clone(),
             shading,
             shared: None,
         }

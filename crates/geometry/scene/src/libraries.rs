@@ -2,7 +2,7 @@
 
 use crate::foreign;
 use crate::limits::{MAX_MATERIALS, MAX_MTL_BYTES};
-use crate::mtl::MtlMaterial;
+use crate::mtl::{MtlMaterial, Stated};
 use crate::mtl_maps::{MapOptions, mean_finish, textures};
 use crate::mtl_text::parse_mtl;
 use crate::named_file::beside;
@@ -10,7 +10,9 @@ use crate::obj::ObjFile;
 use crate::text::{excerpt, name_without_comment, read_text};
 use crate::texture_files::{TURNED, TextureFiles, greyed};
 use crate::warnings::Warnings;
-use crate::{Bsdf, Cover, LoadOptions, Maps, Material, SceneError, Texture};
+use crate::{
+    Bsdf, Cover, LoadOptions, LuminousPart, Maps, Material, NamedPhotometry, SceneError, Texture,
+};
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -26,6 +28,8 @@ pub(crate) struct Looks {
     pub covers: Vec<Cover>,
     /// The placement of textures on the surfaces of each material.
     pub placements: Vec<MapOptions>,
+    /// Photometric files of materials.
+    pub photometry: Vec<NamedPhotometry>,
 }
 
 /// Returns the materials of `obj.uses`, in that order, and their textures.
@@ -63,6 +67,21 @@ pub(crate) fn materials(
                 let mean = maps.finish.map(|finish| mean_finish(&finish, &files));
                 let mut made;
                 (made, cover) = material.resolve(mean, options.two_sided_lights, warnings);
+                if let Some(Stated { value: (file, turn), line }) = &material.ies {
+                    let folder = path.parent().unwrap_or(Path::new(""));
+                    let (file, turn) = (beside(folder, file, "ies"), *turn);
+                    if file.is_file() {
+                        let part = LuminousPart::Material { id: materials.len() as u32, turn };
+                        looks.photometry.push(NamedPhotometry { path: file, part });
+                    } else {
+                        let text = format!(
+                            "there is no photometric file {}, so `{}` has no light",
+                            file.display(),
+                            excerpt(&material.name)
+                        );
+                        warnings.push(path, Some(*line), text);
+                    }
+                }
                 if found.lacks_colour {
                     made.bsdf = greyed(made.bsdf);
                 }

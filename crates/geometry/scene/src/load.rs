@@ -8,7 +8,8 @@ use crate::assemble::{Assembled, assemble};
 use crate::model::{FormatReader, LoadProgress, ModelFile};
 use crate::warnings::{Warning, Warnings};
 use crate::{
-    LoadOptions, ModelFacts, Scene, SceneError, gltf_file, obj_model, other_formats, sheets,
+    LoadOptions, ModelFacts, NamedPhotometry, Scene, SceneError, gltf_file, obj_model,
+    other_formats, sheets,
 };
 use std::io::Read;
 use std::path::Path;
@@ -23,6 +24,8 @@ pub struct Loaded {
     pub warnings: Vec<Warning>,
     /// The unit, the up axis and the cameras that the file states.
     pub about: ModelFacts,
+    /// Photometric files that the file names. They are not read yet.
+    pub photometry: Vec<NamedPhotometry>,
 }
 
 /// Reads a scene from a model file: OBJ with its MTL files, or glTF 2.0 (`.gltf`, `.glb`). The
@@ -65,6 +68,7 @@ pub fn load_watched(
         warnings.push(path, None, text);
     }
     let about = std::mem::take(&mut model.about);
+    let photometry = std::mem::take(&mut model.photometry);
     let lines = std::mem::take(&mut model.lines);
     let Assembled { scene, left_out, left_out_of_meshes } = assemble(model, options.sky)?;
     let count = left_out.len() + left_out_of_meshes;
@@ -77,7 +81,7 @@ pub fn load_watched(
         let instead = format!("none of its triangles ({count}) has an area");
         return Err(SceneError::Empty { path: path.to_owned(), instead });
     }
-    Ok(Loaded { scene, warnings: warnings.finish(path), about })
+    Ok(Loaded { scene, warnings: warnings.finish(path), about, photometry })
 }
 
 /// All readers. The last one accepts every file. If it cannot read the file, its error names the

@@ -7,7 +7,10 @@ use std::path::Path;
 use glam::{DMat4, DVec3};
 
 use crate::warnings::Warnings;
-use crate::{Geometry, LoadOptions, Material, ModelFacts, PunctualLight, SceneError, Shading, Sun};
+use crate::{
+    Geometry, LoadOptions, Material, ModelFacts, NamedPhotometry, PunctualLight, SceneError,
+    Shading, Sun,
+};
 
 /// The contents of a file, in world coordinates.
 #[derive(Default)]
@@ -23,6 +26,8 @@ pub(crate) struct Model {
     /// Point and spot lights, and their places. The scene decides their radius.
     pub punctual_lights: Vec<(DVec3, PunctualLight)>,
     pub about: ModelFacts,
+    /// Photometric files for parts of it.
+    pub photometry: Vec<NamedPhotometry>,
     /// Meshes that several nodes share, in their own coordinates.
     pub meshes: Vec<SharedMesh>,
     /// Indices into `meshes`, and maps to world coordinates.

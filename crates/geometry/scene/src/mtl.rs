@@ -36,7 +36,9 @@
 //!   `map_Kd` and `map_Ke` are textures that multiply `Kd` and `Ke`, and `map_d` one of `d`.
 //!   `Kd` or `Ke` of zero beside its texture is 1. `map_Pr` and `map_Pm` multiply `Pr` and `Pm`,
 //!   which are 1 if zero or absent. The rows with `Pr` and `Pm` then hold at each point. `norm` and
-//!   `map_Bump` bend normals. Other textures and unknown statements are ignored with a warning.
+//!   `map_Bump` bend normals. `ies lamp.ies` makes luminaires of the material's faces, and
+//!   `ies -turn 90 lamp.ies` turns them about their axis. Other textures and unknown statements are
+//!   ignored with a warning.
 //!   Keywords may be in upper or lower case.
 
 use crate::exporter::{DEFAULT_ROUGHNESS, Exporter};
@@ -76,6 +78,8 @@ pub(crate) struct MtlMaterial {
     pub pr: Option<Stated<f64>>,
     pub pm: Option<Stated<f64>>,
     pub maps: Vec<MapStatement>,
+    /// A photometric file for its faces, with the turn of its luminaires in degrees.
+    pub ies: Option<Stated<(String, f64)>>,
 }
 
 /// Least `Ns` of a mirror.
@@ -109,7 +113,7 @@ impl MtlMaterial {
         // A texture of emission without `Ke` emits its own values.
         let plain = if has_map { [1.0; 3] } else { [0.0; 3] };
         let emission = ke.map_or(plain, |ke| clamped("Ke", ke, f64::from(MAX_RADIANCE), &mut warn));
-        let emits = emission.iter().any(|&e| e > 0.0);
+        let emits = emission.iter().any(|&e| e > 0.0) || self.ies.is_some();
         let finish = mean.map_or_else(|| self.finish(), |mean| mean.map(Some));
         let (bsdf, cover) = self.covered(self.bsdf(finish, emits, &mut warn), &mut warn);
         let two_sided_emission = emits && two_sided_lights;

@@ -61,6 +61,7 @@ struct MaterialFacts {
     /// The line of each statement; the last one if there are several.
     lines: HashMap<&'static str, usize>,
     maps: Vec<MapStatement>,
+    ies: Option<Stated<(String, f64)>>,
 }
 
 /// The clean text of an MTL file, and what it leaves out.
@@ -115,7 +116,17 @@ impl CleanMtl<'_> {
             }
             self.clean.extend(["newmtl ", &self.headers.len().to_string(), "\n"]);
             let (name, lines) = (rest.to_owned(), HashMap::new());
-            self.headers.push(MaterialFacts { name, line, lines, maps: Vec::new() });
+            self.headers.push(MaterialFacts { name, line, lines, maps: Vec::new(), ies: None });
+        } else if lower == "ies"
+            && let Some(header) = self.headers.last_mut()
+        {
+            match photometric_file(statement.values) {
+                Some(value) => header.ies = Some(Stated { value, line }),
+                None => {
+                    let text = "`ies` takes a file, or `-turn DEGREES` and a file; it is left out";
+                    warnings.push(self.path, Some(line), text.to_owned());
+                }
+            }
         } else if let Some(slot) = MapSlot::of(&lower)
             && let Some(header) = self.headers.last_mut()
             && let Some(map) = MapStatement::read(slot, line, rest)
@@ -138,6 +149,19 @@ impl CleanMtl<'_> {
 
 fn is_texture(keyword: &str) -> bool {
     keyword.starts_with("map_") || ["bump", "disp", "decal", "refl", "norm"].contains(&keyword)
+}
+
+/// Returns the file of `ies`, and the degrees by which its luminaires are turned.
+fn photometric_file(values: &str) -> Option<(String, f64)> {
+    let values = values.trim();
+    let (turn, name) = match values.strip_prefix("-turn") {
+        None => (0.0, values),
+        Some(rest) => {
+            let (turn, name) = rest.trim_start().split_once(char::is_whitespace)?;
+            (number(turn).filter(|turn| turn.abs() <= 360.0)?, name.trim())
+        }
+    };
+    (!name.is_empty()).then(|| (name.trim_matches('"').to_owned(), turn))
 }
 
 /// A line that sets a property.
@@ -231,6 +255,7 @@ impl MaterialFacts {
             pm: self.stated("Pm", pm),
             illum: self.stated("illum", parsed.illumination_model),
             maps: self.maps,
+            ies: self.ies,
             name: self.name,
             program: Exporter::default(),
             path: path.to_owned(),

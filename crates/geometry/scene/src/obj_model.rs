@@ -39,6 +39,7 @@ fn read(source: ModelFile) -> Result<Model, SceneError> {
         material_ids,
         materials,
         about,
+        photometry: looks.photometry,
         lines: obj.faces,
         instead: obj.instead,
         ..Model::default()

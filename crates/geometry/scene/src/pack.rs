@@ -38,8 +38,8 @@
 //! 5 coated        8      kd, ks, ior, alpha
 //! ```
 //!
-//! Version 2 follows the materials with normals, textures, colours, covers, suns and punctual
-//! lights. Scenes without them have version 1.
+//! Version 2 follows the materials with normals, textures, colours, covers, suns, punctual lights
+//! and luminaires. Scenes without them have version 1.
 //!
 //! Scenes with instances have version 3. Their arrays begin with the triangles that belong to no
 //! instance, and those of the meshes follow. The triangles of a mesh count its own positions from
@@ -58,7 +58,8 @@
 //! ```text
 //! 0               4      flags, u32: bit 0 texture coordinates, bit 1 normals, bit 2 normal maps
 //!                        or finishes, bit 3 colours of corners, bit 4 suns, bit 5 least
-//!                        opacities, bit 6 covers, bit 7 opacities of corners, bit 8 punctual lights
+//!                        opacities, bit 6 covers, bit 7 opacities of corners, bit 8 punctual lights,
+//!                        bit 9 luminaires
 //! 4               4      N, number of textures, u32
 //! 8               24·T   if bit 0: coordinates, 3 corners × 2 × f32 for each triangle
 //!                 12·T   if bit 1: normals, 3 corners × 2 × i16 for each triangle (octahedral)
@@ -79,6 +80,10 @@
 //!                 3·T    if bit 7: opacities, 3 corners × u8 of 255 for each triangle
 //!                 4      if bit 8: L, number of punctual lights, u32
 //!                 L ×    if bit 8: punctual lights, one after another
+//!                 4      if bit 9: W, number of webs, u32: different ones, in the order of first use
+//!                 W ×    if bit 9: webs, one after another
+//!                 4      if bit 9: L, number of luminaires, u32
+//!                 L ×    if bit 9: luminaires, one after another
 //!                 N ×    textures, one after another; then the end
 //!
 //! a punctual light:
@@ -89,6 +94,20 @@
 //! 32              20     axis, 3 × f32, inner and outer half angle, f32 each; zero without a cone
 //! 52              8      n and m, bytes of its name and of its group's name, u32 each
 //! 60              n + m  both names, UTF-8
+//!
+//! a web (r rows by the angle from its pole, c columns by longitude):
+//! 0               4      pole, u32: 0 nadir, 1 length, 2 width
+//! 4               8      r and c, u32 each
+//! 12              4·r    angles from the pole, radians, f32 each
+//! 12 + 4r         4·c    longitudes, radians, f32 each
+//! 12 + 4r + 4c    4·r·c  luminous intensities, cd, f32 each: those of the first longitude first
+//!
+//! a luminaire:
+//! 0               4      its web, u32
+//! 4               4      the material of its faces, u32
+//! 8               36     directions of its axes, 3 × 3 × f32
+//! 44              8      n and m, bytes of its name and of its group's name, u32 each
+//! 52              n + m  both names, UTF-8
 //!
 //! a texture:
 //! 0               4      n, bytes of its file, u32
@@ -197,8 +216,8 @@ impl Scene {
         for material in &self.materials {
             pack_material(material, &mut materials);
         }
-        let is_plain =
-            self.shading.is_none() && self.suns.is_empty() && self.punctual_lights.is_empty();
+        let has_lights = !(self.suns.is_empty() && self.punctual_lights.is_empty());
+        let is_plain = self.shading.is_none() && !has_lights && self.luminaires.is_none();
         let version = match (&self.shared, is_plain) {
             (Some(_), _) => SHARED_VERSION,
             (None, true) => VERSION,
@@ -234,7 +253,7 @@ impl Scene {
         if version != VERSION {
             pack_shading(
                 self.shading.as_deref().unwrap_or(&Shading::default()),
-                (&self.suns, &self.punctual_lights),
+                (&self.suns, &self.punctual_lights, self.luminaires()),
                 &mut packed,
             );
         }
@@ -335,10 +354,12 @@ impl Scene {
         if !has_shading {
             return Ok(scene);
         }
-        let (shading, suns, lights) = unpack_shading(rest, triangles, materials)?;
+        let (shading, (suns, lights, luminaires)) = unpack_shading(rest, triangles, materials)?;
         let scene = scene.with_shading(shading)?.with_suns(suns)?.with_punctual_lights(lights)?;
+        let scene = scene.with_luminaires(luminaires)?;
         // A plain scene has another packing.
-        let has_lights = !(scene.suns.is_empty() && scene.punctual_lights.is_empty());
+        let has_lights = !(scene.suns.is_empty() && scene.punctual_lights.is_empty())
+            || scene.luminaires.is_some();
         match scene.shading.is_none() && !has_lights && scene.shared.is_none() {
             true => Err(PackedError::Shading.into()),
             false => Ok(scene),

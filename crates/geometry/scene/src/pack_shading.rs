@@ -6,6 +6,8 @@ use std::sync::Arc;
 
 use bytemuck::Pod;
 
+use crate::luminaire::Luminaire;
+use crate::pack_luminaires::{pack_luminaires, unpack_luminaires};
 use crate::pack_punctual::{pack_punctual_lights, unpack_punctual_lights};
 use crate::scene::check_limit;
 use crate::shading::{
@@ -27,7 +29,8 @@ const HAS_CUTS: u32 = 32;
 const HAS_COVERS: u32 = 64;
 const HAS_OPACITIES: u32 = 128;
 const HAS_PUNCTUAL_LIGHTS: u32 = 256;
-const ALL: u32 = 2 * HAS_PUNCTUAL_LIGHTS - 1;
+const HAS_LUMINAIRES: u32 = 512;
+const ALL: u32 = 2 * HAS_LUMINAIRES - 1;
 const NO_TEXTURE: u32 = u32::MAX;
 
 /// Four bytes of a number.
@@ -44,7 +47,7 @@ type PackedBase = [Word; 12];
 
 pub(crate) fn pack_shading(
     shading: &Shading,
-    (suns, lights): (&[Sun], &[PunctualLight]),
+    (suns, lights, luminaires): (&[Sun], &[PunctualLight], &[Luminaire]),
     out: &mut Vec<u8>,
 ) {
     let has_uvs = shading.has_textures();
@@ -60,6 +63,7 @@ pub(crate) fn pack_shading(
         (!shading.covers.is_empty(), HAS_COVERS),
         (!shading.opacities.is_empty(), HAS_OPACITIES),
         (!lights.is_empty(), HAS_PUNCTUAL_LIGHTS),
+        (!luminaires.is_empty(), HAS_LUMINAIRES),
     ];
     let flags: u32 = flags.iter().filter(|(has, _)| *has).map(|(_, flag)| flag).sum();
     let textures = if has_uvs { &shading.textures[..] } else { &[] };
@@ -97,6 +101,9 @@ pub(crate) fn pack_shading(
     out.extend(shading.opacities.as_flattened());
     if !lights.is_empty() {
         pack_punctual_lights(lights, out);
+    }
+    if !luminaires.is_empty() {
+        pack_luminaires(luminaires, out);
     }
     for texture in textures {
         out.extend((texture.encoded.len() as u32).to_le_bytes());
@@ -233,11 +240,14 @@ fn one<T: Pod>(bytes: &mut &[u8]) -> Result<T, PackedError> {
     take::<T>(bytes, 1)?.first().copied().ok_or(PackedError::Shading)
 }
 
+/// The lights of a packed scene that are no surfaces.
+pub(crate) type UnpackedLights = (Vec<Sun>, Vec<PunctualLight>, Vec<Luminaire>);
+
 pub(crate) fn unpack_shading(
     mut bytes: &[u8],
     triangles: usize,
     materials: usize,
-) -> Result<(Shading, Vec<Sun>, Vec<PunctualLight>), SceneError> {
+) -> Result<(Shading, UnpackedLights), SceneError> {
     let [flags, count] = one::<[Word; 2]>(&mut bytes)?.map(u32::from_le_bytes);
     let has = |flag: u32| flags & flag != 0;
     let needs_uvs = count > 0 || has(HAS_DETAILS) || has(HAS_CUTS);
@@ -303,8 +313,12 @@ pub(crate) fn unpack_shading(
         true => unpack_punctual_lights(&mut bytes)?,
         false => Vec::new(),
     };
+    let luminaires = match has(HAS_LUMINAIRES) {
+        true => unpack_luminaires(&mut bytes)?,
+        false => Vec::new(),
+    };
     shading.textures = unpack_textures(bytes, count as usize, MAX_BYTES_OF_TEXTURES)?;
-    Ok((shading, suns, lights))
+    Ok((shading, (suns, lights, luminaires)))
 }
 
 /// Reads the least opacity of each material. Values that have another packing are refused.

@@ -5,6 +5,7 @@
 use crate::inside::OpenBox;
 use crate::instances::InstanceTable;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
+use crate::luminaire::LuminaireTable;
 use crate::{Bsdf, Cover, Maps, Material, PunctualLight, SceneError, Shading, Sky, Sun, WHITE};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
@@ -34,6 +35,8 @@ pub struct Scene {
     pub suns: Vec<Sun>,
     /// Point and spot lights, if there are any.
     pub punctual_lights: Vec<PunctualLight>,
+    /// Luminaires, if there are any.
+    pub(crate) luminaires: Option<Box<LuminaireTable>>,
     /// Normals, textures and colours of corners, if the scene has some.
     pub shading: Option<Box<Shading>>,
     /// Instances of meshes, if the scene has some.
@@ -49,6 +52,14 @@ pub struct Geometry<'a> {
     pub triangles: &'a [[u32; 3]],
     /// An index into the scene's materials for each triangle.
     pub material_ids: &'a [u32],
+}
+
+/// Triangles of a new material. Their corners are relative to the scene's origin.
+pub(crate) struct NewPart {
+    pub corners: Vec<[f32; 3]>,
+    /// Indices into `corners`.
+    pub triangles: Vec<[u32; 3]>,
+    pub material: Material,
 }
 
 /// The features that a scene uses. Materials that no triangle has do not count.
@@ -79,6 +90,8 @@ pub struct Features {
     pub suns: usize,
     /// Number of point and spot lights.
     pub punctual_lights: usize,
+    /// Number of luminaires.
+    pub luminaires: usize,
     /// Some surface is smoothly curved.
     pub smooth: bool,
     /// Some surface has a texture, or colours of its corners.
@@ -121,6 +134,7 @@ impl Scene {
             sky,
             suns: Vec::new(),
             punctual_lights: Vec::new(),
+            luminaires: None,
             shading: None,
             shared: None,
         }
@@ -288,23 +302,37 @@ impl Scene {
     /// # Errors
     /// As [`Scene::new`].
     pub fn with_faces(
-        mut self,
+        self,
         corners: &[[f32; 3]],
         triangles: &[[u32; 3]],
         material: Material,
     ) -> Result<Scene, SceneError> {
+        let (corners, triangles) = (corners.to_vec(), triangles.to_vec());
+        self.with_parts(vec![NewPart { corners, triangles, material }])
+    }
+
+    /// Adds parts, as [`with_faces`](Self::with_faces) adds one.
+    pub(crate) fn with_parts(mut self, parts: Vec<NewPart>) -> Result<Scene, SceneError> {
         // The arrays of shared meshes come after the scene's own triangles.
         fn add<T: Clone>(all: &mut Vec<T>, at: usize, new: impl IntoIterator<Item = T>) {
             let at = at.min(all.len());
             all.splice(at..at, new);
         }
         let (positions, at) = (self.own().positions.len(), self.own().triangles.len());
-        let (first, count) = (positions as u32, triangles.len());
-        add(&mut self.positions, positions, corners.iter().copied());
-        let moved = triangles.iter().map(|triangle| triangle.map(|corner| first + corner));
-        add(&mut self.triangles, at, moved);
-        add(&mut self.material_ids, at, repeat_n(self.materials.len() as u32, count));
-        self.materials.push(material);
+        let (mut corners, mut triangles, mut ids) = (Vec::new(), Vec::new(), Vec::new());
+        let materials = parts.len();
+        for part in parts {
+            let first = (positions + corners.len()) as u32;
+            let moved = part.triangles.iter().map(|t| t.map(|corner| first + corner));
+            triangles.extend(moved);
+            corners.extend(part.corners);
+            ids.extend(repeat_n(self.materials.len() as u32, part.triangles.len()));
+            self.materials.push(part.material);
+        }
+        let (added, count) = (corners.len(), triangles.len());
+        add(&mut self.positions, positions, corners);
+        add(&mut self.triangles, at, triangles);
+        add(&mut self.material_ids, at, ids);
         if let Some(shading) = &mut self.shading {
             let added = |is_empty: bool| if is_empty { 0 } else { count };
             let (uvs, normals) = (added(shading.uvs.is_empty()), added(shading.normals.is_empty()));
@@ -316,14 +344,14 @@ impl Scene {
             let opacities = added(shading.opacities.is_empty());
             add(&mut shading.opacities, at, repeat_n([u8::MAX; 3], opacities));
             if !shading.covers.is_empty() {
-                shading.covers.push(Cover::default());
+                shading.covers.extend(repeat_n(Cover::default(), materials));
             }
             if !shading.maps.is_empty() {
-                shading.maps.push(Maps::default());
+                shading.maps.extend(repeat_n(Maps::default(), materials));
             }
         }
         if let Some(shared) = &mut self.shared {
-            shared.shift(corners.len(), count)?;
+            shared.shift(added, count)?;
         }
         self.validated()
     }
@@ -438,6 +466,7 @@ impl Scene {
             sky: self.sky.shines(),
             suns: self.all_suns().count(),
             punctual_lights: self.punctual_lights.len(),
+            luminaires: self.luminaires().len(),
             ..Features::default()
         };
         if let Some(shading) = &self.shading {

@@ -32,7 +32,7 @@ pub struct CheckArgs {
 pub fn run(args: &CheckArgs) -> Result<()> {
     let config = args.scene_args.resolve(args.scene.as_ref())?;
     let checked = check(&config)?;
-    let CheckedModel { findings, warnings, memory, step, .. } = &checked;
+    let CheckedModel { findings, warnings, luminaires, memory, step, .. } = &checked;
     let scene: &Scene = checked.raycaster.scene();
     let (low, high) = scene.bounds();
     if args.json {
@@ -50,7 +50,7 @@ pub fn run(args: &CheckArgs) -> Result<()> {
             "instances": scene.instances().len(), "materials": scene.materials.len(),
             "textures": scene.shading.as_ref().map_or(0, |shading| shading.textures.len()),
             "low": low.to_array(), "high": high.to_array(), "memory_bytes": memory,
-            "findings": findings, "warnings": warnings,
+            "findings": findings, "warnings": warnings, "luminaires": luminaires,
         });
         holo_progress::print_line!("{report}");
         return Ok(());
@@ -61,6 +61,7 @@ pub fn run(args: &CheckArgs) -> Result<()> {
         scene.materials.len(),
         HumanBytes(*memory as u64)
     );
+    luminaires.iter().for_each(|line| holo_progress::print_line!("{line}"));
     for found in findings {
         let place = found
             .at

@@ -46,8 +46,8 @@ pub struct LightArgs {
     /// Make the sky so bright that it gives this illuminance on horizontal ground
     #[arg(long, value_name = "LUX", value_parser = light::parse_illuminance)]
     pub illuminance: Option<f64>,
-    /// Dim a lamp or switch it off, by the name of its material, of a light or of its type, or
-    /// `sun` or `sky`. May be repeated
+    /// Dim a lamp or switch it off, by the name of its material, of a light or of its type, of a
+    /// luminaire or its group, or `sun` or `sky`. May be repeated
     #[arg(long, value_name = "NAME=FACTOR", value_parser = light::parse_lamp)]
     pub lamp: Vec<(String, f32)>,
 }
@@ -66,6 +66,7 @@ impl LightArgs {
             ground: self.ground,
             illuminance: self.illuminance,
             lamps: self.lamp.clone(),
+            luminaires: Vec::new(),
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Lamps that are dimmed or switched off by their names.
 
+use std::collections::HashSet;
+
 use anyhow::{Result, bail};
 use holo_scene::Scene;
 
@@ -24,10 +26,14 @@ impl StatedLight {
 /// left as they are if they were `made` with it.
 fn dim(scene: &mut Scene, name: &str, factor: f32, is_made: bool) -> usize {
     let scale = |radiance: [f32; 3]| radiance.map(|channel| channel * factor);
+    let of_group = scene.luminaires().iter().filter(|l| l.name == name || l.group == name);
+    let of_group: HashSet<u32> = of_group.map(|luminaire| luminaire.material).collect();
     let mut count = 0;
-    for material in scene.materials.iter_mut().filter(|m| m.name == name && m.emits()) {
-        material.emission = scale(material.emission);
-        count += 1;
+    for (id, material) in (0..).zip(&mut scene.materials) {
+        if material.emits() && (material.name == name || of_group.contains(&id)) {
+            material.emission = scale(material.emission);
+            count += 1;
+        }
     }
     for light in scene.punctual_lights.iter_mut().filter(|l| l.name == name || l.group == name) {
         light.intensity = scale(light.intensity);
@@ -55,7 +61,9 @@ fn groups(scene: &Scene) -> String {
     const MOST: usize = 12;
     let used = scene.emitters().map(|triangle| scene.material(triangle).name.as_str());
     let points = scene.punctual_lights.iter().flat_map(|light| [&*light.group, &*light.name]);
-    let mut names: Vec<&str> = used.chain(points).filter(|name| !name.is_empty()).collect();
+    let hung = scene.luminaires().iter().flat_map(|lamp| [&*lamp.group, &*lamp.name]);
+    let mut names: Vec<&str> =
+        used.chain(points).chain(hung).filter(|name| !name.is_empty()).collect();
     names.sort_unstable();
     names.dedup();
     let more = names.len().saturating_sub(MOST);

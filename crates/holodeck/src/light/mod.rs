@@ -4,6 +4,7 @@
 //! taken in place of a missing number is reported.
 
 mod lamps;
+mod luminaires;
 mod sky_choice;
 mod sky_made;
 #[cfg(test)]
@@ -18,6 +19,7 @@ use glam::DVec3;
 use holo_daylight::{CivilTime, GeoPlace};
 use holo_scene::Scene;
 
+pub use luminaires::{StatedLuminaire, StatedPlaces, hang};
 pub use sky_choice::SkyChoice;
 pub use values::{parse_ground, parse_illuminance, parse_irradiance, parse_lamp, parse_north};
 
@@ -44,6 +46,8 @@ pub struct StatedLight {
     pub illuminance: Option<f64>,
     /// Factors of lamps by their names, `sun` and `sky`.
     pub lamps: Vec<(String, f32)>,
+    /// Luminaires that are hung in the scene.
+    pub luminaires: Vec<StatedLuminaire>,
 }
 
 impl StatedLight {
@@ -92,6 +96,11 @@ impl StatedLight {
         for (name, factor) in &self.lamps {
             add("lamp", Some(format!("{name}={factor}")));
         }
+        for luminaire in &self.luminaires {
+            let mut luminaire = luminaire.clone();
+            luminaire.set_folder(&std::env::current_dir()?);
+            add("luminaire", Some(serde_json::to_string(&luminaire)?));
+        }
         Ok(options)
     }
 
@@ -121,6 +130,9 @@ impl StatedLight {
             "ground" => self.ground = Some(parse_ground(value)?),
             "illuminance" => self.illuminance = Some(parse_illuminance(value)?),
             "lamp" => self.lamps.push(parse_lamp(value)?),
+            "luminaire" => {
+                self.luminaires.push(serde_json::from_str(value).map_err(|e| text(&e))?);
+            }
             _ => return Err("this version has no such option".to_owned()),
         }
         Ok(())
@@ -143,6 +155,10 @@ impl StatedLight {
             ground: other.ground.or(self.ground),
             illuminance: other.illuminance.or(self.illuminance),
             lamps,
+            luminaires: match other.luminaires.is_empty() {
+                true => self.luminaires.clone(),
+                false => other.luminaires.clone(),
+            },
         }
     }
 

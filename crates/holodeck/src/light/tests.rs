@@ -118,3 +118,59 @@ fn later_light_overrides_earlier_light_option_by_option() {
     assert_eq!((both.sky, both.place), (Some(SkyChoice::Overcast), file.place));
     assert_eq!(both.lamps, [("a".to_owned(), 1.0), ("sun".to_owned(), 0.5)]);
 }
+
+/// Writes a photometric file of 100 cd in every direction.
+fn even_lamp(folder: &Path) -> PathBuf {
+    let path = folder.join("even.ies");
+    let text = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 2 1 1 2 0 0 0\n1 1 10\n0 180\n0\n100 100\n";
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+#[test]
+fn stated_luminaires_are_hung_dimmed_by_group_and_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let lamp = StatedLuminaire {
+        file: even_lamp(folder.path()),
+        name: Some("bulb".to_owned()),
+        at: Some(StatedPlaces::Several(vec![[0.0, 0.0, 2.0], [1.0, 0.0, 2.0]])),
+        lumens: Some(800.0),
+        kelvin: Some(2700.0),
+        ..StatedLuminaire::default()
+    };
+    let light = StatedLight { luminaires: vec![lamp], ..StatedLight::default() };
+    assert_eq!(StatedLight::from_options(&light.to_options().unwrap()).unwrap(), light);
+    let hung = |unit| hang(&light.luminaires, &[], scene(), DVec3::Z, unit);
+    let (mut scene, said) = hung(Some(1.0)).unwrap();
+    assert!(said[0].contains("bulb: 2, each of 800 lm"), "{said:?}");
+    let names: Vec<&str> = scene.luminaires().iter().map(|lamp| lamp.name.as_str()).collect();
+    assert_eq!(names, ["bulb 1", "bulb 2"]);
+    let emission = |scene: &Scene, at: usize| {
+        scene.materials[scene.luminaires()[at].material as usize].emission
+    };
+    let [red, _, blue] = emission(&scene, 0);
+    assert!(red > 2.0 * blue);
+    // The whole group, and one of it again.
+    let dim = stated(&[("lamp", "bulb=0.5"), ("lamp", "bulb 2=0.5")]);
+    let before = emission(&scene, 0)[0];
+    dim.apply(&mut scene, DVec3::Z).unwrap();
+    let after = [0, 1].map(|at| emission(&scene, at)[0] / before);
+    assert!((after[0] - 0.5).abs() < 1e-6 && (after[1] - 0.25).abs() < 1e-6, "{after:?}");
+    let error = hung(None).unwrap_err().to_string();
+    assert!(error.contains("--unit"), "{error}");
+}
+
+#[test]
+fn broken_photometric_files_are_named_with_their_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("short.ies");
+    std::fs::write(&file, "TILT=NONE\n1 -1 1 2 1 1 2 0 0 0\n1 1 10\n0 180\n").unwrap();
+    let at = Some(StatedPlaces::One([0.0; 3]));
+    let lamp = StatedLuminaire { file, at, ..StatedLuminaire::default() };
+    let error = hang(std::slice::from_ref(&lamp), &[], scene(), DVec3::Z, Some(1.0)).unwrap_err();
+    let error = format!("{error:#}");
+    assert!(error.contains("short.ies") && error.contains("line 4"), "{error}");
+    let gone = StatedLuminaire { file: "gone.ies".into(), ..lamp };
+    let error = hang(&[gone], &[], scene(), DVec3::Z, Some(1.0)).unwrap_err();
+    assert!(format!("{error:#}").contains("gone.ies"), "{error:#}");
+}

@@ -7,6 +7,10 @@
 //! stays grey between all primaries.
 #![forbid(unsafe_code)]
 
+mod temperature;
+
+pub use temperature::{TEMPERATURES, channels_of, chromaticity_of};
+
 use glam::{DMat3, DVec2, DVec3};
 
 /// Weights of red, green and blue in a luminance, for the primaries [`Primaries::REC709`]. Their

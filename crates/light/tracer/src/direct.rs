@@ -322,13 +322,7 @@ impl LitVertex<'_> {
         let density = probability * aim.density(distance2, cosine.abs());
         value
             * passed
-            * self.engine.sampled_emission_at(
-                self.raycaster,
-                triangle,
-                [u, v],
-                direction,
-                emitter.emission,
-            )
+            * self.engine.sampled_emission_at(self.raycaster, triangle, [u, v], direction, emitter)
             * (direct.light_weight(density * count as f32, pdf) / density)
     }
 }

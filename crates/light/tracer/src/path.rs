@@ -409,7 +409,7 @@ impl PathEngine {
             sample.emitter_density(&self.lights, raycaster, hit, cosine)
         });
         path.throughput
-            * self.emission_at(raycaster, hit.triangle, [hit.u, hit.v], surface.emission)
+            * self.emission_at(raycaster, hit.triangle, [hit.u, hit.v], -path.direction, surface)
             * weight
     }
 }

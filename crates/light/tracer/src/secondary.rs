@@ -288,7 +288,8 @@ fn follow(
                 normal = -normal;
             }
             let direction = ShadingFrame::new(normal).to_world(cosine_hemisphere(sampler.two()));
-            (point, direction, 1.0)
+            let luminaire = surface(emitter).luminaire.as_ref();
+            (point, direction, luminaire.map_or(1.0, |luminaire| luminaire.share(direction)))
         }
         LightPathStart::Point(light) => {
             let (direction, share) = light.direction(sampler.two());

@@ -71,9 +71,9 @@ impl PathEngine {
         triangle: u32,
         [u, v]: [f32; 2],
         direction: Vec3,
-        emission: Vec3,
+        surface: &TracedMaterial,
     ) -> Vec3 {
-        let emission = self.emission_at(raycaster, triangle, [u, v], emission)
+        let emission = self.emission_at(raycaster, triangle, [u, v], -direction, surface)
             * raycaster.shown(triangle, u, v, direction);
         match raycaster.has_covers() {
             true => emission * raycaster.scene().opacity(triangle, u, v),
@@ -81,15 +81,18 @@ impl PathEngine {
         }
     }
 
-    /// Returns the radiance that a lamp emits at a point: `emission` times its texture.
+    /// Returns the radiance that a lamp emits at a point in a direction away from it, with its
+    /// texture.
     #[inline]
     pub(crate) fn emission_at(
         &self,
         raycaster: &Raycaster,
         triangle: u32,
         [u, v]: [f32; 2],
-        emission: Vec3,
+        away: Vec3,
+        surface: &TracedMaterial,
     ) -> Vec3 {
+        let emission = surface.emission_towards(away);
         if !self.is_shaded {
             return emission;
         }

@@ -1,7 +1,9 @@
 //! The materials of a scene, prepared for tracing.
 
+use std::sync::Arc;
+
 use glam::Vec3;
-use holo_scene::{Bsdf, Scene};
+use holo_scene::{Bsdf, Luminaire, Scene};
 
 use crate::bsdf::{Scatter, Tables};
 use crate::roughness::{Varied, VariedTables};
@@ -16,8 +18,21 @@ pub(crate) struct TracedMaterial {
     pub emits: bool,
     /// Whether the back emits too.
     pub two_sided: bool,
+    /// Set if its light differs by direction.
+    pub luminaire: Option<Arc<Luminaire>>,
     /// What glass is besides glass, for part of the rays.
     pub base: Option<Box<TracedMaterial>>,
+}
+
+impl TracedMaterial {
+    /// Returns the radiance that it emits in a unit direction away from it, without its texture.
+    #[inline]
+    pub(crate) fn emission_towards(&self, away: Vec3) -> Vec3 {
+        match &self.luminaire {
+            None => self.emission,
+            Some(luminaire) => self.emission * luminaire.share(away),
+        }
+    }
 }
 
 /// Returns the materials of a scene, in order.
@@ -43,6 +58,7 @@ pub(crate) fn surfaces(scene: &Scene) -> Vec<TracedMaterial> {
                 emission: m.emission.into(),
                 emits: m.emits(),
                 two_sided: m.two_sided_emission,
+                luminaire: scene.luminaire_of(id as u32).cloned().map(Arc::new),
                 base: None,
             };
             let base = scene.base(id).filter(|_| used).map(|base| {

@@ -19,7 +19,7 @@ impl RadianceLimits {
     /// Returns the limits that a scene sets.
     pub fn of(scene: &Scene) -> RadianceLimits {
         let (low, high) = scene.bounds();
-        let lamps = scene.materials.iter().flat_map(|material| material.emission);
+        let lamps = scene.brightest_emissions().flatten();
         let suns = scene.all_suns().flat_map(Sun::radiance);
         let points = scene.punctual_lights.iter().flat_map(PunctualLight::radiance);
         let brightest =

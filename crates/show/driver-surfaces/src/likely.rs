@@ -202,7 +202,8 @@ impl<'a> LikelyLight<'a> {
                 let finish = follower.finish(end.material);
                 let share = Vec3::from_array(end.share);
                 if finish.shines(end.front) {
-                    share * Vec3::from_array(finish.emission) / unit
+                    share * Vec3::from_array(finish.emission) * follower.luminaire_share(&end)
+                        / unit
                 } else {
                     let serves =
                         |face: FaceClass| face.serves(end.normal, end.material, end.direction);

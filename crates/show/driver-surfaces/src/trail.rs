@@ -226,10 +226,20 @@ impl<'a> Follower<'a> {
         self.raycaster.scene().base_texture(triangle, u, v, width).unwrap_or([1.0; 3])
     }
 
-    /// Returns the factor of a lamp's texture at the end of a way; 1 without a texture.
+    /// Returns the factor of a lamp's emission at the end of a way: that of its texture, and that of
+    /// a luminaire in the direction of the way.
     pub fn glow(&self, end: &TrailEnd, width: f32) -> Rgb {
         let Hit { triangle, u, v, .. } = end.hit;
-        self.raycaster.scene().emission_texture(triangle, u, v, width).unwrap_or([1.0; 3])
+        let share = self.luminaire_share(end);
+        let texture = self.raycaster.scene().emission_texture(triangle, u, v, width);
+        texture.unwrap_or([1.0; 3]).map(|channel| channel * share)
+    }
+
+    /// Returns the radiance of a luminaire in the direction of a way over its material's emission;
+    /// 1 for other lamps.
+    pub fn luminaire_share(&self, end: &TrailEnd) -> f32 {
+        let luminaire = self.raycaster.scene().luminaire_of(end.material);
+        luminaire.map_or(1.0, |luminaire| luminaire.share(-end.direction))
     }
 
     /// Returns true if the hit is on a whole surface that is no mirror, pane or lamp and has no

@@ -123,29 +123,28 @@ impl LightProbe {
     /// relative to the centre.
     ///
     /// Along the ray, the distance from the centre over that of what the probe shows there is linear
-    /// on a plane, and 1 where the ray meets it. So the secant method is exact on planes.
+    /// on a plane, and 1 where the ray meets it. So the secant method is exact on planes. A ray that
+    /// passes behind an edge meets nothing there: it is taken to see what is beyond the edge.
     #[inline]
     pub(crate) fn direction_seen(&self, point: Vec3, direction: Vec3) -> Vec3 {
         /// More steps gain nothing in rooms.
-        const STEPS: usize = 5;
-        /// Relative difference of distances at which the search ends.
+        const STEPS: usize = 6;
+        /// Relative difference of distances at which a ray meets what the probe shows.
         const CLOSE: f32 = 3e-3;
+        /// The same at the end of the search, for curved surfaces.
+        const NEARLY: f32 = 0.1;
+        let shown = |at: Vec3| self.distance[self.cube.texel(at)];
         // Every point is before the sky: -1.
-        let behind = |at: Vec3| at.length() / self.distance[self.cube.texel(at)] - 1.0;
-        let first = self.distance[self.cube.texel(direction)];
-        if first.is_infinite() {
-            return direction;
-        }
+        let behind = |at: Vec3| at.length() / shown(at) - 1.0;
+        let first = shown(direction);
         // The search stays between a point before the surface and one behind it.
         let (mut near, mut far) = ((0.0, behind(point).min(-1e-3)), None);
-        let mut along = first;
-        let mut seen = direction;
+        let mut along = if first.is_finite() { first } else { 2.0 * point.length() };
         for _ in 0..STEPS {
             let at = point + direction * along;
             let here = behind(at);
-            seen = at;
             if here.abs() < CLOSE {
-                break;
+                return at.normalize_or(direction);
             }
             if here < 0.0 {
                 near = (along, here);
@@ -159,6 +158,14 @@ impl LightProbe {
                 None => 2.0 * along,
             };
         }
+        // Beyond all that is near, a ray sees what is in its direction.
+        let Some((distance, behind)) = far else { return direction };
+        let [before, after] = [near.0, distance].map(|along| point + direction * along);
+        let is_before = match behind.min(-near.1) < NEARLY {
+            true => -near.1 < behind,
+            false => shown(before) > shown(after),
+        };
+        let seen = if is_before { before } else { after };
         seen.normalize_or(direction)
     }
 }
@@ -208,6 +215,29 @@ mod tests {
         let seen = probe.direction_seen(point, direction) * 2.0;
         let missed = (seen - point).cross(direction).length();
         assert!(missed < 1e-3 && (seen - point).dot(direction) > 0.0, "{seen}");
+    }
+
+    #[test]
+    fn a_ray_that_passes_behind_an_edge_sees_what_is_beyond() {
+        // A floor that ends at x = 1.2, under the sky.
+        let mut frames = sphere(DVec3::ZERO, 1.0, |_| 1.0);
+        for (frame, view) in frames.iter_mut().zip(probe_views(DVec3::ZERO).unwrap()) {
+            for (pixel, depth) in frame.depth.iter_mut().enumerate() {
+                let (column, row) = (pixel as u32 % 32, pixel as u32 / 32);
+                let (x, y) = View::pixel_centre((32, 32), column, row);
+                let (_, direction) = view.ray(x, y);
+                let distance = -0.4 / direction.z;
+                let is_floor = direction.z < 0.0 && direction.x * distance < 1.2;
+                *depth = if is_floor { distance as f32 } else { f32::INFINITY };
+            }
+        }
+        let probe = LightProbe::new(DVec3::ZERO, &frames).unwrap();
+        let is_sky = |seen: Vec3| probe.distance[probe.cube.texel(seen)].is_infinite();
+        let point = Vec3::new(0.4, 0.0, 0.4);
+        for (down, passes) in [(0.2, true), (0.5, true), (0.7, true), (1.4, false), (3.0, false)] {
+            let seen = probe.direction_seen(point, Vec3::new(1.0, 0.0, -down).normalize());
+            assert_eq!(is_sky(seen), passes, "{down}: {seen}");
+        }
     }
 
     #[test]

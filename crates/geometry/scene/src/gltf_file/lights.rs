@@ -9,10 +9,8 @@ use gltf::khr_lights_punctual::{Kind, Light};
 use super::reading::GltfReading;
 use crate::limits::{MAX_COORDINATE, MAX_RADIANCE};
 use crate::text::excerpt;
+use crate::units::EFFICACY;
 use crate::{MAX_PUNCTUAL_LIGHTS, MAX_SUNS, PunctualBeam, PunctualLight, Sun};
-
-/// Luminous efficacy for converting radiance to luminance, lm/W (Ward 1994).
-pub(super) const EFFICACY: f64 = 179.0;
 
 /// Luminous efficacy with which Blender writes lamps by default, lm/W.
 const BLENDER: f64 = 683.0;
@@ -37,7 +35,7 @@ pub(super) fn add(reading: &mut GltfReading, light: &Light, node: &str, matrix: 
         reading.count("ranges of lights are ignored: light has no end");
     }
     if !candela.iter().any(|&c| c > 0.0) {
-        reading.count("lights without intensity are ignored");
+        reading.count(format!("the light of node {node} has no intensity and is ignored"));
         return;
     }
     if place.abs().max_element() > MAX_COORDINATE

@@ -22,8 +22,8 @@
 
 use std::collections::BTreeMap;
 
-use super::lights::EFFICACY;
 use crate::limits::{MAX_IOR, MAX_NAME_BYTES, MAX_RADIANCE, MIN_IOR};
+use crate::units::EFFICACY;
 use crate::{Bsdf, LoadOptions, Material, Rgb};
 
 /// Extensions that are read, at least in part.

@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use gltf::json::{Root, validation};
 use serde_json::{Map, Value};
 
+use super::photometry::named_by;
 use super::schema::{List, Member, Members, Requirement, ValueKind};
 use crate::text::excerpt;
 
@@ -20,6 +21,8 @@ use crate::text::excerpt;
 pub(super) struct Mended {
     pub json: Root,
     pub counts: BTreeMap<String, usize>,
+    /// Photometric files, by the index of the node that names them.
+    pub photometry: BTreeMap<usize, String>,
 }
 
 /// Number of lists.
@@ -63,6 +66,8 @@ pub(super) fn mend(root: Value, has_chunk: bool) -> Result<Mended, String> {
         kept.insert("scene".to_owned(), scene.into());
     }
     mending.nodes()?;
+    let nodes = mending.lists[List::Nodes as usize].iter().enumerate();
+    let photometry = nodes.filter_map(|(index, node)| Some((index, named_by(node)?))).collect();
     for list in List::ALL {
         match list {
             List::Meshes => mending.meshes()?,
@@ -88,7 +93,7 @@ pub(super) fn mend(root: Value, has_chunk: bool) -> Result<Mended, String> {
     }
     let json: Root = serde_json::from_value(kept.into()).map_err(|error| error.to_string())?;
     validate(&json)?;
-    Ok(Mended { json, counts: mending.counts })
+    Ok(Mended { json, counts: mending.counts, photometry })
 }
 
 /// Validates what the crate `gltf` relies on. It also demands bounds of positions, bytes of

@@ -18,6 +18,7 @@ mod look;
 mod materials;
 mod mend;
 mod needed;
+mod photometry;
 mod reading;
 mod schema;
 mod sharing;
@@ -63,7 +64,7 @@ fn read(source: ModelFile) -> Result<Model, SceneError> {
 fn read_bounded(source: ModelFile, repeated: u64) -> Result<Model, SceneError> {
     let ModelFile { path, options, watch, warnings } = source;
     let bytes = read_file(path, MAX_OBJ_BYTES)?;
-    let (document, blob, counts) = parse(path, &bytes)?;
+    let GltfParts { document, blob, counts, photometry } = parse(path, &bytes)?;
     let bytes = bytes.len() as u64;
     let buffers = Buffers::load(path, &document, blob, bytes, repeated);
     let mut reading = GltfReading {
@@ -80,6 +81,7 @@ fn read_bounded(source: ModelFile, repeated: u64) -> Result<Model, SceneError> {
         sharing: sharing::plan(&document),
         placed: 0,
         counts,
+        photometry,
         bytes,
         watch,
     };
@@ -104,17 +106,24 @@ fn read_bounded(source: ModelFile, repeated: u64) -> Result<Model, SceneError> {
     Ok(model)
 }
 
-/// Parses and validates the JSON. Returns it with the binary chunk of a `.glb`, and counts of what
-/// was dropped or replaced.
-#[allow(clippy::type_complexity)]
-fn parse(
-    path: &Path,
-    bytes: &[u8],
-) -> Result<(gltf::Document, Option<Vec<u8>>, BTreeMap<String, usize>), SceneError> {
+/// A file that was parsed.
+struct GltfParts {
+    document: gltf::Document,
+    /// The binary chunk of a `.glb`.
+    blob: Option<Vec<u8>>,
+    /// Counts of what was dropped or replaced.
+    counts: BTreeMap<String, usize>,
+    /// Photometric files, by the index of the node that names them.
+    photometry: BTreeMap<usize, String>,
+}
+
+/// Parses and validates the JSON.
+fn parse(path: &Path, bytes: &[u8]) -> Result<GltfParts, SceneError> {
     let problem = |problem: String| SceneError::Gltf { path: path.to_owned(), problem };
     let (json, blob) = container::open(bytes).map_err(problem)?;
     let mended = mend::mend(json, blob.is_some()).map_err(problem)?;
-    Ok((gltf::Document::from_json_without_validation(mended.json), blob, mended.counts))
+    let document = gltf::Document::from_json_without_validation(mended.json);
+    Ok(GltfParts { document, blob, counts: mended.counts, photometry: mended.photometry })
 }
 
 /// Facts that the format fixes for all its files.
@@ -163,7 +172,8 @@ impl GltfReading<'_> {
         if let Some(camera) = node.camera() {
             self.camera(&camera, &name, matrix);
         }
-        if let Some(light) = node.light() {
+        let has_luminaire = photometry::add(self, node, &name, matrix);
+        if let Some(light) = node.light().filter(|_| !has_luminaire) {
             lights::add(self, &light, &name, matrix);
         }
         let triangles = (self.model.triangles.len() + self.placed) as u64;

@@ -88,7 +88,7 @@ impl Mending {
             let Some(node) = node.as_object_mut() else { continue };
             let names: &[&str] = match is_shown {
                 true => &[],
-                false => &["mesh", "skin", "weights", "camera", "extensions"],
+                false => &["mesh", "skin", "weights", "camera", "extensions", "extras", "name"],
             };
             names.iter().for_each(|name| drop(node.remove(*name)));
             if node.get("weights").is_some_and(|weights| !is_moved(weights)) {

@@ -34,6 +34,8 @@ pub(super) struct GltfReading<'a> {
     pub placed: usize,
     /// Parts of the file that the scene cannot represent, with counts.
     pub counts: BTreeMap<String, usize>,
+    /// Photometric files, by the index of the node that names them.
+    pub photometry: BTreeMap<usize, String>,
     pub bytes: u64,
     pub watch: &'a mut dyn FnMut(LoadProgress),
 }

@@ -289,7 +289,7 @@ fn impossible_lights_are_counted_and_unusual_units_are_named() {
         (r#""type":"point","intensity":10870.282"#, "200 W × 683 lm/W ÷ 4π"),
         (r#""type":"point","intensity":54.35141"#, "of 1 W × 683 lm/W ÷ 4π"),
         (r#""type":"point","intensity":5,"range":3"#, "ranges of lights are ignored"),
-        (r#""type":"point","intensity":0"#, "without intensity"),
+        (r#""type":"point","intensity":0"#, "of node lamp has no intensity"),
         (r#""type":"point","intensity":-1"#, "without a plausible intensity"),
         (r#""type":"spot","spot":{"innerConeAngle":0.6,"outerConeAngle":0.5}"#, "angles"),
         (r#""type":"spot","spot":{"innerConeAngle":-1,"outerConeAngle":0.5}"#, "angles"),

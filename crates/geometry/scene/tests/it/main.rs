@@ -7,6 +7,7 @@ mod geometry;
 mod gltf;
 mod habits;
 mod instances;
+mod luminaires;
 mod mended;
 mod mtl;
 mod obj;

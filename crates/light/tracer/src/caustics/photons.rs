@@ -345,7 +345,7 @@ impl Shooter<'_> {
         }
         let passed = luminance(panes.between(raycaster, point, &on_lamp).to_array());
         let density = probability * aim.density(length * length, cosine.abs());
-        let intensity = passed * luminance(emitter.emission.to_array()) / density;
+        let intensity = passed * luminance(emitter.emission_towards(-back).to_array()) / density;
         let size = (scene.area(lamp) as f32).sqrt();
         Some(ArrivingLight { back, length, size, intensity, least_chord2 })
     }

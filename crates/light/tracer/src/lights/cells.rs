@@ -422,8 +422,10 @@ impl LightGrid {
         }
         let arriving =
             if facing == EVERYWHERE { 1.0 } else { towards.dot(probe.normal) / distance2.sqrt() };
-        let value =
-            radiance * arriving.max(LEAST_COSINE) / (probability * aim.density(distance2, shining));
+        let away = -towards / distance2.sqrt();
+        let share = tree.luminaire(emitter).map_or(1.0, |luminaire| luminaire.share(away));
+        let value = radiance * share * arriving.max(LEAST_COSINE)
+            / (probability * aim.density(distance2, shining));
         if value.is_finite() {
             (value, luminance(self.panes.between(&self.raycaster, probe, &light).to_array()))
         } else {

@@ -26,7 +26,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use holo_raycast::Raycaster;
-use holo_scene::Scene;
+use holo_scene::{Luminaire, Scene};
 
 pub(crate) use build::Emitter;
 use cells::{LightCell, LightGrid};
@@ -195,7 +195,11 @@ impl Lights {
             (f64::from(PI * prepared_sky.mean()) / if unit > 0.0 { unit } else { 1.0 }) as f32;
         let is_alone = sky == 0.0 && points.is_empty();
         let quad = is_alone.then(|| first_of_quad(scene, &triangles)).flatten();
-        let tree = LightTree::new(triangles, points, emitters);
+        let luminaires: Vec<Option<Arc<Luminaire>>> = (0..scene.materials.len() as u32)
+            .map(|id| scene.luminaire_of(id).cloned().map(Arc::new))
+            .collect();
+        let tree = LightTree::new(triangles, points, emitters)
+            .with_luminaires(|t| luminaires[material(t)].clone());
         Self { tree, cells: Vec::new(), sky, prepared_sky: Arc::clone(prepared_sky), quad }
     }
 
@@ -255,10 +259,10 @@ impl Lights {
         if self.quad.is_some() {
             return seen;
         }
-        let Some(root) = self.tree.nodes.first() else {
+        if self.tree.nodes.is_empty() {
             seen.sky = if self.sky > 0.0 { 1.0 } else { 0.0 };
             return seen;
-        };
+        }
         if let Some((grid, number)) = self.find_cell(point, normal, scatterings) {
             let cell = self.cells[usize::from(grid)].get(&self.tree, number);
             seen.sky = self.sky_share(cell.sky, cell.total, LEAST_SKY_OF_CELL);
@@ -267,7 +271,7 @@ impl Lights {
             }
             seen.cell = Some((grid, number));
         } else {
-            seen.first.set(0, root.importances(point, normal));
+            seen.first.set(0, self.tree.importances(0, point, normal));
             let total = seen.first.total();
             seen.sky = if total == 0.0 && self.sky > 0.0 {
                 1.0
@@ -382,7 +386,7 @@ impl Lights {
         let mut place = self.tree.places[emitter];
         while Some(place) != end && (end.is_some() || place.node != 0) {
             let node = &self.tree.nodes[place.node as usize];
-            let importances = node.importances(seen.point, seen.normal);
+            let importances = self.tree.importances(place.node as usize, seen.point, seen.normal);
             let total: f32 = importances.iter().sum();
             if total <= 0.0 {
                 return 0.0;

@@ -2,7 +2,10 @@
 //!
 //! Invariant: a choice leaves a random number uniform, so that it can be used again.
 
+use std::sync::Arc;
+
 use glam::Vec3;
+use holo_scene::Luminaire;
 
 use super::build::{self, Emission, Emitter};
 use super::node::{Child, LightNode, WIDTH};
@@ -22,7 +25,19 @@ pub(super) struct LightTree {
     pub places: Vec<Child>,
     /// Indexed by emitter.
     pub emissions: Vec<Emission>,
+    /// The luminaires of triangles; empty if there are none.
+    luminaires: Vec<Option<Arc<Luminaire>>>,
+    /// For each node a luminaire that shines as all of its emitters do, if there is one.
+    common: Vec<Option<Arc<Luminaire>>>,
 }
+
+/// Share of its light that a luminaire keeps in directions into which its middle gives none: its
+/// rim may.
+const LEAST_OF_LUMINAIRE: f32 = 0.25;
+
+/// Squared ratio of a group's radius to its distance from which its emitters are seen in directions
+/// that differ too much for one of them to stand for all.
+const WIDE2: f32 = 0.1;
 
 impl LightTree {
     /// Makes a tree of the given triangles (ascending) and points, with one emitter for each.
@@ -34,7 +49,72 @@ impl LightTree {
         let emissions = emitters.iter().map(Emitter::emission).collect();
         let (nodes, places) = build::tree(emitters);
         let greatest_radius = points.iter().fold(0.0, |most: f32, point| most.max(point.radius));
-        Self { triangles, points, greatest_radius, nodes, places, emissions }
+        let (luminaires, common) = (Vec::new(), Vec::new());
+        Self { triangles, points, greatest_radius, nodes, places, emissions, luminaires, common }
+    }
+
+    /// Gives its triangles their luminaires.
+    pub(super) fn with_luminaires(mut self, of: impl Fn(u32) -> Option<Arc<Luminaire>>) -> Self {
+        let luminaires: Vec<_> = self.triangles.iter().map(|&triangle| of(triangle)).collect();
+        if luminaires.iter().any(Option::is_some) {
+            self.luminaires = luminaires;
+            self.common = vec![None; self.nodes.len()];
+            // Children come after their node.
+            for node in (0..self.nodes.len()).rev() {
+                let mut children =
+                    (0..self.nodes[node].used()).map(|slot| self.shining(node, slot));
+                let first = children.next().flatten();
+                let is_alike = |other: Option<&Arc<Luminaire>>| {
+                    first.zip(other).is_some_and(|(a, b)| {
+                        Arc::ptr_eq(a, b) || (Arc::ptr_eq(&a.web, &b.web) && a.axes == b.axes)
+                    })
+                };
+                self.common[node] = children.all(is_alike).then(|| first.cloned()).flatten();
+            }
+        }
+        self
+    }
+
+    /// Returns a luminaire that shines as all emitters of a child do.
+    #[inline]
+    fn shining(&self, node: usize, slot: usize) -> Option<&Arc<Luminaire>> {
+        match self.nodes[node].child(slot) {
+            Ok(child) => self.common[child].as_ref(),
+            Err(emitter) => self.luminaires.get(emitter)?.as_ref(),
+        }
+    }
+
+    /// Returns the luminaire that an emitter is a face of.
+    #[inline]
+    pub(super) fn luminaire(&self, emitter: usize) -> Option<&Luminaire> {
+        self.luminaires.get(emitter)?.as_deref()
+    }
+
+    /// Returns the light that each child of a node may bring to a point, as
+    /// [`LightNode::importances`] does, with the directions into which luminaires shine.
+    #[inline]
+    pub(super) fn importances(&self, number: usize, p: Vec3, normal: Vec3) -> [f32; WIDTH] {
+        let node = &self.nodes[number];
+        let mut importances = node.importances(p, normal);
+        if !self.luminaires.is_empty() {
+            for (slot, importance) in importances.iter_mut().enumerate().take(node.used()) {
+                if *importance > 0.0 {
+                    *importance *= self.share_of_child(number, slot, p) + LEAST_OF_LUMINAIRE;
+                }
+            }
+        }
+        importances
+    }
+
+    /// Returns the radiance of a child's luminaires towards a point over that of even lamps; 1 if
+    /// its emitters are not alike or are seen in too many directions.
+    fn share_of_child(&self, node: usize, slot: usize, p: Vec3) -> f32 {
+        let away = p - self.nodes[node].sphere(slot).0;
+        let is_wide = self.nodes[node].radius2(slot) > WIDE2 * away.length_squared();
+        match self.shining(node, slot) {
+            Some(luminaire) if !is_wide => luminaire.share(away.normalize_or_zero()),
+            _ => 1.0,
+        }
     }
 
     /// Returns the point that an emitter is; `None` for a triangle.
@@ -60,7 +140,7 @@ impl LightTree {
                 Err(emitter) => return Some((emitter, probability)),
                 Ok(next) => {
                     let node = self.nodes.get(next)?;
-                    let importances = node.importances(point, normal);
+                    let importances = self.importances(next, point, normal);
                     let total: f32 = importances.iter().sum();
                     if total <= 0.0 {
                         return None;

@@ -8,6 +8,7 @@ mod gather;
 mod housing;
 mod instances;
 mod light;
+mod luminaires;
 mod many_lights;
 mod nested;
 mod reference;

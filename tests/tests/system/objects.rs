@@ -1,0 +1,89 @@
+//! Models that a person carries into a scene on a page, and that a replay shows again.
+
+use holo_picture::{Picture, luminance};
+use holo_tests::{CORNELL_SMALL_SECTION, Chromium, Modifier, Place, wait_until};
+use serde_json::Value;
+
+const VIEW: [&str; 6] = ["--vp", "2.78,2.73,-2", "--vd", "0,0,1", "--vh", "60"];
+
+/// A cube of side 1 whose base is at height 0. The scene's up axis is y.
+const CUBE: &str = "\
+v -0.5 0 -0.5\nv 0.5 0 -0.5\nv 0.5 0 0.5\nv -0.5 0 0.5
+v -0.5 1 -0.5\nv 0.5 1 -0.5\nv 0.5 1 0.5\nv -0.5 1 0.5
+f 1 2 3 4\nf 8 7 6 5\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1
+";
+
+/// Returns where the only object beside a file is, and its turn, once `is_there` holds for them.
+fn kept(place: &Place, is_there: impl Fn([f64; 3], f64) -> bool) -> ([f64; 3], f64) {
+    wait_until("the object to be kept", || {
+        let list = std::fs::read(place.path("a.objects/objects.json")).ok()?;
+        let list: Value = serde_json::from_slice(&list).unwrap();
+        let at: [f64; 3] = serde_json::from_value(list[0]["at"].clone()).ok()?;
+        let turn = list[0]["turn"].as_f64()?;
+        is_there(at, turn).then_some((at, turn))
+    })
+}
+
+#[test]
+fn an_object_is_carried_moved_and_turned_on_a_page_and_a_replay_shows_it() {
+    let place = Place::new();
+    place.write("cube.obj", CUBE);
+    place.write("empty.obj", "# nothing\n");
+    let words = ["view", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION];
+    let options = ["--keep", "{}/a.holo", "--threads", "1", "--bounces", "0", "--no-open"];
+    let mut session = place.start(&[&words[..], &options, &VIEW].concat());
+    let address = format!("http:{}", session.wait_for_line("http:"));
+    let browser = &mut Chromium::open(&address);
+    browser.wait("state && state.view_samples > 20000");
+
+    let cube = place.text("cube.obj");
+    session.write_line(&format!("object add {cube} at 2.78 1.7 1 as the cube"));
+    let (at, turn) = kept(&place, |_, _| true);
+    assert_eq!((at, turn), ([2.78, 1.7, 1.0], 0.0));
+    // Further passes of the object are drawn.
+    let frame = browser.value("Number(document.body.dataset.frame)").as_f64().unwrap();
+    browser.wait(&format!("Number(document.body.dataset.frame) > {}", frame + 2.0));
+
+    // It follows the pointer along the plane of its base: the point below the pointer is 5.8 away,
+    // where 100 pixels are 0.52 wide. Right is -x.
+    browser.drag_with(Modifier::Shift, (640, 556), (740, 556));
+    let (at, _) = kept(&place, |at, _| at[0] < 2.7);
+    assert!((at[0] - 2.26).abs() < 0.05, "{at:?}");
+    assert!((at[1] - 1.7).abs() < 1e-9 && (at[2] - 1.0).abs() < 1e-6, "{at:?}");
+    browser.wheel_with_shift((740, 556), 100);
+    kept(&place, |now, turn| now == at && turn == 15.0);
+
+    // What cannot be carried is named, and changes nothing.
+    let empty = place.text("empty.obj");
+    for (line, reason) in [
+        (format!("add {empty} at 1 1 1"), "empty.obj: no triangle"),
+        ("move the cube to 1e9 0 0".into(), "outside every section"),
+        ("move the chair by 1 0 0".into(), "objects: the cube"),
+    ] {
+        session.write_line(&format!("object {line}"));
+        browser.wait(&format!("(state.trouble || '').includes('{reason}')"));
+    }
+    kept(&place, |now, turn| now == at && turn == 15.0);
+    // A page may name files of the viewer's own folder alone.
+    browser.value(&format!("command('object add {cube} at 1 1 1')"));
+    browser.wait("state.trouble !== null");
+    browser.value("command('quit')");
+    session.wait().ok();
+
+    // Its pixels change. Far from it, walls lose a little of the light from all sides.
+    let picture = |name: &str| {
+        let output = format!("{{}}/{name}.pfm");
+        let words = ["picture", "{}/a.holo", "--size", "160x90", "--denoise", "off", "-o", &output];
+        place.run(&[&words[..], &VIEW].concat()).ok();
+        Picture::read(&place.path(&format!("{name}.pfm"))).unwrap()
+    };
+    let with = picture("with");
+    std::fs::remove_dir_all(place.path("a.objects")).unwrap();
+    let without = picture("without");
+    let change = |column: usize, row: usize| {
+        let [with, without] = [&with, &without].map(|p| luminance(p.pixels[row * 160 + column]));
+        (with / without - 1.0).abs()
+    };
+    assert!(change(92, 70) > 0.1, "the object: {}", change(92, 70));
+    assert!(change(5, 5) < 0.01, "far from it: {}", change(5, 5));
+}
