@@ -13,8 +13,8 @@ use glam::Vec3;
 use crate::{Bsdf, Scene};
 
 /// Most triangles of shiny materials. A scene with more has no shiny objects, because their edges
-/// would take too much memory: about 200 bytes a triangle.
-const MOST_TRIANGLES: usize = 4_000_000;
+/// would take too much memory and time to compare: 70 bytes and 0.5 µs a triangle.
+const MOST_TRIANGLES: usize = 1_000_000;
 
 /// Sine of the least angle between two triangles of a curved surface, 0.1°. Polygons whose corners
 /// were rounded are flat.
@@ -27,22 +27,13 @@ const SMOOTH: f32 = 0.707;
 /// Stands for no object.
 const NO_OBJECT: u32 = u32::MAX;
 
-/// A shiny object.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ShinyObject {
-    /// Its material.
-    pub material: u32,
-    /// The middle of its bounds, relative to the scene's origin.
-    pub centre: Vec3,
-    /// The distance from there to its farthest corner, scene units.
-    pub radius: f32,
-}
-
 /// The shiny objects of a scene, at least one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShinyObjects {
-    objects: Vec<ShinyObject>,
+    centres: Vec<Vec3>,
     of_triangles: Vec<u32>,
+    /// Objects and their triangles, in order.
+    members: Vec<(u32, u32)>,
 }
 
 /// The corners of an edge as bits, in rising order, with the material of its triangle.
@@ -93,7 +84,6 @@ impl ShinyObjects {
             return None;
         }
         let (mut groups, is_curved) = connected(scene, &shiny);
-        let mut objects: Vec<ShinyObject> = Vec::new();
         let mut bounds: Vec<(Vec3, Vec3)> = Vec::new();
         let mut of_first: HashMap<u32, u32> = HashMap::new();
         let mut curved_groups = vec![false; shiny.len()];
@@ -101,40 +91,35 @@ impl ShinyObjects {
             curved_groups[groups.first(number) as usize] |= is_curved[number as usize];
         }
         let mut of_triangles = vec![NO_OBJECT; scene.triangles().len()];
+        let mut members = Vec::new();
         for (number, &triangle) in (0..).zip(&shiny) {
             let first = groups.first(number);
             if !curved_groups[first as usize] {
                 continue;
             }
             let object = *of_first.entry(first).or_insert_with(|| {
-                let material = scene.material_id(triangle);
-                objects.push(ShinyObject { material, centre: Vec3::ZERO, radius: 0.0 });
                 bounds.push((Vec3::INFINITY, Vec3::NEG_INFINITY));
-                objects.len() as u32 - 1
+                bounds.len() as u32 - 1
             });
             of_triangles[triangle as usize] = object;
+            members.push((object, triangle));
             let (low, high) = &mut bounds[object as usize];
             for corner in scene.corners(triangle) {
                 (*low, *high) = (low.min(corner), high.max(corner));
             }
         }
-        for (object, (low, high)) in objects.iter_mut().zip(bounds) {
-            object.centre = low.midpoint(high);
+        if bounds.is_empty() {
+            return None;
         }
-        for (triangle, &object) in (0..).zip(&of_triangles) {
-            if let Some(object) = objects.get_mut(object as usize) {
-                let away = |corner: Vec3| corner.distance(object.centre);
-                let farthest = scene.corners(triangle).map(away);
-                object.radius = farthest.into_iter().fold(object.radius, f32::max);
-            }
-        }
-        (!objects.is_empty()).then_some(ShinyObjects { objects, of_triangles })
+        members.sort_unstable();
+        let centres = bounds.into_iter().map(|(low, high)| low.midpoint(high)).collect();
+        Some(ShinyObjects { centres, of_triangles, members })
     }
 
-    /// Returns all objects.
+    /// Returns the middles of all objects' bounds, relative to the scene's origin.
     #[must_use]
-    pub fn objects(&self) -> &[ShinyObject] {
-        &self.objects
+    pub fn centres(&self) -> &[Vec3] {
+        &self.centres
     }
 
     /// Returns the number of the object that a triangle belongs to.
@@ -142,6 +127,13 @@ impl ShinyObjects {
     #[inline]
     pub fn of(&self, triangle: u32) -> Option<u32> {
         self.of_triangles.get(triangle as usize).copied().filter(|&object| object != NO_OBJECT)
+    }
+
+    /// Returns the triangles of an object, in order: pairs of the object and a triangle.
+    #[must_use]
+    pub fn triangles_of(&self, object: u32) -> &[(u32, u32)] {
+        let at = |number: u32| self.members.partition_point(|&(object, _)| object < number);
+        &self.members[at(object)..at(object.saturating_add(1))]
     }
 }
 

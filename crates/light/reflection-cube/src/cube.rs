@@ -1,4 +1,4 @@
-//! The texels of a cube: samples enter, and what changed leaves.
+//! The texels of a cube, and the samples that enter them.
 
 use crate::face::{FACES, FacePoint, depth, solid_angle};
 use crate::levels::{CubeLevel, LevelTexel};
@@ -23,7 +23,7 @@ pub struct ReflectionSample {
     pub radiance: [f32; 3],
     /// The number of paths in the radiance. A sample counts by it.
     pub count: u16,
-    /// The generation of the scene that the sample shows.
+    /// Samples of a later generation replace those of earlier ones.
     pub generation: u16,
 }
 
@@ -36,6 +36,8 @@ pub struct CubeLight {
     pub distance: f32,
     /// The angle over which the light is averaged, radians.
     pub spread: f32,
+    /// Paths in the texel that is seen; 0 if only others around it are valid.
+    pub count: u16,
 }
 
 /// What a cube knows of a ray.
@@ -229,23 +231,29 @@ impl ReflectionCube {
     /// not valid.
     #[must_use]
     pub fn light_of(&self, texel: usize) -> Option<CubeLight> {
-        let CubeTexel { radiance, inverse_depth, .. } = *self.valid_texel(texel)?;
+        let CubeTexel { radiance, inverse_depth, count, .. } = *self.valid_texel(texel)?;
         let (face, column, row) = place(texel, self.resolution);
         let middle = FacePoint::middle(face, (column as i32, row as i32), self.resolution);
         let distance = middle.direction().length() / inverse_depth;
-        Some(CubeLight { radiance, distance, spread: self.spread_of(0) })
+        Some(CubeLight { radiance, distance, spread: self.spread_of(0), count })
     }
 
     /// Returns the number of paths in a texel below [`len`](Self::len); 0 if it is not valid.
-    #[must_use]
-    pub fn count_of(&self, texel: usize) -> u16 {
+    pub(crate) fn count_of(&self, texel: usize) -> u16 {
         self.texels[texel].count
     }
 
-    /// Returns the generation of a texel below [`len`](Self::len). `None` if it is not valid.
-    #[must_use]
-    pub fn generation_of(&self, texel: usize) -> Option<u16> {
-        Some(self.valid_texel(texel)?.generation)
+    /// Replaces the radiance of a texel below [`len`](Self::len) that is valid. Returns false if it
+    /// is not, or if the radiance is not finite and positive.
+    ///
+    /// Levels follow at the next [`refresh_levels`](Self::refresh_levels).
+    pub fn set_radiance(&mut self, texel: usize, radiance: [f32; 3]) -> bool {
+        let is_set = self.valid_texel(texel).is_some() && is_light(radiance);
+        if is_set {
+            self.texels[texel].radiance = radiance;
+            self.stale[texel / (self.resolution as usize).pow(2)] = true;
+        }
+        is_set
     }
 
     /// Returns true if rays in the direction of a texel below [`len`](Self::len) must be traced.
@@ -266,9 +274,8 @@ impl ReflectionCube {
             true => (point, 1.0 / depth(point)),
             false => (sample.direction, 0.0),
         };
-        let is_light = sample.radiance.iter().all(|c| c.is_finite() && *c >= 0.0);
         let is_somewhere = towards.is_finite() && towards != Vec3::ZERO && sample.distance >= 0.0;
-        if !is_light || !is_somewhere || !inverse_depth.is_finite() || sample.count == 0 {
+        if !is_light(sample.radiance) || !is_somewhere || !inverse_depth.is_finite() || sample.count == 0 {
             return false;
         }
         let ReflectionSample { radiance, count, generation, .. } = *sample;
@@ -277,36 +284,9 @@ impl ReflectionCube {
         true
     }
 
-    /// Notes that rays that leave the object in this direction may hit the object itself. The mark
-    /// remains when light is flushed.
+    /// Notes that rays that leave the object in this direction may hit the object itself.
     pub fn mark_self_hit(&mut self, direction: Vec3) {
         self.set_mark(self.texel_of(direction));
-    }
-
-    /// Makes texels invalid whose light came from a changed box, or from behind it. The box goes
-    /// from `least` to `most`. It is widened by `slack` (the object's radius, because rays leave
-    /// from its surface and not from the centre) and by the width of a texel. These texels take no
-    /// sample from before `generation`, which begins with the change. Returns their number.
-    pub fn flush(&mut self, (least, most): (Vec3, Vec3), slack: f32, generation: u16) -> usize {
-        let before = self.valid;
-        for number in 0..self.texels.len() {
-            if !self.texels[number].is_valid() {
-                continue;
-            }
-            let (face, column, row) = place(number, self.resolution);
-            let middle = FacePoint::middle(face, (column as i32, row as i32), self.resolution);
-            let reach = 1.0 / self.texels[number].inverse_depth;
-            let direction = middle.direction();
-            // The half diagonal of a texel at depth 1 is √2 / resolution.
-            let grows = std::f32::consts::SQRT_2 / self.resolution as f32;
-            let (low, high) = (least - self.centre - slack, most - self.centre + slack);
-            if cone_meets_box((direction, reach), grows, (low, high)) {
-                self.texels[number] = CubeTexel { generation, ..CubeTexel::default() };
-                self.stale[face] = true;
-                self.valid -= 1;
-            }
-        }
-        before - self.valid
     }
 
     /// Makes the levels again from all valid texels, on faces that changed.
@@ -368,14 +348,17 @@ impl ReflectionCube {
     }
 
     fn put(&mut self, number: usize, new: &CubeTexel) {
-        let texel = &mut self.texels[number];
-        if new.is_valid() || new.generation > texel.generation {
-            self.valid -= usize::from(texel.is_valid());
+        if new.is_valid() {
+            let texel = &mut self.texels[number];
+            self.valid += usize::from(!texel.is_valid());
             texel.add(new);
-            self.valid += usize::from(texel.is_valid());
             self.stale[number / (self.resolution as usize).pow(2)] = true;
         }
     }
+}
+
+fn is_light(radiance: [f32; 3]) -> bool {
+    radiance.iter().all(|c| c.is_finite() && *c >= 0.0)
 }
 
 /// Returns the face, column and row of a texel.
@@ -390,26 +373,4 @@ fn place(number: usize, resolution: u32) -> (usize, u32, u32) {
 fn number_of(face: usize, (column, row): (u32, u32), resolution: u32) -> usize {
     let side = resolution as usize;
     (face * side + row as usize) * side + column as usize
-}
-
-/// Returns true if the segment from 0 to `reach` times a direction comes to a box. The segment
-/// widens by `grows` per unit of depth.
-fn cone_meets_box((direction, reach): (Vec3, f32), grows: f32, (low, high): (Vec3, Vec3)) -> bool {
-    // The box is widened by as much as the segment at the box's farthest depth, or at its own end.
-    let farthest = low.abs().max(high.abs()).max_element().min(reach);
-    let (low, high) = (low - grows * farthest, high + grows * farthest);
-    let (mut near, mut far) = (0.0f32, reach);
-    for axis in 0..3 {
-        let along = direction[axis];
-        if along == 0.0 {
-            if low[axis] > 0.0 || high[axis] < 0.0 {
-                return false;
-            }
-            continue;
-        }
-        let (one, other) = (low[axis] / along, high[axis] / along);
-        near = near.max(one.min(other));
-        far = far.min(one.max(other));
-    }
-    near <= far
 }

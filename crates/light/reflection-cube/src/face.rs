@@ -1,20 +1,19 @@
 //! Directions and texels of a cube with faces of equal resolution.
-//!
-//! Faces have the order and the axes of OpenGL's cube maps: +X, -X, +Y, -Y, +Z, -Z.
 
 use glam::Vec3;
 
 /// Faces of a cube.
 pub(crate) const FACES: usize = 6;
 
-/// The outward axis of each face, and the axes of its columns and rows.
-const AXES: [[Vec3; 3]; FACES] = [
-    [Vec3::X, Vec3::NEG_Z, Vec3::NEG_Y],
-    [Vec3::NEG_X, Vec3::Z, Vec3::NEG_Y],
-    [Vec3::Y, Vec3::X, Vec3::Z],
-    [Vec3::NEG_Y, Vec3::X, Vec3::NEG_Z],
-    [Vec3::Z, Vec3::X, Vec3::NEG_Y],
-    [Vec3::NEG_Z, Vec3::NEG_X, Vec3::NEG_Y],
+/// The axis of each face outward, and those of its columns and rows: to the right and down, for an
+/// eye in the centre. Texels are numbered face by face, and row by row.
+pub const FACE_AXES: [[Vec3; 3]; FACES] = [
+    [Vec3::X, Vec3::NEG_Y, Vec3::NEG_Z],
+    [Vec3::NEG_X, Vec3::Y, Vec3::NEG_Z],
+    [Vec3::Y, Vec3::X, Vec3::NEG_Z],
+    [Vec3::NEG_Y, Vec3::NEG_X, Vec3::NEG_Z],
+    [Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y],
+    [Vec3::NEG_Z, Vec3::X, Vec3::NEG_Y],
 ];
 
 /// A point of the cube with sides of length 2: from -1 to 1 along the columns and rows of a face.
@@ -38,7 +37,7 @@ impl FacePoint {
             (4, direction.z < 0.0)
         };
         let face = axis + usize::from(negative);
-        let [_, columns, rows] = AXES[face];
+        let [_, columns, rows] = FACE_AXES[face];
         let scale = 1.0 / size.max_element();
         FacePoint {
             face,
@@ -57,7 +56,7 @@ impl FacePoint {
     /// Returns the direction of the point. Its length along the face's axis is 1.
     #[inline]
     pub fn direction(self) -> Vec3 {
-        let [outward, columns, rows] = AXES[self.face];
+        let [outward, columns, rows] = FACE_AXES[self.face];
         outward + self.across * columns + self.down * rows
     }
 
@@ -78,11 +77,16 @@ pub(crate) fn depth(point: Vec3) -> f32 {
     point.abs().max_element()
 }
 
-/// Returns the solid angle of a texel, steradians.
+/// Returns the solid angle of a texel, steradians. Relative error at most 3e-4 with 8 texels along a
+/// side, and 16 times smaller with twice as many.
+#[inline]
 pub(crate) fn solid_angle((column, row): (u32, u32), resolution: u32) -> f32 {
-    // The solid angle of the rectangle from the middle of a face to (x, y).
-    let until = |x: f64, y: f64| (x * y).atan2((x * x + y * y + 1.0).sqrt());
-    let at = |number: u32| 2.0 * f64::from(number) / f64::from(resolution) - 1.0;
-    let (left, right, top, bottom) = (at(column), at(column + 1), at(row), at(row + 1));
-    (until(right, bottom) - until(left, bottom) - until(right, top) + until(left, top)) as f32
+    // The integral of (1 + x² + y²)^(-3/2) over the texel, to the second order around its middle.
+    let side = 2.0 / resolution as f32;
+    let at = |number: u32| (number as f32 + 0.5) * side - 1.0;
+    let away = at(column) * at(column) + at(row) * at(row);
+    let inverse = 1.0 / (1.0 + away);
+    let area = side * side;
+    let curved = (15.0 * away * inverse - 6.0) * inverse * area / 24.0;
+    area * inverse * inverse.sqrt() * (1.0 + curved)
 }

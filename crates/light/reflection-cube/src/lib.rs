@@ -29,3 +29,4 @@ pub use cube::{
     CubeAnswer, CubeLight, CubeStatistics, LEAST_RESOLUTION, MOST_RESOLUTION, ReflectionCube,
     ReflectionSample, bytes_of, resolution,
 };
+pub use face::FACE_AXES;

@@ -4,17 +4,23 @@
 //! and takes the light of the point that it meets. With `q` the point relative to the centre and
 //! `I` the inverse depth in its direction, `depth(q) · I - 1` is negative before the surface and
 //! positive behind it. On a plane it is linear along the ray, so the secant method is exact there.
+//! Before the sky it is -1.
+//!
+//! A ray that passes behind an edge meets nothing there. It is taken to see what is beyond the edge.
 
 use crate::cube::{CubeAnswer, CubeLight, ReflectionCube};
-use crate::face::{FacePoint, depth};
+use crate::face::{FACE_AXES, FacePoint, depth};
 use glam::Vec3;
 use std::ops::RangeInclusive;
 
 /// Most points of a ray that are compared with the depths.
 const MOST_STEPS: usize = 6;
 
-/// Relative difference of depth, in texels, at which the search ends.
+/// Relative difference of depth, in texels, at which a ray meets the surface.
 const CLOSE: f32 = 0.25;
+
+/// Relative difference of depth at which a ray meets a curved surface when the search ends.
+const NEARLY: f32 = 0.1;
 
 /// A point of a ray before or behind the surface.
 #[derive(Clone, Copy)]
@@ -48,9 +54,7 @@ impl ReflectionCube {
         if self.is_marked(self.texel_of(direction)) {
             return CubeAnswer::MustTrace;
         }
-        let from = origin - self.centre();
-        let (towards, distance) =
-            if from == Vec3::ZERO { (direction, None) } else { self.met(from, direction) };
+        let (towards, distance) = self.seen(origin, direction);
         let point = FacePoint::of(towards);
         let (mut angle, most) = (spread.start().max(self.spread_of(0)), *spread.end());
         loop {
@@ -60,6 +64,7 @@ impl ReflectionCube {
                     radiance: texel.radiance,
                     distance: distance.unwrap_or_else(own),
                     spread: angle,
+                    count: self.count_of(self.texel_of(towards)),
                 });
             }
             angle *= 2.0;
@@ -75,34 +80,47 @@ impl ReflectionCube {
         (0..=self.levels().len()).find_map(|level| Some(self.smooth(level, point)?.inverse_depth))
     }
 
+    /// Returns the texel that a ray sees which leaves the object at `origin` in a unit direction.
+    #[must_use]
+    #[inline]
+    pub fn texel_seen(&self, origin: Vec3, direction: Vec3) -> usize {
+        self.texel_of(self.seen(origin, direction).0)
+    }
+
+    /// Returns how far a point is behind the surface.
+    #[inline]
+    fn behind(&self, point: Vec3) -> Option<f32> {
+        Some(depth(point) * self.inverse_depth(point)? - 1.0)
+    }
+
     /// Returns the point where a ray meets the surface of depths, relative to the centre, and its
     /// distance along the ray. If the ray leaves for the sky or nothing is known, it is the
     /// direction without a distance.
-    fn met(&self, from: Vec3, direction: Vec3) -> (Vec3, Option<f32>) {
+    fn seen(&self, origin: Vec3, direction: Vec3) -> (Vec3, Option<f32>) {
+        let from = origin - self.centre();
         let nowhere = (direction, None);
-        let Some(inverse) = self.inverse_depth(direction).filter(|inverse| *inverse > 0.0) else {
-            return nowhere;
-        };
-        // The first guess is exact on planes that face the centre's axes, as walls often do.
-        let face = FacePoint::of(direction);
-        let axis = FacePoint { across: 0.0, down: 0.0, ..face }.direction();
-        let guess = (1.0 / inverse - from.dot(axis)) / direction.dot(axis);
-        if !(guess > 0.0 && guess.is_finite()) {
+        if from == Vec3::ZERO {
             return nowhere;
         }
+        let Some(inverse) = self.inverse_depth(direction) else { return nowhere };
+        // The first guess is exact on planes that face the centre's axes, as walls often do.
+        let [axis, ..] = FACE_AXES[FacePoint::of(direction).face];
+        let guess = (1.0 / inverse - from.dot(axis)) / direction.dot(axis);
+        let is_ahead = guess > 0.0 && guess.is_finite();
+        let mut distance = if is_ahead { guess } else { 2.0 * from.length() };
         let close = CLOSE / self.resolution() as f32;
-        let mut before = RayPoint { distance: 0.0, behind: -1.0 };
+        let here = self.behind(from).unwrap_or(-1.0);
+        let mut before = RayPoint { distance: 0.0, behind: here.min(-close) };
         let mut after: Option<RayPoint> = None;
         let mut last: Option<RayPoint> = None;
-        let mut distance = guess;
         for _ in 0..MOST_STEPS {
             let point = from + distance * direction;
-            let Some(inverse) = self.inverse_depth(point) else { return nowhere };
-            let here = RayPoint { distance, behind: depth(point) * inverse - 1.0 };
-            if here.behind.abs() < close {
-                break;
+            let Some(behind) = self.behind(point) else { return nowhere };
+            let here = RayPoint { distance, behind };
+            if behind.abs() < close {
+                return (point, Some(distance));
             }
-            match here.behind < 0.0 {
+            match behind < 0.0 {
                 true => before = here,
                 false => after = Some(here),
             }
@@ -113,10 +131,19 @@ impl ReflectionCube {
             };
             let by_last = last.map(|last| last.secant(here)).filter(is_between);
             let by_ends = after.map(|after| before.secant(after)).filter(is_between);
-            let farther = || distance / (1.0 + here.behind).max(0.1);
+            let farther = || distance / (1.0 + behind).max(0.25);
             distance = by_last.or(by_ends).unwrap_or_else(farther);
             last = Some(here);
         }
-        (from + distance * direction, Some(distance))
+        let at = |end: RayPoint| (from + end.distance * direction, Some(end.distance));
+        let Some(after) = after else {
+            return if -before.behind < NEARLY { at(before) } else { nowhere };
+        };
+        if after.behind.min(-before.behind) < NEARLY {
+            return at(if -before.behind < after.behind { before } else { after });
+        }
+        // The farther side of an edge has the lesser inverse depth.
+        let far = |end: RayPoint| self.inverse_depth(at(end).0).unwrap_or(0.0);
+        (at(if far(before) < far(after) { before } else { after }).0, None)
     }
 }

@@ -13,7 +13,7 @@ use std::sync::{PoisonError, RwLock};
 
 use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster};
-use holo_reflection_cube::{CubeAnswer, ReflectionCube, ReflectionSample, bytes_of};
+use holo_reflection_cube::{CubeAnswer, CubeLight, LEAST_RESOLUTION, ReflectionCube, ReflectionSample, bytes_of};
 use holo_scene::{Scene, ShinyObjects};
 
 use crate::engine::PathEngine;
@@ -21,7 +21,8 @@ use crate::path::Start;
 use crate::policy::{Carried, LeavingRay, PathPolicy};
 use crate::sampler::Sampler;
 
-/// Most bytes of all cubes.
+/// Most bytes of all cubes. If cubes of the least resolution would take more, the last objects have
+/// none.
 const MOST_BYTES: usize = 3 << 29;
 
 /// Most cubes that a path fills. Later rays are traced without filling one.
@@ -91,14 +92,13 @@ impl CachedReflections {
     /// Prepares the shiny objects of a scene. `None` if it has none.
     pub(crate) fn new(scene: &Scene, mut settings: ReflectionSettings) -> Option<Self> {
         let objects = ShinyObjects::find(scene)?;
-        let count = objects.objects().len();
+        let count = objects.centres().len();
         let bytes = |resolution| count.saturating_mul(bytes_of(resolution));
-        while bytes(settings.resolution) > MOST_BYTES
-            && bytes_of(settings.resolution / 2) < bytes_of(settings.resolution)
-        {
+        while bytes(settings.resolution) > MOST_BYTES && settings.resolution > LEAST_RESOLUTION {
             settings.resolution /= 2;
         }
-        let cubes = (0..count).map(|_| RwLock::default()).collect();
+        let most = MOST_BYTES / bytes_of(settings.resolution);
+        let cubes = (0..count.min(most)).map(|_| RwLock::default()).collect();
         Some(Self { objects, cubes, settings })
     }
 
@@ -132,31 +132,22 @@ impl CachedReflections {
     fn look_up(&self, object: u32, ray: &Ray) -> CubeAnswer {
         let cube = self.cubes[object as usize].read().unwrap_or_else(PoisonError::into_inner);
         let Some(cube) = cube.as_ref() else { return CubeAnswer::Unknown };
-        let texel = cube.texel_of(ray.direction);
-        if cube.is_marked(texel) {
-            return CubeAnswer::MustTrace;
-        }
-        if !self.settings.has_parallax {
-            let is_known = cube.count_of(texel) >= self.settings.least_paths;
-            let light = cube.light_of(texel).filter(|_| is_known);
-            return light.map_or(CubeAnswer::Unknown, CubeAnswer::Light);
-        }
-        match cube.look_up(ray.origin, ray.direction, 0.0..=0.0) {
-            CubeAnswer::Light(light) => {
-                let point = ray.origin + light.distance.min(f32::MAX) * ray.direction;
-                let towards =
-                    if light.distance.is_finite() { point - cube.centre() } else { ray.direction };
-                let is_known = cube.count_of(cube.texel_of(towards)) >= self.settings.least_paths;
-                if is_known { CubeAnswer::Light(light) } else { CubeAnswer::Unknown }
-            }
-            other => other,
+        let is_known = |light: &CubeLight| light.count >= self.settings.least_paths;
+        let answer = match (cube.texel_of(ray.direction), self.settings.has_parallax) {
+            (_, true) => cube.look_up(ray.origin, ray.direction, 0.0..=0.0),
+            (texel, false) if cube.is_marked(texel) => CubeAnswer::MustTrace,
+            (texel, false) => cube.light_of(texel).map_or(CubeAnswer::Unknown, CubeAnswer::Light),
+        };
+        match answer {
+            CubeAnswer::Light(light) if !is_known(&light) => CubeAnswer::Unknown,
+            answer => answer,
         }
     }
 
     fn change(&self, object: u32, change: impl FnOnce(&mut ReflectionCube)) {
         let cube = &self.cubes[object as usize];
         let mut cube = cube.write().unwrap_or_else(PoisonError::into_inner);
-        let centre = self.objects.objects()[object as usize].centre;
+        let centre = self.objects.centres()[object as usize];
         change(cube.get_or_insert_with(|| ReflectionCube::new(centre, self.settings.resolution)));
     }
 }
@@ -174,7 +165,10 @@ impl PathPolicy for CubePolicy<'_> {
         carried: &mut Carried,
     ) -> bool {
         let reflections = self.0;
-        let Some(object) = reflections.objects.of(leaving.triangle) else { return false };
+        let has_cube = |object: &u32| (*object as usize) < reflections.cubes.len();
+        let Some(object) = reflections.objects.of(leaving.triangle).filter(has_cube) else {
+            return false;
+        };
         let ray = leaving.ray;
         if leaving.is_solid && leaving.normal.dot(ray.direction) <= 0.0 {
             return false;

@@ -236,7 +236,7 @@ impl LitScene {
         let view =
             SurfaceView::with_reflections(raycaster, materials, eye, reflections, look.is_moving);
         if let Some(reflections) = &mut self.reflections {
-            reflections.show(&view.objects, &self.raycaster);
+            reflections.show(&view.objects);
         }
         let covered = covered(&self.sections, &look.view, size);
         self.store.begin_round();

@@ -20,7 +20,6 @@
 //! - The room stays as it is. Only a frame's pixels and distances change.
 
 mod darkening;
-mod environment;
 mod error;
 mod harmonics;
 mod layer;

@@ -5,7 +5,7 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::common::instanced;
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use holo_scene::{Bsdf, Material, Scene, ShinyObjects};
 
 const MIRROR: Bsdf = Bsdf::Mirror { ks: [0.9; 3] };
@@ -68,17 +68,18 @@ fn connected_curved_triangles_of_one_shiny_material_are_an_object() {
         (ball(DVec3::Y * 8.0, 0.3), brass),
     ]);
     let shiny = ShinyObjects::find(&scene).unwrap();
-    let found: Vec<(u32, Vec3, f32)> =
-        shiny.objects().iter().map(|o| (o.material, o.centre, o.radius)).collect();
-    let expected =
-        [(0, left, 1.0), (0, right, 0.5), (3, DVec3::Y * 6.0, 0.2), (4, DVec3::Y * 8.0, 0.3)];
-    assert_eq!(found.len(), expected.len());
-    for ((material, centre, radius), (of, at, size)) in found.into_iter().zip(expected) {
-        assert_eq!(material, of);
-        let at = (at - scene.origin).as_vec3();
+    let expected = [(0, left), (0, right), (3, DVec3::Y * 6.0), (4, DVec3::Y * 8.0)];
+    assert_eq!(shiny.centres().len(), expected.len());
+    for (object, (material, at)) in (0..).zip(expected) {
+        let (centre, at) = (shiny.centres()[object as usize], (at - scene.origin).as_vec3());
         assert!(centre.distance(at) < 1e-5, "{centre} {at}");
-        assert!((radius - size).abs() < 1e-5);
+        let own = shiny.triangles_of(object);
+        assert_eq!(own.len(), ball(DVec3::ZERO, 1.0).len());
+        let is_own = |triangle| shiny.of(triangle) == Some(object);
+        let is_of = |triangle| scene.material_id(triangle) == material;
+        assert!(own.iter().all(|&(_, triangle)| is_own(triangle) && is_of(triangle)));
     }
+    assert!(shiny.triangles_of(4).is_empty());
     let of_ball = ball(left, 1.0).len() as u32;
     assert_eq!((shiny.of(0), shiny.of(of_ball)), (Some(0), Some(1)));
     // The diffuse ball and the mirrors of the flat cube are none.
@@ -92,7 +93,7 @@ fn connected_curved_triangles_of_one_shiny_material_are_an_object() {
 #[test]
 fn balls_that_touch_in_a_point_are_two_objects() {
     let scene = scene(&[([ball(DVec3::ZERO, 1.0), ball(DVec3::Z * 2.0, 1.0)].concat(), MIRROR)]);
-    assert_eq!(ShinyObjects::find(&scene).unwrap().objects().len(), 2);
+    assert_eq!(ShinyObjects::find(&scene).unwrap().centres().len(), 2);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::Numbers;
 use glam::Vec3;
-use holo_reflection_cube::{ReflectionCube, bytes_of, resolution};
+use holo_reflection_cube::{FACE_AXES, ReflectionCube, bytes_of, resolution};
 use std::f32::consts::{PI, SQRT_2};
 
 fn cube(resolution: u32) -> ReflectionCube {
@@ -36,29 +36,32 @@ fn a_direction_lies_within_half_a_diagonal_of_its_texel() {
 }
 
 #[test]
-fn faces_and_axes_are_those_of_opengl() {
-    // Each face's first texel lies at the start of its columns and rows.
+fn faces_are_views_from_the_centre_row_by_row_from_the_top() {
     let cube = cube(512);
-    let starts = [
-        Vec3::new(1.0, 1.0, 1.0),
-        Vec3::new(-1.0, 1.0, -1.0),
-        Vec3::new(-1.0, 1.0, -1.0),
-        Vec3::new(-1.0, -1.0, 1.0),
-        Vec3::new(-1.0, 1.0, 1.0),
-        Vec3::new(1.0, 1.0, -1.0),
-    ];
-    let row_ends = [
-        Vec3::new(1.0, 1.0, -1.0),
-        Vec3::new(-1.0, 1.0, 1.0),
-        Vec3::new(1.0, 1.0, -1.0),
-        Vec3::new(1.0, -1.0, 1.0),
-        Vec3::new(1.0, 1.0, 1.0),
-        Vec3::new(-1.0, 1.0, -1.0),
-    ];
-    for (face, (start, end)) in starts.into_iter().zip(row_ends).enumerate() {
-        let first = face * 512 * 512;
-        for (texel, corner) in [(first, start), (first + 511, end)] {
-            assert!(cube.direction_of(texel).dot(corner.normalize()) > 1.0 - 1e-5, "{face}");
+    for (face, [outward, right, down]) in FACE_AXES.into_iter().enumerate() {
+        // An eye that looks outward has its right hand there.
+        assert_eq!(outward.cross(-down), right, "{face}");
+        for (texel, corner) in [(0, outward - right - down), (511, outward + right - down)] {
+            let direction = cube.direction_of(face * 512 * 512 + texel);
+            assert!(direction.dot(corner.normalize()) > 1.0 - 1e-5, "{face}");
+        }
+    }
+}
+
+#[test]
+fn solid_angles_are_those_of_rectangles_seen_from_the_centre() {
+    // The solid angle of the rectangle from the middle of a face to (x, y).
+    let until = |x: f64, y: f64| (x * y).atan2((x * x + y * y + 1.0).sqrt());
+    for (resolution, error) in [(8, 3e-4), (16, 2e-5), (64, 2e-6)] {
+        let cube = cube(resolution);
+        let at = |number: u32| 2.0 * f64::from(number) / f64::from(resolution) - 1.0;
+        for number in 0..resolution * resolution {
+            let (column, row) = (number % resolution, number / resolution);
+            let (left, right, top, bottom) = (at(column), at(column + 1), at(row), at(row + 1));
+            let exact =
+                until(right, bottom) - until(left, bottom) - until(right, top) + until(left, top);
+            let found = f64::from(cube.solid_angle_of(number as usize));
+            assert!((found / exact - 1.0).abs() < error, "{resolution}: {found} {exact}");
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Behaviour of reflection cubes, compared with closed forms.
 
 mod directions;
-mod flushing;
 mod levels;
 mod means;
 mod parallax;
@@ -26,7 +25,7 @@ impl Numbers {
     }
 }
 
-/// A sample of the first generation from the centre.
+/// A sample from the centre, of the first generation.
 fn sample(cube: &ReflectionCube, direction: Vec3, distance: f32, light: f32) -> ReflectionSample {
     let origin = cube.centre();
     let radiance = [light, 2.0 * light, 3.0 * light];

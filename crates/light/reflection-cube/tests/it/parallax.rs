@@ -147,3 +147,40 @@ fn a_texel_states_the_distance_of_what_it_shows() {
         assert!((known.distance / distance - 1.0).abs() < 1e-5);
     }
 }
+
+/// A cube around zero over a floor at this height, under the sky. The floor ends at `end`.
+fn floor(height: f32, end: f32) -> ReflectionCube {
+    let mut cube = ReflectionCube::new(Vec3::ZERO, 64);
+    fill(&mut cube, |direction| {
+        let distance = height / direction.z;
+        let is_floor = direction.z < 0.0 && direction.x * distance < end;
+        if is_floor { (distance, 1.0) } else { (f32::INFINITY, 5.0) }
+    });
+    cube
+}
+
+#[test]
+fn a_floor_is_seen_in_its_place_from_points_before_the_sky() {
+    let cube = floor(-1.0, f32::INFINITY);
+    let direction = Vec3::new(0.6, 0.0, -0.8);
+    for point in [Vec3::new(0.3, 0.2, 0.25), Vec3::new(0.3, 0.2, -0.25)] {
+        let distance = (point.z + 1.0) / 0.8;
+        let seen = light(cube.look_up(point, direction, 0.0..=0.0));
+        assert!((seen.distance / distance - 1.0).abs() < 0.01, "{point}: {seen:?}");
+        let hit = point + distance * direction;
+        let apart = cube.direction_of(cube.texel_seen(point, direction)).angle_between(hit);
+        assert!(apart < 0.03, "{point}: {apart}");
+    }
+}
+
+#[test]
+fn a_ray_that_passes_behind_an_edge_sees_what_is_beyond() {
+    let cube = floor(-0.4, 1.2);
+    let point = Vec3::new(0.4, 0.0, 0.4);
+    for (down, passes) in [(0.2, true), (0.5, true), (0.7, true), (1.4, false), (3.0, false)] {
+        let direction = Vec3::new(1.0, 0.0, -down).normalize();
+        let seen = light(cube.look_up(point, direction, 0.0..=0.0));
+        assert_eq!(seen.distance.is_infinite(), passes, "{down}: {seen:?}");
+        assert!((seen.radiance[0] - if passes { 5.0 } else { 1.0 }).abs() < 1e-3, "{down}");
+    }
+}

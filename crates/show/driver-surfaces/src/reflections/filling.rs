@@ -3,7 +3,7 @@
 //!
 //! Invariant: a texel without stored light stays as it was.
 
-use super::{ObjectCube, Reflections};
+use super::{ObjectCube, Reflections, is_open};
 use crate::known::LightMemory;
 use crate::store::LightStore;
 use crate::trail::{AtPanes, Follower, RayContent, Trail, TrailEnd};
@@ -11,6 +11,7 @@ use glam::Vec3;
 use holo_raycast::{NO_TRIANGLE, Ray};
 use holo_reflection_cube::ReflectionSample;
 use rayon::prelude::*;
+use std::cmp::Reverse;
 
 /// Texels that are filled in one go: about 5 ms on two cores.
 const TEXELS: usize = 1 << 12;
@@ -18,6 +19,9 @@ const TEXELS: usize = 1 << 12;
 /// All texels are filled again once the samples have grown by this factor, and by so many more.
 const GROWTH: u64 = 2;
 const LEAST_NEW: u64 = 10_000;
+
+/// Views that count as the last ones: those of two eyes, and of probes of carried objects.
+const LAST_VIEWS: u64 = 16;
 
 /// Surfaces of the object itself that a ray from its centre passes.
 const MOST_PASSED: usize = 32;
@@ -31,14 +35,21 @@ pub(crate) struct LightSources<'a> {
 }
 
 impl Reflections {
-    /// Fills some texels of an object that the last view shows. Returns true if more are left.
+    /// Fills some texels of an object that one of the last views shows, the latest first. Returns
+    /// true if more are left.
     pub fn fill(&mut self, sources: &LightSources) -> bool {
         let samples = sources.store.samples();
-        let (objects, view) = (&self.objects, self.views);
-        let is_due = |filled: &ObjectCube| filled.view == view && filled.is_due(samples);
-        let mut due = self.cubes.iter_mut().filter(|(_, filled)| is_due(filled));
-        let Some((&object, filled)) = due.next() else { return false };
-        let others = due.next().is_some();
+        let (objects, views) = (&self.objects, self.views);
+        let is_due =
+            |filled: &ObjectCube| filled.view + LAST_VIEWS > views && filled.is_due(samples);
+        let due = || self.cubes.iter().filter(|(_, filled)| is_due(filled));
+        let others = due().nth(1).is_some();
+        let latest = due().max_by_key(|(object, filled)| (filled.view, Reverse(**object)));
+        let Some(object) = latest.map(|(&object, _)| object) else { return false };
+        let Some(filled) = self.cubes.get_mut(&object) else { return false };
+        if filled.is_open.is_none() {
+            filled.is_open = Some(is_open(objects, object, sources.follower.raycaster));
+        }
         if filled.next == 0 {
             filled.samples = samples;
         }

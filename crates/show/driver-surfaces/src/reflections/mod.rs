@@ -56,8 +56,8 @@ pub(crate) struct Reflections {
 #[derive(Debug)]
 struct ObjectCube {
     cube: ReflectionCube,
-    /// True if rays from the object rarely meet the object.
-    is_open: bool,
+    /// Whether rays from the object rarely meet the object, once that is determined.
+    is_open: Option<bool>,
     /// The next texel to fill in this round.
     next: usize,
     /// Number of the round. Its light replaces that of earlier ones.
@@ -83,7 +83,7 @@ impl Reflections {
 
     /// Begins a view that shows these objects, each in so many pixels. Those that have no cube of
     /// their size get one, as far as there is room.
-    pub fn show(&mut self, seen: &BTreeMap<u32, usize>, raycaster: &Raycaster) {
+    pub fn show(&mut self, seen: &BTreeMap<u32, usize>) {
         self.views += 1;
         let mut by_size: Vec<(usize, u32)> = seen
             .iter()
@@ -99,7 +99,7 @@ impl Reflections {
             if bytes > MOST_BYTES {
                 break;
             }
-            self.give(object, wanted, raycaster);
+            self.give(object, wanted);
         }
         self.make_room();
     }
@@ -110,7 +110,7 @@ impl Reflections {
     }
 
     /// Gives an object a cube of at least this many texels along a side.
-    fn give(&mut self, object: u32, texels: u32, raycaster: &Raycaster) {
+    fn give(&mut self, object: u32, texels: u32) {
         let view = self.views;
         if let Some(filled) = self.cubes.get_mut(&object) {
             filled.view = view;
@@ -120,10 +120,10 @@ impl Reflections {
             }
             return;
         }
-        let Some(shiny) = self.objects.objects().get(object as usize) else { return };
+        let Some(&centre) = self.objects.centres().get(object as usize) else { return };
         let filled = ObjectCube {
-            cube: ReflectionCube::new(shiny.centre, texels),
-            is_open: is_open(&self.objects, object, raycaster),
+            cube: ReflectionCube::new(centre, texels),
+            is_open: None,
             next: 0,
             round: 1,
             samples: 0,
@@ -152,7 +152,7 @@ impl Reflections {
     /// Returns the light along a ray that leaves an object, and the distance to what it shows.
     #[inline]
     pub fn along(&self, object: u32, ray: &Ray) -> Option<(Rgb, f32)> {
-        let filled = self.cubes.get(&object).filter(|filled| filled.is_open)?;
+        let filled = self.cubes.get(&object).filter(|filled| filled.is_open == Some(true))?;
         match filled.cube.look_up(ray.origin, ray.direction, 0.0..=STAND_IN) {
             CubeAnswer::Light(light) => Some((light.radiance, light.distance)),
             CubeAnswer::Unknown | CubeAnswer::MustTrace => None,
@@ -187,11 +187,10 @@ impl ObjectCube {
 /// Returns whether rays that leave an object rarely meet it again: those of a ball never do.
 fn is_open(objects: &ShinyObjects, object: u32, raycaster: &Raycaster) -> bool {
     let scene = raycaster.scene();
-    let own: Vec<u32> =
-        scene.triangles().filter(|&triangle| objects.of(triangle) == Some(object)).collect();
+    let own = objects.triangles_of(object);
     let meets = |number: &u64| {
         let random = split_mix(*number);
-        let Some(&triangle) = own.get((random % own.len().max(1) as u64) as usize) else {
+        let Some(&(_, triangle)) = own.get((random % own.len().max(1) as u64) as usize) else {
             return false;
         };
         let part = |shift: u32| (random >> shift & 0xffff) as f32 / 65535.0;
