@@ -9,7 +9,7 @@
 use crate::cell::{FaceClass, luminance};
 use crate::estimate::Estimate;
 use crate::materials::{Finish, MaterialClass};
-use crate::reflections::Reflections;
+use crate::reflections::{Reflections, RoughMetal};
 use crate::squares::Squares;
 use crate::trail::TrailEnd;
 use crate::view::{SurfaceView, VisiblePoint};
@@ -83,9 +83,11 @@ fn add(all: &mut FxHashMap<u64, RecalledLight>, more: RecalledLight) {
 
 /// Returns the light of rough metal from the reflection cube of its object.
 fn blurred(view: &SurfaceView, seen: &VisiblePoint, reflections: &Reflections) -> Option<Estimate> {
-    let (object, mirrored) = view.way(seen).mirrors?;
+    let way = view.way(seen);
+    let (object, normal) = way.mirrors?;
     let alpha = view.follower().finish(seen.material).rough?;
-    let light = reflections.blurred(object, (seen.point, mirrored), alpha)? / view.unit();
+    let metal = RoughMetal { point: seen.point, normal, eye: -way.direction, alpha };
+    let light = metal.light(reflections.filled(object)?)? / view.unit();
     let bright = luminance(light.to_array());
     Some(Estimate { light, error: DOUBT * bright, variance: bright * bright })
 }

@@ -128,13 +128,13 @@ impl<'a> Follower<'a> {
         self.reflections?.object(triangle)
     }
 
-    /// Returns the shiny object of rough metal at the end of a way, and the direction that its
-    /// smooth surface mirrors. `None` for other surfaces.
+    /// Returns the shiny object of rough metal at the end of a way, and its smooth normal there.
+    /// `None` for other surfaces.
     pub fn mirrors(&self, end: &TrailEnd) -> Option<(u32, Vec3)> {
         let object = self.object(end.hit.triangle)?;
         self.finish(end.material).rough?;
         let (_, smooth) = self.normals(end.direction, &end.hit);
-        Some((object, end.direction - 2.0 * end.direction.dot(smooth) * smooth))
+        Some((object, smooth))
     }
 
     pub fn finish(&self, material: u32) -> &'a Finish {

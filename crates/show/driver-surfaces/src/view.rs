@@ -81,8 +81,7 @@ pub struct SurfaceTrail {
     pub is_mirrored: bool,
     /// The share of light that the first pane or solid glass on the way reflects; 0 without any.
     pub pane: f32,
-    /// The shiny object of rough metal that is seen, and the direction that its smooth surface
-    /// mirrors.
+    /// The shiny object of rough metal that is seen, and its smooth normal.
     pub(crate) mirrors: Option<(u32, Vec3)>,
 }
 

@@ -11,8 +11,10 @@
 //! - Rays of an object that meets itself are never answered.
 
 mod filling;
+mod rough;
 
 pub(crate) use filling::LightSources;
+pub(crate) use rough::RoughMetal;
 
 use glam::Vec3;
 use holo_display::split_mix;
@@ -36,9 +38,6 @@ const SELF_RAYS: u64 = 512;
 
 /// Greatest share of these that meets the object, if its rays are to be answered.
 const MOST_SELF_HITS: u64 = SELF_RAYS / 64;
-
-/// Angle of a blurred look-up per GGX roughness, radians: see `docs/notes/reflections.md`.
-const SPREAD: f32 = 3.0;
 
 /// Widest angle that stands in for an unknown texel of a sharp reflection, radians.
 const STAND_IN: f32 = 0.1;
@@ -159,19 +158,10 @@ impl Reflections {
         }
     }
 
-    /// Returns the light that rough metal of this GGX roughness mirrors at a point in a direction.
-    pub fn blurred(
-        &self,
-        object: u32,
-        (point, mirrored): (Vec3, Vec3),
-        alpha: f32,
-    ) -> Option<Vec3> {
+    /// Returns the cube of an object that was filled at least once.
+    pub fn filled(&self, object: u32) -> Option<&ReflectionCube> {
         let filled = self.cubes.get(&object).filter(|filled| filled.round > 1)?;
-        let spread = SPREAD * alpha;
-        match filled.cube.look_up(point, mirrored, spread..=4.0 * spread) {
-            CubeAnswer::Light(light) => Some(light.radiance.into()),
-            CubeAnswer::Unknown | CubeAnswer::MustTrace => None,
-        }
+        Some(&filled.cube)
     }
 }
 
