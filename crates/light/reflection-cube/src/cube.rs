@@ -275,7 +275,11 @@ impl ReflectionCube {
             false => (sample.direction, 0.0),
         };
         let is_somewhere = towards.is_finite() && towards != Vec3::ZERO && sample.distance >= 0.0;
-        if !is_light(sample.radiance) || !is_somewhere || !inverse_depth.is_finite() || sample.count == 0 {
+        if !is_light(sample.radiance)
+            || !is_somewhere
+            || !inverse_depth.is_finite()
+            || sample.count == 0
+        {
             return false;
         }
         let ReflectionSample { radiance, count, generation, .. } = *sample;

@@ -13,7 +13,9 @@ use std::sync::{PoisonError, RwLock};
 
 use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster};
-use holo_reflection_cube::{CubeAnswer, CubeLight, LEAST_RESOLUTION, ReflectionCube, ReflectionSample, bytes_of};
+use holo_reflection_cube::{
+    CubeAnswer, CubeLight, LEAST_RESOLUTION, ReflectionCube, ReflectionSample, bytes_of,
+};
 use holo_scene::{Scene, ShinyObjects};
 
 use crate::engine::PathEngine;

@@ -43,12 +43,6 @@ impl ObjectLighting {
     pub fn centre(&self) -> DVec3 {
         self.probe.centre()
     }
-
-    /// Returns the side of the probe's faces, texels.
-    #[must_use]
-    pub fn side(&self) -> u32 {
-        self.probe.cube.resolution()
-    }
 }
 
 /// Returns the harmonics of the texels that are in no light.

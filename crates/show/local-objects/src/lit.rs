@@ -48,8 +48,7 @@ impl LitObject {
                 (texel, probe.radiance(texel) * (Vec3::ONE - taken))
             })
         };
-        let darkened: Vec<_> =
-            (0..probe.cube.len()).into_par_iter().filter_map(darkened).collect();
+        let darkened: Vec<_> = (0..probe.cube.len()).into_par_iter().filter_map(darkened).collect();
         let mut cube = probe.cube.clone();
         for (texel, radiance) in darkened {
             cube.set_radiance(texel, radiance.to_array());

@@ -5,7 +5,6 @@ use holo_display::Frame;
 use holo_picture::View;
 use holo_reflection_cube::{FACE_AXES, ReflectionCube, ReflectionSample};
 
-
 /// Why there is no probe of a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ProbeError {
@@ -50,7 +49,7 @@ impl LightProbe {
     /// nothing is known have the mean radiance of the others, infinitely far away.
     ///
     /// # Errors
-    /// If the frames are not squares of one size, or show no light.
+    /// If the frames are not squares of one size that a cube can have, or show no light.
     pub fn new(centre: DVec3, frames: &[Frame; 6]) -> Result<LightProbe, ProbeError> {
         let side = frames[0].picture.width;
         let mut cube = ReflectionCube::new(Vec3::ZERO, side);
@@ -78,8 +77,8 @@ impl LightProbe {
         for (texel, (&radiance, &distance)) in all.enumerate() {
             let radiance = Vec3::from(radiance).max(Vec3::ZERO);
             let direction = cube.direction_of(texel);
-            let is_known = distance > 0.0
-                && cube.insert(&sample(direction, distance, radiance.to_array()));
+            let is_known =
+                distance > 0.0 && cube.insert(&sample(direction, distance, radiance.to_array()));
             if !is_known {
                 unknown.push(direction);
                 continue;
