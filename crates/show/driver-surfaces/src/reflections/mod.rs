@@ -16,7 +16,6 @@ mod rough;
 pub(crate) use filling::LightSources;
 pub(crate) use rough::RoughMetal;
 
-use glam::Vec3;
 use holo_display::split_mix;
 use holo_raycast::{Ray, Raycaster, spawn};
 use holo_reflection_cube::{CubeAnswer, ReflectionCube, bytes_of, resolution};

@@ -44,7 +44,7 @@ impl RoughMetal {
         for numbers in FACETS {
             let facet = ggx.sample(eye, numbers);
             let towards = reflect(eye, facet);
-            if !(towards.z > 0.0) {
+            if towards.z <= 0.0 {
                 continue;
             }
             let density = ggx.pdf(eye, facet) / (4.0 * eye.dot(facet));
