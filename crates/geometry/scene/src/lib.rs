@@ -64,6 +64,7 @@ mod scene;
 mod shaded;
 mod shading;
 mod sheets;
+mod shiny;
 mod sky;
 mod sky_picture;
 mod smooth;
@@ -97,6 +98,7 @@ pub use shading::{
     Base, CUT_OUT, Channel, Cover, CutOut, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral,
     Shading, WHITE, WHOLE, from_octahedral, to_octahedral,
 };
+pub use shiny::ShinyObjects;
 pub use sky::{Sky, SkyAxes};
 pub use sky_picture::{MAX_SKY_SIDE, SkyPicture};
 pub use sun::{MAX_SUNS, SUN_RADIUS, Sun};

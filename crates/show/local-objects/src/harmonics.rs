@@ -59,16 +59,17 @@ fn basis(Vec3 { x, y, z }: Vec3) -> [f32; COUNT] {
 
 #[cfg(test)]
 mod tests {
+    use holo_reflection_cube::ReflectionCube;
+
     use super::*;
-    use crate::environment::Cube;
 
     /// Returns the harmonics of a radiance.
     fn of(radiance: impl Fn(Vec3) -> Vec3) -> Harmonics {
-        let cube = Cube { side: 32 };
+        let cube = ReflectionCube::new(Vec3::ZERO, 32);
         let mut harmonics = Harmonics::default();
-        for texel in 0..cube.texels() {
-            let direction = cube.direction(texel);
-            harmonics.add(direction, radiance(direction), cube.solid_angle(texel));
+        for texel in 0..cube.len() {
+            let direction = cube.direction_of(texel);
+            harmonics.add(direction, radiance(direction), cube.solid_angle_of(texel));
         }
         harmonics
     }

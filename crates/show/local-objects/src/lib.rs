@@ -3,7 +3,7 @@
 //!
 //! 1. A [`LocalObject`] is a model at a pose, with a hierarchy of its own.
 //! 2. A [`LightProbe`] is the light that arrives at one place: what a driver shows of stored
-//!    samples in the six views of [`probe_views`], with its distances.
+//!    samples in the six views of [`probe_views`], with its distances, in a reflection cube.
 //! 3. An [`ObjectLighting`] divides a probe's light into a few lights, which cast shadows, and the
 //!    rest.
 //! 4. An [`ObjectLayer`] casts the rays of a frame against the objects, and adds up passes. It also
@@ -20,7 +20,6 @@
 //! - The room stays as it is. Only a frame's pixels and distances change.
 
 mod darkening;
-mod environment;
 mod error;
 mod harmonics;
 mod layer;

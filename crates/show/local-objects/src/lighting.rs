@@ -1,11 +1,12 @@
 //! The light of an object: a few lights that cast shadows, and the rest.
 
 use glam::{DVec3, Vec3};
+use holo_reflection_cube::ReflectionCube;
 use holo_scene::PunctualBeam;
 
 use crate::harmonics::Harmonics;
 use crate::lights::{ProbeLight, brightest};
-use crate::probe::LightProbe;
+use crate::probe::{LightProbe, radiance};
 use crate::room::Room;
 
 /// Number of lights that a probe is divided into (Larson & Simmons 1999, §2.4.6).
@@ -33,7 +34,7 @@ impl ObjectLighting {
         let unseen = room.map_or_else(Vec::new, |room| unseen_lights(&mut probe, room));
         let (mut lights, is_bright) = brightest(&probe, lights);
         lights.extend(unseen);
-        let rest = harmonics(&probe, &is_bright, |texel| probe.radiance[texel]);
+        let rest = harmonics(&probe.cube, &is_bright);
         ObjectLighting { probe, lights, is_bright, rest }
     }
 
@@ -42,24 +43,14 @@ impl ObjectLighting {
     pub fn centre(&self) -> DVec3 {
         self.probe.centre()
     }
-
-    /// Returns the side of the probe's faces, texels.
-    #[must_use]
-    pub fn side(&self) -> usize {
-        self.probe.cube.side
-    }
 }
 
 /// Returns the harmonics of the texels that are in no light.
-pub(crate) fn harmonics(
-    probe: &LightProbe,
-    is_bright: &[bool],
-    radiance: impl Fn(usize) -> Vec3,
-) -> Harmonics {
+pub(crate) fn harmonics(cube: &ReflectionCube, is_bright: &[bool]) -> Harmonics {
     let mut rest = Harmonics::default();
-    for texel in (0..probe.cube.texels()).filter(|&texel| !is_bright[texel]) {
-        let (direction, solid_angle) = (probe.cube.direction(texel), probe.cube.solid_angle(texel));
-        rest.add(direction, radiance(texel), solid_angle);
+    for texel in (0..cube.len()).filter(|&texel| !is_bright[texel]) {
+        let (direction, solid_angle) = (cube.direction_of(texel), cube.solid_angle_of(texel));
+        rest.add(direction, radiance(cube, texel), solid_angle);
     }
     rest
 }
@@ -71,11 +62,11 @@ fn unseen_lights(probe: &mut LightProbe, room: &Room) -> Vec<ProbeLight> {
     for sun in scene.all_suns() {
         let towards = Vec3::from(sun.towards);
         lights.push(ProbeLight::unseen(towards, None, sun.irradiance.into()));
-        for texel in 0..probe.cube.texels() {
-            let direction = probe.cube.direction(texel);
-            if probe.distance[texel].is_infinite() && direction.dot(towards) > SUN_CORONA {
+        for texel in 0..probe.cube.len() {
+            let direction = probe.cube.direction_of(texel);
+            if probe.place(texel).is_none() && direction.dot(towards) > SUN_CORONA {
                 // The sky's radiance does not include its sun.
-                probe.radiance[texel] = scene.sky.radiance(direction.as_dvec3()).into();
+                probe.cube.set_radiance(texel, scene.sky.radiance(direction.as_dvec3()));
             }
         }
     }

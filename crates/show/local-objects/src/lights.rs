@@ -177,24 +177,24 @@ fn nearer(point: &LightPoint, [first, second]: [Vec3; 2]) -> usize {
 
 /// Returns at most `most` lights, and for each texel whether it is in one.
 pub(crate) fn brightest(probe: &LightProbe, most: usize) -> (Vec<ProbeLight>, Vec<bool>) {
-    let cube = probe.cube;
-    let luminance = |texel: usize| relative_luminance(probe.radiance[texel].to_array());
+    let cube = &probe.cube;
+    let luminance = |texel: usize| relative_luminance(probe.radiance(texel).to_array());
     let whole: f32 =
-        (0..cube.texels()).map(|texel| luminance(texel) * cube.solid_angle(texel)).sum();
+        (0..cube.len()).map(|texel| luminance(texel) * cube.solid_angle_of(texel)).sum();
     let least = BRIGHT * whole / (4.0 * std::f32::consts::PI);
     let is_bright: Vec<bool> =
-        (0..cube.texels()).map(|texel| most > 0 && luminance(texel) > least).collect();
+        (0..cube.len()).map(|texel| most > 0 && luminance(texel) > least).collect();
     let point = |texel: usize| {
         let place = probe.place(texel);
         LightPoint {
-            direction: cube.direction(texel),
+            direction: cube.direction_of(texel),
             place,
             normal: if place.is_some() { probe.normal(texel) } else { Vec3::ZERO },
-            irradiance: probe.radiance[texel] * cube.solid_angle(texel),
+            irradiance: probe.radiance(texel) * cube.solid_angle_of(texel),
         }
     };
     let points: Vec<LightPoint> =
-        (0..cube.texels()).filter(|&texel| is_bright[texel]).map(point).collect();
+        (0..cube.len()).filter(|&texel| is_bright[texel]).map(point).collect();
     if points.is_empty() {
         return (Vec::new(), is_bright);
     }
@@ -236,9 +236,9 @@ mod tests {
         });
         let mut probe = LightProbe::new(DVec3::ZERO, &frames).unwrap();
         for (towards, radiance) in [(Vec3::Z, 100.0), (Vec3::new(1.0, 1.0, 0.2), 50.0)] {
-            for texel in 0..probe.cube.texels() {
-                if probe.cube.direction(texel).dot(towards.normalize()) > 0.98 {
-                    probe.radiance[texel] = Vec3::splat(radiance);
+            for texel in 0..probe.cube.len() {
+                if probe.cube.direction_of(texel).dot(towards.normalize()) > 0.98 {
+                    probe.cube.set_radiance(texel, [radiance; 3]);
                 }
             }
         }
@@ -247,8 +247,8 @@ mod tests {
 
     /// Returns the irradiance at the centre of a facing surface, from all texels.
     fn whole(probe: &LightProbe, of: impl Fn(usize) -> bool) -> f32 {
-        let texels = (0..probe.cube.texels()).filter(|&texel| of(texel));
-        texels.map(|texel| probe.radiance[texel].x * probe.cube.solid_angle(texel)).sum()
+        let texels = (0..probe.cube.len()).filter(|&texel| of(texel));
+        texels.map(|texel| probe.radiance(texel).x * probe.cube.solid_angle_of(texel)).sum()
     }
 
     #[test]

@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
+use holo_reflection_cube::{CubeAnswer, ReflectionCube};
 use rayon::prelude::*;
 
 use crate::darkening::taken_roughly;
-use crate::environment::Environment;
 use crate::harmonics::Harmonics;
 use crate::lighting::{ObjectLighting, harmonics};
 use crate::object::LocalObject;
+use crate::probe::radiance;
 
 /// A distance from the object's centre, in radii, beyond which it is too far from what a probe
 /// shows to darken it.
@@ -26,7 +27,7 @@ pub struct LitObject {
 
 /// What a probe shows while an object takes some of its light.
 pub(crate) struct Surroundings {
-    environment: Environment,
+    cube: ReflectionCube,
     /// The texels that are in no light.
     pub rest: Harmonics,
 }
@@ -38,19 +39,23 @@ impl LitObject {
     #[must_use]
     pub fn new(object: LocalObject, lighting: Arc<ObjectLighting>) -> LitObject {
         let probe = &lighting.probe;
-        let mut radiance = probe.radiance.clone();
         let centre = (object.centre() - probe.centre()).as_vec3();
         let reach = NEAR * object.radius() as f32;
-        radiance.par_iter_mut().enumerate().for_each(|(texel, radiance)| {
-            let place = probe.place(texel).filter(|_| !lighting.is_bright[texel]);
-            if let Some(place) = place.filter(|place| place.distance(centre) < reach) {
-                let normal = probe.normal(texel);
-                *radiance *= Vec3::ONE - taken_roughly(&object, &lighting, place, normal);
-            }
-        });
-        let rest = harmonics(probe, &lighting.is_bright, |texel| radiance[texel]);
-        let environment = Environment::new(probe.cube, radiance);
-        let surroundings = Arc::new(Surroundings { environment, rest });
+        let darkened = |texel: usize| {
+            let place = probe.place(texel).filter(|_| !lighting.is_bright[texel])?;
+            (place.distance(centre) < reach).then(|| {
+                let taken = taken_roughly(&object, &lighting, place, probe.normal(texel));
+                (texel, probe.radiance(texel) * (Vec3::ONE - taken))
+            })
+        };
+        let darkened: Vec<_> = (0..probe.cube.len()).into_par_iter().filter_map(darkened).collect();
+        let mut cube = probe.cube.clone();
+        for (texel, radiance) in darkened {
+            cube.set_radiance(texel, radiance.to_array());
+        }
+        cube.refresh_levels();
+        let rest = harmonics(&cube, &lighting.is_bright);
+        let surroundings = Arc::new(Surroundings { cube, rest });
         LitObject { object, lighting, surroundings }
     }
 
@@ -79,18 +84,20 @@ impl LitObject {
     /// radians. `point` is relative to the probe's centre.
     #[inline]
     pub(crate) fn radiance(&self, point: Vec3, direction: Vec3, blur: f32) -> Vec3 {
-        let seen = self.lighting.probe.direction_seen(point, direction);
-        self.surroundings.environment.radiance(seen, blur)
+        match self.surroundings.cube.look_up(point, direction, blur..=blur) {
+            CubeAnswer::Light(light) => light.radiance.into(),
+            // All texels are valid.
+            CubeAnswer::Unknown | CubeAnswer::MustTrace => Vec3::ZERO,
+        }
     }
 
     /// Returns the same without the lights.
     #[inline]
     pub(crate) fn radiance_of_rest(&self, point: Vec3, direction: Vec3) -> Vec3 {
-        let probe = &self.lighting.probe;
-        let texel = probe.cube.texel(probe.direction_seen(point, direction));
+        let texel = self.surroundings.cube.texel_seen(point, direction);
         if self.lighting.is_bright[texel] {
             return Vec3::ZERO;
         }
-        self.surroundings.environment.texel(texel)
+        radiance(&self.surroundings.cube, texel)
     }
 }
