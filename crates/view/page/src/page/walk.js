@@ -259,6 +259,7 @@ function showState() {
   for (const id of ['b-kill', 'b-restart', 'b-scene', 'b-over']) $(id).disabled = !state.crew;
   if (document.activeElement !== $('l-driver')) $('l-driver').value = state.driver;
   listParts();
+  showLight();
   if (state.question && drives && !$('question').open) {
     $('question-text').textContent = state.question;
     $('question').dataset.answer = state.answer;
@@ -1080,6 +1081,7 @@ function watchDensity() {
 }
 watchDensity();
 
+wireLight();
 Object.assign(display, stored('display'));
 gridMode = stored('grid') || gridMode;
 press('b-grid', gridMode === 'on');
