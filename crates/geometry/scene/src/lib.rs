@@ -66,6 +66,7 @@ mod shaded;
 mod shading;
 mod sheets;
 mod sky;
+mod sky_cube;
 mod sky_picture;
 mod smooth;
 mod sun;

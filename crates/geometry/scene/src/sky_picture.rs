@@ -1,5 +1,5 @@
 //! Pictures of the sky: equirectangular, with the zenith in the first row and north in the middle
-//! column. East is right of north.
+//! column. East is right of north. Cubes are converted (`sky_cube`).
 //!
 //! Invariants:
 //! - A picture larger than [`MAX_SKY_SIDE`] is halved until it fits, so memory is bounded.
@@ -12,6 +12,7 @@ use glam::DVec3;
 use image::{DynamicImage, ImageReader, Limits};
 
 use crate::Rgb;
+use crate::sky_cube::SkyCube;
 
 /// Greatest side of a picture of the sky in pixels; larger ones are halved. 4096 × 2048 pixels are
 /// 100 MB, and each worker fetches them once.
@@ -37,8 +38,7 @@ impl SkyPicture {
     /// Decodes a Radiance HDR or EXR picture.
     ///
     /// # Errors
-    /// A text for people, if it is damaged, too large, no HDR picture, or not twice as wide as
-    /// high.
+    /// A text for people, if it is damaged, too large, no HDR picture, or of another shape.
     pub fn decode(encoded: &[u8]) -> Result<SkyPicture, String> {
         let reader = ImageReader::new(Cursor::new(encoded)).with_guessed_format();
         let mut reader = reader.map_err(|error| error.to_string())?;
@@ -55,7 +55,11 @@ impl SkyPicture {
         }
         let (width, height) = (image.width() as usize, image.height() as usize);
         let pixels = image.into_rgb32f().into_raw();
-        SkyPicture::new(width, height, pixels.as_chunks::<3>().0.to_vec())
+        let pixels = pixels.as_chunks::<3>().0.to_vec();
+        match SkyCube::of_picture(width, height, &pixels) {
+            Some(cube) => cube.unrolled(),
+            None => SkyPicture::new(width, height, pixels),
+        }
     }
 
     /// Makes a picture from its rows.
@@ -65,8 +69,9 @@ impl SkyPicture {
     pub fn new(width: usize, height: usize, mut pixels: Vec<Rgb>) -> Result<SkyPicture, String> {
         if width != 2 * height || pixels.len() != width * height || width < 4 {
             return Err(format!(
-                "it has {width} x {height} pixels; a picture of the whole sky (equirectangular) is \
-                 twice as wide as high"
+                "it has {width} x {height} pixels; a picture of the whole sky is twice as wide as \
+                 high (equirectangular), or a cube: a cross of 4 x 3 or 3 x 4 faces, or a strip of \
+                 6"
             ));
         }
         let sound =
