@@ -79,7 +79,7 @@ fn hour_and_lamps_are_changed_in_the_panel_of_a_page() {
     browser.value("togglePanel()");
     assert_eq!(
         light(browser)["lamps"],
-        serde_json::json!([["panel", 1.0], ["sun", 1.0], ["sky", 1.0]])
+        serde_json::json!([["panel", 1], ["sun", 1], ["sky", 1]])
     );
     let shown = "[!$('light-panel').hidden && !$('f-sky').hidden, $('l-sky').value, \
         $('t-place').value, $('t-date').value, $('t-zone').value, $('o-hour').textContent, \

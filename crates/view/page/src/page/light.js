@@ -12,7 +12,9 @@ function showLight() {
   $('light-panel').hidden = !light || !(light.sky || light.lamps.length);
   if ($('light-panel').hidden) return;
   $('f-sky').hidden = !light.sky;
-  $('light-words').textContent = light.words.join('. ');
+  // The sliders show the factors of lamps.
+  const words = light.words.filter(text => !text.endsWith('(--lamp)'));
+  $('light-words').textContent = words.map(text => text[0].toUpperCase() + text.slice(1)).join('. ');
   const sky = JSON.stringify(light.options);
   if (sky !== shownSky) {
     shownSky = sky;
