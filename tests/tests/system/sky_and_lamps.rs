@@ -85,7 +85,7 @@ fn hour_and_lamps_are_changed_in_the_panel_of_a_page() {
         $('t-place').value, $('t-date').value, $('t-zone').value, $('o-hour').textContent, \
         $('lamps').children.length].join(' ')";
     assert_eq!(browser.value(shown), "true clear 52.37,4.9 2026-03-21 +01:00 12:40 3");
-    assert!(browser.value("$('light-words').textContent.includes('38.1')").as_bool().unwrap());
+    assert!(browser.value("$('light-words').textContent.includes('sun 37.9')").as_bool().unwrap());
 
     // A slider shows its value at once, and acts once it is released.
     browser.value("$('r-hour').value = 1050; $('r-hour').dispatchEvent(new Event('input'))");

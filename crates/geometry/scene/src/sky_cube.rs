@@ -71,7 +71,7 @@ impl<'a> SkyCube<'a> {
     /// # Errors
     /// A text for people, if it cannot be one.
     pub(crate) fn unrolled(&self) -> Result<SkyPicture, String> {
-        let width = (4 * self.side).min(MAX_SKY_SIDE).max(4);
+        let width = (4 * self.side).clamp(4, MAX_SKY_SIDE);
         let height = width / 2;
         let sample = |index: usize| {
             let (at, part) = (index / (SAMPLES * SAMPLES), index % (SAMPLES * SAMPLES));
