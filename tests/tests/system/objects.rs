@@ -75,7 +75,7 @@ fn an_object_is_carried_moved_and_turned_on_a_page_and_a_replay_shows_it() {
         let output = format!("{{}}/{name}.pfm");
         let words = ["picture", "{}/a.holo", "--size", "160x90", "--denoise", "off", "-o", &output];
         place.run(&[&words[..], &VIEW].concat()).ok();
-        Picture::read(&place.path(&format!("{name}.pfm"))).unwrap()
+        Picture::read(place.path(&format!("{name}.pfm"))).unwrap()
     };
     let with = picture("with");
     std::fs::remove_dir_all(place.path("a.objects")).unwrap();

@@ -8,7 +8,6 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use crate::Rgb;
-use crate::sky_picture::{MAX_SKY_SIDE, SkyPicture};
 
 /// Samples of a pixel of the unrolled picture, across and down.
 const SAMPLES: usize = 2;
@@ -66,12 +65,10 @@ impl<'a> SkyCube<'a> {
         (is_whole && pixels.len() == width * height).then_some(Self { width, side, pixels, places })
     }
 
-    /// Returns the same sky as an equirectangular picture.
-    ///
-    /// # Errors
-    /// A text for people, if it cannot be one.
-    pub(crate) fn unrolled(&self) -> Result<SkyPicture, String> {
-        let width = (4 * self.side).clamp(4, MAX_SKY_SIDE);
+    /// Returns the same sky as an equirectangular picture of at most `most` columns: its width and
+    /// its pixels. It is twice as wide as high.
+    pub(crate) fn unrolled(&self, most: usize) -> (usize, Vec<Rgb>) {
+        let width = (4 * self.side).clamp(4, most);
         let height = width / 2;
         let sample = |index: usize| {
             let (at, part) = (index / (SAMPLES * SAMPLES), index % (SAMPLES * SAMPLES));
@@ -88,7 +85,7 @@ impl<'a> SkyCube<'a> {
                 samples.fold([0.0; 3], |sum: Rgb, next| std::array::from_fn(|k| sum[k] + next[k]));
             sum.map(|channel| channel / (SAMPLES * SAMPLES) as f32)
         };
-        SkyPicture::new(width, height, (0..width * height).map(pixel).collect())
+        (width, (0..width * height).map(pixel).collect())
     }
 
     /// Returns the pixel in a direction of the horizon's frame: x east, y north, z up.
@@ -111,68 +108,5 @@ impl<'a> SkyCube<'a> {
         };
         let (x, y) = (column * self.side + place(right), row * self.side + place(down));
         self.pixels[y * self.width + x]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A cube whose pixels have the colour of their direction, in a layout of faces.
-    fn cube(
-        columns: usize,
-        rows: usize,
-        faces: &[(usize, usize, [DVec3; 3])],
-    ) -> (usize, Vec<Rgb>) {
-        const SIDE: usize = 32;
-        let mut pixels = vec![[f32::NAN; 3]; columns * rows * SIDE * SIDE];
-        for &(column, row, [ahead, right, down]) in faces {
-            for at in 0..SIDE * SIDE {
-                let (x, y) = (at % SIDE, at / SIDE);
-                let place = |at: usize| (at as f64 + 0.5) / SIDE as f64 * 2.0 - 1.0;
-                let way = (ahead + right * place(x) + down * place(y)).normalize();
-                let pixel = (row * SIDE + y) * columns * SIDE + column * SIDE + x;
-                pixels[pixel] = (way * 0.5 + 0.5).as_vec3().to_array();
-            }
-        }
-        (SIDE, pixels)
-    }
-
-    #[test]
-    fn crosses_and_strips_show_each_direction_where_it_is() {
-        const NADIR: DVec3 = DVec3::NEG_Z;
-        // The direction of a face's middle, of its right and of its lower side.
-        let right = [DVec3::X, DVec3::NEG_Y, NADIR];
-        let left = [DVec3::NEG_X, DVec3::Y, NADIR];
-        let up = [DVec3::Z, DVec3::X, DVec3::Y];
-        let down = [NADIR, DVec3::X, DVec3::NEG_Y];
-        let front = [DVec3::Y, DVec3::X, NADIR];
-        let back = [DVec3::NEG_Y, DVec3::NEG_X, NADIR];
-        let hanging = [DVec3::NEG_Y, DVec3::X, DVec3::Z];
-        let order = [right, left, up, down, front, back];
-        let strip: Vec<_> = (0..).zip(order).map(|(at, face)| (at, 0, face)).collect();
-        let column: Vec<_> = (0..).zip(order).map(|(at, face)| (0, at, face)).collect();
-        let middle = [(0, 1, left), (1, 1, front), (2, 1, right), (1, 0, up), (1, 2, down)];
-        let cross = [&middle[..], &[(3, 1, back)]].concat();
-        let tall = [&middle[..], &[(1, 3, hanging)]].concat();
-        for (columns, rows, faces) in
-            [(6, 1, &strip), (1, 6, &column), (4, 3, &cross), (3, 4, &tall)]
-        {
-            let (side, pixels) = cube(columns, rows, faces);
-            let sky = SkyCube::of_picture(columns * side, rows * side, &pixels).unwrap();
-            let sky = sky.unrolled().unwrap();
-            for at in 0..500 {
-                let z = 1.0 - (f64::from(at) + 0.5) / 250.0;
-                let (sin, cos) = (f64::from(at) * 2.399_963).sin_cos();
-                let level = (1.0 - z * z).sqrt();
-                let way = DVec3::new(level * cos, level * sin, z);
-                let found = sky.at(way);
-                let wanted = way * 0.5 + 0.5;
-                let error = (DVec3::from(found.map(f64::from)) - wanted).abs().max_element();
-                assert!(error < 0.04, "{columns} x {rows}: {way} {found:?}");
-            }
-        }
-        assert!(SkyCube::of_picture(8, 4, &[[0.0; 3]; 32]).is_none(), "equirectangular");
-        assert!(SkyCube::of_picture(5, 5, &[[0.0; 3]; 25]).is_none());
     }
 }
