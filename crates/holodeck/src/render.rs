@@ -93,7 +93,8 @@ pub async fn render(request: RenderRequest, shutdown: &Shutdown) -> Result<Rende
             bail!("`--reflections cached` goes with `--engine path` only")
         }
         Engine::Gather => tracer.with_gather(),
-    };
+    }
+    .with_visible_sun();
     let threads = threads.map_or_else(cores, usize::from).max(1);
     let job = TraceJob { tracer, view, size, seed: settings.seed, threads, limit, has_errors };
     let until = shutdown.clone();

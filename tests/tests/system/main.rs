@@ -34,6 +34,7 @@ mod session;
 mod several_machines;
 mod shards;
 mod siege;
+mod sky_and_lamps;
 mod stand_ins;
 mod tracing_time;
 mod unseen;

@@ -239,6 +239,14 @@ impl Tracer {
         self.reflections.as_ref().map_or_else(Default::default, CachedReflections::report)
     }
 
+    /// Lets eyes see the disc of the sky's sun, directly and over mirrors and glass. Without this
+    /// setting, it only lights surfaces: beams would spread its disc.
+    #[must_use]
+    pub fn with_visible_sun(mut self) -> Self {
+        self.engine.visible_sun = self.raycaster.scene().sky.sun().copied();
+        self
+    }
+
     /// Returns the number of cells of surface light, if the engine is `gather`.
     #[must_use]
     pub fn cell_count(&self) -> usize {
@@ -372,7 +380,9 @@ impl Tracer {
         let (hit, distance) = path::first_hit(&self.light, origin, direction);
         if hit.is_none() {
             return Err(Traced {
-                radiance: self.engine.sky.along_exactly(direction).to_array(),
+                radiance: (self.engine.sky.along_exactly(direction)
+                    + self.engine.seen_disc(direction))
+                .to_array(),
                 distance,
             });
         }

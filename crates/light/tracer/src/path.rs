@@ -374,6 +374,13 @@ impl PathEngine {
         path.throughput * self.lights.spheres_along(path.origin, path.direction, t_max)
     }
 
+    /// Returns the radiance of the sun's disc in a direction, if eyes see it.
+    #[inline]
+    pub(crate) fn seen_disc(&self, direction: DVec3) -> Vec3 {
+        let sun = self.visible_sun.filter(|sun| sun.is_at(direction));
+        sun.map_or(Vec3::ZERO, |sun| sun.radiance().into())
+    }
+
     /// Returns the light of sky and suns that a path brings whose ray meets nothing.
     #[inline]
     fn sky_along(&self, path: &Path) -> Vec3 {
@@ -385,7 +392,11 @@ impl PathEngine {
                 .factor(self.direct, |sample| sample.sky_density(&self.sky, path.direction))
         };
         let sky = path.throughput * self.sky.along(path.direction) * weight;
-        if path.scatterings == 0 || !self.suns.any() {
+        if path.scatterings == 0 {
+            let direction = path.direction.as_dvec3().normalize_or_zero();
+            return sky + path.throughput * self.seen_disc(direction);
+        }
+        if !self.suns.any() {
             return sky;
         }
         // Light samples look for suns behind panes, too.

@@ -259,6 +259,7 @@ function showState() {
   for (const id of ['b-kill', 'b-restart', 'b-scene', 'b-over']) $(id).disabled = !state.crew;
   if (document.activeElement !== $('l-driver')) $('l-driver').value = state.driver;
   listParts();
+  showLight();
   if (state.question && drives && !$('question').open) {
     $('question-text').textContent = state.question;
     $('question').dataset.answer = state.answer;
@@ -266,6 +267,7 @@ function showState() {
   } else if (!state.question && $('question').open) $('question').close('no');
   if (trouble) notice(trouble, 0, 'trouble');
   else if ($('notice').dataset.of === 'trouble') $('notice').hidden = true;
+  drawNorth();
   drawEye();
   drawGrid();
   showStatus();
@@ -464,6 +466,7 @@ function drawPlan() {
     points: outline.map(p => p.join(',')).join(' '), class: facts.sections[i].interior ? 'section' : 'section exterior' })),
     make('path', { class: 'walls', id: 'walls' }), make('g', { id: 'places' }), make('path', { class: 'gaze', id: 'gaze' }), make('circle', { class: 'eye', id: 'eye', r: 0.022 * size }));
   drawPlaces();
+  drawNorth();
   drawEye();
 }
 
@@ -471,6 +474,20 @@ function svgNode(name, attributes) {
   const node = document.createElementNS('http://www.w3.org/2000/svg', name);
   for (const key in attributes) node.setAttribute(key, attributes[key]);
   return node;
+}
+
+/** Draws where north is in the corner of the plan, if the scene has a sky with a sun. */
+function drawNorth() {
+  if (!plane || !state) return;
+  const { sky, options } = state.light || {}, angle = Number(options?.north || 0), size = plane.size;
+  $('north').replaceChildren();
+  if (!sky || !(options.place || options.weather)) return;
+  const [left, top] = $('plan').getAttribute('viewBox').split(' ').map(Number), length = 0.04 * size;
+  const arrow = svgNode('path', { d: `M0 ${length}V${-length}M${-length / 2} 0L0 ${-length}L${length / 2} 0` });
+  const letter = svgNode('text', { y: -1.3 * length, 'font-size': 0.05 * size, 'text-anchor': 'middle' });
+  letter.textContent = 'N';
+  $('north').append(arrow, letter);
+  $('north').setAttribute('transform', `translate(${left + 0.07 * size} ${top + 0.11 * size}) rotate(${angle})`);
 }
 
 /** Draws the named views on the plan. A click on one goes there. */
@@ -1106,6 +1123,7 @@ function watchDensity() {
 }
 watchDensity();
 
+wireLight();
 Object.assign(display, stored('display'));
 gridMode = stored('grid') || gridMode;
 press('b-grid', gridMode === 'on');
