@@ -1,5 +1,7 @@
 //! Models that a person carries into a scene on a page, and that a replay shows again.
 
+use std::time::Duration;
+
 use holo_picture::{Picture, luminance};
 use holo_tests::{CORNELL_SMALL_SECTION, Chromium, Modifier, Place, wait_until};
 use serde_json::Value;
@@ -73,13 +75,22 @@ fn an_object_is_carried_moved_and_turned_on_a_page_and_a_replay_shows_it() {
         ("move the cube to 1e9 0 0".into(), "outside every section"),
         ("move the chair by 1 0 0".into(), "objects: the cube"),
     ] {
-        session.write_line(&format!("object {line}"));
-        browser.wait(&format!("(state.trouble || '').includes('{reason}')"));
+        // A reason is shown for seconds, so on a busy machine the browser may miss it.
+        wait_until(reason, || {
+            session.write_line(&format!("object {line}"));
+            std::thread::sleep(Duration::from_millis(300));
+            let is_said = format!("(state.trouble || '').includes('{reason}')");
+            (browser.value(&is_said) == true).then_some(())
+        });
     }
     kept(&place, |now, turn| now == at && turn == 15.0);
     // A page may name files of the viewer's own folder alone.
-    browser.value(&format!("command('object add {cube} at 1 1 1')"));
-    browser.wait("state.trouble !== null");
+    wait_until("the refusal of a file by its path", || {
+        browser.value(&format!("command('object add {cube} at 1 1 1')"));
+        std::thread::sleep(Duration::from_millis(300));
+        let is_said = "document.getElementById('notice').textContent.includes('name the file')";
+        (browser.value(is_said) == true).then_some(())
+    });
     browser.value("command('quit')");
     session.wait().ok();
 
