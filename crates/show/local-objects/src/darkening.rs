@@ -1,9 +1,117 @@
-//! About how much light an object takes from the surfaces around it, without noise.
+//! How much light an object takes from the surfaces that its probe shows.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
+use crate::environment::Cube;
+use crate::harmonics::Harmonics;
 use crate::lighting::ObjectLighting;
+use crate::lit::LitObject;
+use crate::numbers::PassNumbers;
 use crate::object::LocalObject;
+use crate::room::Room;
+use crate::shading::LightDetail;
+use crate::shadow::Shadowed;
+
+/// A distance from the object's centre, in radii, beyond which it is too far from what a probe
+/// shows to darken it.
+const NEAR: f32 = 6.0;
+
+/// Most texels on a side of the shares, while an object moves and at rest.
+const ROUGH_SIDE: usize = 16;
+const FINE_SIDE: usize = 64;
+
+/// Passes of rays for a texel at rest.
+const PASSES: u32 = 16;
+
+/// Greatest factor by which light from an object makes a surface brighter.
+const MOST_LEFT: f32 = 3.0;
+
+/// The share of light that an object leaves to what its probe shows, by direction.
+pub(crate) struct Darkening {
+    cube: Cube,
+    left: Vec<Vec3>,
+}
+
+impl Darkening {
+    /// Returns about the shares, without noise.
+    pub(crate) fn roughly(object: &LocalObject, lighting: &ObjectLighting) -> Darkening {
+        Darkening::of(object, lighting, ROUGH_SIDE, |_, texel, place| {
+            if lighting.is_bright[texel] {
+                return Vec3::ONE;
+            }
+            let normal = lighting.probe.normal(texel);
+            Vec3::ONE - taken_roughly(object, lighting, place, normal)
+        })
+    }
+
+    /// Returns the shares by rays, in the light that `lit` has so far.
+    pub(crate) fn by_rays(lit: &LitObject, room: Option<&Room>) -> Darkening {
+        let probe = &lit.lighting.probe;
+        Darkening::of(&lit.object, &lit.lighting, FINE_SIDE, |number, texel, place| {
+            let direction = place.normalize_or_zero();
+            let mut known = None;
+            if let Some(room) = room {
+                let hit = room.nearest(probe.centre(), direction.as_dvec3());
+                let Some((hit, _)) = hit else { return Vec3::ONE };
+                let Some(surface) = room.surface(&hit, direction, 0.0) else { return Vec3::ONE };
+                known = Some((room, surface, probe.radiance[texel]));
+            }
+            let shadowed = match &known {
+                Some((room, surface, radiance)) => Shadowed {
+                    place: surface.place,
+                    normal: surface.normal,
+                    known: Some((room, surface, *radiance)),
+                },
+                None => Shadowed {
+                    place: probe.centre() + place.as_dvec3(),
+                    normal: probe.normal(texel),
+                    known: None,
+                },
+            };
+            let (mut hidden, mut all) = (Vec3::ZERO, Vec3::ZERO);
+            for pass in 0..PASSES {
+                let mut numbers = PassNumbers::new(number, pass);
+                let sums = shadowed.hidden_and_all(lit, LightDetail::Exact, &mut numbers);
+                (hidden, all) = (hidden + sums.0, all + sums.1);
+            }
+            (Vec3::ONE - portion(hidden, all)).clamp(Vec3::ZERO, Vec3::splat(MOST_LEFT))
+        })
+    }
+
+    /// Returns the shares by a function of a number, of a texel of the probe and of its place
+    /// relative to the probe's centre.
+    fn of(
+        object: &LocalObject,
+        lighting: &ObjectLighting,
+        most_side: usize,
+        left: impl Fn(u32, usize, Vec3) -> Vec3 + Sync,
+    ) -> Darkening {
+        let probe = &lighting.probe;
+        let cube = Cube { side: probe.cube.side.min(most_side) };
+        let centre = (object.centre() - probe.centre()).as_vec3();
+        let reach = NEAR * object.radius() as f32;
+        let of = |number: u32| {
+            let texel = probe.cube.texel(cube.direction(number as usize));
+            let place = probe.place(texel).filter(|place| place.distance(centre) < reach);
+            place.map_or(Vec3::ONE, |place| left(number, texel, place))
+        };
+        let left = (0..cube.texels() as u32).into_par_iter().map(of).collect();
+        Darkening { cube, left }
+    }
+
+    /// Returns the share that is left to what is seen in a direction from the probe's centre.
+    #[inline]
+    pub(crate) fn left(&self, direction: Vec3) -> Vec3 {
+        self.cube.interpolate(&self.left, direction)
+    }
+
+    /// Returns the light that is in no light, while the object takes its share.
+    pub(crate) fn rest(&self, lighting: &ObjectLighting) -> Harmonics {
+        let (cube, dim) = lighting.dim.level(self.cube.side);
+        Harmonics::of(cube, |texel| dim[texel] * self.left(cube.direction(texel)))
+    }
+}
 
 /// Returns about the share of light that an object takes from a surface of its probe, by channel.
 /// `point` is relative to the probe's centre.
@@ -27,7 +135,7 @@ pub(crate) fn taken_roughly(
             hidden += irradiance;
         }
     }
-    share(hidden, all)
+    portion(hidden, all).clamp(Vec3::ZERO, Vec3::ONE)
 }
 
 /// Returns the share of a surface's light from all sides that an object takes, whose centre is
@@ -44,7 +152,7 @@ pub(crate) fn hidden_part(object: &LocalObject, to_centre: Vec3, normal: Vec3) -
     object.darkness() * sine * sine * cosine.clamp(0.0, 1.0) * above
 }
 
-/// Returns the share of what is hidden, by channel, from 0 to 1.
-pub(crate) fn share(hidden: Vec3, all: Vec3) -> Vec3 {
-    (hidden / all.max(Vec3::splat(f32::MIN_POSITIVE))).clamp(Vec3::ZERO, Vec3::ONE)
+/// Returns the part that is hidden, by channel.
+pub(crate) fn portion(hidden: Vec3, all: Vec3) -> Vec3 {
+    hidden / all.max(Vec3::splat(f32::MIN_POSITIVE))
 }

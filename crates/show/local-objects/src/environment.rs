@@ -93,7 +93,7 @@ impl Cube {
 
     /// Returns the value in a direction, interpolated between the nearest texels of its face.
     #[inline]
-    fn interpolate(self, texels: &[Vec3], direction: Vec3) -> Vec3 {
+    pub(crate) fn interpolate(self, texels: &[Vec3], direction: Vec3) -> Vec3 {
         let (face, x, y) = self.point(direction);
         let between = |c: f32| {
             let c = (c - 0.5).clamp(0.0, (self.side - 1) as f32);
@@ -155,6 +155,13 @@ impl Environment {
         let level = level.min(self.levels.len() - 1);
         let (cube, texels) = &self.levels[level];
         cube.interpolate(texels, direction)
+    }
+
+    /// Returns the finest level with at most this many texels on a side, or else the coarsest.
+    pub(crate) fn level(&self, most_side: usize) -> (Cube, &[Vec3]) {
+        let fits = |(cube, _): &&(Cube, Vec<Vec3>)| cube.side <= most_side;
+        let level = self.levels.iter().find(fits).unwrap_or(&self.levels[self.levels.len() - 1]);
+        (level.0, &level.1)
     }
 
     /// Returns the radiance of a texel.

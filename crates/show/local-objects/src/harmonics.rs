@@ -4,6 +4,8 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
+use crate::environment::Cube;
+
 /// Number of harmonics up to order 2.
 const COUNT: usize = 9;
 
@@ -18,8 +20,17 @@ const LOBE: [f32; COUNT] = {
 pub(crate) struct Harmonics([Vec3; COUNT]);
 
 impl Harmonics {
+    /// Returns the harmonics of the radiance of a cube's texels.
+    pub(crate) fn of(cube: Cube, radiance: impl Fn(usize) -> Vec3) -> Harmonics {
+        let mut harmonics = Harmonics::default();
+        for texel in 0..cube.texels() {
+            harmonics.add(cube.direction(texel), radiance(texel), cube.solid_angle(texel));
+        }
+        harmonics
+    }
+
     /// Adds radiance that comes from a direction, within a solid angle.
-    pub(crate) fn add(&mut self, direction: Vec3, radiance: Vec3, solid_angle: f32) {
+    fn add(&mut self, direction: Vec3, radiance: Vec3, solid_angle: f32) {
         for (sum, basis) in self.0.iter_mut().zip(basis(direction)) {
             *sum += radiance * (basis * solid_angle);
         }
@@ -60,17 +71,11 @@ fn basis(Vec3 { x, y, z }: Vec3) -> [f32; COUNT] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::environment::Cube;
 
     /// Returns the harmonics of a radiance.
     fn of(radiance: impl Fn(Vec3) -> Vec3) -> Harmonics {
         let cube = Cube { side: 32 };
-        let mut harmonics = Harmonics::default();
-        for texel in 0..cube.texels() {
-            let direction = cube.direction(texel);
-            harmonics.add(direction, radiance(direction), cube.solid_angle(texel));
-        }
-        harmonics
+        Harmonics::of(cube, |texel| radiance(cube.direction(texel)))
     }
 
     #[test]

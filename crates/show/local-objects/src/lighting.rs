@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 use holo_scene::PunctualBeam;
 
+use crate::environment::Environment;
 use crate::harmonics::Harmonics;
 use crate::lights::{ProbeLight, brightest};
 use crate::probe::LightProbe;
@@ -15,13 +16,19 @@ pub const LIGHTS: usize = 8;
 /// two texels of the smallest probes, as a cosine.
 const SUN_CORONA: f32 = 0.998;
 
+/// Most texels on a side from which harmonics are made: they are smoother than that.
+const MOST_HARMONIC_SIDE: usize = 64;
+
 /// The light that arrives at a place, divided.
 pub struct ObjectLighting {
     pub(crate) probe: LightProbe,
     pub(crate) lights: Vec<ProbeLight>,
     /// For each texel, whether it is in one of the lights.
     pub(crate) is_bright: Vec<bool>,
-    /// The light of the texels that are in none.
+    /// All light, also blurred.
+    pub(crate) environment: Environment,
+    /// The light of the texels that are in no light.
+    pub(crate) dim: Environment,
     pub(crate) rest: Harmonics,
 }
 
@@ -33,8 +40,16 @@ impl ObjectLighting {
         let unseen = room.map_or_else(Vec::new, |room| unseen_lights(&mut probe, room));
         let (mut lights, is_bright) = brightest(&probe, lights);
         lights.extend(unseen);
-        let rest = harmonics(&probe, &is_bright, |texel| probe.radiance[texel]);
-        ObjectLighting { probe, lights, is_bright, rest }
+        let environment = Environment::new(probe.cube, probe.radiance.clone());
+        let dim = |(radiance, is_bright): (&Vec3, &bool)| match is_bright {
+            true => Vec3::ZERO,
+            false => *radiance,
+        };
+        let dim = probe.radiance.iter().zip(&is_bright).map(dim).collect();
+        let dim = Environment::new(probe.cube, dim);
+        let (cube, texels) = dim.level(MOST_HARMONIC_SIDE);
+        let rest = Harmonics::of(cube, |texel| texels[texel]);
+        ObjectLighting { probe, lights, is_bright, environment, dim, rest }
     }
 
     /// Returns the place that it is the light of.
@@ -48,20 +63,6 @@ impl ObjectLighting {
     pub fn side(&self) -> usize {
         self.probe.cube.side
     }
-}
-
-/// Returns the harmonics of the texels that are in no light.
-pub(crate) fn harmonics(
-    probe: &LightProbe,
-    is_bright: &[bool],
-    radiance: impl Fn(usize) -> Vec3,
-) -> Harmonics {
-    let mut rest = Harmonics::default();
-    for texel in (0..probe.cube.texels()).filter(|&texel| !is_bright[texel]) {
-        let (direction, solid_angle) = (probe.cube.direction(texel), probe.cube.solid_angle(texel));
-        rest.add(direction, radiance(texel), solid_angle);
-    }
-    rest
 }
 
 /// Returns the suns and punctual lights of a room, and takes the discs of suns out of a probe.

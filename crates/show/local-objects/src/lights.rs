@@ -107,6 +107,18 @@ impl ProbeLight {
         ProbeLight { points, sums, middle, spread, is_unseen: false }
     }
 
+    /// Returns the light with another share of it from each direction.
+    pub(crate) fn weighed(&self, share: impl Fn(Vec3) -> Vec3) -> ProbeLight {
+        if self.is_unseen {
+            return self.clone();
+        }
+        let weighed = |point: &LightPoint| {
+            let irradiance = point.irradiance * share(point.direction);
+            LightPoint { irradiance, ..*point }
+        };
+        ProbeLight::new(self.points.iter().map(weighed).collect())
+    }
+
     /// Returns a light that no driver shows.
     pub(crate) fn unseen(direction: Vec3, place: Option<Vec3>, irradiance: Vec3) -> ProbeLight {
         let point = LightPoint { direction, place, normal: Vec3::ZERO, irradiance };

@@ -3,61 +3,71 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
-use crate::darkening::taken_roughly;
-use crate::environment::Environment;
+use crate::darkening::Darkening;
 use crate::harmonics::Harmonics;
-use crate::lighting::{ObjectLighting, harmonics};
+use crate::lighting::ObjectLighting;
+use crate::lights::ProbeLight;
 use crate::object::LocalObject;
+use crate::room::Room;
 
-/// A distance from the object's centre, in radii, beyond which it is too far from what a probe
-/// shows to darken it.
-const NEAR: f32 = 6.0;
+/// Relative difference of distances within which a probe shows the surface that a ray meets.
+const SAME_SURFACE: f32 = 0.02;
 
 /// An object with its light.
 #[derive(Clone)]
 pub struct LitObject {
     pub(crate) object: LocalObject,
     pub(crate) lighting: Arc<ObjectLighting>,
-    /// What the object's surroundings look like while it is there.
     pub(crate) surroundings: Arc<Surroundings>,
 }
 
-/// What a probe shows while an object takes some of its light.
+/// What the object's surroundings look like while it is there.
 pub(crate) struct Surroundings {
-    environment: Environment,
-    /// The texels that are in no light.
+    darkening: Darkening,
+    /// The light that is in no light.
     pub rest: Harmonics,
+    /// The lights, at rest: the object's shadow may fall on those that do not emit.
+    lights: Option<Vec<ProbeLight>>,
 }
 
 impl LitObject {
     /// Lights an object. The probe's centre should be near the object's.
     ///
-    /// The object's shadow falls on what the probe shows, such as the floor below.
+    /// The object's shadow falls on what the probe shows, such as the floor below, as far as a
+    /// person sees while the object moves.
     #[must_use]
     pub fn new(object: LocalObject, lighting: Arc<ObjectLighting>) -> LitObject {
-        let probe = &lighting.probe;
-        let mut radiance = probe.radiance.clone();
-        let centre = (object.centre() - probe.centre()).as_vec3();
-        let reach = NEAR * object.radius() as f32;
-        radiance.par_iter_mut().enumerate().for_each(|(texel, radiance)| {
-            let place = probe.place(texel).filter(|_| !lighting.is_bright[texel]);
-            if let Some(place) = place.filter(|place| place.distance(centre) < reach) {
-                let normal = probe.normal(texel);
-                *radiance *= Vec3::ONE - taken_roughly(&object, &lighting, place, normal);
-            }
-        });
-        let rest = harmonics(probe, &lighting.is_bright, |texel| radiance[texel]);
-        let environment = Environment::new(probe.cube, radiance);
-        let surroundings = Arc::new(Surroundings { environment, rest });
+        let darkening = Darkening::roughly(&object, &lighting);
+        LitObject::with(object, lighting, darkening, None)
+    }
+
+    /// Returns the object with its light at rest: its shadow on what the probe shows is computed by
+    /// rays. `room` is the model of the scene, if it is known.
+    #[must_use]
+    pub fn at_rest(&self, room: Option<&Room>) -> LitObject {
+        let darkening = Darkening::by_rays(self, room);
+        let lights = self.lighting.lights.iter();
+        let lights = lights.map(|light| light.weighed(|direction| darkening.left(direction)));
+        let lights = Some(lights.collect());
+        LitObject::with(self.object.clone(), Arc::clone(&self.lighting), darkening, lights)
+    }
+
+    fn with(
+        object: LocalObject,
+        lighting: Arc<ObjectLighting>,
+        darkening: Darkening,
+        lights: Option<Vec<ProbeLight>>,
+    ) -> LitObject {
+        let rest = darkening.rest(&lighting);
+        let surroundings = Arc::new(Surroundings { darkening, rest, lights });
         LitObject { object, lighting, surroundings }
     }
 
     /// Returns whether this is the same object at the same place, in the same light.
     #[must_use]
     pub fn is_same(&self, other: &LitObject) -> bool {
-        self.is_of(&other.object, &other.lighting)
+        self.is_of(&other.object, &other.lighting) && self.is_at_rest() == other.is_at_rest()
     }
 
     /// Returns whether this is the object at its place, in this light.
@@ -67,6 +77,18 @@ impl LitObject {
         is_same_model
             && self.object.pose() == object.pose()
             && Arc::ptr_eq(&self.lighting, lighting)
+    }
+
+    /// Returns whether the object has the light that [`at_rest`](Self::at_rest) returns.
+    #[must_use]
+    pub fn is_at_rest(&self) -> bool {
+        self.surroundings.lights.is_some()
+    }
+
+    /// Returns the lights that the object has.
+    #[inline]
+    pub(crate) fn lights(&self) -> &[ProbeLight] {
+        self.surroundings.lights.as_deref().unwrap_or(&self.lighting.lights)
     }
 
     /// Returns a place relative to the probe's centre.
@@ -80,17 +102,39 @@ impl LitObject {
     #[inline]
     pub(crate) fn radiance(&self, point: Vec3, direction: Vec3, blur: f32) -> Vec3 {
         let seen = self.lighting.probe.direction_seen(point, direction);
-        self.surroundings.environment.radiance(seen, blur)
+        self.lighting.environment.radiance(seen, blur) * self.surroundings.darkening.left(seen)
     }
 
-    /// Returns the same without the lights.
+    /// Returns the same without the lights, not blurred.
     #[inline]
     pub(crate) fn radiance_of_rest(&self, point: Vec3, direction: Vec3) -> Vec3 {
+        self.rest_seen(self.lighting.probe.direction_seen(point, direction))
+    }
+
+    /// Returns the radiance without the lights that comes from the first surface of the room along
+    /// a ray. `place` is that of the surface; `None` if the ray meets none.
+    pub(crate) fn radiance_of_place(
+        &self,
+        point: Vec3,
+        direction: Vec3,
+        place: Option<DVec3>,
+    ) -> Vec3 {
         let probe = &self.lighting.probe;
-        let texel = probe.cube.texel(probe.direction_seen(point, direction));
-        if self.lighting.is_bright[texel] {
-            return Vec3::ZERO;
+        let seen = place.map_or(direction, |place| self.relative(place));
+        let shown = probe.distance[probe.cube.texel(seen)];
+        let is_shown = match place {
+            Some(_) => (shown - seen.length()).abs() < SAME_SURFACE * shown,
+            None => shown.is_infinite(),
+        };
+        match is_shown {
+            true => self.rest_seen(seen),
+            // Something hides it from the probe: what is seen nearby stands for it.
+            false => self.radiance_of_rest(point, direction),
         }
-        self.surroundings.environment.texel(texel)
+    }
+
+    fn rest_seen(&self, direction: Vec3) -> Vec3 {
+        let texel = self.lighting.probe.cube.texel(direction);
+        self.lighting.dim.texel(texel) * self.surroundings.darkening.left(direction)
     }
 }

@@ -13,6 +13,7 @@
 mod scenes;
 mod speed;
 
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -29,13 +30,16 @@ use holo_tracer::{Settings, Tracer};
 use rayon::prelude::*;
 use scenes::{Case, cases};
 
-/// Size of the pictures, and rays in each pixel.
-const SIZE: (u32, u32) = (128, 96);
-const RAYS: u32 = 512;
+/// Size of the pictures.
+const SIZE: (u32, u32) = (88, 66);
+
+/// Rays in each pixel of one of two pictures, and paths of each ray.
+const RAYS: u32 = 8;
+const PATHS: u64 = 16;
 
 /// Side of a probe's faces, and rays in each texel.
 const SIDE: u32 = 64;
-const PROBE_RAYS: u32 = 128;
+const PROBE_RAYS: u32 = 3;
 
 /// Passes of the objects.
 const PASSES: u32 = 64;
@@ -73,15 +77,21 @@ fn tracer(scene: Scene) -> Tracer {
     Tracer::new(Arc::new(scene), Settings::default()).unwrap()
 }
 
-/// Returns what is kept under a name, or else traces a picture by this many rays in a pixel.
-fn traced(path: &Path, tracer: &Tracer, view: &View, size: (u32, u32), rays: u32) -> Picture {
+/// Returns what is kept under a name, or else traces a picture by these rays of each pixel.
+fn traced(
+    path: &Path,
+    tracer: &Tracer,
+    view: &View,
+    size: (u32, u32),
+    rays: Range<u32>,
+) -> Picture {
     if let Ok(known) = Picture::read(path) {
         return known;
     }
     let pixel = |pixel: u32| {
         let mut sum = glam::Vec3::ZERO;
         let shift = |axis: u32| f64::from(mix(axis, pixel)) / f64::from(u32::MAX);
-        for ray in 0..rays {
+        for ray in rays.clone() {
             // Roberts' R2 sequence, shifted in each pixel.
             let along = |step: f64, shift: f64| (f64::from(ray) * step + shift).fract();
             let dx = along(0.754_877_666_246_692_8, shift(1));
@@ -90,9 +100,10 @@ fn traced(path: &Path, tracer: &Tracer, view: &View, size: (u32, u32), rays: u32
             let y = 1.0 - (f64::from(pixel / size.0) + dy) / f64::from(size.1);
             let (origin, direction) = view.ray(x, y);
             let seed = u64::from(pixel) << 32 | u64::from(ray);
-            sum += glam::Vec3::from(tracer.trace(origin, direction, seed).radiance);
+            let traced = tracer.trace_paths(origin, direction, seed, 0..PATHS);
+            sum += glam::Vec3::from(traced.radiance);
         }
-        (sum / rays as f32).to_array()
+        (sum / rays.len() as f32).to_array()
     };
     let pixels = (0..size.0 * size.1).into_par_iter().map(pixel).collect();
     let picture = Picture::from_pixels(size.0, size.1, pixels).unwrap();
@@ -115,7 +126,7 @@ fn probe(folder: &Path, case: &Case, tracer: &Tracer, room: &Room, centre: DVec3
     let frames = probe_views(centre).unwrap().map(|view| {
         face += 1;
         let path = folder.join(format!("{}-probe-{face}.pfm", case.name));
-        frame(traced(&path, tracer, &view, (SIDE, SIDE), PROBE_RAYS), &view, room)
+        frame(traced(&path, tracer, &view, (SIDE, SIDE), 0..PROBE_RAYS), &view, room)
     });
     LightProbe::new(centre, &frames).unwrap()
 }
@@ -125,13 +136,21 @@ fn measure(folder: &Path, case: &Case) {
     let empty = tracer(case.room(false));
     let room = Room::new(Arc::new(Raycaster::build(Arc::new(case.room(false))).unwrap()));
     let path = |what: &str| folder.join(format!("{}-{what}.pfm", case.name));
-    let before = traced(&path("empty"), &empty, &view, SIZE, RAYS);
-    let truth = traced(&path("truth"), &tracer(case.room(true)), &view, SIZE, RAYS);
+    let before = traced(&path("empty"), &empty, &view, SIZE, 0..2 * RAYS);
+    let whole = tracer(case.room(true));
+    let truths = [("truth-1", 0..RAYS), ("truth-2", RAYS..2 * RAYS)]
+        .map(|(name, rays)| traced(&path(name), &whole, &view, SIZE, rays));
+    let mut truth = truths[0].clone();
+    for (pixel, other) in truth.pixels.iter_mut().zip(&truths[1].pixels) {
+        *pixel = pixel.iter().zip(other).map(|(a, b)| 0.5 * (a + b)).collect::<Vec<f32>>()[..3]
+            .try_into()
+            .unwrap();
+    }
     let object = object(case);
     let probe = probe(folder, case, &empty, &room, object.centre());
     for lights in [1, 2, 4, 8, 16] {
         let lighting = ObjectLighting::new(probe.clone(), lights, Some(&room));
-        let objects = [LitObject::new(object.clone(), Arc::new(lighting))];
+        let objects = [LitObject::new(object.clone(), Arc::new(lighting)).at_rest(Some(&room))];
         let base = frame(before.clone(), &view, &room);
         let (mut seen, detail) = (base.clone(), LayerDetail::Exact(PASSES));
         let mut layer = ObjectLayer::new(&base, &view, &objects, detail);
@@ -163,9 +182,15 @@ fn measure(folder: &Path, case: &Case) {
             let mean = pixels.iter().map(|&at| of(&truth, at)).sum::<f32>() / count;
             let differences = pixels.iter().map(|&at| of(picture, at) - of(&truth, at));
             let square = differences.clone().map(|d| d * d).sum::<f32>() / count;
+            // The noise of the truth is known from its halves, and is no error.
+            let halves = pixels.iter().map(|&at| of(&truths[0], at) - of(&truths[1], at));
+            let noise = halves.map(|d| 0.25 * d * d).sum::<f32>() / count;
+            let square = (square - noise).max(0.0);
             (100.0 * differences.sum::<f32>() / count / mean, 100.0 * square.sqrt() / mean)
         };
-        let relative = |&at: &usize| of(&seen.picture, at) / of(&truth, at).max(1e-6) - 1.0;
+        let mean = inside.iter().map(|&at| of(&truth, at)).sum::<f32>() / inside.len().max(1) as f32;
+        let relative =
+            |&at: &usize| (of(&seen.picture, at) - of(&truth, at)) / of(&truth, at).max(0.3 * mean);
         let most = inside.iter().map(relative).max_by(|a, b| a.abs().total_cmp(&b.abs()));
         let (bias, rms) = errors(&seen.picture, &inside);
         let ((_, unchanged), (room_bias, left)) =

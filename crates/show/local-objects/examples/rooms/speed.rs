@@ -38,7 +38,7 @@ pub fn measure(args: &[String]) {
         };
         let objects = [LitObject::new(object.clone(), Arc::clone(&lighting))];
         note(0);
-        let mut layer = ObjectLayer::new(&base, &view, &objects, LayerDetail::Quick);
+        let mut layer = ObjectLayer::new(&base, &view, &objects, LayerDetail::Quick(1));
         note(1);
         layer.draw(&base, &objects, Some(&room), 1, &Interrupt::default());
         note(2);

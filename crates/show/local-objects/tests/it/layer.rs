@@ -24,7 +24,7 @@ fn in_even_light_a_convex_object_has_the_radiance_times_its_albedo() {
     // Without a floor, nothing darkens the surroundings.
     frame.depth.fill(f32::INFINITY);
     let mut object = lit_here(&pedestal(1.0, 1.0, grey(0.6)), |_| 2.0);
-    for detail in [LayerDetail::Quick, LayerDetail::Exact(16)] {
+    for detail in [LayerDetail::Quick(1), LayerDetail::Exact(16)] {
         let seen = drawn(&frame, &view, std::slice::from_ref(&object), None, detail);
         for (point, _) in FACES {
             let found = seen.picture.pixels[pixel_of(&view, SIZE, point)][1];
@@ -44,7 +44,7 @@ fn a_small_lamp_lights_faces_by_the_cosine() {
     let (least, radiance) = (8.0_f64.to_radians().cos(), 100.0);
     let lamp = |direction: DVec3| if direction.dot(towards) > least { radiance } else { 0.01 };
     let object = lit_here(&pedestal(1.0, 1.0, grey(0.5)), lamp);
-    for detail in [LayerDetail::Quick, LayerDetail::Exact(64)] {
+    for detail in [LayerDetail::Quick(1), LayerDetail::Exact(64)] {
         let seen = drawn(&frame, &view, std::slice::from_ref(&object), None, detail);
         for (point, normal) in FACES {
             // The lamp is on a sphere of radius 10 around the object, and the face nearer to it.
@@ -68,13 +68,13 @@ fn what_is_nearer_hides_the_other() {
     let frame = floor(&view, SIZE, 2.0);
     let object = [lit_here(&pedestal(1.0, 1.0, grey(0.1)), |_| 2.0)];
     let pixel = pixel_of(&view, SIZE, DVec3::new(0.1, -0.1, 1.0));
-    let seen = drawn(&frame, &view, &object, None, LayerDetail::Quick);
+    let seen = drawn(&frame, &view, &object, None, LayerDetail::Quick(1));
     assert!((seen.picture.pixels[pixel][0] - 0.2).abs() < 0.02, "in front of the floor");
     let distance = view.vp.distance(DVec3::new(0.1, -0.1, 1.0)) as f32;
     assert!((seen.depth[pixel] - distance).abs() < 0.05, "its distance is that of the frame");
     let mut wall = frame.clone();
     wall.depth.fill(2.0);
-    let hidden = drawn(&wall, &view, &object, None, LayerDetail::Quick);
+    let hidden = drawn(&wall, &view, &object, None, LayerDetail::Quick(1));
     assert_eq!(hidden.picture.pixels[pixel], wall.picture.pixels[pixel], "behind a wall");
     assert_eq!(hidden.depth, wall.depth);
 }
@@ -83,10 +83,10 @@ fn what_is_nearer_hides_the_other() {
 fn pixels_beside_objects_and_shadows_stay_and_a_frame_without_objects_is_the_same() {
     let view = view(DVec3::new(0.0, 0.0, 0.5), SIZE);
     let frame = floor(&view, SIZE, 2.0);
-    assert_eq!(drawn(&frame, &view, &[], None, LayerDetail::Quick).picture, frame.picture);
+    assert_eq!(drawn(&frame, &view, &[], None, LayerDetail::Quick(1)).picture, frame.picture);
     let aside = ObjectPose { at: DVec3::new(-30.0, 40.0, 0.0), turn: 0.0, scale: 1.0 };
     let object = [lit(&pedestal(0.1, 0.1, grey(0.1)), aside, 8, |_| 2.0)];
-    let seen = drawn(&frame, &view, &object, None, LayerDetail::Quick);
+    let seen = drawn(&frame, &view, &object, None, LayerDetail::Quick(1));
     let near = pixel_of(&view, SIZE, DVec3::ZERO);
     assert_eq!(seen.picture.pixels[near], frame.picture.pixels[near]);
 }
@@ -121,7 +121,7 @@ fn a_mirror_shows_its_surroundings_and_a_pane_what_is_behind() {
     let above = |direction: DVec3| if direction.z > 0.0 { 5.0 } else { 1.0 };
     let top = pixel_of(&view, SIZE, DVec3::new(0.1, -0.1, 1.0));
     let mirror = [lit_here(&pedestal(1.0, 1.0, Bsdf::Mirror { ks: [0.9; 3] }), above)];
-    for detail in [LayerDetail::Quick, LayerDetail::Exact(8)] {
+    for detail in [LayerDetail::Quick(1), LayerDetail::Exact(8)] {
         let seen = drawn(&frame, &view, &mirror, None, detail);
         assert!((seen.picture.pixels[top][0] - 4.5).abs() < 0.1, "{detail:?}");
     }

@@ -463,12 +463,19 @@ impl Session {
     }
 
     /// Returns an object with its light: that of the frame before, if both are the same.
-    fn lit(&self, object: LocalObject, lighting: Arc<ObjectLighting>) -> LitObject {
+    fn lit(
+        &self,
+        object: LocalObject,
+        lighting: Arc<ObjectLighting>,
+        is_quick: bool,
+        room: Option<&Room>,
+    ) -> LitObject {
         let mut before = self.objects.shown.iter().flat_map(|shown| &shown.objects);
-        match before.find(|lit| lit.is_of(&object, &lighting)) {
+        let lit = match before.find(|lit| lit.is_of(&object, &lighting)) {
             Some(lit) => lit.clone(),
             None => LitObject::new(object, lighting),
-        }
+        };
+        if is_quick || lit.is_at_rest() { lit } else { lit.at_rest(room) }
     }
 
     /// Returns the objects with their light. Quick frames use light that is known already.
@@ -483,7 +490,7 @@ impl Session {
         let mut lit = Vec::with_capacity(objects.len());
         for object in objects {
             let lighting = self.lighting(&object, is_quick, is_file, room);
-            lit.extend(lighting.map(|lighting| self.lit(object, lighting)));
+            lit.extend(lighting.map(|lighting| self.lit(object, lighting, is_quick, room)));
         }
         lit
     }
