@@ -6,6 +6,8 @@
 //!   cell.
 //! - Passes add up. The result does not depend on how many are drawn at a time, nor on threads.
 
+use std::ops::Range;
+
 use glam::{DVec3, Vec3};
 use holo_display::{Frame, Interrupt, mix};
 use holo_picture::View;
@@ -32,14 +34,11 @@ const SAME_DEPTH: f32 = 0.05;
 /// Weight of cells in pixels that show another surface.
 const OTHER_DEPTH: f32 = 1e-3;
 
-/// Share of light above which no shadow is seen.
-const NEARLY_ALL_LIGHT: f32 = 0.995;
-
 /// How a frame shows objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayerDetail {
     /// At once, while an object or the eye moves: one ray for each square of this many pixels a
-    /// side, and sharp shadows.
+    /// side, and sharp shadows by squares of twice that side.
     Quick(u32),
     /// By this many passes in all, each with other rays.
     Exact(u32),
@@ -48,10 +47,18 @@ pub enum LayerDetail {
 /// What is seen of objects in one view.
 pub struct ObjectLayer {
     view: View,
-    grid: CellGrid,
     detail: LayerDetail,
     /// Passes that are drawn.
     passes: u32,
+    /// Cells that may show objects. At rest, also those that may lie in their shadows.
+    seen: TouchedCells,
+    /// Cells that may lie in shadows, in quick frames.
+    shaded: Option<TouchedCells>,
+}
+
+/// The cells of a grid that objects touch.
+struct TouchedCells {
+    grid: CellGrid,
     tiles: Vec<LayerTile>,
 }
 
@@ -108,36 +115,19 @@ impl ObjectLayer {
         objects: &[LitObject],
         detail: LayerDetail,
     ) -> ObjectLayer {
-        let step = match detail {
-            LayerDetail::Quick(step) => step.max(1),
-            LayerDetail::Exact(_) => 1,
+        let touched = |step: u32, what: Touch| {
+            let grid = CellGrid { size: frame.picture.size(), step };
+            let test = TouchTest { frame, view, grid, objects, what, detail: detail.into() };
+            TouchedCells::new(&test)
         };
-        let grid = CellGrid { size: frame.picture.size(), step };
-        let cells = grid.cells();
-        let across = cells.0.div_ceil(TILE);
-        let tile = |tile: u32| {
-            let (left, top) = (tile % across * TILE, tile / across * TILE);
-            let columns = left..(left + TILE).min(cells.0);
-            let rows = top..(top + TILE).min(cells.1);
-            let row = tile / across;
-            let places = |step: usize| {
-                let columns = columns.clone().step_by(step);
-                let rows = rows.clone().step_by(step);
-                rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
-            };
-            let touches = TouchTest { frame, view, grid, objects, detail: detail.into() };
-            // Most tiles are far from all objects, and a few of their cells say so.
-            if !places(APART as usize).any(|place| touches.cell(place, APART).is_some()) {
-                return LayerTile { row, cells: Vec::new() };
+        let (seen, shaded) = match detail {
+            LayerDetail::Quick(step) => {
+                let step = step.max(1);
+                (touched(step, Touch::Sight), Some(touched(2 * step, Touch::Shadow)))
             }
-            LayerTile { row, cells: places(1).filter_map(|at| touches.cell(at, 1)).collect() }
+            LayerDetail::Exact(_) => (touched(1, Touch::Both), None),
         };
-        let tiles: Vec<LayerTile> = (0..across * cells.1.div_ceil(TILE))
-            .into_par_iter()
-            .map(tile)
-            .filter(|tile| !tile.cells.is_empty())
-            .collect();
-        ObjectLayer { view: *view, grid, detail, passes: 0, tiles }
+        ObjectLayer { view: *view, detail, passes: 0, seen, shaded }
     }
 
     /// Returns whether more passes would make it better.
@@ -147,7 +137,8 @@ impl ObjectLayer {
             LayerDetail::Quick(_) => 1,
             LayerDetail::Exact(passes) => passes,
         };
-        self.passes < all && !self.tiles.is_empty()
+        let mut cells = std::iter::once(&self.seen).chain(&self.shaded);
+        self.passes < all && cells.any(|cells| !cells.tiles.is_empty())
     }
 
     /// Draws at most this many passes, unless enough are drawn. An interrupt ends the work between
@@ -161,40 +152,42 @@ impl ObjectLayer {
         interrupt: &Interrupt,
     ) {
         let detail = self.detail.into();
-        let cells = self.grid.cells();
-        let footprint = |distance: f64| self.view.pixel_footprint(cells, distance) as f32;
-        let base = footprint(0.0);
-        let scene = LayerScene {
-            shader: Shader { objects, room, detail },
-            frame,
-            view: &self.view,
-            grid: self.grid,
-            width: (base, footprint(1.0) - base),
-        };
         for drawn in 0..most {
             if !self.is_unfinished() || (drawn > 0 && interrupt.is_set()) {
                 return;
             }
             let pass = self.passes;
-            self.tiles.par_iter_mut().for_each(|tile| {
-                tile.cells.iter_mut().for_each(|cell| scene.add(cell, pass));
-            });
+            for touched in std::iter::once(&mut self.seen).chain(&mut self.shaded) {
+                let grid = touched.grid;
+                let footprint =
+                    |distance: f64| self.view.pixel_footprint(grid.cells(), distance) as f32;
+                let base = footprint(0.0);
+                let width = (base, footprint(1.0) - base);
+                let shader = Shader { objects, room, detail };
+                let scene = LayerScene { shader, frame, view: &self.view, grid, width };
+                touched.tiles.par_iter_mut().for_each(|tile| {
+                    tile.cells.iter_mut().for_each(|cell| scene.add(cell, pass));
+                });
+            }
             self.passes += 1;
         }
     }
 
     /// Draws objects and shadows over a frame of the layer's view and size, without objects so far.
     pub fn compose(&self, frame: &mut Frame) {
-        if self.passes == 0 || frame.picture.size() != self.grid.size {
+        let grid = self.seen.grid;
+        if self.passes == 0 || frame.picture.size() != grid.size {
             return;
         }
-        if self.grid.step > 1 {
-            self.compose_cells(frame);
+        if let Some(shaded) = &self.shaded {
+            let depth = frame.depth.clone();
+            shaded.compose(frame, &depth);
+            self.seen.compose(frame, &depth);
             return;
         }
         let share = 1.0 / self.passes as f32;
-        for cell in self.tiles.iter().flat_map(|tile| &tile.cells) {
-            let at = (cell.row * self.grid.size.0 + cell.column) as usize;
+        for cell in self.seen.cells() {
+            let at = (cell.row * grid.size.0 + cell.column) as usize;
             let room = Vec3::from(frame.picture.pixels[at]);
             let seen = room * cell.behind.max(Vec3::ZERO) + cell.radiance;
             frame.picture.pixels[at] = (seen * share).to_array();
@@ -204,114 +197,144 @@ impl ObjectLayer {
         }
     }
 
-    /// Draws over a frame whose pixels lie between the middles of cells.
-    fn compose_cells(&self, frame: &mut Frame) {
-        let (width, step) = (self.grid.size.0 as usize, self.grid.step);
-        let across = self.grid.cells().0 as usize;
-        let mut places = vec![u32::MAX; across * self.grid.cells().1 as usize];
-        let cells: Vec<&LayerCell> = self.tiles.iter().flat_map(|tile| &tile.cells).collect();
-        for (number, cell) in (0..).zip(&cells) {
-            places[cell.row as usize * across + cell.column as usize] = number;
-        }
-        let depth = frame.depth.clone();
-        let blend = CellBlend { grid: self.grid, places, cells, depth: &depth };
-        let band = width * (TILE * step) as usize;
-        let bands = frame.picture.pixels.par_chunks_mut(band);
-        bands.zip(frame.depth.par_chunks_mut(band)).enumerate().for_each(|(band, rows)| {
-            let (pixels, depth) = rows;
-            let tiles = self.tiles.iter().filter(|tile| tile.row as usize == band);
-            for tile in tiles {
-                let left = tile.cells[0].column / TILE * TILE * step;
-                let right = (left + TILE * step).min(self.grid.size.0);
-                for (row, line) in pixels.chunks_exact_mut(width).enumerate() {
-                    for column in left..right {
-                        let place = (column, row as u32 + tile.row * TILE * step);
-                        let Some((behind, radiance, distance)) = blend.at(place) else { continue };
-                        let pixel = &mut line[column as usize];
-                        *pixel = (Vec3::from(*pixel) * behind + radiance).to_array();
-                        if let Some(distance) = distance {
-                            depth[row * width + column as usize] = distance;
-                        }
-                    }
-                }
-            }
-        });
-    }
-
     /// Returns the share of the picture in which an object is seen, 0 to 1.
     #[must_use]
     pub fn visible_share(&self) -> f64 {
-        let cells = self.tiles.iter().flat_map(|tile| &tile.cells);
-        let seen = cells.filter(|cell| 2 * cell.seen > self.passes).count();
-        let (columns, rows) = self.grid.cells();
+        let seen = self.seen.cells().filter(|cell| 2 * cell.seen > self.passes).count();
+        let (columns, rows) = self.seen.grid.cells();
         seen as f64 / (f64::from(columns) * f64::from(rows))
     }
 
     /// Returns whether an object is seen in a pixel of the layer, in most of its passes.
     #[must_use]
     pub fn shows_object(&self, column: u32, row: u32) -> bool {
-        let here = (column / self.grid.step, row / self.grid.step);
-        let cells = self.tiles.iter().flat_map(|tile| &tile.cells);
-        let mut here = cells.filter(|cell| (cell.column, cell.row) == here);
+        let step = self.seen.grid.step;
+        let here = (column / step, row / step);
+        let mut here = self.seen.cells().filter(|cell| (cell.column, cell.row) == here);
         here.any(|cell| 2 * cell.seen > self.passes)
     }
 }
 
-/// Cells around pixels.
-struct CellBlend<'a> {
-    grid: CellGrid,
-    /// For each cell of the grid, its place in `cells`.
-    places: Vec<u32>,
-    cells: Vec<&'a LayerCell>,
-    /// Distances of the frame without objects.
-    depth: &'a [f32],
-}
-
-impl CellBlend<'_> {
-    /// Returns what the cells around a pixel say: the share of what is behind the objects, their
-    /// radiance, and their distance if one is seen. `None` if objects change nothing there.
-    ///
-    /// A cell counts little where the room is at another distance than at its middle.
-    fn at(&self, (column, row): (u32, u32)) -> Option<(Vec3, Vec3, Option<f32>)> {
-        let (columns, rows) = self.grid.cells();
-        let between = |pixel: u32, count: u32| {
-            // The ray of a cell goes through the middle of one of its pixels.
-            let along = (pixel as f32 - (self.grid.step / 2) as f32) / self.grid.step as f32;
-            let first = along.floor();
-            let of = |step: f32| ((first + step).max(0.0) as u32).min(count - 1);
-            ([of(0.0), of(1.0)], along - first)
+impl TouchedCells {
+    /// Returns the cells that objects touch.
+    fn new(test: &TouchTest<'_>) -> TouchedCells {
+        let cells = test.grid.cells();
+        let across = cells.0.div_ceil(TILE);
+        let tile = |tile: u32| {
+            let (left, top) = (tile % across * TILE, tile / across * TILE);
+            let columns = left..(left + TILE).min(cells.0);
+            let rows = top..(top + TILE).min(cells.1);
+            let row = tile / across;
+            let places = |step: usize| {
+                let columns = columns.clone().step_by(step);
+                let rows = rows.clone().step_by(step);
+                rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
+            };
+            // Most tiles are far from all objects, and a few of their cells say so.
+            if !places(APART as usize).any(|place| test.cell(place, APART).is_some()) {
+                return LayerTile { row, cells: Vec::new() };
+            }
+            LayerTile { row, cells: places(1).filter_map(|at| test.cell(at, 1)).collect() }
         };
-        let ((left_right, across), (top_bottom, down)) =
-            (between(column, columns), between(row, rows));
-        let here = self.depth[(row * self.grid.size.0 + column) as usize];
-        let (mut behind, mut radiance) = (Vec3::ZERO, Vec3::ZERO);
-        let (mut whole, mut seen, mut distance) = (0.0, 0.0, 0.0);
-        let mut is_touched = false;
-        for (row, weight) in top_bottom.into_iter().zip([1.0 - down, down]) {
-            for (column, share) in left_right.into_iter().zip([1.0 - across, across]) {
-                let there = self.depth[self.grid.pixel(column, row)];
-                let is_same = there == here || (there - here).abs() < SAME_DEPTH * here;
-                let weight = weight * share * if is_same { 1.0 } else { OTHER_DEPTH };
-                whole += weight;
-                match self.places[(row * columns + column) as usize] {
-                    u32::MAX => behind += Vec3::splat(weight),
-                    place => {
-                        let cell = self.cells[place as usize];
-                        is_touched = true;
-                        behind += cell.behind * weight;
-                        radiance += cell.radiance * weight;
-                        if cell.seen > 0 {
-                            seen += weight;
-                            distance += cell.distance * weight;
+        let tiles = (0..across * cells.1.div_ceil(TILE)).into_par_iter().map(tile);
+        let tiles = tiles.filter(|tile| !tile.cells.is_empty()).collect();
+        TouchedCells { grid: test.grid, tiles }
+    }
+
+    fn cells(&self) -> impl Iterator<Item = &LayerCell> {
+        self.tiles.iter().flat_map(|tile| &tile.cells)
+    }
+
+    /// Draws over a frame whose pixels lie between the middles of cells. `depth` has its distances
+    /// without objects.
+    fn compose(&self, frame: &mut Frame, depth: &[f32]) {
+        let (grid, (across, down)) = (self.grid, self.grid.cells());
+        let mut places = vec![u32::MAX; across as usize * down as usize];
+        let changes = |cell: &&LayerCell| cell.seen > 0 || cell.behind != Vec3::ONE;
+        let cells: Vec<&LayerCell> = self.cells().filter(changes).collect();
+        for (number, cell) in (0..).zip(&cells) {
+            places[(cell.row * across + cell.column) as usize] = number;
+        }
+        let corner = |column: i64, row: i64| {
+            let of = |cell: i64, count: u32| cell.clamp(0, i64::from(count) - 1) as u32;
+            let (column, row) = (of(column, across), of(row, down));
+            let cell = cells.get(places[(row * across + column) as usize] as usize);
+            BlendCorner { cell: cell.copied(), depth: depth[grid.pixel(column, row)] }
+        };
+        let (width, side) = (grid.size.0, TILE * grid.step);
+        let band = (width * side) as usize;
+        let bands = frame.picture.pixels.par_chunks_mut(band);
+        bands.zip(frame.depth.par_chunks_mut(band)).enumerate().for_each(|(number, band)| {
+            let (pixels, distances) = band;
+            let top = number as u32 * side;
+            let rows = top..top + (pixels.len() / width as usize) as u32;
+            for tile in self.tiles.iter().filter(|tile| tile.row as usize == number) {
+                let left = tile.cells[0].column / TILE * side;
+                let columns = left..(left + side).min(width);
+                for (cell_row, rows) in grid.squares(rows.clone()) {
+                    for (cell_column, columns) in grid.squares(columns.clone()) {
+                        let at = |x: i64, y: i64| corner(cell_column + x, cell_row + y);
+                        let corners = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];
+                        if corners.iter().all(|corner| corner.cell.is_none()) {
+                            continue;
+                        }
+                        for row in rows.clone() {
+                            let y = grid.share(cell_row, row);
+                            for column in columns.clone() {
+                                let here = depth[(row * width + column) as usize];
+                                let place = [grid.share(cell_column, column), y];
+                                let (behind, radiance, distance) = blend(&corners, place, here);
+                                let at = ((row - top) * width + column) as usize;
+                                let seen = Vec3::from(pixels[at]) * behind + radiance;
+                                pixels[at] = seen.to_array();
+                                distances[at] = distance.unwrap_or(distances[at]);
+                            }
                         }
                     }
                 }
             }
-        }
-        let distance = (2.0 * seen > whole).then(|| distance / seen);
-        let share = 1.0 / whole.max(f32::MIN_POSITIVE);
-        is_touched.then_some((behind * share, radiance * share, distance))
+        });
     }
+}
+
+/// One of the four cells around a pixel.
+struct BlendCorner<'a> {
+    /// `None` if objects change nothing there.
+    cell: Option<&'a LayerCell>,
+    /// Distance of the room at the cell's middle.
+    depth: f32,
+}
+
+/// Returns what the cells around a pixel say: the share of what is behind the objects, their
+/// radiance, and their distance if one is seen. The pixel's place between them is from 0 to 1.
+///
+/// A cell counts little where the room is at another distance than at its middle.
+fn blend(
+    corners: &[BlendCorner<'_>; 4],
+    [x, y]: [f32; 2],
+    here: f32,
+) -> (Vec3, Vec3, Option<f32>) {
+    let weights = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y];
+    let (mut behind, mut radiance) = (Vec3::ZERO, Vec3::ZERO);
+    let (mut whole, mut seen, mut distance) = (0.0, 0.0, 0.0);
+    for (BlendCorner { cell, depth }, weight) in corners.iter().zip(weights) {
+        let is_same = *depth == here || (depth - here).abs() < SAME_DEPTH * here;
+        let weight = if is_same { weight } else { OTHER_DEPTH * weight };
+        whole += weight;
+        let Some(cell) = cell else {
+            behind += Vec3::splat(weight);
+            continue;
+        };
+        behind += cell.behind * weight;
+        radiance += cell.radiance * weight;
+        if cell.seen > 0 {
+            seen += weight;
+            distance += cell.distance * weight;
+        }
+    }
+    let distance = (2.0 * seen > whole).then(|| distance / seen);
+    let share = 1.0 / whole.max(f32::MIN_POSITIVE);
+    (behind * share, radiance * share, distance)
 }
 
 impl CellGrid {
@@ -324,6 +347,24 @@ impl CellGrid {
     fn place(self, column: u32, row: u32) -> (u32, u32) {
         let of = |cell: u32, most: u32| (cell * self.step + self.step / 2).min(most - 1);
         (of(column, self.size.0), of(row, self.size.1))
+    }
+
+    /// Returns the pixels of a range that lie between the middles of two cells, with the number of
+    /// the first cell: from -1, before the picture.
+    fn squares(self, pixels: Range<u32>) -> impl Iterator<Item = (i64, Range<u32>)> {
+        let (step, half) = (i64::from(self.step), i64::from(self.step / 2));
+        let cell = move |pixel: u32| (i64::from(pixel) - half).div_euclid(step);
+        (cell(pixels.start)..=cell(pixels.end - 1)).map(move |cell| {
+            let first = (cell * step + half).max(i64::from(pixels.start)) as u32;
+            let end = ((cell + 1) * step + half).min(i64::from(pixels.end)) as u32;
+            (cell, first..end)
+        })
+    }
+
+    /// Returns where a pixel lies between the middle of a cell, 0, and that of the next one, 1.
+    fn share(self, cell: i64, pixel: u32) -> f32 {
+        let (step, half) = (i64::from(self.step), i64::from(self.step / 2));
+        (i64::from(pixel) - half - cell * step) as f32 / step as f32
     }
 
     /// Returns the number of that pixel.
@@ -342,12 +383,24 @@ impl From<LayerDetail> for LightDetail {
     }
 }
 
+/// How objects touch cells.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Touch {
+    /// They may be seen there.
+    Sight,
+    /// Their shadows may be.
+    Shadow,
+    /// One of both.
+    Both,
+}
+
 /// Finds the cells that objects touch.
 struct TouchTest<'a> {
     frame: &'a Frame,
     view: &'a View,
     grid: CellGrid,
     objects: &'a [LitObject],
+    what: Touch,
     detail: LightDetail,
 }
 
@@ -366,9 +419,9 @@ impl TouchTest<'_> {
             let object = &lit.object;
             object.is_near(origin, direction, margin(origin.distance(object.centre())))
         };
-        let may_show = self.objects.iter().any(shows);
+        let may_show = self.what != Touch::Shadow && self.objects.iter().any(shows);
         let depth = f64::from(self.frame.depth[self.grid.pixel(column, row)]);
-        let is_surface = depth > 0.0 && depth.is_finite();
+        let is_surface = self.what != Touch::Sight && depth > 0.0 && depth.is_finite();
         let place = self.view.ray_to(origin).0 + direction * depth;
         // Surfaces that are seen from the side go farther between two pixels.
         let margin = if reach > 1 { 4.0 * margin(depth) } else { 0.0 };
@@ -400,9 +453,8 @@ impl LayerScene<'_> {
         let y = 1.0 - (f64::from(row) + f64::from(dy)) / height;
         let (mut through, mut left) = (Vec3::ONE, Vec3::ONE);
         if let Some((origin, direction, reach)) = self.view.clipped_ray(x, y) {
-            // To be quick, only what seems to lie in a shadow is looked at.
-            let is_asked = !is_quick || cell.may_show;
-            let room = self.shader.room.filter(|_| is_asked);
+            // Quick frames trust the distances of the frame.
+            let room = self.shader.room.filter(|_| !is_quick);
             let known = room.map(|room| (room, room.nearest(origin, direction)));
             // Distances of frames begin at the eye, also if the view is clipped.
             let clipped = self.view.ray_to(origin).0.distance(origin);
@@ -425,10 +477,7 @@ impl LayerScene<'_> {
             }
             if through != Vec3::ZERO && cell.may_shadow && behind.is_finite() {
                 let place = origin + direction * behind;
-                let seems_dark = !is_quick
-                    || self.left_at((column, row), place, &mut numbers).min_element() < NEARLY_ALL_LIGHT;
                 left = match (self.shader.room, known) {
-                    _ if !seems_dark => Vec3::ONE,
                     (Some(room), known) => {
                         let hit = known.map_or_else(|| room.nearest(origin, direction), |k| k.1);
                         let width = self.width.0 + self.width.1 * behind as f32;

@@ -34,12 +34,12 @@ use scenes::{Case, cases};
 const SIZE: (u32, u32) = (88, 66);
 
 /// Rays in each pixel of one of two pictures, and paths of each ray.
-const RAYS: u32 = 8;
-const PATHS: u64 = 16;
+const RAYS: u32 = 64;
+const PATHS: u64 = 2;
 
 /// Side of a probe's faces, and rays in each texel.
 const SIDE: u32 = 64;
-const PROBE_RAYS: u32 = 3;
+const PROBE_RAYS: u32 = 24;
 
 /// Passes of the objects.
 const PASSES: u32 = 64;

@@ -10,6 +10,7 @@
 //!   that cannot be used changes nothing.
 //! - Objects outlive the connection: a session that begins again has the same ones.
 
+mod cells;
 mod kept;
 mod lighting;
 mod order;
@@ -34,6 +35,7 @@ use super::{Session, Waited, Waker, incoming::Incoming};
 pub use kept::ObjectFolder;
 pub use order::{ObjectOrder, PoseChange};
 
+use cells::CellSides;
 use kept::KeptObject;
 use lighting::Lightings;
 
@@ -108,6 +110,7 @@ pub struct SessionObjects {
     /// When an object last changed.
     changed: Option<Instant>,
     lightings: Lightings,
+    sides: CellSides,
     shown: Option<ShownObjects>,
     /// The object that a person holds, and its place relative to the point that is held.
     held: Option<(String, DVec3)>,
@@ -117,7 +120,7 @@ pub struct SessionObjects {
 struct ShownObjects {
     look: FrameRequest,
     /// The frame without objects.
-    base: Frame,
+    base: Arc<Frame>,
     objects: Vec<LitObject>,
     is_quick: bool,
     layer: ObjectLayer,
@@ -392,18 +395,18 @@ impl Session {
     /// or there is none.
     pub fn redraw_objects(&mut self) -> Option<Frame> {
         let shown = self.objects.shown.take()?;
-        let current = self.current.as_ref()?;
-        if current.look != shown.look {
+        let current_look = self.current.as_ref()?.look;
+        if current_look != shown.look {
             return None;
         }
         let phase = if shown.look.is_moving { FramePhase::Moving } else { FramePhase::Rest };
-        let base = shown.base.clone();
+        let base = Arc::clone(&shown.base);
         self.objects.shown = Some(shown);
-        Some(self.with_objects(base, phase))
+        Some(self.over(base, current_look, phase))
     }
 
     /// Draws the objects over a frame of the driver, of the current view.
-    pub(super) fn with_objects(&mut self, mut frame: Frame, phase: FramePhase) -> Frame {
+    pub(super) fn with_objects(&mut self, frame: Frame, phase: FramePhase) -> Frame {
         let Some(current) = self.current.as_ref().filter(|_| !frame.is_stereo) else {
             return frame;
         };
@@ -412,6 +415,11 @@ impl Session {
             self.objects.shown = None;
             return frame;
         }
+        self.over(Arc::new(frame), look, phase)
+    }
+
+    /// Draws the objects over a frame of the driver, of this view.
+    fn over(&mut self, base: Arc<Frame>, look: FrameRequest, phase: FramePhase) -> Frame {
         let is_file = phase == FramePhase::File;
         let settles = self.objects.changed.is_none_or(|at| at.elapsed() >= SETTLES_AFTER);
         let is_quick = !is_file && (phase == FramePhase::Moving || !settles);
@@ -423,18 +431,24 @@ impl Session {
                 && shown.is_quick == is_quick
                 && shown.objects.len() == objects.len()
                 && shown.objects.iter().zip(&objects).all(|(before, now)| before.is_same(now));
-            is_same && (room.is_some() || shown.base.depth == frame.depth)
+            is_same && (room.is_some() || shown.base.depth == base.depth)
         };
-        let detail = if is_quick { LayerDetail::Quick } else { LayerDetail::Exact(PASSES) };
+        let (side, begin) = (self.objects.sides.side(), Instant::now());
+        let detail =
+            if is_quick { LayerDetail::Quick(side) } else { LayerDetail::Exact(PASSES) };
         let mut layer = match before.filter(stays) {
             Some(shown) => shown.layer,
-            None => ObjectLayer::new(&frame, &look.view, &objects, detail),
+            None => ObjectLayer::new(&base, &look.view, &objects, detail),
         };
         let most = if is_file { PASSES } else { PASSES_OF_FRAME };
         let never = Interrupt::default();
         let interrupt = if is_file { &never } else { &self.interrupt };
-        layer.draw(&frame, &objects, room.as_ref(), most, interrupt);
-        let base = frame.clone();
+        let is_drawn = layer.is_unfinished();
+        layer.draw(&base, &objects, room.as_ref(), most, interrupt);
+        if is_quick && is_drawn {
+            self.objects.sides.note(side, begin.elapsed().as_secs_f64());
+        }
+        let mut frame = Frame::clone(&base);
         layer.compose(&mut frame);
         self.objects.shown = Some(ShownObjects { look, base, objects, is_quick, layer });
         frame
