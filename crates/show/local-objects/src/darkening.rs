@@ -1,6 +1,7 @@
 //! How much light an object takes from the surfaces that its probe shows.
 
 use glam::Vec3;
+use holo_display::Interrupt;
 use rayon::prelude::*;
 
 use crate::environment::Cube;
@@ -20,9 +21,6 @@ const NEAR: f32 = 6.0;
 /// Most texels on a side of the shares, while an object moves and at rest.
 const ROUGH_SIDE: usize = 16;
 const FINE_SIDE: usize = 64;
-
-/// Passes of rays for a texel at rest.
-const PASSES: u32 = 16;
 
 /// Greatest factor by which light from an object makes a surface brighter.
 const MOST_LEFT: f32 = 3.0;
@@ -45,10 +43,19 @@ impl Darkening {
         })
     }
 
-    /// Returns the shares by rays, in the light that `lit` has so far.
-    pub(crate) fn by_rays(lit: &LitObject, room: Option<&Room>) -> Darkening {
+    /// Returns the shares by passes of rays, in the light that `lit` has so far. `None` if it was
+    /// interrupted.
+    pub(crate) fn by_rays(
+        lit: &LitObject,
+        room: Option<&Room>,
+        passes: u32,
+        interrupt: &Interrupt,
+    ) -> Option<Darkening> {
         let probe = &lit.lighting.probe;
-        Darkening::of(&lit.object, &lit.lighting, FINE_SIDE, |number, texel, place| {
+        let darkening = Darkening::of(&lit.object, &lit.lighting, FINE_SIDE, |number, texel, place| {
+            if interrupt.is_set() {
+                return Vec3::ONE;
+            }
             let direction = place.normalize_or_zero();
             let mut known = None;
             if let Some(room) = room {
@@ -70,13 +77,14 @@ impl Darkening {
                 },
             };
             let (mut hidden, mut all) = (Vec3::ZERO, Vec3::ZERO);
-            for pass in 0..PASSES {
+            for pass in 0..passes {
                 let mut numbers = PassNumbers::new(number, pass);
                 let sums = shadowed.hidden_and_all(lit, LightDetail::Exact, &mut numbers);
                 (hidden, all) = (hidden + sums.0, all + sums.1);
             }
             (Vec3::ONE - portion(hidden, all)).clamp(Vec3::ZERO, Vec3::splat(MOST_LEFT))
-        })
+        });
+        (!interrupt.is_set()).then_some(darkening)
     }
 
     /// Returns the shares by a function of a number, of a texel of the probe and of its place

@@ -11,11 +11,12 @@ use std::ops::Range;
 use glam::{DVec3, Vec3};
 use holo_display::{Frame, Interrupt, mix};
 use holo_picture::View;
+use holo_raycast::Hit;
 use rayon::prelude::*;
 
 use crate::lit::LitObject;
 use crate::numbers::PassNumbers;
-use crate::room::{Room, RoomSurface};
+use crate::room::{MirroredRay, Room, RoomSurface};
 use crate::shading::{LightDetail, SeenObject, Shader};
 use crate::shadow::{Shadowed, may_shadow};
 
@@ -59,6 +60,7 @@ pub struct ObjectLayer {
 /// The cells of a grid that objects touch.
 struct TouchedCells {
     grid: CellGrid,
+    touch: Touch,
     tiles: Vec<LayerTile>,
 }
 
@@ -77,6 +79,8 @@ struct LayerCell {
     /// Whether an object may be seen here, and whether its shadow may be.
     may_show: bool,
     may_shadow: bool,
+    /// Whether one of both may be in a mirror of the room.
+    may_mirror: bool,
     /// Radiance of objects.
     radiance: Vec3,
     /// Share of what is behind them that is seen, with the light that they leave there.
@@ -101,23 +105,26 @@ struct LayerScene<'a> {
     frame: &'a Frame,
     view: &'a View,
     grid: CellGrid,
+    touch: Touch,
     /// Width of a ray at its beginning, and its growth with the distance.
     width: (f32, f32),
 }
 
 impl ObjectLayer {
     /// Returns a layer without any pass, for frames of a view. `frame` is one of them: it determines
-    /// where shadows may fall.
+    /// where shadows may fall. `room` is the model of the scene, if it is known.
     #[must_use]
     pub fn new(
         frame: &Frame,
         view: &View,
         objects: &[LitObject],
+        room: Option<&Room>,
         detail: LayerDetail,
     ) -> ObjectLayer {
+        let mirrors = room.filter(|room| room.has_mirrors());
         let touched = |step: u32, what: Touch| {
             let grid = CellGrid { size: frame.picture.size(), step };
-            let test = TouchTest { frame, view, grid, objects, what, detail: detail.into() };
+            let test = TouchTest { frame, view, grid, objects, mirrors, what, detail: detail.into() };
             TouchedCells::new(&test)
         };
         let (seen, shaded) = match detail {
@@ -164,7 +171,7 @@ impl ObjectLayer {
                 let base = footprint(0.0);
                 let width = (base, footprint(1.0) - base);
                 let shader = Shader { objects, room, detail };
-                let scene = LayerScene { shader, frame, view: &self.view, grid, width };
+                let scene = LayerScene { shader, frame, view: &self.view, grid, touch: touched.touch, width };
                 touched.tiles.par_iter_mut().for_each(|tile| {
                     tile.cells.iter_mut().for_each(|cell| scene.add(cell, pass));
                 });
@@ -238,7 +245,7 @@ impl TouchedCells {
         };
         let tiles = (0..across * cells.1.div_ceil(TILE)).into_par_iter().map(tile);
         let tiles = tiles.filter(|tile| !tile.cells.is_empty()).collect();
-        TouchedCells { grid: test.grid, tiles }
+        TouchedCells { grid: test.grid, touch: test.what, tiles }
     }
 
     fn cells(&self) -> impl Iterator<Item = &LayerCell> {
@@ -394,12 +401,44 @@ enum Touch {
     Both,
 }
 
+/// Most mirrors that a ray follows.
+const MOST_MIRRORS: usize = 4;
+
+/// The rays that mirrors of the room send on, one after the other, with what each meets.
+struct Mirrored<'a> {
+    room: &'a Room,
+    direction: DVec3,
+    hit: Option<(Hit, f64)>,
+    mirrors: usize,
+}
+
+impl<'a> Mirrored<'a> {
+    fn new(room: &'a Room, origin: DVec3, direction: DVec3) -> Mirrored<'a> {
+        Mirrored { room, direction, hit: room.nearest(origin, direction), mirrors: 0 }
+    }
+}
+
+impl Iterator for Mirrored<'_> {
+    type Item = (MirroredRay, Option<(Hit, f64)>);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.mirrors += 1;
+        let (hit, _) = self.hit.filter(|_| self.mirrors <= MOST_MIRRORS)?;
+        let ray = self.room.mirrored(&hit, self.direction)?;
+        self.direction = ray.direction;
+        self.hit = self.room.nearest(ray.origin, ray.direction);
+        Some((ray, self.hit))
+    }
+}
+
 /// Finds the cells that objects touch.
 struct TouchTest<'a> {
     frame: &'a Frame,
     view: &'a View,
     grid: CellGrid,
     objects: &'a [LitObject],
+    /// The room, if it has mirrors.
+    mirrors: Option<&'a Room>,
     what: Touch,
     detail: LightDetail,
 }
@@ -424,14 +463,33 @@ impl TouchTest<'_> {
         let is_surface = self.what != Touch::Sight && depth > 0.0 && depth.is_finite();
         let place = self.view.ray_to(origin).0 + direction * depth;
         // Surfaces that are seen from the side go farther between two pixels.
-        let margin = if reach > 1 { 4.0 * margin(depth) } else { 0.0 };
-        let shades = |lit: &LitObject| may_shadow(lit, place, margin, self.detail);
-        let may_shadow = is_surface && self.objects.iter().any(shades);
-        (may_show || may_shadow).then_some(LayerCell {
+        let around = if reach > 1 { 4.0 * margin(depth) } else { 0.0 };
+        let shades = |lit: &LitObject| may_shadow(lit, place, around, self.detail);
+        let may_shade = is_surface && self.objects.iter().any(shades);
+        let may_mirror = self.mirrors.is_some_and(|room| {
+            let far = |way: f64| margin(depth.max(0.0)) + margin(way);
+            let shows = |ray: &MirroredRay, lit: &LitObject| {
+                let margin = far(ray.origin.distance(lit.object.centre()));
+                self.what != Touch::Shadow
+                    && lit.object.is_near(ray.origin, ray.direction, margin)
+            };
+            let shades = |ray: &MirroredRay, distance: f64, lit: &LitObject| {
+                let place = ray.origin + ray.direction * distance;
+                self.what != Touch::Sight && may_shadow(lit, place, far(distance), self.detail)
+            };
+            let mut mirrored = Mirrored::new(room, origin, direction);
+            mirrored.any(|(ray, hit)| {
+                self.objects.iter().any(|lit| {
+                    shows(&ray, lit) || hit.is_some_and(|(_, distance)| shades(&ray, distance, lit))
+                })
+            })
+        });
+        (may_show || may_shade || may_mirror).then_some(LayerCell {
             column,
             row,
             may_show,
-            may_shadow,
+            may_shadow: may_shade,
+            may_mirror,
             radiance: Vec3::ZERO,
             behind: Vec3::ZERO,
             seen: 0,
@@ -453,6 +511,7 @@ impl LayerScene<'_> {
         let y = 1.0 - (f64::from(row) + f64::from(dy)) / height;
         let (mut through, mut left) = (Vec3::ONE, Vec3::ONE);
         if let Some((origin, direction, reach)) = self.view.clipped_ray(x, y) {
+            let radiance = Vec3::from(self.frame.picture.pixels[number as usize]);
             // Quick frames trust the distances of the frame.
             let room = self.shader.room.filter(|_| !is_quick);
             let known = room.map(|room| (room, room.nearest(origin, direction)));
@@ -484,25 +543,62 @@ impl LayerScene<'_> {
                         let surface =
                             hit.and_then(|(hit, _)| room.surface(&hit, direction.as_vec3(), width));
                         surface.map_or(Vec3::ONE, |surface| {
-                            self.left_of(room, &surface, number, &mut numbers)
+                            self.left_of(room, &surface, radiance, &mut numbers)
                         })
                     }
                     (None, _) => self.left_at((column, row), place, &mut numbers),
                 };
             }
+            if through != Vec3::ZERO && cell.may_mirror {
+                let ray = (origin, direction);
+                left *= self.add_mirrored(cell, ray, (radiance, through), &mut numbers);
+            }
         }
         cell.behind += through * left;
     }
 
-    /// Returns the share of light that objects leave to a surface of the room.
+    /// Adds what mirrors show of objects along a ray to a cell. Returns the share that is left of
+    /// what the mirrors show of the room. `radiance` is what the frame shows there, and `through` the
+    /// share of it that objects in front leave.
+    fn add_mirrored(
+        &self,
+        cell: &mut LayerCell,
+        (origin, direction): (DVec3, DVec3),
+        (radiance, through): (Vec3, Vec3),
+        numbers: &mut PassNumbers,
+    ) -> Vec3 {
+        let Some(room) = self.shader.room.filter(|_| cell.may_mirror) else { return Vec3::ONE };
+        let (mut left, mut colour) = (Vec3::ONE, Vec3::ONE);
+        for (ray, hit) in Mirrored::new(room, origin, direction) {
+            colour *= ray.colour;
+            let behind = hit.map_or(f64::INFINITY, |(_, distance)| distance);
+            let seen = match self.touch {
+                Touch::Shadow => None,
+                _ => self.shader.seen(ray.origin, ray.direction, self.width, numbers),
+            };
+            if let Some(seen) = seen.filter(|seen| seen.distance < behind) {
+                cell.radiance += through * left * colour * seen.radiance;
+                left *= seen.through;
+            }
+            let towards = ray.direction.as_vec3();
+            let surface = hit.filter(|_| self.touch != Touch::Sight);
+            let surface = surface.and_then(|(hit, _)| room.surface(&hit, towards, 0.0));
+            if let Some(surface) = surface.filter(|_| left != Vec3::ZERO) {
+                let radiance = radiance / colour.max(Vec3::splat(f32::MIN_POSITIVE));
+                left *= self.left_of(room, &surface, radiance, numbers);
+            }
+        }
+        left
+    }
+
+    /// Returns the share of light that objects leave to a surface of the room of this radiance.
     fn left_of(
         &self,
         room: &Room,
         surface: &RoomSurface,
-        number: u32,
+        radiance: Vec3,
         numbers: &mut PassNumbers,
     ) -> Vec3 {
-        let radiance = Vec3::from(self.frame.picture.pixels[number as usize]);
         let (place, normal) = (surface.place, surface.normal);
         self.left(Shadowed { place, normal, known: Some((room, surface, radiance)) }, numbers)
     }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
+use holo_display::Interrupt;
 
 use crate::darkening::Darkening;
 use crate::harmonics::Harmonics;
@@ -24,11 +25,12 @@ pub struct LitObject {
 
 /// What the object's surroundings look like while it is there.
 pub(crate) struct Surroundings {
-    darkening: Darkening,
+    pub darkening: Darkening,
     /// The light that is in no light.
     pub rest: Harmonics,
-    /// The lights, at rest: the object's shadow may fall on those that do not emit.
-    lights: Option<Vec<ProbeLight>>,
+    /// The lights at rest, where the object's shadow may fall on those that do not emit, and the
+    /// passes by which it was found.
+    lights: Option<(Vec<ProbeLight>, u32)>,
 }
 
 impl LitObject {
@@ -43,21 +45,28 @@ impl LitObject {
     }
 
     /// Returns the object with its light at rest: its shadow on what the probe shows is computed by
-    /// rays. `room` is the model of the scene, if it is known.
+    /// this many passes of rays. `room` is the model of the scene, if it is known. `None` if it was
+    /// interrupted.
     #[must_use]
-    pub fn at_rest(&self, room: Option<&Room>) -> LitObject {
-        let darkening = Darkening::by_rays(self, room);
+    pub fn at_rest(
+        &self,
+        room: Option<&Room>,
+        passes: u32,
+        interrupt: &Interrupt,
+    ) -> Option<LitObject> {
+        let darkening = Darkening::by_rays(self, room, passes, interrupt)?;
         let lights = self.lighting.lights.iter();
         let lights = lights.map(|light| light.weighed(|direction| darkening.left(direction)));
-        let lights = Some(lights.collect());
-        LitObject::with(self.object.clone(), Arc::clone(&self.lighting), darkening, lights)
+        let lights = Some((lights.collect(), passes));
+        let (object, lighting) = (self.object.clone(), Arc::clone(&self.lighting));
+        Some(LitObject::with(object, lighting, darkening, lights))
     }
 
     fn with(
         object: LocalObject,
         lighting: Arc<ObjectLighting>,
         darkening: Darkening,
-        lights: Option<Vec<ProbeLight>>,
+        lights: Option<(Vec<ProbeLight>, u32)>,
     ) -> LitObject {
         let rest = darkening.rest(&lighting);
         let surroundings = Arc::new(Surroundings { darkening, rest, lights });
@@ -67,7 +76,7 @@ impl LitObject {
     /// Returns whether this is the same object at the same place, in the same light.
     #[must_use]
     pub fn is_same(&self, other: &LitObject) -> bool {
-        self.is_of(&other.object, &other.lighting) && self.is_at_rest() == other.is_at_rest()
+        self.is_of(&other.object, &other.lighting) && self.passes() == other.passes()
     }
 
     /// Returns whether this is the object at its place, in this light.
@@ -79,16 +88,16 @@ impl LitObject {
             && Arc::ptr_eq(&self.lighting, lighting)
     }
 
-    /// Returns whether the object has the light that [`at_rest`](Self::at_rest) returns.
+    /// Returns by how many passes [`at_rest`](Self::at_rest) has found its light; 0 if it moves.
     #[must_use]
-    pub fn is_at_rest(&self) -> bool {
-        self.surroundings.lights.is_some()
+    pub fn passes(&self) -> u32 {
+        self.surroundings.lights.as_ref().map_or(0, |(_, passes)| *passes)
     }
 
     /// Returns the lights that the object has.
     #[inline]
     pub(crate) fn lights(&self) -> &[ProbeLight] {
-        self.surroundings.lights.as_deref().unwrap_or(&self.lighting.lights)
+        self.surroundings.lights.as_ref().map_or(&self.lighting.lights, |(lights, _)| lights)
     }
 
     /// Returns a place relative to the probe's centre.

@@ -96,7 +96,7 @@ impl Shadowed<'_> {
                 let rest = lit.lighting.rest.irradiance(self.normal);
                 rest * hidden_part(&lit.object, centre - point, self.normal)
             }
-            LightDetail::Exact => self.hidden_rest(lit, numbers),
+            LightDetail::Exact => self.hidden_rest(lit, numbers) + self.dimmed(lit, numbers),
         };
         let mut all = lit.lighting.rest.irradiance(self.normal);
         for light in &lit.lighting.lights {
@@ -170,8 +170,31 @@ impl Shadowed<'_> {
         };
         let surface = lit.object.surface(self.place, towards, &hit, 0.0);
         let finish = surface.finish(lit.object.raycaster().scene(), -towards);
-        let instead = finish.diffuse * lit.surroundings.rest.irradiance(surface.normal) * FRAC_1_PI;
-        let hidden = lit.radiance_of_rest(lit.relative(self.place), towards);
-        (hidden - instead) * weight
+        let point = lit.relative(surface.place);
+        let mut light = lit.surroundings.rest.irradiance(surface.normal);
+        for arriving in lit.lights().iter().map(|light| light.middle.arriving(point)) {
+            let cosine = surface.normal.dot(arriving.direction);
+            if cosine > 0.0
+                && !lit.object.hides_from(&surface, arriving.direction, arriving.distance)
+            {
+                light += arriving.irradiance * cosine;
+            }
+        }
+        let instead = finish.diffuse * light * FRAC_1_PI;
+        let seen = lit.lighting.probe.direction_seen(lit.relative(self.place), towards);
+        (lit.lighting.dim.texel(lit.lighting.probe.cube.texel(seen)) - instead) * weight
+    }
+
+    /// Estimates the irradiance that surfaces around the object send less because of its shadow on
+    /// them.
+    fn dimmed(&self, lit: &LitObject, numbers: &mut PassNumbers) -> Vec3 {
+        let towards = cosine_direction(self.normal, numbers.two());
+        let seen = lit.lighting.probe.direction_seen(lit.relative(self.place), towards);
+        let taken = Vec3::ONE - lit.surroundings.darkening.left(seen);
+        if taken == Vec3::ZERO || lit.object.nearest(self.place, towards.as_dvec3()).is_some() {
+            return Vec3::ZERO;
+        }
+        let texel = lit.lighting.probe.cube.texel(seen);
+        lit.lighting.environment.texel(texel) * taken * PI
     }
 }

@@ -41,6 +41,9 @@ const PATHS: u64 = 2;
 const SIDE: u32 = 64;
 const PROBE_RAYS: u32 = 24;
 
+/// Passes of the light around objects at rest, as sessions have for files.
+const REST_PASSES: u32 = 16;
+
 /// Passes of the objects.
 const PASSES: u32 = 64;
 
@@ -150,10 +153,12 @@ fn measure(folder: &Path, case: &Case) {
     let probe = probe(folder, case, &empty, &room, object.centre());
     for lights in [1, 2, 4, 8, 16] {
         let lighting = ObjectLighting::new(probe.clone(), lights, Some(&room));
-        let objects = [LitObject::new(object.clone(), Arc::new(lighting)).at_rest(Some(&room))];
+        let moving = LitObject::new(object.clone(), Arc::new(lighting));
+        let never = Interrupt::default();
+        let objects = [moving.at_rest(Some(&room), REST_PASSES, &never).unwrap()];
         let base = frame(before.clone(), &view, &room);
         let (mut seen, detail) = (base.clone(), LayerDetail::Exact(PASSES));
-        let mut layer = ObjectLayer::new(&base, &view, &objects, detail);
+        let mut layer = ObjectLayer::new(&base, &view, &objects, Some(&room), detail);
         layer.draw(&base, &objects, Some(&room), PASSES, &Interrupt::default());
         layer.compose(&mut seen);
         seen.picture.write(path(&format!("ours-{lights}"))).unwrap();

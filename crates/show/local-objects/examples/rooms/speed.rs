@@ -39,7 +39,7 @@ pub fn measure(args: &[String]) {
         };
         let objects = [LitObject::new(object.clone(), Arc::clone(&lighting))];
         note(0);
-        let mut layer = ObjectLayer::new(&base, &view, &objects, LayerDetail::Quick(step));
+        let mut layer = ObjectLayer::new(&base, &view, &objects, Some(&room), LayerDetail::Quick(step));
         note(1);
         layer.draw(&base, &objects, Some(&room), 1, &Interrupt::default());
         note(2);
@@ -48,6 +48,13 @@ pub fn measure(args: &[String]) {
         note(3);
     }
     composed.picture.write(folder.join(format!("{name}-quick.png"))).ok();
+    let moving = LitObject::new(object, lighting);
+    for passes in [4, 16] {
+        let begin = seconds();
+        let at_rest = moving.at_rest(Some(&room), passes, &Interrupt::default());
+        assert!(at_rest.is_some());
+        println!("light at rest, {passes} passes: {:.0} ms", (seconds() - begin) * 1e3);
+    }
     for (stage, times) in ["light", "layer", "draw", "compose"].into_iter().zip(&mut times) {
         times.sort_by(f64::total_cmp);
         println!("{stage:8} median {:.1} ms, least {:.1} ms", times[FRAMES / 2], times[0]);

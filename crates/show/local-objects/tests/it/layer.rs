@@ -1,11 +1,15 @@
 //! What is seen of objects.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use holo_display::Interrupt;
-use holo_local_objects::{LayerDetail, ObjectLayer, ObjectPose};
+use holo_local_objects::{LayerDetail, ObjectLayer, ObjectPose, Room};
+use holo_picture::View;
+use holo_raycast::Raycaster;
 use holo_scene::Bsdf;
 
-use crate::common::{drawn, floor, grey, lit, lit_here, pedestal, pixel_of, view};
+use crate::common::{boxes, drawn, floor, grey, lit, lit_here, pedestal, pixel_of, view};
 
 const SIZE: (u32, u32) = (160, 120);
 
@@ -98,7 +102,7 @@ fn passes_add_up_however_many_are_drawn_at_a_time() {
     let above = |direction: DVec3| if direction.z > 0.9 { 20.0 } else { 1.0 };
     let objects = [lit_here(&pedestal(1.0, 1.0, grey(0.6)), above)];
     let at_once = drawn(&frame, &view, &objects, None, LayerDetail::Exact(6));
-    let mut layer = ObjectLayer::new(&frame, &view, &objects, LayerDetail::Exact(6));
+    let mut layer = ObjectLayer::new(&frame, &view, &objects, None, LayerDetail::Exact(6));
     let interrupt = Interrupt::default();
     interrupt.set();
     let mut calls = 0;
@@ -130,4 +134,28 @@ fn a_mirror_shows_its_surroundings_and_a_pane_what_is_behind() {
     let seen = drawn(&frame, &view, &pane, None, LayerDetail::Exact(8));
     // A ray passes two panes, or three where it also leaves through the bottom.
     assert!((seen.picture.pixels[top][0] - 0.75).abs() < 0.05, "{:?}", seen.picture.pixels[top]);
+}
+
+#[test]
+fn mirrors_of_the_room_show_the_object_and_coarse_cells_show_what_fine_ones_do() {
+    // A mirror at y = 2, behind a pedestal of radiance 1.2.
+    let mirror = Bsdf::Mirror { ks: [0.9; 3] };
+    let scene = boxes(&[([-20.0, 2.0, -20.0], [20.0, 2.1, 20.0], mirror)]);
+    let room = Room::new(Arc::new(Raycaster::build(Arc::new(scene)).unwrap()));
+    let eye = DVec3::new(3.0, -3.0, 0.6);
+    let image = DVec3::new(0.0, 3.5, 0.5);
+    let view = View::new(eye, image - eye, DVec3::Z, Some(50.0), None, SIZE).unwrap();
+    let mut frame = floor(&view, SIZE, 3.0);
+    frame.picture.pixels.fill([3.0; 3]);
+    frame.depth = room.depth(&view, SIZE);
+    let object = [lit_here(&pedestal(1.0, 1.0, grey(0.6)), |_| 2.0)];
+    for detail in [LayerDetail::Quick(1), LayerDetail::Quick(3), LayerDetail::Exact(8)] {
+        let seen = drawn(&frame, &view, &object, Some(&room), detail);
+        let at = |point| seen.picture.pixels[pixel_of(&view, SIZE, point)][1];
+        assert!((at(image) - 0.9 * 1.2).abs() < 0.03, "{detail:?}: {}", at(image));
+        let direct = DVec3::new(0.2, -0.5, 0.5);
+        assert!((at(direct) - 1.2).abs() < 0.03, "{detail:?}: {}", at(direct));
+        let beside = DVec3::new(-2.0, 3.5, 0.5);
+        assert!((at(beside) - 3.0).abs() < 1e-3, "{detail:?}: {}", at(beside));
+    }
 }

@@ -48,6 +48,11 @@ const SETTLES_AFTER: Duration = Duration::from_millis(250);
 /// Passes of objects at rest and in files: noise of 2.5 % falls below a third of that.
 const PASSES: u32 = 32;
 
+/// Passes by which the light around objects at rest is found, on screens and in files. Those of
+/// screens take a few tenths of a second.
+const LIGHT_PASSES: u32 = 4;
+const LIGHT_PASSES_OF_FILE: u32 = 16;
+
 /// Passes in each frame at rest.
 const PASSES_OF_FRAME: u32 = 2;
 
@@ -438,7 +443,7 @@ impl Session {
             if is_quick { LayerDetail::Quick(side) } else { LayerDetail::Exact(PASSES) };
         let mut layer = match before.filter(stays) {
             Some(shown) => shown.layer,
-            None => ObjectLayer::new(&base, &look.view, &objects, detail),
+            None => ObjectLayer::new(&base, &look.view, &objects, room.as_ref(), detail),
         };
         let most = if is_file { PASSES } else { PASSES_OF_FRAME };
         let never = Interrupt::default();
@@ -465,7 +470,7 @@ impl Session {
         let mut frame = Frame::black(picture.size());
         frame.depth = room.depth(view, picture.size());
         frame.picture = picture;
-        let mut layer = ObjectLayer::new(&frame, view, &objects, LayerDetail::Exact(PASSES));
+        let mut layer = ObjectLayer::new(&frame, view, &objects, Some(&room), LayerDetail::Exact(PASSES));
         layer.draw(&frame, &objects, Some(&room), PASSES, &Interrupt::default());
         layer.compose(&mut frame);
         frame.picture
@@ -481,7 +486,7 @@ impl Session {
         &self,
         object: LocalObject,
         lighting: Arc<ObjectLighting>,
-        is_quick: bool,
+        passes: u32,
         room: Option<&Room>,
     ) -> LitObject {
         let mut before = self.objects.shown.iter().flat_map(|shown| &shown.objects);
@@ -489,7 +494,12 @@ impl Session {
             Some(lit) => lit.clone(),
             None => LitObject::new(object, lighting),
         };
-        if is_quick || lit.is_at_rest() { lit } else { lit.at_rest(room) }
+        if lit.passes() >= passes {
+            return lit;
+        }
+        let never = Interrupt::default();
+        let interrupt = if passes == LIGHT_PASSES_OF_FILE { &never } else { &self.interrupt };
+        lit.at_rest(room, passes, interrupt).unwrap_or(lit)
     }
 
     /// Returns the objects with their light. Quick frames use light that is known already.
@@ -501,10 +511,15 @@ impl Session {
     ) -> Vec<LitObject> {
         let objects: Vec<LocalObject> =
             self.objects.carried.list().iter().map(|carried| carried.object.clone()).collect();
+        let passes = match (is_quick, is_file) {
+            (true, _) => 0,
+            (_, true) => LIGHT_PASSES_OF_FILE,
+            _ => LIGHT_PASSES,
+        };
         let mut lit = Vec::with_capacity(objects.len());
         for object in objects {
             let lighting = self.lighting(&object, is_quick, is_file, room);
-            lit.extend(lighting.map(|lighting| self.lit(object, lighting, is_quick, room)));
+            lit.extend(lighting.map(|lighting| self.lit(object, lighting, passes, room)));
         }
         lit
     }
