@@ -114,7 +114,8 @@ mod tests {
                         let mut found = vec![0; 1 << log];
                         for index in block << log..(block + 1) << log {
                             let [x, y] = SobolPair { keys }.point(index.reverse_bits()).map(unit);
-                            let (column, row) = ((x * across as f32) as u32, (y * up as f32) as u32);
+                            let (column, row) =
+                                ((x * across as f32) as u32, (y * up as f32) as u32);
                             found[(column * up + row) as usize] += 1;
                         }
                         assert!(found.iter().all(|&count| count == 1), "{keys} {log}: {found:?}");

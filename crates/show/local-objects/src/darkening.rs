@@ -52,38 +52,41 @@ impl Darkening {
         interrupt: &Interrupt,
     ) -> Option<Darkening> {
         let probe = &lit.lighting.probe;
-        let darkening = Darkening::of(&lit.object, &lit.lighting, FINE_SIDE, |number, texel, place| {
-            if interrupt.is_set() {
-                return Vec3::ONE;
-            }
-            let direction = place.normalize_or_zero();
-            let mut known = None;
-            if let Some(room) = room {
-                let hit = room.nearest(probe.centre(), direction.as_dvec3());
-                let Some((hit, _)) = hit else { return Vec3::ONE };
-                let Some(surface) = room.surface(&hit, direction, 0.0) else { return Vec3::ONE };
-                known = Some((room, surface, probe.radiance[texel]));
-            }
-            let shadowed = match &known {
-                Some((room, surface, radiance)) => Shadowed {
-                    place: surface.place,
-                    normal: surface.normal,
-                    known: Some((room, surface, *radiance)),
-                },
-                None => Shadowed {
-                    place: probe.centre() + place.as_dvec3(),
-                    normal: probe.normal(texel),
-                    known: None,
-                },
-            };
-            let (mut hidden, mut all) = (Vec3::ZERO, Vec3::ZERO);
-            for pass in 0..passes {
-                let mut numbers = PassNumbers::new(number, pass);
-                let sums = shadowed.hidden_and_all(lit, LightDetail::Exact, &mut numbers);
-                (hidden, all) = (hidden + sums.0, all + sums.1);
-            }
-            (Vec3::ONE - portion(hidden, all)).clamp(Vec3::ZERO, Vec3::splat(MOST_LEFT))
-        });
+        let darkening =
+            Darkening::of(&lit.object, &lit.lighting, FINE_SIDE, |number, texel, place| {
+                if interrupt.is_set() {
+                    return Vec3::ONE;
+                }
+                let direction = place.normalize_or_zero();
+                let mut known = None;
+                if let Some(room) = room {
+                    let hit = room.nearest(probe.centre(), direction.as_dvec3());
+                    let Some((hit, _)) = hit else { return Vec3::ONE };
+                    let Some(surface) = room.surface(&hit, direction, 0.0) else {
+                        return Vec3::ONE;
+                    };
+                    known = Some((room, surface, probe.radiance[texel]));
+                }
+                let shadowed = match &known {
+                    Some((room, surface, radiance)) => Shadowed {
+                        place: surface.place,
+                        normal: surface.normal,
+                        known: Some((room, surface, *radiance)),
+                    },
+                    None => Shadowed {
+                        place: probe.centre() + place.as_dvec3(),
+                        normal: probe.normal(texel),
+                        known: None,
+                    },
+                };
+                let (mut hidden, mut all) = (Vec3::ZERO, Vec3::ZERO);
+                for pass in 0..passes {
+                    let mut numbers = PassNumbers::new(number, pass);
+                    let sums = shadowed.hidden_and_all(lit, LightDetail::Exact, &mut numbers);
+                    (hidden, all) = (hidden + sums.0, all + sums.1);
+                }
+                (Vec3::ONE - portion(hidden, all)).clamp(Vec3::ZERO, Vec3::splat(MOST_LEFT))
+            });
         (!interrupt.is_set()).then_some(darkening)
     }
 

@@ -68,6 +68,8 @@ struct TouchedCells {
 struct LayerTile {
     /// The row of tiles.
     row: u32,
+    /// Passes that are drawn.
+    passes: u32,
     cells: Vec<LayerCell>,
 }
 
@@ -124,7 +126,8 @@ impl ObjectLayer {
         let mirrors = room.filter(|room| room.has_mirrors());
         let touched = |step: u32, what: Touch| {
             let grid = CellGrid { size: frame.picture.size(), step };
-            let test = TouchTest { frame, view, grid, objects, mirrors, what, detail: detail.into() };
+            let test =
+                TouchTest { frame, view, grid, objects, mirrors, what, detail: detail.into() };
             TouchedCells::new(&test)
         };
         let (seen, shaded) = match detail {
@@ -148,8 +151,14 @@ impl ObjectLayer {
         self.passes < all && cells.any(|cells| !cells.tiles.is_empty())
     }
 
-    /// Draws at most this many passes, unless enough are drawn. An interrupt ends the work between
-    /// two of them, but not before the first.
+    /// Returns whether it can be composed: a pass is drawn.
+    #[must_use]
+    pub fn is_drawn(&self) -> bool {
+        self.passes > 0
+    }
+
+    /// Draws at most this many passes, unless enough are drawn. An interrupt ends the work at once;
+    /// the next call goes on with the same pass.
     pub fn draw(
         &mut self,
         frame: &Frame,
@@ -159,8 +168,8 @@ impl ObjectLayer {
         interrupt: &Interrupt,
     ) {
         let detail = self.detail.into();
-        for drawn in 0..most {
-            if !self.is_unfinished() || (drawn > 0 && interrupt.is_set()) {
+        for _ in 0..most {
+            if !self.is_unfinished() {
                 return;
             }
             let pass = self.passes;
@@ -171,10 +180,23 @@ impl ObjectLayer {
                 let base = footprint(0.0);
                 let width = (base, footprint(1.0) - base);
                 let shader = Shader { objects, room, detail };
-                let scene = LayerScene { shader, frame, view: &self.view, grid, touch: touched.touch, width };
+                let scene = LayerScene {
+                    shader,
+                    frame,
+                    view: &self.view,
+                    grid,
+                    touch: touched.touch,
+                    width,
+                };
                 touched.tiles.par_iter_mut().for_each(|tile| {
-                    tile.cells.iter_mut().for_each(|cell| scene.add(cell, pass));
+                    if tile.passes == pass && !interrupt.is_set() {
+                        tile.cells.iter_mut().for_each(|cell| scene.add(cell, pass));
+                        tile.passes += 1;
+                    }
                 });
+                if touched.tiles.iter().any(|tile| tile.passes == pass) {
+                    return;
+                }
             }
             self.passes += 1;
         }
@@ -192,13 +214,13 @@ impl ObjectLayer {
             self.seen.compose(frame, &depth);
             return;
         }
-        let share = 1.0 / self.passes as f32;
-        for cell in self.seen.cells() {
+        for (cell, passes) in self.seen.tiles.iter().flat_map(LayerTile::cells_and_passes) {
+            let share = 1.0 / passes as f32;
             let at = (cell.row * grid.size.0 + cell.column) as usize;
             let room = Vec3::from(frame.picture.pixels[at]);
             let seen = room * cell.behind.max(Vec3::ZERO) + cell.radiance;
             frame.picture.pixels[at] = (seen * share).to_array();
-            if 2 * cell.seen > self.passes {
+            if 2 * cell.seen > passes {
                 frame.depth[at] = cell.distance / cell.seen as f32;
             }
         }
@@ -222,6 +244,13 @@ impl ObjectLayer {
     }
 }
 
+impl LayerTile {
+    /// Returns the cells, each with its passes: an interrupted pass is a part of some.
+    fn cells_and_passes(&self) -> impl Iterator<Item = (&LayerCell, u32)> {
+        self.cells.iter().map(|cell| (cell, self.passes))
+    }
+}
+
 impl TouchedCells {
     /// Returns the cells that objects touch.
     fn new(test: &TouchTest<'_>) -> TouchedCells {
@@ -239,9 +268,13 @@ impl TouchedCells {
             };
             // Most tiles are far from all objects, and a few of their cells say so.
             if !places(APART as usize).any(|place| test.cell(place, APART).is_some()) {
-                return LayerTile { row, cells: Vec::new() };
+                return LayerTile { row, passes: 0, cells: Vec::new() };
             }
-            LayerTile { row, cells: places(1).filter_map(|at| test.cell(at, 1)).collect() }
+            LayerTile {
+                row,
+                passes: 0,
+                cells: places(1).filter_map(|at| test.cell(at, 1)).collect(),
+            }
         };
         let tiles = (0..across * cells.1.div_ceil(TILE)).into_par_iter().map(tile);
         let tiles = tiles.filter(|tile| !tile.cells.is_empty()).collect();
@@ -316,11 +349,7 @@ struct BlendCorner<'a> {
 /// radiance, and their distance if one is seen. The pixel's place between them is from 0 to 1.
 ///
 /// A cell counts little where the room is at another distance than at its middle.
-fn blend(
-    corners: &[BlendCorner<'_>; 4],
-    [x, y]: [f32; 2],
-    here: f32,
-) -> (Vec3, Vec3, Option<f32>) {
+fn blend(corners: &[BlendCorner<'_>; 4], [x, y]: [f32; 2], here: f32) -> (Vec3, Vec3, Option<f32>) {
     let weights = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y];
     let (mut behind, mut radiance) = (Vec3::ZERO, Vec3::ZERO);
     let (mut whole, mut seen, mut distance) = (0.0, 0.0, 0.0);
@@ -470,8 +499,7 @@ impl TouchTest<'_> {
             let far = |way: f64| margin(depth.max(0.0)) + margin(way);
             let shows = |ray: &MirroredRay, lit: &LitObject| {
                 let margin = far(ray.origin.distance(lit.object.centre()));
-                self.what != Touch::Shadow
-                    && lit.object.is_near(ray.origin, ray.direction, margin)
+                self.what != Touch::Shadow && lit.object.is_near(ray.origin, ray.direction, margin)
             };
             let shades = |ray: &MirroredRay, distance: f64, lit: &LitObject| {
                 let place = ray.origin + ray.direction * distance;

@@ -38,7 +38,7 @@ impl ObjectLighting {
     #[must_use]
     pub fn new(mut probe: LightProbe, lights: usize, room: Option<&Room>) -> ObjectLighting {
         let unseen = room.map_or_else(Vec::new, |room| unseen_lights(&mut probe, room));
-        let (mut lights, is_bright) = brightest(&probe, lights);
+        let (mut lights, is_bright) = brightest(&probe, lights, room);
         lights.extend(unseen);
         let environment = Environment::new(probe.cube, probe.radiance.clone());
         let dim = |(radiance, is_bright): (&Vec3, &bool)| match is_bright {

@@ -56,6 +56,27 @@ impl Room {
         Room { raycaster, has_mirrors }
     }
 
+    /// Returns where a ray to the sky leaves the bounds of the room, relative to its beginning, and
+    /// the normal of that face, inwards. Windows are near there: seen from elsewhere, the sky's light
+    /// comes through the same ones. `None` if the ray begins outside.
+    pub(crate) fn leaves(&self, origin: DVec3, direction: Vec3) -> Option<(Vec3, Vec3)> {
+        let (low, high) = self.raycaster.scene().bounds();
+        let direction = direction.as_dvec3();
+        let mut first: Option<(f64, DVec3)> = None;
+        for axis in 0..3 {
+            if !(low[axis]..=high[axis]).contains(&origin[axis]) {
+                return None;
+            }
+            let towards = direction[axis];
+            let face = if towards > 0.0 { high[axis] } else { low[axis] };
+            let along = (face - origin[axis]) / towards;
+            if along.is_finite() && first.is_none_or(|(nearest, _)| along < nearest) {
+                first = Some((along, -DVec3::AXES[axis] * towards.signum()));
+            }
+        }
+        first.map(|(along, normal)| ((direction * along).as_vec3(), normal.as_vec3()))
+    }
+
     /// Returns whether the room has mirrors, in which objects are seen.
     pub(crate) fn has_mirrors(&self) -> bool {
         self.has_mirrors
@@ -103,7 +124,8 @@ impl Room {
         let mut from = holo_raycast::NO_TRIANGLE;
         for _ in 0..MOST_PANES {
             let hit = self.raycaster.nearest_from(&ray, from)?;
-            if !matches!(self.raycaster.scene().material(hit.triangle).bsdf, Bsdf::ThinGlass { .. }) {
+            if !matches!(self.raycaster.scene().material(hit.triangle).bsdf, Bsdf::ThinGlass { .. })
+            {
                 return Some((hit, f64::from(hit.t) + skipped));
             }
             (ray.t_min, from) = (hit.t, hit.triangle);
@@ -148,7 +170,8 @@ impl Room {
         let (mut ray, mut from) = (ray, from);
         for _ in 0..MOST_PANES {
             let Some(hit) = self.raycaster.nearest_from(&ray, from) else { return false };
-            if !matches!(self.raycaster.scene().material(hit.triangle).bsdf, Bsdf::ThinGlass { .. }) {
+            if !matches!(self.raycaster.scene().material(hit.triangle).bsdf, Bsdf::ThinGlass { .. })
+            {
                 return true;
             }
             (ray.t_min, from) = (hit.t, hit.triangle);

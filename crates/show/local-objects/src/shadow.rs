@@ -76,7 +76,8 @@ impl Shadowed<'_> {
         numbers: &mut PassNumbers,
     ) -> Vec3 {
         let (hidden, all) = self.hidden_and_all(lit, detail, numbers);
-        let most = if detail == LightDetail::Exact && self.known.is_some() { MOST_SHARE } else { 1.0 };
+        let most =
+            if detail == LightDetail::Exact && self.known.is_some() { MOST_SHARE } else { 1.0 };
         let least = if detail == LightDetail::Exact { -MOST_SHARE } else { 0.0 };
         portion(hidden, all).clamp(Vec3::splat(least), Vec3::splat(most))
     }

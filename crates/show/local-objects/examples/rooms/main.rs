@@ -55,7 +55,9 @@ fn main() {
     match args.first().map(String::as_str) {
         Some("speed") => speed::measure(&args[1..]),
         Some(folder) => {
-            println!("case            lights  object: bias   rms  max    room: before   rms   bias");
+            println!(
+                "case            lights  object: bias   rms  max    room: before   rms   bias"
+            );
             let named = |case: &Case| args.len() == 1 || args[1..].iter().any(|n| n == case.name);
             cases().into_iter().filter(named).for_each(|case| measure(Path::new(folder), &case));
         }
@@ -193,7 +195,8 @@ fn measure(folder: &Path, case: &Case) {
             let square = (square - noise).max(0.0);
             (100.0 * differences.sum::<f32>() / count / mean, 100.0 * square.sqrt() / mean)
         };
-        let mean = inside.iter().map(|&at| of(&truth, at)).sum::<f32>() / inside.len().max(1) as f32;
+        let mean =
+            inside.iter().map(|&at| of(&truth, at)).sum::<f32>() / inside.len().max(1) as f32;
         let relative =
             |&at: &usize| (of(&seen.picture, at) - of(&truth, at)) / of(&truth, at).max(0.3 * mean);
         let most = inside.iter().map(relative).max_by(|a, b| a.abs().total_cmp(&b.abs()));

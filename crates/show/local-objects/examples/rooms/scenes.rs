@@ -61,7 +61,12 @@ impl Boxes {
 
     /// Adds a box. Its faces look outwards, or inwards. `kd` is the colour of all faces or of each,
     /// in the order x-, x+, y-, y+, z-, z+; one without colour is left out.
-    fn add(mut self, [low, high]: [[f64; 3]; 2], is_inward: bool, kd: [Option<[f32; 3]>; 6]) -> Boxes {
+    fn add(
+        mut self,
+        [low, high]: [[f64; 3]; 2],
+        is_inward: bool,
+        kd: [Option<[f32; 3]>; 6],
+    ) -> Boxes {
         for (face, kd) in kd.into_iter().enumerate() {
             let Some(kd) = kd else { continue };
             let material = self.material(kd, [0.0; 3]);
@@ -114,9 +119,11 @@ fn stool(at: [f64; 2]) -> Boxes {
             boxes = boxes.solid([x, y, 0.001], [x + 0.05, y + 0.05, 0.45], CLAY);
         }
     }
-    boxes
-        .solid([x - 0.3, y - 0.3, 0.45], [x + 0.3, y + 0.3, 0.5], CLAY)
-        .solid([x - 0.12, y - 0.12, 0.5], [x + 0.12, y + 0.12, 0.74], BLUE)
+    boxes.solid([x - 0.3, y - 0.3, 0.45], [x + 0.3, y + 0.3, 0.5], CLAY).solid(
+        [x - 0.12, y - 0.12, 0.5],
+        [x + 0.12, y + 0.12, 0.74],
+        BLUE,
+    )
 }
 
 /// Returns all cases.
@@ -130,8 +137,11 @@ pub fn cases() -> Vec<Case> {
         .solid([3.2, 1.0, 0.0], [3.9, 2.5, 0.5], WOOD);
     // The Cornell box, turned upright: its open side is y = 0.
     let cornell = || {
-        inside([0.0; 3], [5.5; 3], [red, green, None, white, white, white])
-            .lamp([2.1, 2.1, 5.45], [3.4, 3.4, 5.46], [15.0, 11.0, 6.0])
+        inside([0.0; 3], [5.5; 3], [red, green, None, white, white, white]).lamp(
+            [2.1, 2.1, 5.45],
+            [3.4, 3.4, 5.46],
+            [15.0, 11.0, 6.0],
+        )
     };
     let cube = |low: [f64; 3], side: f64| {
         let high = low.map(|c| c + side);

@@ -39,7 +39,8 @@ pub fn measure(args: &[String]) {
         };
         let objects = [LitObject::new(object.clone(), Arc::clone(&lighting))];
         note(0);
-        let mut layer = ObjectLayer::new(&base, &view, &objects, Some(&room), LayerDetail::Quick(step));
+        let mut layer =
+            ObjectLayer::new(&base, &view, &objects, Some(&room), LayerDetail::Quick(step));
         note(1);
         layer.draw(&base, &objects, Some(&room), 1, &Interrupt::default());
         note(2);

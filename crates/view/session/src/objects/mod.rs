@@ -117,6 +117,8 @@ pub struct SessionObjects {
     lightings: Lightings,
     sides: CellSides,
     shown: Option<ShownObjects>,
+    /// The objects of the last part of a picture.
+    of_parts: Vec<LitObject>,
     /// The object that a person holds, and its place relative to the point that is held.
     held: Option<(String, DVec3)>,
 }
@@ -427,9 +429,14 @@ impl Session {
     fn over(&mut self, base: Arc<Frame>, look: FrameRequest, phase: FramePhase) -> Frame {
         let is_file = phase == FramePhase::File;
         let settles = self.objects.changed.is_none_or(|at| at.elapsed() >= SETTLES_AFTER);
-        let is_quick = !is_file && (phase == FramePhase::Moving || !settles);
+        let mut is_quick = !is_file && (phase == FramePhase::Moving || !settles);
         let room = self.room();
-        let objects = self.lit_objects(is_quick, is_file, room.as_ref());
+        let passes = match (is_quick, is_file) {
+            (true, _) => 0,
+            (_, true) => LIGHT_PASSES_OF_FILE,
+            _ => LIGHT_PASSES,
+        };
+        let objects = self.lit_objects(is_quick, is_file, passes, room.as_ref());
         let before = self.objects.shown.take();
         let stays = |shown: &ShownObjects| {
             let is_same = shown.look == look
@@ -439,18 +446,23 @@ impl Session {
             is_same && (room.is_some() || shown.base.depth == base.depth)
         };
         let (side, begin) = (self.objects.sides.side(), Instant::now());
-        let detail =
-            if is_quick { LayerDetail::Quick(side) } else { LayerDetail::Exact(PASSES) };
+        let detail = if is_quick { LayerDetail::Quick(side) } else { LayerDetail::Exact(PASSES) };
         let mut layer = match before.filter(stays) {
             Some(shown) => shown.layer,
             None => ObjectLayer::new(&base, &look.view, &objects, room.as_ref(), detail),
         };
         let most = if is_file { PASSES } else { PASSES_OF_FRAME };
         let never = Interrupt::default();
-        let interrupt = if is_file { &never } else { &self.interrupt };
+        let interrupt = if is_file || is_quick { &never } else { &self.interrupt };
         let is_drawn = layer.is_unfinished();
         layer.draw(&base, &objects, room.as_ref(), most, interrupt);
-        if is_quick && is_drawn {
+        if !layer.is_drawn() && layer.is_unfinished() {
+            // Whoever has interrupted it wants a frame soon.
+            is_quick = true;
+            let detail = LayerDetail::Quick(side);
+            layer = ObjectLayer::new(&base, &look.view, &objects, room.as_ref(), detail);
+            layer.draw(&base, &objects, room.as_ref(), 1, &never);
+        } else if is_quick && is_drawn {
             self.objects.sides.note(side, begin.elapsed().as_secs_f64());
         }
         let mut frame = Frame::clone(&base);
@@ -466,11 +478,13 @@ impl Session {
         view: &View,
     ) -> holo_picture::Picture {
         let Some(room) = self.room().filter(|_| !self.objects.is_empty()) else { return picture };
-        let objects = self.lit_objects(false, false, Some(&room));
+        let objects = self.lit_objects(false, false, LIGHT_PASSES_OF_FILE, Some(&room));
+        self.objects.of_parts.clone_from(&objects);
         let mut frame = Frame::black(picture.size());
         frame.depth = room.depth(view, picture.size());
         frame.picture = picture;
-        let mut layer = ObjectLayer::new(&frame, view, &objects, Some(&room), LayerDetail::Exact(PASSES));
+        let mut layer =
+            ObjectLayer::new(&frame, view, &objects, Some(&room), LayerDetail::Exact(PASSES));
         layer.draw(&frame, &objects, Some(&room), PASSES, &Interrupt::default());
         layer.compose(&mut frame);
         frame.picture
@@ -489,8 +503,10 @@ impl Session {
         passes: u32,
         room: Option<&Room>,
     ) -> LitObject {
-        let mut before = self.objects.shown.iter().flat_map(|shown| &shown.objects);
-        let lit = match before.find(|lit| lit.is_of(&object, &lighting)) {
+        let shown = self.objects.shown.iter().flat_map(|shown| &shown.objects);
+        let before = shown.chain(&self.objects.of_parts);
+        let before = before.filter(|lit| lit.is_of(&object, &lighting));
+        let lit = match before.max_by_key(|lit| lit.passes()) {
             Some(lit) => lit.clone(),
             None => LitObject::new(object, lighting),
         };
@@ -502,20 +518,17 @@ impl Session {
         lit.at_rest(room, passes, interrupt).unwrap_or(lit)
     }
 
-    /// Returns the objects with their light. Quick frames use light that is known already.
+    /// Returns the objects with their light, found by this many passes. Quick frames use light that
+    /// is known already.
     fn lit_objects(
         &mut self,
         is_quick: bool,
         is_file: bool,
+        passes: u32,
         room: Option<&Room>,
     ) -> Vec<LitObject> {
         let objects: Vec<LocalObject> =
             self.objects.carried.list().iter().map(|carried| carried.object.clone()).collect();
-        let passes = match (is_quick, is_file) {
-            (true, _) => 0,
-            (_, true) => LIGHT_PASSES_OF_FILE,
-            _ => LIGHT_PASSES,
-        };
         let mut lit = Vec::with_capacity(objects.len());
         for object in objects {
             let lighting = self.lighting(&object, is_quick, is_file, room);
