@@ -1,18 +1,12 @@
 //! How much light an object takes from the surfaces that its probe shows.
 
 use glam::Vec3;
-use holo_display::Interrupt;
 use rayon::prelude::*;
 
 use crate::environment::Cube;
 use crate::harmonics::Harmonics;
 use crate::lighting::ObjectLighting;
-use crate::lit::LitObject;
-use crate::numbers::PassNumbers;
 use crate::object::LocalObject;
-use crate::room::Room;
-use crate::shading::LightDetail;
-use crate::shadow::Shadowed;
 
 /// A distance from the object's centre, in radii, beyond which it is too far from what a probe
 /// shows to darken it.
@@ -20,10 +14,7 @@ const NEAR: f32 = 6.0;
 
 /// Most texels on a side of the shares, while an object moves and at rest.
 const ROUGH_SIDE: usize = 16;
-const FINE_SIDE: usize = 64;
-
-/// Greatest factor by which light from an object makes a surface brighter.
-const MOST_LEFT: f32 = 3.0;
+pub(crate) const FINE_SIDE: usize = 64;
 
 /// The share of light that an object leaves to what its probe shows, by direction.
 pub(crate) struct Darkening {
@@ -43,56 +34,9 @@ impl Darkening {
         })
     }
 
-    /// Returns the shares by passes of rays, in the light that `lit` has so far. `None` if it was
-    /// interrupted.
-    pub(crate) fn by_rays(
-        lit: &LitObject,
-        room: Option<&Room>,
-        passes: u32,
-        interrupt: &Interrupt,
-    ) -> Option<Darkening> {
-        let probe = &lit.lighting.probe;
-        let darkening =
-            Darkening::of(&lit.object, &lit.lighting, FINE_SIDE, |number, texel, place| {
-                if interrupt.is_set() {
-                    return Vec3::ONE;
-                }
-                let direction = place.normalize_or_zero();
-                let mut known = None;
-                if let Some(room) = room {
-                    let hit = room.nearest(probe.centre(), direction.as_dvec3());
-                    let Some((hit, _)) = hit else { return Vec3::ONE };
-                    let Some(surface) = room.surface(&hit, direction, 0.0) else {
-                        return Vec3::ONE;
-                    };
-                    known = Some((room, surface, probe.radiance[texel]));
-                }
-                let shadowed = match &known {
-                    Some((room, surface, radiance)) => Shadowed {
-                        place: surface.place,
-                        normal: surface.normal,
-                        known: Some((room, surface, *radiance)),
-                    },
-                    None => Shadowed {
-                        place: probe.centre() + place.as_dvec3(),
-                        normal: probe.normal(texel),
-                        known: None,
-                    },
-                };
-                let (mut hidden, mut all) = (Vec3::ZERO, Vec3::ZERO);
-                for pass in 0..passes {
-                    let mut numbers = PassNumbers::new(number, pass);
-                    let sums = shadowed.hidden_and_all(lit, LightDetail::Exact, &mut numbers);
-                    (hidden, all) = (hidden + sums.0, all + sums.1);
-                }
-                (Vec3::ONE - portion(hidden, all)).clamp(Vec3::ZERO, Vec3::splat(MOST_LEFT))
-            });
-        (!interrupt.is_set()).then_some(darkening)
-    }
-
     /// Returns the shares by a function of a number, of a texel of the probe and of its place
     /// relative to the probe's centre.
-    fn of(
+    pub(crate) fn of(
         object: &LocalObject,
         lighting: &ObjectLighting,
         most_side: usize,

@@ -3,14 +3,12 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use holo_display::Interrupt;
 
 use crate::darkening::Darkening;
 use crate::harmonics::Harmonics;
 use crate::lighting::ObjectLighting;
 use crate::lights::ProbeLight;
 use crate::object::LocalObject;
-use crate::room::Room;
 
 /// Relative difference of distances within which a probe shows the surface that a ray meets.
 const SAME_SURFACE: f32 = 0.02;
@@ -44,25 +42,9 @@ impl LitObject {
         LitObject::with(object, lighting, darkening, None)
     }
 
-    /// Returns the object with its light at rest: its shadow on what the probe shows is computed by
-    /// this many passes of rays. `room` is the model of the scene, if it is known. `None` if it was
-    /// interrupted.
-    #[must_use]
-    pub fn at_rest(
-        &self,
-        room: Option<&Room>,
-        passes: u32,
-        interrupt: &Interrupt,
-    ) -> Option<LitObject> {
-        let darkening = Darkening::by_rays(self, room, passes, interrupt)?;
-        let lights = self.lighting.lights.iter();
-        let lights = lights.map(|light| light.weighed(|direction| darkening.left(direction)));
-        let lights = Some((lights.collect(), passes));
-        let (object, lighting) = (self.object.clone(), Arc::clone(&self.lighting));
-        Some(LitObject::with(object, lighting, darkening, lights))
-    }
-
-    fn with(
+    /// Returns an object with its light. `lights` are those at rest, and the passes by which they were
+    /// found.
+    pub(crate) fn with(
         object: LocalObject,
         lighting: Arc<ObjectLighting>,
         darkening: Darkening,
