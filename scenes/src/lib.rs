@@ -15,12 +15,14 @@ mod mesh;
 mod models;
 mod obj;
 mod random;
+mod reflections;
 mod rooms;
 mod shapes;
 #[cfg(test)]
 mod tests;
 
 pub use models::{MODELS, write_model};
+pub use reflections::write_reflections;
 
 use std::fs;
 use std::io;

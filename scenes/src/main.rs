@@ -1,14 +1,14 @@
 //! Writes the bundled scenes to files.
 
-use holo_scenes::{Bundled, MODELS, write, write_model};
+use holo_scenes::{Bundled, MODELS, write, write_model, write_reflections};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 const HELP: &str = "\
 Writes the bundled scenes: NAME.obj, NAME.mtl and NAME.toml each. `models` are small models as other
-programs write them, to be opened with no option.
+programs write them, to be opened with no option. `reflections` are mirrors for measurements.
 
-Usage: holo-scenes [cornell|corridor|interior|all|models] [--out DIR]
+Usage: holo-scenes [cornell|corridor|interior|all|models|reflections] [--out DIR]
 
 Options:
   --out DIR   where to write; created if it does not exist [default: the current directory]
@@ -24,7 +24,16 @@ fn main() -> ExitCode {
             print!("{HELP}");
             ExitCode::SUCCESS
         }
-        Ok(Some((scenes, models, dir))) => {
+        Ok(Some(Request { scenes, models, reflections, dir })) => {
+            if reflections {
+                match write_reflections(&dir) {
+                    Ok(files) => files.iter().for_each(|file| println!("{}", file.display())),
+                    Err(error) => {
+                        eprintln!("holo-scenes: cannot write into {}: {error}", dir.display());
+                        return ExitCode::FAILURE;
+                    }
+                }
+            }
             for name in if models { &MODELS[..] } else { &[] } {
                 match write_model(name, &dir) {
                     Ok(file) => println!("{}", file.unwrap_or_default().display()),
@@ -59,24 +68,31 @@ fn main() -> ExitCode {
     }
 }
 
-/// Returns what to write and where; `None` if help was requested.
-fn parse(
-    mut words: impl Iterator<Item = String>,
-) -> Result<Option<(Vec<Bundled>, bool, PathBuf)>, String> {
-    let (mut scenes, mut models) = (Vec::new(), false);
+/// What to write and where.
+struct Request {
+    scenes: Vec<Bundled>,
+    models: bool,
+    reflections: bool,
+    dir: PathBuf,
+}
+
+/// Returns the request; `None` if help was requested.
+fn parse(mut words: impl Iterator<Item = String>) -> Result<Option<Request>, String> {
+    let (mut scenes, mut models, mut reflections) = (Vec::new(), false, false);
     let mut dir = PathBuf::from(".");
     while let Some(word) = words.next() {
         match word.as_str() {
             "--help" | "-h" => return Ok(None),
             "--out" => dir = words.next().ok_or("`--out` takes a directory")?.into(),
             "models" => models = true,
+            "reflections" => reflections = true,
             "all" => scenes.extend(Bundled::ALL),
             name => scenes
                 .push(Bundled::named(name).ok_or_else(|| format!("there is no scene `{name}`"))?),
         }
     }
-    if scenes.is_empty() && !models {
+    if scenes.is_empty() && !models && !reflections {
         scenes.extend(Bundled::ALL);
     }
-    Ok(Some((scenes, models, dir)))
+    Ok(Some(Request { scenes, models, reflections, dir }))
 }

@@ -28,6 +28,7 @@ from network import network
 from program import Failed, available_memory, compare, median_of, run
 from quadtree import quadtree
 from radiance import radiance
+from reflections import reflections
 from rendercache import rendercache
 from rivals import rivals
 from rooms import rooms
@@ -398,6 +399,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "network": network,
     "embree": embree,
     "rendercache": rendercache,
+    "reflections": reflections,
     "quadtree": quadtree,
     "mesh": mesh,
     "rivals": rivals,

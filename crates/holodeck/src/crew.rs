@@ -4,19 +4,20 @@ use std::{
     ffi::OsString,
     net::SocketAddr,
     path::{Path, PathBuf},
+    sync::Arc,
     time::{Duration, Instant},
 };
 
 use anyhow::{Context, Result};
 use holo_server::{Holodeck, Outside};
-use holo_view::{CrewOrder, Restarted};
-use tokio::{
-    sync::{mpsc::UnboundedReceiver, oneshot},
-    task::JoinHandle,
-};
+use holo_view::{CrewMailbox, CrewOrder, Restarted};
+use tokio::{sync::oneshot, task::JoinHandle};
 
 use crate::{
-    config::HolodeckConfig, listening::ListenOptions, prepare::Edited, processes::LocalServer,
+    config::HolodeckConfig,
+    listening::ListenOptions,
+    prepare::{Edited, light_of},
+    processes::LocalServer,
     worker::KeptWorker,
 };
 
@@ -47,7 +48,7 @@ pub struct SessionProcesses {
     worker: KeptWorker,
     /// When the server has ended by itself.
     ends: Vec<Instant>,
-    orders: UnboundedReceiver<CrewOrder>,
+    mailbox: CrewMailbox,
     giver: holo_view::Crew,
 }
 
@@ -81,7 +82,8 @@ impl SessionProcesses {
         let (server, worker) = begin(&program, &file, &listen, &arguments, how).await?;
         // Whoever joins expects a server that starts again at the same address.
         listen.stay_at(server.outside.as_ref().map_or(server.address, |outside| outside.address));
-        let (giver, orders) = holo_view::crew();
+        let (giver, mailbox) = holo_view::crew();
+        mailbox.light.send_replace(Arc::new(light_of(&file)?));
         let (reading, edited) = (None, None);
         Ok(SessionProcesses {
             program,
@@ -95,7 +97,7 @@ impl SessionProcesses {
             server,
             worker,
             ends: Vec::new(),
-            orders,
+            mailbox,
             giver,
         })
     }
@@ -132,7 +134,7 @@ impl SessionProcesses {
                 error = self.worker.keep() => return Err(error),
                 Err(error) = self.server.process.wait() => self.start_server_again(error).await?,
                 read = finished(&mut self.reading) => self.take_scene(read),
-                Some(order) = self.orders.recv() => self.follow(order).await?,
+                Some(order) = self.mailbox.orders.recv() => self.follow(order).await?,
             }
         }
     }
@@ -141,9 +143,11 @@ impl SessionProcesses {
         match order {
             CrewOrder::KillWorkers => self.worker.kill().await,
             CrewOrder::RestartWorkers => self.worker.restart().await,
-            CrewOrder::ReadScene(answer) => {
+            CrewOrder::ReadScene(change, answer) => {
                 let (file, scene) = (self.file.clone(), self.scene.clone());
-                let read = tokio::task::spawn_blocking(move || Edited::read(&file, scene.as_ref()));
+                let read = tokio::task::spawn_blocking(move || {
+                    Edited::read(&file, scene.as_ref(), change.options())
+                });
                 // Whoever asked before gets no answer.
                 self.reading = Some((read, answer));
                 Ok(())
@@ -180,12 +184,20 @@ impl SessionProcesses {
         self.worker.kill().await?;
         self.server.process.end_to_start_again().await?;
         let file = self.file.clone();
-        let restarted = tokio::task::spawn_blocking(move || edited.restart(&file)).await?;
-        let trouble = restarted.unwrap_or_else(|error| {
-            let words = format!("the scene stays as it is: {error:#}");
-            eprintln!("{words}");
-            Some(words)
-        });
+        let restarting = move || edited.restart(&file).map(|trouble| (trouble, edited));
+        let trouble = match tokio::task::spawn_blocking(restarting).await? {
+            Ok((trouble, edited)) => {
+                self.mailbox.light.send_replace(Arc::new(edited.light()));
+                // Without a configuration, the file says it.
+                self.scene = self.scene.as_ref().map(|_| edited.config().clone());
+                trouble
+            }
+            Err(error) => {
+                let words = format!("the scene stays as it is: {error:#}");
+                eprintln!("{words}");
+                Some(words)
+            }
+        };
         self.begin().await?;
         Ok(trouble)
     }

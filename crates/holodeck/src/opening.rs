@@ -70,7 +70,7 @@ pub fn open(config: &HolodeckConfig, wanted: OpeningRequest, quiet: bool) -> Res
     let unit = stated_unit(config, &about);
     let (mut scene, said) = hang(&light.luminaires, &photometry, scene, up, unit)?;
     choices.extend(said);
-    choices.extend(light.apply(&mut scene, up)?);
+    choices.extend(light.apply_sky(&mut scene, up)?);
     let features = scene.features();
     let has_no_sky = !features.sky && !light.states_sky();
     if has_no_sky && features.suns > 0 {
@@ -136,6 +136,12 @@ pub fn open(config: &HolodeckConfig, wanted: OpeningRequest, quiet: bool) -> Res
             unit_words(said.value),
             said.words
         ));
+    }
+    if !light.lamps.is_empty() {
+        // No choice depends on factors: a scene whose lamps are off gets no preview light.
+        opened.raycaster = None;
+        let dimmed = light.dim_lamps(Arc::make_mut(&mut opened.scene))?;
+        opened.choices.extend(dimmed);
     }
     Ok(opened)
 }

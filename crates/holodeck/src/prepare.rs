@@ -15,6 +15,7 @@ use holo_proto::{
 use holo_scene::Scene;
 use holo_section::{Section, SectionSpec, ViewClass};
 use holo_server::{Holodeck, HolodeckDescription, RadianceLimits, SceneReading};
+use holo_view::StatedOptions;
 
 use crate::light::{SkyChoice, StatedLight};
 use crate::{
@@ -28,6 +29,9 @@ use crate::{
 
 /// Memory for beams while a file is only made or read.
 pub const SMALL_CACHE: u64 = 16 << 20;
+
+/// Beginning of the choices that are about light.
+const LIGHT: &str = "light: ";
 
 /// What becomes of a file that was made of another scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +81,7 @@ pub fn make(
     if is_other && other_scene == OtherScene::Restart {
         // It must not be open for writing twice.
         drop(existing);
-        Edited::read(path, Some(config))?.restart(path)?;
+        Edited::read(path, Some(config), &[])?.restart(path)?;
         return Holodeck::open(path, SMALL_CACHE);
     }
     match &existing {
@@ -147,19 +151,29 @@ pub struct Edited {
     about: HolodeckDescription,
     packed: Vec<u8>,
     stand_ins: Vec<(StandInRecord, String)>,
+    /// The configuration by which it was read, with its change of light.
+    config: HolodeckConfig,
     /// What differs from the scene before, for people.
     differences: String,
     warnings: Vec<String>,
 }
 
 impl Edited {
-    /// Reads a file's scene again: by `config`, or as the file says if there is none.
+    /// Reads a file's scene again: by `config`, or as the file says if there is none, with a change
+    /// of its light.
     ///
     /// # Errors
     /// If the scene cannot be used, is as before, or the file cannot go on with it.
-    pub fn read(path: &Path, config: Option<&HolodeckConfig>) -> Result<Edited> {
+    pub fn read(
+        path: &Path,
+        config: Option<&HolodeckConfig>,
+        change: &[(String, String)],
+    ) -> Result<Edited> {
         let file = Holodeck::open_read_only(path, SMALL_CACHE)?;
-        let config = config.map_or_else(|| config_of(path, &file.about), |c| Ok(c.clone()))?;
+        let mut config = config.map_or_else(|| config_of(path, &file.about), |c| Ok(c.clone()))?;
+        if !change.is_empty() {
+            config.set_light(config.light().changed(change)?);
+        }
         let mut opened =
             open(&chosen_before(&config, &file.about), OpeningRequest::Sections, true)?;
         let packed = opened.scene.pack();
@@ -168,10 +182,10 @@ impl Edited {
         let settings = settings(&config, usual);
         let sections = sections(&config, &opened)?;
         let mut about = HolodeckDescription::new(sections, settings, &packed, name.clone());
-        ensure!(
-            about.scene != file.about.scene,
-            "{name} is as it was: edit it, save it, and restart then"
-        );
+        if about.scene == file.about.scene {
+            ensure!(!change.is_empty(), "{name} is as it was: edit it, save it, and restart then");
+            bail!("the light is as it was: nothing needs to be traced anew");
+        }
         (about.up, about.unit) = (opened.up, opened.unit);
         describe_sky(&mut about, &opened.scene);
         about.limits = Some(RadianceLimits::of(&opened.scene));
@@ -186,7 +200,17 @@ impl Edited {
         let stand_ins = stand_ins(&config, file.sections.len(), true)?;
         let differences = differences_of(&file, &opened.scene);
         let warnings = std::mem::take(&mut opened.warnings);
-        Ok(Edited { about, packed, stand_ins, differences, warnings })
+        Ok(Edited { about, packed, stand_ins, config, differences, warnings })
+    }
+
+    /// Returns the configuration by which it was read, with its change of light.
+    pub fn config(&self) -> &HolodeckConfig {
+        &self.config
+    }
+
+    /// Returns the light that is stated for it.
+    pub fn light(&self) -> StatedOptions {
+        stated_options(&self.about)
     }
 
     /// Goes on with it in a file that nobody else writes, and says so. Returns what of the scene is
@@ -217,6 +241,24 @@ impl Edited {
     }
 }
 
+/// Returns the light that is stated for the scene of a file.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn light_of(path: &Path) -> Result<StatedOptions> {
+    Ok(stated_options(&Holodeck::open_read_only(path, SMALL_CACHE)?.about))
+}
+
+fn stated_options(about: &HolodeckDescription) -> StatedOptions {
+    let mut options = about.reading.as_ref().map_or_else(Vec::new, |r| r.light.clone());
+    let radiance = about.reading.as_ref().and_then(|reading| reading.sky);
+    if let Some(radiance) = radiance {
+        options.push(("sky".to_owned(), SkyChoice::Radiance(radiance).to_string()));
+    }
+    let words = about.choices.iter().filter_map(|choice| choice.strip_prefix(LIGHT));
+    StatedOptions { options, words: words.map(str::to_owned).collect() }
+}
+
 /// Describes a scene's sky, as far as the description does.
 fn describe_sky(about: &mut HolodeckDescription, scene: &Scene) {
     (about.sky, about.sky_varies) = (scene.sky.mean(), !scene.sky.is_plain());
@@ -224,7 +266,7 @@ fn describe_sky(about: &mut HolodeckDescription, scene: &Scene) {
 
 /// Returns the choices of a file, with those of light as they are for the edited scene.
 fn choices_of_edit(before: &[String], now: &[String]) -> Vec<String> {
-    let is_of_light = |choice: &&String| choice.starts_with("light: ");
+    let is_of_light = |choice: &&String| choice.starts_with(LIGHT);
     let lights = now.iter().filter(is_of_light);
     before.iter().filter(|choice| !is_of_light(choice)).chain(lights).cloned().collect()
 }

@@ -8,13 +8,13 @@ use std::{
     time::{Duration, Instant},
 };
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use holo_net::Shutdown;
 use holo_picture::{Picture, View, ViewSpec};
 use holo_progress::Meter;
 use holo_proto::control::Engine;
 use holo_raycast::Raycaster;
-use holo_tracer::{Settings, Tracer};
+use holo_tracer::{ReflectionSettings, Settings, Tracer};
 use holo_view::{Denoiser, ViewArgs, denoise};
 
 use crate::{
@@ -41,6 +41,9 @@ pub struct RenderRequest {
     pub view: ViewArgs,
     /// The end of the work.
     pub limit: WorkLimit,
+    /// Whether rays that leave shiny objects end in reflection cubes (engine `path`). Such pictures
+    /// have a bias.
+    pub caches_reflections: bool,
     /// The denoiser of the picture, if any.
     pub denoiser: Option<Denoiser>,
     /// True if standard errors are wanted.
@@ -76,6 +79,7 @@ pub struct RenderedPicture {
 pub async fn render(request: RenderRequest, shutdown: &Shutdown) -> Result<RenderedPicture> {
     let (mut opened, view, size) = open_view(&request)?;
     let RenderRequest { config, limit, denoiser, has_errors, threads, quiet, .. } = request;
+    let caches = request.caches_reflections;
     let settings = settings(&config, Engine::Path);
     let raycaster = opened.raycaster()?;
     let tracer = Tracer::with_raycaster(
@@ -83,9 +87,14 @@ pub async fn render(request: RenderRequest, shutdown: &Shutdown) -> Result<Rende
         Settings { bounces: settings.bounces, ..Settings::default() },
     )?;
     let tracer = match settings.engine {
+        Engine::Path if caches => tracer.with_cached_reflections(ReflectionSettings::default()),
         Engine::Path => tracer,
+        Engine::Gather if caches => {
+            bail!("`--reflections cached` goes with `--engine path` only")
+        }
         Engine::Gather => tracer.with_gather(),
-    };
+    }
+    .with_visible_sun();
     let threads = threads.map_or_else(cores, usize::from).max(1);
     let job = TraceJob { tracer, view, size, seed: settings.seed, threads, limit, has_errors };
     let until = shutdown.clone();

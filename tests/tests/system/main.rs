@@ -33,6 +33,8 @@ mod samples;
 mod session;
 mod several_machines;
 mod shards;
+mod siege;
+mod sky_and_lamps;
 mod stand_ins;
 mod tracing_time;
 mod unseen;

@@ -53,6 +53,19 @@ fn an_object_is_carried_moved_and_turned_on_a_page_and_a_replay_shows_it() {
     browser.wheel_with_shift((740, 556), 100);
     kept(&place, |now, turn| now == at && turn == 15.0);
 
+    // A view that is kept has its name on the plan, where the eye is.
+    browser.value("command('keep by the box')");
+    browser.wait(
+        "document.querySelector('#places .place:last-child text')?.textContent === 'by the box'",
+    );
+    let place_of = |browser: &mut Chromium, node: &str| {
+        let place = format!("['cx', 'cy'].map(k => Number({node}.getAttribute(k)))");
+        serde_json::from_value::<[f64; 2]>(browser.value(&place)).unwrap()
+    };
+    let named = place_of(browser, "document.querySelector('#places .place:last-child circle')");
+    let eye = place_of(browser, "document.getElementById('eye')");
+    assert!((named[0] - eye[0]).hypot(named[1] - eye[1]) < 1e-3, "{named:?} {eye:?}");
+
     // What cannot be carried is named, and changes nothing.
     let empty = place.text("empty.obj");
     for (line, reason) in [
@@ -75,7 +88,7 @@ fn an_object_is_carried_moved_and_turned_on_a_page_and_a_replay_shows_it() {
         let output = format!("{{}}/{name}.pfm");
         let words = ["picture", "{}/a.holo", "--size", "160x90", "--denoise", "off", "-o", &output];
         place.run(&[&words[..], &VIEW].concat()).ok();
-        Picture::read(&place.path(&format!("{name}.pfm"))).unwrap()
+        Picture::read(place.path(&format!("{name}.pfm"))).unwrap()
     };
     let with = picture("with");
     std::fs::remove_dir_all(place.path("a.objects")).unwrap();

@@ -142,17 +142,29 @@ impl PhotometricWeb {
         (1..rows).map(between).sum()
     }
 
-    /// Returns the greatest intensity, candela.
+    /// Returns the unit direction of the greatest intensity, which lies at two of the angles.
     #[must_use]
-    pub fn greatest(&self) -> f32 {
-        self.candela.iter().copied().fold(0.0, f32::max)
+    pub fn brightest(&self) -> Vec3 {
+        let place = |best: usize, at: usize| match self.candela[at] > self.candela[best] {
+            true => at,
+            false => best,
+        };
+        let at = (0..self.candela.len()).fold(0, place);
+        let rows = self.polar.len();
+        self.direction(self.turns[at / rows], self.polar[at % rows])
+    }
+
+    /// Returns the unit direction of a longitude and an angle from the pole, radians.
+    fn direction(&self, turn: f32, polar: f32) -> Vec3 {
+        let [zero, right, pole] = self.pole.frame();
+        let across = zero * turn.cos() + right * turn.sin();
+        across * polar.sin() + pole * polar.cos()
     }
 
     /// Returns whether it shines below and above the horizontal.
     #[must_use]
     pub fn halves(&self) -> [bool; 2] {
         const LEVEL: f32 = 1e-4;
-        let [zero, right, pole] = self.pole.frame();
         let rows = self.polar.len();
         let mut halves = [false; 2];
         // A web that is the same all around also is at its other end.
@@ -164,8 +176,7 @@ impl PhotometricWeb {
             for (row, polar) in self.polar.iter().enumerate() {
                 let turn = turn.min(self.turns.len() - 1);
                 if self.candela[turn * rows + row] > 0.0 {
-                    let across = zero * angle.cos() + right * angle.sin();
-                    let direction = across * polar.sin() + pole * polar.cos();
+                    let direction = self.direction(*angle, *polar);
                     halves[0] |= direction.z < -LEVEL;
                     halves[1] |= direction.z > LEVEL;
                 }

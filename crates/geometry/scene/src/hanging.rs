@@ -47,8 +47,9 @@ impl Scene {
 
     /// Returns the greatest radiance of each material in each channel, W·sr⁻¹·m⁻².
     pub fn brightest_emissions(&self) -> impl Iterator<Item = Rgb> {
-        (0..).zip(&self.materials).map(|(id, material)| {
-            let share = self.luminaire_of(id).map_or(1.0, Luminaire::greatest_share);
+        let count = self.luminaires().len();
+        (0..).zip(&self.materials).map(move |(id, material)| {
+            let share = self.luminaire_of(id).map_or(1.0, |lamp| lamp.greatest_share(count));
             material.emission.map(|channel| channel * share)
         })
     }

@@ -31,6 +31,7 @@ mod header;
 mod inside;
 mod instances;
 mod kept;
+mod lamp_groups;
 mod libraries;
 pub mod limits;
 mod load;
@@ -64,7 +65,9 @@ mod scene;
 mod shaded;
 mod shading;
 mod sheets;
+mod shiny;
 mod sky;
+mod sky_cube;
 mod sky_picture;
 mod smooth;
 mod sun;
@@ -82,6 +85,7 @@ pub use hanging::HungLuminaire;
 pub use header::{ModelCamera, ModelFacts, StatedValue};
 pub use instances::Instance;
 pub use kept::KeptFiles;
+pub use lamp_groups::{SKY, SUN};
 pub use load::{Loaded, load, load_watched};
 pub use load_options::LoadOptions;
 pub use luminaire::{Luminaire, MAX_LUMINAIRES};
@@ -97,6 +101,7 @@ pub use shading::{
     Base, CUT_OUT, Channel, Cover, CutOut, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral,
     Shading, WHITE, WHOLE, from_octahedral, to_octahedral,
 };
+pub use shiny::ShinyObjects;
 pub use sky::{Sky, SkyAxes};
 pub use sky_picture::{MAX_SKY_SIDE, SkyPicture};
 pub use sun::{MAX_SUNS, SUN_RADIUS, Sun};

@@ -26,8 +26,8 @@ const LEAST_SEEN: f32 = 5e-4;
 /// Most normals that faces of a luminaire are sorted by. A round one has twelve.
 const MAX_NORMALS: usize = 128;
 
-/// Most directions in which the greatest radiance is looked for.
-const LOOKS: usize = 1 << 16;
+/// Directions in which the greatest radiance of a scene's luminaires is looked for: 0.3 s of work.
+const LOOKS_OF_ALL: usize = 1 << 22;
 
 /// A lamp whose light differs by direction.
 #[derive(Clone, Debug)]
@@ -106,18 +106,21 @@ impl Luminaire {
         if share.is_finite() { share } else { 0.0 }
     }
 
-    /// Returns a share that its light does not exceed by far.
+    /// Returns a share that its light does not exceed by far. It is looked for in the web's
+    /// brightest direction and in a share of the directions that are looked at for `count`
+    /// luminaires.
     #[must_use]
-    pub fn greatest_share(&self) -> f32 {
+    pub fn greatest_share(&self, count: usize) -> f32 {
+        let looks = (LOOKS_OF_ALL / count.max(1)).clamp(1 << 10, 1 << 16);
         // A spiral, and rings just below and above the horizon of the frame, where flat lamps are
         // brightest.
         let golden = std::f32::consts::PI * (3.0 - 5_f32.sqrt());
-        let spiral = (0..LOOKS / 2).map(|at| {
-            let z = 1.0 - (2.0 * at as f32 + 1.0) / (LOOKS / 2) as f32;
+        let spiral = (0..looks / 2).map(|at| {
+            let z = 1.0 - (2.0 * at as f32 + 1.0) / (looks / 2) as f32;
             (z, golden * at as f32)
         });
-        let rings = (0..LOOKS / 4).flat_map(|at| {
-            let turn = std::f32::consts::TAU * at as f32 / (LOOKS / 4) as f32;
+        let rings = (0..looks / 4).flat_map(|at| {
+            let turn = std::f32::consts::TAU * at as f32 / (looks / 4) as f32;
             [(-LEAST_SEEN, turn), (LEAST_SEEN, turn)]
         });
         let [x, y, z] = self.axes.map(Vec3::from);
@@ -126,7 +129,9 @@ impl Luminaire {
             let level = (1.0 - height * height).max(0.0).sqrt();
             self.share(x * (level * cos) + y * (level * sin) + z * height)
         };
-        spiral.chain(rings).chain([(-1.0, 0.0), (1.0, 0.0)]).map(share).fold(0.0, f32::max)
+        let [along, across, behind] = self.web.brightest().to_array();
+        let brightest = self.share(x * along + y * across + z * behind);
+        spiral.chain(rings).chain([(-1.0, 0.0), (1.0, 0.0)]).map(share).fold(brightest, f32::max)
     }
 }
 

@@ -10,13 +10,13 @@
 use std::fmt;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use holo_daylight::SkyFormula;
 
 use crate::limits::MAX_RADIANCE;
 use crate::material::is_radiance;
 use crate::sky_picture::SkyPicture;
-use crate::{Rgb, SUN_RADIUS, SceneError, Sun};
+use crate::{Rgb, SceneError, Sun};
 
 /// The light of rays that meet nothing.
 #[derive(Clone, Debug, PartialEq)]
@@ -181,12 +181,9 @@ impl Sky {
     #[must_use]
     pub fn seen(&self, direction: DVec3) -> Rgb {
         let sky = self.radiance(direction);
-        let Some(sun) = self.sun else { return sky };
-        let towards = Vec3::from(sun.towards).as_dvec3();
-        let is_sun = direction.dot(towards) > 0.0
-            && direction.cross(towards).length_squared() < SUN_RADIUS.sin().powi(2);
+        let Some(sun) = self.sun.filter(|sun| sun.is_at(direction)) else { return sky };
         let disc = sun.radiance();
-        if is_sun { std::array::from_fn(|k| sky[k] + disc[k]) } else { sky }
+        std::array::from_fn(|k| sky[k] + disc[k])
     }
 
     /// Returns the mean radiance over all directions.

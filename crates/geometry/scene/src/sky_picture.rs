@@ -1,5 +1,5 @@
 //! Pictures of the sky: equirectangular, with the zenith in the first row and north in the middle
-//! column. East is right of north.
+//! column. East is right of north. Cubes are converted (`sky_cube`).
 //!
 //! Invariants:
 //! - A picture larger than [`MAX_SKY_SIDE`] is halved until it fits, so memory is bounded.
@@ -12,6 +12,7 @@ use glam::DVec3;
 use image::{DynamicImage, ImageReader, Limits};
 
 use crate::Rgb;
+use crate::sky_cube::SkyCube;
 
 /// Greatest side of a picture of the sky in pixels; larger ones are halved. 4096 × 2048 pixels are
 /// 100 MB, and each worker fetches them once.
@@ -37,8 +38,7 @@ impl SkyPicture {
     /// Decodes a Radiance HDR or EXR picture.
     ///
     /// # Errors
-    /// A text for people, if it is damaged, too large, no HDR picture, or not twice as wide as
-    /// high.
+    /// A text for people, if it is damaged, too large, no HDR picture, or of another shape.
     pub fn decode(encoded: &[u8]) -> Result<SkyPicture, String> {
         let reader = ImageReader::new(Cursor::new(encoded)).with_guessed_format();
         let mut reader = reader.map_err(|error| error.to_string())?;
@@ -55,7 +55,14 @@ impl SkyPicture {
         }
         let (width, height) = (image.width() as usize, image.height() as usize);
         let pixels = image.into_rgb32f().into_raw();
-        SkyPicture::new(width, height, pixels.as_chunks::<3>().0.to_vec())
+        let pixels = pixels.as_chunks::<3>().0.to_vec();
+        match SkyCube::of_picture(width, height, &pixels) {
+            Some(cube) => {
+                let (width, pixels) = cube.unrolled(MAX_SKY_SIDE);
+                SkyPicture::new(width, width / 2, pixels)
+            }
+            None => SkyPicture::new(width, height, pixels),
+        }
     }
 
     /// Makes a picture from its rows.
@@ -65,8 +72,9 @@ impl SkyPicture {
     pub fn new(width: usize, height: usize, mut pixels: Vec<Rgb>) -> Result<SkyPicture, String> {
         if width != 2 * height || pixels.len() != width * height || width < 4 {
             return Err(format!(
-                "it has {width} x {height} pixels; a picture of the whole sky (equirectangular) is \
-                 twice as wide as high"
+                "it has {width} x {height} pixels; a picture of the whole sky is twice as wide as \
+                 high (equirectangular), or a cube: a cross of 4 x 3 or 3 x 4 faces, or a strip of \
+                 6"
             ));
         }
         let sound =
@@ -145,5 +153,64 @@ mod tests {
         let mut hdr = Cursor::new(Vec::new());
         DynamicImage::new_rgb32f(8, 4).write_to(&mut hdr, image::ImageFormat::Hdr).unwrap();
         assert_eq!(SkyPicture::decode(hdr.get_ref()).map(|p| p.width), Ok(8));
+    }
+
+    /// A cube whose pixels have the colour of their direction, in a layout of faces.
+    fn cube(
+        columns: usize,
+        rows: usize,
+        faces: &[(usize, usize, [DVec3; 3])],
+    ) -> (usize, Vec<Rgb>) {
+        const SIDE: usize = 32;
+        let mut pixels = vec![[f32::NAN; 3]; columns * rows * SIDE * SIDE];
+        for &(column, row, [ahead, right, down]) in faces {
+            for at in 0..SIDE * SIDE {
+                let (x, y) = (at % SIDE, at / SIDE);
+                let place = |at: usize| (at as f64 + 0.5) / SIDE as f64 * 2.0 - 1.0;
+                let way = (ahead + right * place(x) + down * place(y)).normalize();
+                let pixel = (row * SIDE + y) * columns * SIDE + column * SIDE + x;
+                pixels[pixel] = (way * 0.5 + 0.5).as_vec3().to_array();
+            }
+        }
+        (SIDE, pixels)
+    }
+
+    #[test]
+    fn crosses_and_strips_show_each_direction_where_it_is() {
+        const NADIR: DVec3 = DVec3::NEG_Z;
+        // The direction of a face's middle, of its right and of its lower side.
+        let right = [DVec3::X, DVec3::NEG_Y, NADIR];
+        let left = [DVec3::NEG_X, DVec3::Y, NADIR];
+        let up = [DVec3::Z, DVec3::X, DVec3::Y];
+        let down = [NADIR, DVec3::X, DVec3::NEG_Y];
+        let front = [DVec3::Y, DVec3::X, NADIR];
+        let back = [DVec3::NEG_Y, DVec3::NEG_X, NADIR];
+        let hanging = [DVec3::NEG_Y, DVec3::X, DVec3::Z];
+        let order = [right, left, up, down, front, back];
+        let strip: Vec<_> = (0..).zip(order).map(|(at, face)| (at, 0, face)).collect();
+        let column: Vec<_> = (0..).zip(order).map(|(at, face)| (0, at, face)).collect();
+        let middle = [(0, 1, left), (1, 1, front), (2, 1, right), (1, 0, up), (1, 2, down)];
+        let cross = [&middle[..], &[(3, 1, back)]].concat();
+        let tall = [&middle[..], &[(1, 3, hanging)]].concat();
+        for (columns, rows, faces) in
+            [(6, 1, &strip), (1, 6, &column), (4, 3, &cross), (3, 4, &tall)]
+        {
+            let (side, pixels) = cube(columns, rows, faces);
+            let sky = SkyCube::of_picture(columns * side, rows * side, &pixels).unwrap();
+            let (width, pixels) = sky.unrolled(MAX_SKY_SIDE);
+            let sky = SkyPicture::new(width, width / 2, pixels).unwrap();
+            for at in 0..500 {
+                let z = 1.0 - (f64::from(at) + 0.5) / 250.0;
+                let (sin, cos) = (f64::from(at) * 2.399_963).sin_cos();
+                let level = (1.0 - z * z).sqrt();
+                let way = DVec3::new(level * cos, level * sin, z);
+                let found = sky.at(way);
+                let wanted = way * 0.5 + 0.5;
+                let error = (DVec3::from(found.map(f64::from)) - wanted).abs().max_element();
+                assert!(error < 0.04, "{columns} x {rows}: {way} {found:?}");
+            }
+        }
+        assert!(SkyCube::of_picture(8, 4, &[[0.0; 3]; 32]).is_none(), "equirectangular");
+        assert!(SkyCube::of_picture(5, 5, &[[0.0; 3]; 25]).is_none());
     }
 }

@@ -1,6 +1,6 @@
 //! Suns: lights so far away that their rays are nearly parallel.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::Serialize;
 
 use crate::limits::MAX_RADIANCE;
@@ -34,6 +34,15 @@ impl Sun {
     pub fn radiance(&self) -> Rgb {
         let per_irradiance = (1.0 / Sun::projected_solid_angle()) as f32;
         self.irradiance.map(|irradiance| irradiance * per_irradiance)
+    }
+
+    /// Returns whether a unit direction points into its disc.
+    #[must_use]
+    pub fn is_at(&self, direction: DVec3) -> bool {
+        let towards = Vec3::from(self.towards).as_dvec3();
+        // The sine is exact where the cosine has no digits left.
+        direction.dot(towards) > 0.0
+            && direction.cross(towards).length_squared() < SUN_RADIUS.sin().powi(2)
     }
 
     /// Returns whether it has a direction and a plausible irradiance.

@@ -10,7 +10,8 @@ use holodeck::light::{self, SkyChoice, StatedLight};
 #[derive(Args, Clone, Debug, Default)]
 pub struct LightArgs {
     /// The sky: a radiance R,G,B the same in every direction, such as 1,1,1; a sky of the CIE or of
-    /// Perez; or a picture of all directions, twice as wide as high, with north in its middle
+    /// Perez; or a picture of all directions, twice as wide as high, with north in its middle, or a
+    /// cube as a cross or strip
     #[arg(
         long,
         value_name = "R,G,B|overcast|clear|intermediate|uniform|cie:1..15|perez|FILE.hdr|FILE.exr"

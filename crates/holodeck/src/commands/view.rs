@@ -40,7 +40,8 @@ pub struct SessionArgs {
     #[arg(long, conflicts_with_all = ["http", "http_cert", "no_open", "record", "window"])]
     headless: bool,
     /// Follow the lines of this file, each `SECONDS COMMAND` (`-`: standard input). Commands: view,
-    /// picture FILE, object …, with PART,…, without PART,… (of the render cache), quit
+    /// picture FILE, object …, sky …, lamp NAME FACTOR, with PART,…, without PART,… (of the render
+    /// cache), quit
     #[arg(long, value_name = "FILE")]
     script: Option<PathBuf>,
     /// Without a script: end after this time, such as 20s
@@ -183,7 +184,7 @@ pub async fn view(mut args: ViewCommand, screen: WindowRequest) -> Result<()> {
         let file = file.clone();
         if args.restart {
             let again = file.clone();
-            tokio::task::spawn_blocking(move || Edited::read(&again, None)?.restart(&again))
+            tokio::task::spawn_blocking(move || Edited::read(&again, None, &[])?.restart(&again))
                 .await??;
         }
         let scene = None;

@@ -3,13 +3,18 @@
 use std::collections::HashSet;
 
 use anyhow::{Result, bail};
-use holo_scene::Scene;
+use holo_scene::{SKY, SUN, Scene};
 
 use super::{SkyChoice, StatedLight};
 
 impl StatedLight {
-    /// Multiplies lamps by their factors.
-    pub(super) fn apply_lamps(&self, scene: &mut Scene, said: &mut Vec<String>) -> Result<()> {
+    /// Multiplies the lamps of a scene by their factors, after it has its sky. Returns what was
+    /// done, for people.
+    ///
+    /// # Errors
+    /// If there is no such lamp.
+    pub fn dim_lamps(&self, scene: &mut Scene) -> Result<Vec<String>> {
+        let mut said = Vec::new();
         let is_made = !matches!(self.kind(), None | Some(SkyChoice::Radiance(_)));
         for (name, factor) in &self.lamps {
             let count = dim(scene, name, *factor, is_made);
@@ -18,7 +23,7 @@ impl StatedLight {
             }
             said.push(format!("light: {name} times {factor} (--lamp)"));
         }
-        Ok(())
+        Ok(said)
     }
 }
 
@@ -39,11 +44,11 @@ fn dim(scene: &mut Scene, name: &str, factor: f32, is_made: bool) -> usize {
         light.intensity = scale(light.intensity);
         count += 1;
     }
-    if name == "sun" {
+    if name == SUN {
         count += scene.suns.len() + usize::from(is_made);
         scene.suns.iter_mut().for_each(|sun| sun.irradiance = scale(sun.irradiance));
     }
-    if name == "sky" {
+    if name == SKY {
         count += usize::from(is_made || scene.sky.shines());
         if !is_made {
             scene.sky = std::mem::take(&mut scene.sky).dimmed(factor, 1.0);
@@ -56,24 +61,12 @@ fn dim(scene: &mut Scene, name: &str, factor: f32, is_made: bool) -> usize {
     count
 }
 
-/// Returns the names of a scene's lamps, for people.
+/// Returns the names of a scene's groups of lamps, for people.
 fn groups(scene: &Scene) -> String {
     const MOST: usize = 12;
-    let used = scene.emitters().map(|triangle| scene.material(triangle).name.as_str());
-    let points = scene.punctual_lights.iter().flat_map(|light| [&*light.group, &*light.name]);
-    let hung = scene.luminaires().iter().flat_map(|lamp| [&*lamp.group, &*lamp.name]);
-    let mut names: Vec<&str> =
-        used.chain(points).chain(hung).filter(|name| !name.is_empty()).collect();
-    names.sort_unstable();
-    names.dedup();
+    let mut names = scene.lamp_groups();
     let more = names.len().saturating_sub(MOST);
     names.truncate(MOST);
-    if scene.all_suns().next().is_some() {
-        names.push("sun");
-    }
-    if scene.sky.shines() {
-        names.push("sky");
-    }
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     if names.is_empty() { "none".to_owned() } else { names.join(", ") + &more }
 }

@@ -3,6 +3,8 @@
 //! Invariant: what is stated is used, or the command ends with the file, its line and what to do.
 
 use std::collections::HashMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -122,9 +124,11 @@ impl PhotometryFiles {
 /// Reads a file of bounded length.
 fn read_bounded(path: &Path, most: u64) -> Result<Vec<u8>> {
     let name = path.display();
-    let bytes = std::fs::metadata(path).with_context(|| format!("reading {name}"))?.len();
-    ensure!(bytes <= most, "{name} has {bytes} bytes; at most {most} are read");
-    std::fs::read(path).with_context(|| format!("reading {name}"))
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes));
+    let count = read.with_context(|| format!("reading {name}"))? as u64;
+    ensure!(count <= most, "{name} has more than the {most} bytes that are read at most");
+    Ok(bytes)
 }
 
 impl StatedLuminaire {

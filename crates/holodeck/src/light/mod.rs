@@ -14,10 +14,11 @@ mod values;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use glam::DVec3;
 use holo_daylight::{CivilTime, GeoPlace};
 use holo_scene::Scene;
+use holo_view::NONE;
 
 pub use luminaires::{StatedLuminaire, StatedPlaces, hang};
 pub use sky_choice::SkyChoice;
@@ -117,6 +118,43 @@ impl StatedLight {
         Ok(light)
     }
 
+    /// Returns this light with a change of some options: `none` takes one back. Another kind of sky
+    /// takes back the options that only suit the kind before.
+    ///
+    /// # Errors
+    /// If a name or a value is none.
+    pub fn changed(&self, change: &[(String, String)]) -> Result<StatedLight> {
+        let (removed, stated): (Vec<_>, Vec<_>) =
+            change.iter().cloned().partition(|(name, value)| name != "lamp" && value == NONE);
+        let stated = StatedLight::from_options(&stated)?;
+        let mut light = self.overridden_by(&stated);
+        for (name, _) in removed {
+            match name.as_str() {
+                "sky" => light.sky = None,
+                "place" => light.place = None,
+                "at" => light.at = None,
+                "direct" => light.direct = None,
+                "diffuse" => light.diffuse = None,
+                "weather" => light.weather = None,
+                "north" => light.north = None,
+                "ground" => light.ground = None,
+                "illuminance" => light.illuminance = None,
+                _ => bail!("--{name}: this version has no such option"),
+            }
+        }
+        if stated.sky.is_some() {
+            match light.sky {
+                Some(SkyChoice::Perez) => light.illuminance = stated.illuminance,
+                _ => (light.direct, light.diffuse) = (stated.direct, stated.diffuse),
+            }
+        }
+        if light.place.is_some() && light.at.is_some() && stated.sky.is_none() {
+            // A radiance that was stated for a preview knows no sun.
+            light.sky.take_if(|sky| matches!(sky, SkyChoice::Radiance(_)));
+        }
+        Ok(light)
+    }
+
     fn read_option(&mut self, name: &str, value: &str) -> Result<(), String> {
         let text = |error: &dyn fmt::Display| error.to_string();
         match name {
@@ -162,11 +200,12 @@ impl StatedLight {
         }
     }
 
-    /// Gives a scene with this up axis the stated light. Returns what was made of it, for people.
+    /// Gives a scene with this up axis the stated sky. Returns what was made of it, for people.
+    /// [`dim_lamps`](Self::dim_lamps) comes once the scene has all its light.
     ///
     /// # Errors
-    /// If an option is missing or does not suit, a file cannot be read, or there is no such lamp.
-    pub fn apply(&self, scene: &mut Scene, up: DVec3) -> Result<Vec<String>> {
+    /// If an option is missing or does not suit, or a file cannot be read.
+    pub fn apply_sky(&self, scene: &mut Scene, up: DVec3) -> Result<Vec<String>> {
         let mut said = Vec::new();
         self.check_options()?;
         let sky = match self.kind() {
@@ -176,7 +215,6 @@ impl StatedLight {
         if let Some(sky) = sky {
             scene.sky = sky;
         }
-        self.apply_lamps(scene, &mut said)?;
         Ok(said)
     }
 

@@ -22,7 +22,8 @@ fn stated(options: &[(&str, &str)]) -> StatedLight {
 
 fn applied(options: &[(&str, &str)]) -> Result<Scene> {
     let mut scene = scene();
-    stated(options).apply(&mut scene, DVec3::Z)?;
+    stated(options).apply_sky(&mut scene, DVec3::Z)?;
+    stated(options).dim_lamps(&mut scene)?;
     scene.clone().with_suns(scene.suns.clone()).map_err(Into::into)
 }
 
@@ -111,6 +112,28 @@ fn lamps_are_dimmed_by_name_and_unknown_names_list_the_others() {
 }
 
 #[test]
+fn a_change_of_light_states_some_options_and_takes_others_back() {
+    let change = |light: &StatedLight, options: &[(&str, &str)]| {
+        let own = |(name, value): &(&str, &str)| ((*name).to_owned(), (*value).to_owned());
+        light.changed(&options.iter().map(own).collect::<Vec<_>>())
+    };
+    let file = stated(&[("sky", "1,1,1"), ("lamp", "a=0")]);
+    let noon = change(&file, &NOON).unwrap();
+    assert_eq!((noon.sky.clone(), noon.lamps.len()), (None, 1), "place and hour make a clear sky");
+    assert!(noon.place.is_some() && noon.at.is_some());
+    let none = change(&noon, &[("place", "none"), ("at", "none"), ("lamp", "a=1")]).unwrap();
+    assert_eq!((none.place, none.at, &*none.lamps), (None, None, &[("a".to_owned(), 1.0)][..]));
+    let dim = change(&noon, &[("sky", "overcast"), ("illuminance", "9000")]).unwrap();
+    let perez = [("sky", "perez"), ("direct", "800"), ("diffuse", "90")];
+    let perez = change(&dim, &perez).unwrap();
+    assert_eq!((perez.illuminance, perez.direct), (None, Some(800.0)));
+    assert_eq!(change(&perez, &[("sky", "clear")]).unwrap().direct, None);
+    for bad in [("sky", "cloudy"), ("at", "noon"), ("moon", "none"), ("lamp", "a=none")] {
+        assert!(change(&noon, &[bad]).is_err(), "{bad:?}");
+    }
+}
+
+#[test]
 fn later_light_overrides_earlier_light_option_by_option() {
     let file = stated(&[("sky", "clear"), NOON[0], ("lamp", "sun=0"), ("lamp", "a=1")]);
     let now = stated(&[("sky", "overcast"), ("lamp", "sun=0.5")]);
@@ -153,7 +176,7 @@ fn stated_luminaires_are_hung_dimmed_by_group_and_read_again() {
     // The whole group, and one of it again.
     let dim = stated(&[("lamp", "bulb=0.5"), ("lamp", "bulb 2=0.5")]);
     let before = emission(&scene, 0)[0];
-    dim.apply(&mut scene, DVec3::Z).unwrap();
+    dim.dim_lamps(&mut scene).unwrap();
     let after = [0, 1].map(|at| emission(&scene, at)[0] / before);
     assert!((after[0] - 0.5).abs() < 1e-6 && (after[1] - 0.25).abs() < 1e-6, "{after:?}");
     let error = hung(None).unwrap_err().to_string();

@@ -6,7 +6,7 @@ use std::thread;
 
 use glam::DVec3;
 use holo_raycast::Raycaster;
-use holo_scene::Scene;
+use holo_scene::{Scene, Sun};
 
 use crate::caustics::{Caustics, LightSources};
 use crate::lights::{GRIDS, Lights};
@@ -41,6 +41,8 @@ pub(crate) struct PathEngine {
     pub nesting: Option<Nesting>,
     pub sky: Arc<PreparedSky>,
     pub suns: Suns,
+    /// The sky's sun, if eyes see its disc.
+    pub visible_sun: Option<Sun>,
     /// True if paths may find punctual lights over mirrors and glass.
     pub finds_points: bool,
     /// Most scatterings after the first.
@@ -93,6 +95,7 @@ impl PathEngine {
             lights_find_all,
             sky,
             suns,
+            visible_sun: None,
             finds_points,
             bounces: bounces.unwrap_or(u32::MAX),
             direct,

@@ -7,7 +7,8 @@
 //! Mitsuba 3's `diffuse`, `conductor`, `roughconductor`, `thindielectric`, `dielectric` and
 //! `roughdielectric`, with two differences. Light that meets several facets of a rough surface is
 //! not lost. Indices of refraction apply between the solids that really touch: bubbles in glass,
-//! water in a glass (module `medium`).
+//! water in a glass (module `medium`). A path tracer with cached reflections is biased (module
+//! `reflections`).
 //!
 //! Invariants:
 //! - The engine `path` gives a [`Traced`] that is a function of (scene, settings, ray, seed): not
@@ -47,6 +48,9 @@ mod path;
 mod policy;
 #[cfg(test)]
 mod punctual_tests;
+mod reflections;
+#[cfg(test)]
+mod reflections_tests;
 mod roughness;
 mod sampled;
 mod sampler;
@@ -63,6 +67,7 @@ mod virtual_distance;
 mod weighting;
 
 pub use gather::{SharedCell, Verdict};
+pub use reflections::{ReflectionReport, ReflectionSettings};
 pub use sampler::Sampler;
 
 use std::ops::Range;
@@ -77,6 +82,7 @@ use serde::{Deserialize, Serialize};
 use engine::PathEngine;
 use gather::Gather;
 use path::Start;
+use reflections::CachedReflections;
 use virtual_distance::VirtualDistance;
 use weighting::Direct;
 
@@ -144,6 +150,7 @@ pub struct Tracer {
     engine: PathEngine,
     gather: Option<Gather>,
     virtual_distance: Option<VirtualDistance>,
+    reflections: Option<CachedReflections>,
     settings: Settings,
     nonfinite: AtomicU64,
 }
@@ -193,6 +200,7 @@ impl Tracer {
             engine,
             gather: None,
             virtual_distance: None,
+            reflections: None,
             settings,
             nonfinite: AtomicU64::new(0),
         })
@@ -213,6 +221,29 @@ impl Tracer {
     #[must_use]
     pub fn with_virtual_distance(mut self) -> Self {
         self.virtual_distance = VirtualDistance::new(self.raycaster.scene());
+        self
+    }
+
+    /// Switches to cached reflections: rays that leave curved mirrors and smooth glass end in a cube
+    /// of texels around the object, once these are filled. Pictures have a bias. They depend on
+    /// earlier rays of all threads. The engine `gather` does not use the cubes.
+    #[must_use]
+    pub fn with_cached_reflections(mut self, settings: ReflectionSettings) -> Self {
+        self.reflections = CachedReflections::new(self.raycaster.scene(), settings);
+        self
+    }
+
+    /// Returns how much the cubes of cached reflections know.
+    #[must_use]
+    pub fn reflection_report(&self) -> ReflectionReport {
+        self.reflections.as_ref().map_or_else(Default::default, CachedReflections::report)
+    }
+
+    /// Lets eyes see the disc of the sky's sun, directly and over mirrors and glass. Without this
+    /// setting, it only lights surfaces: beams would spread its disc.
+    #[must_use]
+    pub fn with_visible_sun(mut self) -> Self {
+        self.engine.visible_sun = self.raycaster.scene().sky.sun().copied();
         self
     }
 
@@ -349,7 +380,9 @@ impl Tracer {
         let (hit, distance) = path::first_hit(&self.light, origin, direction);
         if hit.is_none() {
             return Err(Traced {
-                radiance: self.engine.sky.along_exactly(direction).to_array(),
+                radiance: (self.engine.sky.along_exactly(direction)
+                    + self.engine.seen_disc(direction))
+                .to_array(),
                 distance,
             });
         }
@@ -371,9 +404,10 @@ impl Tracer {
         for path in paths {
             let mut sampler = Sampler::new(seed, path);
             let (engine, raycaster) = (&self.engine, &*self.light);
-            let radiance = match &self.gather {
-                Some(gather) => gather.radiance(engine, raycaster, start, &mut sampler),
-                None => engine.radiance(raycaster, start, &mut sampler),
+            let radiance = match (&self.gather, &self.reflections) {
+                (Some(gather), _) => gather.radiance(engine, raycaster, start, &mut sampler),
+                (None, Some(cached)) => cached.radiance(engine, raycaster, start, &mut sampler),
+                (None, None) => engine.radiance(raycaster, start, &mut sampler),
             };
             if radiance.is_finite() {
                 sum += radiance;

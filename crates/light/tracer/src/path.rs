@@ -26,7 +26,7 @@
 mod step;
 
 use glam::{DVec3, Vec3};
-use holo_raycast::{Hit, NO_TRIANGLE, Raycaster, SurfacePoint};
+use holo_raycast::{Hit, NO_TRIANGLE, Ray, Raycaster, SurfacePoint};
 
 use crate::aim::Aims;
 use crate::bsdf::Scatter;
@@ -36,7 +36,7 @@ use crate::gather::Footprint;
 use crate::geometry::ShadingFrame;
 use crate::medium::{Crossing, Inside, TOUCH};
 use crate::panes::MAX_DEPTH;
-use crate::policy::{Carried, FirstSurface, LaterVertex, PathPolicy, Unbiased};
+use crate::policy::{Carried, FirstSurface, LaterVertex, LeavingRay, PathPolicy, Unbiased};
 use crate::sampler::{NumberPurpose, Sampler};
 use crate::shading::{self, PathArrival};
 use crate::surface::TracedMaterial;
@@ -318,7 +318,19 @@ impl PathEngine {
             };
             // The usual case: one continuation.
             if spread.branches == 1 {
-                if self.sample_next(raycaster, &mut path, &vertex, sampler) {
+                let ends = |path: &mut Path, ray: &Ray| {
+                    let leaving = LeavingRay {
+                        ray,
+                        triangle: point.triangle,
+                        normal: point.normal,
+                        is_solid: beyond.is_some(),
+                    };
+                    let Path { throughput, worth, .. } = path;
+                    let mut carried = Carried { radiance: &mut radiance, throughput, worth };
+                    policy.leaves(&mut lessons, &leaving, &mut carried)
+                };
+                if self.sample_next(raycaster, &mut path, &vertex, sampler, ends) {
+                    policy.met(&mut lessons, point.triangle, path.hit.as_ref());
                     continue;
                 }
                 break;
@@ -328,7 +340,7 @@ impl PathEngine {
             let (mut sum, mut squares) = (Vec3::ZERO, 0.0);
             for branch in 0..count {
                 let (mut path, mut sampler) = (path, sampler.branch(count, branch, is_probe));
-                if self.sample_next(raycaster, &mut path, &vertex, &mut sampler) {
+                if self.sample_next(raycaster, &mut path, &vertex, &mut sampler, |_, _| false) {
                     let light = self.trace_rest(raycaster, path, policy, &mut sampler);
                     sum += light;
                     squares += light.element_sum().powi(2);
@@ -362,6 +374,13 @@ impl PathEngine {
         path.throughput * self.lights.spheres_along(path.origin, path.direction, t_max)
     }
 
+    /// Returns the radiance of the sun's disc in a direction, if eyes see it.
+    #[inline]
+    pub(crate) fn seen_disc(&self, direction: DVec3) -> Vec3 {
+        let sun = self.visible_sun.filter(|sun| sun.is_at(direction));
+        sun.map_or(Vec3::ZERO, |sun| sun.radiance().into())
+    }
+
     /// Returns the light of sky and suns that a path brings whose ray meets nothing.
     #[inline]
     fn sky_along(&self, path: &Path) -> Vec3 {
@@ -373,7 +392,11 @@ impl PathEngine {
                 .factor(self.direct, |sample| sample.sky_density(&self.sky, path.direction))
         };
         let sky = path.throughput * self.sky.along(path.direction) * weight;
-        if path.scatterings == 0 || !self.suns.any() {
+        if path.scatterings == 0 {
+            let direction = path.direction.as_dvec3().normalize_or_zero();
+            return sky + path.throughput * self.seen_disc(direction);
+        }
+        if !self.suns.any() {
             return sky;
         }
         // Light samples look for suns behind panes, too.

@@ -1,7 +1,7 @@
 //! What differs between the engines: where a path ends early, and what it teaches.
 
 use glam::Vec3;
-use holo_raycast::{Raycaster, SurfacePoint};
+use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint};
 
 use crate::bsdf::Scatter;
 use crate::engine::{PathEngine, Spread};
@@ -23,6 +23,16 @@ pub(crate) struct LaterVertex<'a> {
     pub scatterings: u32,
     /// Number of surfaces that the path has left.
     pub depth: u32,
+}
+
+/// A ray that leaves a surface.
+pub(crate) struct LeavingRay<'a> {
+    pub ray: &'a Ray,
+    pub triangle: u32,
+    /// The surface's geometric normal, on its front.
+    pub normal: Vec3,
+    /// True if the surface bounds a solid.
+    pub is_solid: bool,
 }
 
 /// What a path carries on its way.
@@ -62,6 +72,17 @@ pub(crate) trait PathPolicy {
     ) -> bool {
         false
     }
+
+    /// Returns whether the path ends with a ray that leaves a mirror or smooth glass. If so, the
+    /// light along it was known, and was added to what the path carries. May begin a lesson.
+    #[inline]
+    fn leaves(&self, _: &mut Self::Lessons, _: &LeavingRay, _: &mut Carried) -> bool {
+        false
+    }
+
+    /// Takes note of what such a ray of a triangle met.
+    #[inline]
+    fn met(&self, _: &mut Self::Lessons, _triangle: u32, _: Option<&Hit>) {}
 
     /// Returns the numbers for a path whose first surface is at `point`.
     #[inline]

@@ -11,6 +11,7 @@ use crate::estimate::Estimate;
 use crate::filter::OfSquares;
 use crate::gather::Gathered;
 use crate::known::LightMemory;
+use crate::reflections::Reflections;
 use crate::squares::{SquareLayer, Squares};
 use crate::store::LightStore;
 use crate::view::{InPane, SurfaceView, VisiblePoint};
@@ -235,12 +236,12 @@ impl SurfaceView {
     /// mean light around. `None` if more than the share `unknown` of the squares is unknown.
     pub(crate) fn known(
         &self,
-        (store, known): (&LightStore, &LightMemory),
+        (store, known, reflections): (&LightStore, &LightMemory, Option<&Reflections>),
         step: usize,
         unknown: f32,
     ) -> Option<KnownLight> {
         let squares = Squares::new(|pixel| self.seen[pixel], self.size, step);
-        let lights = known.lights(self, &squares, unknown)?;
+        let lights = known.lights(self, &squares, reflections, unknown)?;
         let in_panes = (!self.in_panes.is_empty()).then(|| {
             let squares = self.squares_in_panes(&self.panes_of_rank(0), step);
             let unknown = vec![Estimate::UNKNOWN; squares.seen.len()];

@@ -8,7 +8,9 @@ use crate::draw::Drawn;
 use crate::known::LightMemory;
 use crate::parts::PartsSource;
 use crate::place::Placed;
+use crate::reflections::{LightSources, Reflections};
 use crate::shown::{Edges, Refined, SurfacesView};
+use crate::trail::Follower;
 use crate::waits::Waits;
 use crate::{Gathered, LightStore, Materials, Placer, RaySample, SurfaceView};
 use holo_denoise::Denoiser;
@@ -98,6 +100,8 @@ struct LitScene {
     live: LightStore,
     /// Light that frames have found.
     known: LightMemory,
+    /// The reflection cubes of shiny objects, if the scene has some.
+    reflections: Option<Reflections>,
     /// Samples that are not in the store yet.
     waiting: Waits,
     /// The same of samples of the scene before an edit.
@@ -122,6 +126,7 @@ impl SurfaceLight {
         Self(Arc::new(Mutex::new(LitScene {
             sections,
             materials: Arc::new(Materials::new(raycaster.scene())),
+            reflections: Reflections::find(&raycaster),
             raycaster,
             denoiser,
             store: LightStore::new(finest, MOST_BYTES),
@@ -208,6 +213,7 @@ impl LitScene {
     /// Notes that what was found by earlier samples is no longer right.
     fn has_faded(&mut self) {
         self.known = LightMemory::default();
+        self.reflections.iter_mut().for_each(Reflections::forget);
         self.views.values_mut().for_each(|shown| shown.gathered = None);
     }
 
@@ -224,13 +230,19 @@ impl LitScene {
     /// Starts another view of a renderer.
     fn look(&mut self, number: u64, look: &FrameRequest) {
         let size = look.size;
-        let raycaster = Arc::clone(&self.raycaster);
-        let view = SurfaceView::new(raycaster, Arc::clone(&self.materials), &look.view, size);
+        let (raycaster, materials) = (Arc::clone(&self.raycaster), Arc::clone(&self.materials));
+        let reflections = self.reflections.as_ref();
+        let eye = (&look.view, size);
+        let view =
+            SurfaceView::with_reflections(raycaster, materials, eye, reflections, look.is_moving);
+        if let Some(reflections) = &mut self.reflections {
+            reflections.show(&view.objects);
+        }
         let covered = covered(&self.sections, &look.view, size);
         self.store.begin_round();
         self.live.begin_round();
         let has_stopped = self.views.get(&number).is_some_and(|shown| shown.look.is_moving);
-        let lit = (&self.store, &self.known);
+        let lit = (&self.store, &self.known, self.reflections.as_ref());
         let known = match look.is_moving {
             true => view.known(lit, LEAST_STEP, MOST_UNKNOWN),
             false if has_stopped => view.known(lit, FIRST_STEP, MOST_UNKNOWN),
@@ -384,6 +396,23 @@ impl LitScene {
         if waits.iter().any(|waits| waits.len() >= LEAST_BATCH) {
             self.place_waiting();
         }
+        if matches!(phase, FramePhase::Moving) {
+            return self.fill_cubes();
+        }
+        let is_left = self.prepare_view(number, phase);
+        is_left || self.fill_cubes()
+    }
+
+    /// Fills some texels of the reflection cubes of objects that views show. Returns true if more
+    /// are left.
+    fn fill_cubes(&mut self) -> bool {
+        let Some(reflections) = &mut self.reflections else { return false };
+        let follower = Follower::new(&self.raycaster, &self.materials);
+        reflections.fill(&LightSources { follower, store: &self.store, known: &self.known })
+    }
+
+    /// Does a piece of work for the next frame of a view at rest. Returns true if more is left.
+    fn prepare_view(&mut self, number: u64, phase: FramePhase) -> bool {
         let store = &self.store;
         let gathers = |shown: &&mut SurfacesView| !shown.look.is_moving;
         let Some(shown) = self.views.get_mut(&number).filter(gathers) else { return false };

@@ -228,7 +228,7 @@ impl SurfaceView {
         });
         let width = match &shown {
             RayContent::Surface(end) => self.pixel_width(end.length),
-            RayContent::Sky(..) | RayContent::Unknown => 0.0,
+            RayContent::Sky(..) | RayContent::Light(..) | RayContent::Unknown => 0.0,
         };
         looked.add(follower.materials, shown, point, width);
     }
@@ -245,7 +245,9 @@ impl Looked {
     ) {
         let seen = match &shown {
             RayContent::Surface(end) => seen(end, width, PLAIN),
-            RayContent::Sky(..) | RayContent::Unknown => VisiblePoint::NOTHING,
+            RayContent::Sky(..) | RayContent::Light(..) | RayContent::Unknown => {
+                VisiblePoint::NOTHING
+            }
         };
         self.points += 1;
         let is_same = |found: &&mut FollowedPiece| match (&found.shown, &shown) {

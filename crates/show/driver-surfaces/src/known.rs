@@ -6,9 +6,12 @@
 //! - A place has the light that was found last for it, also if that was found for a part of it.
 //! - At most twice [`MOST_PLACES`] places are stored. Those found longest ago go first.
 
-use crate::cell::FaceClass;
+use crate::cell::{FaceClass, luminance};
 use crate::estimate::Estimate;
+use crate::materials::{Finish, MaterialClass};
+use crate::reflections::{Reflections, RoughMetal};
 use crate::squares::Squares;
+use crate::trail::TrailEnd;
 use crate::view::{SurfaceView, VisiblePoint};
 use glam::{IVec3, Vec3};
 use holo_display::split_mix;
@@ -25,6 +28,9 @@ const LEAST_SIDE: usize = 2;
 /// Number of levels above that of a square that get its light too. Frames in motion have wider
 /// squares than pictures at rest, and would otherwise show the light of an older picture.
 const WIDER_LEVELS: usize = 2;
+
+/// Expected relative error of light from a reflection cube.
+const DOUBT: f32 = 0.2;
 
 /// Light found by earlier pictures.
 #[derive(Debug, Default)]
@@ -75,6 +81,17 @@ fn add(all: &mut FxHashMap<u64, RecalledLight>, more: RecalledLight) {
     found.count += more.count;
 }
 
+/// Returns the light of rough metal from the reflection cube of its object.
+fn blurred(view: &SurfaceView, seen: &VisiblePoint, reflections: &Reflections) -> Option<Estimate> {
+    let way = view.way(seen);
+    let (object, normal) = way.mirrors?;
+    let alpha = view.follower().finish(seen.material).rough?;
+    let metal = RoughMetal { point: seen.point, normal, eye: -way.direction, alpha };
+    let light = metal.light(reflections.filled(object)?)? / view.unit();
+    let bright = luminance(light.to_array());
+    Some(Estimate { light, error: DOUBT * bright, variance: bright * bright })
+}
+
 impl RecalledLight {
     /// Returns the same for the place of the next level that contains this one.
     fn in_wider_place(&self) -> RecalledLight {
@@ -112,27 +129,43 @@ impl LightMemory {
         self.young.extend(all.into_iter().map(light));
     }
 
-    /// Returns the light of all squares. `None` if more than the share `unknown` of them is
-    /// unknown.
+    /// Returns the light of all squares: of rough metal from `reflections`, if they know it. `None`
+    /// if more than the share `unknown` of the squares is unknown.
     pub fn lights(
         &self,
         view: &SurfaceView,
         squares: &Squares,
+        reflections: Option<&Reflections>,
         unknown: f32,
     ) -> Option<Vec<Estimate>> {
         let light = |seen: &VisiblePoint| {
             if !seen.is_surface() {
                 return Estimate::UNKNOWN;
             }
-            let (face, level) = (face_of(view, seen), level_of(seen.width * squares.step as f32));
-            let found = [level, level + 1, level - 1, level + 2];
-            let found = found.into_iter().find_map(|level| self.around(seen.point, level, face));
+            let blurred = || blurred(view, seen, reflections?);
+            let width = seen.width * squares.step as f32;
+            let found = blurred().or_else(|| self.near(seen.point, width, face_of(view, seen)));
             found.unwrap_or(Estimate::UNKNOWN)
         };
         let lights: Vec<Estimate> = squares.seen.par_iter().map(light).collect();
         let surfaces = squares.seen.iter().filter(|seen| seen.is_surface()).count();
         let known = lights.iter().filter(|light| light.error.is_finite()).count();
         (known as f32 >= (1.0 - unknown) * surfaces as f32).then_some(lights)
+    }
+
+    /// Returns the light on a surface at the end of a way, as a mean over a place of about this
+    /// width, fixed-point steps.
+    pub fn on(&self, finish: &Finish, end: &TrailEnd, width: f32) -> Option<Vec3> {
+        let has_direction = finish.kind == MaterialClass::Glossy && !finish.is_coated;
+        let face = FaceClass::new(end.normal, end.material, has_direction.then_some(end.direction));
+        self.near(end.point, width, face).map(|found| found.light)
+    }
+
+    /// Returns the light at a point from places of about this width.
+    fn near(&self, point: Vec3, width: f32, face: FaceClass) -> Option<Estimate> {
+        let level = level_of(width);
+        let levels = [level, level + 1, level - 1, level + 2];
+        levels.into_iter().find_map(|level| self.around(point, level, face))
     }
 
     /// Returns the light at a point, interpolated between the places around it.

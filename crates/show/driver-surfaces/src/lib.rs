@@ -40,6 +40,7 @@ mod parts;
 mod place;
 mod planes;
 mod portals;
+mod reflections;
 mod shown;
 mod squares;
 mod stand_ins;

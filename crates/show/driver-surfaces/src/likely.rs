@@ -215,7 +215,7 @@ impl<'a> LikelyLight<'a> {
             RayContent::Sky(share, direction) => {
                 Vec3::from_array(share) * follower.materials.sky_light(direction) / unit
             }
-            RayContent::Unknown => return None,
+            RayContent::Light(..) | RayContent::Unknown => return None,
         };
         let most = MOST_RAY_LIGHT * luminance(self.mean.to_array());
         let bright = luminance(light.to_array());

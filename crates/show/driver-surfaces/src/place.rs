@@ -69,7 +69,7 @@ impl<'a> Placer<'a> {
     /// Returns a placer for the scene that the ray caster was built from.
     #[must_use]
     pub fn new(raycaster: &'a Raycaster, materials: &'a Materials) -> Self {
-        Self { raycaster, follower: Follower { raycaster, materials } }
+        Self { raycaster, follower: Follower::new(raycaster, materials) }
     }
 
     /// Appends a beam's samples to `placed`. If the section has no such beam, nothing is added.
@@ -165,7 +165,7 @@ impl<'a> Placer<'a> {
     fn on_surface(&self, ray: &Ray, hit: Hit, shown: SampleLight) -> Option<Placed> {
         match self.follower.follow(*ray, hit, AtPanes::PassAll) {
             RayContent::Surface(end) => self.on_end(&end, shown),
-            RayContent::Sky(..) | RayContent::Unknown => None,
+            RayContent::Sky(..) | RayContent::Light(..) | RayContent::Unknown => None,
         }
     }
 

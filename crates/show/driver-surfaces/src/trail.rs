@@ -10,6 +10,7 @@
 //! Invariant: the end of a ray is a function of the ray and the scene.
 
 use crate::materials::{Finish, MaterialClass, Materials};
+use crate::reflections::Reflections;
 use glam::Vec3;
 use holo_optics::{dielectric, pane};
 use holo_raycast::{Hit, Ray, Raycaster, spawn};
@@ -52,6 +53,8 @@ pub(crate) enum RayContent {
     Surface(TrailEnd),
     /// This share of the sky in this unit direction.
     Sky(Rgb, Vec3),
+    /// This radiance from a reflection cube, at the end of a way of this length.
+    Light(Rgb, f32),
     /// Unknown because too many mirrors are on the way.
     Unknown,
 }
@@ -63,6 +66,7 @@ impl RayContent {
             RayContent::Surface(end) => {
                 RayContent::Surface(TrailEnd { length: end.length + before, ..end })
             }
+            RayContent::Light(light, length) => RayContent::Light(light, length + before),
             other => other,
         }
     }
@@ -105,9 +109,34 @@ fn facing_eye(normal: Vec3, towards_eye: Vec3) -> Option<Vec3> {
 pub(crate) struct Follower<'a> {
     pub raycaster: &'a Raycaster,
     pub materials: &'a Materials,
+    /// The cubes of the scene's shiny objects, if the view may use them.
+    pub reflections: Option<&'a Reflections>,
+    /// True if rays that leave shiny objects end in their cubes.
+    pub ends_in_cubes: bool,
 }
 
 impl<'a> Follower<'a> {
+    /// Returns a follower that uses no reflection cubes.
+    pub fn new(raycaster: &'a Raycaster, materials: &'a Materials) -> Self {
+        Self { raycaster, materials, reflections: None, ends_in_cubes: false }
+    }
+
+    /// Returns the number of the shiny object that a triangle belongs to, if the view may use
+    /// reflection cubes.
+    #[inline]
+    pub fn object(&self, triangle: u32) -> Option<u32> {
+        self.reflections?.object(triangle)
+    }
+
+    /// Returns the shiny object of rough metal at the end of a way, and its smooth normal there.
+    /// `None` for other surfaces.
+    pub fn mirrors(&self, end: &TrailEnd) -> Option<(u32, Vec3)> {
+        let object = self.object(end.hit.triangle)?;
+        self.finish(end.material).rough?;
+        let (_, smooth) = self.normals(end.direction, &end.hit);
+        Some((object, smooth))
+    }
+
     pub fn finish(&self, material: u32) -> &'a Finish {
         &self.materials.finishes[material as usize]
     }
@@ -133,21 +162,21 @@ impl<'a> Follower<'a> {
     /// Returns the normals of a surface at a hit that face the ray: of the triangle, and of the
     /// smooth surface. They are equal if the surface is flat.
     #[inline]
-    fn normals(&self, ray: &Ray, hit: &Hit) -> (Vec3, Vec3) {
+    fn normals(&self, direction: Vec3, hit: &Hit) -> (Vec3, Vec3) {
         let facet = self.raycaster.geometric_normal(hit.triangle);
-        let facing = if facet.dot(ray.direction) <= 0.0 { facet } else { -facet };
+        let facing = if facet.dot(direction) <= 0.0 { facet } else { -facet };
         let Some(smooth) = self.raycaster.scene().smooth_normal(hit.triangle, hit.u, hit.v) else {
             return (facing, facing);
         };
         let smooth = if smooth.dot(facing) < 0.0 { -smooth } else { smooth };
-        (facing, facing_eye(smooth, -ray.direction).unwrap_or(facing))
+        (facing, facing_eye(smooth, -direction).unwrap_or(facing))
     }
 
     /// Returns the direction of a ray that a mirror reflects, as the tracer does. `None` if a
     /// smooth normal sends it behind the triangle: the mirror is black there.
     #[inline]
     fn mirrored(&self, ray: &Ray, hit: &Hit) -> Option<Vec3> {
-        let (facing, smooth) = self.normals(ray, hit);
+        let (facing, smooth) = self.normals(ray.direction, hit);
         let onward = ray.direction - 2.0 * ray.direction.dot(smooth) * smooth;
         (onward.dot(facing) > 0.0).then(|| onward.normalize())
     }
@@ -155,7 +184,7 @@ impl<'a> Follower<'a> {
     /// Returns the way of a ray on, at a boundary of solid glass with the index of refraction
     /// `ior`.
     fn at_boundary(&self, ray: &Ray, hit: &Hit, ior: f32) -> AtBoundary {
-        let (facing, smooth) = self.normals(ray, hit);
+        let (facing, smooth) = self.normals(ray.direction, hit);
         let enters = facing.dot(self.raycaster.geometric_normal(hit.triangle)) > 0.0;
         let eta = if enters { ior } else { 1.0 / ior };
         let cosine = -ray.direction.dot(smooth);
@@ -230,7 +259,7 @@ impl<'a> Follower<'a> {
     /// Follows a ray to its end.
     pub fn follow_to_end(&self, trail: &mut Trail) -> RayContent {
         loop {
-            if let Some(shown) = trail.advance(self) {
+            if let Some(shown) = trail.advance(self).or_else(|| trail.remembered(self)) {
                 return shown;
             }
             let next = self.raycaster.nearest_from(&trail.ray, trail.hit.triangle);
@@ -246,7 +275,9 @@ impl<'a> Follower<'a> {
         let mut active: Vec<usize> = (0..trails.len()).collect();
         let (mut rays, mut from, mut hits) = (Vec::new(), Vec::new(), Vec::new());
         while !active.is_empty() {
-            active.retain(|&number| match trails[number].advance(self) {
+            let advance =
+                |trail: &mut Trail| trail.advance(self).or_else(|| trail.remembered(self));
+            active.retain(|&number| match advance(&mut trails[number]) {
                 Some(shown) => {
                     ended(number, shown);
                     false
@@ -298,6 +329,11 @@ impl Trail {
     /// Returns true if the ray has met a pane.
     pub fn has_met_pane(&self) -> bool {
         self.pane > 0.0
+    }
+
+    /// Returns true if a mirror, a pane or solid glass has turned the ray.
+    pub fn turns(&self) -> bool {
+        self.is_mirrored
     }
 
     /// Takes the surfaces that are partly covered and that the ray has passed.
@@ -393,6 +429,26 @@ impl Trail {
         let (at, error) = follower.raycaster.surface_point(&hit);
         self.ray = Ray::new(spawn(at, error, normal, onward), onward);
         None
+    }
+
+    /// Returns the light of the ray that leaves the last surface, if this is part of a shiny object
+    /// whose cube knows it.
+    #[inline]
+    fn remembered(&self, follower: &Follower) -> Option<RayContent> {
+        let reflections = follower.reflections.filter(|_| follower.ends_in_cubes)?;
+        let triangle = self.hit.triangle;
+        let object = reflections.object(triangle)?;
+        let is_solid = matches!(
+            follower.finish(follower.material(triangle)).kind,
+            MaterialClass::Solid { .. }
+        );
+        if is_solid && follower.raycaster.geometric_normal(triangle).dot(self.ray.direction) <= 0.0
+        {
+            return None;
+        }
+        let (radiance, distance) = reflections.along(object, &self.ray)?;
+        let light = [0, 1, 2].map(|channel: usize| self.share[channel] * radiance[channel]);
+        Some(RayContent::Light(light, self.length + distance))
     }
 
     /// Takes the next hit. Returns what the ray shows if it does not go on.

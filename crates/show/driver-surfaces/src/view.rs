@@ -6,6 +6,7 @@
 use crate::cell::FaceClass;
 use crate::edges::{Edge, EdgePiece};
 use crate::materials::{MaterialClass, Materials};
+use crate::reflections::Reflections;
 use crate::trail::{AtPanes, Follower, RayContent, Trail, TrailEnd};
 use glam::{DVec3, Vec3};
 use holo_display::Camera;
@@ -13,6 +14,7 @@ use holo_picture::View as Eye;
 use holo_raycast::{MAX_TILE, Ray, Raycaster};
 use holo_scene::Rgb;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 /// Side of a tile of pixels whose rays are cast together.
@@ -67,17 +69,20 @@ pub struct SurfaceTrail {
     pub share: Rgb,
     /// The factor of the surface's texture.
     pub texture: Rgb,
-    /// Added radiance, of the sky or of a lamp.
+    /// Added radiance, of the sky, of a lamp or from a reflection cube.
     pub radiance: Rgb,
     /// The ray's unit direction when it meets the surface.
     pub direction: Vec3,
-    /// Distance to the lamp that is seen, scene units; infinite if there is no lamp.
+    /// Distance to the lamp, or to what a reflection cube shows, scene units; infinite if neither is
+    /// seen.
     pub to_lamp: f32,
     /// True if a mirror or solid glass turned the ray. Otherwise the surface lies in the pixel's
     /// direction.
     pub is_mirrored: bool,
     /// The share of light that the first pane or solid glass on the way reflects; 0 without any.
     pub pane: f32,
+    /// The shiny object of rough metal that is seen, and its smooth normal.
+    pub(crate) mirrors: Option<(u32, Vec3)>,
 }
 
 /// The surfaces of a view.
@@ -107,6 +112,9 @@ pub struct SurfaceView {
     pub edges: Vec<Edge>,
     /// The pieces of these pixels.
     pub pieces: Vec<EdgePiece>,
+    /// The shiny objects that middles of pixels show first, each with the number of these pixels.
+    /// Empty without reflection cubes.
+    pub(crate) objects: BTreeMap<u32, usize>,
 }
 
 impl SurfaceTrail {
@@ -118,6 +126,7 @@ impl SurfaceTrail {
         to_lamp: f32::INFINITY,
         is_mirrored: false,
         pane: 0.0,
+        mirrors: None,
     };
 }
 
@@ -163,6 +172,7 @@ impl VisiblePoint {
 struct Band {
     ways: Vec<SurfaceTrail>,
     in_panes: Vec<InPane>,
+    objects: BTreeMap<u32, usize>,
 }
 
 impl Band {
@@ -181,6 +191,18 @@ impl SurfaceView {
         materials: Arc<Materials>,
         eye: &Eye,
         size: (u32, u32),
+    ) -> SurfaceView {
+        SurfaceView::with_reflections(raycaster, materials, (eye, size), None, false)
+    }
+
+    /// Does the same for a view that may show rough metal by reflection cubes. If `ends_in_cubes`,
+    /// rays that leave shiny objects end in the cubes too.
+    pub(crate) fn with_reflections(
+        raycaster: Arc<Raycaster>,
+        materials: Arc<Materials>,
+        (eye, size): (&Eye, (u32, u32)),
+        reflections: Option<&Reflections>,
+        ends_in_cubes: bool,
     ) -> SurfaceView {
         let footprint = |distance| eye.pixel_footprint(size, distance) as f32;
         let grows = footprint(1.0) - footprint(0.0);
@@ -201,12 +223,16 @@ impl SurfaceView {
             on_edges: OnceLock::new(),
             edges: Vec::new(),
             pieces: Vec::new(),
+            objects: BTreeMap::new(),
         };
         let mut seen = vec![VisiblePoint::NOTHING; size.0 * size.1];
         let bands: Vec<Band> = seen
             .par_chunks_mut(size.0 * SIDE)
             .enumerate()
-            .map(|(part, rows)| view.cast_rows(part * SIDE, rows))
+            .map(|(part, rows)| {
+                let follower = Follower { reflections, ends_in_cubes, ..view.follower() };
+                view.cast_rows(&follower, part * SIDE, rows)
+            })
             .collect();
         view.seen = seen;
         view.take_bands(bands);
@@ -215,7 +241,7 @@ impl SurfaceView {
     }
 
     pub(crate) fn follower(&self) -> Follower<'_> {
-        Follower { raycaster: &self.raycaster, materials: &self.materials }
+        Follower::new(&self.raycaster, &self.materials)
     }
 
     /// Returns the ray through a point of the picture, and its distance from the eye. The point is
@@ -264,20 +290,19 @@ impl SurfaceView {
                 return seen(end, self.pixel_width(end.length), PLAIN);
             }
         }
-        self.with_way(self.seen_along(shown))
+        self.with_way(self.seen_along(&self.follower(), shown))
     }
 
     /// Adds a reflection in a pane that takes this share of a pixel.
     pub(crate) fn add_in_pane(&mut self, pixel: usize, shown: RayContent, share: f32) {
-        let seen = self.with_way(self.seen_along(shown));
+        let seen = self.with_way(self.seen_along(&self.follower(), shown));
         self.in_panes.push(InPane { pixel, seen, share, rank: 0 });
     }
 
     /// Casts the rays of `rows`, which begin at row `top`.
-    fn cast_rows(&self, top: usize, rows: &mut [VisiblePoint]) -> Band {
+    fn cast_rows(&self, follower: &Follower, top: usize, rows: &mut [VisiblePoint]) -> Band {
         let width = self.size.0;
         let count = rows.len() / width;
-        let follower = self.follower();
         let mut band = Band::default();
         let (mut trails, mut of_trails) = (Vec::new(), Vec::new());
         for left in (0..width).step_by(SIDE) {
@@ -297,7 +322,8 @@ impl SurfaceView {
             for number in 0..used {
                 let (ray, before, hit) = (rays[number], befores[number], hits[number]);
                 let Some(hit) = hit else {
-                    rows[at(number)] = band.add(self.seen_along(self.nothing(ray.direction)));
+                    let shown = self.nothing(ray.direction);
+                    rows[at(number)] = band.add(self.seen_along(follower, shown));
                     continue;
                 };
                 if follower.is_plain(hit) {
@@ -305,6 +331,9 @@ impl SurfaceView {
                     let width = self.pixel_width(before + end.length);
                     rows[at(number)] = seen(&end, width, PLAIN);
                     continue;
+                }
+                if let Some(object) = follower.object(hit.triangle) {
+                    *band.objects.entry(object).or_default() += 1;
                 }
                 trails.push(Trail::new(ray, hit, AtPanes::Pass));
                 of_trails.push((number, false));
@@ -314,7 +343,7 @@ impl SurfaceView {
                 }
             }
             let mut take = |(number, is_beside), shown: RayContent| {
-                let seen = band.add(self.seen_along(shown.farther(befores[number])));
+                let seen = band.add(self.seen_along(follower, shown.farther(befores[number])));
                 if is_beside {
                     let pixel = top * width + at(number);
                     band.in_panes.push(InPane { pixel, seen, share: 1.0, rank: 0 });
@@ -365,6 +394,9 @@ impl SurfaceView {
             band.in_panes.iter_mut().for_each(|pane| number(&mut pane.seen, before));
             self.in_panes.append(&mut band.in_panes);
             self.ways.append(&mut band.ways);
+            for (object, pixels) in band.objects {
+                *self.objects.entry(object).or_default() += pixels;
+            }
         }
     }
 
@@ -375,27 +407,31 @@ impl SurfaceView {
     }
 
     /// Returns the surface that a ray shows, and the way to it. The way has no number yet.
-    fn seen_along(&self, shown: RayContent) -> (VisiblePoint, SurfaceTrail) {
+    fn seen_along(&self, follower: &Follower, shown: RayContent) -> (VisiblePoint, SurfaceTrail) {
         let times = |a: Rgb, b: Rgb| [0, 1, 2].map(|channel: usize| a[channel] * b[channel]);
         let mut how = SurfaceTrail::PLAIN;
         let mut at = VisiblePoint::NOTHING;
         match shown {
             RayContent::Surface(end) => {
-                let finish = self.follower().finish(end.material);
+                let finish = follower.finish(end.material);
                 let TrailEnd { share, direction, is_mirrored, pane, .. } = end;
                 let width = self.pixel_width(end.length);
                 how = SurfaceTrail { share, direction, is_mirrored, pane, ..how };
                 if finish.shines(end.front) {
-                    let emission = times(finish.emission, self.follower().glow(&end, width));
+                    let emission = times(finish.emission, follower.glow(&end, width));
                     how.radiance = times(end.share, emission);
                     how.to_lamp = end.length;
                 } else {
-                    how.texture = self.follower().texture(&end, width);
+                    how.texture = follower.texture(&end, width);
+                    how.mirrors = follower.mirrors(&end);
                     at = seen(&end, width, PLAIN);
                 }
             }
             RayContent::Sky(share, direction) => {
                 how.radiance = times(share, self.materials.sky_seen(direction));
+            }
+            RayContent::Light(light, length) => {
+                (how.radiance, how.to_lamp) = (light, length);
             }
             RayContent::Unknown => {}
         }

@@ -56,7 +56,7 @@ fn by_rays(
             let Some(surface) = room.surface(&hit, direction, 0.0) else {
                 return Vec3::ONE;
             };
-            known = Some((room, surface, probe.radiance[texel]));
+            known = Some((room, surface, probe.radiance(texel)));
         }
         let shadowed = match &known {
             Some((room, surface, radiance)) => Shadowed {

@@ -1,9 +1,9 @@
 //! How much light an object takes from the surfaces that its probe shows.
 
 use glam::Vec3;
+use holo_reflection_cube::ReflectionCube;
 use rayon::prelude::*;
 
-use crate::environment::Cube;
 use crate::harmonics::Harmonics;
 use crate::lighting::ObjectLighting;
 use crate::object::LocalObject;
@@ -13,12 +13,12 @@ use crate::object::LocalObject;
 const NEAR: f32 = 6.0;
 
 /// Most texels on a side of the shares, while an object moves and at rest.
-const ROUGH_SIDE: usize = 16;
-pub(crate) const FINE_SIDE: usize = 64;
+pub(crate) const ROUGH_SIDE: u32 = 16;
+pub(crate) const FINE_SIDE: u32 = 64;
 
 /// The share of light that an object leaves to what its probe shows, by direction.
 pub(crate) struct Darkening {
-    cube: Cube,
+    cube: ReflectionCube,
     left: Vec<Vec3>,
 }
 
@@ -39,32 +39,32 @@ impl Darkening {
     pub(crate) fn of(
         object: &LocalObject,
         lighting: &ObjectLighting,
-        most_side: usize,
+        most_side: u32,
         left: impl Fn(u32, usize, Vec3) -> Vec3 + Sync,
     ) -> Darkening {
         let probe = &lighting.probe;
-        let cube = Cube { side: probe.cube.side.min(most_side) };
+        let cube = ReflectionCube::new(Vec3::ZERO, probe.cube.resolution().min(most_side));
         let centre = (object.centre() - probe.centre()).as_vec3();
         let reach = NEAR * object.radius() as f32;
         let of = |number: u32| {
-            let texel = probe.cube.texel(cube.direction(number as usize));
+            let texel = probe.cube.texel_of(cube.direction_of(number as usize));
             let place = probe.place(texel).filter(|place| place.distance(centre) < reach);
             place.map_or(Vec3::ONE, |place| left(number, texel, place))
         };
-        let left = (0..cube.texels() as u32).into_par_iter().map(of).collect();
+        let left = (0..cube.len() as u32).into_par_iter().map(of).collect();
         Darkening { cube, left }
     }
 
     /// Returns the share that is left to what is seen in a direction from the probe's centre.
     #[inline]
     pub(crate) fn left(&self, direction: Vec3) -> Vec3 {
-        self.cube.interpolate(&self.left, direction)
+        self.left[self.cube.texel_of(direction)]
     }
 
     /// Returns the light that is in no light, while the object takes its share.
     pub(crate) fn rest(&self, lighting: &ObjectLighting) -> Harmonics {
-        let (cube, dim) = lighting.dim.level(self.cube.side);
-        Harmonics::of(cube, |texel| dim[texel] * self.left(cube.direction(texel)))
+        let dim = &lighting.dim[usize::from(self.cube.len() != lighting.dim[0].cube.len())];
+        Harmonics::of(&dim.cube, |texel| dim.light[texel] * self.left[texel])
     }
 }
 

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use crate::environment::Cube;
+use holo_reflection_cube::ReflectionCube;
 
 /// Number of harmonics up to order 2.
 const COUNT: usize = 9;
@@ -20,19 +20,19 @@ const LOBE: [f32; COUNT] = {
 pub(crate) struct Harmonics([Vec3; COUNT]);
 
 impl Harmonics {
-    /// Returns the harmonics of the radiance of a cube's texels.
-    pub(crate) fn of(cube: Cube, radiance: impl Fn(usize) -> Vec3) -> Harmonics {
+    /// Returns the harmonics of the light of a cube's texels: radiance times solid angle.
+    pub(crate) fn of(cube: &ReflectionCube, light: impl Fn(usize) -> Vec3) -> Harmonics {
         let mut harmonics = Harmonics::default();
-        for texel in 0..cube.texels() {
-            harmonics.add(cube.direction(texel), radiance(texel), cube.solid_angle(texel));
+        for texel in 0..cube.len() {
+            harmonics.add(cube.direction_of(texel), light(texel));
         }
         harmonics
     }
 
-    /// Adds radiance that comes from a direction, within a solid angle.
-    fn add(&mut self, direction: Vec3, radiance: Vec3, solid_angle: f32) {
+    /// Adds light that comes from a direction: radiance times solid angle.
+    fn add(&mut self, direction: Vec3, light: Vec3) {
         for (sum, basis) in self.0.iter_mut().zip(basis(direction)) {
-            *sum += radiance * (basis * solid_angle);
+            *sum += light * basis;
         }
     }
 
@@ -70,12 +70,16 @@ fn basis(Vec3 { x, y, z }: Vec3) -> [f32; COUNT] {
 
 #[cfg(test)]
 mod tests {
+    use holo_reflection_cube::ReflectionCube;
+
     use super::*;
 
     /// Returns the harmonics of a radiance.
     fn of(radiance: impl Fn(Vec3) -> Vec3) -> Harmonics {
-        let cube = Cube { side: 32 };
-        Harmonics::of(cube, |texel| radiance(cube.direction(texel)))
+        let cube = ReflectionCube::new(Vec3::ZERO, 32);
+        Harmonics::of(&cube, |texel| {
+            radiance(cube.direction_of(texel)) * cube.solid_angle_of(texel)
+        })
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //!
 //! 1. A [`LocalObject`] is a model at a pose, with a hierarchy of its own.
 //! 2. A [`LightProbe`] is the light that arrives at one place: what a driver shows of stored
-//!    samples in the six views of [`probe_views`], with its distances.
+//!    samples in the six views of [`probe_views`], with its distances, in a reflection cube.
 //! 3. An [`ObjectLighting`] divides a probe's light into a few lights, which cast shadows, and the
 //!    rest. A [`LitObject`] is an object with that light, and with its shadow on what the probe shows.
 //! 4. An [`ObjectLayer`] casts the rays of a frame against the objects, and adds up passes. It also
@@ -22,7 +22,6 @@
 
 mod at_rest;
 mod darkening;
-mod environment;
 mod error;
 mod harmonics;
 mod layer;

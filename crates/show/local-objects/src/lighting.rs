@@ -1,9 +1,10 @@
 //! The light of an object: a few lights that cast shadows, and the rest.
 
 use glam::{DVec3, Vec3};
+use holo_reflection_cube::ReflectionCube;
 use holo_scene::PunctualBeam;
 
-use crate::environment::Environment;
+use crate::darkening::{FINE_SIDE, ROUGH_SIDE};
 use crate::harmonics::Harmonics;
 use crate::lights::{ProbeLight, brightest};
 use crate::probe::LightProbe;
@@ -16,8 +17,25 @@ pub const LIGHTS: usize = 8;
 /// two texels of the smallest probes, as a cosine.
 const SUN_CORONA: f32 = 0.998;
 
-/// Most texels on a side from which harmonics are made: they are smoother than that.
-const MOST_HARMONIC_SIDE: usize = 64;
+/// Light that is in no light, by few directions.
+pub(crate) struct DimLight {
+    /// Whose texels it is given for.
+    pub cube: ReflectionCube,
+    /// Radiance times solid angle.
+    pub light: Vec<Vec3>,
+}
+
+impl DimLight {
+    fn new(probe: &LightProbe, is_bright: &[bool], most_side: u32) -> DimLight {
+        let cube = ReflectionCube::new(Vec3::ZERO, probe.cube.resolution().min(most_side));
+        let mut light = vec![Vec3::ZERO; cube.len()];
+        for texel in (0..probe.cube.len()).filter(|&texel| !is_bright[texel]) {
+            let around = cube.texel_of(probe.cube.direction_of(texel));
+            light[around] += probe.radiance(texel) * probe.cube.solid_angle_of(texel);
+        }
+        DimLight { cube, light }
+    }
+}
 
 /// The light that arrives at a place, divided.
 pub struct ObjectLighting {
@@ -25,10 +43,8 @@ pub struct ObjectLighting {
     pub(crate) lights: Vec<ProbeLight>,
     /// For each texel, whether it is in one of the lights.
     pub(crate) is_bright: Vec<bool>,
-    /// All light, also blurred.
-    pub(crate) environment: Environment,
-    /// The light of the texels that are in no light.
-    pub(crate) dim: Environment,
+    /// The light of the texels that are in no light, roughly and finely, and smoothed.
+    pub(crate) dim: [DimLight; 2],
     pub(crate) rest: Harmonics,
 }
 
@@ -40,28 +56,21 @@ impl ObjectLighting {
         let unseen = room.map_or_else(Vec::new, |room| unseen_lights(&mut probe, room));
         let (mut lights, is_bright) = brightest(&probe, lights, room);
         lights.extend(unseen);
-        let environment = Environment::new(probe.cube, probe.radiance.clone());
-        let dim = |(radiance, is_bright): (&Vec3, &bool)| match is_bright {
-            true => Vec3::ZERO,
-            false => *radiance,
-        };
-        let dim = probe.radiance.iter().zip(&is_bright).map(dim).collect();
-        let dim = Environment::new(probe.cube, dim);
-        let (cube, texels) = dim.level(MOST_HARMONIC_SIDE);
-        let rest = Harmonics::of(cube, |texel| texels[texel]);
-        ObjectLighting { probe, lights, is_bright, environment, dim, rest }
+        let dim = [ROUGH_SIDE, FINE_SIDE].map(|side| DimLight::new(&probe, &is_bright, side));
+        let rest = Harmonics::of(&dim[1].cube, |texel| dim[1].light[texel]);
+        ObjectLighting { probe, lights, is_bright, dim, rest }
+    }
+
+    /// Returns the radiance of a texel of the probe, without the lights.
+    #[inline]
+    pub(crate) fn dim_radiance(&self, texel: usize) -> Vec3 {
+        if self.is_bright[texel] { Vec3::ZERO } else { self.probe.radiance(texel) }
     }
 
     /// Returns the place that it is the light of.
     #[must_use]
     pub fn centre(&self) -> DVec3 {
         self.probe.centre()
-    }
-
-    /// Returns the side of the probe's faces, texels.
-    #[must_use]
-    pub fn side(&self) -> usize {
-        self.probe.cube.side
     }
 }
 
@@ -72,11 +81,11 @@ fn unseen_lights(probe: &mut LightProbe, room: &Room) -> Vec<ProbeLight> {
     for sun in scene.all_suns() {
         let towards = Vec3::from(sun.towards);
         lights.push(ProbeLight::unseen(towards, None, sun.irradiance.into()));
-        for texel in 0..probe.cube.texels() {
-            let direction = probe.cube.direction(texel);
-            if probe.distance[texel].is_infinite() && direction.dot(towards) > SUN_CORONA {
+        for texel in 0..probe.cube.len() {
+            let direction = probe.cube.direction_of(texel);
+            if probe.place(texel).is_none() && direction.dot(towards) > SUN_CORONA {
                 // The sky's radiance does not include its sun.
-                probe.radiance[texel] = scene.sky.radiance(direction.as_dvec3()).into();
+                probe.cube.set_radiance(texel, scene.sky.radiance(direction.as_dvec3()));
             }
         }
     }

@@ -195,15 +195,15 @@ pub(crate) fn brightest(
     most: usize,
     room: Option<&Room>,
 ) -> (Vec<ProbeLight>, Vec<bool>) {
-    let cube = probe.cube;
-    let luminance = |texel: usize| relative_luminance(probe.radiance[texel].to_array());
+    let cube = &probe.cube;
+    let luminance = |texel: usize| relative_luminance(probe.radiance(texel).to_array());
     let whole: f32 =
-        (0..cube.texels()).map(|texel| luminance(texel) * cube.solid_angle(texel)).sum();
+        (0..cube.len()).map(|texel| luminance(texel) * cube.solid_angle_of(texel)).sum();
     let least = BRIGHT * whole / (4.0 * std::f32::consts::PI);
     let is_bright: Vec<bool> =
-        (0..cube.texels()).map(|texel| most > 0 && luminance(texel) > least).collect();
+        (0..cube.len()).map(|texel| most > 0 && luminance(texel) > least).collect();
     let point = |texel: usize| {
-        let direction = cube.direction(texel);
+        let direction = cube.direction_of(texel);
         let surface = probe.place(texel).map(|place| (place, probe.normal(texel)));
         let leaves = || room.and_then(|room| room.leaves(probe.centre(), direction));
         let surface = surface.or_else(leaves);
@@ -211,10 +211,10 @@ pub(crate) fn brightest(
             direction,
             place: surface.map(|(place, _)| place),
             normal: surface.map_or(Vec3::ZERO, |(_, normal)| normal),
-            irradiance: probe.radiance[texel] * cube.solid_angle(texel),
+            irradiance: probe.radiance(texel) * cube.solid_angle_of(texel),
         }
     };
-    let texels: Vec<usize> = (0..cube.texels()).filter(|&texel| is_bright[texel]).collect();
+    let texels: Vec<usize> = (0..cube.len()).filter(|&texel| is_bright[texel]).collect();
     if texels.is_empty() {
         return (Vec::new(), is_bright);
     }
@@ -256,9 +256,9 @@ mod tests {
         });
         let mut probe = LightProbe::new(DVec3::ZERO, &frames).unwrap();
         for (towards, radiance) in [(Vec3::Z, 100.0), (Vec3::new(1.0, 1.0, 0.2), 50.0)] {
-            for texel in 0..probe.cube.texels() {
-                if probe.cube.direction(texel).dot(towards.normalize()) > 0.98 {
-                    probe.radiance[texel] = Vec3::splat(radiance);
+            for texel in 0..probe.cube.len() {
+                if probe.cube.direction_of(texel).dot(towards.normalize()) > 0.98 {
+                    probe.cube.set_radiance(texel, [radiance; 3]);
                 }
             }
         }
@@ -267,8 +267,8 @@ mod tests {
 
     /// Returns the irradiance at the centre of a facing surface, from all texels.
     fn whole(probe: &LightProbe, of: impl Fn(usize) -> bool) -> f32 {
-        let texels = (0..probe.cube.texels()).filter(|&texel| of(texel));
-        texels.map(|texel| probe.radiance[texel].x * probe.cube.solid_angle(texel)).sum()
+        let texels = (0..probe.cube.len()).filter(|&texel| of(texel));
+        texels.map(|texel| probe.radiance(texel).x * probe.cube.solid_angle_of(texel)).sum()
     }
 
     #[test]

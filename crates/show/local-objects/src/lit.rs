@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
+use holo_reflection_cube::CubeAnswer;
 
 use crate::darkening::Darkening;
 use crate::harmonics::Harmonics;
@@ -92,14 +93,20 @@ impl LitObject {
     /// radians. `point` is relative to the probe's centre.
     #[inline]
     pub(crate) fn radiance(&self, point: Vec3, direction: Vec3, blur: f32) -> Vec3 {
-        let seen = self.lighting.probe.direction_seen(point, direction);
-        self.lighting.environment.radiance(seen, blur) * self.surroundings.darkening.left(seen)
+        let cube = &self.lighting.probe.cube;
+        let seen = cube.direction_of(cube.texel_seen(point, direction));
+        let radiance = match cube.look_up(point, direction, blur..=blur) {
+            CubeAnswer::Light(light) => Vec3::from(light.radiance),
+            // All texels are valid.
+            CubeAnswer::Unknown | CubeAnswer::MustTrace => Vec3::ZERO,
+        };
+        radiance * self.surroundings.darkening.left(seen)
     }
 
     /// Returns the same without the lights, not blurred.
     #[inline]
     pub(crate) fn radiance_of_rest(&self, point: Vec3, direction: Vec3) -> Vec3 {
-        self.rest_seen(self.lighting.probe.direction_seen(point, direction))
+        self.rest_of(self.lighting.probe.cube.texel_seen(point, direction))
     }
 
     /// Returns the radiance without the lights that comes from the first surface of the room along
@@ -112,20 +119,21 @@ impl LitObject {
     ) -> Vec3 {
         let probe = &self.lighting.probe;
         let seen = place.map_or(direction, |place| self.relative(place));
-        let shown = probe.distance[probe.cube.texel(seen)];
+        let texel = probe.cube.texel_of(seen);
+        let shown = probe.place(texel).map(Vec3::length);
         let is_shown = match place {
-            Some(_) => (shown - seen.length()).abs() < SAME_SURFACE * shown,
-            None => shown.is_infinite(),
+            Some(_) => shown.is_some_and(|far| (far - seen.length()).abs() < SAME_SURFACE * far),
+            None => shown.is_none(),
         };
         match is_shown {
-            true => self.rest_seen(seen),
+            true => self.rest_of(texel),
             // Something hides it from the probe: what is seen nearby stands for it.
             false => self.radiance_of_rest(point, direction),
         }
     }
 
-    fn rest_seen(&self, direction: Vec3) -> Vec3 {
-        let texel = self.lighting.probe.cube.texel(direction);
-        self.lighting.dim.texel(texel) * self.surroundings.darkening.left(direction)
+    fn rest_of(&self, texel: usize) -> Vec3 {
+        let direction = self.lighting.probe.cube.direction_of(texel);
+        self.lighting.dim_radiance(texel) * self.surroundings.darkening.left(direction)
     }
 }

@@ -182,20 +182,20 @@ impl Shadowed<'_> {
             }
         }
         let instead = finish.diffuse * light * FRAC_1_PI;
-        let seen = lit.lighting.probe.direction_seen(lit.relative(self.place), towards);
-        (lit.lighting.dim.texel(lit.lighting.probe.cube.texel(seen)) - instead) * weight
+        let texel = lit.lighting.probe.cube.texel_seen(lit.relative(self.place), towards);
+        (lit.lighting.dim_radiance(texel) - instead) * weight
     }
 
     /// Estimates the irradiance that surfaces around the object send less because of its shadow on
     /// them.
     fn dimmed(&self, lit: &LitObject, numbers: &mut PassNumbers) -> Vec3 {
         let towards = cosine_direction(self.normal, numbers.two());
-        let seen = lit.lighting.probe.direction_seen(lit.relative(self.place), towards);
-        let taken = Vec3::ONE - lit.surroundings.darkening.left(seen);
+        let probe = &lit.lighting.probe;
+        let texel = probe.cube.texel_seen(lit.relative(self.place), towards);
+        let taken = Vec3::ONE - lit.surroundings.darkening.left(probe.cube.direction_of(texel));
         if taken == Vec3::ZERO || lit.object.nearest(self.place, towards.as_dvec3()).is_some() {
             return Vec3::ZERO;
         }
-        let texel = lit.lighting.probe.cube.texel(seen);
-        lit.lighting.environment.texel(texel) * taken * PI
+        probe.radiance(texel) * taken * PI
     }
 }

@@ -29,8 +29,9 @@ pub use holo_drivers::{DenoiseArg, DriverArgs, PointArgs, denoise};
 pub use holo_options::{LookArgs, ViewArgs, parse_size};
 pub use holo_page::BrowserArgs;
 pub use holo_script::{PictureReport, parse_seconds};
-pub use holo_session::DriverArg;
-pub use holo_stage::{Crew, CrewOrder, Restarted, crew};
+pub use holo_session::{
+    Crew, CrewMailbox, CrewOrder, DriverArg, LightChange, NONE, Restarted, StatedOptions, crew,
+};
 #[cfg(not(feature = "window"))]
 pub use no_window::{WindowHost, WindowRequest, check_desktop, desk, run_in_window};
 #[cfg(feature = "window")]
@@ -79,8 +80,8 @@ pub struct Config {
     #[command(flatten)]
     pub look: LookArgs,
     /// Follow this file's lines, each `SECONDS COMMAND` (`-` is standard input). Commands: view,
-    /// picture FILE, probe COLUMN ROW, object …, with PART,…, without PART,… (of the render cache),
-    /// quit
+    /// picture FILE, probe COLUMN ROW, object …, sky …, lamp NAME FACTOR, with PART,…,
+    /// without PART,… (of the render cache), quit
     #[arg(long, value_name = "FILE")]
     pub script: Option<PathBuf>,
     /// How long to run without a script
@@ -147,8 +148,8 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: oneshot::Receiver<()
         None => Script::wait(config.time),
     };
     let connected = config.connect(false, shutdown).await?;
-    let Config { view, look, output, json, quiet, .. } = config;
-    let options = ScriptOptions { view, look, output, json, quiet };
+    let Config { view, look, output, json, quiet, crew, .. } = config;
+    let options = ScriptOptions { view, look, output, json, quiet, crew };
     // Drawing keeps its thread busy, and sockets must not wait for it.
     tokio::task::spawn_blocking(move || holo_script::play(connected, options, steps, ready)).await?
 }

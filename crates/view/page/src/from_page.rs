@@ -236,6 +236,11 @@ fn for_pages(input: Input) -> Result<Input, String> {
              alone"
                 .to_owned(),
         ),
+        Input::Light(change) if change.names_file() => Err(
+            "a page names no files of this machine: type the line in the terminal, or state the \
+             file when you start the session"
+                .to_owned(),
+        ),
         input => Ok(input),
     }
 }
@@ -309,6 +314,7 @@ mod tests {
             (r#"{"n": 1, "say": {"do": "command", "line": "fly"}}"#, "no command"),
             (r#"{"n": 1, "say": {"do": "command", "line": "view -vp 1 2"}}"#, "-vp"),
             (r#"{"n": 1, "say": {"do": "command", "line": "picture /a.png"}}"#, "own links"),
+            (r#"{"n": 1, "say": {"do": "command", "line": "sky /a.hdr"}}"#, "names no files"),
         ] {
             let error = parse(text).unwrap_err();
             assert!(error.contains(reason), "{text}: {error}");

@@ -121,6 +121,7 @@ async fn serve(door: PageSocket, front: Front, ending: Shutdown) -> Result<()> {
         .route("/", get(page::index))
         .route("/walk.css", get(page::style))
         .route("/walk.js", get(page::script))
+        .route("/light.js", get(page::light_script))
         .route("/picture.png", get(saved::png).post(saved::png))
         .route("/picture.hdr", get(saved::hdr).post(saved::hdr))
         .route("/picture.exr", get(saved::exr).post(saved::exr))

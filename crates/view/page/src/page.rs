@@ -1,4 +1,4 @@
-//! The page: one document, one style sheet and one script, all compiled into this program.
+//! The page: one document, one style sheet and two scripts, all compiled into this program.
 
 use axum::{
     http::header,
@@ -20,6 +20,11 @@ pub async fn script() -> impl IntoResponse {
     ([(header::CONTENT_TYPE, "text/javascript; charset=utf-8")], include_str!("page/walk.js"))
 }
 
+/// The script of the panel for sky and lamps.
+pub async fn light_script() -> impl IntoResponse {
+    ([(header::CONTENT_TYPE, "text/javascript; charset=utf-8")], include_str!("page/light.js"))
+}
+
 #[cfg(test)]
 mod tests {
     #[test]
@@ -28,6 +33,7 @@ mod tests {
             include_str!("page/index.html"),
             include_str!("page/walk.css"),
             include_str!("page/walk.js"),
+            include_str!("page/light.js"),
         ];
         assert!(parts.iter().map(|part| part.len()).sum::<usize>() <= 200_000);
         for part in parts {

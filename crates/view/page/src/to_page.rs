@@ -4,11 +4,11 @@ use holo_display::DriverPart;
 use holo_picture::{EFFICACY, Image, Legend, MAX_PIXELS, MAX_SIDE, luminance};
 use holo_section::{Section, SectionSpec};
 use holo_stage::{
-    DriverArg, PublishedFrame, StagePhase, State, StoreyWalls, WallPlan,
+    DriverArg, PublishedFrame, SceneLight, StagePhase, State, StoreyWalls, WallPlan,
     commands::{ACTIONS, GESTURES},
 };
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::encode::{Coding, PictureRect};
 
@@ -198,9 +198,24 @@ pub fn state(state: &State) -> String {
         "workers": state.workers,
         "driver": state.driver,
         "parts": state.parts.iter().map(part).collect::<Vec<_>>(),
+        "light": state.light.as_deref().map(light),
         "memory": memory(),
     })
     .to_string()
+}
+
+/// Returns the light that a person can change.
+fn light(light: &SceneLight) -> Value {
+    let is_of_sky = |(name, _): &&(String, String)| name != "lamp" && name != "luminaire";
+    let options: Map<String, Value> = light
+        .options
+        .iter()
+        .filter(is_of_sky)
+        .map(|(name, value)| (name.clone(), json!(value)))
+        .collect();
+    json!({
+        "sky": light.has_sky, "options": options, "words": light.words, "lamps": light.lamps,
+    })
 }
 
 /// Returns the message for the session's constants: sections, the up axis, and the plan.

@@ -7,7 +7,7 @@ use std::{
 
 use anyhow::{Context, Result, bail};
 use holo_picture::{Format, ViewSpec};
-use holo_session::ObjectOrder;
+use holo_session::{LightChange, ObjectOrder};
 
 /// The names of the parts of drivers that can be switched.
 type Switches = &'static [&'static str];
@@ -30,6 +30,8 @@ pub enum Command {
     },
     /// Carries an object into the scene, or changes one.
     Object(ObjectOrder),
+    /// Goes on with the scene in another light.
+    Light(LightChange),
     /// Ends the session.
     Quit,
 }
@@ -181,6 +183,8 @@ fn parse_line(line: &str, switches: Switches) -> Result<Option<ScriptStep>> {
             Command::Switch { parts: parts(word, rest, switches)?, on: word == "with" }
         }
         "object" => Command::Object(ObjectOrder::parse(rest).map_err(anyhow::Error::msg)?),
+        "sky" => Command::Light(LightChange::parse_sky(rest).map_err(anyhow::Error::msg)?),
+        "lamp" => Command::Light(LightChange::parse_lamp(rest).map_err(anyhow::Error::msg)?),
         "quit" if rest.is_empty() => Command::Quit,
         "quit" => bail!("`quit` takes nothing; seconds come first, such as `20 quit`"),
         "" => bail!(
@@ -188,7 +192,8 @@ fn parse_line(line: &str, switches: Switches) -> Result<Option<ScriptStep>> {
         ),
         other => {
             bail!(
-                "`{other}` is not a command; there are view, picture, probe, object, with, without and quit"
+                "`{other}` is not a command; there are view, picture, probe, object, sky, lamp, with, \
+                 without and quit"
             )
         }
     };
@@ -303,6 +308,8 @@ mod tests {
             ("1 view -vp 1 2", "-vp"),
             ("1 quit now", "`quit` takes nothing"),
             ("1 object fly", "`object fly` is no command"),
+            ("1 sky at", "`at` has no value"),
+            ("1 lamp ceiling", "such as `lamp ceiling 0.5`"),
             ("1 without", "such as `without prefilter,dither`"),
             ("1 with colour", "`colour` is no part of the render cache (there are ageing, "),
         ] {

@@ -11,8 +11,8 @@ use holo_options::{LookArgs, ViewArgs};
 use holo_picture::{Picture, ViewSpec, luminance};
 use holo_progress::Meter;
 use holo_session::{
-    Again, Connected, EyeVelocity, FrameSchedule, FrameSize, ObjectOrder, RETURN_TIME, Session,
-    StageTime, Waited, starts_again,
+    Again, Connected, Crew, EyeVelocity, FrameSchedule, FrameSize, LightChange, ObjectOrder,
+    RETURN_TIME, Session, StageTime, Waited, starts_again,
 };
 use serde_json::json;
 use tokio::sync::oneshot;
@@ -46,6 +46,8 @@ pub struct ScriptOptions {
     pub json: bool,
     /// Print less.
     pub quiet: bool,
+    /// The crew that started server and workers, if it takes orders.
+    pub crew: Option<Crew>,
 }
 
 /// Follows `script` to its end, starting when `ready` signals. Blocks, so call it on a thread of
@@ -172,6 +174,11 @@ impl Player {
                 }
                 Command::Probe(column, row) => self.probe(column, row)?,
                 Command::Object(order) => self.object(order)?,
+                Command::Light(change) => {
+                    if !self.light(change)? {
+                        return Ok(());
+                    }
+                }
                 Command::Switch { parts, on } => {
                     parts.iter().try_for_each(|part| self.session.switch(part, on))?;
                 }
@@ -249,13 +256,35 @@ impl Player {
         if !starts_again(&ended) {
             return Err(ended);
         }
-        let Player { again, meter, session, since, eye, .. } = self;
+        let Player { again, meter, session, .. } = self;
         meter.say("the server starts again; trying to reach it");
         // Parts that the script has switched off stay off.
         again.choice = session.choice();
-        let Some(connected) = again.reach(RETURN_TIME, |text| meter.say(text))? else {
-            return Ok(false);
-        };
+        match again.reach(RETURN_TIME, |text| meter.say(text))? {
+            Some(connected) => self.go_on(connected),
+            None => Ok(false),
+        }
+    }
+
+    /// Goes on with the scene in another light. Returns whether there is a session; there is none if
+    /// the user ends the wait.
+    fn light(&mut self, change: LightChange) -> Result<bool> {
+        let Player { again, session, options, .. } = self;
+        let crew = options.crew.as_ref().context(
+            "this session has not started its server, so it cannot change the light: use `holodeck \
+             view`",
+        )?;
+        crew.read_scene(change).blocking_recv().context("nobody reads the scene")??;
+        again.choice = session.choice();
+        // What the scene looks odd in was printed.
+        let address = crew.restart()?.address;
+        let connected = again.connect(address)?;
+        self.go_on(connected)
+    }
+
+    /// Goes on with another connection. Returns whether there is a session.
+    fn go_on(&mut self, connected: Connected) -> Result<bool> {
+        let Player { meter, session, since, eye, .. } = self;
         let (start, since) = (session.start(), *since);
         let Some(begun) = connected.begin(|text| meter.say(text))? else { return Ok(false) };
         *session = begun;
@@ -487,6 +516,7 @@ mod tests {
             output: None,
             json: false,
             quiet: true,
+            crew: None,
         };
         let args = DriverArgs { driver: DriverArg::Pointimage, ..DriverArgs::default() };
         let choice = Box::new(DriverOptions { args, ..DriverOptions::default() });

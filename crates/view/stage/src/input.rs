@@ -7,7 +7,7 @@ use std::{
 
 use glam::DVec3;
 use holo_picture::ViewSpec;
-use holo_session::{DriverArg, ObjectOrder};
+use holo_session::{DriverArg, LightChange, ObjectOrder};
 use holo_walk::Controls;
 
 use super::picture_order::PictureOrder;
@@ -69,6 +69,8 @@ pub enum Input {
     Switch(Vec<String>, bool),
     /// Carry an object into the scene, or change one.
     Object(ObjectOrder),
+    /// Go on with the scene in another light.
+    Light(LightChange),
     /// Go to a named view of the holodeck.
     Recall(Named),
     /// Store the current view in the holodeck under this name.

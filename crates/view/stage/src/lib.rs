@@ -14,7 +14,6 @@
 //! - A frame names the last input that it shows.
 
 pub mod commands;
-mod crew;
 mod hand;
 mod input;
 mod painter;
@@ -40,16 +39,15 @@ use std::{
 
 use anyhow::{Context, Result, anyhow};
 use holo_options::ViewArgs;
-use holo_session::{Again, Connected, Session, Waker, is_lost};
+use holo_session::{Again, Connected, Crew, Session, Waker, is_lost};
 use tokio::sync::watch;
 
-pub use crew::{Crew, CrewOrder, Restarted, crew};
-pub use holo_session::{DriverArg, ObjectOrder};
+pub use holo_session::{DriverArg, LightChange, ObjectOrder};
 pub use input::{Input, Inputs, Named, Numbered};
 pub use picture_file::{encode_picture, format_refusal};
 pub use picture_order::{PictureNews, PictureOrder};
 pub use screen::{Viewer, on_screen_threads};
-pub use shown::{PublishedFrame, StagePhase, State};
+pub use shown::{PublishedFrame, SceneLight, StagePhase, State};
 pub use wall_plan::{StoreyWalls, WallPlan};
 
 use hand::{Hand, HandEnding};
@@ -145,7 +143,7 @@ impl Stage {
                     begin(again.connect(crew.start_over()?)?, loading)?
                 }
                 (Ok(()), Some(HandEnding::Restart), Some(crew)) => {
-                    loading("going on with the edited scene");
+                    loading("going on with the scene as it is now");
                     let restarted = crew.restart()?;
                     restarted.trouble.into_iter().for_each(|trouble| hand.refuse(trouble));
                     begin(again.connect(restarted.address)?, loading)?

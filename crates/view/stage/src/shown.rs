@@ -5,6 +5,7 @@ use std::{sync::Arc, time::Instant};
 use holo_display::{Certainty, DriverPart, Frame};
 use holo_picture::View;
 use holo_section::SectionSpec;
+use holo_session::StatedOptions;
 use tokio::sync::watch;
 
 use super::Front;
@@ -65,6 +66,48 @@ pub enum StagePhase {
     Ended(String),
 }
 
+/// The light of a scene, as far as a person can change it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SceneLight {
+    /// The options that state it, by their names.
+    pub options: Vec<(String, String)>,
+    /// What was made of them, for people.
+    pub words: Vec<String>,
+    /// True if the scene has a sky or a sun.
+    pub has_sky: bool,
+    /// Groups of lamps with their factors.
+    pub lamps: Vec<(String, f32)>,
+}
+
+impl SceneLight {
+    /// Returns the light of a scene with these groups of lamps, for which `stated` was stated.
+    pub fn new(groups: &[String], stated: &StatedOptions) -> SceneLight {
+        let StatedOptions { options, words } = stated.clone();
+        let factors: Vec<(&str, f32)> = options
+            .iter()
+            .filter(|(name, _)| name == "lamp")
+            .filter_map(|(_, value)| value.rsplit_once('='))
+            .filter_map(|(name, factor)| Some((name, factor.parse().ok()?)))
+            .collect();
+        let is_group = |name: &str| groups.iter().any(|group| group == name);
+        // A lamp that is off gives no light, and so is no group of the scene.
+        let off = factors.iter().filter(|(name, _)| !is_group(name));
+        let mut lamps: Vec<(String, f32)> =
+            groups.iter().map(|group| (group.clone(), 1.0)).collect();
+        lamps.extend(off.map(|(name, _)| ((*name).to_owned(), 1.0)));
+        for (name, factor) in &mut lamps {
+            let stated = factors.iter().find(|(other, _)| other == name);
+            *factor = stated.map_or(1.0, |(_, factor)| *factor);
+        }
+        let is_sky = |name: &str| name == "sky" || name == "sun";
+        // Skies and suns stand last, as in the list of groups.
+        lamps.sort_by_key(|(name, _)| is_sky(name));
+        let has_sky = lamps.iter().any(|(name, _)| is_sky(name))
+            || options.iter().any(|(name, _)| name == "sky" || name == "at");
+        SceneLight { options, words, has_sky, lamps }
+    }
+}
+
 /// The state of a stage, besides the frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct State {
@@ -113,6 +156,8 @@ pub struct State {
     pub parts: Arc<Vec<DriverPart>>,
     /// Named views of the holodeck: name and options.
     pub views: Arc<Vec<(String, String)>>,
+    /// The scene's light, if this program can change it.
+    pub light: Option<Arc<SceneLight>>,
     /// The holodeck's sections.
     pub sections: Arc<Vec<SectionSpec>>,
     /// The scene's walls, as a plan shows them.
@@ -164,5 +209,24 @@ impl Publisher {
         let shown = Arc::new(shown);
         self.front.frames.send_replace(Some(Arc::clone(&shown)));
         shown
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lamps_that_are_off_stay_in_the_list_and_factors_are_those_stated() {
+        let owned = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect();
+        let groups: Vec<String> = owned(&["ceiling", "sky"]);
+        let lamp = |value: &str| ("lamp".to_owned(), value.to_owned());
+        let options = vec![lamp("desk=0"), lamp("sky=2"), lamp("sun=0")];
+        let stated = StatedOptions { options, words: owned(&["dim"]) };
+        let light = SceneLight::new(&groups, &stated);
+        let lamps: Vec<_> = light.lamps.iter().map(|(name, at)| (name.as_str(), *at)).collect();
+        assert_eq!(lamps, [("ceiling", 1.0), ("desk", 0.0), ("sky", 2.0), ("sun", 0.0)]);
+        assert!(light.has_sky && light.words == ["dim"]);
+        assert!(!SceneLight::new(&owned(&["lamp"]), &StatedOptions::default()).has_sky);
     }
 }

@@ -15,4 +15,5 @@ mod packed;
 mod posed;
 mod shading;
 mod shared_scenes;
+mod shiny;
 mod sky;

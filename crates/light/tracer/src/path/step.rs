@@ -24,7 +24,8 @@ const LONG: u32 = 300;
 const CEILING_OF_LONG: f32 = 0.99;
 
 impl PathEngine {
-    /// Samples the next direction and traces the ray; returns whether the path continues.
+    /// Samples the next direction and traces the ray; returns whether the path continues. A ray of a
+    /// mirror or of smooth glass is not traced if `ends` returns true for it.
     #[inline]
     pub(super) fn sample_next(
         &self,
@@ -32,6 +33,7 @@ impl PathEngine {
         path: &mut Path,
         vertex: &OutgoingVertex,
         sampler: &mut Sampler,
+        ends: impl FnOnce(&mut Path, &Ray) -> bool,
     ) -> bool {
         let OutgoingVertex { point, ref frame, wo, front, scatter, aims, .. } = *vertex;
         let depth = path.depth;
@@ -73,7 +75,12 @@ impl PathEngine {
         if path.throughput == Vec3::ZERO {
             return false;
         }
-        self.advance(raycaster, path, vertex, &sampled);
+        let ray = self.leave(path, vertex, &sampled);
+        if scatter.is_delta() && ends(path, &ray) {
+            return false;
+        }
+        path.hit = raycaster.nearest_from(&ray, point.triangle);
+        path.depth += 1;
         if let (Some(aims), Some(pdf)) = (&aims, sampled.pdf) {
             let way = (path.direction, pdf);
             let Some(weight) = aims.weight(raycaster, way, &choice, path.hit.as_ref()) else {
@@ -99,15 +106,9 @@ impl PathEngine {
         shading::terminator(&vertex.frame, vertex.point.normal, direction, sampled.wi.z, is_smooth)
     }
 
-    /// Traces the ray of a sampled direction to the next surface.
+    /// Lets a path leave a surface in a sampled direction. Returns its ray.
     #[inline]
-    pub(super) fn advance(
-        &self,
-        raycaster: &Raycaster,
-        path: &mut Path,
-        vertex: &OutgoingVertex,
-        sampled: &Sampled,
-    ) {
+    fn leave(&self, path: &mut Path, vertex: &OutgoingVertex, sampled: &Sampled) -> Ray {
         let OutgoingVertex { point, error, ref frame, scatter, beyond, light_sampling, .. } =
             *vertex;
         if let Some(beyond) = beyond.filter(|_| sampled.wi.z < 0.0) {
@@ -130,8 +131,6 @@ impl PathEngine {
         }
         path.direction = frame.to_world(sampled.wi);
         path.origin = spawn(point.point, error, point.normal, path.direction);
-        let ray = Ray::new(path.origin, path.direction);
-        path.hit = raycaster.nearest_from(&ray, point.triangle);
-        path.depth += 1;
+        Ray::new(path.origin, path.direction)
     }
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use holo_daylight::{SkyFormula, clear_sky, overcast_sky};
-use holo_scene::{Bsdf, Scene, Sky, SkyAxes, SkyPicture, Sun};
+use holo_scene::{Bsdf, SUN_RADIUS, Scene, Sky, SkyAxes, SkyPicture, Sun};
 use holo_tracer::{Settings, Tracer};
 
 use crate::common::{BLACK, Estimate, Model, estimate, expect};
@@ -44,6 +44,48 @@ fn plate(normal: DVec3) -> Model {
     }
     model.polygon(&front, white);
     model
+}
+
+/// Returns the mean radiance around the direction of the sun, over a square whose solid angle is
+/// four times that of the disc, seen from above a floor or over it if it is a mirror.
+fn around_sun(tracer: &Tracer, towards: DVec3) -> f64 {
+    let (right, up) = towards.any_orthonormal_pair();
+    let half = (PI * SUN_RADIUS.sin().powi(2)).sqrt();
+    const SIDE: u32 = 128;
+    let place = |at: u32| (f64::from(at) + 0.5) / f64::from(SIDE) * 2.0 - 1.0;
+    let mut sum = 0.0;
+    for at in 0..SIDE * SIDE {
+        let aside = right * place(at % SIDE) + up * place(at / SIDE);
+        let traced = tracer.trace(DVec3::Z, (towards + aside * half).normalize(), u64::from(at));
+        sum += f64::from(traced.radiance[1]);
+    }
+    sum / f64::from(SIDE * SIDE)
+}
+
+#[test]
+fn eyes_see_the_disc_of_the_sun_only_if_it_is_wanted_and_mirrors_show_it_too() {
+    let towards = DVec3::new(0.3, 0.4, 0.8).normalize();
+    let sun = Sun { towards: towards.as_vec3().to_array(), irradiance: [100.0; 3] };
+    let even = Sky::default().with_sun(Some(sun));
+    for (bsdf, reflected) in [(WHITE, false), (Bsdf::Mirror { ks: [1.0; 3] }, true)] {
+        let mut model = Model::default();
+        let floor = model.material(bsdf, [0.0; 3]);
+        model.polygon(
+            &[[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [9.0, 9.0, 0.0], [-9.0, 9.0, 0.0]],
+            floor,
+        );
+        let seen = DVec3::new(towards.x, towards.y, -towards.z);
+        let looks = if reflected { vec![towards, seen] } else { vec![towards] };
+        for engine in ["path", "gather"] {
+            for look in &looks {
+                let tracer = under(&model, even.clone(), engine);
+                assert!(around_sun(&tracer, *look) < 1e-6, "{engine}: not asked for");
+                let found = around_sun(&tracer.with_visible_sun(), *look);
+                let wanted = f64::from(sun.radiance()[1]) / 4.0;
+                assert!((found / wanted - 1.0).abs() < 0.01, "{engine} {found} {wanted}");
+            }
+        }
+    }
 }
 
 /// Estimates the irradiance of a white plate, by its radiance.

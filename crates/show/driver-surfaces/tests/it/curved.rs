@@ -14,7 +14,7 @@ const SIDE: usize = 64;
 
 /// A box of 8 × 8 × 8 whose six walls glow, each in another light, around a ball of radius 1 in the
 /// origin, of 12 × 6 patches with smooth normals.
-fn glowing_box(ball: Bsdf) -> Arc<Raycaster> {
+pub fn glowing_box(ball: Bsdf) -> Arc<Raycaster> {
     let around = 12;
     let at = |i: usize, j: usize| {
         let (turn, down) = (i as f64 * 2.0, j as f64 * 2.0);

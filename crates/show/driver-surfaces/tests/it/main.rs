@@ -7,6 +7,7 @@ mod driver;
 mod edges;
 mod filter;
 mod likely;
+mod reflections;
 mod store;
 mod texture;
 #[path = "../../../display/tests/common/viewer.rs"]

@@ -259,6 +259,7 @@ function showState() {
   for (const id of ['b-kill', 'b-restart', 'b-scene', 'b-over']) $(id).disabled = !state.crew;
   if (document.activeElement !== $('l-driver')) $('l-driver').value = state.driver;
   listParts();
+  showLight();
   if (state.question && drives && !$('question').open) {
     $('question-text').textContent = state.question;
     $('question').dataset.answer = state.answer;
@@ -266,6 +267,7 @@ function showState() {
   } else if (!state.question && $('question').open) $('question').close('no');
   if (trouble) notice(trouble, 0, 'trouble');
   else if ($('notice').dataset.of === 'trouble') $('notice').hidden = true;
+  drawNorth();
   drawEye();
   drawGrid();
   showStatus();
@@ -457,18 +459,56 @@ function drawPlan() {
   const size = Math.max(Math.max(...xs) - Math.min(...xs), Math.max(...ys) - Math.min(...ys)) || 1;
   const margin = 0.12 * size;
   plane.size = size;
-  const svg = $('plan');
+  const svg = $('plan'), make = svgNode;
   svg.setAttribute('viewBox', [Math.min(...xs) - margin, Math.min(...ys) - margin,
     Math.max(...xs) - Math.min(...xs) + 2 * margin, Math.max(...ys) - Math.min(...ys) + 2 * margin].join(' '));
-  const make = (name, attributes) => {
-    const node = document.createElementNS('http://www.w3.org/2000/svg', name);
-    for (const key in attributes) node.setAttribute(key, attributes[key]);
-    return node;
-  };
   svg.replaceChildren(...outlines.map((outline, i) => make('polygon', {
     points: outline.map(p => p.join(',')).join(' '), class: facts.sections[i].interior ? 'section' : 'section exterior' })),
-    make('path', { class: 'walls', id: 'walls' }), make('path', { class: 'gaze', id: 'gaze' }), make('circle', { class: 'eye', id: 'eye', r: 0.022 * size }));
+    make('path', { class: 'walls', id: 'walls' }), make('g', { id: 'places' }), make('path', { class: 'gaze', id: 'gaze' }), make('circle', { class: 'eye', id: 'eye', r: 0.022 * size }));
+  drawPlaces();
+  drawNorth();
   drawEye();
+}
+
+function svgNode(name, attributes) {
+  const node = document.createElementNS('http://www.w3.org/2000/svg', name);
+  for (const key in attributes) node.setAttribute(key, attributes[key]);
+  return node;
+}
+
+/** Draws where north is in the corner of the plan, if the scene has a sky with a sun. */
+function drawNorth() {
+  if (!plane || !state) return;
+  const { sky, options } = state.light || {}, angle = Number(options?.north || 0), size = plane.size;
+  $('north').replaceChildren();
+  if (!sky || !(options.place || options.weather)) return;
+  const [left, top] = $('plan').getAttribute('viewBox').split(' ').map(Number), length = 0.04 * size;
+  const arrow = svgNode('path', { d: `M0 ${length}V${-length}M${-length / 2} 0L0 ${-length}L${length / 2} 0` });
+  const letter = svgNode('text', { y: -1.3 * length, 'font-size': 0.05 * size, 'text-anchor': 'middle' });
+  letter.textContent = 'N';
+  $('north').append(arrow, letter);
+  $('north').setAttribute('transform', `translate(${left + 0.07 * size} ${top + 0.11 * size}) rotate(${angle})`);
+}
+
+/** Draws the named views on the plan. A click on one goes there. */
+function drawPlaces() {
+  if (!plane || !state) return;
+  $('places').replaceChildren(...state.views.flatMap(([name, options], index) => {
+    const found = /-vp (\S+) (\S+) (\S+)/.exec(options);
+    if (!found) return [];
+    const eye = found.slice(1).map(Number), [x, y] = plane.flat(eye), size = plane.size;
+    const place = svgNode('g', { class: 'place' }), title = svgNode('title', {});
+    const label = svgNode('text', { x: x + 0.03 * size, y: y + 0.018 * size, 'font-size': 0.055 * size });
+    title.textContent = label.textContent = name;
+    place.append(title, svgNode('circle', { cx: x, cy: y, r: 0.014 * size }), label);
+    place.dataset.height = storeyOf(eye)?.height;
+    place.addEventListener('click', event => {
+      event.stopPropagation();
+      command(`view ${index + 1}`);
+      stage.focus();
+    });
+    return [place];
+  }));
 }
 
 function hull(points) {
@@ -493,7 +533,9 @@ function storeyOf(eye) {
 
 /** Draws the walls of a storey, unless they are drawn. */
 function drawWalls(storey) {
-  if (!storey || $('walls').dataset.height === String(storey.height)) return;
+  if (!storey) return;
+  for (const place of $('places').children) place.toggleAttribute('hidden', place.dataset.height !== String(storey.height));
+  if ($('walls').dataset.height === String(storey.height)) return;
   const { lines } = storey, path = [];
   for (let i = 0; i + 3 < lines.length; i += 4) path.push(`M${lines[i]} ${-lines[i + 1]}L${lines[i + 2]} ${-lines[i + 3]}`);
   $('walls').dataset.height = storey.height;
@@ -974,6 +1016,7 @@ function listViews() {
   const text = JSON.stringify([state.views, state.traces]);
   if (text === listed) return;
   listed = text;
+  drawPlaces();
   $('views').replaceChildren(...state.views.map(([name], index) => {
     const item = document.createElement('li'), go = document.createElement('button'), forget = document.createElement('button');
     go.type = forget.type = 'button';
@@ -1080,6 +1123,7 @@ function watchDensity() {
 }
 watchDensity();
 
+wireLight();
 Object.assign(display, stored('display'));
 gridMode = stored('grid') || gridMode;
 press('b-grid', gridMode === 'on');

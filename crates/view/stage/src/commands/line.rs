@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use glam::DVec3;
 use holo_options::parse_size;
 use holo_picture::{Format, ViewSpec};
-use holo_session::{DriverArg, ObjectOrder};
+use holo_session::{DriverArg, LightChange, ObjectOrder};
 
 use crate::{Input, Named};
 
@@ -18,7 +18,7 @@ const LINES: &str = "home, back, forward, view OPTIONS, view NAME, go X Y Z, loc
     solid, ghost, leave, \
     size WxH, pause, resume, kill workers, restart workers, driver NAME, with PART, without PART, keep NAME, forget NAME, restore, \
     picture FILE, picture FILE WxH, object add FILE at X Y Z, object move|turn|scale NAME to|by …, \
-    object remove NAME, object list, restart (twice), start over (twice), cancel, quit";
+    object remove NAME, object list, sky SKY OPTION VALUE …, lamp NAME FACTOR, restart (twice), start over (twice), cancel, quit";
 
 /// Parses a command line.
 ///
@@ -63,6 +63,8 @@ pub fn parse(line: &str) -> Result<Input, String> {
         "forget" => name(rest).map(Input::Forget),
         "picture" => picture(rest),
         "object" => ObjectOrder::parse(rest).map(Input::Object),
+        "sky" => LightChange::parse_sky(rest).map(Input::Light),
+        "lamp" => LightChange::parse_lamp(rest).map(Input::Light),
         _ => Err(format!("`{line}` is no command. Commands: {LINES}")),
     }
 }
@@ -154,6 +156,8 @@ mod tests {
             ("object list", Input::Object(ObjectOrder::List)),
             ("object remove a chair", Input::Object(ObjectOrder::Remove("a chair".into()))),
             ("quit", Input::Quit),
+            ("sky clear north 3", Input::Light(LightChange::parse_sky("clear north 3").unwrap())),
+            ("lamp a b 0.5", Input::Light(LightChange::parse_lamp("a b 0.5").unwrap())),
             ("with dither", Input::Switch(vec!["dither".into()], true)),
             (
                 "without dither, depth-cull",
@@ -184,6 +188,8 @@ mod tests {
             ("without", "names no part"),
             ("with a,,b", "names no part"),
             ("object", "write `object add"),
+            ("sky", "such as `sky clear"),
+            ("lamp ceiling", "such as `lamp ceiling 0.5`"),
             ("picture", "needs a file"),
             ("picture a.txt 64x36", "needs a file"),
         ] {

@@ -5,12 +5,12 @@ use std::{path::PathBuf, sync::Arc, thread, time::Instant};
 use anyhow::anyhow;
 use glam::DVec3;
 use holo_picture::ViewSpec;
+use holo_session::{Crew, LightChange};
 use holo_walk::Walker;
 use tokio::sync::oneshot;
 
 use super::{ANSWER, Hand, HandEnding, Question, REST};
 use crate::{
-    crew::Crew,
     input::{Input, Named},
     painter::Order,
     picture_file::write_picture,
@@ -60,6 +60,7 @@ impl Hand {
             }
             Input::Switch(parts, on) => self.order(Order::Switch(parts, on)),
             Input::Object(order) => self.order(Order::Object(order)),
+            Input::Light(change) => self.change_light(change),
             Input::Size(width, height) => self.resize((width, height)),
             Input::KillWorkers => self.order_crew(Crew::kill_workers),
             Input::RestartWorkers => self.order_crew(Crew::restart_workers),
@@ -110,8 +111,17 @@ impl Hand {
         } else if question == Question::StartOver {
             self.ending = Some(HandEnding::StartOver);
         } else if self.scene_read.is_none() {
-            self.scene_read = Some(crew.read_scene());
+            self.scene_read = Some(crew.read_scene(LightChange::default()));
         }
+    }
+
+    /// Has the scene read again with a change of its light. Changes that come meanwhile are made
+    /// together.
+    fn change_light(&mut self, change: LightChange) {
+        let Some(crew) = &self.crew else { return self.refuse(NO_CREW.to_owned()) };
+        self.refusal = None;
+        self.light_change.add(change);
+        self.scene_read = Some(crew.read_scene(self.light_change.clone()));
     }
 
     /// Ends to go on with a scene that was read again, or says why it cannot be used.
@@ -123,6 +133,7 @@ impl Hand {
             Ok(read) => read,
         };
         self.scene_read = None;
+        self.light_change = LightChange::default();
         match read {
             Ok(()) => self.ending = Some(HandEnding::Restart),
             Err(error) => self.refuse(format!("{error:#}")),

@@ -16,16 +16,15 @@ use glam::DVec3;
 use holo_display::Frame;
 use holo_picture::{DEFAULT_VH, View, ViewKind, ViewSpec};
 use holo_raycast::Raycaster;
-use holo_session::{DriverArg, EyeVelocity, scaled};
+use holo_session::{Crew, DriverArg, EyeVelocity, LightChange, StatedOptions, scaled};
 use holo_walk::{Controls, Pose, Surroundings, Walker};
 use tokio::sync::oneshot;
 
 use super::{
-    crew::Crew,
     input::Numbered,
     painter::{Done, FrameRequests, News, Order, Painted, StageView},
     record::ScriptRecorder,
-    shown::{PublishedFrame, Publisher, State},
+    shown::{PublishedFrame, Publisher, SceneLight, State},
     signal::ThreadSignal,
     warp::{Source, can_show, warp},
     world::World,
@@ -123,6 +122,12 @@ pub struct Hand {
     removed_view: Option<(String, String)>,
     /// The answer of the crew that reads the scene again.
     scene_read: Option<oneshot::Receiver<Result<()>>>,
+    /// The change of light with which it reads it.
+    light_change: LightChange,
+    /// Groups of the scene's lamps, once the scene is known.
+    lamp_groups: Option<Vec<String>>,
+    /// The light that those groups and this statement say.
+    light: Option<(Arc<StatedOptions>, Arc<SceneLight>)>,
     /// Why the hand ends, once it does.
     ending: Option<HandEnding>,
     publisher: Publisher,
@@ -221,6 +226,9 @@ impl Hand {
             driver: None,
             removed_view: None,
             scene_read: None,
+            light_change: LightChange::default(),
+            lamp_groups: None,
+            light: None,
             ending: None,
             publisher,
             record: wishes.record.as_deref().map(ScriptRecorder::create).transpose()?,
@@ -341,6 +349,9 @@ impl Hand {
                 Arc::new(World::new(Arc::clone(scene), sections, self.walker.metre()))
             };
             self.walker.surroundings = scene.as_ref().map(world);
+            if let Some(scene) = &scene {
+                (self.lamp_groups, self.light) = (Some(scene.scene().lamp_groups()), None);
+            }
             self.scene = scene;
         }
     }
@@ -545,6 +556,18 @@ impl Hand {
         }
     }
 
+    /// Returns the scene's light, if it is known and the crew can change it.
+    fn light(&mut self) -> Option<Arc<SceneLight>> {
+        let stated = self.crew.as_ref()?.light();
+        let groups = self.lamp_groups.as_ref()?;
+        let is_of_now = |(of, _): &(Arc<StatedOptions>, _)| Arc::ptr_eq(of, &stated);
+        if !self.light.as_ref().is_some_and(is_of_now) {
+            let light = Arc::new(SceneLight::new(groups, &stated));
+            self.light = Some((stated, light));
+        }
+        self.light.as_ref().map(|(_, light)| Arc::clone(light))
+    }
+
     /// Publishes the state, unless that was done a moment ago.
     fn publish_state(&mut self) {
         let now = Instant::now();
@@ -556,9 +579,11 @@ impl Hand {
         self.question = self.question.filter(|(_, since)| since.elapsed() < ANSWER);
         let reading = self.scene_read.as_ref().map(|_| READING.to_owned());
         let refusal = self.refusal.as_ref().map(|(refusal, _)| refusal.clone());
+        let light = self.light();
         let pose = self.walker.pose();
         let news = self.news.clone();
         self.publisher.state(State {
+            light,
             is_uncovered: news.is_uncovered,
             trouble: news.trouble.or(reading).or(refusal),
             views: news.views,

@@ -52,7 +52,7 @@ pub fn grey(albedo: f32) -> Bsdf {
 /// Returns the light at a place, of a sphere around it whose radiance is a function of direction.
 pub fn sphere_of_light(centre: DVec3, radiance: impl Fn(DVec3) -> f32) -> LightProbe {
     let frames = probe_views(centre).unwrap().map(|view| {
-        let size = (48, 48);
+        let size = (64, 64);
         let mut frame = Frame::black(size);
         for pixel in 0..size.0 * size.1 {
             let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
