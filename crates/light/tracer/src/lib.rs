@@ -358,7 +358,7 @@ impl Tracer {
         for replicate in 0..count {
             let share = |i: u32| u64::from(self.settings.paths) * u64::from(i) / u64::from(count);
             let paths = 0..share(replicate + 1) - share(replicate);
-            let seed = sampler::mix(seed.wrapping_add(sampler::mix(u64::from(replicate))));
+            let seed = holo_sobol::mix(seed.wrapping_add(holo_sobol::mix(u64::from(replicate))));
             let mean = self.mean(start, seed, paths).as_dvec3();
             sum += mean;
             squares += mean * mean;

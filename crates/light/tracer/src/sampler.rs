@@ -1,6 +1,5 @@
-//! Random numbers of one path: Owen-scrambled Sobol points, indexed by path number (Burley 2020,
-//! "Practical Hash-based Owen Scrambling", JCGT 9(4)). Each pair of dimensions is scrambled and
-//! shuffled independently.
+//! Random numbers of one path: Owen-scrambled Sobol points, indexed by path number. Each pair of
+//! dimensions is scrambled and shuffled independently ([`SobolPair`]).
 //!
 //! A number is identified by the vertex of the path, a [`NumberPurpose`], and its position among
 //! the numbers of that vertex and purpose.
@@ -22,9 +21,7 @@
 //! exactly one point. The point of a single path is uniform. Points of different seeds, vertices,
 //! purposes and positions are independent.
 
-/// The golden ratio in 64 bits: the step of SplitMix64 (Steele, Lea, Flood 2014, "Fast splittable
-/// pseudorandom number generators").
-const STEP: u64 = 0x9E37_79B9_7F4A_7C15;
+use holo_sobol::{STEP, SobolPair, mix, unit};
 
 /// The purpose of a number. Each purpose has its own dimensions at every vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -125,78 +122,6 @@ impl Pairs {
     }
 }
 
-/// One pair of dimensions: a Sobol (0,2)-sequence in base 2, shuffled and scrambled by `keys`.
-#[derive(Clone, Copy, Debug)]
-struct SobolPair {
-    keys: u64,
-}
-
-impl SobolPair {
-    #[inline]
-    fn point(self, reversed: u32) -> [u32; 2] {
-        let index = shuffle(reversed, self.keys as u32);
-        let more = mix(self.keys.wrapping_add(STEP));
-        // Scrambling alone does not make the low bits of a single point uniform. A digital shift
-        // does, and it keeps all strata.
-        let shift = (more >> 32) as u32;
-        [
-            scramble(index, (self.keys >> 32) as u32) ^ shift,
-            scramble(pascal(index), more as u32) ^ shift.rotate_left(16).wrapping_mul(0x9E37_79B1),
-        ]
-    }
-}
-
-/// Owen-shuffles an index whose bits are reversed: indices of an aligned block of 2^k stay in one
-/// block.
-#[inline]
-fn shuffle(reversed: u32, key: u32) -> u32 {
-    nested(reversed, key).reverse_bits()
-}
-
-/// Owen-scrambles a fraction whose bits are reversed.
-#[inline]
-fn scramble(reversed: u32, key: u32) -> u32 {
-    nested(reversed, key).reverse_bits()
-}
-
-/// Flips each bit or not, by a hash of the bits below it (Laine and Karras 2011, with the constants
-/// of Vegdahl 2021).
-#[inline]
-fn nested(mut x: u32, key: u32) -> u32 {
-    x ^= x.wrapping_mul(0x3D20_ADEA);
-    x = x.wrapping_add(key);
-    x = x.wrapping_mul((key >> 16) | 1);
-    x ^= x.wrapping_mul(0x0552_6C56);
-    x ^ x.wrapping_mul(0x53A2_2864)
-}
-
-/// Returns Sobol's second dimension of an index, with reversed bits: the product with Pascal's
-/// triangle modulo 2. Five steps suffice because the triangle is self-similar (Ahmed 2024, "An
-/// Implementation Algorithm of 2D Sobol Sequence Fast, Elegant, and Compact").
-#[inline]
-fn pascal(mut x: u32) -> u32 {
-    x ^= (x & 0xAAAA_AAAA) >> 1;
-    x ^= (x & 0xCCCC_CCCC) >> 2;
-    x ^= (x & 0xF0F0_F0F0) >> 4;
-    x ^= (x & 0xFF00_FF00) >> 8;
-    x ^ (x >> 16)
-}
-
-/// Returns SplitMix64's finalizer of `z`: a bijection whose output bits each depend on all input
-/// bits.
-#[inline]
-pub(crate) fn mix(mut z: u64) -> u64 {
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
-}
-
-/// Returns a float in [0, 1) from 24 bits; more bits could round to 1.
-#[inline]
-fn unit(bits: u32) -> f32 {
-    (bits >> 8) as f32 * (1.0 / (1 << 24) as f32)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -271,19 +196,6 @@ mod tests {
             let v = 2.0 / (9.0 * degrees);
             let z = ((chi2 / degrees).cbrt() - (1.0 - v)) / v.sqrt();
             assert!(z.abs() < 4.5, "chi² {chi2} of {degrees}");
-        }
-    }
-
-    #[test]
-    fn the_second_dimension_is_that_of_sobol() {
-        // Direction numbers of the polynomial x + 1.
-        let mut directions = [1_u32 << 31; 32];
-        for k in 1..32 {
-            directions[k] = directions[k - 1] ^ (directions[k - 1] >> 1);
-        }
-        for i in (0..1000).chain((0..1000).map(|i| u32::MAX - 7919 * i)) {
-            let expected = (0..32).filter(|k| i >> k & 1 == 1).fold(0, |y, k| y ^ directions[k]);
-            assert_eq!(pascal(i).reverse_bits(), expected, "{i}");
         }
     }
 

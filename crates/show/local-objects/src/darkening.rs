@@ -1,9 +1,72 @@
-//! About how much light an object takes from the surfaces around it, without noise.
+//! How much light an object takes from the surfaces that its probe shows.
 
 use glam::Vec3;
+use holo_reflection_cube::ReflectionCube;
+use rayon::prelude::*;
 
+use crate::harmonics::Harmonics;
 use crate::lighting::ObjectLighting;
 use crate::object::LocalObject;
+
+/// A distance from the object's centre, in radii, beyond which it is too far from what a probe
+/// shows to darken it.
+const NEAR: f32 = 6.0;
+
+/// Most texels on a side of the shares, while an object moves and at rest.
+pub(crate) const ROUGH_SIDE: u32 = 16;
+pub(crate) const FINE_SIDE: u32 = 64;
+
+/// The share of light that an object leaves to what its probe shows, by direction.
+pub(crate) struct Darkening {
+    cube: ReflectionCube,
+    left: Vec<Vec3>,
+}
+
+impl Darkening {
+    /// Returns about the shares, without noise.
+    pub(crate) fn roughly(object: &LocalObject, lighting: &ObjectLighting) -> Darkening {
+        Darkening::of(object, lighting, ROUGH_SIDE, |_, texel, place| {
+            if lighting.is_bright[texel] {
+                return Vec3::ONE;
+            }
+            let normal = lighting.probe.normal(texel);
+            Vec3::ONE - taken_roughly(object, lighting, place, normal)
+        })
+    }
+
+    /// Returns the shares by a function of a number, of a texel of the probe and of its place
+    /// relative to the probe's centre.
+    pub(crate) fn of(
+        object: &LocalObject,
+        lighting: &ObjectLighting,
+        most_side: u32,
+        left: impl Fn(u32, usize, Vec3) -> Vec3 + Sync,
+    ) -> Darkening {
+        let probe = &lighting.probe;
+        let cube = ReflectionCube::new(Vec3::ZERO, probe.cube.resolution().min(most_side));
+        let centre = (object.centre() - probe.centre()).as_vec3();
+        let reach = NEAR * object.radius() as f32;
+        let of = |number: u32| {
+            let texel = probe.cube.texel_of(cube.direction_of(number as usize));
+            let place = probe.place(texel).filter(|place| place.distance(centre) < reach);
+            place.map_or(Vec3::ONE, |place| left(number, texel, place))
+        };
+        let left = (0..cube.len() as u32).into_par_iter().map(of).collect();
+        Darkening { cube, left }
+    }
+
+    /// Returns the share that is left to what is seen in a direction from the probe's centre.
+    #[inline]
+    pub(crate) fn left(&self, direction: Vec3) -> Vec3 {
+        self.left[self.cube.texel_of(direction)]
+    }
+
+    /// Returns the light that is in no light, while the object takes its share.
+    pub(crate) fn rest(&self, lighting: &ObjectLighting) -> Harmonics {
+        let dim = &lighting.dim[usize::from(self.cube.len() != lighting.dim[0].cube.len())];
+        Harmonics::of(&dim.cube, |texel| dim.light[texel] * self.left[texel])
+    }
+}
 
 /// Returns about the share of light that an object takes from a surface of its probe, by channel.
 /// `point` is relative to the probe's centre.
@@ -27,7 +90,7 @@ pub(crate) fn taken_roughly(
             hidden += irradiance;
         }
     }
-    share(hidden, all)
+    portion(hidden, all).clamp(Vec3::ZERO, Vec3::ONE)
 }
 
 /// Returns the share of a surface's light from all sides that an object takes, whose centre is
@@ -44,7 +107,7 @@ pub(crate) fn hidden_part(object: &LocalObject, to_centre: Vec3, normal: Vec3) -
     object.darkness() * sine * sine * cosine.clamp(0.0, 1.0) * above
 }
 
-/// Returns the share of what is hidden, by channel, from 0 to 1.
-pub(crate) fn share(hidden: Vec3, all: Vec3) -> Vec3 {
-    (hidden / all.max(Vec3::splat(f32::MIN_POSITIVE))).clamp(Vec3::ZERO, Vec3::ONE)
+/// Returns the part that is hidden, by channel.
+pub(crate) fn portion(hidden: Vec3, all: Vec3) -> Vec3 {
+    hidden / all.max(Vec3::splat(f32::MIN_POSITIVE))
 }

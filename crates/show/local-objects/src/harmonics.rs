@@ -4,6 +4,8 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
+use holo_reflection_cube::ReflectionCube;
+
 /// Number of harmonics up to order 2.
 const COUNT: usize = 9;
 
@@ -18,10 +20,19 @@ const LOBE: [f32; COUNT] = {
 pub(crate) struct Harmonics([Vec3; COUNT]);
 
 impl Harmonics {
-    /// Adds radiance that comes from a direction, within a solid angle.
-    pub(crate) fn add(&mut self, direction: Vec3, radiance: Vec3, solid_angle: f32) {
+    /// Returns the harmonics of the light of a cube's texels: radiance times solid angle.
+    pub(crate) fn of(cube: &ReflectionCube, light: impl Fn(usize) -> Vec3) -> Harmonics {
+        let mut harmonics = Harmonics::default();
+        for texel in 0..cube.len() {
+            harmonics.add(cube.direction_of(texel), light(texel));
+        }
+        harmonics
+    }
+
+    /// Adds light that comes from a direction: radiance times solid angle.
+    fn add(&mut self, direction: Vec3, light: Vec3) {
         for (sum, basis) in self.0.iter_mut().zip(basis(direction)) {
-            *sum += radiance * (basis * solid_angle);
+            *sum += light * basis;
         }
     }
 
@@ -66,12 +77,9 @@ mod tests {
     /// Returns the harmonics of a radiance.
     fn of(radiance: impl Fn(Vec3) -> Vec3) -> Harmonics {
         let cube = ReflectionCube::new(Vec3::ZERO, 32);
-        let mut harmonics = Harmonics::default();
-        for texel in 0..cube.len() {
-            let direction = cube.direction_of(texel);
-            harmonics.add(direction, radiance(direction), cube.solid_angle_of(texel));
-        }
-        harmonics
+        Harmonics::of(&cube, |texel| {
+            radiance(cube.direction_of(texel)) * cube.solid_angle_of(texel)
+        })
     }
 
     #[test]

@@ -5,10 +5,11 @@
 //! 2. A [`LightProbe`] is the light that arrives at one place: what a driver shows of stored
 //!    samples in the six views of [`probe_views`], with its distances, in a reflection cube.
 //! 3. An [`ObjectLighting`] divides a probe's light into a few lights, which cast shadows, and the
-//!    rest.
+//!    rest. A [`LitObject`] is an object with that light, and with its shadow on what the probe shows.
 //! 4. An [`ObjectLayer`] casts the rays of a frame against the objects, and adds up passes. It also
 //!    estimates the share of light that the objects take from the surfaces around them.
-//!    [`ObjectLayer::compose`] draws both over a frame of any driver.
+//!    [`ObjectLayer::compose`] draws both over a frame of any driver. While an object moves, a ray
+//!    stands for several pixels.
 //!
 //! Objects hide each other and cast shadows on each other, but do not reflect each other. Light that
 //! they emit is seen, and lights nothing else. Glass shows the probe's light, refracted, and casts
@@ -19,6 +20,7 @@
 //! - A pose is finite and its scale is positive: only [`LocalObject::new`] accepts one.
 //! - The room stays as it is. Only a frame's pixels and distances change.
 
+mod at_rest;
 mod darkening;
 mod error;
 mod harmonics;

@@ -4,9 +4,10 @@ use glam::{DVec3, Vec3};
 use holo_reflection_cube::ReflectionCube;
 use holo_scene::PunctualBeam;
 
+use crate::darkening::{FINE_SIDE, ROUGH_SIDE};
 use crate::harmonics::Harmonics;
 use crate::lights::{ProbeLight, brightest};
-use crate::probe::{LightProbe, radiance};
+use crate::probe::LightProbe;
 use crate::room::Room;
 
 /// Number of lights that a probe is divided into (Larson & Simmons 1999, §2.4.6).
@@ -16,13 +17,34 @@ pub const LIGHTS: usize = 8;
 /// two texels of the smallest probes, as a cosine.
 const SUN_CORONA: f32 = 0.998;
 
+/// Light that is in no light, by few directions.
+pub(crate) struct DimLight {
+    /// Whose texels it is given for.
+    pub cube: ReflectionCube,
+    /// Radiance times solid angle.
+    pub light: Vec<Vec3>,
+}
+
+impl DimLight {
+    fn new(probe: &LightProbe, is_bright: &[bool], most_side: u32) -> DimLight {
+        let cube = ReflectionCube::new(Vec3::ZERO, probe.cube.resolution().min(most_side));
+        let mut light = vec![Vec3::ZERO; cube.len()];
+        for texel in (0..probe.cube.len()).filter(|&texel| !is_bright[texel]) {
+            let around = cube.texel_of(probe.cube.direction_of(texel));
+            light[around] += probe.radiance(texel) * probe.cube.solid_angle_of(texel);
+        }
+        DimLight { cube, light }
+    }
+}
+
 /// The light that arrives at a place, divided.
 pub struct ObjectLighting {
     pub(crate) probe: LightProbe,
     pub(crate) lights: Vec<ProbeLight>,
     /// For each texel, whether it is in one of the lights.
     pub(crate) is_bright: Vec<bool>,
-    /// The light of the texels that are in none.
+    /// The light of the texels that are in no light, roughly and finely, and smoothed.
+    pub(crate) dim: [DimLight; 2],
     pub(crate) rest: Harmonics,
 }
 
@@ -32,10 +54,17 @@ impl ObjectLighting {
     #[must_use]
     pub fn new(mut probe: LightProbe, lights: usize, room: Option<&Room>) -> ObjectLighting {
         let unseen = room.map_or_else(Vec::new, |room| unseen_lights(&mut probe, room));
-        let (mut lights, is_bright) = brightest(&probe, lights);
+        let (mut lights, is_bright) = brightest(&probe, lights, room);
         lights.extend(unseen);
-        let rest = harmonics(&probe.cube, &is_bright);
-        ObjectLighting { probe, lights, is_bright, rest }
+        let dim = [ROUGH_SIDE, FINE_SIDE].map(|side| DimLight::new(&probe, &is_bright, side));
+        let rest = Harmonics::of(&dim[1].cube, |texel| dim[1].light[texel]);
+        ObjectLighting { probe, lights, is_bright, dim, rest }
+    }
+
+    /// Returns the radiance of a texel of the probe, without the lights.
+    #[inline]
+    pub(crate) fn dim_radiance(&self, texel: usize) -> Vec3 {
+        if self.is_bright[texel] { Vec3::ZERO } else { self.probe.radiance(texel) }
     }
 
     /// Returns the place that it is the light of.
@@ -43,16 +72,6 @@ impl ObjectLighting {
     pub fn centre(&self) -> DVec3 {
         self.probe.centre()
     }
-}
-
-/// Returns the harmonics of the texels that are in no light.
-pub(crate) fn harmonics(cube: &ReflectionCube, is_bright: &[bool]) -> Harmonics {
-    let mut rest = Harmonics::default();
-    for texel in (0..cube.len()).filter(|&texel| !is_bright[texel]) {
-        let (direction, solid_angle) = (cube.direction_of(texel), cube.solid_angle_of(texel));
-        rest.add(direction, radiance(cube, texel), solid_angle);
-    }
-    rest
 }
 
 /// Returns the suns and punctual lights of a room, and takes the discs of suns out of a probe.

@@ -7,6 +7,7 @@ use glam::Vec3;
 use holo_picture::relative_luminance;
 
 use crate::probe::LightProbe;
+use crate::room::Room;
 
 /// A texel is bright if its luminance is this many times the mean of all directions.
 const BRIGHT: f32 = 2.5;
@@ -107,6 +108,18 @@ impl ProbeLight {
         ProbeLight { points, sums, middle, spread, is_unseen: false }
     }
 
+    /// Returns the light with another share of it from each direction.
+    pub(crate) fn weighed(&self, share: impl Fn(Vec3) -> Vec3) -> ProbeLight {
+        if self.is_unseen {
+            return self.clone();
+        }
+        let weighed = |point: &LightPoint| {
+            let irradiance = point.irradiance * share(point.direction);
+            LightPoint { irradiance, ..*point }
+        };
+        ProbeLight::new(self.points.iter().map(weighed).collect())
+    }
+
     /// Returns a light that no driver shows.
     pub(crate) fn unseen(direction: Vec3, place: Option<Vec3>, irradiance: Vec3) -> ProbeLight {
         let point = LightPoint { direction, place, normal: Vec3::ZERO, irradiance };
@@ -175,8 +188,13 @@ fn nearer(point: &LightPoint, [first, second]: [Vec3; 2]) -> usize {
     usize::from(apart(second) < apart(first))
 }
 
-/// Returns at most `most` lights, and for each texel whether it is in one.
-pub(crate) fn brightest(probe: &LightProbe, most: usize) -> (Vec<ProbeLight>, Vec<bool>) {
+/// Returns at most `most` lights, and for each texel whether it is in one. `room` is the model of
+/// the scene, if it is known.
+pub(crate) fn brightest(
+    probe: &LightProbe,
+    most: usize,
+    room: Option<&Room>,
+) -> (Vec<ProbeLight>, Vec<bool>) {
     let cube = &probe.cube;
     let luminance = |texel: usize| relative_luminance(probe.radiance(texel).to_array());
     let whole: f32 =
@@ -185,28 +203,30 @@ pub(crate) fn brightest(probe: &LightProbe, most: usize) -> (Vec<ProbeLight>, Ve
     let is_bright: Vec<bool> =
         (0..cube.len()).map(|texel| most > 0 && luminance(texel) > least).collect();
     let point = |texel: usize| {
-        let place = probe.place(texel);
+        let direction = cube.direction_of(texel);
+        let surface = probe.place(texel).map(|place| (place, probe.normal(texel)));
+        let leaves = || room.and_then(|room| room.leaves(probe.centre(), direction));
+        let surface = surface.or_else(leaves);
         LightPoint {
-            direction: cube.direction_of(texel),
-            place,
-            normal: if place.is_some() { probe.normal(texel) } else { Vec3::ZERO },
+            direction,
+            place: surface.map(|(place, _)| place),
+            normal: surface.map_or(Vec3::ZERO, |(_, normal)| normal),
             irradiance: probe.radiance(texel) * cube.solid_angle_of(texel),
         }
     };
-    let points: Vec<LightPoint> =
-        (0..cube.len()).filter(|&texel| is_bright[texel]).map(point).collect();
-    if points.is_empty() {
+    let texels: Vec<usize> = (0..cube.len()).filter(|&texel| is_bright[texel]).collect();
+    if texels.is_empty() {
         return (Vec::new(), is_bright);
     }
     // Light of the sky and light of surfaces differ in where they are: they are never one light.
-    let (near, far): (Vec<LightPoint>, Vec<LightPoint>) =
-        points.iter().partition(|point| point.place.is_some());
+    let is_near = |texel: &usize| probe.place(*texel).is_some();
+    let (near, far): (Vec<usize>, Vec<usize>) = texels.iter().partition(|texel| is_near(texel));
     let mut lights: Vec<ProbeLight> = match most {
-        1 => vec![ProbeLight::new(points)],
+        1 => vec![ProbeLight::new(texels.into_iter().map(point).collect())],
         _ => [near, far]
             .into_iter()
-            .filter(|points| !points.is_empty())
-            .map(ProbeLight::new)
+            .filter(|texels| !texels.is_empty())
+            .map(|texels| ProbeLight::new(texels.into_iter().map(point).collect()))
             .collect(),
     };
     while lights.len() < most {
@@ -255,19 +275,19 @@ mod tests {
     fn lights_have_all_light_of_the_bright_texels_however_many_there_are() {
         let probe = with_lamps();
         for most in [1, 2, 4, 8, 16] {
-            let (lights, is_bright) = brightest(&probe, most);
+            let (lights, is_bright) = brightest(&probe, most, None);
             assert!(lights.len() <= most && !lights.is_empty());
             let found: f32 = lights.iter().map(|light| light.middle.irradiance.x).sum();
             let expected = whole(&probe, |texel| is_bright[texel]);
             assert!((found / expected - 1.0).abs() < 1e-3, "{most}: {found}, not {expected}");
         }
-        let (none, is_bright) = brightest(&probe, 0);
+        let (none, is_bright) = brightest(&probe, 0, None);
         assert!(none.is_empty() && is_bright.iter().all(|bright| !bright));
     }
 
     #[test]
     fn two_lamps_become_two_lights() {
-        let (lights, _) = brightest(&with_lamps(), 2);
+        let (lights, _) = brightest(&with_lamps(), 2, None);
         let mut towards: Vec<f32> = lights.iter().map(|light| light.middle.direction.z).collect();
         towards.sort_by(f32::total_cmp);
         assert!(towards[0] < 0.3 && towards[1] > 0.99, "{towards:?}");
@@ -276,7 +296,7 @@ mod tests {
 
     #[test]
     fn the_mean_over_all_points_of_a_light_is_the_light() {
-        let (lights, _) = brightest(&with_lamps(), 1);
+        let (lights, _) = brightest(&with_lamps(), 1, None);
         let count = 4096;
         let mean: Vec3 = (0..count)
             .map(|number| lights[0].sample((number as f32 + 0.5) / count as f32).irradiance)
@@ -288,7 +308,7 @@ mod tests {
 
     #[test]
     fn a_light_is_stronger_nearby_by_the_square_of_the_distance() {
-        let (lights, _) = brightest(&with_lamps(), 2);
+        let (lights, _) = brightest(&with_lamps(), 2, None);
         let above = lights.iter().find(|light| light.middle.direction.z > 0.9).unwrap();
         let (here, nearer) =
             (above.middle.arriving(Vec3::ZERO), above.middle.arriving(Vec3::Z * 1.5));

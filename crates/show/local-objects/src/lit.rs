@@ -3,66 +3,63 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use holo_reflection_cube::{CubeAnswer, ReflectionCube};
-use rayon::prelude::*;
+use holo_reflection_cube::CubeAnswer;
 
-use crate::darkening::taken_roughly;
+use crate::darkening::Darkening;
 use crate::harmonics::Harmonics;
-use crate::lighting::{ObjectLighting, harmonics};
+use crate::lighting::ObjectLighting;
+use crate::lights::ProbeLight;
 use crate::object::LocalObject;
-use crate::probe::radiance;
 
-/// A distance from the object's centre, in radii, beyond which it is too far from what a probe
-/// shows to darken it.
-const NEAR: f32 = 6.0;
+/// Relative difference of distances within which a probe shows the surface that a ray meets.
+const SAME_SURFACE: f32 = 0.02;
 
 /// An object with its light.
 #[derive(Clone)]
 pub struct LitObject {
     pub(crate) object: LocalObject,
     pub(crate) lighting: Arc<ObjectLighting>,
-    /// What the object's surroundings look like while it is there.
     pub(crate) surroundings: Arc<Surroundings>,
 }
 
-/// What a probe shows while an object takes some of its light.
+/// What the object's surroundings look like while it is there.
 pub(crate) struct Surroundings {
-    cube: ReflectionCube,
-    /// The texels that are in no light.
+    pub darkening: Darkening,
+    /// The light that is in no light.
     pub rest: Harmonics,
+    /// The lights at rest, where the object's shadow may fall on those that do not emit, and the
+    /// passes by which it was found.
+    lights: Option<(Vec<ProbeLight>, u32)>,
 }
 
 impl LitObject {
     /// Lights an object. The probe's centre should be near the object's.
     ///
-    /// The object's shadow falls on what the probe shows, such as the floor below.
+    /// The object's shadow falls on what the probe shows, such as the floor below, as far as a
+    /// person sees while the object moves.
     #[must_use]
     pub fn new(object: LocalObject, lighting: Arc<ObjectLighting>) -> LitObject {
-        let probe = &lighting.probe;
-        let centre = (object.centre() - probe.centre()).as_vec3();
-        let reach = NEAR * object.radius() as f32;
-        let darkened = |texel: usize| {
-            let place = probe.place(texel).filter(|_| !lighting.is_bright[texel])?;
-            (place.distance(centre) < reach).then(|| {
-                let taken = taken_roughly(&object, &lighting, place, probe.normal(texel));
-                (texel, probe.radiance(texel) * (Vec3::ONE - taken))
-            })
-        };
-        let darkened: Vec<_> = (0..probe.cube.len()).into_par_iter().filter_map(darkened).collect();
-        let mut cube = probe.cube.clone();
-        for (texel, radiance) in darkened {
-            cube.set_radiance(texel, radiance.to_array());
-        }
-        cube.refresh_levels();
-        let rest = harmonics(&cube, &lighting.is_bright);
-        let surroundings = Arc::new(Surroundings { cube, rest });
+        let darkening = Darkening::roughly(&object, &lighting);
+        LitObject::with(object, lighting, darkening, None)
+    }
+
+    /// Returns an object with its light. `lights` are those at rest, and the passes by which they were
+    /// found.
+    pub(crate) fn with(
+        object: LocalObject,
+        lighting: Arc<ObjectLighting>,
+        darkening: Darkening,
+        lights: Option<(Vec<ProbeLight>, u32)>,
+    ) -> LitObject {
+        let rest = darkening.rest(&lighting);
+        let surroundings = Arc::new(Surroundings { darkening, rest, lights });
         LitObject { object, lighting, surroundings }
     }
 
     /// Returns whether this is the same object at the same place, in the same light.
     #[must_use]
     pub fn is_same(&self, other: &LitObject) -> bool {
-        self.is_of(&other.object, &other.lighting)
+        self.is_of(&other.object, &other.lighting) && self.passes() == other.passes()
     }
 
     /// Returns whether this is the object at its place, in this light.
@@ -72,6 +69,18 @@ impl LitObject {
         is_same_model
             && self.object.pose() == object.pose()
             && Arc::ptr_eq(&self.lighting, lighting)
+    }
+
+    /// Returns by how many passes [`at_rest`](Self::at_rest) has found its light; 0 if it moves.
+    #[must_use]
+    pub fn passes(&self) -> u32 {
+        self.surroundings.lights.as_ref().map_or(0, |(_, passes)| *passes)
+    }
+
+    /// Returns the lights that the object has.
+    #[inline]
+    pub(crate) fn lights(&self) -> &[ProbeLight] {
+        self.surroundings.lights.as_ref().map_or(&self.lighting.lights, |(lights, _)| lights)
     }
 
     /// Returns a place relative to the probe's centre.
@@ -84,20 +93,47 @@ impl LitObject {
     /// radians. `point` is relative to the probe's centre.
     #[inline]
     pub(crate) fn radiance(&self, point: Vec3, direction: Vec3, blur: f32) -> Vec3 {
-        match self.surroundings.cube.look_up(point, direction, blur..=blur) {
-            CubeAnswer::Light(light) => light.radiance.into(),
+        let cube = &self.lighting.probe.cube;
+        let seen = cube.direction_of(cube.texel_seen(point, direction));
+        let radiance = match cube.look_up(point, direction, blur..=blur) {
+            CubeAnswer::Light(light) => Vec3::from(light.radiance),
             // All texels are valid.
             CubeAnswer::Unknown | CubeAnswer::MustTrace => Vec3::ZERO,
+        };
+        radiance * self.surroundings.darkening.left(seen)
+    }
+
+    /// Returns the same without the lights, not blurred.
+    #[inline]
+    pub(crate) fn radiance_of_rest(&self, point: Vec3, direction: Vec3) -> Vec3 {
+        self.rest_of(self.lighting.probe.cube.texel_seen(point, direction))
+    }
+
+    /// Returns the radiance without the lights that comes from the first surface of the room along
+    /// a ray. `place` is that of the surface; `None` if the ray meets none.
+    pub(crate) fn radiance_of_place(
+        &self,
+        point: Vec3,
+        direction: Vec3,
+        place: Option<DVec3>,
+    ) -> Vec3 {
+        let probe = &self.lighting.probe;
+        let seen = place.map_or(direction, |place| self.relative(place));
+        let texel = probe.cube.texel_of(seen);
+        let shown = probe.place(texel).map(Vec3::length);
+        let is_shown = match place {
+            Some(_) => shown.is_some_and(|far| (far - seen.length()).abs() < SAME_SURFACE * far),
+            None => shown.is_none(),
+        };
+        match is_shown {
+            true => self.rest_of(texel),
+            // Something hides it from the probe: what is seen nearby stands for it.
+            false => self.radiance_of_rest(point, direction),
         }
     }
 
-    /// Returns the same without the lights.
-    #[inline]
-    pub(crate) fn radiance_of_rest(&self, point: Vec3, direction: Vec3) -> Vec3 {
-        let texel = self.surroundings.cube.texel_seen(point, direction);
-        if self.lighting.is_bright[texel] {
-            return Vec3::ZERO;
-        }
-        radiance(&self.surroundings.cube, texel)
+    fn rest_of(&self, texel: usize) -> Vec3 {
+        let direction = self.lighting.probe.cube.direction_of(texel);
+        self.lighting.dim_radiance(texel) * self.surroundings.darkening.left(direction)
     }
 }

@@ -1,77 +1,39 @@
-//! Numbers in [0, 1) for the passes of a pixel, and directions by them: the first two dimensions of
-//! Sobol's sequence, shuffled and scrambled for each use (Burley 2020, "Practical hash-based Owen scrambling").
+//! Numbers in [0, 1) for the passes of a pixel, and directions by them.
 //!
 //! Invariant: over the first 2ᵏ passes, each use has one number in each interval of length 2⁻ᵏ.
 
 use std::f32::consts::PI;
 
 use glam::Vec3;
-use holo_display::mix;
+use holo_sobol::{SobolPair, mix, unit};
 
 /// The numbers of one pass of one pixel.
 pub(crate) struct PassNumbers {
     pixel: u32,
-    pass: u32,
+    /// The number of the pass with its bits reversed.
+    reversed: u32,
     uses: u32,
 }
 
 impl PassNumbers {
     pub(crate) fn new(pixel: u32, pass: u32) -> PassNumbers {
-        PassNumbers { pixel, pass, uses: 0 }
+        PassNumbers { pixel, reversed: pass.reverse_bits(), uses: 0 }
     }
 
     /// Returns the next number.
     #[inline]
     pub(crate) fn one(&mut self) -> f32 {
-        let (index, seed) = self.next_use();
-        unit(scrambled(index.reverse_bits(), seed))
+        self.two().0
     }
 
     /// Returns the next pair of numbers.
     #[inline]
     pub(crate) fn two(&mut self) -> (f32, f32) {
-        let (index, seed) = self.next_use();
-        let first = unit(scrambled(index.reverse_bits(), seed));
-        (first, unit(scrambled(second_dimension(index), mix(seed, 1))))
-    }
-
-    /// Returns the shuffled number of the pass, and a seed, for the next use.
-    #[inline]
-    fn next_use(&mut self) -> (u32, u32) {
         self.uses += 1;
-        let seed = mix(self.pixel, self.uses);
-        (scrambled(self.pass, seed), mix(seed, 2))
+        let keys = mix(u64::from(self.pixel) << 32 | u64::from(self.uses));
+        let [x, y] = SobolPair { keys }.point(self.reversed);
+        (unit(x), unit(y))
     }
-}
-
-/// Scrambles a number so that each bit depends on the higher ones.
-#[inline]
-fn scrambled(x: u32, seed: u32) -> u32 {
-    // A hash whose bits depend on the lower ones (Laine & Karras 2011).
-    let mut x = x.reverse_bits().wrapping_add(seed);
-    for factor in [0x6c50_b47c_u32, 0xb82f_1e52, 0xc7af_e638, 0x8d22_f6e6] {
-        x ^= x.wrapping_mul(factor);
-    }
-    x.reverse_bits()
-}
-
-/// Returns the second number of Sobol's sequence.
-#[inline]
-fn second_dimension(mut index: u32) -> u32 {
-    let (mut number, mut direction) = (0, 1_u32 << 31);
-    while index != 0 {
-        if index & 1 != 0 {
-            number ^= direction;
-        }
-        index >>= 1;
-        direction ^= direction >> 1;
-    }
-    number
-}
-
-#[inline]
-fn unit(bits: u32) -> f32 {
-    (bits >> 8) as f32 / (1 << 24) as f32
 }
 
 /// Returns a direction above a surface, with a probability in proportion to its cosine.

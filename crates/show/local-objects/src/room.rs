@@ -5,9 +5,10 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
+use holo_optics::reflect;
 use holo_picture::View;
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
-use holo_scene::Bsdf;
+use holo_scene::{Bsdf, Material};
 use rayon::prelude::*;
 
 /// Most panes that a ray passes.
@@ -19,7 +20,19 @@ const NEARLY_ALL: f64 = 0.99;
 
 /// The model of the scene that objects are carried into.
 #[derive(Clone, Debug)]
-pub struct Room(Arc<Raycaster>);
+pub struct Room {
+    raycaster: Arc<Raycaster>,
+    has_mirrors: bool,
+}
+
+/// A ray that a mirror of the room sends on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MirroredRay {
+    pub origin: DVec3,
+    pub direction: DVec3,
+    /// The share of light that the mirror reflects.
+    pub colour: Vec3,
+}
 
 /// A surface of the room that takes shadows.
 #[derive(Clone, Copy, Debug)]
@@ -38,11 +51,59 @@ impl Room {
     /// Returns the room of a scene.
     #[must_use]
     pub fn new(raycaster: Arc<Raycaster>) -> Room {
-        Room(raycaster)
+        let is_mirror = |material: &Material| matches!(material.bsdf, Bsdf::Mirror { .. });
+        let has_mirrors = raycaster.scene().materials.iter().any(is_mirror);
+        Room { raycaster, has_mirrors }
+    }
+
+    /// Returns where a ray to the sky leaves the bounds of the room, relative to its beginning, and
+    /// the normal of that face, inwards. Windows are near there: seen from elsewhere, the sky's light
+    /// comes through the same ones. `None` if the ray begins outside.
+    pub(crate) fn leaves(&self, origin: DVec3, direction: Vec3) -> Option<(Vec3, Vec3)> {
+        let (low, high) = self.raycaster.scene().bounds();
+        let direction = direction.as_dvec3();
+        let mut first: Option<(f64, DVec3)> = None;
+        for axis in 0..3 {
+            if !(low[axis]..=high[axis]).contains(&origin[axis]) {
+                return None;
+            }
+            let towards = direction[axis];
+            let face = if towards > 0.0 { high[axis] } else { low[axis] };
+            let along = (face - origin[axis]) / towards;
+            if along.is_finite() && first.is_none_or(|(nearest, _)| along < nearest) {
+                first = Some((along, -DVec3::AXES[axis] * towards.signum()));
+            }
+        }
+        first.map(|(along, normal)| ((direction * along).as_vec3(), normal.as_vec3()))
+    }
+
+    /// Returns whether the room has mirrors, in which objects are seen.
+    pub(crate) fn has_mirrors(&self) -> bool {
+        self.has_mirrors
+    }
+
+    /// Returns the ray that a mirror sends on, if a hit is on one.
+    pub(crate) fn mirrored(&self, hit: &Hit, direction: DVec3) -> Option<MirroredRay> {
+        let scene = self.raycaster.scene();
+        let Hit { triangle, u, v, .. } = *hit;
+        if !matches!(scene.material(triangle).bsdf, Bsdf::Mirror { .. }) {
+            return None;
+        }
+        let at = self.raycaster.surface(triangle, u, v);
+        let eye = -direction.as_vec3();
+        let normal = scene.smooth_normal(triangle, u, v).unwrap_or(at.normal);
+        let normal = if normal.dot(eye) < 0.0 { -normal } else { normal };
+        let towards = reflect(eye, normal);
+        let origin = spawn(at.point, at.error, at.normal, towards);
+        Some(MirroredRay {
+            origin: scene.origin + origin.as_dvec3(),
+            direction: towards.as_dvec3().normalize(),
+            colour: scene.reflectance(triangle, u, v, 0.0).into(),
+        })
     }
 
     pub(crate) fn raycaster(&self) -> &Raycaster {
-        &self.0
+        &self.raycaster
     }
 
     /// Returns the distances of a view's surfaces from the eye, as a [`Frame`](holo_display::Frame)
@@ -59,11 +120,12 @@ impl Room {
 
     /// Returns the first surface along a ray that is no pane, and its distance.
     pub(crate) fn nearest(&self, origin: DVec3, direction: DVec3) -> Option<(Hit, f64)> {
-        let (mut ray, skipped) = self.0.localize(origin, direction)?;
+        let (mut ray, skipped) = self.raycaster.localize(origin, direction)?;
         let mut from = holo_raycast::NO_TRIANGLE;
         for _ in 0..MOST_PANES {
-            let hit = self.0.nearest_from(&ray, from)?;
-            if !matches!(self.0.scene().material(hit.triangle).bsdf, Bsdf::ThinGlass { .. }) {
+            let hit = self.raycaster.nearest_from(&ray, from)?;
+            if !matches!(self.raycaster.scene().material(hit.triangle).bsdf, Bsdf::ThinGlass { .. })
+            {
                 return Some((hit, f64::from(hit.t) + skipped));
             }
             (ray.t_min, from) = (hit.t, hit.triangle);
@@ -73,13 +135,13 @@ impl Room {
 
     /// Returns the surface at a hit, if it takes shadows: mirrors, metals, glass and lamps do not.
     pub(crate) fn surface(&self, hit: &Hit, direction: Vec3, width: f32) -> Option<RoomSurface> {
-        let scene = self.0.scene();
+        let scene = self.raycaster.scene();
         let material = scene.material(hit.triangle);
         let is_diffuse = matches!(material.bsdf, Bsdf::Diffuse { .. } | Bsdf::Coated { .. });
         if !is_diffuse || material.emits() {
             return None;
         }
-        let at = self.0.surface(hit.triangle, hit.u, hit.v);
+        let at = self.raycaster.surface(hit.triangle, hit.u, hit.v);
         let normal = scene.smooth_normal(hit.triangle, hit.u, hit.v).unwrap_or(at.normal);
         let normal = if at.normal.dot(direction) > 0.0 { -normal } else { normal };
         let reflectance = scene.reflectance(hit.triangle, hit.u, hit.v, width).into();
@@ -96,7 +158,7 @@ impl Room {
 
     /// Returns whether the room hides what is at this distance from a place.
     pub(crate) fn hides(&self, place: DVec3, direction: Vec3, distance: f64) -> bool {
-        let Some((ray, skipped)) = self.0.localize(place, direction.as_dvec3()) else {
+        let Some((ray, skipped)) = self.raycaster.localize(place, direction.as_dvec3()) else {
             return false;
         };
         let t_max = (NEARLY_ALL * distance - skipped) as f32;
@@ -107,8 +169,9 @@ impl Room {
     fn is_dark(&self, ray: Ray, from: u32) -> bool {
         let (mut ray, mut from) = (ray, from);
         for _ in 0..MOST_PANES {
-            let Some(hit) = self.0.nearest_from(&ray, from) else { return false };
-            if !matches!(self.0.scene().material(hit.triangle).bsdf, Bsdf::ThinGlass { .. }) {
+            let Some(hit) = self.raycaster.nearest_from(&ray, from) else { return false };
+            if !matches!(self.raycaster.scene().material(hit.triangle).bsdf, Bsdf::ThinGlass { .. })
+            {
                 return true;
             }
             (ray.t_min, from) = (hit.t, hit.triangle);

@@ -189,7 +189,7 @@ impl Shader<'_> {
             Gloss::Pane { colour, .. } | Gloss::Solid { colour, .. } => colour,
         };
         let from = (number, &surface);
-        let lights = lit.lighting.lights.iter();
+        let lights = lit.lights().iter();
         let lights: Vec3 = lights.map(|light| self.direct(from, light, &light.middle)).sum();
         let rest = lit.surroundings.rest.irradiance(surface.normal);
         finish.emission + colour * (lights + rest) * FRAC_1_PI
@@ -232,7 +232,15 @@ impl Shader<'_> {
                 ObjectRay { origin: from.place, direction: towards, from: Some((own, *from)) };
             let seen = match self.nearest(&ray) {
                 Some((number, hit)) => self.rough_light(number, &ray, &hit),
-                None => lit.radiance_of_rest(point, towards),
+                None => match self.room {
+                    Some(room) => {
+                        let direction = towards.as_dvec3();
+                        let hit = room.nearest(from.place, direction);
+                        let place = hit.map(|(_, distance)| from.place + direction * distance);
+                        lit.radiance_of_place(point, towards, place)
+                    }
+                    None => lit.radiance_of_rest(point, towards),
+                },
             };
             // The smooth light has a known irradiance, so only the difference has noise.
             sum += seen - smooth.radiance(towards);
@@ -267,7 +275,7 @@ impl Shader<'_> {
         if diffuse == Vec3::ZERO {
             return radiance;
         }
-        let lights = &self.objects[own].lighting.lights;
+        let lights = self.objects[own].lights();
         let mut irradiance = self.rest(from, numbers);
         for light in lights {
             let point = match self.detail {

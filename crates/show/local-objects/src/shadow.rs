@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::{DVec3, Vec3};
 
-use crate::darkening::{hidden_part, share};
+use crate::darkening::{hidden_part, portion};
 use crate::lights::{LightPoint, ProbeLight};
 use crate::lit::LitObject;
 use crate::numbers::{PassNumbers, cosine_direction, in_cone};
@@ -17,6 +17,9 @@ const NEAR: f64 = 8.0;
 
 /// The same for frames that are drawn at once: a few percent.
 const NEAR_QUICK: f64 = 2.5;
+
+/// Greatest share that a pass may estimate: few do, and noise of more would be seen.
+const MOST_SHARE: f32 = 4.0;
 
 /// Least reflectance for which a surface's light follows from its radiance.
 const LEAST_REFLECTANCE: f32 = 0.01;
@@ -64,13 +67,29 @@ fn passes(light: &ProbeLight, point: Vec3, centre: Vec3, radius: f32) -> bool {
 
 impl Shadowed<'_> {
     /// Returns the share of light that an object takes from the surface, by channel. It may be an
-    /// estimate, whose mean over all passes is the share.
+    /// estimate, whose mean over all passes is the share: below 0 where the object sends more light
+    /// than it hides.
     pub(crate) fn share(
         &self,
         lit: &LitObject,
         detail: LightDetail,
         numbers: &mut PassNumbers,
     ) -> Vec3 {
+        let (hidden, all) = self.hidden_and_all(lit, detail, numbers);
+        let most =
+            if detail == LightDetail::Exact && self.known.is_some() { MOST_SHARE } else { 1.0 };
+        let least = if detail == LightDetail::Exact { -MOST_SHARE } else { 0.0 };
+        portion(hidden, all).clamp(Vec3::splat(least), Vec3::splat(most))
+    }
+
+    /// Returns the irradiance that an object takes from the surface, and all that the surface has
+    /// without the object. Both may be estimates.
+    pub(crate) fn hidden_and_all(
+        &self,
+        lit: &LitObject,
+        detail: LightDetail,
+        numbers: &mut PassNumbers,
+    ) -> (Vec3, Vec3) {
         let point = lit.relative(self.place);
         let (centre, radius) = (lit.relative(lit.object.centre()), lit.object.radius() as f32);
         let mut hidden = match detail {
@@ -78,7 +97,7 @@ impl Shadowed<'_> {
                 let rest = lit.lighting.rest.irradiance(self.normal);
                 rest * hidden_part(&lit.object, centre - point, self.normal)
             }
-            LightDetail::Exact => self.hidden_rest(lit, numbers),
+            LightDetail::Exact => self.hidden_rest(lit, numbers) + self.dimmed(lit, numbers),
         };
         let mut all = lit.lighting.rest.irradiance(self.normal);
         for light in &lit.lighting.lights {
@@ -100,7 +119,7 @@ impl Shadowed<'_> {
             let reflectance = surface.reflectance.max(Vec3::splat(LEAST_REFLECTANCE));
             all = PI * radiance / reflectance;
         }
-        share(hidden, all)
+        (hidden, all)
     }
 
     /// Returns the irradiance by one point of a light, and whether the object hides it.
@@ -152,8 +171,31 @@ impl Shadowed<'_> {
         };
         let surface = lit.object.surface(self.place, towards, &hit, 0.0);
         let finish = surface.finish(lit.object.raycaster().scene(), -towards);
-        let instead = finish.diffuse * lit.surroundings.rest.irradiance(surface.normal) * FRAC_1_PI;
-        let hidden = lit.radiance_of_rest(lit.relative(self.place), towards);
-        (hidden - instead) * weight
+        let point = lit.relative(surface.place);
+        let mut light = lit.surroundings.rest.irradiance(surface.normal);
+        for arriving in lit.lights().iter().map(|light| light.middle.arriving(point)) {
+            let cosine = surface.normal.dot(arriving.direction);
+            if cosine > 0.0
+                && !lit.object.hides_from(&surface, arriving.direction, arriving.distance)
+            {
+                light += arriving.irradiance * cosine;
+            }
+        }
+        let instead = finish.diffuse * light * FRAC_1_PI;
+        let texel = lit.lighting.probe.cube.texel_seen(lit.relative(self.place), towards);
+        (lit.lighting.dim_radiance(texel) - instead) * weight
+    }
+
+    /// Estimates the irradiance that surfaces around the object send less because of its shadow on
+    /// them.
+    fn dimmed(&self, lit: &LitObject, numbers: &mut PassNumbers) -> Vec3 {
+        let towards = cosine_direction(self.normal, numbers.two());
+        let probe = &lit.lighting.probe;
+        let texel = probe.cube.texel_seen(lit.relative(self.place), towards);
+        let taken = Vec3::ONE - lit.surroundings.darkening.left(probe.cube.direction_of(texel));
+        if taken == Vec3::ZERO || lit.object.nearest(self.place, towards.as_dvec3()).is_some() {
+            return Vec3::ZERO;
+        }
+        probe.radiance(texel) * taken * PI
     }
 }

@@ -7,7 +7,7 @@ use holo_raycast::{Raycaster, SurfacePoint};
 
 use crate::geometry::ShadingFrame;
 use crate::policy::LaterVertex;
-use crate::sampler::mix;
+use holo_sobol::mix;
 
 /// Offset of the grid in cells. Walls lie at round coordinates more often than not. A border of
 /// cells in a wall's plane would divide the wall between two layers of cells by rounding.

@@ -13,7 +13,7 @@ use glam::Vec3;
 
 use crate::engine::Spread;
 use crate::policy::FirstSurface;
-use crate::sampler::mix;
+use holo_sobol::mix;
 
 /// Side of a region over the width of the widest cells. A region is then half as wide as rays are
 /// long: as wide as a piece of furniture, or as the light around a lamp.

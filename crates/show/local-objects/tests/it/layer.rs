@@ -1,11 +1,15 @@
 //! What is seen of objects.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use holo_display::Interrupt;
-use holo_local_objects::{LayerDetail, ObjectLayer, ObjectPose};
+use holo_local_objects::{LayerDetail, ObjectLayer, ObjectPose, Room};
+use holo_picture::View;
+use holo_raycast::Raycaster;
 use holo_scene::Bsdf;
 
-use crate::common::{drawn, floor, grey, lit, lit_here, pedestal, pixel_of, view};
+use crate::common::{boxes, drawn, floor, grey, lit, lit_here, pedestal, pixel_of, view};
 
 const SIZE: (u32, u32) = (160, 120);
 
@@ -24,7 +28,7 @@ fn in_even_light_a_convex_object_has_the_radiance_times_its_albedo() {
     // Without a floor, nothing darkens the surroundings.
     frame.depth.fill(f32::INFINITY);
     let mut object = lit_here(&pedestal(1.0, 1.0, grey(0.6)), |_| 2.0);
-    for detail in [LayerDetail::Quick, LayerDetail::Exact(16)] {
+    for detail in [LayerDetail::Quick(1), LayerDetail::Exact(16)] {
         let seen = drawn(&frame, &view, std::slice::from_ref(&object), None, detail);
         for (point, _) in FACES {
             let found = seen.picture.pixels[pixel_of(&view, SIZE, point)][1];
@@ -44,7 +48,7 @@ fn a_small_lamp_lights_faces_by_the_cosine() {
     let (least, radiance) = (8.0_f64.to_radians().cos(), 100.0);
     let lamp = |direction: DVec3| if direction.dot(towards) > least { radiance } else { 0.01 };
     let object = lit_here(&pedestal(1.0, 1.0, grey(0.5)), lamp);
-    for detail in [LayerDetail::Quick, LayerDetail::Exact(64)] {
+    for detail in [LayerDetail::Quick(1), LayerDetail::Exact(64)] {
         let seen = drawn(&frame, &view, std::slice::from_ref(&object), None, detail);
         for (point, normal) in FACES {
             // The lamp is on a sphere of radius 10 around the object, and the face nearer to it.
@@ -68,13 +72,13 @@ fn what_is_nearer_hides_the_other() {
     let frame = floor(&view, SIZE, 2.0);
     let object = [lit_here(&pedestal(1.0, 1.0, grey(0.1)), |_| 2.0)];
     let pixel = pixel_of(&view, SIZE, DVec3::new(0.1, -0.1, 1.0));
-    let seen = drawn(&frame, &view, &object, None, LayerDetail::Quick);
+    let seen = drawn(&frame, &view, &object, None, LayerDetail::Quick(1));
     assert!((seen.picture.pixels[pixel][0] - 0.2).abs() < 0.02, "in front of the floor");
     let distance = view.vp.distance(DVec3::new(0.1, -0.1, 1.0)) as f32;
     assert!((seen.depth[pixel] - distance).abs() < 0.05, "its distance is that of the frame");
     let mut wall = frame.clone();
     wall.depth.fill(2.0);
-    let hidden = drawn(&wall, &view, &object, None, LayerDetail::Quick);
+    let hidden = drawn(&wall, &view, &object, None, LayerDetail::Quick(1));
     assert_eq!(hidden.picture.pixels[pixel], wall.picture.pixels[pixel], "behind a wall");
     assert_eq!(hidden.depth, wall.depth);
 }
@@ -83,10 +87,10 @@ fn what_is_nearer_hides_the_other() {
 fn pixels_beside_objects_and_shadows_stay_and_a_frame_without_objects_is_the_same() {
     let view = view(DVec3::new(0.0, 0.0, 0.5), SIZE);
     let frame = floor(&view, SIZE, 2.0);
-    assert_eq!(drawn(&frame, &view, &[], None, LayerDetail::Quick).picture, frame.picture);
+    assert_eq!(drawn(&frame, &view, &[], None, LayerDetail::Quick(1)).picture, frame.picture);
     let aside = ObjectPose { at: DVec3::new(-30.0, 40.0, 0.0), turn: 0.0, scale: 1.0 };
     let object = [lit(&pedestal(0.1, 0.1, grey(0.1)), aside, 8, |_| 2.0)];
-    let seen = drawn(&frame, &view, &object, None, LayerDetail::Quick);
+    let seen = drawn(&frame, &view, &object, None, LayerDetail::Quick(1));
     let near = pixel_of(&view, SIZE, DVec3::ZERO);
     assert_eq!(seen.picture.pixels[near], frame.picture.pixels[near]);
 }
@@ -98,13 +102,15 @@ fn passes_add_up_however_many_are_drawn_at_a_time() {
     let above = |direction: DVec3| if direction.z > 0.9 { 20.0 } else { 1.0 };
     let objects = [lit_here(&pedestal(1.0, 1.0, grey(0.6)), above)];
     let at_once = drawn(&frame, &view, &objects, None, LayerDetail::Exact(6));
-    let mut layer = ObjectLayer::new(&frame, &view, &objects, LayerDetail::Exact(6));
+    let mut layer = ObjectLayer::new(&frame, &view, &objects, None, LayerDetail::Exact(6));
     let interrupt = Interrupt::default();
     interrupt.set();
+    layer.draw(&frame, &objects, None, 4, &interrupt);
+    assert!(!layer.is_drawn(), "it is interrupted");
+    interrupt.clear();
     let mut calls = 0;
     while layer.is_unfinished() {
-        // An interrupt ends each call after its first pass.
-        layer.draw(&frame, &objects, None, 4, &interrupt);
+        layer.draw(&frame, &objects, None, 1, &interrupt);
         calls += 1;
     }
     let mut one_by_one = frame.clone();
@@ -121,7 +127,7 @@ fn a_mirror_shows_its_surroundings_and_a_pane_what_is_behind() {
     let above = |direction: DVec3| if direction.z > 0.0 { 5.0 } else { 1.0 };
     let top = pixel_of(&view, SIZE, DVec3::new(0.1, -0.1, 1.0));
     let mirror = [lit_here(&pedestal(1.0, 1.0, Bsdf::Mirror { ks: [0.9; 3] }), above)];
-    for detail in [LayerDetail::Quick, LayerDetail::Exact(8)] {
+    for detail in [LayerDetail::Quick(1), LayerDetail::Exact(8)] {
         let seen = drawn(&frame, &view, &mirror, None, detail);
         assert!((seen.picture.pixels[top][0] - 4.5).abs() < 0.1, "{detail:?}");
     }
@@ -130,4 +136,28 @@ fn a_mirror_shows_its_surroundings_and_a_pane_what_is_behind() {
     let seen = drawn(&frame, &view, &pane, None, LayerDetail::Exact(8));
     // A ray passes two panes, or three where it also leaves through the bottom.
     assert!((seen.picture.pixels[top][0] - 0.75).abs() < 0.05, "{:?}", seen.picture.pixels[top]);
+}
+
+#[test]
+fn mirrors_of_the_room_show_the_object_and_coarse_cells_show_what_fine_ones_do() {
+    // A mirror at y = 2, behind a pedestal of radiance 1.2.
+    let mirror = Bsdf::Mirror { ks: [0.9; 3] };
+    let scene = boxes(&[([-20.0, 2.0, -20.0], [20.0, 2.1, 20.0], mirror)]);
+    let room = Room::new(Arc::new(Raycaster::build(Arc::new(scene)).unwrap()));
+    let eye = DVec3::new(3.0, -3.0, 0.6);
+    let image = DVec3::new(0.0, 3.5, 0.5);
+    let view = View::new(eye, image - eye, DVec3::Z, Some(50.0), None, SIZE).unwrap();
+    let mut frame = floor(&view, SIZE, 3.0);
+    frame.picture.pixels.fill([3.0; 3]);
+    frame.depth = room.depth(&view, SIZE);
+    let object = [lit_here(&pedestal(1.0, 1.0, grey(0.6)), |_| 2.0)];
+    for detail in [LayerDetail::Quick(1), LayerDetail::Quick(3), LayerDetail::Exact(8)] {
+        let seen = drawn(&frame, &view, &object, Some(&room), detail);
+        let at = |point| seen.picture.pixels[pixel_of(&view, SIZE, point)][1];
+        assert!((at(image) - 0.9 * 1.2).abs() < 0.03, "{detail:?}: {}", at(image));
+        let direct = DVec3::new(0.2, -0.5, 0.5);
+        assert!((at(direct) - 1.2).abs() < 0.03, "{detail:?}: {}", at(direct));
+        let beside = DVec3::new(2.5, 3.5, 0.5);
+        assert!((at(beside) - 3.0).abs() < 1e-3, "{detail:?}: {}", at(beside));
+    }
 }

@@ -33,7 +33,7 @@ fn the_floor_loses_the_share_that_the_object_hides_with_and_without_the_room_s_m
     let object = [lit_here(&pedestal(1.0, 1.0, grey(0.0)), lamp)];
     let room = floor_room(0.5);
     for room in [None, Some(&room)] {
-        for detail in [LayerDetail::Quick, LayerDetail::Exact(64)] {
+        for detail in [LayerDetail::Quick(1), LayerDetail::Exact(64)] {
             let seen = drawn(&frame, &view, &object, room, detail);
             let [dark, bright] =
                 POINTS.map(|point| seen.picture.pixels[pixel_of(&view, SIZE, point)][1] / lit);

@@ -192,7 +192,7 @@ impl Session {
     pub(crate) fn prepare_lightings(&mut self) {
         if !self.objects.is_empty() && !self.keeps_samples() && self.current.is_some() {
             let room = self.room();
-            self.lit_objects(false, false, room.as_ref());
+            self.lit_objects(false, false, 0, room.as_ref());
         }
     }
 }

@@ -10,6 +10,7 @@
 //!   that cannot be used changes nothing.
 //! - Objects outlive the connection: a session that begins again has the same ones.
 
+mod cells;
 mod kept;
 mod lighting;
 mod order;
@@ -34,6 +35,7 @@ use super::{Session, Waited, Waker, incoming::Incoming};
 pub use kept::ObjectFolder;
 pub use order::{ObjectOrder, PoseChange};
 
+use cells::CellSides;
 use kept::KeptObject;
 use lighting::Lightings;
 
@@ -45,6 +47,11 @@ const SETTLES_AFTER: Duration = Duration::from_millis(250);
 
 /// Passes of objects at rest and in files: noise of 2.5 % falls below a third of that.
 const PASSES: u32 = 32;
+
+/// Passes by which the light around objects at rest is found, on screens and in files. Those of
+/// screens take a few tenths of a second.
+const LIGHT_PASSES: u32 = 4;
+const LIGHT_PASSES_OF_FILE: u32 = 16;
 
 /// Passes in each frame at rest.
 const PASSES_OF_FRAME: u32 = 2;
@@ -108,7 +115,10 @@ pub struct SessionObjects {
     /// When an object last changed.
     changed: Option<Instant>,
     lightings: Lightings,
+    sides: CellSides,
     shown: Option<ShownObjects>,
+    /// The objects of the last part of a picture.
+    of_parts: Vec<LitObject>,
     /// The object that a person holds, and its place relative to the point that is held.
     held: Option<(String, DVec3)>,
 }
@@ -117,7 +127,7 @@ pub struct SessionObjects {
 struct ShownObjects {
     look: FrameRequest,
     /// The frame without objects.
-    base: Frame,
+    base: Arc<Frame>,
     objects: Vec<LitObject>,
     is_quick: bool,
     layer: ObjectLayer,
@@ -392,18 +402,18 @@ impl Session {
     /// or there is none.
     pub fn redraw_objects(&mut self) -> Option<Frame> {
         let shown = self.objects.shown.take()?;
-        let current = self.current.as_ref()?;
-        if current.look != shown.look {
+        let current_look = self.current.as_ref()?.look;
+        if current_look != shown.look {
             return None;
         }
         let phase = if shown.look.is_moving { FramePhase::Moving } else { FramePhase::Rest };
-        let base = shown.base.clone();
+        let base = Arc::clone(&shown.base);
         self.objects.shown = Some(shown);
-        Some(self.with_objects(base, phase))
+        Some(self.over(base, current_look, phase))
     }
 
     /// Draws the objects over a frame of the driver, of the current view.
-    pub(super) fn with_objects(&mut self, mut frame: Frame, phase: FramePhase) -> Frame {
+    pub(super) fn with_objects(&mut self, frame: Frame, phase: FramePhase) -> Frame {
         let Some(current) = self.current.as_ref().filter(|_| !frame.is_stereo) else {
             return frame;
         };
@@ -412,29 +422,50 @@ impl Session {
             self.objects.shown = None;
             return frame;
         }
+        self.over(Arc::new(frame), look, phase)
+    }
+
+    /// Draws the objects over a frame of the driver, of this view.
+    fn over(&mut self, base: Arc<Frame>, look: FrameRequest, phase: FramePhase) -> Frame {
         let is_file = phase == FramePhase::File;
         let settles = self.objects.changed.is_none_or(|at| at.elapsed() >= SETTLES_AFTER);
-        let is_quick = !is_file && (phase == FramePhase::Moving || !settles);
+        let mut is_quick = !is_file && (phase == FramePhase::Moving || !settles);
         let room = self.room();
-        let objects = self.lit_objects(is_quick, is_file, room.as_ref());
+        let passes = match (is_quick, is_file) {
+            (true, _) => 0,
+            (_, true) => LIGHT_PASSES_OF_FILE,
+            _ => LIGHT_PASSES,
+        };
+        let objects = self.lit_objects(is_quick, is_file, passes, room.as_ref());
         let before = self.objects.shown.take();
         let stays = |shown: &ShownObjects| {
             let is_same = shown.look == look
                 && shown.is_quick == is_quick
                 && shown.objects.len() == objects.len()
                 && shown.objects.iter().zip(&objects).all(|(before, now)| before.is_same(now));
-            is_same && (room.is_some() || shown.base.depth == frame.depth)
+            is_same && (room.is_some() || shown.base.depth == base.depth)
         };
-        let detail = if is_quick { LayerDetail::Quick } else { LayerDetail::Exact(PASSES) };
+        let (side, begin) = (self.objects.sides.side(), Instant::now());
+        let detail = if is_quick { LayerDetail::Quick(side) } else { LayerDetail::Exact(PASSES) };
         let mut layer = match before.filter(stays) {
             Some(shown) => shown.layer,
-            None => ObjectLayer::new(&frame, &look.view, &objects, detail),
+            None => ObjectLayer::new(&base, &look.view, &objects, room.as_ref(), detail),
         };
         let most = if is_file { PASSES } else { PASSES_OF_FRAME };
         let never = Interrupt::default();
-        let interrupt = if is_file { &never } else { &self.interrupt };
-        layer.draw(&frame, &objects, room.as_ref(), most, interrupt);
-        let base = frame.clone();
+        let interrupt = if is_file || is_quick { &never } else { &self.interrupt };
+        let is_drawn = layer.is_unfinished();
+        layer.draw(&base, &objects, room.as_ref(), most, interrupt);
+        if !layer.is_drawn() && layer.is_unfinished() {
+            // Whoever has interrupted it wants a frame soon.
+            is_quick = true;
+            let detail = LayerDetail::Quick(side);
+            layer = ObjectLayer::new(&base, &look.view, &objects, room.as_ref(), detail);
+            layer.draw(&base, &objects, room.as_ref(), 1, &never);
+        } else if is_quick && is_drawn {
+            self.objects.sides.note(side, begin.elapsed().as_secs_f64());
+        }
+        let mut frame = Frame::clone(&base);
         layer.compose(&mut frame);
         self.objects.shown = Some(ShownObjects { look, base, objects, is_quick, layer });
         frame
@@ -447,11 +478,13 @@ impl Session {
         view: &View,
     ) -> holo_picture::Picture {
         let Some(room) = self.room().filter(|_| !self.objects.is_empty()) else { return picture };
-        let objects = self.lit_objects(false, false, Some(&room));
+        let objects = self.lit_objects(false, false, LIGHT_PASSES_OF_FILE, Some(&room));
+        self.objects.of_parts.clone_from(&objects);
         let mut frame = Frame::black(picture.size());
         frame.depth = room.depth(view, picture.size());
         frame.picture = picture;
-        let mut layer = ObjectLayer::new(&frame, view, &objects, LayerDetail::Exact(PASSES));
+        let mut layer =
+            ObjectLayer::new(&frame, view, &objects, Some(&room), LayerDetail::Exact(PASSES));
         layer.draw(&frame, &objects, Some(&room), PASSES, &Interrupt::default());
         layer.compose(&mut frame);
         frame.picture
@@ -463,19 +496,35 @@ impl Session {
     }
 
     /// Returns an object with its light: that of the frame before, if both are the same.
-    fn lit(&self, object: LocalObject, lighting: Arc<ObjectLighting>) -> LitObject {
-        let mut before = self.objects.shown.iter().flat_map(|shown| &shown.objects);
-        match before.find(|lit| lit.is_of(&object, &lighting)) {
+    fn lit(
+        &self,
+        object: LocalObject,
+        lighting: Arc<ObjectLighting>,
+        passes: u32,
+        room: Option<&Room>,
+    ) -> LitObject {
+        let shown = self.objects.shown.iter().flat_map(|shown| &shown.objects);
+        let before = shown.chain(&self.objects.of_parts);
+        let before = before.filter(|lit| lit.is_of(&object, &lighting));
+        let lit = match before.max_by_key(|lit| lit.passes()) {
             Some(lit) => lit.clone(),
             None => LitObject::new(object, lighting),
+        };
+        if lit.passes() >= passes {
+            return lit;
         }
+        let never = Interrupt::default();
+        let interrupt = if passes == LIGHT_PASSES_OF_FILE { &never } else { &self.interrupt };
+        lit.at_rest(room, passes, interrupt).unwrap_or(lit)
     }
 
-    /// Returns the objects with their light. Quick frames use light that is known already.
+    /// Returns the objects with their light, found by this many passes. Quick frames use light that
+    /// is known already.
     fn lit_objects(
         &mut self,
         is_quick: bool,
         is_file: bool,
+        passes: u32,
         room: Option<&Room>,
     ) -> Vec<LitObject> {
         let objects: Vec<LocalObject> =
@@ -483,7 +532,7 @@ impl Session {
         let mut lit = Vec::with_capacity(objects.len());
         for object in objects {
             let lighting = self.lighting(&object, is_quick, is_file, room);
-            lit.extend(lighting.map(|lighting| self.lit(object, lighting)));
+            lit.extend(lighting.map(|lighting| self.lit(object, lighting, passes, room)));
         }
         lit
     }

@@ -119,7 +119,7 @@ pub fn drawn(
     room: Option<&Room>,
     detail: LayerDetail,
 ) -> Frame {
-    let mut layer = ObjectLayer::new(frame, view, objects, detail);
+    let mut layer = ObjectLayer::new(frame, view, objects, room, detail);
     layer.draw(frame, objects, room, u32::MAX, &Interrupt::default());
     assert!(!layer.is_unfinished());
     let mut drawn = frame.clone();
