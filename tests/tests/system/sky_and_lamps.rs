@@ -4,8 +4,9 @@ use holo_picture::{Picture, luminance};
 use holo_tests::{Chromium, Place, wait_until};
 use serde_json::Value;
 
+/// A view of the page's proportions: outside of it, light before a change stays.
 const VIEW: [&str; 8] =
-    ["--vp", "1.5,1.5,1.5", "--vd", "-0.8,-1,-0.3", "--vh", "60", "--size", "64x48"];
+    ["--vp", "1.5,1.5,1.5", "--vd", "-0.8,-1,-0.3", "--vh", "60", "--size", "64x36"];
 
 /// A room of 4 by 4 by 2.5 with a window in the south, and a panel under the ceiling.
 const ROOM: &str = "mtllib room.mtl
@@ -103,7 +104,7 @@ fn hour_and_lamps_are_changed_in_the_panel_of_a_page() {
         // Each picture has its own name, so that it is not taken for one before.
         pictures += 1;
         let name = format!("shown-{pictures}.pfm");
-        session.write_line(&format!("picture {} 64x48", place.text(&name)));
+        session.write_line(&format!("picture {} 64x36", place.text(&name)));
         session.wait_for_error(&name);
         ((mean(&place, &name) / truth - 1.0).abs() < 0.1).then_some(())
     });
