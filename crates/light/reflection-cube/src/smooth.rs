@@ -3,6 +3,7 @@
 use crate::cube::ReflectionCube;
 use crate::face::FacePoint;
 use crate::levels::{LevelTexel, WeightedTexels};
+use glam::Vec3;
 
 /// Least share of a look-up's weights that must be of valid texels. The nearest texel alone has a
 /// quarter or more.
@@ -39,21 +40,41 @@ impl ReflectionCube {
         LevelTexel { inverse_depth: closer * texel.inverse_depth, ..texel }
     }
 
-    /// Returns the mean of the four texels of a level around a point, each by its weight and its
-    /// valid share. `None` if too little is valid there.
+    /// Returns the columns and rows of the four texels of a level around a point, with their weights
+    /// in a linear interpolation. They may be beyond the edge of the face.
     #[inline]
-    pub(crate) fn smooth(&self, level: usize, point: FacePoint) -> Option<LevelTexel> {
+    fn places_around(&self, level: usize, point: FacePoint) -> [((i32, i32), f32); 4] {
         let side = (self.resolution() >> level) as f32;
         let at = |place: f32| 0.5 * (place + 1.0) * side - 0.5;
         let (x, y) = (at(point.across), at(point.down));
         let (left, top) = (x.floor(), y.floor());
         let (right_share, below_share) = (x - left, y - top);
-        let mut sum = WeightedTexels::default();
-        for (right, below) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(right, below)| {
             let across = if right == 1 { right_share } else { 1.0 - right_share };
             let down = if below == 1 { below_share } else { 1.0 - below_share };
-            let place = (left as i32 + right, top as i32 + below);
-            sum.add(&self.texel_around(level, point.face, place), across * down);
+            ((left as i32 + right, top as i32 + below), across * down)
+        })
+    }
+
+    /// Returns the four texels around a direction of any length except 0, with their weights in a
+    /// linear interpolation of values at the middles of texels. The weights add up to 1.
+    #[must_use]
+    #[inline]
+    pub fn texels_around(&self, direction: Vec3) -> [(usize, f32); 4] {
+        let point = FacePoint::of(direction);
+        self.places_around(0, point).map(|(place, weight)| {
+            let middle = FacePoint::middle(point.face, place, self.resolution());
+            (self.texel_of(middle.direction()), weight)
+        })
+    }
+
+    /// Returns the mean of the four texels of a level around a point, each by its weight and its
+    /// valid share. `None` if too little is valid there.
+    #[inline]
+    pub(crate) fn smooth(&self, level: usize, point: FacePoint) -> Option<LevelTexel> {
+        let mut sum = WeightedTexels::default();
+        for (place, weight) in self.places_around(level, point) {
+            sum.add(&self.texel_around(level, point.face, place), weight);
         }
         // Blocks of a level count fully if they know anything: a mean of few texels is a mean.
         let least = if level == 0 { LEAST_VALID } else { f32::MIN_POSITIVE };

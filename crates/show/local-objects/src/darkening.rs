@@ -58,7 +58,8 @@ impl Darkening {
     /// Returns the share that is left to what is seen in a direction from the probe's centre.
     #[inline]
     pub(crate) fn left(&self, direction: Vec3) -> Vec3 {
-        self.left[self.cube.texel_of(direction)]
+        let around = self.cube.texels_around(direction);
+        around.into_iter().map(|(texel, weight)| weight * self.left[texel]).sum()
     }
 
     /// Returns the light that is in no light, while the object takes its share.

@@ -100,3 +100,24 @@ fn a_resolution_is_a_power_of_two_within_bounds_and_states_its_memory() {
         assert_eq!(resolution(pixels), chosen, "{pixels}");
     }
 }
+
+#[test]
+fn values_that_are_linear_on_faces_are_interpolated_exactly() {
+    let (cube, slope) = (cube(16), Vec3::new(0.3, -0.8, 0.5));
+    // The value of the point where a direction meets the cube of side 2.
+    let value = |direction: Vec3| direction.dot(slope) / direction.abs().max_element();
+    let mut numbers = Numbers(3);
+    for _ in 0..20_000 {
+        let direction = numbers.direction();
+        let around = cube.texels_around(direction);
+        let sum: f32 = around.iter().map(|(_, weight)| weight).sum();
+        assert!((sum - 1.0).abs() < 1e-5 && around.iter().all(|(_, weight)| *weight >= 0.0));
+        let found: f32 =
+            around.iter().map(|(texel, weight)| weight * value(cube.direction_of(*texel))).sum();
+        // Beyond the edges of a face, texels are those of others, about a texel away.
+        let second = direction.abs() / direction.abs().max_element();
+        let is_inside = second.to_array().iter().filter(|c| **c > 15.0 / 16.0).count() == 1;
+        let error = if is_inside { 1e-4 } else { 1.0 / 8.0 };
+        assert!((found - value(direction)).abs() < error, "{direction}: {found}");
+    }
+}
