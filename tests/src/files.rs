@@ -39,6 +39,20 @@ impl Stored {
         })
     }
 
+    /// Returns how many numbers below the last one of their beam and kind are not there.
+    ///
+    /// # Panics
+    /// If a number is there twice.
+    #[track_caller]
+    pub fn missing(&self) -> u64 {
+        let of_beam = |samples: &Vec<(u32, Sample)>| {
+            let is_once = samples.is_sorted_by(|one, next| one.0 < next.0);
+            assert!(is_once, "a sample is there twice");
+            samples.last().map_or(0, |(last, _)| u64::from(*last) + 1) - samples.len() as u64
+        };
+        self.beams.values().map(of_beam).sum()
+    }
+
     /// Returns true if the file has the sample with this number.
     pub fn has(&self, key: BeamKey, kind: SampleKind, number: u32) -> bool {
         let samples = self.beams.get(&(key, kind));

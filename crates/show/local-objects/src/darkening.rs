@@ -5,16 +5,12 @@ use holo_reflection_cube::ReflectionCube;
 use rayon::prelude::*;
 
 use crate::harmonics::Harmonics;
-use crate::lighting::ObjectLighting;
+use crate::lighting::{ObjectLighting, ROUGH_SIDE};
 use crate::object::LocalObject;
 
 /// A distance from the object's centre, in radii, beyond which it is too far from what a probe
 /// shows to darken it.
 const NEAR: f32 = 6.0;
-
-/// Most texels on a side of the shares, while an object moves and at rest.
-pub(crate) const ROUGH_SIDE: u32 = 16;
-pub(crate) const FINE_SIDE: u32 = 64;
 
 /// The share of light that an object leaves to what its probe shows, by direction.
 pub(crate) struct Darkening {

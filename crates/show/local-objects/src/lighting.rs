@@ -4,7 +4,6 @@ use glam::{DVec3, Vec3};
 use holo_reflection_cube::ReflectionCube;
 use holo_scene::PunctualBeam;
 
-use crate::darkening::{FINE_SIDE, ROUGH_SIDE};
 use crate::harmonics::Harmonics;
 use crate::lights::{ProbeLight, brightest};
 use crate::probe::LightProbe;
@@ -16,6 +15,10 @@ pub const LIGHTS: usize = 8;
 /// Angle around a sun within which a probe may show its disc, which is one of the lights already:
 /// two texels of the smallest probes, as a cosine.
 const SUN_CORONA: f32 = 0.998;
+
+/// Most texels on a side of the light that is in no light, while an object moves and at rest.
+pub(crate) const ROUGH_SIDE: u32 = 16;
+pub(crate) const FINE_SIDE: u32 = 64;
 
 /// Light that is in no light, by few directions.
 pub(crate) struct DimLight {

@@ -464,7 +464,7 @@ function drawPlan() {
     Math.max(...xs) - Math.min(...xs) + 2 * margin, Math.max(...ys) - Math.min(...ys) + 2 * margin].join(' '));
   svg.replaceChildren(...outlines.map((outline, i) => make('polygon', {
     points: outline.map(p => p.join(',')).join(' '), class: facts.sections[i].interior ? 'section' : 'section exterior' })),
-    make('path', { class: 'walls', id: 'walls' }), make('g', { id: 'places' }), make('path', { class: 'gaze', id: 'gaze' }), make('circle', { class: 'eye', id: 'eye', r: 0.022 * size }));
+    make('path', { class: 'walls', id: 'walls' }), make('g', { id: 'places' }), make('g', { id: 'north' }), make('path', { class: 'gaze', id: 'gaze' }), make('circle', { class: 'eye', id: 'eye', r: 0.022 * size }));
   drawPlaces();
   drawNorth();
   drawEye();
