@@ -99,8 +99,10 @@ fn a_session_on_another_machine_is_walked_in_a_browser() {
     // The page is served to the viewer's machine alone, and so is its browser.
     network.enter(2);
     let browser = &mut Chromium::open(&address);
-    browser.wait("state && state.workers === 1 && state.view_samples > 5000");
     let options = "document.body.dataset.options";
+    browser.wait("state && state.workers === 1 && state.view_samples > 5000");
+    // Samples come before the first frame.
+    browser.wait(&format!("{options} !== undefined"));
     let home = browser.value(options);
     browser.key("KeyS", "s", true);
     browser.wait(&format!("{options} !== {home}"));
