@@ -280,6 +280,8 @@ fn walk(page: SocketAddr, time: Duration) -> (u32, Duration) {
         std::thread::sleep(PAUSE);
     }
     say(&mut socket, json!({ "do": "command", "line": "quit" }));
+    // A socket that is closed with bytes to read takes back what it has sent.
+    while socket.read().is_ok() {}
     (frames, longest)
 }
 
@@ -352,7 +354,8 @@ fn a_session_under_siege_loses_nothing_and_goes_on() {
             println!("quiet: {quiet:?}");
             quiet.memory
         }
-        None => [0; 2],
+        // As much as the light of a session may take.
+        None => [MOST_MEMORY; 2],
     };
     for (peak, quiet) in walk.memory.into_iter().zip(quiet) {
         assert!(peak < quiet + MOST_MEMORY, "{peak} KiB, {quiet} KiB when it is quiet");
