@@ -1,14 +1,9 @@
 //! The texels of a cube, and the samples that enter them.
 
-use crate::face::{FACES, FacePoint, depth, solid_angle};
+use crate::face::{FACES, depth};
+use crate::grid::{CubeGrid, MOST_RESOLUTION};
 use crate::levels::{CubeLevel, LevelTexel};
 use glam::Vec3;
-
-/// Least texels along a side of a face.
-pub const LEAST_RESOLUTION: u32 = 8;
-
-/// Most texels along a side of a face. A cube of these takes 42 MB.
-pub const MOST_RESOLUTION: u32 = 512;
 
 /// A ray that left the object, and what it met.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,7 +76,7 @@ const _: () = assert!(size_of::<CubeTexel>() == 20);
 #[derive(Clone, Debug)]
 pub struct ReflectionCube {
     centre: Vec3,
-    resolution: u32,
+    grid: CubeGrid,
     texels: Vec<CubeTexel>,
     /// A bit for each texel: its rays may hit the object itself.
     marks: Vec<u64>,
@@ -95,10 +90,10 @@ pub struct ReflectionCube {
 /// Returns the memory of a cube of this resolution, bytes.
 #[must_use]
 pub fn bytes_of(resolution: u32) -> usize {
-    let resolution = allowed(resolution);
-    let texels = FACES * (resolution as usize).pow(2);
+    let grid = CubeGrid::new(resolution);
+    let texels = grid.len();
     let mut bytes = texels * size_of::<CubeTexel>() + texels.div_ceil(64) * size_of::<u64>();
-    let mut coarser = resolution / 2;
+    let mut coarser = grid.resolution() / 2;
     while coarser > 0 {
         bytes += FACES * (coarser as usize).pow(2) * size_of::<LevelTexel>();
         coarser /= 2;
@@ -110,12 +105,7 @@ pub fn bytes_of(resolution: u32) -> usize {
 /// mirror ball, a texel is then no larger than half a pixel.
 #[must_use]
 pub fn resolution(pixels: f32) -> u32 {
-    allowed(pixels.clamp(0.0, MOST_RESOLUTION as f32).ceil() as u32)
-}
-
-/// Returns the next resolution that a cube can have.
-fn allowed(resolution: u32) -> u32 {
-    resolution.clamp(LEAST_RESOLUTION, MOST_RESOLUTION).next_power_of_two()
+    CubeGrid::new(pixels.clamp(0.0, MOST_RESOLUTION as f32).ceil() as u32).resolution()
 }
 
 impl CubeTexel {
@@ -147,14 +137,14 @@ impl ReflectionCube {
     /// It is raised to a power of two, from [`LEAST_RESOLUTION`] to [`MOST_RESOLUTION`].
     #[must_use]
     pub fn new(centre: Vec3, resolution: u32) -> ReflectionCube {
-        let resolution = allowed(resolution);
-        let texels = FACES * (resolution as usize).pow(2);
+        let grid = CubeGrid::new(resolution);
+        let texels = grid.len();
         ReflectionCube {
             centre,
-            resolution,
+            grid,
             texels: vec![CubeTexel::default(); texels],
             marks: vec![0; texels.div_ceil(64)],
-            levels: CubeLevel::all_below(resolution),
+            levels: CubeLevel::all_below(grid.resolution()),
             stale: [false; FACES],
             valid: 0,
         }
@@ -165,13 +155,13 @@ impl ReflectionCube {
     #[must_use]
     pub fn resized(&self, resolution: u32) -> ReflectionCube {
         let mut resized = ReflectionCube::new(self.centre, resolution);
-        let is_finer = resized.resolution > self.resolution;
-        let fine = resized.resolution.max(self.resolution);
-        let coarse = resized.resolution.min(self.resolution);
-        for of_fine in 0..resized.len().max(self.len()) {
-            let (face, column, row) = place(of_fine, fine);
-            let ratio = fine / coarse;
-            let of_coarse = number_of(face, (column / ratio, row / ratio), coarse);
+        let is_finer = resized.grid.resolution() > self.grid.resolution();
+        let (fine, coarse) =
+            if is_finer { (resized.grid, self.grid) } else { (self.grid, resized.grid) };
+        let ratio = fine.resolution() / coarse.resolution();
+        for of_fine in 0..fine.len() {
+            let (face, column, row) = fine.place(of_fine);
+            let of_coarse = coarse.number(face, (column / ratio, row / ratio));
             let (from, to) = if is_finer { (of_coarse, of_fine) } else { (of_fine, of_coarse) };
             if self.is_marked(from) {
                 resized.set_mark(to);
@@ -190,60 +180,28 @@ impl ReflectionCube {
         self.centre
     }
 
-    /// Returns the number of texels along a side of a face.
-    #[must_use]
-    pub fn resolution(&self) -> u32 {
-        self.resolution
-    }
-
-    /// Returns the number of all texels.
-    #[must_use]
-    #[expect(clippy::len_without_is_empty, reason = "a cube always has texels")]
-    pub fn len(&self) -> usize {
-        self.texels.len()
-    }
-
-    /// Returns the number of the texel in a direction of any length except 0.
+    /// Returns the texels by direction.
     #[must_use]
     #[inline]
-    pub fn texel_of(&self, direction: Vec3) -> usize {
-        let point = FacePoint::of(direction);
-        number_of(point.face, point.texel(self.resolution), self.resolution)
+    pub fn grid(&self) -> CubeGrid {
+        self.grid
     }
 
-    /// Returns the unit direction of the middle of a texel below [`len`](Self::len).
-    #[must_use]
-    pub fn direction_of(&self, texel: usize) -> Vec3 {
-        let (face, column, row) = place(texel, self.resolution);
-        FacePoint::middle(face, (column as i32, row as i32), self.resolution)
-            .direction()
-            .normalize()
-    }
-
-    /// Returns the solid angle of a texel below [`len`](Self::len), steradians.
-    #[must_use]
-    pub fn solid_angle_of(&self, texel: usize) -> f32 {
-        let (_, column, row) = place(texel, self.resolution);
-        solid_angle((column, row), self.resolution)
-    }
-
-    /// Returns the light of a texel below [`len`](Self::len), seen from the centre. `None` if it is
+    /// Returns the light of a texel of the [`grid`](Self::grid), seen from the centre. `None` if it is
     /// not valid.
     #[must_use]
     pub fn light_of(&self, texel: usize) -> Option<CubeLight> {
         let CubeTexel { radiance, inverse_depth, count, .. } = *self.valid_texel(texel)?;
-        let (face, column, row) = place(texel, self.resolution);
-        let middle = FacePoint::middle(face, (column as i32, row as i32), self.resolution);
-        let distance = middle.direction().length() / inverse_depth;
+        let distance = self.grid.middle(texel).direction().length() / inverse_depth;
         Some(CubeLight { radiance, distance, spread: self.spread_of(0), count })
     }
 
-    /// Returns the number of paths in a texel below [`len`](Self::len); 0 if it is not valid.
+    /// Returns the number of paths in a texel of the [`grid`](Self::grid); 0 if it is not valid.
     pub(crate) fn count_of(&self, texel: usize) -> u16 {
         self.texels[texel].count
     }
 
-    /// Replaces the radiance of a texel below [`len`](Self::len) that is valid. Returns false if it
+    /// Replaces the radiance of a texel of the [`grid`](Self::grid) that is valid. Returns false if it
     /// is not, or if the radiance is not finite and positive.
     ///
     /// Levels follow at the next [`refresh_levels`](Self::refresh_levels).
@@ -251,12 +209,12 @@ impl ReflectionCube {
         let is_set = self.valid_texel(texel).is_some() && is_light(radiance);
         if is_set {
             self.texels[texel].radiance = radiance;
-            self.stale[texel / (self.resolution as usize).pow(2)] = true;
+            self.stale[self.grid.face(texel)] = true;
         }
         is_set
     }
 
-    /// Returns true if rays in the direction of a texel below [`len`](Self::len) must be traced.
+    /// Returns true if rays in the direction of a texel of the [`grid`](Self::grid) must be traced.
     #[must_use]
     #[inline]
     pub fn is_marked(&self, texel: usize) -> bool {
@@ -284,20 +242,20 @@ impl ReflectionCube {
         }
         let ReflectionSample { radiance, count, generation, .. } = *sample;
         let texel = CubeTexel { radiance, inverse_depth, count, generation };
-        self.put(self.texel_of(towards), &texel);
+        self.put(self.grid.texel_of(towards), &texel);
         true
     }
 
     /// Notes that rays that leave the object in this direction may hit the object itself.
     pub fn mark_self_hit(&mut self, direction: Vec3) {
-        self.set_mark(self.texel_of(direction));
+        self.set_mark(self.grid.texel_of(direction));
     }
 
     /// Makes the levels again from all valid texels, on faces that changed.
     pub fn refresh_levels(&mut self) {
         for face in 0..FACES {
             if std::mem::take(&mut self.stale[face]) {
-                let side = self.resolution as usize;
+                let side = self.grid.resolution() as usize;
                 let texels = &self.texels[face * side * side..][..side * side];
                 let of_texel = |texel: &CubeTexel| LevelTexel {
                     radiance: texel.radiance,
@@ -316,16 +274,16 @@ impl ReflectionCube {
     #[must_use]
     pub fn statistics(&self) -> CubeStatistics {
         CubeStatistics {
-            texels: self.len(),
+            texels: self.grid.len(),
             valid: self.valid,
             marked: self.marks.iter().map(|bits| bits.count_ones() as usize).sum(),
-            bytes: bytes_of(self.resolution),
+            bytes: bytes_of(self.grid.resolution()),
         }
     }
 
     /// Returns the angle over which a level averages, radians. Level 0 has the texels.
     pub(crate) fn spread_of(&self, level: usize) -> f32 {
-        2.0 / (self.resolution >> level) as f32
+        2.0 / (self.grid.resolution() >> level) as f32
     }
 
     pub(crate) fn levels(&self) -> &[CubeLevel] {
@@ -335,7 +293,7 @@ impl ReflectionCube {
     /// Returns a texel of the finest level.
     #[inline]
     pub(crate) fn finest(&self, face: usize, at: (u32, u32)) -> LevelTexel {
-        let texel = &self.texels[number_of(face, at, self.resolution)];
+        let texel = &self.texels[self.grid.number(face, at)];
         LevelTexel {
             radiance: texel.radiance,
             inverse_depth: texel.inverse_depth,
@@ -356,25 +314,11 @@ impl ReflectionCube {
             let texel = &mut self.texels[number];
             self.valid += usize::from(!texel.is_valid());
             texel.add(new);
-            self.stale[number / (self.resolution as usize).pow(2)] = true;
+            self.stale[self.grid.face(number)] = true;
         }
     }
 }
 
 fn is_light(radiance: [f32; 3]) -> bool {
     radiance.iter().all(|c| c.is_finite() && *c >= 0.0)
-}
-
-/// Returns the face, column and row of a texel.
-fn place(number: usize, resolution: u32) -> (usize, u32, u32) {
-    let side = resolution as usize;
-    let within = number % (side * side);
-    (number / (side * side), (within % side) as u32, (within / side) as u32)
-}
-
-/// Returns the number of a texel.
-#[inline]
-fn number_of(face: usize, (column, row): (u32, u32), resolution: u32) -> usize {
-    let side = resolution as usize;
-    (face * side + row as usize) * side + column as usize
 }

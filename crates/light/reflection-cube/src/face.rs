@@ -53,6 +53,21 @@ impl FacePoint {
         FacePoint { face, across: at(column), down: at(row) }
     }
 
+    /// Returns the columns and rows of the four texels around the point, with their weights in a
+    /// linear interpolation. They may be beyond the edge of the face.
+    #[inline]
+    pub fn around(self, resolution: u32) -> [((i32, i32), f32); 4] {
+        let at = |place: f32| 0.5 * (place + 1.0) * resolution as f32 - 0.5;
+        let (x, y) = (at(self.across), at(self.down));
+        let (left, top) = (x.floor(), y.floor());
+        let (right_share, below_share) = (x - left, y - top);
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(right, below)| {
+            let across = if right == 1 { right_share } else { 1.0 - right_share };
+            let down = if below == 1 { below_share } else { 1.0 - below_share };
+            ((left as i32 + right, top as i32 + below), across * down)
+        })
+    }
+
     /// Returns the direction of the point. Its length along the face's axis is 1.
     #[inline]
     pub fn direction(self) -> Vec3 {

@@ -21,12 +21,13 @@
 
 mod cube;
 mod face;
+mod grid;
 mod levels;
 mod parallax;
 mod smooth;
 
 pub use cube::{
-    CubeAnswer, CubeLight, CubeStatistics, LEAST_RESOLUTION, MOST_RESOLUTION, ReflectionCube,
-    ReflectionSample, bytes_of, resolution,
+    CubeAnswer, CubeLight, CubeStatistics, ReflectionCube, ReflectionSample, bytes_of, resolution,
 };
 pub use face::FACE_AXES;
+pub use grid::{CubeGrid, LEAST_RESOLUTION, MOST_RESOLUTION};

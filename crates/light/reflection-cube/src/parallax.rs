@@ -22,6 +22,9 @@ const CLOSE: f32 = 0.25;
 /// Relative difference of depth at which a ray meets a curved surface when the search ends.
 const NEARLY: f32 = 0.1;
 
+/// Distance beyond an edge of what a ray sees that passes behind it, texels.
+const BEYOND: f32 = 1.5;
+
 /// A point of a ray before or behind the surface.
 #[derive(Clone, Copy)]
 struct RayPoint {
@@ -51,20 +54,23 @@ impl ReflectionCube {
         direction: Vec3,
         spread: RangeInclusive<f32>,
     ) -> CubeAnswer {
-        if self.is_marked(self.texel_of(direction)) {
+        if self.is_marked(self.grid().texel_of(direction)) {
             return CubeAnswer::MustTrace;
         }
         let (towards, distance) = self.seen(origin, direction);
         let point = FacePoint::of(towards);
         let (mut angle, most) = (spread.start().max(self.spread_of(0)), *spread.end());
         loop {
-            if let Some(texel) = self.blurred(angle, point) {
-                let own = || towards.length() / (depth(towards) * texel.inverse_depth);
+            if let Some(radiance) = self.blurred(angle, point) {
+                let own = || {
+                    let inverse = self.inverse_depth(towards).unwrap_or(0.0);
+                    towards.length() / (depth(towards) * inverse)
+                };
                 return CubeAnswer::Light(CubeLight {
-                    radiance: texel.radiance,
+                    radiance,
                     distance: distance.unwrap_or_else(own),
                     spread: angle,
-                    count: self.count_of(self.texel_of(towards)),
+                    count: self.count_of(self.grid().texel_of(towards)),
                 });
             }
             angle *= 2.0;
@@ -77,14 +83,17 @@ impl ReflectionCube {
     /// Returns the inverse depth in a direction, from the sharpest level that knows it.
     fn inverse_depth(&self, towards: Vec3) -> Option<f32> {
         let point = FacePoint::of(towards);
-        (0..=self.levels().len()).find_map(|level| Some(self.smooth(level, point)?.inverse_depth))
+        let blurred = |level| Some(self.smooth(level, point)?.inverse_depth);
+        let sharp = self.inverse_depth_between(point);
+        sharp.or_else(|| (1..=self.levels().len()).find_map(blurred))
     }
 
-    /// Returns the texel that a ray sees which leaves the object at `origin` in a unit direction.
+    /// Returns the direction from the centre to what a ray sees that leaves the object at `origin` in
+    /// a unit direction. It is a unit vector.
     #[must_use]
     #[inline]
-    pub fn texel_seen(&self, origin: Vec3, direction: Vec3) -> usize {
-        self.texel_of(self.seen(origin, direction).0)
+    pub fn direction_seen(&self, origin: Vec3, direction: Vec3) -> Vec3 {
+        self.seen(origin, direction).0.normalize_or(direction)
     }
 
     /// Returns how far a point is behind the surface.
@@ -108,7 +117,7 @@ impl ReflectionCube {
         let guess = (1.0 / inverse - from.dot(axis)) / direction.dot(axis);
         let is_ahead = guess > 0.0 && guess.is_finite();
         let mut distance = if is_ahead { guess } else { 2.0 * from.length() };
-        let close = CLOSE / self.resolution() as f32;
+        let close = CLOSE / self.grid().resolution() as f32;
         let here = self.behind(from).unwrap_or(-1.0);
         let mut before = RayPoint { distance: 0.0, behind: here.min(-close) };
         let mut after: Option<RayPoint> = None;
@@ -142,8 +151,12 @@ impl ReflectionCube {
         if after.behind.min(-before.behind) < NEARLY {
             return at(if -before.behind < after.behind { before } else { after });
         }
-        // The farther side of an edge has the lesser inverse depth.
+        // The farther side of an edge has the lesser inverse depth. Light is interpolated between
+        // texels, so the edge itself is out of reach.
         let far = |end: RayPoint| self.inverse_depth(at(end).0).unwrap_or(0.0);
-        (at(if far(before) < far(after) { before } else { after }).0, None)
+        let (far, near) = if far(before) < far(after) { (before, after) } else { (after, before) };
+        let [far, near] = [far, near].map(|end| at(end).0.normalize_or_zero());
+        let texel = 2.0 / self.grid().resolution() as f32;
+        (far + BEYOND * texel * (far - near).normalize_or_zero(), None)
     }
 }

@@ -135,7 +135,7 @@ impl CachedReflections {
         let cube = self.cubes[object as usize].read().unwrap_or_else(PoisonError::into_inner);
         let Some(cube) = cube.as_ref() else { return CubeAnswer::Unknown };
         let is_known = |light: &CubeLight| light.count >= self.settings.least_paths;
-        let answer = match (cube.texel_of(ray.direction), self.settings.has_parallax) {
+        let answer = match (cube.grid().texel_of(ray.direction), self.settings.has_parallax) {
             (_, true) => cube.look_up(ray.origin, ray.direction, 0.0..=0.0),
             (texel, false) if cube.is_marked(texel) => CubeAnswer::MustTrace,
             (texel, false) => cube.light_of(texel).map_or(CubeAnswer::Unknown, CubeAnswer::Light),

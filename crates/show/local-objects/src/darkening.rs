@@ -1,7 +1,7 @@
 //! How much light an object takes from the surfaces that its probe shows.
 
 use glam::Vec3;
-use holo_reflection_cube::ReflectionCube;
+use holo_reflection_cube::CubeGrid;
 use rayon::prelude::*;
 
 use crate::harmonics::Harmonics;
@@ -14,7 +14,7 @@ const NEAR: f32 = 6.0;
 
 /// The share of light that an object leaves to what its probe shows, by direction.
 pub(crate) struct Darkening {
-    cube: ReflectionCube,
+    grid: CubeGrid,
     left: Vec<Vec3>,
 }
 
@@ -39,29 +39,29 @@ impl Darkening {
         left: impl Fn(u32, usize, Vec3) -> Vec3 + Sync,
     ) -> Darkening {
         let probe = &lighting.probe;
-        let cube = ReflectionCube::new(Vec3::ZERO, probe.cube.resolution().min(most_side));
+        let grid = CubeGrid::new(probe.cube.grid().resolution().min(most_side));
         let centre = (object.centre() - probe.centre()).as_vec3();
         let reach = NEAR * object.radius() as f32;
         let of = |number: u32| {
-            let texel = probe.cube.texel_of(cube.direction_of(number as usize));
+            let texel = probe.cube.grid().texel_of(grid.direction_of(number as usize));
             let place = probe.place(texel).filter(|place| place.distance(centre) < reach);
             place.map_or(Vec3::ONE, |place| left(number, texel, place))
         };
-        let left = (0..cube.len() as u32).into_par_iter().map(of).collect();
-        Darkening { cube, left }
+        let left = (0..grid.len() as u32).into_par_iter().map(of).collect();
+        Darkening { grid, left }
     }
 
     /// Returns the share that is left to what is seen in a direction from the probe's centre.
     #[inline]
     pub(crate) fn left(&self, direction: Vec3) -> Vec3 {
-        let around = self.cube.texels_around(direction);
+        let around = self.grid.texels_around(direction);
         around.into_iter().map(|(texel, weight)| weight * self.left[texel]).sum()
     }
 
     /// Returns the light that is in no light, while the object takes its share.
     pub(crate) fn rest(&self, lighting: &ObjectLighting) -> Harmonics {
-        let dim = &lighting.dim[usize::from(self.cube.len() != lighting.dim[0].cube.len())];
-        Harmonics::of(&dim.cube, |texel| dim.light[texel] * self.left[texel])
+        let dim = &lighting.dim[usize::from(self.grid != lighting.dim[0].grid)];
+        Harmonics::of(dim.grid, |texel| dim.light[texel] * self.left[texel])
     }
 }
 

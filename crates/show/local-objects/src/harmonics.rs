@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use holo_reflection_cube::ReflectionCube;
+use holo_reflection_cube::CubeGrid;
 
 /// Number of harmonics up to order 2.
 const COUNT: usize = 9;
@@ -20,11 +20,11 @@ const LOBE: [f32; COUNT] = {
 pub(crate) struct Harmonics([Vec3; COUNT]);
 
 impl Harmonics {
-    /// Returns the harmonics of the light of a cube's texels: radiance times solid angle.
-    pub(crate) fn of(cube: &ReflectionCube, light: impl Fn(usize) -> Vec3) -> Harmonics {
+    /// Returns the harmonics of the light of a grid's texels: radiance times solid angle.
+    pub(crate) fn of(grid: CubeGrid, light: impl Fn(usize) -> Vec3) -> Harmonics {
         let mut harmonics = Harmonics::default();
-        for texel in 0..cube.len() {
-            harmonics.add(cube.direction_of(texel), light(texel));
+        for texel in 0..grid.len() {
+            harmonics.add(grid.direction_of(texel), light(texel));
         }
         harmonics
     }
@@ -70,16 +70,12 @@ fn basis(Vec3 { x, y, z }: Vec3) -> [f32; COUNT] {
 
 #[cfg(test)]
 mod tests {
-    use holo_reflection_cube::ReflectionCube;
-
     use super::*;
 
     /// Returns the harmonics of a radiance.
     fn of(radiance: impl Fn(Vec3) -> Vec3) -> Harmonics {
-        let cube = ReflectionCube::new(Vec3::ZERO, 32);
-        Harmonics::of(&cube, |texel| {
-            radiance(cube.direction_of(texel)) * cube.solid_angle_of(texel)
-        })
+        let grid = CubeGrid::new(32);
+        Harmonics::of(grid, |texel| radiance(grid.direction_of(texel)) * grid.solid_angle_of(texel))
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The light of an object: a few lights that cast shadows, and the rest.
 
 use glam::{DVec3, Vec3};
-use holo_reflection_cube::ReflectionCube;
+use holo_reflection_cube::CubeGrid;
 use holo_scene::PunctualBeam;
 
 use crate::harmonics::Harmonics;
@@ -23,20 +23,20 @@ pub(crate) const FINE_SIDE: u32 = 64;
 /// Light that is in no light, by few directions.
 pub(crate) struct DimLight {
     /// Whose texels it is given for.
-    pub cube: ReflectionCube,
+    pub grid: CubeGrid,
     /// Radiance times solid angle.
     pub light: Vec<Vec3>,
 }
 
 impl DimLight {
     fn new(probe: &LightProbe, is_bright: &[bool], most_side: u32) -> DimLight {
-        let cube = ReflectionCube::new(Vec3::ZERO, probe.cube.resolution().min(most_side));
-        let mut light = vec![Vec3::ZERO; cube.len()];
-        for texel in (0..probe.cube.len()).filter(|&texel| !is_bright[texel]) {
-            let around = cube.texel_of(probe.cube.direction_of(texel));
-            light[around] += probe.radiance(texel) * probe.cube.solid_angle_of(texel);
+        let grid = CubeGrid::new(probe.cube.grid().resolution().min(most_side));
+        let mut light = vec![Vec3::ZERO; grid.len()];
+        for texel in (0..probe.cube.grid().len()).filter(|&texel| !is_bright[texel]) {
+            let around = grid.texel_of(probe.cube.grid().direction_of(texel));
+            light[around] += probe.radiance(texel) * probe.cube.grid().solid_angle_of(texel);
         }
-        DimLight { cube, light }
+        DimLight { grid, light }
     }
 }
 
@@ -60,7 +60,7 @@ impl ObjectLighting {
         let (mut lights, is_bright) = brightest(&probe, lights, room);
         lights.extend(unseen);
         let dim = [ROUGH_SIDE, FINE_SIDE].map(|side| DimLight::new(&probe, &is_bright, side));
-        let rest = Harmonics::of(&dim[1].cube, |texel| dim[1].light[texel]);
+        let rest = Harmonics::of(dim[1].grid, |texel| dim[1].light[texel]);
         ObjectLighting { probe, lights, is_bright, dim, rest }
     }
 
@@ -84,8 +84,8 @@ fn unseen_lights(probe: &mut LightProbe, room: &Room) -> Vec<ProbeLight> {
     for sun in scene.all_suns() {
         let towards = Vec3::from(sun.towards);
         lights.push(ProbeLight::unseen(towards, None, sun.irradiance.into()));
-        for texel in 0..probe.cube.len() {
-            let direction = probe.cube.direction_of(texel);
+        for texel in 0..probe.cube.grid().len() {
+            let direction = probe.cube.grid().direction_of(texel);
             if probe.place(texel).is_none() && direction.dot(towards) > SUN_CORONA {
                 // The sky's radiance does not include its sun.
                 probe.cube.set_radiance(texel, scene.sky.radiance(direction.as_dvec3()));

@@ -197,13 +197,14 @@ pub(crate) fn brightest(
 ) -> (Vec<ProbeLight>, Vec<bool>) {
     let cube = &probe.cube;
     let luminance = |texel: usize| relative_luminance(probe.radiance(texel).to_array());
-    let whole: f32 =
-        (0..cube.len()).map(|texel| luminance(texel) * cube.solid_angle_of(texel)).sum();
+    let whole: f32 = (0..cube.grid().len())
+        .map(|texel| luminance(texel) * cube.grid().solid_angle_of(texel))
+        .sum();
     let least = BRIGHT * whole / (4.0 * std::f32::consts::PI);
     let is_bright: Vec<bool> =
-        (0..cube.len()).map(|texel| most > 0 && luminance(texel) > least).collect();
+        (0..cube.grid().len()).map(|texel| most > 0 && luminance(texel) > least).collect();
     let point = |texel: usize| {
-        let direction = cube.direction_of(texel);
+        let direction = cube.grid().direction_of(texel);
         let surface = probe.place(texel).map(|place| (place, probe.normal(texel)));
         let leaves = || room.and_then(|room| room.leaves(probe.centre(), direction));
         let surface = surface.or_else(leaves);
@@ -211,10 +212,10 @@ pub(crate) fn brightest(
             direction,
             place: surface.map(|(place, _)| place),
             normal: surface.map_or(Vec3::ZERO, |(_, normal)| normal),
-            irradiance: probe.radiance(texel) * cube.solid_angle_of(texel),
+            irradiance: probe.radiance(texel) * cube.grid().solid_angle_of(texel),
         }
     };
-    let texels: Vec<usize> = (0..cube.len()).filter(|&texel| is_bright[texel]).collect();
+    let texels: Vec<usize> = (0..cube.grid().len()).filter(|&texel| is_bright[texel]).collect();
     if texels.is_empty() {
         return (Vec::new(), is_bright);
     }
@@ -256,8 +257,8 @@ mod tests {
         });
         let mut probe = LightProbe::new(DVec3::ZERO, &frames).unwrap();
         for (towards, radiance) in [(Vec3::Z, 100.0), (Vec3::new(1.0, 1.0, 0.2), 50.0)] {
-            for texel in 0..probe.cube.len() {
-                if probe.cube.direction_of(texel).dot(towards.normalize()) > 0.98 {
+            for texel in 0..probe.cube.grid().len() {
+                if probe.cube.grid().direction_of(texel).dot(towards.normalize()) > 0.98 {
                     probe.cube.set_radiance(texel, [radiance; 3]);
                 }
             }
@@ -267,8 +268,8 @@ mod tests {
 
     /// Returns the irradiance at the centre of a facing surface, from all texels.
     fn whole(probe: &LightProbe, of: impl Fn(usize) -> bool) -> f32 {
-        let texels = (0..probe.cube.len()).filter(|&texel| of(texel));
-        texels.map(|texel| probe.radiance(texel).x * probe.cube.solid_angle_of(texel)).sum()
+        let texels = (0..probe.cube.grid().len()).filter(|&texel| of(texel));
+        texels.map(|texel| probe.radiance(texel).x * probe.cube.grid().solid_angle_of(texel)).sum()
     }
 
     #[test]

@@ -94,8 +94,8 @@ impl LitObject {
     #[inline]
     pub(crate) fn radiance(&self, point: Vec3, direction: Vec3, blur: f32) -> Vec3 {
         let cube = &self.lighting.probe.cube;
-        let seen = cube.direction_of(cube.texel_seen(point, direction));
-        let radiance = match cube.look_up(point, direction, blur..=blur) {
+        let seen = cube.direction_seen(point, direction);
+        let radiance = match cube.look_up(cube.centre(), seen, blur..=blur) {
             CubeAnswer::Light(light) => Vec3::from(light.radiance),
             // All texels are valid.
             CubeAnswer::Unknown | CubeAnswer::MustTrace => Vec3::ZERO,
@@ -106,7 +106,7 @@ impl LitObject {
     /// Returns the same without the lights, not blurred.
     #[inline]
     pub(crate) fn radiance_of_rest(&self, point: Vec3, direction: Vec3) -> Vec3 {
-        self.rest_of(self.lighting.probe.cube.texel_seen(point, direction))
+        self.rest_seen(self.lighting.probe.cube.direction_seen(point, direction))
     }
 
     /// Returns the radiance without the lights that comes from the first surface of the room along
@@ -119,21 +119,22 @@ impl LitObject {
     ) -> Vec3 {
         let probe = &self.lighting.probe;
         let seen = place.map_or(direction, |place| self.relative(place));
-        let texel = probe.cube.texel_of(seen);
+        let texel = probe.cube.grid().texel_of(seen);
         let shown = probe.place(texel).map(Vec3::length);
         let is_shown = match place {
             Some(_) => shown.is_some_and(|far| (far - seen.length()).abs() < SAME_SURFACE * far),
             None => shown.is_none(),
         };
         match is_shown {
-            true => self.rest_of(texel),
+            true => self.rest_seen(seen),
             // Something hides it from the probe: what is seen nearby stands for it.
             false => self.radiance_of_rest(point, direction),
         }
     }
 
-    fn rest_of(&self, texel: usize) -> Vec3 {
-        let direction = self.lighting.probe.cube.direction_of(texel);
+    /// Returns the radiance without the lights of what the probe shows in a direction.
+    fn rest_seen(&self, direction: Vec3) -> Vec3 {
+        let texel = self.lighting.probe.cube.grid().texel_of(direction);
         self.lighting.dim_radiance(texel) * self.surroundings.darkening.left(direction)
     }
 }

@@ -59,7 +59,7 @@ impl LightProbe {
                 && frame.picture.pixels.len() == pixels
                 && frame.depth.len() == pixels
         };
-        if cube.resolution() != side || !frames.iter().all(fits) {
+        if cube.grid().resolution() != side || !frames.iter().all(fits) {
             return Err(ProbeError::Frames);
         }
         // Frames show the faces of the cube pixel by pixel.
@@ -76,14 +76,14 @@ impl LightProbe {
         };
         for (texel, (&radiance, &distance)) in all.enumerate() {
             let radiance = Vec3::from(radiance).max(Vec3::ZERO);
-            let direction = cube.direction_of(texel);
+            let direction = cube.grid().direction_of(texel);
             let is_known =
                 distance > 0.0 && cube.insert(&sample(direction, distance, radiance.to_array()));
             if !is_known {
                 unknown.push(direction);
                 continue;
             }
-            let solid_angle = cube.solid_angle_of(texel);
+            let solid_angle = cube.grid().solid_angle_of(texel);
             light += radiance * solid_angle;
             known += solid_angle;
         }
@@ -113,13 +113,13 @@ impl LightProbe {
     #[inline]
     pub(crate) fn place(&self, texel: usize) -> Option<Vec3> {
         let distance = self.cube.light_of(texel)?.distance;
-        distance.is_finite().then(|| self.cube.direction_of(texel) * distance)
+        distance.is_finite().then(|| self.cube.grid().direction_of(texel) * distance)
     }
 
     /// Returns the unit normal of what a texel shows, towards the centre, from the places around
     /// it. For the sky, that is the direction to the centre.
     pub(crate) fn normal(&self, texel: usize) -> Vec3 {
-        let towards = -self.cube.direction_of(texel);
+        let towards = -self.cube.grid().direction_of(texel);
         let Some(here) = self.place(texel) else { return towards };
         let slope = |[before, after]: [usize; 2]| {
             // At the edge of a surface, the neighbour on the other side of it is far away.
@@ -139,7 +139,7 @@ impl LightProbe {
     /// Returns the texels on both sides of a texel in its face: left and right, above and below.
     /// At the edge of a face, the texel itself stands for the missing one.
     fn around(&self, texel: usize) -> [[usize; 2]; 2] {
-        let side = self.cube.resolution() as usize;
+        let side = self.cube.grid().resolution() as usize;
         let (column, row) = (texel % side, texel / side % side);
         let before = |at: usize, step: usize| if at > 0 { texel - step } else { texel };
         let after = |at: usize, step: usize| if at + 1 < side { texel + step } else { texel };
@@ -177,7 +177,7 @@ mod tests {
     fn a_probe_knows_places_and_normals_of_what_is_around_it() {
         let middle = DVec3::new(0.3, -0.2, 0.1);
         let probe = LightProbe::new(DVec3::ZERO, &sphere(middle, 2.0, |_| 1.0)).unwrap();
-        for texel in (0..probe.cube.len()).step_by(37) {
+        for texel in (0..probe.cube.grid().len()).step_by(37) {
             let place = probe.place(texel).unwrap().as_dvec3();
             assert!((place.distance(middle) - 2.0).abs() < 1e-3);
             let expected = (middle - place).normalize().as_vec3();
@@ -193,7 +193,9 @@ mod tests {
         frames[2].depth.fill(0.0);
         frames[2].picture.pixels.fill([0.0; 3]);
         let probe = LightProbe::new(DVec3::ZERO, &frames).unwrap();
-        assert!((0..probe.cube.len()).all(|texel| (probe.radiance(texel).x - 3.0).abs() < 1e-4));
+        assert!(
+            (0..probe.cube.grid().len()).all(|texel| (probe.radiance(texel).x - 3.0).abs() < 1e-4)
+        );
         frames[1] = Frame::black((3, 3));
         assert_eq!(LightProbe::new(DVec3::ZERO, &frames).err(), Some(ProbeError::Frames));
     }

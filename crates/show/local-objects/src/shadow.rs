@@ -182,8 +182,9 @@ impl Shadowed<'_> {
             }
         }
         let instead = finish.diffuse * light * FRAC_1_PI;
-        let texel = lit.lighting.probe.cube.texel_seen(lit.relative(self.place), towards);
-        (lit.lighting.dim_radiance(texel) - instead) * weight
+        let cube = &lit.lighting.probe.cube;
+        let seen = cube.direction_seen(lit.relative(self.place), towards);
+        (lit.lighting.dim_radiance(cube.grid().texel_of(seen)) - instead) * weight
     }
 
     /// Estimates the irradiance that surfaces around the object send less because of its shadow on
@@ -191,11 +192,11 @@ impl Shadowed<'_> {
     fn dimmed(&self, lit: &LitObject, numbers: &mut PassNumbers) -> Vec3 {
         let towards = cosine_direction(self.normal, numbers.two());
         let probe = &lit.lighting.probe;
-        let texel = probe.cube.texel_seen(lit.relative(self.place), towards);
-        let taken = Vec3::ONE - lit.surroundings.darkening.left(probe.cube.direction_of(texel));
+        let seen = probe.cube.direction_seen(lit.relative(self.place), towards);
+        let taken = Vec3::ONE - lit.surroundings.darkening.left(seen);
         if taken == Vec3::ZERO || lit.object.nearest(self.place, towards.as_dvec3()).is_some() {
             return Vec3::ZERO;
         }
-        probe.radiance(texel) * taken * PI
+        probe.radiance(probe.cube.grid().texel_of(seen)) * taken * PI
     }
 }

@@ -27,9 +27,9 @@ fn levels_average_valid_texels_only_by_their_solid_angle() {
     // A third of the texels of the first face.
     for texel in (0..32 * 32).step_by(3) {
         let value = texel as f32;
-        cube.insert(&sample(&cube, cube.direction_of(texel), 1.0, value));
-        sum += cube.solid_angle_of(texel) * value;
-        whole += cube.solid_angle_of(texel);
+        cube.insert(&sample(&cube, cube.grid().direction_of(texel), 1.0, value));
+        sum += cube.grid().solid_angle_of(texel) * value;
+        whole += cube.grid().solid_angle_of(texel);
     }
     assert_eq!(cube.look_up(Vec3::ZERO, Vec3::X, WIDEST..=WIDEST), CubeAnswer::Unknown);
     cube.refresh_levels();
@@ -41,21 +41,21 @@ fn levels_average_valid_texels_only_by_their_solid_angle() {
 #[test]
 fn a_texel_whose_light_is_replaced_stays_where_it_is() {
     let mut cube = ReflectionCube::new(Vec3::ZERO, 16);
-    cube.insert(&sample(&cube, cube.direction_of(3), 2.0, 1.0));
+    cube.insert(&sample(&cube, cube.grid().direction_of(3), 2.0, 1.0));
     assert!(!cube.set_radiance(4, [1.0; 3]) && !cube.set_radiance(3, [1.0, f32::NAN, 1.0]));
     assert!(cube.set_radiance(3, [0.5; 3]));
     cube.refresh_levels();
     let known = cube.light_of(3).expect("valid");
     assert!(known.radiance == [0.5; 3] && (known.distance - 2.0).abs() < 1e-4);
-    let mean = light(cube.look_up(Vec3::ZERO, cube.direction_of(3), WIDEST..=WIDEST));
+    let mean = light(cube.look_up(Vec3::ZERO, cube.grid().direction_of(3), WIDEST..=WIDEST));
     assert_eq!(mean.radiance, [0.5; 3]);
 }
 
 #[test]
 fn an_unknown_texel_takes_the_least_blur_that_knows_something() {
     let mut cube = ReflectionCube::new(Vec3::ZERO, 64);
-    for texel in 0..cube.len() {
-        let direction = cube.direction_of(texel);
+    for texel in 0..cube.grid().len() {
+        let direction = cube.grid().direction_of(texel);
         if direction.dot(Vec3::X) < 0.995 {
             cube.insert(&sample(&cube, direction, 5.0, 1.0));
         }

@@ -34,8 +34,8 @@ fn sample(cube: &ReflectionCube, direction: Vec3, distance: f32, light: f32) -> 
 
 /// Fills all texels: `seen` returns distance and light in a direction from the centre.
 fn fill(cube: &mut ReflectionCube, seen: impl Fn(Vec3) -> (f32, f32)) {
-    for texel in 0..cube.len() {
-        let direction = cube.direction_of(texel);
+    for texel in 0..cube.grid().len() {
+        let direction = cube.grid().direction_of(texel);
         let (distance, light) = seen(direction);
         assert!(cube.insert(&sample(cube, direction, distance, light)));
     }

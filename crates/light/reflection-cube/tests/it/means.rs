@@ -7,7 +7,7 @@ use holo_reflection_cube::{CubeAnswer, ReflectionCube, ReflectionSample};
 #[test]
 fn a_texel_has_the_mean_of_its_samples_by_their_paths() {
     let mut cube = ReflectionCube::new(Vec3::ONE, 16);
-    let direction = cube.direction_of(77);
+    let direction = cube.grid().direction_of(77);
     let (mut sum, mut paths) = (0.0, 0.0);
     let mut numbers = Numbers(3);
     for _ in 0..1000 {
@@ -27,7 +27,7 @@ fn a_texel_has_the_mean_of_its_samples_by_their_paths() {
 #[test]
 fn a_texel_that_counts_no_further_keeps_the_expectation() {
     let mut cube = ReflectionCube::new(Vec3::ZERO, 8);
-    let direction = cube.direction_of(0);
+    let direction = cube.grid().direction_of(0);
     let mut numbers = Numbers(4);
     for _ in 0..40_000 {
         let value = 2.0 * numbers.uniform();
@@ -56,7 +56,7 @@ fn the_order_of_samples_changes_nothing_but_rounding() {
         cube
     });
     let [one, other] = cubes;
-    for texel in 0..one.len() {
+    for texel in 0..one.grid().len() {
         let (one, other) = (one.light_of(texel), other.light_of(texel));
         let (one, other) = (one.expect("valid"), other.expect("valid"));
         assert!((one.radiance[0] - other.radiance[0]).abs() < 1e-5);
@@ -71,7 +71,7 @@ fn a_later_generation_replaces_an_earlier_one_and_never_the_reverse() {
         generation,
         ..sample(&ReflectionCube::new(Vec3::ZERO, 8), Vec3::X, 1.0, value)
     };
-    let texel = cube.texel_of(Vec3::X);
+    let texel = cube.grid().texel_of(Vec3::X);
     let value = |cube: &ReflectionCube| cube.light_of(texel).expect("valid").radiance[0];
     (0..10).for_each(|_| assert!(cube.insert(&of(1.0, 3))));
     cube.insert(&of(5.0, 2));
@@ -125,7 +125,7 @@ fn a_cube_of_another_resolution_has_the_same_light() {
     fill(&mut cube, |d| (3.0 + d.x, 1.0 + 0.5 * d.y));
     for resolution in [8, 16, 32, 64, 128] {
         let other = cube.resized(resolution);
-        assert_eq!(other.statistics().valid, other.len());
+        assert_eq!(other.statistics().valid, other.grid().len());
         let mut numbers = Numbers(5);
         for _ in 0..1000 {
             let direction = numbers.direction();
@@ -136,7 +136,7 @@ fn a_cube_of_another_resolution_has_the_same_light() {
     }
     let count = |cube: &ReflectionCube, texel| cube.light_of(texel).expect("valid").count;
     let finer = cube.resized(64);
-    assert!((0..finer.len()).all(|texel| count(&finer, texel) == 1));
+    assert!((0..finer.grid().len()).all(|texel| count(&finer, texel) == 1));
     let coarser = cube.resized(16);
-    assert!((0..coarser.len()).all(|texel| count(&coarser, texel) == 4));
+    assert!((0..coarser.grid().len()).all(|texel| count(&coarser, texel) == 4));
 }

@@ -116,7 +116,7 @@ fn samples_from_the_surface_serve_rays_from_elsewhere() {
         assert!(cube.insert(&sample));
     }
     cube.refresh_levels();
-    assert_eq!(cube.statistics().valid, cube.len());
+    assert_eq!(cube.statistics().valid, cube.grid().len());
     let [rms, ..] = errors(&cube, 0.3, |origin, direction| room.distance(origin, direction));
     assert!(rms < 0.02, "{rms}");
 }
@@ -141,8 +141,8 @@ fn a_texel_states_the_distance_of_what_it_shows() {
     let room = Room { half: Vec3::new(2.0, 1.5, 2.5), turn: Quat::IDENTITY };
     let mut cube = ReflectionCube::new(CENTRE, 16);
     fill(&mut cube, |direction| (room.distance(CENTRE, direction), 1.0));
-    for texel in 0..cube.len() {
-        let distance = room.distance(CENTRE, cube.direction_of(texel));
+    for texel in 0..cube.grid().len() {
+        let distance = room.distance(CENTRE, cube.grid().direction_of(texel));
         let known = cube.light_of(texel).expect("valid");
         assert!((known.distance / distance - 1.0).abs() < 1e-5);
     }
@@ -168,7 +168,7 @@ fn a_floor_is_seen_in_its_place_from_points_before_the_sky() {
         let seen = light(cube.look_up(point, direction, 0.0..=0.0));
         assert!((seen.distance / distance - 1.0).abs() < 0.01, "{point}: {seen:?}");
         let hit = point + distance * direction;
-        let apart = cube.direction_of(cube.texel_seen(point, direction)).angle_between(hit);
+        let apart = cube.direction_seen(point, direction).angle_between(hit);
         assert!(apart < 0.03, "{point}: {apart}");
     }
 }
@@ -182,5 +182,24 @@ fn a_ray_that_passes_behind_an_edge_sees_what_is_beyond() {
         let seen = light(cube.look_up(point, direction, 0.0..=0.0));
         // Light is interpolated over the texel at the edge.
         assert!((seen.radiance[0] - if passes { 5.0 } else { 1.0 }).abs() < 0.5, "{seen:?}");
+    }
+}
+
+#[test]
+fn nothing_is_seen_between_two_surfaces_at_different_distances() {
+    // A plane at x = 5, and one before its left half at x = 1.
+    let mut cube = ReflectionCube::new(Vec3::ZERO, 64);
+    fill(&mut cube, |direction| {
+        let depth = if direction.y > 0.0 { 1.0 } else { 5.0 };
+        (if direction.x > 0.0 { depth / direction.x } else { f32::INFINITY }, 1.0)
+    });
+    let mut numbers = Numbers(11);
+    for _ in 0..10_000 {
+        let point = 0.4 * numbers.direction();
+        let direction = (Vec3::X + 0.5 * numbers.direction()).normalize();
+        let seen = light(cube.look_up(point, direction, 0.0..=0.0));
+        let depth = (point + seen.distance * direction).x;
+        // A ray that passes behind the border has about the distance from the centre.
+        assert!(!(1.5..4.0).contains(&depth), "{point} {direction}: {depth}");
     }
 }

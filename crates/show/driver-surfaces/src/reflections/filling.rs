@@ -53,13 +53,13 @@ impl Reflections {
         if filled.next == 0 {
             filled.samples = samples;
         }
-        let texels = filled.next..(filled.next + TEXELS).min(filled.cube.len());
+        let texels = filled.next..(filled.next + TEXELS).min(filled.cube.grid().len());
         let cube = &filled.cube;
         let generation = filled.round;
         let own = |triangle: u32| objects.of(triangle) == Some(object);
         let sample = |texel: usize| {
-            let direction = cube.direction_of(texel);
-            let width = 2.0 / cube.resolution() as f32;
+            let direction = cube.grid().direction_of(texel);
+            let width = 2.0 / cube.grid().resolution() as f32;
             let ray = Ray::new(cube.centre(), direction);
             let (radiance, distance) = sources.along(ray, width, own)?;
             let origin = cube.centre();
@@ -71,7 +71,7 @@ impl Reflections {
             filled.cube.insert(sample);
         }
         filled.next = texels.end;
-        if filled.next == filled.cube.len() {
+        if filled.next == filled.cube.grid().len() {
             filled.begin_round(filled.samples);
         }
         others || filled.is_due(samples)

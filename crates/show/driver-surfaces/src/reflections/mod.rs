@@ -104,7 +104,7 @@ impl Reflections {
 
     /// Returns the texels along a side of an object's cube; 0 without a cube.
     fn texels(&self, object: u32) -> u32 {
-        self.cubes.get(&object).map_or(0, |filled| filled.cube.resolution())
+        self.cubes.get(&object).map_or(0, |filled| filled.cube.grid().resolution())
     }
 
     /// Gives an object a cube of at least this many texels along a side.
@@ -112,7 +112,7 @@ impl Reflections {
         let view = self.views;
         if let Some(filled) = self.cubes.get_mut(&object) {
             filled.view = view;
-            if filled.cube.resolution() < texels {
+            if filled.cube.grid().resolution() < texels {
                 filled.cube = filled.cube.resized(texels);
                 filled.begin_round(0);
             }
@@ -132,7 +132,7 @@ impl Reflections {
 
     /// Removes the cubes of objects that views showed longest ago, until the others fit.
     fn make_room(&mut self) {
-        let bytes = |filled: &ObjectCube| bytes_of(filled.cube.resolution());
+        let bytes = |filled: &ObjectCube| bytes_of(filled.cube.grid().resolution());
         let mut total: usize = self.cubes.values().map(bytes).sum();
         while total > MOST_BYTES {
             let oldest = self.cubes.iter().min_by_key(|(object, filled)| (filled.view, **object));

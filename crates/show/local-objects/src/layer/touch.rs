@@ -1,0 +1,111 @@
+//! Finds the cells that objects or their shadows may touch.
+
+use glam::Vec3;
+use holo_display::Frame;
+use holo_picture::View;
+use rayon::prelude::*;
+
+use super::cells::{CellGrid, LayerCell, LayerTile, TILE, Touch, TouchedCells};
+use super::mirrored::MirroredRays;
+use crate::lit::LitObject;
+use crate::room::{MirroredRay, Room};
+use crate::shading::LightDetail;
+use crate::shadow::may_shadow;
+
+/// Distance of the cells by which a tile is tested, cells.
+const APART: u32 = 4;
+
+/// Finds the cells that objects touch.
+pub(super) struct TouchTest<'a> {
+    pub frame: &'a Frame,
+    pub view: &'a View,
+    pub grid: CellGrid,
+    pub objects: &'a [LitObject],
+    /// The room, if it has mirrors.
+    pub mirrors: Option<&'a Room>,
+    pub what: Touch,
+    pub detail: LightDetail,
+}
+
+impl TouchTest<'_> {
+    /// Returns the cells that objects touch.
+    pub(super) fn touched(&self) -> TouchedCells {
+        let cells = self.grid.cells();
+        let across = cells.0.div_ceil(TILE);
+        let tile = |tile: u32| {
+            let (left, top) = (tile % across * TILE, tile / across * TILE);
+            let columns = left..(left + TILE).min(cells.0);
+            let rows = top..(top + TILE).min(cells.1);
+            let row = tile / across;
+            let places = |step: usize| {
+                let columns = columns.clone().step_by(step);
+                let rows = rows.clone().step_by(step);
+                rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
+            };
+            // Most tiles are far from all objects, and a few of their cells say so.
+            if !places(APART as usize).any(|place| self.cell(place, APART).is_some()) {
+                return LayerTile { row, passes: 0, cells: Vec::new() };
+            }
+            LayerTile {
+                row,
+                passes: 0,
+                cells: places(1).filter_map(|at| self.cell(at, 1)).collect(),
+            }
+        };
+        let tiles = (0..across * cells.1.div_ceil(TILE)).into_par_iter().map(tile);
+        let tiles = tiles.filter(|tile| !tile.cells.is_empty()).collect();
+        TouchedCells { grid: self.grid, touch: self.what, tiles }
+    }
+
+    /// Returns a cell that an object or its shadow may touch, or another one within `reach` cells;
+    /// `None` if neither can.
+    fn cell(&self, (column, row): (u32, u32), reach: u32) -> Option<LayerCell> {
+        let size = self.grid.size;
+        let place = self.grid.place(column, row);
+        let (x, y) = View::pixel_centre(size, place.0, place.1);
+        let (origin, direction, _) = self.view.clipped_ray(x, y)?;
+        let cells = self.grid.cells();
+        let margin =
+            |distance: f64| f64::from(reach) * 1.5 * self.view.pixel_footprint(cells, distance);
+        let shows = |lit: &LitObject| {
+            let object = &lit.object;
+            object.is_near(origin, direction, margin(origin.distance(object.centre())))
+        };
+        let may_show = self.what != Touch::Shadow && self.objects.iter().any(shows);
+        let depth = f64::from(self.frame.depth[self.grid.pixel(column, row)]);
+        let is_surface = self.what != Touch::Sight && depth > 0.0 && depth.is_finite();
+        let place = self.view.ray_to(origin).0 + direction * depth;
+        // Surfaces that are seen from the side go farther between two pixels.
+        let around = if reach > 1 { 4.0 * margin(depth) } else { 0.0 };
+        let shades = |lit: &LitObject| may_shadow(lit, place, around, self.detail);
+        let may_shade = is_surface && self.objects.iter().any(shades);
+        let may_mirror = self.mirrors.is_some_and(|room| {
+            let far = |way: f64| margin(depth.max(0.0)) + margin(way);
+            let shows = |ray: &MirroredRay, lit: &LitObject| {
+                let margin = far(ray.origin.distance(lit.object.centre()));
+                self.what != Touch::Shadow && lit.object.is_near(ray.origin, ray.direction, margin)
+            };
+            let shades = |ray: &MirroredRay, distance: f64, lit: &LitObject| {
+                let place = ray.origin + ray.direction * distance;
+                self.what != Touch::Sight && may_shadow(lit, place, far(distance), self.detail)
+            };
+            let mut mirrored = MirroredRays::new(room, origin, direction);
+            mirrored.any(|(ray, hit)| {
+                self.objects.iter().any(|lit| {
+                    shows(&ray, lit) || hit.is_some_and(|(_, distance)| shades(&ray, distance, lit))
+                })
+            })
+        });
+        (may_show || may_shade || may_mirror).then_some(LayerCell {
+            column,
+            row,
+            may_show,
+            may_shadow: may_shade,
+            may_mirror,
+            radiance: Vec3::ZERO,
+            behind: Vec3::ZERO,
+            seen: 0,
+            distance: 0.0,
+        })
+    }
+}
