@@ -159,7 +159,8 @@ impl TraceJob {
 
     fn pixel(&self, pixel: u32, paths: Range<u32>) -> PixelSums {
         let (column, row) = (pixel % self.size.0, pixel / self.size.0);
-        let turn = mix((u64::from(row) << 32 | u64::from(column)) ^ self.seed.rotate_left(17));
+        let turn =
+            holo_sobol::mix((u64::from(row) << 32 | u64::from(column)) ^ self.seed.rotate_left(17));
         let mut new = PixelSums::default();
         new.sums.paths = paths.len() as u32;
         for path in paths {
@@ -201,13 +202,6 @@ fn jitter(index: u32, turn: u64) -> [f64; 2] {
     const STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
     let offset = [(turn >> 32) as f64, f64::from(turn as u32)].map(|bits| bits / 4_294_967_296.0);
     [0, 1].map(|axis| (offset[axis] + STEP[axis] * f64::from(index)).fract())
-}
-
-/// The finaliser of SplitMix64 (Steele, Lea & Flood 2014).
-fn mix(mut x: u64) -> u64 {
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }
 
 #[cfg(test)]

@@ -9,9 +9,9 @@ use holodeck::light::{self, SkyChoice, StatedLight};
 /// Options for sky, sun and lamps.
 #[derive(Args, Clone, Debug, Default)]
 pub struct LightArgs {
-    /// The sky: a radiance R,G,B the same in every direction, such as 1,1,1; a sky of the CIE or of
-    /// Perez; or a picture of all directions, twice as wide as high, with north in its middle, or a
-    /// cube as a cross or strip
+    /// The sky: the same radiance R,G,B in every direction, such as 1,1,1; a sky of the CIE or of
+    /// Perez; or a picture of all directions. A picture is twice as wide as high, with north in its
+    /// middle, or it is a cube, as a cross or strip
     #[arg(
         long,
         value_name = "R,G,B|overcast|clear|intermediate|uniform|cie:1..15|perez|FILE.hdr|FILE.exr"
@@ -47,8 +47,8 @@ pub struct LightArgs {
     /// Make the sky so bright that it gives this illuminance on horizontal ground
     #[arg(long, value_name = "LUX", value_parser = light::parse_illuminance)]
     pub illuminance: Option<f64>,
-    /// Dim a lamp or switch it off, by the name of its material, of a light or of its type, of a
-    /// luminaire or its group, or `sun` or `sky`. May be repeated
+    /// Dim a lamp or switch it off. It is named by its material, its light, the light's type, its
+    /// luminaire or the luminaire's group; `sun` and `sky` are names too. May be repeated
     #[arg(long, value_name = "NAME=FACTOR", value_parser = light::parse_lamp)]
     pub lamp: Vec<(String, f32)>,
 }

@@ -22,9 +22,6 @@ const CLOSE: f32 = 0.25;
 /// Relative difference of depth at which a ray meets a curved surface when the search ends.
 const NEARLY: f32 = 0.1;
 
-/// Distance beyond an edge of what a ray sees that passes behind it, texels.
-const BEYOND: f32 = 1.5;
-
 /// A point of a ray before or behind the surface.
 #[derive(Clone, Copy)]
 struct RayPoint {
@@ -151,12 +148,8 @@ impl ReflectionCube {
         if after.behind.min(-before.behind) < NEARLY {
             return at(if -before.behind < after.behind { before } else { after });
         }
-        // The farther side of an edge has the lesser inverse depth. Light is interpolated between
-        // texels, so the edge itself is out of reach.
+        // The farther side of an edge has the lesser inverse depth.
         let far = |end: RayPoint| self.inverse_depth(at(end).0).unwrap_or(0.0);
-        let (far, near) = if far(before) < far(after) { (before, after) } else { (after, before) };
-        let [far, near] = [far, near].map(|end| at(end).0.normalize_or_zero());
-        let texel = 2.0 / self.grid().resolution() as f32;
-        (far + BEYOND * texel * (far - near).normalize_or_zero(), None)
+        (at(if far(before) < far(after) { before } else { after }).0, None)
     }
 }

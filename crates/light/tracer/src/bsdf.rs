@@ -23,8 +23,7 @@ use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::interface::Interface;
 use crate::sampled::Sampled;
 use crate::sampler::Sampler;
-use holo_optics::Ggx;
-use holo_optics::{dielectric, mirrored, pane, refract};
+use holo_optics::{Ggx, dielectric, mirrored, pane, refract};
 
 /// Difference of the relative index from 1 below which a boundary bends nothing. The half vector of
 /// a rough boundary would be rounding noise.

@@ -16,8 +16,7 @@ use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::interface::reflection;
 use crate::sampled::Sampled;
 use crate::sampler::Sampler;
-use holo_optics::Ggx;
-use holo_optics::reflect;
+use holo_optics::{Ggx, reflect};
 
 /// A rough metal.
 #[derive(Clone, Debug)]

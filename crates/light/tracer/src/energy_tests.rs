@@ -7,8 +7,7 @@ use holo_scene::Bsdf;
 use crate::albedo::{AlbedoTable, over_normals};
 use crate::bsdf::{Scatter, Tables};
 use crate::sampler::Sampler;
-use holo_optics::Ggx;
-use holo_optics::{dielectric, reflect};
+use holo_optics::{Ggx, dielectric, reflect};
 
 fn prepared(bsdf: &Bsdf) -> Scatter {
     Scatter::new(bsdf, &mut Tables::default())

@@ -17,8 +17,7 @@ use glam::Vec3;
 use crate::albedo::{AlbedoTable, over_normals};
 use crate::geometry::{cosine_hemisphere, cosine_pdf};
 use crate::sampler::Sampler;
-use holo_optics::Ggx;
-use holo_optics::{dielectric, reflect, refract};
+use holo_optics::{Ggx, dielectric, reflect, refract};
 
 /// Mean loss below which nothing is returned: quotients of losses would be rounding noise.
 const NO_LOSS: f32 = 1e-8;

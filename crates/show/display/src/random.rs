@@ -28,8 +28,5 @@ pub fn pair(seed: u32, index: u32) -> (f32, f32) {
 /// Returns the `counter`-th number of SplitMix64 (Steele, Lea & Flood 2014): 64 well mixed bits.
 #[inline]
 pub fn split_mix(counter: u64) -> u64 {
-    let mut z = counter.wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
+    holo_sobol::mix(counter.wrapping_mul(holo_sobol::STEP))
 }

@@ -454,7 +454,7 @@ impl Session {
         let most = if is_file { PASSES } else { PASSES_OF_FRAME };
         let never = Interrupt::default();
         let interrupt = if is_file || is_quick { &never } else { &self.interrupt };
-        let is_drawn = layer.is_unfinished();
+        let has_work = layer.is_unfinished();
         layer.draw(&base, &objects, room.as_ref(), most, interrupt);
         if !layer.is_drawn() && layer.is_unfinished() {
             // Whoever has interrupted it wants a frame soon.
@@ -462,7 +462,7 @@ impl Session {
             let detail = LayerDetail::Quick(side);
             layer = ObjectLayer::new(&base, &look.view, &objects, room.as_ref(), detail);
             layer.draw(&base, &objects, room.as_ref(), 1, &never);
-        } else if is_quick && is_drawn {
+        } else if is_quick && has_work {
             self.objects.sides.note(side, begin.elapsed().as_secs_f64());
         }
         let mut frame = Frame::clone(&base);
