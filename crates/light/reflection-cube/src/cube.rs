@@ -134,7 +134,7 @@ impl CubeTexel {
 
 impl ReflectionCube {
     /// Makes a cube without light. The resolution is the number of texels along a side of a face.
-    /// It is raised to a power of two, from [`LEAST_RESOLUTION`] to [`MOST_RESOLUTION`].
+    /// It is raised to a power of two, as [`CubeGrid::new`] says.
     #[must_use]
     pub fn new(centre: Vec3, resolution: u32) -> ReflectionCube {
         let grid = CubeGrid::new(resolution);
