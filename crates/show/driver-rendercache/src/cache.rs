@@ -13,6 +13,7 @@ use crate::planes::PixelPlanes;
 use crate::points::{BLOCK, PointSlots};
 use crate::predict::Occupancy;
 use crate::project::Buckets;
+use crate::pyramid::Pyramid;
 use crate::sample::{RayResult, Request};
 use crate::stage::{Stage, Stages};
 use crate::{cull, prefilter, zbuffer};
@@ -226,7 +227,14 @@ impl PointImage {
         let mut prior = 0.0;
         if stages.prefilter {
             prior = self.noise.weight(params.noise_smoothing);
-            prefilter::prefilter(planes, prefilter_window as usize, black);
+            let wide = stages.pyramid.then(|| {
+                let weight = params.pyramid_weight + self.noise.weight(params.noisy_pyramid_weight);
+                Pyramid::new(planes, weight)
+            });
+            if stages.pyramid {
+                ended(Stage::Pyramid);
+            }
+            prefilter::prefilter(planes, prefilter_window as usize, black, wide.flatten().as_ref());
             ended(Stage::Prefilter);
         }
         // Pixels that the prefilter filled do not become black again.

@@ -1,5 +1,5 @@
 //! The prefilter (Walter et al. 2002, §3.3): means over the points of 7×7 pixels, for gaps that
-//! 3×3 pixels do not fill.
+//! 3×3 pixels do not fill. Where there are few points, the pyramid's colour is averaged in.
 //!
 //! Every sum starts from 0 and adds in the same order. A sum that slides over the picture would
 //! retain a rounding error from each lamp that has left the window.
@@ -8,11 +8,22 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 use crate::planes::{PixelPlanes, ROWS, rows_of};
+use crate::pyramid::Pyramid;
 use crate::rows::Rows;
 
-/// Shows in every pixel the mean over the points of the `window` × `window` pixels around it. A
-/// pixel without any point there becomes 0 if `black`. Otherwise it stays as it was.
-pub(crate) fn prefilter(planes: &mut PixelPlanes, window: usize, black: bool) {
+/// Points in a window from which on the pyramid's colour does not count.
+const ENOUGH: f32 = 32.0;
+
+/// Shows in every pixel the mean over the points of the `window` × `window` pixels around it, and
+/// over the colour of `wide`, which counts as `wide.weight` points. A pixel without any point there
+/// shows that colour. If there is none either, or if `black`, it becomes 0 if `black`, and stays as
+/// it was otherwise.
+pub(crate) fn prefilter(
+    planes: &mut PixelPlanes,
+    window: usize,
+    black: bool,
+    wide: Option<&Pyramid>,
+) {
     let PixelPlanes { width, height, colour, picture, .. } = planes;
     let (width, height, reach) = (*width, *height, window / 2);
     picture.par_chunks_mut(width * ROWS).enumerate().for_each(|(band, picture)| {
@@ -23,8 +34,15 @@ pub(crate) fn prefilter(planes: &mut PixelPlanes, window: usize, black: bool) {
             for line in (row..row + window).map(|row| lines.row(row)) {
                 down.iter_mut().zip(line).for_each(|(sum, pixel)| *sum += *pixel);
             }
-            for (pixel, down) in pixels.iter_mut().zip(down.windows(window)) {
-                let sum: Vec4 = down.iter().sum();
+            let wide = wide.map(|wide| wide.row(band * ROWS + row));
+            for (column, (pixel, down)) in pixels.iter_mut().zip(down.windows(window)).enumerate() {
+                let mut sum: Vec4 = down.iter().sum();
+                if let Some(wide) = &wide
+                    && sum.w < ENOUGH
+                    && !(black && sum.w == 0.0)
+                {
+                    sum += wide.at(column);
+                }
                 if sum.w > 0.0 {
                     *pixel = (sum / sum.w).truncate().to_array();
                 } else if black {
@@ -72,7 +90,7 @@ mod tests {
     fn pixels_show_the_mean_of_their_window() {
         for window in [3, 5, 7, 9] {
             let mut all = planes();
-            prefilter(&mut all, window, true);
+            prefilter(&mut all, window, true, None);
             for pixel in 0..SIZE.0 * SIZE.1 {
                 let points = around(&all, pixel, window / 2);
                 for channel in 0..3 {
