@@ -111,3 +111,61 @@ fn an_object_is_carried_moved_and_turned_on_a_page_and_a_replay_shows_it() {
     assert!(change(92, 70) > 0.1, "the object: {}", change(92, 70));
     assert!(change(5, 5) < 0.01, "far from it: {}", change(5, 5));
 }
+
+#[test]
+fn a_line_of_a_script_moves_an_object_and_the_render_cache_shows_nothing_where_it_was() {
+    let place = Place::new();
+    place.write("cube.obj", CUBE);
+    let fill = ["fill", "--config", "{}/cornell.toml", "--section", CORNELL_SMALL_SECTION];
+    let options = ["-o", "{}/a.holo", "--bounces", "0", "--samples", "400k", "--quiet"];
+    place.run(&[&fill[..], &options].concat()).ok();
+    let cube = place.text("cube.obj");
+    // The pictures of a replay by lines: what the objects leave in the cache would be seen.
+    let pictures = |name: &str, lines: &[&str]| {
+        let (mut script, mut files) = (String::new(), Vec::new());
+        for line in lines {
+            let file = format!("{name}{}.pfm", files.len());
+            script += &format!("{line}\n{} picture {}\n", 2 * files.len() + 2, place.text(&file));
+            files.push(file);
+        }
+        place.write(&format!("{name}.txt"), &script);
+        let script = format!("{{}}/{name}.txt");
+        let words = ["replay", "{}/a.holo", "--headless", "--driver", "pointimage", "--json"];
+        let options = ["--size", "160x90", "--script", &script];
+        place.run(&[&words[..], &options, &VIEW].concat()).ok();
+        std::fs::remove_dir_all(place.path("a.objects")).ok();
+        files.iter().map(|file| Picture::read(place.path(file)).unwrap()).collect::<Vec<_>>()
+    };
+    let add = |x: f64| format!("object add {cube} at {x} 1.7 1 as the cube");
+    let (left, right) = (add(3.6), add(1.9));
+    let empty = pictures("empty", &["object list"]);
+    let moved = pictures("moved", &[&left, "object move the cube to 1.9 1.7 1"]);
+    let there = pictures("there", &[&right]);
+
+    // Mean difference of luminance over the pixels that an object changes, as a share of the light.
+    let changes = |a: &Picture, b: &Picture| -> Vec<bool> {
+        let pairs = a.pixels.iter().zip(&b.pixels);
+        pairs.map(|(a, b)| (luminance(*a) / luminance(*b) - 1.0).abs() > 0.1).collect()
+    };
+    let difference = |a: &Picture, b: &Picture, mask: &[bool]| {
+        let pixels = a.pixels.iter().zip(&b.pixels).zip(mask).filter(|(_, is_in)| **is_in);
+        let (mut sum, mut light) = (0.0, 0.0);
+        for ((a, b), _) in pixels {
+            let (a, b) = (luminance(*a), luminance(*b));
+            (sum, light) = (sum + (a - b).abs(), light + b);
+        }
+        sum / light
+    };
+    let (before, after) = (changes(&moved[0], &empty[0]), changes(&there[0], &empty[0]));
+    let count = |mask: &[bool]| mask.iter().filter(|is_in| **is_in).count();
+    assert!(count(&before) > 300 && count(&after) > 300, "{} {}", count(&before), count(&after));
+    // Where it went, it looks as if it had always been there.
+    let where_it_is = difference(&moved[1], &there[0], &after);
+    assert!(where_it_is < 0.03, "{where_it_is}");
+    // Where it was, the room is as before.
+    let only_before: Vec<bool> = before.iter().zip(&after).map(|(b, a)| *b && !a).collect();
+    let where_it_was = difference(&moved[1], &there[0], &only_before);
+    assert!(where_it_was < 0.03, "{where_it_was}");
+    let beside_the_empty_room = difference(&moved[1], &empty[0], &only_before);
+    assert!(beside_the_empty_room < 0.1, "{beside_the_empty_room}");
+}

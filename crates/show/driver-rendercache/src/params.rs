@@ -89,10 +89,11 @@ pub struct PointImageParams {
     pub centre_weight: u8,
     /// Pixels along the side of the wide filter's window (2002, §3.3): 3, 5, 7 or 9.
     pub prefilter_window: u32,
-    /// Number of points that the pyramid's colour counts as where points are few: above 0.
+    /// Number of points that the pyramid's colour counts as where points are few: above 0, to
+    /// 1000.
     pub pyramid_weight: f32,
     /// Points that are added to that number if the noise of samples is unknown, or a tenth of their
-    /// light or more: at least 0. Below a tenth it falls in proportion.
+    /// light or more: 0 to 1000. Below a tenth it falls in proportion.
     pub noisy_pyramid_weight: f32,
     /// Priority of a pixel without a point if all eight pixels around it have one (1999, §4): 0 to
     /// 255. If none of them has one, the priority is 255.
