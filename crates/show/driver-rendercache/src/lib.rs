@@ -26,7 +26,7 @@
 //! The renderer answers the requests, each with its [`Tag`]:
 //!
 //! ```
-//! use holo_driver_rendercache::{Moment, Place, PointImage, PointImageParams, Sample};
+//! use holo_driver_rendercache::{Moment, Place, PointImage, PointImageParams, RayResult};
 //! # use holo_picture::View;
 //! # let size = (64, 48);
 //! # let eye = [0.0; 3].into();
@@ -40,7 +40,7 @@
 //!         .map(|(tag, origin, direction)| {
 //!             // The renderer: a wall two units away.
 //!             let place = Place::At(origin + direction * (2.0 / direction.y));
-//!             Sample { tag, ..Sample::new(place, [0.5, 0.5, 0.4]) }
+//!             RayResult { tag, ..RayResult::new(place, [0.5, 0.5, 0.4]) }
 //!         })
 //!         .collect();
 //! }
