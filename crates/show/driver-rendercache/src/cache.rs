@@ -18,6 +18,13 @@ use crate::sample::{RayResult, Request};
 use crate::stage::{Stage, Stages};
 use crate::{cull, prefilter, zbuffer};
 
+/// Samples are few if each picture has fewer new ones than one in so many pixels. With more of them,
+/// resampling finds hidden points quickly enough.
+const SPARSE: f32 = 128.0;
+
+/// Pictures over which the rate of samples is averaged, about.
+const RATE_FRAMES: f32 = 4.0;
+
 /// The input of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment<'a> {
@@ -51,6 +58,9 @@ pub struct PointImage {
     /// True if any point may be a sample of the current view.
     pub(crate) has_fresh: bool,
     pub(crate) noise: MeanNoise,
+    /// Samples since the last picture, and the running mean of their number.
+    pub(crate) arrived: usize,
+    rate: f32,
     /// The number of frames so far; chooses the jitter.
     pub(crate) frames: u32,
     /// True if points or stages have changed since the picture was made.
@@ -87,6 +97,8 @@ impl PointImage {
             epoch: 0,
             has_fresh: false,
             noise: MeanNoise::default(),
+            arrived: 0,
+            rate: 0.0,
             frames: 0,
             is_dirty: true,
             requests: Vec::new(),
@@ -212,6 +224,7 @@ impl PointImage {
 
     /// Makes the picture and the priorities from the points.
     fn show(&mut self, ended: &mut dyn FnMut(Stage)) {
+        self.rate += (std::mem::take(&mut self.arrived) as f32 - self.rate) / RATE_FRAMES;
         let Self { params, points, planes, buckets, .. } = self;
         let PointImageParams { stages, cull_threshold, prefilter_window, .. } = *params;
         let Some(map) = &self.map else { return };
@@ -221,6 +234,9 @@ impl PointImage {
         ended(Stage::ZBufferTiles);
         if stages.depth_cull {
             cull::cull(planes, cull_threshold);
+            if stages.pyramid && self.rate * SPARSE < planes.slot.len() as f32 {
+                cull::cull_behind(planes);
+            }
             ended(Stage::DepthCull);
         }
         let black = params.empty == EmptyPixels::Black;
@@ -228,7 +244,8 @@ impl PointImage {
         if stages.prefilter {
             prior = self.noise.weight(params.noise_smoothing);
             let wide = stages.pyramid.then(|| {
-                let weight = params.pyramid_weight + self.noise.weight(params.noisy_pyramid_weight);
+                let weight =
+                    params.pyramid_weight + params.noisy_pyramid_weight * self.noise.variance();
                 Pyramid::new(planes, weight)
             });
             if stages.pyramid {
