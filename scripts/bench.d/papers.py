@@ -21,8 +21,6 @@ from scenes import Case, View
 from walk import Job, Recorded
 from walk import shown as walked
 
-# The drivers of the first paper's table that are ours, and the two that it did not have.
-TABLE_DRIVERS = ("quadtree", "cells", "mesh", "surfaces", "pointimage")
 TABLE_WORKERS = (0, 1, 2, 4)
 TABLE_FILL = 10
 # Machine, driver, scene, processes, and samples rendered and recalled a second (Larson & Simmons
@@ -179,15 +177,16 @@ def holodeck_table(bench: Bench, part: Part) -> None:
     )
     table.rows += [list(row) for row in TABLE_OF_1999]
     found: dict[tuple[str, str, int], sessions.Rates] = {}
+    workers_of = TABLE_WORKERS[: 2 if bench.quick else None]
     for case in (bench.scenes.cornell(), bench.scenes.room(), bench.scenes.interior()):
-        if (case.name, TABLE_DRIVERS[0], 0) in found:
+        if (case.name, "quadtree", 0) in found:
             continue
         options = [] if case.name == "cornell" else ["--engine", "path"]
         scene = replace(case, scene=tuple(word for word in case.scene if word not in ("--engine", "path")))
         file, _ = bench.fill(f"papers-{case.name}", scene, TABLE_FILL, *options)
         views = [turned(case.view.any_shape(), degrees) for degrees in sessions.TURNS]
-        for driver in TABLE_DRIVERS:
-            for workers in TABLE_WORKERS:
+        for driver in sessions.DRIVERS:
+            for workers in workers_of:
                 rates = sessions.rates(bench, file, views, driver, workers)
                 found[case.name, driver, workers] = rates
                 table.rows.append(
@@ -206,7 +205,7 @@ def holodeck_table(bench: Bench, part: Part) -> None:
     scenes = {scene for scene, _, _ in found}
     shares = [
         found[scene, driver, 1].recalled / found[scene, driver, 0].recalled
-        for scene in scenes for driver in TABLE_DRIVERS
+        for scene in scenes for driver in sessions.DRIVERS
     ]  # fmt: skip
     middle = sorted(shares)[len(shares) // 2]
     part.bars.append(
@@ -231,7 +230,8 @@ def speed_up(bench: Bench, part: Part) -> None:
         ),
     )  # fmt: skip
     table.rows.append(["24-processor Onyx2, tower, batch (1999)", 24, None, None, SPEED_UP_1999])
-    case = bench.scenes.interior()
+    # A scene that workers have loaded at once.
+    case = bench.scenes.room()
     alone = None
     for workers in (1, 2, 4):
         rate, processor = sessions.batch_rate(
@@ -251,9 +251,11 @@ def speed_up(bench: Bench, part: Part) -> None:
     part.tables.append(table)
 
 
-def case_of(folder: Path, name: str, title: str, view: View) -> Case:
+def case_of(
+    folder: Path, name: str, title: str, view: View, size: str = "320x240"
+) -> Case:
     scene = ("--config", str(folder / f"{name}.toml"))
-    return Case(f"papers-{name}", title, scene, view, view, "320x240", None)
+    return Case(f"papers-{name}", title, scene, view, view, size, None)
 
 
 CHESS = View("1.15,-0.8,0.85", "-1.15,0.8,-0.6", "0,0,1", 38)
@@ -270,9 +272,7 @@ def scripted(bench: Bench, case: Case, driver: str, lines: list[str]) -> None:
     """Runs a session with a worker from an empty file."""
     script = bench.work / f"{case.name}-{driver}.txt"
     script.write_text("\n".join([*lines, "quit", ""]), encoding="utf-8")
-    words = ["--headless", "--quiet", "--size", case.size, "--driver", driver]
-    if driver == "surfaces":
-        words += ["--denoise", "off"]
+    words = ["--headless", "--quiet", "--size", case.size, *sessions.DRIVERS[driver]]
     run([bench.holodeck, "view", *case.scene, *words, "--script", script])
 
 
@@ -307,7 +307,8 @@ def carved(bench: Bench, part: Part, folder: Path) -> None:
 
 def glass(bench: Bench, part: Part, folder: Path) -> None:
     """Image 10 of the Holodeck: solid glass with bubbles."""
-    case = case_of(folder, "bubbles", "glass with bubbles", GLASS)
+    # Light that is focused by glass is noisy, so the truth has few pixels and many paths.
+    case = case_of(folder, "bubbles", "glass with bubbles", GLASS, "160x120")
     aside = replace(case, view=turned_around(GLASS, (0.0, 0.0), GLASS_STEP))
     first, second = (bench.work / f"glass-{name}.pfm" for name in ("first", "aside"))
     scripted(
@@ -322,7 +323,7 @@ def glass(bench: Bench, part: Part, folder: Path) -> None:
         "Holodeck, Image 10: a solid block of glass with bubbles, a rod and balls inside",
         [["", ""], ["display PSNR, dB", ".1f"], ["relMSE", ".4f"]],
         note=(
-            f"One session from an empty file with the driver `surfaces`, 320 × 240, {GLASS_AT:g} s;"
+            f"One session from an empty file with the driver `surfaces`, 160 × 120, {GLASS_AT:g} s;"
             f" then the eye goes {GLASS_STEP:g}° around the block. The paper has a picture \"rendered"
             " from scratch in a few minutes\", and says that another program must start over \"as"
             " soon as the view changes even slightly\": so the last rows are a render that starts"
@@ -391,7 +392,7 @@ def mirror(bench: Bench, part: Part, folder: Path) -> None:
         for driver in MIRROR_DRIVERS:
             found = {
                 kind: bench.picture(
-                    file, [*case.view.options(), "--driver", driver], case.size,
+                    file, [*case.view.options(), *sessions.DRIVERS[driver]], case.size,
                     f"mirror-{kind}-{driver}-{count}",
                 )[0]
                 for kind, file in files.items()

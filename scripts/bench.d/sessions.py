@@ -21,13 +21,21 @@ from program import Failed, run
 from scenes import Case, View
 
 SIZE = "640x480"
+# The options that choose each driver. `cells` is the first paper's Voronoi driver.
+DRIVERS = {
+    "quadtree": ("--driver", "quadtree"),
+    "cells": ("--cells", "constant"),
+    "mesh": ("--driver", "mesh"),
+    "surfaces": ("--driver", "surfaces", "--denoise", "off"),
+    "pointimage": ("--driver", "pointimage"),
+}
 # The views of a session, degrees from that of its scene. The first is where it begins, and does not
 # count.
 TURNS = (0.0, 18.0, 36.0, 18.0, -18.0)
 # Seconds at least at each view, and at most until its stored samples have come.
 STAY, MOST_RECALL = 0.8, 2.0
-# Pictures without further stored samples after which a view has all of them.
-NO_MORE = 2
+# Seconds without further stored samples after which a view has all of them: they come in rounds.
+NO_MORE = 0.7
 # Seconds until a process has ended by itself.
 PATIENCE = 60.0
 
@@ -96,11 +104,9 @@ class Display:
     def __init__(self, bench: Bench, address: str, driver: str) -> None:
         self.picture = bench.work / "session.pfm"
         command = [
-            bench.holodeck, "holoview", "--connect", address, "--size", SIZE, "--driver", driver,
+            bench.holodeck, "holoview", "--connect", address, "--size", SIZE, *DRIVERS[driver],
             "--script", "-", "--json", "--quiet",
         ]  # fmt: skip
-        if driver == "surfaces":
-            command += ["--denoise", "off"]
         self.process = start(command)
 
     def say(self, line: str) -> None:
@@ -159,14 +165,13 @@ def recall(display: Display) -> tuple[int, float]:
     """Draws pictures until a view has all its stored samples. Returns their number, and the seconds
     until the last ones came.
     """
-    most, at, same = 0, 0.0, 0
+    most, at = 0, 0.0
     while True:
         report = display.report()
         if report["stored"] > most:
-            most, at, same = report["stored"], report["seconds"], 0
-        elif most:
-            same += 1
-        if same == NO_MORE or report["seconds"] > MOST_RECALL:
+            most, at = report["stored"], report["seconds"]
+        seconds = report["seconds"]
+        if seconds > MOST_RECALL or (most and seconds - at > NO_MORE):
             return most, at
 
 
