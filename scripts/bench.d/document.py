@@ -92,6 +92,13 @@ class Part:
         made = {key: [nested[key](**item) for item in found.get(key, ())] for key in nested}
         return Part(**{**found, **made})
 
+    def to_json(self) -> dict[str, Any]:
+        found = asdict(self)
+        for table in found["tables"]:
+            if not table["note"]:
+                del table["note"]
+        return found
+
     def markdown(self) -> list[str]:
         lines = [f"## {self.title}", ""]
         for paragraph in self.meaning:
@@ -147,7 +154,7 @@ class Document:
         self.folder.mkdir(parents=True, exist_ok=True)
         content = {
             "format": FORMAT,
-            "measurements": {name: asdict(part) for name, part in self._parts.items()},
+            "measurements": {name: part.to_json() for name, part in self._parts.items()},
         }
         self._json.write_text(
             json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
