@@ -173,7 +173,7 @@ fn recolour(model: &mut Model, own: &SolidGlass, of_meshes: &[SolidGlass]) {
         let slabs = glass.slabs.iter().flat_map(|slab| &slab.triangles).map(|&k| (k, true));
         sheets.chain(slabs).collect()
     };
-    let mut lists: Vec<(&mut Vec<u32>, Vec<(usize, bool)>)> = vec![(material_ids, triangles(own))];
+    let mut lists = vec![(material_ids, triangles(own))];
     let of_meshes = of_meshes.iter().map(triangles);
     lists.extend(meshes.iter_mut().map(|mesh| &mut mesh.material_ids).zip(of_meshes));
     // The triangles of each material that remain solid.

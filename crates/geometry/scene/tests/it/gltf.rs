@@ -215,6 +215,7 @@ fn cameras_are_views_and_lights_have_their_intensity() {
     let more = format!(
         r#"{GREY},"cameras":[{{"type":"perspective","perspective":{{"yfov":0.5,"znear":0.1}}}}],
         "extensionsUsed":["KHR_lights_punctual","VENDOR_x"],
+        "extensionsRequired":["VENDOR_x","VENDOR_y"],
         "extensions":{{"KHR_lights_punctual":{{"lights":[{{"type":"point","intensity":179}},
             {{"type":"spot","intensity":179,"spot":{{"outerConeAngle":0.5}}}},{{"type":"directional"}}]}}}}"#
     );
@@ -233,7 +234,7 @@ fn cameras_are_views_and_lights_have_their_intensity() {
     );
     assert!((camera.height - 0.5f64.to_degrees()).abs() < 1e-4);
     let warnings = messages(&loaded);
-    for part in ["VENDOR_x", "directional", "point lights", "spot lights"] {
+    for part in ["VENDOR_x", "VENDOR_y", "directional", "point lights", "spot lights"] {
         assert!(
             warnings.iter().any(|w| w.contains(part) && w.ends_with("(1)")),
             "{part}: {warnings:?}"

@@ -383,9 +383,13 @@ fn surfaces_of_which_nothing_is_stated_are_plaster() {
         said,
         "s.gltf: meshes without a material are taken as plaster of reflectance 0.5 (1)"
     );
-    for material in
-        [r#"{"name":"wall"}"#, r#"{"pbrMetallicRoughness":{}}"#, r#"{"doubleSided":true}"#]
-    {
+    for material in [
+        r#"{"name":"wall"}"#,
+        r#"{"pbrMetallicRoughness":{}}"#,
+        r#"{"doubleSided":true}"#,
+        // A member at a false place states nothing.
+        r#"{"pbrMetallicRoughness":{"pbrMetallicRoughness":{"metallicFactor":0},"name":"a"}}"#,
+    ] {
         let (scene, said) = of(&format!(r#"{SQUARE},"material":0"#), material);
         assert_eq!(scene.materials[0].bsdf, grey, "{material}");
         assert!(said.contains("materials that state no colour are taken as plaster"), "{said}");
