@@ -251,9 +251,12 @@ fn library_paths(folder: &Path, names: &str) -> Vec<PathBuf> {
     let mut is_found = false;
     while at < words.len() {
         let ends = (at + 1..=words.len().min(at + MOST_WORDS)).rev();
-        let file =
-            |end: usize| Some((end, path(&words[at..end].join(" ")))).filter(|f| f.1.is_file());
-        let found = ends.filter_map(file).next();
+        let found = ends
+            .map(|end| (end, words[at..end].join(" ")))
+            .map(|(end, name)| (end, path(&name), name))
+            // A file of another name may stand for one word, but not for several.
+            .find(|(end, file, name)| file.is_file() && (*end == at + 1 || is_named(file, name)))
+            .map(|(end, file, _)| (end, file));
         if found.is_none() {
             missing.push(words[at]);
             at += 1;
@@ -268,4 +271,10 @@ fn library_paths(folder: &Path, names: &str) -> Vec<PathBuf> {
         }
     }
     if is_found { paths } else { vec![whole] }
+}
+
+/// Returns whether a file has the name that a text ends with, in any letter case.
+fn is_named(file: &Path, text: &str) -> bool {
+    let own = text.rsplit(['/', '\\']).next().unwrap_or(text).trim_matches('"');
+    file.file_name().is_some_and(|name| name.eq_ignore_ascii_case(own))
 }
