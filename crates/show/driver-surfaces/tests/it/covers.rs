@@ -176,7 +176,8 @@ fn expect_sheet(room: &Arc<Raycaster>, samples: &[RaySample], expected: f32) {
     assert!((found - expected).abs() < 0.01, "{found}, not {expected}, refined");
     let shown = || refined.pixels.iter().map(|pixel| pixel[0]);
     let (least, most) = (shown().fold(f32::MAX, f32::min), shown().fold(0.0, f32::max));
-    let is_within = least > expected.min(0.8) - 0.01 && most < expected.max(0.8) + 0.01;
+    // Squares at the edge of a pane have samples through it and samples beside it.
+    let is_within = least > expected.min(0.8) - 0.02 && most < expected.max(0.8) + 0.02;
     assert!(is_within, "{least} to {most} instead of {expected} and 0.8");
 }
 
