@@ -59,7 +59,11 @@ const ENDS: [(&[&str], &str); 19] = [
     (&["stl", "ply"], "it is a mesh without materials (STL or PLY): export glTF or OBJ"),
     (&["rvt", "rfa", "pln"], "it is a building model: export IFC, and from that glTF or OBJ"),
     (&["mtl"], "it is an MTL file: name the .obj file that uses it"),
-    (&["ies", "ldt"], "it is a photometric file: hang it in a model with `--luminaire`"),
+    (
+        &["ies", "ldt"],
+        "it is a photometric file: name it in a `[[luminaire]]` of a configuration, or by `ies` in an \
+         MTL file",
+    ),
     (&["epw", "wea"], "it is a weather file: use it with a model and `--weather`"),
     (&["vf"], "it is a view: use it with a model and `--vf`"),
     (&["vrm.gz", "gz", "zip", "7z", "rar", "tar", "tgz"], "it is an archive: unpack it"),
@@ -113,7 +117,7 @@ mod tests {
             ("chair.png", b"\x89PNG\r\n\x1a\n", "picture"),
             ("tile.b3dm", b"b3dm\x01\0\0\0", "not read"),
             ("room.mtl", b"# Blender 4.1\n\nnewmtl a\nKd 1 0 0\n", "name the .obj file"),
-            ("lamp.ies", b"IESNA:LM-63-1995\nTILT=NONE\n1 -1 1\n", "--luminaire"),
+            ("lamp.ies", b"IESNA:LM-63-1995\nTILT=NONE\n1 -1 1\n", "[[luminaire]]"),
             ("city.epw", b"LOCATION,Nowhere,-,-\n", "--weather"),
             ("a.vf", b"rvu -vtv -vp 0 0 0 -vd 1 0 0\n", "--vf"),
         ] {
