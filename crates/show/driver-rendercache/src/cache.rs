@@ -228,13 +228,14 @@ impl PointImage {
         let Self { params, points, planes, buckets, .. } = self;
         let PointImageParams { stages, cull_threshold, prefilter_window, .. } = *params;
         let Some(map) = &self.map else { return };
+        let is_sparse = self.rate * SPARSE < planes.slot.len() as f32;
         buckets.fill(points, map, (planes.width, planes.height));
         ended(Stage::ProjectAndTileSort);
         zbuffer::fill(planes, buckets);
         ended(Stage::ZBufferTiles);
         if stages.depth_cull {
             cull::cull(planes, cull_threshold);
-            if stages.pyramid && self.rate * SPARSE < planes.slot.len() as f32 {
+            if stages.pyramid && is_sparse {
                 cull::cull_behind(planes);
             }
             ended(Stage::DepthCull);
@@ -243,12 +244,13 @@ impl PointImage {
         let mut prior = 0.0;
         if stages.prefilter {
             prior = self.noise.weight(params.noise_smoothing);
-            let wide = stages.pyramid.then(|| {
+            // Among many points, a gap is nothing, and the pyramid would fill it.
+            let wide = (stages.pyramid && is_sparse).then(|| {
                 let weight =
                     params.pyramid_weight + params.noisy_pyramid_weight * self.noise.variance();
                 Pyramid::new(planes, weight)
             });
-            if stages.pyramid {
+            if wide.is_some() {
                 ended(Stage::Pyramid);
             }
             prefilter::prefilter(planes, prefilter_window as usize, black, wide.flatten().as_ref());
