@@ -18,12 +18,9 @@ use crate::sample::{RayResult, Request};
 use crate::stage::{Stage, Stages};
 use crate::{cull, prefilter, zbuffer};
 
-/// Samples are few if each picture has fewer new ones than one in so many pixels. With more of them,
-/// resampling finds hidden points quickly enough.
-const SPARSE: f32 = 128.0;
-
-/// Pictures over which the rate of samples is averaged, about.
-const RATE_FRAMES: f32 = 4.0;
+/// Points are few if fewer than one in so many pixels shows one. With more of them, a gap is nothing
+/// rather than unknown, and resampling finds hidden points quickly enough.
+const SPARSE: usize = 3;
 
 /// The input of a frame.
 #[derive(Clone, Copy, Debug)]
@@ -58,9 +55,6 @@ pub struct PointImage {
     /// True if any point may be a sample of the current view.
     pub(crate) has_fresh: bool,
     pub(crate) noise: MeanNoise,
-    /// Samples since the last picture, and the running mean of their number.
-    pub(crate) arrived: usize,
-    rate: f32,
     /// The number of frames so far; chooses the jitter.
     pub(crate) frames: u32,
     /// True if points or stages have changed since the picture was made.
@@ -97,8 +91,6 @@ impl PointImage {
             epoch: 0,
             has_fresh: false,
             noise: MeanNoise::default(),
-            arrived: 0,
-            rate: 0.0,
             frames: 0,
             is_dirty: true,
             requests: Vec::new(),
@@ -224,18 +216,17 @@ impl PointImage {
 
     /// Makes the picture and the priorities from the points.
     fn show(&mut self, ended: &mut dyn FnMut(Stage)) {
-        self.rate += (std::mem::take(&mut self.arrived) as f32 - self.rate) / RATE_FRAMES;
         let Self { params, points, planes, buckets, .. } = self;
         let PointImageParams { stages, cull_threshold, prefilter_window, .. } = *params;
         let Some(map) = &self.map else { return };
-        let is_sparse = self.rate * SPARSE < planes.slot.len() as f32;
         buckets.fill(points, map, (planes.width, planes.height));
         ended(Stage::ProjectAndTileSort);
         zbuffer::fill(planes, buckets);
         ended(Stage::ZBufferTiles);
+        let is_sparse = stages.pyramid && planes.point_count() * SPARSE < planes.colour.len();
         if stages.depth_cull {
             cull::cull(planes, cull_threshold);
-            if stages.pyramid && is_sparse {
+            if is_sparse {
                 cull::cull_behind(planes);
             }
             ended(Stage::DepthCull);
@@ -244,8 +235,7 @@ impl PointImage {
         let mut prior = 0.0;
         if stages.prefilter {
             prior = self.noise.weight(params.noise_smoothing);
-            // Among many points, a gap is nothing, and the pyramid would fill it.
-            let wide = (stages.pyramid && is_sparse).then(|| {
+            let wide = is_sparse.then(|| {
                 let weight =
                     params.pyramid_weight + params.noisy_pyramid_weight * self.noise.variance();
                 Pyramid::new(planes, weight)

@@ -12,12 +12,12 @@ use crate::pyramid::Pyramid;
 use crate::rows::Rows;
 
 /// Points in a window from which on the pyramid's colour does not count.
-const ENOUGH: f32 = 32.0;
+const ENOUGH: f32 = 8.0;
 
 /// Shows in every pixel the mean over the points of the `window` × `window` pixels around it, and
-/// over the colour of `wide`, which counts as `wide.weight` points. A pixel without any point there
-/// shows that colour. If there is none either, or if `black`, it becomes 0 if `black`, and stays as
-/// it was otherwise.
+/// over the colour of `wide`. That colour counts most in windows without a point, which show it
+/// alone, and not at all in windows of [`ENOUGH`] points. If `black`, windows without a point are 0
+/// instead. Without `wide`, they stay as they were otherwise.
 pub(crate) fn prefilter(
     planes: &mut PixelPlanes,
     window: usize,
@@ -41,7 +41,7 @@ pub(crate) fn prefilter(
                     && sum.w < ENOUGH
                     && !(black && sum.w == 0.0)
                 {
-                    sum += wide.at(column);
+                    sum += (1.0 - sum.w / ENOUGH) * wide.at(column);
                 }
                 if sum.w > 0.0 {
                     *pixel = (sum / sum.w).truncate().to_array();
@@ -104,5 +104,42 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn the_pyramid_fills_windows_without_points_and_leaves_those_with_enough() {
+        let mut sparse = planes();
+        // Nothing on the left, one pixel of 40 in the middle, a third and more on the right.
+        for (pixel, colour) in sparse.colour.iter_mut().enumerate() {
+            let column = pixel % SIZE.0;
+            if column < 40 || column < 80 && pixel % 40 != 0 {
+                *colour = colour::NONE;
+            }
+        }
+        let shown = |black: bool, wide: Option<&Pyramid>| {
+            let mut planes = PixelPlanes::new(SIZE);
+            planes.colour.clone_from(&sparse.colour);
+            prefilter(&mut planes, 7, black, wide);
+            planes.picture
+        };
+        let wide = Pyramid::new(&sparse, 0.5).unwrap();
+        let (alone, filled, black) =
+            (shown(false, None), shown(false, Some(&wide)), shown(true, Some(&wide)));
+        let mut seen = [0; 3];
+        for pixel in 0..SIZE.0 * SIZE.1 {
+            let points = around(&sparse, pixel, 3).len();
+            if points == 0 {
+                let colour = wide.row(pixel / SIZE.0).at(pixel % SIZE.0);
+                let colour = (colour / colour.w).truncate().to_array();
+                assert_eq!((filled[pixel], black[pixel]), (colour, [0.0; 3]), "{pixel}");
+                seen[0] += 1;
+            } else if points as f32 >= ENOUGH {
+                assert_eq!(filled[pixel], alone[pixel], "{pixel}");
+                seen[1] += 1;
+            } else {
+                seen[2] += usize::from(filled[pixel] != alone[pixel]);
+            }
+        }
+        assert!(seen.iter().all(|&many| many > 500), "{seen:?}");
     }
 }

@@ -29,7 +29,6 @@ impl PointImage {
     /// Adds samples. Returns the number of new points.
     pub(crate) fn take_all(&mut self, samples: &[RayResult]) -> usize {
         self.noise.take(samples, self.points.capacity());
-        self.arrived += samples.len();
         let mut new_points = 0;
         for sample in samples {
             if let Some(new) = self.converted(sample) {
