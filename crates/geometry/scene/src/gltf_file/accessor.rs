@@ -73,8 +73,12 @@ fn elements<T: Clone>(
             let stride = view.stride().unwrap_or(size).max(1);
             strided(bytes, accessor.offset(), stride, size, count)
                 .ok_or_else(|| {
-                    let (index, bytes) = (accessor.index(), bytes.len());
-                    format!("accessor {index} of {count} elements is longer than its {bytes} bytes")
+                    let (index, found) = (accessor.index(), bytes.len());
+                    let cut =
+                        if found < view.length() { ", which end with its buffer" } else { "" };
+                    format!(
+                        "accessor {index} of {count} elements is longer than its {found} bytes{cut}"
+                    )
                 })?
                 .map(&convert)
                 .collect()
