@@ -25,6 +25,10 @@ const LEAST_COSINES: f32 = 0.01;
 /// smaller numbers by rounding, and such a lamp would leave everything else in the dark.
 pub const LEAST_LAMP: f32 = 0.005;
 
+/// Mean of a texture's channels below which a lamp is dark there: 12 of 255 in sRGB, as JPEG makes
+/// of black. One material often covers a whole object, and its texture shows where the lamp is.
+const DARK_TEXEL: f64 = 0.004;
+
 /// A point of a lamp.
 struct LampPoint {
     point: SurfacePoint,
@@ -142,10 +146,17 @@ fn lamp_points(raycaster: &Raycaster) -> Vec<LampPoint> {
     on_surfaces.chain(punctual).collect()
 }
 
-/// Returns the brightness of a point on a lamp.
-fn glow(scene: &Scene, triangle: u32, u: f32, v: f32) -> f64 {
-    let texture = scene.emission_texture(triangle, u, v, 0.0).map_or(1.0, sum);
-    texture * brightness(scene.material(triangle))
+/// Returns the brightness of a point on a lamp; 0 if its texture is dark there.
+pub(crate) fn glow(scene: &Scene, triangle: u32, u: f32, v: f32) -> f64 {
+    let brightness = brightness(scene.material(triangle));
+    if brightness == 0.0 {
+        return 0.0;
+    }
+    match scene.emission_texture(triangle, u, v, 0.0).map(sum) {
+        None => brightness,
+        Some(texture) if texture < 3.0 * DARK_TEXEL => 0.0,
+        Some(texture) => texture * brightness,
+    }
 }
 
 /// Returns the sum of the channels of a lamp's radiance; 0 if it is no lamp.

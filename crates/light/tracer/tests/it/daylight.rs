@@ -10,7 +10,7 @@ use holo_daylight::{SkyFormula, clear_sky, overcast_sky};
 use holo_scene::{Bsdf, SUN_RADIUS, Scene, Sky, SkyAxes, SkyPicture, Sun};
 use holo_tracer::{Settings, Tracer};
 
-use crate::common::{BLACK, Estimate, Model, estimate, expect, fresnel};
+use crate::common::{BLACK, Estimate, Model, estimate, expect, pane_reflects};
 
 const WHITE: Bsdf = Bsdf::Diffuse { kd: [1.0; 3] };
 
@@ -282,11 +282,8 @@ fn sun_under_a_pane_is_more_than_the_pane_transmits_by_what_it_reflects_of_the_f
     let pane = model.material(Bsdf::ThinGlass { ior: 1.5, transmittance: [1.0; 3] }, [0.0; 3]);
     model.square(0.0, 20_000.0, true, floor);
     model.square(1.0, 10_000.0, true, pane);
-    let reflected = |cosine: f64| {
-        let r = fresnel(cosine, 1.5);
-        2.0 * r / (1.0 + r)
-    };
-    const STEPS: u32 = 100_000;
+    let reflected = |cosine: f64| pane_reflects(cosine, 1.5);
+    const STEPS: u32 = 10_000;
     // Even in the square of the cosine.
     let even: f64 = (0..STEPS)
         .map(|k| reflected(((f64::from(k) + 0.5) / f64::from(STEPS)).sqrt()) / f64::from(STEPS))
