@@ -15,7 +15,7 @@ use serde_json::{Map, Value};
 
 use super::photometry::named_by;
 use super::schema::{List, Member, Members, Requirement, ValueKind};
-use crate::text::excerpt;
+use crate::text::{excerpt, printable};
 
 /// A file's JSON as the crate accepts it, and counts of what was dropped or replaced.
 pub(super) struct Mended {
@@ -219,7 +219,7 @@ impl Mending {
             ValueKind::Whole => is(whole(value).is_some_and(|n| n <= u64::from(u32::MAX)), "index"),
             ValueKind::Size => is(whole(value).is_some(), "size"),
             ValueKind::Flag => is(value.is_boolean(), "`true` or `false`"),
-            ValueKind::Text => is(value.is_string(), "text"),
+            ValueKind::Text | ValueKind::Name => is(value.is_string(), "text"),
             ValueKind::Word(words) => {
                 let is_right = value.as_str().is_some_and(|word| words.contains(&word));
                 (!is_right).then(|| format!("is {}, which the format does not have", shown(value)))
@@ -287,6 +287,7 @@ impl Mending {
 
     fn keep_value(&mut self, value: &mut Value, kind: ValueKind, list: List) -> Result<(), Fault> {
         match (kind, &mut *value) {
+            (ValueKind::Name, Value::String(name)) => *name = printable(name),
             (ValueKind::Indices(of), Value::Array(indices)) => {
                 let all = indices.len();
                 indices.retain(|index| self.element(of, index).is_ok());

@@ -143,6 +143,34 @@ fn a_view_that_ends_beyond_its_buffer_gives_the_bytes_that_are_there() {
 }
 
 #[test]
+fn a_file_without_a_triangle_says_what_it_lacks() {
+    let far = r#"{"mesh":0,"scale":[1e30,1e30,1e30]}"#;
+    let said = problem(&plain("").replace(MESH_NODE, far));
+    assert!(said.contains("no triangle in view; triangles"), "{said}");
+    let counted = plain("").replace(r#""count":4"#, r#""count":4611686018427387904"#);
+    let said = problem(&counted);
+    assert!(said.contains("accessor 0 of 4611686018427387904 elements is longer"), "{said}");
+}
+
+#[test]
+fn files_in_utf_16_are_read() {
+    let units = plain("").encode_utf16().collect::<Vec<u16>>();
+    for (mark, of) in [(0xfeff, u16::to_le_bytes as fn(u16) -> [u8; 2]), (0xfeff, u16::to_be_bytes)]
+    {
+        let bytes: Vec<u8> = [mark].into_iter().chain(units.iter().copied()).flat_map(of).collect();
+        let loaded = load_bytes("s.gltf", &bytes).unwrap();
+        assert_eq!(loaded.scene.materials[0].bsdf, PAINT);
+    }
+}
+
+#[test]
+fn names_are_printable() {
+    let named = MATERIAL.replacen('{', r#"{"name":"a\u001b[31mb\n\u202ec","#, 1);
+    let loaded = load(&plain("").replace(MATERIAL, &named));
+    assert_eq!(loaded.scene.materials[0].name, "a?[31mb ?c");
+}
+
+#[test]
 fn whole_numbers_may_have_a_fraction_of_zero() {
     let json = plain("")
         .replace(r#""count":4"#, r#""count":4.0"#)
