@@ -168,8 +168,8 @@ pub(crate) fn excerpt(text: &str) -> String {
     printable(text).chars().take(SHOWN).chain(['…']).collect()
 }
 
-/// Returns a text without characters that would move the cursor, change colours or turn the order of
-/// letters on a terminal. It is no longer than before.
+/// Returns a text without characters that would move the cursor, change colours or turn the order
+/// of letters on a terminal. It is no longer than before.
 pub(crate) fn printable(text: &str) -> String {
     let character = |c: char| match c {
         '\t' | '\n' | '\r' => ' ',
