@@ -106,7 +106,8 @@ fn photometry(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
 
 /// Pictures of the sky in both formats: equirectangular, and cubes in all layouts.
 fn sky_pictures(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
-    let shapes = [("whole", 8, 4), ("across", 12, 2), ("down", 2, 12), ("wide", 8, 6), ("tall", 6, 8)];
+    let shapes =
+        [("whole", 8, 4), ("across", 12, 2), ("down", 2, 12), ("wide", 8, 6), ("tall", 6, 8)];
     for (shape, width, height) in shapes {
         let light = |x: u32, y: u32| {
             let bright = if (x, y) == (3, 1) { 1e4 } else { 0.5 };
