@@ -101,7 +101,7 @@ pub fn open(config: &HolodeckConfig, wanted: OpeningRequest, quiet: bool) -> Res
         is_quiet: quiet,
         survey: None,
     };
-    let has_lamps = features.emitters + features.punctual_lights > 0;
+    let has_lamps = holo_survey::has_lamps(&opened.scene);
     let may_be_dark = has_no_sky && features.suns == 0 && !opened.is_lit_by_lamps(has_lamps)?;
     let needs_sections = wanted == OpeningRequest::Sections && opened.sections.is_empty();
     // A dark scene is always surveyed, because its rooms may need lamps, which must be the same
@@ -477,6 +477,21 @@ mod tests {
         let path = folder.join("room.obj");
         std::fs::write(&path, text).unwrap();
         path
+    }
+
+    #[test]
+    fn a_room_whose_lamp_hardly_glows_gets_light() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = Some(room(folder.path(), [0.0; 3], 1.0));
+        for (emission, is_lit) in [("9 9 9", true), ("0 0.01 0", true), ("1e-6 0 1e-4", false)] {
+            let materials = format!("newmtl wall\nKd .5 .5 .5\nnewmtl lamp\nKe {emission}\n");
+            std::fs::write(folder.path().join("room.mtl"), materials).unwrap();
+            let config = HolodeckConfig { scene: scene.clone(), ..HolodeckConfig::default() };
+            let opened = open(&config, OpeningRequest::View, true).unwrap();
+            let said = opened.choices.join("\n");
+            assert_eq!(said.contains("preview lamps in 1 rooms"), !is_lit, "{emission}: {said}");
+            assert_eq!(said.contains("preview sky of radiance 1,"), !is_lit, "{emission}: {said}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use anyhow::Result;
 use glam::{DVec3, Vec3};
 use holo_raycast::{Ray, Raycaster};
 use holo_scene::{Bsdf, Material, Rgb, Scene, Sun};
-use holo_survey::{ChosenView, Room};
+use holo_survey::{ChosenView, LEAST_LAMP, Room};
 
 /// Radiance of the sky for a scene in which nothing glows, W·sr⁻¹·m⁻².
 const SKY: f32 = 1.0;
@@ -30,12 +30,12 @@ const HEIGHT: f64 = 0.9;
 const DIRECTIONS: usize = 256;
 const ENOUGH: f64 = 0.01;
 
-/// Returns the radiance of the sky for a dark scene, and true if anything glows in the scene. The
+/// Returns the radiance of the sky for a dark scene, and true if any lamp glows in the scene. The
 /// sky is as bright as the brightest glow, so that both are visible.
 pub fn sky(scene: &Scene) -> (Rgb, bool) {
     let triangles = scene.triangles();
     let most = triangles.flat_map(|triangle| scene.material(triangle).emission).fold(0.0, f32::max);
-    match most > 0.0 {
+    match most >= LEAST_LAMP {
         true => ([most; 3], true),
         false => ([SKY; 3], false),
     }

@@ -20,6 +20,7 @@ use holo_scene::{HungLuminaire, LoadOptions, load};
 use holo_scenes::{Bundled, MODELS, obj_and_mtl, write_model};
 use glam::{DVec3, Vec3};
 use holo_splats::{Origin, SplatTree, Surfel};
+use image::{DynamicImage, ImageFormat};
 use holo_section::{BeamId, BeamKey, RayCoords, NumberRun, Sample, SampleKind};
 
 /// Models above this length are left out: a fuzzer gets nowhere with long ones.
@@ -63,6 +64,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         write(folder, "packed_scene", name, &scene.pack())?;
     }
     photometry(folder)?;
+    sky_pictures(folder)?;
     write(folder, "weather", "day", weather().as_bytes())?;
     write(folder, "obj", "all", OBJ.as_bytes())?;
     let gltf = GLTF.replace("base64,\n", "base64,");
@@ -99,6 +101,25 @@ fn photometry(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     };
     let scene = instanced::scene().with_luminaires_hung(&[lamp.clone(), lamp], 1.0)?;
     write(folder, "packed_scene", "luminaires", &scene.pack())?;
+    Ok(())
+}
+
+/// Pictures of the sky in both formats: equirectangular, and cubes in all layouts.
+fn sky_pictures(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    let shapes =
+        [("whole", 8, 4), ("across", 12, 2), ("down", 2, 12), ("wide", 8, 6), ("tall", 6, 8)];
+    for (shape, width, height) in shapes {
+        let light = |x: u32, y: u32| {
+            let bright = if (x, y) == (3, 1) { 1e4 } else { 0.5 };
+            image::Rgb([bright, y as f32, 1.0])
+        };
+        let picture = DynamicImage::from(image::Rgb32FImage::from_fn(width, height, light));
+        for (kind, format) in [("hdr", ImageFormat::Hdr), ("exr", ImageFormat::OpenExr)] {
+            let mut bytes = io::Cursor::new(Vec::new());
+            picture.write_to(&mut bytes, format)?;
+            write(folder, "sky_picture", &format!("{shape}-{kind}"), bytes.get_ref())?;
+        }
+    }
     Ok(())
 }
 

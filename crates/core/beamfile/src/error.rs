@@ -30,7 +30,8 @@ pub enum Error {
     },
     /// No intact header: the file is no holodeck, or both copies of its header are damaged.
     #[error(
-        "{path}: no holodeck file, or both copies of its header are damaged ({bytes} bytes long)"
+        "{path}: no holodeck file, or both copies of its header are damaged ({bytes} bytes long); \
+         `holodeck check` reports on a model, and `holodeck fill` makes a holodeck of it"
     )]
     NoHeader {
         /// The file.

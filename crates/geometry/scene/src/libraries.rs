@@ -7,7 +7,7 @@ use crate::mtl_maps::{MapOptions, mean_finish, textures};
 use crate::mtl_text::parse_mtl;
 use crate::named_file::beside;
 use crate::obj::ObjFile;
-use crate::text::{excerpt, name_without_comment, read_text};
+use crate::text::{excerpt, name_without_comment, printable, read_text};
 use crate::texture_files::{TURNED, TextureFiles, greyed};
 use crate::warnings::Warnings;
 use crate::{
@@ -100,11 +100,11 @@ pub(crate) fn materials(
             (None, _) if !obj.colours.is_empty() => {
                 has_colours = true;
                 let bsdf = Bsdf::Diffuse { kd: [1.0; 3] };
-                Material { bsdf, ..Material::grey(name.unwrap_or("vertex colours")) }
+                Material { bsdf, ..Material::grey(printable(name.unwrap_or("vertex colours"))) }
             }
             (None, Some(name)) => {
                 undefined.push(wanted);
-                Material::grey(name)
+                Material::grey(printable(name))
             }
             (None, None) => {
                 let text = "faces before any `usemtl`; grey diffuse 0.5 is taken".to_owned();

@@ -46,7 +46,7 @@ use crate::exporter::{DEFAULT_ROUGHNESS, Exporter};
 use crate::limits::{MAX_IOR, MAX_RADIANCE, MIN_IOR};
 use crate::mtl_maps::{MapSlot, MapStatement};
 use crate::shading::{Base, Channel, Cover};
-use crate::text::excerpt;
+use crate::text::{excerpt, printable};
 use crate::warnings::Warnings;
 use crate::{Bsdf, Material, Rgb};
 use std::path::PathBuf;
@@ -118,7 +118,7 @@ impl MtlMaterial {
         let finish = mean.map_or_else(|| self.finish(), |mean| mean.map(Some));
         let (bsdf, cover) = self.covered(self.bsdf(finish, emits, &mut warn), &mut warn);
         let two_sided_emission = emits && two_sided_lights;
-        (Material { name: self.name.clone(), bsdf, emission, two_sided_emission }, cover)
+        (Material { name: printable(&self.name), bsdf, emission, two_sided_emission }, cover)
     }
 
     fn bsdf(

@@ -81,7 +81,7 @@ impl Ignored {
             let why = match (kind.as_str(), example) {
                 (_, Some(example)) => example + "; it is left out",
                 ("l", _) => "lines and points (`l`, `p`) are ignored".to_owned(),
-                (WEIGHT, _) => "the weight of `v` is ignored".to_owned(),
+                (WEIGHT, _) => "a weight of `v` that is 0 or no number is ignored".to_owned(),
                 (CROSSED, _) => {
                     "a polygon crosses itself or is very long: its triangles may overlap".to_owned()
                 }

@@ -1,15 +1,15 @@
 //! OBJ text, checked and simplified while `tobj` reads it.
 //!
 //! `tobj` converts text to numbers and faces, but it has gaps. It reports no lines, and accepts NaN
-//! and faces of two corners. It lets faces refer to later vertices, divides by weights, and stops
-//! at texture coordinates that it cannot read. It drops the names of materials that it does not
+//! and faces of two corners. It lets faces refer to later vertices, and stops at weights of zero
+//! and at texture coordinates that it cannot read. It drops the names of materials that it does not
 //! find, and copies vertices that two groups share. So it reads through [`CleanObj`], which checks
-//! each line and remembers lines and materials. It passes on only `v` with three numbers and `f`
-//! with three or more vertices.
+//! each line and remembers lines and materials. It passes on only `v` with three numbers or a
+//! weight, and `f` with three or more vertices.
 //!
 //! Invariants:
-//! - Numbers that are passed on are finite and within [`MAX_COORDINATE`], and indices are in range
-//!   at their line.
+//! - Coordinates that are passed on are finite and within [`MAX_COORDINATE`], also over their
+//!   weight, and indices are in range at their line.
 //! - A vertex that cannot be read keeps its number; faces that name it are left out.
 //! - Faces that name vertices of later lines are passed on at the end of the text.
 //! - At most one other logical line is in memory.
@@ -210,7 +210,14 @@ impl<'a> CleanObj<'a> {
                 format!("`v` takes three numbers of at most 1e12, found `{}`", excerpt(rest))
             });
         } else if found == 4 && number(more[0]) != Some(1.0) {
-            self.checked.ignored.count(WEIGHT, self.line);
+            let largest = rest.split_ascii_whitespace().take(3).filter_map(loose_number);
+            let largest = largest.map(f64::abs).fold(0.0, f64::max);
+            let fits = |weight: &f64| *weight != 0.0 && largest <= MAX_COORDINATE * weight.abs();
+            match number(more[0]).filter(fits) {
+                // The coordinates are homogeneous. `tobj` divides by the weight.
+                Some(weight) => self.pass_on(&weight.to_string()),
+                None => self.checked.ignored.count(WEIGHT, self.line),
+            }
         } else if found > 5 {
             let Checked { colours, vertices, .. } = &mut self.checked;
             colours.resize(*vertices - 1, NO_COLOUR);

@@ -24,7 +24,7 @@ enum Face {
 }
 
 /// The place of a face in a picture: its column and row in faces, and whether it is upside down.
-type FacePlace = (usize, usize, bool);
+pub(crate) type FacePlace = (usize, usize, bool);
 
 /// A picture whose faces are at known places.
 pub(crate) struct SkyCube<'a> {
@@ -38,31 +38,8 @@ pub(crate) struct SkyCube<'a> {
 impl<'a> SkyCube<'a> {
     /// Returns the cube of a picture, if its shape is that of one.
     pub(crate) fn of_picture(width: usize, height: usize, pixels: &'a [Rgb]) -> Option<Self> {
-        let (columns, rows, places): (_, _, [FacePlace; 6]) = match (width, height) {
-            // The usual order of strips: +x, -x, +y, -y, +z, -z, with y up and z ahead.
-            _ if width == 6 * height => (6, 1, [0, 1, 2, 3, 4, 5].map(|at| (at, 0, false))),
-            _ if height == 6 * width => (1, 6, [0, 1, 2, 3, 4, 5].map(|at| (0, at, false))),
-            _ if 3 * width == 4 * height => {
-                (4, 3, [(2, 1), (0, 1), (1, 0), (1, 2), (1, 1), (3, 1)].map(|(x, y)| (x, y, false)))
-            }
-            // The back face hangs from the lower one.
-            _ if 4 * width == 3 * height => (
-                3,
-                4,
-                [
-                    (2, 1, false),
-                    (0, 1, false),
-                    (1, 0, false),
-                    (1, 2, false),
-                    (1, 1, false),
-                    (1, 3, true),
-                ],
-            ),
-            _ => return None,
-        };
-        let side = width / columns;
-        let is_whole = side > 0 && side * columns == width && side * rows == height;
-        (is_whole && pixels.len() == width * height).then_some(Self { width, side, pixels, places })
+        let (side, places) = layout(width, height)?;
+        (pixels.len() == width * height).then_some(Self { width, side, pixels, places })
     }
 
     /// Returns the same sky as an equirectangular picture of at most `most` columns: its width and
@@ -109,4 +86,34 @@ impl<'a> SkyCube<'a> {
         let (x, y) = (column * self.side + place(right), row * self.side + place(down));
         self.pixels[y * self.width + x]
     }
+}
+
+/// Returns the side of a face and the places of all faces, by the order of [`Face`], in a picture
+/// of this shape. `None` if it is no cube.
+pub(crate) fn layout(width: usize, height: usize) -> Option<(usize, [FacePlace; 6])> {
+    let (columns, rows, places): (_, _, [FacePlace; 6]) = match (width, height) {
+        // The usual order of strips: +x, -x, +y, -y, +z, -z, with y up and z ahead.
+        _ if width == 6 * height => (6, 1, [0, 1, 2, 3, 4, 5].map(|at| (at, 0, false))),
+        _ if height == 6 * width => (1, 6, [0, 1, 2, 3, 4, 5].map(|at| (0, at, false))),
+        _ if 3 * width == 4 * height => {
+            (4, 3, [(2, 1), (0, 1), (1, 0), (1, 2), (1, 1), (3, 1)].map(|(x, y)| (x, y, false)))
+        }
+        // The back face hangs from the lower one.
+        _ if 4 * width == 3 * height => (
+            3,
+            4,
+            [
+                (2, 1, false),
+                (0, 1, false),
+                (1, 0, false),
+                (1, 2, false),
+                (1, 1, false),
+                (1, 3, true),
+            ],
+        ),
+        _ => return None,
+    };
+    let side = width / columns;
+    let is_whole = side > 0 && side * columns == width && side * rows == height;
+    is_whole.then_some((side, places))
 }

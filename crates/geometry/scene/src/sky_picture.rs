@@ -9,10 +9,10 @@ use std::f64::consts::{PI, TAU};
 use std::io::Cursor;
 
 use glam::DVec3;
-use image::{DynamicImage, ImageReader, Limits};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageReader, Limits};
 
 use crate::Rgb;
-use crate::sky_cube::SkyCube;
+use crate::sky_cube::{self, SkyCube};
 
 /// Greatest side of a picture of the sky in pixels; larger ones are halved. 4096 × 2048 pixels are
 /// 100 MB, and each worker fetches them once.
@@ -47,13 +47,19 @@ impl SkyPicture {
         limits.max_image_height = Some(MAX_DECODED_SIDE);
         limits.max_alloc = Some(MAX_DECODED_BYTES);
         reader.limits(limits);
-        let image = reader.decode().map_err(|error| error.to_string())?;
-        if !matches!(image, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)) {
+        let decoder = reader.into_decoder().map_err(|error| error.to_string())?;
+        if !matches!(decoder.color_type(), ColorType::Rgb32F | ColorType::Rgba32F) {
             return Err("it is no HDR picture, so it does not say how bright the sky is; use a \
                         Radiance .hdr or an .exr"
                 .to_owned());
         }
-        let (width, height) = (image.width() as usize, image.height() as usize);
+        let (width, height) = decoder.dimensions();
+        let (width, height) = (width as usize, height as usize);
+        // Before any memory is taken for pixels.
+        if !is_whole_sky(width, height) && sky_cube::layout(width, height).is_none() {
+            return Err(wrong_shape(width, height));
+        }
+        let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
         let pixels = image.into_rgb32f().into_raw();
         let pixels = pixels.as_chunks::<3>().0.to_vec();
         match SkyCube::of_picture(width, height, &pixels) {
@@ -70,12 +76,8 @@ impl SkyPicture {
     /// # Errors
     /// A text for people, if its sides do not suit.
     pub fn new(width: usize, height: usize, mut pixels: Vec<Rgb>) -> Result<SkyPicture, String> {
-        if width != 2 * height || pixels.len() != width * height || width < 4 {
-            return Err(format!(
-                "it has {width} x {height} pixels; a picture of the whole sky is twice as wide as \
-                 high (equirectangular), or a cube: a cross of 4 x 3 or 3 x 4 faces, or a strip of \
-                 6"
-            ));
+        if !is_whole_sky(width, height) || pixels.len() != width * height {
+            return Err(wrong_shape(width, height));
         }
         let sound =
             |channel: f32| if channel.is_nan() { 0.0 } else { channel.clamp(0.0, MAX_PIXEL) };
@@ -122,6 +124,18 @@ impl SkyPicture {
     }
 }
 
+/// Returns whether a picture of this shape is equirectangular.
+fn is_whole_sky(width: usize, height: usize) -> bool {
+    width == 2 * height && width >= 4
+}
+
+fn wrong_shape(width: usize, height: usize) -> String {
+    format!(
+        "it has {width} x {height} pixels; a picture of the whole sky is twice as wide as high \
+         (equirectangular), or a cube: a cross of 4 x 3 or 3 x 4 faces, or a strip of 6"
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,6 +164,9 @@ mod tests {
         DynamicImage::new_rgb8(8, 4).write_to(&mut png, image::ImageFormat::Png).unwrap();
         assert!(SkyPicture::decode(png.get_ref()).unwrap_err().contains(".hdr"));
         assert!(SkyPicture::decode(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n").is_err());
+        // A shape of no sky is named before its pixels are read, which are not there.
+        let header = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 9000 +X 9001\n";
+        assert!(SkyPicture::decode(header).unwrap_err().contains("it has 9001 x 9000 pixels"));
         let mut hdr = Cursor::new(Vec::new());
         DynamicImage::new_rgb32f(8, 4).write_to(&mut hdr, image::ImageFormat::Hdr).unwrap();
         assert_eq!(SkyPicture::decode(hdr.get_ref()).map(|p| p.width), Ok(8));

@@ -25,10 +25,8 @@ pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String, SceneError> {
     if bytes.len() as u64 > limit {
         return Err(too_large());
     }
-    if let Some(unit) = utf16_unit(&bytes) {
-        let (pairs, _) = bytes.as_chunks::<2>();
-        let units = char::decode_utf16(pairs.iter().map(|pair| unit(*pair)));
-        return Ok(units.map(|unit| unit.unwrap_or(char::REPLACEMENT_CHARACTER)).collect());
+    if let Some(text) = utf16(&bytes) {
+        return Ok(text);
     }
     Ok(String::from_utf8(bytes)
         .unwrap_or_else(|bad| String::from_utf8_lossy(bad.as_bytes()).into_owned()))
@@ -165,9 +163,29 @@ pub(crate) fn loose_number(token: &str) -> Option<f64> {
 pub(crate) fn excerpt(text: &str) -> String {
     const SHOWN: usize = 40;
     if text.chars().nth(SHOWN).is_none() {
-        return text.to_owned();
+        return printable(text);
     }
-    text.chars().take(SHOWN).chain(['…']).collect()
+    printable(text).chars().take(SHOWN).chain(['…']).collect()
+}
+
+/// Returns a text without characters that would move the cursor, change colours or turn the order
+/// of letters on a terminal. It is no longer than before.
+pub(crate) fn printable(text: &str) -> String {
+    let character = |c: char| match c {
+        '\t' | '\n' | '\r' => ' ',
+        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => '?',
+        c if c.is_control() => '?',
+        c => c,
+    };
+    text.chars().map(character).collect()
+}
+
+/// Returns the text of bytes in UTF-16, if they are that.
+pub(crate) fn utf16(bytes: &[u8]) -> Option<String> {
+    let unit = utf16_unit(bytes)?;
+    let (pairs, _) = bytes.as_chunks::<2>();
+    let units = char::decode_utf16(pairs.iter().map(|pair| unit(*pair)));
+    Some(units.map(|unit| unit.unwrap_or(char::REPLACEMENT_CHARACTER)).collect())
 }
 
 #[cfg(test)]
@@ -187,6 +205,13 @@ mod tests {
             assert_eq!(lines(&text), expected);
             assert_eq!(lines(&(text + end)), expected);
         }
+    }
+
+    #[test]
+    fn texts_for_people_do_not_steer_a_terminal() {
+        assert_eq!(printable("a\u{1b}[31mb\n\u{202e}é"), "a?[31mb ?é");
+        assert_eq!(excerpt("\0"), "?");
+        assert_eq!(excerpt(&"ab".repeat(40)).chars().count(), 41);
     }
 
     #[test]

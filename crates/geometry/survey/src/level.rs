@@ -8,6 +8,7 @@ use holo_raycast::{Ray, Raycaster};
 
 use crate::columns::ColumnRun;
 use crate::grid::SceneGrid;
+use crate::lit;
 
 /// Directions that are probed from a place.
 const DIRECTIONS: usize = 26;
@@ -208,7 +209,8 @@ fn look_around(grid: &SceneGrid, raycaster: &Raycaster, from: DVec3) -> SightCou
         seen.hits += 1;
         seen.backs += usize::from(is_back);
         // The back of a glowing shell is visible only from inside it.
-        seen.has_lamp |= material.emits() && (!is_back || material.two_sided_emission);
+        seen.has_lamp |= (!is_back || material.two_sided_emission)
+            && lit::glow(scene, hit.triangle, hit.u, hit.v) > 0.0;
         if !is_back {
             seen.materials.insert(id);
             seen.triangles.insert(hit.triangle);

@@ -32,7 +32,7 @@ mod up;
 
 pub use findings::{Finding, findings, memory, white_materials};
 pub use frame::UprightAxes;
-pub use lit::is_lit_by_lamps;
+pub use lit::{LEAST_LAMP, has_lamps, is_lit_by_lamps};
 pub use plan::FloorPlan;
 pub use rooms::{Door, Room, Survey};
 pub use sight::ChosenView;

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use holo_raycast::{NO_TRIANGLE, Raycaster, SurfacePoint};
-use holo_scene::{PunctualBeam, PunctualLight, Scene};
+use holo_scene::{Material, PunctualBeam, PunctualLight, Scene};
 
 /// Number of points on surfaces from which lamps are searched for.
 const POINTS: usize = 512;
@@ -21,6 +21,14 @@ const ENOUGH: f64 = 1.0 / 3.0;
 /// Least product of the cosines at both ends, because grazing light hardly counts.
 const LEAST_COSINES: f32 = 0.01;
 
+/// Least radiance of a lamp in its brightest channel, W·sr⁻¹·m⁻²: about 1 cd/m². Exporters write
+/// smaller numbers by rounding, and such a lamp would leave everything else in the dark.
+pub const LEAST_LAMP: f32 = 0.005;
+
+/// Mean of a texture's channels below which a lamp is dark there: 12 of 255 in sRGB, as JPEG makes
+/// of black. One material often covers a whole object, and its texture shows where the lamp is.
+const DARK_TEXEL: f64 = 0.004;
+
 /// A point of a lamp.
 struct LampPoint {
     point: SurfacePoint,
@@ -34,6 +42,16 @@ struct LampPoint {
 #[must_use]
 pub fn is_lit_by_lamps(raycaster: &Raycaster) -> bool {
     Lamps::new(raycaster).suffice(raycaster)
+}
+
+/// Returns whether a scene has lamps or punctual lights. Surfaces that emit less than
+/// [`LEAST_LAMP`] are none.
+#[must_use]
+pub fn has_lamps(scene: &Scene) -> bool {
+    let is_lamp = |material: &Material| brightness(material) > 0.0;
+    !scene.punctual_lights.is_empty()
+        || scene.materials.iter().any(is_lamp)
+            && scene.emitters().any(|triangle| is_lamp(scene.material(triangle)))
 }
 
 /// Points on a scene's lamps.
@@ -100,11 +118,11 @@ impl LampPoint {
 
 fn lamp_points(raycaster: &Raycaster) -> Vec<LampPoint> {
     let scene = raycaster.scene();
-    let brightness = |triangle: u32| sum(scene.material(triangle).emission);
+    let brightness_of = |triangle: u32| brightness(scene.material(triangle));
     let candidates =
-        spread(scene, CANDIDATES, |triangle| area(scene, triangle) * brightness(triangle));
+        spread(scene, CANDIDATES, |triangle| area(scene, triangle) * brightness_of(triangle));
     let texture =
-        |&(triangle, u, v): &(u32, f32, f32)| glow(scene, triangle, u, v) / brightness(triangle);
+        |&(triangle, u, v): &(u32, f32, f32)| glow(scene, triangle, u, v) / brightness_of(triangle);
     let weights: Vec<f64> = candidates.iter().map(texture).collect();
     let lamp = |index: usize| {
         let (triangle, u, v) = candidates[index];
@@ -128,10 +146,23 @@ fn lamp_points(raycaster: &Raycaster) -> Vec<LampPoint> {
     on_surfaces.chain(punctual).collect()
 }
 
-/// Returns the brightness of a point on a lamp.
-fn glow(scene: &Scene, triangle: u32, u: f32, v: f32) -> f64 {
-    let texture = scene.emission_texture(triangle, u, v, 0.0).map_or(1.0, sum);
-    texture * sum(scene.material(triangle).emission)
+/// Returns the brightness of a point on a lamp; 0 if its texture is dark there.
+pub(crate) fn glow(scene: &Scene, triangle: u32, u: f32, v: f32) -> f64 {
+    let brightness = brightness(scene.material(triangle));
+    if brightness == 0.0 {
+        return 0.0;
+    }
+    match scene.emission_texture(triangle, u, v, 0.0).map(sum) {
+        None => brightness,
+        Some(texture) if texture < 3.0 * DARK_TEXEL => 0.0,
+        Some(texture) => texture * brightness,
+    }
+}
+
+/// Returns the sum of the channels of a lamp's radiance; 0 if it is no lamp.
+fn brightness(material: &Material) -> f64 {
+    let is_lamp = material.emission.iter().any(|&channel| channel >= LEAST_LAMP);
+    if is_lamp { sum(material.emission) } else { 0.0 }
 }
 
 fn sum(colour: [f32; 3]) -> f64 {
@@ -182,7 +213,6 @@ fn in_proportion(weights: impl Iterator<Item = f64> + Clone, count: usize) -> Ve
 mod tests {
     use super::*;
     use glam::DVec3;
-    use holo_scene::Material;
     use std::sync::Arc;
 
     /// Returns the result for a closed box of `side` around the origin, whose faces look outwards,
@@ -218,6 +248,8 @@ mod tests {
         // High above, it lights the lid alone, a sixth of the box.
         assert!(!is_lit(2.0, 3.0, lamp));
         assert!(!is_lit(2.0, 0.8, Material::grey("no lamp")));
+        let faint = Material { emission: [0.5 * LEAST_LAMP; 3], ..Material::grey("faint") };
+        assert!(!is_lit(2.0, 0.8, faint));
     }
 
     #[test]

@@ -9,27 +9,39 @@ use glam::Vec3;
 /// boundary over that on the light's side.
 #[inline]
 pub fn dielectric(cosine: f32, eta: f32) -> (f32, f32) {
+    let ([parallel, perpendicular], beyond) = polarized(cosine, eta);
+    (0.5 * (parallel + perpendicular), beyond)
+}
+
+/// Returns the reflected shares of parallel and of perpendicular polarization, and the cosine
+/// beyond the boundary, as [`dielectric`].
+#[inline]
+fn polarized(cosine: f32, eta: f32) -> ([f32; 2], f32) {
     let sin2 = (1.0 - cosine * cosine).max(0.0) / (eta * eta);
     if sin2 >= 1.0 {
-        return (1.0, 0.0);
+        return ([1.0; 2], 0.0);
     }
     let beyond = (1.0 - sin2).sqrt();
     let parallel = (eta * cosine - beyond) / (eta * cosine + beyond);
     let perpendicular = (cosine - eta * beyond) / (cosine + eta * beyond);
-    let reflected = 0.5 * (parallel * parallel + perpendicular * perpendicular);
+    let reflected = [parallel * parallel, perpendicular * perpendicular];
     // At exactly grazing incidence on equal media both are 0 / 0.
-    if reflected.is_nan() {
-        return (1.0, beyond);
+    if reflected[0].is_nan() || reflected[1].is_nan() {
+        return ([1.0; 2], beyond);
     }
     (reflected, beyond)
 }
 
 /// Returns the share reflected by a pane of two parallel faces: r + t² r / (1 - r²), with all
 /// orders of reflection between the faces.
+///
+/// Light keeps its polarization between the faces, because they have the same plane of incidence.
+/// So this is the mean of the two polarizations. The series of their mean would reflect 3 % of the
+/// light too much at 70°.
 #[inline]
 pub fn pane(cosine: f32, ior: f32) -> f32 {
-    let (r, _) = dielectric(cosine, ior);
-    2.0 * r / (1.0 + r)
+    let ([parallel, perpendicular], _) = polarized(cosine, ior);
+    parallel / (1.0 + parallel) + perpendicular / (1.0 + perpendicular)
 }
 
 /// Returns the direction beyond a boundary of normal `m` (on the side of `wo`), from the results of
@@ -95,6 +107,23 @@ mod tests {
         let (r, t) = (0.04_f64, 0.96_f64);
         let series: f64 = r + (0..20).map(|k| t * t * r * r.powi(2 * k)).sum::<f64>();
         assert!((f64::from(pane(1.0, 1.5)) - series).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_clear_pane_transmits_what_the_cie_states() {
+        // CIE 171:2006, case 5.5.
+        for (degrees, transmitted) in [
+            (0.0, 0.91832),
+            (30.0, 0.91596),
+            (45.0, 0.90253),
+            (60.0, 0.84347),
+            (70.0, 0.72471),
+            (80.0, 0.45604),
+        ] {
+            let found = 1.0 - pane(f32::to_radians(degrees).cos(), 1.52);
+            assert!((found - transmitted).abs() < 1e-5, "{degrees}: {found}");
+        }
+        assert_eq!((pane(0.0, 1.5), pane(0.5, 1.0)), (1.0, 0.0));
     }
 
     #[test]

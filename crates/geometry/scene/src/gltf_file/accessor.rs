@@ -66,20 +66,25 @@ fn elements<T: Clone>(
     convert: impl Fn(&[u8]) -> T,
 ) -> Result<Vec<T>, String> {
     let (count, size) = (accessor.count(), accessor.size());
-    buffers.count(count)?;
     let mut elements = match accessor.view() {
         Some(view) => {
             let bytes = buffers.view(&view)?;
             let stride = view.stride().unwrap_or(size).max(1);
-            strided(bytes, accessor.offset(), stride, size, count)
-                .ok_or_else(|| {
-                    let (index, bytes) = (accessor.index(), bytes.len());
-                    format!("accessor {index} of {count} elements is longer than its {bytes} bytes")
-                })?
-                .map(&convert)
-                .collect()
+            let found = strided(bytes, accessor.offset(), stride, size, count);
+            let found = found.ok_or_else(|| {
+                let (index, bytes) = (accessor.index(), bytes.len());
+                let cut = if bytes < view.length() { ", which end with its buffer" } else { "" };
+                format!(
+                    "accessor {index} of {count} elements is longer than its {bytes} bytes{cut}"
+                )
+            })?;
+            buffers.count(count)?;
+            found.map(&convert).collect()
         }
-        None if count <= MAX_ZEROS => vec![convert(&vec![0; size]); count],
+        None if count <= MAX_ZEROS => {
+            buffers.count(count)?;
+            vec![convert(&vec![0; size]); count]
+        }
         None => {
             return Err(format!("accessor {} has {count} elements and no bytes", accessor.index()));
         }

@@ -66,19 +66,17 @@ impl Buffers {
         Ok(())
     }
 
-    /// Returns the bytes of a view. An error is a text for people.
+    /// Returns the bytes of a view; fewer if the view ends beyond its buffer, because what is read
+    /// may still be there. An error is a text for people.
     pub(super) fn view(&self, view: &gltf::buffer::View) -> Result<&[u8], String> {
         let buffer = match self.all.get(view.buffer().index()) {
             Some(bytes) => bytes.as_ref().map_err(Clone::clone)?.as_slice(),
             None => &[],
         };
-        let end = view.offset().checked_add(view.length());
-        end.and_then(|end| buffer.get(view.offset()..end)).ok_or_else(|| {
-            format!(
-                "buffer view {} ends beyond its buffer, which has {} bytes",
-                view.index(),
-                buffer.len()
-            )
+        let end = view.offset().saturating_add(view.length()).min(buffer.len());
+        buffer.get(view.offset()..end).ok_or_else(|| {
+            let (view, bytes) = (view.index(), buffer.len());
+            format!("buffer view {view} begins beyond its buffer, which has {bytes} bytes")
         })
     }
 }

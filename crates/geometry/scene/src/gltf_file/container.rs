@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use serde_json::Value;
 
 use crate::foreign;
+use crate::text::utf16;
 
 /// Bytes of the header of a `.glb`.
 const GLB_HEADER_BYTES: u32 = 12;
@@ -30,8 +31,12 @@ pub(super) fn open(bytes: &[u8]) -> Result<(Value, Option<Vec<u8>>), String> {
             let glb = gltf::Glb::from_slice(bytes).map_err(|error| invalid(error.to_string()))?;
             (glb.json, glb.bin.map(Cow::into_owned))
         }
-        _ => (Cow::Borrowed(bytes), None),
+        _ => match utf16(bytes) {
+            Some(text) => (Cow::Owned(text.into_bytes()), None),
+            None => (Cow::Borrowed(bytes), None),
+        },
     };
+    let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&json);
     // Some programs pad with zeros instead of blanks.
     let end = json.iter().rposition(|byte| !matches!(byte, 0 | b' ' | b'\n' | b'\r' | b'\t'));
     let json = &json[..end.map_or(0, |end| end + 1)];

@@ -15,7 +15,7 @@ use serde_json::{Map, Value};
 
 use super::photometry::named_by;
 use super::schema::{List, Member, Members, Requirement, ValueKind};
-use crate::text::excerpt;
+use crate::text::{excerpt, printable};
 
 /// A file's JSON as the crate accepts it, and counts of what was dropped or replaced.
 pub(super) struct Mended {
@@ -63,6 +63,10 @@ pub(super) fn mend(root: Value, has_chunk: bool) -> Result<Mended, String> {
         let what = "animations are ignored: the scene stands still".to_owned();
         mending.counts.insert(what, animations);
     }
+    if let Some(version) = later_version(root.get("asset")) {
+        let version = excerpt(version);
+        mending.count(format!("the file asks for glTF {version}: what glTF 2.0 lacks is not read"));
+    }
     if let Some(scene) = mending.scenes(root.get("scene")) {
         kept.insert("scene".to_owned(), scene.into());
     }
@@ -109,6 +113,19 @@ fn validate(json: &Root) -> Result<(), String> {
         }
     });
     first.map_or(Ok(()), Err)
+}
+
+/// Returns the least version that a reader of a file needs, if this is later than 2.0. Files of
+/// later 2.x without a least version are made so that readers of 2.0 can read them.
+fn later_version(asset: Option<&Value>) -> Option<&str> {
+    let asset = asset?;
+    let of = |member: &str| {
+        let words = asset.get(member)?.as_str()?;
+        let mut parts = words.split('.').map(|part| part.trim().parse::<u32>().ok());
+        Some((words, (parts.next()??, parts.next().flatten().unwrap_or(0))))
+    };
+    let needed = of("minVersion").filter(|(_, version)| *version > (2, 0));
+    needed.or_else(|| of("version").filter(|(_, version)| version.0 > 2)).map(|(words, _)| words)
 }
 
 /// Parses JSON of this program.
@@ -202,7 +219,7 @@ impl Mending {
             ValueKind::Whole => is(whole(value).is_some_and(|n| n <= u64::from(u32::MAX)), "index"),
             ValueKind::Size => is(whole(value).is_some(), "size"),
             ValueKind::Flag => is(value.is_boolean(), "`true` or `false`"),
-            ValueKind::Text => is(value.is_string(), "text"),
+            ValueKind::Text | ValueKind::Name => is(value.is_string(), "text"),
             ValueKind::Word(words) => {
                 let is_right = value.as_str().is_some_and(|word| words.contains(&word));
                 (!is_right).then(|| format!("is {}, which the format does not have", shown(value)))
@@ -270,6 +287,7 @@ impl Mending {
 
     fn keep_value(&mut self, value: &mut Value, kind: ValueKind, list: List) -> Result<(), Fault> {
         match (kind, &mut *value) {
+            (ValueKind::Name, Value::String(name)) => *name = printable(name),
             (ValueKind::Indices(of), Value::Array(indices)) => {
                 let all = indices.len();
                 indices.retain(|index| self.element(of, index).is_ok());

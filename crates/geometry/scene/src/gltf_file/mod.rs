@@ -106,8 +106,11 @@ fn read_bounded(source: ModelFile, repeated: u64) -> Result<Model, SceneError> {
     let mut model = reading.model;
     if model.triangles.is_empty() && model.placements.is_empty() {
         let meshes = document.meshes().len();
-        model.instead =
-            Some(format!("it is glTF whose meshes ({meshes}) have no triangle in view"));
+        let mut instead = format!("it is glTF whose meshes ({meshes}) have no triangle in view");
+        for (what, count) in &reading.counts {
+            instead += &format!("; {what} ({count})");
+        }
+        model.instead = Some(instead);
     }
     Ok(model)
 }

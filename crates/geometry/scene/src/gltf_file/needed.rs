@@ -1,5 +1,6 @@
 //! The elements of a glTF file that its scene reaches, and replacements for what they lack.
 
+use glam::DQuat;
 use serde_json::{Map, Value};
 
 use super::mend::{Mending, constant, whole};
@@ -27,6 +28,11 @@ const PICTURES: [&str; 4] =
 /// Extensions that compress geometry: the part that they are at, and the word for people.
 const DRACO: &str = "KHR_draco_mesh_compression";
 const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+
+/// Difference of a rotation's length from 1 that is by rounding, and one that exporters with coarse
+/// numbers have. The format's validator allows the latter.
+const ROUNDED_ROTATION: f64 = 1e-6;
+const NEARLY_UNIT: f64 = 0.01;
 
 impl Mending {
     /// Marks the scene that is shown, and returns its index.
@@ -84,6 +90,7 @@ impl Mending {
             let what = "nodes are left out, because the file says that they are not visible";
             self.counts.insert(what.to_owned(), hidden.len());
         }
+        let mut scaled = 0;
         for (node, is_shown) in self.lists[nodes].iter_mut().zip(is_shown) {
             let Some(node) = node.as_object_mut() else { continue };
             let names: &[&str] = match is_shown {
@@ -94,6 +101,21 @@ impl Mending {
             if node.get("weights").is_some_and(|weights| !is_moved(weights)) {
                 node.remove("weights");
             }
+            let Some(rotation) = node.get("rotation").and_then(quaternion) else { continue };
+            let excess = (rotation.length() - 1.0).abs();
+            match excess > ROUNDED_ROTATION {
+                true if rotation.length() > 0.0 => {
+                    let unit = rotation.normalize().to_array();
+                    node.insert("rotation".to_owned(), unit.to_vec().into());
+                }
+                true => drop(node.remove("rotation")),
+                false => {}
+            }
+            scaled += usize::from(excess > NEARLY_UNIT);
+        }
+        if scaled > 0 {
+            let what = "rotations of nodes have another length than 1, which does not count";
+            self.counts.insert(what.to_owned(), scaled);
         }
         self.used[nodes].fill(true);
         for (number, node) in self.lists[nodes].iter().enumerate() {
@@ -283,6 +305,13 @@ impl Mending {
         }
         Ok(())
     }
+}
+
+/// Returns a rotation as the file states it, if it is four finite numbers.
+fn quaternion(rotation: &Value) -> Option<DQuat> {
+    let numbers: Option<Vec<f64>> = rotation.as_array()?.iter().map(Value::as_f64).collect();
+    let numbers = <[f64; 4]>::try_from(numbers?).ok()?;
+    Some(DQuat::from_array(numbers)).filter(|rotation| rotation.length().is_finite())
 }
 
 /// Returns whether weights of morph targets move anything.

@@ -4,7 +4,7 @@
 //! part that no picture needs cannot end a file.
 
 use ValueKind::{
-    AnyNumbers, Attributes, Code, Extensions, Flag, Index, Indices, Number, Numbers, Object,
+    AnyNumbers, Attributes, Code, Extensions, Flag, Index, Indices, Name, Number, Numbers, Object,
     Objects, Size, Text, Whole, Word,
 };
 
@@ -41,6 +41,8 @@ pub(super) enum ValueKind {
     Size,
     Flag,
     Text,
+    /// A text for people.
+    Name,
     /// One of these words.
     Word(&'static [&'static str]),
     /// One of these numbers.
@@ -166,7 +168,7 @@ impl List {
 const SCENE: Members = &[may("nodes", Indices(List::Nodes))];
 
 const NODE: Members = &[
-    may("name", Text),
+    may("name", Name),
     may("children", Indices(List::Nodes)),
     may("matrix", Numbers(16)),
     may("translation", Numbers(3)),
@@ -192,7 +194,7 @@ const INSTANCES: Members = &[
 ];
 
 const MESH: Members =
-    &[may("name", Text), may("weights", AnyNumbers), must("primitives", Objects(PRIMITIVE))];
+    &[may("name", Name), may("weights", AnyNumbers), must("primitives", Objects(PRIMITIVE))];
 
 const PRIMITIVE: Members = &[
     must("attributes", Attributes),
@@ -209,14 +211,14 @@ const SKIN: Members =
     &[must("joints", Indices(List::Nodes)), may("inverseBindMatrices", Index(List::Accessors))];
 
 const CAMERA: Members = &[
-    may("name", Text),
+    may("name", Name),
     must("type", Word(&["perspective", "orthographic"])),
     may("perspective", Object(&[must("yfov", Number)])),
     may("orthographic", Object(&[must("ymag", Number)])),
 ];
 
 const LIGHT: Members = &[
-    may("name", Text),
+    may("name", Name),
     must("type", Word(&["directional", "point", "spot"])),
     may("color", Numbers(3)),
     may("intensity", Number),
@@ -225,7 +227,7 @@ const LIGHT: Members = &[
 ];
 
 const MATERIAL: Members = &[
-    may("name", Text),
+    may("name", Name),
     may("pbrMetallicRoughness", Object(METALLIC_ROUGHNESS)),
     may("normalTexture", Object(TEXTURE_INFO)),
     may("occlusionTexture", Object(TEXTURE_INFO)),
@@ -314,7 +316,7 @@ const SAMPLER: Members =
     &[may("wrapS", Code(&[33071, 33648, 10497])), may("wrapT", Code(&[33071, 33648, 10497]))];
 
 const IMAGE: Members =
-    &[may("name", Text), may("uri", Text), may("bufferView", Index(List::BufferViews))];
+    &[may("name", Name), may("uri", Text), may("bufferView", Index(List::BufferViews))];
 
 const COMPONENTS: &[u64] = &[5120, 5121, 5122, 5123, 5125, 5126];
 

@@ -344,8 +344,9 @@ fn false_counts_and_offsets_are_refused_with_the_place() {
     let json = triangle(GREY);
     let cases = [
         (
-            json.replace(r#""byteLength":36"#, r#""byteLength":3600"#),
-            "ends beyond its buffer, which has 56 bytes",
+            json.replace(r#""count":3,"type":"VEC3""#, r#""count":30,"type":"VEC3""#)
+                .replace(r#""byteLength":36"#, r#""byteLength":3600"#),
+            "accessor 0 of 30 elements is longer than its 56 bytes, which end with its buffer",
         ),
         (
             json.replace(r#""count":3,"type":"VEC3""#, r#""count":30,"type":"VEC3""#),

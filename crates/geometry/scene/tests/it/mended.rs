@@ -95,6 +95,82 @@ fn numbers_that_are_null_or_no_json_have_the_format_s_default() {
 }
 
 #[test]
+fn rotations_count_by_their_direction_alone() {
+    let corners = |node: &str| {
+        let loaded = load(&plain("").replace(MESH_NODE, node));
+        let corners: Vec<_> = loaded.scene.triangles().map(|t| loaded.scene.corners(t)).collect();
+        (corners, messages(&loaded).join("\n"))
+    };
+    let scaled = "s.gltf: rotations of nodes have another length than 1, which does not count (1)";
+    for (rotation, like, said) in [
+        ("[0,0,0.6,0.8]", "[0,0,0.6,0.8]", ""),
+        ("[0,0,0.603,0.804]", "[0,0,0.6,0.8]", ""),
+        ("[0,0,3,4]", "[0,0,0.6,0.8]", scaled),
+        ("[0,0,0,0]", "[0,0,0,1]", scaled),
+    ] {
+        let node = |rotation: &str| format!(r#"{{"mesh":0,"rotation":{rotation}}}"#);
+        let ((found, words), (expected, _)) = (corners(&node(rotation)), corners(&node(like)));
+        assert_eq!(words, said, "{rotation}");
+        for (found, expected) in found.as_flattened().iter().zip(expected.as_flattened()) {
+            assert!(found.abs_diff_eq(*expected, 1e-6), "{rotation}: {found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn versions_after_2_0_are_named_if_a_reader_needs_them() {
+    let version = r#""version":"2.0""#;
+    let asset = |members: &str| shows_the_square(&plain("").replace(version, members));
+    assert_eq!(asset(r#""version":"2.1""#), "");
+    assert_eq!(asset(r#""version":"2.1","minVersion":"2.0""#), "");
+    assert_eq!(asset(r#""version":2.0,"minVersion":null"#), "");
+    for members in [r#""version":"2.7","minVersion":"2.5""#, r#""version":"2.5","minVersion":"x""#]
+    {
+        let said = asset(members);
+        let named = said.contains("the file asks for glTF 2.5: what glTF 2.0 lacks is not read");
+        assert_eq!(named, members.contains("2.7"), "{said}");
+    }
+    assert!(asset(r#""version":"3.0""#).contains("the file asks for glTF 3.0"));
+}
+
+#[test]
+fn a_view_that_ends_beyond_its_buffer_gives_the_bytes_that_are_there() {
+    let json = plain("");
+    let whole = shows_the_square(&json);
+    let longer: Vec<&str> = json.split(r#""byteLength":"#).collect();
+    assert!(longer.len() > 2, "{json}");
+    assert_eq!(shows_the_square(&longer.join(r#""byteLength":9"#)), whole);
+}
+
+#[test]
+fn a_file_without_a_triangle_says_what_it_lacks() {
+    let far = r#"{"mesh":0,"scale":[1e30,1e30,1e30]}"#;
+    let said = problem(&plain("").replace(MESH_NODE, far));
+    assert!(said.contains("no triangle in view; triangles"), "{said}");
+    let counted = plain("").replace(r#""count":4"#, r#""count":4611686018427387904"#);
+    let said = problem(&counted);
+    assert!(said.contains("accessor 0 of 4611686018427387904 elements is longer"), "{said}");
+}
+
+#[test]
+fn files_in_utf_16_are_read() {
+    let units = plain("").encode_utf16().collect::<Vec<u16>>();
+    for (mark, of) in [(0xfeff, u16::to_le_bytes as fn(u16) -> [u8; 2]), (0xfeff, u16::to_be_bytes)]
+    {
+        let bytes: Vec<u8> = [mark].into_iter().chain(units.iter().copied()).flat_map(of).collect();
+        let loaded = load_bytes("s.gltf", &bytes).unwrap();
+        assert_eq!(loaded.scene.materials[0].bsdf, PAINT);
+    }
+}
+
+#[test]
+fn names_are_printable() {
+    let named = MATERIAL.replacen('{', r#"{"name":"a\u001b[31mb\n\u202ec","#, 1);
+    let loaded = load(&plain("").replace(MATERIAL, &named));
+    assert_eq!(loaded.scene.materials[0].name, "a?[31mb ?c");
+}
+
+#[test]
 fn whole_numbers_may_have_a_fraction_of_zero() {
     let json = plain("")
         .replace(r#""count":4"#, r#""count":4.0"#)

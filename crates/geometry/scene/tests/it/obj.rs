@@ -233,7 +233,7 @@ fn a_missing_file_and_a_folder_are_errors_with_their_path() {
 #[test]
 fn ignored_statements_give_one_warning_with_the_first_line() {
     let obj = format!(
-        "{SQUARE}vn 0 0 1\nvn 0 0 1\nvt 0 0\nusemtl a\nf 1 2 3\nf 1 1 2\nf 2 2 2\nl 1 2\np 1\ncurv 1 2\ncurv 3\nv 9 9 9 2\n\
+        "{SQUARE}vn 0 0 1\nvn 0 0 1\nvt 0 0\nusemtl a\nf 1 2 3\nf 1 1 2\nf 2 2 2\nl 1 2\np 1\ncurv 1 2\ncurv 3\nv 9 9 9 0\n\
          g a\no b\ns off\n"
     );
     let loaded = load(obj).unwrap();
@@ -241,11 +241,29 @@ fn ignored_statements_give_one_warning_with_the_first_line() {
     let expected = [
         "s.obj:12: lines and points (`l`, `p`) are ignored (2 lines)",
         "s.obj:14: `curv` is unknown and ignored (2 lines)",
-        "s.obj:16: the weight of `v` is ignored",
+        "s.obj:16: a weight of `v` that is 0 or no number is ignored",
         "s.obj:8: no MTL file was read; grey diffuse 0.5 is taken for all materials (1)",
         "s.obj:10: triangles without area are left out (2 in the file)",
     ];
     assert_eq!(messages(&loaded), expected);
+}
+
+#[test]
+fn a_weight_divides_its_vertex_and_colours_have_none() {
+    let corners = |obj: &str| {
+        let scene = load(obj).unwrap().scene;
+        scene.corners(0).map(|corner| scene.origin + corner.as_dvec3())
+    };
+    let plain = corners("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    for obj in [
+        "v 0 0 0 2\nv 2 0 0 2.0\nv 0 -3 0 -3\nf 1 2 3\n",
+        // A weight that cannot divide, and a weight beyond which the vertex would be too far.
+        "v 0 0 0\nv 1 0 0 0\nv 0 1 0 1e-20\nf 1 2 3\n",
+        // A colour with opacity 0.
+        "v 0 0 0 1 1 1 0\nv 1 0 0 0.5 0.5 0.5 0\nv 0 1 0 1 1 1 0\nf 1 2 3\n",
+    ] {
+        assert_eq!(corners(obj), plain, "{obj}");
+    }
 }
 
 #[test]

@@ -79,13 +79,13 @@ fn false_arrays_of_instances_are_left_out_and_their_number_is_bounded() {
     let said = messages(&loaded).join("\n");
     assert!(said.contains("`TRANSLATION` of nodes names element 99 of `accessors`"), "{said}");
     // Without bytes, a small file could state any number.
-    for (count, expected) in [(1_u64 << 40, "need more than"), (2 << 20, "and no bytes")] {
+    for count in [1_u64 << 40, 2 << 20] {
         let mut arrays = square();
         arrays.accessor(&format!(r#""componentType":5126,"count":{count},"type":"VEC3""#));
         let primitive = format!(r#"{SQUARE},"material":0"#);
         let nodes = instanced(r#""TRANSLATION":4"#);
         let found = problem(&file(&arrays, &primitive, &nodes, MATERIAL, ""));
-        assert!(found.contains(expected), "{count}: {found}");
+        assert!(found.contains("elements and no bytes"), "{count}: {found}");
     }
 }
 

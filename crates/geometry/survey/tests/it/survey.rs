@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use holo_raycast::{Ray, Raycaster};
-use holo_scene::{Material, ModelFacts, Scene, StatedValue};
-use holo_survey::{ChosenView, Survey, UprightAxes, guess_up};
+use holo_scene::{Maps, Material, ModelFacts, Scene, Shading, StatedValue, Texture, Wrap};
+use holo_survey::{ChosenView, Survey, UprightAxes, guess_up, is_lit_by_lamps};
 
 /// Triangles with named materials.
 #[derive(Default)]
@@ -373,6 +373,35 @@ fn a_lamp_in_a_box_makes_it_a_room_whichever_way_its_faces_look() {
     model.cuboid(DVec3::ZERO, DVec3::new(4.0, 3.0, 2.5), false, wall);
     model.cuboid(DVec3::new(1.8, 1.4, 2.3), DVec3::new(2.2, 1.6, 2.4), false, lamp);
     assert_eq!(model.survey(DVec3::Z, None).0.rooms.len(), 1);
+}
+
+#[test]
+fn a_surface_is_a_lamp_only_if_its_texture_of_emission_is_bright() {
+    // One material has the shell of a post and a beam in it, and its texture says what glows.
+    let mut model = Model::default();
+    let post = model.material("post", 1.0);
+    model.cuboid(DVec3::ZERO, DVec3::new(4.0, 3.0, 2.5), false, post);
+    model.cuboid(DVec3::new(1.8, 1.4, 2.3), DVec3::new(2.2, 1.6, 2.4), false, post);
+    for (texel, rooms) in [(0, 0), (10, 0), (200, 1)] {
+        // A BMP file of one texel.
+        let mut file = b"BM".to_vec();
+        let words = [58, 0, 54, 40, 1, 1, 1 | 24 << 16, 0, 4, 0, 0, 0, 0];
+        file.extend(words.into_iter().flat_map(i32::to_le_bytes));
+        file.extend([texel, texel, texel, 0]);
+        let texture = Texture::decode(file.into(), [Wrap::Repeat; 2], false, false).unwrap();
+        let shading = Shading {
+            uvs: vec![[[0.5; 2]; 3]; model.triangles.len()],
+            textures: vec![texture],
+            maps: vec![Maps { emission: Some(0), ..Maps::default() }],
+            ..Shading::default()
+        };
+        let scene = model.scene().with_shading(shading).unwrap();
+        let raycaster = Raycaster::build(Arc::new(scene)).unwrap();
+        let up = UprightAxes::new(DVec3::Z);
+        let survey = Survey::new(&raycaster, up, Some(1.0), &ModelFacts::default());
+        assert_eq!(survey.rooms.len(), rooms, "{texel}");
+        assert_eq!(is_lit_by_lamps(&raycaster), texel == 200, "{texel}");
+    }
 }
 
 #[test]

@@ -10,7 +10,7 @@ use holo_daylight::{SkyFormula, clear_sky, overcast_sky};
 use holo_scene::{Bsdf, SUN_RADIUS, Scene, Sky, SkyAxes, SkyPicture, Sun};
 use holo_tracer::{Settings, Tracer};
 
-use crate::common::{BLACK, Estimate, Model, estimate, expect};
+use crate::common::{BLACK, Estimate, Model, estimate, expect, pane_reflects};
 
 const WHITE: Bsdf = Bsdf::Diffuse { kd: [1.0; 3] };
 
@@ -268,6 +268,32 @@ fn panes_pass_the_same_light_whether_it_is_aimed_at_or_found_by_chance() {
         assert!(difference.abs() < 4.5 * error + bias, "{engine}: {even:?} {pictured:?}");
         assert!(error < 0.02 * even.mean[0], "{even:?} {pictured:?}");
     }
+}
+
+#[test]
+fn sun_under_a_pane_is_more_than_the_pane_transmits_by_what_it_reflects_of_the_floor() {
+    // Under a wide pane, the floor of reflectance ρ has the irradiance E T / (1 - ρ R). T is the
+    // pane's transmission at the angle of the sun, R what it reflects of even light.
+    let towards = DVec3::new(1.0, 0.0, 1.0).normalize();
+    let sun = Sun { towards: towards.as_vec3().to_array(), irradiance: [100.0; 3] };
+    let reflectance = 0.5;
+    let mut model = Model::default();
+    let floor = model.material(Bsdf::Diffuse { kd: [reflectance; 3] }, [0.0; 3]);
+    let pane = model.material(Bsdf::ThinGlass { ior: 1.5, transmittance: [1.0; 3] }, [0.0; 3]);
+    model.square(0.0, 20_000.0, true, floor);
+    model.square(1.0, 10_000.0, true, pane);
+    let reflected = |cosine: f64| pane_reflects(cosine, 1.5);
+    const STEPS: u32 = 10_000;
+    // Even in the square of the cosine.
+    let even: f64 = (0..STEPS)
+        .map(|k| reflected(((f64::from(k) + 0.5) / f64::from(STEPS)).sqrt()) / f64::from(STEPS))
+        .sum();
+    let through = 100.0 * towards.z * (1.0 - reflected(towards.z));
+    let share = f64::from(reflectance);
+    let expected = share / PI * through / (1.0 - share * even);
+    let tracer = under(&model, Sky::default().with_sun(Some(sun)), "path");
+    let eye = DVec3::new(0.0, 0.0, 0.5);
+    expect_precisely(estimate(&tracer, eye, DVec3::new(0.3, 0.2, -1.0), 100_000), expected);
 }
 
 #[test]

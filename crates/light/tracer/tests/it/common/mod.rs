@@ -148,16 +148,30 @@ pub fn form_factor(corners: &[[f64; 3]], x: DVec3, n: DVec3) -> f64 {
     (sum / (2.0 * PI)).abs()
 }
 
-/// Returns the share of unpolarised light that a smooth boundary reflects, from Fresnel's equations
-/// with angles.
+/// Returns the share of unpolarised light that a smooth boundary reflects.
 pub fn fresnel(cosine: f64, eta: f64) -> f64 {
+    polarized(cosine, eta).iter().sum::<f64>() / 2.0
+}
+
+/// Returns the shares of both polarizations that a smooth boundary reflects, from Fresnel's
+/// equations with angles.
+fn polarized(cosine: f64, eta: f64) -> [f64; 2] {
     let (i, sin_t) = (cosine.acos(), cosine.acos().sin() / eta);
     if sin_t >= 1.0 {
-        return 1.0;
+        return [1.0; 2];
     }
     if i == 0.0 {
-        return ((eta - 1.0) / (eta + 1.0)).powi(2);
+        return [((eta - 1.0) / (eta + 1.0)).powi(2); 2];
     }
     let t = sin_t.asin();
-    0.5 * (((i - t).sin() / (i + t).sin()).powi(2) + ((i - t).tan() / (i + t).tan()).powi(2))
+    [(i - t).sin() / (i + t).sin(), (i - t).tan() / (i + t).tan()]
+        .map(|amplitude| amplitude.powi(2))
+}
+
+/// Returns the share of unpolarised light that a clear pane reflects, with all orders of reflection
+/// between its faces. Each polarization stays what it is.
+pub fn pane_reflects(cosine: f64, eta: f64) -> f64 {
+    let orders = |r: f64| (0..400).map(|k| r.powi(2 * k)).sum::<f64>();
+    let of = |r: f64| if r < 1.0 { r + (1.0 - r).powi(2) * r * orders(r) } else { 1.0 };
+    polarized(cosine, eta).map(of).iter().sum::<f64>() / 2.0
 }
