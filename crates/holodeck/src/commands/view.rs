@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
 use holo_view::{
-    BrowserArgs, DriverArgs, LookArgs, ObjectArgs, PointArgs, ViewArgs, WindowRequest,
+    BrowserArgs, DriverArgs, LookArgs, ObjectArgs, PointArgs, SceneChange, ViewArgs, WindowRequest,
 };
 use holodeck::{
     prepare::{self, Edited, OtherScene},
@@ -184,8 +184,10 @@ pub async fn view(mut args: ViewCommand, screen: WindowRequest) -> Result<()> {
         let file = file.clone();
         if args.restart {
             let again = file.clone();
-            tokio::task::spawn_blocking(move || Edited::read(&again, None, &[])?.restart(&again))
-                .await??;
+            tokio::task::spawn_blocking(move || {
+                Edited::read(&again, None, &holo_view::SceneChange::default())?.restart(&again)
+            })
+            .await??;
         }
         let scene = None;
         args.session.driver = with_splats(&args.session.driver, &file)?;

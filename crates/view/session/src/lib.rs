@@ -30,6 +30,7 @@ mod live;
 mod objects;
 mod received;
 mod scene;
+mod scene_change;
 mod schedule;
 #[cfg(test)]
 mod tests;
@@ -70,6 +71,7 @@ pub use light_change::{LightChange, NONE};
 use objects::SessionObjects;
 pub use objects::{CarriedObjects, ObjectFolder, ObjectOrder, ObjectState, PoseChange};
 use received::Received;
+pub use scene_change::{PlacedModel, SceneChange};
 pub use schedule::{FrameSchedule, FrameSize, scaled};
 pub use velocity::EyeVelocity;
 use velocity::RayDelay;

@@ -31,12 +31,16 @@ use holo_local_objects::{
 use holo_picture::View;
 use holo_scene::{LoadOptions, load};
 
-use super::{Session, Waited, Waker, incoming::Incoming};
+use super::{
+    Session, Waited, Waker,
+    incoming::Incoming,
+    scene_change::{PlacedModel, SceneChange},
+};
 pub use kept::ObjectFolder;
 pub use order::{ObjectOrder, PoseChange};
 
 use cells::CellSides;
-use kept::KeptObject;
+use kept::{KeptObject, no_object, placed};
 use lighting::Lightings;
 
 /// Most local objects of a session.
@@ -88,6 +92,39 @@ impl CarriedObjects {
     fn list(&self) -> MutexGuard<'_, Vec<CarriedObject>> {
         // Every change leaves the list consistent.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns the change of the scene that an order asks for; `None` if it concerns carried objects
+    /// alone. `of_scene` are the names of the objects that are part of the scene.
+    ///
+    /// # Errors
+    /// If there is no object to be baked of this name.
+    pub fn scene_change(
+        &self,
+        order: &ObjectOrder,
+        of_scene: &[String],
+    ) -> Result<Option<SceneChange>> {
+        let is_carried = |name: &String| self.list().iter().any(|carried| carried.name == *name);
+        let change = match order {
+            ObjectOrder::Bake(name) => {
+                let baked = vec![self.placed(name)?];
+                SceneChange { baked, ..SceneChange::default() }
+            }
+            ObjectOrder::Remove(name) if !is_carried(name) && of_scene.contains(name) => {
+                SceneChange { taken_out: vec![name.clone()], ..SceneChange::default() }
+            }
+            _ => return Ok(None),
+        };
+        Ok(Some(change))
+    }
+
+    fn placed(&self, name: &str) -> Result<PlacedModel> {
+        Ok(placed(name, &find(&mut self.list(), name)?.object))
+    }
+
+    /// Removes those that are part of the scene from now on.
+    pub(super) fn remove(&self, baked: &[String]) {
+        self.list().retain(|carried| !baked.contains(&carried.name));
     }
 }
 
@@ -200,6 +237,14 @@ impl Session {
                 drop(list);
                 self.objects.note_change();
             }
+            ObjectOrder::Bake(_) if self.traces() => bail!(
+                "this program has not started the server, so it cannot change the scene: whoever \
+                 has can"
+            ),
+            ObjectOrder::Bake(name) => bail!(
+                "a replay only reads the holodeck: `holodeck bake FILE.holo \"{name}\"` makes a \
+                 kept object part of its scene, and so does `holodeck view FILE.holo`"
+            ),
             ObjectOrder::List => return Ok(Some(self.listed())),
             ObjectOrder::Grab(at) => self.grab(at),
             ObjectOrder::DragTo(at) => self.drag_to(at)?,
@@ -539,11 +584,8 @@ impl Session {
 }
 
 fn find<'a>(list: &'a mut [CarriedObject], name: &str) -> Result<&'a mut CarriedObject> {
-    let names: Vec<String> = list.iter().map(|carried| carried.name.clone()).collect();
-    list.iter_mut().find(|carried| carried.name == name).with_context(|| match names.is_empty() {
-        true => format!("there is no object `{name}`, and no other one"),
-        false => format!("there is no object `{name}`; objects: {}", names.join(", ")),
-    })
+    let unknown = no_object(name, list.iter().map(|carried| carried.name.as_str()));
+    list.iter_mut().find(|carried| carried.name == name).context(unknown)
 }
 
 /// Checks that light is stored around an object: it must be in a section, or near one.
