@@ -118,6 +118,11 @@ impl Room {
         (0..size.0 * size.1).into_par_iter().map(of).collect()
     }
 
+    /// Returns whether a hit is on a mirror, which shows another thing from each place.
+    pub(crate) fn is_mirror(&self, hit: &Hit) -> bool {
+        matches!(self.raycaster.scene().material(hit.triangle).bsdf, Bsdf::Mirror { .. })
+    }
+
     /// Returns the first surface along a ray that is no pane, and its distance.
     pub(crate) fn nearest(&self, origin: DVec3, direction: DVec3) -> Option<(Hit, f64)> {
         let (mut ray, skipped) = self.raycaster.localize(origin, direction)?;
@@ -154,6 +159,13 @@ impl Room {
         let origin = spawn(from.at.point, from.at.error, from.at.normal, direction);
         let ray = Ray { t_max: (NEARLY_ALL * distance) as f32, ..Ray::new(origin, direction) };
         self.is_dark(ray, from.at.triangle)
+    }
+
+    /// Returns whether nothing of the room is between a place and one of its surfaces.
+    pub(crate) fn sees(&self, from: DVec3, place: DVec3) -> bool {
+        let way = place - from;
+        let distance = way.length();
+        !self.hides(from, (way / distance.max(f64::MIN_POSITIVE)).as_vec3(), distance)
     }
 
     /// Returns whether the room hides what is at this distance from a place.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use holo_display::{Frame, FramePhase, FrameRequest, Interrupt, Renderer};
 use holo_local_objects::{
-    LIGHTS, LightProbe, LocalObject, ObjectLighting, ProbeError, Room, probe_views,
+    LIGHTS, LightProbe, LocalObject, ObjectLighting, ProbeError, Room, probe_views, side_places,
 };
 
 use crate::Session;
@@ -17,6 +17,11 @@ use crate::Session;
 /// mirrors do, pixels.
 const SIDE: u32 = 64;
 const SHINY_SIDE: u32 = 256;
+
+/// Most further probes for what the mirrors of an object show and its middle does not see, and the
+/// side of their faces, pixels: three of them cost three quarters of the probe of the middle.
+const MOST_SIDES: usize = 3;
+const SIDE_OF_SIDES: u32 = 128;
 
 /// Most places whose light is stored.
 const MOST_PLACES: usize = 16;
@@ -123,7 +128,8 @@ impl Session {
         }
         let found = self.probe(object, is_file);
         if let Some(Ok(probe)) = found {
-            let lighting = Arc::new(ObjectLighting::new(probe, LIGHTS, room));
+            let lighting = ObjectLighting::new(probe, LIGHTS, room);
+            let lighting = Arc::new(lighting.with_sides(self.sides(object, room)));
             let place = LitPlace {
                 centre: object.centre(),
                 side: side(object),
@@ -137,6 +143,31 @@ impl Session {
         self.objects.lightings.nearest(object).map(|place| Arc::clone(&place.lighting))
     }
 
+    /// Returns the light at places that see what the object's mirrors show and its middle does not,
+    /// if the driver knows it at once.
+    fn sides(&mut self, object: &LocalObject, room: Option<&Room>) -> Vec<LightProbe> {
+        let room = room.filter(|_| object.is_shiny() && self.keeps_samples());
+        let places = room.map_or_else(Vec::new, |room| side_places(object, room, MOST_SIDES));
+        places
+            .into_iter()
+            .filter_map(|place| self.probe_of_store(place, SIDE_OF_SIDES)?.ok())
+            .collect()
+    }
+
+    /// Returns the light at a place that the driver's one store has. `None` if the place is not
+    /// possible.
+    fn probe_of_store(
+        &mut self,
+        centre: DVec3,
+        side: u32,
+    ) -> Option<Result<LightProbe, ProbeError>> {
+        let looks = looks(centre, side)?;
+        let mut renderer = self.driver.light.renderer();
+        let frames = looks.iter().map(|look| frame(renderer.as_mut(), look));
+        let frames: Vec<Frame> = frames.collect::<Option<_>>()?;
+        Some(probe_of(centre, frames))
+    }
+
     /// Returns the light that the driver shows around an object. `None` if its samples are under
     /// way.
     fn probe(
@@ -145,14 +176,11 @@ impl Session {
         is_file: bool,
     ) -> Option<Result<LightProbe, ProbeError>> {
         let (centre, side) = (object.centre(), side(object));
-        let looks = looks(centre, side)?;
         if self.keeps_samples() {
-            // All light is in one store. What is not there yet makes a later probe better.
-            let mut renderer = self.driver.light.renderer();
-            let frames = looks.iter().map(|look| frame(renderer.as_mut(), look));
-            let frames: Vec<Frame> = frames.collect::<Option<_>>()?;
-            return Some(probe_of(centre, frames));
+            // What is not there yet makes a later probe better.
+            return self.probe_of_store(centre, side);
         }
+        let looks = looks(centre, side)?;
         // Without a view, nothing can be requested.
         self.current.as_ref()?;
         let is_for = |probe: &WaitingProbe| {
