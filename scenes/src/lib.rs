@@ -1,5 +1,5 @@
 //! The bundled scenes: a Cornell box, a corridor that is lit only indirectly, and a furnished
-//! interior; and models as other programs write them. This crate generates all of them.
+//! interior; models as other programs write them; and a teapot. This crate generates all of them.
 //!
 //! Invariant: a scene has the same bytes each time that it is made. It is closed except for its
 //! windows. Lights shine on the counter-clockwise side of their faces, into the rooms.
@@ -18,11 +18,13 @@ mod random;
 mod reflections;
 mod rooms;
 mod shapes;
+mod teapot;
 #[cfg(test)]
 mod tests;
 
 pub use models::{MODELS, write_model};
 pub use reflections::write_reflections;
+pub use teapot::write_teapot;
 
 use std::fs;
 use std::io;
