@@ -79,8 +79,8 @@ def rooms(bench: Bench) -> Part:
             for seconds in TRACED:
                 time = f"{bench.seconds(seconds)}s"
                 picture, said = bench.render(
-                    look, f"rival-{seconds:g}", "--time", time, "--denoise", library,
-                    size=TRACED_SIZES[seconds]
+                    look, f"rival-{seconds:g}", "--engine", "path", "--time", time, "--denoise",
+                    library, size=TRACED_SIZES[seconds]
                 )
                 alone[look.name, seconds] = picture
                 took[look.name, seconds] = said["seconds"]
@@ -212,7 +212,9 @@ def truth(bench: Bench, look: Case) -> tuple[Pixels, Pixels]:
     for seed in (1, 2):
         kept = folder / f"{look.name}-{look.size}-{paths}-{seed}-{stamp:08x}.pfm"
         if not kept.exists():
-            made, _ = bench.render(look, f"truth-{seed}", "--spp", str(paths), "--seed", str(seed))
+            made, _ = bench.render(
+                look, f"truth-{seed}", "--engine", "path", "--spp", str(paths), "--seed", str(seed)
+            )
             kept.write_bytes(made.read_bytes())
         halves.append(read(kept))
     return halves[0], halves[1]

@@ -129,7 +129,7 @@ class Scenes:
 
     def interior(self) -> Case:
         """Returns the bundled interior, as `holodeck` alone shows it."""
-        scene = ("--config", str(self.bundle() / "interior.toml"), "--engine", "path")
+        scene = ("--config", str(self.bundle() / "interior.toml"))
         title = "bundled interior"
         return Case("interior", title, scene, INTERIOR_LIVING, INTERIOR_BEDROOM, "320x240", None)
 

@@ -2,9 +2,10 @@
 //!
 //! Invariant: a plan owns a share of everything that it refers to, so that reading takes no lock.
 
+use std::ops::Range;
 use std::sync::Arc;
 
-use holo_section::{BeamKey, NumberRun, Sample};
+use holo_section::{BeamKey, NumberRun, Sample, SampleKind};
 
 use crate::batch::WriteBatch;
 use crate::directory::{DiskBlock, Extent};
@@ -70,10 +71,23 @@ fn run(key: BeamKey, class: Class, first: u32, count: u32) -> NumberRun {
 impl FileState {
     /// Returns everything that was appended to a beam, oldest first, with its location.
     fn offers(&self, key: BeamKey) -> (Vec<Offer>, Vec<(Class, OfferedAt<'_>)>) {
+        self.offers_where(key, |_| true)
+    }
+
+    /// Returns those appends to a beam that are `wanted`, oldest first, with their locations.
+    fn offers_where(
+        &self,
+        key: BeamKey,
+        wanted: impl Fn(&Offer) -> bool,
+    ) -> (Vec<Offer>, Vec<(Class, OfferedAt<'_>)>) {
         let mut offers: Vec<Offer> = Vec::new();
         let mut places: Vec<(Class, OfferedAt)> = Vec::new();
         let mut offer = |class: Class, first: u32, count: u32, place| {
-            offers.push(Offer { kind: class.kind, supersedes: class.supersedes, first, count });
+            let offer = Offer { kind: class.kind, supersedes: class.supersedes, first, count };
+            if !wanted(&offer) {
+                return;
+            }
+            offers.push(offer);
             places.push((class, place));
         };
         for extent in self.directory.extents_of(key) {
@@ -139,6 +153,28 @@ impl FileState {
             let class = places[seen.offer].0;
             (run(key, class, seen.first, seen.count), class.maker)
         })
+    }
+
+    /// Returns the parts of these runs whose samples are of one kind and whose numbers lie in a
+    /// range, in order.
+    pub fn runs_within(
+        &self,
+        key: BeamKey,
+        kind: SampleKind,
+        numbers: &Range<u32>,
+    ) -> Vec<NumberRun> {
+        // Other appends do not decide about these numbers. A beam may have a hundred thousand.
+        let (offers, places) = self.offers_where(key, |offer| {
+            offer.kind == kind as u8
+                && offer.first < numbers.end
+                && offer.first.saturating_add(offer.count) > numbers.start
+        });
+        let within = visible(&offers).into_iter().map(|seen| {
+            let first = seen.first.max(numbers.start);
+            let end = (seen.first + seen.count).min(numbers.end);
+            run(key, places[seen.offer].0, first, end.saturating_sub(first))
+        });
+        within.filter(|run| run.count > 0).collect()
     }
 
     /// Returns a plan for reading the present state of a beam; `None` if nothing was ever appended

@@ -1,10 +1,10 @@
 //! Reading beams from a [`BeamFile`], through its cache.
 
 use std::collections::HashSet;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 
-use holo_section::{BeamKey, NumberRun};
+use holo_section::{BeamKey, NumberRun, SampleKind};
 
 use crate::Result;
 use crate::file::BeamFile;
@@ -212,6 +212,17 @@ impl BeamFile {
     /// the beam has no samples.
     pub fn runs(&self, key: BeamKey) -> Vec<NumberRun> {
         self.shared.state().runs(key).map(|(run, _)| run).collect()
+    }
+
+    /// Returns the parts of these runs whose samples are of one kind and whose numbers lie in a
+    /// range. The time does not depend on the number of other runs, apart from a look at each.
+    pub fn runs_within(
+        &self,
+        key: BeamKey,
+        kind: SampleKind,
+        numbers: &Range<u32>,
+    ) -> Vec<NumberRun> {
+        self.shared.state().runs_within(key, kind, numbers)
     }
 
     /// Returns the same runs as [`BeamFile::runs`], each with its samples' maker.

@@ -98,8 +98,8 @@ impl Holodeck {
         samples: &[Sample],
         merged: &mut Merged,
     ) -> Result<(), Error> {
-        let have = self.file.runs(run.key);
         let numbers = run.first..run.first + samples.len() as u32;
+        let have = self.file.runs_within(run.key, run.kind, &numbers);
         let part = |range: &Range<u32>| {
             let run = NumberRun { first: range.start, count: range.len() as u32, ..*run };
             (run, &samples[(range.start - numbers.start) as usize..][..range.len()])

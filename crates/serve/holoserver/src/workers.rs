@@ -221,6 +221,11 @@ impl ConnectedWorker {
         std::mem::take(&mut self.live).into_values().map(|held| held.what)
     }
 
+    /// Returns the work that it has returned, in rays of the usual number of paths.
+    pub fn work_returned(&self) -> f64 {
+        self.work_returned
+    }
+
     /// Processes the results of a packet, which the worker no longer holds.
     pub fn finish(
         &mut self,

@@ -14,7 +14,7 @@ use holo_display::{DriverPart, Frame, FrameRequest, Interrupt};
 use holo_picture::{View, ViewSpec};
 use holo_raycast::Raycaster;
 use holo_session::{
-    DriverArg, EyeVelocity, FrameSchedule, ObjectOrder, Session, Uncovered, Waited, Waker,
+    DriverArg, EyeVelocity, FrameSchedule, ObjectOrder, Session, Uncovered, Waited, Waker, is_lost,
     is_of_connection,
 };
 
@@ -266,7 +266,7 @@ impl Painter {
         let _end = AtEnd(Arc::clone(&self.exchange), Arc::clone(&self.signal));
         loop {
             if self.session.wait(self.next_due())? == Waited::Stop {
-                return self.session.settle(false);
+                return self.end();
             }
             let (wanted, orders) = {
                 let mut exchange = lock(&self.exchange);
@@ -277,7 +277,7 @@ impl Painter {
             };
             for order in orders {
                 match order {
-                    Order::Quit => return self.session.settle(false),
+                    Order::Quit => return self.end(),
                     Order::Leave => return Ok(()),
                     order => self.follow(order)?,
                 }
@@ -298,6 +298,15 @@ impl Painter {
                 self.work_on_picture()?;
             }
             self.report();
+        }
+    }
+
+    /// Ends the session once what was requested is stored.
+    fn end(&mut self) -> Result<()> {
+        match self.session.settle(false) {
+            // A server that ends first leaves nothing to wait for. If it failed, it says so itself.
+            Err(error) if is_lost(&error) => Ok(()),
+            ended => ended,
         }
     }
 

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use crate::common::{LAYOUT, Model, assert_same, contents, key, kind, options, run, samples};
 use holo_beamfile::{BeamFile, Caching, Maker};
-use holo_section::NumberRun;
+use holo_section::{NumberRun, SampleKind};
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
@@ -48,7 +48,15 @@ fn assert_figures(file: &BeamFile, model: &Model, put: u64) {
                 };
                 runs.iter().flat_map(each).collect::<Vec<_>>()
             };
-            assert_eq!(numbers(&file.runs(beam)), numbers(&file.read(beam).unwrap().runs));
+            let all = numbers(&file.runs(beam));
+            assert_eq!(all, numbers(&file.read(beam).unwrap().runs));
+            for kind in [SampleKind::Uniform, SampleKind::ViewpointLimited, SampleKind::SingleRay] {
+                for range in [0..u32::MAX, 3..9, 5..6, 8..8] {
+                    let within = |run: &NumberRun| run.kind == kind && range.contains(&run.first);
+                    let wanted: Vec<_> = all.iter().copied().filter(within).collect();
+                    assert_eq!(numbers(&file.runs_within(beam, kind, &range)), wanted);
+                }
+            }
         }
     }
     assert_eq!(stats.samples as usize, model.len());

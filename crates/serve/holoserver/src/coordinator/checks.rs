@@ -19,6 +19,9 @@ use crate::{
 /// Most checks that wait before those of another batch begin.
 const MAX_CHECKS: usize = 1024;
 
+/// Work of a witness that suffices against any worker, in rays of the usual number of paths.
+const ENOUGH_WORK: f64 = 2000.0;
+
 impl Coordinator {
     /// Records beams that a worker found to see nothing, and informs displays that look at them.
     pub(super) fn take_unseen(&mut self, id: ConnectionId, packets: &[u64]) -> Result<()> {
@@ -154,16 +157,34 @@ impl Coordinator {
             }
             (false, Some(hitter)) => {
                 self.claims.decided(claimer, true);
+                if !self.may_accuse(hitter, [claimer, worker]) {
+                    return Ok(());
+                }
                 let reason = format!("it hit something in {beam}, and two others nothing");
                 self.found_broken(hitter, &reason);
             }
-            (true, Some(_)) => {
+            (true, Some(hitter)) => {
+                if !self.may_accuse(claimer, [hitter, worker]) {
+                    // Until others decide, the claimer stays in doubt.
+                    self.check(key, Check { claimer, hitter: None, is_strict: false });
+                    return Ok(());
+                }
                 self.claims.decided(claimer, false);
                 let reason = format!("it says that {beam} sees nothing, and two others hit there");
                 self.found_broken(claimer, &reason);
             }
         }
         Ok(())
+    }
+
+    /// Returns whether two workers have returned enough for a third to be dropped on their word.
+    ///
+    /// Whoever may join can join under many names, so names alone must not outvote a worker that
+    /// has returned much.
+    fn may_accuse(&self, accused: WorkerId, witnesses: [WorkerId; 2]) -> bool {
+        let returned = |id| self.workers.values().find(|w| w.id == id).map(|w| w.work_returned());
+        let wanted = returned(accused).unwrap_or(ENOUGH_WORK).min(ENOUGH_WORK);
+        witnesses.into_iter().all(|id| returned(id).is_some_and(|work| work >= wanted))
     }
 
     /// Believes no claim of a worker any more: the beams are traced. Returns how many there were.

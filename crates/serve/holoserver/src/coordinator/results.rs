@@ -8,7 +8,7 @@ use holo_proto::{
     bulk::{Results, SampleSource, ViewSamples},
     frame::FrameKind,
 };
-use holo_section::{NumberRun, Sample};
+use holo_section::{NumberRun, Sample, SampleKind};
 use tokio::time::Instant;
 
 use super::{Coordinator, display::is_looked_at};
@@ -147,7 +147,11 @@ impl Coordinator {
         }
         let file = &self.holodeck.file;
         let numbers = packet.first..packet.first + u32::from(packet.count);
-        for range in better::worse(&file.runs(key), packet.paths, &numbers) {
+        for range in better::worse(
+            &file.runs_within(key, SampleKind::Uniform, &numbers),
+            packet.paths,
+            &numbers,
+        ) {
             let part = &samples
                 [(range.start - packet.first) as usize..(range.end - packet.first) as usize];
             let run =

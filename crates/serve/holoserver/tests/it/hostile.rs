@@ -360,6 +360,32 @@ fn of_three_workers_the_one_that_lies_is_named_and_dropped() {
 }
 
 #[test]
+fn newcomers_do_not_outvote_a_worker_that_has_returned_much() {
+    run(async {
+        let place = Place::new();
+        // It is honest: nothing is in the scene.
+        let (server, honest) = deceived(&place).await;
+        let mut newcomers = Vec::new();
+        for number in 0..20 {
+            let name = format!("newcomer {number}");
+            let mut newcomer = Peer::named(server.address, Role::Worker, &name).await;
+            newcomer.outbox.control(&Control::Ready { threads: 1 }).unwrap();
+            // The first packets may be no checks. The last come after results were taken.
+            for _ in 0..4 {
+                let packets = newcomer.work().await;
+                let first = common::results(&packets[..packets.len().min(20)], true);
+                newcomer.send(FrameKind::Results, &first.encode());
+            }
+            newcomers.push(newcomer);
+        }
+        assert!(!honest.is_finished());
+        server.end().await;
+        let farewell = in_time(honest).await.unwrap();
+        assert!(!format!("{farewell:?}").contains("broken"), "{farewell:?}");
+    });
+}
+
+#[test]
 fn a_worker_that_hits_something_where_two_others_hit_nothing_is_dropped() {
     run(async {
         let place = Place::new();

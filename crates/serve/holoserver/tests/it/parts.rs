@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::collections::HashSet;
+use std::time::Duration;
 
 use crate::common::{self, Peer, Place, run, view};
 use holo_net::Message;
@@ -66,7 +67,12 @@ fn a_display_that_settles_beside_a_fill_gets_what_the_file_held_then() {
     run(async {
         let place = Place::of(b"a scene", [2; 3]);
         let server = place.serve(|config| config.fill = true).await;
-        let worker = tokio::spawn(common::work(server.address));
+        // As slow as tracing is. All beams would have their samples before the display has settled
+        // otherwise, and the file would grow by better samples only.
+        let worker = tokio::spawn(common::work_as(server.address, |work| {
+            std::thread::sleep(Duration::from_millis(1));
+            common::results(&work.packets, true)
+        }));
         let mut display = Peer::join(server.address, Role::Display).await;
         display.send(FrameKind::View, &view(1, 10));
         display.samples(50).await;

@@ -8,7 +8,7 @@ use holo_beamfile::{BeamFile, Maker, Options};
 use holo_net::Message;
 use holo_proto::{
     bulk::{MAX_HELD, RequestedBeam, SampleSource, ViewRequest},
-    control::Control,
+    control::{Control, MAX_PART},
     fading::ENOUGH,
     frame::FrameKind,
     hello::Role,
@@ -52,7 +52,7 @@ fn view(held: u16, has_earlier: bool) -> Vec<u8> {
 type Sent = [BTreeMap<BeamKey, u64>; 2];
 
 /// Returns what messages bring until one of them is `last`.
-async fn received(display: &mut Peer, last: impl Fn(&Control) -> bool) -> Sent {
+async fn received(display: &mut Peer, mut last: impl FnMut(&Control) -> bool) -> Sent {
     let mut sent = Sent::default();
     loop {
         match display.wait_for(|_| true).await {
@@ -69,19 +69,30 @@ async fn received(display: &mut Peer, last: impl Fn(&Control) -> bool) -> Sent {
     }
 }
 
-/// Returns what a display is sent of a file that nobody traces: for a view, and as a part.
+/// Returns what a display is sent of a file that nobody traces: for a view, and in parts.
 async fn shown(place: &Place, has_earlier: bool) -> [Sent; 2] {
     let server = place.serve(|config| config.display_only = true).await;
     let mut display = Peer::join(server.address, Role::Display).await;
     display.send(FrameKind::View, &view(0, has_earlier));
     let of_view =
         received(&mut display, |control| matches!(control, Control::StoredSent { .. })).await;
-    let part = Control::PartWanted { section: 0, first: 0, samples: 1 << 18, as_settled: false };
-    display.outbox.control(&part).unwrap();
-    let of_part =
-        received(&mut display, |control| matches!(control, Control::PartSent { .. })).await;
+    let (mut of_parts, mut next) = (Sent::default(), Some(0));
+    while let Some(first) = next {
+        let part = Control::PartWanted { section: 0, first, samples: MAX_PART, as_settled: false };
+        display.outbox.control(&part).unwrap();
+        let of_part = received(&mut display, |control| {
+            if let Control::PartSent { next: then, .. } = *control {
+                next = then;
+                return true;
+            }
+            false
+        })
+        .await;
+        // A beam is whole in one part.
+        of_parts.iter_mut().zip(of_part).for_each(|(all, part)| all.extend(part));
+    }
     server.end().await;
-    [of_view, of_part]
+    [of_view, of_parts]
 }
 
 #[test]
