@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use holo_net::Shutdown;
 use holo_view::{
-    BrowserArgs, DriverArgs, LookArgs, ObjectArgs, PointArgs, SceneChange, ViewArgs, WindowRequest,
+    BrowserArgs, DriverArgs, LookArgs, ObjectArgs, PointArgs, ViewArgs, WindowRequest,
 };
 use holodeck::{
     prepare::{self, Edited, OtherScene},

@@ -46,7 +46,9 @@ fn truths(place: &Place) -> Truths {
     let own = MATERIALS.replace("WHITE", names[0]).replace("LIGHT", names[1]);
     place.write(materials.0, &format!("{}\n{own}", materials.1));
     let painted = truth(place, "joined.pfm");
-    [model, materials].map(|(name, text)| place.write(name, &text));
+    for (name, text) in [model, materials] {
+        place.write(name, &text);
+    }
     let names = ["white", "light"];
     place.write("cube.obj", &format!("mtllib cube.mtl\n{}", cube(1.0, [0.0; 3], names)));
     let own = MATERIALS.replace("WHITE", names[0]).replace("LIGHT", names[1]);
