@@ -1,8 +1,9 @@
 //! The bundled scenes: a Cornell box, a corridor that is lit only indirectly, and a furnished
-//! interior; models as other programs write them; and a teapot. This crate generates all of them.
+//! interior; models as other programs write them; scenes for measurements; and a teapot. This crate
+//! generates all of them.
 //!
-//! Invariant: a scene has the same bytes each time that it is made. It is closed except for its
-//! windows. Lights shine on the counter-clockwise side of their faces, into the rooms.
+//! Invariant: a scene has the same bytes each time that it is made. A bundled one is closed except
+//! for its windows. Lights shine on the counter-clockwise side of their faces, into the rooms.
 
 mod building;
 mod config;
@@ -14,6 +15,7 @@ mod material;
 mod mesh;
 mod models;
 mod obj;
+mod papers;
 mod random;
 mod reflections;
 mod rooms;
@@ -23,6 +25,7 @@ mod teapot;
 mod tests;
 
 pub use models::{MODELS, write_model};
+pub use papers::write_papers;
 pub use reflections::write_reflections;
 pub use teapot::write_teapot;
 

@@ -1,15 +1,19 @@
 //! Writes the bundled scenes to files.
 
-use holo_scenes::{Bundled, MODELS, write, write_model, write_reflections, write_teapot};
-use std::path::PathBuf;
+use holo_scenes::{
+    Bundled, MODELS, write, write_model, write_papers, write_reflections, write_teapot,
+};
+use std::io;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 const HELP: &str = "\
 Writes the bundled scenes: NAME.obj, NAME.mtl and NAME.toml each. `models` are small models as other
-programs write them, to be opened with no option. `reflections` are mirrors for measurements.
+programs write them, to be opened with no option. `reflections` are mirrors for measurements, and
+`papers` are a game of chess, glass with bubbles and a room with a mirror, as the papers show them.
 `teapot` is a chrome teapot, to be carried into a room.
 
-Usage: holo-scenes [cornell|corridor|interior|all|models|reflections|teapot] [--out DIR]
+Usage: holo-scenes [cornell|corridor|interior|all|models|reflections|papers|teapot] [--out DIR]
 
 Options:
   --out DIR   where to write; created if it does not exist [default: the current directory]
@@ -25,21 +29,15 @@ fn main() -> ExitCode {
             print!("{HELP}");
             ExitCode::SUCCESS
         }
-        Ok(Some(Request { scenes, models, reflections, has_teapot, dir })) => {
-            if has_teapot {
-                match write_teapot(&dir) {
-                    Ok(file) => println!("{}", file.display()),
-                    Err(error) => {
-                        eprintln!("holo-scenes: cannot write into {}: {error}", dir.display());
-                        return ExitCode::FAILURE;
-                    }
-                }
-            }
-            if reflections {
-                match write_reflections(&dir) {
+        Ok(Some(Request { scenes, models, sets, dir })) => {
+            for (name, write) in sets {
+                match write(&dir) {
                     Ok(files) => files.iter().for_each(|file| println!("{}", file.display())),
                     Err(error) => {
-                        eprintln!("holo-scenes: cannot write into {}: {error}", dir.display());
+                        eprintln!(
+                            "holo-scenes: cannot write {name} into {}: {error}",
+                            dir.display()
+                        );
                         return ExitCode::FAILURE;
                     }
                 }
@@ -78,34 +76,36 @@ fn main() -> ExitCode {
     }
 }
 
+/// The name of several scenes that are written together, and what writes them.
+type NamedSet = (&'static str, fn(&Path) -> io::Result<Vec<PathBuf>>);
+
 /// What to write and where.
 struct Request {
     scenes: Vec<Bundled>,
     models: bool,
-    reflections: bool,
-    has_teapot: bool,
+    sets: Vec<NamedSet>,
     dir: PathBuf,
 }
 
 /// Returns the request; `None` if help was requested.
 fn parse(mut words: impl Iterator<Item = String>) -> Result<Option<Request>, String> {
-    let (mut scenes, mut models, mut reflections) = (Vec::new(), false, false);
-    let mut has_teapot = false;
+    let (mut scenes, mut models, mut sets) = (Vec::new(), false, Vec::<NamedSet>::new());
     let mut dir = PathBuf::from(".");
     while let Some(word) = words.next() {
         match word.as_str() {
             "--help" | "-h" => return Ok(None),
             "--out" => dir = words.next().ok_or("`--out` takes a directory")?.into(),
             "models" => models = true,
-            "reflections" => reflections = true,
-            "teapot" => has_teapot = true,
+            "reflections" => sets.push(("reflections", write_reflections)),
+            "papers" => sets.push(("papers", write_papers)),
+            "teapot" => sets.push(("the teapot", |dir| Ok(vec![write_teapot(dir)?]))),
             "all" => scenes.extend(Bundled::ALL),
             name => scenes
                 .push(Bundled::named(name).ok_or_else(|| format!("there is no scene `{name}`"))?),
         }
     }
-    if scenes.is_empty() && !models && !reflections && !has_teapot {
+    if scenes.is_empty() && !models && sets.is_empty() {
         scenes.extend(Bundled::ALL);
     }
-    Ok(Some(Request { scenes, models, reflections, has_teapot, dir }))
+    Ok(Some(Request { scenes, models, sets, dir }))
 }

@@ -67,12 +67,7 @@ impl Mesh {
         for p in &mut self.points {
             *p = map.transform_point3(*p);
         }
-        if map.matrix3.determinant() < 0.0 {
-            for face in &mut self.faces {
-                face.corners.swap(1, 2);
-            }
-        }
-        self
+        if map.matrix3.determinant() < 0.0 { self.inside_out() } else { self }
     }
 
     /// Moves the mesh.
@@ -93,6 +88,12 @@ impl Mesh {
     /// Stretches the mesh along the axes; a negative factor mirrors it.
     pub fn scaled(self, x: f64, y: f64, z: f64) -> Self {
         self.transformed(DAffine3::from_scale(DVec3::new(x, y, z)))
+    }
+
+    /// Turns all faces: what was outside is inside.
+    pub fn inside_out(mut self) -> Self {
+        self.faces.iter_mut().for_each(|face| face.corners.swap(1, 2));
+        self
     }
 
     /// Returns the corners of each triangle, with its material.

@@ -82,9 +82,9 @@ class WebSocket:
 
 
 class Chromium:
-    """A browser with one page of 1280 × 720 pixels."""
+    """A browser with one page of so many pixels."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, pixels: tuple[int, int] = (1280, 720)) -> None:
         program = next((found for name in PROGRAMS if (found := shutil.which(name))), None)
         if program is None:
             raise Failed("Chromium is not installed")
@@ -113,7 +113,8 @@ class Chromium:
                         (found for found in json.load(answer) if found["type"] == "page"), None
                     )
         self._page = WebSocket(port, "/" + target["webSocketDebuggerUrl"].split("/", 3)[3])
-        size = {"width": 1280, "height": 720, "deviceScaleFactor": 1, "mobile": False}
+        width, height = pixels
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.call("Emulation.setDeviceMetricsOverride", **size)
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:

@@ -20,6 +20,9 @@ FORMAT = 1
 # Commits after which a figure is marked as old.
 OLD = 100
 
+# Parts that are written in full, as NAME.md beside the page of bars.
+OWN_PAGES = {"papers"}
+
 
 @dataclass
 class Table:
@@ -30,10 +33,15 @@ class Table:
     title: str
     columns: list[list[str]]
     rows: list[list[Figure]] = field(default_factory=list)
+    # What the figures mean, if the part does not say so.
+    note: str = ""
 
     def markdown(self) -> list[str]:
         formats = [spec for _, spec in self.columns]
         lines = [f"**{self.title}**", ""] if self.title else []
+        lines += [self.note, ""] if self.note else []
+        if not self.rows:
+            return lines
         lines.append("| " + " | ".join(heading for heading, _ in self.columns) + " |")
         lines.append("|" + "|".join(" ---: " if spec else " --- " for spec in formats) + "|")
         for row in self.rows:
@@ -83,6 +91,13 @@ class Part:
         nested = {"tables": Table, "bars": Bar, "plots": Plot}
         made = {key: [nested[key](**item) for item in found.get(key, ())] for key in nested}
         return Part(**{**found, **made})
+
+    def to_json(self) -> dict[str, Any]:
+        found = asdict(self)
+        for table in found["tables"]:
+            if not table["note"]:
+                del table["note"]
+        return found
 
     def markdown(self) -> list[str]:
         lines = [f"## {self.title}", ""]
@@ -139,7 +154,7 @@ class Document:
         self.folder.mkdir(parents=True, exist_ok=True)
         content = {
             "format": FORMAT,
-            "measurements": {name: asdict(part) for name, part in self._parts.items()},
+            "measurements": {name: part.to_json() for name, part in self._parts.items()},
         }
         self._json.write_text(
             json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
@@ -156,9 +171,18 @@ class Document:
         return "\n".join([*part.markdown(), f"*{conditions}*"])
 
     def write_page(self) -> None:
-        """Writes the page of bars, with the age that each figure has today."""
+        """Writes the page of bars, with the age that each figure has today, and the parts that have
+        pages of their own.
+        """
         page = "\n".join(self._page()) + "\n"
         (self.folder / "benchmarks.md").write_text(page, encoding="utf-8")
+        for name in OWN_PAGES & self._parts.keys():
+            page = self.show(name).replace("## ", "# ", 1) + "\n"
+            (self.folder / f"{name}.md").write_text(page, encoding="utf-8")
+
+    def part(self, name: str) -> Part | None:
+        """Returns a part as it was measured last."""
+        return self._parts.get(name)
 
     def _page(self) -> list[str]:
         lines = [
@@ -191,8 +215,9 @@ class Document:
             ]
         lines += ["", "| part | what it measures | pictures |", "|" + " --- |" * 3]
         for name, part in self._parts.items():
+            title = f"[{part.title}]({name}.md)" if name in OWN_PAGES else part.title
             pictures = (f"[{Path(plot.file).stem}]({plot.file})" for plot in part.plots)
-            lines.append(f"| {name} | {part.title} | {', '.join(pictures)} |")
+            lines.append(f"| {name} | {title} | {', '.join(pictures)} |")
         return lines
 
     def _version(self, part: Part) -> str:

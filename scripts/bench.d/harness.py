@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 from converged import Converged
+from document import Document, Part
 from program import Cargo, Failed, Session, run, session
 from scenes import Case, Reference, Scenes
 
@@ -55,6 +56,10 @@ class Bench:
     @cached_property
     def _converged(self) -> Converged:
         return Converged(self.root / "target/truths", self.holodeck)
+
+    def recorded(self, name: str) -> Part | None:
+        """Returns a part of the document as it was measured last."""
+        return Document(self.root / "docs", [name]).part(name)
 
     @property
     def pictures_at(self) -> tuple[float, ...]:

@@ -25,6 +25,7 @@ from interactive import interactive
 from large import large
 from mesh import mesh
 from network import network
+from papers import papers
 from program import Failed, available_memory, compare, median_of, run
 from quadtree import quadtree
 from radiance import radiance
@@ -403,4 +404,6 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "quadtree": quadtree,
     "mesh": mesh,
     "rivals": rivals,
+    # Repeats figures of parts above.
+    "papers": papers,
 }

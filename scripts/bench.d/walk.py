@@ -26,12 +26,13 @@ DRIVERS = (
 )
 # The render cache without one of its stages.
 STAGES = (
-    "noise", "prediction", "prefilter", "eviction", "ageing", "cull", "interpolation", "dither"
+    "noise", "prediction", "prefilter", "pyramid", "eviction", "ageing", "cull", "interpolation",
+    "dither",
 )
 # Pixels per new sample of a frame, and the number of frames. With as many samples as pixels, part
 # of the walk suffices.
 WHOLE = "0..1000"
-RATIOS = ((1, "120..180"), (8, WHOLE), (64, WHOLE), (256, WHOLE))
+RATIOS = ((1, "120..180"), (8, WHOLE), (64, WHOLE), (256, WHOLE), (1024, WHOLE))
 BAR_RATIO = 64
 # Paths per sample.
 NOISES = (("noisy", 1), ("clean", 16))

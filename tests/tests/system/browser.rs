@@ -271,7 +271,7 @@ fn buttons_keys_and_lines_command_a_session() {
     // The parts of a driver's method have boxes, which follow what others switch.
     session.write_line("driver pointimage");
     browser.wait(
-        "state.driver === 'pointimage' && document.querySelectorAll('#parts input').length === 8",
+        "state.driver === 'pointimage' && document.querySelectorAll('#parts input').length === 9",
     );
     browser.value("document.querySelector('#parts [data-part=prefilter]').click()");
     browser.wait("state.parts.some(part => part.name === 'prefilter' && !part.on)");

@@ -7,6 +7,7 @@
 use std::{
     io::{Read, Write},
     net::{SocketAddr, TcpStream},
+    panic::{AssertUnwindSafe, catch_unwind},
     sync::atomic::{AtomicBool, Ordering},
     time::{Duration, Instant},
 };
@@ -247,8 +248,9 @@ fn greedy_displays(at: Targets) -> u32 {
     })
 }
 
-/// Walks for a time. Returns the number of frames and the longest wait for one.
-fn walk(page: SocketAddr, time: Duration) -> (u32, Duration) {
+/// Walks for a time, looks at the session with `look`, and ends it. Returns the number of frames, the
+/// longest wait for one, and what `look` returned.
+fn walk<T>(page: SocketAddr, time: Duration, look: impl FnOnce() -> T) -> (u32, Duration, T) {
     let mut socket = open_page(page).expect("the page takes an honest walker");
     let mut number = 0;
     let mut say = |socket: &mut WebSocket<TcpStream>, say: Value| {
@@ -279,10 +281,11 @@ fn walk(page: SocketAddr, time: Duration) -> (u32, Duration) {
         frames += 1;
         std::thread::sleep(PAUSE);
     }
+    let seen = look();
     say(&mut socket, json!({ "do": "command", "line": "quit" }));
     // A socket that is closed with bytes to read takes back what it has sent.
     while socket.read().is_ok() {}
-    (frames, longest)
+    (frames, longest, seen)
 }
 
 /// Returns the most memory that a process has had, KiB.
@@ -309,10 +312,10 @@ fn session(time: Duration, attacks: &[Attack]) -> Walk {
     let walk = std::thread::scope(|scope| {
         let attacks: Vec<_> =
             attacks.iter().map(|attack| scope.spawn(move || attack(targets))).collect();
-        let walked = std::panic::catch_unwind(|| walk(page, time));
-        let memory = [&server.process, &viewer].map(peak);
+        let memory = || [&server.process, &viewer].map(peak);
+        let walked = catch_unwind(AssertUnwindSafe(|| walk(page, time, memory)));
         is_over.store(true, Ordering::SeqCst);
-        let (frames, longest_wait) = walked.unwrap();
+        let (frames, longest_wait, memory) = walked.unwrap();
         let attacks = attacks.into_iter().map(|attack| attack.join().unwrap()).collect();
         Walk { frames, longest_wait, memory, attacks }
     });

@@ -233,13 +233,48 @@ fn read_library(path: &Path) -> Result<String, SceneError> {
     }
 }
 
+/// Most words in the name of one file of several on a line.
+const MOST_WORDS: usize = 16;
+
 /// Returns the files that a `mtllib` line names. Spaces separate names in the format, but are
 /// common within names. So the whole is one name if that file exists, or if no part of it is a
-/// file.
+/// file. Otherwise each name has as many words as a file has, and what is between is missing.
 fn library_paths(folder: &Path, names: &str) -> Vec<PathBuf> {
-    let names = name_without_comment(names).trim_matches('"');
-    let whole = beside(folder, names, "mtl");
-    let parts: Vec<_> =
-        names.split_ascii_whitespace().map(|name| beside(folder, name, "mtl")).collect();
-    if whole.is_file() || !parts.iter().any(|part| part.is_file()) { vec![whole] } else { parts }
+    let names = name_without_comment(names);
+    let path = |name: &str| beside(folder, name.trim_matches('"'), "mtl");
+    let whole = path(names);
+    if whole.is_file() {
+        return vec![whole];
+    }
+    let words: Vec<&str> = names.split_ascii_whitespace().collect();
+    let (mut paths, mut missing, mut at) = (Vec::new(), Vec::new(), 0);
+    let mut is_found = false;
+    while at < words.len() {
+        let ends = (at + 1..=words.len().min(at + MOST_WORDS)).rev();
+        let found = ends
+            .map(|end| (end, words[at..end].join(" ")))
+            .map(|(end, name)| (end, path(&name), name))
+            // A file of another name may stand for one word, but not for several.
+            .find(|(end, file, name)| file.is_file() && (*end == at + 1 || is_named(file, name)))
+            .map(|(end, file, _)| (end, file));
+        if found.is_none() {
+            missing.push(words[at]);
+            at += 1;
+        }
+        if !missing.is_empty() && (found.is_some() || at == words.len()) {
+            paths.push(path(&missing.join(" ")));
+            missing.clear();
+        }
+        if let Some((end, file)) = found {
+            (is_found, at) = (true, end);
+            paths.push(file);
+        }
+    }
+    if is_found { paths } else { vec![whole] }
+}
+
+/// Returns whether a file has the name that a text ends with, in any letter case.
+fn is_named(file: &Path, text: &str) -> bool {
+    let own = text.rsplit(['/', '\\']).next().unwrap_or(text).trim_matches('"');
+    file.file_name().is_some_and(|name| name.eq_ignore_ascii_case(own))
 }

@@ -8,8 +8,8 @@ use crate::assemble::{Assembled, assemble};
 use crate::model::{FormatReader, LoadProgress, ModelFile};
 use crate::warnings::{Warning, Warnings};
 use crate::{
-    LoadOptions, ModelFacts, NamedPhotometry, Scene, SceneError, gltf_file, obj_model,
-    other_formats, sheets,
+    LoadOptions, ModelFacts, NamedPhotometry, Scene, SceneError, glass, gltf_file, obj_model,
+    other_formats,
 };
 use std::io::Read;
 use std::path::Path;
@@ -60,20 +60,27 @@ pub fn load_watched(
         let instead = other_formats::by_name(path).map_or(instead, ToOwned::to_owned);
         return Err(SceneError::Empty { path: path.to_owned(), instead });
     }
-    let sheets = sheets::to_panes(&mut model);
-    if sheets > 0 {
-        let text = format!(
-            "sheets of solid glass with open edges enclose nothing: they are taken as panes ({sheets})"
-        );
-        warnings.push(path, None, text);
+    let panes = glass::to_panes(&mut model);
+    for (count, what) in [
+        (
+            panes.sheets,
+            "sheets of solid glass with open edges enclose nothing: they are taken as panes",
+        ),
+        (panes.slabs, "thin slabs of solid glass are taken as panes in their middle"),
+    ] {
+        if count > 0 {
+            warnings.push(path, None, format!("{what} ({count})"));
+        }
     }
     let about = std::mem::take(&mut model.about);
     let photometry = std::mem::take(&mut model.photometry);
     let lines = std::mem::take(&mut model.lines);
     let Assembled { scene, left_out, left_out_of_meshes } = assemble(model, options.sky)?;
-    let count = left_out.len() + left_out_of_meshes;
+    let has_area_in_file = |triangle: &&usize| panes.left_out.binary_search(triangle).is_ok();
+    let flat = || left_out.iter().filter(|triangle| !has_area_in_file(triangle));
+    let count = flat().count() + left_out_of_meshes - panes.left_out_of_meshes;
     if count > 0 {
-        let line = left_out.first().and_then(|&first| lines.line(first));
+        let line = flat().next().and_then(|&first| lines.line(first));
         let text = format!("triangles without area are left out ({count} in the file)");
         warnings.push(path, line, text);
     }

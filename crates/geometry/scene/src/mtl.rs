@@ -27,6 +27,7 @@
 //! - **Cinema 4D** writes `illum 7` for everything: it counts as 1, with a warning. Its files are
 //!   recognised by their first comment.
 //! - **A single sheet of `illum 7`** with open edges is no solid. It is a pane, with a warning.
+//! - **A thin slab of `illum 7`** is a pane in its middle, with a warning (module `slabs`).
 //! - **One number** stands for three equal ones. `spectral` and `xyz` colours are ignored with a
 //!   warning.
 //! - **`Kd` absent** is 0.5, with a warning if it matters, but 0 for a lamp (`Ke` above zero).

@@ -102,7 +102,13 @@ impl MapStatement {
                 "-bm" => {
                     strength = number(word(&mut rest)).map_or(1.0, |n| n as f32);
                 }
-                "-imfchan" => channel = if word(&mut rest) == "g" { 1 } else { 0 },
+                "-imfchan" => {
+                    channel = match word(&mut rest) {
+                        "g" => 1,
+                        "b" => 2,
+                        _ => 0,
+                    }
+                }
                 "-clamp" if word(&mut rest) == "on" => wrap = Wrap::Clamp,
                 "-clamp" => {}
                 _ => {
@@ -288,6 +294,9 @@ mod tests {
             MapStatement::read(MapSlot::Base, 1, "-s 1 1 1 ").is_none_or(|found| found.file == "1")
         );
         assert!(MapStatement::read(MapSlot::Base, 1, "").is_none());
+        for (word, channel) in [("r", 0), ("g", 1), ("b", 2), ("l", 0)] {
+            assert_eq!(read(&format!("-clamp off -imfchan {word} a.png")).channel, channel);
+        }
     }
 
     #[test]

@@ -37,7 +37,7 @@ const USD: &str = "it is a USD file: export glTF or OBJ";
 const PICTURE: &str = "it is a picture";
 
 /// Ends of names of formats that have no certain first bytes, and what to say.
-const ENDS: [(&[&str], &str); 15] = [
+const ENDS: [(&[&str], &str); 19] = [
     (&["usd", "usda", "usdc", "usdz"], USD),
     (&["rad", "oct"], "it is a scene of Radiance: convert its objects to OBJ or glTF"),
     (&["ifc", "ifczip", "ifcxml"], "it is an IFC file: export glTF or OBJ, as IfcConvert does"),
@@ -49,12 +49,23 @@ const ENDS: [(&[&str], &str); 15] = [
     (&["3dm"], "it is a Rhino model: export glTF or OBJ"),
     (&["3ds", "max"], "it is a model of 3ds Max: export glTF or OBJ"),
     (
-        &["c4d", "ma", "mb", "lwo", "x3d", "wrl", "x", "off"],
+        &[
+            "3mf", "ac", "amf", "ase", "b3d", "b3dm", "c4d", "i3dm", "lwo", "lws", "ma", "mb",
+            "md2", "md3", "ms3d", "off", "ogex", "pnts", "vtk", "vtp", "wrl", "x", "x3d",
+        ],
         "its format is not read: export glTF or OBJ",
     ),
     (&["blend"], "it is a Blender file: export glTF or OBJ"),
     (&["stl", "ply"], "it is a mesh without materials (STL or PLY): export glTF or OBJ"),
     (&["rvt", "rfa", "pln"], "it is a building model: export IFC, and from that glTF or OBJ"),
+    (&["mtl"], "it is an MTL file: name the .obj file that uses it"),
+    (
+        &["ies", "ldt"],
+        "it is a photometric file: name it in a `[[luminaire]]` of a configuration, or by `ies` in an \
+         MTL file",
+    ),
+    (&["epw", "wea"], "it is a weather file: use it with a model and `--weather`"),
+    (&["vf"], "it is a view: use it with a model and `--vf`"),
     (&["vrm.gz", "gz", "zip", "7z", "rar", "tar", "tgz"], "it is an archive: unpack it"),
 ];
 
@@ -104,6 +115,11 @@ mod tests {
             ("chair.3ds", b"MM\x10\0\0\0\x02\0", "3ds Max"),
             ("chair.SKP", b"\xff\xfe\xff\x0eS\0k\0e\0t\0c\0h\0U\0p\0", "SketchUp"),
             ("chair.png", b"\x89PNG\r\n\x1a\n", "picture"),
+            ("tile.b3dm", b"b3dm\x01\0\0\0", "not read"),
+            ("room.mtl", b"# Blender 4.1\n\nnewmtl a\nKd 1 0 0\n", "name the .obj file"),
+            ("lamp.ies", b"IESNA:LM-63-1995\nTILT=NONE\n1 -1 1\n", "[[luminaire]]"),
+            ("city.epw", b"LOCATION,Nowhere,-,-\n", "--weather"),
+            ("a.vf", b"rvu -vtv -vp 0 0 0 -vd 1 0 0\n", "--vf"),
         ] {
             let said = said(name, bytes);
             assert!(said.contains(words) && said.contains(name), "{said}");

@@ -104,7 +104,7 @@ impl Holodeck {
             let run = NumberRun { first: range.start, count: range.len() as u32, ..*run };
             (run, &samples[(range.start - numbers.start) as usize..][..range.len()])
         };
-        let missing = missing(&have, run, &numbers);
+        let missing = missing(&have, &numbers);
         let worse = better::worse(&have, run.paths, &numbers);
         let is_uniform = run.kind == holo_section::SampleKind::Uniform;
         merged.known += samples.len() as u64;
@@ -141,29 +141,12 @@ pub(crate) fn by_maker<'a>(
     of_kind.filter_map(part).collect()
 }
 
-/// Returns the numbers that a beam with the runs `have` lacks of `run`'s kind.
-fn missing(have: &[NumberRun], run: &NumberRun, numbers: &Range<u32>) -> Vec<Range<u32>> {
-    let mut known: Vec<Range<u32>> = have
-        .iter()
-        .filter(|have| have.kind == run.kind)
-        .map(|have| have.first..have.first + have.count)
-        .collect();
-    known.sort_unstable_by_key(|range| range.start);
-    let (mut missing, mut next) = (Vec::new(), numbers.start);
-    for range in known {
-        if range.start > next {
-            missing.push(next..range.start.min(numbers.end));
-        }
-        next = next.max(range.end);
-        if next >= numbers.end {
-            break;
-        }
-    }
-    if next < numbers.end {
-        missing.push(next..numbers.end);
-    }
-    missing.retain(|range| !range.is_empty());
-    missing
+/// Returns the numbers that lie between the runs `have`, which lie within `numbers`, in order.
+fn missing(have: &[NumberRun], numbers: &Range<u32>) -> Vec<Range<u32>> {
+    let ends = have.iter().map(|run| run.first + run.count);
+    let starts = have.iter().map(|run| run.first);
+    let gaps = std::iter::once(numbers.start).chain(ends).zip(starts.chain([numbers.end]));
+    gaps.map(|(end, start)| end..start).filter(|gap| !gap.is_empty()).collect()
 }
 
 #[cfg(test)]
@@ -173,22 +156,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_missing_is_all_that_no_run_of_the_kind_has() {
+    fn what_is_missing_is_all_that_no_run_has() {
         let key = BeamKey { section: 0, beam: BeamId(1) };
-        let uniform = SampleKind::Uniform;
-        let run = |kind, first, count| NumberRun { key, first, count, kind, paths: 1 };
-        let have =
-            [run(uniform, 20, 5), run(uniform, 3, 4), run(SampleKind::ViewpointLimited, 0, 99)];
-        let of = |numbers: Range<u32>| {
-            let missing = missing(&have, &run(uniform, 0, 1), &numbers);
+        let run = |first, count| {
+            let kind = SampleKind::Uniform;
+            NumberRun { key, first, count, kind, paths: 1 }
+        };
+        let of = |have: &[NumberRun], numbers: Range<u32>| {
+            let missing = missing(have, &numbers);
             missing.into_iter().map(|range| (range.start, range.end)).collect::<Vec<_>>()
         };
-        assert_eq!(of(0..30), [(0, 3), (7, 20), (25, 30)]);
-        assert_eq!(of(4..6), []);
-        assert_eq!(of(5..10), [(7, 10)]);
-        assert_eq!(of(0..2), [(0, 2)]);
-        assert_eq!(of(25..26), [(25, 26)]);
-        assert_eq!(missing(&[], &run(uniform, 0, 1), &(4..9)).len(), 1);
+        assert_eq!(of(&[run(3, 4), run(20, 2), run(22, 3)], 0..30), [(0, 3), (7, 20), (25, 30)]);
+        assert_eq!(of(&[run(4, 2)], 4..6), []);
+        assert_eq!(of(&[run(5, 2)], 5..10), [(7, 10)]);
+        assert_eq!(of(&[], 4..9), [(4, 9)]);
     }
 
     #[test]

@@ -13,9 +13,14 @@ use crate::planes::PixelPlanes;
 use crate::points::{BLOCK, PointSlots};
 use crate::predict::Occupancy;
 use crate::project::Buckets;
+use crate::pyramid::Pyramid;
 use crate::sample::{RayResult, Request};
 use crate::stage::{Stage, Stages};
 use crate::{cull, prefilter, zbuffer};
+
+/// Points are few if fewer than one in so many pixels shows one. With more of them, a gap is nothing
+/// rather than unknown, and resampling finds hidden points quickly enough.
+const SPARSE: usize = 3;
 
 /// The input of a frame.
 #[derive(Clone, Copy, Debug)]
@@ -218,15 +223,27 @@ impl PointImage {
         ended(Stage::ProjectAndTileSort);
         zbuffer::fill(planes, buckets);
         ended(Stage::ZBufferTiles);
+        let is_sparse = stages.pyramid && planes.point_count() * SPARSE < planes.colour.len();
         if stages.depth_cull {
             cull::cull(planes, cull_threshold);
+            if is_sparse {
+                cull::cull_behind(planes);
+            }
             ended(Stage::DepthCull);
         }
         let black = params.empty == EmptyPixels::Black;
         let mut prior = 0.0;
         if stages.prefilter {
             prior = self.noise.weight(params.noise_smoothing);
-            prefilter::prefilter(planes, prefilter_window as usize, black);
+            let wide = is_sparse.then(|| {
+                let weight =
+                    params.pyramid_weight + params.noisy_pyramid_weight * self.noise.variance();
+                Pyramid::new(planes, weight)
+            });
+            if wide.is_some() {
+                ended(Stage::Pyramid);
+            }
+            prefilter::prefilter(planes, prefilter_window as usize, black, wide.flatten().as_ref());
             ended(Stage::Prefilter);
         }
         // Pixels that the prefilter filled do not become black again.

@@ -14,8 +14,9 @@
 //! 3. Points are projected into the current view and sorted by tile (`project`, `map`). A z-buffer
 //!    determines the nearest point of each pixel: the point image (`zbuffer`, `planes`).
 //! 4. Points that show through a nearer surface are removed (`cull`).
-//! 5. Gaps are filled from 7×7 pixels (`prefilter`), then from 3×3 pixels, which also smooths
-//!    (`interpolate`). If samples are noisy, both results are mixed (`noise`).
+//! 5. Gaps are filled from 7×7 pixels (`prefilter`), which a pyramid of all wider windows completes
+//!    where points are few (`pyramid`). Then 3×3 pixels fill and smooth (`interpolate`). If samples
+//!    are noisy, both results are mixed (`noise`).
 //! 6. A dither chooses the pixels that need a ray most: those without a point, then those with an
 //!    old one (`dither`, `requests`).
 //!
@@ -25,7 +26,7 @@
 //! The renderer answers the requests, each with its [`Tag`]:
 //!
 //! ```
-//! use holo_driver_rendercache::{Moment, Place, PointImage, PointImageParams, Sample};
+//! use holo_driver_rendercache::{Moment, Place, PointImage, PointImageParams, RayResult};
 //! # use holo_picture::View;
 //! # let size = (64, 48);
 //! # let eye = [0.0; 3].into();
@@ -39,7 +40,7 @@
 //!         .map(|(tag, origin, direction)| {
 //!             // The renderer: a wall two units away.
 //!             let place = Place::At(origin + direction * (2.0 / direction.y));
-//!             Sample { tag, ..Sample::new(place, [0.5, 0.5, 0.4]) }
+//!             RayResult { tag, ..RayResult::new(place, [0.5, 0.5, 0.4]) }
 //!         })
 //!         .collect();
 //! }
@@ -99,6 +100,7 @@ mod points;
 mod predict;
 mod prefilter;
 mod project;
+mod pyramid;
 mod requests;
 mod rows;
 mod sample;

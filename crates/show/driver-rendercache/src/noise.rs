@@ -36,6 +36,11 @@ impl MeanNoise {
         }
     }
 
+    /// Returns the variance of a sample over the square of its light, at most 1.
+    pub fn variance(&self) -> f32 {
+        if self.sum > 0.0 { (self.sum / self.count).powi(2) } else { 0.0 }
+    }
+
     /// Returns the weight of the wide filter beside the 3×3 filter: `full` if the noise is a tenth
     /// or more, and less in proportion below. In the 3×3 filter, the weights sum to 16.
     pub fn weight(&self, full: f32) -> f32 {

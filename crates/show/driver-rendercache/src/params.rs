@@ -89,6 +89,12 @@ pub struct PointImageParams {
     pub centre_weight: u8,
     /// Pixels along the side of the wide filter's window (2002, §3.3): 3, 5, 7 or 9.
     pub prefilter_window: u32,
+    /// Number of points that the pyramid's colour counts as where points are few: above 0, to
+    /// 1000.
+    pub pyramid_weight: f32,
+    /// Points that are added to that number if the noise of samples is unknown, or as large as their
+    /// light: 0 to 1000. Below, they fall with the variance.
+    pub noisy_pyramid_weight: f32,
     /// Priority of a pixel without a point if all eight pixels around it have one (1999, §4): 0 to
     /// 255. If none of them has one, the priority is 255.
     pub gap_priority: u8,
@@ -143,6 +149,8 @@ impl Default for PointImageParams {
             cull_threshold: 0.1,
             centre_weight: 2,
             prefilter_window: 7,
+            pyramid_weight: 0.5,
+            noisy_pyramid_weight: 4.0,
             gap_priority: 135,
             predicted_block: 4,
             predicted_share: 0.5,

@@ -43,6 +43,11 @@ impl PixelPlanes {
         }
     }
 
+    /// Returns the number of pixels that show a point.
+    pub fn point_count(&self) -> usize {
+        self.colour.iter().filter(|&&colour| colour != colour::NONE).count()
+    }
+
     /// Returns planes of another size without points. Their picture is this one, enlarged or
     /// reduced by taking the nearest pixels.
     pub fn resized(&self, size: (usize, usize)) -> Self {

@@ -36,7 +36,9 @@ impl Rows {
     }
 }
 
-fn decode(colour: u32) -> Vec4 {
+/// Returns the channels of a packed colour, and 1 as fourth number; 0 without a point.
+#[inline]
+pub(crate) fn decode(colour: u32) -> Vec4 {
     let [red, green, blue] = colour::decode(colour);
     Vec4::new(red, green, blue, if colour == colour::NONE { 0.0 } else { 1.0 })
 }

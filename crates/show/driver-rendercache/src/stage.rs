@@ -18,6 +18,8 @@ pub enum Stage {
     ZBufferTiles,
     /// Removes points that show through nearer surfaces (1999, §3.1).
     DepthCull,
+    /// Averages over wider and wider windows, for the prefilter where points are few.
+    Pyramid,
     /// Averages over 7×7 pixels (§3.3).
     Prefilter,
     /// Averages over 3×3 pixels weighted 4-2-1, and sets each pixel's priority (1999, §3.1 and §4).
@@ -28,13 +30,14 @@ pub enum Stage {
 
 impl Stage {
     /// All stages, in their order.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::UpdatePoints,
         Self::PredictedProjection,
         Self::PredictedSampling,
         Self::ProjectAndTileSort,
         Self::ZBufferTiles,
         Self::DepthCull,
+        Self::Pyramid,
         Self::Prefilter,
         Self::Interpolate,
         Self::Sampling,
@@ -49,6 +52,7 @@ impl Stage {
             Self::ProjectAndTileSort => "Project and Tile Sort",
             Self::ZBufferTiles => "Z-Buffer Tiles",
             Self::DepthCull => "Depth Cull",
+            Self::Pyramid => "Pyramid",
             Self::Prefilter => "Prefilter",
             Self::Interpolate => "Interpolate / Smooth",
             Self::Sampling => "Sampling",
@@ -71,6 +75,8 @@ pub struct Stages {
     pub depth_cull: bool,
     /// The 7×7 filter (2002, §3.3).
     pub prefilter: bool,
+    /// The pyramid below the 7×7 filter. It runs only with that filter.
+    pub pyramid: bool,
     /// The 3×3 filter. If off, each pixel shows its point alone.
     pub interpolation: bool,
     /// Requests go to pixels of high priority. If off, every pixel has an equal chance.
@@ -81,41 +87,47 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// All parts of both papers.
+    /// All parts.
     pub const ALL: Self = Self {
         ageing: true,
         eviction: true,
         prediction: true,
         depth_cull: true,
         prefilter: true,
+        pyramid: true,
         interpolation: true,
         dither: true,
         resampling: true,
     };
 
+    /// The parts of both papers: no pyramid.
+    pub const OF_2002: Self = Self { pyramid: false, ..Self::ALL };
+
     /// The parts of the first paper (1999): no eviction, prediction or prefilter.
     pub const OF_1999: Self =
-        Self { eviction: false, prediction: false, prefilter: false, ..Self::ALL };
+        Self { eviction: false, prediction: false, prefilter: false, ..Self::OF_2002 };
 
     /// The names of the parts, as [`switch`](Self::switch) takes them.
-    pub const NAMES: [&str; 8] = [
+    pub const NAMES: [&str; 9] = [
         "ageing",
         "eviction",
         "prediction",
         "depth-cull",
         "prefilter",
+        "pyramid",
         "interpolation",
         "dither",
         "resampling",
     ];
 
     /// What each part does, in the order of [`NAMES`](Self::NAMES), in a few words.
-    const MEANINGS: [&str; 8] = [
+    const MEANINGS: [&str; 9] = [
         "old points give way",
         "the oldest points go",
         "rays for where you go",
         "near points hide far",
         "fills wide gaps, 7×7",
+        "fills gaps of any width",
         "fills and smooths, 3×3",
         "worst pixels ask first",
         "rays test known points",
@@ -147,6 +159,7 @@ impl Stages {
             "prediction" => &mut self.prediction,
             "depth-cull" => &mut self.depth_cull,
             "prefilter" => &mut self.prefilter,
+            "pyramid" => &mut self.pyramid,
             "interpolation" => &mut self.interpolation,
             "dither" => &mut self.dither,
             "resampling" => &mut self.resampling,

@@ -59,9 +59,9 @@ pub(crate) struct Looked {
     pixel: usize,
     found: Vec<FollowedPiece>,
     points: usize,
-    /// The number of rays that meet a pane.
+    /// The number of rays that meet a pane or a partly covered mirror.
     at_panes: usize,
-    /// The reflection in that pane along the first of these rays.
+    /// The reflection in it along the first of these rays.
     in_pane: Option<RayContent>,
     /// The number of rays that pass a partly covered surface.
     at_covers: usize,
@@ -215,7 +215,7 @@ impl SurfaceView {
         let shown = hit.map_or(self.nothing(ray.direction), |hit| {
             let mut trail = Trail::new(*ray, hit, AtPanes::Pass);
             let shown = follower.follow_to_end(&mut trail);
-            if trail.has_met_pane() {
+            if trail.is_split() {
                 looked.at_panes += 1;
                 let mirrored = || follower.follow(*ray, hit, AtPanes::ReflectFirst).farther(before);
                 looked.in_pane.get_or_insert_with(mirrored);

@@ -6,6 +6,8 @@
 //!
 //! Rays of a view pass surfaces that are partly covered, and note them: a pixel shows each with its
 //! opacity, and what is behind with the rest. A sample shows one surface alone, at its distance.
+//! The first mirror on the way that is partly covered is treated like a pane, which passes and
+//! reflects. Further ones are there if they are there for most rays.
 //!
 //! Invariant: the end of a ray is a function of the ray and the scene.
 
@@ -42,7 +44,8 @@ pub(crate) struct TrailEnd {
     pub length: f32,
     /// True if a mirror, a pane or solid glass has turned the ray.
     pub is_mirrored: bool,
-    /// The share of light that the first pane or solid glass on the way reflects; 0 without any.
+    /// The share of light that the first pane or solid glass on the way reflects; 0 without any, and
+    /// behind a partly covered mirror. Samples of the surface contain that light.
     pub pane: f32,
     pub hit: Hit,
 }
@@ -75,12 +78,14 @@ impl RayContent {
 /// Treatment of a ray at panes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AtPanes {
-    /// They let it pass, and keep the share of light that is transmitted.
+    /// They let it pass, and keep the share of light that is transmitted. So do partly covered
+    /// mirrors.
     Pass,
     /// They let it pass, and keep the share that is transmitted or reflected. The reflection counts
-    /// as if it were as bright as the light behind the pane.
+    /// as if it were as bright as the light behind the pane. Mirrors are whole: a sample has met its
+    /// first surface.
     PassAll,
-    /// The first pane reflects it. Further ones let it pass.
+    /// The first pane or partly covered mirror reflects it. Further ones let it pass.
     ReflectFirst,
 }
 
@@ -145,9 +150,14 @@ impl<'a> Follower<'a> {
         self.raycaster.scene().material_id(triangle)
     }
 
-    /// Returns true if the hit is on a pane.
-    pub fn is_pane(&self, hit: Hit) -> bool {
-        matches!(self.finish(self.material(hit.triangle)).kind, MaterialClass::Pane { .. })
+    /// Returns true if the surface at a hit passes a part of the light and mirrors a part: a pane,
+    /// or a partly covered mirror.
+    pub fn splits(&self, hit: &Hit) -> bool {
+        match self.finish(self.material(hit.triangle)).kind {
+            MaterialClass::Pane { .. } => true,
+            MaterialClass::Mirror(_) => self.opacity(hit) < 1.0,
+            _ => false,
+        }
     }
 
     /// Returns the opacity of the surface at a hit, from above 0 to 1.
@@ -311,6 +321,8 @@ pub(crate) struct Trail {
     length: f32,
     is_mirrored: bool,
     pane: f32,
+    /// True once the ray has met a surface that passes a part of the light and mirrors a part.
+    is_split: bool,
     surfaces: usize,
     /// The product of what covered surfaces have let pass.
     passed: f32,
@@ -322,13 +334,31 @@ impl Trail {
     /// Returns a ray at its first hit.
     pub fn new(ray: Ray, hit: Hit, panes: AtPanes) -> Trail {
         let (share, length, is_mirrored, pane, surfaces) = ([1.0; 3], 0.0, false, 0.0, 0);
-        let (passed, covers) = (1.0, Vec::new());
-        Trail { ray, hit, panes, share, length, is_mirrored, pane, surfaces, passed, covers }
+        let (is_split, passed, covers) = (false, 1.0, Vec::new());
+        Trail {
+            ray,
+            hit,
+            panes,
+            share,
+            length,
+            is_mirrored,
+            pane,
+            is_split,
+            surfaces,
+            passed,
+            covers,
+        }
     }
 
-    /// Returns true if the ray has met a pane.
-    pub fn has_met_pane(&self) -> bool {
-        self.pane > 0.0
+    /// Returns true if the ray has met a pane, solid glass or a partly covered mirror. A ray with
+    /// [`AtPanes::ReflectFirst`] shows what that surface mirrors.
+    pub fn is_split(&self) -> bool {
+        self.is_split
+    }
+
+    /// Returns true if the first of these surfaces is a mirror.
+    pub fn passes_mirror(&self) -> bool {
+        self.is_split && self.pane == 0.0
     }
 
     /// Returns true if a mirror, a pane or solid glass has turned the ray.
@@ -368,26 +398,40 @@ impl Trail {
                 self.passed *= 1.0 - opacity;
                 ([1.0 - opacity; 3], self.ray.direction)
             }
-            // Mirrors and panes are there if they are there for most rays.
-            MaterialClass::Mirror(_) | MaterialClass::Pane { .. } | MaterialClass::Solid { .. }
-                if opacity < 0.5 =>
-            {
-                ([1.0; 3], self.ray.direction)
-            }
             MaterialClass::Diffuse | MaterialClass::Glossy => {
                 return Some(RayContent::Surface(self.end(follower)));
             }
-            MaterialClass::Mirror(ks) => match follower.mirrored(&self.ray, &hit) {
-                Some(mirrored) => (ks, mirrored),
-                None => return Some(RayContent::Sky([0.0; 3], self.ray.direction)),
-            },
+            MaterialClass::Mirror(ks) => {
+                let there = match self.panes {
+                    AtPanes::PassAll => 1.0,
+                    _ if self.is_split => opacity.round(),
+                    AtPanes::Pass | AtPanes::ReflectFirst => opacity,
+                };
+                self.is_split |= there > 0.0 && there < 1.0;
+                if there < 1.0 && self.panes == AtPanes::Pass {
+                    ([1.0 - there; 3], self.ray.direction)
+                } else {
+                    if there < 1.0 {
+                        self.panes = AtPanes::Pass;
+                    }
+                    match follower.mirrored(&self.ray, &hit) {
+                        Some(mirrored) => (ks.map(|ks| there * ks), mirrored),
+                        None => return Some(RayContent::Sky([0.0; 3], self.ray.direction)),
+                    }
+                }
+            }
             MaterialClass::Pane { ior, transmittance } => {
+                let there = if self.panes == AtPanes::PassAll { 1.0 } else { opacity };
                 let cosine = self.ray.direction.dot(normal);
                 let mirrored = self.ray.direction - 2.0 * cosine * normal;
-                let reflected = pane(cosine.abs(), ior);
+                let all_reflected = pane(cosine.abs(), ior);
+                let reflected = there * all_reflected;
                 let tint = follower.texture_at(hit, 0.0);
-                let passes = [0, 1, 2].map(|c| transmittance[c] * tint[c] * (1.0 - reflected));
-                self.pane = if self.pane > 0.0 { self.pane } else { reflected * self.passed };
+                let passes = [0, 1, 2].map(|c| {
+                    let clear = transmittance[c] * tint[c] * (1.0 - all_reflected);
+                    1.0 - there + there * clear
+                });
+                self.meet_glass(reflected);
                 match self.panes {
                     AtPanes::Pass => (passes, self.ray.direction),
                     AtPanes::PassAll => (passes.map(|p| p + reflected), self.ray.direction),
@@ -404,8 +448,8 @@ impl Trail {
             MaterialClass::Solid { ior, transmittance } => {
                 let boundary = follower.at_boundary(&self.ray, &hit, ior);
                 let reflects_first = self.panes == AtPanes::ReflectFirst && boundary.enters;
-                if boundary.enters && self.pane == 0.0 && boundary.onward.is_some() {
-                    self.pane = boundary.reflected * self.passed;
+                if boundary.enters && boundary.onward.is_some() {
+                    self.meet_glass(boundary.reflected);
                 }
                 match boundary.onward.filter(|_| !reflects_first) {
                     Some(onward) => {
@@ -429,6 +473,14 @@ impl Trail {
         let (at, error) = follower.raycaster.surface_point(&hit);
         self.ray = Ray::new(spawn(at, error, normal, onward), onward);
         None
+    }
+
+    /// Notes a pane or solid glass that reflects this share of light.
+    fn meet_glass(&mut self, reflected: f32) {
+        if !self.is_split && reflected > 0.0 {
+            self.is_split = true;
+            self.pane = reflected * self.passed;
+        }
     }
 
     /// Returns the light of the ray that leaves the last surface, if this is part of a shiny object

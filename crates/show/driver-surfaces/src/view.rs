@@ -48,7 +48,8 @@ pub struct VisiblePoint {
     pub way: u32,
 }
 
-/// A reflection in a pane that a pixel sees, or a partly covered surface before what it sees.
+/// A reflection in a pane or partly covered mirror that a pixel sees, or another partly covered
+/// surface before what it sees.
 #[derive(Clone, Copy, Debug)]
 pub struct InPane {
     /// The pixel's number.
@@ -79,7 +80,8 @@ pub struct SurfaceTrail {
     /// True if a mirror or solid glass turned the ray. Otherwise the surface lies in the pixel's
     /// direction.
     pub is_mirrored: bool,
-    /// The share of light that the first pane or solid glass on the way reflects; 0 without any.
+    /// The share of light that the first pane or solid glass on the way reflects; 0 without any, and
+    /// behind a partly covered mirror. Samples of the surface contain that light.
     pub pane: f32,
     /// The shiny object of rough metal that is seen, and its smooth normal.
     pub(crate) mirrors: Option<(u32, Vec3)>,
@@ -337,7 +339,7 @@ impl SurfaceView {
                 }
                 trails.push(Trail::new(ray, hit, AtPanes::Pass));
                 of_trails.push((number, false));
-                if follower.is_pane(hit) {
+                if follower.splits(&hit) {
                     trails.push(Trail::new(ray, hit, AtPanes::ReflectFirst));
                     of_trails.push((number, true));
                 }
@@ -352,10 +354,10 @@ impl SurfaceView {
                 }
             };
             follower.follow_many(&mut trails, |trail, shown| take(of_trails[trail], shown));
-            // Panes that mirrors show mirror too.
+            // Panes that mirrors show mirror too, and so do partly covered mirrors.
             for (trail, &(number, _)) in trails.iter().zip(&of_trails) {
-                if let Some(hit) = hits[number].filter(|_| trail.has_met_pane())
-                    && !follower.is_pane(hit)
+                if let Some(hit) = hits[number].filter(|_| trail.is_split())
+                    && !follower.splits(&hit)
                 {
                     let shown = follower.follow(rays[number], hit, AtPanes::ReflectFirst);
                     take((number, true), shown);

@@ -8,7 +8,7 @@
 //!
 //! Invariant: every index that is kept names an element that exists and has what it requires.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use gltf::json::{Root, validation};
 use serde_json::{Map, Value};
@@ -53,10 +53,11 @@ pub(super) fn mend(root: Value, has_chunk: bool) -> Result<Mended, String> {
     let mut mending = Mending::new(&mut root, has_chunk);
     let mut kept = Map::new();
     kept.insert("asset".to_owned(), constant(r#"{"version":"2.0"}"#));
-    if let Some(names) = root.remove("extensionsUsed").as_ref().and_then(Value::as_array) {
-        let names: Vec<Value> = names.iter().filter(|name| name.is_string()).cloned().collect();
-        kept.insert("extensionsUsed".to_owned(), names.into());
-    }
+    // Some programs name extensions only as required.
+    let lists = ["extensionsUsed", "extensionsRequired"].map(|list| root.remove(list));
+    let all = lists.iter().flatten().filter_map(Value::as_array).flatten();
+    let names: BTreeSet<&str> = all.filter_map(Value::as_str).collect();
+    kept.insert("extensionsUsed".to_owned(), names.into_iter().collect());
     let animations = root.get("animations").and_then(Value::as_array).map_or(0, Vec::len);
     if animations > 0 {
         let what = "animations are ignored: the scene stands still".to_owned();

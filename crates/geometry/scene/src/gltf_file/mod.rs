@@ -5,7 +5,8 @@
 //! checked.
 //!
 //! Invariants:
-//! - Nodes are visited once, to a bounded depth: cyclic files are errors.
+//! - Nodes are visited to a bounded depth, and a bounded number of times. A node within itself is
+//!   left out. A node with several parents is there several times.
 //! - Everything that the scene cannot represent is counted, and reported once for each kind.
 
 mod accessor;
@@ -50,6 +51,10 @@ const READ_EXTENSIONS: [&str; 3] =
 /// Deepest hierarchy of nodes. Exporters have a few dozen.
 const MAX_DEPTH: usize = 512;
 
+/// Most visits of nodes beyond the first ones. A node may have several parents, and each of these
+/// may, too.
+const MAX_REVISITED: usize = 1 << 16;
+
 fn recognises(first: &[u8], path: &Path) -> bool {
     let text = first.strip_prefix(b"\xef\xbb\xbf").unwrap_or(first);
     let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf"));
@@ -77,7 +82,8 @@ fn read_bounded(source: ModelFile, repeated: u64) -> Result<Model, SceneError> {
         materials: BTreeMap::new(),
         looks: Vec::new(),
         files: TextureFiles::default(),
-        visited: vec![false; document.nodes().len()],
+        is_above: vec![false; document.nodes().len()],
+        visits: 0,
         sharing: sharing::plan(&document),
         placed: 0,
         counts,
@@ -150,9 +156,14 @@ impl GltfReading<'_> {
         if depth > MAX_DEPTH {
             return Err(self.problem(format!("node {name} lies more than {MAX_DEPTH} nodes deep")));
         }
-        if std::mem::replace(&mut self.visited[node.index()], true) {
-            let text = format!("node {name} has two parents, or is its own descendant");
-            return Err(self.problem(text));
+        if std::mem::replace(&mut self.is_above[node.index()], true) {
+            self.count("nodes that are their own descendants are left out there");
+            return Ok(());
+        }
+        self.visits += 1;
+        if self.visits > self.document.nodes().len() + MAX_REVISITED {
+            let text = "so many nodes have several parents that copies of them have no end";
+            return Err(self.problem(text.to_owned()));
         }
         let own = DMat4::from_cols_array_2d(&node.transform().matrix().map(|c| c.map(f64::from)));
         let matrix = parent * own;
@@ -178,7 +189,9 @@ impl GltfReading<'_> {
         }
         let triangles = (self.model.triangles.len() + self.placed) as u64;
         (self.watch)(LoadProgress { bytes: self.bytes, total_bytes: self.bytes, triangles });
-        node.children().try_for_each(|child| self.node(&child, matrix, depth + 1))
+        node.children().try_for_each(|child| self.node(&child, matrix, depth + 1))?;
+        self.is_above[node.index()] = false;
+        Ok(())
     }
 
     /// Adds the mesh of a node, once for each instance that the node states.

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value};
 
 use super::mend::{Mending, constant, whole};
-use super::schema::List;
+use super::schema::{List, METALLIC_ROUGHNESS};
 
 /// A surface of which nothing is stated: plaster of reflectance 0.5. The format's default is a
 /// metal that reflects everything, and nobody means that by silence.
@@ -211,9 +211,8 @@ impl Mending {
         for ((material, &is_coloured), used) in materials.iter_mut().zip(&self.coloured).zip(used) {
             let Some(object) = material.as_object_mut().filter(|_| *used) else { continue };
             let pbr = object.get("pbrMetallicRoughness").and_then(Value::as_object);
-            let states = |(name, value): (&String, &Value)| {
-                !value.is_null() && name != "extras" && name != "extensions"
-            };
+            let is_known = |name: &str| METALLIC_ROUGHNESS.iter().any(|known| known.name == name);
+            let states = |(name, value): (&String, &Value)| !value.is_null() && is_known(name);
             let extensions = object.get("extensions");
             let has_other = STATE_COLOUR
                 .iter()

@@ -27,7 +27,10 @@ pub(super) struct GltfReading<'a> {
     /// The textures of each of the model's materials.
     pub looks: Vec<MaterialTextures>,
     pub files: TextureFiles,
-    pub visited: Vec<bool>,
+    /// Whether a node is the one that is being read, or an ancestor of it.
+    pub is_above: Vec<bool>,
+    /// Number of nodes that were read.
+    pub visits: usize,
     /// Whether nodes share a mesh, by its index.
     pub sharing: Vec<Sharing>,
     /// Number of triangles of all instances of shared meshes.

@@ -237,7 +237,7 @@ const MATERIAL: Members = &[
     may("extensions", Extensions(MATERIAL_EXTENSIONS)),
 ];
 
-const METALLIC_ROUGHNESS: Members = &[
+pub(super) const METALLIC_ROUGHNESS: Members = &[
     may("baseColorFactor", Numbers(4)),
     may("baseColorTexture", Object(TEXTURE_INFO)),
     may("metallicFactor", Number),

@@ -30,10 +30,14 @@ pub(super) enum Sharing {
     Read(u32),
 }
 
-/// Returns the nodes from which a file is read.
+/// Returns the nodes from which a file is read, each once.
 pub(super) fn roots(document: &gltf::Document) -> Vec<gltf::Node<'_>> {
     match document.default_scene().or_else(|| document.scenes().next()) {
-        Some(scene) => scene.nodes().collect(),
+        Some(scene) => {
+            let mut is_named = vec![false; document.nodes().len()];
+            let is_new = |node: &gltf::Node| !std::mem::replace(&mut is_named[node.index()], true);
+            scene.nodes().filter(is_new).collect()
+        }
         // A file without scenes is a library of nodes; those without a parent are read.
         None => {
             let mut is_child = vec![false; document.nodes().len()];

@@ -18,3 +18,4 @@ mod shading;
 mod shared_scenes;
 mod shiny;
 mod sky;
+mod slabs;

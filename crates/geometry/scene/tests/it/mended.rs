@@ -126,12 +126,13 @@ fn faults_where_nothing_is_used_do_not_matter() {
         r#","textures":[{"source":99,"sampler":99}]"#,
         r#","images":[{"bufferView":99}]"#,
         r#","samplers":[{"wrapS":1,"magFilter":7}]"#,
-        r#","extensionsRequired":["KHR_draco_mesh_compression"]"#,
         r#","scene":0,"scenes":[{"nodes":[0]},{"nodes":[99]},null]"#,
         r#","extras":{"a":[1,{"b":null}]},"unknown":7"#,
     ] {
         assert_eq!(shows_the_square(&plain(more)), "", "{more}");
     }
+    let said = shows_the_square(&plain(r#","extensionsRequired":["KHR_draco_mesh_compression"]"#));
+    assert_eq!(said, "s.gltf: the extension `KHR_draco_mesh_compression` is ignored (1)");
     for (from, to) in [
         (MATERIAL, format!(r#"{MATERIAL},{{"alphaMode":7,"normalTexture":{{"index":99}}}}"#)),
         (MATERIAL, format!("{MATERIAL},null")),
@@ -383,9 +384,13 @@ fn surfaces_of_which_nothing_is_stated_are_plaster() {
         said,
         "s.gltf: meshes without a material are taken as plaster of reflectance 0.5 (1)"
     );
-    for material in
-        [r#"{"name":"wall"}"#, r#"{"pbrMetallicRoughness":{}}"#, r#"{"doubleSided":true}"#]
-    {
+    for material in [
+        r#"{"name":"wall"}"#,
+        r#"{"pbrMetallicRoughness":{}}"#,
+        r#"{"doubleSided":true}"#,
+        // A member at a false place states nothing.
+        r#"{"pbrMetallicRoughness":{"pbrMetallicRoughness":{"metallicFactor":0},"name":"a"}}"#,
+    ] {
         let (scene, said) = of(&format!(r#"{SQUARE},"material":0"#), material);
         assert_eq!(scene.materials[0].bsdf, grey, "{material}");
         assert!(said.contains("materials that state no colour are taken as plaster"), "{said}");

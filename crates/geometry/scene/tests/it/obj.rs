@@ -302,6 +302,25 @@ fn materials_are_found_under_all_names_of_files_and_materials() {
 }
 
 #[test]
+fn a_line_names_several_mtl_files_with_spaces_in_their_names() {
+    let kd = |kd| holo_scene::Bsdf::Diffuse { kd };
+    for (statement, missing) in [
+        ("my a.mtl my other b.mtl", 0),
+        ("\"my a.mtl\" \"my other b.mtl\"", 0),
+        ("my a.mtl my c.mtl my other b.mtl no.mtl", 2),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("my a.mtl"), "newmtl a\nKd 0.25 0 0\n").unwrap();
+        std::fs::write(folder.path().join("my other b.mtl"), "newmtl b\nKd 0 0.5 0\n").unwrap();
+        let obj = format!("mtllib {statement}\n{SQUARE}usemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n");
+        let loaded = load_in(folder.path(), obj, &LoadOptions::default()).unwrap();
+        let found: Vec<_> = loaded.scene.materials.iter().map(|m| m.bsdf).collect();
+        assert_eq!(found, [kd([0.25, 0.0, 0.0]), kd([0.0, 0.5, 0.0])], "{statement}");
+        assert_eq!(loaded.warnings.len(), missing, "{:?}", loaded.warnings);
+    }
+}
+
+#[test]
 fn faces_share_a_material_by_name_and_unknown_ones_are_grey() {
     let obj = format!(
         "{SQUARE}mtllib s.mtl\nf 1 2 3\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\nusemtl a\nf 2 3 4\nusemtl unused\n"

@@ -216,3 +216,53 @@ fn glass_in_part_is_a_mixture() {
         assert!((-0.03..0.06).contains(&excess), "{found:?} {least}");
     }
 }
+
+/// A mirror or pane that covers a part, above a floor that glows: eyes see both by their shares, and
+/// the floor's light reaches a wall above along both ways.
+#[test]
+fn mirrors_and_panes_that_cover_a_part_mirror_by_that_share() {
+    for (bsdf, reflected, passed) in [
+        (Bsdf::Mirror { ks: [0.6; 3] }, 0.6, 0.0),
+        (Bsdf::ThinGlass { ior: 1.5, transmittance: [0.5; 3] }, REFLECTED, 0.5 * (1.0 - REFLECTED)),
+    ] {
+        for opacity in [0.2, 0.5, 0.8] {
+            let mut model = Model { sky: [1.0; 3], ..Model::default() };
+            let floor = model.material(BLACK, [3.0; 3]);
+            let sheet = model.material(bsdf, [0.0; 3]);
+            model.square(0.0, 30.0, true, floor);
+            model.square(1.0, 30.0, true, sheet);
+            let a = f64::from(opacity);
+            let seen = a * (reflected + passed * 3.0) + (1.0 - a) * 3.0;
+            for tracer in tracers(&model, &[Cover::default(), covered(opacity)], &[]) {
+                expect(mean(&tracer, 2.0 * DVec3::Z, DVec3::NEG_Z, 20_000), [seen; 3]);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_sun_off_a_mirror_that_covers_a_part_lights_by_that_share() {
+    // The mirror stands on the floor and faces a sun at 45 degrees.
+    let mut model = Model::default();
+    let floor = model.material(diffuse(0.5), [0.0; 3]);
+    let mirror = model.material(Bsdf::Mirror { ks: [0.8; 3] }, [0.0; 3]);
+    model.square(0.0, 30.0, true, floor);
+    model
+        .polygon(&[[0.0, -9.0, 0.01], [0.0, 9.0, 0.01], [0.0, 9.0, 8.0], [0.0, -9.0, 8.0]], mirror);
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let sun = Sun { towards: [half as f32, 0.0, half as f32], irradiance: [2.0; 3] };
+    let (eye, down) = (DVec3::new(2.3, 0.0, 0.5), DVec3::new(-0.3, 0.0, -0.5));
+    for opacity in [0.3, 1.0] {
+        let a = f64::from(opacity);
+        let lit = 0.5 * 2.0 / std::f64::consts::PI * half * (1.0 + 0.8 * a);
+        let [tracer, _] = tracers(&model, &[Cover::default(), covered(opacity)], &[sun]);
+        let found = mean(&tracer, eye, down, 4000);
+        // The mirror also shows the floor to itself, but nothing else is lit.
+        for (mean, error) in found.mean.into_iter().zip(found.error) {
+            assert!(
+                (mean - lit).abs() < 0.01 * lit + 5.0 * error,
+                "{mean} is not {lit}: {opacity}"
+            );
+        }
+    }
+}

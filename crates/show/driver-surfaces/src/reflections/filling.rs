@@ -89,7 +89,7 @@ impl ObjectCube {
 impl LightSources<'_> {
     /// Returns the radiance along a ray and the distance to what it shows. `width` is that of the
     /// texel at distance 1. The ray passes the triangles for which `own` is true. `None` if nothing
-    /// is known.
+    /// is known, or if a mirror shows only a part of it.
     fn along(&self, mut ray: Ray, width: f32, own: impl Fn(u32) -> bool) -> Option<(Vec3, f32)> {
         let Follower { raycaster, materials, .. } = self.follower;
         let mut left = NO_TRIANGLE;
@@ -103,6 +103,9 @@ impl LightSources<'_> {
             }
             let mut trail = Trail::new(ray, hit, AtPanes::Pass);
             let shown = self.follower.follow_to_end(&mut trail);
+            if trail.passes_mirror() {
+                return None;
+            }
             let mut radiance = Vec3::ZERO;
             for end in trail.take_covers() {
                 radiance += self.of_end(&end, width)?;

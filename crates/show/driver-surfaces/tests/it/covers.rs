@@ -148,3 +148,59 @@ fn pictures_of_traced_samples_are_as_bright_as_the_samples() {
         assert!(away < bound, "{left} {top}: {shown} is not {mean} within {bound}");
     }
 }
+
+/// Returns samples straight down of a room whose sheet is met by this many rays of ten, and then
+/// shows `met`. The others show the floor's radiance of 0.8.
+fn samples_of_tenths(tenths: usize, met: f32) -> Vec<RaySample> {
+    let down = rays(100, |_, _| 0.8).into_iter().enumerate();
+    let sample = |(number, ray): (usize, RaySample)| {
+        let is_met = (number + 3 * (number / 100)) % 10 < tenths;
+        let is_met = is_met && on_sheet(ray.origin.x, ray.origin.y);
+        let (distance, radiance) = if is_met { (1.5, met) } else { (2.0, 0.8) };
+        RaySample { distance, radiance: [radiance; 3], ..ray }
+    };
+    down.map(sample).collect()
+}
+
+/// Expects this radiance in the middle of the sheet, in the first and in the refined picture.
+fn expect_sheet(room: &Arc<Raycaster>, samples: &[RaySample], expected: f32) {
+    let (mut view, drawn) = seen_by(room, samples, &eye());
+    for at in [(32, 32), (28, 36), (36, 30)] {
+        let found = drawn.pixels[at.1 * 64 + at.0][0];
+        assert!((found - expected).abs() < 0.01, "{found}, not {expected}");
+    }
+    view.look_into_edges();
+    let (store, _) = crate::common::kept(room, samples);
+    let refined = holo_driver_surfaces::Gathered::new(&view, &store).draw(&view, &store, None);
+    let found = refined.pixels[32 * 64 + 32][0];
+    assert!((found - expected).abs() < 0.01, "{found}, not {expected}, refined");
+    let shown = || refined.pixels.iter().map(|pixel| pixel[0]);
+    let (least, most) = (shown().fold(f32::MAX, f32::min), shown().fold(0.0, f32::max));
+    // Squares at the edge of a pane have samples through it and samples beside it. What it mirrors
+    // is taken out of both: at most 0.2 · 0.2 / 0.8 of light.
+    let is_within = least > expected.min(0.8) - 0.05 && most < expected.max(0.8) + 0.05;
+    assert!(is_within, "{least} to {most} instead of {expected} and 0.8");
+}
+
+#[test]
+fn a_partly_covered_mirror_shows_the_sky_and_what_is_behind() {
+    for tenths in [1, 3, 5, 7, 9] {
+        let opacity = tenths as f32 / 10.0;
+        let room = room(opacity, Bsdf::Mirror { ks: [0.3; 3] }, 0.0);
+        let expected = opacity * 0.3 + (1.0 - opacity) * 0.8;
+        expect_sheet(&room, &samples_of_tenths(tenths, 0.3), expected);
+    }
+}
+
+#[test]
+fn a_partly_covered_pane_passes_and_mirrors_by_its_cover() {
+    // A pane of index 2 transmits 0.8 at right angles.
+    let met = 0.8 * 0.8 + 0.2 * 1.0;
+    for tenths in [2, 4, 6, 9] {
+        let opacity = tenths as f32 / 10.0;
+        let pane = Bsdf::ThinGlass { ior: 2.0, transmittance: [1.0; 3] };
+        let room = room(opacity, pane, 0.0);
+        let expected = opacity * met + (1.0 - opacity) * 0.8;
+        expect_sheet(&room, &samples_of_tenths(tenths, met), expected);
+    }
+}

@@ -130,6 +130,7 @@ impl Driver {
             "pointimage-noise" => points(PointImageParams { noise_smoothing: 0.0, ..params }),
             "pointimage-prediction" => points(without(|stages| stages.prediction = false)),
             "pointimage-prefilter" => points(without(|stages| stages.prefilter = false)),
+            "pointimage-pyramid" => points(without(|stages| stages.pyramid = false)),
             "pointimage-eviction" => points(without(|stages| stages.eviction = false)),
             "pointimage-ageing" => points(without(|stages| stages.ageing = false)),
             "pointimage-cull" => points(without(|stages| stages.depth_cull = false)),
