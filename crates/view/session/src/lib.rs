@@ -409,8 +409,9 @@ impl Session {
     /// If the server does not settle, or is lost.
     pub fn settle(&mut self, whole: bool) -> Result<()> {
         self.settles_whole = whole;
-        self.prepare_lightings();
+        self.ask_for_lights()?;
         self.settle_once()?;
+        self.objects.note_settled();
         let Some(current) = &mut self.current else { return Ok(()) };
         current.fade(self.driver.light.as_mut());
         if current.received.earlier.is_stuck(true) {

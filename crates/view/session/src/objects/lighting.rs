@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use anyhow::Result;
 use glam::DVec3;
 use holo_display::{Frame, FramePhase, FrameRequest, Interrupt, Renderer};
 use holo_local_objects::{
@@ -41,12 +42,15 @@ pub(super) struct Lightings {
     waiting: Vec<WaitingProbe>,
     /// Samples that have arrived.
     samples: u64,
+    /// Whether all samples that were requested for the waiting probes are here.
+    is_settled: bool,
 }
 
 struct LitPlace {
     centre: DVec3,
     side: u32,
-    lighting: Arc<ObjectLighting>,
+    /// `None` if the driver shows no light there.
+    lighting: Option<Arc<ObjectLighting>>,
     /// Samples that had arrived when it was found.
     samples: u64,
     /// True if the driver has changed since.
@@ -57,6 +61,14 @@ struct WaitingProbe {
     centre: DVec3,
     side: u32,
     renderers: Vec<Box<dyn Renderer>>,
+    /// The number of the first request of the view with which its samples were requested.
+    view: u32,
+}
+
+impl WaitingProbe {
+    fn is_of(&self, object: &LocalObject) -> bool {
+        self.side == side(object) && is_same_place(self.centre, object.centre(), object.radius())
+    }
 }
 
 impl Lightings {
@@ -69,9 +81,31 @@ impl Lightings {
         self.places.iter_mut().for_each(|place| place.is_old = true);
     }
 
-    fn nearest(&self, object: &LocalObject) -> Option<&LitPlace> {
+    /// Notes that all samples that were requested have arrived.
+    pub(super) fn note_settled(&mut self) {
+        self.is_settled = true;
+    }
+
+    /// Returns an object's place, if its light was looked for there. `is_file` refuses light of
+    /// fewer samples than there are.
+    fn here(&self, object: &LocalObject, is_file: bool) -> Option<&LitPlace> {
+        self.places.iter().find(|place| {
+            let has_grown = match is_file {
+                true => self.samples != place.samples,
+                false => self.samples as f64 > GROWTH * place.samples as f64,
+            };
+            !has_grown
+                && !place.is_old
+                && place.side == side(object)
+                && is_same_place(place.centre, object.centre(), object.radius())
+        })
+    }
+
+    /// Returns the light of the nearest place.
+    fn nearest(&self, object: &LocalObject) -> Option<Arc<ObjectLighting>> {
         let apart = |place: &&LitPlace| place.centre.distance(object.centre());
-        self.places.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)))
+        let lit = self.places.iter().filter(|place| place.lighting.is_some());
+        lit.min_by(|a, b| apart(a).total_cmp(&apart(b)))?.lighting.clone()
     }
 
     fn put(&mut self, place: LitPlace, radius: f64) {
@@ -112,35 +146,28 @@ impl Session {
     ) -> Option<Arc<ObjectLighting>> {
         let lightings = &self.objects.lightings;
         let samples = lightings.samples;
-        let known = lightings.nearest(object);
-        let is_here = |place: &&LitPlace| {
-            let grown = match is_file {
-                true => samples != place.samples,
-                false => samples as f64 > GROWTH * place.samples as f64,
-            };
-            !grown
-                && !place.is_old
-                && place.side == side(object)
-                && is_same_place(place.centre, object.centre(), object.radius())
-        };
-        if let Some(place) = known.filter(|place| is_quick || is_here(place)) {
-            return Some(Arc::clone(&place.lighting));
+        let known = if is_quick { lightings.nearest(object) } else { None };
+        let here = || lightings.here(object, is_file)?.lighting.clone();
+        if let Some(lighting) = known.or_else(here) {
+            return Some(lighting);
         }
-        let found = self.probe(object, is_file);
-        if let Some(Ok(probe)) = found {
-            let lighting = ObjectLighting::new(probe, LIGHTS, room);
-            let lighting = Arc::new(lighting.with_sides(self.sides(object, room)));
+        if lightings.here(object, is_file).is_none()
+            && let Some(found) = self.probe(object)
+        {
+            let lighting = found.ok().map(|probe| {
+                let lighting = ObjectLighting::new(probe, LIGHTS, room);
+                Arc::new(lighting.with_sides(self.sides(object, room)))
+            });
             let place = LitPlace {
                 centre: object.centre(),
                 side: side(object),
-                lighting: Arc::clone(&lighting),
+                lighting,
                 samples,
                 is_old: false,
             };
             self.objects.lightings.put(place, object.radius());
-            return Some(lighting);
         }
-        self.objects.lightings.nearest(object).map(|place| Arc::clone(&place.lighting))
+        self.objects.lightings.nearest(object)
     }
 
     /// Returns the light at places that see what the object's mirrors show and its middle does not,
@@ -170,39 +197,17 @@ impl Session {
 
     /// Returns the light that the driver shows around an object. `None` if its samples are under
     /// way.
-    fn probe(
-        &mut self,
-        object: &LocalObject,
-        is_file: bool,
-    ) -> Option<Result<LightProbe, ProbeError>> {
-        let (centre, side) = (object.centre(), side(object));
+    fn probe(&mut self, object: &LocalObject) -> Option<Result<LightProbe, ProbeError>> {
         if self.keeps_samples() {
             // What is not there yet makes a later probe better.
-            return self.probe_of_store(centre, side);
+            return self.probe_of_store(object.centre(), side(object));
         }
-        let looks = looks(centre, side)?;
-        // Without a view, nothing can be requested.
-        self.current.as_ref()?;
-        let is_for = |probe: &WaitingProbe| {
-            probe.side == side && is_same_place(probe.centre, centre, object.radius())
-        };
-        if !self.objects.lightings.waiting.iter().any(is_for) {
-            let mut renderers = Vec::with_capacity(looks.len());
-            for look in &looks {
-                let mut renderer = self.driver.light.renderer();
-                renderer.look(look).ok()?;
-                renderers.push(renderer);
-            }
-            self.objects.lightings.waiting.push(WaitingProbe { centre, side, renderers });
-            // A lost server is noticed by whoever waits for it.
-            _ = self.ask_beside(&looks);
-        }
-        if !self.has_stored_beside() && !is_file {
+        let mut waiting = self.objects.lightings.waiting.iter();
+        let at = waiting.position(|probe| probe.is_of(object))?;
+        if !self.is_ready(&self.objects.lightings.waiting[at]) {
             return None;
         }
-        let waiting = &mut self.objects.lightings.waiting;
-        let at = waiting.iter().position(is_for)?;
-        let WaitingProbe { centre, renderers, .. } = waiting.remove(at);
+        let WaitingProbe { centre, renderers, .. } = self.objects.lightings.waiting.remove(at);
         let frames = renderers.into_iter().map(|mut renderer| {
             renderer.settle();
             renderer.draw(FramePhase::File, &Interrupt::default(), &mut |_| {})
@@ -211,17 +216,81 @@ impl Session {
         Some(probe_of(centre, frames))
     }
 
-    /// Returns whether the samples of a probe have arrived.
-    pub(super) fn has_probe(&self) -> bool {
-        !self.objects.lightings.waiting.is_empty() && self.has_stored_beside()
+    /// Returns whether the samples of a probe have arrived. While the eye moves, those that are here
+    /// have to do.
+    fn is_ready(&self, probe: &WaitingProbe) -> bool {
+        let view = self.current.as_ref().map(|current| current.first_request);
+        let is_of_view = view == Some(probe.view) || self.is_moving();
+        self.objects.lightings.is_settled || is_of_view && self.has_stored_beside()
     }
 
-    /// Requests the samples of probes that are not here, before everything is awaited.
-    pub(crate) fn prepare_lightings(&mut self) {
-        if !self.objects.is_empty() && !self.keeps_samples() && self.current.is_some() {
-            let room = self.room();
-            self.lit_objects(false, false, 0, room.as_ref());
+    /// Returns whether the samples of a probe have arrived.
+    pub(super) fn has_probe(&self) -> bool {
+        self.objects.lightings.waiting.iter().any(|probe| self.is_ready(probe))
+    }
+
+    /// Returns whether samples around an object are under way.
+    pub(super) fn awaits_light(&self) -> bool {
+        let lightings = &self.objects.lightings;
+        let is_awaited = |object: &LocalObject| {
+            let mut waiting = lightings.waiting.iter();
+            match waiting.find(|probe| probe.is_of(object)) {
+                Some(probe) => !self.is_ready(probe),
+                None => lightings.here(object, false).is_none(),
+            }
+        };
+        let draws_one_view = !self.keeps_samples() && self.current.is_some();
+        draws_one_view && self.carried().iter().any(is_awaited)
+    }
+
+    /// Requests the samples around objects, for a driver that has no store of all light. A view that
+    /// follows cancels the requests of the view before; they are made again once the eye rests.
+    ///
+    /// # Errors
+    /// If the server is lost.
+    pub(crate) fn ask_for_lights(&mut self) -> Result<()> {
+        if self.objects.is_empty() || self.keeps_samples() {
+            return Ok(());
         }
+        let Some(view) = self.current.as_ref().map(|current| current.first_request) else {
+            return Ok(());
+        };
+        let (objects, is_moving) = (self.carried(), self.is_moving());
+        let lightings = &mut self.objects.lightings;
+        lightings.waiting.retain(|probe| objects.iter().any(|object| probe.is_of(object)));
+        let mut wanted = Vec::new();
+        for object in objects {
+            let Some(looks) = looks(object.centre(), side(&object)) else { continue };
+            let lightings = &mut self.objects.lightings;
+            if let Some(probe) = lightings.waiting.iter_mut().find(|probe| probe.is_of(&object)) {
+                if probe.view != view && !is_moving {
+                    probe.view = view;
+                    wanted.extend(looks);
+                }
+                continue;
+            }
+            // The hand that moves an object has the light of the nearest place.
+            let is_needed = lightings.here(&object, false).is_none()
+                && (self.objects.settles() || self.objects.lightings.nearest(&object).is_none());
+            if !is_needed {
+                continue;
+            }
+            let mut renderers = Vec::with_capacity(looks.len());
+            for look in &looks {
+                let mut renderer = self.driver.light.renderer();
+                if renderer.look(look).is_ok() {
+                    renderers.push(renderer);
+                }
+            }
+            let (centre, side) = (object.centre(), side(&object));
+            self.objects.lightings.waiting.push(WaitingProbe { centre, side, renderers, view });
+            wanted.extend(looks);
+        }
+        if wanted.is_empty() {
+            return Ok(());
+        }
+        self.objects.lightings.is_settled = false;
+        self.ask_beside(&wanted)
     }
 }
 

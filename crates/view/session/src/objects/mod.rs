@@ -63,6 +63,10 @@ const PASSES_OF_FRAME: u32 = 2;
 /// Longest time for which a script waits for a model.
 const LOADING_PATIENCE: Duration = Duration::from_secs(600);
 
+/// Longest time for which a script waits for the samples around an object, and how often it looks.
+const LIGHT_PATIENCE: Duration = Duration::from_secs(10);
+const LIGHT_TICK: Duration = Duration::from_millis(20);
+
 /// A local object, as people know it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjectState {
@@ -190,6 +194,16 @@ impl SessionObjects {
     pub fn note_driver(&mut self) {
         self.lightings.note_driver();
         self.shown = None;
+    }
+
+    /// Returns whether no object has changed just now.
+    fn settles(&self) -> bool {
+        self.changed.is_none_or(|changed| changed.elapsed() >= SETTLES_AFTER)
+    }
+
+    /// Notes that all samples that were requested have arrived.
+    pub fn note_settled(&mut self) {
+        self.lightings.note_settled();
     }
 
     fn note_change(&mut self) {
@@ -337,9 +351,7 @@ impl Session {
 
     /// Keeps the list of objects, once a person has moved one to its place.
     pub(super) fn keep_objects_if_due(&mut self) {
-        let objects = &mut self.objects;
-        let settles = objects.changed.is_none_or(|changed| changed.elapsed() >= SETTLES_AFTER);
-        if objects.is_unkept && settles {
+        if self.objects.is_unkept && self.objects.settles() {
             self.keep_objects();
         }
     }
@@ -368,7 +380,7 @@ impl Session {
         }
     }
 
-    /// Waits until all models are read.
+    /// Waits until all models are read, and for a while until the samples around them have arrived.
     ///
     /// # Errors
     /// If a model cannot be used, or the server is lost.
@@ -380,10 +392,16 @@ impl Session {
                 break;
             }
         }
-        match self.refusal.take() {
-            Some(reason) => bail!(reason),
-            None => Ok(()),
+        if let Some(reason) = self.refusal.take() {
+            bail!(reason);
         }
+        let end = Instant::now() + LIGHT_PATIENCE;
+        while self.awaits_light() && Instant::now() < end {
+            if self.wait(end.min(Instant::now() + LIGHT_TICK))? == Waited::Stop {
+                break;
+            }
+        }
+        Ok(())
     }
 
     /// Returns the name of the object that is seen at a place of the picture, in shares from its
@@ -435,7 +453,7 @@ impl Session {
         if objects.is_empty() {
             return false;
         }
-        let settles = objects.changed.is_none_or(|changed| changed.elapsed() >= SETTLES_AFTER);
+        let settles = objects.settles();
         objects.shown.as_ref().is_some_and(|shown| {
             let is_moving = shown.look.is_moving;
             let is_rough = shown.is_quick || shown.layer.is_unfinished() || self.has_probe();
@@ -473,8 +491,7 @@ impl Session {
     /// Draws the objects over a frame of the driver, of this view.
     fn over(&mut self, base: Arc<Frame>, look: FrameRequest, phase: FramePhase) -> Frame {
         let is_file = phase == FramePhase::File;
-        let settles = self.objects.changed.is_none_or(|at| at.elapsed() >= SETTLES_AFTER);
-        let mut is_quick = !is_file && (phase == FramePhase::Moving || !settles);
+        let mut is_quick = !is_file && (phase == FramePhase::Moving || !self.objects.settles());
         let room = self.room();
         let passes = match (is_quick, is_file) {
             (true, _) => 0,
@@ -563,6 +580,10 @@ impl Session {
         lit.at_rest(room, passes, interrupt).unwrap_or(lit)
     }
 
+    fn carried(&self) -> Vec<LocalObject> {
+        self.objects.carried.list().iter().map(|carried| carried.object.clone()).collect()
+    }
+
     /// Returns the objects with their light, found by this many passes. Quick frames use light that
     /// is known already.
     fn lit_objects(
@@ -572,8 +593,7 @@ impl Session {
         passes: u32,
         room: Option<&Room>,
     ) -> Vec<LitObject> {
-        let objects: Vec<LocalObject> =
-            self.objects.carried.list().iter().map(|carried| carried.object.clone()).collect();
+        let objects = self.carried();
         let mut lit = Vec::with_capacity(objects.len());
         for object in objects {
             let lighting = self.lighting(&object, is_quick, is_file, room);
