@@ -8,7 +8,7 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use holo_picture::{View, ViewSpec};
+use holo_picture::View;
 use holo_raycast::Raycaster;
 use holo_scene::{Bsdf, LoadOptions, ShinyObjects, load};
 
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("{} shiny objects", objects.as_ref().map_or(0, |objects| objects.centres().len()));
     let raycaster = Raycaster::build(Arc::clone(&scene))?;
     for options in views {
-        let (view, size) = ViewSpec::parse_vf(options)?.resolve(SIZE)?;
+        let (view, size) = View::parse_vf(options)?.resolve(SIZE)?;
         let (mut counts, mut seen) = ([0_u32; 3], HashSet::new());
         for pixel in 0..size.0 * size.1 {
             let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
