@@ -2,7 +2,7 @@
 //!
 //! Without it, a frame's distances stand for it. They are right except in mirrors and behind panes.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec3};
 use holo_optics::reflect;
@@ -23,6 +23,8 @@ const NEARLY_ALL: f64 = 0.99;
 pub struct Room {
     raycaster: Arc<Raycaster>,
     has_mirrors: bool,
+    /// Its bounds, once they are asked for: all corners are looked at.
+    bounds: Arc<OnceLock<(DVec3, DVec3)>>,
 }
 
 /// A ray that a mirror of the room sends on.
@@ -53,14 +55,14 @@ impl Room {
     pub fn new(raycaster: Arc<Raycaster>) -> Room {
         let is_mirror = |material: &Material| matches!(material.bsdf, Bsdf::Mirror { .. });
         let has_mirrors = raycaster.scene().materials.iter().any(is_mirror);
-        Room { raycaster, has_mirrors }
+        Room { raycaster, has_mirrors, bounds: Arc::default() }
     }
 
     /// Returns where a ray to the sky leaves the bounds of the room, relative to its beginning, and
     /// the normal of that face, inwards. Windows are near there: seen from elsewhere, the sky's light
     /// comes through the same ones. `None` if the ray begins outside.
     pub(crate) fn leaves(&self, origin: DVec3, direction: Vec3) -> Option<(Vec3, Vec3)> {
-        let (low, high) = self.raycaster.scene().bounds();
+        let (low, high) = self.bounds.get_or_init(|| self.raycaster.scene().bounds());
         let direction = direction.as_dvec3();
         let mut first: Option<(f64, DVec3)> = None;
         for axis in 0..3 {

@@ -22,7 +22,15 @@ const PAUSE: Duration = Duration::from_millis(33);
 const SETTLES: Duration = Duration::from_secs(8);
 
 #[tokio::main]
-async fn main() -> Result<()> {
+async fn main() {
+    if let Err(error) = carry().await {
+        eprintln!("{error:#}");
+        // The stage's thread would be waited for.
+        std::process::exit(1);
+    }
+}
+
+async fn carry() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     ensure!(arguments.len() >= 5, "needs ADDRESS OBJECT X Y Z, and may have options of a view");
     let (address, object) = (arguments[0].clone(), arguments[1].clone());

@@ -1,7 +1,8 @@
 //! The light around local objects, by place.
 //!
 //! The driver draws six small views from the middle of an object. Drivers that store light draw
-//! them at once. For others, a probe waits until the stored samples of its views have arrived.
+//! them at once, face by face, so that an input ends it. For others, a probe waits until the stored
+//! samples of its views have arrived.
 
 use std::sync::Arc;
 
@@ -40,6 +41,8 @@ pub(super) struct Lightings {
     places: Vec<LitPlace>,
     /// Probes whose samples are under way.
     waiting: Vec<WaitingProbe>,
+    /// What an input has interrupted.
+    unfinished: Option<UnfinishedProbe>,
     /// Samples that have arrived.
     samples: u64,
     /// Whether all samples that were requested for the waiting probes are here.
@@ -55,6 +58,67 @@ struct LitPlace {
     samples: u64,
     /// True if the driver has changed since.
     is_old: bool,
+}
+
+/// Light that a driver with a store of all light draws, face by face.
+struct UnfinishedProbe {
+    centre: DVec3,
+    side: u32,
+    renderer: Box<dyn Renderer>,
+    /// Samples that had arrived when it was begun.
+    samples: u64,
+    /// Faces of the probe of the middle, and of the last place beside it.
+    faces: Vec<Frame>,
+    middle: Option<LightProbe>,
+    /// Places for further probes, the first one last; `None` until the middle is known.
+    places: Option<Vec<DVec3>>,
+    sides: Vec<LightProbe>,
+}
+
+/// Light that was found.
+struct FoundLight {
+    lighting: Option<ObjectLighting>,
+    /// Samples that had arrived when it was begun.
+    samples: u64,
+    /// Whether the light beside the object's middle is in it.
+    is_whole: bool,
+}
+
+impl UnfinishedProbe {
+    fn is_of(&self, object: &LocalObject) -> bool {
+        self.side == side(object) && is_same_place(self.centre, object.centre(), object.radius())
+    }
+
+    /// Draws a face. Returns whether all are drawn.
+    fn advance(&mut self, object: &LocalObject, room: Option<&Room>) -> Result<bool, ProbeError> {
+        let is_middle = self.middle.is_none();
+        let place = match (&self.places, is_middle) {
+            (_, true) => Some(self.centre),
+            (Some(places), false) => places.last().copied(),
+            (None, false) => {
+                let room = room.filter(|_| object.is_shiny());
+                let places = room.map(|room| side_places(object, room, MOST_SIDES));
+                self.places = Some(places.unwrap_or_default().into_iter().rev().collect());
+                return Ok(false);
+            }
+        };
+        let Some(place) = place else { return Ok(true) };
+        let side = if is_middle { self.side } else { SIDE_OF_SIDES };
+        let looks = looks(place, side).ok_or(ProbeError::Frames)?;
+        let look = looks.get(self.faces.len()).ok_or(ProbeError::Frames)?;
+        let face = frame(self.renderer.as_mut(), look).ok_or(ProbeError::Frames)?;
+        self.faces.push(face);
+        if self.faces.len() == looks.len() {
+            let found = probe_of(place, std::mem::take(&mut self.faces));
+            if is_middle {
+                self.middle = Some(found?);
+            } else {
+                self.sides.extend(found);
+                self.places.iter_mut().for_each(|places| _ = places.pop());
+            }
+        }
+        Ok(false)
+    }
 }
 
 struct WaitingProbe {
@@ -78,7 +142,18 @@ impl Lightings {
 
     pub(super) fn note_driver(&mut self) {
         self.waiting.clear();
+        self.unfinished = None;
         self.places.iter_mut().for_each(|place| place.is_old = true);
+    }
+
+    /// Returns whether light is being found.
+    pub(super) fn are_unfinished(&self) -> bool {
+        self.unfinished.is_some()
+    }
+
+    /// Forgets what was begun for objects that are elsewhere now.
+    pub(super) fn forget_others(&mut self, objects: &[LocalObject]) {
+        self.unfinished.take_if(|probe| !objects.iter().any(|object| probe.is_of(object)));
     }
 
     /// Notes that all samples that were requested have arrived.
@@ -151,57 +226,92 @@ impl Session {
         if let Some(lighting) = known.or_else(here) {
             return Some(lighting);
         }
-        if lightings.here(object, is_file).is_none()
-            && let Some(found) = self.probe(object)
-        {
-            let lighting = found.ok().map(|probe| {
-                let lighting = ObjectLighting::new(probe, LIGHTS, room);
-                Arc::new(lighting.with_sides(self.sides(object, room)))
-            });
-            let place = LitPlace {
-                centre: object.centre(),
-                side: side(object),
-                lighting,
-                samples,
-                is_old: false,
+        if lightings.here(object, is_file).is_none() {
+            let found = match self.keeps_samples() {
+                true => self.light_of_store(object, is_quick, is_file, room),
+                false => self.probe(object).map(|found| {
+                    let lighting = found.ok().map(|probe| ObjectLighting::new(probe, LIGHTS, room));
+                    FoundLight { lighting, samples, is_whole: true }
+                }),
             };
-            self.objects.lightings.put(place, object.radius());
+            if let Some(FoundLight { lighting, samples, is_whole }) = found {
+                let place = LitPlace {
+                    centre: object.centre(),
+                    side: side(object),
+                    lighting: lighting.map(Arc::new),
+                    samples,
+                    is_old: !is_whole,
+                };
+                self.objects.lightings.put(place, object.radius());
+            }
         }
         self.objects.lightings.nearest(object)
     }
 
-    /// Returns the light at places that see what the object's mirrors show and its middle does not,
-    /// if the driver knows it at once.
-    fn sides(&mut self, object: &LocalObject, room: Option<&Room>) -> Vec<LightProbe> {
-        let room = room.filter(|_| object.is_shiny() && self.keeps_samples());
-        let places = room.map_or_else(Vec::new, |room| side_places(object, room, MOST_SIDES));
-        places
-            .into_iter()
-            .filter_map(|place| self.probe_of_store(place, SIDE_OF_SIDES)?.ok())
-            .collect()
-    }
-
-    /// Returns the light at a place that the driver's one store has. `None` if the place is not
-    /// possible.
-    fn probe_of_store(
+    /// Finds the light around an object in the store of a driver. `None` if an input has interrupted
+    /// it; a later call continues. A quick frame draws a single face. Where no light is known yet,
+    /// that of the object's middle comes first.
+    fn light_of_store(
         &mut self,
-        centre: DVec3,
-        side: u32,
-    ) -> Option<Result<LightProbe, ProbeError>> {
-        let looks = looks(centre, side)?;
-        let mut renderer = self.driver.light.renderer();
-        let frames = looks.iter().map(|look| frame(renderer.as_mut(), look));
-        let frames: Vec<Frame> = frames.collect::<Option<_>>()?;
-        Some(probe_of(centre, frames))
+        object: &LocalObject,
+        is_quick: bool,
+        is_file: bool,
+        room: Option<&Room>,
+    ) -> Option<FoundLight> {
+        let interrupt = self.interrupt.clone();
+        let waits = |faces: usize| match (is_file, is_quick) {
+            (true, _) => false,
+            (_, true) => faces > 0,
+            _ => interrupt.is_set(),
+        };
+        let lightings = &self.objects.lightings;
+        if !is_file && lightings.unfinished.as_ref().is_some_and(|probe| !probe.is_of(object)) {
+            // One after the other.
+            return None;
+        }
+        let samples = self.objects.lightings.samples;
+        let begun = self.objects.lightings.unfinished.take();
+        let mut probe = match begun.filter(|probe| probe.is_of(object) && !is_file) {
+            Some(probe) => probe,
+            None => UnfinishedProbe {
+                centre: object.centre(),
+                side: side(object),
+                renderer: self.driver.light.renderer(),
+                samples,
+                faces: Vec::new(),
+                middle: None,
+                places: None,
+                sides: Vec::new(),
+            },
+        };
+        let is_first = !is_file && self.objects.lightings.nearest(object).is_none();
+        let mut faces = 0;
+        let is_known = loop {
+            if let Some(middle) = probe.middle.clone().filter(|_| is_first) {
+                let lighting = Some(ObjectLighting::new(middle, LIGHTS, room));
+                self.objects.lightings.unfinished = Some(probe);
+                return Some(FoundLight { lighting, samples, is_whole: false });
+            }
+            if waits(faces) {
+                self.objects.lightings.unfinished = Some(probe);
+                return None;
+            }
+            match probe.advance(object, room) {
+                Ok(false) => faces += 1,
+                Ok(true) => break true,
+                Err(_) => break false,
+            }
+        };
+        let UnfinishedProbe { middle, sides, samples, .. } = probe;
+        let middle = middle.filter(|_| is_known);
+        let lighting = middle.map(|middle| ObjectLighting::new(middle, LIGHTS, room));
+        let lighting = lighting.map(|lighting| lighting.with_sides(sides));
+        Some(FoundLight { lighting, samples, is_whole: true })
     }
 
-    /// Returns the light that the driver shows around an object. `None` if its samples are under
-    /// way.
+    /// Returns the light around an object by a driver that draws one view. `None` if its samples are
+    /// under way.
     fn probe(&mut self, object: &LocalObject) -> Option<Result<LightProbe, ProbeError>> {
-        if self.keeps_samples() {
-            // What is not there yet makes a later probe better.
-            return self.probe_of_store(object.centre(), side(object));
-        }
         let mut waiting = self.objects.lightings.waiting.iter();
         let at = waiting.position(|probe| probe.is_of(object))?;
         if !self.is_ready(&self.objects.lightings.waiting[at]) {
@@ -302,4 +412,53 @@ fn frame(renderer: &mut dyn Renderer, look: &FrameRequest) -> Option<Frame> {
 fn probe_of(centre: DVec3, frames: Vec<Frame>) -> Result<LightProbe, ProbeError> {
     let frames: [Frame; 6] = frames.try_into().map_err(|_| ProbeError::Frames)?;
     LightProbe::new(centre, &frames)
+}
+
+#[cfg(test)]
+mod tests {
+    use holo_local_objects::{ObjectModel, ObjectPose};
+    use holo_scene::{Material, Scene};
+    use tokio::{net::TcpListener, time::timeout};
+
+    use super::*;
+    use crate::tests::{LIMIT, connect, serve};
+
+    /// A triangle in the middle of the room.
+    fn object() -> LocalObject {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Z];
+        let materials = vec![Material::grey("paint")];
+        let made = Scene::from_world(&corners, &[[0, 1, 2]], &[0], materials, [0.0; 3]);
+        let model = ObjectModel::new(made.unwrap().0, DVec3::Z, 1.0).unwrap();
+        LocalObject::new(Arc::new(model), ObjectPose::at(DVec3::splat(2.5)), DVec3::Z).unwrap()
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn an_input_ends_the_search_for_light_and_later_frames_go_on_with_it() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let serving = tokio::spawn(serve(listener));
+        let connected = connect(address).await;
+        let looking = tokio::task::spawn_blocking(move || {
+            let mut session = connected.begin(|_| {}).unwrap().unwrap();
+            let object = object();
+            let faces = |session: &Session| {
+                session.objects.lightings.unfinished.as_ref().map(|probe| probe.faces.len())
+            };
+            session.interrupt().set();
+            assert!(session.light_of_store(&object, false, false, None).is_none());
+            assert_eq!(faces(&session), Some(0));
+            // A frame of a motion draws one face, whatever comes.
+            for number in 1..4 {
+                assert!(session.light_of_store(&object, true, false, None).is_none());
+                assert_eq!(faces(&session), Some(number));
+            }
+            session.interrupt().clear();
+            assert!(session.light_of_store(&object, false, false, None).is_some());
+            // Whoever waits for a file is not interrupted.
+            session.interrupt().set();
+            assert!(session.light_of_store(&object, false, true, None).is_some());
+        });
+        timeout(LIMIT, looking).await.unwrap().unwrap();
+        timeout(LIMIT, serving).await.unwrap().unwrap();
+    }
 }

@@ -456,7 +456,10 @@ impl Session {
         let settles = objects.settles();
         objects.shown.as_ref().is_some_and(|shown| {
             let is_moving = shown.look.is_moving;
-            let is_rough = shown.is_quick || shown.layer.is_unfinished() || self.has_probe();
+            let is_rough = shown.is_quick
+                || shown.layer.is_unfinished()
+                || self.has_probe()
+                || objects.lightings.are_unfinished();
             !is_moving && settles && is_rough
         })
     }
@@ -594,6 +597,7 @@ impl Session {
         room: Option<&Room>,
     ) -> Vec<LitObject> {
         let objects = self.carried();
+        self.objects.lightings.forget_others(&objects);
         let mut lit = Vec::with_capacity(objects.len());
         for object in objects {
             let lighting = self.lighting(&object, is_quick, is_file, room);
