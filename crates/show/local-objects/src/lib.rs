@@ -11,7 +11,7 @@
 //! 4. An [`ObjectLayer`] casts the rays of a frame against the objects, and adds up passes. It also
 //!    estimates the share of light that the objects take from the surfaces around them.
 //!    [`ObjectLayer::compose`] draws both over a frame of any driver. While an object moves, a ray
-//!    stands for several pixels.
+//!    stands for several pixels, and mirrors look their light up in the probe alone.
 //!
 //! Objects hide each other and cast shadows on each other, but do not reflect each other. Light that
 //! they emit is seen, and lights nothing else. Glass shows the probe's light, refracted, and casts

@@ -169,9 +169,11 @@ impl Shader<'_> {
         })
     }
 
-    /// Returns the radiance of an object's surroundings along a ray that leaves it.
+    /// Returns the radiance of an object's surroundings along a ray that leaves it. Quick frames look
+    /// it up by the probe's distances, exact ones by what the ray meets in the room.
     fn around(&self, lit: &LitObject, origin: DVec3, direction: Vec3, blur: f32) -> Vec3 {
-        match self.room.filter(|_| blur <= SHARP) {
+        let is_exact = self.detail == LightDetail::Exact;
+        match self.room.filter(|_| is_exact && blur <= SHARP) {
             Some(room) => lit.radiance_in_room(room, origin, direction, blur),
             None => lit.radiance(lit.relative(origin), direction, blur),
         }
