@@ -19,6 +19,7 @@ use crate::{
     Token,
     identity::key,
     inbox::{FROM_A_PEER, FROM_THE_SERVER, FrameReader},
+    last_heard::LastHeard,
     machine,
     private_files::random,
     tls::{self, ReadHalf, WriteHalf},
@@ -119,7 +120,8 @@ async fn introduce(
     accepted(&reader.frame_of(FrameKind::Answer).await?)?;
     match Control::decode(&reader.frame_of(FrameKind::Control).await?)? {
         Control::Welcome(welcome) => {
-            let inbox = Inbox::start(reader, outbox.downgrade(), FROM_THE_SERVER);
+            outbox.keep_alive();
+            let inbox = Inbox::start(reader, FROM_THE_SERVER);
             Ok((inbox, outbox, *welcome))
         }
         _ => Err(ProtoError::NotHolodeck.into()),
@@ -207,7 +209,7 @@ async fn greet(
     };
     let (hello, access) =
         timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
-    Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello, access))
+    Ok((Inbox::start(reader, FROM_A_PEER), outbox, hello, access))
 }
 
 /// Reads the hello of a peer on any machine over an encrypted connection, and lets it prove that it
@@ -247,7 +249,7 @@ pub async fn accept_secure(
     };
     let (reader, outbox, hello, access) =
         timeout(HANDSHAKE_TIME, shake).await.map_err(|_| NetError::Handshake)??;
-    Ok((Inbox::start(reader, outbox.downgrade(), FROM_A_PEER), outbox, hello, access))
+    Ok((Inbox::start(reader, FROM_A_PEER), outbox, hello, access))
 }
 
 /// Returns true if the first bytes from a peer may begin TLS. If fewer than three arrive at once,
@@ -350,5 +352,6 @@ fn at_once(stream: &TcpStream) {
 }
 
 fn start((read, write): (ReadHalf, WriteHalf)) -> (FrameReader, Outbox) {
-    (FrameReader::new(read), Outbox::start(write))
+    let heard = LastHeard::new();
+    (FrameReader::new(read, heard.clone()), Outbox::start(write, heard))
 }

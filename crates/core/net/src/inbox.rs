@@ -2,7 +2,7 @@
 
 use std::{
     io::ErrorKind,
-    sync::{Mutex, PoisonError},
+    sync::{Arc, Mutex, PoisonError},
 };
 
 use holo_proto::{
@@ -12,19 +12,21 @@ use holo_proto::{
 };
 use tokio::{
     io::{AsyncReadExt, BufReader},
-    sync::mpsc,
+    sync::{OwnedSemaphorePermit, Semaphore, mpsc},
     task::AbortHandle,
     time::timeout,
 };
 
-use crate::{KEEP_ALIVE, Message, NetError, SILENCE, outbox::WeakOutbox, tls::ReadHalf};
+use crate::{KEEP_ALIVE, Message, NetError, SILENCE, last_heard::LastHeard, tls::ReadHalf};
 
 /// Messages of a peer that a server reads in advance. A peer that sends more waits.
 pub(crate) const FROM_A_PEER: usize = 1;
 
-/// Messages of a server that its peers read in advance: 64 MiB, because each has at most about
-/// 1 MiB. A display that prepares a scene for a minute must still answer pings.
+/// Messages of a server that its peers read in advance.
 pub(crate) const FROM_THE_SERVER: usize = 64;
+
+/// Most bytes of payloads that are read in advance. A longer message waits alone.
+const AHEAD_BYTES: usize = 32 << 20;
 
 /// Bytes of a payload that memory is taken for at once.
 const FIRST_PIECE: usize = 1 << 15;
@@ -64,22 +66,22 @@ impl Drop for Unfinished {
     }
 }
 
-/// The receiving half: messages that a task has read from the socket.
-///
-/// The task answers the other side's keep-alive pings at once. A process that builds a scene for a
-/// minute therefore still shows that it is alive. Dropping the inbox ends the task.
+/// The receiving half: messages that a task has read from the socket, in bounded memory. Dropping
+/// the inbox ends the task.
 #[derive(Debug)]
 pub struct Inbox {
-    messages: mpsc::Receiver<Result<Message, NetError>>,
+    messages: mpsc::Receiver<WaitingMessage>,
     task: AbortHandle,
 }
 
+/// A message, or the end of the connection, with its part of [`AHEAD_BYTES`].
+type WaitingMessage = (Result<Message, NetError>, Option<OwnedSemaphorePermit>);
+
 impl Inbox {
-    /// Starts the task. It answers pings through `outbox`, and does not keep the outbox open. It
-    /// reads at most `ahead` messages in advance.
-    pub(crate) fn start(reader: FrameReader, outbox: WeakOutbox, ahead: usize) -> Inbox {
+    /// Starts the task. It reads at most `ahead` messages in advance.
+    pub(crate) fn start(reader: FrameReader, ahead: usize) -> Inbox {
         let (sender, messages) = mpsc::channel(ahead);
-        let task = tokio::spawn(read(reader, outbox, sender)).abort_handle();
+        let task = tokio::spawn(read(reader, sender)).abort_handle();
         Inbox { messages, task }
     }
 
@@ -89,7 +91,7 @@ impl Inbox {
     /// [`NetError::Closed`], [`NetError::StartsAgain`], [`NetError::Silent`], [`NetError::Io`] or
     /// [`NetError::Proto`]; the connection is then over.
     pub async fn next(&mut self) -> Result<Message, NetError> {
-        self.messages.recv().await.unwrap_or(Err(NetError::Closed))
+        self.messages.recv().await.map_or(Err(NetError::Closed), |(message, _)| message)
     }
 }
 
@@ -100,23 +102,18 @@ impl Drop for Inbox {
 }
 
 /// Reads messages until the connection ends or the inbox is dropped.
-async fn read(
-    mut reader: FrameReader,
-    outbox: WeakOutbox,
-    messages: mpsc::Sender<Result<Message, NetError>>,
-) {
+async fn read(mut reader: FrameReader, messages: mpsc::Sender<WaitingMessage>) {
+    let ahead = Arc::new(Semaphore::new(AHEAD_BYTES));
     loop {
-        let mut message = reader.message().await;
+        let (mut message, bytes) = match reader.message().await {
+            Ok((message, bytes)) => (Ok(message), bytes),
+            Err(error) => (Err(error), 0),
+        };
         match message {
-            Ok(Message::Control(Control::Ping(KEEP_ALIVE))) => {
-                if let Some(outbox) = outbox.upgrade() {
-                    // A pong is far below a frame's limit.
-                    let _ = outbox.control(&Control::Pong(KEEP_ALIVE));
-                }
+            // They have no other content.
+            Ok(Message::Control(Control::Ping(KEEP_ALIVE) | Control::Pong(KEEP_ALIVE))) => {
                 continue;
             }
-            // A keep-alive pong has no other content.
-            Ok(Message::Control(Control::Pong(KEEP_ALIVE))) => continue,
             // Whatever waits for a message must connect anew, as after a lost connection.
             Ok(Message::Control(Control::Bye(Farewell::StartsAgain))) => {
                 message = Err(NetError::StartsAgain);
@@ -124,7 +121,9 @@ async fn read(
             _ => {}
         }
         let over = message.is_err();
-        if messages.send(message).await.is_err() || over {
+        let room = Arc::clone(&ahead).acquire_many_owned(bytes.min(AHEAD_BYTES) as u32).await;
+        // The semaphore is never closed.
+        if messages.send((message, room.ok())).await.is_err() || over {
             return;
         }
     }
@@ -133,11 +132,12 @@ async fn read(
 /// Reads frames from a socket.
 pub(crate) struct FrameReader {
     reader: BufReader<ReadHalf>,
+    heard: LastHeard,
 }
 
 impl FrameReader {
-    pub(crate) fn new(socket: ReadHalf) -> FrameReader {
-        FrameReader { reader: BufReader::with_capacity(1 << 16, socket) }
+    pub(crate) fn new(socket: ReadHalf, heard: LastHeard) -> FrameReader {
+        FrameReader { reader: BufReader::with_capacity(1 << 16, socket), heard }
     }
 
     /// Reads a frame of the given kind, and refuses others. A handshake reads nothing else, and
@@ -171,10 +171,11 @@ impl FrameReader {
         }
     }
 
-    async fn message(&mut self) -> Result<Message, NetError> {
+    /// Reads a message. Returns it with the bytes of its payload.
+    async fn message(&mut self) -> Result<(Message, usize), NetError> {
         let header = self.header().await?;
         let payload = self.payload(header).await?;
-        Ok(Message::decode(header.kind, &payload)?)
+        Ok((Message::decode(header.kind, &payload)?, payload.len()))
     }
 
     async fn header(&mut self) -> Result<FrameHeader, NetError> {
@@ -212,6 +213,7 @@ impl FrameReader {
             if read == 0 {
                 return Err(NetError::Closed);
             }
+            self.heard.note();
             room = &mut std::mem::take(&mut room)[read..];
         }
         Ok(())

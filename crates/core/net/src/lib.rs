@@ -3,10 +3,10 @@
 //! No other crate opens a protocol socket. Invariants:
 //! - Memory for a frame is allocated only after its length was checked against its kind. Before the
 //!   handshake is done, nothing longer than a hello is read.
-//! - The server pings all peers every [`PING_EVERY`]. The tasks that own the sockets send and
-//!   answer these pings. Neither a long computation nor a long transfer looks like silence.
-//! - A connection ends if nothing arrives for [`SILENCE`], or if the other side reads nothing for
-//!   that time. The other side then hangs or has vanished.
+//! - Both sides ping every [`PING_EVERY`], from tasks of their own. Neither a long computation nor
+//!   a long transfer looks like silence.
+//! - A connection ends if nothing arrives for [`SILENCE`]: the other side has vanished. It also ends
+//!   if the other side takes nothing of what waits for it for [`LONGEST_BUSY`].
 //! - Sending never blocks. Frames queue in an [`Outbox`], whose owner monitors
 //!   [`Outbox::queued_bytes`].
 //! - Without encryption, only loopback addresses are used. Other connections are TLS 1.3. The
@@ -19,6 +19,7 @@ mod handshake;
 mod identity;
 mod inbox;
 mod join;
+mod last_heard;
 mod machine;
 mod message;
 mod outbox;
@@ -49,18 +50,23 @@ pub use tls::encrypt_to;
 
 use std::time::Duration;
 
-/// Time of silence after which a connection is dead. The server pings every [`PING_EVERY`], so live
+/// Time of silence after which a connection is dead. Both sides ping every [`PING_EVERY`], so live
 /// ones are never silent that long. A process on a machine that swaps may stall for some seconds
 /// and must survive.
 pub const SILENCE: Duration = Duration::from_secs(15);
 
-/// Interval between the server's pings.
+/// Longest time for which a side may take nothing of what waits for it, although it pings. A
+/// display may draw a large picture for a minute. A process that hangs must not hold the memory of
+/// its connection for ever.
+pub const LONGEST_BUSY: Duration = Duration::from_secs(120);
+
+/// Interval between pings.
 pub const PING_EVERY: Duration = Duration::from_secs(2);
 
 /// Longest time for a handshake. It takes round trips, not seconds. A peer that connects and sends
 /// nothing holds a socket no longer than this.
 pub const HANDSHAKE_TIME: Duration = Duration::from_secs(5);
 
-/// Number of the pings that keep a connection alive. Socket tasks send and answer them. A ping with
-/// any other number is an ordinary message: its pong reports that everything before it was handled.
+/// Number of the pings that keep a connection alive. Nobody needs to answer them. A ping with any
+/// other number is an ordinary message: its pong reports that everything before it was handled.
 const KEEP_ALIVE: u64 = 0;

@@ -2,6 +2,7 @@
 
 use std::{
     io,
+    pin::pin,
     sync::{
         Arc,
         atomic::{AtomicUsize, Ordering},
@@ -17,10 +18,10 @@ use holo_proto::{
 use tokio::{
     io::{AsyncWriteExt, BufWriter},
     sync::mpsc,
-    time::{sleep, timeout},
+    time::{Instant, sleep, timeout},
 };
 
-use crate::{KEEP_ALIVE, PING_EVERY, SILENCE, tls::WriteHalf};
+use crate::{KEEP_ALIVE, LONGEST_BUSY, PING_EVERY, SILENCE, last_heard::LastHeard, tls::WriteHalf};
 
 /// The sending half: a queue that a task writes to the socket. Clones share the queue.
 ///
@@ -34,13 +35,14 @@ pub struct Outbox {
 
 impl Outbox {
     /// Starts the task that writes.
-    pub(crate) fn start(socket: WriteHalf) -> Outbox {
+    pub(crate) fn start(socket: WriteHalf, heard: LastHeard) -> Outbox {
         let (queue, frames) = mpsc::unbounded_channel();
         let queued = Arc::new(AtomicUsize::new(0));
         let writer = OutboxWriter {
             stream: BufWriter::with_capacity(1 << 16, socket),
             in_hand: 0,
             queued: Arc::clone(&queued),
+            heard,
         };
         tokio::spawn(writer.run(frames));
         Outbox { queue, queued }
@@ -95,13 +97,14 @@ impl Outbox {
 
     /// Starts a task that pings the other side every [`PING_EVERY`] until the connection ends.
     pub(crate) fn keep_alive(&self) {
-        let weak = self.downgrade();
+        let (weak, queued) = (self.queue.downgrade(), Arc::clone(&self.queued));
         tokio::spawn(async move {
             loop {
                 sleep(PING_EVERY).await;
-                let Some(outbox) = weak.upgrade().filter(|outbox| !outbox.is_closed()) else {
+                let Some(queue) = weak.upgrade().filter(|queue| !queue.is_closed()) else {
                     return;
                 };
+                let outbox = Outbox { queue, queued: Arc::clone(&queued) };
                 // Other frames in the queue also show that this side is alive.
                 if outbox.queued_bytes() == 0 {
                     // A ping is far below a frame's limit.
@@ -110,35 +113,19 @@ impl Outbox {
             }
         });
     }
-
-    pub(crate) fn downgrade(&self) -> WeakOutbox {
-        WeakOutbox { queue: self.queue.downgrade(), queued: Arc::clone(&self.queued) }
-    }
-}
-
-/// An [`Outbox`] that does not keep the connection open.
-#[derive(Debug)]
-pub(crate) struct WeakOutbox {
-    queue: mpsc::WeakUnboundedSender<Vec<u8>>,
-    queued: Arc<AtomicUsize>,
-}
-
-impl WeakOutbox {
-    pub(crate) fn upgrade(&self) -> Option<Outbox> {
-        Some(Outbox { queue: self.queue.upgrade()?, queued: Arc::clone(&self.queued) })
-    }
 }
 
 /// The task that writes.
 ///
 /// It ends with the last [`Outbox`], at an empty frame, or when the other side is gone. It also
-/// ends when the other side has taken nothing for [`SILENCE`]: a process that hangs must not hold
-/// its connection's memory for ever.
+/// ends when the other side has taken nothing and was not heard for [`SILENCE`], or has taken
+/// nothing for [`LONGEST_BUSY`].
 struct OutboxWriter {
     stream: BufWriter<WriteHalf>,
     /// Bytes taken off the queue, counted in `queued` and not yet with the operating system.
     in_hand: usize,
     queued: Arc<AtomicUsize>,
+    heard: LastHeard,
 }
 
 impl OutboxWriter {
@@ -166,7 +153,7 @@ impl OutboxWriter {
                 self.write(&frame).await?;
                 next = if is_last { None } else { frames.try_recv().ok() };
             }
-            timeout(SILENCE, self.stream.flush()).await??;
+            taken(self.stream.flush(), &self.heard).await?;
             self.count(0);
             if is_last {
                 return Ok(());
@@ -177,7 +164,7 @@ impl OutboxWriter {
 
     async fn write(&mut self, mut rest: &[u8]) -> io::Result<()> {
         while !rest.is_empty() {
-            let written = timeout(SILENCE, self.stream.write(rest)).await??;
+            let written = taken(self.stream.write(rest), &self.heard).await?;
             if written == 0 {
                 return Err(io::ErrorKind::WriteZero.into());
             }
@@ -193,5 +180,20 @@ impl OutboxWriter {
         let left = self.stream.buffer().len() + of_this_frame;
         self.queued.fetch_sub(self.in_hand.saturating_sub(left), Ordering::Relaxed);
         self.in_hand = self.in_hand.min(left);
+    }
+}
+
+/// Waits until the other side takes something, as long as it may wait.
+async fn taken<T>(taking: impl Future<Output = io::Result<T>>, heard: &LastHeard) -> io::Result<T> {
+    let start = Instant::now();
+    let mut taking = pin!(taking);
+    loop {
+        match timeout(SILENCE, &mut taking).await {
+            Ok(taken) => return taken,
+            Err(late) if !heard.is_recent() || start.elapsed() >= LONGEST_BUSY => {
+                return Err(late.into());
+            }
+            Err(_) => {}
+        }
     }
 }

@@ -29,7 +29,8 @@ pub struct Drawn {
     pub errors: Vec<f32>,
 }
 
-/// Samples per pixel from which squares have sides of 2 pixels.
+/// Samples per pixel from which squares have sides of 2 pixels. In the best picture, a denoiser
+/// always has such squares, because wider ones stand in where samples are few.
 const SPARSE: f32 = 0.3;
 
 /// Samples per pixel from which squares have sides of 1 pixel in the best picture.
@@ -42,6 +43,9 @@ const VERY_DENSE: f32 = 16.0;
 /// Share of pixels with samples from which a denoiser makes better pictures from all pixels than
 /// from squares of 2 × 2. It takes four times as long.
 const COVERED: f32 = 0.7;
+
+/// Greatest side of a square that a denoiser sees, pixels.
+pub(crate) const WIDEST_DENOISED: usize = 16;
 
 /// Greatest side of a square, pixels.
 const MOST_STEP: usize = 4;
@@ -112,6 +116,34 @@ impl Gathered {
         known: &mut LightMemory,
         interrupt: &Interrupt,
     ) -> Option<Drawn> {
+        let mut in_panes = Vec::new();
+        let last_rank = view.in_panes.iter().map(|pane| pane.rank).max();
+        for rank in 0..last_rank.map_or(0, |last| (last + 1).min(MOST_RANKS)) {
+            let panes = view.panes_of_rank(rank);
+            in_panes.push(self.layer_of_panes((view, store), &panes, step, interrupt)?);
+        }
+        let (squares, lights) =
+            self.squares((view, store), step, in_panes.first(), denoiser, interrupt)?;
+        interrupt.check()?;
+        let refined = RefinedLight { pieces: self.pieces(), in_panes: &in_panes };
+        let layer = view.layer(store, squares, lights);
+        let learn = || known.learn(view, &layer.squares, &layer.lights);
+        Some(rayon::join(|| view.lit(store, &layer, &refined), learn).0)
+    }
+
+    /// Returns squares with sides of `step` pixels, and their light. `in_panes` is the light that
+    /// panes mirror. `None` if it was interrupted.
+    ///
+    /// A denoiser takes lone samples among squares without any for features of the picture. Where
+    /// samples are few, the light is that of wider squares.
+    fn squares(
+        &self,
+        (view, store): (&SurfaceView, &LightStore),
+        step: usize,
+        in_panes: Option<&SquareLayer>,
+        denoiser: Option<&mut Denoiser>,
+        interrupt: &Interrupt,
+    ) -> Option<(Squares, Vec<Estimate>)> {
         let squares = Squares::new(|pixel| view.seen[pixel], view.size, step);
         let pixels = self.pixels();
         let mut sums = OfSquares {
@@ -121,33 +153,38 @@ impl Gathered {
                 squares.sums(view.size, all)
             }),
         };
-        let (mut in_panes, mut behind) = (Vec::new(), BehindPanes::default());
-        let last_rank = view.in_panes.iter().map(|pane| pane.rank).max();
-        for rank in 0..last_rank.map_or(0, |last| (last + 1).min(MOST_RANKS)) {
-            let panes = view.panes_of_rank(rank);
-            let layer = self.layer_of_panes((view, store), &panes, step, interrupt)?;
-            if in_panes.is_empty() {
-                let mirrored = &view.squares_in_panes(&panes, step).seen;
-                let lit = (&layer, &AmbientGuess::new(view, store));
-                behind = BehindPanes::new(view, (&squares, mirrored), lit, &mut sums);
-            }
-            in_panes.push(layer);
-        }
-        let lights = if sums.are_empty() {
-            vec![Estimate::UNKNOWN; squares.seen.len()]
-        } else {
-            let once = denoiser.is_some();
-            let filtered = squares.filter((view, store), &sums, &behind, once, interrupt)?;
-            match denoiser {
-                Some(denoiser) => squares.denoise(&sums, &behind, filtered, denoiser, interrupt),
-                None => filtered.lights,
+        let behind = match in_panes {
+            None => BehindPanes::default(),
+            Some(layer) => {
+                let mirrored = &view.squares_in_panes(&view.panes_of_rank(0), step).seen;
+                let lit = (layer, &AmbientGuess::new(view, store));
+                BehindPanes::new(view, (&squares, mirrored), lit, &mut sums)
             }
         };
-        interrupt.check()?;
-        let refined = RefinedLight { pieces: self.pieces(), in_panes: &in_panes };
-        let layer = view.layer(store, squares, lights);
-        let learn = || known.learn(view, &layer.squares, &layer.lights);
-        Some(rayon::join(|| view.lit(store, &layer, &refined), learn).0)
+        if sums.are_empty() {
+            let unknown = vec![Estimate::UNKNOWN; squares.seen.len()];
+            return Some((squares, unknown));
+        }
+        let once = denoiser.is_some();
+        let filtered = squares.filter((view, store), &sums, &behind, once, interrupt)?;
+        let Some(denoiser) = denoiser else { return Some((squares, filtered.lights)) };
+        let mut lights = squares.denoise(&sums, &behind, filtered, denoiser, interrupt);
+        if step < WIDEST_DENOISED
+            && let Some(weights) = squares.weights_of_wider(&sums)
+        {
+            let (wider, of_wider) =
+                self.squares((view, store), 2 * step, in_panes, Some(denoiser), interrupt)?;
+            let wider = SquareLayer::new(wider, of_wider, |_| Estimate::UNKNOWN);
+            lights.par_iter_mut().enumerate().for_each(|(number, light)| {
+                let weight = weights[number];
+                if weight > 0.0
+                    && let Some(wide) = wider.at(squares.middle(number), &squares.seen[number])
+                {
+                    light.light = light.light.lerp(wide.light, weight);
+                }
+            });
+        }
+        Some((squares, lights))
     }
 
     /// Returns the light that panes mirror, in a picture whose squares have sides of `step` pixels.
@@ -205,7 +242,7 @@ impl Density {
     /// the picture need not be the best, it appears soon.
     pub fn step(&self, is_best: bool, has_denoiser: bool) -> usize {
         let dense = if is_best || has_denoiser { DENSE } else { VERY_DENSE };
-        if self.samples < SPARSE {
+        if self.samples < SPARSE && !(is_best && has_denoiser) {
             MOST_STEP
         } else if self.samples >= dense || (is_best && has_denoiser && self.covered >= COVERED) {
             1

@@ -170,16 +170,20 @@ impl Light for SurfaceLight {
 
     fn insert(&mut self, age: Age, beam: BeamKey, paths: u16, samples: &[Sample]) {
         let scene = &mut *lock(&self.0);
-        let waits = match age {
-            Age::Present => &mut scene.waiting,
-            Age::Earlier => &mut scene.earlier,
-        };
-        waits.push(beam, paths, samples);
-        if waits.len() >= BATCH {
-            scene.place_waiting();
-            if age == Age::Present {
-                // While samples pour in, the session has no time for `prepare`.
-                scene.views.values_mut().for_each(|shown| _ = shown.prepare_edges(&scene.store));
+        // A beam may have millions of samples. To place them takes several times their memory.
+        for samples in samples.chunks(BATCH) {
+            let waits = match age {
+                Age::Present => &mut scene.waiting,
+                Age::Earlier => &mut scene.earlier,
+            };
+            waits.push(beam, paths, samples);
+            if waits.len() >= BATCH {
+                scene.place_waiting();
+                if age == Age::Present {
+                    // While samples pour in, the session has no time for `prepare`.
+                    let shown = scene.views.values_mut();
+                    shown.for_each(|shown| _ = shown.prepare_edges(&scene.store));
+                }
             }
         }
     }

@@ -3,7 +3,7 @@
 //!
 //! A part is drawn with a margin, because the filter looks at the pixels around.
 
-use crate::draw::Density;
+use crate::draw::{Density, WIDEST_DENOISED};
 use crate::known::LightMemory;
 use crate::{Drawn, Gathered, LightStore, Materials, SurfaceView};
 use holo_denoise::Denoiser;
@@ -17,6 +17,12 @@ use std::sync::Arc;
 /// Width of the margin, in squares of pixels. The filter's sums reach further, but its weights
 /// there are small.
 const MARGIN: u32 = 32;
+
+/// The widest squares. Those of all parts lie on one grid.
+const WIDEST: u32 = WIDEST_DENOISED as u32;
+
+/// Least width of the margin, pixels: some of the widest squares.
+const LEAST_MARGIN: u32 = 6 * WIDEST;
 
 /// Pixels on edges that are examined between two looks at the interrupt.
 const EDGE_PIXELS: usize = 1 << 12;
@@ -57,9 +63,10 @@ impl PartsSource<'_> {
         rows: Range<u32>,
     ) -> Option<Picture> {
         let FrameRequest { view: eye, size, .. } = plan.look;
-        let margin = MARGIN * plan.step as u32;
+        let margin = (MARGIN * plan.step as u32).max(LEAST_MARGIN);
         let widened = |range: &Range<u32>, whole: u32| {
-            range.start.saturating_sub(margin)..range.end.saturating_add(margin).min(whole)
+            let start = range.start.saturating_sub(margin) / WIDEST * WIDEST;
+            start..range.end.saturating_add(margin).min(whole)
         };
         let (across, down) = (widened(&columns, size.0), widened(&rows, size.1));
         let drawn_size = (across.end - across.start, down.end - down.start);

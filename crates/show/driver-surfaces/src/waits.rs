@@ -9,6 +9,9 @@ use rayon::prelude::*;
 use crate::place::Placed;
 use crate::{Materials, Placer};
 
+/// Most samples that one thread places in one go.
+const PIECE: usize = 1 << 12;
+
 /// Samples that wait to be placed together.
 #[derive(Default)]
 pub(crate) struct Waits {
@@ -19,9 +22,11 @@ pub(crate) struct Waits {
 
 impl Waits {
     pub(crate) fn push(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) {
-        let begin = self.samples.len();
-        self.samples.extend_from_slice(samples);
-        self.pieces.push((beam, paths, begin..self.samples.len()));
+        for piece in samples.chunks(PIECE) {
+            let begin = self.samples.len();
+            self.samples.extend_from_slice(piece);
+            self.pieces.push((beam, paths, begin..self.samples.len()));
+        }
     }
 
     /// Returns the number of samples.

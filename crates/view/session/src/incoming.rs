@@ -1,6 +1,6 @@
 //! Reads the server's messages on a task of its own, whatever the session is doing.
 //!
-//! Pings are answered at once. Pieces of the scene are collected here. Everything else waits for
+//! Pings are answered in turn. Pieces of the scene are collected here. Everything else waits for
 //! the session, in bounded memory. If that is full, the server waits.
 
 use std::sync::{Arc, mpsc};
@@ -18,10 +18,8 @@ use super::{
     scene::{Blobs, SceneLoader},
 };
 
-/// Most bytes of messages that wait for the session. A session that draws for 15 s while a million
-/// samples arrive per second stays below it. A server disconnects a display that reads nothing for
-/// that long.
-pub const MAX_WAITING_BYTES: usize = 256 << 20;
+/// Most bytes of messages that wait for the session.
+pub const MAX_WAITING_BYTES: usize = 64 << 20;
 
 /// An event that a session waits for.
 pub enum Incoming {

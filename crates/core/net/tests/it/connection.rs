@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::common::{SOON, pair, raw_client, until};
-use holo_net::{Message, NetError, SILENCE};
+use holo_net::{LONGEST_BUSY, Message, NetError, SILENCE};
 use holo_proto::{
     ProtoError,
     bulk::{BlobChunk, SampleSource, ViewSamples},
@@ -174,16 +174,39 @@ async fn a_side_that_is_busy_for_minutes_is_not_silent_and_loses_nothing() {
     tokio::time::pause();
     let start = Instant::now();
     let piece = |offset| BlobChunk { offset, bytes: vec![offset as u8; 1 << 20] };
-    for offset in 0..32 {
+    // Far more than what is read in advance and what the systems hold.
+    for offset in 0..200 {
         outbox.send(FrameKind::BlobChunk, &piece(offset).encode()).unwrap();
     }
-    // The peer takes no message out of its inbox, as a display that builds a scene.
-    let heard = timeout(10 * SILENCE, inbox.next()).await;
+    // The peer takes no message out of its inbox, as a display that draws a large picture.
+    let heard = timeout(LONGEST_BUSY - SILENCE, inbox.next()).await;
     assert!(heard.is_err(), "neither a message nor an end: {heard:?}");
-    assert!(start.elapsed() >= 10 * SILENCE && !outbox.is_closed());
-    for offset in 0..32 {
+    assert!(start.elapsed() >= LONGEST_BUSY - SILENCE && !outbox.is_closed());
+    assert!(outbox.queued_bytes() > 100 << 20, "the peer reads little in advance");
+    for offset in 0..200 {
         assert_eq!(busy.next().await.unwrap(), Message::BlobChunk(piece(offset)));
     }
+}
+
+#[tokio::test]
+async fn a_side_that_pings_and_never_takes_anything_is_given_up_in_the_end() {
+    let ((_busy, their_outbox), (_inbox, outbox)) = pair().await;
+    let piece = BlobChunk { offset: 0, bytes: vec![1; 1 << 20] }.encode();
+    for _ in 0..200 {
+        outbox.send(FrameKind::BlobChunk, &piece).unwrap();
+    }
+    tokio::time::pause();
+    let (mut left, mut since) = (outbox.queued_bytes(), Instant::now());
+    while !outbox.is_closed() && since.elapsed() < 2 * LONGEST_BUSY {
+        if outbox.queued_bytes() != left {
+            (left, since) = (outbox.queued_bytes(), Instant::now());
+        }
+        sleep(Duration::from_millis(100)).await;
+    }
+    assert!(outbox.is_closed(), "given up");
+    let waited = since.elapsed();
+    assert!(waited >= LONGEST_BUSY && waited <= LONGEST_BUSY + SILENCE, "{waited:?}");
+    drop(their_outbox);
 }
 
 #[tokio::test]

@@ -120,7 +120,7 @@ impl Squares {
     /// Returns the number of the scale that judges brightest samples. It spans as many pixels at
     /// any step.
     fn limiting_scale(&self) -> usize {
-        if self.step == 4 { 4 } else { 5 }
+        (6 - self.step.ilog2() as usize).min(SCALES - 1)
     }
 
     /// Returns the weights of all scales, by geometry and distance from edges.

@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use crate::common::*;
+use holo_denoise::{Denoiser, Quality};
 use holo_driver_surfaces::{EXAMPLE, Gathered, LightStore, Materials, Placer, SurfaceView};
 use holo_scene::Bsdf;
+use std::path::Path;
 use std::sync::Arc;
 
 #[test]
@@ -68,6 +70,33 @@ fn with_few_samples_a_shadow_along_a_wall_stays_dark() {
         .collect();
     let mean = shaded.iter().sum::<f32>() / shaded.len() as f32;
     assert!(shaded.len() > 30 && (0.03..0.12).contains(&mean), "{mean}, {}", shaded.len());
+}
+
+#[test]
+fn where_the_library_is_installed_few_samples_leave_no_spots() {
+    let path = std::env::var_os("HOLODECK_TEST_OIDN");
+    let Ok(mut denoiser) = Denoiser::load(path.as_deref().map(Path::new), Quality::Balanced) else {
+        println!("skipped: Open Image Denoise is not installed");
+        return;
+    };
+    let raycaster = walled_room(Bsdf::Diffuse { kd: [0.8; 3] });
+    let size = 256_usize;
+    // One sample for 50 pixels.
+    let (store, materials) = kept(&raycaster, &noisy(floor_rays(40, |_, _| 0.25)));
+    let view = SurfaceView::new(Arc::clone(&raycaster), materials, &eye(), (256, 256));
+    let gathered = Gathered::new(&view, &store);
+    let error = |denoiser: Option<&mut Denoiser>| {
+        let drawn = gathered.draw(&view, &store, denoiser);
+        let is_inner = |at: usize| (size / 8..size - size / 8).contains(&at);
+        let inner: Vec<f32> = (0..size * size)
+            .filter(|pixel| is_inner(pixel % size) && is_inner(pixel / size))
+            .map(|pixel| (drawn.pixels[pixel][1] / 0.25 - 1.0).powi(2))
+            .collect();
+        inner.iter().sum::<f32>() / inner.len() as f32
+    };
+    let (own, denoised) = (error(None), error(Some(&mut denoiser)));
+    // Lone samples that stay as spots make it three times as large.
+    assert!(denoised < 1.5 * own, "{denoised}, the own filter leaves {own}");
 }
 
 /// Draws noisy rays of this radiance. Returns the mean squared relative error and the share of
