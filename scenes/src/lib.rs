@@ -1,6 +1,6 @@
 //! The bundled scenes: a Cornell box, a corridor that is lit only indirectly, and a furnished
-//! interior; models as other programs write them; and scenes for measurements. This crate generates
-//! all of them.
+//! interior; models as other programs write them; scenes for measurements; and a teapot. This crate
+//! generates all of them.
 //!
 //! Invariant: a scene has the same bytes each time that it is made. A bundled one is closed except
 //! for its windows. Lights shine on the counter-clockwise side of their faces, into the rooms.
@@ -20,12 +20,14 @@ mod random;
 mod reflections;
 mod rooms;
 mod shapes;
+mod teapot;
 #[cfg(test)]
 mod tests;
 
 pub use models::{MODELS, write_model};
 pub use papers::write_papers;
 pub use reflections::write_reflections;
+pub use teapot::write_teapot;
 
 use std::fs;
 use std::io;

@@ -1,6 +1,8 @@
 //! Writes the bundled scenes to files.
 
-use holo_scenes::{Bundled, MODELS, write, write_model, write_papers, write_reflections};
+use holo_scenes::{
+    Bundled, MODELS, write, write_model, write_papers, write_reflections, write_teapot,
+};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -9,8 +11,9 @@ const HELP: &str = "\
 Writes the bundled scenes: NAME.obj, NAME.mtl and NAME.toml each. `models` are small models as other
 programs write them, to be opened with no option. `reflections` are mirrors for measurements, and
 `papers` are a game of chess, glass with bubbles and a room with a mirror, as the papers show them.
+`teapot` is a chrome teapot, to be carried into a room.
 
-Usage: holo-scenes [cornell|corridor|interior|all|models|reflections|papers] [--out DIR]
+Usage: holo-scenes [cornell|corridor|interior|all|models|reflections|papers|teapot] [--out DIR]
 
 Options:
   --out DIR   where to write; created if it does not exist [default: the current directory]
@@ -95,6 +98,7 @@ fn parse(mut words: impl Iterator<Item = String>) -> Result<Option<Request>, Str
             "models" => models = true,
             "reflections" => sets.push(("reflections", write_reflections)),
             "papers" => sets.push(("papers", write_papers)),
+            "teapot" => sets.push(("the teapot", |dir| Ok(vec![write_teapot(dir)?]))),
             "all" => scenes.extend(Bundled::ALL),
             name => scenes
                 .push(Bundled::named(name).ok_or_else(|| format!("there is no scene `{name}`"))?),

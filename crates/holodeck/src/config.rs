@@ -13,6 +13,7 @@ use holo_proto::control::Engine;
 use serde::Deserialize;
 
 use crate::light::{SkyChoice, StatedLight, StatedLuminaire};
+use crate::objects::SceneObjects;
 
 /// The description of a holodeck. Every key is optional. An unknown key is an error, because it is
 /// most likely misspelt.
@@ -79,6 +80,9 @@ pub struct HolodeckConfig {
     /// Views of an existing file, as Radiance options. They count if `view` is empty.
     #[serde(skip)]
     pub named_views: Vec<(String, String)>,
+    /// Objects of an existing file that are part of its scene.
+    #[serde(skip)]
+    pub objects: SceneObjects,
     /// `auto`, `on` or `off`.
     pub obstructions: Option<Obstructions>,
     /// True if the distances in flat mirrors and glass are those of the surfaces that they show.

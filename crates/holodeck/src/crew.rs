@@ -16,7 +16,7 @@ use tokio::{sync::oneshot, task::JoinHandle};
 use crate::{
     config::HolodeckConfig,
     listening::ListenOptions,
-    prepare::{Edited, light_of},
+    prepare::{Edited, stated_for},
     processes::LocalServer,
     worker::KeptWorker,
 };
@@ -83,7 +83,7 @@ impl SessionProcesses {
         // Whoever joins expects a server that starts again at the same address.
         listen.stay_at(server.outside.as_ref().map_or(server.address, |outside| outside.address));
         let (giver, mailbox) = holo_view::crew();
-        mailbox.light.send_replace(Arc::new(light_of(&file)?));
+        mailbox.stated.send_replace(Arc::new(stated_for(&file)?));
         let (reading, edited) = (None, None);
         Ok(SessionProcesses {
             program,
@@ -146,15 +146,16 @@ impl SessionProcesses {
             CrewOrder::ReadScene(change, answer) => {
                 let (file, scene) = (self.file.clone(), self.scene.clone());
                 let read = tokio::task::spawn_blocking(move || {
-                    Edited::read(&file, scene.as_ref(), change.options())
+                    Edited::read(&file, scene.as_ref(), &change)
                 });
                 // Whoever asked before gets no answer.
                 self.reading = Some((read, answer));
                 Ok(())
             }
             CrewOrder::Restart(answer) => {
-                let trouble = self.restart().await?;
-                let _ = answer.send(Ok(Restarted { address: self.server.address, trouble }));
+                let (trouble, baked) = self.restart().await?;
+                let address = self.server.address;
+                let _ = answer.send(Ok(Restarted { address, trouble, baked }));
                 Ok(())
             }
             CrewOrder::StartOver(answer) => {
@@ -178,28 +179,28 @@ impl SessionProcesses {
     }
 
     /// Goes on with the scene that was read again. Returns why the file has the scene before, if
-    /// it does, or what is odd of the edited one.
-    async fn restart(&mut self) -> Result<Option<String>> {
-        let Some(edited) = self.edited.take() else { return Ok(None) };
+    /// it does, or what is odd of the edited one; and the objects that became part of it.
+    async fn restart(&mut self) -> Result<(Option<String>, Vec<String>)> {
+        let Some(edited) = self.edited.take() else { return Ok((None, Vec::new())) };
         self.worker.kill().await?;
         self.server.process.end_to_start_again().await?;
         let file = self.file.clone();
         let restarting = move || edited.restart(&file).map(|trouble| (trouble, edited));
-        let trouble = match tokio::task::spawn_blocking(restarting).await? {
+        let restarted = match tokio::task::spawn_blocking(restarting).await? {
             Ok((trouble, edited)) => {
-                self.mailbox.light.send_replace(Arc::new(edited.light()));
+                self.mailbox.stated.send_replace(Arc::new(edited.stated()));
                 // Without a configuration, the file says it.
                 self.scene = self.scene.as_ref().map(|_| edited.config().clone());
-                trouble
+                (trouble, edited.baked().to_vec())
             }
             Err(error) => {
                 let words = format!("the scene stays as it is: {error:#}");
                 eprintln!("{words}");
-                Some(words)
+                (Some(words), Vec::new())
             }
         };
         self.begin().await?;
-        Ok(trouble)
+        Ok(restarted)
     }
 
     async fn start_over(&mut self) -> Result<()> {

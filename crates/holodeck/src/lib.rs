@@ -11,6 +11,7 @@
 //! | a picture straight from the tracer | [`render::render`] |
 //! | what a file holds, and its damage | [`info::info`], [`info::verify`] |
 //! | merge files, remove samples | [`files::merge`], [`files::forget`] |
+//! | objects that become part of a file's scene | [`bake::bake`] |
 //! | static files that draw a file in a browser | [`export::export`] |
 //! | splats of a file, for huge files and pages | [`splats::make`] |
 //! | a file that is read faster, or has other sections | [`files::optimize`], [`files::copy`] |
@@ -23,6 +24,7 @@
 //!   they come.
 //! - Another process is known by the reports that it sends ([`processes`]), never by what it prints.
 
+pub mod bake;
 mod brightness;
 pub mod check;
 pub mod compare;
@@ -37,6 +39,7 @@ pub mod light;
 mod limit;
 pub mod listening;
 mod loading;
+mod objects;
 pub mod opening;
 mod passes;
 pub mod places;

@@ -13,8 +13,8 @@ use holo_view::{BrowserArgs, WindowRequest};
 use holodeck::{session::FrontEnd, settings::Usage};
 
 use commands::{
-    arguments, check, compare, copy, demo, export, fill, forget, info, merge, optimize, picture,
-    render, sections, splats, status, tokens, view,
+    arguments, bake, check, compare, copy, demo, export, fill, forget, info, merge, optimize,
+    picture, render, sections, splats, status, tokens, view,
 };
 
 #[global_allocator]
@@ -64,6 +64,7 @@ enum Command {
     Optimize(optimize::OptimizeArgs),
     Copy(copy::CopyArgs),
     Forget(forget::ForgetArgs),
+    Bake(bake::BakeArgs),
     Splats(splats::SplatsArgs),
     Export(export::ExportArgs),
     Status(status::StatusArgs),
@@ -171,6 +172,7 @@ async fn run(program: Program, screen: WindowRequest) -> anyhow::Result<()> {
         Command::Optimize(args) => optimize::run(&args),
         Command::Copy(args) => copy::run(&args),
         Command::Forget(args) => forget::run(&args),
+        Command::Bake(args) => bake::run(&args),
         Command::Splats(args) => splats::run(args),
         Command::Export(args) => export::run(args),
         Command::Status(args) => status::run(args).await,

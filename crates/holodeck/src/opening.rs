@@ -137,6 +137,14 @@ pub fn open(config: &HolodeckConfig, wanted: OpeningRequest, quiet: bool) -> Res
             said.words
         ));
     }
+    if !config.objects.names().is_empty() {
+        // No choice depends on objects either, because they may be taken out again.
+        opened.raycaster = None;
+        let scene = Arc::unwrap_or_clone(opened.scene);
+        let (scene, said) = config.objects.join(scene)?;
+        opened.scene = Arc::new(scene);
+        opened.choices.extend(said);
+    }
     if !light.lamps.is_empty() {
         // No choice depends on factors: a scene whose lamps are off gets no preview light.
         opened.raycaster = None;

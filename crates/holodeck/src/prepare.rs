@@ -14,8 +14,8 @@ use holo_proto::{
 };
 use holo_scene::Scene;
 use holo_section::{Section, SectionSpec, ViewClass};
-use holo_server::{Holodeck, HolodeckDescription, RadianceLimits, SceneReading};
-use holo_view::StatedOptions;
+use holo_server::{BakedObject, Holodeck, HolodeckDescription, RadianceLimits, SceneReading};
+use holo_view::{ObjectFolder, SceneChange, StatedOptions};
 
 use crate::light::{SkyChoice, StatedLight};
 use crate::{
@@ -23,6 +23,7 @@ use crate::{
     config::{self, HolodeckConfig, Obstructions},
     differences,
     loading::load_file,
+    objects::{OBJECT, SceneObjects},
     opening::{OpenedScene, OpeningRequest, open},
     settings::{scene_path, settings},
 };
@@ -64,7 +65,7 @@ pub fn make(
     let mut opened = match &existing {
         None => open(config, OpeningRequest::Sections, quiet)?,
         // The choices stored in the file stay.
-        Some(file) => open(&chosen_before(config, &file.about), OpeningRequest::Sections, true)?,
+        Some(file) => open(&chosen_before(config, file)?, OpeningRequest::Sections, true)?,
     };
     let packed = opened.scene.pack();
     let sections = sections(config, &opened)?;
@@ -76,12 +77,12 @@ pub fn make(
     about.unit = opened.unit;
     about.limits = Some(RadianceLimits::of(&opened.scene));
     about.views.clone_from(&opened.views);
-    about.reading = Some(reading(config)?);
+    about.reading = Some(reading(config, Vec::new())?);
     let is_other = existing.as_ref().is_some_and(|file| file.about.scene != about.scene);
     if is_other && other_scene == OtherScene::Restart {
         // It must not be open for writing twice.
         drop(existing);
-        Edited::read(path, Some(config), &[])?.restart(path)?;
+        Edited::read(path, Some(config), &SceneChange::default())?.restart(path)?;
         return Holodeck::open(path, SMALL_CACHE);
     }
     match &existing {
@@ -153,29 +154,39 @@ pub struct Edited {
     stand_ins: Vec<(StandInRecord, String)>,
     /// The configuration by which it was read, with its change of light.
     config: HolodeckConfig,
+    /// The objects that are part of it.
+    objects: SceneObjects,
+    /// The names of those that were carried before.
+    baked: Vec<String>,
     /// What differs from the scene before, for people.
     differences: String,
     warnings: Vec<String>,
 }
 
 impl Edited {
-    /// Reads a file's scene again: by `config`, or as the file says if there is none, with a change
-    /// of its light.
+    /// Reads a file's scene again: by `config`, or as the file says if there is none, with a change.
+    /// The objects that are part of it stay so, whatever `config` says.
     ///
     /// # Errors
     /// If the scene cannot be used, is as before, or the file cannot go on with it.
     pub fn read(
         path: &Path,
         config: Option<&HolodeckConfig>,
-        change: &[(String, String)],
+        change: &SceneChange,
     ) -> Result<Edited> {
         let file = Holodeck::open_read_only(path, SMALL_CACHE)?;
         let mut config = config.map_or_else(|| config_of(path, &file.about), |c| Ok(c.clone()))?;
-        if !change.is_empty() {
-            config.set_light(config.light().changed(change)?);
+        if !change.light.is_empty() {
+            config.set_light(config.light().changed(change.light.options())?);
         }
-        let mut opened =
-            open(&chosen_before(&config, &file.about), OpeningRequest::Sections, true)?;
+        for name in &change.taken_out {
+            // Its lamps go with it.
+            config.lamp.retain(|(lamp, _)| !lamp.starts_with(&format!("{name}/")));
+        }
+        let mut chosen = chosen_before(&config, &file)?;
+        chosen.objects = chosen.objects.changed(change)?;
+        let mut opened = open(&chosen, OpeningRequest::Sections, true)?;
+        let objects = chosen.objects;
         let packed = opened.scene.pack();
         let name = scene_path(&config)?.display().to_string();
         let usual = file.about.settings.engine;
@@ -190,7 +201,7 @@ impl Edited {
         describe_sky(&mut about, &opened.scene);
         about.limits = Some(RadianceLimits::of(&opened.scene));
         about.views.clone_from(&opened.views);
-        about.reading = Some(reading(&config)?);
+        about.reading = Some(reading(&config, objects.described())?);
         about.exposure = file.about.exposure;
         about.choices = choices_of_edit(&file.about.choices, &opened.choices);
         about.stand_ins.clone_from(&file.about.stand_ins);
@@ -200,7 +211,8 @@ impl Edited {
         let stand_ins = stand_ins(&config, file.sections.len(), true)?;
         let differences = differences_of(&file, &opened.scene);
         let warnings = std::mem::take(&mut opened.warnings);
-        Ok(Edited { about, packed, stand_ins, config, differences, warnings })
+        let baked = change.baked.iter().map(|object| object.name.clone()).collect();
+        Ok(Edited { about, packed, stand_ins, config, objects, baked, differences, warnings })
     }
 
     /// Returns the configuration by which it was read, with its change of light.
@@ -208,9 +220,14 @@ impl Edited {
         &self.config
     }
 
-    /// Returns the light that is stated for it.
-    pub fn light(&self) -> StatedOptions {
+    /// Returns what is stated for it.
+    pub fn stated(&self) -> StatedOptions {
         stated_options(&self.about)
+    }
+
+    /// Returns the names of objects that were carried before and are part of it.
+    pub fn baked(&self) -> &[String] {
+        &self.baked
     }
 
     /// Goes on with it in a file that nobody else writes, and says so. Returns what of the scene is
@@ -219,8 +236,13 @@ impl Edited {
     /// # Errors
     /// If the file cannot be written; it then has the scene before.
     pub fn restart(&self, path: &Path) -> Result<Option<String>> {
-        Holodeck::restart(path, &self.about, &self.packed)
+        Holodeck::restart(path, &self.about, &self.packed, self.objects.packed())
             .with_context(|| format!("restarting {}", path.display()))?;
+        // A crash before this leaves objects both in the scene and carried, which a person can
+        // remove; the other order could lose them.
+        if let Err(error) = ObjectFolder::beside(path, true).forget(&self.baked) {
+            eprintln!("objects are part of the scene, and still carried: {error:#}");
+        }
         if !self.stand_ins.is_empty() {
             Holodeck::open(path, SMALL_CACHE)?.set_stand_ins(&self.stand_ins)?;
         }
@@ -241,11 +263,11 @@ impl Edited {
     }
 }
 
-/// Returns the light that is stated for the scene of a file.
+/// Returns what is stated for the scene of a file.
 ///
 /// # Errors
 /// If the file cannot be read.
-pub fn light_of(path: &Path) -> Result<StatedOptions> {
+pub fn stated_for(path: &Path) -> Result<StatedOptions> {
     Ok(stated_options(&Holodeck::open_read_only(path, SMALL_CACHE)?.about))
 }
 
@@ -256,7 +278,12 @@ fn stated_options(about: &HolodeckDescription) -> StatedOptions {
         options.push(("sky".to_owned(), SkyChoice::Radiance(radiance).to_string()));
     }
     let words = about.choices.iter().filter_map(|choice| choice.strip_prefix(LIGHT));
-    StatedOptions { options, words: words.map(str::to_owned).collect() }
+    let objects = about.reading.iter().flat_map(|reading| &reading.objects);
+    StatedOptions {
+        options,
+        words: words.map(str::to_owned).collect(),
+        objects: objects.map(|object| object.name.clone()).collect(),
+    }
 }
 
 /// Describes a scene's sky, as far as the description does.
@@ -264,15 +291,15 @@ fn describe_sky(about: &mut HolodeckDescription, scene: &Scene) {
     (about.sky, about.sky_varies) = (scene.sky.mean(), !scene.sky.is_plain());
 }
 
-/// Returns the choices of a file, with those of light as they are for the edited scene.
+/// Returns the choices of a file, with those of light and objects as they are for the edited scene.
 fn choices_of_edit(before: &[String], now: &[String]) -> Vec<String> {
-    let is_of_light = |choice: &&String| choice.starts_with(LIGHT);
-    let lights = now.iter().filter(is_of_light);
-    before.iter().filter(|choice| !is_of_light(choice)).chain(lights).cloned().collect()
+    let changes = |choice: &&String| choice.starts_with(LIGHT) || choice.starts_with(OBJECT);
+    let changed = now.iter().filter(changes);
+    before.iter().filter(|choice| !changes(choice)).chain(changed).cloned().collect()
 }
 
-/// Returns how a configuration's scene is read.
-fn reading(config: &HolodeckConfig) -> Result<SceneReading> {
+/// Returns how a configuration's scene is read, with objects that are part of it.
+fn reading(config: &HolodeckConfig, objects: Vec<BakedObject>) -> Result<SceneReading> {
     let path = scene_path(config)?;
     Ok(SceneReading {
         path: std::path::absolute(path)
@@ -285,6 +312,7 @@ fn reading(config: &HolodeckConfig) -> Result<SceneReading> {
             Obstructions::On => Some(true),
             Obstructions::Off => Some(false),
         }),
+        objects,
     })
 }
 
@@ -298,7 +326,7 @@ fn config_of(path: &Path, about: &HolodeckDescription) -> Result<HolodeckConfig>
             about.source
         )
     })?;
-    let SceneReading { path, sky, light, two_sided_lights, obstructions } = reading.clone();
+    let SceneReading { path, sky, light, two_sided_lights, obstructions, .. } = reading.clone();
     let settings = &about.settings;
     let mut light = StatedLight::from_options(&light).with_context(|| name.to_string())?;
     light.sky = light.sky.or(sky.map(SkyChoice::Radiance));
@@ -325,9 +353,14 @@ fn differences_of(file: &Holodeck, scene: &Scene) -> String {
     if found.is_empty() { String::new() } else { format!(": {}", found.join("; ")) }
 }
 
-/// Returns the configuration, completed by the choices that were made when the file was created.
-fn chosen_before(config: &HolodeckConfig, about: &HolodeckDescription) -> HolodeckConfig {
-    let mut config = config.clone();
+/// Returns the configuration, completed by the choices that were made when the file was created,
+/// and by the objects that became part of its scene.
+///
+/// # Errors
+/// If the model of an object is damaged.
+fn chosen_before(config: &HolodeckConfig, file: &Holodeck) -> Result<HolodeckConfig> {
+    let about = &file.about;
+    let mut config = HolodeckConfig { objects: SceneObjects::of(file)?, ..config.clone() };
     config.up = config.up.or(Some(config::Up(about.up)));
     config.unit = config.unit.or(Some(config::Unit(about.unit)));
     if config.section.is_empty() && !config.exterior {
@@ -345,7 +378,7 @@ fn chosen_before(config: &HolodeckConfig, about: &HolodeckDescription) -> Holode
     if config.view.is_empty() {
         config.named_views.clone_from(&about.views);
     }
-    config
+    Ok(config)
 }
 
 /// Checks that a file has samples of this scene, with these settings and sections.

@@ -1,5 +1,6 @@
 //! A scene is edited while somebody walks in it, or between two fills.
 
+mod baked;
 mod joined;
 mod moved;
 

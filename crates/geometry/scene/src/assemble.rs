@@ -170,7 +170,7 @@ fn copy(model: &mut Model, mesh: usize, matrix: DMat4) {
 }
 
 /// Removes triangles from a shading.
-fn without(mut shading: Shading, left_out: &[usize]) -> Shading {
+pub(crate) fn without(mut shading: Shading, left_out: &[usize]) -> Shading {
     keep(&mut shading.uvs, left_out);
     keep(&mut shading.normals, left_out);
     keep(&mut shading.colours, left_out);

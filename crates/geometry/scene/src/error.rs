@@ -123,6 +123,12 @@ pub enum SceneError {
         /// What is wrong.
         problem: &'static str,
     },
+    /// An object vanishes at its place in a scene.
+    #[error("object `{name}` is so small, large or far away that rounding leaves nothing of it")]
+    Object {
+        /// The object.
+        name: String,
+    },
     /// A material has an impossible value.
     #[error("material `{name}`: {problem}")]
     Material {

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use holo_photometry::{OpeningMesh, PhotometricWeb};
 
+use crate::additions::NewPart;
 use crate::limits::MAX_RADIANCE;
 use crate::luminaire::{Luminaire, LuminaireTable, MAX_LUMINAIRES};
-use crate::scene::{NewPart, doubled_area_normal};
+use crate::scene::doubled_area_normal;
 use crate::units::EFFICACY;
 use crate::{Bsdf, Material, Rgb, Scene, SceneError};
 

@@ -18,6 +18,7 @@
 //!   scene cannot represent.
 //! - `pack` is canonical: a scene has one packing, and `unpack` accepts nothing else.
 
+mod additions;
 mod assemble;
 mod cover;
 mod error;

@@ -6,10 +6,9 @@ use crate::inside::OpenBox;
 use crate::instances::InstanceTable;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
 use crate::luminaire::LuminaireTable;
-use crate::{Bsdf, Cover, Maps, Material, PunctualLight, SceneError, Shading, Sky, Sun, WHITE};
+use crate::{Bsdf, Material, PunctualLight, SceneError, Shading, Sky, Sun};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
-use std::iter::repeat_n;
 use std::ops::Range;
 
 /// Triangles with materials, around an origin. Triangles are numbered from 0.
@@ -52,14 +51,6 @@ pub struct Geometry<'a> {
     pub triangles: &'a [[u32; 3]],
     /// An index into the scene's materials for each triangle.
     pub material_ids: &'a [u32],
-}
-
-/// Triangles of a new material. Their corners are relative to the scene's origin.
-pub(crate) struct NewPart {
-    pub corners: Vec<[f32; 3]>,
-    /// Indices into `corners`.
-    pub triangles: Vec<[u32; 3]>,
-    pub material: Material,
 }
 
 /// The features that a scene uses. Materials that no triangle has do not count.
@@ -294,66 +285,6 @@ impl Scene {
     pub fn has_same_geometry(&self, other: &Scene) -> bool {
         (self.origin, &self.positions, &self.triangles, &self.shared)
             == (other.origin, &other.positions, &other.triangles, &other.shared)
-    }
-
-    /// Adds triangles of a new material. `corners` are relative to the origin; a corner's index
-    /// counts from the first one. The triangles have no texture and no smooth normals.
-    ///
-    /// # Errors
-    /// As [`Scene::new`].
-    pub fn with_faces(
-        self,
-        corners: &[[f32; 3]],
-        triangles: &[[u32; 3]],
-        material: Material,
-    ) -> Result<Scene, SceneError> {
-        let (corners, triangles) = (corners.to_vec(), triangles.to_vec());
-        self.with_parts(vec![NewPart { corners, triangles, material }])
-    }
-
-    /// Adds parts, as [`with_faces`](Self::with_faces) adds one.
-    pub(crate) fn with_parts(mut self, parts: Vec<NewPart>) -> Result<Scene, SceneError> {
-        // The arrays of shared meshes come after the scene's own triangles.
-        fn add<T: Clone>(all: &mut Vec<T>, at: usize, new: impl IntoIterator<Item = T>) {
-            let at = at.min(all.len());
-            all.splice(at..at, new);
-        }
-        let (positions, at) = (self.own().positions.len(), self.own().triangles.len());
-        let (mut corners, mut triangles, mut ids) = (Vec::new(), Vec::new(), Vec::new());
-        let materials = parts.len();
-        for part in parts {
-            let first = (positions + corners.len()) as u32;
-            let moved = part.triangles.iter().map(|t| t.map(|corner| first + corner));
-            triangles.extend(moved);
-            corners.extend(part.corners);
-            ids.extend(repeat_n(self.materials.len() as u32, part.triangles.len()));
-            self.materials.push(part.material);
-        }
-        let (added, count) = (corners.len(), triangles.len());
-        add(&mut self.positions, positions, corners);
-        add(&mut self.triangles, at, triangles);
-        add(&mut self.material_ids, at, ids);
-        if let Some(shading) = &mut self.shading {
-            let added = |is_empty: bool| if is_empty { 0 } else { count };
-            let (uvs, normals) = (added(shading.uvs.is_empty()), added(shading.normals.is_empty()));
-            let colours = added(shading.colours.is_empty());
-            add(&mut shading.uvs, at, repeat_n([[0.0; 2]; 3], uvs));
-            // Equal normals are those of facets.
-            add(&mut shading.normals, at, repeat_n([[0; 2]; 3], normals));
-            add(&mut shading.colours, at, repeat_n([WHITE; 3], colours));
-            let opacities = added(shading.opacities.is_empty());
-            add(&mut shading.opacities, at, repeat_n([u8::MAX; 3], opacities));
-            if !shading.covers.is_empty() {
-                shading.covers.extend(repeat_n(Cover::default(), materials));
-            }
-            if !shading.maps.is_empty() {
-                shading.maps.extend(repeat_n(Maps::default(), materials));
-            }
-        }
-        if let Some(shared) = &mut self.shared {
-            shared.shift(added, count)?;
-        }
-        self.validated()
     }
 
     /// Returns the corners of a triangle, relative to the origin.

@@ -146,6 +146,12 @@ impl Cover {
         }
     }
 
+    /// Returns it with this number added to the indices of its textures.
+    pub(crate) fn moved(self, by: u32) -> Cover {
+        let base = |base: Base| Base { glass: base.glass.moved(by), ..base };
+        Cover { texture: self.texture.map(|at| at + by), base: self.base.map(base), ..self }
+    }
+
     /// Returns its textures.
     pub(crate) fn textures(&self) -> [Option<u32>; 2] {
         [self.texture, self.base.and_then(|base| base.glass.texture)]
@@ -175,7 +181,29 @@ impl Cover {
     }
 }
 
+impl Channel {
+    fn moved(self, by: u32) -> Channel {
+        Channel { texture: self.texture.map(|at| at + by), ..self }
+    }
+}
+
 impl Maps {
+    /// Returns them with this number added to the indices of textures.
+    pub(crate) fn moved(self, by: u32) -> Maps {
+        let index = |at: u32| at + by;
+        let finish = |finish: FinishMap| FinishMap {
+            roughness: finish.roughness.moved(by),
+            metalness: finish.metalness.moved(by),
+        };
+        Maps {
+            base: self.base.map(index),
+            emission: self.emission.map(index),
+            cut_out: self.cut_out.map(|cut| CutOut { texture: index(cut.texture), ..cut }),
+            normal: self.normal.map(|map| NormalMap { texture: index(map.texture), ..map }),
+            finish: self.finish.map(finish),
+        }
+    }
+
     /// Returns all textures.
     pub(crate) fn all(&self) -> [Option<u32>; 6] {
         let [roughness, metalness] = self

@@ -80,12 +80,14 @@ pub async fn walk(front_end: FrontEnd) -> Result<()> {
     session.run(|address| viewer(address, None, None), print_invitation).await
 }
 
-/// Writes the bundled house to a folder, and returns its configuration.
+/// Writes the bundled house to a folder, with a teapot to carry into it. Returns the house's
+/// configuration.
 fn house(folder: &Path) -> Result<HolodeckConfig> {
     let name = folder.display();
     std::fs::create_dir_all(folder).with_context(|| format!("making {name}"))?;
     let written = holo_scenes::write(Bundled::Interior, folder)
         .with_context(|| format!("writing to {name}"))?;
+    holo_scenes::write_teapot(folder).with_context(|| format!("writing to {name}"))?;
     HolodeckConfig::read(&written.config)
 }
 

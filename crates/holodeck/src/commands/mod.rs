@@ -6,6 +6,7 @@ use anyhow::{Context, Result};
 use holo_server::Outside;
 
 pub mod arguments;
+pub mod bake;
 pub mod check;
 pub mod compare;
 pub mod copy;

@@ -184,8 +184,10 @@ pub async fn view(mut args: ViewCommand, screen: WindowRequest) -> Result<()> {
         let file = file.clone();
         if args.restart {
             let again = file.clone();
-            tokio::task::spawn_blocking(move || Edited::read(&again, None, &[])?.restart(&again))
-                .await??;
+            tokio::task::spawn_blocking(move || {
+                Edited::read(&again, None, &holo_view::SceneChange::default())?.restart(&again)
+            })
+            .await??;
         }
         let scene = None;
         args.session.driver = with_splats(&args.session.driver, &file)?;

@@ -4,8 +4,10 @@
 //! Invariant: pure functions of directions, without materials or scenes.
 #![forbid(unsafe_code)]
 
+mod facets;
 mod fresnel;
 mod microfacet;
 
+pub use facets::{FACETS, GlossFacet, facets};
 pub use fresnel::{dielectric, mirrored, pane, reflect, refract};
 pub use microfacet::Ggx;

@@ -15,7 +15,7 @@ use holo_scene::Scene;
 use holo_section::{Section, SectionSpec};
 use serde::{Deserialize, Serialize};
 
-use crate::radiance_limits::RadianceLimits;
+use crate::{baked::BakedObject, radiance_limits::RadianceLimits};
 
 /// Name of the blob that holds [`HolodeckDescription`], as JSON, so that people and other programs
 /// can read it.
@@ -95,6 +95,9 @@ pub struct SceneReading {
     /// Whether what stands inside sections is seen, if that was stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub obstructions: Option<bool>,
+    /// Objects that were carried in and are part of the scene.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub objects: Vec<BakedObject>,
 }
 
 /// A path as text, or as bytes if it is not UTF-8.

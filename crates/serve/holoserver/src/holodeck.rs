@@ -17,6 +17,7 @@ use holo_section::Section;
 
 use crate::{
     about::HolodeckDescription,
+    baked::BakedObject,
     cells::{SavedCells, SharedCells},
     makers::MachineList,
     plausible::Plausible,
@@ -143,14 +144,24 @@ impl Holodeck {
 
     /// Replaces the scene of a file by an edited one, which `about` describes. The samples that are
     /// there belong to an earlier generation from now on: displays show them until new ones come.
-    /// Unseen beams and cells of surface light are found anew.
+    /// Unseen beams and cells of surface light are found anew. `objects` are those of `about`, with
+    /// their packed models.
     ///
     /// # Errors
     /// If `about` does not [suit](HolodeckDescription::suits) the file, it is no holodeck, another process writes
     /// to it, or the disk fails. The file then has the scene that it had.
-    pub fn restart(path: &Path, about: &HolodeckDescription, packed_scene: &[u8]) -> Result<()> {
+    pub fn restart(
+        path: &Path,
+        about: &HolodeckDescription,
+        packed_scene: &[u8],
+        objects: &[(BakedObject, Arc<[u8]>)],
+    ) -> Result<()> {
         let old = Self::open(path, 0)?;
         about.suits(&old.about)?;
+        // After a crash before the scene is written, these are blobs that nothing uses.
+        for (object, packed) in objects {
+            object.write_model(&old.file, packed)?;
+        }
         write_scene(&old.file, &about.after(&old.about)?, packed_scene)
     }
 
@@ -173,6 +184,7 @@ impl Holodeck {
     pub fn without_samples(&self, path: &Path) -> Result<Holodeck> {
         let new = Self::create(path, self.about.clone(), &self.packed_scene()?, 0)?;
         self.copy_stand_ins(&new)?;
+        self.copy_models(&new)?;
         new.file.flush()?;
         Ok(new)
     }

@@ -69,7 +69,7 @@ impl Holodeck {
         let mut about = self.about.clone();
         (about.sections, about.stand_ins) = (sections, None);
         let new = Self::create(path, about, &self.packed_scene()?, 0)?;
-        let reframed = self.copy_rays(&new);
+        let reframed = self.copy_models(&new).and_then(|()| self.copy_rays(&new));
         if reframed.is_err() {
             drop(new);
             // Nothing of value is in it.

@@ -49,6 +49,8 @@ pub struct ObjectLighting {
     /// The light of the texels that are in no light, roughly and finely, and smoothed.
     pub(crate) dim: [DimLight; 2],
     pub(crate) rest: Harmonics,
+    /// The light at other places, which see what the probe's centre does not.
+    pub(crate) sides: Vec<LightProbe>,
 }
 
 impl ObjectLighting {
@@ -61,7 +63,13 @@ impl ObjectLighting {
         lights.extend(unseen);
         let dim = [ROUGH_SIDE, FINE_SIDE].map(|side| DimLight::new(&probe, &is_bright, side));
         let rest = Harmonics::of(dim[1].grid, |texel| dim[1].light[texel]);
-        ObjectLighting { probe, lights, is_bright, dim, rest }
+        ObjectLighting { probe, lights, is_bright, dim, rest, sides: Vec::new() }
+    }
+
+    /// Adds the light at [`side_places`](crate::side_places), for what mirrors show.
+    #[must_use]
+    pub fn with_sides(self, sides: Vec<LightProbe>) -> ObjectLighting {
+        ObjectLighting { sides, ..self }
     }
 
     /// Returns the radiance of a texel of the probe, without the lights.

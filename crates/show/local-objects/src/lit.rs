@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
-use holo_reflection_cube::CubeAnswer;
-
 use crate::darkening::Darkening;
 use crate::harmonics::Harmonics;
 use crate::lighting::ObjectLighting;
 use crate::lights::ProbeLight;
 use crate::object::LocalObject;
+use crate::probe::LightProbe;
+use crate::room::Room;
+use glam::{DVec3, Vec3};
 
 /// Relative difference of distances within which a probe shows the surface that a ray meets.
 const SAME_SURFACE: f32 = 0.02;
@@ -93,14 +93,40 @@ impl LitObject {
     /// radians. `point` is relative to the probe's centre.
     #[inline]
     pub(crate) fn radiance(&self, point: Vec3, direction: Vec3, blur: f32) -> Vec3 {
-        let cube = &self.lighting.probe.cube;
-        let seen = cube.direction_seen(point, direction);
-        let radiance = match cube.look_up(cube.centre(), seen, blur..=blur) {
-            CubeAnswer::Light(light) => Vec3::from(light.radiance),
-            // All texels are valid.
-            CubeAnswer::Unknown | CubeAnswer::MustTrace => Vec3::ZERO,
+        let probe = &self.lighting.probe;
+        let seen = probe.cube.direction_seen(point, direction);
+        probe.blurred(seen, blur) * self.surroundings.darkening.left(seen)
+    }
+
+    /// Returns the same by what the ray meets in the room, from the first probe that sees that.
+    pub(crate) fn radiance_in_room(
+        &self,
+        room: &Room,
+        origin: DVec3,
+        direction: Vec3,
+        blur: f32,
+    ) -> Vec3 {
+        let hit = room.nearest(origin, direction.as_dvec3());
+        let distance = hit.map_or(f64::INFINITY, |(_, distance)| distance);
+        let place = origin + direction.as_dvec3() * distance;
+        let seen = |probe: &LightProbe| {
+            let way = (place - probe.centre()).as_vec3();
+            let towards = if distance.is_finite() { way.normalize_or_zero() } else { direction };
+            let far = if distance.is_finite() { f64::from(way.length()) } else { distance };
+            (!room.hides(probe.centre(), towards, far)).then_some(towards)
         };
-        radiance * self.surroundings.darkening.left(seen)
+        let probe = &self.lighting.probe;
+        if hit.is_none_or(|(hit, _)| !room.is_mirror(&hit)) {
+            if let Some(towards) = seen(probe) {
+                return probe.blurred(towards, blur) * self.surroundings.darkening.left(towards);
+            }
+            for side in &self.lighting.sides {
+                if let Some(towards) = seen(side) {
+                    return side.blurred(towards, blur);
+                }
+            }
+        }
+        self.radiance(self.relative(origin), direction, blur)
     }
 
     /// Returns the same without the lights, not blurred.

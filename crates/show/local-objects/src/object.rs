@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{DQuat, DVec3, Vec3};
+use glam::{DMat3, DQuat, DVec3, Vec3};
 use holo_picture::relative_luminance;
 use holo_raycast::{NO_TRIANGLE, Ray, Raycaster};
 use holo_scene::{Bsdf, Scene};
@@ -84,7 +84,7 @@ impl ObjectModel {
 
     /// Returns the model's scene.
     #[must_use]
-    pub fn scene(&self) -> &Scene {
+    pub fn scene(&self) -> &Arc<Scene> {
         self.raycaster.scene()
     }
 
@@ -161,6 +161,14 @@ impl LocalObject {
     #[must_use]
     pub fn pose(&self) -> ObjectPose {
         self.pose
+    }
+
+    /// Returns the rows of the map from the model's world coordinates to the scene's.
+    #[must_use]
+    pub fn place(&self) -> [[f64; 4]; 3] {
+        let turn = DMat3::from_quat(self.rotation) * self.scale;
+        let sum = self.pose.at - turn * self.model.base;
+        [0, 1, 2].map(|axis| turn.row(axis).extend(sum[axis]).to_array())
     }
 
     /// Returns the middle of the sphere around the object, in the scene.

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use holo_display::Frame;
 use holo_picture::View;
-use holo_reflection_cube::{FACE_AXES, ReflectionCube, ReflectionSample};
+use holo_reflection_cube::{CubeAnswer, FACE_AXES, ReflectionCube, ReflectionSample};
 
 /// Why there is no probe of a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -101,6 +101,16 @@ impl LightProbe {
     #[must_use]
     pub fn centre(&self) -> DVec3 {
         self.centre
+    }
+
+    /// Returns the radiance in a direction from the centre, blurred over an angle in radians.
+    #[inline]
+    pub(crate) fn blurred(&self, direction: Vec3, blur: f32) -> Vec3 {
+        match self.cube.look_up(self.cube.centre(), direction, blur..=blur) {
+            CubeAnswer::Light(light) => light.radiance.into(),
+            // All texels are valid.
+            CubeAnswer::Unknown | CubeAnswer::MustTrace => Vec3::ZERO,
+        }
     }
 
     /// Returns the radiance of a texel.

@@ -2,7 +2,7 @@
 //!
 //! Without it, a frame's distances stand for it. They are right except in mirrors and behind panes.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec3};
 use holo_optics::reflect;
@@ -23,6 +23,8 @@ const NEARLY_ALL: f64 = 0.99;
 pub struct Room {
     raycaster: Arc<Raycaster>,
     has_mirrors: bool,
+    /// Its bounds, once they are asked for: all corners are looked at.
+    bounds: Arc<OnceLock<(DVec3, DVec3)>>,
 }
 
 /// A ray that a mirror of the room sends on.
@@ -53,14 +55,14 @@ impl Room {
     pub fn new(raycaster: Arc<Raycaster>) -> Room {
         let is_mirror = |material: &Material| matches!(material.bsdf, Bsdf::Mirror { .. });
         let has_mirrors = raycaster.scene().materials.iter().any(is_mirror);
-        Room { raycaster, has_mirrors }
+        Room { raycaster, has_mirrors, bounds: Arc::default() }
     }
 
     /// Returns where a ray to the sky leaves the bounds of the room, relative to its beginning, and
     /// the normal of that face, inwards. Windows are near there: seen from elsewhere, the sky's light
     /// comes through the same ones. `None` if the ray begins outside.
     pub(crate) fn leaves(&self, origin: DVec3, direction: Vec3) -> Option<(Vec3, Vec3)> {
-        let (low, high) = self.raycaster.scene().bounds();
+        let (low, high) = self.bounds.get_or_init(|| self.raycaster.scene().bounds());
         let direction = direction.as_dvec3();
         let mut first: Option<(f64, DVec3)> = None;
         for axis in 0..3 {
@@ -118,6 +120,11 @@ impl Room {
         (0..size.0 * size.1).into_par_iter().map(of).collect()
     }
 
+    /// Returns whether a hit is on a mirror, which shows another thing from each place.
+    pub(crate) fn is_mirror(&self, hit: &Hit) -> bool {
+        matches!(self.raycaster.scene().material(hit.triangle).bsdf, Bsdf::Mirror { .. })
+    }
+
     /// Returns the first surface along a ray that is no pane, and its distance.
     pub(crate) fn nearest(&self, origin: DVec3, direction: DVec3) -> Option<(Hit, f64)> {
         let (mut ray, skipped) = self.raycaster.localize(origin, direction)?;
@@ -154,6 +161,13 @@ impl Room {
         let origin = spawn(from.at.point, from.at.error, from.at.normal, direction);
         let ray = Ray { t_max: (NEARLY_ALL * distance) as f32, ..Ray::new(origin, direction) };
         self.is_dark(ray, from.at.triangle)
+    }
+
+    /// Returns whether nothing of the room is between a place and one of its surfaces.
+    pub(crate) fn sees(&self, from: DVec3, place: DVec3) -> bool {
+        let way = place - from;
+        let distance = way.length();
+        !self.hides(from, (way / distance.max(f64::MIN_POSITIVE)).as_vec3(), distance)
     }
 
     /// Returns whether the room hides what is at this distance from a place.

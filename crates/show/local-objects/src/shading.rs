@@ -3,7 +3,7 @@
 use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::{DVec3, Vec3};
-use holo_optics::{Ggx, dielectric, pane, reflect, refract};
+use holo_optics::{FACETS, Ggx, dielectric, facets, pane, reflect, refract};
 
 use crate::lights::{LightPoint, ProbeLight};
 use crate::lit::LitObject;
@@ -23,6 +23,9 @@ const LEAST_WEIGHT: f32 = 0.004;
 
 /// Roughness below which a surface is a mirror.
 const MIRROR: f32 = 1e-3;
+
+/// Widest angle, radians, over which light that is looked up comes from about one place of the room.
+const SHARP: f32 = 0.05;
 
 /// How exactly light is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,8 +85,7 @@ impl Shader<'_> {
                     return Some(SeenObject { distance, radiance, through: weight });
                 }
                 let lit: &LitObject = &self.objects[last.unwrap_or(0)];
-                let point = lit.relative(ray.origin);
-                radiance += weight * lit.radiance(point, ray.direction, 0.0);
+                radiance += weight * self.around(lit, ray.origin, ray.direction, 0.0);
                 return Some(SeenObject { distance, radiance, through: Vec3::ZERO });
             };
             let lit = &self.objects[number];
@@ -167,6 +169,16 @@ impl Shader<'_> {
         })
     }
 
+    /// Returns the radiance of an object's surroundings along a ray that leaves it. Quick frames look
+    /// it up by the probe's distances, exact ones by what the ray meets in the room.
+    fn around(&self, lit: &LitObject, origin: DVec3, direction: Vec3, blur: f32) -> Vec3 {
+        let is_exact = self.detail == LightDetail::Exact;
+        match self.room.filter(|_| is_exact && blur <= SHARP) {
+            Some(room) => lit.radiance_in_room(room, origin, direction, blur),
+            None => lit.radiance(lit.relative(origin), direction, blur),
+        }
+    }
+
     /// Returns the radiance that a surface reflects from a direction: of the surroundings, or
     /// roughly of the objects.
     fn reflected(&self, own: usize, from: &ObjectSurface, towards: Vec3, blur: f32) -> Vec3 {
@@ -174,7 +186,7 @@ impl Shader<'_> {
         let ray = ObjectRay { origin: from.place, direction: towards, from: Some((own, *from)) };
         match self.nearest(&ray) {
             Some((number, hit)) => self.rough_light(number, &ray, &hit),
-            None => lit.radiance(lit.relative(from.place), towards, blur),
+            None => self.around(lit, from.place, towards, blur),
         }
     }
 
@@ -299,10 +311,17 @@ impl Shader<'_> {
     ) -> Vec3 {
         let normal = surface.normal;
         let share = |cosine: f32| ior.map_or(1.0, |ior| dielectric(cosine, ior).0);
-        if self.detail == LightDetail::Quick || alpha < MIRROR {
+        if alpha < MIRROR {
             let mirrored = reflect(eye, normal);
             let cosine = normal.dot(eye).clamp(0.0, 1.0);
-            return share(cosine) * self.reflected(own, surface, mirrored, 2.0 * alpha);
+            return share(cosine) * self.reflected(own, surface, mirrored, 0.0);
+        }
+        if self.detail == LightDetail::Quick {
+            let light = facets(normal, eye, alpha).map(|facet| {
+                let seen = self.reflected(own, surface, facet.towards, facet.width);
+                facet.share * share(facet.cosine.clamp(0.0, 1.0)) * seen
+            });
+            return light.sum::<Vec3>() / FACETS as f32;
         }
         let (right, ahead) = normal.any_orthonormal_pair();
         let to_local = |v: Vec3| Vec3::new(v.dot(right), v.dot(ahead), v.dot(normal));

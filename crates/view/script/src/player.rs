@@ -11,8 +11,8 @@ use holo_options::{LookArgs, ViewArgs};
 use holo_picture::{Picture, ViewSpec, luminance};
 use holo_progress::Meter;
 use holo_session::{
-    Again, Connected, Crew, EyeVelocity, FrameSchedule, FrameSize, LightChange, ObjectOrder,
-    RETURN_TIME, Session, StageTime, Waited, starts_again,
+    Again, Connected, Crew, EyeVelocity, FrameSchedule, FrameSize, ObjectOrder, RETURN_TIME,
+    SceneChange, Session, StageTime, Waited, starts_again,
 };
 use serde_json::json;
 use tokio::sync::oneshot;
@@ -173,9 +173,13 @@ impl Player {
                     self.picture(&path, can_wait)?;
                 }
                 Command::Probe(column, row) => self.probe(column, row)?,
-                Command::Object(order) => self.object(order)?,
+                Command::Object(order) => {
+                    if !self.object(order)? {
+                        return Ok(());
+                    }
+                }
                 Command::Light(change) => {
-                    if !self.light(change)? {
+                    if !self.change_scene(change.into())? {
                         return Ok(());
                     }
                 }
@@ -266,19 +270,18 @@ impl Player {
         }
     }
 
-    /// Goes on with the scene in another light. Returns whether there is a session; there is none if
-    /// the user ends the wait.
-    fn light(&mut self, change: LightChange) -> Result<bool> {
+    /// Goes on with a changed scene. Returns whether there is a session; there is none if the user
+    /// ends the wait.
+    fn change_scene(&mut self, change: SceneChange) -> Result<bool> {
         let Player { again, session, options, .. } = self;
         let crew = options.crew.as_ref().context(
-            "this session has not started its server, so it cannot change the light: use `holodeck \
+            "this session has not started its server, so it cannot change the scene: use `holodeck \
              view`",
         )?;
         crew.read_scene(change).blocking_recv().context("nobody reads the scene")??;
         again.choice = session.choice();
         // What the scene looks odd in was printed.
-        let address = crew.restart()?.address;
-        let connected = again.connect(address)?;
+        let connected = again.follow(&crew.restart()?)?;
         self.go_on(connected)
     }
 
@@ -339,12 +342,19 @@ impl Player {
         Ok(())
     }
 
-    /// Follows an order about local objects, and waits for the model.
-    fn object(&mut self, order: ObjectOrder) -> Result<()> {
+    /// Follows an order about objects, and waits for the model. Returns whether there is a session.
+    fn object(&mut self, order: ObjectOrder) -> Result<bool> {
+        if let Some(crew) = &self.options.crew
+            && let Some(change) =
+                self.again.objects().scene_change(&order, &crew.stated().objects)?
+        {
+            return self.change_scene(change);
+        }
         if let Some(answer) = self.session.object(order)? {
             holo_progress::print_line!("{answer}");
         }
-        self.session.wait_for_objects()
+        self.session.wait_for_objects()?;
+        Ok(true)
     }
 
     /// Prints what a pixel shows to standard output.

@@ -19,6 +19,7 @@ use tokio::sync::Semaphore;
 
 use super::{
     Ahead, RayDelay, Session,
+    crew::Restarted,
     driver_choice::{DriverChoice, LoadedScene, SceneUse},
     incoming::{Incoming, MAX_WAITING_BYTES, SessionReader},
     objects::{CarriedObjects, ObjectFolder, ObjectOrder, SessionObjects},
@@ -76,6 +77,21 @@ impl Again {
         let Again { choice, walks, shutdown, runtime, .. } = self.clone();
         let connected = runtime.block_on(Connected::new(address, choice, walks, shutdown))?;
         Ok(connected.with_carried(self.objects.clone(), self.folder.clone()))
+    }
+
+    /// Connects to a server that was started again, perhaps with another scene. Objects that are part
+    /// of that scene are no longer carried. Blocks as [`connect`](Self::connect) does.
+    ///
+    /// # Errors
+    /// The errors of [`Connected::new`].
+    pub fn follow(&self, restarted: &Restarted) -> Result<Connected> {
+        self.objects.remove(&restarted.baked);
+        self.connect(restarted.address)
+    }
+
+    /// Returns the objects of this session and the next.
+    pub fn objects(&self) -> &CarriedObjects {
+        &self.objects
     }
 
     /// Connects again to the same server after the connection was lost. Retries for `patience`,

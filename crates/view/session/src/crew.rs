@@ -6,7 +6,7 @@ use std::{net::SocketAddr, sync::Arc};
 use anyhow::{Context, Result};
 use tokio::sync::{mpsc, oneshot, watch};
 
-use super::light_change::LightChange;
+use super::scene_change::SceneChange;
 
 /// An order to the crew.
 #[derive(Debug)]
@@ -17,9 +17,9 @@ pub enum CrewOrder {
     RestartWorkers,
     /// Forgets all samples. The answer is the address of a server without samples.
     StartOver(oneshot::Sender<Result<SocketAddr>>),
-    /// Reads the scene's file again, with a change of its light, while everything goes on. Answers
-    /// once the scene is known to differ and to be usable.
-    ReadScene(LightChange, oneshot::Sender<Result<()>>),
+    /// Reads the scene's file again, with a change, while everything goes on. Answers once the scene
+    /// is known to differ and to be usable.
+    ReadScene(SceneChange, oneshot::Sender<Result<()>>),
     /// Goes on with the scene that was read. Answers with the address of a server that has it.
     Restart(oneshot::Sender<Result<Restarted>>),
 }
@@ -31,22 +31,26 @@ pub struct Restarted {
     pub address: SocketAddr,
     /// Why it has the same scene as before, or what is odd of its scene, for people.
     pub trouble: Option<String>,
+    /// Names of carried objects that are part of the scene from now on.
+    pub baked: Vec<String>,
 }
 
-/// The light that was stated for a scene.
+/// What was stated for a scene besides its file: its light, and objects that are part of it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StatedOptions {
     /// The options that state it, by their names as on the command line without `--`.
     pub options: Vec<(String, String)>,
     /// What was made of them, for people.
     pub words: Vec<String>,
+    /// Names of objects that were carried in and are part of the scene.
+    pub objects: Vec<String>,
 }
 
 /// Gives orders to a crew.
 #[derive(Clone, Debug)]
 pub struct Crew {
     orders: mpsc::UnboundedSender<CrewOrder>,
-    light: watch::Receiver<Arc<StatedOptions>>,
+    stated: watch::Receiver<Arc<StatedOptions>>,
 }
 
 /// The crew's end of the channel.
@@ -54,15 +58,15 @@ pub struct Crew {
 pub struct CrewMailbox {
     /// The orders.
     pub orders: mpsc::UnboundedReceiver<CrewOrder>,
-    /// The light of the scene that the server has.
-    pub light: watch::Sender<Arc<StatedOptions>>,
+    /// What is stated for the scene that the server has.
+    pub stated: watch::Sender<Arc<StatedOptions>>,
 }
 
 /// Returns the two ends of the channel to a crew: where orders go in, and where they come out.
 pub fn crew() -> (Crew, CrewMailbox) {
     let (sender, orders) = mpsc::unbounded_channel();
-    let (light, watched) = watch::channel(Arc::default());
-    (Crew { orders: sender, light: watched }, CrewMailbox { orders, light })
+    let (stated, watched) = watch::channel(Arc::default());
+    (Crew { orders: sender, stated: watched }, CrewMailbox { orders, stated })
 }
 
 impl Crew {
@@ -87,17 +91,17 @@ impl Crew {
         answer.blocking_recv().context("nobody is there to start over")?
     }
 
-    /// Reads the scene's file again, with a change of its light, while everything goes on. The
-    /// answer comes once that is done; an error is for people. Whoever asked before gets none.
-    pub fn read_scene(&self, change: LightChange) -> oneshot::Receiver<Result<()>> {
+    /// Reads the scene's file again, with a change, while everything goes on. The answer comes once
+    /// that is done; an error is for people. Whoever asked before gets none.
+    pub fn read_scene(&self, change: SceneChange) -> oneshot::Receiver<Result<()>> {
         let (sender, answer) = oneshot::channel();
         let _ = self.orders.send(CrewOrder::ReadScene(change, sender));
         answer
     }
 
-    /// Returns the light that is stated for the scene that the server has.
-    pub fn light(&self) -> Arc<StatedOptions> {
-        Arc::clone(&self.light.borrow())
+    /// Returns what is stated for the scene that the server has.
+    pub fn stated(&self) -> Arc<StatedOptions> {
+        Arc::clone(&self.stated.borrow())
     }
 
     /// Goes on with the scene that was [read](Self::read_scene), and waits until a server is there

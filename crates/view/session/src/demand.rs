@@ -285,6 +285,7 @@ impl Session {
     ) -> Result<Option<Instant>> {
         self.keep_objects_if_due();
         self.ask_if_unasked()?;
+        self.ask_for_lights()?;
         let Some(current) = &self.current else { return Ok(None) };
         let rests = current.since + AT_REST;
         let nearest = (!current.nearest_is_seen).then(|| current.since + NEAREST_AFTER);

@@ -30,6 +30,7 @@ mod live;
 mod objects;
 mod received;
 mod scene;
+mod scene_change;
 mod schedule;
 #[cfg(test)]
 mod tests;
@@ -70,6 +71,7 @@ pub use light_change::{LightChange, NONE};
 use objects::SessionObjects;
 pub use objects::{CarriedObjects, ObjectFolder, ObjectOrder, ObjectState, PoseChange};
 use received::Received;
+pub use scene_change::{PlacedModel, SceneChange};
 pub use schedule::{FrameSchedule, FrameSize, scaled};
 pub use velocity::EyeVelocity;
 use velocity::RayDelay;
@@ -407,8 +409,9 @@ impl Session {
     /// If the server does not settle, or is lost.
     pub fn settle(&mut self, whole: bool) -> Result<()> {
         self.settles_whole = whole;
-        self.prepare_lightings();
+        self.ask_for_lights()?;
         self.settle_once()?;
+        self.objects.note_settled();
         let Some(current) = &mut self.current else { return Ok(()) };
         current.fade(self.driver.light.as_mut());
         if current.received.earlier.is_stuck(true) {

@@ -23,7 +23,8 @@ use holo_section::{BeamKey, NumberRun, Sample, SampleKind, Section, SectionSpec,
 use tokio::{net::TcpListener, time::timeout};
 
 use super::{Connected, DriverArg, DriverChoice, EyeVelocity, LoadedScene, SceneUse, Session};
-use server::{LIMIT, welcome};
+pub(crate) use server::LIMIT;
+use server::welcome;
 
 mod server;
 
@@ -52,7 +53,7 @@ fn room(tracing: bool) -> (Welcome, Vec<u8>) {
 
 /// Requests of a display.
 #[derive(Default)]
-struct Requests {
+pub(crate) struct Requests {
     /// Its views, by number.
     views: BTreeMap<u32, ViewRequest>,
     /// The first beam of each part that it loaded, and the number of its last view by then.
@@ -62,7 +63,7 @@ struct Requests {
 }
 
 /// Serves a display as [`serve_file`] does, and traces.
-async fn serve(listener: TcpListener) -> Requests {
+pub(crate) async fn serve(listener: TcpListener) -> Requests {
     serve_file(listener, true).await
 }
 
@@ -133,7 +134,7 @@ impl DriverChoice for Surfaces {
 }
 
 /// Connects to this server, with the driver `surfaces`.
-async fn connect(address: SocketAddr) -> Connected {
+pub(crate) async fn connect(address: SocketAddr) -> Connected {
     Connected::new(address, Box::new(Surfaces), false, Shutdown::new()).await.unwrap()
 }
 

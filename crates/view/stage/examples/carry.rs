@@ -18,11 +18,22 @@ const MOVES: u32 = 60;
 /// Time between two moves: that of a hand at 30 events a second.
 const PAUSE: Duration = Duration::from_millis(33);
 
+/// Longest time until the object is seen.
+const APPEARS: Duration = Duration::from_secs(60);
+
 /// Time until the first frame is at rest.
 const SETTLES: Duration = Duration::from_secs(8);
 
 #[tokio::main]
-async fn main() -> Result<()> {
+async fn main() {
+    if let Err(error) = carry().await {
+        eprintln!("{error:#}");
+        // The stage's thread would be waited for.
+        std::process::exit(1);
+    }
+}
+
+async fn carry() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     ensure!(arguments.len() >= 5, "needs ADDRESS OBJECT X Y Z, and may have options of a view");
     let (address, object) = (arguments[0].clone(), arguments[1].clone());
@@ -47,12 +58,18 @@ async fn main() -> Result<()> {
         send(&format!("view {}", arguments[5..].join(" ")))?;
     }
     tokio::time::sleep(SETTLES).await;
+    let depth = |frame: &holo_stage::PublishedFrame| frame.frame.depth.clone();
+    let empty = frames.borrow_and_update().as_ref().map(|frame| depth(frame));
     send(&format!("object add {object} at {} {} {} as carried", place[0], place[1], place[2]))?;
+    let begin = Instant::now();
+    while frames.borrow_and_update().as_ref().map(|frame| depth(frame)) == empty {
+        tokio::time::timeout(APPEARS, frames.changed()).await.context("no object came")??;
+    }
+    println!("from the order to its first frame: {:.1} s", begin.elapsed().as_secs_f64());
     tokio::time::sleep(SETTLES).await;
     let mut times = Vec::new();
     for step in 0..MOVES {
         let begin = Instant::now();
-        let depth = |frame: &holo_stage::PublishedFrame| frame.frame.depth.clone();
         let before = frames.borrow_and_update().as_ref().map(|frame| depth(frame));
         let by = if step % 20 < 10 { 0.03 } else { -0.03 };
         send(&format!("object move carried by {by} 0 0"))?;

@@ -127,7 +127,8 @@ impl Stage {
         let stated = wishes.view.spec(session.named_views())?;
         let first = session.first_view()?.overridden_by(&stated);
         let (unit, ringing) = (session.unit(), Arc::clone(&signal));
-        let mut hand = Hand::new(first, unit, &wishes, inputs, ringing, publisher)?;
+        let objects = again.objects().clone();
+        let mut hand = Hand::new(first, unit, &wishes, objects, inputs, ringing, publisher)?;
         let mut next = Some((session, waker));
         while let Some((session, waker)) = next.take() {
             let facts = facts(&session);
@@ -145,8 +146,8 @@ impl Stage {
                 (Ok(()), Some(HandEnding::Restart), Some(crew)) => {
                     loading("going on with the scene as it is now");
                     let restarted = crew.restart()?;
-                    restarted.trouble.into_iter().for_each(|trouble| hand.refuse(trouble));
-                    begin(again.connect(restarted.address)?, loading)?
+                    restarted.trouble.iter().for_each(|trouble| hand.refuse(trouble.clone()));
+                    begin(again.follow(&restarted)?, loading)?
                 }
                 (Err(error), None, Some(crew)) if is_lost(&error) => {
                     loading("the server has ended; it is started again");
@@ -186,7 +187,7 @@ fn begin_again(
 ) -> Result<Option<(Session, Waker)>> {
     for _ in 0..MOST_TRIES {
         let Ok(restarted) = crew.restart() else { return Err(lost) };
-        match again.connect(restarted.address).and_then(|connected| begin(connected, &loading)) {
+        match again.follow(&restarted).and_then(|connected| begin(connected, &loading)) {
             Err(error) if is_lost(&error) => thread::sleep(TRY_AGAIN),
             begun => return begun,
         }

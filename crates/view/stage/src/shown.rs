@@ -82,7 +82,7 @@ pub struct SceneLight {
 impl SceneLight {
     /// Returns the light of a scene with these groups of lamps, for which `stated` was stated.
     pub fn new(groups: &[String], stated: &StatedOptions) -> SceneLight {
-        let StatedOptions { options, words } = stated.clone();
+        let StatedOptions { options, words, .. } = stated.clone();
         let factors: Vec<(&str, f32)> = options
             .iter()
             .filter(|(name, _)| name == "lamp")
@@ -222,7 +222,8 @@ mod tests {
         let groups: Vec<String> = owned(&["ceiling", "sky"]);
         let lamp = |value: &str| ("lamp".to_owned(), value.to_owned());
         let options = vec![lamp("desk=0"), lamp("sky=2"), lamp("sun=0")];
-        let stated = StatedOptions { options, words: owned(&["dim"]) };
+        let words = owned(&["dim"]);
+        let stated = StatedOptions { options, words, objects: Vec::new() };
         let light = SceneLight::new(&groups, &stated);
         let lamps: Vec<_> = light.lamps.iter().map(|(name, at)| (name.as_str(), *at)).collect();
         assert_eq!(lamps, [("ceiling", 1.0), ("desk", 0.0), ("sky", 2.0), ("sun", 0.0)]);

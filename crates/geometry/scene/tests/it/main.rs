@@ -1,5 +1,6 @@
 //! Tests of the public interface, in one program: each one compiles the same generic code again.
 
+mod additions;
 mod common;
 mod covers;
 mod details;

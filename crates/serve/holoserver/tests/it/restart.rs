@@ -103,7 +103,7 @@ fn earlier_samples_are_shown_first_and_each_new_one_replaces_some() {
         let [[before, none], _] = shown(&place, false).await;
         assert!(before.len() as u64 == BEAMS && none.is_empty());
 
-        Holodeck::restart(&place.file(), &edited(&place.file()), EDITED).unwrap();
+        Holodeck::restart(&place.file(), &edited(&place.file()), EDITED, &[]).unwrap();
         // As if killed right after: nothing of the new scene was traced yet.
         let [of_view, of_part] = shown(&place, false).await;
         assert_eq!(of_view, [BTreeMap::new(), before.clone()]);
@@ -138,7 +138,7 @@ fn whoever_connects_gets_the_edited_scene() {
         let server = place.serve(|_| {}).await;
         let old = Peer::join(server.address, Role::Display).await.welcome;
         server.end().await;
-        Holodeck::restart(&place.file(), &edited(&place.file()), EDITED).unwrap();
+        Holodeck::restart(&place.file(), &edited(&place.file()), EDITED, &[]).unwrap();
         let server = place.serve(|_| {}).await;
         let mut display = Peer::join(server.address, Role::Display).await;
         assert_ne!(display.welcome.scene, old.scene);
@@ -160,13 +160,15 @@ fn a_restart_that_is_refused_or_cut_short_leaves_the_scene_before() {
         let before = shown(&place, false).await;
         let mut other = edited(&place.file());
         other.sections[0].grid = [9; 3];
-        let refused = Holodeck::restart(&place.file(), &other, EDITED).unwrap_err().to_string();
+        let refused =
+            Holodeck::restart(&place.file(), &other, EDITED, &[]).unwrap_err().to_string();
         assert!(refused.contains("sections differ") && refused.contains("another file"));
         let mut other = edited(&place.file());
         other.settings.bounces = Some(1);
-        let refused = Holodeck::restart(&place.file(), &other, EDITED).unwrap_err().to_string();
+        let refused =
+            Holodeck::restart(&place.file(), &other, EDITED, &[]).unwrap_err().to_string();
         assert!(refused.contains("other settings"), "{refused}");
-        let wrong = Holodeck::restart(&place.file(), &edited(&place.file()), b"others");
+        let wrong = Holodeck::restart(&place.file(), &edited(&place.file()), b"others", &[]);
         assert!(wrong.is_err());
         // Killed between the scene and its description.
         let file = BeamFile::open(place.file(), Options { cache_bytes: 0, layout: Vec::new() });
@@ -183,7 +185,7 @@ fn what_is_forgotten_merged_or_started_over_keeps_generations_apart() {
     run(async {
         let place = Place::new();
         trace(&place, 3000).await;
-        Holodeck::restart(&place.file(), &edited(&place.file()), EDITED).unwrap();
+        Holodeck::restart(&place.file(), &edited(&place.file()), EDITED, &[]).unwrap();
         trace(&place, 1000).await;
         let before = shown(&place, false).await;
         // Nobody unknown has made any.

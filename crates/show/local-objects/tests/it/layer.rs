@@ -5,11 +5,12 @@ use std::sync::Arc;
 use glam::DVec3;
 use holo_display::Interrupt;
 use holo_local_objects::{LayerDetail, ObjectLayer, ObjectPose, Room};
+use holo_optics::{Ggx, reflect};
 use holo_picture::View;
 use holo_raycast::Raycaster;
 use holo_scene::Bsdf;
 
-use crate::common::{boxes, drawn, floor, grey, lit, lit_here, pedestal, pixel_of, view};
+use crate::common::{FAR, boxes, drawn, floor, grey, lit, lit_here, pedestal, pixel_of, view};
 
 const SIZE: (u32, u32) = (160, 120);
 
@@ -159,5 +160,63 @@ fn mirrors_of_the_room_show_the_object_and_coarse_cells_show_what_fine_ones_do()
         assert!((at(direct) - 1.2).abs() < 0.03, "{detail:?}: {}", at(direct));
         let beside = DVec3::new(2.5, 3.5, 0.5);
         assert!((at(beside) - 3.0).abs() < 1e-3, "{detail:?}: {}", at(beside));
+    }
+}
+
+/// Returns the mean light that facets of a metal mirror to the eye, by many facets: a smooth
+/// environment on the sphere of light around `centre`, seen from a point of a face.
+fn mirrored_by_metal(
+    alpha: f32,
+    (eye, centre, point, normal): (DVec3, DVec3, DVec3, DVec3),
+    radiance: impl Fn(DVec3) -> f32,
+) -> f32 {
+    const SIDE: usize = 128;
+    let (right, ahead) = normal.any_orthonormal_pair();
+    let towards_eye = (eye - point).normalize();
+    let local = |v: DVec3| DVec3::new(v.dot(right), v.dot(ahead), v.dot(normal)).as_vec3();
+    let (view, ggx) = (local(towards_eye), Ggx::new(alpha));
+    let place = |at: usize| (at as f32 + 0.5) / SIDE as f32;
+    let light = |number: usize| {
+        let facet = ggx.sample(view, [place(number % SIDE), place(number / SIDE)]);
+        let towards = reflect(view, facet);
+        if towards.z <= 0.0 {
+            return 0.0;
+        }
+        let share = ggx.shadowing(view, towards);
+        let towards = towards.as_dvec3();
+        let towards = right * towards.x + ahead * towards.y + normal * towards.z;
+        // Where the ray leaves the sphere.
+        let from = point - centre;
+        let along = from.dot(towards);
+        let far = -along + (along * along - from.length_squared() + FAR * FAR).sqrt();
+        share * radiance((from + towards * far).normalize())
+    };
+    (0..SIDE * SIDE).map(light).sum::<f32>() / (SIDE * SIDE) as f32
+}
+
+#[test]
+fn rough_metal_mirrors_the_mean_of_its_lobe_while_it_moves_and_at_rest() {
+    let view = view(DVec3::new(0.0, 0.0, 0.5), SIZE);
+    let mut frame = floor(&view, SIZE, 0.0);
+    frame.depth.fill(f32::INFINITY);
+    let radiance = |direction: DVec3| 1.0 + (3.0 * direction.x + 2.0 * direction.z).sin() as f32;
+    let ks = 0.9;
+    for alpha in [0.1, 0.2, 0.4] {
+        let model = pedestal(1.0, 1.0, Bsdf::Conductor { ks: [ks; 3], alpha });
+        let object = lit_here(&model, radiance);
+        // Eight facets leave errors of some percent of the light around, which has mean 1.
+        for (detail, most) in [(LayerDetail::Quick(1), 0.16), (LayerDetail::Exact(256), 0.02)] {
+            let seen = drawn(&frame, &view, std::slice::from_ref(&object), None, detail);
+            for (point, normal) in FACES {
+                let centre = DVec3::new(0.0, 0.0, 0.5);
+                let places = (view.eye(), centre, point, normal);
+                let expected = ks * mirrored_by_metal(alpha, places, radiance);
+                let found = seen.picture.pixels[pixel_of(&view, SIZE, point)][1];
+                assert!(
+                    (found - expected).abs() < most,
+                    "{alpha} {detail:?} at {point}: {found}, not {expected}"
+                );
+            }
+        }
     }
 }

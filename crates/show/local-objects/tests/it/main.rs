@@ -3,5 +3,6 @@
 
 mod common;
 mod layer;
+mod mirrors;
 mod objects;
 mod shadows;

@@ -9,13 +9,16 @@ use std::{
     fs::File,
     io::{Read, Write},
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use anyhow::{Context, Result, bail, ensure};
 use glam::DVec3;
-use holo_local_objects::ObjectPose;
+use holo_local_objects::{LocalObject, ObjectModel, ObjectPose};
 use holo_scene::Scene;
 use serde::{Deserialize, Serialize};
+
+use crate::scene_change::PlacedModel;
 
 /// Longest list, bytes: 64 objects have 20 KB.
 const MOST_LIST_BYTES: u64 = 1 << 20;
@@ -74,6 +77,29 @@ impl ObjectFolder {
         serde_json::from_slice(&bytes).with_context(|| format!("reading {}", path.display()))
     }
 
+    /// Returns an object at its place in a scene with this up axis.
+    ///
+    /// # Errors
+    /// If there is no such object, or it cannot be used.
+    pub fn placed(&self, name: &str, up: DVec3) -> Result<PlacedModel> {
+        let list = self.list()?;
+        let unknown = no_object(name, list.iter().map(|object| object.name.as_str()));
+        let object = list.iter().find(|object| object.name == name).context(unknown)?;
+        let model = ObjectModel::new(self.model(object)?, object.up, object.unit)?;
+        Ok(placed(name, &LocalObject::new(Arc::new(model), object.pose(), up)?))
+    }
+
+    /// Removes objects from the list. Their models stay.
+    ///
+    /// # Errors
+    /// If the list cannot be read or written.
+    pub fn forget(&self, names: &[String]) -> Result<()> {
+        let before = self.list()?;
+        let mut list = before.clone();
+        list.retain(|object| !names.contains(&object.name));
+        if list == before { Ok(()) } else { self.put_list(&list) }
+    }
+
     /// Returns the model of an object.
     pub fn model(&self, object: &KeptObject) -> Result<Scene> {
         let hash = &object.model;
@@ -120,6 +146,21 @@ impl ObjectFolder {
             std::fs::rename(&new, path)
         };
         put().with_context(|| format!("writing {}", path.display()))
+    }
+}
+
+/// Returns an object at its place.
+pub(super) fn placed(name: &str, object: &LocalObject) -> PlacedModel {
+    let model = Arc::clone(object.model().scene());
+    PlacedModel { name: name.to_owned(), place: object.place(), model }
+}
+
+/// Returns the words for an object that does not exist, beside those that do.
+pub(super) fn no_object<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = names.collect();
+    match names.is_empty() {
+        true => format!("there is no object `{name}`, and no other one"),
+        false => format!("there is no object `{name}`; objects: {}", names.join(", ")),
     }
 }
 

@@ -1,14 +1,16 @@
 //! The light around local objects, by place.
 //!
 //! The driver draws six small views from the middle of an object. Drivers that store light draw
-//! them at once. For others, a probe waits until the stored samples of its views have arrived.
+//! them at once, face by face, so that an input ends it. For others, a probe waits until the stored
+//! samples of its views have arrived.
 
 use std::sync::Arc;
 
+use anyhow::Result;
 use glam::DVec3;
 use holo_display::{Frame, FramePhase, FrameRequest, Interrupt, Renderer};
 use holo_local_objects::{
-    LIGHTS, LightProbe, LocalObject, ObjectLighting, ProbeError, Room, probe_views,
+    LIGHTS, LightProbe, LocalObject, ObjectLighting, ProbeError, Room, probe_views, side_places,
 };
 
 use crate::Session;
@@ -17,6 +19,11 @@ use crate::Session;
 /// mirrors do, pixels.
 const SIDE: u32 = 64;
 const SHINY_SIDE: u32 = 256;
+
+/// Most further probes for what the mirrors of an object show and its middle does not see, and the
+/// side of their faces, pixels: three of them cost three quarters of the probe of the middle.
+const MOST_SIDES: usize = 3;
+const SIDE_OF_SIDES: u32 = 128;
 
 /// Most places whose light is stored.
 const MOST_PLACES: usize = 16;
@@ -34,24 +41,98 @@ pub(super) struct Lightings {
     places: Vec<LitPlace>,
     /// Probes whose samples are under way.
     waiting: Vec<WaitingProbe>,
+    /// What an input has interrupted.
+    unfinished: Option<UnfinishedProbe>,
     /// Samples that have arrived.
     samples: u64,
+    /// Whether all samples that were requested for the waiting probes are here.
+    is_settled: bool,
 }
 
 struct LitPlace {
     centre: DVec3,
     side: u32,
-    lighting: Arc<ObjectLighting>,
+    /// `None` if the driver shows no light there.
+    lighting: Option<Arc<ObjectLighting>>,
     /// Samples that had arrived when it was found.
     samples: u64,
     /// True if the driver has changed since.
     is_old: bool,
 }
 
+/// Light that a driver with a store of all light draws, face by face.
+struct UnfinishedProbe {
+    centre: DVec3,
+    side: u32,
+    renderer: Box<dyn Renderer>,
+    /// Samples that had arrived when it was begun.
+    samples: u64,
+    /// Faces of the probe of the middle, and of the last place beside it.
+    faces: Vec<Frame>,
+    middle: Option<LightProbe>,
+    /// Places for further probes, the first one last; `None` until the middle is known.
+    places: Option<Vec<DVec3>>,
+    sides: Vec<LightProbe>,
+}
+
+/// Light that was found.
+struct FoundLight {
+    lighting: Option<ObjectLighting>,
+    /// Samples that had arrived when it was begun.
+    samples: u64,
+    /// Whether the light beside the object's middle is in it.
+    is_whole: bool,
+}
+
+impl UnfinishedProbe {
+    fn is_of(&self, object: &LocalObject) -> bool {
+        self.side == side(object) && is_same_place(self.centre, object.centre(), object.radius())
+    }
+
+    /// Draws a face. Returns whether all are drawn.
+    fn advance(&mut self, object: &LocalObject, room: Option<&Room>) -> Result<bool, ProbeError> {
+        let is_middle = self.middle.is_none();
+        let place = match (&self.places, is_middle) {
+            (_, true) => Some(self.centre),
+            (Some(places), false) => places.last().copied(),
+            (None, false) => {
+                let room = room.filter(|_| object.is_shiny());
+                let places = room.map(|room| side_places(object, room, MOST_SIDES));
+                self.places = Some(places.unwrap_or_default().into_iter().rev().collect());
+                return Ok(false);
+            }
+        };
+        let Some(place) = place else { return Ok(true) };
+        let side = if is_middle { self.side } else { SIDE_OF_SIDES };
+        let looks = looks(place, side).ok_or(ProbeError::Frames)?;
+        let look = looks.get(self.faces.len()).ok_or(ProbeError::Frames)?;
+        let face = frame(self.renderer.as_mut(), look).ok_or(ProbeError::Frames)?;
+        self.faces.push(face);
+        if self.faces.len() == looks.len() {
+            let found = probe_of(place, std::mem::take(&mut self.faces));
+            if is_middle {
+                self.middle = Some(found?);
+            } else {
+                self.sides.extend(found);
+                self.places.iter_mut().for_each(|places| _ = places.pop());
+            }
+        }
+        Ok(false)
+    }
+}
+
 struct WaitingProbe {
     centre: DVec3,
     side: u32,
     renderers: Vec<Box<dyn Renderer>>,
+    /// The number of the first request of the view with which its samples were requested.
+    view: u32,
+}
+
+impl WaitingProbe {
+    fn is_of(&self, object: &LocalObject) -> bool {
+        self.side == side(object) && is_same_place(self.centre, object.centre(), object.radius())
+    }
 }
 
 impl Lightings {
@@ -61,12 +142,45 @@ impl Lightings {
 
     pub(super) fn note_driver(&mut self) {
         self.waiting.clear();
+        self.unfinished = None;
         self.places.iter_mut().for_each(|place| place.is_old = true);
     }
 
-    fn nearest(&self, object: &LocalObject) -> Option<&LitPlace> {
+    /// Returns whether light is being found.
+    pub(super) fn are_unfinished(&self) -> bool {
+        self.unfinished.is_some()
+    }
+
+    /// Forgets what was begun for objects that are elsewhere now.
+    pub(super) fn forget_others(&mut self, objects: &[LocalObject]) {
+        self.unfinished.take_if(|probe| !objects.iter().any(|object| probe.is_of(object)));
+    }
+
+    /// Notes that all samples that were requested have arrived.
+    pub(super) fn note_settled(&mut self) {
+        self.is_settled = true;
+    }
+
+    /// Returns an object's place, if its light was looked for there. `is_file` refuses light of
+    /// fewer samples than there are.
+    fn here(&self, object: &LocalObject, is_file: bool) -> Option<&LitPlace> {
+        self.places.iter().find(|place| {
+            let has_grown = match is_file {
+                true => self.samples != place.samples,
+                false => self.samples as f64 > GROWTH * place.samples as f64,
+            };
+            !has_grown
+                && !place.is_old
+                && place.side == side(object)
+                && is_same_place(place.centre, object.centre(), object.radius())
+        })
+    }
+
+    /// Returns the light of the nearest place.
+    fn nearest(&self, object: &LocalObject) -> Option<Arc<ObjectLighting>> {
         let apart = |place: &&LitPlace| place.centre.distance(object.centre());
-        self.places.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)))
+        let lit = self.places.iter().filter(|place| place.lighting.is_some());
+        lit.min_by(|a, b| apart(a).total_cmp(&apart(b)))?.lighting.clone()
     }
 
     fn put(&mut self, place: LitPlace, radius: f64) {
@@ -107,74 +221,103 @@ impl Session {
     ) -> Option<Arc<ObjectLighting>> {
         let lightings = &self.objects.lightings;
         let samples = lightings.samples;
-        let known = lightings.nearest(object);
-        let is_here = |place: &&LitPlace| {
-            let grown = match is_file {
-                true => samples != place.samples,
-                false => samples as f64 > GROWTH * place.samples as f64,
-            };
-            !grown
-                && !place.is_old
-                && place.side == side(object)
-                && is_same_place(place.centre, object.centre(), object.radius())
-        };
-        if let Some(place) = known.filter(|place| is_quick || is_here(place)) {
-            return Some(Arc::clone(&place.lighting));
-        }
-        let found = self.probe(object, is_file);
-        if let Some(Ok(probe)) = found {
-            let lighting = Arc::new(ObjectLighting::new(probe, LIGHTS, room));
-            let place = LitPlace {
-                centre: object.centre(),
-                side: side(object),
-                lighting: Arc::clone(&lighting),
-                samples,
-                is_old: false,
-            };
-            self.objects.lightings.put(place, object.radius());
+        let known = if is_quick { lightings.nearest(object) } else { None };
+        let here = || lightings.here(object, is_file)?.lighting.clone();
+        if let Some(lighting) = known.or_else(here) {
             return Some(lighting);
         }
-        self.objects.lightings.nearest(object).map(|place| Arc::clone(&place.lighting))
+        if lightings.here(object, is_file).is_none() {
+            let found = match self.keeps_samples() {
+                true => self.light_of_store(object, is_quick, is_file, room),
+                false => self.probe(object).map(|found| {
+                    let lighting = found.ok().map(|probe| ObjectLighting::new(probe, LIGHTS, room));
+                    FoundLight { lighting, samples, is_whole: true }
+                }),
+            };
+            if let Some(FoundLight { lighting, samples, is_whole }) = found {
+                let place = LitPlace {
+                    centre: object.centre(),
+                    side: side(object),
+                    lighting: lighting.map(Arc::new),
+                    samples,
+                    is_old: !is_whole,
+                };
+                self.objects.lightings.put(place, object.radius());
+            }
+        }
+        self.objects.lightings.nearest(object)
     }
 
-    /// Returns the light that the driver shows around an object. `None` if its samples are under
-    /// way.
-    fn probe(
+    /// Finds the light around an object in the store of a driver. `None` if an input has interrupted
+    /// it; a later call continues. A quick frame draws a single face. Where no light is known yet,
+    /// that of the object's middle comes first.
+    fn light_of_store(
         &mut self,
         object: &LocalObject,
+        is_quick: bool,
         is_file: bool,
-    ) -> Option<Result<LightProbe, ProbeError>> {
-        let (centre, side) = (object.centre(), side(object));
-        let looks = looks(centre, side)?;
-        if self.keeps_samples() {
-            // All light is in one store. What is not there yet makes a later probe better.
-            let mut renderer = self.driver.light.renderer();
-            let frames = looks.iter().map(|look| frame(renderer.as_mut(), look));
-            let frames: Vec<Frame> = frames.collect::<Option<_>>()?;
-            return Some(probe_of(centre, frames));
-        }
-        // Without a view, nothing can be requested.
-        self.current.as_ref()?;
-        let is_for = |probe: &WaitingProbe| {
-            probe.side == side && is_same_place(probe.centre, centre, object.radius())
+        room: Option<&Room>,
+    ) -> Option<FoundLight> {
+        let interrupt = self.interrupt.clone();
+        let waits = |faces: usize| match (is_file, is_quick) {
+            (true, _) => false,
+            (_, true) => faces > 0,
+            _ => interrupt.is_set(),
         };
-        if !self.objects.lightings.waiting.iter().any(is_for) {
-            let mut renderers = Vec::with_capacity(looks.len());
-            for look in &looks {
-                let mut renderer = self.driver.light.renderer();
-                renderer.look(look).ok()?;
-                renderers.push(renderer);
-            }
-            self.objects.lightings.waiting.push(WaitingProbe { centre, side, renderers });
-            // A lost server is noticed by whoever waits for it.
-            _ = self.ask_beside(&looks);
-        }
-        if !self.has_stored_beside() && !is_file {
+        let lightings = &self.objects.lightings;
+        if !is_file && lightings.unfinished.as_ref().is_some_and(|probe| !probe.is_of(object)) {
+            // One after the other.
             return None;
         }
-        let waiting = &mut self.objects.lightings.waiting;
-        let at = waiting.iter().position(is_for)?;
-        let WaitingProbe { centre, renderers, .. } = waiting.remove(at);
+        let samples = self.objects.lightings.samples;
+        let begun = self.objects.lightings.unfinished.take();
+        let mut probe = match begun.filter(|probe| probe.is_of(object) && !is_file) {
+            Some(probe) => probe,
+            None => UnfinishedProbe {
+                centre: object.centre(),
+                side: side(object),
+                renderer: self.driver.light.renderer(),
+                samples,
+                faces: Vec::new(),
+                middle: None,
+                places: None,
+                sides: Vec::new(),
+            },
+        };
+        let is_first = !is_file && self.objects.lightings.nearest(object).is_none();
+        let mut faces = 0;
+        let is_known = loop {
+            if let Some(middle) = probe.middle.clone().filter(|_| is_first) {
+                let lighting = Some(ObjectLighting::new(middle, LIGHTS, room));
+                self.objects.lightings.unfinished = Some(probe);
+                return Some(FoundLight { lighting, samples, is_whole: false });
+            }
+            if waits(faces) {
+                self.objects.lightings.unfinished = Some(probe);
+                return None;
+            }
+            match probe.advance(object, room) {
+                Ok(false) => faces += 1,
+                Ok(true) => break true,
+                Err(_) => break false,
+            }
+        };
+        let UnfinishedProbe { middle, sides, samples, .. } = probe;
+        let middle = middle.filter(|_| is_known);
+        let lighting = middle.map(|middle| ObjectLighting::new(middle, LIGHTS, room));
+        let lighting = lighting.map(|lighting| lighting.with_sides(sides));
+        Some(FoundLight { lighting, samples, is_whole: true })
+    }
+
+    /// Returns the light around an object by a driver that draws one view. `None` if its samples are
+    /// under way.
+    fn probe(&mut self, object: &LocalObject) -> Option<Result<LightProbe, ProbeError>> {
+        let mut waiting = self.objects.lightings.waiting.iter();
+        let at = waiting.position(|probe| probe.is_of(object))?;
+        if !self.is_ready(&self.objects.lightings.waiting[at]) {
+            return None;
+        }
+        let WaitingProbe { centre, renderers, .. } = self.objects.lightings.waiting.remove(at);
         let frames = renderers.into_iter().map(|mut renderer| {
             renderer.settle();
             renderer.draw(FramePhase::File, &Interrupt::default(), &mut |_| {})
@@ -183,17 +326,81 @@ impl Session {
         Some(probe_of(centre, frames))
     }
 
-    /// Returns whether the samples of a probe have arrived.
-    pub(super) fn has_probe(&self) -> bool {
-        !self.objects.lightings.waiting.is_empty() && self.has_stored_beside()
+    /// Returns whether the samples of a probe have arrived. While the eye moves, those that are here
+    /// have to do.
+    fn is_ready(&self, probe: &WaitingProbe) -> bool {
+        let view = self.current.as_ref().map(|current| current.first_request);
+        let is_of_view = view == Some(probe.view) || self.is_moving();
+        self.objects.lightings.is_settled || is_of_view && self.has_stored_beside()
     }
 
-    /// Requests the samples of probes that are not here, before everything is awaited.
-    pub(crate) fn prepare_lightings(&mut self) {
-        if !self.objects.is_empty() && !self.keeps_samples() && self.current.is_some() {
-            let room = self.room();
-            self.lit_objects(false, false, 0, room.as_ref());
+    /// Returns whether the samples of a probe have arrived.
+    pub(super) fn has_probe(&self) -> bool {
+        self.objects.lightings.waiting.iter().any(|probe| self.is_ready(probe))
+    }
+
+    /// Returns whether samples around an object are under way.
+    pub(super) fn awaits_light(&self) -> bool {
+        let lightings = &self.objects.lightings;
+        let is_awaited = |object: &LocalObject| {
+            let mut waiting = lightings.waiting.iter();
+            match waiting.find(|probe| probe.is_of(object)) {
+                Some(probe) => !self.is_ready(probe),
+                None => lightings.here(object, false).is_none(),
+            }
+        };
+        let draws_one_view = !self.keeps_samples() && self.current.is_some();
+        draws_one_view && self.carried().iter().any(is_awaited)
+    }
+
+    /// Requests the samples around objects, for a driver that has no store of all light. A view that
+    /// follows cancels the requests of the view before; they are made again once the eye rests.
+    ///
+    /// # Errors
+    /// If the server is lost.
+    pub(crate) fn ask_for_lights(&mut self) -> Result<()> {
+        if self.objects.is_empty() || self.keeps_samples() {
+            return Ok(());
         }
+        let Some(view) = self.current.as_ref().map(|current| current.first_request) else {
+            return Ok(());
+        };
+        let (objects, is_moving) = (self.carried(), self.is_moving());
+        let lightings = &mut self.objects.lightings;
+        lightings.waiting.retain(|probe| objects.iter().any(|object| probe.is_of(object)));
+        let mut wanted = Vec::new();
+        for object in objects {
+            let Some(looks) = looks(object.centre(), side(&object)) else { continue };
+            let lightings = &mut self.objects.lightings;
+            if let Some(probe) = lightings.waiting.iter_mut().find(|probe| probe.is_of(&object)) {
+                if probe.view != view && !is_moving {
+                    probe.view = view;
+                    wanted.extend(looks);
+                }
+                continue;
+            }
+            // The hand that moves an object has the light of the nearest place.
+            let is_needed = lightings.here(&object, false).is_none()
+                && (self.objects.settles() || self.objects.lightings.nearest(&object).is_none());
+            if !is_needed {
+                continue;
+            }
+            let mut renderers = Vec::with_capacity(looks.len());
+            for look in &looks {
+                let mut renderer = self.driver.light.renderer();
+                if renderer.look(look).is_ok() {
+                    renderers.push(renderer);
+                }
+            }
+            let (centre, side) = (object.centre(), side(&object));
+            self.objects.lightings.waiting.push(WaitingProbe { centre, side, renderers, view });
+            wanted.extend(looks);
+        }
+        if wanted.is_empty() {
+            return Ok(());
+        }
+        self.objects.lightings.is_settled = false;
+        self.ask_beside(&wanted)
     }
 }
 
@@ -205,4 +412,53 @@ fn frame(renderer: &mut dyn Renderer, look: &FrameRequest) -> Option<Frame> {
 fn probe_of(centre: DVec3, frames: Vec<Frame>) -> Result<LightProbe, ProbeError> {
     let frames: [Frame; 6] = frames.try_into().map_err(|_| ProbeError::Frames)?;
     LightProbe::new(centre, &frames)
+}
+
+#[cfg(test)]
+mod tests {
+    use holo_local_objects::{ObjectModel, ObjectPose};
+    use holo_scene::{Material, Scene};
+    use tokio::{net::TcpListener, time::timeout};
+
+    use super::*;
+    use crate::tests::{LIMIT, connect, serve};
+
+    /// A triangle in the middle of the room.
+    fn object() -> LocalObject {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Z];
+        let materials = vec![Material::grey("paint")];
+        let made = Scene::from_world(&corners, &[[0, 1, 2]], &[0], materials, [0.0; 3]);
+        let model = ObjectModel::new(made.unwrap().0, DVec3::Z, 1.0).unwrap();
+        LocalObject::new(Arc::new(model), ObjectPose::at(DVec3::splat(2.5)), DVec3::Z).unwrap()
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn an_input_ends_the_search_for_light_and_later_frames_go_on_with_it() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let serving = tokio::spawn(serve(listener));
+        let connected = connect(address).await;
+        let looking = tokio::task::spawn_blocking(move || {
+            let mut session = connected.begin(|_| {}).unwrap().unwrap();
+            let object = object();
+            let faces = |session: &Session| {
+                session.objects.lightings.unfinished.as_ref().map(|probe| probe.faces.len())
+            };
+            session.interrupt().set();
+            assert!(session.light_of_store(&object, false, false, None).is_none());
+            assert_eq!(faces(&session), Some(0));
+            // A frame of a motion draws one face, whatever comes.
+            for number in 1..4 {
+                assert!(session.light_of_store(&object, true, false, None).is_none());
+                assert_eq!(faces(&session), Some(number));
+            }
+            session.interrupt().clear();
+            assert!(session.light_of_store(&object, false, false, None).is_some());
+            // Whoever waits for a file is not interrupted.
+            session.interrupt().set();
+            assert!(session.light_of_store(&object, false, true, None).is_some());
+        });
+        timeout(LIMIT, looking).await.unwrap().unwrap();
+        timeout(LIMIT, serving).await.unwrap().unwrap();
+    }
 }

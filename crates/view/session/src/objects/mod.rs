@@ -31,12 +31,16 @@ use holo_local_objects::{
 use holo_picture::View;
 use holo_scene::{LoadOptions, load};
 
-use super::{Session, Waited, Waker, incoming::Incoming};
+use super::{
+    Session, Waited, Waker,
+    incoming::Incoming,
+    scene_change::{PlacedModel, SceneChange},
+};
 pub use kept::ObjectFolder;
 pub use order::{ObjectOrder, PoseChange};
 
 use cells::CellSides;
-use kept::KeptObject;
+use kept::{KeptObject, no_object, placed};
 use lighting::Lightings;
 
 /// Most local objects of a session.
@@ -58,6 +62,10 @@ const PASSES_OF_FRAME: u32 = 2;
 
 /// Longest time for which a script waits for a model.
 const LOADING_PATIENCE: Duration = Duration::from_secs(600);
+
+/// Longest time for which a script waits for the samples around an object, and how often it looks.
+const LIGHT_PATIENCE: Duration = Duration::from_secs(10);
+const LIGHT_TICK: Duration = Duration::from_millis(20);
 
 /// A local object, as people know it.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,6 +96,39 @@ impl CarriedObjects {
     fn list(&self) -> MutexGuard<'_, Vec<CarriedObject>> {
         // Every change leaves the list consistent.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns the change of the scene that an order asks for; `None` if it concerns carried objects
+    /// alone. `of_scene` are the names of the objects that are part of the scene.
+    ///
+    /// # Errors
+    /// If there is no object to be baked of this name.
+    pub fn scene_change(
+        &self,
+        order: &ObjectOrder,
+        of_scene: &[String],
+    ) -> Result<Option<SceneChange>> {
+        let is_carried = |name: &String| self.list().iter().any(|carried| carried.name == *name);
+        let change = match order {
+            ObjectOrder::Bake(name) => {
+                let baked = vec![self.placed(name)?];
+                SceneChange { baked, ..SceneChange::default() }
+            }
+            ObjectOrder::Remove(name) if !is_carried(name) && of_scene.contains(name) => {
+                SceneChange { taken_out: vec![name.clone()], ..SceneChange::default() }
+            }
+            _ => return Ok(None),
+        };
+        Ok(Some(change))
+    }
+
+    fn placed(&self, name: &str) -> Result<PlacedModel> {
+        Ok(placed(name, &find(&mut self.list(), name)?.object))
+    }
+
+    /// Removes those that are part of the scene from now on.
+    pub(super) fn remove(&self, baked: &[String]) {
+        self.list().retain(|carried| !baked.contains(&carried.name));
     }
 }
 
@@ -155,6 +196,16 @@ impl SessionObjects {
         self.shown = None;
     }
 
+    /// Returns whether no object has changed just now.
+    fn settles(&self) -> bool {
+        self.changed.is_none_or(|changed| changed.elapsed() >= SETTLES_AFTER)
+    }
+
+    /// Notes that all samples that were requested have arrived.
+    pub fn note_settled(&mut self) {
+        self.lightings.note_settled();
+    }
+
     fn note_change(&mut self) {
         self.changed = Some(Instant::now());
         self.is_unkept = self.folder.as_ref().is_some_and(|folder| folder.is_writable);
@@ -200,6 +251,14 @@ impl Session {
                 drop(list);
                 self.objects.note_change();
             }
+            ObjectOrder::Bake(_) if self.traces() => bail!(
+                "this program has not started the server, so it cannot change the scene: whoever \
+                 has can"
+            ),
+            ObjectOrder::Bake(name) => bail!(
+                "a replay only reads the holodeck: `holodeck bake FILE.holo \"{name}\"` makes a \
+                 kept object part of its scene, and so does `holodeck view FILE.holo`"
+            ),
             ObjectOrder::List => return Ok(Some(self.listed())),
             ObjectOrder::Grab(at) => self.grab(at),
             ObjectOrder::DragTo(at) => self.drag_to(at)?,
@@ -292,9 +351,7 @@ impl Session {
 
     /// Keeps the list of objects, once a person has moved one to its place.
     pub(super) fn keep_objects_if_due(&mut self) {
-        let objects = &mut self.objects;
-        let settles = objects.changed.is_none_or(|changed| changed.elapsed() >= SETTLES_AFTER);
-        if objects.is_unkept && settles {
+        if self.objects.is_unkept && self.objects.settles() {
             self.keep_objects();
         }
     }
@@ -323,7 +380,7 @@ impl Session {
         }
     }
 
-    /// Waits until all models are read.
+    /// Waits until all models are read, and for a while until the samples around them have arrived.
     ///
     /// # Errors
     /// If a model cannot be used, or the server is lost.
@@ -335,10 +392,16 @@ impl Session {
                 break;
             }
         }
-        match self.refusal.take() {
-            Some(reason) => bail!(reason),
-            None => Ok(()),
+        if let Some(reason) = self.refusal.take() {
+            bail!(reason);
         }
+        let end = Instant::now() + LIGHT_PATIENCE;
+        while self.awaits_light() && Instant::now() < end {
+            if self.wait(end.min(Instant::now() + LIGHT_TICK))? == Waited::Stop {
+                break;
+            }
+        }
+        Ok(())
     }
 
     /// Returns the name of the object that is seen at a place of the picture, in shares from its
@@ -390,10 +453,13 @@ impl Session {
         if objects.is_empty() {
             return false;
         }
-        let settles = objects.changed.is_none_or(|changed| changed.elapsed() >= SETTLES_AFTER);
+        let settles = objects.settles();
         objects.shown.as_ref().is_some_and(|shown| {
             let is_moving = shown.look.is_moving;
-            let is_rough = shown.is_quick || shown.layer.is_unfinished() || self.has_probe();
+            let is_rough = shown.is_quick
+                || shown.layer.is_unfinished()
+                || self.has_probe()
+                || objects.lightings.are_unfinished();
             !is_moving && settles && is_rough
         })
     }
@@ -428,8 +494,7 @@ impl Session {
     /// Draws the objects over a frame of the driver, of this view.
     fn over(&mut self, base: Arc<Frame>, look: FrameRequest, phase: FramePhase) -> Frame {
         let is_file = phase == FramePhase::File;
-        let settles = self.objects.changed.is_none_or(|at| at.elapsed() >= SETTLES_AFTER);
-        let mut is_quick = !is_file && (phase == FramePhase::Moving || !settles);
+        let mut is_quick = !is_file && (phase == FramePhase::Moving || !self.objects.settles());
         let room = self.room();
         let passes = match (is_quick, is_file) {
             (true, _) => 0,
@@ -518,6 +583,10 @@ impl Session {
         lit.at_rest(room, passes, interrupt).unwrap_or(lit)
     }
 
+    fn carried(&self) -> Vec<LocalObject> {
+        self.objects.carried.list().iter().map(|carried| carried.object.clone()).collect()
+    }
+
     /// Returns the objects with their light, found by this many passes. Quick frames use light that
     /// is known already.
     fn lit_objects(
@@ -527,8 +596,8 @@ impl Session {
         passes: u32,
         room: Option<&Room>,
     ) -> Vec<LitObject> {
-        let objects: Vec<LocalObject> =
-            self.objects.carried.list().iter().map(|carried| carried.object.clone()).collect();
+        let objects = self.carried();
+        self.objects.lightings.forget_others(&objects);
         let mut lit = Vec::with_capacity(objects.len());
         for object in objects {
             let lighting = self.lighting(&object, is_quick, is_file, room);
@@ -539,11 +608,8 @@ impl Session {
 }
 
 fn find<'a>(list: &'a mut [CarriedObject], name: &str) -> Result<&'a mut CarriedObject> {
-    let names: Vec<String> = list.iter().map(|carried| carried.name.clone()).collect();
-    list.iter_mut().find(|carried| carried.name == name).with_context(|| match names.is_empty() {
-        true => format!("there is no object `{name}`, and no other one"),
-        false => format!("there is no object `{name}`; objects: {}", names.join(", ")),
-    })
+    let unknown = no_object(name, list.iter().map(|carried| carried.name.as_str()));
+    list.iter_mut().find(|carried| carried.name == name).context(unknown)
 }
 
 /// Checks that light is stored around an object: it must be in a section, or near one.

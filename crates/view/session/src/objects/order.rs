@@ -20,8 +20,10 @@ pub enum ObjectOrder {
     },
     /// Changes an object's pose.
     Change(String, PoseChange),
-    /// Takes an object away.
+    /// Takes an object away, be it carried or part of the scene.
     Remove(String),
+    /// Makes an object part of the scene.
+    Bake(String),
     /// Says which objects there are.
     List,
     /// Takes hold of the object that is seen at a place of the picture. Places are shares of the
@@ -69,7 +71,7 @@ impl PoseChange {
 /// The forms of lines, for people.
 const FORMS: &str = "write `object add FILE at X Y Z [turn DEGREES] [scale FACTOR] [as NAME]`, \
     `object move NAME to|by X Y Z`, `object turn NAME to|by DEGREES`, \
-    `object scale NAME to|by FACTOR`, `object remove NAME` or `object list`";
+    `object scale NAME to|by FACTOR`, `object bake NAME`, `object remove NAME` or `object list`";
 
 impl ObjectOrder {
     /// Parses what follows `object` in a command line.
@@ -95,6 +97,7 @@ impl ObjectOrder {
                 Ok(if is_to { PoseChange::ScaleTo(factor) } else { PoseChange::ScaleBy(factor) })
             }),
             "remove" if !rest.is_empty() => Ok(ObjectOrder::Remove(rest.to_owned())),
+            "bake" if !rest.is_empty() => Ok(ObjectOrder::Bake(rest.to_owned())),
             "list" if rest.is_empty() => Ok(ObjectOrder::List),
             _ => Err(format!("`object {text}` is no command: {FORMS}")),
         }
@@ -220,6 +223,7 @@ mod tests {
             ("turn the chair by -15", change(PoseChange::TurnBy(-15.0))),
             ("scale the chair to 0.5", change(PoseChange::ScaleTo(0.5))),
             ("remove the chair", ObjectOrder::Remove("the chair".into())),
+            ("bake the chair", ObjectOrder::Bake("the chair".into())),
             ("list", ObjectOrder::List),
         ] {
             assert_eq!(ObjectOrder::parse(line), Ok(order), "{line}");
@@ -251,6 +255,7 @@ mod tests {
             ("turn chair to up", "is not an angle"),
             ("scale chair by inf", "is not a factor"),
             ("remove", "is no command"),
+            ("bake", "is no command"),
         ] {
             let error = ObjectOrder::parse(line).unwrap_err();
             assert!(error.contains(reason), "{line}: {error}");

@@ -18,7 +18,7 @@ const LINES: &str = "home, back, forward, view OPTIONS, view NAME, go X Y Z, loc
     solid, ghost, leave, \
     size WxH, pause, resume, kill workers, restart workers, driver NAME, with PART, without PART, keep NAME, forget NAME, restore, \
     picture FILE, picture FILE WxH, object add FILE at X Y Z, object move|turn|scale NAME to|by …, \
-    object remove NAME, object list, sky SKY OPTION VALUE …, lamp NAME FACTOR, restart (twice), start over (twice), cancel, quit";
+    object bake NAME, object remove NAME, object list, sky SKY OPTION VALUE …, lamp NAME FACTOR, restart (twice), start over (twice), cancel, quit";
 
 /// Parses a command line.
 ///
@@ -154,6 +154,7 @@ mod tests {
             ("picture a b.png", Input::Picture("a b.png".into(), None)),
             ("picture a b.exr 64x36", Input::Picture("a b.exr".into(), Some((64, 36)))),
             ("object list", Input::Object(ObjectOrder::List)),
+            ("object bake a chair", Input::Object(ObjectOrder::Bake("a chair".into()))),
             ("object remove a chair", Input::Object(ObjectOrder::Remove("a chair".into()))),
             ("quit", Input::Quit),
             ("sky clear north 3", Input::Light(LightChange::parse_sky("clear north 3").unwrap())),

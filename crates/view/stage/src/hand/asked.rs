@@ -5,7 +5,7 @@ use std::{path::PathBuf, sync::Arc, thread, time::Instant};
 use anyhow::anyhow;
 use glam::DVec3;
 use holo_picture::ViewSpec;
-use holo_session::{Crew, LightChange};
+use holo_session::{Crew, ObjectOrder, SceneChange};
 use holo_walk::Walker;
 use tokio::sync::oneshot;
 
@@ -59,8 +59,8 @@ impl Hand {
                 self.order(Order::Driver(driver));
             }
             Input::Switch(parts, on) => self.order(Order::Switch(parts, on)),
-            Input::Object(order) => self.order(Order::Object(order)),
-            Input::Light(change) => self.change_light(change),
+            Input::Object(order) => self.follow(order),
+            Input::Light(change) => self.change_scene(change.into()),
             Input::Size(width, height) => self.resize((width, height)),
             Input::KillWorkers => self.order_crew(Crew::kill_workers),
             Input::RestartWorkers => self.order_crew(Crew::restart_workers),
@@ -111,17 +111,27 @@ impl Hand {
         } else if question == Question::StartOver {
             self.ending = Some(HandEnding::StartOver);
         } else if self.scene_read.is_none() {
-            self.scene_read = Some(crew.read_scene(LightChange::default()));
+            self.scene_read = Some(crew.read_scene(SceneChange::default()));
         }
     }
 
-    /// Has the scene read again with a change of its light. Changes that come meanwhile are made
-    /// together.
-    fn change_light(&mut self, change: LightChange) {
+    /// Follows an order about an object, or has the scene read again if it changes the scene.
+    fn follow(&mut self, order: ObjectOrder) {
+        let of_scene = self.crew.as_ref().map(Crew::stated);
+        let change = of_scene.map(|stated| self.objects.scene_change(&order, &stated.objects));
+        match change {
+            Some(Ok(Some(change))) => self.change_scene(change),
+            Some(Err(error)) => self.refuse(format!("{error:#}")),
+            Some(Ok(None)) | None => self.order(Order::Object(order)),
+        }
+    }
+
+    /// Has the scene read again with a change. Changes that come meanwhile are made together.
+    fn change_scene(&mut self, change: SceneChange) {
         let Some(crew) = &self.crew else { return self.refuse(NO_CREW.to_owned()) };
         self.refusal = None;
-        self.light_change.add(change);
-        self.scene_read = Some(crew.read_scene(self.light_change.clone()));
+        self.scene_change.add(change);
+        self.scene_read = Some(crew.read_scene(self.scene_change.clone()));
     }
 
     /// Ends to go on with a scene that was read again, or says why it cannot be used.
@@ -133,7 +143,7 @@ impl Hand {
             Ok(read) => read,
         };
         self.scene_read = None;
-        self.light_change = LightChange::default();
+        self.scene_change = SceneChange::default();
         match read {
             Ok(()) => self.ending = Some(HandEnding::Restart),
             Err(error) => self.refuse(format!("{error:#}")),

@@ -16,7 +16,9 @@ use glam::DVec3;
 use holo_display::Frame;
 use holo_picture::{DEFAULT_VH, View, ViewKind, ViewSpec};
 use holo_raycast::Raycaster;
-use holo_session::{Crew, DriverArg, EyeVelocity, LightChange, StatedOptions, scaled};
+use holo_session::{
+    CarriedObjects, Crew, DriverArg, EyeVelocity, SceneChange, StatedOptions, scaled,
+};
 use holo_walk::{Controls, Pose, Surroundings, Walker};
 use tokio::sync::oneshot;
 
@@ -122,8 +124,10 @@ pub struct Hand {
     removed_view: Option<(String, String)>,
     /// The answer of the crew that reads the scene again.
     scene_read: Option<oneshot::Receiver<Result<()>>>,
-    /// The change of light with which it reads it.
-    light_change: LightChange,
+    /// The change with which it reads it.
+    scene_change: SceneChange,
+    /// The objects that are carried.
+    objects: CarriedObjects,
     /// Groups of the scene's lamps, once the scene is known.
     lamp_groups: Option<Vec<String>>,
     /// The light that those groups and this statement say.
@@ -197,6 +201,7 @@ impl Hand {
         first: ViewSpec,
         unit: f64,
         wishes: &super::Wishes,
+        objects: CarriedObjects,
         inputs: mpsc::Receiver<Numbered>,
         signal: Arc<ThreadSignal>,
         publisher: Publisher,
@@ -226,7 +231,8 @@ impl Hand {
             driver: None,
             removed_view: None,
             scene_read: None,
-            light_change: LightChange::default(),
+            scene_change: SceneChange::default(),
+            objects,
             lamp_groups: None,
             light: None,
             ending: None,
@@ -558,7 +564,7 @@ impl Hand {
 
     /// Returns the scene's light, if it is known and the crew can change it.
     fn light(&mut self) -> Option<Arc<SceneLight>> {
-        let stated = self.crew.as_ref()?.light();
+        let stated = self.crew.as_ref()?.stated();
         let groups = self.lamp_groups.as_ref()?;
         let is_of_now = |(of, _): &(Arc<StatedOptions>, _)| Arc::ptr_eq(of, &stated);
         if !self.light.as_ref().is_some_and(is_of_now) {
