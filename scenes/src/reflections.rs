@@ -1,8 +1,8 @@
 //! Scenes for measuring cached reflections, after those of Ruff, Clua and Fernandes 2013 ("Dynamic
 //! per Object Ray Caching Textures for Real-Time Ray Tracing"). Metres, +Z up.
 //!
-//! Shapes are perfect mirrors with smooth normals, in a room of plain walls, a chequered floor and a
-//! lamp. The usual eye is at (0, -4, 0), and looks along +Y at a sphere of radius 1 around zero.
+//! Shapes are perfect mirrors with smooth normals, in a room of plain walls, a chequered floor and
+//! a lamp. The usual eye is at (0, -4, 0), and looks along +Y at a sphere of radius 1 around zero.
 
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
@@ -246,8 +246,8 @@ fn scenes() -> Vec<NamedScene> {
     scenes
 }
 
-/// Writes all scenes as NAME.obj into `dir`, which is created if it does not exist, with the library
-/// `reflections.mtl`. Returns the paths.
+/// Writes all scenes as NAME.obj into `dir`, which is created if it does not exist, with the
+/// library `reflections.mtl`. Returns the paths.
 ///
 /// # Errors
 /// Those of the file system.

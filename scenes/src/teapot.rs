@@ -1,7 +1,8 @@
-//! A teapot of chrome, for carrying it into a room: Martin Newell's (1975), whose Bézier patches are
-//! published data, with the bottom that others added. Metres, +Z up, on the plane z = 0.
+//! A teapot of chrome, for carrying it into a room: Martin Newell's (1975), whose Bézier patches
+//! are published data, with the bottom that others added. Metres, +Z up, on the plane z = 0.
 //!
-//! Rim, body, lid and bottom are surfaces of revolution. Handle and spout are the same on both sides.
+//! Rim, body, lid and bottom are surfaces of revolution. Handle and spout are the same on both
+//! sides.
 
 use std::fmt::Write as _;
 use std::fs;

@@ -22,7 +22,8 @@
 //! Invariants:
 //! - Nothing here prints on standard output. Progress, notes and warnings go to standard error as
 //!   they come.
-//! - Another process is known by the reports that it sends ([`processes`]), never by what it prints.
+//! - Another process is known by the reports that it sends ([`processes`]), never by what it
+//!   prints.
 
 pub mod bake;
 mod brightness;

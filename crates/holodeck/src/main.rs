@@ -91,8 +91,8 @@ impl Command {
     }
 }
 
-/// Returns the command line's definition. Numbers below zero are values of options, so that an error
-/// states the range of the option.
+/// Returns the command line's definition. Numbers below zero are values of options, so that an
+/// error states the range of the option.
 fn command() -> clap::Command {
     fn with_negative_numbers(command: clap::Command) -> clap::Command {
         let takes_values =

@@ -54,8 +54,8 @@ pub enum OpeningRequest {
     Sections,
 }
 
-/// Opens the configuration's scene, and chooses what the configuration does not state. With `quiet`,
-/// no progress is shown.
+/// Opens the configuration's scene, and chooses what the configuration does not state. With
+/// `quiet`, no progress is shown.
 ///
 /// # Errors
 /// If there is no scene, or it cannot be loaded.

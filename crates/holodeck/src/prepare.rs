@@ -164,8 +164,8 @@ pub struct Edited {
 }
 
 impl Edited {
-    /// Reads a file's scene again: by `config`, or as the file says if there is none, with a change.
-    /// The objects that are part of it stay so, whatever `config` says.
+    /// Reads a file's scene again: by `config`, or as the file says if there is none, with a
+    /// change. The objects that are part of it stay so, whatever `config` says.
     ///
     /// # Errors
     /// If the scene cannot be used, is as before, or the file cannot go on with it.

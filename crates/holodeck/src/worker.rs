@@ -56,8 +56,8 @@ struct WorkerProcess {
 }
 
 impl KeptWorker {
-    /// Starts `program` as a worker, on all cores unless `threads` states a number. It shows its progress of
-    /// loading unless `quiet`.
+    /// Starts `program` as a worker, on all cores unless `threads` states a number. It shows its
+    /// progress of loading unless `quiet`.
     ///
     /// # Errors
     /// If it cannot be started.

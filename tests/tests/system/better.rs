@@ -277,7 +277,8 @@ fn better_packets_of_dead_workers_are_dealt_again() {
     // This worker takes packets, does nothing with them, and goes.
     let idle = tokio::runtime::Runtime::new().unwrap();
     let (mut inbox, outbox, _) = idle.block_on(join(server.address, Role::Worker));
-    // Its first packets are four for each thread. Up to 64 packets check the other worker's reports.
+    // Its first packets are four for each thread. Up to 64 packets check the other worker's
+    // reports.
     outbox.control(&Control::Ready { threads: 64 }).unwrap();
     let lost = idle.block_on(async {
         let mut lost = Vec::new();

@@ -248,8 +248,8 @@ fn greedy_displays(at: Targets) -> u32 {
     })
 }
 
-/// Walks for a time, looks at the session with `look`, and ends it. Returns the number of frames, the
-/// longest wait for one, and what `look` returned.
+/// Walks for a time, looks at the session with `look`, and ends it. Returns the number of frames,
+/// the longest wait for one, and what `look` returned.
 fn walk<T>(page: SocketAddr, time: Duration, look: impl FnOnce() -> T) -> (u32, Duration, T) {
     let mut socket = open_page(page).expect("the page takes an honest walker");
     let mut number = 0;

@@ -1,8 +1,8 @@
 //! The directory: where each beam's samples lie in the file, and how many there are.
 //!
 //! Invariant: an extent is listed only after its block is on disk. Counts also include samples that
-//! are still in memory. The directory takes 28 bytes per extent, about 70 per beam, and about 50 per
-//! gap in the numbers of a beam.
+//! are still in memory. The directory takes 28 bytes per extent, about 70 per beam, and about 50
+//! per gap in the numbers of a beam.
 //!
 //! Samples belong to a *generation*: the scene as it was when they were traced. Only those of the
 //! present generation are counted and have numbers. Of the others, a beam lists those of its newest

@@ -18,8 +18,8 @@
 //!   left out; nothing else is lost with them.
 //! - One process writes the file, ensured by a lock on it. Any number of processes read it
 //!   meanwhile.
-//! - The index only repeats what block headers and tables say. Without it, opening takes longer, and
-//!   finds the same.
+//! - The index only repeats what block headers and tables say. Without it, opening takes longer,
+//!   and finds the same.
 //! - Blocks of unknown kinds are checked and skipped, so that a program reads files of later ones.
 //! - Samples of an earlier generation are never taken for those of the present one, and never lost.
 //! - This crate never interprets a radiance. For it, a sample is ten bytes.

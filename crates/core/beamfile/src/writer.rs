@@ -72,7 +72,8 @@ pub(crate) fn run(shared: &Arc<OpenFile>, mut index: IndexWriter) {
         drop(state);
         shared.progress.notify_all();
         if failed_at.is_none() && index.is_due(shared) {
-            // Without an index opening takes longer, and a full disk is named with the next samples.
+            // Without an index opening takes longer, and a full disk is named with the next
+            // samples.
             let _ = index.write(shared);
         }
     }

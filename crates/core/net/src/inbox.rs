@@ -31,8 +31,8 @@ const AHEAD_BYTES: usize = 32 << 20;
 /// Bytes of a payload that memory is taken for at once.
 const FIRST_PIECE: usize = 1 << 15;
 
-/// Memory for payloads that have not arrived whole, of all connections of this process. If they need
-/// more, those that hold more than an equal share of it end.
+/// Memory for payloads that have not arrived whole, of all connections of this process. If they
+/// need more, those that hold more than an equal share of it end.
 const MAX_UNFINISHED: usize = 256 << 20;
 
 /// Bytes of payloads that have not arrived whole, and their number.

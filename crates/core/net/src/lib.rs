@@ -5,8 +5,8 @@
 //!   handshake is done, nothing longer than a hello is read.
 //! - Both sides ping every [`PING_EVERY`], from tasks of their own. Neither a long computation nor
 //!   a long transfer looks like silence.
-//! - A connection ends if nothing arrives for [`SILENCE`]: the other side has vanished. It also ends
-//!   if the other side takes nothing of what waits for it for [`LONGEST_BUSY`].
+//! - A connection ends if nothing arrives for [`SILENCE`]: the other side has vanished. It also
+//!   ends if the other side takes nothing of what waits for it for [`LONGEST_BUSY`].
 //! - Sending never blocks. Frames queue in an [`Outbox`], whose owner monitors
 //!   [`Outbox::queued_bytes`].
 //! - Without encryption, only loopback addresses are used. Other connections are TLS 1.3. The

@@ -18,8 +18,8 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(8);
 /// and writes a large scene.
 pub const RETURN_TIME: Duration = Duration::from_secs(300);
 
-/// Connects as [`connect_as`] does. If no server answers, tries again for `patience`, with pauses that
-/// double. Calls `waiting` before each pause.
+/// Connects as [`connect_as`] does. If no server answers, tries again for `patience`, with pauses
+/// that double. Calls `waiting` before each pause.
 ///
 /// # Errors
 /// As [`connect_as`]. If a server answers and refuses, there is no other attempt.

@@ -4,9 +4,9 @@
 //! `cargo run --release -p holo-raycast --example rays -- [--json] [--obj FILE] [--triangles N,N…]
 //! [--rays N] [--dump FOLDER] [--flatten]`
 //!
-//! Without `--obj`, which reads any model file, the scenes are closed displaced spheres of about 10³ to 10⁶ triangles.
-//! `--triangles 10000000` takes a few GB and a minute. Times are processor seconds of the thread
-//! where the system reports them (Linux), so other programs do not count.
+//! Without `--obj`, which reads any model file, the scenes are closed displaced spheres of about
+//! 10³ to 10⁶ triangles. `--triangles 10000000` takes a few GB and a minute. Times are processor
+//! seconds of the thread where the system reports them (Linux), so other programs do not count.
 //!
 //! `--flatten` makes a copy of a shared mesh for each of its instances.
 //!

@@ -59,7 +59,8 @@ mod tests {
     use holo_scene::{Material, Scene};
     use std::sync::Arc;
 
-    /// A box of 4 × 3 × 2.5 at `at`, a table-top of 1 × 1 at height 0.8, and a ramp from 0.6 to 1.4.
+    /// A box of 4 × 3 × 2.5 at `at`, a table-top of 1 × 1 at height 0.8, and a ramp from 0.6 to
+    /// 1.4.
     fn furnished(at: DVec3) -> Raycaster {
         let corner = |n: u32| {
             let bit = |b: u32| f64::from(n >> b & 1);

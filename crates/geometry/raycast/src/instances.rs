@@ -31,8 +31,8 @@ pub(crate) struct Instances {
     /// Over instances. A leaf is the index of one.
     pub top: Hierarchy,
     /// Over the triangles of meshes, which are numbered from 0. A mesh has several if its instances
-    /// need very different padding. Otherwise the boxes of large instances would be as wide as those
-    /// of tiny ones.
+    /// need very different padding. Otherwise the boxes of large instances would be as wide as
+    /// those of tiny ones.
     pub meshes: Vec<Hierarchy>,
     /// The hierarchy of each instance, as an index into `meshes`.
     pub mesh_of: Vec<u32>,

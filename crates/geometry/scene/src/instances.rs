@@ -91,9 +91,9 @@ impl Scene {
     /// of the scene come first, and those of each mesh follow.
     ///
     /// # Errors
-    /// As [`Scene::new`]. Also if the scene already has instances or [`Shading`](crate::Shading), or
-    /// if a mesh does not exist or is empty. Also if there are more than [`limits`](crate::limits)
-    /// allow.
+    /// As [`Scene::new`]. Also if the scene already has instances or [`Shading`](crate::Shading),
+    /// or if a mesh does not exist or is empty. Also if there are more than
+    /// [`limits`](crate::limits) allow.
     pub fn with_instances(
         mut self,
         meshes: &[Geometry],

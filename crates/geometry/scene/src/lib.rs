@@ -2,12 +2,11 @@
 //! which features it uses.
 //!
 //! A [`Scene`] is a set of triangles, each with a material. Triangles of meshes that occur several
-//! times are stored once, and have a number in each [`Instance`]. Coordinates are f32 around an `f64`
-//! origin, so a building at map coordinates loses no precision. [`load()`] reads a scene from a
-//! file: `tobj` parses OBJ after each line has been checked, and `gltf` parses glTF.
-//! [`Scene::pack`] makes the bytes that
-//! are sent to workers and stored in a holodeck file. [`Scene::unpack`] reads those bytes without
-//! trusting them.
+//! times are stored once, and have a number in each [`Instance`]. Coordinates are f32 around an
+//! `f64` origin, so a building at map coordinates loses no precision. [`load()`] reads a scene from
+//! a file: `tobj` parses OBJ after each line has been checked, and `gltf` parses glTF.
+//! [`Scene::pack`] makes the bytes that are sent to workers and stored in a holodeck file.
+//! [`Scene::unpack`] reads those bytes without trusting them.
 //!
 //! Invariants:
 //! - A [`Scene`] is valid. Every index is in range, every number is finite and within [`limits`],

@@ -15,8 +15,8 @@
 //!   probability `d`, and elsewhere light passes without a change. `Tr` of 1 without `d` is opaque,
 //!   because programs that write this mean `d`. `d` of 0 beside `map_d` is a program's default, and
 //!   does not count. With `illum` 4 and 7, `d` does not count.
-//! - **`Tf` in colour beside `d`** below 1 colours the light that passes: the share 1 - `d` of light
-//!   meets a thin pane of `Tf`. Beside `d`, a grey `Tf` does not count.
+//! - **`Tf` in colour beside `d`** below 1 colours the light that passes: the share 1 - `d` of
+//!   light meets a thin pane of `Tf`. Beside `d`, a grey `Tf` does not count.
 //! - **Blender** states roughness r as `Ns` = 1000 (1 - r)², so alpha is r². It states reflection
 //!   at right angles as `Ks` in units of 0.08, 0.5 by default, so the coat's colour is twice `Ks`.
 //!   Its files are recognised by their first comment.

@@ -149,8 +149,8 @@ impl Scene {
         Scene::around(origin, positions, triangles, material_ids, materials, sky)
     }
 
-    /// Makes a scene as [`from_world`](Self::from_world), around this origin. The triangles' corners
-    /// exist.
+    /// Makes a scene as [`from_world`](Self::from_world), around this origin. The triangles'
+    /// corners exist.
     pub(crate) fn around(
         origin: DVec3,
         positions: &[DVec3],

@@ -94,8 +94,9 @@ impl Lamps {
 }
 
 impl LampPoint {
-    /// Returns true if this point lights `to`. Glass and partly covered surfaces pass light through. If `side` is positive,
-    /// only the side of `to`'s normal counts. If it is negative, only the other side counts.
+    /// Returns true if this point lights `to`. Glass and partly covered surfaces pass light
+    /// through. If `side` is positive, only the side of `to`'s normal counts. If it is negative,
+    /// only the other side counts.
     fn reaches(&self, raycaster: &Raycaster, to: &SurfacePoint, side: Option<f32>) -> bool {
         let away = (to.point - self.point.point).normalize_or_zero();
         let here = to.normal.dot(away);

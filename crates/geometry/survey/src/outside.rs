@@ -40,9 +40,9 @@ const RAYS: usize = 32;
 /// Distance of the rays' origins from the middle of the scene, relative to half of its depth.
 const START: f64 = 1.1;
 
-/// A hit is deep inside beyond this share of the scene's depth. A side is open if at least the share
-/// `CLOSED` of the rays through it hit anything, and the share `OPEN` of them deep inside. A slanted
-/// board has no open side, because only a quarter of it is that deep.
+/// A hit is deep inside beyond this share of the scene's depth. A side is open if at least the
+/// share `CLOSED` of the rays through it hit anything, and the share `OPEN` of them deep inside. A
+/// slanted board has no open side, because only a quarter of it is that deep.
 const DEEP: f64 = 0.75;
 const CLOSED: f64 = 0.9;
 const OPEN: f64 = 0.5;
@@ -63,7 +63,8 @@ const LEAST_DISTANCE: f64 = 0.6;
 
 /// Returns a view of the whole scene from outside. It looks through the scene's open side, if there
 /// is one. Otherwise it has the usual direction. It has another one if the usual one shows surfaces
-/// edge-on, such as a board from its side, or dark ones, such as the back of a screen before a lamp.
+/// edge-on, such as a board from its side, or dark ones, such as the back of a screen before a
+/// lamp.
 pub(crate) fn from_outside(
     frame: &UprightAxes,
     raycaster: &Raycaster,

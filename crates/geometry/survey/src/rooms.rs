@@ -107,8 +107,8 @@ pub struct Survey {
     pub doors: Vec<Door>,
     /// The length of the scene's unit, stated or guessed.
     pub unit: Guess<Unit>,
-    /// True if the scene is a thing to be seen from outside, although it has rooms, such as a car or
-    /// a doll's house.
+    /// True if the scene is a thing to be seen from outside, although it has rooms, such as a car
+    /// or a doll's house.
     pub is_thing: bool,
     frame: UprightAxes,
     open_side: Option<OutsideView>,
@@ -223,8 +223,8 @@ impl Survey {
         }
     }
 
-    /// Returns the views of the survey by name: one for each room, the largest first. Without rooms,
-    /// and before those of a thing, comes the view from outside.
+    /// Returns the views of the survey by name: one for each room, the largest first. Without
+    /// rooms, and before those of a thing, comes the view from outside.
     #[must_use]
     pub fn views(&self, raycaster: &Raycaster) -> Vec<(String, ChosenView)> {
         let rooms = self.rooms.iter().enumerate();

@@ -8,8 +8,8 @@ use holodeck::bake::bake;
 /// Make objects that were carried into a holodeck part of its scene
 ///
 /// The objects are those that `object list` names in a session of the file. A generation of samples
-/// begins: workers trace the scene with them from then on. In a session, `object bake NAME` does the
-/// same.
+/// begins: workers trace the scene with them from then on. In a session, `object bake NAME` does
+/// the same.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  holodeck bake room.holo chair\n  \
     holodeck bake room.holo --take-out chair")]

@@ -38,7 +38,8 @@ fn advise<T>(memory: &mut [T]) {
     #[cfg(target_os = "linux")]
     {
         use rustix::mm::{Advice, madvise};
-        /// Fewest bytes worth a request. The allocator maps smaller memory together with other memory.
+        /// Fewest bytes worth a request. The allocator maps smaller memory together with other
+        /// memory.
         const LEAST: usize = 1 << 18;
         /// Smallest page size of the supported processors, bytes.
         const PAGE: usize = 4096;

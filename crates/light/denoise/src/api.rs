@@ -211,8 +211,8 @@ impl Filter {
                 (api.set_image)(self.object, name.as_ptr(), pixels, FLOAT3, width, height, 0, 0, 0);
             }
         }
-        // SAFETY: the filter exists, and its images were set above. `goes_on` outlives the run, after
-        // which the monitor is removed.
+        // SAFETY: the filter exists, and its images were set above. `goes_on` outlives the run,
+        // after which the monitor is removed.
         unsafe {
             (api.set_filter_bool)(self.object, c"hdr".as_ptr(), true);
             (api.set_filter_bool)(self.object, c"cleanAux".as_ptr(), true);

@@ -187,8 +187,8 @@ impl ReflectionCube {
         self.grid
     }
 
-    /// Returns the light of a texel of the [`grid`](Self::grid), seen from the centre. `None` if it is
-    /// not valid.
+    /// Returns the light of a texel of the [`grid`](Self::grid), seen from the centre. `None` if it
+    /// is not valid.
     #[must_use]
     pub fn light_of(&self, texel: usize) -> Option<CubeLight> {
         let CubeTexel { radiance, inverse_depth, count, .. } = *self.valid_texel(texel)?;
@@ -201,8 +201,8 @@ impl ReflectionCube {
         self.texels[texel].count
     }
 
-    /// Replaces the radiance of a texel of the [`grid`](Self::grid) that is valid. Returns false if it
-    /// is not, or if the radiance is not finite and positive.
+    /// Replaces the radiance of a texel of the [`grid`](Self::grid) that is valid. Returns false if
+    /// it is not, or if the radiance is not finite and positive.
     ///
     /// Levels follow at the next [`refresh_levels`](Self::refresh_levels).
     pub fn set_radiance(&mut self, texel: usize, radiance: [f32; 3]) -> bool {

@@ -92,8 +92,8 @@ pub(crate) fn depth(point: Vec3) -> f32 {
     point.abs().max_element()
 }
 
-/// Returns the solid angle of a texel, steradians. Relative error at most 3e-4 with 8 texels along a
-/// side, and 16 times smaller with twice as many.
+/// Returns the solid angle of a texel, steradians. Relative error at most 3e-4 with 8 texels along
+/// a side, and 16 times smaller with twice as many.
 #[inline]
 pub(crate) fn solid_angle((column, row): (u32, u32), resolution: u32) -> f32 {
     // The integral of (1 + x² + y²)^(-3/2) over the texel, to the second order around its middle.

@@ -1,7 +1,7 @@
 //! The texels of a cube by direction: their numbers, directions and solid angles.
 //!
-//! Invariant: texels are numbered face by face, in the order of [`FACE_AXES`](crate::FACE_AXES), and
-//! row by row.
+//! Invariant: texels are numbered face by face, in the order of [`FACE_AXES`](crate::FACE_AXES),
+//! and row by row.
 
 use crate::face::{FACES, FacePoint, solid_angle};
 use glam::Vec3;

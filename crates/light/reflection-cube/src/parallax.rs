@@ -6,7 +6,8 @@
 //! positive behind it. On a plane it is linear along the ray, so the secant method is exact there.
 //! Before the sky it is -1.
 //!
-//! A ray that passes behind an edge meets nothing there. It is taken to see what is beyond the edge.
+//! A ray that passes behind an edge meets nothing there. It is taken to see what is beyond the
+//! edge.
 
 use crate::cube::{CubeAnswer, CubeLight, ReflectionCube};
 use crate::face::{FACE_AXES, FacePoint, depth};
@@ -85,8 +86,8 @@ impl ReflectionCube {
         sharp.or_else(|| (1..=self.levels().len()).find_map(blurred))
     }
 
-    /// Returns the direction from the centre to what a ray sees that leaves the object at `origin` in
-    /// a unit direction. It is a unit vector.
+    /// Returns the direction from the centre to what a ray sees that leaves the object at `origin`
+    /// in a unit direction. It is a unit vector.
     #[must_use]
     #[inline]
     pub fn direction_seen(&self, origin: Vec3, direction: Vec3) -> Vec3 {

@@ -55,8 +55,8 @@ impl ReflectionCube {
         Some(sum.mean(1.0)).filter(|mean| mean.valid >= least)
     }
 
-    /// Returns the inverse depth at a point: interpolated between the four texels around it, or that
-    /// of the nearest where they show several surfaces. `None` if too little is valid there.
+    /// Returns the inverse depth at a point: interpolated between the four texels around it, or
+    /// that of the nearest where they show several surfaces. `None` if too little is valid there.
     #[inline]
     pub(crate) fn inverse_depth_between(&self, point: FacePoint) -> Option<f32> {
         let around = point.around(self.grid().resolution()).map(|(place, weight)| {

@@ -3,8 +3,8 @@
 //!
 //! Invariants:
 //! - A point depends only on the pair's keys and on its index.
-//! - Take any aligned block of 2^k indices, and divide the square into 2^k strata of any shape. Each
-//!   stratum contains exactly one point. The point of a single index is uniform over all keys.
+//! - Take any aligned block of 2^k indices, and divide the square into 2^k strata of any shape.
+//!   Each stratum contains exactly one point. The point of a single index is uniform over all keys.
 
 /// The golden ratio in 64 bits: the step of SplitMix64 (Steele, Lea, Flood 2014, "Fast splittable
 /// pseudorandom number generators").

@@ -4,8 +4,8 @@
 //! Light that meets several facets is compensated (Kulla and Conty 2017, "Revisiting Physically
 //! Based Shading at Imageworks"). The compensation needs the lost share by direction, and its mean.
 //!
-//! Invariant: [`mean`](AlbedoTable::mean) is the cosine-weighted mean of the table's interpolation, not
-//! of the tabulated function. So the light lost in one direction is returned exactly over all
+//! Invariant: [`mean`](AlbedoTable::mean) is the cosine-weighted mean of the table's interpolation,
+//! not of the tabulated function. So the light lost in one direction is returned exactly over all
 //! directions. The table is within 5e-4 of the function.
 
 use glam::Vec3;

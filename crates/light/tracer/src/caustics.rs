@@ -1,10 +1,10 @@
 //! Caustics: light that mirrors, metal and glass throw onto wide surfaces.
 //!
 //! Paths from the eye find such light only by chance. When the scene is prepared, light paths are
-//! traced from lamps, suns and the sky over what throws light, once (module `photons`). Each ends as a photon on
-//! a wide surface. Photons that lie side by side make a [`Leaf`]. Surfaces within a leaf aim some
-//! of their samples in the directions that its photons came from (Jensen 1995, "Importance Driven
-//! Path Tracing using the Photon Map").
+//! traced from lamps, suns and the sky over what throws light, once (module `photons`). Each ends
+//! as a photon on a wide surface. Photons that lie side by side make a [`Leaf`]. Surfaces within a
+//! leaf aim some of their samples in the directions that its photons came from (Jensen 1995,
+//! "Importance Driven Path Tracing using the Photon Map").
 //!
 //! A photon remembers a point that it seems to come from. So a leaf's directions change from place
 //! to place as reflections do.

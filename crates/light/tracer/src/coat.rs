@@ -2,8 +2,8 @@
 //!
 //! The coat reflects as a rough boundary does, with light that meets several facets. Light that it
 //! transmits in both directions reaches the base (Ashikhmin and Shirley 2000, Kelemen and
-//! Szirmay-Kalos 2001). The base scatters `kd (1 - E(wo)) (1 - E(wi)) / (π (1 - Ē))`. E is the share
-//! that the coat reflects of light from a direction, and Ē its cosine-weighted mean.
+//! Szirmay-Kalos 2001). The base scatters `kd (1 - E(wo)) (1 - E(wi)) / (π (1 - Ē))`. E is the
+//! share that the coat reflects of light from a direction, and Ē its cosine-weighted mean.
 //!
 //! The division by 1 - Ē returns the light that the coat reflects back to the base repeatedly. The
 //! coat's inside reflects 1 - (1 - Ē) / n². So `kd` is the colour that is seen, inner reflections

@@ -1,14 +1,13 @@
 //! Engines: they compute the radiance along a ray and the distance to the first surface. This crate
 //! knows neither beams nor sockets.
 //!
-//! The engine `path` is an unbiased path tracer (module `path`). The paths of the engine `gather` end
-//! in shared cells of surface light (module `gather`). [`holo_scene::Bsdf`] defines the materials.
-//! They follow
-//! Mitsuba 3's `diffuse`, `conductor`, `roughconductor`, `thindielectric`, `dielectric` and
-//! `roughdielectric`, with two differences. Light that meets several facets of a rough surface is
-//! not lost. Indices of refraction apply between the solids that really touch: bubbles in glass,
-//! water in a glass (module `medium`). A path tracer with cached reflections is biased (module
-//! `reflections`).
+//! The engine `path` is an unbiased path tracer (module `path`). The paths of the engine `gather`
+//! end in shared cells of surface light (module `gather`). [`holo_scene::Bsdf`] defines the
+//! materials. They follow Mitsuba 3's `diffuse`, `conductor`, `roughconductor`, `thindielectric`,
+//! `dielectric` and `roughdielectric`, with two differences. Light that meets several facets of a
+//! rough surface is not lost. Indices of refraction apply between the solids that really touch:
+//! bubbles in glass, water in a glass (module `medium`). A path tracer with cached reflections is
+//! biased (module `reflections`).
 //!
 //! Invariants:
 //! - The engine `path` gives a [`Traced`] that is a function of (scene, settings, ray, seed): not
@@ -224,9 +223,9 @@ impl Tracer {
         self
     }
 
-    /// Switches to cached reflections: rays that leave curved mirrors and smooth glass end in a cube
-    /// of texels around the object, once these are filled. Pictures have a bias. They depend on
-    /// earlier rays of all threads. The engine `gather` does not use the cubes.
+    /// Switches to cached reflections: rays that leave curved mirrors and smooth glass end in a
+    /// cube of texels around the object, once these are filled. Pictures have a bias. They depend
+    /// on earlier rays of all threads. The engine `gather` does not use the cubes.
     #[must_use]
     pub fn with_cached_reflections(mut self, settings: ReflectionSettings) -> Self {
         self.reflections = CachedReflections::new(self.raycaster.scene(), settings);

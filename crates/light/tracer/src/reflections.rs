@@ -6,8 +6,8 @@
 //! and the reason why [`Tracer::with_cached_reflections`](crate::Tracer::with_cached_reflections)
 //! is off unless it is asked for.
 //!
-//! Only perfect mirrors and smooth glass use cubes: their rays have one direction. Rays inside glass
-//! are always traced.
+//! Only perfect mirrors and smooth glass use cubes: their rays have one direction. Rays inside
+//! glass are always traced.
 
 use std::sync::{PoisonError, RwLock};
 

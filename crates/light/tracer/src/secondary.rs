@@ -256,8 +256,8 @@ fn brightest(
     (!triangles.is_empty()).then(|| Lights::over(triangles, emitters))
 }
 
-/// Approximate number of cells in the grid that chooses among the sources. With 8192 cells, noise is
-/// 1.5 % less, but estimating them takes as long as 50,000 paths.
+/// Approximate number of cells in the grid that chooses among the sources. With 8192 cells, noise
+/// is 1.5 % less, but estimating them takes as long as 50,000 paths.
 const CELLS: f32 = 512.0;
 
 /// Seed of the light paths; any number will do.

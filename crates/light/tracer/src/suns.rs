@@ -72,8 +72,8 @@ impl Suns {
         Some(SunPoint { direction, radiance: sun.radiance, density: sun.share * self.density })
     }
 
-    /// Returns the direction to the middle of a sun, chosen by a uniform number in proportion to its
-    /// irradiance, and that irradiance over the probability.
+    /// Returns the direction to the middle of a sun, chosen by a uniform number in proportion to
+    /// its irradiance, and that irradiance over the probability.
     pub(crate) fn choose_middle(&self, mut which: f32) -> Option<(Vec3, Vec3)> {
         let last = self.discs.last()?;
         let chosen = self.discs.iter().find(|disc| {

@@ -4,8 +4,8 @@
 //! in *sweeps*. A sweep visits all beams of all sections once, in an evenly spread order. It brings
 //! every beam up to its share of the sweep's total. The next sweep's total is larger by [`GROWTH`].
 //!
-//! The totals of sweeps and the orders of beams in them are functions of the sections. So a fill that
-//! is interrupted goes on in the sweep in which it was, and ends with the same samples.
+//! The totals of sweeps and the orders of beams in them are functions of the sections. So a fill
+//! that is interrupted goes on in the sweep in which it was, and ends with the same samples.
 //!
 //! At any moment, the ratio of traced to wanted rays differs between two beams by no more than that
 //! factor and one packet. So it is good to stop at any time. Nothing is kept for single beams.

@@ -16,8 +16,9 @@ use crate::events::ConnectionId;
 /// Most cells: 64 MB, and as much for their names.
 const MAX_CELLS: usize = 1 << 20;
 
-/// The names of blobs of cells begin so. The generation of the scene follows, a slash, and a number.
-/// Blobs `cells-1/` come from earlier versions, whose makers did not say whose light they used.
+/// The names of blobs of cells begin so. The generation of the scene follows, a slash, and a
+/// number. Blobs `cells-1/` come from earlier versions, whose makers did not say whose light they
+/// used.
 const BLOBS: &str = "cells-2/";
 
 /// Most cells in one blob: 4 MB, a quarter of what a message may hold.

@@ -26,7 +26,8 @@ const CHECKED: u64 = 32;
 /// passed, displays hear of its claims at once.
 const LEAST_CHECKED: u64 = 8;
 
-/// Most checks of a batch. If one claim in 200 is wrong, this many checks miss it once in 170 times.
+/// Most checks of a batch. If one claim in 200 is wrong, this many checks miss it once in 170
+/// times.
 const MOST_CHECKED: u64 = 1024;
 
 /// All claims, by worker.

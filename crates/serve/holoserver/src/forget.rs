@@ -28,8 +28,8 @@ pub struct Forgotten {
 }
 
 impl Holodeck {
-    /// Removes from a file what these makers have made, and what others have made with their surface
-    /// light. 0 stands for whoever is not known.
+    /// Removes from a file what these makers have made, and what others have made with their
+    /// surface light. 0 stands for whoever is not known.
     ///
     /// The file does not say who found which unseen beam. If one of these makers has found any, all
     /// are removed, and workers find the true ones again.

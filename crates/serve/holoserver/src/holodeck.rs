@@ -27,7 +27,8 @@ use crate::{
 
 /// Name of the blob that holds the packed scene, of the first generation.
 const SCENE: &str = "scene";
-/// Name of the blob that holds the beams that are proven to see nothing, in the scene of the first generation.
+/// Name of the blob that holds the beams that are proven to see nothing, in the scene of the first
+/// generation.
 const UNSEEN: &str = "unseen";
 /// Name of the blob that holds claims of such beams that nobody has checked.
 const UNPROVEN: &str = "unproven";
@@ -148,8 +149,8 @@ impl Holodeck {
     /// their packed models.
     ///
     /// # Errors
-    /// If `about` does not [suit](HolodeckDescription::suits) the file, it is no holodeck, another process writes
-    /// to it, or the disk fails. The file then has the scene that it had.
+    /// If `about` does not [suit](HolodeckDescription::suits) the file, it is no holodeck, another
+    /// process writes to it, or the disk fails. The file then has the scene that it had.
     pub fn restart(
         path: &Path,
         about: &HolodeckDescription,

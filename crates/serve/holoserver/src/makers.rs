@@ -1,7 +1,7 @@
 //! Who made samples, claims and cells of surface light: machines, which a file knows by numbers.
 //!
-//! A machine that uses surface light of others has further numbers. Each says whose light is in what
-//! is stored under it, so that `forget` finds it.
+//! A machine that uses surface light of others has further numbers. Each says whose light is in
+//! what is stored under it, so that `forget` finds it.
 //!
 //! Invariants:
 //! - A number means one machine for ever, also after what the machine made was forgotten.

@@ -269,8 +269,8 @@ impl<'a> Sender<'a> {
         classes.try_for_each(|keys| self.send_beams(&keys))
     }
 
-    /// Sends samples of the beams of a view, given with their weights, in rounds. Reading that takes
-    /// long, or very many samples, are divided among several sequences of rounds.
+    /// Sends samples of the beams of a view, given with their weights, in rounds. Reading that
+    /// takes long, or very many samples, are divided among several sequences of rounds.
     fn send_in_rounds(&mut self, beams: &[(BeamKey, f32)]) -> Result<()> {
         let weights: FxHashMap<BeamKey, f32> = beams.iter().copied().collect();
         let file = &self.holodeck.file;
@@ -433,8 +433,8 @@ impl Blob {
     }
 }
 
-/// Sends a blob in pieces, on a thread of its own, which calls `done` at its end. If the blob cannot
-/// be read, sends a message that it is absent.
+/// Sends a blob in pieces, on a thread of its own, which calls `done` at its end. If the blob
+/// cannot be read, sends a message that it is absent.
 pub fn send_blob(
     holodeck: Arc<Holodeck>,
     outbox: Outbox,

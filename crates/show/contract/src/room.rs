@@ -1,4 +1,5 @@
-//! A room with a mirror, a pane, a coat, a texture, a cover, a lamp and a window, and samples of it.
+//! A room with a mirror, a pane, a coat, a texture, a cover, a lamp and a window, and samples of
+//! it.
 
 use glam::DVec3;
 use holo_display::{LiveSample, split_mix};

@@ -73,7 +73,8 @@ impl PictureRays<'_> {
         })
     }
 
-    /// Returns whether section `number` covers all pixels of a rectangle, as far as its corners show.
+    /// Returns whether section `number` covers all pixels of a rectangle, as far as its corners
+    /// show.
     fn is_full(&self, number: usize, columns: &Range<usize>, rows: &Range<usize>) -> bool {
         let has_one_eye = self.view.kind == ViewKind::Perspective && self.view.vo == 0.0;
         let Some(section) = self.sections.get(number).filter(|_| has_one_eye) else { return false };

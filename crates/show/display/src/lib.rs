@@ -3,9 +3,9 @@
 //! [`select_beams`] turns a view into wanted beams (Larson & Simmons 1999, §2.4.2). The server
 //! answers with samples. A [`Driver`] turns samples into a [`Frame`]. It has two parts. [`Light`]
 //! takes the samples and lives for a session. A [`Renderer`] draws the frames of one view after
-//! another from that light, and there may be several. Its [`RayWishes`] are the samples that its view
-//! would gain from. A [`FramePhase`] says what a frame is for. Each driver is a crate of its own that
-//! uses this one and no other driver.
+//! another from that light, and there may be several. Its [`RayWishes`] are the samples that its
+//! view would gain from. A [`FramePhase`] says what a frame is for. Each driver is a crate of its
+//! own that uses this one and no other driver.
 //!
 //! Invariants, here and in every driver:
 //! - No input or output, no clock, and no randomness except what the caller seeds: the same calls

@@ -29,8 +29,9 @@ pub trait Light: Send {
     /// beams.
     fn insert(&mut self, age: Age, beam: BeamKey, paths: u16, samples: &[Sample]);
 
-    /// Takes out samples that were inserted as [`Age::Earlier`] with the same arguments. They may be
-    /// a part of those inserted at once. Returns whether the driver can do that; if not, they stay.
+    /// Takes out samples that were inserted as [`Age::Earlier`] with the same arguments. They may
+    /// be a part of those inserted at once. Returns whether the driver can do that; if not, they
+    /// stay.
     fn remove_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) -> bool;
 
     /// Marks a beam as unseen: none of its rays can hit anything.

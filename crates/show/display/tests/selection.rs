@@ -21,8 +21,8 @@ fn select(sections: &[Section], view: &View) -> Selection {
     select_beams(sections, view, SIZE, &SelectOptions::default())
 }
 
-/// Returns the weight of the beams that leave section `number` through wall `wall`, and the weight of
-/// all its beams.
+/// Returns the weight of the beams that leave section `number` through wall `wall`, and the weight
+/// of all its beams.
 fn exit_weight(sections: &[Section], selection: &Selection, number: u16, wall: u8) -> (f64, f64) {
     let of = |only: Option<u8>| {
         selection
@@ -103,15 +103,16 @@ fn view_c_inside_an_exterior_section_is_fully_covered() {
 #[test]
 fn view_d_outside_an_exterior_section_is_covered_where_rays_meet_the_section() {
     let sections = [unit_cube(ViewClass::Exterior)];
-    // The eye looks along the plane of the face y = 0, so only rays to the left can meet the section.
+    // The eye looks along the plane of the face y = 0, so only rays to the left can meet the
+    // section.
     let seen = view([-1.0, 0.0, 0.5], [0.0, 0.0, 0.5], 60.0, SIZE);
     let selection = select(&sections, &seen);
     let mut expected = 0.0;
     let side = 400;
     for row in 0..side {
         for column in 0..side {
-            // Slopes of the ray; left is +y. The ray meets the section if it crosses the face x = 0,
-            // because no ray from here enters through the face y = 0.
+            // Slopes of the ray; left is +y. The ray meets the section if it crosses the face x =
+            // 0, because no ray from here enters through the face y = 0.
             let across = (1.0 - 2.0 * (f64::from(column) + 0.5) / f64::from(side))
                 * 30_f64.to_radians().tan();
             let up = (1.0 - 2.0 * (f64::from(row) + 0.5) / f64::from(side))

@@ -1,8 +1,8 @@
 //! The drivers `quadtree` and `cells`: pictures from samples alone, without a scene.
 //!
-//! The [driver](quadtree_driver) draws a whole session. It shows the samples of the last view in the next
-//! view until that view's own samples have arrived. For one view it has a [`Quadtree`] (Larson &
-//! Simmons 1999, §2.4.3) or [`ViewCells`] (§2.4.4).
+//! The [driver](quadtree_driver) draws a whole session. It shows the samples of the last view in
+//! the next view until that view's own samples have arrived. For one view it has a [`Quadtree`]
+//! (Larson & Simmons 1999, §2.4.3) or [`ViewCells`] (§2.4.4).
 //!
 //! # How a picture is made
 //!

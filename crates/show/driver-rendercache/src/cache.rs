@@ -18,8 +18,8 @@ use crate::sample::{RayResult, Request};
 use crate::stage::{Stage, Stages};
 use crate::{cull, prefilter, zbuffer};
 
-/// Points are few if fewer than one in so many pixels shows one. With more of them, a gap is nothing
-/// rather than unknown, and resampling finds hidden points quickly enough.
+/// Points are few if fewer than one in so many pixels shows one. With more of them, a gap is
+/// nothing rather than unknown, and resampling finds hidden points quickly enough.
 const SPARSE: usize = 3;
 
 /// The input of a frame.

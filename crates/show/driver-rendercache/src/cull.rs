@@ -17,15 +17,16 @@ const CELL: usize = 8;
 const NEW: u8 = 16;
 /// Least number of new points around a cell that say where its surfaces are.
 const LEAST_NEW: u32 = 2;
-/// Ratio of depths from which on an old point is behind new ones. Depths of a floor differ less over
-/// three cells, except near the horizon.
+/// Ratio of depths from which on an old point is behind new ones. Depths of a floor differ less
+/// over three cells, except near the horizon.
 const BEHIND: f32 = 1.04;
 
 /// Removes old points that are far behind all new ones of the 3×3 cells around. If the eye has just
 /// gone through a door, points of the room before would show through the new one's walls, of which
 /// few points are known yet.
 ///
-/// A point that is seen after all is soon confirmed, because its pixel is requested like other gaps.
+/// A point that is seen after all is soon confirmed, because its pixel is requested like other
+/// gaps.
 pub(crate) fn cull_behind(planes: &mut PixelPlanes) {
     let (width, height) = (planes.width, planes.height);
     let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));

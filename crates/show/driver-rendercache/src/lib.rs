@@ -56,8 +56,8 @@
 //! # Frameless rendering, `frameless`
 //!
 //! [`frameless::Frameless`] stores one radiance per pixel (Bishop, Fuchs, McMillan & Scher Zagier
-//! 1994). It is the mean of the pixel's samples for the newest view with any. [`frameless_driver()`]
-//! runs it for a session.
+//! 1994). It is the mean of the pixel's samples for the newest view with any.
+//! [`frameless_driver()`] runs it for a session.
 //!
 //! # Invariants
 //!

@@ -92,8 +92,8 @@ pub struct PointImageParams {
     /// Number of points that the pyramid's colour counts as where points are few: above 0, to
     /// 1000.
     pub pyramid_weight: f32,
-    /// Points that are added to that number if the noise of samples is unknown, or as large as their
-    /// light: 0 to 1000. Below, they fall with the variance.
+    /// Points that are added to that number if the noise of samples is unknown, or as large as
+    /// their light: 0 to 1000. Below, they fall with the variance.
     pub noisy_pyramid_weight: f32,
     /// Priority of a pixel without a point if all eight pixels around it have one (1999, §4): 0 to
     /// 255. If none of them has one, the priority is 255.

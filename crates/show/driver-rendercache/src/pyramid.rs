@@ -125,8 +125,8 @@ impl Level {
 }
 
 /// Returns the two of `count` cells, each `size` wide, between whose middles lies the middle of the
-/// `place`-th unit, and the share of the second cell. Beyond the first and the last middle, both are
-/// the same.
+/// `place`-th unit, and the share of the second cell. Beyond the first and the last middle, both
+/// are the same.
 #[inline]
 fn between(place: usize, size: usize, count: usize) -> (usize, usize, f32) {
     let cell = place / size;

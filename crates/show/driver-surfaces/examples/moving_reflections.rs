@@ -1,11 +1,12 @@
 //! Measures shiny objects while the eye moves, without their reflection cubes and with them.
 //!
 //! `moving_reflections near.obj SAMPLES [OUT]` takes the scene `near` of `holo-scenes reflections`:
-//! a ball in a lit room. The ball becomes chrome, brass of several roughnesses, and glass in turn. A
-//! section around the room gets the samples, and a view at rest is drawn from them. The eye then
+//! a ball in a lit room. The ball becomes chrome, brass of several roughnesses, and glass in turn.
+//! A section around the room gets the samples, and a view at rest is drawn from them. The eye then
 //! moves to other places. Cubes are filled between frames, so the frames before have none. For each
 //! material it prints processor time of a frame and the PSNR of the ball's pixels against traced
-//! ones, with three times the ball's mean as white. It writes the last frames as OUT-MATERIAL-*.png.
+//! ones, with three times the ball's mean as white. It writes the last frames as
+//! OUT-MATERIAL-*.png.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 

@@ -1,5 +1,5 @@
-//! Prints how much of a picture is shiny: the shares of pixels whose first surface is a curved mirror
-//! or smooth metal, rough metal, or solid glass.
+//! Prints how much of a picture is shiny: the shares of pixels whose first surface is a curved
+//! mirror or smooth metal, rough metal, or solid glass.
 //!
 //! `shiny_share SCENE VIEW …`, each view as Radiance options in one argument, for 640 × 480 pixels.
 //! `holodeck info FILE.holo --json` shows the views of a holodeck so.

@@ -52,9 +52,9 @@ impl BehindPane {
 }
 
 impl BehindPanes {
-    /// Finds what panes mirror into each square. `mirrored` are the surfaces that they mirror there,
-    /// and `in_panes` has their light. If a pane mirrors a lamp into a square, the square loses its `sums`, because they depend on a
-    /// few very bright samples.
+    /// Finds what panes mirror into each square. `mirrored` are the surfaces that they mirror
+    /// there, and `in_panes` has their light. If a pane mirrors a lamp into a square, the square
+    /// loses its `sums`, because they depend on a few very bright samples.
     pub fn new(
         view: &SurfaceView,
         (squares, mirrored): (&Squares, &[VisiblePoint]),

@@ -190,8 +190,9 @@ impl Gathered {
     /// Returns the light that panes mirror, in a picture whose squares have sides of `step` pixels.
     /// `None` if it was interrupted.
     ///
-    /// Panes mirror a small share of light, so the squares of mirrored light have twice this side. With
-    /// the same side, filtering them took as long as filtering everything else in rooms with windows.
+    /// Panes mirror a small share of light, so the squares of mirrored light have twice this side.
+    /// With the same side, filtering them took as long as filtering everything else in rooms with
+    /// windows.
     fn layer_of_panes(
         &self,
         (view, store): (&SurfaceView, &LightStore),

@@ -142,8 +142,8 @@ impl<'a> Placer<'a> {
         Ray { t_max: 2.0 * reach as f32, ..Ray::new(start, sample.direction.as_vec3()) }
     }
 
-    /// Returns the hit of a sample's piece of ray that is nearest to its middle, if the first one is
-    /// on a partly covered surface.
+    /// Returns the hit of a sample's piece of ray that is nearest to its middle, if the first one
+    /// is on a partly covered surface.
     fn nearest_to_middle(&self, ray: &Ray, first: Hit) -> Hit {
         let away = |hit: &Hit| (hit.t - 0.5 * ray.t_max).abs();
         let (mut best, mut last) = (first, first);

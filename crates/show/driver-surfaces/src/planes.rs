@@ -141,7 +141,8 @@ impl SquareLayout {
         })
     }
 
-    /// Returns weights by geometry, lowered by a difference. `step` is the side of a square, pixels.
+    /// Returns weights by geometry, lowered by a difference. `step` is the side of a square,
+    /// pixels.
     pub fn weights(
         &self,
         geometry: &Geometry,

@@ -78,7 +78,8 @@ impl Squares {
 }
 
 impl SquareLayer {
-    /// Returns squares with their light. `guess` returns the light of a surface where it is unknown.
+    /// Returns squares with their light. `guess` returns the light of a surface where it is
+    /// unknown.
     pub fn new(
         squares: Squares,
         lights: Vec<Estimate>,

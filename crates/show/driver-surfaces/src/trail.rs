@@ -44,8 +44,8 @@ pub(crate) struct TrailEnd {
     pub length: f32,
     /// True if a mirror, a pane or solid glass has turned the ray.
     pub is_mirrored: bool,
-    /// The share of light that the first pane or solid glass on the way reflects; 0 without any, and
-    /// behind a partly covered mirror. Samples of the surface contain that light.
+    /// The share of light that the first pane or solid glass on the way reflects; 0 without any,
+    /// and behind a partly covered mirror. Samples of the surface contain that light.
     pub pane: f32,
     pub hit: Hit,
 }
@@ -82,8 +82,8 @@ pub(crate) enum AtPanes {
     /// mirrors.
     Pass,
     /// They let it pass, and keep the share that is transmitted or reflected. The reflection counts
-    /// as if it were as bright as the light behind the pane. Mirrors are whole: a sample has met its
-    /// first surface.
+    /// as if it were as bright as the light behind the pane. Mirrors are whole: a sample has met
+    /// its first surface.
     PassAll,
     /// The first pane or partly covered mirror reflects it. Further ones let it pass.
     ReflectFirst,
@@ -236,8 +236,8 @@ impl<'a> Follower<'a> {
         self.raycaster.scene().base_texture(triangle, u, v, width).unwrap_or([1.0; 3])
     }
 
-    /// Returns the factor of a lamp's emission at the end of a way: that of its texture, and that of
-    /// a luminaire in the direction of the way.
+    /// Returns the factor of a lamp's emission at the end of a way: that of its texture, and that
+    /// of a luminaire in the direction of the way.
     pub fn glow(&self, end: &TrailEnd, width: f32) -> Rgb {
         let Hit { triangle, u, v, .. } = end.hit;
         let share = self.luminaire_share(end);

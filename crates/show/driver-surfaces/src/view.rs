@@ -74,14 +74,14 @@ pub struct SurfaceTrail {
     pub radiance: Rgb,
     /// The ray's unit direction when it meets the surface.
     pub direction: Vec3,
-    /// Distance to the lamp, or to what a reflection cube shows, scene units; infinite if neither is
-    /// seen.
+    /// Distance to the lamp, or to what a reflection cube shows, scene units; infinite if neither
+    /// is seen.
     pub to_lamp: f32,
     /// True if a mirror or solid glass turned the ray. Otherwise the surface lies in the pixel's
     /// direction.
     pub is_mirrored: bool,
-    /// The share of light that the first pane or solid glass on the way reflects; 0 without any, and
-    /// behind a partly covered mirror. Samples of the surface contain that light.
+    /// The share of light that the first pane or solid glass on the way reflects; 0 without any,
+    /// and behind a partly covered mirror. Samples of the surface contain that light.
     pub pane: f32,
     /// The shiny object of rough metal that is seen, and its smooth normal.
     pub(crate) mirrors: Option<(u32, Vec3)>,

@@ -5,17 +5,17 @@
 //! 2. A [`LightProbe`] is the light that arrives at one place: what a driver shows of stored
 //!    samples in the six views of [`probe_views`], with its distances, in a reflection cube.
 //! 3. An [`ObjectLighting`] divides a probe's light into a few lights, which cast shadows, and the
-//!    rest. A [`LitObject`] is an object with that light, and with its shadow on what the probe shows.
-//!    Mirrors of the object may show what the probe's centre does not see. [`side_places`] finds
-//!    places for further probes that do.
+//!    rest. A [`LitObject`] is an object with that light, and with its shadow on what the probe
+//!    shows. Mirrors of the object may show what the probe's centre does not see. [`side_places`]
+//!    finds places for further probes that do.
 //! 4. An [`ObjectLayer`] casts the rays of a frame against the objects, and adds up passes. It also
 //!    estimates the share of light that the objects take from the surfaces around them.
 //!    [`ObjectLayer::compose`] draws both over a frame of any driver. While an object moves, a ray
 //!    stands for several pixels, and mirrors look their light up in the probe alone.
 //!
-//! Objects hide each other and cast shadows on each other, but do not reflect each other. Light that
-//! they emit is seen, and lights nothing else. Glass shows the probe's light, refracted, and casts
-//! no shadow.
+//! Objects hide each other and cast shadows on each other, but do not reflect each other. Light
+//! that they emit is seen, and lights nothing else. Glass shows the probe's light, refracted, and
+//! casts no shadow.
 //!
 //! Invariants:
 //! - No input or output, no clock, and no randomness: the same calls give the same bits.

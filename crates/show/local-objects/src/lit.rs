@@ -43,8 +43,8 @@ impl LitObject {
         LitObject::with(object, lighting, darkening, None)
     }
 
-    /// Returns an object with its light. `lights` are those at rest, and the passes by which they were
-    /// found.
+    /// Returns an object with its light. `lights` are those at rest, and the passes by which they
+    /// were found.
     pub(crate) fn with(
         object: LocalObject,
         lighting: Arc<ObjectLighting>,

@@ -45,8 +45,8 @@ pub(crate) fn radiance(cube: &ReflectionCube, texel: usize) -> Vec3 {
 }
 
 impl LightProbe {
-    /// Returns the light around `centre`, from the frames of its [`probe_views`]. Pixels about which
-    /// nothing is known have the mean radiance of the others, infinitely far away.
+    /// Returns the light around `centre`, from the frames of its [`probe_views`]. Pixels about
+    /// which nothing is known have the mean radiance of the others, infinitely far away.
     ///
     /// # Errors
     /// If the frames are not squares of one size that a cube can have, or show no light.

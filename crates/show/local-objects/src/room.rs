@@ -59,8 +59,8 @@ impl Room {
     }
 
     /// Returns where a ray to the sky leaves the bounds of the room, relative to its beginning, and
-    /// the normal of that face, inwards. Windows are near there: seen from elsewhere, the sky's light
-    /// comes through the same ones. `None` if the ray begins outside.
+    /// the normal of that face, inwards. Windows are near there: seen from elsewhere, the sky's
+    /// light comes through the same ones. `None` if the ray begins outside.
     pub(crate) fn leaves(&self, origin: DVec3, direction: Vec3) -> Option<(Vec3, Vec3)> {
         let (low, high) = self.bounds.get_or_init(|| self.raycaster.scene().bounds());
         let direction = direction.as_dvec3();

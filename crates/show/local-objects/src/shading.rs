@@ -24,7 +24,8 @@ const LEAST_WEIGHT: f32 = 0.004;
 /// Roughness below which a surface is a mirror.
 const MIRROR: f32 = 1e-3;
 
-/// Widest angle, radians, over which light that is looked up comes from about one place of the room.
+/// Widest angle, radians, over which light that is looked up comes from about one place of the
+/// room.
 const SHARP: f32 = 0.05;
 
 /// How exactly light is computed.
@@ -169,8 +170,8 @@ impl Shader<'_> {
         })
     }
 
-    /// Returns the radiance of an object's surroundings along a ray that leaves it. Quick frames look
-    /// it up by the probe's distances, exact ones by what the ray meets in the room.
+    /// Returns the radiance of an object's surroundings along a ray that leaves it. Quick frames
+    /// look it up by the probe's distances, exact ones by what the ray meets in the room.
     fn around(&self, lit: &LitObject, origin: DVec3, direction: Vec3, blur: f32) -> Vec3 {
         let is_exact = self.detail == LightDetail::Exact;
         match self.room.filter(|_| is_exact && blur <= SHARP) {

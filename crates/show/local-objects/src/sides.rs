@@ -63,8 +63,8 @@ pub fn side_places(object: &LocalObject, room: &Room, most: usize) -> Vec<DVec3>
     places
 }
 
-/// Returns a ray that a mirror of the object sends into the room, by rays from all sides. It begins a
-/// little above the surface.
+/// Returns a ray that a mirror of the object sends into the room, by rays from all sides. It begins
+/// a little above the surface.
 fn reflection(object: &LocalObject, number: u32) -> Option<(DVec3, DVec3)> {
     let mut numbers = PassNumbers::new(2, number);
     let towards = in_cone(Vec3::Z, -1.0, numbers.two());

@@ -198,9 +198,9 @@ impl View {
         View { params: ViewParams { vs: self.params.vs + widths, ..self.params }, ..*self }
     }
 
-    /// Returns the view whose picture is a part of this view's: these columns and rows, counted from
-    /// the left and from the top, of a picture of `size` pixels. A part that is empty or reaches
-    /// beyond the picture is widened or cut to one inside it.
+    /// Returns the view whose picture is a part of this view's: these columns and rows, counted
+    /// from the left and from the top, of a picture of `size` pixels. A part that is empty or
+    /// reaches beyond the picture is widened or cut to one inside it.
     #[must_use]
     pub fn part(&self, size: (u32, u32), columns: Range<u32>, rows: Range<u32>) -> View {
         let shares = |range: Range<u32>, whole: u32| {

@@ -13,8 +13,9 @@
 //! - A file is written once, under another name, and renamed into place. It never changes.
 //! - No node is used before the hash of its chunk was compared ([`SplatFile::node`]). The header's
 //!   hash covers the hashes of all chunks.
-//! - Every child's number is greater than its parent's and less than the number of nodes, and a node
-//!   has one parent at most, also in a file made to harm. So a traversal visits each node once.
+//! - Every child's number is greater than its parent's and less than the number of nodes, and a
+//!   node has one parent at most, also in a file made to harm. So a traversal visits each node
+//!   once.
 //! - Equal samples in equal order give equal files, whatever the number of threads.
 
 mod cells;

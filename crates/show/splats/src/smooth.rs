@@ -231,8 +231,8 @@ fn without_spikes(cells: &[(u64, CellSums)], near: &[[u32; MOST_NEIGHBOURS]]) ->
                 (sum + relative_luminance(light(other as usize).into()), count + 1.0)
             });
             let around = sum / count;
-            // What stays above the neighbours would be lost to them by smoothing, which trusts noisy
-            // light less.
+            // What stays above the neighbours would be lost to them by smoothing, which trusts
+            // noisy light less.
             if is_steady || count < 3.0 || own <= SPIKE * around { 1.0 } else { around / own }
         })
         .collect();

@@ -1,9 +1,10 @@
-//! Where the page is served: to this machine as it is, to other machines encrypted and with a token.
+//! Where the page is served: to this machine as it is, to other machines encrypted and with a
+//! token.
 //!
 //! Invariants:
 //! - Nothing reaches another machine without encryption, or a client without the token.
-//! - A client that does not finish its encryption handshake delays nobody. Unfinished handshakes are
-//!   bounded in number and time.
+//! - A client that does not finish its encryption handshake delays nobody. Unfinished handshakes
+//!   are bounded in number and time.
 
 use std::{collections::VecDeque, io, net::SocketAddr, path::Path};
 

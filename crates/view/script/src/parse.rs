@@ -61,8 +61,8 @@ const MAX_SECONDS: f64 = 1e9;
 const MAX_BYTES: u64 = 16 << 20;
 
 impl Script {
-    /// Reads a script file, or follows standard input for `-`. `switches` names the parts of drivers
-    /// that can be switched.
+    /// Reads a script file, or follows standard input for `-`. `switches` names the parts of
+    /// drivers that can be switched.
     ///
     /// # Errors
     /// If the file cannot be read, or a line is wrong (named as `file:line`).

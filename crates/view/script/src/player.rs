@@ -23,8 +23,8 @@ use super::{
     report::PictureReport,
 };
 
-/// Time after which a picture of a view may take seconds longer. Earlier pictures show what is known
-/// at their moment.
+/// Time after which a picture of a view may take seconds longer. Earlier pictures show what is
+/// known at their moment.
 const PATIENT: Duration = Duration::from_secs(5);
 
 /// Views that follow each other faster are a motion, as of a person who walks.
@@ -254,8 +254,8 @@ impl Player {
         Ok((frame, stages))
     }
 
-    /// Goes on with a server that starts again, where another one would be an error. Returns whether
-    /// there is a session; there is none if the user ends the wait.
+    /// Goes on with a server that starts again, where another one would be an error. Returns
+    /// whether there is a session; there is none if the user ends the wait.
     fn reach_again(&mut self, ended: anyhow::Error) -> Result<bool> {
         if !starts_again(&ended) {
             return Err(ended);

@@ -24,8 +24,8 @@ const MANY_NEW: f64 = 0.1;
 /// The least time between two loads of the file.
 const LOAD_EVERY: Duration = Duration::from_secs(30);
 
-/// For so long after the first request, parts follow each other without a pause. Meanwhile little is
-/// traced, because millions of stored samples arrive in the time in which a worker traces some
+/// For so long after the first request, parts follow each other without a pause. Meanwhile little
+/// is traced, because millions of stored samples arrive in the time in which a worker traces some
 /// hundred thousand.
 const EAGER: Duration = Duration::from_secs(3);
 

@@ -79,8 +79,8 @@ impl Again {
         Ok(connected.with_carried(self.objects.clone(), self.folder.clone()))
     }
 
-    /// Connects to a server that was started again, perhaps with another scene. Objects that are part
-    /// of that scene are no longer carried. Blocks as [`connect`](Self::connect) does.
+    /// Connects to a server that was started again, perhaps with another scene. Objects that are
+    /// part of that scene are no longer carried. Blocks as [`connect`](Self::connect) does.
     ///
     /// # Errors
     /// The errors of [`Connected::new`].
@@ -234,8 +234,8 @@ impl Connected {
         })
     }
 
-    /// Carries objects into the scene before the session begins: those that a folder keeps, and those
-    /// of `orders`.
+    /// Carries objects into the scene before the session begins: those that a folder keeps, and
+    /// those of `orders`.
     #[must_use]
     pub fn with_objects(
         mut self,

@@ -17,8 +17,8 @@ pub enum CrewOrder {
     RestartWorkers,
     /// Forgets all samples. The answer is the address of a server without samples.
     StartOver(oneshot::Sender<Result<SocketAddr>>),
-    /// Reads the scene's file again, with a change, while everything goes on. Answers once the scene
-    /// is known to differ and to be usable.
+    /// Reads the scene's file again, with a change, while everything goes on. Answers once the
+    /// scene is known to differ and to be usable.
     ReadScene(SceneChange, oneshot::Sender<Result<()>>),
     /// Goes on with the scene that was read. Answers with the address of a server that has it.
     Restart(oneshot::Sender<Result<Restarted>>),

@@ -216,8 +216,8 @@ impl Session {
         Ok(())
     }
 
-    /// Requests the stored samples of the beams that other views cross and the current one does not.
-    /// The current view stays.
+    /// Requests the stored samples of the beams that other views cross and the current one does
+    /// not. The current view stays.
     ///
     /// # Errors
     /// If the server is lost.

@@ -429,8 +429,8 @@ impl Painter {
         self.signal.raise();
     }
 
-    /// Draws the objects again over the last frame of the driver. The next frame of the driver shows
-    /// them too.
+    /// Draws the objects again over the last frame of the driver. The next frame of the driver
+    /// shows them too.
     fn repaint_objects(&mut self) {
         let begin = Instant::now();
         let (Some((wanted, true)), Some(look)) = (&self.drawn, self.looked) else { return };

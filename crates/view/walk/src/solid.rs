@@ -14,8 +14,8 @@ const RADIUS: f64 = 0.2;
 /// Distance that the eye keeps from the surface that it approaches or backs up to, metres.
 pub(crate) const KEPT: f64 = 0.25;
 
-/// Highest step that a walk climbs or goes down, metres. Stairs have steps of up to 0.2 m, and seats
-/// are higher than 0.35 m.
+/// Highest step that a walk climbs or goes down, metres. Stairs have steps of up to 0.2 m, and
+/// seats are higher than 0.35 m.
 const STEP: f64 = 0.3;
 
 /// Greatest height of an eye that walks, metres. Higher eyes fly, and nothing carries them.
@@ -113,7 +113,8 @@ impl Body<'_> {
         Some(((distance - radius / facing).max(0.0), normal))
     }
 
-    /// Makes one stride on the level plane, and follows the floor. Before furniture, it turns aside.
+    /// Makes one stride on the level plane, and follows the floor. Before furniture, it turns
+    /// aside.
     fn stride(&self, from: DVec3, way: DVec3, up: DVec3) -> DVec3 {
         let height = self.height(from, up);
         let carried = height.filter(|height| *height <= TALLEST * self.metre);

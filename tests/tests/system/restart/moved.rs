@@ -72,8 +72,8 @@ impl Places {
         [only(|before, after| before && !after), only(|before, after| after && !before)]
     }
 
-    /// Compares two pictures at the two places of the block. Returns the larger share of pixels that
-    /// show red in only one picture, and the larger relative difference of light.
+    /// Compares two pictures at the two places of the block. Returns the larger share of pixels
+    /// that show red in only one picture, and the larger relative difference of light.
     fn unlike(&self, picture: &Picture, truth: &Picture) -> [f64; 2] {
         let mut most = [0.0f64; 2];
         for place in self.pixels() {
@@ -88,8 +88,8 @@ impl Places {
     }
 }
 
-/// Moves the block in a session. Waits until pictures show it at its new place, and no longer at the
-/// earlier one. `except` is the share of its pixels, and of its light, that may still be wrong.
+/// Moves the block in a session. Waits until pictures show it at its new place, and no longer at
+/// the earlier one. `except` is the share of its pixels, and of its light, that may still be wrong.
 fn moves(driver: &str, except: [f64; 2]) {
     let place = Place::new();
     let places = Places::of(&place);

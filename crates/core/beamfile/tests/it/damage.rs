@@ -11,8 +11,8 @@ use holo_beamfile::format::{BLOCK_HEADER_BYTES, BLOCK_MAGIC, FIRST_BLOCK, HEADER
 use holo_beamfile::{BeamFile, DamageKind, Error, Maker, Skipped};
 use holo_section::NumberRun;
 
-/// A file of a few blocks without an index, each flushed, its model after each block, and where each
-/// block ends.
+/// A file of a few blocks without an index, each flushed, its model after each block, and where
+/// each block ends.
 struct Built {
     _folder: tempfile::TempDir,
     path: PathBuf,

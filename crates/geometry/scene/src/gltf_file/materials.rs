@@ -11,8 +11,8 @@
 //! | else | diffuse |
 //!
 //! `alphaMode` `BLEND` is coverage: the surface is there with the probability of its alpha, and
-//! elsewhere light passes without a change. `MASK` is there from the cutoff on. Alpha is the product
-//! of the factor, the texture and the vertices' colours. Solid glass is always there.
+//! elsewhere light passes without a change. `MASK` is there from the cutoff on. Alpha is the
+//! product of the factor, the texture and the vertices' colours. Solid glass is always there.
 //!
 //! Metalness and roughness are the means of their texture here. Tracers make the same decisions at
 //! each point from the texture's own values, for all materials except glass and clearcoats.

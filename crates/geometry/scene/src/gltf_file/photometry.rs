@@ -1,8 +1,8 @@
-//! Photometric files that nodes name: in `extras`, as `{"ies": "lamp.ies"}`, or by their own name, as
-//! `lamp.ies` or `lamp.ies.001`.
+//! Photometric files that nodes name: in `extras`, as `{"ies": "lamp.ies"}`, or by their own name,
+//! as `lamp.ies` or `lamp.ies.001`.
 //!
-//! A node hangs its luminaire upright: its nadir is the node's -Y. If the node has a punctual light,
-//! the file takes that light's place, and the nadir is the light's direction.
+//! A node hangs its luminaire upright: its nadir is the node's -Y. If the node has a punctual
+//! light, the file takes that light's place, and the nadir is the light's direction.
 
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;

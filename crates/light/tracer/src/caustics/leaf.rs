@@ -72,8 +72,8 @@ pub(super) struct Leaf {
     count: usize,
     /// Where the photons seem to come from, by coordinate.
     from: [[f32; MOST]; 3],
-    /// Squared chord between the middle and the edge of each cone, on the unit sphere. The cosine of
-    /// a sun's radius has too few digits.
+    /// Squared chord between the middle and the edge of each cone, on the unit sphere. The cosine
+    /// of a sun's radius has too few digits.
     chords2: [f32; MOST],
     /// Probability of each cone over its solid angle.
     densities: [f32; MOST],

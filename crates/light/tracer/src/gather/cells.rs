@@ -2,16 +2,16 @@
 //!
 //! Cells of level 0 are the widest; those of each further level are half as wide as those of the
 //! level before. An estimate goes to the cell of level 1, and to one further level for each that
-//! knows enough. It also goes to level 0, which only serves until level 1 is known, while the cell of
-//! level 1 has fewer than [`ENOUGH`].
+//! knows enough. It also goes to level 0, which only serves until level 1 is known, while the cell
+//! of level 1 has fewer than [`ENOUGH`].
 //!
 //! - Levels 0 and 1 are used from [`READY`] estimates on.
 //! - Level k + 1 begins to learn once the cell of level k has had 256 · 4^(k - 1) estimates
 //!   ([`opens`]).
 //! - Level k above 1 is used once its cell has had 4^(k + 1) estimates ([`ready`]).
 //!
-//! So a place with N estimates uses cells with about √N estimates each, and a width in proportion to
-//! N^(-1/4).
+//! So a place with N estimates uses cells with about √N estimates each, and a width in proportion
+//! to N^(-1/4).
 //!
 //! Invariants:
 //! - A place uses a cell only if nothing stands between it and the cell's anchor, the first point

@@ -1,6 +1,7 @@
 //! The footprint of a path: how wide a piece of surface it stands for (Bekaert et al. 2003).
 
-/// The footprint of a path at its present surface, and what it needs to grow on the way to the next.
+/// The footprint of a path at its present surface, and what it needs to grow on the way to the
+/// next.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Footprint {
     /// Width at the last surface that is neither a mirror nor glass; 0 at the first.
@@ -37,8 +38,8 @@ impl Footprint {
 
     /// Arrives at a surface at this cosine, and returns the width there.
     ///
-    /// Of n paths, each stands for a solid angle of 1 / (n density), and so for an area of distance²
-    /// / (n density cosine). The width is that of one path.
+    /// Of n paths, each stands for a solid angle of 1 / (n density), and so for an area of
+    /// distance² / (n density cosine). The width is that of one path.
     #[inline]
     pub(crate) fn arrive(&mut self, cosine: f32) -> f32 {
         self.width += self.distance / (self.density * cosine).sqrt();

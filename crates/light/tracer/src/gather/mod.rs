@@ -10,9 +10,9 @@
 //! that a surface emits is no part of it: emission is counted as by `path`, with the same weights.
 //!
 //! Invariants:
-//! - Where a path ends depends on counts and geometry, never on light. So a path that ends in a cell
-//!   has the same expectation as one that continues, apart from the width of the cell, and no light
-//!   is lost while cells are few.
+//! - Where a path ends depends on counts and geometry, never on light. So a path that ends in a
+//!   cell has the same expectation as one that continues, apart from the width of the cell, and no
+//!   light is lost while cells are few.
 //! - A path ends only in a cell narrower than half the path's footprint ([`Footprint`]), as wide at
 //!   most as [`room`] allows, and visible from the path's vertex. So corners and contacts stay
 //!   sharp, and no light passes through walls.

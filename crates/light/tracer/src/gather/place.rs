@@ -57,8 +57,8 @@ impl<'a> SurfacePlace<'a> {
     /// Returns whether nothing stands on the surface within reach of any cell of this width around
     /// this place.
     ///
-    /// Six rays go outwards along the surface. Any wall that comes within 1.42 widths crosses one of
-    /// them, and a cell reaches no further. Smaller things may be missed.
+    /// Six rays go outwards along the surface. Any wall that comes within 1.42 widths crosses one
+    /// of them, and a cell reaches no further. Smaller things may be missed.
     pub(super) fn is_clear(&self, width: f32) -> bool {
         let Spot { point, normal, .. } = self.spot;
         let frame = ShadingFrame::new(normal);

@@ -6,10 +6,10 @@
 //! contradicts later, all cells are forgotten, because others may have been taught with its light.
 //!
 //! Invariants:
-//! - No received light counts before [`ENOUGH`] cells of its maker agree with own estimates, and the
-//!   caller has been told so. Whoever stores samples can note whose light is in them.
-//! - The test is of a maker's light as a whole, with room for noise: cells are not chosen one by one
-//!   by their light, which would have a bias.
+//! - No received light counts before [`ENOUGH`] cells of its maker agree with own estimates, and
+//!   the caller has been told so. Whoever stores samples can note whose light is in them.
+//! - The test is of a maker's light as a whole, with room for noise: cells are not chosen one by
+//!   one by their light, which would have a bias.
 //! - At most [`MAX_WAITING`] cells wait.
 
 use glam::Vec3;

@@ -1,8 +1,8 @@
 //! Number of continuations of a path from its first surface, and of light samples there.
 //!
-//! They share the ray from the eye. Continuations pay where indirect light makes the noise, and light
-//! samples where direct light does. Earlier paths of the same region decide: the numbers are those
-//! for which variance × time would be least.
+//! They share the ray from the eye. Continuations pay where indirect light makes the noise, and
+//! light samples where direct light does. Earlier paths of the same region decide: the numbers are
+//! those for which variance × time would be least.
 //!
 //! Invariant: the numbers depend on earlier paths alone. So a path's expectation does not depend on
 //! them.
@@ -29,7 +29,8 @@ const BRANCHES: [u32; 3] = [1, 2, 4];
 /// The numbers where nothing is known.
 const FIRST: [u32; 2] = [2, 2];
 
-/// Time of a light sample, over that of a continuation: 0.2 to 0.35 in a cabin, an office and a house.
+/// Time of a light sample, over that of a continuation: 0.2 to 0.35 in a cabin, an office and a
+/// house.
 const LIGHT_COST: f32 = 0.25;
 
 /// Time of what all share, over that of a continuation: 0.7 to 1.9 there.

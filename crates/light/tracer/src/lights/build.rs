@@ -69,8 +69,8 @@ impl Emitter {
         }
     }
 
-    /// Makes the emitter of a light at a point. `cone` has its axis and the cosine of its edge; it is
-    /// `None` for light in all directions. `power` is the greatest intensity.
+    /// Makes the emitter of a light at a point. `cone` has its axis and the cosine of its edge; it
+    /// is `None` for light in all directions. `power` is the greatest intensity.
     pub(crate) fn point(position: Vec3, cone: Option<(Vec3, f32)>, power: f64) -> Self {
         let (axis, edge) = cone.unwrap_or((Vec3::Z, 0.0));
         // A cone wider than a hemisphere counts as light in all directions.

@@ -1,10 +1,10 @@
 //! Light sampling: choosing points on lights, and the density with which a direction would have
 //! been chosen.
 //!
-//! Emitting triangles and punctual lights are the leaves of a tree (Pharr et al. 2023, §12.6; Conty Estevez and Kulla
-//! 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting"). Sampling descends it
-//! by the light that each branch may bring to the vertex. The sky is one more light beside the
-//! tree.
+//! Emitting triangles and punctual lights are the leaves of a tree (Pharr et al. 2023, §12.6; Conty
+//! Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting").
+//! Sampling descends it by the light that each branch may bring to the vertex. The sky is one more
+//! light beside the tree.
 //!
 //! Invariant: a light that could bring anything to the vertex has a positive probability, except
 //! by rounding at its horizon. A light that cannot has probability 0, unless it is the only one.

@@ -24,8 +24,8 @@ const LONG: u32 = 300;
 const CEILING_OF_LONG: f32 = 0.99;
 
 impl PathEngine {
-    /// Samples the next direction and traces the ray; returns whether the path continues. A ray of a
-    /// mirror or of smooth glass is not traced if `ends` returns true for it.
+    /// Samples the next direction and traces the ray; returns whether the path continues. A ray of
+    /// a mirror or of smooth glass is not traced if `ends` returns true for it.
     #[inline]
     pub(super) fn sample_next(
         &self,

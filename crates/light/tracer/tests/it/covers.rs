@@ -217,8 +217,8 @@ fn glass_in_part_is_a_mixture() {
     }
 }
 
-/// A mirror or pane that covers a part, above a floor that glows: eyes see both by their shares, and
-/// the floor's light reaches a wall above along both ways.
+/// A mirror or pane that covers a part, above a floor that glows: eyes see both by their shares,
+/// and the floor's light reaches a wall above along both ways.
 #[test]
 fn mirrors_and_panes_that_cover_a_part_mirror_by_that_share() {
     for (bsdf, reflected, passed) in [

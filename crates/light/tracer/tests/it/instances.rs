@@ -10,8 +10,8 @@ use holo_scene::{
 };
 use holo_tracer::{Settings, Tracer};
 
-/// Returns a picture of squares that are green, red or black, as a BMP file of 32 bits a pixel. As a
-/// mask, it is clear where it is black.
+/// Returns a picture of squares that are green, red or black, as a BMP file of 32 bits a pixel. As
+/// a mask, it is clear where it is black.
 fn checks(is_mask: bool) -> Texture {
     let side = 8_i32;
     let mut file = b"BM".to_vec();

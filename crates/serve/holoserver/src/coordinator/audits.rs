@@ -1,4 +1,5 @@
-//! Packets that a second worker traces again, and what becomes of workers that return wrong results.
+//! Packets that a second worker traces again, and what becomes of workers that return wrong
+//! results.
 
 use anyhow::{Error, Result};
 use holo_beamfile::Maker;

@@ -18,8 +18,8 @@ pub(super) const HALF: [f32; 2] = [0.5, 0.14];
 /// Weight of the likely light of a surface in the widest neighbourhood, in samples.
 const LIKELY_WEIGHT: f32 = 2.0;
 
-/// Weight of the expected variance of a sample beside that of the samples themselves, in samples. The
-/// expected variance is the square of the mean light of the picture around.
+/// Weight of the expected variance of a sample beside that of the samples themselves, in samples.
+/// The expected variance is the square of the mean light of the picture around.
 const PRIOR_WEIGHT: f32 = 4.0;
 
 /// Finds the widest neighbourhood of each square. Both passes begin with it.
@@ -101,8 +101,8 @@ impl Choice<'_> {
 /// Returns the share that likely light has beside these samples.
 ///
 /// The light of the picture around may be many times that of a surface, as between leaves in front
-/// of a wall. Its standard error is therefore taken to be as large as itself. It and the mean of the
-/// samples count in inverse proportion to their variances, so a few dark samples outweigh it.
+/// of a wall. Its standard error is therefore taken to be as large as itself. It and the mean of
+/// the samples count in inverse proportion to their variances, so a few dark samples outweigh it.
 fn share_of_likely(likely: &Likely, samples: &LightSums) -> f32 {
     if !likely.is_around {
         return LIKELY_WEIGHT / (samples.count + LIKELY_WEIGHT);

@@ -90,9 +90,9 @@ impl Filtered {
 }
 
 impl Squares {
-    /// Returns the light of every square. `behind` has the squares that lie behind panes. If `once`,
-    /// the second pass is left out, because a denoiser replaces the light of squares with samples.
-    /// `None` if it was interrupted.
+    /// Returns the light of every square. `behind` has the squares that lie behind panes. If
+    /// `once`, the second pass is left out, because a denoiser replaces the light of squares with
+    /// samples. `None` if it was interrupted.
     pub fn filter(
         &self,
         (view, store): (&SurfaceView, &LightStore),

@@ -3,8 +3,8 @@
 use super::Sum;
 use crate::planes::{Difference, Square, SquareLayout, Weights};
 
-/// Returns the sums of all scales, from the squares' own sums to the widest. A difference lowers the
-/// weights.
+/// Returns the sums of all scales, from the squares' own sums to the widest. A difference lowers
+/// the weights.
 pub(super) fn all(
     layout: &SquareLayout,
     of_squares: Sum,

@@ -26,8 +26,8 @@ pub const EXAMPLE: usize = 13 + SCALES * OF_SCALE;
 impl Gathered {
     /// Returns [`EXAMPLE`] quantities of every square whose number is a multiple of `every`.
     ///
-    /// Squares are left out that show no surface, lie behind a pane, or have no samples in `others`.
-    /// The samples of `others` must be independent of these.
+    /// Squares are left out that show no surface, lie behind a pane, or have no samples in
+    /// `others`. The samples of `others` must be independent of these.
     #[must_use]
     pub fn examples(
         &self,

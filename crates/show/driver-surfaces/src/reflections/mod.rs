@@ -1,5 +1,5 @@
-//! Reflection cubes of shiny objects. While the eye moves, rays that leave such an object end in its
-//! cube, and rough metal shows the cube's blurred light.
+//! Reflection cubes of shiny objects. While the eye moves, rays that leave such an object end in
+//! its cube, and rough metal shows the cube's blurred light.
 //!
 //! Cubes are filled between frames, from stored light alone ([`filling`]). Frames at rest never
 //! read them, except that the first one shows rough metal by them.

@@ -47,8 +47,8 @@ pub struct ObjectLayer {
 }
 
 impl ObjectLayer {
-    /// Returns a layer without any pass, for frames of a view. `frame` is one of them: it determines
-    /// where shadows may fall. `room` is the model of the scene, if it is known.
+    /// Returns a layer without any pass, for frames of a view. `frame` is one of them: it
+    /// determines where shadows may fall. `room` is the model of the scene, if it is known.
     #[must_use]
     pub fn new(
         frame: &Frame,

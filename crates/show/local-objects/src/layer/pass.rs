@@ -85,8 +85,8 @@ impl LayerScene<'_> {
     }
 
     /// Adds what mirrors show of objects along a ray to a cell. Returns the share that is left of
-    /// what the mirrors show of the room. `radiance` is what the frame shows there, and `through` the
-    /// share of it that objects in front leave.
+    /// what the mirrors show of the room. `radiance` is what the frame shows there, and `through`
+    /// the share of it that objects in front leave.
     fn add_mirrored(
         &self,
         cell: &mut LayerCell,

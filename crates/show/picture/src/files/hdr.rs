@@ -3,8 +3,8 @@
 //!
 //! Invariants: a pixel's value is (mantissa + ½)·2^(exponent - 136), divided by the product of all
 //! `EXPOSURE=` and, by channel, `COLORCORR=` lines. If `PRIMARIES=` states other primaries than
-//! ours, it is converted. Without that line, the primaries are taken for ours. Memory grows with decoded rows, never with the
-//! sizes in the header.
+//! ours, it is converted. Without that line, the primaries are taken for ours. Memory grows with
+//! decoded rows, never with the sizes in the header.
 
 use super::converted;
 use super::hdr_pixels::{read_row, write_row};

@@ -1,5 +1,6 @@
 //! OpenEXR: R, G and B as 32-bit floats, written with lossless compression. The view is the text
-//! attribute `VIEW`. A file with the channel `Y` alone is grey. Primaries other than ours are converted.
+//! attribute `VIEW`. A file with the channel `Y` alone is grey. Primaries other than ours are
+//! converted.
 //!
 //! Invariant: sizes and channels of the header are bounded before any pixel is decoded.
 
@@ -131,8 +132,8 @@ fn conversion(stated: Chromaticities) -> Option<DMat3> {
     Primaries::new(numbers)?.to_rec709()
 }
 
-/// Checks that every layer is within the limits and has a safe compression. Returns true if no layer
-/// has colours and one has the channel `Y` alone.
+/// Checks that every layer is within the limits and has a safe compression. Returns true if no
+/// layer has colours and one has the channel `Y` alone.
 ///
 /// The library reads the table of chunks before it decodes pixels, so it rejects files that are far
 /// too short.

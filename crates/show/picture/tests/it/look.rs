@@ -80,7 +80,8 @@ fn a_lamp_and_empty_pixels_hardly_move_the_exposure() {
     let dim = |column: u32| 1e-3 * 1.05_f32.powi(column as i32);
     let plain = auto_exposure(&picture(256, 1, |column, _| [dim(column); 3]));
     let lamp = picture(256, 1, |column, _| [if column == 255 { 1e9 } else { dim(column) }; 3]);
-    // A pixel of 256 counts at most as a factor of 100^(1/256) = 1.018; so does the one it replaced.
+    // A pixel of 256 counts at most as a factor of 100^(1/256) = 1.018; so does the one it
+    // replaced.
     let change = (auto_exposure(&lamp) / plain).ln().abs();
     assert!(change < 2.0 * 100_f32.ln() / 256.0, "{change}");
     let half_empty =

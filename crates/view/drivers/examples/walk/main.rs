@@ -1,10 +1,10 @@
 //! Shows a recorded walk through a scene with every driver, tracing a fixed number of samples per
 //! frame. Measures how close each driver's frames are to the truth.
 //!
-//! `cargo run --release -p holo-drivers --example walk -- SCENE.obj WALK --truths FOLDER --out FOLDER`
-//! `[--drivers A,B] [--ratio R] [--paths N] [--bounces N] [--frames FIRST..END] [--every N]`
-//! `[--truth-paths N] [--truths-only]`. In each frame a driver receives pixels / R new samples of N
-//! paths each. The output is one line of JSON per driver: frames judged, and PSNR (dB) and
+//! `cargo run --release -p holo-drivers --example walk -- SCENE.obj WALK --truths FOLDER --out
+//! FOLDER` `[--drivers A,B] [--ratio R] [--paths N] [--bounces N] [--frames FIRST..END] [--every
+//! N]` `[--truth-paths N] [--truths-only]`. In each frame a driver receives pixels / R new samples
+//! of N paths each. The output is one line of JSON per driver: frames judged, and PSNR (dB) and
 //! structural similarity of each. `FOLDER/strip.png` shows the truth and then each driver, at five
 //! moments.
 

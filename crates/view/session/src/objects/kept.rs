@@ -1,9 +1,10 @@
 //! Objects that stay with a holodeck: a folder beside its file has their list and their models.
 //!
 //! Invariants:
-//! - A model is written once, under its hash, and renamed into place. It is checked when it is read.
-//! - What is read is bounded and not trusted. A list or a model that cannot be used is named, and the
-//!   session goes on without it.
+//! - A model is written once, under its hash, and renamed into place. It is checked when it is
+//!   read.
+//! - What is read is bounded and not trusted. A list or a model that cannot be used is named, and
+//!   the session goes on without it.
 
 use std::{
     fs::File,

@@ -248,9 +248,9 @@ impl Session {
         self.objects.lightings.nearest(object)
     }
 
-    /// Finds the light around an object in the store of a driver. `None` if an input has interrupted
-    /// it; a later call continues. A quick frame draws a single face. Where no light is known yet,
-    /// that of the object's middle comes first.
+    /// Finds the light around an object in the store of a driver. `None` if an input has
+    /// interrupted it; a later call continues. A quick frame draws a single face. Where no light is
+    /// known yet, that of the object's middle comes first.
     fn light_of_store(
         &mut self,
         object: &LocalObject,
@@ -309,8 +309,8 @@ impl Session {
         Some(FoundLight { lighting, samples, is_whole: true })
     }
 
-    /// Returns the light around an object by a driver that draws one view. `None` if its samples are
-    /// under way.
+    /// Returns the light around an object by a driver that draws one view. `None` if its samples
+    /// are under way.
     fn probe(&mut self, object: &LocalObject) -> Option<Result<LightProbe, ProbeError>> {
         let mut waiting = self.objects.lightings.waiting.iter();
         let at = waiting.position(|probe| probe.is_of(object))?;
@@ -326,8 +326,8 @@ impl Session {
         Some(probe_of(centre, frames))
     }
 
-    /// Returns whether the samples of a probe have arrived. While the eye moves, those that are here
-    /// have to do.
+    /// Returns whether the samples of a probe have arrived. While the eye moves, those that are
+    /// here have to do.
     fn is_ready(&self, probe: &WaitingProbe) -> bool {
         let view = self.current.as_ref().map(|current| current.first_request);
         let is_of_view = view == Some(probe.view) || self.is_moving();
@@ -353,8 +353,9 @@ impl Session {
         draws_one_view && self.carried().iter().any(is_awaited)
     }
 
-    /// Requests the samples around objects, for a driver that has no store of all light. A view that
-    /// follows cancels the requests of the view before; they are made again once the eye rests.
+    /// Requests the samples around objects, for a driver that has no store of all light. A view
+    /// that follows cancels the requests of the view before; they are made again once the eye
+    /// rests.
     ///
     /// # Errors
     /// If the server is lost.

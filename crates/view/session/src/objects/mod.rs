@@ -1,8 +1,8 @@
 //! Local objects of a session: models that a person carries into the scene (Larson & Simmons 1999,
 //! §2.4.6).
 //!
-//! Any driver's frame is drawn first, and the objects over it (`holo_local_objects`). Their light is
-//! what that driver shows of stored samples around them, in six small views.
+//! Any driver's frame is drawn first, and the objects over it (`holo_local_objects`). Their light
+//! is what that driver shows of stored samples around them, in six small views.
 //!
 //! Invariants:
 //! - A session without objects does nothing here.
@@ -98,8 +98,8 @@ impl CarriedObjects {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the change of the scene that an order asks for; `None` if it concerns carried objects
-    /// alone. `of_scene` are the names of the objects that are part of the scene.
+    /// Returns the change of the scene that an order asks for; `None` if it concerns carried
+    /// objects alone. `of_scene` are the names of the objects that are part of the scene.
     ///
     /// # Errors
     /// If there is no object to be baked of this name.
@@ -223,8 +223,8 @@ impl Session {
         self.objects.carried.list().iter().map(state).collect()
     }
 
-    /// Follows an order about local objects. Returns what a person may want to know. A model is read
-    /// on another thread, and appears once it is there; if it cannot be used,
+    /// Follows an order about local objects. Returns what a person may want to know. A model is
+    /// read on another thread, and appears once it is there; if it cannot be used,
     /// [`take_refusal`](Self::take_refusal) returns the reason.
     ///
     /// # Errors
@@ -632,8 +632,8 @@ fn ensure_lit(sections: &[holo_section::Section], object: &LocalObject) -> Resul
     Ok(())
 }
 
-/// Reads a model, and keeps it in a folder. Its up axis and its unit are those that the file states,
-/// or else those of the scene.
+/// Reads a model, and keeps it in a folder. Its up axis and its unit are those that the file
+/// states, or else those of the scene.
 fn read(path: &Path, up: DVec3, unit: f64, folder: Option<&ObjectFolder>) -> Result<ReadModel> {
     let loaded = load(path, &LoadOptions::default())?;
     for warning in &loaded.warnings {

@@ -616,8 +616,8 @@ impl Hand {
 }
 
 /// Returns a view for a picture of a shape. If the picture is higher than wide, a stated width of a
-/// perspective view is its height instead: on a phone that is held upright, 75° across would be 107°
-/// from top to bottom.
+/// perspective view is its height instead: on a phone that is held upright, 75° across would be
+/// 107° from top to bottom.
 fn framed(spec: &ViewSpec, size: (u32, u32)) -> ViewSpec {
     let is_perspective = spec.kind.unwrap_or_default() == ViewKind::Perspective;
     if is_perspective && size.1 > size.0 && spec.vv.is_none() {

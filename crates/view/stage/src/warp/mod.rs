@@ -157,8 +157,8 @@ fn project(
     }
 }
 
-/// Closes cracks through which a farther surface shows: pixels that lie behind what is on both sides
-/// in some direction, if that is one surface. Such a pixel takes the nearer surface. At the
+/// Closes cracks through which a farther surface shows: pixels that lie behind what is on both
+/// sides in some direction, if that is one surface. Such a pixel takes the nearer surface. At the
 /// picture's edge, one side suffices.
 fn close_cracks(targets: &mut [WarpTarget], (width, height): (u32, u32)) {
     let (width, height) = (width as isize, height as isize);
