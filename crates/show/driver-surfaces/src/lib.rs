@@ -40,6 +40,7 @@ mod parts;
 mod place;
 mod planes;
 mod portals;
+mod record_list;
 mod reflections;
 mod shown;
 mod squares;
