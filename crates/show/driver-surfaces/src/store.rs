@@ -43,7 +43,7 @@ pub(crate) struct StoredLight {
 /// Samples, and their sums.
 #[derive(Debug, Default)]
 struct Samples {
-    records: RecordList,
+    records: RecordList<StoredLight>,
     /// Sums of all samples, by face.
     faces: Vec<(FaceClass, Sums)>,
 }
