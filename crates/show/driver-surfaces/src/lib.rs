@@ -40,7 +40,6 @@ mod parts;
 mod place;
 mod planes;
 mod portals;
-mod record_list;
 mod reflections;
 mod shown;
 mod squares;

@@ -9,11 +9,11 @@
 
 use crate::cell::{FaceClass, Key, PLACES, SampleLight, Sums};
 use crate::place::Placed;
-use crate::record_list::{EMPTY_PART, RecordList};
 use glam::{IVec3, Vec3};
 use holo_display::split_mix;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
+use std::mem::take;
 use std::sync::{
     OnceLock,
     atomic::{AtomicU32, Ordering},
@@ -30,6 +30,10 @@ const CHUNK: usize = 8192;
 /// if it came in beams that are not traced again.
 const REPLACED: u32 = 16;
 
+/// A full list of samples grows by its length divided by this. Doubling would leave up to half of
+/// the memory empty.
+const GROWTH: usize = 4;
+
 /// Offset of the grid, in buckets, so that walls at round coordinates do not lie on a border.
 const OFFSET: f32 = 0.3819;
 
@@ -43,7 +47,7 @@ pub(crate) struct StoredLight {
 /// Samples, and their sums.
 #[derive(Debug, Default)]
 struct Samples {
-    records: RecordList<StoredLight>,
+    records: Vec<StoredLight>,
     /// Sums of all samples, by face.
     faces: Vec<(FaceClass, Sums)>,
 }
@@ -139,19 +143,27 @@ impl Cube {
 
 impl Samples {
     fn add(&mut self, record: StoredLight) {
-        add_to_faces(&mut self.faces, &record);
+        let (face, sums) = (record.key.face(), Sums::of(&record.light));
+        match self.faces.iter_mut().find(|(known, _)| *known == face) {
+            Some((_, total)) => total.add(&sums),
+            None => self.faces.push((face, sums)),
+        }
+        let length = self.records.len();
+        if length == self.records.capacity() {
+            self.records.reserve_exact((length / GROWTH).max(GROWTH));
+        }
         self.records.push(record);
     }
 
     /// Leaves some of the samples. Returns whether others went.
     fn retain(&mut self, stays: impl FnMut(&StoredLight) -> bool) -> bool {
-        let is_less = self.records.retain(stays);
+        let before = self.records.len();
+        self.records.retain(stays);
+        let is_less = self.records.len() < before;
         if is_less {
             // The greatest of a sum's samples is known only from all of them.
             self.faces.clear();
-            for record in self.records.iter() {
-                add_to_faces(&mut self.faces, record);
-            }
+            take(&mut self.records).into_iter().for_each(|record| self.add(record));
         }
         is_less
     }
@@ -163,19 +175,10 @@ impl Samples {
     }
 }
 
-/// Adds a sample to the sums of its face.
-fn add_to_faces(faces: &mut Vec<(FaceClass, Sums)>, record: &StoredLight) {
-    let (face, sums) = (record.key.face(), Sums::of(&record.light));
-    match faces.iter_mut().find(|(known, _)| *known == face) {
-        Some((_, total)) => total.add(&sums),
-        None => faces.push((face, sums)),
-    }
-}
-
 impl Bucket {
     /// Returns all samples.
     pub fn records(&self) -> impl Iterator<Item = &StoredLight> {
-        self.present.records.iter().chain(self.earlier.records.iter())
+        self.present.records.iter().chain(&self.earlier.records)
     }
 
     fn faces(&self) -> impl Iterator<Item = &(FaceClass, Sums)> {
@@ -236,7 +239,7 @@ impl LightStore {
     #[must_use]
     pub fn new(finest: f32, most_bytes: usize) -> LightStore {
         let shards = (0..SHARDS).map(|_| FxHashMap::default()).collect();
-        let list_bytes = most_bytes / EMPTY_PART * (EMPTY_PART - 1);
+        let list_bytes = most_bytes / (GROWTH + 1) * GROWTH;
         let most_samples = (list_bytes / size_of::<StoredLight>()).max(SHARDS);
         LightStore {
             shards,
@@ -408,6 +411,7 @@ impl LightStore {
                 |bucket| {
                     for Samples { records, .. } in [&mut bucket.present, &mut bucket.earlier] {
                         records.retain(|record| record.stays(thinned));
+                        records.shrink_to_fit();
                     }
                 },
             );
