@@ -29,9 +29,9 @@ const BACKS: f64 = 0.55;
 /// seat, of a figure or of a car's skin shows more of them.
 const BACKS_OF_HOLLOWS: f64 = 0.25;
 
-/// Share of front faces in sight, and numbers of their materials and triangles, that make a region
-/// a room in spite of its back faces: furniture in a room whose walls face outwards. A cuboid has
-/// twelve triangles.
+/// What makes a region a room in spite of its back faces: furniture in a room whose walls face
+/// outwards. These are its share of what is in sight, and its numbers of materials and triangles.
+/// A cuboid has twelve triangles.
 const FURNITURE: f64 = 0.1;
 const FURNISHED: usize = 2;
 const MORE_THAN_A_BOX: usize = 13;

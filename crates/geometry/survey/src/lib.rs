@@ -1,4 +1,4 @@
-//! Surveys a scene without metadata, and determines what a person would see at first sight: the up
+//! Surveys a scene without metadata. It determines what a person sees at first sight: the up
 //! direction, the length of the unit, the rooms, and where to stand.
 //!
 //! A [`UprightAxes`] states which way is up. [`Survey::new`] divides the scene into cells, finds

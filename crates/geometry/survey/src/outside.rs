@@ -62,9 +62,8 @@ const WIDE: f64 = 9.0 / 16.0;
 const LEAST_DISTANCE: f64 = 0.6;
 
 /// Returns a view of the whole scene from outside. It looks through the scene's open side, if there
-/// is one. Otherwise it has the usual direction. It has another one if the usual one shows surfaces
-/// edge-on, such as a board from its side, or dark ones, such as the back of a screen before a
-/// lamp.
+/// is one. Otherwise it has the usual direction, unless that shows surfaces edge-on or dark ones. A
+/// board is edge-on from its side, and the back of a screen before a lamp is dark.
 pub(crate) fn from_outside(
     frame: &UprightAxes,
     raycaster: &Raycaster,

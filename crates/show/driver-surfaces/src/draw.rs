@@ -116,14 +116,15 @@ impl Gathered {
         known: &mut LightMemory,
         interrupt: &Interrupt,
     ) -> Option<Drawn> {
-        let mut in_panes = Vec::new();
         let last_rank = view.in_panes.iter().map(|pane| pane.rank).max();
-        for rank in 0..last_rank.map_or(0, |last| (last + 1).min(MOST_RANKS)) {
-            let panes = view.panes_of_rank(rank);
-            in_panes.push(self.layer_of_panes((view, store), &panes, step, interrupt)?);
+        let ranks = 0..last_rank.map_or(0, |last| (last + 1).min(MOST_RANKS));
+        let panes: Vec<Vec<u32>> = ranks.map(|rank| view.panes_of_rank(rank)).collect();
+        let mut in_panes = Vec::with_capacity(panes.len());
+        for panes in &panes {
+            in_panes.push(self.layer_of_panes((view, store), panes, step, interrupt)?);
         }
-        let (squares, lights) =
-            self.squares((view, store), step, in_panes.first(), denoiser, interrupt)?;
+        let first = panes.first().map(Vec::as_slice).zip(in_panes.first());
+        let (squares, lights) = self.squares((view, store), step, first, denoiser, interrupt)?;
         interrupt.check()?;
         let refined = RefinedLight { pieces: self.pieces(), in_panes: &in_panes };
         let layer = view.layer(store, squares, lights);
@@ -131,8 +132,8 @@ impl Gathered {
         Some(rayon::join(|| view.lit(store, &layer, &refined), learn).0)
     }
 
-    /// Returns squares with sides of `step` pixels, and their light. `in_panes` is the light that
-    /// panes mirror. `None` if it was interrupted.
+    /// Returns squares with sides of `step` pixels, and their light. `in_panes` has the first panes
+    /// of pixels, and the light that they mirror. `None` if it was interrupted.
     ///
     /// A denoiser takes lone samples among squares without any for features of the picture. Where
     /// samples are few, the light is that of wider squares.
@@ -140,7 +141,7 @@ impl Gathered {
         &self,
         (view, store): (&SurfaceView, &LightStore),
         step: usize,
-        in_panes: Option<&SquareLayer>,
+        in_panes: Option<(&[u32], &SquareLayer)>,
         denoiser: Option<&mut Denoiser>,
         interrupt: &Interrupt,
     ) -> Option<(Squares, Vec<Estimate>)> {
@@ -155,8 +156,8 @@ impl Gathered {
         };
         let behind = match in_panes {
             None => BehindPanes::default(),
-            Some(layer) => {
-                let mirrored = &view.squares_in_panes(&view.panes_of_rank(0), step).seen;
+            Some((panes, layer)) => {
+                let mirrored = &view.squares_in_panes(panes, step).seen;
                 let lit = (layer, &AmbientGuess::new(view, store));
                 BehindPanes::new(view, (&squares, mirrored), lit, &mut sums)
             }

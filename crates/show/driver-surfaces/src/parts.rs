@@ -21,7 +21,7 @@ const MARGIN: u32 = 32;
 /// The widest squares. Those of all parts lie on one grid.
 const WIDEST: u32 = WIDEST_DENOISED as u32;
 
-/// Least width of the margin, pixels: some of the widest squares.
+/// Least width of the margin with a denoiser, pixels: some of the widest squares.
 const LEAST_MARGIN: u32 = 6 * WIDEST;
 
 /// Pixels on edges that are examined between two looks at the interrupt.
@@ -63,7 +63,8 @@ impl PartsSource<'_> {
         rows: Range<u32>,
     ) -> Option<Picture> {
         let FrameRequest { view: eye, size, .. } = plan.look;
-        let margin = (MARGIN * plan.step as u32).max(LEAST_MARGIN);
+        let least = if self.denoiser.is_some() { LEAST_MARGIN } else { 0 };
+        let margin = (MARGIN * plan.step as u32).max(least);
         let widened = |range: &Range<u32>, whole: u32| {
             let start = range.start.saturating_sub(margin) / WIDEST * WIDEST;
             start..range.end.saturating_add(margin).min(whole)

@@ -1,6 +1,6 @@
 //! Reads the server's messages on a task of its own, whatever the session is doing.
 //!
-//! Pings are answered in turn. Pieces of the scene are collected here. Everything else waits for
+//! Pings are answered here. Pieces of the scene are collected here. Everything else waits for
 //! the session, in bounded memory. If that is full, the server waits.
 
 use std::sync::{Arc, mpsc};
@@ -151,8 +151,8 @@ fn bytes_of(message: &Message) -> u32 {
         Message::Unseen(unseen) => size_of_val(&unseen.beams[..]),
         _ => 0,
     };
-    // A frame's limit is far below `u32::MAX`.
-    (size_of::<Incoming>() + bulk) as u32
+    // A message that is larger than all room waits for all of it.
+    (size_of::<Incoming>() + bulk).min(MAX_WAITING_BYTES) as u32
 }
 
 #[cfg(test)]

@@ -86,7 +86,7 @@ struct FoundLight {
 
 impl UnfinishedProbe {
     fn is_of(&self, object: &LocalObject) -> bool {
-        self.side == side(object) && is_same_place(self.centre, object.centre(), object.radius())
+        is_light_of(object, self.centre, self.side)
     }
 
     /// Draws a face. Returns whether all are drawn.
@@ -131,7 +131,7 @@ struct WaitingProbe {
 
 impl WaitingProbe {
     fn is_of(&self, object: &LocalObject) -> bool {
-        self.side == side(object) && is_same_place(self.centre, object.centre(), object.radius())
+        is_light_of(object, self.centre, self.side)
     }
 }
 
@@ -169,10 +169,7 @@ impl Lightings {
                 true => self.samples != place.samples,
                 false => self.samples as f64 > GROWTH * place.samples as f64,
             };
-            !has_grown
-                && !place.is_old
-                && place.side == side(object)
-                && is_same_place(place.centre, object.centre(), object.radius())
+            !has_grown && !place.is_old && is_light_of(object, place.centre, place.side)
         })
     }
 
@@ -197,6 +194,11 @@ impl Lightings {
 
 fn is_same_place(a: DVec3, b: DVec3, radius: f64) -> bool {
     a.distance(b) <= SAME_PLACE * radius
+}
+
+/// Returns whether light of this place, by a probe of this side, is that of an object.
+fn is_light_of(object: &LocalObject, centre: DVec3, of_side: u32) -> bool {
+    of_side == side(object) && is_same_place(centre, object.centre(), object.radius())
 }
 
 /// Returns the side of the probe of an object.
