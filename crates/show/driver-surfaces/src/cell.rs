@@ -32,13 +32,60 @@ pub struct Sums {
     brightest: u32,
 }
 
-/// One sample's light.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SampleLight {
-    /// Light in whole fixed-point steps, by channel.
-    pub rgb: [f32; 3],
-    /// Number of paths whose mean this is.
-    pub paths: u32,
+/// Most light of a sample, in fixed-point steps: a thousand times the brightest lamp.
+const MOST_LIGHT: f32 = (1_u64 << 36) as f32;
+
+/// Bits of a channel.
+const CHANNEL_BITS: u32 = 14;
+
+/// Bits of the channels' common exponent.
+const EXPONENT_BITS: u32 = 6;
+
+/// One sample's light: three channels with a common exponent of 2, and the number of paths.
+///
+/// Light below 2^14 fixed-point steps is exact. Brighter light is rounded to the nearest value,
+/// by at most 2^-14 of its brightest channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct SampleLight(u64);
+
+impl SampleLight {
+    /// Returns light of this many fixed-point steps, by channel, as the mean of so many paths.
+    /// Light is rounded to whole steps and ends at [`MOST_LIGHT`], paths end at 65,535.
+    #[inline]
+    pub fn new(steps: [f32; 3], paths: u32) -> SampleLight {
+        // Conversions from floats to integers saturate.
+        let steps = steps.map(|c| c.min(MOST_LIGHT).round() as u64);
+        let bits = u64::BITS - (steps[0] | steps[1] | steps[2]).leading_zeros();
+        let mut exponent = bits.saturating_sub(CHANNEL_BITS);
+        let rounded = |c: u64, exponent: u32| (c + (1 << exponent >> 1)) >> exponent;
+        let is_too_bright = |&c: &u64| rounded(c, exponent) >> CHANNEL_BITS > 0;
+        if steps.iter().any(is_too_bright) {
+            exponent += 1;
+        }
+        let colour = steps.iter().fold(0, |sum, &c| sum << CHANNEL_BITS | rounded(c, exponent));
+        let paths = u64::from(paths.min(u32::from(u16::MAX)));
+        SampleLight((paths << EXPONENT_BITS | u64::from(exponent)) << (3 * CHANNEL_BITS) | colour)
+    }
+
+    /// Returns the light in fixed-point steps, by channel.
+    #[inline]
+    pub fn steps(self) -> [f32; 3] {
+        let exponent = self.0 >> (3 * CHANNEL_BITS) & ((1 << EXPONENT_BITS) - 1);
+        let scale = (1_u64 << exponent) as f32;
+        let channel = |place: u32| self.0 >> (place * CHANNEL_BITS) & ((1 << CHANNEL_BITS) - 1);
+        [2, 1, 0].map(|place| channel(place) as f32 * scale)
+    }
+
+    /// Returns the number of paths whose mean this is.
+    #[inline]
+    pub fn paths(self) -> u32 {
+        (self.0 >> (3 * CHANNEL_BITS + EXPONENT_BITS)) as u32
+    }
+
+    /// Returns a number that equal light shares.
+    pub fn number(self) -> u64 {
+        self.0
+    }
 }
 
 impl Sums {
@@ -55,14 +102,14 @@ impl Sums {
 
     /// Returns the sums of one sample.
     #[inline]
-    pub(crate) fn of(light: &SampleLight) -> Sums {
-        let bright = luminance(light.rgb);
-        let paths = u64::from(light.paths);
+    pub(crate) fn of(light: SampleLight) -> Sums {
+        let (steps, bright) = (light.steps(), luminance(light.steps()));
+        let paths = u64::from(light.paths());
         // Conversions from floats to integers saturate.
         Sums {
-            light: light.rgb.map(|c| (c as u64).saturating_mul(paths)),
+            light: steps.map(|c| (c as u64).saturating_mul(paths)),
             square: ((bright * bright / 65536.0) as u64).saturating_mul(paths),
-            paths: light.paths,
+            paths: light.paths(),
             count: 1,
             brightest: bright.to_bits(),
         }
@@ -212,4 +259,54 @@ fn middle(number: u64, across: u64) -> Vec3 {
         _ => Vec3::new(u, v, main),
     };
     direction.normalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns numbers between 0 and 1, always the same ones.
+    fn numbers() -> impl Iterator<Item = f32> {
+        (0..).map(|n| (holo_display::split_mix(n) >> 40) as f32 / (1_u32 << 24) as f32)
+    }
+
+    #[test]
+    fn light_of_few_steps_is_exact() {
+        for steps in [[0.0; 3], [1.0, 0.0, 2.0], [16383.0, 1.0, 8192.0], [0.0, 0.0, 16383.0]] {
+            let light = SampleLight::new(steps, 21);
+            assert_eq!((light.steps(), light.paths()), (steps, 21));
+        }
+    }
+
+    #[test]
+    fn bright_light_is_rounded_by_little_and_not_to_one_side() {
+        let mut numbers = numbers();
+        let (mut signed, mut count) = (0.0, 0.0);
+        for _ in 0..20_000 {
+            let size = (numbers.next().unwrap() * 36.0).exp2();
+            let steps = [(); 3].map(|()| (size * numbers.next().unwrap()).round());
+            let greatest = steps.iter().fold(0.0, |a: f32, &b| a.max(b));
+            let light = SampleLight::new(steps, 1);
+            for (channel, wanted) in light.steps().into_iter().zip(steps) {
+                let error = (channel - wanted) / greatest.max(1.0) * 16384.0;
+                assert!(error.abs() <= 1.0, "{steps:?} became {:?}", light.steps());
+                signed += error;
+                count += 1.0;
+            }
+        }
+        // Halves go up, which is 0.01 in the mean of these exponents. Errors are at most 1, so the
+        // mean's standard error is at most 1/√60,000 = 0.004.
+        assert!((signed / count).abs() < 0.022, "{}", signed / count);
+    }
+
+    #[test]
+    fn light_and_paths_end_at_their_limits() {
+        for too_much in [f32::MAX, f32::INFINITY, 2.0 * MOST_LIGHT] {
+            let light = SampleLight::new([too_much, 0.0, -1.0], u32::MAX);
+            assert_eq!(light.steps(), [MOST_LIGHT, 0.0, 0.0]);
+            assert_eq!(light.paths(), 65_535);
+        }
+        let nearly = SampleLight::new([16_383.6 * 1024.0; 3], 0);
+        assert_eq!((nearly.steps(), nearly.paths()), ([16_384.0 * 1024.0; 3], 0));
+    }
 }

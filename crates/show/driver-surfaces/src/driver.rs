@@ -29,8 +29,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// The driver's name, also with stand-ins.
 pub(crate) const NAME: &str = "surfaces";
 
-/// Most bytes for samples.
-const MOST_BYTES: usize = 1 << 30;
+/// Most bytes for samples: 640 MiB, for 33 M samples.
+const MOST_BYTES: usize = 5 << 27;
 
 /// Most bytes for live rays.
 const MOST_LIVE_BYTES: usize = 1 << 27;

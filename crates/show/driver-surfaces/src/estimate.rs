@@ -147,7 +147,7 @@ mod tests {
     fn improved(by: &[f32]) -> f32 {
         let mut sums = Sums::default();
         for light in by {
-            sums.add(&Sums::of(&SampleLight { rgb: [light * BRIGHT; 3], paths: 1 }));
+            sums.add(&Sums::of(SampleLight::new([light * BRIGHT; 3], 1)));
         }
         estimate(0.0, 0.5).improved(&sums, 0.1).light.y / BRIGHT
     }
@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn without_an_estimate_samples_decide_alone() {
         let mut sums = Sums::default();
-        sums.add(&Sums::of(&SampleLight { rgb: [BRIGHT; 3], paths: 1 }));
+        sums.add(&Sums::of(SampleLight::new([BRIGHT; 3], 1)));
         let known = Estimate::UNKNOWN.improved(&sums, 0.5);
         assert!(known.error.is_finite() && (known.light.y / BRIGHT - 1.0).abs() < 1e-3);
     }

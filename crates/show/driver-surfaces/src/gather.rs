@@ -11,7 +11,7 @@ use crate::cell::{FaceClass, SampleLight, Sums};
 use crate::edges::EdgePiece;
 use crate::owners::{Mirrored, Owners};
 use crate::place::Placed;
-use crate::store::{Cube, LightStore, StoredLight};
+use crate::store::{Bucket, Cube, LightStore, StoredLight};
 use crate::view::SurfaceView;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -19,6 +19,10 @@ use std::sync::Arc;
 
 /// Cubes whose samples are assigned to pixels together.
 const CUBES: usize = 16;
+
+/// Samples from which on those that were assigned are summed up before others are. Else a view of
+/// everything would need as much memory again as the store.
+const TOGETHER: usize = 1 << 18;
 
 /// Parts of the sums that are added up in parallel.
 const PARTS: usize = 8;
@@ -48,7 +52,7 @@ struct Claim {
 /// A sample in the direction of a pixel on an edge, but not on the surface that its middle shows.
 #[derive(Clone, Copy, Debug)]
 struct Beside {
-    pixel: usize,
+    pixel: u32,
     point: Vec3,
     face: FaceClass,
     light: SampleLight,
@@ -95,7 +99,7 @@ impl Gathered {
         let claims = beside.par_chunks(4096).map(|samples| {
             let mut claims = Claims::default();
             for &Beside { pixel, point, face, light } in samples {
-                self.claim_piece(view, pixel, (point, face), light, &mut claims);
+                self.claim_piece(view, pixel as usize, (point, face), light, &mut claims);
             }
             claims
         });
@@ -173,19 +177,33 @@ impl Gathered {
 
     /// Adds all samples of some cubes.
     fn take(&mut self, view: &SurfaceView, store: &LightStore, cubes: &[Cube]) {
-        let of_cubes = |cubes: &[Cube]| {
-            let mut claims = Claims::default();
-            for &cube in cubes {
-                let Some(bucket) = store.bucket(cube) else { continue };
-                let mirrored = self.owners.mirrors.get(&cube);
-                for record in bucket.records() {
-                    self.claim(view, (cube, record), mirrored, &mut claims);
-                }
+        let mut rest = cubes;
+        while !rest.is_empty() {
+            let mut samples = 0;
+            let fit = rest.iter().take_while(|cube| {
+                let is_next = samples < TOGETHER;
+                samples += store.bucket(**cube).map_or(0, Bucket::len);
+                is_next
+            });
+            let (next, others) = rest.split_at(fit.count());
+            let of_cubes = |cubes| self.claims_of(view, store, cubes);
+            let claims = next.par_chunks(CUBES).map(of_cubes).collect();
+            self.sum(claims);
+            rest = others;
+        }
+    }
+
+    /// Returns the claims of all samples of some cubes.
+    fn claims_of(&self, view: &SurfaceView, store: &LightStore, cubes: &[Cube]) -> Claims {
+        let mut claims = Claims::default();
+        for &cube in cubes {
+            let Some(bucket) = store.bucket(cube) else { continue };
+            let mirrored = self.owners.mirrors.get(&cube);
+            for record in bucket.records() {
+                self.claim(view, (cube, record), mirrored, &mut claims);
             }
-            claims
-        };
-        let claims = cubes.par_chunks(CUBES).map(of_cubes).collect();
-        self.sum(claims);
+        }
+        claims
     }
 
     /// Adds the claims of one sample.
@@ -214,7 +232,7 @@ impl Gathered {
             } else if owners.pieces.is_some() {
                 self.claim_piece(view, pixel, (point, face), light, claims);
             } else if owners.on_edges[pixel] {
-                claims.beside.push(Beside { pixel, point, face, light });
+                claims.beside.push(Beside { pixel: pixel as u32, point, face, light });
             }
         }
         let mirrored = mirrored.and_then(|m| m.owner(view, point, face, owners.grid.unit));
@@ -251,7 +269,7 @@ impl Gathered {
         stripes.into_par_iter().enumerate().for_each(|(part, mut stripes)| {
             for claim in claims.iter().flat_map(|claims| &claims.parts[part]) {
                 let owner = claim.owner as usize;
-                stripes[owner / STRIPE / PARTS][owner % STRIPE].add(&Sums::of(&claim.light));
+                stripes[owner / STRIPE / PARTS][owner % STRIPE].add(&Sums::of(claim.light));
             }
         });
         self.beside.extend(claims.into_iter().flat_map(|claims| claims.beside));

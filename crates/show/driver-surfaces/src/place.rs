@@ -12,9 +12,6 @@ use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
 use holo_section::{BeamId, Sample, Section, distance};
 
-/// Most light of a sample, in fixed-point steps: a thousand times the brightest lamp.
-const MOST_LIGHT: f32 = (1_u64 << 36) as f32;
-
 /// Relative rounding of stored distances.
 const ROUNDING: f64 = 2e-4;
 
@@ -119,18 +116,18 @@ impl<'a> Placer<'a> {
     ) {
         let nowhere = Ray { origin: Vec3::ZERO, direction: Vec3::ZERO, t_min: 0.0, t_max: 0.0 };
         let mut rays = [nowhere; MAX_TOGETHER];
-        let mut lights = [SampleLight { rgb: [0.0; 3], paths: 0 }; MAX_TOGETHER];
+        let mut shown = [([0.0; 3], 0); MAX_TOGETHER];
         let mut count = 0;
         for sample in samples.take(MAX_TOGETHER) {
             rays[count] = self.piece(sample);
-            lights[count] = SampleLight { rgb: sample.radiance, paths: sample.paths };
+            shown[count] = (sample.radiance, sample.paths);
             count += 1;
         }
         let mut hits = [None; MAX_TOGETHER];
         self.raycaster.nearest_many(&rays[..count], &mut hits[..count]);
-        for ((ray, hit), light) in rays.iter().zip(hits).zip(lights).take(count) {
+        for ((ray, hit), shown) in rays.iter().zip(hits).zip(shown).take(count) {
             let hit = hit.map(|hit| self.nearest_to_middle(ray, hit));
-            placed.extend(hit.and_then(|hit| self.on_surface(ray, hit, light)));
+            placed.extend(hit.and_then(|hit| self.on_surface(ray, hit, shown)));
         }
     }
 
@@ -161,27 +158,27 @@ impl<'a> Placer<'a> {
         best
     }
 
-    /// Returns the sample of a ray with this hit. `None` if it shows no light on a surface.
-    fn on_surface(&self, ray: &Ray, hit: Hit, shown: SampleLight) -> Option<Placed> {
+    /// Returns the sample of a ray with this hit that shows this radiance, a mean of so many paths.
+    /// `None` if it shows no light on a surface.
+    fn on_surface(&self, ray: &Ray, hit: Hit, shown: ([f32; 3], u32)) -> Option<Placed> {
         match self.follower.follow(*ray, hit, AtPanes::PassAll) {
             RayContent::Surface(end) => self.on_end(&end, shown),
             RayContent::Sky(..) | RayContent::Light(..) | RayContent::Unknown => None,
         }
     }
 
-    fn on_end(&self, end: &TrailEnd, shown: SampleLight) -> Option<Placed> {
+    fn on_end(&self, end: &TrailEnd, (radiance, paths): ([f32; 3], u32)) -> Option<Placed> {
         let finish = self.follower.finish(end.material);
         if finish.shines(end.front) || end.share.iter().any(|&share| share < LEAST_SHARE) {
             return None;
         }
         let unit = self.follower.materials.unit;
         let reflectance = finish.reflectance_by(self.follower.texture(end, 0.0));
-        let rgb = [0, 1, 2].map(|channel: usize| {
-            let light = shown.rgb[channel] / end.share[channel] / reflectance[channel];
-            (light / unit).min(MOST_LIGHT).round()
+        let steps = [0, 1, 2].map(|channel: usize| {
+            radiance[channel] / end.share[channel] / reflectance[channel] / unit
         });
         let leaving = (finish.kind == MaterialClass::Glossy).then_some(end.direction);
         let face = FaceClass::new(end.normal, end.material, leaving);
-        Some(Placed { point: end.point, face, light: SampleLight { rgb, ..shown } })
+        Some(Placed { point: end.point, face, light: SampleLight::new(steps, paths) })
     }
 }

@@ -143,7 +143,7 @@ impl Cube {
 
 impl Samples {
     fn add(&mut self, record: StoredLight) {
-        let (face, sums) = (record.key.face(), Sums::of(&record.light));
+        let (face, sums) = (record.key.face(), Sums::of(record.light));
         match self.faces.iter_mut().find(|(known, _)| *known == face) {
             Some((_, total)) => total.add(&sums),
             None => self.faces.push((face, sums)),
@@ -185,7 +185,8 @@ impl Bucket {
         self.present.faces.iter().chain(&self.earlier.faces)
     }
 
-    fn len(&self) -> usize {
+    /// Returns the number of samples.
+    pub fn len(&self) -> usize {
         self.present.records.len() + self.earlier.records.len()
     }
 
@@ -209,12 +210,11 @@ impl Bucket {
 }
 
 /// What makes a record equal to another one.
-type Bits = (u64, [u32; 4]);
+type Bits = (u64, u64);
 
 impl StoredLight {
     fn bits(&self) -> Bits {
-        let [r, g, b] = self.light.rgb.map(f32::to_bits);
-        (self.key.0, [r, g, b, self.light.paths])
+        (self.key.0, self.light.number())
     }
 
     /// Returns true if the sample stays when one of 2^`thinned` samples is stored.
@@ -228,8 +228,7 @@ impl StoredLight {
     }
 
     fn random(&self) -> u64 {
-        let [r, g, b] = self.light.rgb.map(|c| u64::from(c.to_bits()));
-        split_mix(split_mix(self.key.0) ^ split_mix(r << 32 | g) ^ b)
+        split_mix(split_mix(self.key.0) ^ self.light.number())
     }
 }
 

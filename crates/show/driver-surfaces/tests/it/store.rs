@@ -112,8 +112,8 @@ fn a_store_keeps_what_was_seen_last() {
     placed.retain(|sample| sample.point().x.abs() > 0.2);
     let (before, now): (Vec<_>, Vec<_>) =
         placed.into_iter().partition(|sample| sample.point().x < 0.0);
-    // A sample takes 24 bytes, and a list may be a fifth empty. Both halves do not fit.
-    let mut store = LightStore::new(0.0001, 30 * 4_500);
+    // A sample takes 16 bytes, and a list may be a fifth empty. Both halves do not fit.
+    let mut store = LightStore::new(0.0001, 20 * 4_500);
     store.add(&before);
     store.begin_round();
     store.add(&now);
@@ -127,14 +127,14 @@ fn a_view_with_too_many_samples_keeps_some_whatever_their_light() {
     let placer = Placer::new(&raycaster, &materials);
     let mut placed = Vec::new();
     placer.place_rays(&rays(200, |x, _| if x.sin() > 0.0 { 1.0 } else { 0.5 }), &mut placed);
-    let mut store = LightStore::new(0.0001, 24 * 6_400);
+    let mut store = LightStore::new(0.0001, 16 * 6_400);
     for part in placed.chunks(1000) {
         store.add(part);
         assert!(store.kept() <= 6_400, "{} samples", store.kept());
     }
     assert!(store.kept() > 1_600, "{} samples", store.kept());
     // The same samples in another order leave the same set.
-    let mut other = LightStore::new(0.0001, 24 * 6_400);
+    let mut other = LightStore::new(0.0001, 16 * 6_400);
     placed.reverse();
     placed.chunks(777).for_each(|part| _ = other.add(part));
     assert_eq!(other.kept(), store.kept());
