@@ -1,6 +1,6 @@
 //! The first pass: each square uses the narrowest neighbourhood with little enough noise.
 
-use super::Sum;
+use super::{SCALES, Sum};
 use crate::cell::luminance;
 use crate::estimate::{Estimate, LightSums};
 use crate::likely::Likely;
@@ -44,39 +44,48 @@ pub(super) struct Widest {
 }
 
 impl Choice<'_> {
-    /// Returns the light of all squares from their sums on all scales. The narrowest scale with
-    /// little enough noise counts. `noise` are the relative standard errors at which a
+    /// Returns the light of all squares. `sums` returns those of a scale at a square. The narrowest
+    /// scale with little enough noise counts. `noise` are the relative standard errors at which a
     /// neighbourhood begins to count and at which it counts fully.
-    pub fn lights(&self, scales: &[Sum], noise: [f32; 2]) -> Vec<Estimate> {
+    pub fn lights(
+        &self,
+        sums: impl Fn(usize, Square) -> [f32; 5] + Sync,
+        noise: [f32; 2],
+    ) -> Vec<Estimate> {
         let (width, height) = self.layout.size;
         let mut lights = vec![Estimate::UNKNOWN; width * height];
         lights.par_chunks_mut(width).enumerate().for_each(|(row, lights)| {
             for at in self.layout.squares(row) {
-                lights[at.column] = self.light(at, scales, noise);
+                lights[at.column] = self.light(at, |scale| sums(scale, at), noise);
             }
         });
         lights
     }
 
-    fn light(&self, at: Square, scales: &[Sum], [high, low]: [f32; 2]) -> Estimate {
-        let Widest { mut estimate, bright, .. } = match self.widest(at, scales) {
+    fn light(
+        &self,
+        at: Square,
+        sums: impl Fn(usize) -> [f32; 5],
+        [high, low]: [f32; 2],
+    ) -> Estimate {
+        let Widest { mut estimate, bright, .. } = match self.widest(at, sums(SCALES)) {
             Ok(widest) => widest,
             Err(likely) => return likely,
         };
         // A black neighbourhood has the range of the least float, so that nothing is divided by 0.
         let range = (high - low) * bright.max(f32::MIN_POSITIVE);
-        for scale in scales[..scales.len() - 1].iter().rev() {
-            let lit = LightSums::from(scale.at(at));
+        for scale in (0..SCALES).rev() {
+            let lit = LightSums::from(sums(scale));
             let own = lit.variance(estimate.variance).sqrt();
             estimate.approach(&lit, own, ((high * bright - own) / range).clamp(0.0, 1.0));
         }
         estimate.at_least_black()
     }
 
-    /// Returns the light of a square's widest neighbourhood, or its likely light if there is no
-    /// sample.
-    pub fn widest(&self, at: Square, scales: &[Sum]) -> Result<Widest, Estimate> {
-        let last = scales.last().map(|scale| LightSums::from(scale.at(at))).unwrap_or_default();
+    /// Returns the light of a square's widest neighbourhood, which has these sums, or its likely
+    /// light if there is no sample.
+    pub fn widest(&self, at: Square, sums: [f32; 5]) -> Result<Widest, Estimate> {
+        let last = LightSums::from(sums);
         let likely = Likely::from(self.likely.at(at));
         if last.count <= 0.0 {
             return Err(if likely.light == Vec3::ZERO {

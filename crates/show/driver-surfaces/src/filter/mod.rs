@@ -36,7 +36,7 @@ use crate::store::LightStore;
 use crate::view::{SurfaceView, VisiblePoint};
 use glam::Vec3;
 use holo_display::Interrupt;
-use passes::{Passes, Second, by_other_half};
+use passes::{GeometrySums, Passes, Second, by_other_half};
 use rayon::prelude::*;
 pub use training::EXAMPLE;
 
@@ -101,13 +101,16 @@ impl Squares {
         once: bool,
         interrupt: &Interrupt,
     ) -> Option<Filtered> {
-        let mut passes = Passes::new(self, (view, store), sums, behind, !once, interrupt)?;
-        let first = passes.choice().lights(&passes.of_all, choose::FIRST);
-        if once {
-            let beyond = passes.beyond((view, self), &first, &passes.of_all, [None, None]);
-            return Some(Filtered::new(first, beyond));
-        }
-        let Second { light, scales, details } = passes.second(interrupt)?;
+        let (passes, sums) = Passes::new(self, (view, store), sums, behind, !once, interrupt)?;
+        let first = passes.choice().lights(|scale, at| sums.at(scale, at), choose::FIRST);
+        let halves = match sums {
+            GeometrySums::Halves(halves) => halves,
+            GeometrySums::All(scales) => {
+                let beyond = passes.beyond((view, self), &first, &scales, [None, None]);
+                return Some(Filtered::new(first, beyond));
+            }
+        };
+        let Second { light, scales, details } = passes.second(halves, interrupt)?;
         let mut lights = passes.refinement(&scales, &details).lights();
         for (light, first) in lights.iter_mut().zip(&first) {
             light.error = light.error.hypot(FIRST_ERROR_SHARE * first.error);

@@ -9,7 +9,7 @@ use crate::cell::luminance;
 use crate::coats::CoatScales;
 use crate::estimate::{Estimate, LightSums};
 use crate::likely::LikelyLight;
-use crate::planes::{Difference, SquareLayout, SquarePlanes, Weights};
+use crate::planes::{Difference, Square, SquareLayout, SquarePlanes, Weights};
 use crate::squares::Squares;
 use crate::store::LightStore;
 use crate::view::SurfaceView;
@@ -25,14 +25,23 @@ pub(super) struct Passes {
     weights: Vec<Weights>,
     /// Likely light of squares with few samples: its channels, and 1 if it is the light around.
     likely: SquarePlanes<4>,
-    /// Sums of all scales by geometry.
-    pub of_all: Vec<Sum>,
-    /// The same for each half of the squares, until the second pass takes them.
-    of_halves: Option<[Vec<Sum>; 2]>,
+    /// Sums of the squares.
+    own: Sum,
+    /// Sums by geometry of the neighbourhood that judges noise.
+    wide: Sum,
+    /// Samples by geometry of all scales but the narrowest. Empty if there is one pass.
+    counts: Vec<SquarePlanes<1>>,
     /// Sums of coats towards the eye.
     of_coats: Option<Sum>,
-    limiting_scale: usize,
     step: usize,
+}
+
+/// Sums of all scales by geometry. They take more memory than everything else that is filtered.
+pub(super) enum GeometrySums {
+    /// For a single pass.
+    All(Vec<Sum>),
+    /// For two passes: those of each half of the squares.
+    Halves([Vec<Sum>; 2]),
 }
 
 /// The quantities by which the second pass chooses.
@@ -52,8 +61,18 @@ pub(super) fn by_other_half(
     [of_odd, of_even].map(|values| Some(Difference { values, limit: DIFFERENT_LIGHT }))
 }
 
+impl GeometrySums {
+    /// Returns the sums of a scale at a square.
+    pub fn at(&self, scale: usize, at: Square) -> [f32; 5] {
+        match self {
+            GeometrySums::All(scales) => scales[scale].at(at),
+            GeometrySums::Halves([even, odd]) => scales::added([&even[scale], &odd[scale]], at),
+        }
+    }
+}
+
 impl Passes {
-    /// Prepares the first pass, and the second one if it is `twice`. `None` if it was interrupted.
+    /// Prepares the first pass, or both if it is `twice`. `None` if it was interrupted.
     pub fn new(
         squares: &Squares,
         (view, store): (&SurfaceView, &LightStore),
@@ -61,7 +80,7 @@ impl Passes {
         behind: &BehindPanes,
         twice: bool,
         interrupt: &Interrupt,
-    ) -> Option<Passes> {
+    ) -> Option<(Passes, GeometrySums)> {
         let layout = squares.layout();
         let weights = squares.weights(&layout);
         interrupt.check()?;
@@ -79,29 +98,32 @@ impl Passes {
         let own = limit.brightest(&layout, &own, sums);
         interrupt.check()?;
 
-        let of_halves = twice.then(|| {
-            scales::halves(&layout, &own).map(|half| scales::all(&layout, half, &weights, None))
-        });
-        let of_all = match &of_halves {
-            Some([even, odd]) => scales::both(&layout, even, odd),
-            None => scales::all(&layout, own, &weights, None),
+        let sums = match twice {
+            true => GeometrySums::Halves(
+                scales::halves(&layout, &own).map(|half| scales::all(&layout, half, &weights)),
+            ),
+            false => GeometrySums::All(scales::all(&layout, own.clone(), &weights)),
         };
         interrupt.check()?;
 
         let likely = layout.planes(|at| {
-            let [.., count, _] = of_all[SCALES].at(at);
+            let [.., count, _] = sums.at(SCALES, at);
             likely.at(at, count).unwrap_or_default().to_array()
         });
+        let wide = layout.planes(|at| sums.at(limiting_scale, at));
+        let count = |scale: usize| {
+            layout.planes(|at| {
+                let [.., count, _] = sums.at(scale, at);
+                [count]
+            })
+        };
+        let counts = if twice { (1..=SCALES).map(count).collect() } else { Vec::new() };
         let step = squares.step;
-        Some(Passes { layout, weights, likely, of_all, of_halves, of_coats, limiting_scale, step })
+        Some((Passes { layout, weights, likely, own, wide, counts, of_coats, step }, sums))
     }
 
     pub fn choice(&self) -> Choice<'_> {
-        Choice {
-            layout: &self.layout,
-            wide: &self.of_all[self.limiting_scale],
-            likely: &self.likely,
-        }
+        Choice { layout: &self.layout, wide: &self.wide, likely: &self.likely }
     }
 
     pub fn refinement<'a>(
@@ -109,25 +131,22 @@ impl Passes {
         by_light: &'a [Sum],
         details: &'a [SquarePlanes<2>],
     ) -> Refinement<'a> {
-        let (choice, by_geometry, step) = (self.choice(), &self.of_all, self.step);
-        Refinement { choice, by_light, by_geometry, details, step }
+        let (choice, counts, step) = (self.choice(), &self.counts, self.step);
+        Refinement { choice, by_light, counts, details, step }
     }
 
-    /// Prepares the second pass. `None` if it was interrupted, or if [`new`](Self::new) prepared
-    /// the first pass alone.
-    pub fn second(&mut self, interrupt: &Interrupt) -> Option<Second> {
-        let of_halves = self.of_halves.take()?;
-        let this = &*self;
-        let Passes { layout, weights, of_all, .. } = this;
+    /// Prepares the second pass by the sums of both halves. `None` if it was interrupted.
+    pub fn second(&self, of_halves: [Vec<Sum>; 2], interrupt: &Interrupt) -> Option<Second> {
+        let Passes { layout, weights, own, .. } = self;
         let light = of_halves.map(|half| {
-            let found = this.choice().lights(&half, choose::HALF);
+            let found = self.choice().lights(|scale, at| half[scale].at(at), choose::HALF);
             let bright = |light: &Estimate| luminance(light.light.to_array()).max(1.0).ln();
             layout.planes(|at| [bright(&found[at.number])])
         });
         interrupt.check()?;
-        let scales = scales::by_halves(layout, &of_all[0], weights, by_other_half(&light));
+        let scales = scales::by_halves(layout, own, weights, by_other_half(&light));
         interrupt.check()?;
-        let details = refine::details(&this.choice(), &scales, weights);
+        let details = refine::details(&self.choice(), &scales, weights);
         Some(Second { light, scales, details })
     }
 

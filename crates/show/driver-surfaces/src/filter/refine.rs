@@ -21,8 +21,8 @@ pub(super) struct Refinement<'a> {
     pub choice: Choice<'a>,
     /// Sums of all scales by geometry and light.
     pub by_light: &'a [Sum],
-    /// Sums of all scales by geometry alone.
-    pub by_geometry: &'a [Sum],
+    /// Samples by geometry alone of all scales but the narrowest.
+    pub counts: &'a [SquarePlanes<1>],
     /// The details of all scales except the widest.
     pub details: &'a [SquarePlanes<2>],
     /// Side of a square, pixels.
@@ -87,7 +87,7 @@ impl Refinement<'_> {
     fn block(&self, squares: &[Square], lights: &mut [Estimate]) -> Block {
         let mut block = Block { squares: [None; LANES], shares: [[0.0; LANES]; SCALES] };
         for (known, &at) in block.squares.iter_mut().zip(squares) {
-            match self.choice.widest(at, self.by_light) {
+            match self.choice.widest(at, self.by_light[SCALES].at(at)) {
                 Ok(widest) => *known = Some((at, widest)),
                 Err(likely) => lights[at.column] = likely,
             }
@@ -134,7 +134,7 @@ impl Refinement<'_> {
     pub fn inputs(&self, at: Square, widest: &Widest, scale: usize) -> [f32; INPUTS] {
         let [narrow, wider] =
             [0, 1].map(|more| LightSums::from(self.by_light[scale + more].at(at)));
-        let [.., by_geometry, _] = self.by_geometry[scale + 1].at(at);
+        let [by_geometry] = self.counts[scale].at(at);
         let detail = self.detail(at, scale);
         let narrower = scale.checked_sub(1).map(|scale| self.detail(at, scale)).unwrap_or_default();
         let bright = widest.bright.max(DARKEST);
@@ -258,8 +258,9 @@ mod tests {
         let choice = Choice { layout: &layout, wide: &by_light[SCALES], likely: &likely };
         let weights = vec![layout.planes(|_| [0.0; 8]); SCALES];
         let details = &details(&choice, &by_light, &weights);
-        let (by_light, by_geometry) = (&by_light[..], &by_light[..]);
-        let refinement = Refinement { choice, by_light, by_geometry, details, step: 2 };
+        let count = |sums: &Sum| layout.planes(|at| [sums.at(at)[3]]);
+        let counts = &by_light[1..].iter().map(count).collect::<Vec<_>>();
+        let refinement = Refinement { choice, by_light: &by_light, counts, details, step: 2 };
         check(&refinement, Square { number: 0, column: 0, row: 0 });
     }
 
@@ -268,7 +269,8 @@ mod tests {
         let inputs = |unit: f32| {
             let mut found = Vec::new();
             of_square(300.0 * unit, 100.0 * unit, |refinement, at| {
-                let widest = refinement.choice.widest(at, refinement.by_light).unwrap();
+                let widest =
+                    refinement.choice.widest(at, refinement.by_light[SCALES].at(at)).unwrap();
                 found = (0..SCALES).map(|scale| refinement.inputs(at, &widest, scale)).collect();
             });
             found

@@ -1,7 +1,7 @@
 //! Examples that the network learns from: squares of a view, and their light by other samples.
 
 use super::network::{INPUTS, logarithms};
-use super::passes::{Passes, Second};
+use super::passes::{GeometrySums, Passes, Second};
 use super::{OfSquares, SCALES};
 use crate::behind::BehindPanes;
 use crate::estimate::LightSums;
@@ -44,8 +44,8 @@ impl Gathered {
         let own = OfSquares { towards_eye: sums(self), from_all: None };
         let (behind, interrupt) = (BehindPanes::default(), Interrupt::default());
         let passes = Passes::new(&squares, (view, store), &own, &behind, true, &interrupt);
-        let Some(mut passes) = passes else { return Vec::new() };
-        let Some(Second { scales, details, .. }) = passes.second(&interrupt) else {
+        let Some((passes, GeometrySums::Halves(halves))) = passes else { return Vec::new() };
+        let Some(Second { scales, details, .. }) = passes.second(halves, &interrupt) else {
             return Vec::new();
         };
         let refinement = passes.refinement(&scales, &details);
@@ -58,7 +58,7 @@ impl Gathered {
             if number % every > 0 || !seen.is_surface() || is_behind || truth.count <= 0.0 {
                 continue;
             }
-            let Ok(widest) = refinement.choice.widest(at, &scales) else { continue };
+            let Ok(widest) = refinement.choice.widest(at, scales[SCALES].at(at)) else { continue };
             let (factor, radiance) = view.paint(seen);
             examples.extend(factor.map(|factor| factor * view.unit()));
             examples.extend(radiance);
