@@ -35,6 +35,7 @@ pub fn of_first_view(opened: &mut OpenedScene, bounces: Option<u32>) -> Result<O
         seed: 0,
         threads: std::thread::available_parallelism().map_or(1, usize::from),
         limit: WorkLimit::Paths(PATHS),
+        twin: None,
         has_errors: false,
     };
     let sums = job.run(|| Duration::ZERO, || false, |_| {}).sums;

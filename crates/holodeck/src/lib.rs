@@ -51,6 +51,7 @@ pub mod render;
 mod seen;
 pub mod session;
 pub mod settings;
+mod shared_error;
 pub mod splats;
 pub mod status;
 mod sums;

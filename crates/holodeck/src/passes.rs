@@ -35,6 +35,10 @@ const REPORT_EVERY: Duration = Duration::from_millis(100);
 pub struct TraceJob {
     /// The engine, with the scene.
     pub tracer: Tracer,
+    /// An engine with cells and random numbers of its own, for every other path. Blocks of pixels
+    /// differ by the error of cells, which pixels share. `None` if it does not matter, or if there
+    /// are no cells.
+    pub twin: Option<Tracer>,
     /// The view.
     pub view: View,
     /// Width and height in pixels.
@@ -63,6 +67,7 @@ pub enum WorkLimit {
 struct PixelSums {
     sums: PictureSums,
     squares: [f64; 3],
+    difference: [f64; 3],
 }
 
 impl TraceJob {
@@ -74,7 +79,8 @@ impl TraceJob {
         is_interrupted: impl Fn() -> bool + Sync,
         mut show: impl FnMut(u64),
     ) -> TracedPicture {
-        let traced = Mutex::new(TracedPicture::new(self.size, self.has_errors));
+        let traced =
+            Mutex::new(TracedPicture::new(self.size, self.has_errors, self.twin.is_some()));
         let is_over = || {
             let is_late = matches!(self.limit, WorkLimit::Time(time) if clock() >= time);
             is_late || is_interrupted()
@@ -137,6 +143,9 @@ impl TraceJob {
                     if let Some(squares) = all.squares.get_mut(pixel as usize) {
                         add(squares, new.squares);
                     }
+                    if let Some(difference) = all.differences.get_mut(pixel as usize) {
+                        add(difference, new.difference);
+                    }
                 }
             }
         };
@@ -164,12 +173,18 @@ impl TraceJob {
         let mut new = PixelSums::default();
         new.sums.paths = paths.len() as u32;
         for path in paths {
+            let (tracer, turn, path, is_odd) = match &self.twin {
+                None => (&self.tracer, turn, path, false),
+                // Both halves are stratified by themselves, so they are independent.
+                Some(_) if path.is_multiple_of(2) => (&self.tracer, turn, path / 2, false),
+                Some(twin) => (twin, holo_sobol::mix(turn), path / 2, true),
+            };
             let [dx, dy] = jitter(path, turn);
             let x = (f64::from(column) + dx) / f64::from(self.size.0);
             let y = 1.0 - (f64::from(row) + dy) / f64::from(self.size.1);
             // Corners of fisheyes have no direction, and stay black.
             let Some((origin, direction, reach)) = self.view.clipped_ray(x, y) else { continue };
-            let traced = self.tracer.trace_path(origin, direction, turn, u64::from(path));
+            let traced = tracer.trace_path(origin, direction, turn, u64::from(path));
             if reach.is_finite() && traced.distance > reach {
                 // Beyond the aft clipping surface everything is black.
                 continue;
@@ -177,6 +192,7 @@ impl TraceJob {
             let radiance = traced.radiance.map(f64::from);
             add(&mut new.sums.first, radiance);
             add(&mut new.squares, radiance.map(|value| value * value));
+            add(&mut new.difference, radiance.map(|value| if is_odd { -value } else { value }));
         }
         new
     }
@@ -226,7 +242,16 @@ mod tests {
         let mut spec = ViewSpec::default();
         spec.apply_line("-vp 2.78 2.73 -2 -vd 0 0 1 -vu 0 1 0 -vh 60").unwrap();
         let (view, size) = spec.resolve(SIZE).unwrap();
-        TraceJob { tracer, view, size, seed: 1, threads: THREADS as usize, limit, has_errors: true }
+        TraceJob {
+            tracer,
+            twin: None,
+            view,
+            size,
+            seed: 1,
+            threads: THREADS as usize,
+            limit,
+            has_errors: true,
+        }
     }
 
     /// Traces with a clock that advances by a second at each reading.

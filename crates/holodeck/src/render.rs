@@ -58,7 +58,8 @@ pub struct RenderRequest {
 pub struct RenderedPicture {
     /// The picture.
     pub picture: Picture,
-    /// The standard error of every pixel, as if its paths were independent, if they were wanted.
+    /// The standard error of every pixel, if they were wanted: that of its paths as if they were
+    /// independent, and that of cells (engine `gather`) without the bias of their width.
     pub errors: Option<Picture>,
     /// Number of paths of all pixels.
     pub paths: u64,
@@ -82,21 +83,26 @@ pub async fn render(request: RenderRequest, shutdown: &Shutdown) -> Result<Rende
     let caches = request.caches_reflections;
     let settings = settings(&config, Engine::Path);
     let raycaster = opened.raycaster()?;
-    let tracer = Tracer::with_raycaster(
-        Arc::clone(&raycaster),
-        Settings { bounces: settings.bounces, ..Settings::default() },
-    )?;
-    let tracer = match settings.engine {
-        Engine::Path if caches => tracer.with_cached_reflections(ReflectionSettings::default()),
-        Engine::Path => tracer,
-        Engine::Gather if caches => {
-            bail!("`--reflections cached` goes with `--engine path` only")
+    let tracer = || -> Result<Tracer> {
+        let tracer = Tracer::with_raycaster(
+            Arc::clone(&raycaster),
+            Settings { bounces: settings.bounces, ..Settings::default() },
+        )?;
+        Ok(match settings.engine {
+            Engine::Path if caches => tracer.with_cached_reflections(ReflectionSettings::default()),
+            Engine::Path => tracer,
+            Engine::Gather if caches => {
+                bail!("`--reflections cached` goes with `--engine path` only")
+            }
+            Engine::Gather => tracer.with_gather(),
         }
-        Engine::Gather => tracer.with_gather(),
-    }
-    .with_visible_sun();
+        .with_visible_sun())
+    };
+    let has_twin = has_errors && settings.engine == Engine::Gather;
+    let (tracer, twin) = (tracer()?, has_twin.then(tracer).transpose()?);
     let threads = threads.map_or_else(cores, usize::from).max(1);
-    let job = TraceJob { tracer, view, size, seed: settings.seed, threads, limit, has_errors };
+    let seed = settings.seed;
+    let job = TraceJob { tracer, twin, view, size, seed, threads, limit, has_errors };
     let until = shutdown.clone();
     let traced = tokio::task::spawn_blocking(move || trace(&job, quiet, &until)).await?;
     let denoised = denoiser.and_then(|denoiser| traced.denoised(denoiser, raycaster, shutdown));
@@ -163,7 +169,8 @@ fn trace(job: &TraceJob, quiet: bool, shutdown: &Shutdown) -> TracedView {
     );
     let seconds = start.elapsed().as_secs_f64();
     meter.finish();
-    let nonfinite = job.tracer.nonfinite_paths();
+    let of_twin = job.twin.as_ref().map_or(0, Tracer::nonfinite_paths);
+    let nonfinite = job.tracer.nonfinite_paths() + of_twin;
     TracedView { view: job.view, traced, seconds, nonfinite }
 }
 

@@ -3,6 +3,8 @@
 //! Invariant: a pixel whose paths have all been added has the value that its number of paths
 //! determines. Only [`TracedPicture::fill`] gives pixels the value of another one.
 
+use crate::shared_error;
+
 /// Most pixels of the coarsest grid along each side of a picture. They have a path in any picture,
 /// whatever ends it.
 const FIRST: u32 = 16;
@@ -97,27 +99,40 @@ pub struct TracedPicture {
     pub sums: Vec<PictureSums>,
     /// Sums of the squares of the paths' radiances. Empty unless standard errors are wanted.
     pub squares: Vec<[f64; 3]>,
+    /// Sums over the paths of even number minus those of odd number. Empty unless these have cells
+    /// of their own.
+    pub differences: Vec<[f64; 3]>,
 }
 
 impl TracedPicture {
     /// Returns a picture without paths.
-    pub fn new(size: (u32, u32), has_squares: bool) -> TracedPicture {
+    pub fn new(size: (u32, u32), has_squares: bool, has_differences: bool) -> TracedPicture {
         let pixels = size.0 as usize * size.1 as usize;
-        let squares = vec![[0.0; 3]; if has_squares { pixels } else { 0 }];
-        TracedPicture { size, sums: vec![PictureSums::default(); pixels], squares }
+        let zeros = |are_wanted| vec![[0.0; 3]; if are_wanted { pixels } else { 0 }];
+        let (squares, differences) = (zeros(has_squares), zeros(has_differences));
+        TracedPicture { size, sums: vec![PictureSums::default(); pixels], squares, differences }
     }
 
-    /// Returns the standard errors of the means, as if paths were independent.
+    /// Returns the standard errors of the means, with the error that pixels share, if paths of even
+    /// and odd number have cells of their own. Paths of a pixel are taken for independent.
     pub fn standard_errors(&self) -> Vec<[f32; 3]> {
-        let of_pixel = |(sums, squares): (&PictureSums, &[f64; 3])| {
-            let n = f64::from(sums.paths.max(1));
-            std::array::from_fn(|channel| {
-                let mean = sums.first[channel] / n;
-                let variance = (squares[channel] / n - mean * mean).max(0.0);
-                (variance / (n - 1.0).max(1.0)).sqrt() as f32
-            })
+        let shared = shared_error::variances(self);
+        let of_pixel = |pixel: usize| {
+            let noise = self.noise(pixel);
+            let shared = shared.get(pixel).copied().unwrap_or_default();
+            std::array::from_fn(|channel| (noise[channel] + shared[channel]).sqrt() as f32)
         };
-        self.sums.iter().zip(&self.squares).map(of_pixel).collect()
+        (0..self.squares.len()).map(of_pixel).collect()
+    }
+
+    /// Returns the variance of a pixel's mean as if its paths were independent.
+    pub(crate) fn noise(&self, pixel: usize) -> [f64; 3] {
+        let (sums, squares) = (&self.sums[pixel], &self.squares[pixel]);
+        let n = f64::from(sums.paths.max(1));
+        std::array::from_fn(|channel| {
+            let mean = sums.first[channel] / n;
+            (squares[channel] / n - mean * mean).max(0.0) / (n - 1.0).max(1.0)
+        })
     }
 
     /// Gives each pixel without paths the sums of the nearest traced pixel of a coarser grid, to
@@ -138,8 +153,10 @@ impl TracedPicture {
             let mut nearest = steps.take_while(|&step| step <= coarsest).map(before);
             if let Some(found) = nearest.find(|&other| self.sums[other].paths > 0) {
                 self.sums[pixel] = self.sums[found];
-                if !self.squares.is_empty() {
-                    self.squares[pixel] = self.squares[found];
+                for sums in [&mut self.squares, &mut self.differences] {
+                    if !sums.is_empty() {
+                        sums[pixel] = sums[found];
+                    }
                 }
             }
         }
@@ -194,7 +211,7 @@ mod tests {
     #[test]
     fn pixels_without_paths_copy_the_nearest_traced_pixel_of_a_coarser_grid() {
         let size = (600, 300);
-        let mut traced = TracedPicture::new(size, true);
+        let mut traced = TracedPicture::new(size, true, true);
         let is_traced = |column: u32, row: u32| {
             column.is_multiple_of(64) && row.is_multiple_of(64)
                 || column < 200 && column.is_multiple_of(8) && row.is_multiple_of(8)
@@ -206,6 +223,7 @@ mod tests {
                 let pixel = (row * size.0 + column) as usize;
                 traced.sums[pixel] = PictureSums { paths: 1, first: [value(column, row); 3] };
                 traced.squares[pixel] = [value(column, row).powi(2); 3];
+                traced.differences[pixel] = [-value(column, row); 3];
             }
         }
         let count = traced.sums.iter().filter(|sums| sums.paths > 0).count();
@@ -218,13 +236,14 @@ mod tests {
             let pixel = (row * size.0 + column) as usize;
             assert_eq!(traced.sums[pixel].first, [value(c, r); 3], "{column} {row}");
             assert_eq!(traced.squares[pixel], [value(c, r).powi(2); 3]);
+            assert_eq!(traced.differences[pixel], [-value(c, r); 3]);
         }
         assert_eq!(traced.fill(), 0);
     }
 
     #[test]
     fn squares_at_the_edges_have_the_pixels_that_there_are() {
-        let mut traced = TracedPicture::new((5, 3), false);
+        let mut traced = TracedPicture::new((5, 3), false, false);
         traced.sums.fill(PictureSums { paths: 1, ..PictureSums::default() });
         let (size, squares) = traced.reduced(2);
         assert_eq!(size, (3, 2));

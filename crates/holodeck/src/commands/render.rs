@@ -50,7 +50,9 @@ pub struct RenderArgs {
     /// its library. The bias of denoised pictures is unknown
     #[arg(long, value_name = "auto|off|FILE", default_value = "off")]
     denoise: DenoiseArg,
-    /// Also write every pixel's standard error to this file, as if its paths were independent
+    /// Also write every pixel's standard error to this file, as if its paths were independent. With
+    /// `--engine gather`, every other path then uses cells of its own, and the error of cells,
+    /// which pixels share, is included
     #[arg(long, value_name = "FILE", value_parser = picture_path())]
     se: Option<PathBuf>,
     #[command(flatten)]
