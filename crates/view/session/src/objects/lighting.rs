@@ -20,6 +20,9 @@ use crate::Session;
 const SIDE: u32 = 64;
 const SHINY_SIDE: u32 = 256;
 
+/// The same for places that an object passes, and for the first light of an object.
+const PASSED_SIDE: u32 = 64;
+
 /// Most further probes for what the mirrors of an object show and its middle does not see, and the
 /// side of their faces, pixels: three of them cost three quarters of the probe of the middle.
 const MOST_SIDES: usize = 3;
@@ -30,6 +33,9 @@ const MOST_PLACES: usize = 16;
 
 /// Share of its radius by which an object may move before its light is that of another place.
 const SAME_PLACE: f64 = 0.25;
+
+/// The same while it moves: where it has moved on, a frame finds a sixth of the light there.
+const PASSED: f64 = 0.5;
 
 /// Growth of the samples after which the light of a place is found again, while nobody waits for a
 /// file.
@@ -43,6 +49,8 @@ pub(super) struct Lightings {
     waiting: Vec<WaitingProbe>,
     /// What an input has interrupted.
     unfinished: Option<UnfinishedProbe>,
+    /// The light of a place that an object passes.
+    passed: Option<UnfinishedProbe>,
     /// Samples that have arrived.
     samples: u64,
     /// Whether all samples that were requested for the waiting probes are here.
@@ -78,15 +86,23 @@ struct UnfinishedProbe {
 /// Light that was found.
 struct FoundLight {
     lighting: Option<ObjectLighting>,
+    /// Side of the probe's faces, pixels.
+    side: u32,
     /// Samples that had arrived when it was begun.
     samples: u64,
-    /// Whether the light beside the object's middle is in it.
+    /// Whether it is as sharp as the object needs, with the light beside the object's middle.
     is_whole: bool,
 }
 
 impl UnfinishedProbe {
+    fn new(centre: DVec3, side: u32, renderer: Box<dyn Renderer>, samples: u64) -> UnfinishedProbe {
+        let (faces, middle, places, sides) = (Vec::new(), None, None, Vec::new());
+        UnfinishedProbe { centre, side, renderer, samples, faces, middle, places, sides }
+    }
+
     fn is_of(&self, object: &LocalObject) -> bool {
-        is_light_of(object, self.centre, self.side)
+        let is_of_size = self.side == side(object) || self.side == PASSED_SIDE;
+        is_of_size && is_same_place(self.centre, object.centre(), object.radius())
     }
 
     /// Draws a face. Returns whether all are drawn.
@@ -142,7 +158,7 @@ impl Lightings {
 
     pub(super) fn note_driver(&mut self) {
         self.waiting.clear();
-        self.unfinished = None;
+        (self.unfinished, self.passed) = (None, None);
         self.places.iter_mut().for_each(|place| place.is_old = true);
     }
 
@@ -173,20 +189,35 @@ impl Lightings {
         })
     }
 
-    /// Returns the light of the nearest place.
-    fn nearest(&self, object: &LocalObject) -> Option<Arc<ObjectLighting>> {
-        let apart = |place: &&LitPlace| place.centre.distance(object.centre());
+    /// Returns the nearest place whose light is known. Of those where the object has not moved on,
+    /// it is the one whose light is known best.
+    fn nearest_place(&self, object: &LocalObject) -> Option<&LitPlace> {
+        let least = SAME_PLACE * object.radius();
+        let apart = |place: &LitPlace| place.centre.distance(object.centre()).max(least);
         let lit = self.places.iter().filter(|place| place.lighting.is_some());
-        lit.min_by(|a, b| apart(a).total_cmp(&apart(b)))?.lighting.clone()
+        lit.min_by(|a, b| apart(a).total_cmp(&apart(b)).then(b.side.cmp(&a.side)))
+    }
+
+    /// Returns the light of that place.
+    fn nearest(&self, object: &LocalObject) -> Option<Arc<ObjectLighting>> {
+        self.nearest_place(object)?.lighting.clone()
+    }
+
+    /// Returns whether an object has moved on from all places whose light is known.
+    fn passes(&self, object: &LocalObject) -> bool {
+        self.nearest_place(object)
+            .is_some_and(|place| place.centre.distance(object.centre()) > PASSED * object.radius())
     }
 
     fn put(&mut self, place: LitPlace, radius: f64) {
         let is_same = |other: &LitPlace| {
-            other.side == place.side && is_same_place(other.centre, place.centre, radius)
+            other.side <= place.side && is_same_place(other.centre, place.centre, radius)
         };
         self.places.retain(|other| !is_same(other));
         if self.places.len() >= MOST_PLACES {
-            self.places.remove(0);
+            // Places that were only passed go first.
+            let passed = self.places.iter().position(|place| place.is_old);
+            self.places.remove(passed.unwrap_or(0));
         }
         self.places.push(place);
     }
@@ -221,6 +252,9 @@ impl Session {
         is_file: bool,
         room: Option<&Room>,
     ) -> Option<Arc<ObjectLighting>> {
+        if is_quick && self.keeps_samples() {
+            self.light_of_passed(object, room);
+        }
         let lightings = &self.objects.lightings;
         let samples = lightings.samples;
         let known = if is_quick { lightings.nearest(object) } else { None };
@@ -233,13 +267,13 @@ impl Session {
                 true => self.light_of_store(object, is_quick, is_file, room),
                 false => self.probe(object).map(|found| {
                     let lighting = found.ok().map(|probe| ObjectLighting::new(probe, LIGHTS, room));
-                    FoundLight { lighting, samples, is_whole: true }
+                    FoundLight { lighting, side: side(object), samples, is_whole: true }
                 }),
             };
-            if let Some(FoundLight { lighting, samples, is_whole }) = found {
+            if let Some(FoundLight { lighting, side, samples, is_whole }) = found {
                 let place = LitPlace {
                     centre: object.centre(),
-                    side: side(object),
+                    side,
                     lighting: lighting.map(Arc::new),
                     samples,
                     is_old: !is_whole,
@@ -250,9 +284,36 @@ impl Session {
         self.objects.lightings.nearest(object)
     }
 
+    /// Finds the light of a place that a moving object passes, in the store of a driver. Each call
+    /// draws a single face.
+    fn light_of_passed(&mut self, object: &LocalObject, room: Option<&Room>) {
+        let lightings = &mut self.objects.lightings;
+        let mut probe = match lightings.passed.take() {
+            Some(probe) => probe,
+            None if !lightings.passes(object) => return,
+            None => {
+                let (renderer, samples) = (self.driver.light.renderer(), lightings.samples);
+                UnfinishedProbe::new(object.centre(), PASSED_SIDE, renderer, samples)
+            }
+        };
+        let advanced = probe.advance(object, None);
+        let lightings = &mut self.objects.lightings;
+        match (advanced, probe.middle.take()) {
+            (Ok(_), None) => lightings.passed = Some(probe),
+            (Ok(_), Some(middle)) => {
+                let lighting = Some(Arc::new(ObjectLighting::new(middle, LIGHTS, room)));
+                let UnfinishedProbe { centre, side, samples, .. } = probe;
+                // An object that rests there has better light.
+                let place = LitPlace { centre, side, lighting, samples, is_old: true };
+                lightings.put(place, object.radius());
+            }
+            (Err(_), _) => {}
+        }
+    }
+
     /// Finds the light around an object in the store of a driver. `None` if an input has
-    /// interrupted it; a later call continues. A quick frame draws a single face. Where no light is
-    /// known yet, that of the object's middle comes first.
+    /// interrupted it; a later call continues. A quick frame draws a single face. If no light is
+    /// known yet, that of the object's middle comes first, by few pixels.
     fn light_of_store(
         &mut self,
         object: &LocalObject,
@@ -273,26 +334,21 @@ impl Session {
         }
         let samples = self.objects.lightings.samples;
         let begun = self.objects.lightings.unfinished.take();
+        let is_first = !is_file && self.objects.lightings.nearest(object).is_none();
+        let side = if is_first { PASSED_SIDE } else { side(object) };
         let mut probe = match begun.filter(|probe| probe.is_of(object) && !is_file) {
             Some(probe) => probe,
-            None => UnfinishedProbe {
-                centre: object.centre(),
-                side: side(object),
-                renderer: self.driver.light.renderer(),
-                samples,
-                faces: Vec::new(),
-                middle: None,
-                places: None,
-                sides: Vec::new(),
-            },
+            None => {
+                let renderer = self.driver.light.renderer();
+                UnfinishedProbe::new(object.centre(), side, renderer, samples)
+            }
         };
-        let is_first = !is_file && self.objects.lightings.nearest(object).is_none();
         let mut faces = 0;
         let is_known = loop {
-            if let Some(middle) = probe.middle.clone().filter(|_| is_first) {
+            if let Some(middle) = probe.middle.take_if(|_| is_first) {
                 let lighting = Some(ObjectLighting::new(middle, LIGHTS, room));
-                self.objects.lightings.unfinished = Some(probe);
-                return Some(FoundLight { lighting, samples, is_whole: false });
+                let is_whole = !object.is_shiny();
+                return Some(FoundLight { lighting, side, samples, is_whole });
             }
             if waits(faces) {
                 self.objects.lightings.unfinished = Some(probe);
@@ -308,7 +364,7 @@ impl Session {
         let middle = middle.filter(|_| is_known);
         let lighting = middle.map(|middle| ObjectLighting::new(middle, LIGHTS, room));
         let lighting = lighting.map(|lighting| lighting.with_sides(sides));
-        Some(FoundLight { lighting, samples, is_whole: true })
+        Some(FoundLight { lighting, side, samples, is_whole: true })
     }
 
     /// Returns the light around an object by a driver that draws one view. `None` if its samples
@@ -460,6 +516,74 @@ mod tests {
             // Whoever waits for a file is not interrupted.
             session.interrupt().set();
             assert!(session.light_of_store(&object, false, true, None).is_some());
+        });
+        timeout(LIMIT, looking).await.unwrap().unwrap();
+        timeout(LIMIT, serving).await.unwrap().unwrap();
+    }
+
+    /// Returns an object that is so many radii beside another one.
+    fn beside(object: &LocalObject, radii: f64) -> LocalObject {
+        let at = object.pose().at + DVec3::X * (radii * object.radius());
+        LocalObject::new(Arc::clone(object.model()), ObjectPose::at(at), DVec3::Z).unwrap()
+    }
+
+    /// Returns light that is known at the place of an object.
+    fn lit_place(object: &LocalObject, side: u32, is_old: bool) -> LitPlace {
+        let faces: [Frame; 6] = std::array::from_fn(|_| {
+            let mut face = Frame::black((8, 8));
+            face.picture.pixels.fill([1.0; 3]);
+            face.depth.fill(2.0);
+            face
+        });
+        let probe = LightProbe::new(object.centre(), &faces).unwrap();
+        let lighting = Some(Arc::new(ObjectLighting::new(probe, LIGHTS, None)));
+        LitPlace { centre: object.centre(), side, lighting, samples: 0, is_old }
+    }
+
+    #[test]
+    fn the_best_known_light_of_a_place_counts_and_places_that_were_only_passed_go_first() {
+        let object = object();
+        let radius = object.radius();
+        let mut lightings = Lightings::default();
+        lightings.put(lit_place(&object, SIDE, false), radius);
+        lightings.put(lit_place(&beside(&object, 0.2), PASSED_SIDE / 2, true), radius);
+        let side = |lightings: &Lightings, radii: f64| {
+            lightings.nearest_place(&beside(&object, radii)).map(|place| place.side)
+        };
+        assert_eq!(side(&lightings, 0.2), Some(SIDE), "both are near enough");
+        assert_eq!(side(&lightings, 3.0), Some(PASSED_SIDE / 2));
+        assert!(
+            !lightings.passes(&beside(&object, 0.6)) && lightings.passes(&beside(&object, 0.8))
+        );
+        for number in 0..2 * MOST_PLACES {
+            let place = beside(&object, 2.0 + number as f64);
+            lightings.put(lit_place(&place, PASSED_SIDE, true), radius);
+        }
+        assert_eq!(lightings.places.len(), MOST_PLACES);
+        assert_eq!(side(&lightings, 0.0), Some(SIDE), "the place where it rested stays");
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn each_frame_of_a_moving_object_finds_a_sixth_of_the_light_of_a_place_that_it_passes() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let serving = tokio::spawn(serve(listener));
+        let connected = connect(address).await;
+        let looking = tokio::task::spawn_blocking(move || {
+            let mut session = connected.begin(|_| {}).unwrap().unwrap();
+            let object = object();
+            session.objects.lightings.put(lit_place(&object, SIDE, false), object.radius());
+            for (radii, faces) in
+                [(0.4, None), (1.0, Some(1)), (1.1, Some(2)), (1.2, Some(3)), (3.0, Some(4))]
+            {
+                let light = session.lighting(&beside(&object, radii), true, false, None);
+                assert_eq!(light.map(|light| light.centre()), Some(object.centre()));
+                let passed = session.objects.lightings.passed.as_ref();
+                assert_eq!(passed.map(|probe| probe.faces.len()), faces, "{radii}");
+            }
+            session.lighting(&beside(&object, 3.1), true, false, None);
+            session.lighting(&beside(&object, 3.2), true, false, None);
+            assert!(session.objects.lightings.passed.is_none(), "six faces are a probe");
         });
         timeout(LIMIT, looking).await.unwrap().unwrap();
         timeout(LIMIT, serving).await.unwrap().unwrap();
