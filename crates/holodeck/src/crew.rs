@@ -149,7 +149,11 @@ impl SessionProcesses {
                     Edited::read(&file, scene.as_ref(), &change)
                 });
                 // Whoever asked before gets no answer.
-                self.reading = Some((read, answer));
+                (self.reading, self.edited) = (Some((read, answer)), None);
+                Ok(())
+            }
+            CrewOrder::ForgetScene => {
+                (self.reading, self.edited) = (None, None);
                 Ok(())
             }
             CrewOrder::Restart(answer) => {

@@ -37,6 +37,7 @@ mod probe;
 mod room;
 mod shading;
 mod shadow;
+mod sheen;
 mod sides;
 mod surface;
 

@@ -98,7 +98,15 @@ impl LitObject {
         probe.blurred(seen, blur) * self.surroundings.darkening.left(seen)
     }
 
-    /// Returns the same by what the ray meets in the room, from the first probe that sees that.
+    /// Returns about the radiance that arrives at a place without the object.
+    pub(crate) fn light_without(&self, place: DVec3, direction: Vec3, blur: f32) -> Vec3 {
+        let probe = &self.lighting.probe;
+        let seen = probe.cube.direction_seen(self.relative(place), direction);
+        probe.blurred(seen, blur)
+    }
+
+    /// Returns the radiance at a place by what the ray meets in the room, from the first probe that
+    /// sees that.
     pub(crate) fn radiance_in_room(
         &self,
         room: &Room,

@@ -8,8 +8,10 @@ use glam::{DVec3, Vec3};
 use holo_optics::reflect;
 use holo_picture::View;
 use holo_raycast::{Hit, Ray, Raycaster, SurfacePoint, spawn};
-use holo_scene::{Bsdf, Material};
+use holo_scene::Bsdf;
 use rayon::prelude::*;
+
+use crate::surface::MIRROR;
 
 /// Most panes that a ray passes.
 const MOST_PANES: usize = 8;
@@ -23,6 +25,7 @@ const NEARLY_ALL: f64 = 0.99;
 pub struct Room {
     raycaster: Arc<Raycaster>,
     has_mirrors: bool,
+    has_gloss: bool,
     /// Its bounds, once they are asked for: all corners are looked at.
     bounds: Arc<OnceLock<(DVec3, DVec3)>>,
 }
@@ -53,9 +56,11 @@ impl Room {
     /// Returns the room of a scene.
     #[must_use]
     pub fn new(raycaster: Arc<Raycaster>) -> Room {
-        let is_mirror = |material: &Material| matches!(material.bsdf, Bsdf::Mirror { .. });
-        let has_mirrors = raycaster.scene().materials.iter().any(is_mirror);
-        Room { raycaster, has_mirrors, bounds: Arc::default() }
+        let materials = &raycaster.scene().materials;
+        let has_mirrors = materials.iter().any(|material| is_smooth(&material.bsdf));
+        let is_glossy = |bsdf: &Bsdf| matches!(bsdf, Bsdf::Conductor { .. } | Bsdf::Coated { .. });
+        let has_gloss = materials.iter().any(|material| is_glossy(&material.bsdf));
+        Room { raycaster, has_mirrors, has_gloss, bounds: Arc::default() }
     }
 
     /// Returns where a ray to the sky leaves the bounds of the room, relative to its beginning, and
@@ -84,11 +89,16 @@ impl Room {
         self.has_mirrors
     }
 
+    /// Returns whether the room has metals or coats, in which objects are seen at rest.
+    pub(crate) fn has_gloss(&self) -> bool {
+        self.has_gloss
+    }
+
     /// Returns the ray that a mirror sends on, if a hit is on one.
     pub(crate) fn mirrored(&self, hit: &Hit, direction: DVec3) -> Option<MirroredRay> {
         let scene = self.raycaster.scene();
         let Hit { triangle, u, v, .. } = *hit;
-        if !matches!(scene.material(triangle).bsdf, Bsdf::Mirror { .. }) {
+        if !is_smooth(&scene.material(triangle).bsdf) {
             return None;
         }
         let at = self.raycaster.surface(triangle, u, v);
@@ -122,7 +132,7 @@ impl Room {
 
     /// Returns whether a hit is on a mirror, which shows another thing from each place.
     pub(crate) fn is_mirror(&self, hit: &Hit) -> bool {
-        matches!(self.raycaster.scene().material(hit.triangle).bsdf, Bsdf::Mirror { .. })
+        is_smooth(&self.raycaster.scene().material(hit.triangle).bsdf)
     }
 
     /// Returns the first surface along a ray that is no pane, and its distance.
@@ -191,5 +201,14 @@ impl Room {
             (ray.t_min, from) = (hit.t, hit.triangle);
         }
         false
+    }
+}
+
+/// Returns whether a surface is a mirror.
+fn is_smooth(bsdf: &Bsdf) -> bool {
+    match bsdf {
+        Bsdf::Mirror { .. } => true,
+        Bsdf::Conductor { alpha, .. } => *alpha < MIRROR,
+        _ => false,
     }
 }

@@ -3,14 +3,15 @@
 use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::{DVec3, Vec3};
-use holo_optics::{FACETS, Ggx, dielectric, facets, pane, reflect, refract};
+use holo_optics::{FACETS, dielectric, facets, pane, reflect, refract};
 
 use crate::lights::{LightPoint, ProbeLight};
 use crate::lit::LitObject;
 use crate::numbers::{PassNumbers, cosine_direction};
 use crate::object::ObjectHit;
 use crate::room::Room;
-use crate::surface::{Finish, Gloss, ObjectSurface};
+use crate::sheen::GlossRay;
+use crate::surface::{Finish, Gloss, MIRROR, ObjectSurface};
 
 /// Most surfaces that a ray follows through glass and mirrors.
 const MOST_SURFACES: usize = 12;
@@ -20,9 +21,6 @@ const REST_RAYS: usize = 2;
 
 /// Least share of light for which a ray is followed on.
 const LEAST_WEIGHT: f32 = 0.004;
-
-/// Roughness below which a surface is a mirror.
-const MIRROR: f32 = 1e-3;
 
 /// Widest angle, radians, over which light that is looked up comes from about one place of the
 /// room.
@@ -46,6 +44,8 @@ pub(crate) struct SeenObject {
     pub radiance: Vec3,
     /// Share of the light behind that passes straight.
     pub through: Vec3,
+    /// The number of the object that is met first.
+    pub object: usize,
 }
 
 /// The objects, and the room around them.
@@ -76,21 +76,22 @@ impl Shader<'_> {
         numbers: &mut PassNumbers,
     ) -> Option<SeenObject> {
         let mut ray = ObjectRay { origin, direction: direction.as_vec3(), from: None };
-        let (mut radiance, mut weight, mut first) = (Vec3::ZERO, Vec3::ONE, None);
+        let (mut radiance, mut weight) = (Vec3::ZERO, Vec3::ONE);
+        let mut first: Option<(f64, usize)> = None;
         // Whether the ray still has its first direction, and in which solid it is.
         let (mut is_straight, mut last) = (true, None);
         for _ in 0..MOST_SURFACES {
             let Some((number, hit)) = self.nearest(&ray) else {
-                let distance = first?;
+                let (distance, object) = first?;
                 if is_straight {
-                    return Some(SeenObject { distance, radiance, through: weight });
+                    return Some(SeenObject { distance, radiance, through: weight, object });
                 }
                 let lit: &LitObject = &self.objects[last.unwrap_or(0)];
                 radiance += weight * self.around(lit, ray.origin, ray.direction, 0.0);
-                return Some(SeenObject { distance, radiance, through: Vec3::ZERO });
+                return Some(SeenObject { distance, radiance, through: Vec3::ZERO, object });
             };
             let lit = &self.objects[number];
-            first.get_or_insert(hit.distance);
+            let (distance, object) = *first.get_or_insert((hit.distance, number));
             last = Some(number);
             let width = base + width * hit.distance as f32;
             let surface = lit.object.surface(ray.origin, ray.direction, &hit, width);
@@ -131,8 +132,7 @@ impl Shader<'_> {
                 _ => {
                     let from = (number, &surface);
                     radiance += weight * self.scattered(from, &finish, eye, numbers);
-                    let distance = first.unwrap_or_default();
-                    return Some(SeenObject { distance, radiance, through: Vec3::ZERO });
+                    return Some(SeenObject { distance, radiance, through: Vec3::ZERO, object });
                 }
             };
             if weight.max_element() < LEAST_WEIGHT {
@@ -141,7 +141,12 @@ impl Shader<'_> {
             let from = Some((number, surface));
             ray = ObjectRay { origin: surface.place, direction: next, from };
         }
-        first.map(|distance| SeenObject { distance, radiance, through: Vec3::ZERO })
+        first.map(|(distance, object)| SeenObject {
+            distance,
+            radiance,
+            through: Vec3::ZERO,
+            object,
+        })
     }
 
     /// Returns the object that a ray meets first, and where.
@@ -324,19 +329,11 @@ impl Shader<'_> {
             });
             return light.sum::<Vec3>() / FACETS as f32;
         }
-        let (right, ahead) = normal.any_orthonormal_pair();
-        let to_local = |v: Vec3| Vec3::new(v.dot(right), v.dot(ahead), v.dot(normal));
-        let (view, ggx) = (to_local(eye), Ggx::new(alpha));
-        let facet = ggx.sample(view, numbers.two().into());
-        let towards = reflect(view, facet);
-        if towards.z <= 0.0 {
+        let Some(ray) = GlossRay::sampled(normal, eye, alpha, numbers.two()) else {
             return Vec3::ZERO;
-        }
-        // The facets are those that the eye sees. Some of them do not see the light.
-        let masked = ggx.shadowing(view, towards);
-        let seen = right * towards.x + ahead * towards.y + normal * towards.z;
+        };
         // The blur of a texel replaces the noise of very small lights.
         let blur = 0.25 * alpha;
-        share(view.dot(facet).clamp(0.0, 1.0)) * masked * self.reflected(own, surface, seen, blur)
+        share(ray.cosine) * ray.masked * self.reflected(own, surface, ray.towards, blur)
     }
 }

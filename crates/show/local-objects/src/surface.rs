@@ -4,8 +4,11 @@ use glam::{DVec3, Vec3};
 use holo_raycast::{Ray, SurfacePoint, spawn};
 use holo_scene::{Bsdf, Scene};
 
+/// Roughness below which a surface is a mirror.
+pub(crate) const MIRROR: f32 = 1e-3;
+
 /// Least metalness of a texture that makes a surface a metal, as in the tracer.
-const METAL: f32 = 0.5;
+pub(crate) const METAL: f32 = 0.5;
 
 /// A point of an object.
 #[derive(Clone, Copy, Debug)]

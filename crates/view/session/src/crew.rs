@@ -20,6 +20,8 @@ pub enum CrewOrder {
     /// Reads the scene's file again, with a change, while everything goes on. Answers once the
     /// scene is known to differ and to be usable.
     ReadScene(SceneChange, oneshot::Sender<Result<()>>),
+    /// Forgets the scene that was read.
+    ForgetScene,
     /// Goes on with the scene that was read. Answers with the address of a server that has it.
     Restart(oneshot::Sender<Result<Restarted>>),
 }
@@ -97,6 +99,11 @@ impl Crew {
         let (sender, answer) = oneshot::channel();
         let _ = self.orders.send(CrewOrder::ReadScene(change, sender));
         answer
+    }
+
+    /// Forgets the scene that was [read](Self::read_scene), because it is not wanted any more.
+    pub fn forget_scene(&self) {
+        let _ = self.orders.send(CrewOrder::ForgetScene);
     }
 
     /// Returns what is stated for the scene that the server has.

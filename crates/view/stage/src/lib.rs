@@ -145,6 +145,7 @@ impl Stage {
                 }
                 (Ok(()), Some(HandEnding::Restart), Some(crew)) => {
                     loading("going on with the scene as it is now");
+                    hand.settle_scene();
                     let restarted = crew.restart()?;
                     restarted.trouble.iter().for_each(|trouble| hand.refuse(trouble.clone()));
                     begin(again.follow(&restarted)?, loading)?

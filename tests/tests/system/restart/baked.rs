@@ -27,6 +27,10 @@ const MATERIALS: &str = "newmtl WHITE\nKd 0.1 0.2 0.9\nnewmtl LIGHT\nKd 0 0 0\nK
 
 const ADD: &str = "object add {}/cube.obj at 2.78 1.7 1.2 scale 1.2 as the cube";
 
+/// The same object at another place, and its way from there.
+const ADD_ELSEWHERE: &str = "object add {}/cube.obj at 2.2 1.7 1.2 scale 1.2 as the cube";
+const MOVE: &str = "object move the cube to 2.78 1.7 1.2";
+
 fn cube(scale: f64, at: [f64; 3], [white, light]: [&str; 2]) -> String {
     let place = |corner: [f64; 3]| -> String {
         let coordinates = [0, 1, 2].map(|axis| (corner[axis] * scale + at[axis]).to_string());
@@ -120,6 +124,34 @@ fn an_object_that_is_baked_is_traced_with_its_lamp_and_a_replay_needs_no_file_of
     bake(&["--take-out", "the cube"]).ok();
     assert_eq!(info(&place)["generation"], 4);
     place.run(&[&fill[..], &["300k"], &scene[..6]].concat()).ok();
+    assert!(truths.is(&replayed(&place), false));
+}
+
+#[test]
+fn an_object_that_moves_while_it_is_baked_is_baked_where_it_is_in_the_end() {
+    let place = Place::new();
+    let truths = truths(&place);
+    let session = &mut walk(&place, &of_scene());
+    wait_to_see(&place, session, &truths, false);
+    session.write_line(&ADD_ELSEWHERE.replace("{}", &place.text("")));
+    wait_for_carried(&place, 1);
+    session.write_line(&format!("object bake the cube\n{MOVE}"));
+    session.wait_for_error("goes on with the edited scene");
+    wait_to_see(&place, session, &truths, true);
+    wait_for_carried(&place, 0);
+    assert_eq!(info(&place)["generation"], 1);
+    session.write_line(MOVE);
+    session.wait_for_error("`the cube` is part of the scene, and stays where it is");
+    // One that is taken away meanwhile does not become part of the scene.
+    session.write_line("object remove the cube");
+    wait_to_see(&place, session, &truths, false);
+    session.write_line(&ADD.replace("{}", &place.text("")));
+    wait_for_carried(&place, 1);
+    session.write_line("object bake the cube\nobject remove the cube");
+    wait_for_carried(&place, 0);
+    wait_to_see(&place, session, &truths, false);
+    session.write_line("quit");
+    wait_until("the session to end", || (!session.is_running()).then_some(()));
     assert!(truths.is(&replayed(&place), false));
 }
 

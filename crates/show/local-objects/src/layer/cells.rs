@@ -44,6 +44,8 @@ pub(super) struct LayerCell {
     pub may_shadow: bool,
     /// Whether one of both may be in a mirror of the room.
     pub may_mirror: bool,
+    /// Whether an object may be in a glossy surface of the room.
+    pub may_gleam: bool,
     /// Radiance of objects.
     pub radiance: Vec3,
     /// Share of what is behind them that is seen, with the light that they leave there.

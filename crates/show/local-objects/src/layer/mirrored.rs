@@ -17,8 +17,13 @@ pub(super) struct MirroredRays<'a> {
 }
 
 impl<'a> MirroredRays<'a> {
-    pub(super) fn new(room: &'a Room, origin: DVec3, direction: DVec3) -> MirroredRays<'a> {
-        MirroredRays { room, direction, hit: room.nearest(origin, direction), mirrors: 0 }
+    /// `hit` is what a ray in this direction meets first.
+    pub(super) fn new(
+        room: &'a Room,
+        direction: DVec3,
+        hit: Option<(Hit, f64)>,
+    ) -> MirroredRays<'a> {
+        MirroredRays { room, direction, hit, mirrors: 0 }
     }
 }
 

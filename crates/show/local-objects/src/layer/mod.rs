@@ -8,9 +8,12 @@
 
 mod blend;
 mod cells;
+mod mirror_map;
 mod mirrored;
 mod pass;
 mod touch;
+
+use std::sync::Arc;
 
 use glam::Vec3;
 use holo_display::{Frame, Interrupt};
@@ -21,6 +24,7 @@ use crate::lit::LitObject;
 use crate::room::Room;
 use crate::shading::{LightDetail, Shader};
 use cells::{CellGrid, LayerTile, Touch, TouchedCells};
+use mirror_map::MirrorMap;
 use pass::LayerScene;
 use touch::TouchTest;
 
@@ -44,6 +48,8 @@ pub struct ObjectLayer {
     seen: TouchedCells,
     /// Cells that may lie in shadows, in quick frames.
     shaded: Option<TouchedCells>,
+    /// Where mirrors of the room are, for quick frames.
+    mirrors: Arc<MirrorMap>,
 }
 
 impl ObjectLayer {
@@ -57,12 +63,27 @@ impl ObjectLayer {
         room: Option<&Room>,
         detail: LayerDetail,
     ) -> ObjectLayer {
-        let mirrors = room.filter(|room| room.has_mirrors());
-        let touched = |step: u32, what: Touch| {
-            let grid = CellGrid { size: frame.picture.size(), step };
-            let test =
-                TouchTest { frame, view, grid, objects, mirrors, what, detail: detail.into() };
-            test.touched()
+        ObjectLayer::after(None, frame, view, objects, room, detail)
+    }
+
+    /// Returns the same, after another layer. If that is of the same view of the room, what it has
+    /// found of the room is not looked for again.
+    #[must_use]
+    pub fn after(
+        before: Option<&ObjectLayer>,
+        frame: &Frame,
+        view: &View,
+        objects: &[LitObject],
+        room: Option<&Room>,
+        detail: LayerDetail,
+    ) -> ObjectLayer {
+        let size = frame.picture.size();
+        let known = before.map(|before| &before.mirrors).filter(|map| map.is_of(view, size));
+        let mirrors = known.map_or_else(|| Arc::new(MirrorMap::new(view, size)), Arc::clone);
+        let touched = |step: u32, touch: Touch| {
+            let grid = CellGrid { size, step };
+            let (detail, mirrors) = (detail.into(), &*mirrors);
+            TouchTest { frame, view, grid, objects, room, mirrors, touch, detail }.touched()
         };
         let (seen, shaded) = match detail {
             LayerDetail::Quick(step) => {
@@ -71,7 +92,7 @@ impl ObjectLayer {
             }
             LayerDetail::Exact(_) => (touched(1, Touch::Both), None),
         };
-        ObjectLayer { view: *view, detail, passes: 0, seen, shaded }
+        ObjectLayer { view: *view, detail, passes: 0, seen, shaded, mirrors }
     }
 
     /// Returns whether more passes would make it better.
@@ -153,7 +174,8 @@ impl ObjectLayer {
             let at = (cell.row * grid.size.0 + cell.column) as usize;
             let room = Vec3::from(frame.picture.pixels[at]);
             let seen = room * cell.behind.max(Vec3::ZERO) + cell.radiance;
-            frame.picture.pixels[at] = (seen * share).to_array();
+            // Surfaces of the room that show an object lose what they showed of the room.
+            frame.picture.pixels[at] = (seen * share).max(Vec3::ZERO).to_array();
             if 2 * cell.seen > passes {
                 frame.depth[at] = cell.distance / cell.seen as f32;
             }

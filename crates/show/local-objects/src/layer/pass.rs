@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 use holo_display::{Frame, mix};
 use holo_picture::View;
+use holo_raycast::Hit;
 
 use super::cells::{CellGrid, LayerCell, Touch};
 use super::mirrored::MirroredRays;
@@ -77,26 +78,57 @@ impl LayerScene<'_> {
                 };
             }
             if through != Vec3::ZERO && cell.may_mirror {
-                let ray = (origin, direction);
-                left *= self.add_mirrored(cell, ray, (radiance, through), &mut numbers);
+                let hit = known.map_or_else(|| self.room_hit(origin, direction), |known| known.1);
+                let light = (radiance, through);
+                left *= self.add_mirrored(cell, (direction, hit), light, &mut numbers);
+            }
+            if through != Vec3::ZERO
+                && cell.may_gleam
+                && let Some((room, Some((hit, _)))) = known
+            {
+                cell.radiance += through * self.gleam(room, &hit, direction, &mut numbers);
             }
         }
         cell.behind += through * left;
     }
 
-    /// Adds what mirrors show of objects along a ray to a cell. Returns the share that is left of
-    /// what the mirrors show of the room. `radiance` is what the frame shows there, and `through`
-    /// the share of it that objects in front leave.
+    fn room_hit(&self, origin: DVec3, direction: DVec3) -> Option<(Hit, f64)> {
+        self.shader.room.and_then(|room| room.nearest(origin, direction))
+    }
+
+    /// Estimates how much brighter a glossy surface of the room is by what it shows of objects:
+    /// their light, less that of the room behind them.
+    fn gleam(&self, room: &Room, hit: &Hit, direction: DVec3, numbers: &mut PassNumbers) -> Vec3 {
+        let sheen = room.sheen(hit, direction.as_vec3());
+        let Some((sheen, (towards, share))) =
+            sheen.and_then(|sheen| Some((sheen, sheen.reflected(numbers)?)))
+        else {
+            return Vec3::ZERO;
+        };
+        let seen = self.shader.seen(sheen.origin, towards.as_dvec3(), self.width, numbers);
+        let Some(seen) = seen else { return Vec3::ZERO };
+        let behind = room.nearest(sheen.origin, towards.as_dvec3());
+        if behind.is_some_and(|(_, distance)| distance < seen.distance) {
+            return Vec3::ZERO;
+        }
+        let lit = &self.shader.objects[seen.object];
+        let hidden = lit.light_without(sheen.origin, towards, sheen.alpha);
+        share * (seen.radiance + (seen.through - Vec3::ONE) * hidden)
+    }
+
+    /// Adds what mirrors show of objects along a ray to a cell. `hit` is what the ray meets. Returns
+    /// the share that is left of what the mirrors show of the room. `radiance` is what the frame
+    /// shows there, and `through` the share of it that objects in front leave.
     fn add_mirrored(
         &self,
         cell: &mut LayerCell,
-        (origin, direction): (DVec3, DVec3),
+        (direction, hit): (DVec3, Option<(Hit, f64)>),
         (radiance, through): (Vec3, Vec3),
         numbers: &mut PassNumbers,
     ) -> Vec3 {
         let Some(room) = self.shader.room.filter(|_| cell.may_mirror) else { return Vec3::ONE };
         let (mut left, mut colour) = (Vec3::ONE, Vec3::ONE);
-        for (ray, hit) in MirroredRays::new(room, origin, direction) {
+        for (ray, hit) in MirroredRays::new(room, direction, hit) {
             colour *= ray.colour;
             let behind = hit.map_or(f64::INFINITY, |(_, distance)| distance);
             let seen = match self.touch {

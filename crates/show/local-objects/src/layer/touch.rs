@@ -6,6 +6,7 @@ use holo_picture::View;
 use rayon::prelude::*;
 
 use super::cells::{CellGrid, LayerCell, LayerTile, TILE, Touch, TouchedCells};
+use super::mirror_map::MirrorMap;
 use super::mirrored::MirroredRays;
 use crate::lit::LitObject;
 use crate::room::{MirroredRay, Room};
@@ -21,9 +22,11 @@ pub(super) struct TouchTest<'a> {
     pub view: &'a View,
     pub grid: CellGrid,
     pub objects: &'a [LitObject],
-    /// The room, if it has mirrors.
-    pub mirrors: Option<&'a Room>,
-    pub what: Touch,
+    /// The model of the scene, if it is known.
+    pub room: Option<&'a Room>,
+    /// Where its mirrors are, for quick frames.
+    pub mirrors: &'a MirrorMap,
+    pub touch: Touch,
     pub detail: LightDetail,
 }
 
@@ -54,15 +57,15 @@ impl TouchTest<'_> {
         };
         let tiles = (0..across * cells.1.div_ceil(TILE)).into_par_iter().map(tile);
         let tiles = tiles.filter(|tile| !tile.cells.is_empty()).collect();
-        TouchedCells { grid: self.grid, touch: self.what, tiles }
+        TouchedCells { grid: self.grid, touch: self.touch, tiles }
     }
 
     /// Returns a cell that an object or its shadow may touch, or another one within `reach` cells;
     /// `None` if neither can.
     fn cell(&self, (column, row): (u32, u32), reach: u32) -> Option<LayerCell> {
         let size = self.grid.size;
-        let place = self.grid.place(column, row);
-        let (x, y) = View::pixel_centre(size, place.0, place.1);
+        let pixel = self.grid.place(column, row);
+        let (x, y) = View::pixel_centre(size, pixel.0, pixel.1);
         let (origin, direction, _) = self.view.clipped_ray(x, y)?;
         let cells = self.grid.cells();
         let margin =
@@ -71,37 +74,50 @@ impl TouchTest<'_> {
             let object = &lit.object;
             object.is_near(origin, direction, margin(origin.distance(object.centre())))
         };
-        let may_show = self.what != Touch::Shadow && self.objects.iter().any(shows);
+        let may_show = self.touch != Touch::Shadow && self.objects.iter().any(shows);
         let depth = f64::from(self.frame.depth[self.grid.pixel(column, row)]);
-        let is_surface = self.what != Touch::Sight && depth > 0.0 && depth.is_finite();
+        let is_surface = self.touch != Touch::Sight && depth > 0.0 && depth.is_finite();
         let place = self.view.ray_to(origin).0 + direction * depth;
         // Surfaces that are seen from the side go farther between two pixels.
         let around = if reach > 1 { 4.0 * margin(depth) } else { 0.0 };
         let shades = |lit: &LitObject| may_shadow(lit, place, around, self.detail);
         let may_shade = is_surface && self.objects.iter().any(shades);
-        let may_mirror = self.mirrors.is_some_and(|room| {
+        let is_quick = self.detail == LightDetail::Quick;
+        let mirrors = self.room.filter(|room| {
+            room.has_mirrors() && (!is_quick || self.mirrors.has_mirror(room, pixel))
+        });
+        let gloss = self.room.filter(|room| room.has_gloss() && !is_quick);
+        let hit = mirrors.or(gloss).and_then(|room| room.nearest(origin, direction));
+        let may_mirror = mirrors.is_some_and(|room| {
             let far = |way: f64| margin(depth.max(0.0)) + margin(way);
             let shows = |ray: &MirroredRay, lit: &LitObject| {
                 let margin = far(ray.origin.distance(lit.object.centre()));
-                self.what != Touch::Shadow && lit.object.is_near(ray.origin, ray.direction, margin)
+                self.touch != Touch::Shadow && lit.object.is_near(ray.origin, ray.direction, margin)
             };
             let shades = |ray: &MirroredRay, distance: f64, lit: &LitObject| {
                 let place = ray.origin + ray.direction * distance;
-                self.what != Touch::Sight && may_shadow(lit, place, far(distance), self.detail)
+                self.touch != Touch::Sight && may_shadow(lit, place, far(distance), self.detail)
             };
-            let mut mirrored = MirroredRays::new(room, origin, direction);
+            let mut mirrored = MirroredRays::new(room, direction, hit);
             mirrored.any(|(ray, hit)| {
                 self.objects.iter().any(|lit| {
                     shows(&ray, lit) || hit.is_some_and(|(_, distance)| shades(&ray, distance, lit))
                 })
             })
         });
-        (may_show || may_shade || may_mirror).then_some(LayerCell {
+        let sheen = gloss.zip(hit).and_then(|(room, (hit, distance))| {
+            Some((room.sheen(&hit, direction.as_vec3())?, margin(distance)))
+        });
+        let may_gleam = sheen.is_some_and(|(sheen, margin)| {
+            self.objects.iter().any(|lit| sheen.may_show(&lit.object, margin))
+        });
+        (may_show || may_shade || may_mirror || may_gleam).then_some(LayerCell {
             column,
             row,
             may_show,
             may_shadow: may_shade,
             may_mirror,
+            may_gleam,
             radiance: Vec3::ZERO,
             behind: Vec3::ZERO,
             seen: 0,

@@ -1,18 +1,19 @@
-//! What mirrors show of a room whose model is known.
+//! What mirrors show of a room whose model is known, and what those of the room show of objects.
 
 use std::sync::Arc;
 
 use glam::DVec3;
 use holo_display::Frame;
 use holo_local_objects::{
-    LIGHTS, LayerDetail, LightProbe, LitObject, LocalObject, ObjectLighting, ObjectPose, Room,
-    probe_views, side_places,
+    LIGHTS, LayerDetail, LightProbe, LitObject, LocalObject, ObjectLighting, ObjectModel,
+    ObjectPose, Room, probe_views, side_places,
 };
 use holo_picture::View;
 use holo_raycast::Raycaster;
-use holo_scene::Bsdf;
+use holo_scene::{Bsdf, Sky};
+use holo_tracer::{Settings, Tracer};
 
-use crate::common::{boxes, drawn, grey, pedestal};
+use crate::common::{boxes, drawn, grey, lit, pedestal};
 
 const SIZE: (u32, u32) = (96, 96);
 
@@ -121,4 +122,65 @@ fn no_further_place_is_needed_where_the_middle_sees_all_or_nothing_mirrors() {
     let pose = ObjectPose::at(DVec3::new(0.0, 0.0, 0.7501));
     let matt = LocalObject::new(matt, pose, DVec3::Z).unwrap();
     assert!(side_places(&matt, &Room::new(table()), 3).is_empty());
+}
+
+/// Paths of each pixel that the tracer traces.
+const PATHS: u64 = 256;
+
+/// Returns what the tracer finds of boxes below an even sky, in all pixels of a view.
+fn traced(view: &View, size: (u32, u32), what: &[([f64; 3], [f64; 3], Bsdf)]) -> Vec<f32> {
+    let mut scene = boxes(what);
+    scene.sky = Sky::from([1.0; 3]);
+    let tracer = Tracer::new(Arc::new(scene), Settings::default()).unwrap();
+    let pixel = |pixel: u32| {
+        let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);
+        let (origin, direction) = view.ray(x, y);
+        tracer.trace_paths(origin, direction, u64::from(pixel), 0..PATHS).radiance[1]
+    };
+    (0..size.0 * size.1).map(pixel).collect()
+}
+
+#[test]
+fn metals_and_coats_of_the_room_show_an_object_at_rest_as_the_tracer_does() {
+    const SMALL: (u32, u32) = (40, 40);
+    let object = ([-0.5, -0.5, 0.3], [0.5, 0.5, 1.3], grey(0.0));
+    let model = boxes(&[object]);
+    let model = Arc::new(ObjectModel::new(model, DVec3::Z, 1.0).unwrap());
+    let pose = ObjectPose::at(DVec3::new(0.0, 0.0, 0.3));
+    let object_at = LocalObject::new(Arc::clone(&model), pose, DVec3::Z).unwrap();
+    let lit = [lit(&model, pose, LIGHTS, |_| 1.0)];
+    let eye = DVec3::new(0.3, -5.0, 1.6);
+    let view = View::new(eye, DVec3::new(0.0, -0.8, 0.1) - eye, DVec3::Z, Some(30.0), None, SMALL);
+    let view = view.unwrap();
+    let (ks, ior) = ([0.8; 3], 1.5);
+    for (name, bsdf, least) in [
+        ("smooth metal", Bsdf::Conductor { ks, alpha: 0.02 }, 0.05),
+        ("rough metal", Bsdf::Conductor { ks, alpha: 0.25 }, 0.05),
+        ("coat", Bsdf::Coated { kd: [0.1; 3], ks: [1.0; 3], ior, alpha: 0.05 }, 0.03),
+    ] {
+        let plate = ([-9.0, -9.0, -0.1], [9.0, 9.0, 0.0], bsdf);
+        let room = Room::new(Arc::new(Raycaster::build(Arc::new(boxes(&[plate]))).unwrap()));
+        let before = traced(&view, SMALL, &[plate]);
+        let truth = traced(&view, SMALL, &[plate, object]);
+        let mut frame = Frame::black(SMALL);
+        frame.depth = room.depth(&view, SMALL);
+        frame.picture.pixels = before.iter().map(|&radiance| [radiance; 3]).collect();
+        let seen = drawn(&frame, &view, &lit, Some(&room), LayerDetail::Exact(64));
+        let (mut count, mut errors) = (0, [0.0; 2]);
+        for pixel in 0..truth.len() {
+            let (column, row) = (pixel as u32 % SMALL.0, pixel as u32 / SMALL.0);
+            let (x, y) = View::pixel_centre(SMALL, column, row);
+            let (origin, direction) = view.ray(x, y);
+            let is_plate =
+                frame.depth[pixel].is_finite() && object_at.distance(origin, direction).is_none();
+            if is_plate && (truth[pixel] - before[pixel]).abs() > least {
+                count += 1;
+                errors[0] += f64::from((before[pixel] - truth[pixel]).powi(2));
+                errors[1] += f64::from((seen.picture.pixels[pixel][1] - truth[pixel]).powi(2));
+            }
+        }
+        let [without, with] = errors.map(|error| (error / f64::from(count)).sqrt());
+        println!("{name}: rms {without:.4} before, {with:.4} with the object, {count} pixels");
+        assert!(count > 100 && with < 0.25 * without, "{name}: {with} of {without}, {count}");
+    }
 }

@@ -102,7 +102,8 @@ impl CarriedObjects {
     /// objects alone. `of_scene` are the names of the objects that are part of the scene.
     ///
     /// # Errors
-    /// If there is no object to be baked of this name.
+    /// If there is no object to be baked of this name, or one is to be moved that is part of the
+    /// scene.
     pub fn scene_change(
         &self,
         order: &ObjectOrder,
@@ -117,9 +118,25 @@ impl CarriedObjects {
             ObjectOrder::Remove(name) if !is_carried(name) && of_scene.contains(name) => {
                 SceneChange { taken_out: vec![name.clone()], ..SceneChange::default() }
             }
+            ObjectOrder::Change(name, _) if !is_carried(name) && of_scene.contains(name) => bail!(
+                "`{name}` is part of the scene, and stays where it is: `object remove {name}` \
+                 takes it out"
+            ),
             _ => return Ok(None),
         };
         Ok(Some(change))
+    }
+
+    /// Returns a change of the scene with its objects where they are now, without those that were
+    /// removed since; `None` if all of them are where they were.
+    #[must_use]
+    pub fn moved_since(&self, change: &SceneChange) -> Option<SceneChange> {
+        let now = change.baked.iter().filter_map(|before| self.placed(&before.name).ok());
+        let baked: Vec<PlacedModel> = now.collect();
+        let stays = |(before, now): (&PlacedModel, &PlacedModel)| before.place == now.place;
+        let all_stay =
+            baked.len() == change.baked.len() && change.baked.iter().zip(&baked).all(stays);
+        (!all_stay).then(|| SceneChange { baked, ..change.clone() })
     }
 
     fn placed(&self, name: &str) -> Result<PlacedModel> {
@@ -512,9 +529,12 @@ impl Session {
         };
         let (side, begin) = (self.objects.sides.side(), Instant::now());
         let detail = if is_quick { LayerDetail::Quick(side) } else { LayerDetail::Exact(PASSES) };
-        let mut layer = match before.filter(stays) {
-            Some(shown) => shown.layer,
-            None => ObjectLayer::new(&base, &look.view, &objects, room.as_ref(), detail),
+        let after = |before: Option<&ObjectLayer>, detail: LayerDetail| {
+            ObjectLayer::after(before, &base, &look.view, &objects, room.as_ref(), detail)
+        };
+        let mut layer = match before {
+            Some(shown) if stays(&shown) => shown.layer,
+            before => after(before.as_ref().map(|before| &before.layer), detail),
         };
         let most = if is_file { PASSES } else { PASSES_OF_FRAME };
         let never = Interrupt::default();
@@ -524,8 +544,7 @@ impl Session {
         if !layer.is_drawn() && layer.is_unfinished() {
             // Whoever has interrupted it wants a frame soon.
             is_quick = true;
-            let detail = LayerDetail::Quick(side);
-            layer = ObjectLayer::new(&base, &look.view, &objects, room.as_ref(), detail);
+            layer = after(Some(&layer), LayerDetail::Quick(side));
             layer.draw(&base, &objects, room.as_ref(), 1, &never);
         } else if is_quick && has_work {
             self.objects.sides.note(side, begin.elapsed().as_secs_f64());

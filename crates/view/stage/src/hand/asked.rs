@@ -2,7 +2,7 @@
 
 use std::{path::PathBuf, sync::Arc, thread, time::Instant};
 
-use anyhow::anyhow;
+use anyhow::{Context, anyhow};
 use glam::DVec3;
 use holo_picture::ViewSpec;
 use holo_session::{Crew, ObjectOrder, SceneChange};
@@ -134,6 +134,32 @@ impl Hand {
         self.scene_read = Some(crew.read_scene(self.scene_change.clone()));
     }
 
+    /// Has the scene read again if an object that becomes part of it was moved or removed since.
+    fn read_moved_scene(&mut self) {
+        let Some(crew) = &self.crew else { return };
+        let Some(change) = self.objects.moved_since(&self.scene_change) else { return };
+        self.scene_read = if change.is_empty() {
+            crew.forget_scene();
+            None
+        } else {
+            Some(crew.read_scene(change.clone()))
+        };
+        self.scene_change = change;
+    }
+
+    /// Waits until the scene that was read has its objects where they are now. Blocks, and no
+    /// painter moves an object meanwhile. If that is impossible, the scene stays as it is.
+    pub fn settle_scene(&mut self) {
+        self.read_moved_scene();
+        if let Some(answer) = self.scene_read.take() {
+            let read = answer.blocking_recv().context("nobody reads the scene").flatten();
+            if let Err(error) = read {
+                self.refuse(format!("{error:#}"));
+            }
+        }
+        self.scene_change = SceneChange::default();
+    }
+
     /// Ends to go on with a scene that was read again, or says why it cannot be used.
     pub(super) fn take_scene(&mut self) {
         let Some(answer) = &mut self.scene_read else { return };
@@ -143,10 +169,20 @@ impl Hand {
             Ok(read) => read,
         };
         self.scene_read = None;
-        self.scene_change = SceneChange::default();
         match read {
-            Ok(()) => self.ending = Some(HandEnding::Restart),
-            Err(error) => self.refuse(format!("{error:#}")),
+            Ok(()) => {
+                let was_something = !self.scene_change.is_empty();
+                self.read_moved_scene();
+                // Without an object that is still there, nothing may be left of the change.
+                let is_nothing = was_something && self.scene_change.is_empty();
+                if self.scene_read.is_none() && !is_nothing {
+                    self.ending = Some(HandEnding::Restart);
+                }
+            }
+            Err(error) => {
+                self.scene_change = SceneChange::default();
+                self.refuse(format!("{error:#}"));
+            }
         }
     }
 
