@@ -22,6 +22,7 @@ use crate::{
     opening::{OpenedScene, OpeningRequest, open},
     passes::TraceJob,
     settings::settings,
+    standard_errors::standard_errors,
     sums::{PictureSums, TracedPicture},
 };
 
@@ -234,7 +235,7 @@ impl TracedView {
         let size = self.traced.size;
         let picture = denoised.unwrap_or_else(|| self.picture_of(&self.traced.sums, size));
         let errors = has_errors.then(|| {
-            let pixels = self.traced.standard_errors();
+            let pixels = standard_errors(&self.traced);
             Picture { pixels, ..Picture::new(size.0, size.1) }
         });
         let TracedView { seconds, nonfinite, .. } = self;

@@ -1,5 +1,5 @@
-//! The error that neighbouring pixels share, because their paths end in the same cells (engine
-//! `gather`).
+//! Standard errors of traced pictures: noise, and the error that neighbouring pixels share, because
+//! their paths end in the same cells (engine `gather`).
 //!
 //! Paths of even and of odd number use cells of their own. The means of both halves differ by noise
 //! and by the errors of both sets of cells. In the mean of a block of pixels the noise is small and
@@ -19,7 +19,7 @@ const AROUND: usize = 1;
 
 /// One block of pixels.
 #[derive(Clone, Copy, Default)]
-struct Block {
+struct PixelBlock {
     /// Sum over pixels of half the difference of both means, by channel.
     difference: [f64; 3],
     /// Sum over pixels of that difference's variance by noise.
@@ -28,7 +28,7 @@ struct Block {
     pixels: f64,
 }
 
-impl Block {
+impl PixelBlock {
     /// Adds a pixel, if it has paths of both halves.
     fn add(&mut self, picture: &TracedPicture, pixel: usize) {
         let (sums, difference) = (&picture.sums[pixel], &picture.differences[pixel]);
@@ -58,12 +58,24 @@ impl Block {
     }
 }
 
+/// Returns the standard errors of all pixels, with the error that they share, if paths of even and
+/// odd number have cells of their own. Paths of a pixel are taken for independent.
+pub fn standard_errors(picture: &TracedPicture) -> Vec<[f32; 3]> {
+    let shared = variances(picture);
+    let of_pixel = |pixel: usize| {
+        let noise = picture.noise(pixel);
+        let shared = shared.get(pixel).copied().unwrap_or_default();
+        std::array::from_fn(|channel| (noise[channel] + shared[channel]).sqrt() as f32)
+    };
+    (0..picture.squares.len()).map(of_pixel).collect()
+}
+
 /// Returns the variance of each pixel's mean by the error of cells, by channel. Empty if paths of
 /// even and odd number share their cells.
-pub(crate) fn variances(picture: &TracedPicture) -> Vec<[f64; 3]> {
+fn variances(picture: &TracedPicture) -> Vec<[f64; 3]> {
     let (width, height) = (picture.size.0 as usize, picture.size.1 as usize);
     let (columns, rows) = (width.div_ceil(BLOCK), height.div_ceil(BLOCK));
-    let mut blocks = vec![Block::default(); columns * rows];
+    let mut blocks = vec![PixelBlock::default(); columns * rows];
     let block_of = |pixel: usize| pixel / width / BLOCK * columns + pixel % width / BLOCK;
     for pixel in 0..picture.differences.len() {
         blocks[block_of(pixel)].add(picture, pixel);
@@ -156,7 +168,7 @@ mod tests {
         let mut alone = picture(4, [1.0, 1.0], &mut numbers);
         alone.differences.clear();
         assert!(variances(&alone).is_empty());
-        assert_eq!(alone.standard_errors().len(), alone.sums.len());
+        assert_eq!(standard_errors(&alone).len(), alone.sums.len());
     }
 
     #[test]
@@ -185,14 +197,14 @@ mod tests {
             .collect();
         // Of each run: the means of all blocks, and what the halves say of their variance.
         let of_run = |run: &TracedPicture| {
-            let mut blocks = vec![(0.0, Block::default()); 9];
+            let mut blocks = vec![(0.0, PixelBlock::default()); 9];
             for pixel in 0..run.sums.len() {
                 let (mean, block) = &mut blocks[pixel / 48 / 16 * 3 + pixel % 48 / 16];
                 *mean += f64::from(run.sums[pixel].mean()[1]) / 256.0;
                 block.add(run, pixel);
             }
             let variance =
-                |(_, block): &(f64, Block)| block.variance()[1] + block.noise[1] / 65536.0;
+                |(_, block): &(f64, PixelBlock)| block.variance()[1] + block.noise[1] / 65536.0;
             let variance = blocks.iter().map(variance).sum::<f64>() / 9.0;
             (blocks.iter().map(|(mean, _)| *mean).collect(), variance)
         };

@@ -3,8 +3,6 @@
 //! Invariant: a pixel whose paths have all been added has the value that its number of paths
 //! determines. Only [`TracedPicture::fill`] gives pixels the value of another one.
 
-use crate::shared_error;
-
 /// Most pixels of the coarsest grid along each side of a picture. They have a path in any picture,
 /// whatever ends it.
 const FIRST: u32 = 16;
@@ -111,18 +109,6 @@ impl TracedPicture {
         let zeros = |are_wanted| vec![[0.0; 3]; if are_wanted { pixels } else { 0 }];
         let (squares, differences) = (zeros(has_squares), zeros(has_differences));
         TracedPicture { size, sums: vec![PictureSums::default(); pixels], squares, differences }
-    }
-
-    /// Returns the standard errors of the means, with the error that pixels share, if paths of even
-    /// and odd number have cells of their own. Paths of a pixel are taken for independent.
-    pub fn standard_errors(&self) -> Vec<[f32; 3]> {
-        let shared = shared_error::variances(self);
-        let of_pixel = |pixel: usize| {
-            let noise = self.noise(pixel);
-            let shared = shared.get(pixel).copied().unwrap_or_default();
-            std::array::from_fn(|channel| (noise[channel] + shared[channel]).sqrt() as f32)
-        };
-        (0..self.squares.len()).map(of_pixel).collect()
     }
 
     /// Returns the variance of a pixel's mean as if its paths were independent.
