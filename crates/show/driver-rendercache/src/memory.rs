@@ -16,10 +16,10 @@ const MOST_MOTIONS: usize = 64;
 
 /// The points that one renderer leaves to the next, and the motions of objects meanwhile.
 #[derive(Clone, Debug, Default)]
-pub struct PointMemory(Arc<Mutex<Memory>>);
+pub struct PointMemory(Arc<Mutex<SceneMemory>>);
 
 #[derive(Debug, Default)]
-struct Memory {
+struct SceneMemory {
     left: Option<LeftPoints>,
     /// True if the next renderer takes what is left.
     is_wanted: bool,
@@ -82,7 +82,7 @@ impl PointMemory {
         Some(left)
     }
 
-    fn lock(&self) -> MutexGuard<'_, Memory> {
+    fn lock(&self) -> MutexGuard<'_, SceneMemory> {
         // Every change leaves it consistent.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

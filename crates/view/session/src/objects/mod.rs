@@ -13,7 +13,7 @@
 mod cells;
 mod kept;
 mod lighting;
-mod order;
+pub(super) mod order;
 
 use std::{
     path::{Path, PathBuf},
@@ -116,6 +116,9 @@ impl CarriedObjects {
             }
             ObjectOrder::Remove(name) if !is_carried(name) && of_scene.contains(name) => {
                 SceneChange { taken_out: vec![name.clone()], ..SceneChange::default() }
+            }
+            ObjectOrder::Change(name, change) if !is_carried(name) && of_scene.contains(name) => {
+                SceneChange { moved: vec![(name.clone(), *change)], ..SceneChange::default() }
             }
             _ => return Ok(None),
         };
