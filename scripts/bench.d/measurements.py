@@ -23,7 +23,7 @@ from gather import gather
 from harness import Bench
 from interactive import interactive
 from large import large
-from mesh import mesh
+from mesh import mesh, mesh_speed
 from network import network
 from papers import papers
 from program import Failed, available_memory, compare, median_of, run
@@ -38,6 +38,7 @@ from scenes import Case
 from skips import skips
 from walk import walk
 from walk_live import walk_live
+from walk_points import walk_points
 from whole import whole
 
 # Half width of the 99 % interval of the bias that a render must reach.
@@ -391,6 +392,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "replay": replay,
     "walk": walk,
     "walk-live": walk_live,
+    "walk-points": walk_points,
     "skips": skips,
     "ablations": ablations,
     "viewpoint-share": viewpoint_share,
@@ -402,6 +404,7 @@ ALL: dict[str, Callable[[Bench], Part]] = {
     "rendercache": rendercache,
     "reflections": reflections,
     "quadtree": quadtree,
+    "mesh-speed": mesh_speed,
     "mesh": mesh,
     "rivals": rivals,
     # Repeats figures of parts above.

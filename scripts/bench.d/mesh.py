@@ -1,5 +1,5 @@
-"""The mesh: its triangulation alone, its pictures beside those of other drivers from the same
-samples, at rest and along recorded walks.
+"""The mesh: its triangulation alone (`mesh_speed`); its pictures beside those of other drivers from
+the same samples, at rest and along recorded walks (`mesh`).
 """
 
 from __future__ import annotations
@@ -35,20 +35,17 @@ LEAST_INSERTIONS = 10_000
 
 
 def mesh(bench: Bench) -> Part:
-    """Insertions, and pictures beside those of the other drivers."""
+    """Pictures of the mesh beside those of the other drivers."""
     part = Part(
         "The mesh",
         [
-            "*Alone*: `crates/show/driver-mesh/examples/mesh_speed.rs`, one core, processor time; "
-            f"the median of {RUNS} runs. Directions of a view of 60° in random order. The paper "
-            "has 2.8 swaps and 10,000 insertions a second (SGI O2). *At rest*: files filled with "
+            "*At rest*: files filled with "
             "`--bounces 0 --samples N`, on and on, and `picture` by every driver against `render "
             f"--bounces 0 --spp {bench.paths(TRUTH)}`. *Walks*: as in the part `walk`, with all "
             "samples so far. `surfaces` knows the scene, and its own filter smooths; the others "
             "draw from samples alone.",
         ],
     )  # fmt: skip
-    alone(bench, part)
     for case in (bench.scenes.cornell(), bench.scenes.room()):
         part.tables.append(at_rest(bench, part, case))
     program = bench.cargo.build("holo-drivers", "--example", "walk")
@@ -72,8 +69,16 @@ def mesh(bench: Bench) -> Part:
     return part
 
 
-def alone(bench: Bench, part: Part) -> None:
-    """Measures the triangulation, and the driver's pictures of a known room."""
+def mesh_speed(bench: Bench) -> Part:
+    """Insertions into the mesh, and its pictures of a known room."""
+    part = Part(
+        "The mesh alone",
+        [
+            "`crates/show/driver-mesh/examples/mesh_speed.rs`, one core, processor time; "
+            f"the median of {RUNS} runs. Directions of a view of 60° in random order. The paper "
+            "has 2.8 swaps and 10,000 insertions a second (SGI O2).",
+        ],
+    )  # fmt: skip
     example = bench.cargo.build("holo-driver-mesh", "--example", "mesh_speed")
     found: dict[tuple, list[dict]] = {}
     with one_core():
@@ -109,6 +114,7 @@ def alone(bench: Bench, part: Part) -> None:
     wanted = f"≥ {LEAST_INSERTIONS:,}/s"
     met = slowest >= LEAST_INSERTIONS
     part.bars.append(Bar("insertions a second", f"{slowest:,.0f}/s", wanted, met))
+    return part
 
 
 def at_rest(bench: Bench, part: Part, case: Case) -> Table:

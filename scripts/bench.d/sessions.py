@@ -31,7 +31,7 @@ DRIVERS = {
 }
 # The views of a session, degrees from that of its scene. The first is where it begins, and does not
 # count.
-TURNS = (0.0, 18.0, 36.0, 18.0, -18.0)
+TURNS = (0.0, 18.0, 36.0)
 # Seconds at least at each view, and at most until its stored samples have come.
 STAY, MOST_RECALL = 0.8, 2.0
 # Seconds without further stored samples after which a view has all of them: they come in rounds.

@@ -34,6 +34,8 @@ STAGES = (
 WHOLE = "0..1000"
 RATIOS = ((1, "120..180"), (8, WHOLE), (64, WHOLE), (256, WHOLE), (1024, WHOLE))
 BAR_RATIO = 64
+# Most paths a pixel of a converged picture.
+MOST_TRUTH_PATHS = 256
 # Paths per sample.
 NOISES = (("noisy", 1), ("clean", 16))
 # Targets: decibels of the render cache above its first paper, and above frameless.
@@ -69,7 +71,7 @@ class Job:
 
 def walk(bench: Bench) -> Part:
     """Recorded walks through interior and cabin with every driver."""
-    every = 80 if bench.quick else 10
+    every = 90 if bench.quick else 30
     part = Part(
         "A recorded walk",
         [
@@ -79,7 +81,7 @@ def walk(bench: Bench) -> Part:
                 " each frame a driver gets pixels / *ratio* new samples that it asked for in the"
                 " frame before; the next frame's view is what is predicted. Direct light and"
                 f" mirrors; *noisy* samples are of one path, *clean* of 16. Every {every}th frame"
-                " is held against a render of relMSE ≤ 0.005 where 1024 paths do. *1999*: the"
+                f" is held against a render of relMSE ≤ 0.005 where {MOST_TRUTH_PATHS} paths do. *1999*: the"
                 " stages of the render cache's first paper; it keeps its last colours and smooths"
                 " everywhere. *-live*: the driver as a session uses it, with rays that can be"
                 " stored, ten bytes a sample and no stated noise. `quadtree` and `surfaces` keep"
@@ -146,7 +148,7 @@ def asking(bench: Bench, program: Path, job: Job) -> list[str | Path]:
     scene, walk = job.recorded.scene, job.recorded.walk
     state = hashlib.sha256(scene.read_bytes() + walk.read_bytes()).hexdigest()[:12]
     # A smoke run uses its own, noisier pictures.
-    most = 64 if bench.quick else 1024
+    most = 64 if bench.quick else MOST_TRUTH_PATHS
     truths = bench.root / "target/walk-truths" / f"{job.recorded.name}-{state}-{most}"
     return [program, scene, walk, "--truths", truths, "--bounces", "0", "--paths", str(job.paths),
             "--ratio", str(job.ratio), "--frames", job.frames, "--every", str(job.every),

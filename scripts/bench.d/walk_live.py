@@ -26,12 +26,6 @@ INPUTS = 1 / 30
 # Seconds over which the cost of an idle session is measured.
 IDLE = 10.0
 
-# Pixels of the page while the render cache draws it: those of other rows, and those of its second
-# paper.
-CACHE_SIZES = ((1280, 720), (512, 512))
-# Frames a second of the render cache, of the first of these sizes.
-LEAST_CACHE_FRAMES = 30.0
-
 MOST_MEDIAN, MOST_LATE = 60.0, 120.0
 LEAST_FRAMES = 20.0
 MOST_REST = 200.0
@@ -88,11 +82,6 @@ def walk_live(bench: Bench) -> Part:
                 " until the first one of all pixels. *First light* is from the program's start"
                 " until a picture of which most is known; *of the page*: from its request, without"
                 " Chromium's own start."
-            ),
-            (
-                "*The render cache*: frames as above with `--driver pointimage`, which draws all"
-                " pixels of each frame. Its second paper has 14 frames a second at 512 × 512 on two"
-                " processors of 2001, and 12 on one."
             ),
             "*Idle* is the share of a core that `replay` takes with a page open and nothing to do.",
             (
@@ -162,7 +151,7 @@ def walk_live(bench: Bench) -> Part:
             frames >= least
         )
         part.bars.append(bar)
-    part.tables += [table, where, stopped, cached_frames(bench, part)]
+    part.tables += [table, where, stopped]
     page, idle = resting(bench)
     part.tables.append(
         Table("At rest", [["page, bytes", ",d"], ["idle, share of a core", ".2%"]], [[page, idle]])
@@ -230,37 +219,6 @@ def walk(bench: Bench, case: Case) -> Found:
         first, first_of_page, latencies, frames, least, rest, parts, (times["look"], times["draw"]),
         beside_picture(bench, case, file, stopped)
     )
-
-
-def cached_frames(bench: Bench, part: Part) -> Table:
-    """Measures frames a second with the driver `pointimage`, while a key is held."""
-    columns = [["scene", ""], ["pixels", ""], ["frames/s", ".1f"], ["least width, pixels", "d"],
-               ["looking, ms", ".1f"], ["drawing, ms", ".1f"]]  # fmt: skip
-    table = Table("The render cache while one walks", columns)
-    for case in (bench.scenes.interior(), bench.scenes.room()):
-        for size in CACHE_SIZES:
-            name = f"{size[0]} × {size[1]}"
-            view = [*case.view.any_shape().options(), "--no-open", "--driver", "pointimage"]
-            with Served([bench.holodeck, "view", *case.scene, *view], size) as served:
-                browser = served.browser
-                browser.wait("header")
-                time.sleep(bench.seconds(LOOKING))
-                browser.value(KEEP)
-                browser.key("KeyE", True)
-                time.sleep(bench.seconds(WALKING))
-                browser.key("KeyE", False)
-                moving = [frame for frame in browser.value("kept") if not frame[2]]
-            seconds = (moving[-1][1] - moving[0][1]) / 1e3
-            frames = (len({frame[0] for frame in moving}) - 1) / max(seconds, 1e-3)
-            times = [median(frame[4][stage] for frame in moving) for stage in ("look", "draw")]
-            table.rows.append([case.title, name, frames, min(frame[3] for frame in moving), *times])
-            if size == CACHE_SIZES[0]:
-                bar = Bar(
-                    f"frames while moving, pointimage, {case.title}", f"{frames:.1f}/s",
-                    f"≥ {LEAST_CACHE_FRAMES:g}/s", frames >= LEAST_CACHE_FRAMES
-                )
-                part.bars.append(bar)
-    return table
 
 
 def drag(browser: Chromium, seconds: float) -> list[float]:

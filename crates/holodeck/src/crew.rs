@@ -157,9 +157,8 @@ impl SessionProcesses {
                 Ok(())
             }
             CrewOrder::Restart(answer) => {
-                let (trouble, baked) = self.restart().await?;
-                let address = self.server.address;
-                let _ = answer.send(Ok(Restarted { address, trouble, baked }));
+                let restarted = self.restart().await?;
+                let _ = answer.send(Ok(restarted));
                 Ok(())
             }
             CrewOrder::StartOver(answer) => {
@@ -182,10 +181,15 @@ impl SessionProcesses {
         words.iter().for_each(|words| eprintln!("{words}"));
     }
 
-    /// Goes on with the scene that was read again. Returns why the file has the scene before, if
-    /// it does, or what is odd of the edited one; and the objects that became part of it.
-    async fn restart(&mut self) -> Result<(Option<String>, Vec<String>)> {
-        let Some(edited) = self.edited.take() else { return Ok((None, Vec::new())) };
+    /// Goes on with the scene that was read again.
+    async fn restart(&mut self) -> Result<Restarted> {
+        let nothing = |address, trouble| {
+            let (baked, moved) = (Vec::new(), Vec::new());
+            Restarted { address, trouble, baked, moved }
+        };
+        let Some(edited) = self.edited.take() else {
+            return Ok(nothing(self.server.address, None));
+        };
         self.worker.kill().await?;
         self.server.process.end_to_start_again().await?;
         let file = self.file.clone();
@@ -195,16 +199,17 @@ impl SessionProcesses {
                 self.mailbox.stated.send_replace(Arc::new(edited.stated()));
                 // Without a configuration, the file says it.
                 self.scene = self.scene.as_ref().map(|_| edited.config().clone());
-                (trouble, edited.baked().to_vec())
+                let (baked, moved) = (edited.baked().to_vec(), edited.moved().to_vec());
+                Restarted { trouble, baked, moved, ..nothing(self.server.address, None) }
             }
             Err(error) => {
                 let words = format!("the scene stays as it is: {error:#}");
                 eprintln!("{words}");
-                (Some(words), Vec::new())
+                nothing(self.server.address, Some(words))
             }
         };
         self.begin().await?;
-        Ok(restarted)
+        Ok(Restarted { address: self.server.address, ..restarted })
     }
 
     async fn start_over(&mut self) -> Result<()> {

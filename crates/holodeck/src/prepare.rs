@@ -15,7 +15,7 @@ use holo_proto::{
 use holo_scene::Scene;
 use holo_section::{Section, SectionSpec, ViewClass};
 use holo_server::{BakedObject, Holodeck, HolodeckDescription, RadianceLimits, SceneReading};
-use holo_view::{ObjectFolder, SceneChange, StatedOptions};
+use holo_view::{MovedObject, ObjectFolder, SceneChange, StatedOptions};
 
 use crate::light::{SkyChoice, StatedLight};
 use crate::{
@@ -158,6 +158,8 @@ pub struct Edited {
     objects: SceneObjects,
     /// The names of those that were carried before.
     baked: Vec<String>,
+    /// Those that were elsewhere, or are gone.
+    moved: Vec<MovedObject>,
     /// What differs from the scene before, for people.
     differences: String,
     warnings: Vec<String>,
@@ -184,7 +186,8 @@ impl Edited {
             config.lamp.retain(|(lamp, _)| !lamp.starts_with(&format!("{name}/")));
         }
         let mut chosen = chosen_before(&config, &file)?;
-        chosen.objects = chosen.objects.changed(change)?;
+        let before = chosen.objects.clone();
+        chosen.objects = chosen.objects.changed(change, DVec3::from_array(file.about.up))?;
         let mut opened = open(&chosen, OpeningRequest::Sections, true)?;
         let objects = chosen.objects;
         let packed = opened.scene.pack();
@@ -212,7 +215,18 @@ impl Edited {
         let differences = differences_of(&file, &opened.scene);
         let warnings = std::mem::take(&mut opened.warnings);
         let baked = change.baked.iter().map(|object| object.name.clone()).collect();
-        Ok(Edited { about, packed, stand_ins, config, objects, baked, differences, warnings })
+        let moved = before.moved(&objects)?;
+        Ok(Edited {
+            about,
+            packed,
+            stand_ins,
+            config,
+            objects,
+            baked,
+            moved,
+            differences,
+            warnings,
+        })
     }
 
     /// Returns the configuration by which it was read, with its change of light.
@@ -228,6 +242,11 @@ impl Edited {
     /// Returns the names of objects that were carried before and are part of it.
     pub fn baked(&self) -> &[String] {
         &self.baked
+    }
+
+    /// Returns the objects that were part of the scene before, and were elsewhere or are gone.
+    pub fn moved(&self) -> &[MovedObject] {
+        &self.moved
     }
 
     /// Goes on with it in a file that nobody else writes, and says so. Returns what of the scene is

@@ -16,13 +16,32 @@ pub struct BakedObject {
     pub model: SceneInfo,
     /// The rows of the map from the model's world coordinates to the scene's.
     pub place: [[f64; 4]; 3],
+    /// The same as a person states it. `None` in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose: Option<BakedPose>,
+}
+
+/// Where an object is, as a person states it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BakedPose {
+    /// The middle of its base.
+    pub at: [f64; 3],
+    /// Degrees around the scene's up axis.
+    pub turn: f64,
+    /// Factor to the model's size.
+    pub scale: f64,
 }
 
 impl BakedObject {
     /// Returns an object whose packed model is known.
-    pub fn new(name: String, packed_model: &[u8], place: [[f64; 4]; 3]) -> BakedObject {
+    pub fn new(
+        name: String,
+        packed_model: &[u8],
+        place: [[f64; 4]; 3],
+        pose: BakedPose,
+    ) -> BakedObject {
         let (hash, bytes) = (Scene::content_hash(packed_model), packed_model.len() as u64);
-        BakedObject { name, model: SceneInfo { hash, bytes }, place }
+        BakedObject { name, model: SceneInfo { hash, bytes }, place, pose: Some(pose) }
     }
 
     /// Returns the name of the blob that holds its model.

@@ -53,7 +53,7 @@ use std::{net::SocketAddr, sync::Arc, time::Duration};
 
 pub use about::{HolodeckDescription, SceneReading};
 use anyhow::Result;
-pub use baked::BakedObject;
+pub use baked::{BakedObject, BakedPose};
 pub use config::{Config, parse_count, parse_memory, parse_size, parse_time};
 pub use doors::{Outside, Ready};
 pub use file_size::outlive_file_size_limit;

@@ -59,6 +59,9 @@ pub struct PointImage {
     pub(crate) frames: u32,
     /// True if points or stages have changed since the picture was made.
     pub(crate) is_dirty: bool,
+    /// The share of pixels with a point before an object left a hole; 0 once it is closed. The
+    /// pyramid fills holes.
+    pub(crate) share_before_hole: f64,
     pub(crate) requests: Vec<Request>,
 }
 
@@ -93,6 +96,7 @@ impl PointImage {
             noise: MeanNoise::default(),
             frames: 0,
             is_dirty: true,
+            share_before_hole: 0.0,
             requests: Vec::new(),
             params,
         })
@@ -223,7 +227,14 @@ impl PointImage {
         ended(Stage::ProjectAndTileSort);
         zbuffer::fill(planes, buckets);
         ended(Stage::ZBufferTiles);
-        let is_sparse = stages.pyramid && planes.point_count() * SPARSE < planes.colour.len();
+        let (known, pixels) = (planes.point_count(), planes.colour.len());
+        let is_sparse = stages.pyramid && known * SPARSE < pixels;
+        if known as f64 >= self.share_before_hole * pixels as f64 {
+            self.share_before_hole = 0.0;
+        }
+        // What a clipping surface takes away is no hole.
+        let is_clipped = self.view.is_some_and(|view| view.is_clipped());
+        let has_hole = stages.pyramid && self.share_before_hole > 0.0 && !is_clipped;
         if stages.depth_cull {
             cull::cull(planes, cull_threshold);
             if is_sparse {
@@ -235,7 +246,7 @@ impl PointImage {
         let mut prior = 0.0;
         if stages.prefilter {
             prior = self.noise.weight(params.noise_smoothing);
-            let wide = is_sparse.then(|| {
+            let wide = (is_sparse || has_hole).then(|| {
                 let weight =
                     params.pyramid_weight + params.noisy_pyramid_weight * self.noise.variance();
                 Pyramid::new(planes, weight)

@@ -3,22 +3,26 @@
 //! The driver requests each ray that the cache wants as the nearest ray that can be stored, and
 //! remembers what it is for (`awaited`). So a sample of an earlier request is used as the cache
 //! meant it. The requests also weight the view's beams, for tracers that have time for more.
+//!
+//! Samples of the scene before an edit fill gaps and never change a point of the present scene.
+//! Those on objects that have moved since are moved too.
 
 use std::sync::Arc;
 
 use holo_display::{
     Age, BeamSearch, Driver, DriverError, Frame, FramePhase, FrameRequest, Interrupt, LiveSample,
-    PartsRenderer, PixelWeights, RayWishes, Renderer, Search, SkyView, StoringRenderer, ViewLight,
-    WantedBeam, mix,
+    ObjectMotion, PartsRenderer, PixelWeights, RayWishes, Renderer, Search, SkyView,
+    StoringRenderer, ViewLight, WantedBeam, mix, moved_along,
 };
 use holo_picture::{View, ViewKind};
 use holo_section::{BeamKey, RayCoords, Sample as Stored, Section};
 
 use crate::awaited::AwaitedRays;
 use crate::map::far_depth;
+use crate::memory::LeftPoints;
 use crate::path_noise::PathNoise;
-use crate::screen::{CacheScreen, ProjectedSample, StoredRay, radius};
-use crate::{Moment, PointImage, PointImageParams, RayResult, Tag};
+use crate::screen::{CacheScreen, ProjectedSample, StoredRay, pixel_of, radius, sees_alike};
+use crate::{Moment, Place, PointImage, PointImageParams, PointMemory, RayResult, Tag};
 
 const NAME: &str = "pointimage";
 
@@ -35,9 +39,23 @@ pub fn pointimage_driver(
     sky: impl Into<SkyView>,
     params: PointImageParams,
 ) -> Driver {
+    pointimage_driver_with_memory(sections, sky, params, PointMemory::default())
+}
+
+/// Returns the driver `pointimage`, which leaves its points to the next one with this memory, and
+/// goes on with those of the one before.
+pub fn pointimage_driver_with_memory(
+    sections: Arc<[Section]>,
+    sky: impl Into<SkyView>,
+    params: PointImageParams,
+    memory: PointMemory,
+) -> Driver {
     let sky = sky.into();
     let parts = params.stages.parts();
-    let make = move || PointImageRenderer::new(Arc::clone(&sections), sky.clone(), params.clone());
+    let make = move || {
+        let (sections, sky) = (Arc::clone(&sections), sky.clone());
+        PointImageRenderer::new(sections, sky, params.clone(), memory.clone())
+    };
     Driver { takes_late: true, parts, ..Driver::new(NAME, ViewLight::new(make)) }
 }
 
@@ -53,12 +71,31 @@ struct PointImageRenderer {
     noise: PathNoise,
     /// The view that is expected when the rays of the last request arrive.
     expected: Option<View>,
+    memory: PointMemory,
+    /// How objects have moved since the samples of earlier scenes, and the number of motions that
+    /// the points have followed.
+    motions: (Vec<ObjectMotion>, usize),
+}
+
+impl Drop for PointImageRenderer {
+    fn drop(&mut self) {
+        if let Some((cache, screen)) = self.shown.take() {
+            let (view, followed) = (screen.view, self.motions.1);
+            self.memory.leave(LeftPoints { cache, view, followed });
+        }
+    }
 }
 
 impl PointImageRenderer {
-    fn new(sections: Arc<[Section]>, sky: SkyView, params: PointImageParams) -> Self {
+    fn new(
+        sections: Arc<[Section]>,
+        sky: SkyView,
+        params: PointImageParams,
+        memory: PointMemory,
+    ) -> Self {
         let (awaited, noise) = (AwaitedRays::default(), PathNoise::default());
-        Self { sections, sky, params, shown: None, awaited, noise, expected: None }
+        let motions = memory.motions();
+        Self { sections, sky, params, shown: None, awaited, noise, expected: None, memory, motions }
     }
 
     /// Changes the view. Points stay if they mean the same in both views.
@@ -74,7 +111,7 @@ impl PointImageRenderer {
             None => {
                 self.awaited.clear();
                 let screen = CacheScreen::new(Arc::clone(&self.sections), self.sky.clone(), look);
-                (PointImage::new(look.size, self.params.clone()).map_err(error)?, screen)
+                (self.first_points(look).map_err(error)?, screen)
             }
         };
         let (cache, _) = self.shown.insert((cache, screen));
@@ -82,10 +119,46 @@ impl PointImageRenderer {
         cache.frame(&Moment { view: look.view, predicted: None, samples: &[], wanted: 0 });
         Ok(())
     }
+
+    /// Returns the points of the driver before this one, if they were left and mean the same in
+    /// this view. Otherwise no points.
+    fn first_points(&mut self, look: &FrameRequest) -> Result<PointImage, crate::PointImageError> {
+        let left = self.memory.take().filter(|left| sees_alike(&left.view, &look.view));
+        let Some(LeftPoints { mut cache, followed, .. }) = left else {
+            return PointImage::new(look.size, self.params.clone());
+        };
+        self.motions.1 = followed;
+        cache.set_stages(self.params.stages);
+        cache.resize(look.size)?;
+        Ok(cache)
+    }
+
+    /// Inserts samples of the scene before an edit.
+    fn insert_earlier(&mut self, key: BeamKey, samples: &[Stored]) {
+        let Some((cache, screen)) = &mut self.shown else { return };
+        let (motions, view, size) = (&self.motions.0, screen.view, screen.size);
+        screen.locate(key, samples, |ray, seen| {
+            let found = match ray.place() {
+                Place::At(place) if !motions.is_empty() => {
+                    let now = moved_along(motions, place);
+                    now.and_then(|now| Some((pixel_of(&view, size, now)?, Place::At(now))))
+                }
+                _ => seen.map(|seen| (seen.pixel, seen.place)),
+            };
+            let Some(((column, row), place)) = found else { return false };
+            let Some(tag) = cache.guess_tag(column, row) else { return false };
+            let sample = RayResult::new(place, ray.radiance);
+            cache.insert(&[RayResult { tag, noise: f32::INFINITY, ..sample }]);
+            true
+        });
+    }
 }
 
 impl StoringRenderer for PointImageRenderer {
-    fn insert(&mut self, _age: Age, key: BeamKey, paths: u16, samples: &[Stored]) {
+    fn insert(&mut self, age: Age, key: BeamKey, paths: u16, samples: &[Stored]) {
+        if age == Age::Earlier {
+            return self.insert_earlier(key, samples);
+        }
         let Some((cache, screen)) = &mut self.shown else { return };
         let (awaited, noise) = (&mut self.awaited, &mut self.noise);
         let paths = f32::from(paths);

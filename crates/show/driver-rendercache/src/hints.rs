@@ -1,15 +1,21 @@
 //! Hints to the cache about points (Walter et al. 1999, §4.2): objects that move, and places that
 //! are likely to change.
 //!
-//! Invariant: a hint moves and ages points. It makes none, and changes no colour.
+//! Invariant: a hint moves, ages and removes points. It makes none, and changes no colour.
 
 use glam::{DAffine3, DMat3, DVec3};
+use holo_display::ObjectMotion;
 
-use crate::points::EMPTY;
 use crate::{PointImage, PointImageError};
 
 /// Largest difference of a rigid transform's matrix from one that keeps all lengths.
 const RIGID: f64 = 1e-6;
+
+/// Number of the object that [`PointImage::follow`] moves. Renderers may not use it.
+const FOLLOWED: u32 = u32::MAX;
+
+/// An object's light and shadow change within so many of its radii.
+const SHADOW: f64 = 2.0;
 
 impl PointImage {
     /// Moves the points of an object by a rigid transform of the scene, because the object has
@@ -37,15 +43,14 @@ impl PointImage {
         let slots: Vec<usize> = (0..self.points.capacity())
             .filter(|&slot| {
                 object != 0
-                    && self.points.age[slot] != EMPTY
+                    && !self.points.is_empty(slot)
                     && self.points.details[slot].object == object
             })
             .collect();
         // What is shown around them: where they were, and below where they are.
         let mut around: Vec<usize> = slots.iter().flat_map(|&slot| self.around(slot)).collect();
         for &slot in &slots {
-            let before = DVec3::from(self.points.position(slot).map(f64::from)) + self.origin;
-            let after = motion.transform_point3(before) - self.origin;
+            let after = motion.transform_point3(self.place(slot)) - self.origin;
             self.points.set_position(slot, after.as_vec3().to_array());
             self.points.is_fresh[slot] = false;
             self.points.is_changing[slot] = true;
@@ -61,14 +66,62 @@ impl PointImage {
         Ok(slots.len())
     }
 
+    /// Moves the points of objects that have moved meanwhile, and removes those of objects that are
+    /// gone or have another size. What is around these objects is likely to change. If none has
+    /// moved, the scene has changed in another way, and everything is.
+    pub(crate) fn follow(&mut self, motions: &[ObjectMotion]) {
+        let share = self.planes.point_count() as f64 / self.planes.colour.len() as f64;
+        self.share_before_hole = if motions.is_empty() { 0.0 } else { share };
+        for motion in motions {
+            self.number_followed(&*motion.lay_on);
+            let moved = motion.to_now.map(|to_now| self.move_object(FOLLOWED, &to_now));
+            if !matches!(moved, Some(Ok(_))) {
+                self.remove_object(FOLLOWED);
+            }
+            self.number_followed(&|_| false);
+            for (centre, radius) in std::iter::once(motion.sphere).chain(motion.sphere_now()) {
+                self.expect_changes(centre, SHADOW * radius);
+            }
+        }
+        if motions.is_empty() {
+            self.points.is_changing.fill(true);
+        }
+        self.is_dirty = true;
+    }
+
+    /// Gives the points that lie on an object the number [`FOLLOWED`], and takes it from others.
+    fn number_followed(&mut self, lies_on: &dyn Fn(DVec3) -> bool) {
+        for slot in 0..self.points.capacity() {
+            let is_of_it = !self.points.is_empty(slot) && lies_on(self.place(slot));
+            let number = &mut self.points.details[slot].object;
+            if is_of_it {
+                *number = FOLLOWED;
+            } else if *number == FOLLOWED {
+                *number = 0;
+            }
+        }
+    }
+
+    fn remove_object(&mut self, object: u32) {
+        for slot in 0..self.points.capacity() {
+            if self.points.details[slot].object == object {
+                self.points.remove(slot);
+            }
+        }
+    }
+
+    /// Returns a point's place in the scene.
+    fn place(&self, slot: usize) -> DVec3 {
+        DVec3::from(self.points.position(slot).map(f64::from)) + self.origin
+    }
+
     /// Marks the points within a sphere of the scene as likely to change, such as those in the old
     /// and in the new shadow of an object. They age faster until samples confirm them. Returns
     /// their number.
     pub fn expect_changes(&mut self, centre: DVec3, radius: f64) -> usize {
         let mut count = 0;
         for slot in 0..self.points.capacity() {
-            let place = DVec3::from(self.points.position(slot).map(f64::from)) + self.origin;
-            if self.points.age[slot] != EMPTY && place.distance(centre) <= radius {
+            if !self.points.is_empty(slot) && self.place(slot).distance(centre) <= radius {
                 self.points.is_changing[slot] = true;
                 self.points.add_age(slot, self.params.change_ageing);
                 count += 1;

@@ -21,7 +21,8 @@
 //!    old one (`dither`, `requests`).
 //!
 //! A renderer or an application may also give [hints](PointImage::move_object): an object has
-//! moved, or places are likely to change.
+//! moved, or places are likely to change. In a session, the points outlive their driver: if an
+//! object of the scene is moved, the next driver goes on with them ([`PointMemory`]).
 //!
 //! The renderer answers the requests, each with its [`Tag`]:
 //!
@@ -92,6 +93,7 @@ mod frameless_driver;
 mod hints;
 mod interpolate;
 mod map;
+mod memory;
 mod noise;
 mod params;
 mod path_noise;
@@ -111,8 +113,9 @@ mod take;
 mod zbuffer;
 
 pub use cache::{CacheFrame, Moment, PointImage};
-pub use driver::pointimage_driver;
+pub use driver::{pointimage_driver, pointimage_driver_with_memory};
 pub use frameless_driver::frameless_driver;
+pub use memory::PointMemory;
 pub use params::{EmptyPixels, PointImageError, PointImageParams, Smoothing};
 pub use sample::{Place, RayResult, Tag};
 pub use settings::{SETTINGS, Setting};

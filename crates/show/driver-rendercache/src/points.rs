@@ -164,6 +164,12 @@ impl PointSlots {
         }
     }
 
+    /// Removes a point.
+    pub fn remove(&mut self, slot: usize) {
+        (self.age[slot], self.is_fresh[slot], self.is_changing[slot]) = (EMPTY, false, false);
+        self.details[slot] = Details::default();
+    }
+
     /// Returns the slot for a new point: the oldest of the next group. Groups take turns.
     ///
     /// A sample of the current view is returned only if the next few groups hold nothing else. At

@@ -232,11 +232,17 @@ impl CacheScreen {
 ///
 /// It cannot if the clipping differs, because clipped surfaces are stored as black. In parallel
 /// views, infinitely far surfaces are stored by pixel, so their directions must be equal.
-fn sees_alike(before: &View, now: &View) -> bool {
+pub(crate) fn sees_alike(before: &View, now: &View) -> bool {
     if (before.vo, before.va) != (now.vo, now.va) {
         return false;
     }
     before.kind.has_eye() && now.kind.has_eye() || before.kind == now.kind && before.vd == now.vd
+}
+
+/// Returns the pixel in which a view shows a place. `None` if it does not, or clips the place.
+pub(crate) fn pixel_of(view: &View, size: (u32, u32), place: DVec3) -> Option<(u32, u32)> {
+    let (x, y, _) = view.project(place)?;
+    View::pixel_at(size, x, y).filter(|_| view.clip(place) == Clip::Shown)
 }
 
 /// Returns the viewpoint radius of a pixel's own rays, scene units, if the nearest visible surface

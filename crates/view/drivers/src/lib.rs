@@ -13,10 +13,10 @@ mod stereo_options;
 use std::{collections::BTreeMap, sync::Arc};
 
 use holo_denoise::Quality;
-use holo_display::{Driver, SkyView};
+use holo_display::{Driver, ObjectMotion, SkyView};
 use holo_driver_mesh::mesh_driver;
 use holo_driver_quadtree::{Filling, cells_driver, quadtree_driver};
-use holo_driver_rendercache::{frameless_driver, pointimage_driver};
+use holo_driver_rendercache::{PointMemory, frameless_driver, pointimage_driver_with_memory};
 use holo_driver_splats::splats_driver;
 use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver};
 use holo_proto::stand_ins::StandInKind;
@@ -42,6 +42,8 @@ pub struct DriverOptions {
     pub points: PointArgs,
     /// The splats of the driver of that name.
     pub splats: Option<Arc<SplatFile>>,
+    /// Points that one driver leaves to the next.
+    pub memory: PointMemory,
 }
 
 impl DriverChoice for DriverOptions {
@@ -77,6 +79,14 @@ impl DriverChoice for DriverOptions {
         self.points.switch(part, on);
     }
 
+    fn go_on(&self, motions: &[ObjectMotion]) {
+        self.memory.go_on(motions);
+    }
+
+    fn forget(&self) {
+        self.memory.forget();
+    }
+
     fn to_boxed(&self) -> Box<dyn DriverChoice> {
         Box::new(self.clone())
     }
@@ -92,7 +102,10 @@ impl DriverOptions {
         match self.args.driver {
             DriverArg::Quadtree => quadtree_driver(sections, sky),
             DriverArg::Mesh => mesh_driver(sections, sky),
-            DriverArg::Pointimage => pointimage_driver(sections, sky, self.points.params()),
+            DriverArg::Pointimage => {
+                let (params, memory) = (self.points.params(), self.memory.clone());
+                pointimage_driver_with_memory(sections, sky, params, memory)
+            }
             DriverArg::Frameless => frameless_driver(sections, sky),
             DriverArg::Splats => splats_driver(self.splats.clone(), self.args.splat_shape.shape()),
             DriverArg::Auto | DriverArg::Surfaces => match scene {
@@ -108,7 +121,7 @@ impl DriverOptions {
     /// If the splats cannot be used, or none were named and the driver needs some.
     pub fn open(args: DriverArgs, points: PointArgs) -> anyhow::Result<DriverOptions> {
         let splats = args.open_splats().map_err(anyhow::Error::msg)?;
-        Ok(DriverOptions { args, points, splats })
+        Ok(DriverOptions { args, points, splats, memory: PointMemory::default() })
     }
 
     fn surfaces(&self, sections: Arc<[Section]>, sky: SkyView, scene: &LoadedScene) -> Driver {

@@ -30,8 +30,8 @@ pub use holo_options::{LookArgs, ViewArgs, parse_size};
 pub use holo_page::BrowserArgs;
 pub use holo_script::{PictureReport, parse_seconds};
 pub use holo_session::{
-    Crew, CrewMailbox, CrewOrder, DriverArg, LightChange, NONE, PlacedModel, Restarted,
-    SceneChange, StatedOptions, crew,
+    Crew, CrewMailbox, CrewOrder, DriverArg, LightChange, MovedObject, NONE, ObjectPose,
+    PlacedModel, Restarted, SceneChange, StatedOptions, crew,
 };
 #[cfg(not(feature = "window"))]
 pub use no_window::{WindowHost, WindowRequest, check_desktop, desk, run_in_window};

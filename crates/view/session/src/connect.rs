@@ -22,6 +22,7 @@ use super::{
     crew::Restarted,
     driver_choice::{DriverChoice, LoadedScene, SceneUse},
     incoming::{Incoming, MAX_WAITING_BYTES, SessionReader},
+    motion::MovedObject,
     objects::{CarriedObjects, ObjectFolder, ObjectOrder, SessionObjects},
     scene::SceneLoader,
 };
@@ -74,19 +75,29 @@ impl Again {
     /// # Errors
     /// The errors of [`Connected::new`].
     pub fn connect(&self, address: SocketAddr) -> Result<Connected> {
+        self.choice.forget();
+        self.connect_on(address)
+    }
+
+    fn connect_on(&self, address: SocketAddr) -> Result<Connected> {
         let Again { choice, walks, shutdown, runtime, .. } = self.clone();
         let connected = runtime.block_on(Connected::new(address, choice, walks, shutdown))?;
         Ok(connected.with_carried(self.objects.clone(), self.folder.clone()))
     }
 
     /// Connects to a server that was started again, perhaps with another scene. Objects that are
-    /// part of that scene are no longer carried. Blocks as [`connect`](Self::connect) does.
+    /// part of that scene are no longer carried. What the driver remembers of the scene follows
+    /// the objects that have moved. Blocks as [`connect`](Self::connect) does.
     ///
     /// # Errors
     /// The errors of [`Connected::new`].
     pub fn follow(&self, restarted: &Restarted) -> Result<Connected> {
         self.objects.remove(&restarted.baked);
-        self.connect(restarted.address)
+        let connected = self.connect_on(restarted.address)?;
+        let motion = |moved: &MovedObject| moved.motion(&connected.sections);
+        let motions: Vec<_> = restarted.moved.iter().filter_map(motion).collect();
+        self.choice.go_on(&motions);
+        Ok(connected)
     }
 
     /// Returns the objects of this session and the next.
@@ -106,6 +117,7 @@ impl Again {
         mut waiting: impl FnMut(&str),
     ) -> Result<Option<Connected>> {
         let Again { server, choice, objects, folder, walks, shutdown, runtime } = self.clone();
+        choice.forget();
         runtime.block_on(async {
             let name = name();
             let lost = |_: &NetError, pause: Duration| {

@@ -6,7 +6,7 @@ use std::{net::SocketAddr, sync::Arc};
 use anyhow::{Context, Result};
 use tokio::sync::{mpsc, oneshot, watch};
 
-use super::scene_change::SceneChange;
+use super::{motion::MovedObject, scene_change::SceneChange};
 
 /// An order to the crew.
 #[derive(Debug)]
@@ -35,6 +35,8 @@ pub struct Restarted {
     pub trouble: Option<String>,
     /// Names of carried objects that are part of the scene from now on.
     pub baked: Vec<String>,
+    /// Objects that were part of the scene, and were moved or taken out.
+    pub moved: Vec<MovedObject>,
 }
 
 /// What was stated for a scene besides its file: its light, and objects that are part of it.

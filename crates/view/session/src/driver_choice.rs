@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use clap::ValueEnum;
-use holo_display::{Driver, SkyView};
+use holo_display::{Driver, ObjectMotion, SkyView};
 use holo_proto::control::Welcome;
 use holo_proto::stand_ins::StandInKind;
 use holo_raycast::Raycaster;
@@ -30,6 +30,13 @@ pub trait DriverChoice: Send + Sync {
 
     /// Switches a part of drivers on or off, for drivers that are made from now on.
     fn switch(&mut self, part: &str, on: bool);
+
+    /// Lets the next driver go on with what the last one remembers of the scene, in which objects
+    /// have moved so. All copies of a choice share that.
+    fn go_on(&self, motions: &[ObjectMotion]);
+
+    /// Forgets what the last driver remembers: the next one begins with nothing.
+    fn forget(&self);
 
     /// Returns a copy.
     fn to_boxed(&self) -> Box<dyn DriverChoice>;

@@ -27,6 +27,7 @@ mod focus;
 mod incoming;
 mod light_change;
 mod live;
+mod motion;
 mod objects;
 mod received;
 mod scene;
@@ -65,9 +66,11 @@ use current_view::{CurrentView, RequestedSamples};
 use default_view::default_view;
 pub use demand::Uncovered;
 pub use driver_choice::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
+pub use holo_local_objects::ObjectPose;
 pub use holo_net::RETURN_TIME;
 use incoming::Incoming;
 pub use light_change::{LightChange, NONE};
+pub use motion::MovedObject;
 use objects::SessionObjects;
 pub use objects::{CarriedObjects, ObjectFolder, ObjectOrder, ObjectState, PoseChange};
 use received::Received;
@@ -611,6 +614,8 @@ impl Session {
         let scene = self.scene.as_deref();
         let (sky, unit) = (driver_choice::sky_of(&self.welcome, scene), self.welcome.unit);
         self.driver = self.choice.make(&self.sections, sky, unit, scene);
+        // Samples are sent again, so that the picture depends on them alone.
+        self.choice.forget();
         self.objects.note_driver();
         self.ahead.restart();
         if let Some(current) = &mut self.current {

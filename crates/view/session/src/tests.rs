@@ -8,7 +8,7 @@ use std::{
 };
 
 use glam::DVec3;
-use holo_display::{Driver, FrameRequest, SkyView};
+use holo_display::{Driver, FrameRequest, ObjectMotion, SkyView};
 use holo_driver_surfaces::surfaces_driver;
 use holo_net::{Message, Outbox, Shutdown, accept};
 use holo_picture::ViewSpec;
@@ -105,6 +105,10 @@ async fn serve_file(listener: TcpListener, tracing: bool) -> Requests {
 struct Surfaces;
 
 impl DriverChoice for Surfaces {
+    fn go_on(&self, _motions: &[ObjectMotion]) {}
+
+    fn forget(&self) {}
+
     fn scene_use(&self) -> SceneUse {
         SceneUse::Required
     }

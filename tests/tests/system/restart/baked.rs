@@ -1,5 +1,7 @@
 //! Objects that were carried in become part of the scene, and are taken out again.
 
+use std::ops::Range;
+
 use holo_picture::Picture;
 use holo_tests::{Place, Process, wait_until};
 use serde_json::Value;
@@ -40,19 +42,37 @@ fn cube(scale: f64, at: [f64; 3], [white, light]: [&str; 2]) -> String {
     corners + &FACES.replace("WHITE", white).replace("LIGHT", light)
 }
 
-/// Writes the cube's model, and traces the scene without the cube and with it.
-fn truths(place: &Place) -> Truths {
-    let white = truth(place, "empty.pfm");
+/// Where the cube is added.
+const AT: [f64; 3] = [2.78, 1.7, 1.2];
+
+/// Traces the scene with the cube at a place.
+fn joined(place: &Place, at: [f64; 3]) -> Picture {
     let [model, materials] = ["cornell.obj", "cornell.mtl"]
         .map(|name| (name, std::fs::read_to_string(place.path(name)).unwrap()));
     let names = ["cube-white", "cube-light"];
-    place.write(model.0, &format!("{}{}", model.1, cube(1.2, [2.78, 1.7, 1.2], names)));
+    place.write(model.0, &format!("{}{}", model.1, cube(1.2, at, names)));
     let own = MATERIALS.replace("WHITE", names[0]).replace("LIGHT", names[1]);
     place.write(materials.0, &format!("{}\n{own}", materials.1));
-    let painted = truth(place, "joined.pfm");
+    let joined = truth(place, "joined.pfm");
     for (name, text) in [model, materials] {
         place.write(name, &text);
     }
+    joined
+}
+
+/// The share of nearly black pixels in these columns, at the height of the cube.
+fn black_share(picture: &Picture, columns: &Range<u32>) -> f64 {
+    let pixels = (38..62).flat_map(|row| columns.clone().map(move |column| (column, row)));
+    let is_black = |&(column, row): &(u32, u32)| {
+        picture.get(column, row).is_some_and(|pixel| pixel.iter().sum::<f32>() < 0.05)
+    };
+    let (all, black) = (pixels.clone().count(), pixels.filter(is_black).count());
+    black as f64 / all as f64
+}
+
+/// Writes the cube's model, and traces the scene without the cube and with it.
+fn truths(place: &Place) -> Truths {
+    let (white, painted) = (truth(place, "empty.pfm"), joined(place, AT));
     let names = ["white", "light"];
     place.write("cube.obj", &format!("mtllib cube.mtl\n{}", cube(1.0, [0.0; 3], names)));
     let own = MATERIALS.replace("WHITE", names[0]).replace("LIGHT", names[1]);
@@ -140,8 +160,6 @@ fn an_object_that_moves_while_it_is_baked_is_baked_where_it_is_in_the_end() {
     wait_to_see(&place, session, &truths, true);
     wait_for_carried(&place, 0);
     assert_eq!(info(&place)["generation"], 1);
-    session.write_line(MOVE);
-    session.wait_for_error("`the cube` is part of the scene, and stays where it is");
     // One that is taken away meanwhile does not become part of the scene.
     session.write_line("object remove the cube");
     wait_to_see(&place, session, &truths, false);
@@ -185,4 +203,52 @@ fn a_script_bakes_an_object_and_takes_it_out_and_a_replay_does_neither() {
     replay.write_line(&ADD.replace("{}", &place.text("")));
     replay.write_line("object bake the cube");
     replay.wait().failed(1, &["a replay only reads the holodeck", "holodeck bake FILE.holo"]);
+}
+
+#[test]
+fn a_baked_object_that_is_moved_is_at_its_new_place_at_once_in_the_render_cache_and_leaves_no_ghost()
+ {
+    let place = Place::new();
+    let empty_and_before = truths(&place);
+    let there = [3.7, 1.7, 1.2];
+    let moved = Truths { white: empty_and_before.painted, painted: joined(&place, there) };
+    let words = ["view", "--headless", "--script", "-", "--json", "--threads", "1"];
+    let driver = ["--driver", "pointimage"];
+    let mut script = place.start(&[&words[..], &driver, &of_scene(), &VIEW].concat());
+    let now = |script: &mut Process| {
+        taken(&place, |path| {
+            script.write_line(&format!("picture {path}"));
+            script.wait_for_line(&format!("{{\"picture\":\"{path}\""));
+        })
+    };
+    script.write_line(&ADD.replace("{}", &place.text("")));
+    script.write_line("object bake the cube");
+    script.wait_for_error("goes on with the edited scene");
+    wait_until("the picture of the cube where it was baked", || {
+        moved.is(&now(&mut script), false).then_some(())
+    });
+    let before = now(&mut script);
+    script.write_line("object move the cube by 0.92 0 0");
+    script.wait_for_error("goes on with the edited scene");
+    // The points have moved with the cube, before anything was traced of it. Its front is black.
+    let shown = now(&mut script);
+    let (only_before, only_now) = (44..62, 6..26);
+    let black = [&before, &shown]
+        .map(|picture| [&only_before, &only_now].map(|columns| black_share(picture, columns)));
+    println!("black where it was, and where it is: {black:.2?}");
+    let [[was, _], [ghost, is]] = black;
+    assert!(was > 0.8 && is > 0.8 && ghost < 0.1, "{black:?}");
+    wait_until("the picture of the cube where it went", || {
+        moved.is(&now(&mut script), true).then_some(())
+    });
+    script.write_line("object turn the chair by 5");
+    script.wait().failed(1, &["there is no object `the chair`"]);
+    assert_eq!(info(&place)["generation"], 2);
+    assert!(moved.is(&replayed(&place), true), "the file has it where it went");
+
+    // The same by a line of a walk.
+    let session = &mut walk(&place, &["{}/a.holo"]);
+    session.write_line("object move the cube to 2.78 1.7 1.2");
+    session.wait_for_error("goes on with the edited scene");
+    wait_to_see(&place, session, &moved, false);
 }

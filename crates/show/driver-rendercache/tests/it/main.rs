@@ -3,6 +3,7 @@
 mod drivers;
 mod frameless;
 mod hints;
+mod memory;
 mod noise;
 mod pictures;
 mod same;

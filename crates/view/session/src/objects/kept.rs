@@ -153,7 +153,7 @@ impl ObjectFolder {
 /// Returns an object at its place.
 pub(super) fn placed(name: &str, object: &LocalObject) -> PlacedModel {
     let model = Arc::clone(object.model().scene());
-    PlacedModel { name: name.to_owned(), place: object.place(), model }
+    PlacedModel { name: name.to_owned(), place: object.place(), pose: object.pose(), model }
 }
 
 /// Returns the words for an object that does not exist, beside those that do.

@@ -13,7 +13,7 @@
 mod cells;
 mod kept;
 mod lighting;
-mod order;
+pub(super) mod order;
 
 use std::{
     path::{Path, PathBuf},
@@ -102,8 +102,7 @@ impl CarriedObjects {
     /// objects alone. `of_scene` are the names of the objects that are part of the scene.
     ///
     /// # Errors
-    /// If there is no object to be baked of this name, or one is to be moved that is part of the
-    /// scene.
+    /// If there is no object to be baked of this name.
     pub fn scene_change(
         &self,
         order: &ObjectOrder,
@@ -118,10 +117,9 @@ impl CarriedObjects {
             ObjectOrder::Remove(name) if !is_carried(name) && of_scene.contains(name) => {
                 SceneChange { taken_out: vec![name.clone()], ..SceneChange::default() }
             }
-            ObjectOrder::Change(name, _) if !is_carried(name) && of_scene.contains(name) => bail!(
-                "`{name}` is part of the scene, and stays where it is: `object remove {name}` \
-                 takes it out"
-            ),
+            ObjectOrder::Change(name, change) if !is_carried(name) && of_scene.contains(name) => {
+                SceneChange { moved: vec![(name.clone(), *change)], ..SceneChange::default() }
+            }
             _ => return Ok(None),
         };
         Ok(Some(change))
