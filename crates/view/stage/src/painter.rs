@@ -214,6 +214,9 @@ pub struct Painter {
     news: News,
 }
 
+/// Why a picture is not drawn to its end.
+const ENDED: &str = "the scene has changed meanwhile: save the picture again";
+
 /// Marks the end of the painter's work, however it ends.
 struct AtEnd(Arc<Mutex<FrameExchange>>, Arc<ThreadSignal>);
 
@@ -278,7 +281,12 @@ impl Painter {
             for order in orders {
                 match order {
                     Order::Quit => return self.end(),
-                    Order::Leave => return Ok(()),
+                    Order::Leave => {
+                        if let Some(job) = self.job.take() {
+                            job.order.refuse(ENDED.to_owned());
+                        }
+                        return Ok(());
+                    }
                     order => self.follow(order)?,
                 }
             }

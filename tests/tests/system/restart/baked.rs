@@ -160,17 +160,18 @@ fn an_object_that_moves_while_it_is_baked_is_baked_where_it_is_in_the_end() {
     wait_to_see(&place, session, &truths, true);
     wait_for_carried(&place, 0);
     assert_eq!(info(&place)["generation"], 1);
-    // One that is taken away meanwhile does not become part of the scene.
     session.write_line("object remove the cube");
+    // A picture that is ordered before would not be drawn to its end.
+    wait_until("the scene without the cube", || (info(&place)["generation"] == 2).then_some(()));
     wait_to_see(&place, session, &truths, false);
+    // One that is taken away meanwhile does not become part of the scene.
     session.write_line(&ADD.replace("{}", &place.text("")));
     wait_for_carried(&place, 1);
     session.write_line("object bake the cube\nobject remove the cube");
     wait_for_carried(&place, 0);
-    wait_to_see(&place, session, &truths, false);
     session.write_line("quit");
     wait_until("the session to end", || (!session.is_running()).then_some(()));
-    assert!(truths.is(&replayed(&place), false));
+    assert_eq!(info(&place)["generation"], 2);
 }
 
 #[test]
