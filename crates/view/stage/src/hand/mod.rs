@@ -36,9 +36,8 @@ use super::{
 /// other faster. A person who moves on sees earlier frames until the frame at rest is ready.
 const REST: Duration = Duration::from_millis(60);
 
-/// Least time from the beginning of a frame to that of the next one, while the eye moves. The rest
-/// is for those who trace.
-const FRAME: Duration = Duration::from_millis(25);
+/// Least time between two frames while the eye moves.
+const FRAME: Duration = Duration::from_millis(20);
 
 /// The share of each side of frames while the eye moves, before the painter has measured any.
 const FIRST_SHARE: f64 = 0.5;
@@ -492,7 +491,7 @@ impl Hand {
         self.sources.truncate(2);
         if is_resting || cannot_wait {
             let took = painted.took.map(|took| took.as_secs_f64());
-            self.publish(painted.view, painted.frame, is_resting, took, Instant::now())?;
+            self.publish(painted.view, painted.frame, is_resting, took)?;
             if is_resting {
                 self.walker.stay();
             }
@@ -525,7 +524,7 @@ impl Hand {
         let size = scaled(full, self.moving_share.unwrap_or(FIRST_SHARE));
         let Some(frame) = warp(&sources, &view, size) else { return Ok(()) };
         let took = begin.elapsed().as_secs_f64();
-        self.publish(view, Arc::new(frame), false, [took, 0.0], begin)
+        self.publish(view, Arc::new(frame), false, [took, 0.0])
     }
 
     fn publish(
@@ -534,10 +533,9 @@ impl Hand {
         frame: Arc<Frame>,
         is_at_rest: bool,
         took: [f64; 2],
-        begun: Instant,
     ) -> Result<()> {
         let now = Instant::now();
-        self.times.frame = begun;
+        self.times.frame = now;
         self.has_news = false;
         let spec = *self.walker.view();
         let options = holo_walk::options(&spec);
