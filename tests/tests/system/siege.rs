@@ -248,6 +248,9 @@ fn greedy_displays(at: Targets) -> u32 {
     })
 }
 
+/// Time after which a session that answers no input hangs.
+const ANSWERED: Duration = Duration::from_secs(60);
+
 /// Walks for a time, looks at the session with `look`, and ends it. Returns the number of frames,
 /// the longest wait for one, and what `look` returned.
 fn walk<T>(page: SocketAddr, time: Duration, look: impl FnOnce() -> T) -> (u32, Duration, T) {
@@ -266,6 +269,7 @@ fn walk<T>(page: SocketAddr, time: Duration, look: impl FnOnce() -> T) -> (u32, 
         let right = if frames % 20 < 10 { 0.05 } else { -0.05 };
         let input = say(&mut socket, json!({ "do": "turn", "right": right, "up": 0.0 }));
         loop {
+            assert!(asked.elapsed() < ANSWERED, "the session answers no input: {frames} frames");
             let tungstenite::Message::Binary(bytes) = socket.read().expect("the session goes on")
             else {
                 continue;
