@@ -161,8 +161,7 @@ impl ClientReader<'_> {
                     let under = shown.zip(cursor);
                     answer = under.and_then(|(shown, at)| to_page::under_cursor(&shown, at));
                 }
-                let is_driver = self.hub.drives(self.guest.number);
-                if is_driver && !self.hub.front.inputs.send(self.guest.number, number, input) {
+                if !self.hub.drive(self.guest.number, number, input) {
                     answer = Some(to_page::error("too many inputs at once: some were lost"));
                 }
             }

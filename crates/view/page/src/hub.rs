@@ -150,6 +150,13 @@ impl Hub {
         self.roles.send_modify(|roles| roles.driver = Some(client));
     }
 
+    /// Sends an input if it is the driver's. Nobody takes over meanwhile, so no input of an earlier
+    /// driver comes after one of the next. Returns false if there was no room for it.
+    pub fn drive(&self, client: u32, number: u64, input: Input) -> bool {
+        let roles = self.roles.borrow();
+        roles.driver != Some(client) || self.front.inputs.send(client, number, input)
+    }
+
     /// Releases the controls that the driver holds down, because no other client can.
     fn let_go(&self) {
         self.front.inputs.send(0, 0, Input::Hold(Controls::default()));
