@@ -59,8 +59,8 @@ pub struct RenderRequest {
 pub struct RenderedPicture {
     /// The picture.
     pub picture: Picture,
-    /// The standard error of every pixel, if they were wanted: that of its paths as if they were
-    /// independent, and that of cells (engine `gather`) without the bias of their width.
+    /// The standard error of every pixel, if they were wanted. Paths count as independent. With the
+    /// engine `gather`, the error of cells is included, but not the bias of their width.
     pub errors: Option<Picture>,
     /// Number of paths of all pixels.
     pub paths: u64,

@@ -8,7 +8,7 @@ pub const NOTHING_HIT: u16 = u16::MAX;
 
 /// Number of codes of the linear range, which ends at the diagonal. The logarithmic step is 1 plus
 /// its reciprocal.
-const LINEAR_CODES: f64 = 2048.0;
+pub const LINEAR_CODES: f64 = 2048.0;
 
 /// ln(1 + 2⁻¹¹).
 const LN_STEP: f64 = 4.881_620_795_013_511_5e-4;

@@ -1,5 +1,5 @@
-//! What a renderer of the render cache leaves to the one after it: a session that follows another
-//! makes a new driver, and the points of the scene are still there.
+//! Points that a renderer of the render cache leaves to the next one. A session that follows another
+//! makes a new driver, and goes on with the points that are known of the scene.
 //!
 //! Invariant: points are taken only by a driver of the scene that they were left for, once.
 

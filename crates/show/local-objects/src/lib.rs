@@ -2,8 +2,8 @@
 //! §2.4.6).
 //!
 //! 1. A [`LocalObject`] is a model at a pose, with a hierarchy of its own.
-//! 2. A [`LightProbe`] is the light that arrives at one place: what a driver shows of stored
-//!    samples in the six views of [`probe_views`], with its distances, in a reflection cube.
+//! 2. A [`LightProbe`] is the light that arrives at one place. A driver draws the six views of
+//!    [`probe_views`] from stored samples, and their light and distances make a reflection cube.
 //! 3. An [`ObjectLighting`] divides a probe's light into a few lights, which cast shadows, and the
 //!    rest. A [`LitObject`] is an object with that light, and with its shadow on what the probe
 //!    shows. Mirrors of the object may show what the probe's centre does not see. [`side_places`]

@@ -78,7 +78,7 @@ impl Shader<'_> {
         let mut ray = ObjectRay { origin, direction: direction.as_vec3(), from: None };
         let (mut radiance, mut weight) = (Vec3::ZERO, Vec3::ONE);
         let mut first: Option<(f64, usize)> = None;
-        // Whether the ray still has its first direction, and in which solid it is.
+        // A ray is straight while it has its first direction. `last` is the object that it met last.
         let (mut is_straight, mut last) = (true, None);
         for _ in 0..MOST_SURFACES {
             let Some((number, hit)) = self.nearest(&ray) else {

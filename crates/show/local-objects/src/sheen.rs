@@ -17,9 +17,11 @@ use crate::surface::{METAL, MIRROR};
 /// comes from a quarter of all directions.
 const MATT: f32 = 0.6;
 
-/// Angle around the mirrored direction from which a surface reflects 95 % of what the eye sees, in
-/// units of its roughness, and the greatest one, radians.
+/// Angle around the mirrored direction within which 95 % of the reflected light arrives, over the
+/// surface's roughness, radians.
 const WIDTH: f32 = 3.0;
+
+/// Greatest such angle, radians.
 const MOST_WIDTH: f32 = 1.2;
 
 /// Least share of a surface's reflection in which an object is looked for.

@@ -6,16 +6,13 @@ use std::sync::Arc;
 use glam::DVec3;
 use holo_display::ObjectMotion;
 use holo_raycast::{Ray, Raycaster};
-use holo_section::Section;
+use holo_section::{Section, distance::LINEAR_CODES};
 
 use super::scene_change::{PlacedModel, map_of};
 
 /// Steps of distance codes by which a stored point may lie beside its surface. Half a step is the
 /// greatest error of a code.
 const STEPS: f64 = 1.0;
-
-/// Distance codes along a section's diagonal.
-const CODES: f64 = 2048.0;
 
 /// Directions of the short rays that look for a surface. Whatever its normal is, one of them meets
 /// it at an angle of at least 50 degrees.
@@ -47,7 +44,7 @@ impl MovedObject {
         let (to_model, scale) = (to_scene.inverse(), to_scene.matrix3.x_axis.length());
         let (low, high) = model.bounds();
         let longest = sections.iter().map(Section::diagonal).fold(0.0, f64::max);
-        let margin = STEPS * longest / CODES / scale;
+        let margin = STEPS * longest / LINEAR_CODES / scale;
         let lay_on = move |point: DVec3| {
             let point = to_model.transform_point3(point);
             let is_near = point.cmpge(low - margin).all() && point.cmple(high + margin).all();
@@ -95,7 +92,7 @@ mod tests {
         let (grid, class) = ([4; 3], ViewClass::Interior);
         let spec = SectionSpec { origin: [0.0; 3], axes, grid, class, obstructions: true };
         let sections = [Section::new(spec).unwrap()];
-        let step = sections[0].diagonal() / CODES;
+        let step = sections[0].diagonal() / LINEAR_CODES;
         let motion = MovedObject { before, now: Some(now) }.motion(&sections).unwrap();
         for face in faces {
             let [a, b, c] =

@@ -31,8 +31,8 @@ use touch::TouchTest;
 /// How a frame shows objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayerDetail {
-    /// At once, while an object or the eye moves: one ray for each square of this many pixels a
-    /// side, and sharp shadows by squares of twice that side.
+    /// At once, while an object or the eye moves. Each square of this many pixels a side has one
+    /// ray. Shadows are sharp, by squares of twice that side.
     Quick(u32),
     /// By this many passes in all, each with other rays.
     Exact(u32),
