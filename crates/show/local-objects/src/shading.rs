@@ -9,7 +9,7 @@ use crate::lights::{LightPoint, ProbeLight};
 use crate::lit::LitObject;
 use crate::numbers::{PassNumbers, cosine_direction};
 use crate::object::ObjectHit;
-use crate::room::Room;
+use crate::room::{Room, TOTAL};
 use crate::sheen::GlossRay;
 use crate::surface::{Finish, Gloss, MIRROR, ObjectSurface};
 
@@ -113,7 +113,7 @@ impl Shader<'_> {
                     let eta = if enters { ior } else { 1.0 / ior };
                     let (share, beyond) = dielectric(cosine, eta);
                     let mirrored = reflect(eye, surface.normal);
-                    if share > 0.999 {
+                    if share > TOTAL {
                         mirrored
                     } else {
                         if enters {

@@ -1,10 +1,10 @@
-//! What glossy surfaces of a room show of objects: metals and coats, not flat mirrors.
+//! What glossy surfaces of a room show of objects: metals, coats and glass, not flat mirrors.
 //!
 //! A frame shows such a surface without the objects. The light around the nearest object says what
 //! the surface reflects from behind it, and the object's own light takes its place.
 
 use glam::{DVec3, Vec3};
-use holo_optics::{Ggx, dielectric, reflect};
+use holo_optics::{Ggx, dielectric, pane, reflect};
 use holo_raycast::{Hit, spawn};
 use holo_scene::Bsdf;
 
@@ -75,28 +75,47 @@ pub(crate) struct RoomSheen {
     eye: Vec3,
     /// Colour of the reflection.
     ks: Vec3,
-    /// Index of refraction of a coat; `None` for a metal.
-    ior: Option<f32>,
+    law: ReflectionLaw,
     pub alpha: f32,
 }
 
+/// How much a surface reflects by the angle.
+#[derive(Clone, Copy, Debug)]
+enum ReflectionLaw {
+    /// The same at all angles.
+    Metal,
+    /// By Fresnel's law for an index of refraction.
+    Coat(f32),
+    /// By both faces of a pane with an index of refraction.
+    Pane(f32),
+}
+
 impl Room {
-    /// Returns the glossy surface at a hit; `None` for others, and for mirrors.
+    /// Returns the glossy surface at a hit; `None` for others, for mirrors, and for the inner side
+    /// of solid glass.
     pub(crate) fn sheen(&self, hit: &Hit, direction: Vec3) -> Option<RoomSheen> {
         let scene = self.raycaster().scene();
         let Hit { triangle, u, v, .. } = *hit;
         let reflectance = || Vec3::from(scene.reflectance(triangle, u, v, 0.0));
         let varied = scene.finish(triangle, u, v, 0.0);
         let rough = |alpha: f32| varied.map_or(alpha, |[roughness, _]| roughness * roughness);
-        let (ks, ior, alpha) = match (scene.material(triangle).bsdf, varied) {
+        let at = self.raycaster().surface(triangle, u, v);
+        let (ks, law, alpha) = match (scene.material(triangle).bsdf, varied) {
             (Bsdf::Coated { alpha, .. }, Some([_, metalness])) if metalness >= METAL => {
-                (reflectance(), None, rough(alpha))
+                (reflectance(), ReflectionLaw::Metal, rough(alpha))
             }
-            (Bsdf::Coated { ks, ior, alpha, .. }, _) => (ks.into(), Some(ior), rough(alpha)),
-            (Bsdf::Conductor { alpha, .. }, _) => (reflectance(), None, rough(alpha)),
+            (Bsdf::Coated { ks, ior, alpha, .. }, _) => {
+                (ks.into(), ReflectionLaw::Coat(ior), rough(alpha))
+            }
+            (Bsdf::Conductor { alpha, .. }, _) => {
+                (reflectance(), ReflectionLaw::Metal, rough(alpha))
+            }
+            (Bsdf::ThinGlass { ior, .. }, _) => (Vec3::ONE, ReflectionLaw::Pane(ior), 0.0),
+            (Bsdf::Dielectric { ior, alpha, .. }, _) if at.normal.dot(direction) < 0.0 => {
+                (Vec3::ONE, ReflectionLaw::Coat(ior), alpha)
+            }
             _ => return None,
         };
-        let at = self.raycaster().surface(triangle, u, v);
         let faces = |normal: Vec3| if normal.dot(direction) > 0.0 { -normal } else { normal };
         let (eye, facing) = (-direction, faces(at.normal));
         let smooth = scene.smooth_normal(triangle, u, v).unwrap_or(facing);
@@ -108,18 +127,49 @@ impl Room {
             normal,
             eye,
             ks,
-            ior,
+            law,
             alpha,
         };
         let is_seen = alpha < MATT && sheen.share(normal.dot(eye)).max_element() > LEAST_SHARE;
         is_seen.then_some(sheen)
+    }
+
+    /// Calls `found` with each glossy surface along a ray, up to a distance, and with the share of
+    /// its light that the panes before it leave. Returns the share that all the panes leave.
+    pub(crate) fn sheens(
+        &self,
+        (origin, direction): (DVec3, DVec3),
+        far: f64,
+        mut found: impl FnMut(RoomSheen, Vec3),
+    ) -> Vec3 {
+        let mut left = Vec3::ONE;
+        let towards = direction.as_vec3();
+        let mut find = |hit: &Hit, left: Vec3| {
+            if let Some(sheen) = self.sheen(hit, towards) {
+                found(sheen, left);
+            }
+        };
+        let last = self.through_panes(origin, direction, far, |hit| {
+            find(hit, left);
+            left *= self.left_by_pane(hit, towards);
+        });
+        if let Some((hit, _)) = last {
+            find(&hit, left);
+        }
+        left
     }
 }
 
 impl RoomSheen {
     /// Returns the share of light that a facet reflects.
     fn share(&self, cosine: f32) -> Vec3 {
-        self.ks * self.ior.map_or(1.0, |ior| dielectric(cosine.clamp(0.0, 1.0), ior).0)
+        let cosine = cosine.clamp(0.0, 1.0);
+        let share = match self.law {
+            ReflectionLaw::Metal => 1.0,
+            ReflectionLaw::Coat(ior) => dielectric(cosine, ior).0,
+            ReflectionLaw::Pane(ior) => pane(cosine, ior),
+        };
+        self.ks * share
     }
 
     /// Returns whether it may show an object, or one that is `margin` larger.

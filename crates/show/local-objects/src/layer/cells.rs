@@ -42,7 +42,7 @@ pub(super) struct LayerCell {
     /// Whether an object may be seen here, and whether its shadow may be.
     pub may_show: bool,
     pub may_shadow: bool,
-    /// Whether one of both may be in a mirror of the room.
+    /// Whether one of both may be in a mirror of the room, or behind solid glass.
     pub may_mirror: bool,
     /// Whether an object may be in a glossy surface of the room.
     pub may_gleam: bool,

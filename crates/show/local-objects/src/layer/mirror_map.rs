@@ -1,4 +1,4 @@
-//! Where the mirrors of a room are in a view, for frames of moving objects.
+//! Where the mirrors and the solid glass of a room are in a view, for frames of moving objects.
 
 use std::sync::atomic::{AtomicU8, Ordering};
 

@@ -8,8 +8,8 @@
 
 mod blend;
 mod cells;
+mod deflected;
 mod mirror_map;
-mod mirrored;
 mod pass;
 mod touch;
 
@@ -63,11 +63,13 @@ impl ObjectLayer {
         room: Option<&Room>,
         detail: LayerDetail,
     ) -> ObjectLayer {
-        ObjectLayer::after(None, frame, view, objects, room, detail)
+        let mirrors = Arc::new(MirrorMap::new(view, frame.picture.size()));
+        let never = Interrupt::default();
+        ObjectLayer::with(mirrors, frame, view, objects, room, detail, &never)
     }
 
     /// Returns the same, after another layer. If that is of the same view of the room, what it has
-    /// found of the room is not looked for again.
+    /// found of the room is not looked for again. `None` if it was interrupted.
     #[must_use]
     pub fn after(
         before: Option<&ObjectLayer>,
@@ -76,14 +78,31 @@ impl ObjectLayer {
         objects: &[LitObject],
         room: Option<&Room>,
         detail: LayerDetail,
-    ) -> ObjectLayer {
+        interrupt: &Interrupt,
+    ) -> Option<ObjectLayer> {
         let size = frame.picture.size();
         let known = before.map(|before| &before.mirrors).filter(|map| map.is_of(view, size));
         let mirrors = known.map_or_else(|| Arc::new(MirrorMap::new(view, size)), Arc::clone);
+        let layer = ObjectLayer::with(mirrors, frame, view, objects, room, detail, interrupt);
+        (!interrupt.is_set()).then_some(layer)
+    }
+
+    /// Returns a layer of what objects touch. An interrupted one is not complete.
+    fn with(
+        mirrors: Arc<MirrorMap>,
+        frame: &Frame,
+        view: &View,
+        objects: &[LitObject],
+        room: Option<&Room>,
+        detail: LayerDetail,
+        interrupt: &Interrupt,
+    ) -> ObjectLayer {
+        let size = frame.picture.size();
         let touched = |step: u32, touch: Touch| {
             let grid = CellGrid { size, step };
             let (detail, mirrors) = (detail.into(), &*mirrors);
-            TouchTest { frame, view, grid, objects, room, mirrors, touch, detail }.touched()
+            let test = TouchTest { frame, view, grid, objects, room, mirrors, touch, detail };
+            test.touched(interrupt)
         };
         let (seen, shaded) = match detail {
             LayerDetail::Quick(step) => {

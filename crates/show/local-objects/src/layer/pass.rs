@@ -6,11 +6,12 @@ use holo_picture::View;
 use holo_raycast::Hit;
 
 use super::cells::{CellGrid, LayerCell, Touch};
-use super::mirrored::MirroredRays;
+use super::deflected::DeflectedRays;
 use crate::numbers::PassNumbers;
 use crate::room::{Room, RoomSurface};
 use crate::shading::{LightDetail, SeenObject, Shader};
 use crate::shadow::Shadowed;
+use crate::sheen::RoomSheen;
 
 /// Relative difference of distances within which an object is in front of what a frame shows there.
 const NEARLY: f64 = 1e-3;
@@ -38,6 +39,7 @@ impl LayerScene<'_> {
         let x = (f64::from(column) + f64::from(dx)) / width;
         let y = 1.0 - (f64::from(row) + f64::from(dy)) / height;
         let (mut through, mut left) = (Vec3::ONE, Vec3::ONE);
+        let mut object_distance = f64::INFINITY;
         if let Some((origin, direction, reach)) = self.view.clipped_ray(x, y) {
             let radiance = Vec3::from(self.frame.picture.pixels[number as usize]);
             // Quick frames trust the distances of the frame.
@@ -57,8 +59,8 @@ impl LayerScene<'_> {
             };
             let in_front = |seen: &SeenObject| seen.distance < (behind * (1.0 + NEARLY)).min(reach);
             if let Some(seen) = seen.filter(in_front) {
-                through = seen.through;
-                cell.radiance += seen.radiance;
+                (through, object_distance) = (seen.through, seen.distance);
+                cell.radiance += self.behind_panes((origin, direction), &seen, &mut numbers);
                 cell.seen += 1;
                 cell.distance += (seen.distance + clipped) as f32;
             }
@@ -80,13 +82,17 @@ impl LayerScene<'_> {
             if through != Vec3::ZERO && cell.may_mirror {
                 let hit = known.map_or_else(|| self.room_hit(origin, direction), |known| known.1);
                 let light = (radiance, through);
-                left *= self.add_mirrored(cell, (direction, hit), light, &mut numbers);
+                left *= self.add_deflected(cell, (origin, direction), hit, light, &mut numbers);
             }
-            if through != Vec3::ZERO
-                && cell.may_gleam
-                && let Some((room, Some((hit, _)))) = known
+            if cell.may_gleam
+                && let Some((room, _)) = known
             {
-                cell.radiance += through * self.gleam(room, &hit, direction, &mut numbers);
+                let far = if through == Vec3::ZERO { object_distance } else { f64::INFINITY };
+                room.sheens((origin, direction), far, |sheen, left| {
+                    let is_behind = origin.distance(sheen.origin) > object_distance;
+                    let left = if is_behind { left * through } else { left };
+                    cell.radiance += left * self.gleam(room, &sheen, &mut numbers);
+                });
             }
         }
         cell.behind += through * left;
@@ -96,15 +102,31 @@ impl LayerScene<'_> {
         self.shader.room.and_then(|room| room.nearest(origin, direction))
     }
 
+    /// Returns the radiance of an object along a ray, through the panes of the room before it. The
+    /// panes' own reflections replace what the object hides of the frame.
+    fn behind_panes(
+        &self,
+        (origin, direction): (DVec3, DVec3),
+        seen: &SeenObject,
+        numbers: &mut PassNumbers,
+    ) -> Vec3 {
+        let Some(room) = self.shader.room.filter(|room| room.has_panes()) else {
+            return seen.radiance;
+        };
+        let lit = &self.shader.objects[seen.object];
+        let mut reflected = Vec3::ZERO;
+        let left = room.sheens((origin, direction), seen.distance, |sheen, left| {
+            if let Some((towards, share)) = sheen.reflected(numbers) {
+                reflected += left * share * lit.light_without(sheen.origin, towards, sheen.alpha);
+            }
+        });
+        left * seen.radiance + (Vec3::ONE - seen.through) * reflected
+    }
+
     /// Estimates how much brighter a glossy surface of the room is by what it shows of objects:
     /// their light, less that of the room behind them.
-    fn gleam(&self, room: &Room, hit: &Hit, direction: DVec3, numbers: &mut PassNumbers) -> Vec3 {
-        let sheen = room.sheen(hit, direction.as_vec3());
-        let Some((sheen, (towards, share))) =
-            sheen.and_then(|sheen| Some((sheen, sheen.reflected(numbers)?)))
-        else {
-            return Vec3::ZERO;
-        };
+    fn gleam(&self, room: &Room, sheen: &RoomSheen, numbers: &mut PassNumbers) -> Vec3 {
+        let Some((towards, share)) = sheen.reflected(numbers) else { return Vec3::ZERO };
         let seen = self.shader.seen(sheen.origin, towards.as_dvec3(), self.width, numbers);
         let Some(seen) = seen else { return Vec3::ZERO };
         let behind = room.nearest(sheen.origin, towards.as_dvec3());
@@ -116,19 +138,25 @@ impl LayerScene<'_> {
         share * (seen.radiance + (seen.through - Vec3::ONE) * hidden)
     }
 
-    /// Adds what mirrors show of objects along a ray to a cell. `hit` is what the ray meets. Returns
-    /// the share that is left of what the mirrors show of the room. `radiance` is what the frame
-    /// shows there, and `through` the share of it that objects in front leave.
-    fn add_mirrored(
+    /// Adds what mirrors and solid glass show of objects along a ray to a cell. `hit` is what the ray
+    /// meets. Returns the share that is left of what they show of the room. `radiance` is what the
+    /// frame shows there, and `through` the share of it that objects in front leave.
+    fn add_deflected(
         &self,
         cell: &mut LayerCell,
-        (direction, hit): (DVec3, Option<(Hit, f64)>),
+        ray: (DVec3, DVec3),
+        hit: Option<(Hit, f64)>,
         (radiance, through): (Vec3, Vec3),
         numbers: &mut PassNumbers,
     ) -> Vec3 {
         let Some(room) = self.shader.room.filter(|_| cell.may_mirror) else { return Vec3::ONE };
         let (mut left, mut colour) = (Vec3::ONE, Vec3::ONE);
-        for (ray, hit) in MirroredRays::new(room, direction, hit) {
+        // What glass reflects: the share of light, the place and the direction.
+        let mut reflections = Vec::new();
+        for (ray, hit) in DeflectedRays::new(room, ray, hit) {
+            let reflection = ray.reflection;
+            reflections
+                .extend(reflection.map(|(towards, share)| (colour * share, ray.origin, towards)));
             colour *= ray.colour;
             let behind = hit.map_or(f64::INFINITY, |(_, distance)| distance);
             let seen = match self.touch {
@@ -136,7 +164,12 @@ impl LayerScene<'_> {
                 _ => self.shader.seen(ray.origin, ray.direction, self.width, numbers),
             };
             if let Some(seen) = seen.filter(|seen| seen.distance < behind) {
-                cell.radiance += through * left * colour * seen.radiance;
+                let lit = &self.shader.objects[seen.object];
+                let reflected = reflections
+                    .iter()
+                    .map(|&(share, place, towards)| share * lit.light_without(place, towards, 0.0));
+                let hidden = (Vec3::ONE - seen.through) * reflected.sum::<Vec3>();
+                cell.radiance += through * left * (colour * seen.radiance + hidden);
                 left *= seen.through;
             }
             let towards = ray.direction.as_vec3();

@@ -1,15 +1,15 @@
 //! Finds the cells that objects or their shadows may touch.
 
 use glam::Vec3;
-use holo_display::Frame;
+use holo_display::{Frame, Interrupt};
 use holo_picture::View;
 use rayon::prelude::*;
 
 use super::cells::{CellGrid, LayerCell, LayerTile, TILE, Touch, TouchedCells};
+use super::deflected::DeflectedRays;
 use super::mirror_map::MirrorMap;
-use super::mirrored::MirroredRays;
 use crate::lit::LitObject;
-use crate::room::{MirroredRay, Room};
+use crate::room::{DeflectedRay, Room};
 use crate::shading::LightDetail;
 use crate::shadow::may_shadow;
 
@@ -31,8 +31,8 @@ pub(super) struct TouchTest<'a> {
 }
 
 impl TouchTest<'_> {
-    /// Returns the cells that objects touch.
-    pub(super) fn touched(&self) -> TouchedCells {
+    /// Returns the cells that objects touch; only some of them if it was interrupted.
+    pub(super) fn touched(&self, interrupt: &Interrupt) -> TouchedCells {
         let cells = self.grid.cells();
         let across = cells.0.div_ceil(TILE);
         let tile = |tile: u32| {
@@ -46,7 +46,8 @@ impl TouchTest<'_> {
                 rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
             };
             // Most tiles are far from all objects, and a few of their cells say so.
-            if !places(APART as usize).any(|place| self.cell(place, APART).is_some()) {
+            let is_far = || !places(APART as usize).any(|place| self.cell(place, APART).is_some());
+            if interrupt.is_set() || is_far() {
                 return LayerTile { row, passes: 0, cells: Vec::new() };
             }
             LayerTile {
@@ -87,30 +88,31 @@ impl TouchTest<'_> {
             room.has_mirrors() && (!is_quick || self.mirrors.has_mirror(room, pixel))
         });
         let gloss = self.room.filter(|room| room.has_gloss() && !is_quick);
-        let hit = mirrors.or(gloss).and_then(|room| room.nearest(origin, direction));
+        let hit = mirrors.and_then(|room| room.nearest(origin, direction));
         let may_mirror = mirrors.is_some_and(|room| {
             let far = |way: f64| margin(depth.max(0.0)) + margin(way);
-            let shows = |ray: &MirroredRay, lit: &LitObject| {
+            let shows = |ray: &DeflectedRay, lit: &LitObject| {
                 let margin = far(ray.origin.distance(lit.object.centre()));
                 self.touch != Touch::Shadow && lit.object.is_near(ray.origin, ray.direction, margin)
             };
-            let shades = |ray: &MirroredRay, distance: f64, lit: &LitObject| {
+            let shades = |ray: &DeflectedRay, distance: f64, lit: &LitObject| {
                 let place = ray.origin + ray.direction * distance;
                 self.touch != Touch::Sight && may_shadow(lit, place, far(distance), self.detail)
             };
-            let mut mirrored = MirroredRays::new(room, direction, hit);
-            mirrored.any(|(ray, hit)| {
+            let mut deflected = DeflectedRays::new(room, (origin, direction), hit);
+            deflected.any(|(ray, hit)| {
                 self.objects.iter().any(|lit| {
                     shows(&ray, lit) || hit.is_some_and(|(_, distance)| shades(&ray, distance, lit))
                 })
             })
         });
-        let sheen = gloss.zip(hit).and_then(|(room, (hit, distance))| {
-            Some((room.sheen(&hit, direction.as_vec3())?, margin(distance)))
-        });
-        let may_gleam = sheen.is_some_and(|(sheen, margin)| {
-            self.objects.iter().any(|lit| sheen.may_show(&lit.object, margin))
-        });
+        let mut may_gleam = false;
+        if let Some(room) = gloss {
+            room.sheens((origin, direction), f64::INFINITY, |sheen, _| {
+                let margin = margin(origin.distance(sheen.origin));
+                may_gleam |= self.objects.iter().any(|lit| sheen.may_show(&lit.object, margin));
+            });
+        }
         (may_show || may_shade || may_mirror || may_gleam).then_some(LayerCell {
             column,
             row,

@@ -163,6 +163,50 @@ fn mirrors_of_the_room_show_the_object_and_coarse_cells_show_what_fine_ones_do()
     }
 }
 
+#[test]
+fn glass_before_an_object_dims_it_directly_and_in_a_mirror_and_goes_on_reflecting() {
+    let eye = DVec3::new(3.0, -3.0, 0.6);
+    let image = DVec3::new(0.0, 3.5, 0.5);
+    let view = View::new(eye, image - eye, DVec3::Z, Some(50.0), None, SIZE).unwrap();
+    // A mirror at y = 2, behind a pedestal of radiance 1.2, and a glass wall of two faces before
+    // both.
+    let pane = |ior: f32| Bsdf::ThinGlass { ior, transmittance: [0.5; 3] };
+    let solid = Bsdf::Dielectric { ior: 1.5, transmittance: [0.5; 3], alpha: 0.0 };
+    let room = |glass: Bsdf| {
+        let scene = boxes(&[
+            ([-20.0, 2.0, -20.0], [20.0, 2.1, 20.0], Bsdf::Mirror { ks: [0.9; 3] }),
+            ([-20.0, -1.1, -20.0], [20.0, -1.0, 20.0], glass),
+        ]);
+        Room::new(Arc::new(Raycaster::build(Arc::new(scene)).unwrap()))
+    };
+    let object = [lit_here(&pedestal(1.0, 1.0, grey(0.6)), |_| 2.0)];
+    for detail in [LayerDetail::Quick(1), LayerDetail::Exact(8)] {
+        let shown = |glass: Bsdf, point: DVec3| {
+            let room = room(glass);
+            let mut frame = floor(&view, SIZE, 3.0);
+            frame.picture.pixels.fill([3.0; 3]);
+            frame.depth = room.depth(&view, SIZE);
+            let seen = drawn(&frame, &view, &object, Some(&room), detail);
+            seen.picture.pixels[pixel_of(&view, SIZE, point)][1]
+        };
+        let direct = DVec3::new(0.2, -0.5, 0.5);
+        let near = |found: f32, expected: f32, what: &str| {
+            assert!((found - expected).abs() < 0.03, "{what}, {detail:?}: {found}, {expected}");
+        };
+        near(shown(pane(1.0), direct), 0.25 * 1.2, "without reflection");
+        near(shown(pane(1.0), image), 0.25 * 0.9 * 1.2, "in the mirror");
+        let to = (direct - eye).normalize();
+        let share = holo_optics::pane(to.y as f32, 1.5);
+        let left = 0.5 * (1.0 - share);
+        // Both faces go on reflecting the room, of radiance 2.
+        let expected = left * left * 1.2 + (share + left * share) * 2.0;
+        near(shown(pane(1.5), direct), expected, "with reflections");
+        let face = holo_optics::dielectric(to.y as f32, 1.5).0;
+        let expected = (0.5 * (1.0 - face)).powi(2) * 1.2 + share * 2.0;
+        near(shown(solid, direct), expected, "through solid glass");
+    }
+}
+
 /// Returns the mean light that facets of a metal mirror to the eye, by many facets: a smooth
 /// environment on the sphere of light around `centre`, seen from a point of a face.
 fn mirrored_by_metal(

@@ -527,29 +527,39 @@ impl Session {
         };
         let (side, begin) = (self.objects.sides.side(), Instant::now());
         let detail = if is_quick { LayerDetail::Quick(side) } else { LayerDetail::Exact(PASSES) };
-        let after = |before: Option<&ObjectLayer>, detail: LayerDetail| {
-            ObjectLayer::after(before, &base, &look.view, &objects, room.as_ref(), detail)
-        };
-        let mut layer = match before {
-            Some(shown) if stays(&shown) => shown.layer,
-            before => after(before.as_ref().map(|before| &before.layer), detail),
-        };
-        let most = if is_file { PASSES } else { PASSES_OF_FRAME };
         let never = Interrupt::default();
         let interrupt = if is_file || is_quick { &never } else { &self.interrupt };
-        let has_work = layer.is_unfinished();
-        layer.draw(&base, &objects, room.as_ref(), most, interrupt);
-        if !layer.is_drawn() && layer.is_unfinished() {
+        let after = |before: Option<&ShownObjects>, detail: LayerDetail, interrupt: &Interrupt| {
+            let before = before.map(|before| &before.layer);
+            let (view, room) = (&look.view, room.as_ref());
+            ObjectLayer::after(before, &base, view, &objects, room, detail, interrupt)
+        };
+        let most = if is_file { PASSES } else { PASSES_OF_FRAME };
+        let draw = |layer: &mut ObjectLayer, most: u32, interrupt: &Interrupt| {
+            let has_work = layer.is_unfinished();
+            layer.draw(&base, &objects, room.as_ref(), most, interrupt);
+            has_work
+        };
+        let (mut layer, before) = match before {
+            Some(shown) if stays(&shown) => (Some(shown.layer), None),
+            before => (after(before.as_ref(), detail, interrupt), before),
+        };
+        let has_work = layer.as_mut().is_some_and(|layer| draw(layer, most, interrupt));
+        if layer.as_ref().is_none_or(|layer| !layer.is_drawn() && layer.is_unfinished()) {
             // Whoever has interrupted it wants a frame soon.
             is_quick = true;
-            layer = after(Some(&layer), LayerDetail::Quick(side));
-            layer.draw(&base, &objects, room.as_ref(), 1, &never);
+            layer = after(before.as_ref(), LayerDetail::Quick(side), &never);
+            if let Some(layer) = &mut layer {
+                draw(layer, 1, &never);
+            }
         } else if is_quick && has_work {
             self.objects.sides.note(side, begin.elapsed().as_secs_f64());
         }
         let mut frame = Frame::clone(&base);
-        layer.compose(&mut frame);
-        self.objects.shown = Some(ShownObjects { look, base, objects, is_quick, layer });
+        if let Some(layer) = layer {
+            layer.compose(&mut frame);
+            self.objects.shown = Some(ShownObjects { look, base, objects, is_quick, layer });
+        }
         frame
     }
 
