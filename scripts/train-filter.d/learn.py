@@ -101,7 +101,7 @@ class Network(torch.nn.Module):
         bias = self.first.bias - first @ self.mean
         return f"""//! The network's weights. Made by `scripts/train-filter`.
 
-use super::{{HIDDEN, INPUTS}};
+use super::size::{{HIDDEN, INPUTS}};
 
 pub(super) const FIRST: [[f32; INPUTS]; HIDDEN] = {literal(first)};
 

@@ -11,11 +11,11 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use holo_picture::View;
 use holo_tracer::Tracer;
+use parking_lot::Mutex;
 
 use crate::sums::{PictureSums, PixelGrid, TracedPicture, add};
 
@@ -108,7 +108,7 @@ impl TraceJob {
             pass(PixelGrid::all(self.size), BLOCK, paths..paths + count, &is_over);
             paths += count;
         }
-        traced.into_inner().unwrap_or_else(PoisonError::into_inner)
+        traced.into_inner()
     }
 
     /// Adds paths to these pixels, or to some of them if it ends early. Returns the number of
@@ -137,7 +137,7 @@ impl TraceJob {
                 let new: Vec<(u32, PixelSums)> =
                     pixels.map(|pixel| (pixel, self.pixel(pixel, paths.clone()))).collect();
                 count.fetch_add((new.len() * paths.len()) as u64, Ordering::Relaxed);
-                let mut all = traced.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut all = traced.lock();
                 for (pixel, new) in new {
                     all.sums[pixel as usize].add(&new.sums);
                     if let Some(squares) = all.squares.get_mut(pixel as usize) {

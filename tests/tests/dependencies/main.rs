@@ -18,24 +18,10 @@ mod source;
 
 /// Circles of files that are known: a package and its files. A new circle must be cut, and so must
 /// a new file in one of these. A circle that is cut leaves this list.
-const KNOWN_CIRCLES: &[&str] = &[
-    "beamfile: directory.rs format.rs index.rs shares.rs types.rs",
-    "display: parts.rs renderer.rs wishes.rs",
-    "driver-surfaces: behind.rs draw.rs filter/choose.rs filter/limit.rs filter/mod.rs \
-     filter/passes.rs filter/refine.rs filter/scales.rs",
-    "driver-surfaces: edges.rs view.rs",
-    "driver-surfaces: filter/network/weights.rs filter/network.rs",
-    "holoserver: coordinator/blobs.rs coordinator.rs",
-    "picture: files/hdr.rs files/openexr.rs files.rs view_spec.rs",
-    "picture: look/curve.rs look/fovea.rs look/mod.rs",
-    "scene: gltf_file/form.rs gltf_file/reading.rs gltf_file/sharing.rs",
-    "scene: instances.rs punctual.rs scene.rs sky.rs sun.rs thin.rs",
-    "session: ahead.rs connect.rs demand.rs incoming.rs lib.rs objects/lighting.rs objects/mod.rs",
-    "stage: hand/mod.rs lib.rs painter.rs shown.rs",
-    "tracer: caustics/leaf.rs caustics/photons.rs caustics.rs engine.rs shading.rs",
-    "tracer: gather/cells.rs gather/shared.rs",
-    "window: model.rs overlay/mod.rs overlay/panel.rs",
-];
+const KNOWN_CIRCLES: &[&str] = &["scene: instances.rs punctual.rs scene.rs sky.rs sun.rs thin.rs"];
+
+/// Folders that use nothing of their package outside: the package and the folder.
+const CLOSED_FOLDERS: &[(&str, &str)] = &[("driver-surfaces", "light_store")];
 
 /// Most types that share their name with another type in a package that they see, or in their own.
 const MOST_SHARED_NAMES: usize = 8;
@@ -228,6 +214,37 @@ fn no_files_of_a_package_use_each_other_in_a_circle_except_the_known_ones() {
     assert!(new.is_empty(), "files use each other in a circle:\n{}", new.join("\n"));
     let gone: Vec<_> = known.difference(&found).cloned().collect();
     assert!(gone.is_empty(), "these are no circles any more:\n{}", gone.join("\n"));
+}
+
+/// Returns the uses that lead out of a closed folder of a package, each as two files.
+fn uses_that_leave(package: &Value, closed: &str) -> Vec<String> {
+    let inside = folder(package).join("src").join(closed);
+    assert!(inside.is_dir(), "{} is no folder", inside.display());
+    let mut leave = Vec::new();
+    for modules in modules(package) {
+        for (file, uses) in modules.uses() {
+            let is_outside = |used: &&&Path| !used.starts_with(&inside);
+            if file.starts_with(&inside) {
+                let uses = uses.iter().filter(is_outside);
+                leave.extend(uses.map(|used| format!("{} {}", file.display(), used.display())));
+            }
+        }
+    }
+    leave
+}
+
+#[test]
+fn closed_folders_use_nothing_of_their_package_outside() {
+    let packages = packages();
+    for (name, closed) in CLOSED_FOLDERS {
+        let is_it = |package: &&Value| folder_name(&folder(package)) == *name;
+        let package = packages.iter().find(is_it).unwrap();
+        let leave = uses_that_leave(package, closed);
+        assert!(leave.is_empty(), "{name}, {closed}:\n{}", leave.join("\n"));
+    }
+    // Another folder shows that uses are found at all.
+    let surfaces = packages.iter().find(|p| folder_name(&folder(p)) == "driver-surfaces").unwrap();
+    assert!(!uses_that_leave(surfaces, "filter").is_empty());
 }
 
 #[test]

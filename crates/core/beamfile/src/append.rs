@@ -1,9 +1,9 @@
 //! Adding samples to a [`BeamFile`].
 
-use std::sync::MutexGuard;
 use std::time::Instant;
 
 use holo_section::{BeamKey, NumberRun, Sample};
+use parking_lot::MutexGuard;
 
 use crate::file::BeamFile;
 use crate::format::Class;
@@ -98,7 +98,7 @@ impl BeamFile {
             if state.writer_gone || state.last_error.is_some() {
                 return Err(self.shared.not_written(&state));
             }
-            state = self.shared.wait_for_writer(state);
+            self.shared.wait_for_writer(&mut state);
         }
         if state.lost.is_some() {
             return Err(self.shared.not_written(&state));
@@ -139,7 +139,7 @@ impl BeamFile {
             }
             state.hurry = true;
             self.shared.wake.notify_one();
-            state = self.shared.wait_for_writer(state);
+            self.shared.wait_for_writer(&mut state);
         }
         drop(state);
         self.shared.check_file(&self.shared.appender())

@@ -8,13 +8,13 @@
 
 use crate::batch::BlockBytes;
 use crate::blob_list::PartBlock;
+use crate::block_table::BlockTable;
 use crate::directory::DiskBlock;
 use crate::file::BeamFile;
 use crate::format::{
-    BLOB_PART_BYTES, BlobPart, BlockKind, BlockTable, CHUNK_BYTES, MAX_BLOB_BYTES, MAX_BLOB_NAME,
+    BLOB_PART_BYTES, BlobPart, BlockKind, CHUNK_BYTES, MAX_BLOB_BYTES, MAX_BLOB_NAME,
     push_chunk_crcs,
 };
-use crate::shared::locked;
 use crate::{Error, Result};
 
 impl BeamFile {
@@ -45,7 +45,7 @@ impl BeamFile {
         if total > MAX_BLOB_BYTES {
             return Err(Error::BlobSize { name: name.into(), bytes: total });
         }
-        let _one_at_a_time = locked(&self.blob_writing);
+        let _one_at_a_time = self.blob_writing.lock();
         let blob_id = self.shared.appender().sequence + 1;
         let mut offset = 0;
         loop {

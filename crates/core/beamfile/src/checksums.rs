@@ -2,8 +2,9 @@
 
 use std::io;
 
+use crate::block_table::decode_table;
 use crate::directory::DiskBlock;
-use crate::format::{BLOCK_HEADER_BYTES, BlockHeader, CHUNK_BYTES, FileHeader, decode_table};
+use crate::format::{BLOCK_HEADER_BYTES, BlockHeader, CHUNK_BYTES, FileHeader};
 use crate::storage::Storage;
 use crate::types::{Damage, DamageKind};
 

@@ -2,9 +2,10 @@
 
 use holo_section::{NumberRun, Sample};
 
+use crate::block_table::BlockTable;
 use crate::directory::DiskBlock;
 use crate::file::BeamFile;
-use crate::format::{BlockTable, CHUNK_BYTES, CHUNK_SAMPLES, Entry};
+use crate::format::{CHUNK_BYTES, CHUNK_SAMPLES, Entry};
 use crate::scan::{ScanRange, scan};
 use crate::{Maker, Result};
 

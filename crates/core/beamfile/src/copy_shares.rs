@@ -9,12 +9,10 @@ use std::sync::Arc;
 
 use crate::Result;
 use crate::batch::BlockBytes;
+use crate::block_table::{BlockTable, decode_table};
 use crate::directory::DiskBlock;
 use crate::file::BeamFile;
-use crate::format::{
-    BLOCK_HEADER_BYTES, BlockKind, BlockTable, CHUNK_BYTES, Class, Entry, decode_table,
-    push_chunk_crcs,
-};
+use crate::format::{BLOCK_HEADER_BYTES, BlockKind, CHUNK_BYTES, Class, Entry, push_chunk_crcs};
 use crate::shared::OpenFile;
 use crate::shares::ShareRun;
 use crate::types::Maker;

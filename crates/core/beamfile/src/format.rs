@@ -7,8 +7,6 @@
 use bytemuck::{Pod, Zeroable};
 use holo_section::{BeamId, BeamKey, Sample, SampleKind};
 
-use crate::index::IndexRange;
-use crate::shares::ShareRun;
 use crate::types::Maker;
 
 /// Bytes of one copy of the file's header. There are two.
@@ -289,7 +287,7 @@ pub(crate) struct Entry {
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct RawEntry {
+pub(crate) struct RawEntry {
     beam: [u8; 8],
     section: [u8; 2],
     kind: u8,
@@ -323,7 +321,7 @@ impl Entry {
     }
 
     /// Returns the entry and its layer.
-    fn decode(raw: &RawEntry, header: &FileHeader) -> Option<(Self, u16)> {
+    pub fn decode(raw: &RawEntry, header: &FileHeader) -> Option<(Self, u16)> {
         let entry = Self {
             key: BeamKey {
                 section: u16::from_le_bytes(raw.section),
@@ -386,75 +384,9 @@ impl BlobPart {
     }
 }
 
-/// A block's table, checked.
-#[derive(Debug)]
-pub(crate) enum BlockTable {
-    Samples(Vec<Entry>),
-    Blob(BlobPart),
-    Shares(Vec<ShareRun>),
-    /// The ranges that have an index.
-    Index(Vec<IndexRange>),
-    /// The table of a kind that is skipped.
-    Unknown,
-}
-
 /// Appends the checksums of a payload's chunks to its table.
 pub(crate) fn push_chunk_crcs(payload: &[u8], table: &mut Vec<u8>) {
     for chunk in payload.chunks(CHUNK_BYTES as usize) {
         table.extend_from_slice(&crc32fast::hash(chunk).to_le_bytes());
     }
-}
-
-/// Returns the table in `bytes` and the checksums of the payload's chunks; `None` if the table's
-/// checksum or any value in it is wrong.
-pub(crate) fn decode_table(
-    block: &BlockHeader,
-    bytes: &[u8],
-    header: &FileHeader,
-) -> Option<(BlockTable, Box<[u32]>)> {
-    if crc32fast::hash(bytes) != block.table_crc {
-        return None;
-    }
-    let (entries, crcs) = bytes.split_at_checked(bytes.len().checked_sub(4 * block.chunks())?)?;
-    let table = decode_entries(block, entries, header)?;
-    Some((table, crcs.chunks_exact(4).filter_map(|crc| u32_at(crc, 0)).collect()))
-}
-
-/// Returns the table whose entries are exactly these bytes; `None` if any value is wrong.
-pub(crate) fn decode_entries(
-    block: &BlockHeader,
-    bytes: &[u8],
-    header: &FileHeader,
-) -> Option<BlockTable> {
-    Some(match block.kind {
-        BlockKind::Samples => {
-            let entries: Vec<Entry> = layered_entries(block, bytes, header)?
-                .into_iter()
-                .map(|(entry, layer)| (layer == 0).then_some(entry))
-                .collect::<Option<_>>()?;
-            let samples: u64 = entries.iter().map(|e| u64::from(e.count)).sum();
-            if samples * u64::from(SAMPLE_BYTES) != u64::from(block.payload_bytes) {
-                return None;
-            }
-            BlockTable::Samples(entries)
-        }
-        BlockKind::Blob => BlockTable::Blob(BlobPart::decode(bytes)?),
-        BlockKind::Shares => {
-            BlockTable::Shares(ShareRun::list(layered_entries(block, bytes, header)?, block)?)
-        }
-        BlockKind::Index => BlockTable::Index(IndexRange::list(block.entries, bytes)?),
-        BlockKind::Unknown(_) => BlockTable::Unknown,
-    })
-}
-
-fn layered_entries(
-    block: &BlockHeader,
-    bytes: &[u8],
-    header: &FileHeader,
-) -> Option<Vec<(Entry, u16)>> {
-    let raw: &[RawEntry] = bytemuck::try_cast_slice(bytes).ok()?;
-    if raw.len() != block.entries as usize {
-        return None;
-    }
-    raw.iter().map(|raw| Entry::decode(raw, header)).collect()
 }

@@ -4,13 +4,14 @@
 
 use std::io;
 
+use crate::block_table::{BlockTable, decode_table};
 use crate::checksums::chunks_match;
 use crate::format::{
-    BLOCK_HEADER_BYTES, BlockHeader, BlockKind, BlockTable, FIRST_BLOCK, FileHeader,
-    HEADER_COPY_BYTES, MAX_PAYLOAD_BYTES, MAX_TABLE_BYTES, POINTER_BYTES, POINTER_OFFSET, aligned,
-    decode_table,
+    BLOCK_HEADER_BYTES, BlockHeader, BlockKind, FIRST_BLOCK, FileHeader, HEADER_COPY_BYTES,
+    MAX_PAYLOAD_BYTES, MAX_TABLE_BYTES, POINTER_BYTES, POINTER_OFFSET, aligned,
 };
-use crate::index::{IndexPointer, IndexRange, Indexed, PointerState};
+use crate::index::{IndexPointer, Indexed, PointerState};
+use crate::index_range::IndexRange;
 use crate::storage::Storage;
 use crate::types::{Damage, DamageKind};
 

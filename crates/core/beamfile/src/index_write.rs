@@ -8,11 +8,13 @@ use std::sync::Arc;
 
 use crate::Result;
 use crate::batch::BlockBytes;
+use crate::block_table::decode_table;
 use crate::directory::DiskBlock;
 use crate::format::{
-    BLOCK_HEADER_BYTES, BlockKind, FIRST_BLOCK, MAX_PAYLOAD_BYTES, decode_table, push_chunk_crcs,
+    BLOCK_HEADER_BYTES, BlockKind, FIRST_BLOCK, MAX_PAYLOAD_BYTES, push_chunk_crcs,
 };
-use crate::index::{IndexPointer, IndexRange, RangeBuilder};
+use crate::index::{IndexPointer, RangeBuilder};
+use crate::index_range::IndexRange;
 use crate::index_read::pointer_offset;
 use crate::shared::OpenFile;
 use crate::storage::Storage;

@@ -15,7 +15,8 @@ use crate::format::{
     BlockKind, FIRST_BLOCK, FORMAT, FileHeader, HEADER_COPY_BYTES, HeaderCopy, MAX_SECTIONS,
     SAMPLE_BYTES, aligned,
 };
-use crate::index::{IndexRange, Indexed};
+use crate::index::Indexed;
+use crate::index_range::IndexRange;
 use crate::index_read;
 use crate::index_write::{IndexWriter, write_pointer};
 use crate::scan::{ScanEnd, ScanRange, Tail, scan};

@@ -7,11 +7,11 @@ use std::io;
 use std::path::Path;
 
 use crate::Result;
+use crate::block_table::{BlockTable, decode_table};
 use crate::directory::DiskBlock;
 use crate::error::io_error;
 use crate::format::{
-    BLOCK_ALIGNMENT, BLOCK_HEADER_BYTES, BLOCK_MAGIC, BlockHeader, BlockTable, FIRST_BLOCK,
-    FileHeader, aligned, decode_table,
+    BLOCK_ALIGNMENT, BLOCK_HEADER_BYTES, BLOCK_MAGIC, BlockHeader, FIRST_BLOCK, FileHeader, aligned,
 };
 use crate::index::blob_name;
 use crate::storage::Storage;

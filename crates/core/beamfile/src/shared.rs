@@ -5,8 +5,9 @@
 
 use std::io;
 use std::path::PathBuf;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
+
+use parking_lot::{Condvar, Mutex, MutexGuard};
 
 use crate::appender::Appender;
 use crate::batch::BlockBytes;
@@ -32,14 +33,6 @@ pub(crate) struct OpenFile {
     cache: Mutex<Cache>,
 }
 
-/// Locks a mutex, even if a thread panicked while it held the lock.
-///
-/// A panic leaves the state intact, because the state changes in small steps that cannot panic
-/// half-way.
-pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl OpenFile {
     pub fn new(
         path: PathBuf,
@@ -62,24 +55,20 @@ impl OpenFile {
     }
 
     pub fn state(&self) -> MutexGuard<'_, FileState> {
-        locked(&self.state)
+        self.state.lock()
     }
 
     pub fn appender(&self) -> MutexGuard<'_, Appender> {
-        locked(&self.appender)
+        self.appender.lock()
     }
 
     /// Returns the appender. `None` if a block is being written.
     pub fn free_appender(&self) -> Option<MutexGuard<'_, Appender>> {
-        match self.appender.try_lock() {
-            Ok(appender) => Some(appender),
-            Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
-            Err(TryLockError::WouldBlock) => None,
-        }
+        self.appender.try_lock()
     }
 
     pub fn cache(&self) -> MutexGuard<'_, Cache> {
-        locked(&self.cache)
+        self.cache.lock()
     }
 
     /// Returns the error of an operation that the system refused.
@@ -99,22 +88,9 @@ impl OpenFile {
         Error::NotWritten { path: self.path.clone(), pending: state.pending_bytes(), reason }
     }
 
-    /// Waits for a signal, at most for `time`.
-    pub fn wait<'a>(
-        &self,
-        on: &Condvar,
-        state: MutexGuard<'a, FileState>,
-        time: Duration,
-    ) -> MutexGuard<'a, FileState> {
-        on.wait_timeout(state, time).unwrap_or_else(PoisonError::into_inner).0
-    }
-
     /// Waits until the writer makes progress, or a second has passed.
-    pub fn wait_for_writer<'a>(
-        &self,
-        state: MutexGuard<'a, FileState>,
-    ) -> MutexGuard<'a, FileState> {
-        self.wait(&self.progress, state, Duration::from_secs(1))
+    pub fn wait_for_writer(&self, state: &mut MutexGuard<'_, FileState>) {
+        self.progress.wait_for(state, Duration::from_secs(1));
     }
 
     /// Appends one block. When this returns, the block is on the disk itself, in the file at the

@@ -12,8 +12,9 @@ use holo_section::{BeamKey, Sample};
 
 use crate::batch::WriteBatch;
 use crate::blob_list::BlobList;
+use crate::block_table::BlockTable;
 use crate::directory::{Directory, DiskBlock};
-use crate::format::{BlockKind, BlockTable, Class, Entry};
+use crate::format::{BlockKind, Class, Entry};
 use crate::types::{Damage, Skipped};
 use crate::{FileLoss, Result};
 

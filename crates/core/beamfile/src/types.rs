@@ -4,8 +4,6 @@ use std::fmt;
 
 use holo_section::{NumberRun, Sample};
 
-use crate::format::SAMPLE_BYTES;
-
 /// The next free sample number of each kind in one beam: one more than the highest number stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NextNumbers {
@@ -104,7 +102,7 @@ impl Damage {
     pub fn samples(&self) -> u64 {
         match self.what {
             DamageKind::Samples | DamageKind::BlockHeader | DamageKind::BlockTable(_) => {
-                self.bytes / u64::from(SAMPLE_BYTES)
+                self.bytes / size_of::<Sample>() as u64
             }
             DamageKind::HeaderCopy(_)
             | DamageKind::Blob(_)

@@ -3,7 +3,7 @@
 //! Invariant: samples leave the memory only when the disk has them. After a failed write the same
 //! samples are tried again.
 
-use std::sync::{Arc, MutexGuard};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::Result;
@@ -13,6 +13,7 @@ use crate::format::Entry;
 use crate::index_write::{CLOSING_RANGES, IndexWriter};
 use crate::shared::OpenFile;
 use crate::state::FileState;
+use parking_lot::MutexGuard;
 
 /// Longest wait of samples before they are written. Even on a slow disk, the write then ends within
 /// the promised second.
@@ -133,9 +134,9 @@ fn next_batch(shared: &OpenFile, failed_at: Option<Instant>) -> Option<Arc<Write
             return None;
         }
         let until = retry.or(due);
-        state = match until {
-            Some(at) => shared.wait(&shared.wake, state, at.saturating_duration_since(now)),
-            None => shared.wait(&shared.wake, state, Duration::from_secs(3600)),
-        };
+        match until {
+            Some(at) => _ = shared.wake.wait_until(&mut state, at),
+            None => shared.wake.wait(&mut state),
+        }
     }
 }

@@ -1,15 +1,13 @@
 //! The receiving half of a connection: a task reads the socket, even while its owner is busy.
 
-use std::{
-    io::ErrorKind,
-    sync::{Arc, Mutex, PoisonError},
-};
+use std::{io::ErrorKind, sync::Arc};
 
 use holo_proto::{
     ProtoError,
     control::{Control, Farewell},
     frame::{FrameHeader, FrameKind, HEADER_BYTES},
 };
+use parking_lot::Mutex;
 use tokio::{
     io::{AsyncReadExt, BufReader},
     sync::{OwnedSemaphorePermit, Semaphore, mpsc},
@@ -47,7 +45,7 @@ struct Unfinished {
 impl Unfinished {
     /// Takes memory for so many bytes of a payload.
     fn grow(&mut self, bytes: usize) -> Result<(), NetError> {
-        let mut all = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut all = UNFINISHED.lock();
         all.1 += usize::from(self.bytes == 0);
         all.0 += bytes - self.bytes;
         self.bytes = bytes;
@@ -60,7 +58,7 @@ impl Unfinished {
 
 impl Drop for Unfinished {
     fn drop(&mut self) {
-        let mut all = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut all = UNFINISHED.lock();
         all.0 -= self.bytes;
         all.1 -= usize::from(self.bytes > 0);
     }
@@ -233,7 +231,7 @@ mod tests {
                 held.push(share);
             }
         }
-        let (all, number) = *UNFINISHED.lock().unwrap();
+        let (all, number) = *UNFINISHED.lock();
         assert!(all <= MAX_UNFINISHED && number >= held.len(), "{all} of {number}");
         assert!(held.len() >= 8, "some arrive");
         assert!(Unfinished::default().grow(1 << 20).is_ok(), "short ones arrive all the same");

@@ -1,7 +1,7 @@
 //! When the other side of a connection was last heard.
 
-use std::sync::{Arc, Mutex, PoisonError};
-
+use parking_lot::Mutex;
+use std::sync::Arc;
 use tokio::time::Instant;
 
 use crate::SILENCE;
@@ -18,11 +18,11 @@ impl LastHeard {
 
     /// Notes that bytes have just arrived.
     pub(crate) fn note(&self) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
+        *self.0.lock() = Instant::now();
     }
 
     /// Returns true if bytes have arrived within [`SILENCE`].
     pub(crate) fn is_recent(&self) -> bool {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).elapsed() < SILENCE
+        self.0.lock().elapsed() < SILENCE
     }
 }

@@ -62,6 +62,7 @@ mod shading_tests;
 mod sky;
 mod suns;
 mod surface;
+mod textured;
 mod virtual_distance;
 mod weighting;
 

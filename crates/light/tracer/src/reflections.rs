@@ -9,14 +9,13 @@
 //! Only perfect mirrors and smooth glass use cubes: their rays have one direction. Rays inside
 //! glass are always traced.
 
-use std::sync::{PoisonError, RwLock};
-
 use glam::Vec3;
 use holo_raycast::{Hit, Ray, Raycaster};
 use holo_reflection_cube::{
     CubeAnswer, CubeLight, LEAST_RESOLUTION, ReflectionCube, ReflectionSample, bytes_of,
 };
 use holo_scene::{Scene, ShinyObjects};
+use parking_lot::RwLock;
 
 use crate::engine::PathEngine;
 use crate::path::Start;
@@ -119,7 +118,7 @@ impl CachedReflections {
     pub(crate) fn report(&self) -> ReflectionReport {
         let mut report = ReflectionReport { objects: self.cubes.len(), ..Default::default() };
         for cube in &self.cubes {
-            let cube = cube.read().unwrap_or_else(PoisonError::into_inner);
+            let cube = cube.read();
             if let Some(of_cube) = cube.as_ref().map(ReflectionCube::statistics) {
                 report.texels += of_cube.texels;
                 report.valid += of_cube.valid;
@@ -132,7 +131,7 @@ impl CachedReflections {
 
     /// Returns the light of a ray that leaves an object.
     fn look_up(&self, object: u32, ray: &Ray) -> CubeAnswer {
-        let cube = self.cubes[object as usize].read().unwrap_or_else(PoisonError::into_inner);
+        let cube = self.cubes[object as usize].read();
         let Some(cube) = cube.as_ref() else { return CubeAnswer::Unknown };
         let is_known = |light: &CubeLight| light.count >= self.settings.least_paths;
         let answer = match (cube.grid().texel_of(ray.direction), self.settings.has_parallax) {
@@ -148,7 +147,7 @@ impl CachedReflections {
 
     fn change(&self, object: u32, change: impl FnOnce(&mut ReflectionCube)) {
         let cube = &self.cubes[object as usize];
-        let mut cube = cube.write().unwrap_or_else(PoisonError::into_inner);
+        let mut cube = cube.write();
         let centre = self.objects.centres()[object as usize];
         change(cube.get_or_insert_with(|| ReflectionCube::new(centre, self.settings.resolution)));
     }

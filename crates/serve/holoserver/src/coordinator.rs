@@ -14,6 +14,7 @@
 //! - No better sample replaces one in a beam that a display looks at.
 
 mod audits;
+mod blob_queue;
 mod blobs;
 mod checks;
 mod dealing;
@@ -60,7 +61,7 @@ use crate::{
     shard::Share,
     workers::ConnectedWorker,
 };
-use blobs::BlobQueue;
+use blob_queue::BlobQueue;
 use display::ConnectedDisplay;
 use fill::Fill;
 use saver::Saver;

@@ -3,12 +3,8 @@
 //! Invariant: at most [`MAX_UNFINISHED`] are open. One more ends the oldest one of the address that
 //! has most of them. So a peer that opens many connections and stays silent ends only its own.
 
-use std::{
-    collections::HashMap,
-    net::IpAddr,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
-};
-
+use parking_lot::{Mutex, MutexGuard};
+use std::{collections::HashMap, net::IpAddr, sync::Arc};
 use tokio::task::AbortHandle;
 
 /// Most unfinished handshakes. Each costs a socket and the bytes of a hello.
@@ -56,7 +52,7 @@ impl Handshakes {
 
     fn lock(&self) -> MutexGuard<'_, HandshakeState> {
         // Each change is whole before anything can panic.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 }
 

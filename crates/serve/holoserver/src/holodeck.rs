@@ -4,7 +4,7 @@
 use std::{
     path::{Path, PathBuf},
     sync::{
-        Arc, Mutex, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard,
+        Arc, OnceLock,
         atomic::{AtomicU32, Ordering},
     },
 };
@@ -14,6 +14,7 @@ use holo_beamfile::{BeamFile, Maker, Options};
 use holo_proto::control::{MAX_VIEWS, Welcome};
 use holo_scene::Scene;
 use holo_section::Section;
+use parking_lot::{Mutex, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use crate::{
     about::HolodeckDescription,
@@ -48,7 +49,7 @@ impl Draft {
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
         let path = path.with_file_name(format!(".holodeck-{}-{number}.tmp", std::process::id()));
-        DRAFTS.lock().unwrap_or_else(PoisonError::into_inner).push(path.clone());
+        DRAFTS.lock().push(path.clone());
         Draft(path)
     }
 }
@@ -57,13 +58,13 @@ impl Drop for Draft {
     fn drop(&mut self) {
         // It has usually been renamed, or was never made.
         let _ = std::fs::remove_file(&self.0);
-        DRAFTS.lock().unwrap_or_else(PoisonError::into_inner).retain(|path| *path != self.0);
+        DRAFTS.lock().retain(|path| *path != self.0);
     }
 }
 
 /// Removes the files that are being made, before a process ends in the middle of it.
 pub fn remove_drafts() {
-    for path in DRAFTS.lock().unwrap_or_else(PoisonError::into_inner).iter() {
+    for path in DRAFTS.lock().iter() {
         // One that is not there yet cannot be removed.
         let _ = std::fs::remove_file(path);
     }
@@ -312,7 +313,7 @@ impl Holodeck {
         }
         unproven.iter().for_each(|(_, claims)| unseen.add(claims));
         let saved = (unseen.changes(), unproven.changes());
-        *self.unseen_saved.lock().unwrap_or_else(PoisonError::into_inner) = saved;
+        *self.unseen_saved.lock() = saved;
         *self.unseen_mut() = unseen;
         *self.unproven_mut() = unproven;
         Ok(())
@@ -337,20 +338,20 @@ impl Holodeck {
 
     /// Returns the beams that are known to see nothing.
     pub fn unseen(&self) -> RwLockReadGuard<'_, UnseenBeams> {
-        self.unseen.read().unwrap_or_else(PoisonError::into_inner)
+        self.unseen.read()
     }
 
     pub(crate) fn unseen_mut(&self) -> RwLockWriteGuard<'_, UnseenBeams> {
-        self.unseen.write().unwrap_or_else(PoisonError::into_inner)
+        self.unseen.write()
     }
 
     /// Returns those that nobody has checked.
     pub fn unproven(&self) -> RwLockReadGuard<'_, UnprovenClaims> {
-        self.unproven.read().unwrap_or_else(PoisonError::into_inner)
+        self.unproven.read()
     }
 
     pub(crate) fn unproven_mut(&self) -> RwLockWriteGuard<'_, UnprovenClaims> {
-        self.unproven.write().unwrap_or_else(PoisonError::into_inner)
+        self.unproven.write()
     }
 
     /// Writes the beams that see nothing, if the file has others. Waits for the disk.
@@ -358,7 +359,7 @@ impl Holodeck {
     /// # Errors
     /// If they cannot be written.
     pub fn save_unseen(&self) -> Result<()> {
-        let mut saved = self.unseen_saved.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut saved = self.unseen_saved.lock();
         let (changes, proven, claims) = {
             let (unseen, unproven) = (self.unseen(), self.unproven());
             let changes = (unseen.changes(), unproven.changes());
@@ -396,7 +397,7 @@ impl Holodeck {
         &self,
         changes: &[(String, String)],
     ) -> (Vec<(String, String)>, Vec<Result<()>>) {
-        let mut kept = self.views.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.views.lock();
         let mut views = kept.clone();
         let results: Vec<_> =
             changes.iter().map(|change| self.change_view(&mut views, change)).collect();
@@ -442,22 +443,22 @@ impl Holodeck {
 
     /// Returns about how many bytes the list of views takes in the file.
     pub(crate) fn view_bytes(&self) -> usize {
-        let views = self.views.lock().unwrap_or_else(PoisonError::into_inner);
+        let views = self.views.lock();
         views.iter().map(|(name, options)| name.len() + options.len() + 24).sum()
     }
 
     /// Returns the cells of surface light of the file and of all workers.
     pub fn cells(&self) -> RwLockReadGuard<'_, SharedCells> {
-        self.cells.read().unwrap_or_else(PoisonError::into_inner)
+        self.cells.read()
     }
 
     pub(crate) fn cells_mut(&self) -> RwLockWriteGuard<'_, SharedCells> {
-        self.cells.write().unwrap_or_else(PoisonError::into_inner)
+        self.cells.write()
     }
 
     /// Returns who made samples.
     pub fn makers(&self) -> RwLockReadGuard<'_, MachineList> {
-        self.makers.read().unwrap_or_else(PoisonError::into_inner)
+        self.makers.read()
     }
 
     /// Writes who made samples, if the file says otherwise. Waits for the disk.
@@ -465,7 +466,7 @@ impl Holodeck {
     /// # Errors
     /// If it cannot be written.
     pub fn save_makers(&self) -> Result<()> {
-        let mut saved = self.makers_saved.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut saved = self.makers_saved.lock();
         let makers = self.makers().clone();
         if self.writable && makers != *saved {
             makers.store(&self.file)?;
@@ -475,7 +476,7 @@ impl Holodeck {
     }
 
     pub(crate) fn makers_mut(&self) -> RwLockWriteGuard<'_, MachineList> {
-        self.makers.write().unwrap_or_else(PoisonError::into_inner)
+        self.makers.write()
     }
 
     /// Writes the cells of surface light if the file lacks many or, at the end, any. Waits for the
@@ -484,7 +485,7 @@ impl Holodeck {
     /// # Errors
     /// If they cannot be written.
     pub fn save_cells(&self, is_end: bool) -> Result<()> {
-        let mut saved = self.cells_saved.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut saved = self.cells_saved.lock();
         let missing = saved.missing(&self.cells(), is_end);
         match missing.filter(|_| self.writable) {
             Some(missing) => saved.write(&self.file, missing),
@@ -524,7 +525,7 @@ impl Holodeck {
             settings: self.about.settings,
             scene: self.about.scene,
             up: self.about.up,
-            views: self.views.lock().unwrap_or_else(PoisonError::into_inner).clone(),
+            views: self.views.lock().clone(),
             samples: self.file.stats().samples,
             tracing: self.writable,
             sky: self.about.sky,

@@ -1,15 +1,10 @@
 //! Connections: taken or refused, and then a source of mail for the coordinator.
 
-use std::{
-    collections::BTreeMap,
-    future::pending,
-    pin::pin,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
-    time::Duration,
-};
+use std::{collections::BTreeMap, future::pending, pin::pin, sync::Arc, time::Duration};
 
 use holo_net::{Access, Identity, Inbox, NetError, Outbox};
 use holo_proto::hello::{Hello, Role};
+use parking_lot::Mutex;
 use tokio::{
     net::{TcpListener, TcpStream},
     sync::mpsc::UnboundedSender,
@@ -89,7 +84,7 @@ impl ConnectionSlot {
         role: Role,
         token: Option<String>,
     ) -> Option<ConnectionSlot> {
-        let mut known = lock(places);
+        let mut known = places.lock();
         if !known.has_room(role, &token) {
             return None;
         }
@@ -101,16 +96,11 @@ impl ConnectionSlot {
 
 impl Drop for ConnectionSlot {
     fn drop(&mut self) {
-        let mut places = lock(&self.places);
+        let mut places = self.places.lock();
         let count = places.count(self.role, &self.token);
         *count = count.saturating_sub(1);
         places.peers.retain(|_, count| *count > 0);
     }
-}
-
-fn lock(places: &Mutex<ConnectionSlots>) -> MutexGuard<'_, ConnectionSlots> {
-    // Each change is whole before anything can panic.
-    places.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl ListenContext {
@@ -261,6 +251,6 @@ mod tests {
         drop((first, admins));
         assert!(take(Role::Worker, "a").is_some() && take(Role::Admin, "b").is_some());
         drop(second);
-        assert!(lock(&places).peers.is_empty());
+        assert!(places.lock().peers.is_empty());
     }
 }

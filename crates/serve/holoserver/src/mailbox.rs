@@ -10,13 +10,11 @@
 //! - A display's messages are dropped when the display goes. A worker's messages are handled,
 //!   because they contain finished work.
 
-use std::{
-    collections::VecDeque,
-    sync::{Mutex, MutexGuard, PoisonError},
-};
+use std::collections::VecDeque;
 
 use holo_net::Message;
 use holo_proto::hello::Role;
+use parking_lot::{Mutex, MutexGuard};
 use tokio::sync::Notify;
 
 /// Most messages that wait.
@@ -134,7 +132,7 @@ impl Mailbox {
 
     fn lock(&self) -> MutexGuard<'_, MailboxState> {
         // Each change is whole before anything can panic.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 }
 

@@ -1,11 +1,6 @@
 //! Threads that trace packets: a queue in, results out.
 
-use std::{
-    collections::VecDeque,
-    sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError},
-    thread::JoinHandle,
-    time::Instant,
-};
+use std::{collections::VecDeque, sync::Arc, thread::JoinHandle, time::Instant};
 
 use holo_proto::{
     MAX_RAYS_PER_PACKET,
@@ -13,6 +8,7 @@ use holo_proto::{
 };
 use holo_section::{BeamId, BeamKey, BeamSampler, DVec3, RayCoords, Sample, Section, Viewpoint};
 use holo_tracer::Tracer;
+use parking_lot::{Condvar, Mutex, MutexGuard};
 use tokio::sync::mpsc;
 
 use crate::unseen::UnseenCache;
@@ -80,7 +76,7 @@ struct PoolState {
 impl PoolState {
     fn lock(&self) -> MutexGuard<'_, Queue> {
         // The queue is only pushed to and popped from, so a thread that panics leaves it intact.
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+        self.queue.lock()
     }
 }
 
@@ -144,7 +140,7 @@ fn work(shared: &PoolState, task: &Task, finished: &mpsc::UnboundedSender<PoolRe
                 if queue.closed {
                     return;
                 }
-                queue = shared.more.wait(queue).unwrap_or_else(PoisonError::into_inner);
+                shared.more.wait(&mut queue);
             }
             let take = queue.jobs.len().min(TAKE);
             jobs.extend(queue.jobs.drain(..take));

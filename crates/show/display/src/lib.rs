@@ -29,6 +29,7 @@ mod phase;
 mod pixel_weights;
 mod random;
 mod renderer;
+mod request;
 mod select;
 mod sky_view;
 mod stored;
@@ -50,7 +51,8 @@ pub use parts::PartsPlan;
 pub use phase::{FramePhase, ViewPhases};
 pub use pixel_weights::PixelWeights;
 pub use random::{mix, pair, split_mix};
-pub use renderer::{DriverError, FrameRequest, PartsRenderer, Renderer};
+pub use renderer::{PartsRenderer, Renderer};
+pub use request::{DriverError, FrameRequest};
 pub use select::{
     Coverage, SelectOptions, Selection, WantedBeam, select_beams, select_weighted_beams, viewpoint,
     viewpoint_radius,

@@ -1,9 +1,10 @@
 //! The light of drivers whose renderers store the samples of their views themselves.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 
 use holo_picture::View;
 use holo_section::{BeamKey, RayCoords, Sample};
+use parking_lot::Mutex;
 
 use crate::{
     Age, BeamSearch, DriverError, Frame, FramePhase, FrameRequest, Interrupt, Light, LiveSample,
@@ -42,7 +43,7 @@ impl<R: StoringRenderer> ViewLight<R> {
         let mut all = true;
         self.renderers.retain(|renderer| {
             let Some(renderer) = renderer.upgrade() else { return false };
-            all &= pass(&mut lock(&renderer));
+            all &= pass(&mut renderer.lock());
             true
         });
         all
@@ -81,15 +82,15 @@ impl<R: StoringRenderer> Light for ViewLight<R> {
 
 impl<R: StoringRenderer> Renderer for SharedRenderer<R> {
     fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
-        lock(&self.0).look(look)
+        self.0.lock().look(look)
     }
 
     fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
-        lock(&self.0).insert_live(paths, rays);
+        self.0.lock().insert_live(paths, rays);
     }
 
     fn settle(&mut self) {
-        lock(&self.0).settle();
+        self.0.lock().settle();
     }
 
     fn draw(
@@ -98,19 +99,19 @@ impl<R: StoringRenderer> Renderer for SharedRenderer<R> {
         interrupt: &Interrupt,
         stage_ended: &mut dyn FnMut(&'static str),
     ) -> Option<Frame> {
-        lock(&self.0).draw(phase, interrupt, stage_ended)
+        self.0.lock().draw(phase, interrupt, stage_ended)
     }
 
     fn refines(&self) -> bool {
-        lock(&self.0).refines()
+        self.0.lock().refines()
     }
 
     fn prepare(&mut self, phase: FramePhase) -> bool {
-        lock(&self.0).prepare(phase)
+        self.0.lock().prepare(phase)
     }
 
     fn switch(&mut self, part: &str, on: bool) -> bool {
-        lock(&self.0).switch(part, on)
+        self.0.lock().switch(part, on)
     }
 
     fn parts(&mut self) -> Option<&mut dyn PartsRenderer> {
@@ -129,35 +130,30 @@ impl<R: StoringRenderer> RayWishes for SharedRenderer<R> {
         look: &FrameRequest,
         beams: Vec<WantedBeam>,
     ) -> Result<Vec<WantedBeam>, DriverError> {
-        lock(&self.0).weigh(look, beams)
+        self.0.lock().weigh(look, beams)
     }
 
     fn pixel_weights(&mut self) -> Option<PixelWeights> {
-        lock(&self.0).pixel_weights()
+        self.0.lock().pixel_weights()
     }
 
     fn rays(&mut self, expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
-        lock(&self.0).rays(expected)
+        self.0.lock().rays(expected)
     }
 
     fn viewpoint_radius(&mut self, look: &FrameRequest, nearest: f64) -> f64 {
-        lock(&self.0).viewpoint_radius(look, nearest)
+        self.0.lock().viewpoint_radius(look, nearest)
     }
 
     fn depths(&mut self) -> Vec<f32> {
-        lock(&self.0).depths()
+        self.0.lock().depths()
     }
 
     fn uncovered(&mut self) -> Vec<u32> {
-        lock(&self.0).uncovered()
+        self.0.lock().uncovered()
     }
 
     fn surface_beams(&mut self, search: Search) -> Option<BeamSearch> {
-        lock(&self.0).surface_beams(search)
+        self.0.lock().surface_beams(search)
     }
-}
-
-fn lock<R>(renderer: &Mutex<R>) -> MutexGuard<'_, R> {
-    // After a panic the caller ends too. What it still draws may be incomplete, but is safe.
-    renderer.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -3,10 +3,11 @@
 //!
 //! Invariant: points are taken only by a driver of the scene that they were left for, once.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use holo_display::ObjectMotion;
 use holo_picture::View;
+use parking_lot::{Mutex, MutexGuard};
 
 use crate::PointImage;
 
@@ -84,6 +85,6 @@ impl PointMemory {
 
     fn lock(&self) -> MutexGuard<'_, SceneMemory> {
         // Every change leaves it consistent.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 }

@@ -6,13 +6,13 @@
 //!
 //! Invariant: without panes, nothing is computed.
 
-use crate::cell::{Sums, luminance};
-use crate::draw::AmbientGuess;
+use crate::ambient::AmbientGuess;
 use crate::estimate::LightSums;
 use crate::filter::OfSquares;
-use crate::materials::LEAST_REFLECTANCE;
+use crate::light_store::{LEAST_REFLECTANCE, Sums, luminance};
 use crate::squares::{SquareLayer, Squares};
-use crate::view::{SurfaceView, VisiblePoint};
+use crate::view::SurfaceView;
+use crate::visible::VisiblePoint;
 use glam::Vec3;
 use rayon::prelude::*;
 

@@ -6,10 +6,11 @@
 //!
 //! Invariant: without coats, nothing is computed.
 
-use crate::cell::{Sums, luminance};
 use crate::estimate::{Estimate, LightSums};
+use crate::light_store::{Sums, luminance};
 use crate::planes::{Square, SquareLayout, SquarePlanes};
-use crate::view::{SurfaceView, VisiblePoint};
+use crate::view::SurfaceView;
+use crate::visible::VisiblePoint;
 use glam::Vec3;
 use rayon::prelude::*;
 

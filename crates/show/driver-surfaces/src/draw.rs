@@ -4,18 +4,17 @@
 //! Invariant: the best picture of a view is a function of the store and the view. The number of
 //! threads changes no bit.
 
+use crate::ambient::AmbientGuess;
 use crate::behind::BehindPanes;
-use crate::cell::{FaceClass, Sums, luminance};
-use crate::edges::{Edge, EdgePiece};
 use crate::estimate::Estimate;
 use crate::filter::OfSquares;
 use crate::gather::Gathered;
 use crate::known::LightMemory;
-use crate::reflections::Reflections;
+use crate::light_store::{FaceClass, LightStore, Reflections, Sums, luminance};
 use crate::squares::{SquareLayer, Squares};
-use crate::store::LightStore;
-use crate::view::{InPane, SurfaceView, VisiblePoint};
-use glam::Vec3;
+use crate::view::SurfaceView;
+use crate::visible::{Edge, EdgePiece};
+use crate::visible::{InPane, VisiblePoint};
 use holo_denoise::Denoiser;
 use holo_display::Interrupt;
 use rayon::prelude::*;
@@ -65,17 +64,6 @@ pub(crate) struct Density {
     pub covered: f32,
 }
 
-/// Light for surfaces without known light in any pixel nearby.
-pub(crate) struct AmbientGuess<'a> {
-    store: &'a LightStore,
-    /// Mean of all samples, for surfaces of which nothing is known. Without any sample, the light
-    /// that the scene's lamps let expect.
-    mean: Vec3,
-    /// The eye, relative to the scene's origin, if there is no sample. Surfaces are then shaded by
-    /// their angle, so that the room is recognised.
-    eye: Option<Vec3>,
-}
-
 /// Light of a refined picture besides that of its squares.
 struct RefinedLight<'a> {
     /// The sums of the view's pieces.
@@ -90,9 +78,6 @@ pub(crate) struct KnownLight {
     /// The light that panes mirror.
     in_panes: Option<SquareLayer>,
 }
-
-/// How much darker a surface is drawn that is seen edge-on, while no light is known at all.
-const SHADE: f32 = 0.7;
 
 /// Stands for no pane.
 const NO_PANE: u32 = u32::MAX;
@@ -251,22 +236,6 @@ impl Density {
         } else {
             2
         }
-    }
-}
-
-impl<'a> AmbientGuess<'a> {
-    fn new(view: &SurfaceView, store: &'a LightStore) -> AmbientGuess<'a> {
-        match store.samples() {
-            0 => AmbientGuess { store, mean: view.expected_light(), eye: Some(view.eye()) },
-            _ => AmbientGuess { store, mean: store.mean(), eye: None },
-        }
-    }
-
-    /// Returns the light of a surface of which nothing is known.
-    fn of(&self, seen: &VisiblePoint) -> Vec3 {
-        let Some(eye) = self.eye else { return self.mean };
-        let cosine = (seen.point - eye).normalize_or(seen.normal).dot(seen.normal).abs();
-        self.mean * (1.0 - SHADE * (1.0 - cosine))
     }
 }
 

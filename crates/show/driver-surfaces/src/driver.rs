@@ -4,14 +4,12 @@
 //! the set of samples inserted since the session began, in any order. Only the first frame of a
 //! view may show light that earlier frames found, also those of other renderers.
 
+use crate::cube_light::LightSources;
 use crate::draw::Drawn;
 use crate::known::LightMemory;
+use crate::light_store::{Follower, Placed, Reflections, Waits};
 use crate::parts::PartsSource;
-use crate::place::Placed;
-use crate::reflections::{LightSources, Reflections};
 use crate::shown::{Edges, Refined, SurfacesView};
-use crate::trail::Follower;
-use crate::waits::Waits;
 use crate::{Gathered, LightStore, Materials, Placer, RaySample, SurfaceView};
 use holo_denoise::Denoiser;
 use holo_display::{
@@ -22,9 +20,10 @@ use holo_display::{
 use holo_picture::{Picture, View};
 use holo_raycast::Raycaster;
 use holo_section::{BeamKey, RayCoords, Sample, Section};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 /// The driver's name, also with stand-ins.
 pub(crate) const NAME: &str = "surfaces";
@@ -142,7 +141,7 @@ impl SurfaceLight {
 
     /// Returns a renderer that draws from this light.
     pub fn surface_renderer(&self) -> SurfaceRenderer {
-        let mut scene = lock(&self.0);
+        let mut scene = self.0.lock();
         let number = scene.next;
         scene.next += 1;
         SurfaceRenderer { scene: Arc::clone(&self.0), number }
@@ -150,13 +149,8 @@ impl SurfaceLight {
 
     /// Takes the denoiser, for another light.
     pub(crate) fn take_denoiser(&mut self) -> Option<Denoiser> {
-        lock(&self.0).denoiser.take()
+        self.0.lock().denoiser.take()
     }
-}
-
-fn lock(scene: &Mutex<LitScene>) -> MutexGuard<'_, LitScene> {
-    // After a panic the caller ends too. What it still draws may be incomplete, but is safe.
-    scene.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Light for SurfaceLight {
@@ -165,11 +159,11 @@ impl Light for SurfaceLight {
     }
 
     fn room(&self) -> u64 {
-        lock(&self.0).store.most_samples() as u64 / 4 * 3
+        self.0.lock().store.most_samples() as u64 / 4 * 3
     }
 
     fn insert(&mut self, age: Age, beam: BeamKey, paths: u16, samples: &[Sample]) {
-        let scene = &mut *lock(&self.0);
+        let scene = &mut *self.0.lock();
         // A beam may have millions of samples. To place them takes several times their memory.
         for samples in samples.chunks(BATCH) {
             let waits = match age {
@@ -189,7 +183,7 @@ impl Light for SurfaceLight {
     }
 
     fn remove_earlier(&mut self, beam: BeamKey, paths: u16, samples: &[Sample]) -> bool {
-        lock(&self.0).leaving.push(beam, paths, samples);
+        self.0.lock().leaving.push(beam, paths, samples);
         true
     }
 
@@ -412,7 +406,10 @@ impl LitScene {
     fn fill_cubes(&mut self) -> bool {
         let Some(reflections) = &mut self.reflections else { return false };
         let follower = Follower::new(&self.raycaster, &self.materials);
-        reflections.fill(&LightSources { follower, store: &self.store, known: &self.known })
+        let sources = LightSources { follower, store: &self.store, known: &self.known };
+        reflections.fill(&self.raycaster, self.store.samples(), |ray, width, own| {
+            sources.along(ray, width, own)
+        })
     }
 
     /// Does a piece of work for the next frame of a view at rest. Returns true if more is left.
@@ -466,18 +463,18 @@ impl LitScene {
 
 impl Drop for SurfaceRenderer {
     fn drop(&mut self) {
-        lock(&self.scene).views.remove(&self.number);
+        self.scene.lock().views.remove(&self.number);
     }
 }
 
 impl Renderer for SurfaceRenderer {
     fn look(&mut self, look: &FrameRequest) -> Result<(), DriverError> {
-        lock(&self.scene).look(self.number, look);
+        self.scene.lock().look(self.number, look);
         Ok(())
     }
 
     fn insert_live(&mut self, paths: u16, rays: &[LiveSample]) {
-        lock(&self.scene).insert_live(paths, rays);
+        self.scene.lock().insert_live(paths, rays);
     }
 
     fn settle(&mut self) {
@@ -490,11 +487,11 @@ impl Renderer for SurfaceRenderer {
         interrupt: &Interrupt,
         _stage_ended: &mut dyn FnMut(&'static str),
     ) -> Option<Frame> {
-        lock(&self.scene).draw(self.number, phase, interrupt)
+        self.scene.lock().draw(self.number, phase, interrupt)
     }
 
     fn refines(&self) -> bool {
-        let scene = lock(&self.scene);
+        let scene = self.scene.lock();
         let has_denoiser = scene.denoiser.is_some();
         let refines = |shown: &SurfacesView| {
             shown.drawn.is_some_and(|drawn| drawn != shown.refined(has_denoiser, false))
@@ -503,7 +500,7 @@ impl Renderer for SurfaceRenderer {
     }
 
     fn prepare(&mut self, phase: FramePhase) -> bool {
-        lock(&self.scene).prepare(self.number, phase)
+        self.scene.lock().prepare(self.number, phase)
     }
 
     fn switch(&mut self, _part: &str, _on: bool) -> bool {
@@ -521,7 +518,7 @@ impl Renderer for SurfaceRenderer {
 
 impl PartsRenderer for SurfaceRenderer {
     fn plan(&mut self, look: &FrameRequest) -> PartsPlan {
-        let scene = &mut *lock(&self.scene);
+        let scene = &mut *self.scene.lock();
         scene.place_waiting();
         scene.parts(&Interrupt::default()).plan(look)
     }
@@ -533,7 +530,7 @@ impl PartsRenderer for SurfaceRenderer {
         rows: Range<u32>,
         interrupt: &Interrupt,
     ) -> Option<Picture> {
-        lock(&self.scene).parts(interrupt).part(plan, columns, rows)
+        self.scene.lock().parts(interrupt).part(plan, columns, rows)
     }
 }
 
@@ -547,7 +544,7 @@ impl RayWishes for SurfaceRenderer {
     }
 
     fn pixel_weights(&mut self) -> Option<PixelWeights> {
-        lock(&self.scene).views.get(&self.number)?.weights.clone()
+        self.scene.lock().views.get(&self.number)?.weights.clone()
     }
 
     fn rays(&mut self, _expected: Option<&View>) -> Option<Vec<(BeamKey, RayCoords)>> {
@@ -559,11 +556,11 @@ impl RayWishes for SurfaceRenderer {
     }
 
     fn depths(&mut self) -> Vec<f32> {
-        lock(&self.scene).views.get(&self.number).map_or_else(Vec::new, SurfacesView::depth)
+        self.scene.lock().views.get(&self.number).map_or_else(Vec::new, SurfacesView::depth)
     }
 
     fn uncovered(&mut self) -> Vec<u32> {
-        match lock(&self.scene).views.get(&self.number) {
+        match self.scene.lock().views.get(&self.number) {
             Some(shown) if !shown.look.is_moving => {
                 let mut pixels =
                     uncovered_pixels(&shown.covered, &shown.look.view, shown.look.size);
@@ -576,7 +573,7 @@ impl RayWishes for SurfaceRenderer {
     }
 
     fn surface_beams(&mut self, search: Search) -> Option<BeamSearch> {
-        let scene = lock(&self.scene);
+        let scene = self.scene.lock();
         let ends = scene.views.get(&self.number)?.ends(scene.raycaster.scene().origin);
         let sections = Arc::clone(&scene.sections);
         (!ends.is_empty()).then(|| -> BeamSearch {

@@ -2,13 +2,13 @@
 //!
 //! Invariant: the shares of a pixel's pieces add up to 1.
 
-use crate::trail::{AtPanes, RayContent, Trail};
-use crate::view::{PLAIN, SurfaceView, VisiblePoint, are_near, seen};
+use crate::light_store::{AtPanes, RayContent, Trail};
+use crate::view::SurfaceView;
+use crate::visible::{Edge, EdgePiece, PLAIN, VisiblePoint, are_near, seen};
 use glam::Vec3;
 use holo_raycast::{Hit, MAX_TILE, Ray};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
-use std::ops::Range;
 
 /// Rays through a pixel if its first [`FIRST`] rays see several things.
 const POINTS: usize = 16;
@@ -21,29 +21,6 @@ const TOGETHER: usize = MAX_TILE / FIRST;
 
 // Further rays take as much room as the first ones, so one tile holds either.
 const _: () = assert!(POINTS == 2 * FIRST);
-
-/// A pixel that shows several things.
-#[derive(Clone, Debug)]
-pub struct Edge {
-    /// The pixel's number.
-    pub pixel: usize,
-    /// The numbers of its pieces.
-    pub pieces: Range<usize>,
-}
-
-/// One of the things that a pixel on an edge shows.
-#[derive(Clone, Copy, Debug)]
-pub struct EdgePiece {
-    /// The surface, or the lack of one.
-    pub seen: VisiblePoint,
-    /// The piece's share of the pixel.
-    pub share: f32,
-    /// The middle of the piece in the picture, pixels. The middle of the first pixel is at 0.
-    pub at: (f32, f32),
-    /// True if the piece has its own sums: it is not what the pixel's middle shows, and is not seen
-    /// in a mirror.
-    pub is_apart: bool,
-}
 
 /// A piece while its pixel's rays are being followed.
 struct FollowedPiece {

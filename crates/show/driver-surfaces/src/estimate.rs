@@ -1,6 +1,6 @@
 //! Estimates of light from sums, with their standard errors.
 
-use crate::cell::{Sums, luminance};
+use crate::light_store::{Sums, luminance};
 use glam::Vec3;
 
 /// Weight of a prior variance, in samples: a measured variance counts for more from here on.
@@ -134,7 +134,7 @@ impl LightSums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cell::SampleLight;
+    use crate::light_store::SampleLight;
 
     const BRIGHT: f32 = 1e6;
 

@@ -7,12 +7,12 @@
 //! Invariant: the sums in which a sample counts are a function of the sample, the view, and whether
 //! the view has looked into its edges.
 
-use crate::cell::{FaceClass, SampleLight, Sums};
-use crate::edges::EdgePiece;
+use crate::light_store::{
+    Bucket, Cube, FaceClass, LightStore, Placed, SampleLight, StoredLight, Sums,
+};
 use crate::owners::{Mirrored, Owners};
-use crate::place::Placed;
-use crate::store::{Bucket, Cube, LightStore, StoredLight};
 use crate::view::SurfaceView;
+use crate::visible::EdgePiece;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::Arc;

@@ -6,13 +6,13 @@
 //! - A place has the light that was found last for it, also if that was found for a part of it.
 //! - At most twice [`MOST_PLACES`] places are stored. Those found longest ago go first.
 
-use crate::cell::{FaceClass, luminance};
 use crate::estimate::Estimate;
-use crate::materials::{Finish, MaterialClass};
-use crate::reflections::{Reflections, RoughMetal};
+use crate::light_store::{
+    FaceClass, Finish, MaterialClass, Reflections, RoughMetal, TrailEnd, luminance,
+};
 use crate::squares::Squares;
-use crate::trail::TrailEnd;
-use crate::view::{SurfaceView, VisiblePoint};
+use crate::view::SurfaceView;
+use crate::visible::VisiblePoint;
 use glam::{IVec3, Vec3};
 use holo_display::split_mix;
 use rayon::prelude::*;

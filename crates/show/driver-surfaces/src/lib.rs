@@ -21,11 +21,13 @@
 //! Invariants:
 //! - Sums are integers, so the order and the batches of samples change no bit of a picture.
 //! - A sample is placed once, when it arrives. The store outlives the views.
+//! - The folder `light_store` uses nothing of the rest, which draws. A test holds that.
 //! - The crate does no input or output, and reads no clock.
 
+mod ambient;
 mod behind;
-mod cell;
 mod coats;
+mod cube_light;
 mod draw;
 mod driver;
 mod edges;
@@ -33,30 +35,23 @@ mod estimate;
 mod filter;
 mod gather;
 mod known;
+mod light_store;
 mod likely;
-mod materials;
 mod owners;
 mod parts;
-mod place;
 mod planes;
 mod portals;
-mod reflections;
 mod shown;
 mod squares;
 mod stand_ins;
-mod store;
-mod trail;
 mod view;
-mod waits;
+mod visible;
 
-pub use cell::Sums;
 pub use draw::Drawn;
 pub use driver::{SurfaceLight, SurfaceRenderer, surfaces_driver};
-pub use edges::{Edge, EdgePiece};
 pub use filter::EXAMPLE;
 pub use gather::Gathered;
-pub use materials::Materials;
-pub use place::{Placed, Placer, RaySample};
+pub use light_store::{LightStore, Materials, Placed, Placer, RaySample, Sums};
 pub use stand_ins::{MakeDriver, StandIn, StandIns, stand_ins_driver};
-pub use store::LightStore;
-pub use view::{InPane, SurfaceTrail, SurfaceView, VisiblePoint};
+pub use view::SurfaceView;
+pub use visible::{Edge, EdgePiece, InPane, SurfaceTrail, VisiblePoint};

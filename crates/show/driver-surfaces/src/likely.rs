@@ -6,12 +6,11 @@
 //!
 //! Invariant: likely light is a function of the view, the squares' sums, and the store.
 
-use crate::cell::{FaceClass, luminance};
+use crate::light_store::{AtPanes, FaceClass, LightStore, RayContent, luminance};
 use crate::planes::{Square, SquareLayout, SquarePlanes};
 use crate::squares::Squares;
-use crate::store::LightStore;
-use crate::trail::{AtPanes, RayContent};
-use crate::view::{SurfaceView, VisiblePoint};
+use crate::view::SurfaceView;
+use crate::visible::VisiblePoint;
 use glam::Vec3;
 use holo_display::split_mix;
 use holo_raycast::{Ray, spawn};

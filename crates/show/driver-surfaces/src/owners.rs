@@ -2,10 +2,10 @@
 //!
 //! Invariant: the owners of a sample are a function of the sample and the view.
 
-use crate::cell::FaceClass;
-use crate::edges::Edge;
-use crate::store::{Cube, Grid};
-use crate::view::{SurfaceView, VisiblePoint};
+use crate::light_store::{Cube, FaceClass, Grid};
+use crate::view::SurfaceView;
+use crate::visible::Edge;
+use crate::visible::VisiblePoint;
 use glam::{Mat3, Vec3};
 use holo_display::Camera;
 use rayon::prelude::*;

@@ -1,11 +1,11 @@
 //! The view that the driver shows, with what it knows of it: its sums, its pixels on edges, and how
 //! far its frames are refined.
 
+use crate::light_store::luminance;
 use glam::DVec3;
 use holo_display::{Certainty, FramePhase, FrameRequest, PixelWeights, VisibleEnd};
 use rayon::prelude::*;
 
-use crate::cell::luminance;
 use crate::draw::KnownLight;
 use crate::edges::Looked;
 use crate::{Gathered, LightStore, SurfaceView, VisiblePoint};

@@ -1,8 +1,8 @@
 //! Squares of a picture: their surfaces, their sums, and their light at any point of the picture.
 
-use crate::cell::Sums;
 use crate::estimate::Estimate;
-use crate::view::VisiblePoint;
+use crate::light_store::Sums;
+use crate::visible::VisiblePoint;
 use rayon::prelude::*;
 
 /// The squares of a picture, and the surface of each.

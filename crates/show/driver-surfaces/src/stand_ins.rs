@@ -16,8 +16,9 @@ use holo_display::{
 use holo_picture::View;
 use holo_raycast::Raycaster;
 use holo_section::{BeamKey, RayCoords, Sample, Section};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// Makes a driver that needs no scene. It draws pixels that look through portals.
 pub type MakeDriver = Arc<dyn Fn() -> Driver + Send + Sync>;
@@ -54,7 +55,7 @@ pub fn stand_ins_driver(
 ) -> Driver {
     let denoiser = Mutex::new(denoiser);
     let make = move || {
-        let denoiser = denoiser.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let denoiser = denoiser.lock().take();
         let light = SurfaceLight::new(Arc::clone(&sections), Arc::clone(&scene), denoiser);
         StandInsRenderer {
             sections: Arc::clone(&sections),

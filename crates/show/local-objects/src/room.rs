@@ -165,7 +165,7 @@ impl Room {
         (0..size.0 * size.1).into_par_iter().map(of).collect()
     }
 
-    /// Returns whether a hit is on a mirror or solid glass, which show another thing from each place.
+    /// Returns whether a hit is on a mirror or on solid glass, which look different from each place.
     pub(crate) fn is_mirror(&self, hit: &Hit) -> bool {
         is_smooth(&self.raycaster.scene().material(hit.triangle).bsdf)
     }

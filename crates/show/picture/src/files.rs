@@ -3,19 +3,21 @@
 //! Invariants: memory is allocated only for a size within [`MAX_PIXELS`]. If the format allows it,
 //! only pixels present in the file are counted. A file that is written appears whole or not at all.
 
+mod conversion;
+mod format;
 mod hdr;
 mod hdr_pixels;
 mod openexr;
 mod pfm;
 mod rows;
 
+pub use format::Format;
 pub use rows::{PngRows, RadianceRows};
 
 use crate::error::PictureError;
 use crate::look::{Image, Look};
 use crate::picture::Picture;
 use crate::size::MAX_PIXELS;
-use glam::{DMat3, DVec3};
 use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -23,44 +25,6 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Most bytes of a file of [`MAX_PIXELS`] pixels: 16 a pixel, plus headers.
 const MAX_FILE_BYTES: u64 = MAX_PIXELS * 16 + (1 << 20);
-
-/// A file format.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Format {
-    /// Radiance RGBE, `.hdr` and `.pic`: exact to 0.4 % of the largest channel.
-    Hdr,
-    /// Portable float map, `.pfm`: exact.
-    Pfm,
-    /// OpenEXR with 32-bit floats, `.exr`: exact.
-    Exr,
-    /// Tone mapped, 8 bits, `.png`: for writing only.
-    Png,
-}
-
-impl Format {
-    /// Returns the format of a path's extension, in upper or lower case.
-    pub fn of_path(path: &Path) -> Option<Format> {
-        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
-            "hdr" | "pic" => Some(Format::Hdr),
-            "pfm" => Some(Format::Pfm),
-            "exr" => Some(Format::Exr),
-            "png" => Some(Format::Png),
-            _ => None,
-        }
-    }
-
-    /// Returns the format that the first bytes of a file belong to.
-    pub fn of_bytes(bytes: &[u8]) -> Option<Format> {
-        match bytes {
-            [b'#', b'?', ..] => Some(Format::Hdr),
-            [b'P', b'F' | b'f', ..] => Some(Format::Pfm),
-            [0x76, 0x2f, 0x31, 0x01, ..] => Some(Format::Exr),
-            [0x89, b'P', b'N', b'G', ..] => Some(Format::Png),
-            _ => None,
-        }
-    }
-}
 
 impl Picture {
     /// Reads a picture. The first bytes determine the format, or else the extension.
@@ -105,12 +69,6 @@ impl Picture {
     pub fn encode(&self, format: Format) -> Result<Vec<u8>, PictureError> {
         encode(self, format)
     }
-}
-
-/// Converts the channels of a radiance. No colour gets a negative channel.
-fn converted(conversion: DMat3, rgb: [f32; 3]) -> [f32; 3] {
-    let rgb = conversion * DVec3::from_array(rgb.map(f64::from));
-    rgb.to_array().map(|channel| channel.max(0.0) as f32)
 }
 
 fn read(path: &Path) -> Result<Picture, PictureError> {

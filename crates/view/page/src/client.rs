@@ -150,6 +150,15 @@ impl ClientReader<'_> {
                 self.wanted.send_modify(|wanted| wanted.is_hidden = is_hidden);
             }
             PageRequest::TakeOver => self.hub.take_over(self.guest.number),
+            PageRequest::Drop(drop, name, at) => {
+                let client = self.guest.number;
+                let path = self.hub.dropped.path(client, drop, &name);
+                let path = path.filter(|path| path.is_file());
+                let sent = path.map(|path| self.hub.drive(client, number, Input::Drop(path, at)));
+                if sent != Some(true) {
+                    answer = Some(to_page::error(&format!("{name} did not arrive")));
+                }
+            }
             PageRequest::Input(input) => {
                 if let Input::Cursor(cursor) = input {
                     self.wanted.send_if_modified(|wanted| {

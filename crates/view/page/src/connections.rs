@@ -10,7 +10,7 @@ use std::{
     collections::BTreeMap,
     io,
     pin::Pin,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::Arc,
     task::{Context, Poll},
     time::Duration,
 };
@@ -20,6 +20,7 @@ use axum::{
     serve::{IncomingStream, Listener},
 };
 use futures_util::task::AtomicWaker;
+use parking_lot::Mutex;
 use tokio::{
     io::{AsyncRead, AsyncWrite, ReadBuf},
     time::{Instant, Sleep, sleep},
@@ -63,19 +64,19 @@ struct Connection {
 
 impl Connection {
     fn phase(&self) -> ConnectionPhase {
-        lock(&self.state).0
+        self.state.lock().0
     }
 
     /// Enters a phase, unless it must end.
     fn enter(&self, phase: ConnectionPhase) {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         if state.0 != ConnectionPhase::Ended {
             *state = (phase, Instant::now());
         }
     }
 
     fn end(&self) {
-        lock(&self.state).0 = ConnectionPhase::Ended;
+        self.state.lock().0 = ConnectionPhase::Ended;
         self.reader.wake();
     }
 }
@@ -86,7 +87,7 @@ impl Connections {
         if self.open.len() >= MOST_CONNECTIONS {
             let of = |phase: ConnectionPhase| {
                 let of_phase = self.open.values().filter(move |known| known.phase() == phase);
-                of_phase.min_by_key(|known| lock(&known.state).1).map(|known| known.number)
+                of_phase.min_by_key(|known| known.state.lock().1).map(|known| known.number)
             };
             let victim = of(ConnectionPhase::Unknown).or_else(|| of(ConnectionPhase::Idle));
             if let Some(victim) = victim.and_then(|number| self.open.remove(&number)) {
@@ -121,7 +122,7 @@ impl<L: Listener> Listener for Bounded<L> {
 
     async fn accept(&mut self) -> (Self::Io, Self::Addr) {
         let (stream, from) = self.listener.accept().await;
-        let connection = lock(&self.connections).add();
+        let connection = self.connections.lock().add();
         let connections = Arc::clone(&self.connections);
         let limit = Box::pin(sleep(REQUEST_TIME));
         (WatchedStream { stream, connection, connections, limit }, from)
@@ -142,7 +143,7 @@ pub struct WatchedStream<S> {
 
 impl<S> Drop for WatchedStream<S> {
     fn drop(&mut self) {
-        lock(&self.connections).open.remove(&self.connection.number);
+        self.connections.lock().open.remove(&self.connection.number);
     }
 }
 
@@ -208,11 +209,6 @@ impl Visitor {
     pub fn begins_session(&self) {
         self.0.enter(ConnectionPhase::Session);
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Every change leaves the value consistent, so a panic elsewhere does no harm.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

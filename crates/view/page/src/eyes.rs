@@ -35,12 +35,12 @@ struct EncodedImage {
 
 /// All eyes that somebody uses.
 #[derive(Debug, Default)]
-pub struct AllEyes(std::sync::Mutex<Vec<Arc<Eyes>>>);
+pub struct AllEyes(parking_lot::Mutex<Vec<Arc<Eyes>>>);
 
 impl AllEyes {
     /// Returns the eyes of a look. Everyone with this look shares them.
     pub fn of(&self, look: Look) -> Arc<Eyes> {
-        let mut all = self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut all = self.0.lock();
         // Eyes that no client uses are dropped.
         all.retain(|eyes| Arc::strong_count(eyes) > 1);
         if let Some(eyes) = all.iter().find(|eyes| eyes.look == look) {
@@ -161,6 +161,6 @@ mod tests {
         // Eyes that no client uses are dropped.
         drop((first, second));
         all.of(other.look());
-        assert_eq!(all.0.lock().unwrap().len(), 1);
+        assert_eq!(all.0.lock().len(), 1);
     }
 }

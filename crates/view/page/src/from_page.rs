@@ -69,6 +69,8 @@ pub enum PageInput {
     Drag { at: [f64; 2] },
     /// See [`ObjectOrder::Spin`].
     Spin { at: [f64; 2], degrees: f64 },
+    /// A model was dropped on the page: its file's name, the number of the drop, and the place.
+    Drop { number: u32, name: String, at: [f64; 2] },
     /// A command line, as on standard input.
     Command { line: String },
     /// See [`Input::Focus`].
@@ -171,6 +173,8 @@ pub enum PageRequest {
     Hidden(bool),
     /// Frames are to have this look.
     Look(Look),
+    /// This file of the client's drop is a model, to be put at this place of the picture.
+    Drop(u32, String, [f64; 2]),
     /// The page drives from now on.
     TakeOver,
 }
@@ -219,6 +223,9 @@ fn request(input: PageInput) -> Result<PageRequest, String> {
             Input::Focus(part.filter(inside).filter(is_whole))
         }
         PageInput::Size { width, height } => Input::Size(width, height),
+        PageInput::Drop { number, name, at } => {
+            return Ok(PageRequest::Drop(number, name, at.map(share)));
+        }
         PageInput::Shown { update } => return Ok(PageRequest::Shown(update)),
         PageInput::Hidden { hidden } => return Ok(PageRequest::Hidden(hidden)),
         PageInput::TakeOver {} => return Ok(PageRequest::TakeOver),

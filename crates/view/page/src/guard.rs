@@ -68,7 +68,7 @@ impl Need {
         };
         if request.headers().contains_key(header::UPGRADE) {
             Need::Origin
-        } else if path.starts_with("/picture.") && has_size() {
+        } else if path.starts_with("/dropped/") || path.starts_with("/picture.") && has_size() {
             Need::OwnPage
         } else if path == "/" && mode == Some(b"navigate") {
             Need::Visit
@@ -144,7 +144,7 @@ impl EntryGuard {
             Need::NoOtherSite => None,
             Need::OwnPage if has_origin || site == "same-origin" => None,
             Need::OwnPage => {
-                Some("pictures of a chosen size are for the page of this server alone")
+                Some("pictures of a chosen size and models are for the page of this server alone")
             }
             Need::Origin if has_origin => None,
             Need::Origin => Some("a session is for the page of this server alone"),

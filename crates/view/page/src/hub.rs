@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::Arc,
     time::{Duration, Instant},
 };
 
@@ -10,9 +10,10 @@ use holo_net::Shutdown;
 use holo_picture::{Image, Look};
 use holo_stage::{Front, Input, PublishedFrame};
 use holo_walk::Controls;
+use parking_lot::Mutex;
 use tokio::sync::{Notify, Semaphore, watch};
 
-use super::eyes::AllEyes;
+use super::{dropped::DroppedFiles, eyes::AllEyes};
 
 /// Most clients. Each one costs the memory of a picture.
 const MOST_CLIENTS: usize = 64;
@@ -39,6 +40,8 @@ pub struct Hub {
     /// Permits to encode a picture while it is drawn and sent. A client that takes nothing keeps
     /// one.
     pub encoders: Arc<Semaphore>,
+    /// Files that clients have dropped on the page.
+    pub dropped: DroppedFiles,
     /// The frame that each client sees, by the client's number.
     seen: Mutex<BTreeMap<u32, ClientFrame>>,
     /// When each client was last heard of, and the signal that it must give way.
@@ -83,6 +86,7 @@ impl Hub {
             session: name_of_session(),
             eyes: AllEyes::default(),
             encoders: Arc::new(Semaphore::new(MOST_ENCODERS)),
+            dropped: DroppedFiles::default(),
             seen: Mutex::default(),
             heard: Mutex::default(),
         }
@@ -92,7 +96,7 @@ impl Hub {
     /// nothing gives way.
     pub fn enter(self: &Arc<Self>) -> Option<Guest> {
         let number = {
-            let mut next = lock(&self.next_client);
+            let mut next = self.next_client.lock();
             *next += 1;
             *next - 1
         };
@@ -107,7 +111,7 @@ impl Hub {
             has_room
         });
         has_entered.then(|| {
-            lock(&self.heard).insert(number, (Instant::now(), Arc::clone(&gives_way)));
+            self.heard.lock().insert(number, (Instant::now(), Arc::clone(&gives_way)));
             Guest { number, hub: Arc::clone(self), gives_way }
         })
     }
@@ -118,7 +122,7 @@ impl Hub {
             return;
         }
         let silent = {
-            let heard = lock(&self.heard);
+            let heard = self.heard.lock();
             let silent = heard.iter().min_by_key(|(_, (at, _))| *at);
             let silent = silent.filter(|(_, (at, _))| at.elapsed() >= SILENT);
             silent.map(|(&number, (_, gives_way))| (number, Arc::clone(gives_way)))
@@ -131,8 +135,8 @@ impl Hub {
 
     /// Removes a client. If it drove, the first one drives.
     fn remove(&self, number: u32) {
-        lock(&self.seen).remove(&number);
-        lock(&self.heard).remove(&number);
+        self.seen.lock().remove(&number);
+        self.heard.lock().remove(&number);
         if self.drives(number) {
             self.let_go();
         }
@@ -190,26 +194,26 @@ impl Hub {
 
     /// Returns what a client sees, if it has seen anything.
     pub fn seen(&self, client: u32) -> Option<ClientFrame> {
-        lock(&self.seen).get(&client).cloned()
+        self.seen.lock().get(&client).cloned()
     }
 }
 
 impl Guest {
     /// Records what the client sees from now on.
     pub fn sees(&self, seen: ClientFrame) {
-        lock(&self.hub.seen).insert(self.number, seen);
+        self.hub.seen.lock().insert(self.number, seen);
     }
 
     /// Records that something has come from the client.
     pub fn is_heard(&self) {
-        if let Some((at, _)) = lock(&self.hub.heard).get_mut(&self.number) {
+        if let Some((at, _)) = self.hub.heard.lock().get_mut(&self.number) {
             *at = Instant::now();
         }
     }
 
     /// Returns for how long nothing has come from the client.
     pub fn silence(&self) -> Duration {
-        let heard = lock(&self.hub.heard);
+        let heard = self.hub.heard.lock();
         heard.get(&self.number).map_or(Duration::ZERO, |(at, _)| at.elapsed())
     }
 
@@ -229,9 +233,4 @@ impl Drop for Guest {
 fn name_of_session() -> String {
     let since = std::time::UNIX_EPOCH.elapsed().unwrap_or_default();
     format!("{}-{}", std::process::id(), since.as_nanos())
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Every change leaves the value consistent, so a panic elsewhere does no harm.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -12,6 +12,8 @@
 mod client;
 mod connections;
 mod door;
+mod drop_requests;
+mod dropped;
 mod encode;
 mod eyes;
 mod from_page;
@@ -27,7 +29,10 @@ mod to_page;
 use std::{path::PathBuf, process::Stdio, sync::Arc};
 
 use anyhow::Result;
-use axum::{Router, middleware, routing::get};
+use axum::{
+    Router, middleware,
+    routing::{get, put},
+};
 use clap::Args;
 use holo_net::Shutdown;
 use holo_stage::{Front, Stage, commands::follow_standard_input};
@@ -125,6 +130,7 @@ async fn serve(door: PageSocket, front: Front, ending: Shutdown) -> Result<()> {
         .route("/picture.png", get(saved::png).post(saved::png))
         .route("/picture.hdr", get(saved::hdr).post(saved::hdr))
         .route("/picture.exr", get(saved::exr).post(saved::exr))
+        .route("/dropped/{client}/{drop}/{name}", put(drop_requests::put))
         .route("/session", get(client::connect))
         .layer(middleware::from_fn_with_state(gate, guard::guard))
         .with_state(Arc::clone(&hub));

@@ -18,13 +18,14 @@ use holo_section::Section;
 use tokio::sync::Semaphore;
 
 use super::{
-    Ahead, RayDelay, Session,
+    Ahead, RayDelay, Session, Settling,
     crew::Restarted,
     driver_choice::{DriverChoice, LoadedScene, SceneUse},
     incoming::{Incoming, MAX_WAITING_BYTES, SessionReader},
     motion::MovedObject,
     objects::{CarriedObjects, ObjectFolder, ObjectOrder, SessionObjects},
     scene::SceneLoader,
+    waker::Waker,
 };
 
 /// Longest wait for the next piece of the scene. After it, the session draws without the scene. If
@@ -155,18 +156,6 @@ pub fn is_of_connection(error: &anyhow::Error) -> bool {
 /// Returns the name under which servers know this process.
 fn name() -> String {
     format!("holoview {}", std::process::id())
-}
-
-/// Ends a session's wait, from any thread.
-#[derive(Clone)]
-pub struct Waker(pub(super) mpsc::Sender<Incoming>);
-
-impl Waker {
-    /// Ends the wait, or the next one if the session does not wait.
-    pub fn wake(&self) {
-        // If the session is over, nothing waits.
-        let _ = self.0.send(Incoming::Wake);
-    }
 }
 
 impl Connected {
@@ -312,13 +301,12 @@ impl Connected {
             waker: self.waker,
             ahead: Ahead::new(sections),
             is_unasked: false,
-            is_loading_to_settle: false,
+            settling: Settling::View,
             last_stored: Instant::now(),
             current: None,
             awaits_beside: false,
             request_number: 0,
             drawing: Duration::ZERO,
-            settles_whole: false,
             velocity: None,
             ray_delay: RayDelay::default(),
             is_paused: false,

@@ -36,6 +36,7 @@ mod schedule;
 #[cfg(test)]
 mod tests;
 mod velocity;
+mod waker;
 mod weighing;
 mod weighing_schedule;
 
@@ -59,7 +60,7 @@ use holo_section::Section;
 use serde::Serialize;
 
 use ahead::Ahead;
-pub use connect::{Again, Connected, Waker, is_lost, is_of_connection, starts_again};
+pub use connect::{Again, Connected, is_lost, is_of_connection, starts_again};
 pub use crew::{Crew, CrewMailbox, CrewOrder, Restarted, StatedOptions, crew};
 pub use current_view::ArrivalCounts;
 use current_view::{CurrentView, RequestedSamples};
@@ -78,6 +79,7 @@ pub use scene_change::{PlacedModel, SceneChange};
 pub use schedule::{FrameSchedule, FrameSize, scaled};
 pub use velocity::EyeVelocity;
 use velocity::RayDelay;
+pub use waker::Waker;
 
 /// Time after a deadline during which messages that have arrived are still processed. If the
 /// deadline had passed before the wait began, the time is at least half the duration of the last
@@ -95,6 +97,17 @@ pub struct StageTime {
     pub stage: &'static str,
     /// Wall clock, milliseconds.
     pub milliseconds: f64,
+}
+
+/// What a session waits for when it settles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Settling {
+    /// That everything under way for the view is stored.
+    View,
+    /// For the same, and then for the whole file.
+    WholeFile,
+    /// For the rest of the whole file.
+    Loading,
 }
 
 /// A session with a server.
@@ -119,8 +132,7 @@ pub struct Session {
     ahead: Ahead,
     /// True if nothing has been requested for the current view yet.
     is_unasked: bool,
-    /// True while the session settles and loads the whole file for that.
-    is_loading_to_settle: bool,
+    settling: Settling,
     /// True until the stored samples have arrived that were requested for a picture beside the
     /// current view.
     awaits_beside: bool,
@@ -130,8 +142,6 @@ pub struct Session {
     request_number: u32,
     /// Duration of the last drawing.
     drawing: Duration,
-    /// True if the session loads the whole file when it settles.
-    settles_whole: bool,
     /// The eye's velocity, if it moves, so that the current view is soon replaced.
     velocity: Option<EyeVelocity>,
     /// The time that single rays are under way.
@@ -154,7 +164,7 @@ pub enum Waited {
     TimeUp,
     /// Everything under way has arrived.
     Settled,
-    /// A [`connect::Waker`] was used.
+    /// A [`Waker`] was used.
     Woken,
     /// The user wants to quit.
     Stop,
@@ -411,7 +421,7 @@ impl Session {
     /// # Errors
     /// If the server does not settle, or is lost.
     pub fn settle(&mut self, whole: bool) -> Result<()> {
-        self.settles_whole = whole;
+        self.settling = if whole { Settling::WholeFile } else { Settling::View };
         self.ask_for_lights()?;
         self.settle_once()?;
         self.objects.note_settled();
@@ -430,7 +440,7 @@ impl Session {
 
     fn settle_once(&mut self) -> Result<()> {
         self.ask_if_unasked()?;
-        let loads = self.loads_whole_file() && self.settles_whole;
+        let loads = self.loads_whole_file() && self.settling != Settling::View;
         let Some(current) = &mut self.current else { return Ok(()) };
         if loads {
             // Loading the whole file replaces all other requests.
@@ -449,8 +459,9 @@ impl Session {
         // A large file takes its time, for as long as something of it arrives.
         while self.wait_for(self.last_stored + SETTLE_TIME, true)? == Waited::TimeUp {
             if self.last_stored.elapsed() >= SETTLE_TIME {
-                let is_loading = std::mem::take(&mut self.is_loading_to_settle);
+                let is_loading = self.settling == Settling::Loading;
                 let what = if is_loading { "sent the file" } else { "settled" };
+                self.settling = Settling::View;
                 bail!("the server has not {what} for {} seconds", SETTLE_TIME.as_secs());
             }
         }
@@ -573,10 +584,11 @@ impl Session {
     fn control(&mut self, message: Control, for_settled: bool) -> Result<Option<Waited>> {
         match message {
             Control::Settled { view } if for_settled && view == self.request_number => {
-                if !self.settles_whole || !self.loads_whole_file() || self.has_all_of_replay() {
+                let is_enough = self.settling == Settling::View;
+                if is_enough || !self.loads_whole_file() || self.has_all_of_replay() {
                     return Ok(Some(Waited::Settled));
                 }
-                self.is_loading_to_settle = true;
+                self.settling = Settling::Loading;
                 self.load_again()?;
             }
             Control::PartSent { section, next } => {

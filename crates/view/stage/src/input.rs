@@ -69,6 +69,9 @@ pub enum Input {
     Switch(Vec<String>, bool),
     /// Carry an object into the scene, or change one.
     Object(ObjectOrder),
+    /// Carry this model into the scene, to where the picture shows this place, in shares of the
+    /// picture from its left and top.
+    Drop(PathBuf, [f64; 2]),
     /// Go on with the scene in another light.
     Light(LightChange),
     /// Go to a named view of the holodeck.

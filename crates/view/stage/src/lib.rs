@@ -26,6 +26,7 @@ mod shown;
 mod signal;
 mod wall_plan;
 mod warp;
+mod wishes;
 mod world;
 
 #[cfg(test)]
@@ -38,17 +39,16 @@ use std::{
 };
 
 use anyhow::{Context, Result, anyhow};
-use holo_options::ViewArgs;
 use holo_session::{Again, Connected, Crew, Session, Waker, is_lost};
-use tokio::sync::watch;
 
 pub use holo_session::{DriverArg, LightChange, ObjectOrder};
 pub use input::{Input, Inputs, Named, Numbered};
 pub use picture_file::{encode_picture, format_refusal};
 pub use picture_order::{PictureNews, PictureOrder};
 pub use screen::{Viewer, on_screen_threads};
-pub use shown::{PublishedFrame, SceneLight, StagePhase, State};
+pub use shown::{Front, PublishedFrame, SceneLight, StagePhase, State};
 pub use wall_plan::{StoreyWalls, WallPlan};
+pub use wishes::Wishes;
 
 use hand::{Hand, HandEnding};
 use painter::Painter;
@@ -58,27 +58,6 @@ use signal::ThreadSignal;
 /// Pause between two tries to connect to a server that is started again, and most tries.
 const TRY_AGAIN: Duration = Duration::from_millis(200);
 const MOST_TRIES: u32 = 100;
-
-/// Options of a stage.
-pub struct Wishes {
-    /// The first view and the size, as on the command line.
-    pub view: ViewArgs,
-    /// The file that the walk is recorded in, as a script.
-    pub record: Option<std::path::PathBuf>,
-    /// The crew that started server and workers, if it takes orders.
-    pub crew: Option<Crew>,
-}
-
-/// A front end's access to a stage.
-#[derive(Clone)]
-pub struct Front {
-    /// Takes inputs.
-    pub inputs: Inputs,
-    /// The latest frame.
-    pub frames: Arc<watch::Sender<Option<Arc<PublishedFrame>>>>,
-    /// The state.
-    pub state: Arc<watch::Sender<Arc<State>>>,
-}
 
 /// A stage that has not begun.
 pub struct Stage {

@@ -5,7 +5,7 @@
 //! frames from it. Neither waits for the other.
 
 use std::{
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::Arc,
     time::{Duration, Instant},
 };
 
@@ -17,6 +17,7 @@ use holo_session::{
     DriverArg, EyeVelocity, FrameSchedule, ObjectOrder, Session, Uncovered, Waited, Waker, is_lost,
     is_of_connection,
 };
+use parking_lot::{Mutex, MutexGuard};
 
 use super::{
     FrameAudience,
@@ -156,7 +157,7 @@ pub struct Done {
 impl FrameRequests {
     /// Requests a view.
     pub fn want(&self, wanted: StageView) {
-        let mut exchange = lock(&self.exchange);
+        let mut exchange = self.exchange.lock();
         if exchange.wanted.as_ref() != Some(&wanted) {
             exchange.wanted = Some(wanted);
             self.wake(exchange);
@@ -165,7 +166,7 @@ impl FrameRequests {
 
     /// Gives an order.
     pub fn order(&self, order: Order) {
-        let mut exchange = lock(&self.exchange);
+        let mut exchange = self.exchange.lock();
         exchange.orders.push(order);
         self.wake(exchange);
     }
@@ -179,7 +180,7 @@ impl FrameRequests {
 
     /// Takes the painter's results.
     pub fn take(&self) -> Done {
-        let mut exchange = lock(&self.exchange);
+        let mut exchange = self.exchange.lock();
         Done {
             painted: exchange.painted.take(),
             refusal: exchange.refusal.take(),
@@ -222,7 +223,7 @@ struct AtEnd(Arc<Mutex<FrameExchange>>, Arc<ThreadSignal>);
 
 impl Drop for AtEnd {
     fn drop(&mut self) {
-        lock(&self.0).is_over = true;
+        self.0.lock().is_over = true;
         self.1.raise();
     }
 }
@@ -272,7 +273,7 @@ impl Painter {
                 return self.end();
             }
             let (wanted, orders) = {
-                let mut exchange = lock(&self.exchange);
+                let mut exchange = self.exchange.lock();
                 exchange.is_woken = false;
                 // Whatever is requested from now on interrupts again.
                 self.interrupt.clear();
@@ -343,7 +344,7 @@ impl Painter {
             }
             Order::Object(order) => match self.session.object(order) {
                 Ok(None) => self.is_moved = true,
-                Ok(answer) => lock(&self.exchange).refusal = answer,
+                Ok(answer) => self.exchange.lock().refusal = answer,
                 Err(error) => self.refuse(error)?,
             },
             Order::KeepView(name, options) => {
@@ -374,7 +375,9 @@ impl Painter {
     /// Returns when the painter must act next, unless the hand wakes it before.
     fn next_due(&self) -> Instant {
         let now = Instant::now();
-        let is_other = lock(&self.exchange)
+        let is_other = self
+            .exchange
+            .lock()
             .wanted
             .as_ref()
             .is_some_and(|wanted| self.drawn.as_ref().is_none_or(|(drawn, _)| drawn != wanted));
@@ -430,7 +433,7 @@ impl Painter {
 
     /// Hands a frame over.
     fn publish(&mut self, painted: Painted) {
-        let mut exchange = lock(&self.exchange);
+        let mut exchange = self.exchange.lock();
         exchange.painted = Some(painted);
         exchange.moving_share = Some(self.schedule.moving_share());
         drop(exchange);
@@ -521,7 +524,7 @@ impl Painter {
             let end = Instant::now() + STORED_PATIENCE;
             while !self.session.has_stored() && Instant::now() < end && order.is_wanted() {
                 let waited = self.session.wait(end.min(Instant::now() + NEWS))?;
-                let mut exchange = lock(&self.exchange);
+                let mut exchange = self.exchange.lock();
                 if waited == Waited::Stop {
                     exchange.orders.push(Order::Quit);
                 }
@@ -552,7 +555,7 @@ impl Painter {
         if is_of_connection(&error) {
             return Err(error);
         }
-        lock(&self.exchange).refusal = Some(format!("{error:#}"));
+        self.exchange.lock().refusal = Some(format!("{error:#}"));
         Ok(())
     }
 
@@ -573,7 +576,7 @@ impl Painter {
     fn report(&mut self) {
         let status = self.session.status().copied();
         if let Some(refusal) = self.session.take_refusal() {
-            lock(&self.exchange).refusal = Some(refusal);
+            self.exchange.lock().refusal = Some(refusal);
         }
         if *self.news.views != self.session.named_views() {
             self.news.views = Arc::new(self.session.named_views().to_vec());
@@ -591,15 +594,10 @@ impl Painter {
             ..std::mem::take(&mut self.news)
         };
         let scene = self.session.scene();
-        let mut exchange = lock(&self.exchange);
+        let mut exchange = self.exchange.lock();
         exchange.scene = scene;
         if exchange.news != self.news {
             exchange.news = self.news.clone();
         }
     }
-}
-
-fn lock(exchange: &Mutex<FrameExchange>) -> MutexGuard<'_, FrameExchange> {
-    // Every change leaves the value consistent, so a panic elsewhere does no harm.
-    exchange.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -8,8 +8,18 @@ use holo_section::SectionSpec;
 use holo_session::StatedOptions;
 use tokio::sync::watch;
 
-use super::Front;
-use crate::wall_plan::WallPlan;
+use crate::{input::Inputs, wall_plan::WallPlan};
+
+/// A front end's access to a stage.
+#[derive(Clone)]
+pub struct Front {
+    /// Takes inputs.
+    pub inputs: Inputs,
+    /// The latest frame.
+    pub frames: Arc<watch::Sender<Option<Arc<PublishedFrame>>>>,
+    /// The state.
+    pub state: Arc<watch::Sender<Arc<State>>>,
+}
 
 /// A published frame with its view.
 #[derive(Debug)]

@@ -1,9 +1,8 @@
 //! Wakes a thread that waits.
 
-use std::{
-    sync::{Condvar, Mutex, PoisonError},
-    time::Instant,
-};
+use std::time::Instant;
+
+use parking_lot::{Condvar, Mutex};
 
 /// A signal that one thread waits for and others raise.
 #[derive(Default)]
@@ -15,20 +14,18 @@ pub struct ThreadSignal {
 impl ThreadSignal {
     /// Ends the wait, or the next one if no thread waits.
     pub fn raise(&self) {
-        *self.is_raised.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        *self.is_raised.lock() = true;
         self.changed.notify_one();
     }
 
     /// Waits until the signal is raised, or until `end`.
     pub fn wait(&self, end: Instant) {
-        let mut is_raised = self.is_raised.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut is_raised = self.is_raised.lock();
         loop {
-            let left = end.saturating_duration_since(Instant::now());
-            if std::mem::take(&mut *is_raised) || left.is_zero() {
+            if std::mem::take(&mut *is_raised) || Instant::now() >= end {
                 return;
             }
-            let waited = self.changed.wait_timeout(is_raised, left);
-            is_raised = waited.unwrap_or_else(PoisonError::into_inner).0;
+            self.changed.wait_until(&mut is_raised, end);
         }
     }
 }

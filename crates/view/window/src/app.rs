@@ -362,6 +362,7 @@ impl ApplicationHandler<Event> for App {
             WindowEvent::MouseInput { state, button, .. } => self.button(state, button),
             WindowEvent::MouseWheel { delta, .. } => self.wheel(delta),
             WindowEvent::Touch(touch) => self.touch(&touch),
+            WindowEvent::DroppedFile(path) => self.model.drop_model(path),
             _ => Vec::new(),
         };
         self.perform(event_loop, effects);

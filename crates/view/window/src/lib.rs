@@ -16,6 +16,7 @@ mod hand;
 mod model;
 mod overlay;
 mod pace;
+mod panel_layout;
 mod saved;
 mod seen;
 mod text;

@@ -20,8 +20,8 @@ use super::{
     canvas::{Point, Rect},
     display::DisplaySettings,
     hand::WindowPointers,
-    overlay::PanelLayout,
     pace::WindowPace,
+    panel_layout::PanelLayout,
     saved::SaveFormat,
     seen::DisplayedFrame,
 };

@@ -18,6 +18,7 @@ mod lights;
 mod look;
 mod materials;
 mod mend;
+mod mesh_copies;
 mod needed;
 mod photometry;
 mod reading;

@@ -7,7 +7,7 @@ use glam::{DMat4, Vec3};
 
 use super::buffers::Buffers;
 use super::look::MaterialTextures;
-use super::sharing::Sharing;
+use super::mesh_copies::Sharing;
 use crate::limits::MAX_MATERIALS;
 use crate::model::{LoadProgress, Model};
 use crate::texture_files::TextureFiles;

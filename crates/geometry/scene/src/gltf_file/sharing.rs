@@ -4,6 +4,7 @@ use glam::{DMat4, DVec3, Vec3};
 
 use super::form::Form;
 use super::instancing;
+use super::mesh_copies::Sharing;
 use super::reading::GltfReading;
 use crate::assemble::placement;
 use crate::limits::{MAX_COORDINATE, MAX_MESHES, MAX_TRIANGLES};
@@ -18,17 +19,6 @@ const LEAST_TRIANGLES: usize = 64;
 /// Fewest triangles that sharing must save in a file: about 35 MB. Below, memory does not matter,
 /// and rays are faster without instances.
 const LEAST_SAVED: usize = 100_000;
-
-/// What is known about sharing a mesh.
-#[derive(Clone, Copy)]
-pub(super) enum Sharing {
-    /// Each node has a copy.
-    Copied,
-    /// Nodes share it, but it is still to be read.
-    Wanted,
-    /// It is in the model, with this index.
-    Read(u32),
-}
 
 /// Returns the nodes from which a file is read, each once.
 pub(super) fn roots(document: &gltf::Document) -> Vec<gltf::Node<'_>> {

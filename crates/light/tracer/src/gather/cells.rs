@@ -19,24 +19,20 @@
 //!   nothing stands on the surface is not tested again.
 //! - Memory is bounded by [`MAX_CELLS`].
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
 use glam::Vec3;
+use parking_lot::{Mutex, MutexGuard};
 use rustc_hash::FxHashMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::estimates::Estimates;
 use super::place::SurfacePlace;
-use super::shared::SharedCell;
+use super::shared_cell::{LEVELS, SharedCell};
 
 /// Most cells: about 100 MB.
 const MAX_CELLS: usize = 1 << 20;
 
 /// Number of locks; a power of two, many times the number of threads.
 const SHARDS: usize = 1 << 10;
-
-/// Number of levels. The last is never reached: its cells would need 4^12 estimates each.
-pub(super) const LEVELS: u32 = 12;
 
 /// The level with which look-ups begin. The wider level 0 only serves until level 1 is known.
 const BASE: u32 = 1;
@@ -107,7 +103,7 @@ impl CellMap {
     #[cfg(test)]
     pub(super) fn estimates(&self) -> f32 {
         let of_shard = |shard: &Mutex<FxHashMap<u64, SurfaceCell>>| {
-            let shard = shard.lock().unwrap_or_else(PoisonError::into_inner);
+            let shard = shard.lock();
             shard.values().map(|cell| cell.estimates.count).sum::<f32>()
         };
         self.shards.iter().map(of_shard).sum()
@@ -126,7 +122,7 @@ impl CellMap {
     #[inline]
     fn shard(&self, key: u64) -> MutexGuard<'_, FxHashMap<u64, SurfaceCell>> {
         // No panic leaves a cell half changed.
-        self.shards[(key >> 32) as usize % SHARDS].lock().unwrap_or_else(PoisonError::into_inner)
+        self.shards[(key >> 32) as usize % SHARDS].lock()
     }
 
     /// Returns the light, divided by reflectance, of the narrowest cell that knows enough and is
@@ -192,7 +188,7 @@ impl CellMap {
     pub(super) fn take_new(&self, most: usize) -> Vec<SharedCell> {
         let mut taken = Vec::new();
         for shard in &self.shards {
-            let mut shard = shard.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut shard = shard.lock();
             let due = |cell: &&mut SurfaceCell| {
                 cell.unsent.count >= LEAST_SENT.max(LEAST_SHARE_SENT * cell.total as f32)
             };
@@ -216,7 +212,7 @@ impl CellMap {
     /// Forgets all cells.
     pub(super) fn clear(&self) {
         for shard in &self.shards {
-            shard.lock().unwrap_or_else(PoisonError::into_inner).clear();
+            shard.lock().clear();
         }
         self.count.store(0, Ordering::Relaxed);
     }

@@ -39,22 +39,23 @@ mod lessons;
 mod place;
 mod room;
 mod shared;
+mod shared_cell;
 mod spread;
-
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use glam::Vec3;
 use holo_raycast::Raycaster;
 
 pub(crate) use cells::CellMap;
 pub(crate) use footprint::Footprint;
-pub use shared::{SharedCell, Verdict};
+pub use shared::Verdict;
+pub use shared_cell::SharedCell;
 
 use crate::engine::{PathEngine, Spread};
 use crate::path::Start;
 use crate::policy::{Carried, FirstSurface, LaterVertex, PathPolicy};
 use crate::sampler::{NumberPurpose, Sampler};
 use lessons::Lessons;
+use parking_lot::{Mutex, MutexGuard};
 use place::SurfacePlace;
 use shared::Makers;
 use spread::Spreads;
@@ -124,7 +125,7 @@ impl Gather {
     }
 
     fn makers(&self) -> MutexGuard<'_, Makers> {
-        self.makers.lock().unwrap_or_else(PoisonError::into_inner)
+        self.makers.lock()
     }
 
     /// Returns one estimate of the radiance that arrives against `start.direction`.

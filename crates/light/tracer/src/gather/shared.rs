@@ -12,13 +12,13 @@
 //!   one by their light, which would have a bias.
 //! - At most [`MAX_WAITING`] cells wait.
 
-use glam::Vec3;
-use holo_raycast::{NO_TRIANGLE, Raycaster, SurfacePoint};
+use holo_raycast::Raycaster;
 use rustc_hash::FxHashMap;
 
-use super::cells::{CellMap, LEVELS};
+use super::cells::CellMap;
 use super::estimates::Estimates;
-use super::place::{Spot, SurfacePlace};
+use super::place::SurfacePlace;
+use super::shared_cell::SharedCell;
 use crate::luminance::luminance;
 
 /// Cells to compare before a maker's light may count.
@@ -39,53 +39,6 @@ const MAX_WAITING: usize = 1 << 20;
 
 /// Waiting cells that one review compares.
 const REVIEWED: usize = 1 << 13;
-
-/// The light of a cell, as processes exchange it: sums over estimates.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SharedCell {
-    /// The first point that taught the cell, relative to the scene's origin.
-    pub point: [f32; 3],
-    /// Unit normal there, on the lit side.
-    pub normal: [f32; 3],
-    /// Sum of the reflected light.
-    pub light: [f32; 3],
-    /// Sum of the albedos.
-    pub albedo: [f32; 3],
-    /// Number of estimates.
-    pub count: u32,
-    /// Number of the surface's material.
-    pub material: u32,
-    /// Number of further bounces whose light counts; `u32::MAX` without a limit.
-    pub bounces: u32,
-    /// Number of times that the width of the widest cells was halved.
-    pub level: u32,
-}
-
-impl SharedCell {
-    fn spot(&self) -> Spot {
-        let point = Vec3::from(self.point);
-        // A few roundings of the coordinates.
-        let error = point.abs() * (4.0 * f32::EPSILON);
-        let normal = Vec3::from(self.normal);
-        let point = SurfacePoint { point, error, normal, triangle: NO_TRIANGLE };
-        Spot { point, normal, material: self.material, bounces: self.bounces }
-    }
-
-    fn estimates(&self) -> Estimates {
-        Estimates { light: self.light.into(), albedo: self.albedo.into(), count: self.count as f32 }
-    }
-
-    /// Returns whether a worker could have made it.
-    fn is_valid(&self) -> bool {
-        let positive = |v: [f32; 3]| v.iter().all(|x| x.is_finite() && *x >= 0.0);
-        self.level < LEVELS
-            && self.count > 0
-            && Vec3::from(self.point).is_finite()
-            && (Vec3::from(self.normal).length_squared() - 1.0).abs() < 1e-3
-            && positive(self.light)
-            && positive(self.albedo)
-    }
-}
 
 /// The result of comparing a maker's light with own estimates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -257,8 +210,10 @@ fn add(cells: &CellMap, raycaster: &Raycaster, cell: &SharedCell) {
 #[cfg(test)]
 mod tests {
     use super::super::cells::tests::{floor, place};
+    use super::super::shared_cell::LEVELS;
     use super::*;
     use crate::sampler::Sampler;
+    use glam::Vec3;
 
     /// Cells that have learned from many noisy estimates of light 1 with seeds from `seed` on.
     fn taught(raycaster: &Raycaster, seed: u64, estimates: u64) -> CellMap {

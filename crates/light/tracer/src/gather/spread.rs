@@ -7,13 +7,12 @@
 //! Invariant: the numbers depend on earlier paths alone. So a path's expectation does not depend on
 //! them.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
 use glam::Vec3;
 
 use crate::engine::Spread;
 use crate::policy::FirstSurface;
 use holo_sobol::mix;
+use parking_lot::{Mutex, MutexGuard};
 
 /// Side of a region over the width of the widest cells. A region is then half as wide as rays are
 /// long: as wide as a piece of furniture, or as the light around a lamp.
@@ -105,7 +104,7 @@ impl Spreads {
         let pair = |a: i32, b: i32| u64::from(a as u32) << 32 | u64::from(b as u32);
         let key = mix(mix(pair(place.x, place.y)) ^ pair(place.z, 0));
         // No panic leaves a region half changed.
-        self.regions[key as usize % REGIONS].lock().unwrap_or_else(PoisonError::into_inner)
+        self.regions[key as usize % REGIONS].lock()
     }
 
     /// Returns the numbers for a path whose first surface is at `point`.

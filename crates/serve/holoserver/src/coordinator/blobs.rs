@@ -3,21 +3,13 @@
 //! Invariant: each peer has at most one thread that sends it a blob. A blob that it asks for again
 //! meanwhile is sent once more.
 
-use std::{collections::BTreeSet, sync::Arc};
+use std::sync::Arc;
 
 use super::Coordinator;
 use crate::{
     events::{ConnectionId, ServerEvent},
     recall::{Blob, send_blob},
 };
-
-/// What one peer asked for.
-#[derive(Default)]
-pub struct BlobQueue {
-    is_sending: bool,
-    /// The blobs to send next, the scene first.
-    waiting: BTreeSet<Blob>,
-}
 
 impl Coordinator {
     /// Sends a blob to a peer, after those that it has asked for before.

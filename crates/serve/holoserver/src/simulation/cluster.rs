@@ -4,7 +4,7 @@ use std::{
     future::pending,
     path::Path,
     sync::{
-        Arc, Mutex, PoisonError,
+        Arc,
         atomic::{AtomicBool, Ordering},
     },
     time::Duration,
@@ -12,6 +12,7 @@ use std::{
 
 use holo_net::{Inbox, MachineKey, NetError, Outbox, accept_over, connect_over};
 use holo_proto::{control::Farewell, hello::Role};
+use parking_lot::Mutex;
 use tokio::{
     io::DuplexStream,
     sync::mpsc::{UnboundedSender, unbounded_channel},
@@ -76,7 +77,7 @@ impl Cluster {
     }
 
     fn serve_by(&self, server: Option<ListenContext>) {
-        *self.server.lock().unwrap_or_else(PoisonError::into_inner) = server;
+        *self.server.lock() = server;
     }
 
     /// Records that no other server will follow.
@@ -106,7 +107,7 @@ impl Cluster {
 
     /// Serves whoever is at the end of a wire, if the server is there.
     fn take(&self, wire: DuplexStream) {
-        let server = self.server.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let server = self.server.lock().clone();
         let Some(shared) = server else { return };
         tokio::spawn(async move {
             if let Ok((inbox, outbox, hello, access)) = accept_over(wire).await {

@@ -1,8 +1,8 @@
 //! The first pass: each square uses the narrowest neighbourhood with little enough noise.
 
-use super::{SCALES, Sum};
-use crate::cell::luminance;
+use super::sums::{SCALES, Sum};
 use crate::estimate::{Estimate, LightSums};
+use crate::light_store::luminance;
 use crate::likely::Likely;
 use crate::planes::{Square, SquareLayout, SquarePlanes};
 use glam::Vec3;

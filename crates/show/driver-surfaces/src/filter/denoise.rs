@@ -98,8 +98,8 @@ impl Squares {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cell::Sums;
-    use crate::view::VisiblePoint;
+    use crate::light_store::Sums;
+    use crate::visible::VisiblePoint;
 
     /// Returns the weights for squares on a plane that have these numbers of samples.
     fn weights(counts: impl Fn(usize, usize) -> u32) -> Option<Vec<f32>> {

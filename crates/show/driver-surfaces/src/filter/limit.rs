@@ -1,9 +1,9 @@
 //! The limit of a bright sample: a share of the light around it, until others confirm it.
 
-use super::Sum;
+use super::sums::Sum;
 use crate::behind::BehindPanes;
-use crate::cell::{Sums, luminance};
 use crate::estimate::LightSums;
+use crate::light_store::{Sums, luminance};
 use crate::planes::{SquareLayout, Weights};
 
 /// Most light of one sample, as a share of the light of its wide neighbourhood.

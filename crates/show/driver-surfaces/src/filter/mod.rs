@@ -25,23 +25,23 @@ mod network;
 mod passes;
 mod refine;
 mod scales;
+mod sums;
 mod training;
 
 use crate::behind::BehindPanes;
-use crate::cell::Sums;
 use crate::estimate::{Estimate, LightSums};
-use crate::planes::{Difference, Geometry, SquareLayout, SquarePlanes, Weights};
+use crate::light_store::{LightStore, Sums};
+use crate::planes::{Difference, Geometry, SquareLayout, Weights};
 use crate::squares::Squares;
-use crate::store::LightStore;
-use crate::view::{SurfaceView, VisiblePoint};
+use crate::view::SurfaceView;
+use crate::visible::VisiblePoint;
 use glam::Vec3;
 use holo_display::Interrupt;
 use passes::{GeometrySums, Passes, Second, by_other_half};
 use rayon::prelude::*;
+pub(crate) use sums::OfSquares;
+use sums::{SCALES, Sum};
 pub use training::EXAMPLE;
-
-/// Number of neighbourhoods. Each is twice as wide as the one before.
-const SCALES: usize = 6;
 
 /// Binary logarithm of the ratio of distances from edges at which two squares no longer count for
 /// each other, because shadows lie along edges.
@@ -50,25 +50,6 @@ const DIFFERENT_DISTANCE: f32 = 2.0;
 /// Share of the first pass's error that the second keeps, because its weights follow the first
 /// light.
 const FIRST_ERROR_SHARE: f32 = 0.25;
-
-/// The sums of each square: light (3), count, square.
-type Sum = SquarePlanes<5>;
-
-/// The sums of all squares.
-pub(crate) struct OfSquares {
-    /// Over samples that count for the view.
-    pub towards_eye: Vec<Sums>,
-    /// Over samples from all directions on coats, and as above elsewhere. `None` without coats.
-    pub from_all: Option<Vec<Sums>>,
-}
-
-impl OfSquares {
-    /// Returns true if no square has a sample, as at the start of a new holodeck.
-    pub fn are_empty(&self) -> bool {
-        let all = self.from_all.as_ref().unwrap_or(&self.towards_eye);
-        all.iter().all(|sums| sums.count == 0)
-    }
-}
 
 /// Filtered light of all squares.
 pub(crate) struct Filtered {

@@ -6,16 +6,13 @@
 //!
 //! Invariant: results depend neither on the processor nor on what the other squares hold.
 
+mod size;
 mod weights;
 
 use holo_cpu::{Isa, Kernel};
+use size::HIDDEN;
+pub(super) use size::INPUTS;
 use weights::{FIRST, FIRST_BIAS, LAST, LAST_BIAS, SECOND, SECOND_BIAS};
-
-/// Number of inputs.
-pub(super) const INPUTS: usize = 15;
-
-/// Units of a hidden layer.
-const HIDDEN: usize = 16;
 
 /// Squares whose shares are computed together.
 pub(super) const LANES: usize = 16;

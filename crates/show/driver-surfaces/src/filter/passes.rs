@@ -3,15 +3,15 @@
 use super::choose::{self, Choice};
 use super::limit::Limit;
 use super::refine::{self, Refinement};
-use super::{OfSquares, SCALES, Sum, scales};
+use super::scales;
+use super::sums::{OfSquares, SCALES, Sum};
 use crate::behind::BehindPanes;
-use crate::cell::luminance;
 use crate::coats::CoatScales;
 use crate::estimate::{Estimate, LightSums};
+use crate::light_store::{LightStore, luminance};
 use crate::likely::LikelyLight;
 use crate::planes::{Difference, Square, SquareLayout, SquarePlanes, Weights};
 use crate::squares::Squares;
-use crate::store::LightStore;
 use crate::view::SurfaceView;
 use holo_display::Interrupt;
 

@@ -6,9 +6,9 @@
 
 use super::choose::{Choice, Widest};
 use super::network::{self, INPUTS, Inputs, LANES};
-use super::{SCALES, Sum};
-use crate::cell::luminance;
+use super::sums::{SCALES, Sum};
 use crate::estimate::{Estimate, LightSums};
+use crate::light_store::luminance;
 use crate::planes::{Square, SquareLayout, SquarePlanes, Weights};
 use holo_cpu::Isa;
 use rayon::prelude::*;

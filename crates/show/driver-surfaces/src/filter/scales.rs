@@ -1,6 +1,6 @@
 //! Sums of squares over ever wider neighbourhoods (à-trous).
 
-use super::Sum;
+use super::sums::Sum;
 use crate::planes::{Difference, Square, SquareLayout, Weights};
 
 /// Returns the sums of all scales, from the squares' own sums to the widest.

@@ -6,9 +6,9 @@ use super::{OfSquares, SCALES};
 use crate::behind::BehindPanes;
 use crate::estimate::LightSums;
 use crate::gather::Gathered;
+use crate::light_store::LightStore;
 use crate::planes::Square;
 use crate::squares::Squares;
-use crate::store::LightStore;
 use crate::view::SurfaceView;
 use holo_display::Interrupt;
 

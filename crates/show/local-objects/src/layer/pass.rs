@@ -138,9 +138,9 @@ impl LayerScene<'_> {
         share * (seen.radiance + (seen.through - Vec3::ONE) * hidden)
     }
 
-    /// Adds what mirrors and solid glass show of objects along a ray to a cell. `hit` is what the ray
-    /// meets. Returns the share that is left of what they show of the room. `radiance` is what the
-    /// frame shows there, and `through` the share of it that objects in front leave.
+    /// Adds what mirrors and solid glass show of objects along a ray to a cell. `hit` is what the
+    /// ray meets. Returns the share that is left of what they show of the room. `radiance` is what
+    /// the frame shows there, and `through` the share of it that objects in front leave.
     fn add_deflected(
         &self,
         cell: &mut LayerCell,

@@ -6,7 +6,7 @@
 //! ours, it is converted. Without that line, the primaries are taken for ours. Memory grows with
 //! decoded rows, never with the sizes in the header.
 
-use super::converted;
+use super::conversion::converted;
 use super::hdr_pixels::{read_row, write_row};
 use crate::error::PictureError;
 use crate::picture::Picture;

@@ -4,7 +4,7 @@
 //!
 //! Invariant: sizes and channels of the header are bounded before any pixel is decoded.
 
-use super::converted;
+use super::conversion::converted;
 use crate::error::PictureError;
 use crate::picture::Picture;
 use crate::size::MAX_PIXELS;

@@ -6,8 +6,8 @@
 
 use std::array;
 
+use super::eye::{self, SEEN_STEP};
 use super::histogram::{BINS, BINS_PER_OCTAVE, Histogram, LEAST_LOG, log2};
-use super::{SEEN_STEP, eye};
 use holo_color::{EFFICACY, luminance};
 
 /// Luminance of the display's white in cd/m², and of white over black (the paper, §3).

@@ -3,6 +3,10 @@
 
 use holo_color::luminance;
 
+/// Least change of the automatic exposure, as a binary logarithm, that anybody sees: 2 %. Smaller
+/// changes would alter every pixel of a picture at rest for nothing.
+pub(crate) const SEEN_STEP: f32 = 0.03;
+
 /// Luminance below which only rods see, and above which only cones do (§5.2).
 const MESOPIC: [f32; 2] = [5.62e-3, 5.62];
 

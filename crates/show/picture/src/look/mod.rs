@@ -29,6 +29,7 @@ use rayon::prelude::*;
 use crate::picture::Picture;
 use bytes::Bytes;
 use curve::{Curve, KEY};
+use eye::SEEN_STEP;
 use fovea::{Blur, Gaze, fovea, under};
 use histogram::{CHUNK, Histogram};
 use holo_color::luminance;
@@ -71,10 +72,6 @@ pub enum Tone {
     /// detail and of colour in the dark.
     Human,
 }
-
-/// Least change of the automatic exposure, as a binary logarithm, that anybody sees: 2 %. Smaller
-/// changes would alter every pixel of a picture at rest for nothing.
-pub(crate) const SEEN_STEP: f32 = 0.03;
 
 /// A person's choices for the look of pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -858,6 +858,40 @@ for (const type of ['pointerup', 'pointercancel']) stage.addEventListener(type, 
   if (pointers.size === 0) stage.classList.remove('grabbing');
 });
 stage.addEventListener('pointerleave', () => say('cursor', { at: null }));
+
+// ---- models that are dropped
+
+let drops = 0;
+/** Whether a drag brings files. */
+const hasFiles = event => [...event.dataTransfer.types].includes('Files');
+
+for (const type of ['dragenter', 'dragover']) addEventListener(type, event => {
+  if (!hasFiles(event)) return;
+  event.preventDefault();
+  event.dataTransfer.dropEffect = drives ? 'copy' : 'none';
+});
+addEventListener('drop', event => {
+  if (!hasFiles(event)) return;
+  event.preventDefault();
+  const at = shares(event), files = [...event.dataTransfer.files];
+  if (!drives) notice('Another page drives: take over first', 6000);
+  else if (!at.every(x => x >= 0 && x <= 1)) notice('Drop the model on the picture', 6000);
+  else carryIn(files, at);
+});
+
+/** Sends the files of a model, and has it put where the picture shows this place. */
+async function carryIn(files, at) {
+  const drop = ++drops, model = files.find(file => /\.(glb|gltf|obj)$/i.test(file.name));
+  if (!model) { notice('Drop a model: a .glb, .gltf or .obj, with all files that it names', 6000); return; }
+  for (const [index, file] of files.entries()) {
+    notice(`Sending ${file.name}, file ${index + 1} of ${files.length}`, 600000, 'drop');
+    const answer = await fetch(`dropped/${client}/${drop}/${encodeURIComponent(file.name)}`, { method: 'PUT', body: file })
+      .catch(error => ({ ok: false, text: () => error.message }));
+    if (!answer.ok) { notice(`${file.name} was not sent: ${await answer.text()}`, 8000); return; }
+  }
+  notice(`Reading ${model.name}`, 2000, 'drop');
+  say('drop', { number: drop, name: model.name, at });
+}
 stage.addEventListener('contextmenu', event => event.preventDefault());
 
 /** Two fingers: spreading approaches, pinching backs off, a common motion shifts the picture. */

@@ -115,6 +115,23 @@ impl Server {
         String::from_utf8_lossy(&self.bytes(path, host).await).into_owned()
     }
 
+    /// Sends a file as the page of this origin does, and returns the answer.
+    async fn put(&self, path: &str, file: &[u8], origin: Option<&str>) -> String {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).await.unwrap();
+        let origin = origin.map(|origin| format!("Origin: {origin}\r\n")).unwrap_or_default();
+        let head = format!(
+            "PUT {path} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n{origin}Content-Length: {}\r\n\
+             Connection: close\r\n\r\n",
+            self.port,
+            file.len()
+        );
+        stream.write_all(head.as_bytes()).await.unwrap();
+        stream.write_all(file).await.unwrap();
+        let mut answer = Vec::new();
+        timeout(LIMIT, stream.read_to_end(&mut answer)).await.unwrap().unwrap();
+        String::from_utf8_lossy(&answer).into_owned()
+    }
+
     async fn bytes(&self, path: &str, host: &str) -> Vec<u8> {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).await.unwrap();
         let request = format!("GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
@@ -389,6 +406,38 @@ async fn one_drives_others_watch_and_may_take_over() {
         }
     }
     server.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_model_that_is_dropped_on_the_page_that_drives_is_stored_with_what_it_names() {
+    let server = Server::start().await;
+    let (mut drives, watches) = (server.page().await, server.page().await);
+    let own = format!("http://127.0.0.1:{}", server.port);
+    let path = |client: u32, name: &str| format!("/dropped/{client}/1/{name}");
+    let of_driver = path(drives.client, "a%20chair.obj");
+    assert!(server.put(&of_driver, b"v 0 0 0", None).await.contains(" 403 "), "no page");
+    let other = Some("http://elsewhere.example");
+    assert!(server.put(&of_driver, b"v 0 0 0", other).await.contains(" 403 "), "another site");
+    let watcher = path(watches.client, "a%20chair.obj");
+    let answer = server.put(&watcher, b"v 0 0 0", Some(&own)).await;
+    assert!(answer.contains(" 409 ") && answer.contains("take over"), "{answer}");
+    let above = path(drives.client, "..%2Fchair.obj");
+    assert!(server.put(&above, b"v 0 0 0", Some(&own)).await.contains(" 400 "));
+    assert!(server.put(&of_driver, b"v 0 0 0", Some(&own)).await.contains(" 204 "));
+    let named = path(drives.client, "chair.mtl");
+    assert!(server.put(&named, b"newmtl a", Some(&own)).await.contains(" 204 "));
+    let dropped = |name: &str| json!({ "do": "drop", "number": 1, "name": name, "at": [0.25, 2] });
+    let number = drives.say(dropped("a chair.obj")).await;
+    let input = server.input();
+    let Input::Drop(stored, at) = input.input else { panic!("{:?}", input.input) };
+    assert_eq!((input.from, at), ((drives.client, number), [0.25, 1.0]));
+    assert_eq!(std::fs::read(&stored).unwrap(), b"v 0 0 0");
+    assert_eq!(std::fs::read(stored.with_file_name("chair.mtl")).unwrap(), b"newmtl a");
+    drives.say(dropped("table.obj")).await;
+    assert!(drives.told("error").await["text"].as_str().unwrap().contains("did not arrive"));
+    drop((drives, watches));
+    server.end().await;
+    assert!(!stored.exists(), "it goes with the session");
 }
 
 #[tokio::test(flavor = "multi_thread")]

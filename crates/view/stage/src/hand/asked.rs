@@ -60,6 +60,7 @@ impl Hand {
             }
             Input::Switch(parts, on) => self.order(Order::Switch(parts, on)),
             Input::Object(order) => self.follow(order),
+            Input::Drop(path, at) => self.drop_model(path, at),
             Input::Light(change) => self.change_scene(change.into()),
             Input::Size(width, height) => self.resize((width, height)),
             Input::KillWorkers => self.order_crew(Crew::kill_workers),
@@ -116,7 +117,7 @@ impl Hand {
     }
 
     /// Follows an order about an object, or has the scene read again if it changes the scene.
-    fn follow(&mut self, order: ObjectOrder) {
+    pub(super) fn follow(&mut self, order: ObjectOrder) {
         let of_scene = self.crew.as_ref().map(Crew::stated);
         let change = of_scene.map(|stated| self.objects.scene_change(&order, &stated.objects));
         match change {

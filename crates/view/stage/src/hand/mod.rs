@@ -4,6 +4,7 @@
 //! ([`super::warp`]). Meanwhile the painter ([`super::painter`]) draws new ones.
 
 mod asked;
+mod drop;
 
 use std::{
     collections::VecDeque,
@@ -29,6 +30,7 @@ use super::{
     shown::{PublishedFrame, Publisher, SceneLight, State},
     signal::ThreadSignal,
     warp::{Source, can_show, warp},
+    wishes::Wishes,
     world::World,
 };
 
@@ -200,7 +202,7 @@ impl Hand {
     pub fn new(
         first: ViewSpec,
         unit: f64,
-        wishes: &super::Wishes,
+        wishes: &Wishes,
         objects: CarriedObjects,
         inputs: mpsc::Receiver<Numbered>,
         signal: Arc<ThreadSignal>,

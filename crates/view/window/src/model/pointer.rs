@@ -1,6 +1,6 @@
 //! Effects of the mouse and of fingers.
 
-use std::time::Instant;
+use std::{path::PathBuf, time::Instant};
 
 use holo_stage::{Input, ObjectOrder};
 
@@ -126,6 +126,13 @@ impl WindowModel {
             }
             None => self.send(wheeled(steps)),
         }
+    }
+
+    /// Returns the effects of a model that is dropped on the window. Without a cursor, it is put
+    /// in the middle of the picture: not every system says where a file is dropped.
+    pub fn drop_model(&mut self, path: PathBuf) -> Vec<Effect> {
+        let (x, y) = self.cursor().unwrap_or((0.5, 0.5));
+        self.send(Input::Drop(path, [x, y]))
     }
 
     /// Returns the effects of a finger's touch or motion.

@@ -7,8 +7,6 @@ mod words;
 
 use std::time::Instant;
 
-pub use panel::PanelLayout;
-
 use super::{
     canvas::{Canvas, Color, Point, Rect},
     model::{Grids, WindowModel},

@@ -1,6 +1,6 @@
 //! The network's weights. Made by `scripts/train-filter`.
 
-use super::{HIDDEN, INPUTS};
+use super::size::{HIDDEN, INPUTS};
 
 pub(super) const FIRST: [[f32; INPUTS]; HIDDEN] = [
     [

@@ -7,8 +7,8 @@
 //! - Samples never exceed their share of memory. The buckets that no view has read for longest go
 //!   first. If all were read in the last round, every other sample goes, whatever its light.
 
-use crate::cell::{FaceClass, Key, PLACES, SampleLight, Sums};
-use crate::place::Placed;
+use super::cell::{FaceClass, Key, PLACES, SampleLight, Sums};
+use super::place::Placed;
 use glam::{IVec3, Vec3};
 use holo_display::split_mix;
 use rayon::prelude::*;

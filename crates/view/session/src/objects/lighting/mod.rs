@@ -10,15 +10,18 @@ use anyhow::Result;
 use glam::DVec3;
 use holo_display::{Frame, FramePhase, FrameRequest, Interrupt, Renderer};
 use holo_local_objects::{
-    LIGHTS, LightProbe, LocalObject, ObjectLighting, ProbeError, Room, probe_views, side_places,
+    LightProbe, LocalObject, ObjectLighting, ProbeError, Room, probe_views, side_places,
 };
 
-use crate::Session;
+mod probing;
 
 /// Side of a probe's faces for objects that only scatter light, and for those that reflect it as
 /// mirrors do, pixels.
 const SIDE: u32 = 64;
 const SHINY_SIDE: u32 = 256;
+
+/// The same for places that an object passes, and for the first light of an object.
+const PASSED_SIDE: u32 = 64;
 
 /// Most further probes for what the mirrors of an object show and its middle does not see, and the
 /// side of their faces, pixels: three of them cost three quarters of the probe of the middle.
@@ -30,6 +33,9 @@ const MOST_PLACES: usize = 16;
 
 /// Share of its radius by which an object may move before its light is that of another place.
 const SAME_PLACE: f64 = 0.25;
+
+/// The same while it moves: where it has moved on, a frame finds a sixth of the light there.
+const PASSED: f64 = 0.5;
 
 /// Growth of the samples after which the light of a place is found again, while nobody waits for a
 /// file.
@@ -43,6 +49,8 @@ pub(super) struct Lightings {
     waiting: Vec<WaitingProbe>,
     /// What an input has interrupted.
     unfinished: Option<UnfinishedProbe>,
+    /// The light of a place that an object passes.
+    passed: Option<UnfinishedProbe>,
     /// Samples that have arrived.
     samples: u64,
     /// Whether all samples that were requested for the waiting probes are here.
@@ -78,15 +86,23 @@ struct UnfinishedProbe {
 /// Light that was found.
 struct FoundLight {
     lighting: Option<ObjectLighting>,
+    /// Side of the probe's faces, pixels.
+    side: u32,
     /// Samples that had arrived when it was begun.
     samples: u64,
-    /// Whether the light beside the object's middle is in it.
+    /// Whether it is as sharp as the object needs, with the light beside the object's middle.
     is_whole: bool,
 }
 
 impl UnfinishedProbe {
+    fn new(centre: DVec3, side: u32, renderer: Box<dyn Renderer>, samples: u64) -> UnfinishedProbe {
+        let (faces, middle, places, sides) = (Vec::new(), None, None, Vec::new());
+        UnfinishedProbe { centre, side, renderer, samples, faces, middle, places, sides }
+    }
+
     fn is_of(&self, object: &LocalObject) -> bool {
-        is_light_of(object, self.centre, self.side)
+        let is_of_size = self.side == side(object) || self.side == PASSED_SIDE;
+        is_of_size && is_same_place(self.centre, object.centre(), object.radius())
     }
 
     /// Draws a face. Returns whether all are drawn.
@@ -142,7 +158,7 @@ impl Lightings {
 
     pub(super) fn note_driver(&mut self) {
         self.waiting.clear();
-        self.unfinished = None;
+        (self.unfinished, self.passed) = (None, None);
         self.places.iter_mut().for_each(|place| place.is_old = true);
     }
 
@@ -173,20 +189,35 @@ impl Lightings {
         })
     }
 
-    /// Returns the light of the nearest place.
-    fn nearest(&self, object: &LocalObject) -> Option<Arc<ObjectLighting>> {
-        let apart = |place: &&LitPlace| place.centre.distance(object.centre());
+    /// Returns the nearest place whose light is known. Of those where the object has not moved on,
+    /// it is the one whose light is known best.
+    fn nearest_place(&self, object: &LocalObject) -> Option<&LitPlace> {
+        let least = SAME_PLACE * object.radius();
+        let apart = |place: &LitPlace| place.centre.distance(object.centre()).max(least);
         let lit = self.places.iter().filter(|place| place.lighting.is_some());
-        lit.min_by(|a, b| apart(a).total_cmp(&apart(b)))?.lighting.clone()
+        lit.min_by(|a, b| apart(a).total_cmp(&apart(b)).then(b.side.cmp(&a.side)))
+    }
+
+    /// Returns the light of that place.
+    fn nearest(&self, object: &LocalObject) -> Option<Arc<ObjectLighting>> {
+        self.nearest_place(object)?.lighting.clone()
+    }
+
+    /// Returns whether an object has moved on from all places whose light is known.
+    fn passes(&self, object: &LocalObject) -> bool {
+        self.nearest_place(object)
+            .is_some_and(|place| place.centre.distance(object.centre()) > PASSED * object.radius())
     }
 
     fn put(&mut self, place: LitPlace, radius: f64) {
         let is_same = |other: &LitPlace| {
-            other.side == place.side && is_same_place(other.centre, place.centre, radius)
+            other.side <= place.side && is_same_place(other.centre, place.centre, radius)
         };
         self.places.retain(|other| !is_same(other));
         if self.places.len() >= MOST_PLACES {
-            self.places.remove(0);
+            // Places that were only passed go first.
+            let passed = self.places.iter().position(|place| place.is_old);
+            self.places.remove(passed.unwrap_or(0));
         }
         self.places.push(place);
     }
@@ -212,201 +243,6 @@ fn looks(centre: DVec3, side: u32) -> Option<[FrameRequest; 6]> {
     probe_views(centre).map(|views| views.map(look))
 }
 
-impl Session {
-    /// Returns the light around an object; `None` if none is known.
-    pub(super) fn lighting(
-        &mut self,
-        object: &LocalObject,
-        is_quick: bool,
-        is_file: bool,
-        room: Option<&Room>,
-    ) -> Option<Arc<ObjectLighting>> {
-        let lightings = &self.objects.lightings;
-        let samples = lightings.samples;
-        let known = if is_quick { lightings.nearest(object) } else { None };
-        let here = || lightings.here(object, is_file)?.lighting.clone();
-        if let Some(lighting) = known.or_else(here) {
-            return Some(lighting);
-        }
-        if lightings.here(object, is_file).is_none() {
-            let found = match self.keeps_samples() {
-                true => self.light_of_store(object, is_quick, is_file, room),
-                false => self.probe(object).map(|found| {
-                    let lighting = found.ok().map(|probe| ObjectLighting::new(probe, LIGHTS, room));
-                    FoundLight { lighting, samples, is_whole: true }
-                }),
-            };
-            if let Some(FoundLight { lighting, samples, is_whole }) = found {
-                let place = LitPlace {
-                    centre: object.centre(),
-                    side: side(object),
-                    lighting: lighting.map(Arc::new),
-                    samples,
-                    is_old: !is_whole,
-                };
-                self.objects.lightings.put(place, object.radius());
-            }
-        }
-        self.objects.lightings.nearest(object)
-    }
-
-    /// Finds the light around an object in the store of a driver. `None` if an input has
-    /// interrupted it; a later call continues. A quick frame draws a single face. Where no light is
-    /// known yet, that of the object's middle comes first.
-    fn light_of_store(
-        &mut self,
-        object: &LocalObject,
-        is_quick: bool,
-        is_file: bool,
-        room: Option<&Room>,
-    ) -> Option<FoundLight> {
-        let interrupt = self.interrupt.clone();
-        let waits = |faces: usize| match (is_file, is_quick) {
-            (true, _) => false,
-            (_, true) => faces > 0,
-            _ => interrupt.is_set(),
-        };
-        let lightings = &self.objects.lightings;
-        if !is_file && lightings.unfinished.as_ref().is_some_and(|probe| !probe.is_of(object)) {
-            // One after the other.
-            return None;
-        }
-        let samples = self.objects.lightings.samples;
-        let begun = self.objects.lightings.unfinished.take();
-        let mut probe = match begun.filter(|probe| probe.is_of(object) && !is_file) {
-            Some(probe) => probe,
-            None => UnfinishedProbe {
-                centre: object.centre(),
-                side: side(object),
-                renderer: self.driver.light.renderer(),
-                samples,
-                faces: Vec::new(),
-                middle: None,
-                places: None,
-                sides: Vec::new(),
-            },
-        };
-        let is_first = !is_file && self.objects.lightings.nearest(object).is_none();
-        let mut faces = 0;
-        let is_known = loop {
-            if let Some(middle) = probe.middle.clone().filter(|_| is_first) {
-                let lighting = Some(ObjectLighting::new(middle, LIGHTS, room));
-                self.objects.lightings.unfinished = Some(probe);
-                return Some(FoundLight { lighting, samples, is_whole: false });
-            }
-            if waits(faces) {
-                self.objects.lightings.unfinished = Some(probe);
-                return None;
-            }
-            match probe.advance(object, room) {
-                Ok(false) => faces += 1,
-                Ok(true) => break true,
-                Err(_) => break false,
-            }
-        };
-        let UnfinishedProbe { middle, sides, samples, .. } = probe;
-        let middle = middle.filter(|_| is_known);
-        let lighting = middle.map(|middle| ObjectLighting::new(middle, LIGHTS, room));
-        let lighting = lighting.map(|lighting| lighting.with_sides(sides));
-        Some(FoundLight { lighting, samples, is_whole: true })
-    }
-
-    /// Returns the light around an object by a driver that draws one view. `None` if its samples
-    /// are under way.
-    fn probe(&mut self, object: &LocalObject) -> Option<Result<LightProbe, ProbeError>> {
-        let mut waiting = self.objects.lightings.waiting.iter();
-        let at = waiting.position(|probe| probe.is_of(object))?;
-        if !self.is_ready(&self.objects.lightings.waiting[at]) {
-            return None;
-        }
-        let WaitingProbe { centre, renderers, .. } = self.objects.lightings.waiting.remove(at);
-        let frames = renderers.into_iter().map(|mut renderer| {
-            renderer.settle();
-            renderer.draw(FramePhase::File, &Interrupt::default(), &mut |_| {})
-        });
-        let frames: Vec<Frame> = frames.collect::<Option<_>>()?;
-        Some(probe_of(centre, frames))
-    }
-
-    /// Returns whether the samples of a probe have arrived. While the eye moves, those that are
-    /// here have to do.
-    fn is_ready(&self, probe: &WaitingProbe) -> bool {
-        let view = self.current.as_ref().map(|current| current.first_request);
-        let is_of_view = view == Some(probe.view) || self.is_moving();
-        self.objects.lightings.is_settled || is_of_view && self.has_stored_beside()
-    }
-
-    /// Returns whether the samples of a probe have arrived.
-    pub(super) fn has_probe(&self) -> bool {
-        self.objects.lightings.waiting.iter().any(|probe| self.is_ready(probe))
-    }
-
-    /// Returns whether samples around an object are under way.
-    pub(super) fn awaits_light(&self) -> bool {
-        let lightings = &self.objects.lightings;
-        let is_awaited = |object: &LocalObject| {
-            let mut waiting = lightings.waiting.iter();
-            match waiting.find(|probe| probe.is_of(object)) {
-                Some(probe) => !self.is_ready(probe),
-                None => lightings.here(object, false).is_none(),
-            }
-        };
-        let draws_one_view = !self.keeps_samples() && self.current.is_some();
-        draws_one_view && self.carried().iter().any(is_awaited)
-    }
-
-    /// Requests the samples around objects, for a driver that has no store of all light. A view
-    /// that follows cancels the requests of the view before; they are made again once the eye
-    /// rests.
-    ///
-    /// # Errors
-    /// If the server is lost.
-    pub(crate) fn ask_for_lights(&mut self) -> Result<()> {
-        if self.objects.is_empty() || self.keeps_samples() {
-            return Ok(());
-        }
-        let Some(view) = self.current.as_ref().map(|current| current.first_request) else {
-            return Ok(());
-        };
-        let (objects, is_moving) = (self.carried(), self.is_moving());
-        let lightings = &mut self.objects.lightings;
-        lightings.waiting.retain(|probe| objects.iter().any(|object| probe.is_of(object)));
-        let mut wanted = Vec::new();
-        for object in objects {
-            let Some(looks) = looks(object.centre(), side(&object)) else { continue };
-            let lightings = &mut self.objects.lightings;
-            if let Some(probe) = lightings.waiting.iter_mut().find(|probe| probe.is_of(&object)) {
-                if probe.view != view && !is_moving {
-                    probe.view = view;
-                    wanted.extend(looks);
-                }
-                continue;
-            }
-            // The hand that moves an object has the light of the nearest place.
-            let is_needed = lightings.here(&object, false).is_none()
-                && (self.objects.settles() || self.objects.lightings.nearest(&object).is_none());
-            if !is_needed {
-                continue;
-            }
-            let mut renderers = Vec::with_capacity(looks.len());
-            for look in &looks {
-                let mut renderer = self.driver.light.renderer();
-                if renderer.look(look).is_ok() {
-                    renderers.push(renderer);
-                }
-            }
-            let (centre, side) = (object.centre(), side(&object));
-            self.objects.lightings.waiting.push(WaitingProbe { centre, side, renderers, view });
-            wanted.extend(looks);
-        }
-        if wanted.is_empty() {
-            return Ok(());
-        }
-        self.objects.lightings.is_settled = false;
-        self.ask_beside(&wanted)
-    }
-}
-
 fn frame(renderer: &mut dyn Renderer, look: &FrameRequest) -> Option<Frame> {
     renderer.look(look).ok()?;
     renderer.draw(FramePhase::File, &Interrupt::default(), &mut |_| {})
@@ -419,12 +255,15 @@ fn probe_of(centre: DVec3, frames: Vec<Frame>) -> Result<LightProbe, ProbeError>
 
 #[cfg(test)]
 mod tests {
-    use holo_local_objects::{ObjectModel, ObjectPose};
+    use holo_local_objects::{LIGHTS, ObjectModel, ObjectPose};
     use holo_scene::{Material, Scene};
     use tokio::{net::TcpListener, time::timeout};
 
     use super::*;
-    use crate::tests::{LIMIT, connect, serve};
+    use crate::{
+        Session,
+        tests::{LIMIT, connect, serve},
+    };
 
     /// A triangle in the middle of the room.
     fn object() -> LocalObject {
@@ -460,6 +299,74 @@ mod tests {
             // Whoever waits for a file is not interrupted.
             session.interrupt().set();
             assert!(session.light_of_store(&object, false, true, None).is_some());
+        });
+        timeout(LIMIT, looking).await.unwrap().unwrap();
+        timeout(LIMIT, serving).await.unwrap().unwrap();
+    }
+
+    /// Returns an object that is so many radii beside another one.
+    fn beside(object: &LocalObject, radii: f64) -> LocalObject {
+        let at = object.pose().at + DVec3::X * (radii * object.radius());
+        LocalObject::new(Arc::clone(object.model()), ObjectPose::at(at), DVec3::Z).unwrap()
+    }
+
+    /// Returns light that is known at the place of an object.
+    fn lit_place(object: &LocalObject, side: u32, is_old: bool) -> LitPlace {
+        let faces: [Frame; 6] = std::array::from_fn(|_| {
+            let mut face = Frame::black((8, 8));
+            face.picture.pixels.fill([1.0; 3]);
+            face.depth.fill(2.0);
+            face
+        });
+        let probe = LightProbe::new(object.centre(), &faces).unwrap();
+        let lighting = Some(Arc::new(ObjectLighting::new(probe, LIGHTS, None)));
+        LitPlace { centre: object.centre(), side, lighting, samples: 0, is_old }
+    }
+
+    #[test]
+    fn the_best_known_light_of_a_place_counts_and_places_that_were_only_passed_go_first() {
+        let object = object();
+        let radius = object.radius();
+        let mut lightings = Lightings::default();
+        lightings.put(lit_place(&object, SIDE, false), radius);
+        lightings.put(lit_place(&beside(&object, 0.2), PASSED_SIDE / 2, true), radius);
+        let side = |lightings: &Lightings, radii: f64| {
+            lightings.nearest_place(&beside(&object, radii)).map(|place| place.side)
+        };
+        assert_eq!(side(&lightings, 0.2), Some(SIDE), "both are near enough");
+        assert_eq!(side(&lightings, 3.0), Some(PASSED_SIDE / 2));
+        assert!(
+            !lightings.passes(&beside(&object, 0.6)) && lightings.passes(&beside(&object, 0.8))
+        );
+        for number in 0..2 * MOST_PLACES {
+            let place = beside(&object, 2.0 + number as f64);
+            lightings.put(lit_place(&place, PASSED_SIDE, true), radius);
+        }
+        assert_eq!(lightings.places.len(), MOST_PLACES);
+        assert_eq!(side(&lightings, 0.0), Some(SIDE), "the place where it rested stays");
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn each_frame_of_a_moving_object_finds_a_sixth_of_the_light_of_a_place_that_it_passes() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let serving = tokio::spawn(serve(listener));
+        let connected = connect(address).await;
+        let looking = tokio::task::spawn_blocking(move || {
+            let mut session = connected.begin(|_| {}).unwrap().unwrap();
+            let object = object();
+            session.objects.lightings.put(lit_place(&object, SIDE, false), object.radius());
+            for (radii, faces) in
+                [(0.4, None), (1.0, Some(1)), (1.1, Some(2)), (1.2, Some(3)), (3.0, Some(4))]
+            {
+                let light = session.lighting(&beside(&object, radii), true, false, None);
+                assert_eq!(light.map(|light| light.centre()), Some(object.centre()));
+                let passed = session.objects.lightings.passed.as_ref();
+                assert_eq!(passed.map(|probe| probe.faces.len()), faces, "{radii}");
+            }
+            session.lighting(&beside(&object, 3.1), true, false, None);
+            session.lighting(&beside(&object, 3.2), true, false, None);
+            assert!(session.objects.lightings.passed.is_none(), "six faces are a probe");
         });
         timeout(LIMIT, looking).await.unwrap().unwrap();
         timeout(LIMIT, serving).await.unwrap().unwrap();

@@ -3,7 +3,7 @@
 //!
 //! Invariant: both factors are the same number, which is never near 0.
 
-use crate::cell::luminance;
+use super::cell::luminance;
 use glam::Vec3;
 use holo_scene::{Bsdf, Material, Rgb, Scene, Sky};
 use std::sync::OnceLock;

@@ -1,8 +1,8 @@
 //! Reflection cubes of shiny objects. While the eye moves, rays that leave such an object end in
 //! its cube, and rough metal shows the cube's blurred light.
 //!
-//! Cubes are filled between frames, from stored light alone ([`filling`]). Frames at rest never
-//! read them, except that the first one shows rough metal by them.
+//! Cubes are filled between frames, from stored light alone. Frames at rest never read them, except
+//! that the first one shows rough metal by them.
 //!
 //! Invariants:
 //! - A scene without shiny objects has no [`Reflections`].
@@ -13,7 +13,6 @@
 mod filling;
 mod rough;
 
-pub(crate) use filling::LightSources;
 pub(crate) use rough::RoughMetal;
 
 use holo_display::split_mix;

@@ -5,9 +5,9 @@
 //! - A sample is left out if no surface lies near its stored distance, or if it shows a lamp or the
 //!   sky.
 
-use crate::cell::{FaceClass, SampleLight};
-use crate::materials::{MaterialClass, Materials};
-use crate::trail::{AtPanes, Follower, RayContent, TrailEnd};
+use super::cell::{FaceClass, SampleLight};
+use super::materials::{MaterialClass, Materials};
+use super::trail::{AtPanes, Follower, RayContent, TrailEnd};
 use glam::{DVec3, Vec3};
 use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
 use holo_section::{BeamId, Sample, Section, distance};

@@ -6,8 +6,8 @@ use holo_raycast::Raycaster;
 use holo_section::{BeamKey, Sample, Section};
 use rayon::prelude::*;
 
-use crate::place::Placed;
-use crate::{Materials, Placer};
+use super::materials::Materials;
+use super::place::{Placed, Placer};
 
 /// Most samples that one thread places in one go.
 const PIECE: usize = 1 << 12;

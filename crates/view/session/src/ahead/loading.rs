@@ -1,18 +1,11 @@
-//! Loads the whole file: stored samples that no view has requested arrive in parts, while the
-//! session has nothing else to do. Light for later views is then already here.
-//!
-//! Invariants:
-//! - At most one part is under way. A new view waits for that part at the most.
-//! - Nothing is loaded while the eye moves, or before all stored samples of the view have arrived.
+//! Requests the parts of the file.
 
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use glam::DVec3;
 use holo_proto::control::{Control, MAX_PART};
-use holo_section::Section;
 
-use super::{Session, current_view::RequestedSamples, demand::SEARCH_AFTER};
+use crate::{Session, Settling, current_view::RequestedSamples, demand::SEARCH_AFTER};
 
 /// Samples in one part: about 10 ms of two cores.
 const PART: u32 = 1 << 16;
@@ -29,61 +22,9 @@ const LOAD_EVERY: Duration = Duration::from_secs(30);
 /// hundred thousand.
 const EAGER: Duration = Duration::from_secs(3);
 
-/// Progress of loading the file.
-pub struct Ahead {
-    /// For each section, the number of the next beam to load. `None` once all are loaded.
-    next: Vec<Option<u64>>,
-    /// When the part under way was requested.
-    asked: Option<Instant>,
-    /// When the first part was requested.
-    began: Option<Instant>,
-    /// True if loading was restarted after that part was requested.
-    is_stale: bool,
-    /// When the next part may be requested.
-    resumes: Instant,
-    /// Samples in the file that had not arrived when loading ended, such as damaged ones.
-    missing: u64,
-}
-
-impl Ahead {
-    /// Returns the state before anything is loaded.
-    pub fn new(sections: usize) -> Ahead {
-        Ahead {
-            next: vec![Some(0); sections],
-            asked: None,
-            began: None,
-            is_stale: false,
-            resumes: Instant::now(),
-            missing: 0,
-        }
-    }
-
-    /// Starts loading from the beginning.
-    pub fn restart(&mut self) {
-        self.is_stale = self.asked.is_some();
-        self.next.fill(Some(0));
-    }
-
-    /// Returns whether the whole file was loaded.
-    fn is_done(&self) -> bool {
-        self.next.iter().all(Option::is_none)
-    }
-
-    /// Returns the next part to load: a section and the number of its first beam. Sections near the
-    /// eye come first.
-    fn part(&self, sections: &[Section], eye: DVec3) -> Option<(usize, u64)> {
-        let parts = self.next.iter().enumerate().filter_map(|(at, next)| next.map(|n| (at, n)));
-        let away = |at: usize| {
-            let middle = sections[at].local_to_world(DVec3::splat(0.5));
-            if sections[at].contains(eye) { 0.0 } else { middle.distance(eye) }
-        };
-        parts.min_by(|(one, _), (other, _)| away(*one).total_cmp(&away(*other)))
-    }
-}
-
 impl Session {
     /// Returns whether the driver has room for all samples of the file.
-    pub(super) fn loads_whole_file(&self) -> bool {
+    pub(crate) fn loads_whole_file(&self) -> bool {
         self.stored() <= self.driver.light.room()
     }
 
@@ -108,7 +49,7 @@ impl Session {
     }
 
     /// Returns whether all samples of a file are here to which nothing is added.
-    pub(super) fn has_all_of_replay(&self) -> bool {
+    pub(crate) fn has_all_of_replay(&self) -> bool {
         !self.welcome.tracing && self.ahead.is_done() && self.missing() == 0
     }
 
@@ -120,13 +61,13 @@ impl Session {
 
     /// Loads the whole file from its beginning, because samples may have been stored without being
     /// sent.
-    pub(super) fn load_again(&mut self) -> Result<()> {
+    pub(crate) fn load_again(&mut self) -> Result<()> {
         self.ahead.restart();
         self.ask_for_part(MAX_PART)
     }
 
     /// Requests a part of the file, if there is nothing else to do. Returns when one is due.
-    pub(super) fn ask_ahead(&mut self, now: Instant) -> Result<Option<Instant>> {
+    pub(crate) fn ask_ahead(&mut self, now: Instant) -> Result<Option<Instant>> {
         let Some(current) = self.current.as_ref() else { return Ok(None) };
         let is_idle = current.asked == RequestedSamples::All
             && !self.is_moving()
@@ -157,7 +98,7 @@ impl Session {
             self.ahead.asked = Some(now);
             self.ahead.began.get_or_insert(now);
             let section = u16::try_from(section)?;
-            let as_settled = self.is_loading_to_settle;
+            let as_settled = self.settling == Settling::Loading;
             let part = Control::PartWanted { section, first, samples, as_settled };
             self.outbox.control(&part)?;
         }
@@ -167,7 +108,7 @@ impl Session {
     /// Records that a part has arrived. After the first seconds, the next one is requested only
     /// after a pause as long as this one took, so that tracing and drawing get their share. Returns
     /// true if the session is settling and this was the last part.
-    pub(super) fn part_sent(&mut self, section: u16, next: Option<u64>) -> Result<bool> {
+    pub(crate) fn part_sent(&mut self, section: u16, next: Option<u64>) -> Result<bool> {
         let now = Instant::now();
         self.last_stored = now;
         let is_stale = std::mem::take(&mut self.ahead.is_stale);
@@ -182,41 +123,14 @@ impl Session {
             self.ahead.resumes = now + LOAD_EVERY;
             self.ahead.missing = self.missing();
         }
-        if self.is_loading_to_settle {
-            self.is_loading_to_settle = !self.ahead.is_done();
+        if self.settling == Settling::Loading {
+            let is_done = self.ahead.is_done();
+            if is_done {
+                self.settling = Settling::WholeFile;
+            }
             self.ask_for_part(MAX_PART)?;
-            return Ok(!self.is_loading_to_settle);
+            return Ok(is_done);
         }
         Ok(false)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use holo_section::{SectionSpec, ViewClass};
-
-    use super::*;
-
-    fn section(x: f64) -> Section {
-        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let class = ViewClass::Interior;
-        let spec =
-            SectionSpec { origin: [x, 0.0, 0.0], axes, grid: [2; 3], class, obstructions: false };
-        Section::new(spec).unwrap()
-    }
-
-    #[test]
-    fn sections_near_the_eye_are_loaded_first_and_each_to_its_end() {
-        let sections = [section(0.0), section(2.0), section(8.0)];
-        let mut ahead = Ahead::new(3);
-        let eye = DVec3::new(2.9, 0.5, 0.5);
-        assert_eq!(ahead.part(&sections, eye), Some((1, 0)));
-        ahead.next[1] = Some(7);
-        assert_eq!(ahead.part(&sections, eye), Some((1, 7)));
-        ahead.next[1] = None;
-        assert_eq!(ahead.part(&sections, eye), Some((0, 0)));
-        assert_eq!(ahead.part(&sections, DVec3::new(9.0, 0.5, 0.5)), Some((2, 0)));
-        ahead.next = vec![None; 3];
-        assert!(ahead.is_done() && ahead.part(&sections, eye).is_none());
     }
 }

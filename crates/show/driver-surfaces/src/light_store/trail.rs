@@ -11,8 +11,8 @@
 //!
 //! Invariant: the end of a ray is a function of the ray and the scene.
 
-use crate::materials::{Finish, MaterialClass, Materials};
-use crate::reflections::Reflections;
+use super::materials::{Finish, MaterialClass, Materials};
+use super::reflections::Reflections;
 use glam::Vec3;
 use holo_optics::{dielectric, pane};
 use holo_raycast::{Hit, Ray, Raycaster, spawn};
