@@ -229,8 +229,9 @@ pub enum Control {
     /// Worker: send the cells of surface light that others made, those that exist and all later
     /// estimates.
     CellsWanted,
-    /// Server to display, before the requested scene: hash and length of the blob with the scene's
-    /// stand-ins ([`crate::stand_ins`]).
+    /// Server to display, before the requested scene or stand-ins: hash and length of the blob with
+    /// the scene's stand-ins ([`crate::stand_ins`]). If stand-ins were requested and there are none,
+    /// the length is 0 and no pieces follow.
     StandIns(SceneInfo),
     /// Display: send the stand-ins, in pieces as for the scene.
     StandInsWanted,

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use holo_progress::{HumanCount, Meter};
-use holo_raycast::{Hierarchies, Raycaster};
+use holo_raycast::{Raycaster, StoredScenes};
 use holo_scene::{Loaded, ModelCamera, ModelFacts, Scene};
 use holo_survey::{ChosenView, Room, Survey, UprightAxes, unit_words};
 
@@ -174,11 +174,13 @@ impl OpenedScene {
             let text = format!("preparing {} triangles for tracing", HumanCount(triangles as u64));
             Meter::new(self.is_quiet).say(&text);
         }
-        let prepared = Hierarchies::new(None).prepare(self.scene.clone());
-        let (raycaster, rebuilt) = prepared.context("the scene cannot be traced")?;
-        if let Some(reason) = rebuilt {
-            eprintln!("{reason}");
+        let prepared = StoredScenes::new(None).prepare(self.scene.clone(), None);
+        let (raycaster, unusable) = prepared.context("the scene cannot be traced")?;
+        if let Some(unusable) = unusable {
+            eprintln!("{unusable}");
         }
+        // The same scene, but its geometry may lie in a file.
+        self.scene = raycaster.scene().clone();
         Ok(self.raycaster.insert(Arc::new(raycaster)).clone())
     }
 

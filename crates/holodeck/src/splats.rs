@@ -11,7 +11,7 @@ use std::{
 use anyhow::{Context, Result, ensure};
 use glam::{DVec3, Vec3};
 use holo_beamfile::{BeamSamples, Caching};
-use holo_raycast::{Hierarchies, Ray, Raycaster};
+use holo_raycast::{Ray, Raycaster, StoredScenes};
 use holo_scene::{Bsdf, Scene};
 use holo_section::{BeamKey, Sample, Section, SectionRay};
 use holo_server::Holodeck;
@@ -197,6 +197,17 @@ pub fn with_splats(driver: &DriverArgs, file: &Path) -> Result<DriverArgs> {
     Ok(driver)
 }
 
+/// Prepares the scene of a file for casting rays.
+fn raycaster(holodeck: &Holodeck) -> Result<Raycaster> {
+    let (stored, hash) = (StoredScenes::new(None), holodeck.about.scene.hash);
+    // A file that cannot be used is made again.
+    if let Ok(Some(raycaster)) = stored.open(&hash) {
+        return Ok(raycaster);
+    }
+    let scene = Scene::unpack(&holodeck.packed_scene()?)?;
+    Ok(stored.prepare(Arc::new(scene), Some(hash))?.0)
+}
+
 /// Samples that became no light of a surfel.
 #[derive(Clone, Copy, Debug, Default)]
 struct LeftOut {
@@ -215,10 +226,7 @@ impl SamplePlaces {
     fn new(holodeck: &Holodeck, ignores_scene: bool) -> Result<SamplePlaces> {
         let raycaster = match ignores_scene {
             true => None,
-            false => {
-                let scene = Scene::unpack(&holodeck.packed_scene()?)?;
-                Some(Hierarchies::new(None).prepare(Arc::new(scene))?.0)
-            }
+            false => Some(raycaster(holodeck)?),
         };
         let middle = |section: &Section| section.local_to_world(DVec3::splat(0.5));
         let sections = Arc::clone(&holodeck.sections);

@@ -75,9 +75,9 @@ pub(crate) fn padded(facets: &[Facet], pad: f32) -> Hierarchy {
 /// the index.
 pub(crate) fn over_boxes(boxes: &[Aabb], pad: f32) -> Hierarchy {
     let collapse = |tree: &BinaryTree| {
-        let mut hierarchy = Hierarchy::default();
-        collapse_to(&mut hierarchy, tree, 1, pad, |_, index| index[0]);
-        hierarchy
+        let mut nodes = Vec::new();
+        let stack_need = collapse_to(&mut nodes, tree, 1, pad, |index| index[0]);
+        Hierarchy { nodes: nodes.into(), stack_need, ..Hierarchy::default() }
     };
     let hierarchy = collapse(&joined(boxes, |chosen| {
         let boxes = of(boxes, chosen);
@@ -197,52 +197,51 @@ fn optimize(bvh: &mut Bvh2, boxes: usize) {
 
 fn collapse(tree: &BinaryTree, facets: &[Facet], pad: f32) -> Hierarchy {
     // Large pages: a million triangles exceed the translation cache by far.
-    let mut hierarchy = Hierarchy {
-        nodes: holo_cpu::reserved(facets.len() / FACETS_OF_NODE),
-        blocks: holo_cpu::reserved(facets.len() / FACETS_OF_BLOCK),
-        ..Hierarchy::default()
-    };
-    collapse_to(&mut hierarchy, tree, LANES, pad, |blocks, triangles| {
+    let mut nodes = holo_cpu::reserved(facets.len() / FACETS_OF_NODE);
+    let mut blocks = holo_cpu::reserved(facets.len() / FACETS_OF_BLOCK);
+    let stack_need = collapse_to(&mut nodes, tree, LANES, pad, |triangles| {
         blocks.push(block(triangles, facets));
         (blocks.len() - 1) as u32
     });
-    hierarchy
+    Hierarchy { nodes: nodes.into(), blocks: blocks.into(), few: None, stack_need }
 }
 
-/// Fills a hierarchy with the nodes of a tree. `leaf` returns the reference to a leaf of at most
-/// `lanes` triangles.
+/// Makes the nodes of a tree. `leaf` returns the reference to a leaf of at most `lanes` triangles.
+/// Returns the most entries that a traversal puts on its stack.
 fn collapse_to(
-    hierarchy: &mut Hierarchy,
+    nodes: &mut Vec<WideNode>,
     tree: &BinaryTree,
     lanes: usize,
     pad: f32,
-    leaf: impl Fn(&mut Vec<TriangleBlock>, &[u32]) -> u32,
-) {
-    hierarchy.nodes.push(WideNode::EMPTY);
+    mut leaf: impl FnMut(&[u32]) -> u32,
+) -> usize {
+    let mut stack_need = 0;
+    nodes.push(WideNode::EMPTY);
     // Depth first, so that a subtree is contiguous in memory.
     let mut pending = vec![(0_u32, 0_usize, 1_usize)];
     let (mut children, mut boxes) = (Vec::with_capacity(WIDTH), Vec::with_capacity(WIDTH));
     let (mut below, mut triangles) = (Vec::new(), Vec::with_capacity(LANES));
     while let Some((root, index, depth)) = pending.pop() {
-        hierarchy.stack_need = hierarchy.stack_need.max(depth * (WIDTH - 1) + WIDTH);
+        stack_need = stack_need.max(depth * (WIDTH - 1) + WIDTH);
         boxes.clear();
         tree.children(root, lanes, &mut children);
         for (slot, &child) in children.iter().enumerate() {
             let source = &tree.nodes[child as usize];
             let reference = if source.references as usize <= lanes {
                 tree.triangles(child, &mut below, &mut triangles);
-                LEAF | leaf(&mut hierarchy.blocks, &triangles)
+                LEAF | leaf(&triangles)
             } else {
-                hierarchy.nodes.push(WideNode::EMPTY);
-                let node = hierarchy.nodes.len() - 1;
+                nodes.push(WideNode::EMPTY);
+                let node = nodes.len() - 1;
                 pending.push((child, node, depth + 1));
                 node as u32
             };
-            hierarchy.nodes[index].children[slot] = reference;
+            nodes[index].children[slot] = reference;
             boxes.push(((source.min - pad).to_array(), (source.max + pad).to_array()));
         }
-        hierarchy.nodes[index].set_boxes(&boxes);
+        nodes[index].set_boxes(&boxes);
     }
+    stack_need
 }
 
 fn block(triangles: &[u32], facets: &[Facet]) -> TriangleBlock {

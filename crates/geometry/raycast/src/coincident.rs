@@ -32,7 +32,7 @@ const MATES: usize = 64;
 const OVERLAP: f64 = 1e-4;
 
 /// The faces at one place of a scene.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Coincident {
     /// One bit for each triangle: set if another one lies at its place, in part.
     shares: Vec<u64>,
@@ -59,6 +59,17 @@ impl Coincident {
         let mut shares = vec![0; facets.len().div_ceil(64)];
         found.iter().for_each(|&triangle| shares[triangle as usize / 64] |= 1 << (triangle % 64));
         Some(Self { shares, apart })
+    }
+
+    /// Returns the faces at one place whose bits were stored. `None` if there are no bits.
+    pub(crate) fn of_bits(bits: &[u64], reach: f32) -> Option<Self> {
+        let apart = APART * f64::from(reach);
+        (!bits.is_empty()).then(|| Self { shares: bits.to_vec(), apart })
+    }
+
+    /// Returns the bits to store.
+    pub(crate) fn bits(&self) -> &[u64] {
+        &self.shares
     }
 
     /// Returns whether another triangle lies at the place of a triangle, in part.

@@ -4,6 +4,7 @@
 
 use std::fmt;
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use holo_scene::Geometry;
 use rayon::prelude::*;
@@ -54,13 +55,16 @@ impl fmt::Display for BuildError {
 impl std::error::Error for BuildError {}
 
 /// Vertices and normal of a triangle. They share a cache line because they are used together.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
 pub(crate) struct Facet {
     pub vertices: [Vec3; 3],
     pub normal: Vec3,
     /// Least barycentric coordinate of a surface point: see [`edge_margin`].
     pub margin: f32,
 }
+
+const _: () = assert!(size_of::<Facet>() == 52);
 
 impl Facet {
     pub(crate) fn new(vertices: [Vec3; 3]) -> Facet {

@@ -141,8 +141,9 @@ fn visit<S: Simd, const STACK: usize, const ANY: bool>(
 ) {
     let Some((ray, scale)) = local(&instance.placement, &query.ray) else { return };
     let mut walk = Walk::<STACK>::new(mesh, &ray, query.t_min, scale);
+    let blocks = mesh.slices().blocks;
     while let Some(block) = walk.next(simd, best.t) {
-        let block = placed(&mesh.blocks[block as usize], instance);
+        let block = placed(&blocks[block as usize], instance);
         intersect(simd, &block, &query.ray, query.t_min, query.skip, best);
         if ANY && best.triangle != NO_TRIANGLE {
             return;

@@ -4,7 +4,7 @@
 //! of the three operations of a slab test (Ize 2013, "Robust BVH Ray Traversal"). Boxes are padded
 //! for the rounding of the triangle test.
 
-use crate::node::{FEW, Hierarchy, LEAF, ROW, SmallScene, WIDTH, WideNode};
+use crate::node::{FEW, Hierarchy, HierarchySlices, LEAF, ROW, SmallScene, WIDTH, WideNode};
 use crate::prepared::Prepared;
 use crate::simd::{STRETCH, Simd, unpack};
 use crate::triangle::{consider, intersect};
@@ -74,6 +74,7 @@ pub(crate) fn traverse<S: Simd, const STACK: usize, const ANY: bool>(
     root: u32,
     best: &mut Hit,
 ) {
+    let hierarchy = hierarchy.slices();
     let mut stack = [0_u64; STACK];
     let (mut current, mut top) = (root, 0);
     while advance::<S, ANY, true>(simd, hierarchy, query, &mut current, &mut top, &mut stack, best)
@@ -89,7 +90,7 @@ pub(crate) fn traverse<S: Simd, const STACK: usize, const ANY: bool>(
 #[inline(always)]
 pub(crate) fn advance<S: Simd, const ANY: bool, const ALONE: bool>(
     simd: S,
-    hierarchy: &Hierarchy,
+    hierarchy: HierarchySlices,
     query: &Query,
     current: &mut u32,
     top: &mut usize,
@@ -141,7 +142,7 @@ pub(crate) fn advance<S: Simd, const ANY: bool, const ALONE: bool>(
 
 /// Starts to fetch the children in `mask`.
 #[inline(always)]
-fn prefetch_children<S: Simd>(simd: S, hierarchy: &Hierarchy, node: &WideNode, mut mask: u32) {
+fn prefetch_children<S: Simd>(simd: S, hierarchy: HierarchySlices, node: &WideNode, mut mask: u32) {
     while mask != 0 {
         prefetch(simd, hierarchy, node.children[mask.trailing_zeros() as usize % WIDTH]);
         mask &= mask - 1;
@@ -150,7 +151,7 @@ fn prefetch_children<S: Simd>(simd: S, hierarchy: &Hierarchy, node: &WideNode, m
 
 /// Starts to fetch a node or block.
 #[inline(always)]
-pub(crate) fn prefetch<S: Simd>(simd: S, hierarchy: &Hierarchy, child: u32) {
+pub(crate) fn prefetch<S: Simd>(simd: S, hierarchy: HierarchySlices, child: u32) {
     if child & LEAF != 0 {
         simd.prefetch_block(&hierarchy.blocks[(child & !LEAF) as usize]);
     } else {

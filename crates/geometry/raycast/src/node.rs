@@ -9,6 +9,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
+use holo_mapped::Array;
 
 /// Stack of ordinary hierarchies. It is small because it is cleared for every ray. Half of it
 /// gained 1 to 2 %, but is too small for 10⁶ triangles.
@@ -95,7 +96,7 @@ impl WideNode {
 }
 
 /// Up to four triangles.
-#[derive(Clone, Copy, Debug, Zeroable)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct TriangleBlock {
     /// Indexed by axis, vertex and lane. The fourth vertex does not exist and fills the register.
@@ -177,10 +178,25 @@ impl SmallScene {
 /// The hierarchy. The root is node 0; without triangles there are no nodes.
 #[derive(Debug, Default)]
 pub(crate) struct Hierarchy {
-    pub nodes: Vec<WideNode>,
-    pub blocks: Vec<TriangleBlock>,
+    pub nodes: Array<WideNode>,
+    pub blocks: Array<TriangleBlock>,
     /// All triangles, if there are so few that testing all is faster than traversal.
     pub few: Option<SmallScene>,
     /// Most entries that a traversal puts on its stack.
     pub stack_need: usize,
+}
+
+impl Hierarchy {
+    /// Returns nodes and blocks as slices, so that a query finds out only once where they are.
+    #[inline(always)]
+    pub(crate) fn slices(&self) -> HierarchySlices<'_> {
+        HierarchySlices { nodes: &self.nodes, blocks: &self.blocks }
+    }
+}
+
+/// The arrays of a hierarchy.
+#[derive(Clone, Copy)]
+pub(crate) struct HierarchySlices<'a> {
+    pub nodes: &'a [WideNode],
+    pub blocks: &'a [TriangleBlock],
 }

@@ -10,7 +10,7 @@
 
 use crate::Hit;
 use crate::kernel::{Query, advance, prefetch};
-use crate::node::{Hierarchy, LEAF, WIDTH};
+use crate::node::{Hierarchy, HierarchySlices, LEAF, WIDTH};
 use crate::simd::{ChildDistances, RAYS, RayBytes, RayLimits, STRETCH, Simd, entry, unpack};
 use crate::triangle::intersect;
 
@@ -60,7 +60,7 @@ impl<const STACK: usize> SingleRays<STACK> {
     fn run<S: Simd>(
         &mut self,
         simd: S,
-        hierarchy: &Hierarchy,
+        hierarchy: HierarchySlices,
         queries: &[Query],
         best: &mut [Hit; RAYS],
     ) {
@@ -99,6 +99,7 @@ pub(crate) fn traverse_many<S: Simd, const STACK: usize>(
     best: &mut [Hit; RAYS],
 ) {
     const SLOTS: [u32; WIDTH] = [0, 1, 2, 3, 4, 5, 6, 7];
+    let hierarchy = hierarchy.slices();
     let count = queries.len().min(RAYS);
     let mut limits = RayLimits([f32::NEG_INFINITY; RAYS]);
     for (limit, best) in limits.0[..count].iter_mut().zip(best.iter()) {

@@ -5,6 +5,7 @@ mod covers;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
+use holo_mapped::Array;
 use holo_scene::{Scene, SceneError, Sky, Sun};
 
 use crate::build;
@@ -30,11 +31,20 @@ enum Covers {
     Chance,
 }
 
+/// What a raycaster makes of the triangles that belong to no instance.
+#[derive(Clone, Debug)]
+pub(crate) struct CastGeometry {
+    pub facets: Arc<Array<Facet>>,
+    pub hierarchy: Arc<Hierarchy>,
+    /// Half the side of the cube around the scene's origin that contains all vertices.
+    pub reach: f32,
+}
+
 /// Answers ray queries on one scene. Threads share it by `Arc`.
 #[derive(Clone, Debug)]
 pub struct Raycaster {
     scene: Arc<Scene>,
-    facets: Arc<Vec<Facet>>,
+    facets: Arc<Array<Facet>>,
     /// Over the triangles that belong to no instance; `facets` has these alone.
     hierarchy: Arc<Hierarchy>,
     /// Hierarchies of shared meshes, if the scene has instances.
@@ -54,14 +64,6 @@ impl Raycaster {
     /// Too many triangles, a coordinate beyond [`MAX_COORDINATE`](crate::MAX_COORDINATE), or a
     /// scene that is not valid.
     pub fn build(scene: Arc<Scene>) -> Result<Self, BuildError> {
-        Self::build_unless(scene, |_| None)
-    }
-
-    /// Uses the hierarchy that `read` returns for the scene's own facets, or else builds it.
-    pub(crate) fn build_unless(
-        scene: Arc<Scene>,
-        read: impl FnOnce(&[Facet]) -> Option<Hierarchy>,
-    ) -> Result<Self, BuildError> {
         let facets = facets(&scene.own())?;
         let reach = facets
             .iter()
@@ -71,25 +73,29 @@ impl Raycaster {
         let reach = boxes.iter().fold(reach, |reach, bounds| {
             reach.max(bounds.min.abs().max(bounds.max.abs()).max_element())
         });
-        let mut hierarchy = read(&facets).unwrap_or_else(|| build::hierarchy(&facets, reach));
+        let mut hierarchy = build::hierarchy(&facets, reach);
         let mut instances = None;
         if !boxes.is_empty() {
             instances = Some(Arc::new(Instances::build(&scene, &boxes, reach)?));
             // Without boxes of its own, a query could not go on to the instances.
             hierarchy.few = None;
         }
+        let coincident = Coincident::find(&scene, &facets, &hierarchy, reach);
+        let geometry =
+            CastGeometry { facets: Arc::new(facets.into()), hierarchy: Arc::new(hierarchy), reach };
+        Ok(Self { instances, ..Self::over(scene, geometry, coincident) })
+    }
+
+    /// Casts rays at a scene without instances, with what was made of its geometry before.
+    pub(crate) fn over(
+        scene: Arc<Scene>,
+        geometry: CastGeometry,
+        coincident: Option<Coincident>,
+    ) -> Self {
         let covers = if scene.has_covers() { Covers::Holes } else { Covers::None };
-        let coincident = Coincident::find(&scene, &facets, &hierarchy, reach).map(Arc::new);
-        Ok(Self {
-            scene,
-            facets: Arc::new(facets),
-            hierarchy: Arc::new(hierarchy),
-            instances,
-            isa: RayIsa::detect(),
-            reach,
-            covers,
-            coincident,
-        })
+        let CastGeometry { facets, hierarchy, reach } = geometry;
+        let (isa, coincident) = (RayIsa::detect(), coincident.map(Arc::new));
+        Self { scene, facets, hierarchy, instances: None, isa, reach, covers, coincident }
     }
 
     /// Replaces the sky and the suns of the scene. The hierarchy stays, because sky and suns have
@@ -473,6 +479,17 @@ impl Raycaster {
     /// Returns the hierarchies of shared meshes.
     pub(crate) fn instances(&self) -> Option<&Instances> {
         self.instances.as_deref()
+    }
+
+    /// Returns what was made of the triangles that belong to no instance.
+    pub(crate) fn geometry(&self) -> CastGeometry {
+        let (facets, hierarchy) = (Arc::clone(&self.facets), Arc::clone(&self.hierarchy));
+        CastGeometry { facets, hierarchy, reach: self.reach }
+    }
+
+    /// Returns the faces at one place, if there are any.
+    pub(crate) fn faces_at_one_place(&self) -> Option<&Coincident> {
+        self.coincident.as_deref()
     }
 
     /// Returns the hierarchy of triangles that belong to no instance, and half the side of the cube

@@ -1,115 +1,127 @@
-//! Stored hierarchies: reading returns what was written, and refuses everything else.
+//! Stored geometry: reading returns what was written, and refuses everything else.
 
-use super::*;
-use crate::build;
-use crate::facet::facets;
-use glam::DVec3;
-use holo_scene::{Material, Scene};
+use std::fs;
+
+use glam::{DVec3, Vec3};
+use holo_scene::{Material, Scene, Shading, to_octahedral};
 use proptest::prelude::*;
 
-/// Returns a scene of triangles along a spiral.
+use super::*;
+use crate::raycaster::Raycaster;
+
+/// Returns a scene of triangles along a spiral. Two of them lie at one place.
 pub(crate) fn scene(triangles: usize) -> Scene {
     let corner = |i: usize| {
         let (sin, cos) = (i as f64 * 0.37).sin_cos();
         DVec3::new(cos * (1.0 + 0.01 * i as f64), sin, 0.02 * i as f64)
     };
-    let corners: Vec<DVec3> = (0..triangles + 2).map(corner).collect();
-    let indices: Vec<[u32; 3]> = (0..triangles as u32).map(|i| [i, i + 1, i + 2]).collect();
-    let materials = vec![Material::grey("a")];
-    let ids = vec![0; triangles];
+    let corners: Vec<DVec3> = (0..triangles + 1).map(corner).collect();
+    let mut indices: Vec<[u32; 3]> = (0..triangles as u32 - 1).map(|i| [i, i + 1, i + 2]).collect();
+    indices.push([0, 1, 2]);
+    let materials = vec![Material::grey("a"), Material::grey("b")];
+    let ids: Vec<u32> = (0..triangles as u32).map(|i| i % 2).collect();
     Scene::from_world(&corners, &indices, &ids, materials, [1.0; 3]).unwrap().0
 }
 
-const GEOMETRY: [u8; 32] = [3; 32];
+/// The same with normals and colours.
+pub(crate) fn shaded(triangles: usize) -> Scene {
+    let shading = Shading {
+        normals: vec![[to_octahedral(Vec3::Z); 3]; triangles].into(),
+        colours: vec![[[1, 2, 3]; 3]; triangles].into(),
+        ..Shading::default()
+    };
+    scene(triangles).with_shading(shading).unwrap()
+}
 
-fn built(triangles: usize) -> (Vec<Facet>, Hierarchy, Vec<u8>) {
-    let scene = scene(triangles);
-    let facets = facets(&scene.own()).unwrap();
-    let hierarchy = build::hierarchy(&facets, 50.0);
+const HASH: [u8; 32] = [3; 32];
+
+fn built(triangles: usize) -> (Raycaster, Vec<u8>) {
+    let raycaster = Raycaster::build(Arc::new(scene(triangles))).unwrap();
     let mut bytes = Vec::new();
-    write(&hierarchy, triangles, GEOMETRY, &mut bytes).unwrap();
-    (facets, hierarchy, bytes)
+    let (own, cast) = (raycaster.scene().own(), raycaster.geometry());
+    write(&own, &cast, HASH, &mut bytes).unwrap();
+    (raycaster, bytes)
 }
 
-fn read_all(bytes: &[u8], facets: &[Facet]) -> Result<Hierarchy, StoredError> {
-    read(&mut &bytes[..], bytes.len() as u64, facets.len(), GEOMETRY)?.over(facets)
+fn read_all(bytes: &[u8]) -> Result<StoredGeometry, SealError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("geometry");
+    fs::write(&path, bytes).unwrap();
+    read(&File::open(path).unwrap(), &HASH)
 }
 
-/// Sets the hash of the content, as a forger would.
-fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
-    let content = hash(&bytes[size_of::<HierarchyHeader>()..], &[]);
-    bytes[56..88].copy_from_slice(&content);
-    bytes
+/// Writes a geometry whose arrays a forger changed.
+fn forged(raycaster: &Raycaster, change: impl Fn(&mut Forgery)) -> Result<(), SealError> {
+    let (own, cast) = (raycaster.scene().own(), raycaster.geometry());
+    let mut forgery = Forgery {
+        triangles: own.triangles.to_vec(),
+        nodes: cast.hierarchy.nodes.to_vec(),
+        blocks: cast.hierarchy.blocks.to_vec(),
+    };
+    change(&mut forgery);
+    let Forgery { triangles, nodes, blocks } = forgery;
+    let geometry = Geometry { triangles: &triangles, ..own };
+    let hierarchy =
+        Hierarchy { nodes: nodes.into(), blocks: blocks.into(), ..Hierarchy::default() };
+    let mut bytes = Vec::new();
+    let cast = CastGeometry { hierarchy: Arc::new(hierarchy), ..cast };
+    write(&geometry, &cast, HASH, &mut bytes).unwrap();
+    read_all(&bytes).map(|_| ())
+}
+
+struct Forgery {
+    triangles: Vec<[u32; 3]>,
+    nodes: Vec<WideNode>,
+    blocks: Vec<TriangleBlock>,
 }
 
 #[test]
 fn what_is_written_is_read() {
     for triangles in [65, 1000, 20_000] {
-        let (facets, hierarchy, bytes) = built(triangles);
-        let read = read_all(&bytes, &facets).unwrap();
-        assert!(read.stack_need >= hierarchy.stack_need);
-        let nodes = |h: &Hierarchy| bytemuck::cast_slice::<_, u8>(&h.nodes).to_vec();
-        assert!(nodes(&read) == nodes(&hierarchy));
-        let bits = |h: &Hierarchy| {
-            let lanes = h.blocks.iter().flat_map(|b| b.vertices.as_flattened().as_flattened());
-            lanes.map(|c| c.to_bits()).collect::<Vec<_>>()
+        let (raycaster, bytes) = built(triangles);
+        let (read, cast) = (read_all(&bytes).unwrap(), raycaster.geometry());
+        assert!(read.cast.hierarchy.stack_need >= cast.hierarchy.stack_need);
+        assert_eq!(read.cast.reach.to_bits(), cast.reach.to_bits());
+        let bytes = |cast: &CastGeometry| {
+            let parts: [&[u8]; 3] = [
+                cast_slice(&cast.hierarchy.nodes),
+                cast_slice(&cast.hierarchy.blocks),
+                cast_slice(&cast.facets),
+            ];
+            parts.concat()
         };
-        assert!(bits(&read) == bits(&hierarchy));
+        assert!(bytes(&read.cast) == bytes(&cast));
+        let own = raycaster.scene().own();
+        assert!(read.positions[..] == *own.positions && read.triangles[..] == *own.triangles);
     }
-}
-
-#[test]
-fn other_versions_other_scenes_and_cut_files_are_named() {
-    let (facets, _, bytes) = built(1000);
-    let refused = |bytes: &[u8]| read_all(bytes, &facets).map(|_| ()).unwrap_err();
-    let with = |at: usize, to: u8| {
-        let mut bytes = bytes.clone();
-        bytes[at] = to;
-        bytes
-    };
-    assert_eq!(refused(&with(0, b'x')), StoredError::Version);
-    assert_eq!(refused(&with(8, 77)), StoredError::Version);
-    assert_eq!(refused(&with(24, 4)), StoredError::Scene);
-    assert_eq!(read_all(&bytes, &facets[1..]).map(|_| ()).unwrap_err(), StoredError::Scene);
-    for end in [0, 5, 87, 88, 1000, bytes.len() - 1] {
-        assert_eq!(refused(&bytes[..end]), StoredError::Damaged);
-    }
-    assert_eq!(refused(&[&bytes[..], &[0]].concat()), StoredError::Damaged);
-    // Lengths that would need much memory.
-    assert_eq!(refused(&with(19, 255)), StoredError::Damaged);
-    assert_eq!(refused(&with(23, 255)), StoredError::Damaged);
 }
 
 #[test]
 fn references_in_a_circle_and_beyond_the_end_are_refused_whatever_the_hash_says() {
-    let (facets, hierarchy, bytes) = built(1000);
-    let child = |node: usize, slot: usize| 88 + 128 * node + 96 + 4 * slot;
-    let with = |at: usize, to: u32| {
-        let mut bytes = bytes.clone();
-        bytes[at..at + 4].copy_from_slice(&to.to_ne_bytes());
-        read_all(&sealed(bytes), &facets).map(|_| ())
-    };
-    assert_eq!(with(child(0, 0), hierarchy.nodes[0].children[0]), Ok(()));
+    let (raycaster, _) = built(1000);
+    let hierarchy = raycaster.geometry().hierarchy;
+    let damaged = Err(SealError::Damaged);
+    assert_eq!(forged(&raycaster, |_| {}), Ok(()));
     let (nodes, blocks) = (hierarchy.nodes.len() as u32, hierarchy.blocks.len() as u32);
     for reference in [0, nodes, hierarchy.nodes[0].children[1], LEAF | blocks] {
-        assert_eq!(with(child(0, 0), reference), Err(StoredError::Damaged), "{reference:x}");
+        let change = |forgery: &mut Forgery| forgery.nodes[0].children[0] = reference;
+        assert_eq!(forged(&raycaster, change), damaged, "{reference:x}");
     }
-    let first_block = 88 + 128 * hierarchy.nodes.len();
-    assert_eq!(with(first_block, 1000), Err(StoredError::Damaged));
+    assert_eq!(forged(&raycaster, |forgery| forgery.triangles[7][1] = 1_000_000), damaged);
+    assert_eq!(forged(&raycaster, |forgery| forgery.triangles.truncate(999)), damaged);
+    assert_eq!(forged(&raycaster, |forgery| forgery.nodes.clear()), damaged);
+    let other_triangle =
+        |forgery: &mut Forgery| forgery.blocks[0].vertices[0][3][0] = f32::from_bits(1000);
+    assert_eq!(forged(&raycaster, other_triangle), damaged);
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
-    fn changed_bytes_give_a_hierarchy_or_an_error(
-        changes in proptest::collection::vec((any::<proptest::sample::Index>(), any::<u8>()), 1..8),
-        is_sealed: bool,
-    ) {
-        let (facets, _, mut bytes) = built(300);
-        for (at, to) in changes {
-            let at = at.index(bytes.len());
-            bytes[at] = to;
-        }
-        let bytes = if is_sealed { sealed(bytes) } else { bytes };
-        let _ = read_all(&bytes, &facets);
+    fn any_changed_byte_is_recognised(at: proptest::sample::Index, change in 1..=u8::MAX) {
+        let (_, mut bytes) = built(80);
+        let at = at.index(bytes.len());
+        bytes[at] ^= change;
+        prop_assert!(read_all(&bytes).is_err());
     }
 }

@@ -78,6 +78,7 @@ pub(crate) fn traverse_tile<S: Simd, const STACK: usize>(
     bundle: &Bundle,
     hits: &mut [Option<Hit>],
 ) {
+    let hierarchy = hierarchy.slices();
     let mut best = Best::nothing(bundle);
     let mut limit = f32::INFINITY;
     let mut stack = [0_u64; STACK];

@@ -7,6 +7,7 @@ use std::iter::repeat_n;
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3, Vec3};
+use holo_mapped::Array;
 
 use crate::assemble::without;
 use crate::limits::MAX_NAME_BYTES;
@@ -118,10 +119,10 @@ impl Scene {
         let materials = self.materials.len();
         let of_materials = Joint { at: materials, before: materials, count: new.materials.len() };
         let moved = new.triangles.iter().map(|t| t.map(|corner| positions as u32 + corner));
-        self.triangles.splice(at..at, moved);
-        self.positions.splice(positions..positions, new.positions);
+        self.triangles.to_mut().splice(at..at, moved);
+        self.positions.to_mut().splice(positions..positions, new.positions);
         let ids = new.material_ids.iter().map(|id| materials as u32 + id);
-        self.material_ids.splice(at..at, ids);
+        self.material_ids.to_mut().splice(at..at, ids);
         self.materials.extend(new.materials);
         let shading = join_shading(self.shading.take(), new.shading, of_triangles, of_materials);
         if let Some(shared) = &mut self.shared {
@@ -145,6 +146,13 @@ struct Joint {
 }
 
 impl Joint {
+    /// Joins two arrays of a scene as [`join`](Self::join).
+    fn join_arrays<T: Clone>(self, all: &mut Array<T>, mut new: Array<T>, usual: T) {
+        if !(all.is_empty() && new.is_empty()) {
+            self.join(all.to_mut(), std::mem::take(new.to_mut()), usual);
+        }
+    }
+
     /// Joins two arrays, each of which may be empty because all its values are `usual`.
     fn join<T: Clone>(self, all: &mut Vec<T>, mut new: Vec<T>, usual: T) {
         if all.is_empty() && new.is_empty() {
@@ -175,11 +183,11 @@ fn join_shading(
     let textures = all.textures.len() as u32;
     let maps = new.maps.into_iter().map(|maps| maps.moved(textures)).collect();
     let covers = new.covers.into_iter().map(|cover| cover.moved(textures)).collect();
-    of_triangles.join(&mut all.uvs, new.uvs, [[0.0; 2]; 3]);
+    of_triangles.join_arrays(&mut all.uvs, new.uvs, [[0.0; 2]; 3]);
     // Equal normals are those of facets.
-    of_triangles.join(&mut all.normals, new.normals, [[0; 2]; 3]);
-    of_triangles.join(&mut all.colours, new.colours, [WHITE; 3]);
-    of_triangles.join(&mut all.opacities, new.opacities, [u8::MAX; 3]);
+    of_triangles.join_arrays(&mut all.normals, new.normals, [[0; 2]; 3]);
+    of_triangles.join_arrays(&mut all.colours, new.colours, [WHITE; 3]);
+    of_triangles.join_arrays(&mut all.opacities, new.opacities, [u8::MAX; 3]);
     of_materials.join(&mut all.maps, maps, Maps::default());
     of_materials.join(&mut all.covers, covers, Cover::default());
     all.textures.extend(new.textures);
@@ -223,7 +231,7 @@ impl ObjectPlace {
             |&triangle: &usize| doubled_area_normal(corners(model.triangles[triangle])).is_none();
         let flat: Vec<usize> = (0..model.triangles.len()).filter(is_flat).collect();
         let mut shading = model.shading.as_deref().cloned().unwrap_or_default();
-        for (normals, triangle) in shading.normals.iter_mut().zip(&model.triangles) {
+        for (normals, triangle) in shading.normals.to_mut().iter_mut().zip(&model.triangles) {
             let corners = triangle.map(|corner| model.positions[corner as usize]);
             *normals = self.placement.normals(corners, *normals);
         }

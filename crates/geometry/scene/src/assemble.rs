@@ -39,10 +39,10 @@ pub(crate) fn assemble(mut model: Model, sky: Rgb) -> Result<Assembled, SceneErr
     let scene = scene.with_instances(&geometry, &instances)?;
     let mut shading = without(shading, &left_out);
     for mesh in meshes {
-        shading.uvs.extend(mesh.shading.uvs);
-        shading.normals.extend(mesh.shading.normals);
-        shading.colours.extend(mesh.shading.colours);
-        shading.opacities.extend(mesh.shading.opacities);
+        shading.uvs.extend(mesh.shading.uvs.iter().copied());
+        shading.normals.extend(mesh.shading.normals.iter().copied());
+        shading.colours.extend(mesh.shading.colours.iter().copied());
+        shading.opacities.extend(mesh.shading.opacities.iter().copied());
     }
     let scene = scene.with_shading(shading)?.with_suns(model.suns)?;
     let scene = scene.with_punctual_lights(punctual_lights)?;
@@ -171,10 +171,10 @@ fn copy(model: &mut Model, mesh: usize, matrix: DMat4) {
 
 /// Removes triangles from a shading.
 pub(crate) fn without(mut shading: Shading, left_out: &[usize]) -> Shading {
-    keep(&mut shading.uvs, left_out);
-    keep(&mut shading.normals, left_out);
-    keep(&mut shading.colours, left_out);
-    keep(&mut shading.opacities, left_out);
+    keep(shading.uvs.to_mut(), left_out);
+    keep(shading.normals.to_mut(), left_out);
+    keep(shading.colours.to_mut(), left_out);
+    keep(shading.opacities.to_mut(), left_out);
     shading
 }
 

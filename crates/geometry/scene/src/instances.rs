@@ -107,9 +107,9 @@ impl Scene {
             MeshRange { positions: 0..self.positions.len(), triangles: 0..self.triangles.len() };
         for mesh in meshes {
             let (position, triangle) = (self.positions.len(), self.triangles.len());
-            self.positions.extend_from_slice(mesh.positions);
-            self.triangles.extend_from_slice(mesh.triangles);
-            self.material_ids.extend_from_slice(mesh.material_ids);
+            self.positions.to_mut().extend_from_slice(mesh.positions);
+            self.triangles.to_mut().extend_from_slice(mesh.triangles);
+            self.material_ids.to_mut().extend_from_slice(mesh.material_ids);
             parts.push(MeshRange {
                 positions: position..self.positions.len(),
                 triangles: triangle..self.triangles.len(),
@@ -296,8 +296,8 @@ impl Scene {
         });
         Scene {
             origin: self.origin,
-            positions,
-            triangles,
+            positions: positions.into(),
+            triangles: triangles.into(),
             material_ids: self.material_ids().collect(),
             materials: self.materials.clone(),
             sky: self.sky.clone(),

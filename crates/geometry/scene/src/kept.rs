@@ -11,11 +11,16 @@ use std::path::{Path, PathBuf};
 /// needed.
 const MAX_FILES: usize = 8;
 
+/// Most bytes of the files of one kind, if there is more than one. Those of 10 million triangles
+/// have 1.7 GB.
+const MAX_BYTES: u64 = 6 << 30;
+
 /// The files of one kind in a folder.
 #[derive(Clone, Debug)]
 pub struct KeptFiles {
     folder: Option<PathBuf>,
     extension: &'static str,
+    most_bytes: u64,
 }
 
 impl KeptFiles {
@@ -29,7 +34,7 @@ impl KeptFiles {
         let users =
             || absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")));
         let folder = folder.or_else(|| Some(users()?.join("holodeck/scenes")));
-        KeptFiles { folder, extension }
+        KeptFiles { folder, extension, most_bytes: MAX_BYTES }
     }
 
     /// Returns where the file of a hash is, or would be. `None` if nothing is kept.
@@ -41,8 +46,8 @@ impl KeptFiles {
 
     /// Opens the file of a hash, if it is there. Returns its length in bytes, too.
     ///
-    /// It is to be read and not mapped: a mapped file that shrinks under its reader ends the
-    /// process.
+    /// It may be mapped. [`put`](Self::put) writes a file under another name and renames it, so no
+    /// file changes or shrinks later. The pages of a file that is deleted stay while it is mapped.
     #[must_use]
     pub fn open(&self, hash: &[u8; 32]) -> Option<(File, u64)> {
         let file = File::open(self.path(hash)?).ok()?;
@@ -81,16 +86,24 @@ impl KeptFiles {
         self.prune(folder)
     }
 
-    /// Deletes all but the newest [`MAX_FILES`] files of this kind.
+    /// Deletes all but the newest files of this kind: [`MAX_FILES`], of [`MAX_BYTES`] together.
     fn prune(&self, folder: &Path) -> io::Result<()> {
+        let about = |entry: fs::DirEntry| {
+            let about = entry.metadata().ok()?;
+            Some((about.modified().ok()?, entry.path(), about.len()))
+        };
         let mut files: Vec<_> = fs::read_dir(folder)?
             .filter_map(|entry| entry.ok())
             .filter(|entry| entry.path().extension().is_some_and(|found| found == self.extension))
-            .filter_map(|entry| Some((entry.metadata().ok()?.modified().ok()?, entry.path())))
+            .filter_map(about)
             .collect();
         files.sort();
-        for (_, path) in files.iter().rev().skip(MAX_FILES) {
-            fs::remove_file(path)?;
+        let mut total = 0;
+        for (newer, (_, path, bytes)) in files.iter().rev().enumerate() {
+            total += bytes;
+            if newer >= MAX_FILES || newer > 0 && total > self.most_bytes {
+                fs::remove_file(path)?;
+            }
         }
         Ok(())
     }
@@ -110,6 +123,21 @@ mod tests {
         }
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), MAX_FILES + 1);
         assert_eq!(kept("other").open(&[0; 32]).unwrap().1, 5);
+    }
+
+    #[test]
+    fn older_files_make_room_for_large_ones_but_the_newest_stays_whatever_its_size() {
+        let folder = tempfile::tempdir().unwrap();
+        let files = KeptFiles::new(Some(folder.path().to_owned()), "scene");
+        let files = KeptFiles { most_bytes: 1000, ..files };
+        let kept = |index: u8| files.open(&[index; 32]).is_some();
+        files.put(&[0; 32], |file| file.write_all(&[0; 600]));
+        files.put(&[1; 32], |file| file.write_all(&[0; 400]));
+        assert!(kept(0) && kept(1));
+        files.put(&[2; 32], |file| file.write_all(&[0; 500]));
+        assert!(!kept(0) && kept(1) && kept(2));
+        files.put(&[3; 32], |file| file.write_all(&[0; 5000]));
+        assert!(!kept(1) && !kept(2) && kept(3));
     }
 
     #[test]

@@ -18,6 +18,7 @@
 //! - `pack` is canonical: a scene has one packing, and `unpack` accepts nothing else.
 
 mod additions;
+mod arrays;
 mod assemble;
 mod cover;
 mod error;
@@ -82,6 +83,7 @@ mod thin;
 mod units;
 mod warnings;
 
+pub use arrays::SceneArrays;
 pub use error::{PackedError, SceneError};
 pub use hanging::HungLuminaire;
 pub use header::{ModelCamera, ModelFacts, StatedValue};

@@ -48,7 +48,7 @@ impl Scene {
         let many = components.len() > 1;
         for (number, triangles) in components.iter().enumerate() {
             let id = if number == 0 { material } else { self.copy_of_material(material) };
-            triangles.iter().for_each(|&triangle| self.material_ids[triangle] = id);
+            triangles.iter().for_each(|&triangle| self.material_ids.to_mut()[triangle] = id);
             let faces = FacesOfLuminaire::new(&self, triangles);
             let down = faces.nadir(halves, up);
             let is_open = faces.is_open();

@@ -1,6 +1,7 @@
 //! A model from an OBJ file and its MTL files.
 
 use glam::Vec3;
+use holo_mapped::Array;
 
 use crate::libraries::{self, Looks};
 use crate::limits::MAX_OBJ_BYTES;
@@ -24,13 +25,13 @@ fn read(source: ModelFile) -> Result<Model, SceneError> {
     };
     let material_ids = obj.faces.material_ids();
     let shading = Shading {
-        uvs: texture_coordinates(&obj, &looks, &material_ids),
-        normals: normals(&obj),
+        uvs: texture_coordinates(&obj, &looks, &material_ids).into(),
+        normals: normals(&obj).into(),
         textures: looks.textures,
         maps: looks.maps,
-        colours: colours(&obj),
+        colours: colours(&obj).into(),
         covers: looks.covers,
-        opacities: Vec::new(),
+        opacities: Array::default(),
     };
     Ok(Model {
         shading,

@@ -286,7 +286,7 @@ pub(crate) fn unpack_shading(
         }
     }
     if has(HAS_COLOURS) {
-        shading.colours = take::<[[u8; 3]; 3]>(&mut bytes, triangles)?.to_vec();
+        shading.colours = take::<[[u8; 3]; 3]>(&mut bytes, triangles)?.to_vec().into();
     }
     // Attributes without an effect have no packing.
     let is_white = shading.colours.as_flattened().iter().all(|colour| *colour == WHITE);
@@ -301,7 +301,7 @@ pub(crate) fn unpack_shading(
         shading.covers = unpack_covers(&mut bytes, materials)?;
     }
     if has(HAS_OPACITIES) {
-        shading.opacities = take::<[u8; 3]>(&mut bytes, triangles)?.to_vec();
+        shading.opacities = take::<[u8; 3]>(&mut bytes, triangles)?.to_vec().into();
         if shading.opacities.as_flattened().iter().all(|&opacity| opacity == u8::MAX) {
             return Err(PackedError::Shading.into());
         }

@@ -1,6 +1,7 @@
 //! The scene: arrays of positions, triangles and materials, and queries about them.
 //!
-//! A [`Scene`] is valid: only [`Scene::new`] and [`Scene::from_world`] make one.
+//! A [`Scene`] is valid: [`Scene::new`] and [`Scene::from_world`] check what they make one of, and
+//! [`Scene::from_frame`] joins the parts of one that was.
 
 use crate::inside::OpenBox;
 use crate::instances::InstanceTable;
@@ -8,6 +9,7 @@ use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES}
 use crate::luminaire::LuminaireTable;
 use crate::{Bsdf, Material, PunctualLight, SceneError, Shading, Sky, Sun};
 use glam::{DVec3, Vec3};
+use holo_mapped::Array;
 use serde::Serialize;
 use std::ops::Range;
 
@@ -21,11 +23,11 @@ pub struct Scene {
     /// bounds.
     pub origin: DVec3,
     /// Corners of triangles, relative to `origin`, in scene units.
-    pub(crate) positions: Vec<[f32; 3]>,
+    pub(crate) positions: Array<[f32; 3]>,
     /// Three indices into `positions` for each triangle, counter-clockwise seen from the front.
-    pub(crate) triangles: Vec<[u32; 3]>,
+    pub(crate) triangles: Array<[u32; 3]>,
     /// An index into `materials` for each triangle.
-    pub(crate) material_ids: Vec<u32>,
+    pub(crate) material_ids: Array<u32>,
     /// The materials of surfaces.
     pub materials: Vec<Material>,
     /// The sky, with its sun if it has one.
@@ -118,9 +120,9 @@ impl Scene {
     ) -> Scene {
         Scene {
             origin,
-            positions,
-            triangles,
-            material_ids,
+            positions: positions.into(),
+            triangles: triangles.into(),
+            material_ids: material_ids.into(),
             materials,
             sky,
             suns: Vec::new(),
@@ -229,7 +231,7 @@ impl Scene {
     }
 
     /// Checks that positions and materials of triangles exist.
-    fn check_indices(&self, geometry: Geometry) -> Result<(), SceneError> {
+    pub(crate) fn check_indices(&self, geometry: Geometry) -> Result<(), SceneError> {
         let Geometry { positions, triangles, material_ids } = geometry;
         for (triangle, (corners, &material)) in triangles.iter().zip(material_ids).enumerate() {
             let count = positions.len();

@@ -1,6 +1,7 @@
 //! A scene's surfaces at points: their reflectance, emission and normals, with textures.
 
 use glam::{Vec2, Vec3};
+use holo_mapped::Array;
 
 use crate::instances::InstanceTable;
 use crate::shading::{Channel, Cover, Maps, Octahedral, Shading, WHITE, from_octahedral};
@@ -16,10 +17,10 @@ impl Scene {
         shading.validate(self.triangles.len(), self.materials.len())?;
         let mut shading = shading;
         if shading.colours.as_flattened().iter().all(|colour| *colour == WHITE) {
-            shading.colours.clear();
+            shading.colours = Array::default();
         }
         if shading.opacities.as_flattened().iter().all(|&opacity| opacity == u8::MAX) {
-            shading.opacities.clear();
+            shading.opacities = Array::default();
         }
         if shading.covers.iter().all(|cover| *cover == Cover::default()) {
             shading.covers.clear();

@@ -3,6 +3,7 @@
 //! A scene without them has no [`Shading`], and pays nothing.
 
 use glam::Vec3;
+use holo_mapped::Array;
 
 use crate::limits::MAX_MATERIALS;
 use crate::texture::{Opacities, Texture};
@@ -26,21 +27,21 @@ pub type Octahedral = [i16; 2];
 pub struct Shading {
     /// Texture coordinates of each triangle's corners; (0, 0) is a texture's top left corner. Empty
     /// if there is no texture.
-    pub uvs: Vec<[[f32; 2]; 3]>,
+    pub uvs: Array<[[f32; 2]; 3]>,
     /// Normals of each triangle's corners. Empty if all surfaces are faceted.
-    pub normals: Vec<[Octahedral; 3]>,
+    pub normals: Array<[Octahedral; 3]>,
     /// Pictures.
     pub textures: Vec<Texture>,
     /// Textures of each material. Empty if there is no texture.
     pub maps: Vec<Maps>,
     /// Colours of each triangle's corners, as bytes of sRGB: factors to the material's colour.
     /// Empty if all are white.
-    pub colours: Vec<[[u8; 3]; 3]>,
+    pub colours: Array<[[u8; 3]; 3]>,
     /// The covers of materials. Empty if all surfaces are whole.
     pub covers: Vec<Cover>,
     /// Opacities of each triangle's corners, as shares of 255: factors to the material's opacity.
     /// Empty if all are 255.
-    pub opacities: Vec<[u8; 3]>,
+    pub opacities: Array<[u8; 3]>,
 }
 
 /// The colour of a corner that changes nothing.

@@ -46,6 +46,7 @@ fn square(bsdf: Bsdf, maps: Maps, texture: Texture) -> Scene {
     )
     .unwrap();
     let uvs = vec![[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]], [[0.0, 1.0], [1.0, 0.0], [0.0, 0.0]]];
+    let uvs = uvs.into();
     let shading = Shading { uvs, maps: vec![maps], textures: vec![texture], ..Shading::default() };
     scene.with_shading(shading).unwrap()
 }
@@ -232,7 +233,7 @@ fn nothing_shines_through_bumps_into_a_dark_box() {
         let (maps, _) = normals([128, 128, 255]);
         let textures = vec![rough_normals(16)];
         let shading =
-            Shading { uvs: uvs.clone(), maps: vec![maps], textures, ..Shading::default() };
+            Shading { uvs: uvs.clone().into(), maps: vec![maps], textures, ..Shading::default() };
         let suns = vec![sun(Vec3::new(0.3, 0.2, 1.0)), sun(Vec3::NEG_X)];
         let scene = scene.unwrap().0.with_shading(shading).unwrap().with_suns(suns).unwrap();
         let settings = Settings { bounces: Some(4), paths: 4 };
@@ -303,7 +304,8 @@ fn metal_of_any_roughness_reflects_all_light() {
 fn colours_of_corners_are_interpolated_as_light() {
     let plain = square(WHITE_PAINT, Maps::default(), columns(&[[255; 4]]));
     let colours = vec![[WHITE, [0, 188, 0], [188, 0, 0]], [WHITE; 3]];
-    let scene = plain.with_shading(Shading { colours, ..Shading::default() }).unwrap();
+    let scene =
+        plain.with_shading(Shading { colours: colours.into(), ..Shading::default() }).unwrap();
     let tracer = tracer(scene.with_suns(vec![sun(Vec3::Z)]).unwrap());
     let origin = DVec3::new(1.0 / 3.0, -1.0 / 3.0, 1.0);
     let found = tracer.trace(origin, DVec3::NEG_Z, 1).radiance;

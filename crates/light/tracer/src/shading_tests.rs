@@ -152,7 +152,8 @@ fn square(material: Material, texture: Texture, maps: Maps, sky: [f32; 3], z: f6
         [[0.0; 2]; 3],
     ];
     let maps = vec![maps, Maps::default()];
-    let shading = Shading { uvs, maps, textures: vec![texture], ..Shading::default() };
+    let (uvs, textures) = (uvs.into(), vec![texture]);
+    let shading = Shading { uvs, maps, textures, ..Shading::default() };
     scene.with_shading(shading).unwrap()
 }
 
@@ -244,7 +245,7 @@ fn lamps_are_sampled_in_proportion_to_the_light_of_their_textures() {
         let scene = Scene::from_world(&positions, &triangles, &ids, materials, [0.0; 3]).unwrap().0;
         let maps = vec![Maps { emission: Some(0), ..Maps::default() }, Maps::default()];
         let textures = vec![columns(&[[255; 4], [0, 0, 0, 255]])];
-        let shading = Shading { uvs, maps, textures, ..Shading::default() };
+        let shading = Shading { uvs: uvs.into(), maps, textures, ..Shading::default() };
         let settings = Settings { bounces: Some(0), paths: 1 };
         let raycaster =
             holo_raycast::Raycaster::build(Arc::new(scene.with_shading(shading).unwrap()));

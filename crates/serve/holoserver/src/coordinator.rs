@@ -36,7 +36,7 @@ use holo_beamfile::{Error as FileError, FileLoss, Maker};
 use holo_net::{Message, Outbox};
 use holo_progress::said_once;
 use holo_proto::{
-    control::{Control, Farewell},
+    control::{Control, Farewell, SceneInfo},
     report::FaultReport,
 };
 use holo_section::Sample;
@@ -442,13 +442,23 @@ impl Coordinator {
             Message::Control(Control::PartWanted { section, first, samples, as_settled }) => {
                 self.part(id, section, first, samples, as_settled)
             }
-            Message::Control(Control::StandInsWanted) => {
-                self.blob_wanted(id, Blob::StandIns);
-                Ok(())
-            }
+            Message::Control(Control::StandInsWanted) => self.stand_ins_wanted(id),
             Message::Control(control) => self.anyones_message(id, control),
             _ => bail!(NOT_FOR_A_SERVER),
         }
+    }
+
+    /// Sends a display the stand-ins, after a message that says what they are, or that there are
+    /// none.
+    fn stand_ins_wanted(&mut self, id: ConnectionId) -> Result<()> {
+        let Some(outbox) = self.outbox(id) else { return Ok(()) };
+        let stand_ins = self.holodeck.about.stand_ins.as_ref().map(|stand_ins| stand_ins.blob);
+        let none = SceneInfo { hash: [0; 32], bytes: 0 };
+        outbox.control(&Control::StandIns(stand_ins.unwrap_or(none)))?;
+        if stand_ins.is_some() {
+            self.blob_wanted(id, Blob::StandIns);
+        }
+        Ok(())
     }
 
     /// Handles what workers and displays may ask for alike.

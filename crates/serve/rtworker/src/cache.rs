@@ -1,4 +1,5 @@
-//! Scenes of servers, stored on disk under the hash of their content.
+//! Scenes of servers, stored on disk under the hash of their content. Large scenes are stored
+//! prepared instead (`holo_raycast::StoredScenes`).
 
 use std::{io::Read, path::PathBuf};
 

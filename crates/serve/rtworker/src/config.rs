@@ -27,8 +27,8 @@ pub struct WorkerConfig {
     /// starts again has at least five minutes
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0)]
     pub retry: f64,
-    /// Folder for scenes that servers have sent, and their hierarchies [default: holodeck/scenes in
-    /// the user's cache folder]
+    /// Folder for scenes that servers have sent, and for what is prepared of them [default:
+    /// holodeck/scenes in the user's cache folder]
     #[arg(long, value_name = "DIR")]
     pub scene_cache: Option<PathBuf>,
     /// Folder of this machine's key, by which servers know it [default: holodeck/machines in the

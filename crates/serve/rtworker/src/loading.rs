@@ -1,4 +1,5 @@
-//! Loads the scene after a server's welcome, from the cache or from the server, and makes a tracer.
+//! Loads the scene after a server's welcome, and makes a tracer. A large scene that was prepared
+//! before is mapped. Others come from the cache or from the server.
 
 use std::{
     future::Future,
@@ -10,7 +11,7 @@ use anyhow::{Context, Result, bail};
 use holo_net::{Inbox, Message, Outbox, SceneReceiver};
 use holo_progress::{HumanBytes, HumanCount};
 use holo_proto::control::{Control, Engine, RenderSettings, SceneInfo, Welcome};
-use holo_raycast::Hierarchies;
+use holo_raycast::{Raycaster, StoredScenes};
 use holo_scene::Scene;
 use holo_tracer::{Settings, Tracer};
 
@@ -26,21 +27,21 @@ const STEP_EVERY: Duration = Duration::from_secs(1);
 /// The tracer of the last session, and the stored scenes.
 pub struct Loader {
     cache: Arc<SceneCache>,
-    hierarchies: Hierarchies,
+    stored: StoredScenes,
     loaded: Option<(SceneInfo, RenderSettings, Arc<Tracer>)>,
     reporter: Reporter,
 }
 
 impl Loader {
     /// Returns a loader without a tracer.
-    pub fn new(cache: SceneCache, hierarchies: Hierarchies, reporter: Reporter) -> Loader {
-        Loader { cache: Arc::new(cache), hierarchies, loaded: None, reporter }
+    pub fn new(cache: SceneCache, stored: StoredScenes, reporter: Reporter) -> Loader {
+        Loader { cache: Arc::new(cache), stored, loaded: None, reporter }
     }
 
     /// Returns the tracer for the server's scene and settings.
     ///
-    /// It is the last session's tracer if that fits. Otherwise it is made from a scene in the
-    /// cache, or from one that the server sends.
+    /// It is the last session's tracer if that fits. Otherwise it is made from a prepared scene,
+    /// from one in the cache, or from one that the server sends.
     pub async fn tracer(
         &mut self,
         inbox: &mut Inbox,
@@ -54,11 +55,10 @@ impl Loader {
             return Ok(Arc::clone(tracer));
         }
         self.loaded = None;
-        let scene = self.scene(inbox, outbox, info).await?;
-        let triangles = HumanCount(scene.triangles().len() as u64);
-        let text = format!("preparing {triangles} triangles for tracing");
-        let hierarchies = self.hierarchies.clone();
-        let build = tokio::task::spawn_blocking(move || build(scene, &hierarchies, settings));
+        let raycaster = self.raycaster(inbox, outbox, info).await?;
+        let triangles = HumanCount(raycaster.scene().triangles().len() as u64);
+        let text = format!("preparing to trace {triangles} triangles");
+        let build = tokio::task::spawn_blocking(move || build(raycaster, settings));
         let tracer = Arc::new(self.step(&text, build).await??);
         self.loaded = Some((info, settings, Arc::clone(&tracer)));
         Ok(tracer)
@@ -67,6 +67,35 @@ impl Loader {
     /// Reports that the server may send packets.
     pub fn ready(&mut self) {
         self.reporter.ready();
+    }
+
+    /// Returns the scene, prepared for casting rays.
+    async fn raycaster(
+        &mut self,
+        inbox: &mut Inbox,
+        outbox: &Outbox,
+        info: SceneInfo,
+    ) -> Result<Raycaster> {
+        let text = format!("reading the scene, {}", HumanBytes(info.bytes));
+        let stored = self.stored.clone();
+        let opened = tokio::task::spawn_blocking(move || stored.open(&info.hash));
+        match self.step(&text, opened).await? {
+            Ok(Some(raycaster)) => return Ok(raycaster),
+            Ok(None) => {}
+            Err(unusable) => eprintln!("rtworker: {unusable}"),
+        }
+        let scene = self.scene(inbox, outbox, info).await?;
+        let triangles = HumanCount(scene.triangles().len() as u64);
+        let text = format!("preparing {triangles} triangles for tracing");
+        let stored = self.stored.clone();
+        let prepared = tokio::task::spawn_blocking(move || {
+            stored.prepare(Arc::new(scene), Some(info.hash)).context(PREPARING)
+        });
+        let (raycaster, unusable) = self.step(&text, prepared).await??;
+        if let Some(unusable) = unusable {
+            eprintln!("rtworker: {unusable}");
+        }
+        Ok(raycaster)
     }
 
     async fn scene(
@@ -83,10 +112,13 @@ impl Loader {
         }
         outbox.control(&Control::SceneWanted)?;
         let packed = self.fetch(inbox, &info).await?;
-        let cache = Arc::clone(&self.cache);
+        let (cache, stored) = (Arc::clone(&self.cache), self.stored.clone());
         let unpacked = tokio::task::spawn_blocking(move || -> Result<Scene> {
             let scene = unpack(&packed, &info)?;
-            cache.put(&info, &packed);
+            // Scenes that are stored when they are prepared are not stored twice.
+            if !stored.keeps(&scene) {
+                cache.put(&info, &packed);
+            }
             Ok(scene)
         });
         self.step(&text, unpacked).await?
@@ -126,15 +158,13 @@ impl Loader {
     }
 }
 
-fn build(scene: Scene, hierarchies: &Hierarchies, settings: RenderSettings) -> Result<Tracer> {
+const PREPARING: &str = "preparing the scene for tracing";
+
+fn build(raycaster: Raycaster, settings: RenderSettings) -> Result<Tracer> {
     let paths = u32::from(settings.paths_per_sample);
-    let context = "preparing the scene for tracing";
-    let (raycaster, rebuilt) = hierarchies.prepare(Arc::new(scene)).context(context)?;
-    if let Some(reason) = rebuilt {
-        eprintln!("rtworker: {reason}");
-    }
     let settings_of_paths = Settings { bounces: settings.bounces, paths };
-    let tracer = Tracer::with_raycaster(Arc::new(raycaster), settings_of_paths).context(context)?;
+    let raycaster = Arc::new(raycaster);
+    let tracer = Tracer::with_raycaster(raycaster, settings_of_paths).context(PREPARING)?;
     let tracer = if settings.virtual_distance { tracer.with_virtual_distance() } else { tracer };
     Ok(match settings.engine {
         Engine::Path => tracer,

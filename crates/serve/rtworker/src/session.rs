@@ -10,7 +10,7 @@ use holo_proto::{
     control::{Control, Engine, Farewell, Welcome},
     hello::Role,
 };
-use holo_raycast::Hierarchies;
+use holo_raycast::StoredScenes;
 use holo_section::Section;
 use tokio::sync::mpsc;
 
@@ -57,9 +57,9 @@ impl WorkerState {
         let cores = std::thread::available_parallelism()
             .map_or(1, |n| u16::try_from(n.get()).unwrap_or(u16::MAX));
         let cache = SceneCache::new(config.scene_cache.clone());
-        let hierarchies = Hierarchies::new(config.scene_cache.clone());
+        let stored = StoredScenes::new(config.scene_cache.clone());
         let reporter = Reporter::new(config)?;
-        let loader = Loader::new(cache, hierarchies, reporter);
+        let loader = Loader::new(cache, stored, reporter);
         Ok(WorkerState { threads: config.threads.unwrap_or(cores).max(1), loader })
     }
 

@@ -23,7 +23,6 @@ mod children;
 mod error;
 mod format;
 mod light;
-mod map;
 mod node;
 mod normals;
 mod reader;

@@ -2,12 +2,13 @@
 
 use std::{fmt, fs::File, path::Path, sync::OnceLock};
 
+use holo_mapped::FileBytes;
+
 use crate::{
     PackedNode, SplatError, SplatHeader,
     children::{ChildSums, count},
     error::DamagedPart,
     format::{CHUNK_NODES, ENTRY_BYTES, HASH_BYTES, HEADER_BYTES},
-    map::FileBytes,
     node::Sphere,
 };
 

@@ -14,6 +14,7 @@ use holo_proto::{
     control::{Control, Welcome},
     hello::Role,
 };
+use holo_raycast::StoredScenes;
 use holo_section::Section;
 use tokio::sync::Semaphore;
 
@@ -198,9 +199,10 @@ impl Connected {
             runtime: tokio::runtime::Handle::current(),
         };
         let uses_scene = choice.scene_use() != SceneUse::None || welcome.sky_varies;
+        let stored = StoredScenes::new(None);
         // A person who walks may change to a driver that draws from the scene.
         let loader = match uses_scene || walks {
-            true => SceneLoader::ask(welcome.scene, &outbox)?,
+            true => SceneLoader::ask(welcome.scene, &outbox, stored.clone())?,
             false => None,
         };
         let awaits_scene = uses_scene && loader.is_some();
@@ -210,6 +212,7 @@ impl Connected {
             outbox: outbox.clone(),
             messages: sender.clone(),
             loader,
+            stored,
             room: Arc::new(Semaphore::new(MAX_WAITING_BYTES)),
         };
         let reader = tokio::spawn(reader.run());

@@ -9,6 +9,7 @@ use anyhow::Result;
 use holo_display::{UsefulBeam, WantedBeam};
 use holo_net::{Inbox, Message, NetError, Outbox};
 use holo_proto::control::Control;
+use holo_raycast::StoredScenes;
 
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
@@ -76,6 +77,8 @@ pub struct SessionReader {
     pub messages: mpsc::Sender<Incoming>,
     /// Collects the scene, if the session wants it.
     pub loader: Option<SceneLoader>,
+    /// Where a scene is stored once it is prepared.
+    pub stored: StoredScenes,
     /// Room for messages that wait, bytes: [`MAX_WAITING_BYTES`].
     pub room: Arc<Semaphore>,
 }
@@ -93,10 +96,19 @@ impl SessionReader {
                     continue;
                 }
                 Ok(Message::Control(Control::StandIns(info))) => {
-                    if let Some(loader) = &mut self.loader {
-                        loader.announce_stand_ins(info);
+                    let Some(loader) = &mut self.loader else { continue };
+                    match loader.announce_stand_ins(info) {
+                        Ok(Some(blobs)) => {
+                            self.loader = None;
+                            self.build(blobs);
+                            Incoming::ScenePreparing
+                        }
+                        Ok(None) => continue,
+                        Err(error) => {
+                            self.loader = None;
+                            Incoming::Scene(Err(error))
+                        }
                     }
-                    continue;
                 }
                 Ok(Message::BlobChunk(chunk)) => {
                     let Some(loader) = &mut self.loader else { continue };
@@ -133,10 +145,10 @@ impl SessionReader {
 
     /// Prepares the scene on another thread.
     fn build(&self, blobs: Blobs) {
-        let messages = self.messages.clone();
+        let (messages, stored) = (self.messages.clone(), self.stored.clone());
         tokio::task::spawn_blocking(move || {
             // If the session is over, the scene has no use.
-            let _ = messages.send(Incoming::Scene(blobs.build().map(Box::new)));
+            let _ = messages.send(Incoming::Scene(blobs.build(&stored).map(Box::new)));
         });
     }
 }
@@ -159,19 +171,27 @@ fn bytes_of(message: &Message) -> u32 {
 mod tests {
     use std::time::Duration;
 
-    use holo_proto::{bulk::Unseen, frame::FrameKind, hello::Role};
+    use glam::DVec3;
+    use holo_proto::{
+        bulk::Unseen,
+        control::{SceneInfo, Welcome},
+        frame::FrameKind,
+        hello::Role,
+    };
+    use holo_scene::{Material, Scene};
     use holo_section::{BeamId, BeamKey};
     use tokio::net::TcpListener;
 
     use super::*;
 
-    #[tokio::test]
-    async fn messages_that_a_session_does_not_read_wait_at_the_server_and_none_is_lost() {
+    /// Connects a display to a server. Returns the display's end and the server's end.
+    async fn connected() -> ((Inbox, Outbox, Welcome), (Inbox, Outbox)) {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let (reached, server) =
             tokio::join!(holo_net::connect(address, Role::Display, "a test"), async {
-                let (_, outbox, ..) = holo_net::accept(listener.accept().await.unwrap().0).await?;
+                let (inbox, outbox, ..) =
+                    holo_net::accept(listener.accept().await.unwrap().0).await?;
                 let welcome = include_str!("../../../../proto/golden/control-welcome.hex");
                 let digits = welcome.lines().filter(|line| !line.starts_with('#'));
                 let digits = digits.flat_map(str::split_whitespace);
@@ -181,16 +201,67 @@ mod tests {
                     Ok(Control::Welcome(welcome)) => holo_net::welcome(&outbox, *welcome)?,
                     other => panic!("{other:?}"),
                 }
-                Ok::<_, NetError>(outbox)
+                Ok::<_, NetError>((inbox, outbox))
             });
-        let ((inbox, outbox, _), server) = (reached.unwrap(), server.unwrap());
+        (reached.unwrap(), server.unwrap())
+    }
+
+    /// A wavy surface of so many triangles that it is stored.
+    fn large_scene() -> Scene {
+        const SIDE: u32 = 230;
+        let corner = |i: u32| {
+            let (x, y) = (f64::from(i % SIDE), f64::from(i / SIDE));
+            DVec3::new(x, y, (0.3 * x).sin() + (0.2 * y).cos())
+        };
+        let corners: Vec<DVec3> = (0..SIDE * SIDE).map(corner).collect();
+        let faces = (0..SIDE * (SIDE - 1)).filter(|i| i % SIDE < SIDE - 1);
+        let faces = faces.flat_map(|i| [[i, i + 1, i + SIDE], [i + 1, i + SIDE + 1, i + SIDE]]);
+        let faces: Vec<[u32; 3]> = faces.collect();
+        let ids = vec![0; faces.len()];
+        let grey = vec![Material::grey("grey")];
+        Scene::from_world(&corners, &faces, &ids, grey, [1.0; 3]).unwrap().0
+    }
+
+    #[tokio::test]
+    async fn a_scene_that_this_machine_has_prepared_is_not_fetched() {
+        let folder = tempfile::tempdir().unwrap();
+        let stored = StoredScenes::new(Some(folder.path().to_owned()));
+        let scene = large_scene();
+        let packed = scene.pack();
+        let info = SceneInfo { hash: Scene::content_hash(&packed), bytes: packed.len() as u64 };
+        stored.prepare(Arc::new(scene), Some(info.hash)).unwrap();
+
+        let ((inbox, outbox, _), (mut asked, server)) = connected().await;
+        let loader = SceneLoader::ask(info, &outbox, stored.clone()).unwrap();
+        let (messages, session) = mpsc::channel();
+        let room = Arc::new(Semaphore::new(MAX_WAITING_BYTES));
+        let reader = SessionReader { inbox, outbox, messages, loader, stored, room };
+        tokio::spawn(reader.run());
+        let request = asked.next().await.unwrap();
+        assert!(matches!(request, Message::Control(Control::StandInsWanted)), "{request:?}");
+        let none = SceneInfo { hash: [0; 32], bytes: 0 };
+        server.control(&Control::StandIns(none)).unwrap();
+        let loaded = tokio::task::spawn_blocking(move || {
+            assert!(matches!(session.recv(), Ok(Incoming::ScenePreparing)));
+            let Ok(Incoming::Scene(loaded)) = session.recv() else { panic!("no scene") };
+            loaded.unwrap()
+        });
+        let loaded = loaded.await.unwrap();
+        assert!(loaded.raycaster.scene().pack() == packed && loaded.stand_ins.is_empty());
+    }
+
+    #[tokio::test]
+    async fn messages_that_a_session_does_not_read_wait_at_the_server_and_none_is_lost() {
+        let ((inbox, outbox, _), (_asked, server)) = connected().await;
         let (messages, session) = mpsc::channel();
         let beams = vec![BeamKey { section: 0, beam: BeamId(1) }; 10_000];
         let message = |view| Unseen { view, beams: beams.clone() };
         let bytes = bytes_of(&Message::Unseen(message(0))) as usize;
         // There is room for three messages. More wait in the inbox and in the system's buffers.
         let room = Arc::new(Semaphore::new(3 * bytes));
-        tokio::spawn(SessionReader { inbox, outbox, messages, loader: None, room }.run());
+        let stored = StoredScenes::new(None);
+        let reader = SessionReader { inbox, outbox, messages, loader: None, stored, room };
+        tokio::spawn(reader.run());
         const SENT: u32 = 1000;
         for view in 0..SENT {
             server.send(FrameKind::Unseen, &message(view).encode()).unwrap();

@@ -1,9 +1,11 @@
-//! The scene that a session's driver draws from. It is fetched in pieces between other messages,
-//! and prepared on a thread of its own.
+//! The scene that a session's driver draws from. If this machine has it prepared, it is mapped.
+//! Otherwise it is fetched in pieces between other messages, and prepared on a thread of its own.
 //!
-//! Invariant: a blob is used only if its bytes have the announced hash.
+//! Invariants:
+//! - A blob is used only if its bytes have the announced hash.
+//! - Files are read on threads of their own. Messages do not wait for them.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, Result, ensure};
 use holo_net::{Outbox, SceneReceiver};
@@ -12,7 +14,7 @@ use holo_proto::{
     control::{Control, SceneInfo},
     stand_ins::{StandInRecord, decode},
 };
-use holo_raycast::{Hierarchies, Raycaster};
+use holo_raycast::{Raycaster, StoredScenes};
 use holo_scene::Scene;
 
 use super::driver_choice::{LoadedScene, LoadedStandIn};
@@ -21,6 +23,8 @@ use super::driver_choice::{LoadedScene, LoadedStandIn};
 pub struct SceneLoader {
     outbox: Outbox,
     scene: SceneInfo,
+    /// The scene, if this machine has it prepared. Then it is not fetched.
+    prepared: Arc<OnceLock<Arc<Raycaster>>>,
     receiver: SceneReceiver,
     /// The packed scene, once it has arrived completely.
     packed: Option<Vec<u8>>,
@@ -29,24 +33,54 @@ pub struct SceneLoader {
 
 /// The blobs of a scene, as they arrived.
 pub struct Blobs {
-    packed: Vec<u8>,
-    hash: [u8; 32],
+    scene: SceneSource,
     stand_ins: Option<(Vec<u8>, [u8; 32])>,
 }
 
+/// Where a scene comes from.
+enum SceneSource {
+    /// From this machine.
+    Prepared(Arc<Raycaster>),
+    /// From the server, with its announced hash.
+    Packed(Vec<u8>, [u8; 32]),
+}
+
 impl SceneLoader {
-    /// Requests the scene from the server; `None` if it has no scene.
+    /// Looks for the prepared scene in `stored`, and requests what is missing from the server.
+    /// `None` if the server has no scene. Must be called within a tokio runtime.
     ///
     /// # Errors
     /// If the scene exceeds the limit on its size.
-    pub fn ask(scene: SceneInfo, outbox: &Outbox) -> Result<Option<SceneLoader>> {
+    pub fn ask(
+        scene: SceneInfo,
+        outbox: &Outbox,
+        stored: StoredScenes,
+    ) -> Result<Option<SceneLoader>> {
         if scene.bytes == 0 {
             return Ok(None);
         }
         let receiver = SceneReceiver::new(&scene)?;
-        outbox.control(&Control::SceneWanted)?;
-        let outbox = outbox.clone();
-        Ok(Some(SceneLoader { outbox, scene, receiver, packed: None, stand_ins: None }))
+        let (outbox, prepared) = (outbox.clone(), Arc::new(OnceLock::new()));
+        let (found, requests) = (Arc::clone(&prepared), outbox.clone());
+        tokio::task::spawn_blocking(move || {
+            let opened = stored.open(&scene.hash).unwrap_or_else(|unusable| {
+                eprintln!("holoview: {unusable}");
+                None
+            });
+            // The reader of messages learns from the answer that the scene is there.
+            let request = match opened {
+                Some(raycaster) => {
+                    let _ = found.set(Arc::new(raycaster));
+                    Control::StandInsWanted
+                }
+                None => Control::SceneWanted,
+            };
+            // If the connection is lost, the session learns of it from its reader.
+            let _ = requests.control(&request);
+        });
+        let loader =
+            SceneLoader { outbox, scene, prepared, receiver, packed: None, stand_ins: None };
+        Ok(Some(loader))
     }
 
     /// Returns how many bytes of the scene have arrived, and how many it has.
@@ -55,9 +89,20 @@ impl SceneLoader {
         (bytes, self.scene.bytes)
     }
 
-    /// Records that the server also has stand-ins for the scene.
-    pub fn announce_stand_ins(&mut self, info: SceneInfo) {
+    /// Records which stand-ins the server has for the scene. Their length is 0 if there are none.
+    /// Returns the scene if nothing else is missing.
+    ///
+    /// # Errors
+    /// If they exceed the limit on their size.
+    pub fn announce_stand_ins(&mut self, info: SceneInfo) -> Result<Option<Blobs>> {
         self.stand_ins = Some(info);
+        let Some(prepared) = self.prepared.get() else { return Ok(None) };
+        if info.bytes == 0 {
+            let scene = SceneSource::Prepared(Arc::clone(prepared));
+            return Ok(Some(Blobs { scene, stand_ins: None }));
+        }
+        self.receiver = SceneReceiver::new(&info)?;
+        Ok(None)
     }
 
     /// Adds a piece. Returns the blobs once all pieces have arrived.
@@ -67,6 +112,14 @@ impl SceneLoader {
     pub fn take(&mut self, chunk: &BlobChunk) -> Result<Option<Blobs>> {
         if !self.receiver.take(chunk)? {
             return Ok(None);
+        }
+        if let Some(prepared) = self.prepared.get() {
+            let scene = SceneSource::Prepared(Arc::clone(prepared));
+            let whole = self.taken()?;
+            return Ok(Some(Blobs {
+                scene,
+                stand_ins: self.stand_ins.map(|info| (whole, info.hash)),
+            }));
         }
         let next = match (&self.packed, self.stand_ins) {
             (None, Some(info)) if info.bytes > 0 => Some(SceneReceiver::new(&info)?),
@@ -78,40 +131,53 @@ impl SceneLoader {
             self.outbox.control(&Control::StandInsWanted)?;
             return Ok(None);
         }
-        let empty = SceneReceiver::new(&self.scene)?;
-        let last = std::mem::replace(&mut self.receiver, empty).into_bytes();
+        let last = self.taken()?;
         let (packed, stand_ins) = match (self.packed.take(), self.stand_ins) {
             (Some(packed), Some(info)) => (packed, Some((last, info.hash))),
             _ => (last, None),
         };
-        Ok(Some(Blobs { packed, hash: self.scene.hash, stand_ins }))
+        Ok(Some(Blobs { scene: SceneSource::Packed(packed, self.scene.hash), stand_ins }))
+    }
+
+    /// Takes the bytes that have arrived.
+    fn taken(&mut self) -> Result<Vec<u8>> {
+        let empty = SceneReceiver::new(&self.scene)?;
+        Ok(std::mem::replace(&mut self.receiver, empty).into_bytes())
     }
 }
 
 impl Blobs {
-    /// Unpacks the scene and prepares it for casting rays. For millions of triangles this takes
-    /// seconds the first time.
+    /// Unpacks a scene from the server and prepares it for casting rays. For millions of triangles
+    /// this takes seconds.
     ///
     /// # Errors
     /// If a blob does not have its announced hash, or cannot be used.
-    pub fn build(self) -> Result<LoadedScene> {
-        ensure!(
-            Scene::content_hash(&self.packed) == self.hash,
-            "the scene's bytes do not have the announced hash"
-        );
-        let scene = Scene::unpack(&self.packed).context("reading the server's scene")?;
-        drop(self.packed);
-        let prepared = Hierarchies::new(None).prepare(Arc::new(scene));
-        let (raycaster, rebuilt) = prepared.context("preparing the scene")?;
-        if let Some(reason) = rebuilt {
-            eprintln!("holoview: {reason}");
-        }
+    pub fn build(self, stored: &StoredScenes) -> Result<LoadedScene> {
+        let raycaster = match self.scene {
+            SceneSource::Prepared(raycaster) => raycaster,
+            SceneSource::Packed(packed, hash) => build(packed, hash, stored)?,
+        };
         let stand_ins = match self.stand_ins {
             Some((blob, hash)) => build_stand_ins(&blob, hash)?,
             None => Vec::new(),
         };
-        Ok(LoadedScene { raycaster: Arc::new(raycaster), stand_ins })
+        Ok(LoadedScene { raycaster, stand_ins })
     }
+}
+
+fn build(packed: Vec<u8>, hash: [u8; 32], stored: &StoredScenes) -> Result<Arc<Raycaster>> {
+    ensure!(
+        Scene::content_hash(&packed) == hash,
+        "the scene's bytes do not have the announced hash"
+    );
+    let scene = Scene::unpack(&packed).context("reading the server's scene")?;
+    drop(packed);
+    let prepared = stored.prepare(Arc::new(scene), Some(hash));
+    let (raycaster, unusable) = prepared.context("preparing the scene")?;
+    if let Some(unusable) = unusable {
+        eprintln!("holoview: {unusable}");
+    }
+    Ok(Arc::new(raycaster))
 }
 
 fn build_stand_ins(blob: &[u8], hash: [u8; 32]) -> Result<Vec<LoadedStandIn>> {

@@ -270,14 +270,14 @@ impl GltfReading<'_> {
         let uvs = self.coordinates(primitive, material).map_err(|text| self.problem(text))?;
         let colours = self.colours(primitive).map_err(|text| self.problem(text))?;
         if colours.is_some() {
-            self.model.shading.colours.resize(self.model.triangles.len(), [WHITE; 3]);
+            self.model.shading.colours.to_mut().resize(self.model.triangles.len(), [WHITE; 3]);
         }
         let opacities = self.opacities(primitive, material).map_err(|text| self.problem(text))?;
         if opacities.is_some() {
-            self.model.shading.opacities.resize(self.model.triangles.len(), [u8::MAX; 3]);
+            self.model.shading.opacities.to_mut().resize(self.model.triangles.len(), [u8::MAX; 3]);
         }
         if uvs.is_some() {
-            self.model.shading.uvs.resize(self.model.triangles.len(), [[0.0; 2]; 3]);
+            self.model.shading.uvs.to_mut().resize(self.model.triangles.len(), [[0.0; 2]; 3]);
         }
         if normals.is_some() {
             self.fill_normals();
@@ -306,20 +306,20 @@ impl GltfReading<'_> {
             let shading = &mut self.model.shading;
             if let Some(uvs) = &uvs {
                 let of = |corner: u32| uvs.get(corner as usize).copied().unwrap_or([0.0; 2]);
-                shading.uvs.push(corners.map(of));
+                shading.uvs.to_mut().push(corners.map(of));
             }
             if let Some(colours) = &colours {
                 let of = |corner: u32| colours.get(corner as usize).copied().unwrap_or(WHITE);
-                shading.colours.push(corners.map(of));
+                shading.colours.to_mut().push(corners.map(of));
             }
             if let Some(opacities) = &opacities {
                 let of = |corner: u32| opacities.get(corner as usize).copied().unwrap_or(u8::MAX);
-                shading.opacities.push(corners.map(of));
+                shading.opacities.to_mut().push(corners.map(of));
             }
             if let Some(normals) = &normals {
                 let of = |corner: u32| normals.get(corner as usize).copied().unwrap_or(Vec3::ZERO);
                 let facet = smooth::facet(&self.model.positions, triangle);
-                shading.normals.push(smooth::packed(facet, corners.map(of)));
+                shading.normals.to_mut().push(smooth::packed(facet, corners.map(of)));
             }
         }
         if bad > 0 {
@@ -374,16 +374,16 @@ impl GltfReading<'_> {
         let textures = std::mem::take(&mut self.files.textures);
         let finish = |shading: &mut Shading, triangles: usize| {
             if is_coloured {
-                shading.colours.resize(triangles, [WHITE; 3]);
+                shading.colours.to_mut().resize(triangles, [WHITE; 3]);
             }
             if has_opacities {
-                shading.opacities.resize(triangles, [u8::MAX; 3]);
+                shading.opacities.to_mut().resize(triangles, [u8::MAX; 3]);
             }
             if !is_curved {
-                shading.normals.clear();
+                shading.normals.to_mut().clear();
             }
             if !textures.is_empty() {
-                shading.uvs.resize(triangles, [[0.0; 2]; 3]);
+                shading.uvs.to_mut().resize(triangles, [[0.0; 2]; 3]);
             }
         };
         finish(&mut self.model.shading, self.model.triangles.len());

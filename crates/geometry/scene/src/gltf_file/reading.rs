@@ -71,7 +71,7 @@ impl GltfReading<'_> {
     /// Gives all triangles so far without normals those of their facets.
     pub(super) fn fill_normals(&mut self) {
         let model = &mut self.model;
-        let normals = &mut model.shading.normals;
+        let normals = model.shading.normals.to_mut();
         for &triangle in &model.triangles[normals.len()..] {
             let facet = smooth::facet(&model.positions, triangle);
             normals.push(smooth::packed(facet, [Vec3::ZERO; 3]));

@@ -136,7 +136,7 @@ impl GltfReading<'_> {
     /// Gives all triangles of a shared mesh normals. Those without have their facets'.
     pub(super) fn fill_normals_of(mesh: &mut SharedMesh) {
         let at = |corner: u32| Vec3::from(mesh.positions[corner as usize]).as_dvec3();
-        let normals = &mut mesh.shading.normals;
+        let normals = mesh.shading.normals.to_mut();
         for triangle in &mesh.triangles[normals.len()..] {
             let [a, b, c] = triangle.map(at);
             let facet = (b - a).cross(c - a).normalize_or_zero();

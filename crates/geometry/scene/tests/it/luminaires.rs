@@ -11,6 +11,8 @@ use holo_scene::{
     Hanging, HungLuminaire, LoadOptions, Loaded, LuminousPart, Material, Scene, SceneError, load,
 };
 
+use crate::common::arrays_of;
+
 const LAMP: &str = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 3 1 2 0.3 1.2 0\n1 1 20\n0 45 90\n\
     0 45 90\n1000 700 0\n1000 500 0\n1000 300 0\n";
 
@@ -113,6 +115,17 @@ fn luminaires_are_packed_with_each_web_once() {
             assert_eq!(scene.pack(), damaged, "{at}");
         }
     }
+}
+
+#[test]
+fn luminaires_have_the_same_light_after_their_scene_was_taken_apart() {
+    let two = [hung("left", DVec3::Z), hung("right", DVec3::new(2.0, 0.0, 3.0))];
+    let scene = floor().with_luminaires_hung(&two, 1.0).unwrap();
+    let again = Scene::from_frame(&scene.pack_frame().unwrap(), arrays_of(&scene)).unwrap();
+    assert_eq!(again, scene);
+    let away = Vec3::new(0.3, 0.2, -0.8).normalize();
+    assert!(scene.luminaires()[1].share(away) > 0.0);
+    assert_eq!(again.luminaires()[1].share(away), scene.luminaires()[1].share(away));
 }
 
 /// Returns where the part after materials begins, about.

@@ -1,6 +1,7 @@
 //! Tests of the public interface, in one program: each one compiles the same generic code again.
 
 mod additions;
+mod arrays;
 mod common;
 mod covers;
 mod details;

@@ -83,7 +83,7 @@ fn is_white(bsdf: Bsdf, colour: [u8; 3], texel: Option<u8>) -> bool {
         Texture::decode(file.into(), [Wrap::Repeat; 2], false, false).unwrap()
     });
     let shading = Shading {
-        colours: vec![[colour; 3]],
+        colours: vec![[colour; 3]].into(),
         uvs: texel.iter().map(|_| [[0.5; 2]; 3]).collect(),
         maps: texel.iter().map(|_| Maps { base: Some(0), ..Maps::default() }).collect(),
         textures: textures.into_iter().collect(),

@@ -390,7 +390,7 @@ fn a_surface_is_a_lamp_only_if_its_texture_of_emission_is_bright() {
         file.extend([texel, texel, texel, 0]);
         let texture = Texture::decode(file.into(), [Wrap::Repeat; 2], false, false).unwrap();
         let shading = Shading {
-            uvs: vec![[[0.5; 2]; 3]; model.triangles.len()],
+            uvs: vec![[[0.5; 2]; 3]; model.triangles.len()].into(),
             textures: vec![texture],
             maps: vec![Maps { emission: Some(0), ..Maps::default() }],
             ..Shading::default()

@@ -12,7 +12,9 @@ use holo_proto::{
     fading::ENOUGH,
     frame::FrameKind,
     hello::Role,
+    stand_ins::{StandInKind, StandInRecord},
 };
+use holo_scene::Scene;
 use holo_section::{BeamKey, Viewpoint};
 use holo_server::{Holodeck, HolodeckDescription};
 
@@ -149,6 +151,37 @@ fn whoever_connects_gets_the_edited_scene() {
         assert_eq!(piece.bytes, EDITED);
         drop(display);
         server.end().await;
+    });
+}
+
+#[test]
+fn a_display_that_has_the_scene_gets_the_stand_ins_alone() {
+    run(async {
+        let place = Place::new();
+        for has_some in [false, true] {
+            if has_some {
+                let (packed, kind) = (b"simpler".to_vec(), StandInKind::Geometry);
+                let part = StandInRecord { section: 0, kind, packed };
+                let mut file = Holodeck::open(&place.file(), 1 << 20).unwrap();
+                file.set_stand_ins(&[(part, "simpler.obj".into())]).unwrap();
+            }
+            let server = place.serve(|_| {}).await;
+            let mut display = Peer::join(server.address, Role::Display).await;
+            display.outbox.control(&Control::StandInsWanted).unwrap();
+            let is_answer = |message: &Message| {
+                matches!(message, Message::BlobChunk(_) | Message::Control(Control::StandIns(_)))
+            };
+            let answer = display.wait_for(is_answer).await;
+            let Message::Control(Control::StandIns(info)) = answer else { panic!("{answer:?}") };
+            assert_eq!(info.bytes > 0, has_some);
+            if has_some {
+                let piece = display.wait_for(is_answer).await;
+                let Message::BlobChunk(piece) = piece else { panic!("{piece:?}") };
+                assert_eq!(Scene::content_hash(&piece.bytes), info.hash);
+            }
+            drop(display);
+            server.end().await;
+        }
     });
 }
 

@@ -67,7 +67,7 @@ pub fn glowing_box(ball: Bsdf) -> Arc<Raycaster> {
             .skip(all.len())
             .map(|triangle| [to_octahedral(scene.normal(triangle)); 3]),
     );
-    let scene = scene.with_shading(Shading { normals: all, ..Shading::default() }).unwrap();
+    let scene = scene.with_shading(Shading { normals: all.into(), ..Shading::default() }).unwrap();
     Arc::new(Raycaster::build(Arc::new(scene)).unwrap())
 }
 

@@ -39,8 +39,9 @@ pub fn shaded() -> Scene {
 fn colours_and_normals() -> Shading {
     let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::new(0.3, 0.2, 1.0).normalize()].map(to_octahedral);
     Shading {
-        normals: vec![[z; 3], [z, z, to_octahedral(Vec3::Z)], [z, x, y]],
-        colours: vec![[[255; 3]; 3], [[10, 20, 30], [40, 50, 60], [70, 80, 90]], [[9; 3]; 3]],
+        normals: vec![[z; 3], [z, z, to_octahedral(Vec3::Z)], [z, x, y]].into(),
+        colours: vec![[[255; 3]; 3], [[10, 20, 30], [40, 50, 60], [70, 80, 90]], [[9; 3]; 3]]
+            .into(),
         ..Shading::default()
     }
 }
@@ -60,7 +61,7 @@ pub fn textured() -> Scene {
         Texture::decode(picture().into(), [Wrap::Mirror, Wrap::Clamp], is_linear, false).unwrap()
     };
     let shading = Shading {
-        uvs: vec![[[0.0, 0.0], [1.0, 0.0], [0.5, 2.0]]; 3],
+        uvs: vec![[[0.0, 0.0], [1.0, 0.0], [0.5, 2.0]]; 3].into(),
         maps,
         textures: vec![picture(true), picture(false)],
         ..colours_and_normals()

@@ -5,8 +5,23 @@
 pub mod gltf;
 pub mod instanced;
 
-use holo_scene::{LoadOptions, Loaded, SceneError, Warning};
+use holo_scene::{LoadOptions, Loaded, Scene, SceneArrays, SceneError, Warning};
 use std::path::Path;
+
+/// The arrays of a scene without instances.
+pub fn arrays_of(scene: &Scene) -> SceneArrays {
+    let own = scene.own();
+    let shading = scene.shading.as_deref().cloned().unwrap_or_default();
+    SceneArrays {
+        positions: own.positions.to_vec().into(),
+        triangles: own.triangles.to_vec().into(),
+        material_ids: own.material_ids.to_vec().into(),
+        uvs: shading.uvs,
+        normals: shading.normals,
+        colours: shading.colours,
+        opacities: shading.opacities,
+    }
+}
 
 /// Loads `s.obj` with this text and `s.mtl` with that text, from a folder of their own.
 pub fn load_with(
