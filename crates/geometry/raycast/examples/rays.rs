@@ -2,13 +2,16 @@
 //! together; nearest hit and occlusion.
 //!
 //! `cargo run --release -p holo-raycast --example rays -- [--json] [--obj FILE] [--triangles N,N…]
-//! [--rays N] [--dump FOLDER] [--flatten]`
+//! [--rays N] [--dump FOLDER] [--flatten] [--stored FOLDER]`
 //!
 //! Without `--obj`, which reads any model file, the scenes are closed displaced spheres of about
 //! 10³ to 10⁶ triangles. `--triangles 10000000` takes a few GB and a minute. Times are processor
 //! seconds of the thread where the system reports them (Linux), so other programs do not count.
 //!
 //! `--flatten` makes a copy of a shared mesh for each of its instances.
+//!
+//! `--stored` stores each scene in a folder, and casts rays at the mapped files. It prints how long
+//! they take to open, and the memory that this process alone has of them.
 //!
 //! `--dump` writes scene and rays for `scripts/embree-bench`, little-endian. The counts of
 //! vertices, triangles, incoherent rays and beam rays (u32) come first. Positions (3 f32),
@@ -21,7 +24,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DVec3, Vec3};
-use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster};
+use holo_raycast::{Hit, MAX_TOGETHER, Ray, Raycaster, StoredScenes};
 use holo_scene::{Material, Scene};
 
 /// Cells along each edge of a wall, for beams: about the default grid of a section.
@@ -110,6 +113,7 @@ struct Arguments {
     rays: usize,
     dump: Option<PathBuf>,
     flatten: bool,
+    stored: Option<PathBuf>,
 }
 
 fn arguments() -> Result<Arguments, Box<dyn Error>> {
@@ -120,6 +124,7 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
         rays: 1_000_000,
         dump: None,
         flatten: false,
+        stored: None,
     };
     let mut given = std::env::args().skip(1);
     while let Some(name) = given.next() {
@@ -132,6 +137,7 @@ fn arguments() -> Result<Arguments, Box<dyn Error>> {
                 parsed.triangles = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?
             }
             "--rays" => parsed.rays = value()?.parse()?,
+            "--stored" => parsed.stored = Some(value()?.into()),
             "--dump" => parsed.dump = Some(value()?.into()),
             other => return Err(format!("unknown argument {other}").into()),
         }
@@ -180,6 +186,34 @@ fn rate(rays: usize, mut run: impl FnMut() -> usize) -> (f64, usize) {
     (rays as f64 / best.0 / 1e6, best.1)
 }
 
+/// Returns kilobytes of this process's memory: all that it has touched, and what it alone has.
+fn memory() -> Option<[u64; 2]> {
+    let text = std::fs::read_to_string("/proc/self/smaps_rollup").ok()?;
+    let sum = |names: [&str; 2]| -> u64 {
+        let of_name = |line: &&str| names.iter().any(|name| line.starts_with(name));
+        let number = |line: &str| line.split_whitespace().nth(1)?.parse::<u64>().ok();
+        text.lines().filter(of_name).filter_map(number).sum()
+    };
+    Some([sum(["Rss:", "-"]), sum(["Private_Clean:", "Private_Dirty:"])])
+}
+
+/// Stores a scene, unless it is, and opens it.
+fn mapped(scene: &Arc<Scene>, stored: StoredScenes) -> Result<Raycaster, Box<dyn Error>> {
+    let hash = Scene::content_hash(&scene.pack());
+    if stored.open(&hash)?.is_none() {
+        stored.prepare(scene.clone(), Some(hash))?;
+    }
+    let before = memory();
+    let start = Instant::now();
+    let opened = stored.open(&hash)?.ok_or("the scene is too small, or cannot be stored")?;
+    println!("opened in {:.3} s", start.elapsed().as_secs_f64());
+    if let (Some(before), Some(after)) = (before, memory()) {
+        let [all, own] = [0, 1].map(|k| after[k].saturating_sub(before[k]) / 1024);
+        println!("memory of the opened scene: {all} MiB, of which {own} MiB are not shared");
+    }
+    Ok(opened)
+}
+
 fn measure(name: &str, scene: Scene, arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let scene = Arc::new(scene);
     let (low, high) = scene.bounds();
@@ -208,7 +242,10 @@ fn measure(name: &str, scene: Scene, arguments: &Arguments) -> Result<(), Box<dy
     }
     let clock = Instant::now();
     let start = seconds(clock);
-    let raycaster = Raycaster::build(scene.clone())?;
+    let raycaster = match &arguments.stored {
+        None => Raycaster::build(scene.clone())?,
+        Some(folder) => mapped(&scene, StoredScenes::new(Some(folder.clone())))?,
+    };
     let built = seconds(clock) - start;
 
     let short = |ray: &Ray| Ray { t_max: 1.0, ..*ray };
