@@ -35,7 +35,7 @@ pub(crate) fn printable(text: &str) -> String {
 }
 
 /// The version of everything after the hello. Every change of a message's bytes raises it.
-pub const PROTOCOL_VERSION: u16 = 12;
+pub const PROTOCOL_VERSION: u16 = 13;
 
 /// Most rays in one packet: as many as fitted the original's packets of 512 bytes (Larson & Simmons
 /// 1999, §2.2, footnote 4).
