@@ -4,7 +4,10 @@
 //! them at once, face by face, so that an input ends it. For others, a probe waits until the stored
 //! samples of its views have arrived.
 
-use std::sync::Arc;
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use anyhow::Result;
 use glam::DVec3;
@@ -34,8 +37,12 @@ const MOST_PLACES: usize = 16;
 /// Share of its radius by which an object may move before its light is that of another place.
 const SAME_PLACE: f64 = 0.25;
 
-/// The same while it moves: where it has moved on, a frame finds a sixth of the light there.
+/// The same while it moves: where it has moved on, some frames find a sixth of the light there.
 const PASSED: f64 = 0.5;
+
+/// Least time between two such frames. They take up to 0.1 s longer than others: one of twelve may,
+/// at the pace of a hand.
+const PASSED_PAUSE: Duration = Duration::from_millis(400);
 
 /// Growth of the samples after which the light of a place is found again, while nobody waits for a
 /// file.
@@ -51,6 +58,8 @@ pub(super) struct Lightings {
     unfinished: Option<UnfinishedProbe>,
     /// The light of a place that an object passes.
     passed: Option<UnfinishedProbe>,
+    /// When a part of that was last found.
+    passed_at: Option<Instant>,
     /// Samples that have arrived.
     samples: u64,
     /// Whether all samples that were requested for the waiting probes are here.
@@ -203,6 +212,11 @@ impl Lightings {
         self.nearest_place(object)?.lighting.clone()
     }
 
+    /// Returns whether a frame of a moving object may find a part of the light that it passes.
+    fn may_pass(&self) -> bool {
+        self.passed_at.is_none_or(|at| at.elapsed() >= PASSED_PAUSE)
+    }
+
     /// Returns whether an object has moved on from all places whose light is known.
     fn passes(&self, object: &LocalObject) -> bool {
         self.nearest_place(object)
@@ -347,7 +361,7 @@ mod tests {
     }
 
     #[tokio::test(flavor = "multi_thread")]
-    async fn each_frame_of_a_moving_object_finds_a_sixth_of_the_light_of_a_place_that_it_passes() {
+    async fn six_frames_of_a_moving_object_find_the_light_of_a_place_that_it_passes() {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let serving = tokio::spawn(serve(listener));
@@ -359,13 +373,17 @@ mod tests {
             for (radii, faces) in
                 [(0.4, None), (1.0, Some(1)), (1.1, Some(2)), (1.2, Some(3)), (3.0, Some(4))]
             {
-                let light = session.lighting(&beside(&object, radii), true, false, None);
+                let place = beside(&object, radii);
+                session.light_of_passed(&place, None);
+                session.objects.lightings.passed_at = Some(Instant::now());
+                let light = session.lighting(&place, true, false, None);
                 assert_eq!(light.map(|light| light.centre()), Some(object.centre()));
                 let passed = session.objects.lightings.passed.as_ref();
                 assert_eq!(passed.map(|probe| probe.faces.len()), faces, "{radii}");
             }
-            session.lighting(&beside(&object, 3.1), true, false, None);
-            session.lighting(&beside(&object, 3.2), true, false, None);
+            assert!(!session.objects.lightings.may_pass(), "not so soon");
+            session.light_of_passed(&beside(&object, 3.1), None);
+            session.light_of_passed(&beside(&object, 3.2), None);
             assert!(session.objects.lightings.passed.is_none(), "six faces are a probe");
         });
         timeout(LIMIT, looking).await.unwrap().unwrap();

@@ -1,6 +1,6 @@
 //! Finds the light around local objects, from what the driver has stored.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Instant};
 
 use anyhow::Result;
 use holo_display::{Frame, FramePhase, Interrupt};
@@ -20,8 +20,9 @@ impl Session {
         is_file: bool,
         room: Option<&Room>,
     ) -> Option<Arc<ObjectLighting>> {
-        if is_quick && self.keeps_samples() {
+        if is_quick && self.keeps_samples() && self.objects.lightings.may_pass() {
             self.light_of_passed(object, room);
+            self.objects.lightings.passed_at = Some(Instant::now());
         }
         let lightings = &self.objects.lightings;
         let samples = lightings.samples;
@@ -54,7 +55,7 @@ impl Session {
 
     /// Finds the light of a place that a moving object passes, in the store of a driver. Each call
     /// draws a single face.
-    fn light_of_passed(&mut self, object: &LocalObject, room: Option<&Room>) {
+    pub(super) fn light_of_passed(&mut self, object: &LocalObject, room: Option<&Room>) {
         let lightings = &mut self.objects.lightings;
         let mut probe = match lightings.passed.take() {
             Some(probe) => probe,
