@@ -10,8 +10,8 @@ use glam::{DMat3, DVec3, Vec3};
 use holo_mapped::Array;
 
 use crate::assemble::without;
+use crate::geometry::doubled_area_normal;
 use crate::limits::MAX_NAME_BYTES;
-use crate::scene::doubled_area_normal;
 use crate::{
     Cover, Luminaire, Maps, Material, Placement, PunctualBeam, PunctualLight, Scene, SceneError,
     Shading, WHITE,

@@ -2,10 +2,10 @@
 
 use glam::{DMat4, DVec3, Vec3};
 
+use crate::geometry::{Geometry, doubled_area_normal, world_bounds};
 use crate::limits::{MAX_REPEATED, MAX_THIN_TRIANGLES};
 use crate::model::{Model, SharedMesh};
 use crate::placement::Placement;
-use crate::scene::{Geometry, doubled_area_normal, world_bounds};
 use crate::thin::Shapes;
 use crate::{PunctualLight, Rgb, Scene, SceneError, Shading};
 

@@ -6,9 +6,9 @@ use glam::{DVec3, Vec3};
 use holo_photometry::{OpeningMesh, PhotometricWeb};
 
 use crate::additions::NewPart;
+use crate::geometry::doubled_area_normal;
 use crate::limits::MAX_RADIANCE;
 use crate::luminaire::{Luminaire, LuminaireTable, MAX_LUMINAIRES};
-use crate::scene::doubled_area_normal;
 use crate::units::EFFICACY;
 use crate::{Bsdf, Material, Rgb, Scene, SceneError};
 

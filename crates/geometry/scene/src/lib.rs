@@ -25,6 +25,7 @@ mod error;
 mod exporter;
 mod faces;
 mod foreign;
+mod geometry;
 mod glass;
 mod gltf_file;
 mod habits;
@@ -64,6 +65,8 @@ mod placement;
 mod polygon;
 mod punctual;
 mod scene;
+mod scene_instances;
+mod scene_lights;
 mod shaded;
 mod shading;
 mod sheets;
@@ -85,6 +88,7 @@ mod warnings;
 
 pub use arrays::SceneArrays;
 pub use error::{PackedError, SceneError};
+pub use geometry::Geometry;
 pub use hanging::HungLuminaire;
 pub use header::{ModelCamera, ModelFacts, StatedValue};
 pub use instances::Instance;
@@ -100,7 +104,7 @@ pub use named_photometry::{LuminousPart, NamedPhotometry};
 pub use pack::{HEADER_BYTES, MAGIC, VERSION};
 pub use placement::{MAX_STRETCH, Placement, coordinate, greatest};
 pub use punctual::{MAX_PUNCTUAL_LIGHTS, PunctualBeam, PunctualLight};
-pub use scene::{Features, Geometry, Scene};
+pub use scene::{Features, Scene};
 pub use shading::{
     Base, CUT_OUT, Channel, Cover, CutOut, FinishMap, MAX_TEXTURES, Maps, NormalMap, Octahedral,
     Shading, WHITE, WHOLE, from_octahedral, to_octahedral,

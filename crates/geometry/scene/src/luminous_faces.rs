@@ -9,8 +9,8 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use holo_photometry::Photometry;
 
+use crate::geometry::doubled_area_normal;
 use crate::hanging::even_emission;
-use crate::scene::doubled_area_normal;
 use crate::{Bsdf, Luminaire, Rgb, Scene, SceneError};
 
 /// How luminaires hang in a scene.

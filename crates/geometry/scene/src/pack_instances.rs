@@ -2,11 +2,11 @@
 //!
 //! The format is in [`crate::pack`].
 
+use crate::geometry::check_limit;
 use crate::instances::{InstanceTable, MeshRange};
 use crate::limits::{MAX_INSTANCES, MAX_MESHES};
 use crate::pack_values::split;
 use crate::placement::Placement;
-use crate::scene::check_limit;
 use crate::{PackedError, Scene, SceneError};
 use bytemuck::{Pod, Zeroable};
 

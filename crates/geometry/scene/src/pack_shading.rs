@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use bytemuck::Pod;
 
+use crate::geometry::check_limit;
 use crate::luminaire::Luminaire;
 use crate::pack_luminaires::{pack_luminaires, unpack_luminaires};
 use crate::pack_punctual::{pack_punctual_lights, unpack_punctual_lights};
-use crate::scene::check_limit;
 use crate::shading::{
     Base, CUT_OUT, Channel, Cover, CutOut, FinishMap, MAX_BYTES_OF_TEXTURES, MAX_TEXTURES,
     NormalMap, WHITE,

@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 
+use crate::Rgb;
 use crate::limits::{MAX_COORDINATE, MAX_NAME_BYTES, MAX_RADIANCE};
-use crate::{Rgb, Scene, SceneError};
 
 /// Most punctual lights of a scene. A stadium has hundreds, and a city model thousands.
 pub const MAX_PUNCTUAL_LIGHTS: usize = 1 << 16;
@@ -91,7 +91,7 @@ impl PunctualLight {
         self.intensity.map(|c| c / (std::f32::consts::PI * self.radius * self.radius))
     }
 
-    fn is_valid(&self) -> bool {
+    pub(crate) fn is_valid(&self) -> bool {
         let most = Self::greatest_intensity(self.radius);
         self.position.iter().all(|c| f64::from(c.abs()) <= MAX_COORDINATE)
             && self.radius > 0.0
@@ -101,25 +101,6 @@ impl PunctualLight {
             && self.radiance().iter().all(|c| c.is_finite())
             && self.name.len().max(self.group.len()) <= MAX_NAME_BYTES
             && self.beam.is_valid()
-    }
-}
-
-impl Scene {
-    /// Gives the scene these punctual lights instead of its own.
-    ///
-    /// # Errors
-    /// [`SceneError::PunctualLight`] if a value of one is not possible. [`SceneError::Limit`] if
-    /// there are more than [`MAX_PUNCTUAL_LIGHTS`].
-    pub fn with_punctual_lights(mut self, lights: Vec<PunctualLight>) -> Result<Scene, SceneError> {
-        if lights.len() > MAX_PUNCTUAL_LIGHTS {
-            let (count, limit) = (lights.len() as u64, MAX_PUNCTUAL_LIGHTS as u64);
-            return Err(SceneError::Limit { what: "punctual lights", count, limit });
-        }
-        if let Some(bad) = lights.iter().position(|light| !light.is_valid()) {
-            return Err(SceneError::PunctualLight(bad));
-        }
-        self.punctual_lights = lights;
-        Ok(self)
     }
 }
 

@@ -3,6 +3,7 @@
 //! A [`Scene`] is valid: [`Scene::new`] and [`Scene::from_world`] check what they make one of, and
 //! [`Scene::from_frame`] joins the parts of one that was.
 
+use crate::geometry::{Geometry, check_limit, doubled_area_normal, world_bounds};
 use crate::inside::OpenBox;
 use crate::instances::InstanceTable;
 use crate::limits::{MAX_COORDINATE, MAX_MATERIALS, MAX_POSITIONS, MAX_TRIANGLES};
@@ -42,17 +43,6 @@ pub struct Scene {
     pub shading: Option<Box<Shading>>,
     /// Instances of meshes, if the scene has some.
     pub(crate) shared: Option<Box<InstanceTable>>,
-}
-
-/// Triangles as a scene stores them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Geometry<'a> {
-    /// Corners of triangles.
-    pub positions: &'a [[f32; 3]],
-    /// Three indices into `positions` for each triangle.
-    pub triangles: &'a [[u32; 3]],
-    /// An index into the scene's materials for each triangle.
-    pub material_ids: &'a [u32],
 }
 
 /// The features that a scene uses. Materials that no triangle has do not count.
@@ -441,53 +431,4 @@ impl Scene {
         };
         self.triangles().any(|t| open_box.meets(self.corners(t).map(Vec3::as_dvec3)))
     }
-}
-
-/// Returns the least and greatest corner of triangles in world coordinates.
-pub(crate) fn world_bounds(
-    positions: &[DVec3],
-    triangles: &[[u32; 3]],
-) -> Result<(DVec3, DVec3), SceneError> {
-    check_limit("positions", positions.len(), MAX_POSITIONS)?;
-    check_limit("triangles", triangles.len(), MAX_TRIANGLES)?;
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for (triangle, corners) in triangles.iter().enumerate() {
-        for &index in corners {
-            let count = positions.len();
-            let &position = positions.get(index as usize).ok_or(SceneError::PositionIndex {
-                triangle,
-                index,
-                count,
-            })?;
-            if !(position.abs().max_element() <= MAX_COORDINATE && position.is_finite()) {
-                return Err(SceneError::Position(index as usize));
-            }
-            low = low.min(position);
-            high = high.max(position);
-        }
-    }
-    Ok((low, high))
-}
-
-pub(crate) fn check_limit(
-    what: &'static str,
-    count: usize,
-    limit: usize,
-) -> Result<(), SceneError> {
-    if count > limit {
-        return Err(SceneError::Limit { what, count: count as u64, limit: limit as u64 });
-    }
-    Ok(())
-}
-
-/// Returns the normal of a triangle, whose length is twice its area. `None` if that is zero within
-/// the rounding of `f64`.
-pub(crate) fn doubled_area_normal([a, b, c]: [Vec3; 3]) -> Option<DVec3> {
-    let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
-    let (ab, ac) = (b - a, c - a);
-    let normal = ab.cross(ac);
-    // Each component is a difference of two products, with an error below 4 half units of
-    // |ab|·|ac|.
-    let rounding = 2.0 * f64::EPSILON * ab.length() * ac.length();
-    (normal.length() > rounding).then_some(normal)
 }

@@ -3,8 +3,8 @@
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
+use crate::Rgb;
 use crate::limits::MAX_RADIANCE;
-use crate::{Rgb, Scene, SceneError};
 
 /// Most suns of a scene. Each costs a shadow ray at every point that samples the lights.
 pub const MAX_SUNS: usize = 16;
@@ -51,29 +51,5 @@ impl Sun {
         (Vec3::from(self.towards).length() - 1.0).abs() < 1e-3
             && self.irradiance.iter().all(|c| (0.0..=most).contains(c))
             && self.irradiance.iter().any(|&c| c > 0.0)
-    }
-}
-
-impl Scene {
-    /// Gives the scene these suns instead of its own.
-    ///
-    /// # Errors
-    /// [`SceneError::Sun`] if one has no unit direction or no plausible irradiance.
-    /// [`SceneError::Limit`] if there are more than [`MAX_SUNS`].
-    pub fn with_suns(mut self, suns: Vec<Sun>) -> Result<Scene, SceneError> {
-        if suns.len() > MAX_SUNS {
-            let (count, limit) = (suns.len() as u64, MAX_SUNS as u64);
-            return Err(SceneError::Limit { what: "suns", count, limit });
-        }
-        if let Some(bad) = suns.iter().position(|sun| !sun.is_valid()) {
-            return Err(SceneError::Sun(bad));
-        }
-        self.suns = suns;
-        Ok(self)
-    }
-
-    /// Returns the suns of the model and that of the sky.
-    pub fn all_suns(&self) -> impl Iterator<Item = &Sun> {
-        self.suns.iter().chain(self.sky.sun())
     }
 }

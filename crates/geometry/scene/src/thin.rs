@@ -9,9 +9,9 @@
 use glam::{DVec3, Vec3};
 
 use crate::Geometry;
+use crate::geometry::doubled_area_normal;
 use crate::limits::MAX_COORDINATE;
 use crate::placement::Placement;
-use crate::scene::doubled_area_normal;
 
 /// What is wrong with an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
