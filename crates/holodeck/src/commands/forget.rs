@@ -22,7 +22,7 @@ pub struct ForgetArgs {
     #[arg(long, value_name = "N", required_unless_present = "token")]
     worker: Vec<u16>,
     /// The name of a token, for all workers of the machines that joined with it; may be repeated
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
     token: Vec<String>,
     /// Report as JSON
     #[arg(long)]

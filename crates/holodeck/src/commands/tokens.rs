@@ -18,7 +18,7 @@ pub struct TokensArgs {
     #[arg(long, value_name = "HOST:PORT", requires = "add")]
     public: Option<String>,
     /// Revoke the token of this name: no worker or display can join with it any more
-    #[arg(long, value_name = "NAME", conflicts_with = "add")]
+    #[arg(long, value_name = "NAME", conflicts_with = "add", allow_hyphen_values = true)]
     revoke: Option<String>,
     /// Folder of the certificate and the tokens [default: holodeck/server in the user's
     /// configuration folder]
