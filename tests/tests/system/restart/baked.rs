@@ -169,9 +169,12 @@ fn an_object_that_moves_while_it_is_baked_is_baked_where_it_is_in_the_end() {
     wait_for_carried(&place, 1);
     session.write_line("object bake the cube\nobject remove the cube");
     wait_for_carried(&place, 0);
+    // If the scene was read before the second line came, that takes it out of the scene again.
+    let is_out = || ["2", "4"].contains(&info(&place)["generation"].to_string().as_str());
+    wait_until("the scene without the cube", || is_out().then_some(()));
     session.write_line("quit");
     wait_until("the session to end", || (!session.is_running()).then_some(()));
-    assert_eq!(info(&place)["generation"], 2);
+    assert!(is_out());
 }
 
 #[test]
