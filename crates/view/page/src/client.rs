@@ -248,7 +248,8 @@ impl<'a> ClientWriter<'a> {
         let mut roles = self.hub.roles();
         states.mark_changed();
         roles.mark_changed();
-        self.send(text(to_page::hello(self.guest.number, &self.hub.session))).await?;
+        let Guest { number, key, .. } = self.guest;
+        self.send(text(to_page::hello(*number, key, &self.hub.session))).await?;
         let mut has_facts = false;
         let mut sent_at = Instant::now();
         let mut pings = interval(PING_EVERY);

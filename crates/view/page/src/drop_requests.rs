@@ -1,6 +1,6 @@
 //! Answers requests that send a file which was dropped on the page.
 //!
-//! Invariant: a client that does not drive stores nothing.
+//! Invariant: only the client that drives stores anything. It proves with its key who it is.
 
 use std::{
     fs::{self, File},
@@ -11,7 +11,7 @@ use std::{
 use axum::{
     body::{Body, Bytes},
     extract::{self, State},
-    http::StatusCode,
+    http::{HeaderMap, StatusCode, header},
     response::{IntoResponse, Response},
 };
 use futures_util::StreamExt;
@@ -29,8 +29,15 @@ const MOST_CHUNKS: usize = 16;
 pub async fn put(
     State(hub): State<Arc<Hub>>,
     extract::Path((client, drop, name)): extract::Path<(u32, u32, String)>,
+    headers: HeaderMap,
     body: Body,
 ) -> Response {
+    let key = headers.get(header::AUTHORIZATION).and_then(|value| value.to_str().ok());
+    let key = key.and_then(|text| text.strip_prefix("Bearer ")).unwrap_or_default();
+    if !hub.is_key_of(client, key) {
+        return (StatusCode::FORBIDDEN, "this is for the page that was greeted alone")
+            .into_response();
+    }
     if !hub.drives(client) {
         return (StatusCode::CONFLICT, "another page drives: take over first").into_response();
     }
@@ -43,7 +50,8 @@ pub async fn put(
     };
     let (chunks, received) = mpsc::channel(MOST_CHUNKS);
     let writing = tokio::task::spawn_blocking(move || write(file, received));
-    let failed = send(&hub.dropped, body, chunks).await;
+    let mut taken = 0;
+    let failed = send(&hub.dropped, body, chunks, &mut taken).await;
     let written = match writing.await {
         Ok(Ok(())) => None,
         Ok(Err(error)) => {
@@ -55,6 +63,7 @@ pub async fn put(
     match failed.or(written) {
         None => StatusCode::NO_CONTENT.into_response(),
         Some(refused) => {
+            hub.dropped.gives_back(taken);
             // If it stays, it goes with the session.
             let _ = fs::remove_file(path);
             refused.into_response()
@@ -62,17 +71,20 @@ pub async fn put(
     }
 }
 
-/// Hands the chunks of a body on. Returns why not all of them came.
+/// Hands the chunks of a body on, and adds up in `taken` how much room they take. Returns why not
+/// all of them came.
 async fn send(
     dropped: &DroppedFiles,
     body: Body,
     chunks: mpsc::Sender<Bytes>,
+    taken: &mut u64,
 ) -> Option<(StatusCode, String)> {
     let mut stream = body.into_data_stream();
     while let Some(chunk) = stream.next().await {
         let Ok(chunk) = chunk else {
             return Some((StatusCode::BAD_REQUEST, "the file came in part".to_owned()));
         };
+        *taken += chunk.len() as u64;
         if !dropped.takes(chunk.len()) {
             let reason = format!(
                 "all files that are dropped in a session have at most {} MiB: start the viewer \

@@ -3,13 +3,13 @@
 //!
 //! Invariants:
 //! - A file's name has no folder, so every file is in the folder of its drop.
-//! - All files of a session together have at most [`MOST_BYTES`].
+//! - A session has at most [`MOST_FILES`], which together have at most [`MOST_BYTES`].
 
 use std::{
     fs::{self, File},
     io,
     path::{Path, PathBuf},
-    sync::atomic::{AtomicU64, Ordering},
+    sync::atomic::{AtomicU32, AtomicU64, Ordering},
 };
 
 use parking_lot::Mutex;
@@ -17,6 +17,9 @@ use tempfile::TempDir;
 
 /// Most bytes of all files that are dropped in a session.
 pub const MOST_BYTES: u64 = 1 << 30;
+
+/// Most files that are dropped in a session, each once or again. A model names some dozens.
+const MOST_FILES: u32 = 4096;
 
 /// Most bytes of a file's name: most file systems take no more.
 const MOST_NAME: usize = 255;
@@ -26,6 +29,7 @@ const MOST_NAME: usize = 255;
 pub struct DroppedFiles {
     /// Made with the first file, and deleted with the session.
     folder: Mutex<Option<TempDir>>,
+    files: AtomicU32,
     bytes: AtomicU64,
 }
 
@@ -43,13 +47,18 @@ impl DroppedFiles {
     /// Creates a file of a client's drop, and returns its path, too.
     ///
     /// # Errors
-    /// If its name cannot be used, or the system creates no file.
+    /// If its name cannot be used, if there are too many files, or if the system creates none.
     pub fn create(&self, client: u32, drop: u32, name: &str) -> io::Result<(PathBuf, File)> {
         {
             let mut folder = self.folder.lock();
             if folder.is_none() {
                 *folder = Some(tempfile::Builder::new().prefix("holodeck-").tempdir()?);
             }
+        }
+        if self.files.fetch_add(1, Ordering::Relaxed) >= MOST_FILES {
+            return Err(io::Error::other(format!(
+                "{MOST_FILES} files were dropped, which is the most"
+            )));
         }
         let unusable = || io::Error::other("its name cannot be used");
         let path = self.path(client, drop, name).ok_or_else(unusable)?;
@@ -62,6 +71,11 @@ impl DroppedFiles {
     pub fn takes(&self, bytes: usize) -> bool {
         let before = self.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
         before.saturating_add(bytes as u64) <= MOST_BYTES
+    }
+
+    /// Counts bytes no more, because their file is deleted.
+    pub fn gives_back(&self, bytes: u64) {
+        self.bytes.fetch_sub(bytes, Ordering::Relaxed);
     }
 }
 
@@ -88,5 +102,11 @@ mod tests {
         let dropped = DroppedFiles::default();
         assert!(dropped.takes(MOST_BYTES as usize / 2) && dropped.takes(MOST_BYTES as usize / 2));
         assert!(!dropped.takes(1));
+        dropped.gives_back(2);
+        assert!(dropped.takes(1), "a file that is refused takes no room");
+        for number in 0..MOST_FILES {
+            dropped.create(1, number % 3, "chair.glb").unwrap();
+        }
+        assert!(dropped.create(1, 0, "chair.glb").is_err());
     }
 }

@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use holo_net::Shutdown;
+use holo_net::{Secret, Shutdown};
 use holo_picture::{Image, Look};
 use holo_stage::{Front, Input, PublishedFrame};
 use holo_walk::Controls;
@@ -46,6 +46,8 @@ pub struct Hub {
     seen: Mutex<BTreeMap<u32, ClientFrame>>,
     /// When each client was last heard of, and the signal that it must give way.
     heard: Mutex<BTreeMap<u32, (Instant, Arc<Notify>)>>,
+    /// What proves that a request comes from a client. Only the client is told.
+    keys: Mutex<BTreeMap<u32, Secret>>,
 }
 
 /// A frame as a client sees it.
@@ -72,6 +74,8 @@ pub struct Roles {
 pub struct Guest {
     /// Its number, from 1.
     pub number: u32,
+    /// What proves that a request comes from it.
+    pub key: String,
     hub: Arc<Hub>,
     gives_way: Arc<Notify>,
 }
@@ -89,12 +93,14 @@ impl Hub {
             dropped: DroppedFiles::default(),
             seen: Mutex::default(),
             heard: Mutex::default(),
+            keys: Mutex::default(),
         }
     }
 
-    /// Admits a client; `None` if there are too many. The first one drives. A client that answers
-    /// nothing gives way.
+    /// Admits a client; `None` if there are too many, or if the system gives no random numbers. The
+    /// first one drives. A client that answers nothing gives way.
     pub fn enter(self: &Arc<Self>) -> Option<Guest> {
+        let key = Secret::new().ok()?;
         let number = {
             let mut next = self.next_client.lock();
             *next += 1;
@@ -112,7 +118,9 @@ impl Hub {
         });
         has_entered.then(|| {
             self.heard.lock().insert(number, (Instant::now(), Arc::clone(&gives_way)));
-            Guest { number, hub: Arc::clone(self), gives_way }
+            let guest = Guest { number, key: key.to_string(), hub: Arc::clone(self), gives_way };
+            self.keys.lock().insert(number, key);
+            guest
         })
     }
 
@@ -137,6 +145,7 @@ impl Hub {
     fn remove(&self, number: u32) {
         self.seen.lock().remove(&number);
         self.heard.lock().remove(&number);
+        self.keys.lock().remove(&number);
         if self.drives(number) {
             self.let_go();
         }
@@ -175,6 +184,11 @@ impl Hub {
     /// Returns whether a client drives.
     pub fn drives(&self, client: u32) -> bool {
         self.roles.borrow().driver == Some(client)
+    }
+
+    /// Returns whether a request with this key comes from a client.
+    pub fn is_key_of(&self, client: u32, key: &str) -> bool {
+        self.keys.lock().get(&client).is_some_and(|known| known.is(key))
     }
 
     /// Returns the latest frame.

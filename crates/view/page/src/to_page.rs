@@ -141,10 +141,11 @@ impl Framed<'_> {
 
 /// Returns the message that greets a client.
 ///
-/// `session` differs between sessions, so that a page knows when another one has begun.
-pub fn hello(client: u32, session: &str) -> String {
+/// `session` differs between sessions, so that a page knows when another one has begun. `key`
+/// proves that a request comes from this client.
+pub fn hello(client: u32, key: &str, session: &str) -> String {
     json!({
-        "is": "hello", "client": client, "session": session, "actions": ACTIONS, "gestures": GESTURES,
+        "is": "hello", "client": client, "key": key, "session": session, "actions": ACTIONS, "gestures": GESTURES,
         "drivers": DriverArg::names(), "most_pixels": MAX_PIXELS, "most_side": MAX_SIDE,
     })
     .to_string()

@@ -12,7 +12,7 @@ const MOST_GUESSED = 0.3;
 /** Share of a picture's pixels without known light from which grids of sections show where they are. */
 const NOTHING_KNOWN = 0.95;
 
-let socket = null, retry = 400, client = 0, number = 0, drives = false, ended = false;
+let socket = null, retry = 400, client = 0, key = '', number = 0, drives = false, ended = false;
 let header = null, facts = null, state = null, hasPicture = false;
 let gridIsDrawn = false;
 let display = { locked: null, stops: 0, tone: 'soft', false_color: false, contours: false, log: false, range: null };
@@ -72,7 +72,7 @@ function told(message) {
 let session = null, viewBefore = null;
 
 function greet(message) {
-  client = message.client;
+  [client, key] = [message.client, message.key];
   // A session that has begun anew knows nothing of where the eye was. An address may name a view.
   if (session !== message.session) viewBefore = session ? header && header.options : viewOfAddress();
   session = message.session;
@@ -885,7 +885,7 @@ async function carryIn(files, at) {
   if (!model) { notice('Drop a model: a .glb, .gltf or .obj, with all files that it names', 6000); return; }
   for (const [index, file] of files.entries()) {
     notice(`Sending ${file.name}, file ${index + 1} of ${files.length}`, 600000, 'drop');
-    const answer = await fetch(`dropped/${client}/${drop}/${encodeURIComponent(file.name)}`, { method: 'PUT', body: file })
+    const answer = await fetch(`dropped/${client}/${drop}/${encodeURIComponent(file.name)}`, { method: 'PUT', headers: { authorization: `Bearer ${key}` }, body: file })
       .catch(error => ({ ok: false, text: () => error.message }));
     if (!answer.ok) { notice(`${file.name} was not sent: ${await answer.text()}`, 8000); return; }
   }

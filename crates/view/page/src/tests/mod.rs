@@ -90,13 +90,15 @@ impl Server {
         }
         let stream = TcpStream::connect(("127.0.0.1", self.port)).await.unwrap();
         let (socket, _) = client_async(request, stream).await?;
-        Ok(Page { socket, client: 0, number: 0 })
+        Ok(Page { socket, client: 0, key: String::new(), number: 0 })
     }
 
     async fn page(&self) -> Page {
         let here = format!("127.0.0.1:{}", self.port);
         let mut page = self.connect(&here, Some(&format!("http://{here}"))).await.unwrap();
-        page.client = page.told("hello").await["client"].as_u64().unwrap() as u32;
+        let hello = page.told("hello").await;
+        page.client = hello["client"].as_u64().unwrap() as u32;
+        page.key = hello["key"].as_str().unwrap().to_owned();
         page
     }
 
@@ -116,11 +118,12 @@ impl Server {
     }
 
     /// Sends a file as the page of this origin does, and returns the answer.
-    async fn put(&self, path: &str, file: &[u8], origin: Option<&str>) -> String {
+    async fn put(&self, path: &str, key: &str, file: &[u8], origin: Option<&str>) -> String {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).await.unwrap();
         let origin = origin.map(|origin| format!("Origin: {origin}\r\n")).unwrap_or_default();
         let head = format!(
             "PUT {path} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n{origin}Content-Length: {}\r\n\
+             Authorization: Bearer {key}\r\n\
              Connection: close\r\n\r\n",
             self.port,
             file.len()
@@ -154,6 +157,7 @@ fn decoded(png: &[u8]) -> ((u32, u32), Vec<u8>) {
 struct Page {
     socket: WebSocketStream<TcpStream>,
     client: u32,
+    key: String,
     number: u64,
 }
 
@@ -415,17 +419,26 @@ async fn a_model_that_is_dropped_on_the_page_that_drives_is_stored_with_what_it_
     let own = format!("http://127.0.0.1:{}", server.port);
     let path = |client: u32, name: &str| format!("/dropped/{client}/1/{name}");
     let of_driver = path(drives.client, "a%20chair.obj");
-    assert!(server.put(&of_driver, b"v 0 0 0", None).await.contains(" 403 "), "no page");
+    assert!(
+        server.put(&of_driver, &drives.key, b"v 0 0 0", None).await.contains(" 403 "),
+        "no page"
+    );
     let other = Some("http://elsewhere.example");
-    assert!(server.put(&of_driver, b"v 0 0 0", other).await.contains(" 403 "), "another site");
+    assert!(
+        server.put(&of_driver, &drives.key, b"v 0 0 0", other).await.contains(" 403 "),
+        "another site"
+    );
     let watcher = path(watches.client, "a%20chair.obj");
-    let answer = server.put(&watcher, b"v 0 0 0", Some(&own)).await;
+    let answer = server.put(&watcher, &watches.key, b"v 0 0 0", Some(&own)).await;
     assert!(answer.contains(" 409 ") && answer.contains("take over"), "{answer}");
+    // The number of the client that drives is no secret.
+    let answer = server.put(&of_driver, &watches.key, b"v 0 0 0", Some(&own)).await;
+    assert!(answer.contains(" 403 "), "{answer}");
     let above = path(drives.client, "..%2Fchair.obj");
-    assert!(server.put(&above, b"v 0 0 0", Some(&own)).await.contains(" 400 "));
-    assert!(server.put(&of_driver, b"v 0 0 0", Some(&own)).await.contains(" 204 "));
+    assert!(server.put(&above, &drives.key, b"v 0 0 0", Some(&own)).await.contains(" 400 "));
+    assert!(server.put(&of_driver, &drives.key, b"v 0 0 0", Some(&own)).await.contains(" 204 "));
     let named = path(drives.client, "chair.mtl");
-    assert!(server.put(&named, b"newmtl a", Some(&own)).await.contains(" 204 "));
+    assert!(server.put(&named, &drives.key, b"newmtl a", Some(&own)).await.contains(" 204 "));
     let dropped = |name: &str| json!({ "do": "drop", "number": 1, "name": name, "at": [0.25, 2] });
     let number = drives.say(dropped("a chair.obj")).await;
     let input = server.input();
