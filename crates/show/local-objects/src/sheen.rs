@@ -134,14 +134,15 @@ impl Room {
         is_seen.then_some(sheen)
     }
 
-    /// Calls `found` with each glossy surface along a ray, up to a distance, and with the share of
-    /// its light that the panes before it leave. Returns the share that all the panes leave.
+    /// Calls `found` with each glossy surface along a ray, up to a distance. Its second argument is
+    /// the share of the surface's light that the panes before it leave. Returns the share that all
+    /// the panes leave, and the first surface that is no pane.
     pub(crate) fn sheens(
         &self,
         (origin, direction): (DVec3, DVec3),
         far: f64,
         mut found: impl FnMut(RoomSheen, Vec3),
-    ) -> Vec3 {
+    ) -> (Vec3, Option<(Hit, f64)>) {
         let mut left = Vec3::ONE;
         let towards = direction.as_vec3();
         let mut find = |hit: &Hit, left: Vec3| {
@@ -156,7 +157,7 @@ impl Room {
         if let Some((hit, _)) = last {
             find(&hit, left);
         }
-        left
+        (left, last)
     }
 }
 

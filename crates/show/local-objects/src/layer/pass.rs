@@ -44,7 +44,13 @@ impl LayerScene<'_> {
             let radiance = Vec3::from(self.frame.picture.pixels[number as usize]);
             // Quick frames trust the distances of the frame.
             let room = self.shader.room.filter(|_| !is_quick);
-            let known = room.map(|room| (room, room.nearest(origin, direction)));
+            // The glossy surfaces along the ray, each with the share of its light that comes here.
+            let mut sheens = Vec::new();
+            let mut take = |sheen: RoomSheen, left: Vec3| sheens.push((sheen, left));
+            let known = room.map(|room| match cell.may_gleam {
+                true => (room, room.sheens((origin, direction), f64::INFINITY, &mut take).1),
+                false => (room, room.nearest(origin, direction)),
+            });
             // Distances of frames begin at the eye, also if the view is clipped.
             let clipped = self.view.ray_to(origin).0.distance(origin);
             let depth = f64::from(self.frame.depth[number as usize]) - clipped;
@@ -84,15 +90,14 @@ impl LayerScene<'_> {
                 let light = (radiance, through);
                 left *= self.add_deflected(cell, (origin, direction), hit, light, &mut numbers);
             }
-            if cell.may_gleam
-                && let Some((room, _)) = known
-            {
-                let far = if through == Vec3::ZERO { object_distance } else { f64::INFINITY };
-                room.sheens((origin, direction), far, |sheen, left| {
-                    let is_behind = origin.distance(sheen.origin) > object_distance;
-                    let left = if is_behind { left * through } else { left };
-                    cell.radiance += left * self.gleam(room, &sheen, &mut numbers);
-                });
+            for (sheen, left) in &sheens {
+                let is_behind = origin.distance(sheen.origin) > object_distance;
+                let left = if is_behind { *left * through } else { *left };
+                if left != Vec3::ZERO
+                    && let Some((room, _)) = known
+                {
+                    cell.radiance += left * self.gleam(room, sheen, &mut numbers);
+                }
             }
         }
         cell.behind += through * left;
@@ -115,7 +120,7 @@ impl LayerScene<'_> {
         };
         let lit = &self.shader.objects[seen.object];
         let mut reflected = Vec3::ZERO;
-        let left = room.sheens((origin, direction), seen.distance, |sheen, left| {
+        let (left, _) = room.sheens((origin, direction), seen.distance, |sheen, left| {
             if let Some((towards, share)) = sheen.reflected(numbers) {
                 reflected += left * share * lit.light_without(sheen.origin, towards, sheen.alpha);
             }

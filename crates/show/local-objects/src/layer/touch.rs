@@ -12,6 +12,7 @@ use crate::lit::LitObject;
 use crate::room::{DeflectedRay, Room};
 use crate::shading::LightDetail;
 use crate::shadow::may_shadow;
+use crate::sheen::RoomSheen;
 
 /// Distance of the cells by which a tile is tested, cells.
 const APART: u32 = 4;
@@ -88,7 +89,18 @@ impl TouchTest<'_> {
             room.has_mirrors() && (!is_quick || self.mirrors.has_mirror(room, pixel))
         });
         let gloss = self.room.filter(|room| room.has_gloss() && !is_quick);
-        let hit = mirrors.and_then(|room| room.nearest(origin, direction));
+        let mut may_gleam = false;
+        let mut gleams = |sheen: RoomSheen| {
+            let margin = margin(origin.distance(sheen.origin));
+            may_gleam |= self.objects.iter().any(|lit| sheen.may_show(&lit.object, margin));
+        };
+        let hit = match (gloss, mirrors) {
+            (Some(room), _) => {
+                room.sheens((origin, direction), f64::INFINITY, |sheen, _| gleams(sheen)).1
+            }
+            (None, Some(room)) => room.nearest(origin, direction),
+            (None, None) => None,
+        };
         let may_mirror = mirrors.is_some_and(|room| {
             let far = |way: f64| margin(depth.max(0.0)) + margin(way);
             let shows = |ray: &DeflectedRay, lit: &LitObject| {
@@ -106,13 +118,6 @@ impl TouchTest<'_> {
                 })
             })
         });
-        let mut may_gleam = false;
-        if let Some(room) = gloss {
-            room.sheens((origin, direction), f64::INFINITY, |sheen, _| {
-                let margin = margin(origin.distance(sheen.origin));
-                may_gleam |= self.objects.iter().any(|lit| sheen.may_show(&lit.object, margin));
-            });
-        }
         (may_show || may_shade || may_mirror || may_gleam).then_some(LayerCell {
             column,
             row,
