@@ -142,6 +142,23 @@ pub(crate) async fn connect(address: SocketAddr) -> Connected {
     Connected::new(address, Box::new(Surfaces), false, Shutdown::new()).await.unwrap()
 }
 
+/// Does something with a session of this driver, which a server serves that traces. Returns the
+/// result and the display's requests.
+pub(crate) async fn in_session<T: Send + 'static>(
+    act: impl FnOnce(&mut Session) -> T + Send + 'static,
+) -> (T, Requests) {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let serving = tokio::spawn(serve(listener));
+    let connected = connect(address).await;
+    let acting = tokio::task::spawn_blocking(move || {
+        let mut session = connected.begin(|_| {}).unwrap().unwrap();
+        act(&mut session)
+    });
+    let result = timeout(LIMIT, acting).await.unwrap().unwrap();
+    (result, timeout(LIMIT, serving).await.unwrap().unwrap())
+}
+
 /// A view that is not parallel to an axis.
 fn view() -> ViewSpec {
     let mut spec = ViewSpec::default();
@@ -157,42 +174,31 @@ fn show(session: &mut Session, spec: &ViewSpec, size: (u32, u32)) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_view_at_another_size_begins_no_view_anew() {
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let address = listener.local_addr().unwrap();
-    let serving = tokio::spawn(serve(listener));
-    let connected = connect(address).await;
-    let looking = tokio::task::spawn_blocking(move || {
-        let mut session = connected.begin(|_| {}).unwrap().unwrap();
+    let (first_request, _) = in_session(|session| {
         for size in [(240, 180), (480, 360)] {
-            show(&mut session, &view(), size);
+            show(session, &view(), size);
             let frame = session.draw().0.unwrap();
             assert_eq!(frame.picture.size(), size);
             session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
         }
         session.current.as_ref().unwrap().first_request
-    });
-    let first_request = timeout(LIMIT, looking).await.unwrap().unwrap();
-    timeout(LIMIT, serving).await.unwrap().unwrap();
+    })
+    .await;
     assert_eq!(first_request, 1, "the second size belongs to the first view");
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn beams_that_end_on_visible_surfaces_are_requested_by_use_and_then_only_the_view_s_own() {
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let address = listener.local_addr().unwrap();
-    let serving = tokio::spawn(serve(listener));
-    let connected = connect(address).await;
-    let looking = tokio::task::spawn_blocking(move || {
-        let mut session = connected.begin(|_| {}).unwrap().unwrap();
-        show(&mut session, &view(), (96, 72));
+    let ((), requests) = in_session(|session| {
+        show(session, &view(), (96, 72));
         assert!(!session.has_stored());
         let end = Instant::now() + LIMIT;
         while !session.has_stored() && Instant::now() < end {
             session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
         }
-    });
-    timeout(LIMIT, looking).await.unwrap().unwrap();
-    let views = timeout(LIMIT, serving).await.unwrap().unwrap().views;
+    })
+    .await;
+    let views = requests.views;
     let beams = |view: u32| -> BTreeMap<BeamKey, f32> {
         views[&view].beams.iter().map(|beam| (beam.key, beam.weight)).collect()
     };
@@ -221,29 +227,23 @@ async fn beams_that_end_on_visible_surfaces_are_requested_by_use_and_then_only_t
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_idle_session_loads_the_whole_file_and_later_views_search_for_nothing() {
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let address = listener.local_addr().unwrap();
-    let serving = tokio::spawn(serve(listener));
-    let connected = connect(address).await;
-    let looking = tokio::task::spawn_blocking(move || {
-        let mut session = connected.begin(|_| {}).unwrap().unwrap();
+    let ((), Requests { views, parts, .. }) = in_session(|session| {
         let end = Instant::now() + LIMIT;
         let wait_until = |session: &mut Session, is_done: fn(&Session) -> bool| {
             while !is_done(session) && Instant::now() < end {
                 session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
             }
         };
-        show(&mut session, &view(), (96, 72));
-        wait_until(&mut session, Session::has_stored);
-        wait_until(&mut session, Session::has_whole_file);
+        show(session, &view(), (96, 72));
+        wait_until(session, Session::has_stored);
+        wait_until(session, Session::has_whole_file);
         let mut aside = view();
         aside.apply_line("-vd -1 .2 .1").unwrap();
-        show(&mut session, &aside, (96, 72));
+        show(session, &aside, (96, 72));
         session.wait(Instant::now() + Duration::from_millis(10)).unwrap();
-        wait_until(&mut session, Session::has_stored);
-    });
-    timeout(LIMIT, looking).await.unwrap().unwrap();
-    let Requests { views, parts, .. } = timeout(LIMIT, serving).await.unwrap().unwrap();
+        wait_until(session, Session::has_stored);
+    })
+    .await;
     // Two searches, the view's own beams again, the file, and then another view.
     assert_eq!(parts, [(0, 4), (1, 4), (2, 4)]);
     assert_eq!(views.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5]);

@@ -311,19 +311,13 @@ fn read(path: &Path, up: DVec3, unit: f64, folder: Option<&ObjectFolder>) -> Res
 #[cfg(test)]
 mod tests {
     use holo_scene::{Material, Scene};
-    use tokio::{net::TcpListener, time::timeout};
 
     use super::*;
-    use crate::tests::{LIMIT, connect, serve};
+    use crate::tests::in_session;
 
     #[tokio::test(flavor = "multi_thread")]
     async fn a_model_that_has_arrived_is_a_reason_for_a_frame_although_no_sample_comes() {
-        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let address = listener.local_addr().unwrap();
-        let serving = tokio::spawn(serve(listener));
-        let connected = connect(address).await;
-        let carrying = tokio::task::spawn_blocking(move || {
-            let mut session = connected.begin(|_| {}).unwrap().unwrap();
+        in_session(|session| {
             assert!(!session.refines_objects());
             let corners = [DVec3::ZERO, DVec3::X, DVec3::Z];
             let materials = vec![Material::grey("paint")];
@@ -336,8 +330,7 @@ mod tests {
             assert!(session.refines_objects());
             session.redraw_objects();
             assert!(!session.refines_objects(), "the driver's next frame shows it");
-        });
-        timeout(LIMIT, carrying).await.unwrap().unwrap();
-        timeout(LIMIT, serving).await.unwrap().unwrap();
+        })
+        .await;
     }
 }

@@ -271,13 +271,9 @@ fn probe_of(centre: DVec3, frames: Vec<Frame>) -> Result<LightProbe, ProbeError>
 mod tests {
     use holo_local_objects::{LIGHTS, ObjectModel, ObjectPose};
     use holo_scene::{Material, Scene};
-    use tokio::{net::TcpListener, time::timeout};
 
     use super::*;
-    use crate::{
-        Session,
-        tests::{LIMIT, connect, serve},
-    };
+    use crate::{Session, tests::in_session};
 
     /// A triangle in the middle of the room.
     fn object() -> LocalObject {
@@ -290,32 +286,26 @@ mod tests {
 
     #[tokio::test(flavor = "multi_thread")]
     async fn an_input_ends_the_search_for_light_and_later_frames_go_on_with_it() {
-        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let address = listener.local_addr().unwrap();
-        let serving = tokio::spawn(serve(listener));
-        let connected = connect(address).await;
-        let looking = tokio::task::spawn_blocking(move || {
-            let mut session = connected.begin(|_| {}).unwrap().unwrap();
+        in_session(|session| {
             let object = object();
             let faces = |session: &Session| {
                 session.objects.lightings.unfinished.as_ref().map(|probe| probe.faces.len())
             };
             session.interrupt().set();
             assert!(session.light_of_store(&object, false, false, None).is_none());
-            assert_eq!(faces(&session), Some(0));
+            assert_eq!(faces(session), Some(0));
             // A frame of a motion draws one face, whatever comes.
             for number in 1..4 {
                 assert!(session.light_of_store(&object, true, false, None).is_none());
-                assert_eq!(faces(&session), Some(number));
+                assert_eq!(faces(session), Some(number));
             }
             session.interrupt().clear();
             assert!(session.light_of_store(&object, false, false, None).is_some());
             // Whoever waits for a file is not interrupted.
             session.interrupt().set();
             assert!(session.light_of_store(&object, false, true, None).is_some());
-        });
-        timeout(LIMIT, looking).await.unwrap().unwrap();
-        timeout(LIMIT, serving).await.unwrap().unwrap();
+        })
+        .await;
     }
 
     /// Returns an object that is so many radii beside another one.
@@ -362,12 +352,7 @@ mod tests {
 
     #[tokio::test(flavor = "multi_thread")]
     async fn six_frames_of_a_moving_object_find_the_light_of_a_place_that_it_passes() {
-        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let address = listener.local_addr().unwrap();
-        let serving = tokio::spawn(serve(listener));
-        let connected = connect(address).await;
-        let looking = tokio::task::spawn_blocking(move || {
-            let mut session = connected.begin(|_| {}).unwrap().unwrap();
+        in_session(|session| {
             let object = object();
             session.objects.lightings.put(lit_place(&object, SIDE, false), object.radius());
             for (radii, faces) in
@@ -385,8 +370,7 @@ mod tests {
             session.light_of_passed(&beside(&object, 3.1), None);
             session.light_of_passed(&beside(&object, 3.2), None);
             assert!(session.objects.lightings.passed.is_none(), "six faces are a probe");
-        });
-        timeout(LIMIT, looking).await.unwrap().unwrap();
-        timeout(LIMIT, serving).await.unwrap().unwrap();
+        })
+        .await;
     }
 }
