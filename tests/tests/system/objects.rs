@@ -91,6 +91,27 @@ fn an_object_is_carried_moved_and_turned_on_a_page_and_a_replay_shows_it() {
         let is_said = "document.getElementById('notice').textContent.includes('name the file')";
         (browser.value(is_said) == true).then_some(())
     });
+    // A model that is dropped on the picture of the floor stands there.
+    let text = serde_json::to_string(CUBE).unwrap();
+    browser.value(&format!(
+        "(() => {{
+            const dataTransfer = new DataTransfer();
+            dataTransfer.items.add(new File([{text}], 'dropped.obj'));
+            const at = {{ clientX: 700, clientY: 660 }};
+            dispatchEvent(new DragEvent('drop', {{ dataTransfer, cancelable: true, ...at }}));
+        }})()"
+    ));
+    let objects = || {
+        let list = std::fs::read(place.path("a.objects/objects.json")).ok()?;
+        serde_json::from_slice::<Vec<Value>>(&list).ok()
+    };
+    let dropped = wait_until("the dropped model", || {
+        objects()?.into_iter().find(|object| object["name"] == "dropped")
+    });
+    let at: [f64; 3] = serde_json::from_value(dropped["at"].clone()).unwrap();
+    assert!(at[1].abs() < 0.01 && at[0] < 2.73 && at[2] > 0.0, "{at:?}");
+    session.write_line("object remove dropped");
+    wait_until("the cube alone", || (objects()?.len() == 1).then_some(()));
     browser.value("command('quit')");
     session.wait().ok();
 

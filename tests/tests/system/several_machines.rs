@@ -69,4 +69,8 @@ fn one_string_is_all_that_a_worker_and_a_viewer_need() {
     let forgotten = place.run(&forget).ok().json();
     assert!(forgotten["samples"].as_u64() > Some(0), "{forgotten}");
     place.run(&forget).failed(1, &["no worker of", members]);
+    // Names of tokens may begin with a hyphen.
+    place.run(&["forget", &file, "--token", "-none"]).failed(1, &["no worker of", "-none"]);
+    let revoke = ["tokens", "--revoke", "-none"];
+    place.run(&[&revoke[..], &identity].concat()).failed(1, &["no token has the name `-none`"]);
 }

@@ -218,6 +218,16 @@ fn ending_is_asked_twice() {
 }
 
 #[test]
+fn a_model_is_dropped_under_the_cursor_or_else_in_the_middle() {
+    let mut model = model();
+    let dropped = |at| [Effect::Send(Input::Drop("chair.glb".into(), at))];
+    model.leave();
+    assert_eq!(model.drop_model("chair.glb".into()), dropped([0.5, 0.5]));
+    model.move_to((320.0, 180.0));
+    assert_eq!(model.drop_model("chair.glb".into()), dropped([0.25, 0.25]));
+}
+
+#[test]
 fn an_object_is_moved_and_turned_with_shift() {
     let object = |order| [Effect::Send(Input::Object(order))];
     let mut model = model();
