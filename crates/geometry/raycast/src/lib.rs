@@ -15,8 +15,8 @@
 //!   triangle of least index wins if distances are equal.
 //! - Any bit pattern is an acceptable ray. A ray with a NaN, an infinite or zero direction, or an
 //!   infinite origin hits nothing.
-//! - Of several faces at one place, a ray meets the one that faces it, then the one that emits
-//!   light, then the one of least index, whatever the rounding of their distances.
+//! - If several faces lie at one place, a ray meets the one that faces it. Of several, it meets one
+//!   that emits light, and then the one of least index. Rounding of distances changes nothing.
 //! - Both sides of a triangle are hit.
 //! - Rays pass cut-out parts. They meet a surface that is partly covered, unless the caster is
 //!   [by chance](Raycaster::by_chance): then they meet it with the probability of its opacity.

@@ -20,8 +20,8 @@ use crate::stored_surfaces::{self, StoredSurfaces};
 /// instances are prepared each time: what they share is small.
 const MANY: usize = 100_000;
 
-/// A folder of prepared scenes. There is a file for each geometry, and one for the surfaces of each
-/// scene, because scenes of another hour or with other lamps have the same geometry.
+/// A folder of prepared scenes. Each geometry has a file, and so have the surfaces of each scene.
+/// Scenes of another hour or with other lamps share their geometry.
 #[derive(Clone, Debug)]
 pub struct StoredScenes {
     geometries: KeptFiles,

@@ -264,7 +264,7 @@ impl ObjectPlace {
     }
 }
 
-/// Returns what stands before the names of an object's materials and lamps: the object's name and a
+/// Returns the prefix of the names of an object's materials and lamps. It is the object's name and a
 /// slash, with a number if the scene has such names.
 fn prefix(scene: &Scene, object: &str) -> String {
     let object = shortened(object, MAX_NAME_BYTES / 2);

@@ -54,8 +54,8 @@ impl Scene {
     }
 
     /// Joins a frame with the arrays of the same scene. Lengths and indices are checked. All other
-    /// numbers of the arrays are taken as those of a valid scene, so the caller must know that they
-    /// are: from the hash of their file.
+    /// numbers of the arrays must be those of a valid scene. A caller knows that by the hash of
+    /// their file.
     ///
     /// # Errors
     /// As [`Scene::unpack`] for the frame. Also if an index is out of range, or if an array has
