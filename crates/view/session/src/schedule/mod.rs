@@ -5,8 +5,9 @@
 //! | phase | pixels | due |
 //! | --- | --- | --- |
 //! | moving | as many as the time allows ([`detail`]) | at once |
-//! | first, at rest | a quarter, if samples are few and pixels many ([`sketch`]), else all | at once |
-//! | at rest | the same; all after two seconds | when samples have arrived, in a part of the time |
+//! | first, at rest | a quarter, soon after a jump and if pixels are many ([`sketch`]), else all | at once |
+//! | second, at rest | all, if samples are not few | at once |
+//! | at rest | all; a quarter for at most two seconds while samples are few | when samples have arrived, in a part of the time |
 //! | for a file | all | when a person or a script wants it |
 //!
 //! [`FramePhase`](holo_display::FramePhase) names the phases for drivers.
@@ -58,6 +59,8 @@ pub struct FrameSchedule {
     samples: u64,
     /// True if it was a sketch.
     is_sketch: bool,
+    /// True if samples were too few for more pixels.
+    has_few: bool,
     /// True once the view was to have all its pixels. It is then no sketch again.
     is_whole: bool,
 }
@@ -96,6 +99,7 @@ impl FrameSchedule {
             drawn_in: Duration::ZERO,
             samples: 0,
             is_sketch: false,
+            has_few: false,
             is_whole: false,
         }
     }
@@ -112,6 +116,7 @@ impl FrameSchedule {
     /// Records that the view begins anew, for example with another driver.
     pub fn restart(&mut self) {
         self.requested = None;
+        self.sketching.restart();
     }
 
     /// Returns the size of the next frame, for a picture of `full` pixels. A driver that
@@ -132,6 +137,7 @@ impl FrameSchedule {
             && !self.is_whole
             && self.sketching.suits(samples_per_pixel, rested);
         self.is_whole |= !is_moving && !is_sketch;
+        self.has_few = Sketching::are_few(samples_per_pixel);
         let size = match is_moving {
             _ if keeps_pixels => full,
             true => self.detail.size(full),
@@ -148,7 +154,7 @@ impl FrameSchedule {
         let is_new = arrived != self.samples || refines;
         let is_much = arrived / MANY_MORE > self.samples && now >= self.frame + self.drawn_in;
         let rested = now.saturating_duration_since(self.moved);
-        let is_overdue = self.is_sketch && Sketching::is_over(rested);
+        let is_overdue = self.is_sketch && (!self.has_few || Sketching::is_over(rested));
         is_overdue || (is_new && now >= self.next_redraw()) || is_much
     }
 
@@ -169,6 +175,7 @@ impl FrameSchedule {
     ) {
         (self.frame, self.drawn_in) = (end, end.saturating_duration_since(begin));
         (self.samples, self.is_sketch) = (arrived, size.is_sketch);
+        self.sketching.note_frame();
         if size.is_moving && is_lit {
             self.detail.note(size.size, size.full, self.drawn_in.as_secs_f64());
         }
@@ -195,6 +202,23 @@ mod tests {
     }
 
     #[test]
+    fn a_sketch_is_replaced_at_once_if_there_are_samples_for_all_pixels() {
+        let start = Instant::now();
+        let at = |ms: u64| start + Duration::from_millis(ms);
+        for (samples_per_pixel, due) in [(1.0, true), (0.01, false)] {
+            let mut schedule = FrameSchedule::new(start);
+            schedule.request(&view(0.0), 1, start);
+            let size = schedule.size(FULL, false, false, samples_per_pixel, start);
+            assert!(size.is_sketch);
+            schedule.note_frame(size, [start, at(100)], 1000, true);
+            assert_eq!(schedule.is_due(1000, false, at(101)), due);
+            schedule.request(&view(0.0), 1, at(101));
+            let next = schedule.size(FULL, false, false, samples_per_pixel, at(101));
+            assert_eq!(next.is_sketch, !due);
+        }
+    }
+
+    #[test]
     fn few_samples_make_a_sketch_and_a_moving_eye_has_fewer_pixels() {
         let start = Instant::now();
         let mut schedule = FrameSchedule::new(start);
@@ -204,6 +228,8 @@ mod tests {
             schedule.size(FULL, is_moving, keeps_pixels, samples, now).size
         };
         assert_eq!(size(&mut schedule, false, false, 0.01, 0.1), (640, 360));
+        let sketch = schedule.size(FULL, false, false, 0.01, start);
+        schedule.note_frame(sketch, [start, start], 1000, true);
         assert_eq!(size(&mut schedule, false, false, 1.0, 0.1), FULL);
         assert_eq!(size(&mut schedule, false, false, 0.01, 0.1), FULL, "no sketch again");
         schedule.request(&view(0.0), 1, start);
@@ -224,7 +250,7 @@ mod tests {
         let at = |seconds: f64| start + Duration::from_secs_f64(seconds);
         let mut schedule = FrameSchedule::new(start);
         schedule.request(&view(0.0), 0, start);
-        let size = schedule.size(FULL, false, false, 1.0, start);
+        let size = schedule.size(FULL, false, false, 1.0, at(1.0));
         let mut draw = |seconds: f64| {
             schedule.note_frame(size, [at(seconds - 0.01), at(seconds)], 1000, true);
             assert!(!schedule.is_due(1000, false, at(seconds + 60.0)), "nothing is new");
