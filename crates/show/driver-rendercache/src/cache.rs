@@ -57,12 +57,25 @@ pub struct PointImage {
     pub(crate) noise: MeanNoise,
     /// The number of frames so far; chooses the jitter.
     pub(crate) frames: u32,
-    /// True if points or stages have changed since the picture was made.
-    pub(crate) is_dirty: bool,
+    /// What must be done before the next picture.
+    pub(crate) stale: Stale,
+    /// The number of pixels with a point, before any was culled.
+    known_pixels: usize,
     /// The share of pixels with a point before an object left a hole; 0 once it is closed. The
     /// pyramid fills holes.
     pub(crate) share_before_hole: f64,
     pub(crate) requests: Vec<Request>,
+}
+
+/// What has changed since the picture was made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Stale {
+    /// Nothing: the picture is the view's.
+    Nothing,
+    /// The points are projected, and the picture is older.
+    Picture,
+    /// Points, stages or the view.
+    Projection,
 }
 
 /// A picture, and the rays that would improve the next picture most.
@@ -95,7 +108,8 @@ impl PointImage {
             has_fresh: false,
             noise: MeanNoise::default(),
             frames: 0,
-            is_dirty: true,
+            stale: Stale::Projection,
+            known_pixels: 0,
             share_before_hole: 0.0,
             requests: Vec::new(),
             params,
@@ -121,14 +135,16 @@ impl PointImage {
         self.buckets = Buckets::new(size, self.points.capacity());
         self.occupancy = Occupancy::new(size, self.params.predicted_block as usize);
         // The next frame projects into the new pixels, and their means begin anew.
-        (self.map, self.predicted, self.is_dirty) = (None, None, true);
+        (self.map, self.predicted, self.stale) = (None, None, Stale::Projection);
         self.requests.clear();
         Ok(())
     }
 
     /// Switches stages on and off, from the next frame on.
     pub fn set_stages(&mut self, stages: Stages) {
-        self.is_dirty |= stages != self.params.stages;
+        if stages != self.params.stages {
+            self.stale = Stale::Projection;
+        }
         self.params.stages = stages;
     }
 
@@ -145,7 +161,22 @@ impl PointImage {
     pub fn insert(&mut self, samples: &[RayResult]) {
         let new_points = self.take_all(samples);
         self.age(new_points);
-        self.is_dirty |= !samples.is_empty();
+        if !samples.is_empty() {
+            self.stale = Stale::Projection;
+        }
+    }
+
+    /// Turns to a view without making a picture: projects the points, so that samples that come
+    /// before the next frame find the points in their pixels. This takes a part of the time of a
+    /// frame.
+    pub fn aim(&mut self, view: &View) {
+        self.look(view);
+        self.requests.clear();
+        self.predicted = None;
+        if self.stale == Stale::Projection {
+            self.project(&mut |_| {});
+        }
+        self.frames = self.frames.wrapping_add(1);
     }
 
     /// Makes the next picture and the next requests.
@@ -160,7 +191,7 @@ impl PointImage {
         moment: &Moment,
         ended: &mut dyn FnMut(Stage),
     ) -> CacheFrame<'_> {
-        let moved = self.look(&moment.view);
+        self.look(&moment.view);
         self.age(moment.samples.len());
         self.take_all(moment.samples);
         ended(Stage::UpdatePoints);
@@ -176,10 +207,10 @@ impl PointImage {
             self.requests = self.occupancy.requests(limit, seed);
             ended(Stage::PredictedSampling);
         }
-        if moved || self.is_dirty || !moment.samples.is_empty() {
-            self.show(ended);
-            self.is_dirty = false;
+        if !moment.samples.is_empty() {
+            self.stale = Stale::Projection;
         }
+        self.show(ended);
         if moment.wanted > self.requests.len() {
             self.request_pixels(moment.wanted - self.requests.len());
             ended(Stage::Sampling);
@@ -188,10 +219,10 @@ impl PointImage {
         CacheFrame { cache: self }
     }
 
-    /// Sets the view. Returns whether it has changed.
-    fn look(&mut self, view: &View) -> bool {
+    /// Sets the view.
+    fn look(&mut self, view: &View) {
         if self.view.as_ref() == Some(view) && self.map.is_some() {
-            return false;
+            return;
         }
         if self.view.is_none() {
             self.origin = view.eye();
@@ -202,7 +233,7 @@ impl PointImage {
         self.epoch = self.epoch.wrapping_add(1);
         self.points.is_fresh.fill(false);
         self.has_fresh = false;
-        true
+        self.stale = Stale::Projection;
     }
 
     /// Makes points older after `samples` new ones.
@@ -218,30 +249,47 @@ impl PointImage {
         }
     }
 
-    /// Makes the picture and the priorities from the points.
-    fn show(&mut self, ended: &mut dyn FnMut(Stage)) {
+    /// Finds the point that each pixel shows.
+    fn project(&mut self, ended: &mut dyn FnMut(Stage)) {
         let Self { params, points, planes, buckets, .. } = self;
-        let PointImageParams { stages, cull_threshold, prefilter_window, .. } = *params;
         let Some(map) = &self.map else { return };
         buckets.fill(points, map, (planes.width, planes.height));
         ended(Stage::ProjectAndTileSort);
         zbuffer::fill(planes, buckets);
         ended(Stage::ZBufferTiles);
-        let (known, pixels) = (planes.point_count(), planes.colour.len());
-        let is_sparse = stages.pyramid && known * SPARSE < pixels;
-        if known as f64 >= self.share_before_hole * pixels as f64 {
+        self.known_pixels = planes.point_count();
+        if params.stages.depth_cull {
+            cull::cull(planes, params.cull_threshold);
+            if self.is_sparse() {
+                cull::cull_behind(&mut self.planes);
+            }
+            ended(Stage::DepthCull);
+        }
+        self.stale = Stale::Picture;
+    }
+
+    /// Returns whether points are so few that the pyramid fills the gaps between them.
+    fn is_sparse(&self) -> bool {
+        self.params.stages.pyramid && self.known_pixels * SPARSE < self.planes.colour.len()
+    }
+
+    /// Makes the picture and the priorities from the points, if anything has changed.
+    fn show(&mut self, ended: &mut dyn FnMut(Stage)) {
+        if self.stale == Stale::Projection {
+            self.project(ended);
+        }
+        if std::mem::replace(&mut self.stale, Stale::Nothing) == Stale::Nothing {
+            return;
+        }
+        let is_sparse = self.is_sparse();
+        let Self { params, points, planes, .. } = self;
+        let PointImageParams { stages, prefilter_window, .. } = *params;
+        if self.known_pixels as f64 >= self.share_before_hole * planes.colour.len() as f64 {
             self.share_before_hole = 0.0;
         }
         // What a clipping surface takes away is no hole.
         let is_clipped = self.view.is_some_and(|view| view.is_clipped());
         let has_hole = stages.pyramid && self.share_before_hole > 0.0 && !is_clipped;
-        if stages.depth_cull {
-            cull::cull(planes, cull_threshold);
-            if is_sparse {
-                cull::cull_behind(planes);
-            }
-            ended(Stage::DepthCull);
-        }
         let black = params.empty == EmptyPixels::Black;
         let mut prior = 0.0;
         if stages.prefilter {

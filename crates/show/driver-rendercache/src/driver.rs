@@ -116,7 +116,7 @@ impl PointImageRenderer {
         };
         let (cache, _) = self.shown.insert((cache, screen));
         // Samples that arrive before the first frame belong to this view.
-        cache.frame(&Moment { view: look.view, predicted: None, samples: &[], wanted: 0 });
+        cache.aim(&look.view);
         Ok(())
     }
 

@@ -6,6 +6,7 @@
 use glam::{DAffine3, DMat3, DVec3};
 use holo_display::ObjectMotion;
 
+use crate::cache::Stale;
 use crate::{PointImage, PointImageError};
 
 /// Largest difference of a rigid transform's matrix from one that keeps all lengths.
@@ -62,7 +63,9 @@ impl PointImage {
         for slot in around {
             self.points.add_age(slot, self.params.change_ageing);
         }
-        self.is_dirty |= !slots.is_empty();
+        if !slots.is_empty() {
+            self.stale = Stale::Projection;
+        }
         Ok(slots.len())
     }
 
@@ -86,7 +89,7 @@ impl PointImage {
         if motions.is_empty() {
             self.points.is_changing.fill(true);
         }
-        self.is_dirty = true;
+        self.stale = Stale::Projection;
     }
 
     /// Gives the points that lie on an object the number [`FOLLOWED`], and takes it from others.

@@ -9,7 +9,9 @@
 use std::{collections::HashSet, sync::Arc};
 
 use glam::DVec3;
-use holo_display::{Frame, FrameRequest, SkyView, best_beam, for_bands, viewpoint_radius};
+use holo_display::{
+    Frame, FrameRequest, SkyView, best_beam, covered, for_bands, viewpoint_radius,
+};
 use holo_picture::{Clip, View};
 use holo_section::{BeamKey, RayCoords, Sample, Section, SectionRay, ray_eye_distance};
 
@@ -71,7 +73,9 @@ pub(crate) struct CacheScreen {
     sky: SkyView,
     /// The viewpoint radius: largest distance of the view's own rays from the eye, scene units.
     radius: f64,
-    /// Best beam of each pixel's middle; empty until the first frame.
+    /// Whether a section covers each pixel; empty until the first frame.
+    covered: Vec<bool>,
+    /// Best beam of each pixel's middle; empty until a frame needs it.
     best: Vec<Option<BeamKey>>,
     unseen: HashSet<BeamKey>,
     used: u64,
@@ -85,6 +89,7 @@ impl CacheScreen {
             sections,
             sky,
             radius: 0.0,
+            covered: Vec::new(),
             best: Vec::new(),
             unseen: HashSet::new(),
             used: 0,
@@ -186,7 +191,12 @@ impl CacheScreen {
     /// Returns the frame of a picture and its depths, with pixels outside every section black and
     /// pixels of unseen beams showing the sky.
     pub fn frame(&mut self, picture: holo_picture::Picture, depth: Vec<f32>) -> Frame {
-        self.find_best_beams();
+        if self.covered.is_empty() {
+            self.covered = covered(&self.sections, &self.view, self.size);
+        }
+        if !self.unseen.is_empty() {
+            self.find_best_beams();
+        }
         let mut frame = Frame { picture, depth, samples_used: self.used, ..Frame::black((1, 1)) };
         frame.picture.view = Some(self.view);
         let (view, size) = (self.view, self.size);
@@ -195,22 +205,23 @@ impl CacheScreen {
             false => self.sky.at_pixel(&view, size, pixel),
         };
         let pixels = frame.picture.pixels.iter_mut().zip(&mut frame.depth);
-        for (index, ((pixel, depth), best)) in pixels.zip(&self.best).enumerate() {
-            match best {
-                None => {
-                    (*pixel, *depth) = ([0.0; 3], 0.0);
-                    frame.uncovered_pixels += 1;
-                }
-                Some(beam) if self.unseen.contains(beam) => {
-                    (*pixel, *depth) = (sky(index), f32::INFINITY);
-                    frame.unseen_pixels += 1;
-                }
-                Some(_) => frame.empty_pixels += u64::from(*depth == 0.0),
+        for (index, ((pixel, depth), is_covered)) in pixels.zip(&self.covered).enumerate() {
+            let best = self.best.get(index).copied().flatten();
+            if !is_covered {
+                (*pixel, *depth) = ([0.0; 3], 0.0);
+                frame.uncovered_pixels += 1;
+            } else if best.is_some_and(|beam| self.unseen.contains(&beam)) {
+                (*pixel, *depth) = (sky(index), f32::INFINITY);
+                frame.unseen_pixels += 1;
+            } else {
+                frame.empty_pixels += u64::from(*depth == 0.0);
             }
         }
         frame
     }
 
+    /// Finds the best beam of each pixel. For 1280 × 720 pixels this takes longer than everything
+    /// else in a frame of a moving eye, so it is done only where some beam is unseen.
     fn find_best_beams(&mut self) {
         if !self.best.is_empty() {
             return;
