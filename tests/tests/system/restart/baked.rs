@@ -126,6 +126,10 @@ fn an_object_that_is_baked_is_traced_with_its_lamp_and_a_replay_needs_no_file_of
         (info(&place)["generation"] == 3).then_some(())
     });
     wait_to_see(&place, session, &truths, true);
+    // The session also shows light of the generation before. A replay needs enough of this one.
+    wait_until("samples of this generation", || {
+        (info(&place)["samples"].as_u64()? > 200_000).then_some(())
+    });
     session.write_line("quit");
     wait_until("the session to end", || (!session.is_running()).then_some(()));
     assert!(truths.is(&replayed(&place), true));
