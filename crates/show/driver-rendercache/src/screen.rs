@@ -9,9 +9,7 @@
 use std::{collections::HashSet, sync::Arc};
 
 use glam::DVec3;
-use holo_display::{
-    Frame, FrameRequest, SkyView, best_beam, covered, for_bands, viewpoint_radius,
-};
+use holo_display::{Frame, FrameRequest, SkyView, best_beam, covered, for_bands, viewpoint_radius};
 use holo_picture::{Clip, View};
 use holo_section::{BeamKey, RayCoords, Sample, Section, SectionRay, ray_eye_distance};
 
