@@ -6,6 +6,7 @@
 mod common;
 #[path = "../../../display/tests/common/viewer.rs"]
 mod viewer;
+mod wall;
 
 use common::*;
 use glam::DVec3;
