@@ -11,10 +11,10 @@ use holo_picture::{Picture, luminance};
 use holo_tests::{Chromium, Place};
 
 /// WebGL without a graphics card.
-const FLAGS: [&str; 2] = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+pub const FLAGS: [&str; 2] = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
 
 /// Serves a folder's files until the test's process ends. Returns its address.
-fn serve(folder: PathBuf) -> String {
+pub fn serve(folder: PathBuf) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("http://{}/", listener.local_addr().unwrap());
     std::thread::spawn(move || {
@@ -62,7 +62,7 @@ fn sentence(address: &str) -> String {
 }
 
 /// Exports a small file. Returns the folder's path.
-fn exported(place: &Place) -> PathBuf {
+pub fn exported(place: &Place) -> PathBuf {
     place.fill_small_with("a.holo", "400k", &["--bounces", "1"]);
     place.run(&["export", "{}/a.holo", "-o", "{}/site", "-q"]).ok();
     place.path("site")
@@ -95,6 +95,7 @@ fn an_exported_folder_is_walked_with_true_luminances_and_no_server_of_ours() {
         let error = browser.value(&format!("holodeck.probe({x}, {y}).error"));
         assert!((0.0..of_page).contains(&error.as_f64().unwrap()), "{error}");
     }
+    assert_eq!(browser.value("document.getElementById('b-headset').hidden"), true, "none is here");
     // W walks ahead, and a wall stops the eye.
     let eye = |browser: &mut Chromium| -> Vec<f64> {
         serde_json::from_value(browser.value("holodeck.eye.at")).unwrap()

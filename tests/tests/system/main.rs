@@ -15,6 +15,7 @@ mod export;
 mod fault_loop;
 mod fill;
 mod forget;
+mod headset;
 mod hostile;
 mod interrupted;
 mod light;

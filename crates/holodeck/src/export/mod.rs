@@ -23,7 +23,7 @@ use manifest::{Manifest, Piece};
 
 const PAGE: &str = include_str!("site/index.html");
 const STYLE: &str = include_str!("site/site.css");
-const SCRIPT: &str = include_str!("site/site.js");
+const SCRIPT: &str = concat!(include_str!("site/headset.js"), include_str!("site/site.js"));
 
 /// Length of a piece: four chunks. Four pieces are a whole coarse picture.
 const PIECE_BYTES: usize = 1 << 18;

@@ -78,7 +78,7 @@ const program = (vertex, fragment) => {
 // Light is scaled so that the greatest is 2^12 in 16-bit floats.
 const splats = program(`
 in vec4 sphere; in uvec2 words;
-uniform mat3 turn; uniform vec3 eye; uniform vec4 lens; uniform vec2 size; uniform float near, far, sliver; uniform bool onlyLeaves;
+uniform mat3 turn; uniform vec3 eye, lens; uniform vec2 size, middle; uniform float near, far, sliver; uniform bool onlyLeaves;
 flat out vec3 centre, normal; flat out float radius, reach; flat out vec2 place; flat out vec4 light;
 vec3 octahedron(uint code) {
   float u = float(code % 31u) / 15. - 1., v = float(min(code / 31u, 30u)) / 15. - 1., z = 1. - abs(u) - abs(v);
@@ -104,7 +104,7 @@ void main() {
   uint error = code >> 26u & 31u;
   float sum = luminance / max(1e-6, .2126 * red + .7152 * green + .0722 * blue);
   light = vec4(vec3(red, green, blue) * sum, error == 0u ? 1e4 : luminance * exp2(float(error) / 2.5 - 10.));
-  vec2 shown = centre.xy / depth / lens.xy;
+  vec2 shown = (centre.xy / depth - middle) / lens.xy;
   place = (shown * .5 + .5) * size;
   reach = radius / depth * lens.z;
   // Slivers narrower than a pixel, such as sides of floor boards, would be drawn as wide as one.
@@ -112,12 +112,12 @@ void main() {
   gl_PointSize = 2. * clamp(reach, .75, 512.) * 1.15 + 1.;
   gl_Position = vec4(shown, 0., 1.);
 }`, `
-uniform vec4 lens; uniform vec2 size; uniform float near, far, lift; uniform bool blends;
+uniform vec3 lens; uniform vec2 size, middle; uniform float near, far, lift; uniform bool blends;
 flat in vec3 centre, normal; flat in float radius, reach; flat in vec2 place; flat in vec4 light;
 layout(location = 0) out vec4 colour; layout(location = 1) out vec4 facts;
 void main() {
   vec2 off = gl_FragCoord.xy - place;
-  vec3 ray = vec3((gl_FragCoord.xy / size * 2. - 1.) * lens.xy, -1.);
+  vec3 ray = vec3((gl_FragCoord.xy / size * 2. - 1.) * lens.xy + middle, -1.);
   float slope = dot(normal, ray), along = dot(normal, centre) / slope;
   vec3 to = ray * along - centre;
   float disc = abs(slope) > 1e-3 && along > 0. ? dot(to, to) / (radius * radius) : 1e9;
@@ -133,7 +133,7 @@ void main() {
 }`);
 const whole = 'void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4. - 1., 0., 1.); }';
 const resolve = program(whole, `
-uniform sampler2D colours, table; uniform vec2 size, shownSize; uniform float factor; uniform vec3 sky; uniform int tone; uniform vec2 scale; uniform bool isLog;
+uniform sampler2D colours, table; uniform vec2 size, corner, shownSize; uniform float factor; uniform vec3 sky; uniform int tone; uniform vec2 scale; uniform bool isLog;
 out vec4 shown;
 vec3 lit(ivec2 at) {
   vec4 found = texelFetch(colours, at, 0);
@@ -151,7 +151,7 @@ vec3 lit(ivec2 at) {
   return count >= 6 ? sum / weight : sky;
 }
 void main() {
-  vec3 light = lit(ivec2(gl_FragCoord.xy / shownSize * size));
+  vec3 light = lit(ivec2((gl_FragCoord.xy - corner) / shownSize * size));
   float luminance = dot(light, vec3(.2126, .7152, .0722));
   if (tone == 2) {
     float value = isLog ? log(max(luminance, 1e-20) / scale.x) / log(scale.y / scale.x) : (luminance - scale.x) / (scale.y - scale.x);
@@ -359,7 +359,7 @@ const patches = () => {
 const eye = { at: [0, 0, 0], turn: 0, tilt: 0, angle: 75 };
 const speed = [0, 0, 0];
 const look = { auto: false, stops: 0, tone: 'soft', isLog: true, least: 1, most: 1000, factor: site.exposure };
-let changed = true, arrived = false, isMoving = false, lastMove = 0, cursor = null, solid = true;
+let changed = true, arrived = false, isWorn = false, isMoving = false, lastMove = 0, cursor = null, solid = true;
 const forward = () => plus(plus([0, 0, 0], plus(plus([0, 0, 0], north, Math.cos(eye.turn)), east, Math.sin(eye.turn)), Math.cos(eye.tilt)), up, Math.sin(eye.tilt));
 const goTo = (view) => {
   eye.at = plus(view.vp, site.origin, -1);
@@ -408,15 +408,26 @@ const draw = () => {
   const start = performance.now();
   const ratio = Math.min(devicePixelRatio || 1, 1.5) * (isQuick() ? SCALES[detail] : 1);
   const width = Math.max(2, Math.round(canvas.clientWidth * ratio)), height = Math.max(2, Math.round(canvas.clientHeight * ratio));
+  if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+  const ahead = forward(), right = unit(cross(ahead, up)), across = Math.tan(eye.angle * Math.PI / 360);
+  facts.calls = facts.vertices = 0;
+  drawLight({ at: eye.at, ahead, right, over: cross(right, ahead), half: [across, across * height / width], middle: [0, 0], width, height, isQuick: isQuick() });
+  if (!isMoving && (look.auto || look.tone === 'false')) adapt();
+  show(null, [0, 0, width, height], TONES[look.tone]);
+  facts.frames++;
+  facts.script = performance.now() - start;
+};
+// Draws the light of a view. `half` and `middle` are tangents: of half the picture's sides, and of
+// its middle from the axis.
+const drawLight = (view) => {
+  const { width, height } = view, pixels = width / (2 * view.half[0]);
   if (!screen || screen.width !== width || screen.height !== height) {
     if (screen) screen.remove();
-    [canvas.width, canvas.height] = [width, height];
     screen = target(width, height, [gl.RGBA16F, gl.RGBA16F], true);
   }
   patches();
-  const ahead = forward(), right = unit(cross(ahead, up)), over = cross(right, ahead);
-  const across = Math.tan(eye.angle * Math.PI / 360), along = across * height / width;
-  const near = .05 * metre, far = 4 * site.radius + near + Math.hypot(...plus(eye.at, site.centre, -1));
+  const { ahead, right, over } = view;
+  const near = .05 * metre, far = 4 * site.radius + near + Math.hypot(...plus(view.at, site.centre, -1));
   gl.bindFramebuffer(gl.FRAMEBUFFER, screen.frame);
   gl.viewport(0, 0, width, height);
   gl.enable(gl.DEPTH_TEST);
@@ -425,19 +436,19 @@ const draw = () => {
   gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
   gl.useProgram(splats.made);
   gl.uniformMatrix3fv(splats.at.turn, false, [right[0], over[0], -ahead[0], right[1], over[1], -ahead[1], right[2], over[2], -ahead[2]]);
-  gl.uniform3fv(splats.at.eye, eye.at);
-  gl.uniform4f(splats.at.lens, across, along, width / (2 * across), 0);
+  gl.uniform3fv(splats.at.eye, view.at);
+  gl.uniform3f(splats.at.lens, ...view.half, pixels);
+  gl.uniform2fv(splats.at.middle, view.middle);
   gl.uniform2f(splats.at.size, width, height);
   gl.uniform1f(splats.at.near, near);
   gl.uniform1f(splats.at.far, far);
   gl.uniform1f(splats.at.sliver, .25 * site.spacing);
   gl.bindVertexArray(array);
-  const runs = choose(ahead, right, over, across, along, width / (2 * across));
-  facts.calls = 0;
-  facts.vertices = runs.reduce((sum, run) => sum + run.counts.reduce((a, b) => a + b, 0), 0);
+  const runs = choose(view, pixels);
+  facts.vertices += runs.reduce((sum, run) => sum + run.counts.reduce((a, b) => a + b, 0), 0);
   gl.depthFunc(gl.LEQUAL);
   gl.disable(gl.BLEND);
-  const passes = isQuick() ? [[false, 0]] : [[false, .6], [true, 0]];
+  const passes = view.isQuick ? [[false, 0]] : [[false, .6], [true, 0]];
   for (const [blends, lift] of passes) {
     gl.uniform1i(splats.at.blends, blends ? 1 : 0);
     gl.uniform1f(splats.at.lift, lift);
@@ -454,20 +465,19 @@ const draw = () => {
   gl.disable(gl.BLEND);
   gl.disable(gl.DEPTH_TEST);
   gl.bindVertexArray(empty);
-  if (!isMoving && (look.auto || look.tone === 'false')) adapt();
-  show(null, width, height, { soft: 0, linear: 1, false: 2 }[look.tone]);
-  facts.frames++;
-  facts.script = performance.now() - start;
 };
-const show = (frame, width, height, tone) => {
+const TONES = { soft: 0, linear: 1, false: 2 };
+// Shows the light that was drawn last in a part of a frame: left, bottom, width and height.
+const show = (frame, [left, bottom, width, height], tone) => {
   gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-  gl.viewport(0, 0, width, height);
+  gl.viewport(left, bottom, width, height);
   gl.useProgram(resolve.made);
   gl.activeTexture(gl.TEXTURE0);
   gl.bindTexture(gl.TEXTURE_2D, screen.textures[0]);
   gl.uniform1i(resolve.at.colours, 0);
   gl.uniform1i(resolve.at.table, 1);
   gl.uniform2f(resolve.at.size, screen.width, screen.height);
+  gl.uniform2f(resolve.at.corner, left, bottom);
   gl.uniform2f(resolve.at.shownSize, width, height);
   gl.uniform1f(resolve.at.factor, look.factor * 2 ** look.stops * light);
   gl.uniform3fv(resolve.at.sky, site.sky.map((x) => x / light));
@@ -478,7 +488,7 @@ const show = (frame, width, height, tone) => {
 };
 
 // Chooses a level for each patch that is visible, and returns runs of nodes.
-const choose = (ahead, right, over, across, along, pixels) => {
+const choose = ({ at, ahead, right, over, half, middle, isQuick }, pixels) => {
   if (starts.length === 0) {
     // The beginning: the last whole level, or what there is.
     let level = 0;
@@ -487,13 +497,14 @@ const choose = (ahead, right, over, across, along, pixels) => {
     const runs = [{ onlyLeaves: false, firsts: [first], counts: [Math.max(0, end - first)] }];
     return first > 0 ? [{ onlyLeaves: true, firsts: [0], counts: [first] }, ...runs] : runs;
   }
-  const finest = isQuick() ? MOVING_PIXELS : REST_PIXELS;
-  const sides = [unit(plus(ahead, right, 1 / across)), unit(plus(ahead, right, -1 / across)), unit(plus(ahead, over, 1 / along)), unit(plus(ahead, over, -1 / along))];
+  const finest = isQuick ? MOVING_PIXELS : REST_PIXELS;
+  // Inward normals of the picture's edges.
+  const sides = [[right, 0], [over, 1]].flatMap(([axis, k]) => [-1, 1].map((way) =>
+    unit(plus(plus([0, 0, 0], ahead, half[k] + way * middle[k]), axis, -way))));
   const count = starts[0].length - 1, depths = new Int8Array(count);
   for (let patch = 0; patch < count; patch++) {
     const from = starts[0][patch] * 4, r = spheres[from + 3];
-    const to = [spheres[from] - eye.at[0], spheres[from + 1] - eye.at[1], spheres[from + 2] - eye.at[2]];
-    // Inward normals of the picture's edges.
+    const to = [spheres[from] - at[0], spheres[from + 1] - at[1], spheres[from + 2] - at[2]];
     depths[patch] = sides.some((edge) => dot(edge, to) < -r) ? -1 : starts.length - 1;
     const distance = Math.max(Math.hypot(...to) - r, 1e-6);
     for (let depth = 0; depth < starts.length - 1 && depths[patch] >= 0; depth++) {
@@ -520,7 +531,7 @@ const choose = (ahead, right, over, across, along, pixels) => {
 
 // ---- Brightness ----
 const adapt = () => {
-  show(small.frame, small.width, small.height, 3);
+  show(small.frame, [0, 0, small.width, small.height], 3);
   const values = new Float32Array(small.width * small.height * 4);
   gl.readPixels(0, 0, small.width, small.height, gl.RGBA, gl.FLOAT, values);
   const logs = [];
@@ -690,6 +701,8 @@ const follow = (milliseconds) => {
 };
 const tick = (now) => {
   requestAnimationFrame(tick);
+  // A headset has a clock of its own.
+  if (isWorn) { before = now; return; }
   step(Math.min(.1, (now - before) / 1000));
   before = now;
   if (isMoving && now - lastMove > 150) { isMoving = false; changed = true; }
@@ -722,6 +735,12 @@ const tick = (now) => {
 };
 // What tests and other pages may ask.
 window.holodeck = { site, eye, facts, look, probe, goTo, isFree, counts };
+startHeadset({
+  gl, eye, facts, axes: { up, north, east }, metre, dot, plus, walk, heightOf,
+  // Draws a view into a part of a frame, with the page's exposure and tone.
+  drawPart: (view, frame, part) => { drawLight(view); show(frame, part, TONES[look.tone]); },
+  wear: (isOn) => { isWorn = isOn; moved(); },
+});
 goTo(site.views[0]);
 requestAnimationFrame(tick);
 load().catch((error) => fail(error.message));
